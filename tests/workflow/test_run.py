@@ -1,0 +1,187 @@
+"""`run`: how it installs, recovers and fails. No network: packages come from a folder of wheels."""
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import pytest
+
+RUN = Path(__file__).resolve().parents[2] / "run"
+TOOLS = "sh dirname sha256sum sed cut mkdir df awk grep rm mv cp tail tr cat printf env sleep"
+
+
+def wheel(folder, name, version="1.0"):
+    """A package of one empty module; returns its line of a lock."""
+    path = folder / f"{name}-{version}-py3-none-any.whl"
+    info = f"{name}-{version}.dist-info"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(f"{name}.py", "")
+        archive.writestr(
+            f"{info}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
+        )
+        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: any\n")
+        archive.writestr(f"{info}/RECORD", "")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return f"{name}=={version} \\\n    --hash=sha256:{digest}\n"
+
+
+@pytest.fixture
+def clone(tmp_path):
+    """A folder like a fresh clone, with a lock of two small packages."""
+    wheels = tmp_path / "wheels"
+    wheels.mkdir()
+    folder = tmp_path / "clone with space"
+    folder.mkdir()
+    (folder / "run").write_bytes(RUN.read_bytes())
+    (folder / "run").chmod(0o755)
+    (folder / "environment.lock").write_text(wheel(wheels, "setuptools") + wheel(wheels, "tiny"))
+    return folder
+
+
+def command(clone, *arguments, path=None, **variables):
+    environment = {
+        "PATH": path or os.environ["PATH"],
+        "PIP_NO_INDEX": "1",
+        "PIP_FIND_LINKS": str(clone.parent / "wheels"),
+        "PIP_CONFIG_FILE": "/dev/null",
+        **variables,
+    }
+    return {"args": [str(clone / "run"), *arguments], "env": environment}
+
+
+def run(clone, *arguments, **variables):
+    call = command(clone, *arguments, **variables)
+    return subprocess.run(**call, capture_output=True, text=True, timeout=120, check=False)
+
+
+def bin_with(folder, **programs):
+    """A PATH of the plain tools and the programs given as shell texts."""
+    folder.mkdir()
+    for tool in TOOLS.split():
+        found = next((p for d in ("/usr/bin", "/bin") if (p := Path(d) / tool).exists()), None)
+        if found:
+            (folder / tool).symlink_to(found)
+    for name, text in programs.items():
+        (folder / name).write_text(f"#!/bin/sh\n{text}\n")
+        (folder / name).chmod(0o755)
+    return str(folder)
+
+
+def test_installs_once_recovers_from_a_kill_and_waits_for_another(clone):
+    call = command(clone, "python", "-c", "import tiny; print('ran')", HOME="")
+    killed = subprocess.Popen(**call, start_new_session=True, stderr=subprocess.DEVNULL)
+    time.sleep(1.5)
+    os.killpg(killed.pid, signal.SIGKILL)
+    killed.wait()
+    assert not list(clone.glob(".venv-*/complete"))
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    both = [subprocess.Popen(**call, **pipes) for _ in range(2)]
+    output = [process.communicate(timeout=120) for process in both]
+    assert [out for out, _ in output] == ["ran\n"] * 2, output
+    assert sorted("installing 2 packages" in err for _, err in output) == [False, True]
+    start = time.perf_counter()
+    again = run(clone, "python", "-c", "import tiny, sys; print(sys.prefix)", HOME="")
+    assert time.perf_counter() - start < 1.0
+    assert Path(again.stdout.strip()).parent == clone
+    assert again.stderr == ""
+    assert run(clone, "sh", "-c", "exit 7", HOME="").returncode == 7
+
+
+def test_a_home_keeps_the_environment(clone, tmp_path):
+    home = tmp_path / "home"
+    home.mkdir()
+    assert run(clone, "true", HOME=str(home)).returncode == 0
+    assert len(list(home.glob(".cache/cellwright/*/complete"))) == 1
+    assert not list(clone.glob(".venv*"))
+
+
+def test_a_package_that_differs_is_refused(clone):
+    lock = clone / "environment.lock"
+    head, _, digest = lock.read_text().rpartition("sha256:")
+    lock.write_text(f"{head}sha256:{'0' * len(digest.strip())}\n")
+    result = run(clone, "true")
+    assert result.returncode == 1
+    assert "differs from the one in environment.lock" in result.stderr
+    assert not list(clone.glob(".venv-*/complete"))
+
+
+def test_no_index_that_answers_is_named(clone):
+    nobody = {"PIP_NO_INDEX": "0", "PIP_FIND_LINKS": "", "PIP_RETRIES": "0"}
+    result = run(clone, "true", PIP_INDEX_URL="http://127.0.0.1:9/simple", **nobody)
+    assert result.returncode == 1
+    assert "no package index answers" in result.stderr
+
+
+def test_a_package_that_the_index_has_not_is_named(clone):
+    wheels = clone.parent / "wheels"
+    (wheels / "tiny-1.0-py3-none-any.whl").unlink()
+    wheel(wheels, "tiny", "2.0")
+    assert "the package index has no such package for Python 3" in run(clone, "true").stderr
+
+
+@pytest.mark.parametrize(
+    ("about", "expected"),
+    [
+        ("echo 3.9; echo /opt/python3; echo older than 3.11; exit 1", "3.9 older than 3.11"),
+        ("echo 3.11; echo /p; echo without its venv module >&2; exit 1", "without its venv"),
+    ],
+)
+def test_an_unfit_python_is_named(clone, tmp_path, about, expected):
+    path = bin_with(tmp_path / "bin", python3=about)
+    result = run(clone, "true", path=path)
+    assert result.returncode == 1
+    assert "Python 3.11 or newer with its venv module is needed" in result.stderr
+    assert expected in result.stderr
+    assert str(tmp_path / "bin" / "python3") in result.stderr
+
+
+def test_no_python_at_all_is_named(clone, tmp_path):
+    result = run(clone, "true", path=bin_with(tmp_path / "bin"))
+    assert result.returncode == 1
+    assert "no Python at all" in result.stderr
+
+
+def test_a_later_python_is_found_and_the_hash_needs_only_python(clone, tmp_path):
+    found = {"python3": "echo 3.9; echo /p; exit 1", "python3.11": f'exec {sys.executable} "$@"'}
+    path = bin_with(tmp_path / "bin", **found)
+    (tmp_path / "bin" / "sha256sum").unlink()
+    assert run(clone, "python", "-c", "import tiny", path=path).returncode == 0
+    digest = hashlib.sha256((clone / "environment.lock").read_bytes()).hexdigest()
+    assert (clone / f".venv-{digest[:16]}" / "complete").exists()
+
+
+def test_a_full_disk_is_named_before_anything_is_written(clone, tmp_path):
+    full = "echo Filesystem 1024-blocks Used Available; echo d 100 90 10000 90% /"
+    tools = {"python3": f'exec {sys.executable} "$@"', "df": full}
+    (tmp_path / "bin").mkdir()
+    for name, text in tools.items():
+        (tmp_path / "bin" / name).write_text(f"#!/bin/sh\n{text}\n")
+        (tmp_path / "bin" / name).chmod(0o755)
+    result = run(clone, "true", path=f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+    assert result.returncode == 1
+    assert "disk full" in result.stderr
+    assert not list(clone.glob(".venv-*/bin"))
+
+
+def test_a_disk_that_fills_up_is_named(clone, tmp_path):
+    program = f"""case "$*" in
+*ensurepip*) echo 3.11; echo "$0" ;;
+*"-m venv"*) mkdir -p "$3/bin"; cp "$0" "$3/bin/python" ;;
+*"-m pip"*) echo "OSError: [Errno 28] No space left on device"; exit 1 ;;
+*) exec {sys.executable} "$@" ;;
+esac"""
+    path = bin_with(tmp_path / "bin", python3=program)
+    result = run(clone, "true", path=path)
+    assert result.returncode == 1
+    assert "is full: about 1.5 GB are needed" in result.stderr
+
+
+def test_nothing_to_run_is_told(clone):
+    result = run(clone)
+    assert result.returncode == 1
+    assert "./run snakemake --cores 2" in result.stderr
