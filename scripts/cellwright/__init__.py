@@ -1,0 +1,1 @@
+"""What is true about cells: arrays in, arrays out."""

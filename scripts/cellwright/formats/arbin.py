@@ -1,0 +1,79 @@
+"""Arbin: csv of a channel sheet, labels `Test_Time(s)`, `Test Time (s)` or, of its data base, bare.
+
+Charge and discharge counters are per file or per cycle; time is the whole test's.
+"""
+
+import re
+
+import numpy as np
+
+from .dates import unix_time_second
+from .fields import SERIES, Field, converted, known_fields, require
+from .table import layout_of, line_of, read_numbers
+
+NAME = "arbin"
+# Third: the unit of Arbin's data base, whose exports carry bare labels.
+MEANING = {
+    "test time": ("test_time_second", "time", "s"),
+    "current": ("current_ampere", "current", "A"),
+    "voltage": ("voltage_volt", "voltage", "V"),
+    "charge capacity": ("charge_counter", "charge", "Ah"),
+    "discharge capacity": ("discharge_counter", "charge", "Ah"),
+    "step index": ("step_index", "count", "1"),
+    "cycle index": ("cycle_count", "count", "1"),
+    "temperature": ("surface_temperature_celsius", "temperature", "degC"),
+    "cell temperature": ("surface_temperature_celsius", "temperature", "degC"),
+    "aux temperature 1": ("surface_temperature_celsius", "temperature", "degC"),
+    "environment temperature": ("ambient_temperature_celsius", "temperature", "degC"),
+}
+SPELT = dict(zip(SERIES, ("Test_Time(s)", "Current(A)", "Voltage(V)"), strict=True))
+OWN = {"test time", "data point", "step index", "cycle index", "date time", "charge capacity"}
+DATES = ("%m/%d/%Y %H:%M:%S", "%Y-%m-%d %H:%M:%S", "%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %H:%M")
+LABEL = re.compile(r"^(?P<base>[^()]+?)\s*(?:\((?P<unit>[^()]*)\))?$")
+
+
+def recognises(head: bytes) -> bool:
+    """At least three of the labels that only Arbin writes, in the first line."""
+    bases = {_base_and_unit(label.strip())[0] for label in line_of(head, 1).split(",")}
+    return len(bases & OWN) >= 3 and not bases.isdisjoint({"test time", "current", "voltage"})
+
+
+def read(data: bytes) -> dict[str, np.ndarray]:
+    """Columns of an Arbin csv."""
+    layout = layout_of(data)
+    fields = known_fields(layout.labels, _meaning)
+    require(fields, SERIES, SPELT)
+    date = [
+        label for label in layout.labels if _base_and_unit(label)[0] in ("date time", "datetime")
+    ]
+    found = read_numbers(data, layout, [field.label for field in fields], texts=date[:1])
+    return converted(found, fields) | _unix_time(found[date[0]] if date else None)
+
+
+def _unix_time(texts) -> dict[str, np.ndarray]:
+    """Absolute time from the date column: a date text, or seconds since 1970; else nothing."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if texts is None:
+        return {}
+    try:
+        return {"unix_time_second": pc.cast(texts, pa.float64()).to_numpy(zero_copy_only=False)}
+    except pa.ArrowInvalid:
+        seconds = unix_time_second(texts, DATES)
+    return {} if seconds is None else {"unix_time_second": seconds}
+
+
+def _meaning(label: str) -> Field | None:
+    base, unit = _base_and_unit(label)
+    if base not in MEANING:
+        return None
+    column, quantity, bare_unit = MEANING[base]
+    return Field(label, column, quantity, bare_unit if unit is None else unit.strip())
+
+
+def _base_and_unit(label: str) -> tuple[str, str | None]:
+    parts = LABEL.match(label.strip().lstrip("\ufeff"))
+    if not parts:
+        return "", None
+    return parts["base"].replace("_", " ").strip().lower(), parts["unit"]

@@ -1,0 +1,115 @@
+"""Battery Data Format: csv or Parquet, labels `Quantity / unit` or `quantity_unit`.
+
+Source: Battery Data Alliance, Battery Data Format; labels as in the campaign contract.
+"""
+
+import re
+
+import numpy as np
+
+from ..refusal import Refusal
+from .fields import IMPEDANCE, SERIES, Field, converted, known_fields, require
+from .table import layout_of, line_of, read_numbers
+from .units import UNITS, WORDS
+
+NAME = "bdf"
+PARQUET = b"PAR1"
+MEANING = {
+    "test time": ("test_time_second", "time"),
+    "current": ("current_ampere", "current"),
+    "voltage": ("voltage_volt", "voltage"),
+    "unix time": ("unix_time_second", "time"),
+    "ambient temperature": ("ambient_temperature_celsius", "temperature"),
+    "surface temperature": ("surface_temperature_celsius", "temperature"),
+    "net capacity": ("net_capacity_ampere_hour", "charge"),
+    "charging capacity": ("charge_counter", "charge"),
+    "discharging capacity": ("discharge_counter", "charge"),
+    "step index": ("step_index", "count"),
+    "step count": ("step_count", "count"),
+    "cycle count": ("cycle_count", "count"),
+    "frequency": ("frequency_hertz", "frequency"),
+    "real impedance": ("impedance_real_ohm", "impedance"),
+    "imaginary impedance": ("impedance_imaginary_ohm", "impedance"),
+}
+SPELT = {
+    "test_time_second": "Test Time / s",
+    "current_ampere": "Current / A",
+    "voltage_volt": "Voltage / V",
+    "frequency_hertz": "Frequency / Hz",
+    "impedance_real_ohm": "Real Impedance / ohm",
+    "impedance_imaginary_ohm": "Imaginary Impedance / ohm",
+}
+SPOKEN_UNIT = re.compile(rf"^(?P<base>.+)_(?P<word>{'|'.join(sorted(WORDS, key=len)[::-1])})$")
+
+
+def recognises(head: bytes) -> bool:
+    """A Parquet file, or a first line with one of the format's own labels."""
+    return head.startswith(PARQUET) or any(
+        field.column in SPELT for field in _fields(line_of(head, 1))
+    )
+
+
+def read(data: bytes) -> dict[str, np.ndarray]:
+    """Columns of a BDF file; a spectrum where it has a frequency, else a series."""
+    if data.startswith(PARQUET):
+        return _read_parquet(data)
+    layout = layout_of(data)
+    fields = _checked(known_fields(layout.labels, _meaning))
+    return converted(read_numbers(data, layout, [field.label for field in fields]), fields)
+
+
+def _read_parquet(data: bytes) -> dict[str, np.ndarray]:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        file = parquet.ParquetFile(pa.BufferReader(data))
+        fields = _checked(known_fields(file.schema_arrow.names, _meaning))
+        found = file.read([field.label for field in fields])
+    except (pa.ArrowInvalid, OSError) as fault:
+        raise Refusal(f"the Parquet file is cut off or damaged: {fault}") from None
+    return converted({name: _numbers(name, found[name]) for name in found.column_names}, fields)
+
+
+def _numbers(label: str, column) -> np.ndarray:
+    """One Parquet column [its unit] as float64, missing values NaN."""
+    import pyarrow as pa
+
+    if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
+        return column.cast(pa.float64()).to_numpy().astype(float)
+    example = next((value for value in column.to_pylist() if value is not None), None)
+    raise Refusal(f"column {label!r} holds {column.type}, such as {example!r}; numbers are wanted")
+
+
+def _checked(fields: list[Field]) -> list[Field]:
+    spectrum = any(field.column == "frequency_hertz" for field in fields)
+    require(fields, IMPEDANCE if spectrum else SERIES, SPELT)
+    return fields
+
+
+def _fields(header: str) -> list[Field]:
+    """Fields of a header whose delimiter is not known yet."""
+    labels = re.split(r"[,;\t]", header)
+    return [field for label in labels if (field := _meaning(label.strip().strip('"')))]
+
+
+def _meaning(label: str) -> Field | None:
+    base, unit = _base_and_unit(label)
+    branch = re.fullmatch(r"branch (\d+) current", base)
+    if branch:
+        return Field(label, f"branch_{branch[1]}_current_ampere", "current", unit)
+    probe = re.fullmatch(r"surface temperature t(\d+)", base)
+    if probe:
+        number = "" if probe[1] == "1" else f"_{probe[1]}"
+        return Field(label, f"surface_temperature{number}_celsius", "temperature", unit)
+    return Field(label, *MEANING[base], unit) if base in MEANING else None
+
+
+def _base_and_unit(label: str) -> tuple[str, str]:
+    base, slash, unit = label.rpartition(" / ")
+    if slash:
+        return base.strip().lower(), unit.strip()
+    spoken = SPOKEN_UNIT.match(label)
+    if spoken and WORDS[spoken["word"]] in {u for units in UNITS.values() for u in units}:
+        return spoken["base"].replace("_", " "), WORDS[spoken["word"]]
+    return "", ""

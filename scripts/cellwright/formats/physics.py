@@ -1,0 +1,111 @@
+"""What was read, checked against physics: what cannot be what its label says is refused."""
+
+import numpy as np
+
+from ..refusal import Refusal
+from .fields import IMPEDANCE, SERIES
+
+# Ratios of the clock times current to the instrument's own counter that only a wrong unit explains.
+SUSPICIONS = {
+    1000.0: "milliseconds read as seconds, or milliampere as ampere",
+    3600.0: "seconds read as hours",
+    60.0: "seconds read as minutes",
+    1 / 1000: "seconds read as milliseconds, ampere as milliampere, or a counter in mAh as Ah",
+    1 / 60: "minutes read as seconds",
+    1 / 3600: "hours read as seconds, or a counter in ampere-seconds as ampere-hours",
+}
+
+
+def checked_series(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The columns of a series, if they can be one; channels that were not connected left out.
+
+    Raises
+    ------
+    Refusal
+        Fewer than two rows, a column without numbers, time that never moves, a voltage that is
+        none, a clock or current at odds with the instrument's ampere-hour counter.
+    """
+    _refuse_empty(columns, SERIES)
+    time, current, voltage = (columns[name] for name in SERIES)
+    if np.nanmin(time) == np.nanmax(time):
+        raise Refusal(f"time never moves: all {time.size} rows say {np.nanmin(time):g} s")
+    _refuse_voltage(voltage)
+    if "net_capacity_ampere_hour" in columns:
+        _refuse_clock(time, current, columns["net_capacity_ampere_hour"])
+    return _without_dead_channel(columns)
+
+
+def checked_impedance(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The columns of an impedance spectrum, if they can be one.
+
+    Raises
+    ------
+    Refusal
+        Fewer than two rows, a column without numbers, a frequency that is not above zero or
+        never moves, a cell that would be inductive at its lowest frequencies.
+    """
+    _refuse_empty(columns, IMPEDANCE)
+    frequency, _, imaginary = (columns[name] for name in IMPEDANCE)
+    if not (np.nanmin(frequency) > 0 and np.nanmin(frequency) < np.nanmax(frequency)):
+        raise Refusal(f"frequencies run from {np.nanmin(frequency):g} Hz and must move above 0 Hz")
+    slow = frequency <= np.nanmedian(frequency)
+    if np.nanmedian(imaginary[slow]) > 0:
+        raise Refusal(
+            "imaginary impedance is positive at low frequencies, where a cell's is negative: "
+            "the file seems to hold -Im(Z)"
+        )
+    return columns
+
+
+def _refuse_empty(columns: dict[str, np.ndarray], required: tuple[str, ...]) -> None:
+    rows = columns[required[0]].size
+    if rows < 2:
+        raise Refusal(f"{rows} row(s) of data; at least two are wanted")
+    for name in required:
+        if not np.isfinite(columns[name]).any():
+            raise Refusal(f"column {name} holds no number in any of its {rows} rows")
+
+
+def _refuse_voltage(voltage: np.ndarray) -> None:
+    """Limits are wide: they catch a wrong unit or a dead channel, not an unusual cell."""
+    middle = float(np.nanmedian(np.abs(voltage)))
+    if middle == 0:
+        raise Refusal("voltage is 0 V in most rows: the sense leads were not connected")
+    if not 0.01 <= middle <= 1000:
+        raise Refusal(f"voltages around {middle:g} V are no cell's: millivolt and volt confused?")
+
+
+def _refuse_clock(time: np.ndarray, current: np.ndarray, counter: np.ndarray) -> None:
+    """Charge by clock and ammeter against charge by the instrument's counter."""
+    ratio = clock_to_counter_ratio(time, current, counter)
+    for suspicion, meaning in SUSPICIONS.items():
+        if abs(ratio / suspicion - 1) < 0.1:
+            raise Refusal(
+                f"time × current gives {ratio:.4g} times the charge that the instrument counted: "
+                f"{meaning}?"
+            )
+
+
+def clock_to_counter_ratio(time: np.ndarray, current: np.ndarray, counter: np.ndarray) -> float:
+    """∫|I|dt [As] over the counter's own travel [Ah × 3600]; NaN where either did not move.
+
+    Only intervals in which the current is steady count: there the trapezoid is right whatever the
+    sampling. Gaps and resets are left out by the same condition on the clock.
+    """
+    step, moved = np.diff(time), np.diff(counter)
+    mean = 0.5 * np.abs(current[1:] + current[:-1])
+    typical = np.nanmedian(np.where(step > 0, step, np.nan)) if (step > 0).any() else np.nan
+    steady = (np.abs(np.diff(current)) < 0.05 * mean) & (step > 0) & (step <= 10 * typical)
+    expected, seen = np.nansum((mean * step)[steady]) / 3600, np.nansum(np.abs(moved[steady]))
+    # A counter shown with few digits has to move by many of its steps before it can be a judge.
+    resolution = np.min(np.abs(moved[moved != 0]), initial=np.inf)
+    return float(expected / seen) if seen > 20 * resolution and expected > 0 else np.nan
+
+
+def _without_dead_channel(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A chamber that reads 0 degC throughout beside a warm cell was not connected."""
+    chamber = columns.get("ambient_temperature_celsius", np.ones(1))
+    surface = columns.get("surface_temperature_celsius", np.zeros(1))
+    if np.any(chamber) or abs(np.nanmedian(surface)) < 10:
+        return columns
+    return {name: c for name, c in columns.items() if name != "ambient_temperature_celsius"}

@@ -1,0 +1,33 @@
+"""Dynamic records of G. L. Plett's ESC toolbox: csv `time, step, current, voltage, chgAh, disAh`.
+
+The format has no unit strings: it is second, ampere, volt and ampere-hour by its definition
+(Plett, Battery Management Systems I, Artech House 2015, chapter 2), current positive on discharge.
+"""
+
+import numpy as np
+
+from .fields import SERIES, Field, converted, require
+from .table import layout_of, line_of, read_numbers
+
+NAME = "plett"
+FIELDS = (
+    Field("time", "test_time_second", "time", "s"),
+    Field("step", "step_index", "count", "1"),
+    Field("current", "current_ampere", "current", "A"),
+    Field("voltage", "voltage_volt", "voltage", "V"),
+    Field("chgAh", "charge_counter", "charge", "Ah"),
+    Field("disAh", "discharge_counter", "charge", "Ah"),
+)
+
+
+def recognises(head: bytes) -> bool:
+    """The first line has the toolbox's two counters beside its time."""
+    return {"time", "chgAh", "disAh"} <= {label.strip() for label in line_of(head, 1).split(",")}
+
+
+def read(data: bytes) -> dict[str, np.ndarray]:
+    """Columns of a dynamic record."""
+    layout = layout_of(data)
+    fields = [field for field in FIELDS if field.label in layout.labels]
+    require(fields, SERIES, {field.column: field.label for field in FIELDS})
+    return converted(read_numbers(data, layout, [field.label for field in fields]), fields)

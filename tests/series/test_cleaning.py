@@ -1,0 +1,190 @@
+"""Cleaning: every flag found where it was put, one place removes, nothing else is lost."""
+
+import time as clock
+
+import numpy as np
+import pytest
+from cellwright import formats
+from cellwright.refusal import Refusal
+from cellwright.series import Flag, assemble, clean, counts, flag, remove
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+
+def record(rows=500):
+    current = np.where((np.arange(rows) // 50) % 2, -2.0, 0.0)
+    rng = np.random.default_rng(0)
+    charge = np.cumsum(current) / 3600
+    return {
+        "test_time_second": np.arange(rows, dtype=float),
+        "current_ampere": current,
+        "voltage_volt": 3.7 + 0.5 * charge + 0.03 * current + 2e-4 * rng.standard_normal(rows),
+        "surface_temperature_celsius": np.full(rows, 25.0),
+    }
+
+
+def flagged(columns, kind):
+    return np.flatnonzero(flag(columns) & kind).tolist()
+
+
+def test_a_clean_record_stays_as_it_is():
+    columns = record()
+    cleaned = clean(columns)
+    assert not flag(columns).any()
+    assert cleaned.actions["row"].size == 0
+    for name, column in columns.items():
+        np.testing.assert_array_equal(cleaned.columns[name], column)
+    assert cleaned.columns["charge_ampere_hour"][-1] == pytest.approx(-250 * 2 / 3600, rel=0.01)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.sets(st.integers(1, 498), max_size=8), st.sampled_from([np.nan, 3.4e38, -3.4e38, np.inf]))
+def test_rows_without_a_reading_are_removed(rows, mark):
+    columns = record()
+    rows = sorted(rows)
+    columns["current_ampere"][rows] = mark
+    cleaned = clean(columns)
+    assert cleaned.columns["test_time_second"].size == 500 - len(rows)
+    assert cleaned.actions["row"].tolist() == rows
+    assert set(cleaned.actions["action"]) <= {"row removed"}
+
+
+def test_dead_sample_and_mark_in_another_channel():
+    columns = record()
+    columns["voltage_volt"][120] = columns["current_ampere"][120] = 0.0
+    columns["surface_temperature_celsius"][7] = 3.4e38
+    assert flagged(columns, Flag.SENTINEL) == [120]
+    surface = clean(columns).columns["surface_temperature_celsius"]
+    assert np.isnan(surface[7])
+    assert surface.size == 499
+
+
+def doubled(columns, row):
+    return {name: np.insert(column, row, column[row]) for name, column in columns.items()}
+
+
+def test_repeats_go_and_edges_stay():
+    columns = doubled(doubled(record(), 20), 51)  # row 52 holds the first sample of the step
+    columns["current_ampere"][51] = 0.0
+    columns["voltage_volt"][51] = columns["voltage_volt"][49]
+    assert flagged(columns, Flag.REPEAT) == [21]
+    cleaned = clean(columns).columns
+    assert np.flatnonzero(np.diff(cleaned["test_time_second"]) == 0).tolist() == [50]
+    assert cleaned["current_ampere"][50:52].tolist() == [0, -2]
+
+
+@pytest.mark.parametrize(("row", "shift"), [(200, -30.0), (200, 30.0)])
+def test_one_row_out_of_place_is_removed(row, shift):
+    columns = record()
+    columns["test_time_second"][row] += shift
+    assert flagged(columns, Flag.OUT_OF_PLACE) == [row]
+    assert np.delete(record()["test_time_second"], row).tolist() == (
+        clean(columns).columns["test_time_second"].tolist()
+    )
+
+
+def test_a_clock_set_back_is_rebased_and_nothing_lost():
+    columns = record()
+    columns["test_time_second"][200:] -= 150
+    assert flagged(columns, Flag.CLOCK) == [200]
+    assert (
+        clean(columns).columns["test_time_second"].tolist() == record()["test_time_second"].tolist()
+    )
+
+
+def test_a_clock_of_its_own_per_step_is_rebased_both_ways():
+    columns = record()
+    columns["test_time_second"][100:300] -= 80
+    assert flagged(columns, Flag.CLOCK) == [100, 300]
+    assert (
+        clean(columns).columns["test_time_second"].tolist() == record()["test_time_second"].tolist()
+    )
+
+
+def test_spike_is_repaired_and_listed():
+    columns = record()
+    columns["voltage_volt"][130] += 0.05
+    cleaned = clean(columns)
+    assert cleaned.actions["flag"].tolist() == ["spike"]
+    assert cleaned.actions["value"][0] == columns["voltage_volt"][130]
+    assert abs(cleaned.columns["voltage_volt"][130] - record()["voltage_volt"][130]) < 2e-3
+
+
+def test_gap_is_kept_and_sampling_that_changes_is_none():
+    columns = record()
+    columns["test_time_second"][300:] += 1000
+    assert flagged(columns, Flag.GAP) == [300]
+    assert clean(columns).columns["test_time_second"].size == 500
+    columns = record()
+    columns["test_time_second"][300:] = 300 + 600 * np.arange(200)
+    assert flagged(columns, Flag.GAP) == []
+
+
+def test_between_files_the_record_is_silent():
+    columns = {**record(), "file_index": np.repeat([0, 1], 250)}
+    assert flagged(columns, Flag.GAP) == [250]
+
+
+def test_nothing_left_is_refused():
+    columns = record(4)
+    columns["voltage_volt"][:3] = np.nan
+    with pytest.raises(Refusal, match="1 of 4 rows are left"):
+        clean(columns)
+
+
+def test_flag_and_remove_do_not_write_into_their_input():
+    columns = record()
+    columns["voltage_volt"][130] += 0.05
+    columns["current_ampere"][10] = np.nan
+    before = {name: column.copy() for name, column in columns.items()}
+    remove(columns, flag(columns))
+    for name, column in before.items():
+        np.testing.assert_array_equal(columns[name], column)
+
+
+@pytest.mark.parametrize(
+    ("file", "allowed"),
+    [
+        ("a123/raw/dynamic/A123_DYN_10_N25_s1.csv.gz", {}),
+        ("a123/raw/dynamic/A123_DYN_50_P25_s1.csv.gz", {}),
+        ("dmegc/raw/R1/pulses.csv.gz", {}),
+        ("leaf/raw/hppc/NissanLeaf-cell-Low-Current-HPPC-25C-2.csv.gz", {}),
+        ("weng/raw/parallel_C10.csv.gz", {}),
+        ("panasonic/raw/hppc/hppc_25C.parquet", {"repeat": 153, "gap": 13}),
+        ("panasonic/raw/drive/cycle1_25C.parquet", {"repeat": 4}),
+        ("lgm50/raw/pulses/0C/Cell19_SoC5.csv.gz", {"repeat": 7}),
+        ("nasa/raw/B0025_ageing.parquet", {"nan": 2, "gap": 20}),
+    ],
+)
+def test_measured_records_keep_their_steps(shared, file, allowed):
+    reading = formats.read((shared / "campaigns" / file).read_bytes(), name=file)
+    columns = assemble([reading]).columns
+    flags = flag(columns)
+    assert {kind: n for kind, n in counts(flags).items() if n} == allowed
+    interval = np.diff(remove(columns, flags).columns["test_time_second"])
+    assert interval.min() >= 0
+
+
+def test_labview_clocks_of_their_own(shared):
+    """K2: each kind of step has its own clock, and 5 to 8 % of the currents are marks."""
+    import gzip
+
+    path = shared / "campaigns/k2lfp/raw/hppc/10SOCK220.txt.gz"
+    lines = gzip.decompress(path.read_bytes()).decode("latin-1").splitlines()
+    rows = [line.split("\t")[:3] for line in lines if line[:1].isdigit() and line.count("\t") >= 5]
+    time, current, voltage = np.array(rows, dtype=float).T
+    columns = {"test_time_second": time, "current_ampere": current, "voltage_volt": voltage}
+    found = counts(flag(columns))
+    assert 0.05 < found["sentinel"] / time.size < 0.08
+    assert 24 <= found["clock"] <= 48
+    assert found["gap"] == found["spike"] == 0
+    cleaned = clean(columns).columns["test_time_second"]
+    assert cleaned[-1] - cleaned[0] == pytest.approx(time.size, rel=0.002)
+    assert np.diff(cleaned).max() < 20
+
+
+def test_flagging_is_fast():
+    columns = record(100_000)
+    start = clock.perf_counter()
+    clean(columns)
+    assert clock.perf_counter() - start < 0.3

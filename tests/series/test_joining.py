@@ -1,0 +1,84 @@
+"""Several files of one test become one series: clock, counter, order."""
+
+import numpy as np
+import pytest
+from cellwright import formats
+from cellwright.refusal import Refusal
+from cellwright.series import assemble
+from cellwright.series.joining import join
+
+
+def part(start=0.0, rows=11, *, unix=None, counter=None):
+    columns = {
+        "test_time_second": start + np.arange(rows, dtype=float),
+        "current_ampere": np.ones(rows),
+        "voltage_volt": np.full(rows, 3.7),
+    }
+    if unix is not None:
+        columns["unix_time_second"] = unix + np.arange(rows, dtype=float)
+    if counter is not None:
+        columns["net_capacity_ampere_hour"] = counter + np.arange(rows) / 3600
+    return columns
+
+
+def test_dates_give_the_real_pause():
+    joined = join([part(unix=1e9), part(unix=1e9 + 3610)])
+    assert joined.columns["test_time_second"][11] == pytest.approx(3610)
+    assert "after 3600 s (dates)" in joined.notes[0]
+    assert joined.columns["file_index"].tolist() == [0] * 11 + [1] * 11
+
+
+def test_a_clock_that_goes_on_is_kept():
+    joined = join([part(), part(50.0)])
+    assert joined.columns["test_time_second"][11] == 50
+    assert "goes on" in joined.notes[0]
+
+
+def test_a_clock_that_starts_anew_is_put_behind():
+    joined = join([part(), part(), part(1.0)])
+    assert np.diff(joined.columns["test_time_second"]).tolist() == [1.0] * 32
+    assert "pause not known" in joined.notes[1]
+
+
+def test_files_out_of_order_are_refused():
+    with pytest.raises(Refusal, match="file 2 begins 110 s before file 1 ends"):
+        join([part(unix=1e9), part(unix=1e9 - 100)])
+
+
+@pytest.mark.parametrize("second", [0.0, 10 / 3600])
+def test_counter_goes_on_over_files(second):
+    joined = join([part(counter=0.0), part(counter=second)]).columns["net_capacity_ampere_hour"]
+    assert np.diff(joined) == pytest.approx([1 / 3600] * 10 + [0] + [1 / 3600] * 10)
+
+
+def test_counter_goes_on_over_a_reset_within_the_file():
+    columns = part(rows=3601, counter=0.0)
+    columns["net_capacity_ampere_hour"][1800:] -= columns["net_capacity_ampere_hour"][1800]
+    joined = join([columns]).columns["net_capacity_ampere_hour"]
+    assert joined[-1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_column_of_one_file_is_nan_in_the_other():
+    columns = join(
+        [part(), {**part(20.0), "surface_temperature_celsius": np.full(11, 25.0)}]
+    ).columns
+    assert np.isnan(columns["surface_temperature_celsius"][:11]).all()
+    assert (columns["surface_temperature_celsius"][11:] == 25).all()
+
+
+def test_a_spectrum_is_no_series():
+    with pytest.raises(Refusal, match="file 1 holds impedance, a series is wanted"):
+        assemble([formats.Reading({}, "digatron", "impedance")])
+
+
+def test_four_scripts_of_an_ocv_test(shared):
+    folder = shared / "campaigns/a123/raw/ocv"
+    names = [f"A123_OCV_P25_S{k}.csv.gz" for k in (1, 2, 3, 4)]
+    columns, notes = assemble(
+        [formats.read((folder / name).read_bytes(), name=name) for name in names]
+    )
+    counter = columns["net_capacity_ampere_hour"]
+    assert counter.min() == pytest.approx(-2.0726, rel=0.002)  # published, his efficiency aside
+    assert abs(counter[-1] - counter[0]) < 0.01, "full at the start and at the end"
+    assert np.diff(columns["test_time_second"]).min() > 0
+    assert notes[0].startswith("file 2 follows after 154150 s")

@@ -1,0 +1,144 @@
+"""The sign of the current from the data: right, or not told."""
+
+import numpy as np
+import pytest
+from cellwright import formats
+from cellwright.refusal import Refusal
+from cellwright.series import assemble
+from cellwright.series.sign import charge_positive, current_sign
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+
+def cell(current, *, dt=1.0, ohm=0.03, ah=2.0, soc=0.5, lag=0, noise=3e-4, seed=0):
+    """Time, current and voltage of a cell whose voltage rises by 0.8 V over its charge."""
+    time = dt * np.arange(current.size)
+    charge = soc + np.cumsum(current) * dt / 3600 / ah
+    drop = np.roll(ohm * current, lag)
+    rng = np.random.default_rng(seed)
+    return time, current, 3.3 + 0.8 * charge + drop + noise * rng.standard_normal(current.size)
+
+
+def blocks(*levels, rows=600):
+    return np.repeat(np.asarray(levels, dtype=float), rows)
+
+
+def drive(seed=1, rows=3000):
+    rng = np.random.default_rng(seed)
+    return np.repeat(rng.normal(-1, 2, rows // 5), 5)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 1000), st.sampled_from([-1, 0, 1, 2]), st.floats(0.1, 50))
+def test_a_drive_tells_its_sign_either_way_round(seed, lag, scale):
+    time, current, voltage = cell(drive(seed) * scale, ohm=0.03 / scale, ah=2 * scale, lag=lag)
+    assert current_sign(time, current, voltage).sign == 1
+    assert current_sign(time, -current, voltage).sign == -1
+
+
+def test_trend_tells_where_nothing_steps():
+    time, current, voltage = cell(blocks(-1, rows=2000), soc=1)
+    found = current_sign(time, current, voltage)
+    assert (found.sign, found.evidence) == (1, pytest.approx(1))
+
+
+@pytest.mark.parametrize(
+    "levels", [(0, -1, 0, 1, 0), (0, -1, -1, 0, 0.5, 0.5), (0, 2, 0, -1, -1, 0)]
+)
+def test_magnitudes_cannot_tell(levels):
+    time, current, voltage = cell(blocks(*levels))
+    assert current_sign(time, current, voltage).sign == 1
+    assert current_sign(time, np.abs(current), voltage).sign == 0
+    columns = {"test_time_second": time, "current_ampere": np.abs(current), "voltage_volt": voltage}
+    for stated in (None, "charge_positive"):
+        with pytest.raises(Refusal, match="never changes its sign"):
+            charge_positive(columns, stated=stated, default="charge_positive")
+
+
+def test_magnitudes_of_a_drive_cannot_tell():
+    time, current, voltage = cell(drive())
+    assert current_sign(time, np.abs(current), voltage).sign == 0
+
+
+def test_noise_and_rest_cannot_tell():
+    rng = np.random.default_rng(0)
+    time, noise = np.arange(500.0), rng.standard_normal((2, 500))
+    assert current_sign(time, noise[0], 3.7 + 1e-3 * noise[1]).sign == 0
+    assert current_sign(time, np.zeros(500), 3.7 + 1e-3 * noise[1]).reason == "no current flows"
+
+
+def series(current, sign=1):
+    time, current, voltage = cell(current)
+    counter = np.cumsum(current) / 3600
+    return {
+        "test_time_second": time,
+        "current_ampere": sign * current,
+        "voltage_volt": voltage,
+        "branch_1_current_ampere": sign * current / 2,
+        "net_capacity_ampere_hour": sign * counter,
+    }
+
+
+def test_branches_and_counter_turn_along():
+    true = series(drive())
+    turned = charge_positive(series(drive(), sign=-1)).columns
+    for name, column in true.items():
+        np.testing.assert_allclose(turned[name], column)
+
+
+def test_counter_that_already_counts_charge_is_left():
+    columns = series(drive(), sign=-1)
+    columns["net_capacity_ampere_hour"] *= -1
+    turned = charge_positive(columns, stated="discharge_positive").columns
+    np.testing.assert_allclose(
+        turned["net_capacity_ampere_hour"], series(drive())["net_capacity_ampere_hour"]
+    )
+
+
+def test_contradiction_of_the_sheet_is_refused():
+    with pytest.raises(Refusal, match="says charge_positive, the voltage shows discharge_positive"):
+        charge_positive(series(drive(), sign=-1), stated="charge_positive")
+
+
+def test_contradiction_of_the_format_is_converted_and_noted():
+    signed = charge_positive(series(drive(), sign=-1), default="charge_positive")
+    assert "against the format's rule charge_positive" in signed.note
+    np.testing.assert_allclose(signed.columns["current_ampere"], drive())
+
+
+def test_silent_data_take_the_rule_or_are_refused():
+    rng = np.random.default_rng(5)
+    silent = series(np.zeros(500)) | {"current_ampere": 1e-3 * rng.standard_normal(500)}
+    assert "taken as charge_positive" in charge_positive(silent, default="charge_positive").note
+    assert charge_positive(silent, stated="discharge_positive").note
+    with pytest.raises(Refusal, match=r"cannot tell .* state current_sign"):
+        charge_positive(silent)
+
+
+def test_the_sign_of_no_current_does_not_matter():
+    assert "does not matter" in charge_positive(series(np.zeros(100))).note
+
+
+@pytest.mark.parametrize(
+    ("files", "sign"),
+    [
+        (["a123/raw/dynamic/A123_DYN_50_P25_s1.csv.gz"], -1),
+        ([f"a123/raw/dynamic/A123_DYN_50_P25_s{k}.csv.gz" for k in (2, 3)], -1),
+        ([f"a123/raw/ocv/A123_OCV_P05_S{k}.csv.gz" for k in (1, 2, 3, 4)], 1),
+        (["dmegc/raw/R1/random_02.csv.gz"], -1),
+        (["dmegc/raw/R1/discharge_1C.csv.gz"], -1),
+        (["leaf/raw/discharge/2C-Discharge-Bitrode-data.csv.gz"], 1),
+        (["lgm50/raw/pulses/0C/Cell19_SoC5.csv.gz"], 1),
+        (["lgm50/raw/pulses/10C/Cell13_SoC1.csv.gz"], 1),
+        (["panasonic/raw/drive/udds_n10C.parquet"], 1),
+        (["panasonic/raw/capacity/25C_end_2_charge.parquet"], 1),
+        (["weng/raw/parallel_C10.csv.gz"], 1),
+        (["nasa/raw/B0047_ageing.parquet"], 1),
+        (["samsung30q/raw/discharge/S001_C10.csv.gz"], 1),
+    ],
+)  # fmt: skip
+def test_measured_records(shared, files, sign):
+    paths = [shared / "campaigns" / file for file in files]
+    readings = [formats.read(path.read_bytes(), name=path.name) for path in paths]
+    current = np.concatenate([reading.columns["current_ampere"] for reading in readings])
+    np.testing.assert_allclose(assemble(readings).columns["current_ampere"], sign * current)
