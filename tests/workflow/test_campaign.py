@@ -1,0 +1,292 @@
+"""Sheets and config: what is read, and that every fault is named with its place."""
+
+import contextlib
+import time
+from pathlib import Path
+
+import campaign
+import pytest
+import schema
+import settings
+from hypothesis import given
+from hypothesis import settings as effort
+from hypothesis import strategies as st
+
+SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
+CELLS = "cell\tlower_cutoff_volt\tupper_cutoff_volt\nA\t2.5\t4.2\nB\t2.5\t4.2\n"
+HEAD = "cell\ttest\tkind\tfile\tambient_temperature_celsius\tsoc\trole\tsha256\tnote\n"
+TESTS = HEAD + "A\tt1\thppc\traw/a.csv\t25\t0.5\n"
+GROUPS = "group\tposition\tcell\npair\t1\tA\npair\t2\tB\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "config").mkdir()
+    write(tmp_path, "cells.tsv", CELLS)
+    write(tmp_path, "tests.tsv", TESTS)
+    return tmp_path
+
+
+def write(folder, name, content):
+    data = content if isinstance(content, bytes) else content.encode()
+    (folder / "config" / name).write_bytes(data)
+
+
+def read(folder, **given):
+    return campaign.read(folder, SCHEMAS, given)
+
+
+def faults(folder, **given):
+    with pytest.raises(campaign.CampaignError) as error:
+        read(folder, **given)
+    return str(error.value).splitlines()[1:]
+
+
+def test_values_are_typed_and_blanks_are_none(folder):
+    test = read(folder).tests[0]
+    assert test["file"] == ["raw/a.csv"]
+    assert test["ambient_temperature_celsius"] == 25.0
+    assert test["soc"] == 0.5
+    assert test["sha256"] is None
+    assert test["instrument"] is None
+
+
+def test_no_config_file_means_all_defaults(folder):
+    expected = settings.defaults(schema.load(SCHEMAS, "config"))
+    assert read(folder).config == expected
+    write(folder, "config.yaml", "# nothing chosen\n")
+    assert read(folder).config == expected
+    assert expected["strict"] is False
+
+
+def test_choice_replaces_its_default_only(folder):
+    write(folder, "config.yaml", "resistance:\n  delay_second: [0, 5]\nclean:\n")
+    chosen = read(folder, strict=True).config
+    assert chosen["resistance"]["delay_second"] == [0, 5]
+    assert chosen["strict"] is True
+    assert chosen["clean"] == settings.defaults(schema.load(SCHEMAS, "config"))["clean"]
+
+
+def test_given_settings_go_before_the_file(folder):
+    write(folder, "config.yaml", "segment:\n  rest_c_rate: 0.01\n  pulse_max_second: 60\n")
+    segment = read(folder, segment={"rest_c_rate": 0.02}).config["segment"]
+    assert (segment["rest_c_rate"], segment["pulse_max_second"]) == (0.02, 60)
+
+
+def test_drives_validate_and_the_rest_fits_unless_said(folder):
+    rows = "A\tt1\tdrive\ta.csv\nA\tt2\thppc\tb.csv\nA\tt3\tdrive\tc.csv\t\t\tsplit\n"
+    write(folder, "tests.tsv", HEAD + rows)
+    assert [row["role"] for row in read(folder).tests] == ["validation", "fit", "split"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeff" + TESTS,
+        TESTS.replace("\n", "\r\n"),
+        TESTS.replace("\n", "\r"),
+        TESTS.replace("\n", "\n\n \t\n"),
+        TESTS.replace("\t", " \t "),
+        TESTS + "\n\n",
+        TESTS.encode("utf-16"),
+        TESTS.replace("note\n", "note\t\t\n"),
+        TESTS.replace("0.5\n", "0.5\t\t\t\t\t\n"),
+    ],
+)
+def test_how_the_editor_saved_it_does_not_matter(folder, text):
+    plain = read(folder)
+    write(folder, "tests.tsv", text)
+    assert read(folder) == plain
+
+
+def test_blank_cut_off_is_not_known_and_no_fault(folder):
+    write(folder, "cells.tsv", "cell\tlower_cutoff_volt\tupper_cutoff_volt\nA\t2.5\n")
+    assert read(folder).cells[0]["upper_cutoff_volt"] is None
+
+
+BAD_ROWS = [
+    ("A\tt2\thpcp\tb.csv", "kind: found 'hpcp', wanted one of capacity,", "did you mean 'hppc'?"),
+    ("A\tt2\thppc\tb.csv\tcold", "ambient_temperature_celsius: found 'cold', wanted a number"),
+    ("A\tt2\thppc\tb.csv\t298.15", "found '298.15', wanted a number from -60 to 150"),
+    ("A\tt2\thppc\tb.csv\t2,5", "with a point: 2.5"),
+    ("A\tt2\thppc\tb.csv\tnan", "found 'nan', wanted a number"),
+    ("A\tt2\thppc\tb.csv\t\t50", "soc: found '50', wanted a number from 0 to 1"),
+    ("A\tt2\thppc\tb.csv\t\t\ttrain", "role: found 'train', wanted one of fit,"),
+    ("A\tt2\thppc\tb.csv\t\t\t\tabc", "sha256: found 'abc'", "64 hexadecimal digits"),
+    (f"A\tt2\thppc\tb.csv;c.csv\t\t\t\t{'0' * 64}", "found '1 checksums', wanted one for each"),
+    ("A\tt2\thppc\tb.csv;;c.csv", "file: found 'b.csv;;c.csv'"),
+    ("A\tt2\thppc\tb.csv;b.csv", "each file of a test once"),
+    ("A\tt2\thppc\t/data/b.csv", "found '/data/b.csv', wanted a path relative to the campaign"),
+    ("A\tt2\thppc\tC:\\b.csv", "a path relative to the campaign"),
+    ("A\tt2\thppc\traw/../../b.csv", "a path inside the campaign, without .."),
+    ("A\tt2\thppc", "file: found '', wanted a value"),
+    ("\tt2\thppc\tb.csv", "cell: found '', wanted a value"),
+    ("A\tt 2\thppc\tb.csv", "test: found 't 2', wanted letters, digits, _ and -"),
+    ("A\tt1\thppc\tb.csv", "found 'A t1', wanted each once", "also row 1 (line 2)"),
+    ("C\tt2\thppc\tb.csv", "cell: found 'C', wanted a cell of cells.tsv"),
+    ("pair\tt2\tgroup\tb.csv", "cell: found 'pair', wanted a group of groups.tsv"),
+    ("A\tt2\tdrive\t./raw/a.csv", "wanted a file that row 1 (line 2) does not use to fit"),
+    ("A\tt2\thppc\tb.csv\t\t\t\t\tnote\tmore", "found 'more', wanted nothing here"),
+]
+
+
+@pytest.mark.parametrize(("row", "expected"), [(row, words) for row, *words in BAD_ROWS])
+def test_a_bad_test_is_named_with_its_place(folder, row, expected):
+    write(folder, "tests.tsv", f"{TESTS}\n{row}\n")
+    lines = faults(folder)
+    assert all(line.startswith("config/tests.tsv, row 2 (line 4)") for line in lines)
+    assert any(all(words in line for words in expected) for line in lines)
+
+
+def test_validation_data_that_were_fitted_are_seen_through_a_copy(folder):
+    same = "\t\t\t\t" + "ab" * 32
+    write(folder, "tests.tsv", f"{HEAD}A\tt1\thppc\ta.csv{same}\nA\tt2\tdrive\tb.csv{same}\n")
+    assert "does not use to fit" in faults(folder)[0]
+
+
+BAD_CELLS = [
+    ("A\t2\t3", "found 'A', wanted each once"),
+    ("C\t4.2\t4.2", "upper_cutoff_volt: found 4.2, wanted more than lower_cutoff_volt, 4.2"),
+    ("C d\t2\t3", "cell: found 'C d', wanted letters"),
+    ("C\t2500\t4200", "found '2500', wanted a number from 0 to 10"),
+]
+
+
+@pytest.mark.parametrize(("row", "expected"), BAD_CELLS)
+def test_a_bad_cell_is_named_with_its_place(folder, row, expected):
+    write(folder, "cells.tsv", f"{CELLS}{row}\n")
+    lines = faults(folder)
+    assert all(line.startswith("config/cells.tsv, row 3 (line 4)") for line in lines)
+    assert any(expected in line for line in lines)
+
+
+def test_groups_are_read_and_their_tests_belong_to_them(folder):
+    write(folder, "groups.tsv", GROUPS)
+    write(folder, "tests.tsv", HEAD + "pair\tt1\tgroup\ta.csv\n")
+    groups = read(folder).groups
+    assert [row["position"] for row in groups] == [1, 2]
+    assert groups[0]["wire_resistance_ohm"] is None
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        ("pair\t2\tA", "found 'pair 2', wanted each once"),
+        ("pair\t3\tA", "found 'pair A', wanted each once"),
+        ("pair\t3\tZ", "found 'Z', wanted a cell of cells.tsv"),
+        ("A\t1\tB", "a name that no cell of cells.tsv has"),
+        ("pair\t1.5\tA", "found '1.5', wanted a whole number at least 1"),
+    ],
+)
+def test_a_bad_group_is_named(folder, row, expected):
+    write(folder, "groups.tsv", f"{GROUPS}{row}\n")
+    assert any(expected in line for line in faults(folder))
+
+
+@pytest.mark.parametrize(
+    ("head", "expected"),
+    [
+        ("cell,test,kind,file", "columns separated by tabs"),
+        ("cell\ttest\tkind\tfiles", "did you mean 'file'?"),
+        ("cell\ttest\tkind", "found no column 'file'"),
+        ("cell\ttest\tkind\tfile\tkind", "wanted each column once"),
+        ("", "wanted a row of column names"),
+        ("cell\ttest\tkind\tfile", "found no row below the header"),
+    ],
+)
+def test_a_bad_header_is_named(folder, head, expected):
+    write(folder, "tests.tsv", head)
+    assert any(expected in line for line in faults(folder))
+
+
+def test_latin_1_is_named_with_its_line(folder):
+    write(folder, "tests.tsv", (TESTS + "A\tt2\thppc\tb\t\t\t\t\t25 °C\n").encode("latin-1"))
+    assert faults(folder) == [
+        "config/tests.tsv, line 3: found '°', wanted UTF-8, not Latin-1; save the sheet as UTF-8"
+    ]
+
+
+def test_an_open_quote_swallows_no_rows(folder):
+    write(folder, "tests.tsv", f'{TESTS}A\tt2\thppc\tb\t\t\t\t\t"open\nA\tt3\thppc\tc\n')
+    assert "config/tests.tsv, line 3" in faults(folder)[0]
+
+
+def test_missing_sheets_are_named_once_each(tmp_path):
+    lines = faults(tmp_path)
+    assert [line.split(" in ")[0] for line in lines] == ["config/cells.tsv", "config/tests.tsv"]
+    assert all("no such file" in line for line in lines)
+
+
+BAD_CONFIG = [
+    ("strict: maybe", "line 1, strict: found 'maybe', wanted true or false"),
+    ("\nresistence: {}", "line 2: found 'resistence'", "did you mean 'resistance'?"),
+    ("rest_c_rate: 1", "did you mean 'segment.rest_c_rate'?"),
+    ("resistance:\n  delay_second: [0, -1]", "line 2, resistance.delay_second.1: found -1"),
+    (
+        "resistance:\n  delay_second: [1, 1]",
+        "found [1, 1], wanted one or more values",
+        "all different",
+    ),
+    ("segment:\n  rest_c_rate: 1e-3", "found '1e-3', wanted a number above 0; write 0.001"),
+    ("segment:\n  rest_c_rate: .nan", "found nan, wanted a number above 0"),
+    ("segment: 3", "segment: found 3, wanted keys with values below it"),
+    ("strict: true\nstrict: false", "line 2", "each key once (also line 1)"),
+    ("strict: [", "config/config.yaml, line", "wanted YAML"),
+    ("a: 1\n\tb: 2", "config/config.yaml, line 2", "wanted YAML"),
+    ("just words", "wanted keys with values"),
+]
+
+
+@pytest.mark.parametrize(("text", "expected"), [(text, words) for text, *words in BAD_CONFIG])
+def test_a_bad_setting_is_named_with_its_line(folder, text, expected):
+    write(folder, "config.yaml", text)
+    assert any(all(words in line for words in expected) for line in faults(folder))
+
+
+def test_a_bad_given_setting_is_named(folder):
+    assert faults(folder, strict="perhaps") == [
+        "--config, strict: found 'perhaps', wanted true or false"
+    ]
+
+
+def test_all_faults_of_all_files_are_told_at_once(folder):
+    write(folder, "config.yaml", "strict: maybe\n")
+    write(folder, "cells.tsv", CELLS + "C\t5\t4\n")
+    write(folder, "tests.tsv", TESTS + "A\tt2\thpcp\tb.csv\nA\tt3\thppc\tc.csv\t\t7\n")
+    files = [line.split(",")[0] for line in faults(folder)]
+    assert sorted(files) == ["config/cells.tsv", "config/config.yaml", *["config/tests.tsv"] * 2]
+
+
+@effort(max_examples=40, deadline=None)
+@given(st.lists(st.text(st.characters(codec="utf-8"), max_size=12), max_size=12))
+def test_no_text_breaks_the_reader(tmp_path_factory, cells):
+    folder = tmp_path_factory.mktemp("any")
+    (folder / "config").mkdir()
+    write(folder, "cells.tsv", CELLS)
+    write(folder, "tests.tsv", TESTS + "\t".join(cells))
+    with contextlib.suppress(campaign.CampaignError):
+        read(folder)
+
+
+def test_measured_campaigns_are_read(shared):
+    folders = sorted(folder.parent for folder in shared.glob("campaigns/*/config"))
+    assert len(folders) >= 12
+    for folder in folders:
+        assert read(folder).tests
+
+
+def test_the_demo_campaign_is_read():
+    demo = SCHEMAS.parents[1]
+    if not (demo / "config" / "cells.tsv").is_file():
+        pytest.skip("the demo campaign is not made yet")
+    assert read(demo).tests
+
+
+def test_a_thousand_cells_take_less_than_a_second(folder):
+    cells = [f"c{n}\t2.5\t4.2\n" for n in range(1000)]
+    rows = [f"c{n}\tt{k}\thppc\traw/{n}_{k}.csv\t25\n" for n in range(1000) for k in range(12)]
+    write(folder, "cells.tsv", CELLS + "".join(cells))
+    write(folder, "tests.tsv", HEAD + "".join(rows))
+    start = time.process_time()
+    assert len(read(folder).tests) == 12000
+    assert time.process_time() - start < 1.0
