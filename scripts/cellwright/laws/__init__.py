@@ -1,0 +1,1 @@
+"""How quantities move with temperature, cycle and fleet."""

@@ -1,0 +1,1 @@
+"""What each test protocol tells: steps in, tables out."""

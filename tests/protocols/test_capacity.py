@@ -1,0 +1,184 @@
+"""Capacity of made cycles with known truth, and of measured ones against published numbers."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from cellwright.protocols.capacity import capacity
+from cellwright.protocols.half_cycles import turns
+from cellwright.refusal import Refusal
+from cellwright.series.segments import segment
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+
+def counted(time, current):
+    middle = (current[1:] + current[:-1]) / 2
+    return np.append(0.0, np.cumsum(middle * np.diff(time)) / 3600)
+
+
+def cycle(*parts, full=2.0, start=1.0, step=10.0, loss=0.0):
+    """A cell whose voltage is 3 V + SoC: parts are ampere (run to the end), or (hours, ampere).
+
+    Charges move (1 + loss) times what the cell takes. Half an hour of rest between the parts.
+    """
+    soc, current, voltage = start, [0.0] * 180, [3.0 + start] * 180
+    for part in parts:
+        hours, ampere = part if isinstance(part, tuple) else (np.inf, part)
+        gain = ampere / full / 3600 * step / (1 + loss if ampere > 0 else 1)
+        count = 0
+        while count * step < hours * 3600 - 1e-6 and -1e-9 <= soc + gain <= 1 + 1e-9:
+            soc, count = soc + gain, count + 1
+            current.append(ampere)
+            voltage.append(3.0 + soc)
+        current += [0.0] * 180
+        voltage += [3.0 + soc] * 180
+    time = np.arange(len(current)) * step
+    current = np.array(current)
+    return time, current, np.array(voltage), counted(time, current)
+
+
+def run(data, *, rated=2.0, lower=3.0, upper=4.0, **settings):
+    steps = segment(*data, rated_capacity_ampere_hour=rated)
+    return capacity(
+        *data,
+        steps,
+        rated_capacity_ampere_hour=rated,
+        lower_cutoff_volt=lower,
+        upper_cutoff_volt=upper,
+        **settings,
+    )
+
+
+def test_full_cycle_gives_capacity_energy_and_efficiency():
+    rows = run(cycle(-1.0, 1.0, loss=0.01)).rows
+    assert rows.direction.tolist() == ["charge", "discharge"]
+    assert np.allclose(rows.capacity_ampere_hour, [2.02, 2.0], atol=0.005)
+    assert np.isclose(rows.energy_watt_hour[1], 2.0 * 3.5, rtol=0.003)
+    assert np.allclose(rows.coulombic_efficiency, 1 / 1.01, atol=0.002)
+    assert np.allclose(rows.c_rate, 0.5)
+    assert np.isnan(rows.capacity_std_ampere_hour).all()
+
+
+def test_repeats_are_averaged_and_rates_kept_apart():
+    rows = run(cycle(-1.0, 1.0, -1.0, 1.0, -2.0, 1.0)).rows
+    assert rows.direction.tolist() == ["charge", "discharge", "discharge"]
+    assert rows.repeats.tolist() == [3, 2, 1]
+    assert np.allclose(rows.c_rate, [0.5, 0.5, 1.0])
+    assert np.isfinite(rows.capacity_std_ampere_hour[:2]).all()
+
+
+def test_mean_and_spread_of_three():
+    """The thesis' capacity: the mean of three; here the cell loses 0.1 Ah from one to the next."""
+    data = [cycle(-1.0, 1.0, full=full) for full in (2.0, 1.9, 1.8)]
+    ends = np.cumsum([0.0] + [part[0][-1] + 10 for part in data])
+    time = np.concatenate([part[0] + end for part, end in zip(data, ends, strict=False)])
+    current = np.concatenate([part[1] for part in data])
+    voltage = np.concatenate([part[2] for part in data])
+    rows = run((time, current, voltage, counted(time, current))).rows
+    assert rows.repeats.tolist() == [3, 3]
+    assert np.allclose(rows.capacity_ampere_hour, 1.9, atol=0.005)
+    assert np.allclose(rows.capacity_std_ampere_hour, 0.1, atol=0.005)
+
+
+def test_incomplete_is_left_out_with_its_reason():
+    found = run(cycle((1.0, -1.0), 1.0, -1.0))
+    assert found.rows.direction.tolist() == ["discharge"]
+    assert "ends at 3.5" in found.left_out[0]
+    assert "does not start empty" in found.left_out[1]
+
+
+def test_remainder_counts_only_in_the_whole_swing():
+    data = cycle((1.9, -1.0), -0.2, 1.0)
+    data[2][(data[0] > 7800) & (data[0] < 9000)] -= 0.05  # cold: the cut-off comes early
+    one, whole = run(data).rows, run(data, whole_swing=True).rows
+    assert np.isclose(one.capacity_ampere_hour[1], 1.9, atol=0.01)
+    assert np.isclose(whole.capacity_ampere_hour[1], 2.0, atol=0.01)
+    assert np.isclose(whole.c_rate[1], 0.5)
+
+
+def test_temperature_is_the_mean_over_the_step():
+    data = cycle(-1.0)
+    warm = np.where(data[1] < 0, 31.0, 25.0)
+    rows = run(data, surface_temperature_celsius=warm).rows
+    assert np.isclose(rows.temperature_mean_celsius[0], 31.0, atol=0.05)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.05, 200.0))
+def test_capacity_scales_with_the_cell(size):
+    time, current, voltage, charge = cycle(-1.0, 1.0, step=60.0)
+    rows = run((time, size * current, voltage, size * charge), rated=2.0 * size).rows
+    assert np.allclose(rows.capacity_ampere_hour / size, 2.0, atol=0.04)
+    assert np.allclose(rows.c_rate, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("parts", "start", "limits", "reason"),
+    [
+        (((1.0, -1.0),), 1.0, {}, "before the cut-off of 3.0 V"),
+        ((-1.0,), 0.6, {}, "does not start full: the record begins at a rest voltage of 3.600 V"),
+        ((1.0,), 0.3, {}, "does not start empty"),
+        ((1.0,), 0.0, {"upper": None}, "upper cut-off is not stated"),
+        (((0.02, -1.0),), 1.0, {}, "none begins"),
+    ],
+)
+def test_refusals(parts, start, limits, reason):
+    with pytest.raises(Refusal, match=reason):
+        run(cycle(*parts, start=start), **limits)
+
+
+def test_several_currents_are_no_rate():
+    with pytest.raises(Refusal, match="moved at one rate"):
+        run(cycle((1.0, -1.0), -0.5))
+
+
+def test_dither_is_no_turn():
+    charge = np.array([0.0, -1.0, -0.99, -1.01, 1.0, 0.99])
+    steps = segment(*cycle(-1.0), rated_capacity_ampere_hour=2.0)._replace(last_row=np.arange(1, 6))
+    assert turns(charge, steps, least_ampere_hour=0.1) == [(-1, 0, 2), (1, 3, 3)]
+
+
+def table(path):
+    data = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    return [data[name].to_numpy(float) for name in ("Test Time / s", "Current / A", "Voltage / V")]
+
+
+@pytest.mark.parametrize(
+    ("path", "sign", "rated", "limits", "published"),
+    [
+        ("panasonic/raw/capacity/25C_start_1_discharge.parquet", 1, 2.9, (2.5, 4.2), 2.802),
+        ("panasonic/raw/capacity/25C_end_2_discharge.parquet", 1, 2.9, (2.5, 4.2), 2.358),
+        ("panasonic/raw/ocv/C20_25C.parquet", 1, 2.9, (2.5, 4.2), 2.997),
+        ("lgm50/raw/rate/0C_C10.parquet", 1, 5.0, (2.5, 4.2), 4.43),
+        ("lgm50/raw/rate/25C_C10.parquet", 1, 5.0, (2.5, 4.2), 4.94),
+        ("lgm50/raw/rate/45C_C10.parquet", 1, 5.0, (2.5, 4.2), 4.95),
+        ("dmegc/raw/R1/ocv_C20.csv.gz", -1, 2.6, (2.5, 4.2), 2.752),
+        ("dmegc/raw/R2/discharge_2C.csv.gz", -1, 2.6, (2.5, 4.2), 2.498),
+        ("samsung30q/raw/discharge/S001_1C.csv.gz", 1, 3.0, (2.5, 4.2), 2.957),
+        ("samsung30q/raw/discharge/S001_4C.csv.gz", 1, 3.0, (2.5, 4.2), 2.899),
+    ],
+)
+def test_published_capacities(shared, path, sign, rated, limits, published):
+    time, current, voltage = table(shared / "campaigns" / path)
+    data = (time, sign * current, voltage, counted(time, sign * current))
+    rows = run(data, rated=rated, lower=limits[0], upper=limits[1]).rows
+    found = rows.capacity_ampere_hour[rows.direction == "discharge"]
+    assert np.isclose(found[0], published, rtol=0.01)
+
+
+def test_published_swing_of_a123(shared):
+    """Scripts 1 and 2 are one discharge at −25 °C and its remainder at 25 °C."""
+    folder = shared / "campaigns/a123/raw/ocv"
+    tables = [pd.read_csv(folder / f"A123_OCV_N25_S{k}.csv.gz") for k in (1, 2, 3, 4)]
+    files = np.repeat(np.arange(4), [len(part) for part in tables])
+    joined = pd.concat(tables)
+    time = joined["Test_Time(s)"].to_numpy() + 1e6 * files
+    current = joined["Current(A)"].to_numpy()
+    apart = np.append(0, np.diff(files)) == 0
+    moved = np.diff(counted(time, current), prepend=0) * apart
+    data = (time, current, joined["Voltage(V)"].to_numpy(), np.cumsum(moved))
+    steps = segment(*data, rated_capacity_ampere_hour=2.3, file_index=files)
+    limits = {"lower_cutoff_volt": 2.0, "upper_cutoff_volt": 3.6}
+    rows = capacity(*data, steps, rated_capacity_ampere_hour=2.3, whole_swing=True, **limits).rows
+    assert np.isclose(rows.capacity_ampere_hour[1], 2.0677, rtol=0.01)
+    assert np.isclose(rows.coulombic_efficiency[1], 0.9933, atol=0.005)

@@ -1,0 +1,201 @@
+"""Slow OCV: a known curve behind resistance, hysteresis and losses; A123 against Plett's table."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cellwright.protocols.ocv import slow_ocv
+from cellwright.protocols.ocv_legs import turning_points
+from cellwright.refusal import Refusal
+
+CUTOFFS = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
+CAPACITY, CURRENT, RESISTANCE = 2.0, 0.1, 0.05
+
+
+def true_ocv(soc):
+    return 3.02 + 1.15 * soc + 0.08 * np.sin(3 * np.pi * soc) * soc * (1 - soc)
+
+
+def ramp(start, stop, *, current=CURRENT, resistance=RESISTANCE, hysteresis=0.0, step_second=60):
+    """Current and voltage while the SoC runs from start to stop, one row per step of time."""
+    sign = np.sign(stop - start)
+    count = round(abs(stop - start) * CAPACITY / current * 3600 / step_second)
+    soc = np.linspace(start, stop, count + 1)[1:]
+    drop = sign * (current * resistance + hysteresis)
+    return np.full(count, sign * current), true_ocv(soc) + drop
+
+
+def rest(soc, count=30):
+    return np.zeros(count), np.full(count, float(true_ocv(soc)))
+
+
+def record(*pieces, step_second=60):
+    """Series as `slow_ocv` takes it, from pieces of (current, voltage)."""
+    current = np.concatenate([piece[0] for piece in pieces])
+    voltage = np.concatenate([piece[1] for piece in pieces])
+    time = step_second * np.arange(len(current), dtype=float)
+    return time, current, voltage, np.cumsum(current) * step_second / 3600
+
+
+def both(**settings):
+    down, up = ramp(1, 0, **settings), ramp(0, 1, **settings)
+    return record(rest(1), down, rest(0), up, rest(1))
+
+
+def test_mean_of_the_branches_is_the_truth_behind_resistance_and_hysteresis():
+    curve = slow_ocv(*both(hysteresis=0.01), **CUTOFFS)
+    np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=2e-3)
+    np.testing.assert_allclose(curve.half_gap_volt[5:-5], 0.015, atol=1e-3)
+    assert (curve.branches, curve.joined_by, curve.note) == ("both", "mean", "")
+    assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
+    assert (curve.discharge_current_ampere, curve.charge_current_ampere) == (-CURRENT, CURRENT)
+    assert curve.measured_soc == (0, 1)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0, 3e-3), st.integers(0, 2**32 - 1))
+def test_noise_never_makes_the_table_fall(noise, seed):
+    time, current, voltage, charge = both()
+    voltage = voltage + noise * np.random.default_rng(seed).standard_normal(len(voltage))
+    curve = slow_ocv(time, current, voltage, charge, **CUTOFFS)
+    assert (np.diff(curve.ocv_volt) > 0).all()
+    assert curve.moved_volt < 10 * noise + 2e-6
+    assert np.abs(curve.ocv_volt - true_ocv(curve.soc))[2:-2].max() < 3e-3 + 2 * noise
+
+
+def test_discharge_alone_keeps_its_overpotential_for_the_models():
+    curve = slow_ocv(*record(rest(1), ramp(1, 0), rest(0)), **CUTOFFS)
+    expected = true_ocv(curve.soc) - CURRENT * RESISTANCE
+    np.testing.assert_allclose(curve.ocv_volt, expected, atol=2e-3)
+    assert (curve.branches, curve.joined_by) == ("discharge", "single")
+    assert np.isnan(curve.charge_volt).all()
+    assert np.isnan(curve.half_gap_volt).all()
+
+
+def test_charge_alone():
+    curve = slow_ocv(*record(rest(0), ramp(0, 1), rest(1)), **CUTOFFS)
+    assert curve.branches == "charge"
+    assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
+    assert np.isnan(curve.discharge_current_ampere)
+
+
+def test_charge_that_ends_at_a_hold_is_extended_by_the_gap():
+    """As in the Leaf record: leads of high resistance, the charge is held from 60 % on."""
+    hold = 0.5 * CURRENT * np.ones(960), np.full(960, 4.2)
+    down, up = ramp(1, 0, resistance=5.0), ramp(0, 0.6, resistance=5.0)
+    series = record(rest(1), down, rest(0), up, hold, rest(1))
+    curve = slow_ocv(*series, lower_cutoff_volt=2.52, upper_cutoff_volt=4.2)
+    np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=4e-3)
+    assert curve.measured_soc == pytest.approx((0, 0.6), abs=0.006)
+    assert np.isnan(curve.charge_volt[curve.soc > 0.61]).all()
+
+
+def test_four_files_count_the_remainder_but_show_only_the_slow_voltages():
+    """Cold test: both branches end early and are completed at room temperature."""
+    fast = {"current": 0.5, "resistance": 0.0}
+    files = [
+        (rest(1), ramp(1, 0.1, hysteresis=0.02)),
+        (rest(0.1), ramp(0.1, 0, **fast), rest(0)),
+        (rest(0), ramp(0, 0.9, hysteresis=0.02)),
+        (rest(0.9), ramp(0.9, 1, **fast), rest(1)),
+    ]
+    series = record(*(piece for pieces in files for piece in pieces))
+    lengths = [sum(len(piece[0]) for piece in pieces) for pieces in files]
+    settings = {"lower_cutoff_volt": 3.1, "upper_cutoff_volt": 4.1}
+    curve = slow_ocv(*series, file_index=np.repeat(range(4), lengths), **settings)
+    assert curve.joined_by == "equilibrium"
+    assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
+    assert np.isnan(curve.discharge_volt[curve.soc < 0.09]).all()
+    assert np.isnan(curve.charge_volt[curve.soc > 0.91]).all()
+    assert curve.ocv_volt[100] == pytest.approx(true_ocv(0.5), abs=2e-3)
+    np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=0.025)
+    mean = slow_ocv(*series, file_index=np.repeat(range(4), lengths), join="mean", **settings)
+    np.testing.assert_allclose(mean.ocv_volt, true_ocv(mean.soc), atol=3e-3)
+
+
+def test_the_first_of_several_cycles_is_taken():
+    pieces = [rest(1), ramp(1, 0), rest(0), ramp(0, 1), rest(1)]
+    worse = [ramp(1, 0, hysteresis=0.03), rest(0), ramp(0, 1, hysteresis=0.03), rest(1)]
+    once, twice = (
+        slow_ocv(*record(*pieces), **CUTOFFS),
+        slow_ocv(*record(*pieces, *worse), **CUTOFFS),
+    )
+    np.testing.assert_allclose(once.discharge_volt, twice.discharge_volt)
+    np.testing.assert_allclose(once.charge_volt, twice.charge_volt)
+
+
+def test_an_offset_of_the_current_is_noted_and_does_not_shift_the_branches():
+    time, current, voltage, _ = both()
+    read = np.where(current == 0, 0.0, current - 0.005)
+    charge = np.cumsum(read) / 60
+    curve = slow_ocv(time, read, voltage, charge, **CUTOFFS)
+    np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=2e-3)
+    assert "an offset of -5 mA" in curve.note
+    assert "capacity then 2 Ah" in curve.note
+
+
+def test_turning_points_ignore_a_dither():
+    course = np.concatenate([np.linspace(0, -2, 50), -2 + 0.01 * (-1.0) ** np.arange(20)])
+    course = np.concatenate([course, np.linspace(-2, 1, 50)])
+    rows = turning_points(course, least=0.1)
+    assert len(rows) == 3
+    np.testing.assert_allclose(course[rows], [0, -2.01, 1])
+
+
+@pytest.mark.parametrize(
+    ("pieces", "reason"),
+    [
+        ((rest(1), ramp(1, 0, current=0.5)), "2 Ah at -0.5 A"),
+        ((rest(1), ramp(1, 0.3), rest(0.3)), "to 3.36"),
+        ((rest(1), rest(1)), "found no current"),
+    ],
+)
+def test_what_is_no_slow_full_branch_is_refused(pieces, reason):
+    with pytest.raises(Refusal, match=reason):
+        slow_ocv(*record(*pieces), **CUTOFFS)
+
+
+def test_an_unknown_way_to_join_is_refused():
+    with pytest.raises(Refusal, match="'median'"):
+        slow_ocv(*both(), join="median", **CUTOFFS)
+
+
+def test_branches_that_do_not_overlap_are_refused():
+    """The charge is held from 30 % on: no charge voltage at half."""
+    taper = CURRENT * np.exp(-np.arange(6000) / 840)  # 1.4 Ah
+    pieces = rest(1), ramp(1, 0), rest(0), ramp(0, 0.3), (taper, np.full(6000, 3.38)), rest(1)
+    for join in ("mean", "equilibrium"):
+        with pytest.raises(Refusal, match="do not overlap at 50 %"):
+            slow_ocv(*record(*pieces), join=join, lower_cutoff_volt=3.01, upper_cutoff_volt=3.38)
+
+
+def read_a123(folder, temperature):
+    import pandas
+
+    parts, offset = [], (0.0, 0.0)
+    for script in (1, 2, 3, 4):
+        frame = pandas.read_csv(folder / f"A123_OCV_{temperature}_S{script}.csv.gz")
+        time = frame["Test_Time(s)"].to_numpy()
+        charge = (frame["Charge_Capacity(Ah)"] - frame["Discharge_Capacity(Ah)"]).to_numpy()
+        columns = [time - time[0] + offset[0], frame["Current(A)"], frame["Voltage(V)"]]
+        parts.append([*columns, charge - charge[0] + offset[1], np.full(len(time), script - 1)])
+        offset = parts[-1][0][-1] + 3600, parts[-1][3][-1]
+    return [np.concatenate(column) for column in zip(*parts, strict=True)]
+
+
+def test_a123_at_25_degrees_meets_the_published_table(shared):
+    *series, files = read_a123(shared / "campaigns/a123/raw/ocv", "P25")
+    curve = slow_ocv(*series, file_index=files, lower_cutoff_volt=2.0, upper_cutoff_volt=3.6)
+    soc = np.linspace(0.1, 0.9, 9)
+    published = [3.1810, 3.2453, 3.2869, 3.2992, 3.3051, 3.3090, 3.3195, 3.3377, 3.3437]
+    np.testing.assert_allclose(np.interp(soc, curve.soc, curve.ocv_volt), published, atol=5e-3)
+    assert curve.capacity_ampere_hour == pytest.approx(2.0726, rel=0.01)
+
+
+def test_a123_in_the_cold_has_gaps_in_its_branches_but_none_in_its_ocv(shared):
+    *series, files = read_a123(shared / "campaigns/a123/raw/ocv", "N25")
+    curve = slow_ocv(*series, file_index=files, lower_cutoff_volt=2.0, upper_cutoff_volt=3.6)
+    assert curve.capacity_ampere_hour == pytest.approx(2.0677, rel=0.01)
+    assert np.isnan(curve.charge_volt[-1])
+    assert (np.diff(curve.ocv_volt) > 0).all()

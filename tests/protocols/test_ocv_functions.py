@@ -1,0 +1,66 @@
+"""Analytic OCV functions: each recovers itself, its slope is its derivative, the best is named."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cellwright.protocols.ocv_functions import FORMS, evaluate, fit_functions, slope
+from cellwright.refusal import Refusal
+
+SOC = np.linspace(0, 1, 201)
+TRUTH = {
+    "log": [3.6, 0.003, -0.5, 0.02, -0.03],
+    "two_exponentials": [3.0, 0.6, 0.4, 20.0, -0.3, 0.5],
+    "inverse": [4.1, 0.005, -0.9, 0.5],
+    "polynomial": [3.0, 3.0, -10.0, 22.0, -28.0, 19.0, -5.0],
+}
+
+
+def fits(volt, **settings):
+    return {fit.function: fit for fit in fit_functions(SOC, volt, **settings)}
+
+
+def curve(name):
+    volt = np.full(len(SOC), np.nan)
+    volt[1:-1] = evaluate(name, TRUTH[name], SOC[1:-1])
+    return volt
+
+
+@pytest.mark.parametrize("name", TRUTH)
+def test_each_function_recovers_itself_and_is_the_best(name):
+    found = fits(curve(name))
+    np.testing.assert_allclose(found[name].parameters, TRUTH[name], rtol=2e-3)
+    assert found[name].rmse_volt < 1e-6
+    assert found[name].chosen
+    assert sum(fit.chosen for fit in found.values()) == 1
+
+
+@pytest.mark.parametrize("name", TRUTH)
+def test_noise_is_covered_by_the_standard_deviations(name):
+    rng = np.random.default_rng(2)
+    noisy = [curve(name) + 1e-3 * rng.standard_normal(len(SOC)) for _ in range(6)]
+    found = [fits(volt)[name] for volt in noisy]
+    scores = np.array([(fit.parameters - TRUTH[name]) / fit.std for fit in found])
+    assert 0.4 < np.sqrt(np.mean(scores**2)) < 2
+    assert found[0].rmse_volt == pytest.approx(1e-3, rel=0.15)
+
+
+@given(st.sampled_from(sorted(FORMS)), st.floats(0.02, 0.98))
+def test_slope_is_the_derivative(name, soc):
+    step = 1e-6
+    rise = evaluate(name, TRUTH[name], np.array([soc - step, soc + step]))
+    expected = (rise[1] - rise[0]) / (2 * step)
+    assert slope(name, TRUTH[name], soc) == pytest.approx(expected, rel=1e-5, abs=1e-6)
+
+
+def test_a_curve_of_no_function_is_best_told_by_its_table():
+    found = fits(3.3 + 0.3 * SOC + 0.05 * np.tanh((SOC - 0.3) / 0.02) + 0.04 * np.sin(25 * SOC))
+    assert found["table"].chosen
+    assert len(found["table"].parameters) == 0
+    assert found["polynomial"].rmse_volt < found["polynomial"].cross_validation_rmse_volt
+
+
+def test_too_few_points_are_refused():
+    with pytest.raises(Refusal, match="9 points in range, fewer than 40"):
+        fit_functions(np.linspace(0.1, 0.9, 9), np.linspace(3, 4, 9))

@@ -1,0 +1,171 @@
+"""Pulse resistance of a made cell with closed-form truth, and of measured ones."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from cellwright.protocols.resistance import pulse_resistance
+from cellwright.refusal import Refusal
+from cellwright.series.segments import segment
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+R0, R1, TAU = 0.020, 0.015, 8.0
+
+
+def truth(delay):
+    """Resistance of the made cell at a delay after the edge, in closed form [ohm]."""
+    return R0 + R1 * (1 - np.exp(-delay / TAU))
+
+
+def pulse(*, level=-5.0, base=0.0, seconds=15.0, step=0.1, noise=0.0, grain=0.0, lead=60.0, seed=3):
+    """One pulse on a load that had settled: the answer of one RC pair is exact."""
+    time = np.arange(0, lead + seconds + 60, step)
+    edge, end = lead - step, lead + seconds - step  # the edge lies just after these samples
+    on = (time > edge + 1e-9) & (time <= end + 1e-9)
+    current = np.where(on, level, base)
+    up = np.where(time > edge, 1 - np.exp(-(time - edge) / TAU), 0)
+    down = np.where(time > end, 1 - np.exp(-(time - end) / TAU), 0)
+    voltage = 3.7 + base * (R0 + R1) + (level - base) * (R1 * (up - down) + R0 * on)
+    voltage = voltage + np.random.default_rng(seed).normal(0, noise, len(time))
+    return time, current, np.round(voltage / grain) * grain if grain else voltage
+
+
+def measure(time, current, voltage, *, rated=3.0, delays=(0, 1, 10), soc=None):
+    charge = np.append(0, np.cumsum((current[1:] + current[:-1]) / 2 * np.diff(time)) / 3600)
+    steps = segment(time, current, voltage, charge, rated_capacity_ampere_hour=rated)
+    soc = 0.5 + charge / rated if soc is None else soc
+    return pulse_resistance(
+        time,
+        current,
+        voltage,
+        soc,
+        steps,
+        rated_capacity_ampere_hour=rated,
+        delay_second=delays,
+    )
+
+
+@pytest.mark.parametrize("level", [-5.0, 3.0])
+def test_known_resistance_at_every_delay(level):
+    rows = measure(*pulse(level=level)).rows
+    assert np.allclose(rows.actual_delay_second, [0.1, 1, 10])
+    assert np.allclose(rows.resistance_ohm, truth(np.array([0.1, 1, 10])), rtol=1e-6)
+    assert set(rows.direction) == {"charge" if level > 0 else "discharge"}
+    assert np.allclose(rows.soc, 0.5)
+    assert np.allclose(rows.c_rate, abs(level) / 3)
+
+
+def test_pulse_on_a_running_discharge_is_referred_to_it():
+    rows = measure(*pulse(level=-6.0, base=-1.0)).rows
+    assert np.allclose(rows.resistance_ohm, truth(np.array([0.1, 1, 10])), rtol=1e-6)
+    assert np.allclose(rows.c_rate, 5 / 3)
+
+
+def test_instantaneous_waits_for_nine_tenths_of_the_current():
+    time, current, voltage = pulse()
+    current[600], voltage[600] = -2.0, voltage[599] - 2.0 * R0
+    rows = measure(time, current, voltage, delays=(0,)).rows
+    assert np.isclose(rows.actual_delay_second[0], 0.2)
+    assert np.isclose(rows.resistance_ohm[0], truth(0.2))
+
+
+def test_voltage_that_moves_before_the_current():
+    """lgm50: the last rest sample holds the voltage of the pulse already."""
+    time, current, voltage = pulse()
+    current[600] = 0.0
+    rows = measure(time, current, voltage, delays=(10,)).rows
+    assert np.isclose(rows.voltage_before_volt[0], 3.7)
+    assert np.isclose(rows.resistance_ohm[0], truth(10), rtol=0.01)
+
+
+def test_sparse_rest_before_does_not_shift_the_edge():
+    time, current, voltage = pulse()
+    kept = (time >= 59.95) | (np.arange(len(time)) % 400 == 0)
+    rows = measure(time[kept], current[kept], voltage[kept]).rows
+    assert np.allclose(rows.resistance_ohm, truth(np.array([0.1, 1, 10])), rtol=1e-6)
+
+
+def test_stated_deviation_is_that_of_the_error():
+    found = [
+        measure(*pulse(noise=0.001, grain=0.0005, seed=seed), delays=(10,)).rows
+        for seed in range(60)
+    ]
+    error = np.array([rows.resistance_ohm[0] - truth(10) for rows in found])
+    stated = np.array([rows.resistance_std_ohm[0] for rows in found])
+    assert 0.75 < np.std(error) / stated.mean() < 1.25
+    assert np.mean(np.abs(error) < 2 * stated) > 0.85
+
+
+def test_ends_of_the_pulse_are_counted_as_reasons():
+    found = measure(*pulse(seconds=5.0), delays=(0, 10, 30))
+    assert found.rows.delay_second.tolist() == [0]
+    assert found.left_out == ("1 × pulse ends before 10 s", "1 × pulse ends before 30 s")
+
+
+def test_coarse_sampling_gives_no_early_delay():
+    found = measure(*pulse(seconds=60, step=10.0), delays=(1, 10, 30))
+    assert found.rows.delay_second.tolist() == [10, 30]
+    assert "later than 1 s" in found.left_out[0]
+
+
+def test_current_that_is_not_held_gives_no_late_delay():
+    time, current, voltage = pulse()
+    falls = (time > 65) & (current < 0)
+    current[falls] *= np.exp(-(time[falls] - 65) / 10)
+    voltage[falls] = voltage[np.argmax(falls) - 1]
+    found = measure(time, current, voltage)
+    assert found.rows.delay_second.tolist() == [0, 1]
+    assert "not held until 10 s" in found.left_out[0]
+
+
+@settings(max_examples=20, deadline=None)
+@given(sign=st.sampled_from([-1, 1]), size=st.floats(0.1, 50))
+def test_sign_and_size_of_the_cell(sign, size):
+    time, current, voltage = pulse()
+    mirrored = 3.7 + sign * (voltage - 3.7)
+    rows = measure(time, sign * size * current, mirrored, rated=3.0 * size).rows
+    assert np.allclose(size * rows.resistance_ohm, truth(np.array([0.1, 1, 10])))
+
+
+def test_refusals():
+    time, current, voltage = pulse()
+    with pytest.raises(Refusal, match="has no pulse"):
+        measure(time, 0 * current, voltage)
+    with pytest.raises(Refusal, match="voltage does not move with the current"):
+        measure(time, current, 3.7 - 0.1 * (voltage - 3.7))
+
+
+def read(path):
+    data = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    names = ("Test Time / s", "Current / A", "Voltage / V")
+    return [data[name].to_numpy(float) for name in names], data
+
+
+@pytest.mark.parametrize(
+    ("place", "first", "ten"),
+    [("25C", 20.7, 37.3), ("10C", 30.1, 52.0), ("0C", 40.8, 79.7), ("n10C", 60.6, 129.8)],
+)
+def test_published_panasonic(shared, place, first, ten):
+    columns, data = read(shared / f"campaigns/panasonic/raw/hppc/hppc_{place}.parquet")
+    soc = 1 + data["Net Capacity / Ah"].to_numpy() / 2.9  # the record has holes: the counter
+    rows = measure(*columns, rated=2.9, soc=soc, delays=(0, 10)).rows
+    half = (np.abs(rows.c_rate - 1) < 0.05) & (np.abs(rows.soc - 0.5) < 0.02)
+    found = 1e3 * rows.resistance_ohm[half]
+    assert np.allclose(found, [first, ten], rtol=0.005)
+
+
+@pytest.mark.parametrize(
+    ("place", "cell", "published"),
+    [("25C", 1, 36.2), ("45C", 8, 29.4), ("45C", 9, 47.2), ("10C", 15, 38.4), ("0C", 24, 53.7)],
+)
+def test_published_lgm50(shared, place, cell, published):
+    columns, _ = read(shared / f"campaigns/lgm50/raw/pulses/{place}/Cell{cell}_SoC5.csv.gz")
+    rows = measure(*columns, rated=5.0, delays=(10,)).rows
+    assert np.isclose(1e3 * rows.resistance_ohm[0], published, rtol=0.01)
+
+
+def test_long_loads_serve_where_there_is_no_pulse(shared):
+    (time, current, voltage), _ = read(shared / "campaigns/dmegc/raw/R1/pulses.csv.gz")
+    rows = measure(time, -current, voltage, rated=2.6, delays=(10,)).rows
+    assert len(rows.soc) == 11
+    assert np.all((rows.resistance_ohm > 0.03) & (rows.resistance_ohm < 0.06))
