@@ -1,0 +1,148 @@
+"""What every state of charge of a cell refers to: its capacity and its open-circuit voltage."""
+
+from typing import NamedTuple
+
+from cellwright.refusal import Refusal
+from cellwright.series.anchor import soc_series
+
+REFERENCE_CELSIUS = 25.0
+SAME_RATE = 0.1
+CLOSED = 0.03
+
+
+class Lender(NamedTuple):
+    """A cell of the same type: its name, whether it is marked as reference, curves, capacities."""
+
+    cell: str
+    marked: bool
+    curves: list
+    capacities: list
+
+
+def basis(cell, curves, capacities, lenders, *, rated_capacity_ampere_hour=None):
+    """Capacity and OCV curves that a cell's SoC, 0 to 1, refers to.
+
+    1. With slow tests of its own, the cell's SoC refers to the capacity of the one nearest 25 °C.
+    2. Without, the curves of the reference cell of its type are borrowed (the marked one, else the
+    largest); the capacity is the cell's own, carried from the rate of its test to the slow rate by
+    the reference cell's ratio where that has a test at both rates.
+    3. Without a capacity test the rating serves. What was taken is said in `capacity_source`.
+
+    Parameters
+    ----------
+    cell : name of the cell.
+    curves : list of dict, one a slow test: ambient_temperature_celsius, capacity_ampere_hour,
+        soc, ocv_volt and what else the OCV stage gives.
+    capacities : list of dict, rows of the capacity stage with ambient_temperature_celsius.
+    lenders : list of Lender.
+    rated_capacity_ampere_hour : [Ah] or None.
+
+    Returns
+    -------
+    basis : dict with cell, capacity_ampere_hour, capacity_source, borrowed_from, ocv.
+
+    Raises
+    ------
+    Refusal
+        No capacity test, no slow test and no rating.
+    """
+    # ASSUME: A cell without a slow test has the open-circuit voltage curve of its reference cell.
+    found = {"cell": cell, "borrowed_from": None, "ocv": curves}
+    if curves:
+        capacity, source = _slow_capacity(min(curves, key=_off_reference))
+        return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
+    lender = max((one for one in lenders if one.curves), key=_rank, default=None)
+    if lender:
+        found |= {"borrowed_from": lender.cell, "ocv": lender.curves}
+    capacity, source = _own_capacity(capacities, lender, rated_capacity_ampere_hour)
+    return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
+
+
+def _off_reference(row):
+    celsius = row["ambient_temperature_celsius"]
+    return abs(REFERENCE_CELSIUS - celsius) if celsius is not None else float("inf")
+
+
+def _celsius(row):
+    # ASSUME: A test without a stated temperature was made at 25 °C.
+    celsius = row["ambient_temperature_celsius"]
+    return REFERENCE_CELSIUS if celsius is None else celsius
+
+
+def _rank(lender):
+    return lender.marked, max(curve["capacity_ampere_hour"] for curve in lender.curves)
+
+
+def _slow_capacity(curve):
+    """Capacity of a slow test; where its two directions part, what an offset cannot have moved."""
+    out, back = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
+    if back is None or abs(out / back - 1) <= CLOSED:
+        return out, f"slow test {curve['test']}"
+    # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an offset
+    # and the mean of the two is the capacity: the cell itself returns what it took.
+    mean = (out + back) / 2
+    return mean, f"slow test {curve['test']}, mean of {out:.4g} Ah out and {back:.4g} Ah back"
+
+
+def _own_capacity(capacities, lender, rated):
+    full = [row for row in capacities if row["direction"] == "discharge"]
+    if not full:
+        if not rated:
+            raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
+        return rated, "rating"
+    slowest = min(full, key=lambda row: (_off_reference(row), row["cycle"] or 0, row["c_rate"]))
+    source = f"discharge of {slowest['test']} at {slowest['c_rate']:.2g}C"
+    ratio = _slow_ratio(slowest, lender) if lender else None
+    if ratio is None:
+        return slowest["capacity_ampere_hour"], source
+    source += f", carried to the slow rate as in {lender.cell} (×{ratio:.4f})"
+    return slowest["capacity_ampere_hour"] * ratio, source
+
+
+# ASSUME: A cell that borrows its OCV loses as much capacity to rate as the lender does.
+def _slow_ratio(row, lender):
+    """The lender's slow capacity over its capacity at the rate and temperature of `row`."""
+    slow = min(lender.curves, key=_off_reference)["capacity_ampere_hour"]
+    alike = [
+        other["capacity_ampere_hour"]
+        for other in lender.capacities
+        if other["direction"] == "discharge"
+        and abs(other["c_rate"] / row["c_rate"] - 1) < SAME_RATE
+        and abs(_off_reference(other) - _off_reference(row)) < 3
+    ]
+    return slow / alike[0] if alike else None
+
+
+def soc_of(series, basis, test, cell):
+    """State of charge over a record of a cell, on the scale of its basis.
+
+    Parameters
+    ----------
+    series : dict of (n,) columns of a clean series.
+    basis : dict, from `basis`.
+    test : dict with soc (stated at the start, or None) and ambient_temperature_celsius.
+    cell : dict with lower_cutoff_volt and upper_cutoff_volt.
+
+    Returns
+    -------
+    anchored : `series.anchor.Anchored`, soc (n,) and in words what it is counted from.
+
+    Raises
+    ------
+    Refusal
+        As `series.anchor.soc_series`.
+    """
+    celsius = _celsius(test)
+    none = {"soc": None, "ocv_volt": None}
+    curve = min(basis["ocv"], key=lambda one: abs(_celsius(one) - celsius), default=none)
+    return soc_series(
+        series["charge_ampere_hour"],
+        series["current_ampere"],
+        series["voltage_volt"],
+        capacity_ampere_hour=basis["capacity_ampere_hour"],
+        lower_cutoff_volt=cell["lower_cutoff_volt"],
+        upper_cutoff_volt=cell["upper_cutoff_volt"],
+        soc_at_start=test["soc"],
+        ocv_soc=curve["soc"],
+        ocv_volt=curve["ocv_volt"],
+    )

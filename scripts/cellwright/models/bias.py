@@ -1,0 +1,226 @@
+"""Models of cells that have no pulses of their own: the reference cell's, corrected by IC peaks.
+
+Source: thesis 4.5, eq. 4.2–4.6. Its products a2·a3, a2·a4, −a2·a5 (and c2·c4 …) are merged, since
+only the products can be identified: f = s·ΔV² + ΔV·(k0 + k1·z + k2·z²).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from cellwright.refusal import Refusal
+
+
+class Calibration(NamedTuple):
+    """Coefficients of the bias functions and their leave-one-cell-out errors.
+
+    r0, ocv : (4,) [ohm/V², ohm/V ×3], [1/V, 1 ×3]; polarisation : [ohm/V]; errors RMS.
+    """
+
+    r0: np.ndarray
+    polarisation: float
+    ocv: np.ndarray
+    r0_left_out_ohm: float
+    polarisation_left_out_ohm: float
+    ocv_left_out_volt: float
+    cells: int
+
+
+def match_peaks(reference_volt, target_volt, *, reach_volt=0.25):
+    """Pair IC peaks of two cells: by order where both show as many, else mutual nearest ones.
+
+    Parameters
+    ----------
+    reference_volt, target_volt : (p,), (q,) ascending peak voltages at the same rate [V].
+    reach_volt : peaks further apart than this are not the same peak [V].
+
+    Returns
+    -------
+    pairs : (m, 2) indices into reference and target.
+
+    Raises
+    ------
+    Refusal : nothing matches.
+    """
+    distance = np.abs(np.subtract.outer(reference_volt, target_volt))
+    if not distance.size:
+        raise Refusal("a cell shows no IC peak: its shift from the reference is not known")
+    rows = np.arange(len(reference_volt))
+    nearest = distance.argmin(axis=1)
+    mutual = distance.argmin(axis=0)[nearest] == rows
+    if distance.shape[0] == distance.shape[1]:
+        nearest, mutual = rows, np.full(len(rows), True)
+    pairs = np.column_stack([rows, nearest])[mutual & (distance[rows, nearest] <= reach_volt)]
+    if not len(pairs):
+        raise Refusal(f"no IC peak of the cell lies within {reach_volt:g} V of a reference peak")
+    return pairs
+
+
+def peak_shift(reference_volt, reference_height, target_volt, *, reach_volt=0.25):
+    """Shift of the reference's highest matched peak, and mean shift of all matched peaks.
+
+    Parameters
+    ----------
+    reference_volt, reference_height, target_volt : peaks as in `match_peaks`; heights in any unit.
+    reach_volt : see `match_peaks`.
+
+    Returns
+    -------
+    main_volt, mean_volt : target minus reference [V].
+    """
+    reference_volt, target_volt = np.asarray(reference_volt), np.asarray(target_volt)
+    pairs = match_peaks(reference_volt, target_volt, reach_volt=reach_volt)
+    shifts = target_volt[pairs[:, 1]] - reference_volt[pairs[:, 0]]
+    return float(shifts[np.argmax(np.asarray(reference_height)[pairs[:, 0]])]), float(shifts.mean())
+
+
+def quadratic_bias(shift_volt, soc, coefficients):
+    """Bias function of R0 and OCV: s·ΔV² + ΔV·(k0 + k1·z + k2·z²).
+
+    Parameters
+    ----------
+    shift_volt : scalar [V].
+    soc : scalar or (k,) [1].
+    coefficients : (4,) s, k0, k1, k2.
+
+    Returns
+    -------
+    bias : shape of soc, unit of the coefficients times volts.
+
+    Source: thesis (4.3), (4.5). Erratum: the worked example (4.6) needs a2 = 0.17 and the factor
+    ΔV in the second term; table 4.5 prints 1.7.
+    """
+    return _columns(shift_volt, np.asarray(soc, float)) @ np.asarray(coefficients)
+
+
+def calibrate(main_shift_volt, mean_shift_volt, soc, r0_change, rp_change, ocv_change):
+    """Fit the bias functions on cells that have both pulses and a charge with IC peaks.
+
+    Parameters
+    ----------
+    main_shift_volt, mean_shift_volt : (cells,) from `peak_shift` [V].
+    soc : (k,) common SoC of the changes [1].
+    r0_change, rp_change, ocv_change : (cells, k) cell minus reference [ohm], [ohm], [V].
+
+    Returns
+    -------
+    calibration : Calibration.
+
+    Raises
+    ------
+    Refusal : fewer than three cells (two would be met exactly, one left out could not be
+        predicted), fewer than three SoC, or all shifts alike.
+    """
+    # ASSUME: A shift of the IC peaks tells resistance and OCV of a cell by the thesis' eq. 4.3.
+    main, mean = np.asarray(main_shift_volt, float), np.asarray(mean_shift_volt, float)
+    if len(main) < 3:
+        raise Refusal(
+            f"{len(main)} cell(s) beside the reference have pulses and IC peaks; 3 needed"
+        )
+    stacked = np.array([_columns(shift, np.asarray(soc, float)) for shift in main])
+    if np.linalg.matrix_rank(stacked[1:].reshape(-1, 4), rtol=1e-6) < 4:
+        raise Refusal("the peak shifts of the calibrating cells, or their SoC, are too much alike")
+    flat = mean[:, None, None] * np.ones((1, len(soc), 1))
+    r0, r0_error = _fitted(stacked, np.asarray(r0_change, float))
+    rp, rp_error = _fitted(flat, np.asarray(rp_change, float))
+    ocv, ocv_error = _fitted(stacked, np.asarray(ocv_change, float))
+    return Calibration(r0, float(rp[0]), ocv, r0_error, rp_error, ocv_error, len(main))
+
+
+def biased_model(reference, calibration, *, cell, main_shift_volt, mean_shift_volt, capacity):
+    """Model of a cell from the reference's, corrected by the shift of its IC peaks.
+
+    Parameters
+    ----------
+    reference : model dict of schema cellwright-model/1.
+    calibration : Calibration.
+    cell : id of the new cell.
+    main_shift_volt, mean_shift_volt : its shifts from the reference, `peak_shift` [V].
+    capacity : its capacity [Ah].
+
+    Returns
+    -------
+    model : dict, kind "bias". Time constants stay; the change of the polarisation resistance is
+        shared by the branches in proportion; no resistance falls below a tenth of the reference's.
+    """
+
+    def change(entry):
+        soc = np.asarray(entry["soc"])
+        r0 = np.asarray(entry["r0_ohm"])
+        r0_new = r0 + quadratic_bias(main_shift_volt, soc, calibration.r0)
+        total = sum(np.asarray(branch["r_ohm"]) for branch in entry["branches"])
+        moved = total + calibration.polarisation * mean_shift_volt
+        ratio = np.divide(moved, total, out=np.ones_like(total), where=total > 0)
+        ocv = quadratic_bias(main_shift_volt, soc, calibration.ocv)
+        shift = np.asarray(entry.get("ocv_shift_volt", np.zeros(len(soc)))) + ocv
+        return np.maximum(r0_new, 0.1 * r0), np.maximum(ratio, 0.1), shift
+
+    note = (
+        f"bias-corrected from {reference['cell']}: IC peaks shifted by {1e3 * main_shift_volt:.1f} "
+        f"mV, calibrated on {calibration.cells} cells"
+    )
+    return _changed(reference, change, cell=cell, capacity=capacity, kind="bias", note=note)
+
+
+def scaled_reference(reference, *, cell, capacity, resistance_ratio):
+    """Model of a cell as the reference with its own capacity and all resistances scaled.
+
+    Parameters
+    ----------
+    reference : model dict of schema cellwright-model/1.
+    cell : id of the new cell.
+    capacity : its capacity [Ah].
+    resistance_ratio : its resistance over the reference's [1].
+
+    Returns
+    -------
+    model : dict, kind "scaled".
+
+    Raises
+    ------
+    Refusal : ratio or capacity not positive.
+    """
+    # ASSUME: A cell without its own pulses has the reference's OCV over SoC and its resistances
+    # ASSUME: times one factor.
+    if not (resistance_ratio > 0 and capacity > 0):
+        raise Refusal(f"capacity {capacity} Ah or resistance ratio {resistance_ratio} not positive")
+
+    def change(entry):
+        shift = np.asarray(entry.get("ocv_shift_volt", np.zeros(len(entry["soc"]))))
+        return resistance_ratio * np.asarray(entry["r0_ohm"]), resistance_ratio, shift
+
+    note = f"scaled from {reference['cell']}: resistances times {resistance_ratio:.3f}"
+    return _changed(reference, change, cell=cell, capacity=capacity, kind="scaled", note=note)
+
+
+def _changed(reference, change, *, cell, capacity, kind, note):
+    def entry_of(entry):
+        r0, ratio, shift = change(entry)
+        branches = [
+            {**b, "r_ohm": (np.asarray(b["r_ohm"]) * ratio).tolist()} for b in entry["branches"]
+        ]
+        new = {"r0_ohm": r0.tolist(), "branches": branches, "ocv_shift_volt": shift.tolist()}
+        return {**entry, **new}
+
+    members = [
+        {**member, "conditions": [entry_of(entry) for entry in member["conditions"]]}
+        for member in reference["members"]
+    ]
+    own = {"cell": cell, "capacity_ampere_hour": float(capacity), "kind": kind, "members": members}
+    return {**reference, **own, "notes": [note]}
+
+
+def _columns(shift, soc):
+    ones = np.ones_like(soc)
+    return np.stack([shift**2 * ones, shift * ones, shift * soc, shift * soc**2], axis=-1)
+
+
+def _fitted(columns, change):
+    """Least squares over all cells, and the RMS error of each cell predicted from the others."""
+    width, cells = columns.shape[-1], np.arange(len(change))
+    errors = []
+    for left in cells:
+        others = cells != left
+        part = np.linalg.lstsq(columns[others].reshape(-1, width), change[others].ravel())[0]
+        errors.append(columns[left] @ part - change[left])
+    fit = np.linalg.lstsq(columns.reshape(-1, width), change.ravel())[0]
+    return fit, float(np.sqrt(np.mean(np.square(errors))))

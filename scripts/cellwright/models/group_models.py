@@ -1,0 +1,130 @@
+"""Models of the cells of a parallel group that have no tests of their own."""
+
+import numpy as np
+
+from cellwright.models.basis import REFERENCE_CELSIUS
+from cellwright.models.branches import identify_branches, rest_offset
+from cellwright.models.cell import SCHEMA
+from cellwright.refusal import Refusal
+
+KNOTS = 21
+REST_SHARE = 0.02
+
+
+def branch_currents(series):
+    """Measured branch currents (n, branches) of a group's series [A].
+
+    Raises
+    ------
+    Refusal
+        The record has no branch currents.
+    """
+    names = [name for name in series if name.startswith("branch_")]
+    if len(names) < 2:
+        raise Refusal("the record has no currents of two or more branches")
+    return np.column_stack([series[name] for name in sorted(names)])
+
+
+def group_models(series, steps, cells, *, test, celsius):
+    """Models of all cells of a group from the longest charge in its own record.
+
+    1. The stretch runs from the end of the rest before the group's longest charge to the end of
+    the rest after it; the branch sensors' offsets are what they read in the rest before.
+    2. `branches.identify_branches` fits it. 3. What lies outside the stretch is left for scoring:
+    each model says in `fitted` which part of the record it has seen.
+
+    Parameters
+    ----------
+    series : dict of (n,) columns with branch_<k>_current_ampere.
+    steps : dict of columns of stage `segment`.
+    cells : names of the cells, in the order of the branches.
+    test : name of the record.
+    celsius : chamber temperature of the record [°C], None: taken as 25.
+
+    Returns
+    -------
+    models : dict, cell → model of schema cellwright-model/1, kind "group".
+
+    Raises
+    ------
+    Refusal
+        No branch currents, no charge between two rests, or as `identify_branches`.
+    """
+    current = branch_currents(series)
+    before, first, last = _charge_between_rests(steps)
+    rest = slice(steps["first_row"][before], steps["last_row"][before] + 1)
+    total = series["current_ampere"]
+    tail = slice(max(rest.stop - (rest.stop - rest.start) // 2, rest.start), rest.stop)
+    limit = REST_SHARE * np.abs(total).max()
+    offset = rest_offset(current[tail], total[tail], rest_ampere=limit)
+    rows = slice(rest.stop - 1, steps["last_row"][last] + 1)
+    time = series["test_time_second"][rows]
+    fit = identify_branches(time, current[rows] - offset, series["voltage_volt"][rows])
+    fitted = {"test": test, "from_second": float(time[0]), "to_second": float(time[-1])}
+    celsius = REFERENCE_CELSIUS if celsius is None else celsius
+    note = (
+        f"identified inside its group from the charge at {time[0]:.0f} to {time[-1]:.0f} s of "
+        f"{test} (fit {1e3 * fit.fit_rmse_volt:.1f} mV); the rest of the record scores it"
+    )
+    return {
+        cell: _model(cell, fit.group, branch, celsius, fit.fit_rmse_volt, fitted, note)
+        for branch, cell in enumerate(cells)
+    }
+
+
+def _charge_between_rests(steps):
+    """Indices of the rest before, the first and the last step of the longest charge."""
+    kind, charge = steps["kind"], steps["charge_ampere_hour"]
+    rests = np.flatnonzero(kind == "rest")
+    spans = [
+        (charge[before + 1 : after].sum(), before, after)
+        for before, after in zip(rests[:-1], rests[1:], strict=True)
+        if after > before + 1 and (steps["current_mean_ampere"][before + 1 : after] > 0).all()
+    ]
+    if not spans:
+        raise Refusal("the record has no charge between two rests to identify its cells from")
+    _, before, after = max(spans)
+    return before, before + 1, after
+
+
+def _model(cell, group, branch, celsius, rmse, fitted, note):
+    grid = np.linspace(0.0, 1.0, group.ocv_volt.shape[1])
+    knots = np.linspace(0.0, 1.0, KNOTS)
+    unknown = [None] * KNOTS
+
+    def at_knots(table):
+        return np.interp(knots, grid, table).tolist()
+
+    branches = [
+        {
+            "r_ohm": at_knots(r),
+            "r_std_ohm": unknown,
+            "tau_second": at_knots(tau),
+            "tau_std_second": unknown,
+        }
+        for r, tau in zip(group.r_ohm[branch], group.tau_second[branch], strict=True)
+    ]
+    condition = {
+        "ambient_temperature_celsius": celsius,
+        "soc": knots.tolist(),
+        "r0_ohm": at_knots(group.r0_ohm[branch]),
+        "r0_std_ohm": unknown,
+        "branches": branches,
+        "at_bound": [],
+        "fit_rmse_volt": rmse,
+        "tests": [fitted["test"]],
+    }
+    ocv = {"ambient_temperature_celsius": celsius, "soc": grid.tolist()}
+    ocv |= {"ocv_volt": group.ocv_volt[branch].tolist(), "branches": "group"}
+    return {
+        "schema": SCHEMA,
+        "cell": cell,
+        "capacity_ampere_hour": float(group.capacity_ampere_hour[branch]),
+        "borrowed_from": None,
+        "ocv": [ocv],
+        "members": [{"model": "1RC", "conditions": [condition]}],
+        "chosen": "1RC",
+        "kind": "group",
+        "fitted": fitted,
+        "notes": [note],
+    }

@@ -1,0 +1,37 @@
+"""Which part of a record may be fitted, where one record has to serve for fit and validation."""
+
+import numpy as np
+from cellwright.refusal import Refusal
+
+
+def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
+    """Cut a record into blocks at its rests: odd blocks fit, even blocks validate.
+
+    A block is a load and the rest that follows it, so that a relaxation is judged together with
+    the load that caused it; blocks are counted from 1. A rest at the very start cuts nothing.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere : (n,) [s], [A].
+    rest_second : shortest stretch without current that cuts [s].
+    rest_ampere : current below which the cell rests [A].
+
+    Returns
+    -------
+    fit : (n,) bool, True where the row may be fitted.
+
+    Raises
+    ------
+    Refusal : fewer than two blocks: nothing would be left to validate.
+
+    Source: campaign contract, role `split`.
+    """
+    resting = np.abs(current_ampere) <= rest_ampere
+    bounds = np.flatnonzero(np.diff(resting.astype(int), prepend=0, append=0))
+    first, last = bounds[::2], bounds[1::2] - 1
+    long = test_time_second[last] - test_time_second[first] >= rest_second
+    starts = last[long & (first > 0)] + 1
+    block = np.searchsorted(starts, np.arange(len(resting)), side="right")
+    if block[-1] == 0:
+        raise Refusal(f"no rest of {rest_second:g} s inside the record to cut it at")
+    return block % 2 == 0

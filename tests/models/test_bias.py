@@ -1,0 +1,102 @@
+"""Bias correction: the thesis' worked example, recovery of known coefficients, refusals."""
+
+import numpy as np
+import pytest
+import truth
+from cellwright.models import bias
+from cellwright.refusal import Refusal
+
+SOC = np.linspace(0.1, 0.9, 9)
+SHIFT = np.array([0.02, 0.05, 0.09, 0.15])
+R0_TRUE = np.array([0.5, 0.03, 0.01, -0.02])
+OCV_TRUE = np.array([0.03, 0.4, 0.03, 0.004])
+
+
+def published(a2):
+    """Coefficients of table 4.5, resistance in milliohm."""
+    return [23.0, a2 * 0.507, a2 * 0.0107, -a2 * 5.87e-4]
+
+
+@pytest.mark.parametrize(("a2", "milliohm"), [(0.17, 0.829282), (1.7, 0.976610)])
+def test_worked_example_of_the_thesis(a2, milliohm):
+    """Eq. 4.6 gives 0.82927 with a2 = 0.17; table 4.5 prints 1.7 (erratum)."""
+    assert bias.quadratic_bias(0.188, 0.5, published(a2)) == pytest.approx(milliohm, abs=6e-6)
+
+
+def changes(noise=0.0):
+    rng = np.random.default_rng(1)
+    r0 = np.array([bias.quadratic_bias(s, SOC, R0_TRUE) for s in SHIFT])
+    ocv = np.array([bias.quadratic_bias(s, SOC, OCV_TRUE) for s in SHIFT])
+    rp = np.outer(SHIFT, np.full(9, 0.27))
+    return [values + noise * rng.normal(size=values.shape) for values in (r0, rp, ocv)]
+
+
+def test_calibration_recovers_the_coefficients():
+    found = bias.calibrate(SHIFT, SHIFT, SOC, *changes())
+    np.testing.assert_allclose(found.r0, R0_TRUE, atol=1e-9)
+    np.testing.assert_allclose(found.ocv, OCV_TRUE, atol=1e-9)
+    assert found.polarisation == pytest.approx(0.27)
+    assert found.r0_left_out_ohm < 1e-9
+    assert found.cells == 4
+
+
+def test_the_left_out_error_tells_the_noise():
+    found = bias.calibrate(SHIFT, SHIFT, SOC, *changes(noise=1e-3))
+    assert 0.6e-3 < found.polarisation_left_out_ohm < 1.5e-3
+    assert found.r0_left_out_ohm > 0.6e-3
+
+
+@pytest.mark.parametrize(
+    ("shifts", "reason"), [([0.1, 0.2], "2 cell.s. beside"), ([0.1, 0.1, 0.1], "too much alike")]
+)
+def test_calibration_refuses(shifts, reason):
+    flat = np.zeros((len(shifts), 9))
+    with pytest.raises(Refusal, match=reason):
+        bias.calibrate(shifts, shifts, SOC, flat, flat, flat)
+
+
+def test_peaks_match_by_order_or_by_nearness():
+    by_order = bias.match_peaks([3.5, 3.7], [3.68, 3.85])
+    np.testing.assert_array_equal(by_order, [[0, 0], [1, 1]])
+    nearest = bias.match_peaks([3.5, 3.7, 3.9], [3.53, 3.94])
+    np.testing.assert_array_equal(nearest, [[0, 0], [2, 1]])
+    main, mean = bias.peak_shift([3.5, 3.7, 3.9], [1.0, 9.0, 4.0], [3.53, 3.94])
+    assert main == pytest.approx(0.04)
+    assert mean == pytest.approx(0.035)
+    with pytest.raises(Refusal, match="no IC peak of the cell lies within"):
+        bias.match_peaks([3.5], [4.1])
+    with pytest.raises(Refusal, match="shows no IC peak"):
+        bias.match_peaks([3.5], [])
+
+
+def test_biased_model_is_the_reference_plus_the_bias():
+    found = bias.calibrate(SHIFT, SHIFT, SOC, *changes())
+    reference = truth.model()
+    model = bias.biased_model(
+        reference, found, cell="B", main_shift_volt=0.05, mean_shift_volt=0.04, capacity=1.8
+    )
+    entry = model["members"][0]["conditions"][0]
+    expected = truth.R0 + bias.quadratic_bias(0.05, truth.KNOTS, R0_TRUE)
+    np.testing.assert_allclose(entry["r0_ohm"], expected)
+    total = np.sum([b["r_ohm"] for b in entry["branches"]], axis=0)
+    np.testing.assert_allclose(total, truth.R.sum(axis=0) + 0.27 * 0.04)
+    assert (model["cell"], model["kind"], model["capacity_ampere_hour"]) == ("B", "bias", 1.8)
+    assert reference == truth.model()
+
+
+def test_no_shift_is_the_reference_itself():
+    found = bias.calibrate(SHIFT, SHIFT, SOC, *changes())
+    model = bias.biased_model(
+        truth.model(), found, cell="B", main_shift_volt=0.0, mean_shift_volt=0.0, capacity=2.0
+    )
+    np.testing.assert_allclose(model["members"][0]["conditions"][0]["r0_ohm"], truth.R0)
+
+
+def test_scaled_reference():
+    model = bias.scaled_reference(truth.model(), cell="B", capacity=1.5, resistance_ratio=1.3)
+    entry = model["members"][0]["conditions"][0]
+    np.testing.assert_allclose(entry["r0_ohm"], 1.3 * truth.R0)
+    np.testing.assert_allclose(entry["branches"][1]["r_ohm"], 1.3 * truth.R[1])
+    assert model["kind"] == "scaled"
+    with pytest.raises(Refusal, match="not positive"):
+        bias.scaled_reference(truth.model(), cell="B", capacity=1.5, resistance_ratio=0.0)
