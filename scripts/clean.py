@@ -1,0 +1,10 @@
+"""Flag what is corrupt in a series, remove or repair it, and keep a list of what was done."""
+
+import artefact
+from cellwright import series
+
+with artefact.Job(snakemake) as job:
+    raw = job.load(snakemake.input.series)
+    found = series.clean(raw, **snakemake.params.settings)
+    job.save(found.columns, snakemake.output.series)
+    job.save(found.actions, snakemake.output.flags)

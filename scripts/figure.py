@@ -1,0 +1,92 @@
+"""The house's plot style: SVG that is the same for the same data, on any machine."""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+INK, QUIET, GRID = "#1d2733", "#8a94a0", "#e6e9ed"
+MEASURED, ERROR = "#1d2733", "#c0392b"
+SERIES = ("#0b6fb8", "#e07b00", "#2a9d5c", "#8e4ec6", "#c0392b", "#5d6d7e", "#b8860b", "#00868b")
+MARKERS = {"discharge": "v", "charge": "^"}
+STYLE = {
+    "svg.hashsalt": "cellwright",
+    "svg.fonttype": "none",
+    "font.family": ["sans-serif"],
+    "font.size": 9,
+    "axes.edgecolor": QUIET,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "path.simplify": True,
+    "path.simplify_threshold": 0.5,
+}
+matplotlib.rcParams.update(STYLE)
+
+
+def canvas(rows=1, columns=1, *, width=9.0, height=3.2, **subplots):
+    """A new figure and its axes (2-d array), `width` × `height` [inch]."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **subplots)
+
+
+def temperature_colour(celsius):
+    """Blue in the cold, red in the heat, −25 … 50 °C; grey where not known."""
+    if celsius is None or not np.isfinite(celsius):
+        return QUIET
+    return matplotlib.colormaps["turbo"](0.08 + 0.84 * np.clip((celsius + 25) / 75, 0, 1))
+
+
+def temperature_label(celsius) -> str:
+    """`25 °C`, or that it is not known."""
+    return "temperature not stated" if celsius is None else f"{celsius:g} °C"
+
+
+def thin(x, y, *, points=2000):
+    """Fewer points that draw the same line: lowest and highest of each stretch, in order.
+
+    Stretches without a value stay open.
+    """
+    if len(x) <= points:
+        return x, y
+    low, high = np.where(np.isnan(y), np.inf, y), np.where(np.isnan(y), -np.inf, y)
+    edges = np.linspace(0, len(x), points // 2 + 1).astype(int)
+    keep = [
+        start + np.sort([np.argmin(low[start:stop]), np.argmax(high[start:stop])])
+        for start, stop in pairwise(edges)
+    ]
+    keep = np.unique(np.concatenate([[0], *keep, [len(x) - 1]]))
+    return x[keep], y[keep]
+
+
+def legend_once(axes, **settings):
+    """A legend without repeated labels, or none where nothing is labelled."""
+    handles, labels = axes.get_legend_handles_labels()
+    if labels:
+        unique = dict(zip(labels, handles, strict=True))
+        axes.legend(unique.values(), unique.keys(), **settings)
+
+
+def save(figure, job, path=None):
+    """Write a figure as one of the job's outputs, its provenance in the SVG's metadata."""
+    path = path or job.snakemake.output[0]
+    about = json.dumps(job.about(), sort_keys=True)
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, metadata={"Date": None, "Creator": "Cellwright", "Description": about})
+    job.saved.add(path)

@@ -1,0 +1,9 @@
+"""Figure: the campaign at a glance."""
+
+import artefact
+import figure
+from drawing import overview
+
+with artefact.Job(snakemake) as job:
+    tables = [artefact.load_table(path) for path in snakemake.input]
+    figure.save(overview.draw(snakemake.params.cells, *tables), job)

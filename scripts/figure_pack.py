@@ -1,0 +1,10 @@
+"""Figure: pack of one test."""
+
+import artefact
+import figure
+from drawing import pack
+
+with artefact.Job(snakemake) as job:
+    series = job.load(snakemake.input.series)
+    scores = artefact.rows(job.load(snakemake.input.scores))
+    figure.save(pack.draw(series, scores, snakemake.wildcards.test), job)

@@ -1,0 +1,52 @@
+"""Artefacts of several cells brought into the form in which one cell borrows from another."""
+
+import artefact
+from cellwright.models.basis import Lender
+
+
+def curves(paths) -> list[dict]:
+    """OCV curves of stage `ocv` as plain lists with their facts and test."""
+    found = []
+    for columns, about in artefact.load_all(paths):
+        facts = about["params"]["test"]
+        lists = {name: values.tolist() for name, values in columns.items()}
+        names = ("ambient_temperature_celsius", "cycle")
+        who = {"test": about["wildcards"]["test"], **{name: facts[name] for name in names}}
+        found.append(who | about["facts"] | lists)
+    return found
+
+
+def capacities(paths) -> list[dict]:
+    """Rows of stage `capacity` with test, temperature and cycle."""
+    found = []
+    for columns, about in artefact.load_all(paths):
+        facts = about["params"]["test"]
+        names = ("ambient_temperature_celsius", "cycle")
+        who = {"test": about["wildcards"]["test"], **{name: facts[name] for name in names}}
+        found += [who | row for row in artefact.rows(columns)]
+    return found
+
+
+def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
+    """The cells that the artefacts belong to, as lenders."""
+    owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in ocv_paths}
+    owner |= {path: artefact.read_about(path)["wildcards"]["cell"] for path in capacity_paths}
+    return [
+        Lender(
+            cell,
+            cell in references,
+            curves([path for path in ocv_paths if owner[path] == cell]),
+            capacities([path for path in capacity_paths if owner[path] == cell]),
+        )
+        for cell in dict.fromkeys(owner.values())
+    ]
+
+
+def sentences(basis) -> list[str]:
+    """What a reader must know of where capacity and OCV come from."""
+    said = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
+    if basis["borrowed_from"]:
+        said.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
+    elif not basis["ocv"]:
+        said.append("no OCV: no slow test of its own, and no cell of its type has one")
+    return said

@@ -1,0 +1,93 @@
+"""What the report shows: everything gathered for the template, nothing decided."""
+
+import base64
+from pathlib import Path
+
+import artefact
+import jinja2
+import yaml
+
+TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation"]
+SHOWN_ROWS = 60
+
+
+def render(job) -> str:
+    """The report as one HTML text, from the inputs and params of rule `report`."""
+    inputs, params = job.input, job.params
+    tables = {Path(path).stem: artefact.load_table(path) for path in inputs.tables}
+    abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
+    known = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
+    owners = [row["cell"] for row in params.cells]
+    groups = list(dict.fromkeys(row["group"] for row in params.groups))
+    pages = [_page(name, params, tables, abouts, known) for name in owners + groups]
+    template = Path(inputs.template).read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["number"] = number
+    return environment.from_string(template).render(
+        title=params.title,
+        excluded=tables["excluded"],
+        checks=artefact.load_table(inputs.checks),
+        summary=artefact.load_table(inputs.summary),
+        overview=[_picture(path, known) for path in params.figures["campaign"]],
+        pages=pages,
+        assumptions=params.assumptions,
+        choices=params.choices,
+        environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
+        artefacts=len(abouts),
+    )
+
+
+def number(text) -> str:
+    """Four significant digits for people; the tables hold more."""
+    try:
+        return f"{float(text):.4g}"
+    except (TypeError, ValueError):
+        return text
+
+
+def _page(name, params, tables, abouts, known) -> dict:
+    facts = next((row for row in params.cells if row["cell"] == name), {})
+    branches = [row for row in params.groups if row["group"] == name]
+    rows = {
+        table: [row for row in tables[table] if row["cell"] == name] for table in TABLES_OF_CELL
+    }
+    rows["packs"] = [row for row in tables["packs"] if row["group"] == name]
+    return {
+        "name": name,
+        "facts": {key: value for key, value in facts.items() if value not in (None, "")},
+        "branches": branches,
+        "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
+        "pictures": [_picture(path, known) for path in params.figures.get(name, [])],
+        "tables": {table: _short(found) for table, found in rows.items() if found},
+        "notes": _notes(name, abouts),
+    }
+
+
+def _short(rows) -> dict:
+    columns = [name for name in rows[0] if name not in ("cell", "group")]
+    return {"columns": columns, "rows": rows[:SHOWN_ROWS], "more": max(len(rows) - SHOWN_ROWS, 0)}
+
+
+def _test(row, abouts) -> dict:
+    mine = [about for about in abouts.values() if about["wildcards"].get("test") == row["test"]]
+    mine = [about for about in mine if row["cell"] in about["wildcards"].values()]
+    reasons = list(dict.fromkeys(about["reason"] for about in mine if about["reason"]))
+    return row | {"reasons": reasons}
+
+
+def _notes(name, abouts) -> list[dict]:
+    notes = {}
+    mine = [about for about in abouts.values() if name in about["wildcards"].values()]
+    said = [(note, one["wildcards"].get("test", "")) for one in mine for note in one["notes"]]
+    for note, test in said:
+        notes.setdefault(note, set()).add(test)
+    return [{"text": text, "tests": sorted(tests - {""})} for text, tests in notes.items()]
+
+
+def _picture(path, known) -> dict:
+    name = Path(path).stem
+    kind = next((kind for kind in known if name == kind or name.startswith(f"{kind}_")), None)
+    caption = known.get(kind, {"title": name, "read": ""})
+    data = base64.b64encode(Path(path).read_bytes()).decode()
+    test = name.removeprefix(f"{kind}_") if kind and name != kind else ""
+    return {"title": caption["title"], "read": caption["read"], "test": test, "data": data}

@@ -1,0 +1,43 @@
+"""The instruments' files as they lie in the campaign: there, whole, the ones that were meant."""
+
+import hashlib
+from pathlib import Path
+
+from cellwright.refusal import Refusal
+
+
+def contents(files, sha256) -> list[tuple[str, bytes]]:
+    """(path, bytes) of each file of a test, in order.
+
+    Parameters
+    ----------
+    files : list of paths relative to the campaign
+    sha256 : list of hexadecimal checksums, one a file, or None
+
+    Raises
+    ------
+    Refusal
+        A file is missing, a folder, empty, unreadable, or another one than the sheet says.
+    """
+    if not files:
+        raise Refusal("tests.tsv names no file for this test")
+    sums = sha256 or [None] * len(files)
+    return [(file, _bytes(file, wanted)) for file, wanted in zip(files, sums, strict=True)]
+
+
+def _bytes(file, wanted) -> bytes:
+    path = Path(file)
+    if path.is_dir():
+        raise Refusal(f"{file}: is a folder, wanted a file")
+    if not path.exists():
+        raise Refusal(f"{file}: there is no such file in the campaign")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise Refusal(f"{file}: cannot be read: {error.strerror}") from None
+    if not data:
+        raise Refusal(f"{file}: the file is empty (0 bytes)")
+    found = hashlib.sha256(data).hexdigest()
+    if wanted and found != wanted.lower():
+        raise Refusal(f"{file}: SHA-256 is {found}, tests.tsv says {wanted}")
+    return data

@@ -1,0 +1,20 @@
+"""Resistance at stated delays into each pulse of one test."""
+
+import artefact
+from cellwright.models.basis import soc_of
+from cellwright.protocols.resistance import pulse_resistance
+from cellwright.series.segments import Steps
+
+with artefact.Job(snakemake) as job:
+    series, basis = job.load(snakemake.input.series), job.load(snakemake.input.basis)
+    anchored = soc_of(series, basis, snakemake.params.test, snakemake.params.cell)
+    job.note(f"SoC from {anchored.anchor}")
+    found = pulse_resistance(
+        *artefact.columns(series, "test_time", "current", "voltage"),
+        anchored.soc,
+        Steps(**job.load(snakemake.input.steps)),
+        rated_capacity_ampere_hour=basis["capacity_ampere_hour"],
+        **snakemake.params.settings,
+    )
+    job.note(*found.left_out)
+    job.save(found.rows)

@@ -1,0 +1,118 @@
+"""Tables of the results contract from artefacts: rows of all tests under one header."""
+
+from pathlib import Path
+
+import artefact
+from storage import stage_of
+
+
+def rows_of(paths, tests) -> list[dict]:
+    """Rows of all artefacts with content, each with its cell, test and facts of the sheet."""
+    found = []
+    for columns, about in artefact.load_all(paths):
+        who = dict(about["wildcards"])
+        facts = tests.get(f"{who.get('cell') or who.get('group')}/{who.get('test')}", {})
+        found += [who | facts | row for row in artefact.rows(columns)]
+    return found
+
+
+def excluded(paths, files) -> list[dict]:
+    """What was refused, once, at the stage where it arose; never where it was passed on."""
+    found = []
+    for path in paths:
+        about = artefact.read_about(path)
+        if about["reason"] is None or about["origin"] != path:
+            continue
+        who = about["wildcards"]
+        name, test = who.get("cell") or who.get("group"), who.get("test", "")
+        found.append(
+            {
+                "cell": name,
+                "test": test,
+                "file": ";".join(files.get(f"{name}/{test}", [])),
+                "stage": stage_of(path),
+                "reason": about["reason"],
+            }
+        )
+    return found
+
+
+def summary(cells, tables, models) -> list[dict]:
+    """One row per cell from the tables (name → rows of text) and the models (cell → document)."""
+    return [_summary_row(row, tables, models.get(row["cell"], {})) for row in cells]
+
+
+def _summary_row(facts, tables, model) -> dict:
+    cell = facts["cell"]
+    mine = {name: [r for r in rows if r.get("cell") == cell] for name, rows in tables.items()}
+    capacity = model.get("capacity_ampere_hour") or _slowest(mine["capacity"])
+    rated = facts["rated_capacity_ampere_hour"]
+    scored = [row for row in mine["validation"] if row["chosen"] == "True"]
+    return {
+        "cell": cell,
+        "capacity_ampere_hour": capacity,
+        "soh": capacity / rated if capacity and rated else None,
+        "r0_50_25_ohm": _resistance(mine["resistance"]),
+        "best_model": model.get("chosen"),
+        "validation_rmse_volt": _pooled_rmse(scored),
+        "exclusions": len(mine["excluded"]),
+        "notes": "; ".join(model.get("notes", [])),
+    }
+
+
+def _slowest(rows):
+    full = [row for row in rows if row["direction"] == "discharge"] or rows
+    slow = min(full, key=lambda row: float(row["c_rate"]), default=None)
+    return float(slow["capacity_ampere_hour"]) if slow else None
+
+
+def _resistance(rows):
+    """First-sample resistance of the discharge pulse nearest 50 % SoC within 10 %, at 20–30 °C."""
+    near = [
+        row
+        for row in rows
+        if row["direction"] == "discharge"
+        and float(row["delay_second"]) == 0
+        and row["ambient_temperature_celsius"]
+        and abs(float(row["ambient_temperature_celsius"]) - 25) <= 5
+        and abs(float(row["soc"]) - 0.5) <= 0.1
+    ]
+    best = min(
+        near,
+        key=lambda row: (
+            float(row["cycle"] or 0),
+            abs(float(row["soc"]) - 0.5),
+            abs(float(row["c_rate"]) - 1),
+        ),
+        default=None,
+    )
+    return float(best["resistance_ohm"]) if best else None
+
+
+def _pooled_rmse(rows):
+    samples = sum(int(row["samples"]) for row in rows)
+    if not samples:
+        return None
+    squares = sum(int(row["samples"]) * float(row["rmse_volt"]) ** 2 for row in rows)
+    return (squares / samples) ** 0.5
+
+
+def manifest(paths) -> str:
+    """`sha256<tab>path` of each file, sorted by path."""
+    from provenance import sha256_of
+
+    return "".join(f"{sha256_of(path)}\t{path}\n" for path in sorted(set(paths)))
+
+
+def changed(manifest_path) -> list[str]:
+    """What of a manifest is missing or has other bytes than it says."""
+    from provenance import sha256_of
+
+    found = []
+    for line in Path(manifest_path).read_text(encoding="utf-8").splitlines():
+        digest, path = line.split("\t")
+        if not Path(path).is_file():
+            found.append(f"{path}: missing")
+        elif sha256_of(path) != digest:
+            found.append(f"{path}: changed since the run that made it")
+    return found

@@ -1,0 +1,84 @@
+"""What must hold of any cell's results, whatever the laboratory: physics first."""
+
+
+def _faults(rows, wrong, *names):
+    """Rows that are wrong, as short texts."""
+    who = ("cell", "group", "test")
+    return [
+        " ".join(str(row[n]) for n in (*who, *names) if row.get(n) is not None)
+        for row in rows
+        if wrong(row)
+    ]
+
+
+def test_resistance_is_positive_and_below_ten_ohm(table):
+    """A resistance is not negative, and no cell's is tens of ohms."""
+    rows = table("resistance")
+    assert not _faults(rows, lambda r: not 0 < r["resistance_ohm"] < 10, "soc", "resistance_ohm")
+
+
+def test_resistance_does_not_fall_within_a_pulse(table):
+    """Polarisation only adds to a pulse's resistance: later delays are never lower (5 % noise)."""
+    pulses = {}
+    for row in table("resistance"):
+        key = (row["cell"], row["test"], row["start_time_second"])
+        pulses.setdefault(key, []).append((row["delay_second"], row["resistance_ohm"]))
+    falling = [
+        key
+        for key, values in pulses.items()
+        if any(b[1] < 0.95 * a[1] for a, b in zip(sorted(values), sorted(values)[1:], strict=False))
+    ]
+    assert not falling
+
+
+def test_state_of_health_is_between_a_tenth_and_one_and_a_half(table):
+    """No cell delivers half more than its rating, or next to nothing."""
+    rows = [row for row in table("../summary") if row["soh"] is not None]
+    assert not _faults(rows, lambda r: not 0.1 < r["soh"] < 1.5, "soh")
+
+
+def test_coulombic_efficiency_is_near_one(table):
+    """A cell gives back what it took, within what rate and temperature explain."""
+    rows = [row for row in table("capacity") if row["coulombic_efficiency"] is not None]
+    wrong = _faults(
+        rows, lambda r: not 0.8 < r["coulombic_efficiency"] < 1.1, "coulombic_efficiency"
+    )
+    assert not wrong
+
+
+def test_capacity_does_not_grow_in_the_cold(table):
+    """At one rate and age a colder cell gives no more charge (2 % tolerance)."""
+    series = {}
+    for row in table("capacity"):
+        if row["ambient_temperature_celsius"] is not None and row["direction"] == "discharge":
+            rate = round(row["c_rate"], 2)
+            key = (row["cell"], row["cycle"], rate)
+            point = (row["ambient_temperature_celsius"], row["capacity_ampere_hour"])
+            series.setdefault(key, []).append(point)
+    growing = [
+        key
+        for key, points in series.items()
+        if max(points)[0] - min(points)[0] > 15 and min(points)[1] > 1.02 * max(points)[1]
+    ]
+    assert not growing
+
+
+def test_activation_energies_are_those_of_batteries(table):
+    """Resistance falls with temperature, with 2 to 120 kJ/mol."""
+    rows = [
+        row
+        for row in table("temperature")
+        if row["parameter"] == "activation_energy_joule_per_mole"
+        and "resistance" in row["quantity"]
+    ]
+    assert not _faults(rows, lambda r: not 2e3 < r["value"] < 1.2e5, "quantity", "value")
+
+
+def test_branch_currents_add_up(table):
+    """Kirchhoff: simulated branch currents sum to the total."""
+    assert not _faults(table("packs"), lambda r: r["kcl_residual_ampere"] > 1e-9, "branch")
+
+
+def test_models_are_within_half_a_volt(table):
+    """A model that is half a volt off has a fault, not an error."""
+    assert not _faults(table("validation"), lambda r: r["rmse_volt"] > 0.5, "model", "rmse_volt")

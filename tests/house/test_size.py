@@ -1,0 +1,95 @@
+"""Laws of size, for all code of ours: functions, nesting, files, and the rules' thin scripts."""
+
+import ast
+import re
+
+import pytest
+from tree import ROOT, SCRIPTS, functions, modules, name, parsed
+
+FUNCTION_LINES = 40
+FILE_LINES = 250
+NESTING = 2
+SCRIPT_LINES = 20
+BLOCKS = (ast.For, ast.While, ast.If, ast.With, ast.Try, ast.Match)
+# Scripts that no rule runs: they are what the rules and the rules' scripts stand on.
+INFRASTRUCTURE = {
+    *(
+        "artefact",
+        "campaign",
+        "config_readme",
+        "contract",
+        "figure",
+        "lending",
+        "page",
+        "provenance",
+        "raw_files",
+    ),
+    *("results_check", "schema", "settings", "sheet", "showing", "stale_lock", "storage", "tables"),
+}
+RULES = sorted((ROOT / "workflow" / "rules").glob("*.smk"))
+RUN_BY_RULES = {
+    script for path in RULES for script in re.findall(r"scripts/(\w+)\.py", path.read_text())
+}
+every_module = pytest.mark.parametrize("path", modules(SCRIPTS), ids=name)
+
+
+def body_lines(function) -> int:
+    first = function.body[1:2] if ast.get_docstring(function) else function.body[:1]
+    return function.end_lineno - first[0].lineno + 1 if first else 0
+
+
+def depth(node) -> int:
+    """Blocks within blocks; an `elif` stands beside its `if`, a function begins anew."""
+    deepest = 0
+    for field, value in ast.iter_fields(node):
+        for child in value if isinstance(value, list) else [value]:
+            if not isinstance(child, ast.AST) or isinstance(child, ast.FunctionDef):
+                continue
+            beside = isinstance(node, ast.If) and field == "orelse" and isinstance(child, ast.If)
+            deeper = isinstance(child, BLOCKS) and not beside
+            deepest = max(deepest, depth(child) + deeper)
+    return deepest
+
+
+@every_module
+def test_functions_are_short(path):
+    long = {f.name: body_lines(f) for f in functions(path) if body_lines(f) > FUNCTION_LINES}
+    assert not long, f"{name(path)}: more than {FUNCTION_LINES} lines: {long}"
+
+
+@every_module
+def test_nesting_is_shallow(path):
+    deep = {f.name: depth(f) for f in functions(path) if depth(f) > NESTING}
+    assert not deep, f"{name(path)}: blocks nested deeper than {NESTING}: {deep}"
+
+
+@every_module
+def test_files_are_short(path):
+    count = len(path.read_text(encoding="utf-8").splitlines())
+    assert count <= FILE_LINES, f"{name(path)} has {count} lines, at most {FILE_LINES}"
+
+
+@pytest.mark.parametrize("script", sorted(RUN_BY_RULES))
+def test_a_rules_script_is_thin(script):
+    path = SCRIPTS / f"{script}.py"
+    assert path.is_file(), f"scripts/{script}.py is missing"
+    count = len(path.read_text(encoding="utf-8").splitlines())
+    assert count <= SCRIPT_LINES, f"{name(path)} has {count} lines, at most {SCRIPT_LINES}"
+    made = [n for n in ast.walk(parsed(path)) if isinstance(n, ast.FunctionDef | ast.ClassDef)]
+    assert not made, f"{name(path)} defines {made[0].name}: that belongs into the science"
+
+
+def test_every_script_is_a_rules_or_known():
+    unknown = {path.stem for path in SCRIPTS.glob("*.py")} - RUN_BY_RULES - INFRASTRUCTURE
+    assert not unknown, f"no rule runs scripts/{sorted(unknown)}"
+
+
+def test_the_snakefile_is_short():
+    assert len((ROOT / "Snakefile").read_text(encoding="utf-8").splitlines()) <= 50
+
+
+def test_nesting_is_counted_as_people_see_it():
+    """The measure itself: one block, an elif beside it, a block within a block."""
+    source = "def f():\n for a in b:\n  if a: pass\n  elif b: pass\n  else:\n   while c: pass\n"
+    assert depth(ast.parse(source).body[0]) == 3
+    assert depth(ast.parse("def f():\n if a: pass\n elif b: pass\n").body[0]) == 1

@@ -1,0 +1,79 @@
+"""Laws of the rules and the config: told in words, hashed code, every key known and documented."""
+
+import re
+
+import config_readme
+import pytest
+import schema
+import settings
+from tree import ROOT, SCRIPTS
+
+WORKFLOW = ROOT / "workflow"
+FILES = sorted((WORKFLOW / "rules").glob("*.smk"))
+TEXT = "\n".join(path.read_text(encoding="utf-8") for path in [*FILES, ROOT / "Snakefile"])
+# A rule ends where a line begins at the margin again.
+BLOCKS = re.findall(r"^(?:rule|checkpoint) (\w+):\n((?:[ \t]+.*\n|\n)*)", TEXT + "\n", re.M)
+RULES = [(rule, body) for rule, body in BLOCKS if rule != "all"]
+CONFIG = schema.load(WORKFLOW / "schemas", "config")
+SHEETS = [schema.load(WORKFLOW / "schemas", name) for name in ("cells", "tests", "groups")]
+
+
+@pytest.mark.parametrize(("rule", "body"), RULES, ids=[rule for rule, _ in RULES])
+def test_a_rule_says_what_it_does_logs_and_hashes_its_code(rule, body):
+    for needed in ("message:", "log:", "code=code_of("):
+        assert needed in body, f"rule {rule} has no {needed}"
+    script = re.search(r"scripts/(\w+)\.py", body)
+    assert script, f"rule {rule} runs no script"
+    assert (SCRIPTS / f"{script[1]}.py").is_file(), (
+        f"rule {rule}: scripts/{script[1]}.py is missing"
+    )
+    hashed = re.search(r'code_of\("(\w+)"', body)
+    assert hashed, f"rule {rule}: code_of() names no script"
+    assert hashed[1] == script[1], f"rule {rule} runs {script[1]}.py and hashes {hashed[1]}.py"
+
+
+def test_all_rules_were_found():
+    assert len(BLOCKS) == len(re.findall(r"^(?:rule|checkpoint) ", TEXT, re.M))
+
+
+def test_every_key_has_type_default_and_meaning():
+    for key, spec in settings.keys(CONFIG):
+        assert spec.get("description"), f"{key} has no description"
+        assert "type" in spec, f"{key} has no type"
+        if spec["type"] == "object":
+            assert spec.get("additionalProperties") is False, f"{key} lets unknown keys pass"
+        else:
+            assert "default" in spec, f"{key} has no default"
+
+
+def test_every_default_is_allowed():
+    assert settings.faults_of(settings.defaults(CONFIG), CONFIG) == []
+
+
+def test_keys_that_carry_a_unit_say_it():
+    endings = {"volt": "V", "second": "s", "celsius": "°C", "ohm": "Ω", "ampere": "A"}
+    columns = [pair for sheet in SHEETS for pair in sheet["properties"].items()]
+    for key, spec in [*settings.keys(CONFIG), *columns]:
+        unit = endings.get(key.rsplit("_", 1)[-1])
+        if unit and "_per_" not in key:
+            assert spec.get("unit") == unit, f"{key} says unit {spec.get('unit')}, not {unit}"
+
+
+def test_rules_and_schema_know_the_same_sections():
+    used = set(re.findall(r'config\["(\w+)"\]', TEXT))
+    known = set(CONFIG["properties"])
+    filled = {name for name, spec in CONFIG["properties"].items() if spec.get("properties") != {}}
+    assert not used - known, f"rules use config keys that no schema has: {sorted(used - known)}"
+    assert not filled - used, f"no rule uses the config keys {sorted(filled - used)}"
+
+
+def test_every_column_has_type_and_meaning():
+    for sheet in SHEETS:
+        for column, spec in sheet["properties"].items():
+            assert spec.get("type"), f"{sheet['title']} {column} has no type"
+            assert spec.get("description"), f"{sheet['title']} {column} has no description"
+
+
+def test_config_readme_is_what_the_schemas_say():
+    written = config_readme.README.read_text(encoding="utf-8")
+    assert written == config_readme.text(), "run `python scripts/config_readme.py`"

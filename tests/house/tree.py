@@ -1,0 +1,50 @@
+"""What the house's laws are held against: files, parsed once."""
+
+import ast
+import subprocess
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPTS = ROOT / "scripts"
+SCIENCE = SCRIPTS / "cellwright"
+
+
+def name(path: Path) -> str:
+    """Path as a person names it."""
+    return path.relative_to(ROOT).as_posix()
+
+
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def modules(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.py"))
+
+
+def functions(path: Path) -> list[ast.FunctionDef]:
+    return [node for node in ast.walk(parsed(path)) if isinstance(node, ast.FunctionDef)]
+
+
+def imports(path: Path) -> set[str]:
+    """Dotted names that a module imports; `from a import b` as `a.b`, relative ones resolved."""
+    package = path.parent.relative_to(SCRIPTS).parts
+    found = set()
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            stem = ".".join([*base, *filter(None, [node.module])])
+            found |= {f"{stem}.{alias.name}" for alias in node.names}
+    return found
+
+
+def committed() -> list[Path]:
+    """Files that are, or are about to be, in the repository."""
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    paths = [ROOT / line for line in listed.splitlines()]
+    return [path for path in paths if path.is_file() and not path.is_symlink()]

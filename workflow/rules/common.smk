@@ -1,0 +1,79 @@
+# What all rules share: the campaign's sheets, which artefact exists for whom, the code's hash.
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, f"{workflow.basedir}/scripts")
+
+import campaign as sheets
+import stale_lock
+from provenance import code_of
+
+if workflow.is_main_process:
+    stale_lock.clear(Path.cwd())
+
+SCHEMAS = Path(workflow.basedir) / "workflow" / "schemas"
+CAMPAIGN = sheets.read(Path.cwd(), SCHEMAS, config)
+config = CAMPAIGN.config
+CHOICES = sheets.choices(config, SCHEMAS)
+CELLS = {row["cell"]: row for row in CAMPAIGN.cells}
+TESTS = {(row["cell"], row["test"]): row for row in CAMPAIGN.tests}
+TESTS_OF = {owner: [] for owner in [*CELLS, *(row["group"] for row in CAMPAIGN.groups)]}
+for row in CAMPAIGN.tests:
+    TESTS_OF[row["cell"]].append(row)
+BRANCHES = {}
+for row in sorted(CAMPAIGN.groups, key=lambda row: row["position"]):
+    BRANCHES.setdefault(row["group"], []).append(row)
+
+
+def owner(wildcards):
+    """The cell or group that a job is about."""
+    return wildcards.get("cell") or wildcards.group
+
+
+def test_facts(wildcards):
+    """The sheet's row of a test, as far as later stages and tables need it."""
+    row = TESTS[owner(wildcards), wildcards.test]
+    names = ["kind", "ambient_temperature_celsius", "cycle", "soc", "role", "note"]
+    return {name: row[name] for name in names}
+
+
+def cell_facts(wildcards):
+    """The sheet's row of a cell; of a group, the row of its first branch's cell."""
+    name = owner(wildcards)
+    return CELLS.get(name) or CELLS[BRANCHES[name][0]["cell"]]
+
+
+def tests(name, *kinds, roles=("fit", "validation", "split")):
+    """Rows of the sheet: tests of a cell or group of these kinds (none named: all) and roles."""
+    return [
+        row
+        for row in TESTS_OF[name]
+        if (not kinds or row["kind"] in kinds) and row["role"] in roles
+    ]
+
+
+def artefacts(stage, name, *kinds, roles=("fit", "validation", "split")):
+    """Paths of one stage's artefacts for the tests of a cell or group."""
+    rows = tests(name, *kinds, roles=roles)
+    return [f"results/{stage}/{name}/{row['test']}.parquet" for row in rows]
+
+
+def everywhere(stage, *kinds, **roles):
+    """Paths of one stage's artefacts for all cells and groups."""
+    return [path for name in TESTS_OF for path in artefacts(stage, name, *kinds, **roles)]
+
+
+def either(names):
+    """Wildcard constraint: one of these names, or nothing at all."""
+    return "|".join(sorted(names)) or "(?!)"
+
+
+CAPACITY_KINDS = ("capacity", "ocv")
+PULSE_KINDS = ("hppc", "pulse_resistance")
+SERIES_KINDS = sorted({row["kind"] for row in CAMPAIGN.tests} - {"eis"})
+# Of each test what tables say beside its results.
+TEST_FACTS = {
+    f"{name}/{test}": {key: row[key] for key in ["cycle", "ambient_temperature_celsius"]}
+    for (name, test), row in TESTS.items()
+}

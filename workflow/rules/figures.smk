@@ -1,0 +1,213 @@
+# Figures are rules, never options of analyses.
+
+FIGURES = {"campaign": ["results/figures/overview.svg"]}
+for cell in CELLS:
+    names = [
+        ("records", TESTS_OF[cell] and tests(cell, *SERIES_KINDS)),
+        ("capacity", tests(cell, *CAPACITY_KINDS)),
+        ("ocv", tests(cell, "ocv")),
+        ("resistance", tests(cell, *PULSE_KINDS)),
+        ("ica", tests(cell, "ica")),
+        ("impedance", tests(cell, "eis")),
+        ("temperature", cell in VARIED),
+        ("parameters", cell in MODELLED),
+    ]
+    scored = [f"validation_{row['test']}" for row in SCORED.get(cell, [])]
+    FIGURES[cell] = [
+        f"results/figures/{cell}/{name}.svg" for name in [n for n, has in names if has] + scored
+    ]
+for group in PAIRS:
+    FIGURES[group] = [
+        f"results/figures/{group}/pack_{row['test']}.svg" for row in tests(group, "group")
+    ]
+
+
+def thumbnails(wildcards):
+    """The first twelve records of a cell, one of each kind and temperature first."""
+    rows = tests(wildcards.cell, *SERIES_KINDS)
+    seen = {}
+    for row in rows:
+        seen.setdefault((row["kind"], row["ambient_temperature_celsius"]), row["test"])
+    first = list(seen.values())
+    return [*first, *[row["test"] for row in rows if row["test"] not in first]][:12]
+
+
+def of_thumbnails(stage):
+    """Input function: one stage's artefacts of the records that are drawn."""
+    return lambda wildcards: [
+        f"results/{stage}/{wildcards.cell}/{test}.parquet" for test in thumbnails(wildcards)
+    ]
+
+
+rule figure_overview:
+    input:
+        capacity="results/tables/capacity.csv",
+        resistance="results/tables/resistance.csv",
+        validation="results/tables/validation.csv",
+    output:
+        "results/figures/overview.svg",
+    log:
+        "logs/figures/overview.log",
+    params:
+        cells=[cell for cell in CELLS if TESTS_OF[cell] or cell in MODELLED],
+        code=code_of("figure_overview"),
+    message:
+        "Figure: the campaign at a glance."
+    script:
+        "../../scripts/figure_overview.py"
+
+
+rule figure_records:
+    input:
+        series=of_thumbnails("clean"),
+        steps=of_thumbnails("segment"),
+    output:
+        "results/figures/{cell}/records.svg",
+    log:
+        "logs/figures/{cell}_records.log",
+    params:
+        total=lambda w: len(tests(w.cell, *SERIES_KINDS)),
+        code=code_of("figure_records"),
+    message:
+        "Figure: records of {wildcards.cell}."
+    script:
+        "../../scripts/figure_records.py"
+
+
+rule figure_capacity:
+    input:
+        lambda w: artefacts("capacity", w.cell, *CAPACITY_KINDS),
+    output:
+        "results/figures/{cell}/capacity.svg",
+    log:
+        "logs/figures/{cell}_capacity.log",
+    params:
+        code=code_of("figure_capacity"),
+    message:
+        "Figure: capacity of {wildcards.cell}."
+    script:
+        "../../scripts/figure_capacity.py"
+
+
+rule figure_ocv:
+    input:
+        lambda w: artefacts("ocv", w.cell, "ocv"),
+    output:
+        "results/figures/{cell}/ocv.svg",
+    log:
+        "logs/figures/{cell}_ocv.log",
+    params:
+        code=code_of("figure_ocv"),
+    message:
+        "Figure: open-circuit voltage of {wildcards.cell}."
+    script:
+        "../../scripts/figure_ocv.py"
+
+
+rule figure_resistance:
+    input:
+        lambda w: artefacts("resistance", w.cell, *PULSE_KINDS),
+    output:
+        "results/figures/{cell}/resistance.svg",
+    log:
+        "logs/figures/{cell}_resistance.log",
+    params:
+        code=code_of("figure_resistance"),
+    message:
+        "Figure: resistance of {wildcards.cell} over SoC."
+    script:
+        "../../scripts/figure_resistance.py"
+
+
+rule figure_ica:
+    input:
+        curves=lambda w: artefacts("ica_curve", w.cell, "ica"),
+        peaks=lambda w: artefacts("ica", w.cell, "ica"),
+    output:
+        "results/figures/{cell}/ica.svg",
+    log:
+        "logs/figures/{cell}_ica.log",
+    params:
+        code=code_of("figure_ica"),
+    message:
+        "Figure: incremental capacity of {wildcards.cell}."
+    script:
+        "../../scripts/figure_ica.py"
+
+
+rule figure_impedance:
+    input:
+        lambda w: artefacts("eis_curve", w.cell, "eis"),
+    output:
+        "results/figures/{cell}/impedance.svg",
+    log:
+        "logs/figures/{cell}_impedance.log",
+    params:
+        code=code_of("figure_impedance"),
+    message:
+        "Figure: impedance of {wildcards.cell}."
+    script:
+        "../../scripts/figure_impedance.py"
+
+
+rule figure_temperature:
+    input:
+        points="results/temperature_points/{cell}.parquet",
+        laws="results/temperature/{cell}.parquet",
+    output:
+        "results/figures/{cell}/temperature.svg",
+    log:
+        "logs/figures/{cell}_temperature.log",
+    params:
+        code=code_of("figure_temperature"),
+    message:
+        "Figure: resistance and capacity of {wildcards.cell} over temperature."
+    script:
+        "../../scripts/figure_temperature.py"
+
+
+rule figure_parameters:
+    input:
+        "results/models/{cell}.json",
+    output:
+        "results/figures/{cell}/parameters.svg",
+    log:
+        "logs/figures/{cell}_parameters.log",
+    params:
+        code=code_of("figure_parameters"),
+    message:
+        "Figure: model parameters of {wildcards.cell} over SoC."
+    script:
+        "../../scripts/figure_parameters.py"
+
+
+rule figure_validation:
+    input:
+        series="results/simulation/{cell}/{test}.parquet",
+        scores="results/validation/{cell}/{test}.parquet",
+    output:
+        "results/figures/{cell}/validation_{test}.svg",
+    log:
+        "logs/figures/{cell}_validation_{test}.log",
+    params:
+        code=code_of("figure_validation"),
+    message:
+        "Figure: model over measurement, {wildcards.cell} {wildcards.test}."
+    script:
+        "../../scripts/figure_validation.py"
+
+
+rule figure_pack:
+    input:
+        series="results/pack_series/{group}/{test}.parquet",
+        scores="results/pack/{group}/{test}.parquet",
+    output:
+        "results/figures/{group}/pack_{test}.svg",
+    log:
+        "logs/figures/{group}_pack_{test}.log",
+    params:
+        code=code_of("figure_pack"),
+    message:
+        "Figure: branch currents of {wildcards.group} in {wildcards.test}."
+    script:
+        "../../scripts/figure_pack.py"

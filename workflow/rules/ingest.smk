@@ -1,0 +1,84 @@
+# Raw files to checked, cleaned and segmented series.
+
+
+def raw_files(wildcards):
+    """The files of a test that are there; what is missing the job itself will report."""
+    row = TESTS[wildcards.cell, wildcards.test]
+    return [file for file in row["file"] if Path(file).is_file()]
+
+
+def reading(wildcards):
+    """How the sheet says that a test's files are to be read."""
+    row = TESTS[wildcards.cell, wildcards.test]
+    return {name: row[name] for name in ["file", "sha256", "instrument", "current_sign"]}
+
+
+rule ingest:
+    input:
+        raw=raw_files,
+    output:
+        "results/ingest/{cell}/{test}.parquet",
+    log:
+        "logs/ingest/{cell}/{test}.log",
+    params:
+        reading=reading,
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("ingest"),
+    message:
+        "Read {wildcards.cell} {wildcards.test}: columns, units, sign and clock."
+    script:
+        "../../scripts/ingest.py"
+
+
+rule spectrum:
+    input:
+        raw=raw_files,
+    output:
+        "results/spectrum/{cell}/{test}.parquet",
+    log:
+        "logs/spectrum/{cell}/{test}.log",
+    params:
+        reading=reading,
+        test=test_facts,
+        code=code_of("spectrum"),
+    message:
+        "Read the impedance spectrum {wildcards.cell} {wildcards.test}."
+    script:
+        "../../scripts/spectrum.py"
+
+
+rule clean:
+    input:
+        series="results/ingest/{cell}/{test}.parquet",
+    output:
+        series="results/clean/{cell}/{test}.parquet",
+        flags="results/flags/{cell}/{test}.parquet",
+    log:
+        "logs/clean/{cell}/{test}.log",
+    params:
+        settings=config["clean"],
+        test=test_facts,
+        code=code_of("clean"),
+    message:
+        "Flag and clean {wildcards.cell} {wildcards.test}."
+    script:
+        "../../scripts/clean.py"
+
+
+rule segment:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+    output:
+        "results/segment/{cell}/{test}.parquet",
+    log:
+        "logs/segment/{cell}/{test}.log",
+    params:
+        settings=config["segment"],
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("segment"),
+    message:
+        "Find the steps of {wildcards.cell} {wildcards.test}."
+    script:
+        "../../scripts/segment.py"

@@ -1,0 +1,34 @@
+# How quantities move with temperature.
+
+VARIED = [
+    cell
+    for cell in CELLS
+    if len(
+        {
+            row["ambient_temperature_celsius"]
+            for row in tests(cell, *CAPACITY_KINDS, *PULSE_KINDS)
+            if row["ambient_temperature_celsius"] is not None
+        }
+    )
+    >= 3
+]
+
+
+rule temperature:
+    input:
+        resistance=lambda w: artefacts("resistance", w.cell, *PULSE_KINDS),
+        capacity=lambda w: artefacts("capacity", w.cell, *CAPACITY_KINDS),
+    output:
+        laws="results/temperature/{cell}.parquet",
+        points="results/temperature_points/{cell}.parquet",
+    log:
+        "logs/temperature/{cell}.log",
+    wildcard_constraints:
+        cell=either(VARIED),
+    params:
+        tests=TEST_FACTS,
+        code=code_of("temperature"),
+    message:
+        "Resistance and capacity of {wildcards.cell} over temperature: quadratic and Arrhenius."
+    script:
+        "../../scripts/temperature.py"

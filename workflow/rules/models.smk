@@ -1,0 +1,201 @@
+# Equivalent circuits: what a cell's SoC refers to, identification, bias correction, validation.
+
+
+def type_of(cell):
+    """Cells of one type share chemistry and rating; what is not stated is of no type."""
+    row = CELLS[cell]
+    return row["chemistry"], row["rated_capacity_ampere_hour"]
+
+
+def peers(cell):
+    """Other cells of the type, from which a cell may borrow: the marked ones, else all."""
+    mine = type_of(cell)
+    alike = [c for c in CELLS if c != cell and None not in mine and type_of(c) == mine]
+    marked = [c for c in alike if CELLS[c]["reference"] == "yes"]
+    return marked or alike
+
+
+def curve_lenders(cell):
+    """Peers with a slow test, asked only where the cell has none of its own."""
+    return [] if tests(cell, "ocv") else [c for c in peers(cell) if tests(c, "ocv")]
+
+
+def fit_tests(cell):
+    """HPPC tests, and drives that may be fitted (`fit`, or the odd blocks of `split`)."""
+    return tests(cell, "hppc", roles=["fit"]) + tests(cell, "drive", roles=["fit", "split"])
+
+
+def fit_artefacts(stage):
+    """Input function: one stage's artefacts for the tests that a cell is identified from."""
+    return lambda wildcards: [
+        f"results/{stage}/{wildcards.cell}/{row['test']}.parquet"
+        for row in fit_tests(wildcards.cell)
+    ]
+
+
+def calibrating(cell):
+    """Cells of the type that have a model of their own."""
+    mine = type_of(cell)
+    alike = [c for c in IDENTIFIED if c != cell and type_of(c) == mine]
+    return [] if None in mine else alike
+
+
+# A cell's model comes from its own tests, else from its type's reference, else from its group.
+IDENTIFIED = [cell for cell in CELLS if fit_tests(cell)]
+BIASED = [
+    cell
+    for cell in CELLS
+    if cell not in IDENTIFIED and tests(cell, "ica", "drive", "capacity") and calibrating(cell)
+]
+GROUPED = {
+    row["cell"]: group
+    for group, rows in BRANCHES.items()
+    for row in rows
+    if row["cell"] not in IDENTIFIED + BIASED and tests(group, "group")
+}
+MODELLED = [*IDENTIFIED, *BIASED, *GROUPED]
+SCORED = {cell: tests(cell, roles=["validation", "split"]) for cell in MODELLED}
+
+
+rule basis:
+    input:
+        capacity=lambda w: artefacts("capacity", w.cell, *CAPACITY_KINDS),
+        ocv=lambda w: artefacts("ocv", w.cell, "ocv"),
+        lent_ocv=lambda w: [p for c in curve_lenders(w.cell) for p in artefacts("ocv", c, "ocv")],
+        lent_capacity=lambda w: [
+            p for c in curve_lenders(w.cell) for p in artefacts("capacity", c, *CAPACITY_KINDS)
+        ],
+    output:
+        "results/basis/{cell}.json",
+    log:
+        "logs/basis/{cell}.log",
+    params:
+        cell=cell_facts,
+        references=lambda w: [c for c in peers(w.cell) if CELLS[c]["reference"] == "yes"],
+        code=code_of("basis"),
+    message:
+        "What the SoC of {wildcards.cell} refers to: capacity and OCV curves."
+    script:
+        "../../scripts/basis.py"
+
+
+rule identify:
+    input:
+        basis="results/basis/{cell}.json",
+        series=fit_artefacts("clean"),
+        steps=fit_artefacts("segment"),
+    output:
+        "results/identify/{cell}.json",
+    log:
+        "logs/identify/{cell}.log",
+    wildcard_constraints:
+        cell=either(IDENTIFIED),
+    params:
+        settings=config["models"],
+        cell=cell_facts,
+        tests=lambda w: fit_tests(w.cell),
+        code=code_of("identify"),
+    message:
+        "Identify the equivalent circuits of {wildcards.cell} (RC branches: {params.settings[rc_branches]})."
+    script:
+        "../../scripts/identify.py"
+
+
+def of_peers(stage, *kinds):
+    """Input function: one stage's artefacts of the cells that a cell may borrow its model from."""
+    return lambda w: [p for c in calibrating(w.cell) for p in artefacts(stage, c, *kinds)]
+
+
+rule onset:
+    message:
+        "Resistance of {wildcards.cell} at the onset of the loads in {wildcards.test}."
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+        basis="results/basis/{cell}.json",
+    output:
+        "results/onset/{cell}/{test}.parquet",
+    params:
+        settings=config["resistance"],
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("resistance"),
+    log:
+        "logs/onset/{cell}/{test}.log",
+    script:
+        "../../scripts/resistance.py"
+
+
+rule bias_correction:
+    message:
+        "Model of {wildcards.cell} from the reference cell and the shift of its IC peaks."
+    input:
+        basis="results/basis/{cell}.json",
+        peaks=lambda w: artefacts("ica", w.cell, "ica"),
+        onset=lambda w: artefacts("onset", w.cell, "capacity"),
+        peer_basis=lambda w: [f"results/basis/{c}.json" for c in calibrating(w.cell)],
+        peer_models=lambda w: [f"results/identify/{c}.json" for c in calibrating(w.cell)],
+        peer_peaks=of_peers("ica", "ica"),
+        peer_onset=of_peers("onset", "capacity"),
+    output:
+        "results/bias/{cell}.json",
+    params:
+        references=lambda w: [c for c in calibrating(w.cell) if CELLS[c]["reference"] == "yes"],
+        code=code_of("bias"),
+    log:
+        "logs/bias/{cell}.log",
+    wildcard_constraints:
+        cell=either(BIASED),
+    script:
+        "../../scripts/bias.py"
+
+
+def source_of_model(wildcards):
+    """The artefact that a cell's model comes from: its own tests, its IC peaks, or its group."""
+    if wildcards.cell in IDENTIFIED:
+        return f"results/identify/{wildcards.cell}.json"
+    if wildcards.cell in BIASED:
+        return f"results/bias/{wildcards.cell}.json"
+    return f"results/branches/{GROUPED[wildcards.cell]}.json"
+
+
+rule model:
+    input:
+        source_of_model,
+    output:
+        model="results/models/{cell}.json",
+        parameters="results/parameters/{cell}.parquet",
+    log:
+        "logs/model/{cell}.log",
+    wildcard_constraints:
+        cell=either(MODELLED),
+    params:
+        cell=cell_facts,
+        code=code_of("model"),
+    message:
+        "Model of {wildcards.cell} as the rest of the pipeline uses it."
+    script:
+        "../../scripts/model.py"
+
+
+rule validate:
+    input:
+        model="results/models/{cell}.json",
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+    output:
+        scores="results/validation/{cell}/{test}.parquet",
+        series="results/simulation/{cell}/{test}.parquet",
+    log:
+        "logs/validate/{cell}/{test}.log",
+    wildcard_constraints:
+        cell=either(MODELLED),
+    params:
+        settings=config["models"],
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("validate"),
+    message:
+        "Simulate {wildcards.cell} through {wildcards.test} and compare with the measurement."
+    script:
+        "../../scripts/validate.py"

@@ -1,0 +1,44 @@
+# Cells in parallel: branch currents from the cells' models, scored against the measured ones.
+
+PAIRS = [group for group in BRANCHES if tests(group, "group")]
+
+
+rule branches:
+    input:
+        series=lambda w: artefacts("clean", w.group, "group"),
+        steps=lambda w: artefacts("segment", w.group, "group"),
+    output:
+        "results/branches/{group}.json",
+    log:
+        "logs/branches/{group}.log",
+    wildcard_constraints:
+        group=either(set(GROUPED.values())),
+    params:
+        cell=cell_facts,
+        branches=lambda w: BRANCHES[w.group],
+        code=code_of("branches"),
+    message:
+        "Models of the cells of group {wildcards.group} from its own branch currents."
+    script:
+        "../../scripts/branches.py"
+
+
+rule pack:
+    input:
+        series="results/clean/{group}/{test}.parquet",
+        models=lambda w: [f"results/models/{row['cell']}.json" for row in BRANCHES[w.group]],
+    output:
+        scores="results/pack/{group}/{test}.parquet",
+        series="results/pack_series/{group}/{test}.parquet",
+    log:
+        "logs/pack/{group}/{test}.log",
+    wildcard_constraints:
+        group=either(PAIRS),
+    params:
+        test=test_facts,
+        branches=lambda w: BRANCHES[w.group],
+        code=code_of("pack"),
+    message:
+        "Simulate the parallel group {wildcards.group} through {wildcards.test}."
+    script:
+        "../../scripts/pack.py"

@@ -1,0 +1,96 @@
+# One test protocol, one rule: capacity, slow OCV, pulses, incremental capacity, impedance.
+
+
+rule capacity:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+    output:
+        "results/capacity/{cell}/{test}.parquet",
+    log:
+        "logs/capacity/{cell}/{test}.log",
+    params:
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("capacity"),
+    message:
+        "Capacity of {wildcards.cell} in {wildcards.test}, per direction and rate."
+    script:
+        "../../scripts/capacity.py"
+
+
+rule ocv:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+    output:
+        curve="results/ocv/{cell}/{test}.parquet",
+        functions="results/ocv_functions/{cell}/{test}.parquet",
+    log:
+        "logs/ocv/{cell}/{test}.log",
+    params:
+        settings=config["ocv"],
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("ocv"),
+    message:
+        "Open-circuit voltage of {wildcards.cell} from the slow test {wildcards.test}."
+    script:
+        "../../scripts/ocv.py"
+
+
+rule resistance:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+        basis="results/basis/{cell}.json",
+    output:
+        "results/resistance/{cell}/{test}.parquet",
+    log:
+        "logs/resistance/{cell}/{test}.log",
+    params:
+        settings=config["resistance"],
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("resistance"),
+    message:
+        "Resistance of {wildcards.cell} {params.settings[delay_second]} s into each pulse of {wildcards.test}."
+    script:
+        "../../scripts/resistance.py"
+
+
+rule ica:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+    output:
+        peaks="results/ica/{cell}/{test}.parquet",
+        curve="results/ica_curve/{cell}/{test}.parquet",
+    log:
+        "logs/ica/{cell}/{test}.log",
+    params:
+        settings=config["ica"],
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("ica"),
+    message:
+        "Incremental capacity of {wildcards.cell} from the charge in {wildcards.test}."
+    script:
+        "../../scripts/ica.py"
+
+
+rule impedance:
+    input:
+        spectrum="results/spectrum/{cell}/{test}.parquet",
+    output:
+        fit="results/eis/{cell}/{test}.parquet",
+        curve="results/eis_curve/{cell}/{test}.parquet",
+    log:
+        "logs/impedance/{cell}/{test}.log",
+    params:
+        test=test_facts,
+        code=code_of("impedance"),
+    message:
+        "Fit the equivalent circuit to the spectrum {wildcards.cell} {wildcards.test}."
+    script:
+        "../../scripts/impedance.py"

@@ -1,0 +1,97 @@
+# The results contract: plain CSV tables, the summary, what was left out, the manifest.
+
+SCORES = [
+    f"results/validation/{cell}/{row['test']}.parquet"
+    for cell, rows in SCORED.items()
+    for row in rows
+]
+MODELS = [f"results/models/{cell}.json" for cell in MODELLED]
+TABLE_INPUTS = {
+    "capacity": everywhere("capacity", *CAPACITY_KINDS),
+    "resistance": everywhere("resistance", *PULSE_KINDS),
+    "ocv": everywhere("ocv_functions", "ocv"),
+    "eis": everywhere("eis", "eis"),
+    "temperature": [f"results/temperature/{cell}.parquet" for cell in VARIED],
+    "ica": everywhere("ica", "ica"),
+    "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
+    "validation": SCORES,
+    "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
+}
+TABLES = [*TABLE_INPUTS, "excluded"]
+STAGES = [
+    *everywhere("ingest", *SERIES_KINDS),
+    *everywhere("spectrum", "eis"),
+    *everywhere("clean", *SERIES_KINDS),
+    *everywhere("segment", *SERIES_KINDS),
+    *[f"results/basis/{cell}.json" for cell in CELLS],
+    *MODELS,
+    *[path for paths in TABLE_INPUTS.values() for path in paths],
+]
+
+
+rule table:
+    input:
+        lambda w: TABLE_INPUTS[w.table],
+    output:
+        table="results/tables/{table}.csv",
+    log:
+        "logs/table/{table}.log",
+    wildcard_constraints:
+        table=either(TABLE_INPUTS),
+    params:
+        tests=TEST_FACTS,
+        code=code_of("table"),
+    message:
+        "Table {wildcards.table}.csv of the whole campaign."
+    script:
+        "../../scripts/table.py"
+
+
+rule excluded:
+    input:
+        STAGES,
+    output:
+        "results/tables/excluded.csv",
+    log:
+        "logs/excluded.log",
+    params:
+        files={f"{cell}/{test}": row["file"] for (cell, test), row in TESTS.items()},
+        code=code_of("excluded"),
+    message:
+        "What was left out, at which stage, and why."
+    script:
+        "../../scripts/excluded.py"
+
+
+rule summary:
+    input:
+        tables=[f"results/tables/{table}.csv" for table in TABLES],
+        models=MODELS,
+    output:
+        "results/summary.csv",
+    log:
+        "logs/summary.log",
+    params:
+        cells=list(CELLS.values()),
+        code=code_of("summary"),
+    message:
+        "One row per cell: capacity, health, resistance, model and its error."
+    script:
+        "../../scripts/summary.py"
+
+
+rule checks:
+    input:
+        tables=[f"results/tables/{table}.csv" for table in TABLES],
+        summary="results/summary.csv",
+        laws=Path(workflow.basedir, "tests/artefacts").glob("*.py"),
+    output:
+        "results/tables/checks.csv",
+    log:
+        "logs/checks.log",
+    params:
+        code=code_of("checks"),
+    message:
+        "Hold the results against physics (tests/artefacts)."
+    script:
+        "../../scripts/checks.py"
