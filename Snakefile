@@ -32,3 +32,7 @@ rule all:
         "results/accepted" if config["strict"] else [],
     message:
         "Everything is up to date: results/report.html."
+
+
+onsuccess:
+    print("Where the time went:", *run_log.slowest(Path.cwd(), STARTED), sep="\n  ")

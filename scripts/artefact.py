@@ -13,8 +13,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import provenance
 import pyarrow.parquet as pq
+
+import provenance
 from cellwright.refusal import Refusal
 from storage import KEY, plain, write
 

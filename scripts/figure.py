@@ -83,6 +83,13 @@ def legend_once(axes, **settings):
         axes.legend(unique.values(), unique.keys(), **settings)
 
 
+def shade_unscored(axes, hours, scored):
+    """Grey where samples do not count: `hours`, `scored` are (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], scored.astype(int), [1]])))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        axes.axvspan(hours[start], hours[min(stop, len(hours) - 1)], color=GRID, zorder=0)
+
+
 def save(figure, job, path=None):
     """Write a figure as one of the job's outputs, its provenance in the SVG's metadata."""
     path = path or job.snakemake.output[0]

@@ -3,9 +3,10 @@
 import base64
 from pathlib import Path
 
-import artefact
 import jinja2
 import yaml
+
+import artefact
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation"]
 SHOWN_ROWS = 60

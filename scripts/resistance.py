@@ -8,7 +8,7 @@ from cellwright.series.segments import Steps
 with artefact.Job(snakemake) as job:
     series, basis = job.load(snakemake.input.series), job.load(snakemake.input.basis)
     anchored = soc_of(series, basis, snakemake.params.test, snakemake.params.cell)
-    job.note(f"SoC from {anchored.anchor}")
+    job.note(f"SoC: {anchored.anchor}")
     found = pulse_resistance(
         *artefact.columns(series, "test_time", "current", "voltage"),
         anchored.soc,

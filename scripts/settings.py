@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import yaml
+
 from schema import LOADER, fault, wanted
 
 FILE = "config/config.yaml"

@@ -33,9 +33,9 @@ def by_cell(inputs):
 
 def _onset(paths) -> dict:
     """Median resistance at the onset of discharges from full, by delay."""
+    tables = [artefact.rows(columns) for columns, _ in artefact.load_all(paths)]
     found = {}
-    for columns, _ in artefact.load_all(paths):
-        for row in artefact.rows(columns):
-            if row["direction"] == "discharge" and row["soc"] > FULL_SOC:
-                found.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
+    for row in (row for rows in tables for row in rows):
+        if row["direction"] == "discharge" and row["soc"] > FULL_SOC:
+            found.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
     return {delay: median(values) for delay, values in found.items()}

@@ -5,10 +5,11 @@ import io
 import json
 from pathlib import Path
 
-import contract
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+
+import contract
 
 KEY = b"cellwright"
 

@@ -1,7 +1,8 @@
 """Capacity over rate, and over ageing where several check-ups were made."""
 
-import figure
 import numpy as np
+
+import figure
 
 
 def draw(tests):

@@ -1,7 +1,8 @@
 """Nyquist plots, one panel per temperature, with the fitted circuit as a line."""
 
-import figure
 import matplotlib
+
+import figure
 
 
 def draw(tests):

@@ -1,7 +1,8 @@
 """Open-circuit voltage over SoC: both branches, their mean, and half the gap between them."""
 
-import figure
 import numpy as np
+
+import figure
 
 
 def draw(tests):

@@ -1,7 +1,8 @@
 """The campaign at a glance: capacity, resistance and model error of every cell."""
 
-import figure
 import numpy as np
+
+import figure
 
 
 def draw(cells, capacity, resistance, validation):

@@ -17,6 +17,7 @@ def draw(series, scores, test):
         current.plot(*figure.thin(hours, simulated), color=colour, linewidth=1.2, label=label)
         error = 1e3 * (measured - simulated)
         residual.plot(*figure.thin(hours, error), color=colour, linewidth=0.7)
+    figure.shade_unscored(residual, hours, series["scored"])
     voltage.plot(
         *figure.thin(hours, series["voltage_volt"]), color=figure.MEASURED, label="measured"
     )
@@ -27,7 +28,7 @@ def draw(series, scores, test):
         label=f"simulated: RMSE {1e3 * scores[0]['voltage_rmse_volt']:.0f} mV",
     )
     current.set(ylabel="current [A]", title=f"{test}: branch currents (pale: measured)")
-    residual.set(ylabel="residual [mA]", title="Measured − simulated")
+    residual.set(ylabel="residual [mA]", title="Measured − simulated (grey: fitted, not scored)")
     voltage.set(ylabel="voltage [V]", xlabel="time [h]")
     figure.legend_once(current)
     figure.legend_once(voltage)

@@ -1,7 +1,8 @@
 """The identified parameters of a model over SoC, one colour per temperature."""
 
-import figure
 import numpy as np
+
+import figure
 
 
 def draw(model):

@@ -1,7 +1,8 @@
 """What was found in a cell's files: voltage over time, coloured by the kind of step."""
 
-import figure
 import numpy as np
+
+import figure
 
 COLOURS = {
     "rest": figure.QUIET,

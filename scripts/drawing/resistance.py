@@ -1,7 +1,8 @@
 """Pulse resistance over SoC, at the first sample and later in the pulse."""
 
-import figure
 import numpy as np
+
+import figure
 
 
 def draw(tests):

@@ -1,7 +1,8 @@
 """Resistance and capacity over temperature, with both laws and their errors."""
 
-import figure
 import numpy as np
+
+import figure
 from cellwright.laws.temperature import arrhenius_law, quadratic_law
 
 LAWS = {"quadratic": quadratic_law, "arrhenius": arrhenius_law}

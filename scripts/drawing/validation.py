@@ -1,7 +1,7 @@
 """Model over measurement, and what is left between them."""
 
+
 import figure
-import numpy as np
 
 
 def draw(series, scores, test):
@@ -23,16 +23,10 @@ def draw(series, scores, test):
         voltage.plot(*figure.thin(hours, simulated), color=colour, linewidth=0.8, label=label)
         error = 1e3 * (series["voltage_volt"] - simulated)
         residual.plot(*figure.thin(hours, error), color=colour, linewidth=0.7)
-    _shade_unscored(residual, hours, series["scored"])
+    figure.shade_unscored(residual, hours, series["scored"])
     current.plot(*figure.thin(hours, series["current_ampere"]), color=figure.QUIET, linewidth=0.6)
     voltage.set(ylabel="voltage [V]", title=f"{test}: model over measurement")
     residual.set(ylabel="residual [mV]", title="Measured − simulated (grey: not scored)")
     current.set(ylabel="current [A]", xlabel="time [h]")
     figure.legend_once(voltage, loc="lower left")
     return canvas
-
-
-def _shade_unscored(axes, hours, scored):
-    edges = np.flatnonzero(np.diff(np.concatenate([[1], scored.astype(int), [1]])))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        axes.axvspan(hours[start], hours[min(stop, len(hours) - 1)], color=figure.GRID, zorder=0)

@@ -68,8 +68,7 @@ def test_activation_energies_are_those_of_batteries(table):
     rows = [
         row
         for row in table("temperature")
-        if row["parameter"] == "activation_energy_joule_per_mole"
-        and "resistance" in row["quantity"]
+        if row["parameter"] == "activation_energy" and "resistance" in row["quantity"]
     ]
     assert not _faults(rows, lambda r: not 2e3 < r["value"] < 1.2e5, "quantity", "value")
 

@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+
 from cellwright import formats
 from cellwright.formats.physics import clock_to_counter_ratio
 from cellwright.refusal import Refusal

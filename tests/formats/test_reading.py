@@ -7,12 +7,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import zstandard
-from cellwright import formats
-from cellwright.formats.physics import clock_to_counter_ratio
-from cellwright.refusal import Refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
+
+from cellwright import formats
+from cellwright.formats.physics import clock_to_counter_ratio
+from cellwright.refusal import Refusal
 
 BDF = b"Test Time / s,Current / A,Voltage / V\n0,0,3.7\n1,-1,3.6\n2,-1,3.59\n"
 PLETT = (

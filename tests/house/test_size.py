@@ -24,7 +24,17 @@ INFRASTRUCTURE = {
         "provenance",
         "raw_files",
     ),
-    *("results_check", "schema", "settings", "sheet", "showing", "stale_lock", "storage", "tables"),
+    *(
+        "results_check",
+        "run_log",
+        "schema",
+        "settings",
+        "sheet",
+        "showing",
+        "stale_lock",
+        "storage",
+        "tables",
+    ),
 }
 RULES = sorted((ROOT / "workflow" / "rules").glob("*.smk"))
 RUN_BY_RULES = {

@@ -2,11 +2,12 @@
 
 import re
 
-import config_readme
 import pytest
+from tree import ROOT, SCRIPTS
+
+import config_readme
 import schema
 import settings
-from tree import ROOT, SCRIPTS
 
 WORKFLOW = ROOT / "workflow"
 FILES = sorted((WORKFLOW / "rules").glob("*.smk"))

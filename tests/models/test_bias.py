@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import truth
+
 from cellwright.models import bias
 from cellwright.refusal import Refusal
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import truth
+
 from cellwright.models.conditions import condition_entry, ocv_from_slow_branch, select
 from cellwright.models.identify import identify
 from cellwright.models.linear import correlation_factor

@@ -5,6 +5,7 @@ import copy
 import numpy as np
 import pytest
 import truth
+
 from cellwright.models.lookup import member_of, ocv_at, parameters_at, simulate_model
 from cellwright.refusal import Refusal
 

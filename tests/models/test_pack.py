@@ -5,12 +5,13 @@ import gzip
 import numpy as np
 import pytest
 import truth
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from cellwright.models.bias import scaled_reference
 from cellwright.models.branches import identify_branches, rest_offset
 from cellwright.models.pack import Group, group_of, simulate_parallel
 from cellwright.refusal import Refusal
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 CELLS = (
     truth.model("A"),

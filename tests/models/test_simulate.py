@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 import truth
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
 from cellwright.models.circuit import Branch, impedance, rc_circuit
 from cellwright.models.kernels import HOLDS, lag
 from cellwright.models.simulate import overpotentials, simulate
 from cellwright.refusal import Refusal
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 CURRENTS = arrays(float, 40, elements=st.floats(-5, 5))
 STEPS = arrays(float, 39, elements=st.floats(0, 100))

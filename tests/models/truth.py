@@ -1,6 +1,7 @@
 """A cell with known parameters, its drives and pulses: what the tests of the models recover."""
 
 import numpy as np
+
 from cellwright.models.circuit import rc_circuit
 from cellwright.models.simulate import simulate
 

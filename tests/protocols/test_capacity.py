@@ -3,12 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from cellwright.protocols.capacity import capacity
 from cellwright.protocols.half_cycles import turns
 from cellwright.refusal import Refusal
 from cellwright.series.segments import segment
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 
 def counted(time, current):

@@ -3,11 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from cellwright.protocols.resistance import pulse_resistance
 from cellwright.refusal import Refusal
 from cellwright.series.segments import segment
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 R0, R1, TAU = 0.020, 0.015, 8.0
 

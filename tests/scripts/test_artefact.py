@@ -3,10 +3,11 @@
 import json
 from pathlib import Path
 
-import artefact
-import contract
 import numpy as np
 import pytest
+
+import artefact
+import contract
 from cellwright.refusal import Refusal
 
 CURVE = {"voltage_volt": np.array([3.0, 3.5]), "dq_dv_ampere_hour_per_volt": np.array([1.0, 2.0])}

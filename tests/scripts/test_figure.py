@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
-import artefact
-import figure
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
+import artefact
+import figure
 
 
 @given(st.integers(2, 5000), st.integers(0, 99))

@@ -1,7 +1,8 @@
 """The code's hash follows what the code does, not how it is written down."""
 
-import provenance
 import pytest
+
+import provenance
 
 SOURCES = {
     "job.py": '"""A job."""\nimport helper\n\nprint(helper.f(1))\n',

@@ -3,6 +3,7 @@
 import hashlib
 
 import pytest
+
 import raw_files
 from cellwright.refusal import Refusal
 

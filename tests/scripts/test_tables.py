@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
+import pytest
+
 import artefact
 import provenance
-import pytest
 import tables
 from cellwright.refusal import Refusal
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from cellwright.refusal import Refusal
-from cellwright.series.anchor import full_row, soc_series
 from hypothesis import given
 from hypothesis import strategies as st
+
+from cellwright.refusal import Refusal
+from cellwright.series.anchor import full_row, soc_series
 
 TABLE = {"ocv_soc": np.array([0.0, 0.5, 1.0]), "ocv_volt": np.array([3.0, 3.6, 4.2])}
 LIMITS = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}

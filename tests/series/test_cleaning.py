@@ -4,11 +4,12 @@ import time as clock
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from cellwright import formats
 from cellwright.refusal import Refusal
 from cellwright.series import Flag, assemble, clean, counts, flag, remove
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 
 def record(rows=500):

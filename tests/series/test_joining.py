@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from cellwright import formats
 from cellwright.refusal import Refusal
 from cellwright.series import assemble

@@ -5,10 +5,11 @@ import time as clock
 import numpy as np
 import pandas as pd
 import pytest
-from cellwright.refusal import Refusal
-from cellwright.series.segments import assumed_rating, segment
 from hypothesis import given
 from hypothesis import strategies as st
+
+from cellwright.refusal import Refusal
+from cellwright.series.segments import assumed_rating, segment
 
 R0, R1, TAU = 0.020, 0.015, 30.0
 LETTER = {"rest": ".", "CC": "C", "CV": "V", "CCCV": "B", "pulse": "p", "dynamic": "D"}

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from cellwright import formats
 from cellwright.refusal import Refusal
 from cellwright.series import assemble
 from cellwright.series.sign import charge_positive, current_sign
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 
 def cell(current, *, dt=1.0, ohm=0.03, ah=2.0, soc=0.5, lag=0, noise=3e-4, seed=0):

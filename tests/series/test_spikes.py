@@ -1,9 +1,10 @@
 """Spikes: found where they are, and no true step touched."""
 
 import numpy as np
-from cellwright.series.spikes import spike_free, spike_rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from cellwright.series.spikes import spike_free, spike_rows
 
 
 def rest_and_pulses(rows=400, seed=0):

@@ -4,13 +4,14 @@ import contextlib
 import time
 from pathlib import Path
 
-import campaign
 import pytest
-import schema
-import settings
 from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
+
+import campaign
+import schema
+import settings
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
 CELLS = "cell\tlower_cutoff_volt\tupper_cutoff_volt\nA\t2.5\t4.2\nB\t2.5\t4.2\n"

@@ -92,6 +92,7 @@ def test_another_machine_may_still_be_running(tmp_path):
 
 def test_a_lock_of_a_live_process_stays(tmp_path):
     import psutil
+
     import stale_lock
 
     locks, starts = (tmp_path / ".snakemake" / name for name in ("locks", "starts"))

@@ -14,7 +14,8 @@ import numpy as np
 LOWER, UPPER = 3.0, 4.2
 R1_OHM, TAU_SECOND = 0.015, 40.0
 RATED_AMPERE_HOUR = 2.0
-CELLS = "cell\tchemistry\trated_capacity_ampere_hour\tlower_cutoff_volt\tupper_cutoff_volt\treference\n"
+CELLS = "cell\tchemistry\trated_capacity_ampere_hour\tlower_cutoff_volt\tupper_cutoff_volt"
+CELLS += "\treference\n"
 TESTS = "cell\ttest\tkind\tfile\tambient_temperature_celsius\tcurrent_sign\trole\tsha256\n"
 GROUPS = "group\tposition\tcell\n"
 BDF = "Test Time / s,Current / A,Voltage / V"
@@ -27,44 +28,40 @@ class Truth(NamedTuple):
     r0_ohm: float
 
 
-TRUTH = {"A": Truth(2.0, 0.030), "B": Truth(1.8, 0.040), "C": Truth(1.9, 0.035)}
+TRUTH = {"A": Truth(2.0, 0.030), "B": Truth(1.8, 0.036)}
+# Each kind of bad file, and what its reason must say.
 BAD = {
-    "missing": "no such file",
-    "checksum": "SHA-256 is",
-    "empty": "empty",
-    "truncated": "gz",
-    "text": "oops",
-    "frozen": "time",
-    "sign": "discharge_positive",
-    "folder": "is a folder",
+    "missing": "raw/missing.csv: there is no such file",
+    "checksum": "SHA-256 is {digest}, tests.tsv says " + "0" * 64,
+    "empty": "raw/empty.csv: the file is empty (0 bytes)",
+    "truncated": "raw/truncated.csv.gz: the gzip file is cut off",
+    "text": "raw/text.csv: line 201: column 'Voltage / V': found 'oops'",
+    "frozen": "raw/frozen.csv: time never moves",
+    "sign": "current_sign says discharge_positive, the voltage shows charge_positive",
+    "folder": "raw/folder.csv: is a folder",
 }
 
 
 def write(folder: Path) -> Path:
-    """Write the campaign: A with every test, B without a slow one, C with a capacity and a drive,
-    A and B in parallel, and D with one good capacity test beside all the bad files."""
+    """Write the campaign: A with every test, B with a capacity, a drive and all the bad files, and
+    both in parallel."""
     (folder / "raw").mkdir(parents=True)
     (folder / "config").mkdir()
     (folder / "config/config.yaml").write_text("title: Tiny\n")
-    known = "".join(
-        f"{cell}\tNMC\t{RATED_AMPERE_HOUR}\t{LOWER}\t{UPPER}\t{'yes' if cell == 'A' else ''}\n"
-        for cell in TRUTH
-    )
-    (folder / "config/cells.tsv").write_text(f"{CELLS}{known}D\t\t2.0\t{LOWER}\t{UPPER}\t\n")
+    known = f"NMC\t{RATED_AMPERE_HOUR}\t{LOWER}\t{UPPER}"
+    (folder / "config/cells.tsv").write_text(f"{CELLS}A\t{known}\tyes\nB\t{known}\t\n")
     (folder / "config/groups.tsv").write_text(f"{GROUPS}pair\t1\tA\npair\t2\tB\n")
-    plan = [("A", "ocv"), ("A", "hppc"), ("B", "hppc")]
-    plan += [(cell, kind) for cell in TRUTH for kind in ("capacity", "drive")]
+    plan = [("A", "ocv"), ("A", "hppc"), *((c, k) for c in TRUTH for k in ("capacity", "drive"))]
     rows = [_row(cell, kind, kind, save(folder, cell, kind)) for cell, kind in plan]
     _text(folder / "raw/pair.csv", *pair())
-    rows.append(_row("pair", "group", "group", folder / "raw/pair.csv"))
-    rows += [_row("D", "good", "capacity", save(folder, "A", "capacity", name="D")), *_bad(folder)]
+    rows += [_row("pair", "group", "group", folder / "raw/pair.csv"), *_bad(folder)]
     (folder / "config/tests.tsv").write_text(TESTS + "".join(rows))
     return folder
 
 
-def save(folder, cell, kind, *, name=None, seed=1) -> Path:
+def save(folder, cell, kind, *, seed=1) -> Path:
     """Write one test of a cell as a BDF file; returns its path."""
-    path = folder / f"raw/{name or cell}_{kind}.csv"
+    path = folder / f"raw/{cell}_{kind}.csv"
     columns = RECORDS[kind](TRUTH[cell])
     columns[2] += np.random.default_rng(seed).normal(0, 2e-4, len(columns[2]))
     _text(path, BDF, columns)
@@ -76,13 +73,13 @@ def restate(folder, path):
     name, rows = f"raw/{path.name}\t", []
     for row in (folder / "config/tests.tsv").read_text().splitlines():
         cells = row.split("\t")
-        rows.append("\t".join([*cells[:-1], _digest(path)]) if name in row else row)
+        rows.append("\t".join([*cells[:-1], digest(path)]) if name in row else row)
     (folder / "config/tests.tsv").write_text("\n".join(rows) + "\n")
 
 
 def _bad(folder):
     raw = folder / "raw"
-    good = (raw / "D_capacity.csv").read_text()
+    good = (raw / "B_capacity.csv").read_text()
     lines = good.splitlines()
     frozen = [lines[0], *("0.000," + line.split(",", 1)[1] for line in lines[1:])]
     text = [*lines[:200], lines[200].rsplit(",", 1)[0] + ",oops", *lines[201:]]
@@ -94,26 +91,28 @@ def _bad(folder):
     whole = gzip.compress(good.encode(), mtime=0)
     files["truncated"].write_bytes(whole[: len(whole) // 2])
     files["folder"].mkdir()
-    stated = {"checksum": "0" * 64}
-    said = {"sign": "discharge_positive"}
+    stated, said = {"checksum": "0" * 64}, {"sign": "discharge_positive"}
     return [
-        _row("D", name, "capacity", files[name], sign=said.get(name, ""), digest=stated.get(name, ""))
-        for name in BAD
+        _row(
+            "B", bad, "relaxation", files[bad], sign=said.get(bad, ""), checksum=stated.get(bad, "")
+        )
+        for bad in BAD
     ]
 
 
-def _row(cell, test, kind, path, *, sign="", digest=None):
-    digest = _digest(path) if digest is None else digest
-    return f"{cell}\t{test}\t{kind}\traw/{path.name}\t25\t{sign}\t\t{digest}\n"
+def _row(cell, test, kind, path, *, sign="", checksum=None):
+    checksum = digest(path) if checksum is None else checksum
+    return f"{cell}\t{test}\t{kind}\traw/{path.name}\t25\t{sign}\t\t{checksum}\n"
 
 
-def _digest(path):
+def digest(path):
+    """SHA-256 of a file as the sheet has it."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _text(path, head, columns):
-    with path.open("w") as file:
-        np.savetxt(file, np.column_stack(columns), fmt="%.6f", delimiter=",", header=head, comments="")
+    values = np.column_stack(columns)
+    np.savetxt(path, values, fmt="%.6f", delimiter=",", header=head, comments="")
 
 
 # A record: lists of (current [A], longest duration [s], sampling [s]) run from full at rest.
@@ -122,6 +121,13 @@ def _text(path, head, columns):
 def ocv(soc):
     """Open-circuit voltage [V]; the cut-offs are its ends."""
     return LOWER + (UPPER - LOWER) * (0.75 * soc + 0.25 * np.tanh(6 * soc) / np.tanh(6))
+
+
+def delivered(cell, ampere):
+    """Charge of a discharge from full at a steady current, to the lower cut-off [Ah]."""
+    grid = np.linspace(0.0, 1.0, 100_001)
+    end = np.interp(LOWER + ampere * (TRUTH[cell].r0_ohm + R1_OHM), ocv(grid), grid)
+    return TRUTH[cell].capacity_ampere_hour * (1 - end)
 
 
 class _Cell:

@@ -1,14 +1,17 @@
 # What all rules share: the campaign's sheets, which artefact exists for whom, the code's hash.
 
 import sys
+import time
 from pathlib import Path
 
 sys.path.insert(0, f"{workflow.basedir}/scripts")
 
 import campaign as sheets
+import run_log
 import stale_lock
 from provenance import code_of
 
+STARTED = time.time()
 if workflow.is_main_process:
     stale_lock.clear(Path.cwd())
 

@@ -31,18 +31,18 @@ def resistance_points(rows, *, delay_second=(0.0, 10.0), c_rate=1.0):
     -------
     points : list of Point; temperatures without pulses on both sides of 50 % SoC are absent.
     """
-    found = []
-    for delay in delay_second:
-        name = "first sample" if delay == 0 else f"{delay:g} s"
-        mine = [r for r in fresh(rows) if r["direction"] == "discharge"]
-        mine = [r for r in mine if r["delay_second"] == delay]
-        for celsius in _temperatures(mine):
-            here = _nearest_rate(_at(mine, celsius), c_rate)
-            value = _interpolated(here)
-            if value is not None:
-                quantity = f"resistance at 50 % SoC, {name}"
-                found.append(Point(quantity, "Ohm", celsius, value))
-    return found
+    mine = [row for row in fresh(rows) if row["direction"] == "discharge"]
+    return [point for delay in delay_second for point in _course(mine, delay, c_rate)]
+
+
+def _course(rows, delay, c_rate):
+    name = "first sample" if delay == 0 else f"{delay:g} s"
+    mine = [row for row in rows if row["delay_second"] == delay]
+    for celsius in sorted({row["ambient_temperature_celsius"] for row in mine}):
+        here = [row for row in mine if row["ambient_temperature_celsius"] == celsius]
+        value = _interpolated(_nearest_rate(here, c_rate))
+        if value is not None:
+            yield Point(f"resistance at 50 % SoC, {name}", "Ohm", celsius, value)
 
 
 def capacity_points(rows):
@@ -81,14 +81,6 @@ def enough(points, *, temperatures=3):
     for point in points:
         seen.setdefault(point.quantity, set()).add(point.temperature_celsius)
     return [point for point in points if len(seen[point.quantity]) >= temperatures]
-
-
-def _temperatures(rows):
-    return sorted({row["ambient_temperature_celsius"] for row in rows})
-
-
-def _at(rows, celsius):
-    return [row for row in rows if row["ambient_temperature_celsius"] == celsius]
 
 
 def _nearest_rate(rows, c_rate):

@@ -78,8 +78,8 @@ def _slow_capacity(curve):
     out, back = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
     if back is None or abs(out / back - 1) <= CLOSED:
         return out, f"slow test {curve['test']}"
-    # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an offset
-    # and the mean of the two is the capacity: the cell itself returns what it took.
+    # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an
+    # offset, and the mean of the two is the capacity: the cell itself returns what it took.
     mean = (out + back) / 2
     return mean, f"slow test {curve['test']}, mean of {out:.4g} Ah out and {back:.4g} Ah back"
 

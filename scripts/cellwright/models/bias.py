@@ -7,6 +7,7 @@ only the products can be identified: f = s·ΔV² + ΔV·(k0 + k1·z + k2·z²).
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.refusal import Refusal
 
 
@@ -180,7 +181,7 @@ def scaled_reference(reference, *, cell, capacity, resistance_ratio):
     Refusal : ratio or capacity not positive.
     """
     # ASSUME: A cell without its own pulses has the reference's OCV over SoC and its resistances
-    # ASSUME: times one factor.
+    # times one factor.
     if not (resistance_ratio > 0 and capacity > 0):
         raise Refusal(f"capacity {capacity} Ah or resistance ratio {resistance_ratio} not positive")
 

@@ -1,4 +1,4 @@
-"""The model of a cell without pulses: its type's reference, corrected by what the cell does show."""
+"""The model of a cell without pulses: its type's reference, corrected by what the cell shows."""
 
 from typing import NamedTuple
 

@@ -8,6 +8,7 @@ each cell's small deviation d_c from it, and in all resistances.
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.models.kernels import lag
 from cellwright.models.linear import hats, solve
 from cellwright.models.pack import Group
@@ -88,7 +89,7 @@ def identify_branches(
     Refusal : fewer than two branches, values not finite, or a branch that is not charged.
     """
     # ASSUME: Cells known only from a group share one OCV curve but for a small smooth deviation;
-    # ASSUME: their SoC 0 and 1 are the empty and full states of the group's own slow charge.
+    # their SoC 0 and 1 are the empty and full states of the group's own slow charge.
     soc, capacity = _counted(test_time_second, branch_current_ampere, voltage_volt)
     at = Knots(_even_knots(soc.mean(axis=1), voltage_volt, knots[0]), *map(_grid, knots[1:]))
     steps = np.diff(test_time_second)

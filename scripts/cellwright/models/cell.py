@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
 from cellwright.models.conditions import condition_entry, ocv_from_slow_branch, select
 from cellwright.models.identify import identify
@@ -103,7 +104,8 @@ def _records(group, basis, cell, split_rest_second, notes):
     records = []
     for test in group:
         anchored = soc_of(test.series, basis, test.facts, cell)
-        notes.append(f"{test.facts['test']}: SoC from {anchored.anchor}")
+        if test.facts["soc"] is None:
+            notes.append(f"{test.facts['test']}: SoC by {anchored.anchor}")
         time, current = test.series["test_time_second"], test.series["current_ampere"]
         used = None
         if test.facts["role"] == "split":

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.models.kernels import lag
 from cellwright.refusal import Refusal
 

@@ -1,6 +1,7 @@
 """Identified conditions as entries of a model file, the choice between members, OCV correction."""
 
 import numpy as np
+
 from cellwright.refusal import Refusal
 
 
@@ -87,7 +88,7 @@ def ocv_from_slow_branch(soc, slow_volt, current_ampere, condition):
     ocv_volt : (p,) [V].
     """
     # ASSUME: Where only one slow branch was measured, its distance from OCV is the current times
-    # ASSUME: the sum of the model's resistances; hysteresis stays in it.
+    # the sum of the model's resistances; hysteresis stays in it.
     total = condition.r0_ohm + condition.r_ohm.sum(axis=0)
     return slow_volt - current_ampere * np.interp(soc, condition.soc, total)
 

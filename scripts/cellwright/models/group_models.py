@@ -1,5 +1,7 @@
 """Models of the cells of a parallel group that have no tests of their own."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from cellwright.models.basis import REFERENCE_CELSIUS
@@ -51,7 +53,7 @@ def group_models(series, steps, cells, *, test, celsius):
         No branch currents, no charge between two rests, or as `identify_branches`.
     """
     current = branch_currents(series)
-    before, first, last = _charge_between_rests(steps)
+    before, last = _charge_between_rests(steps)
     rest = slice(steps["first_row"][before], steps["last_row"][before] + 1)
     total = series["current_ampere"]
     tail = slice(max(rest.stop - (rest.stop - rest.start) // 2, rest.start), rest.stop)
@@ -73,18 +75,18 @@ def group_models(series, steps, cells, *, test, celsius):
 
 
 def _charge_between_rests(steps):
-    """Indices of the rest before, the first and the last step of the longest charge."""
+    """Indices of the rests before and after the longest charge."""
     kind, charge = steps["kind"], steps["charge_ampere_hour"]
     rests = np.flatnonzero(kind == "rest")
     spans = [
         (charge[before + 1 : after].sum(), before, after)
-        for before, after in zip(rests[:-1], rests[1:], strict=True)
+        for before, after in pairwise(rests)
         if after > before + 1 and (steps["current_mean_ampere"][before + 1 : after] > 0).all()
     ]
     if not spans:
         raise Refusal("the record has no charge between two rests to identify its cells from")
     _, before, after = max(spans)
-    return before, before + 1, after
+    return before, after
 
 
 def _model(cell, group, branch, celsius, rmse, fitted, note):

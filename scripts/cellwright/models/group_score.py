@@ -76,8 +76,8 @@ def _initial_soc(branches, group, series, notes):
     total = series["current_ampere"]
     if abs(total[0]) > REST_SHARE * np.abs(total).max():
         raise Refusal("initial_soc is not stated in groups.tsv, and the record begins under load")
-    # ASSUME: A group that starts at rest without a stated SoC is at equilibrium: every cell's OCV is
-    # ASSUME: the group's first voltage.
+    # ASSUME: A group that starts at rest without a stated SoC is at equilibrium: the OCV of every
+    # cell is the group's first voltage.
     notes.append("SoC at the start from the group's first voltage")
     grid = np.linspace(0.0, 1.0, group.ocv_volt.shape[1])
     found = [np.interp(series["voltage_volt"][0], curve, grid) for curve in group.ocv_volt]

@@ -11,6 +11,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.models.linear import correlation_factor, design, lagged, problem_of, solve
 from cellwright.models.records import edges, knots_of, thin, within
 from cellwright.refusal import Refusal
@@ -82,7 +83,7 @@ def identify(
     Source: thesis 2.3 (2.17–2.20), with a deterministic search in place of its genetic one.
     """
     # ASSUME: OCV at a test's temperature and direction is the slow test's curve plus a shift over
-    # ASSUME: SoC that is fitted together with the resistances, from the fitted data only.
+    # SoC that is fitted together with the resistances, from the fitted data only.
     # ASSUME: Time constants of a cell do not depend on SoC, its resistances do (linear between).
     step = _step_ampere(records) if step_ampere is None else step_ampere
     knots = knots_of(records, step_ampere=step) if knots is None else np.asarray(knots, float)

@@ -1,6 +1,7 @@
 """The one recurrence that every relaxation of the models runs through."""
 
 import numpy as np
+
 from cellwright.refusal import Refusal
 
 HOLDS = ("zero_order", "first_order")

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.models.kernels import lag
 from cellwright.refusal import Refusal
 

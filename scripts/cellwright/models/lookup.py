@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.models.circuit import rc_circuit
 from cellwright.models.simulate import overpotentials
 from cellwright.refusal import Refusal

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.models.lookup import member_of, ocv_at, parameters_at
 from cellwright.refusal import Refusal
 

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.refusal import Refusal
 
 

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+
 from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
 from cellwright.models.lookup import simulate_model
 from cellwright.models.split import fit_mask

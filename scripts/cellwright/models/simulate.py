@@ -1,6 +1,7 @@
 """Terminal voltage of a circuit under a measured current, with the true time stamps."""
 
 import numpy as np
+
 from cellwright.models.circuit import Excitation, kind_of
 from cellwright.refusal import Refusal
 

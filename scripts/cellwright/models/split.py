@@ -1,6 +1,7 @@
 """Which part of a record may be fitted, where one record has to serve for fit and validation."""
 
 import numpy as np
+
 from cellwright.refusal import Refusal
 
 

@@ -1,0 +1,206 @@
+"""Whole runs on a tiny campaign: what comes out, what bad files cost, what runs again and when."""
+
+import csv
+import html
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import tiny
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class Run(NamedTuple):
+    """A campaign's folder, and how Snakemake ended and what it said."""
+
+    folder: Path
+    status: int
+    said: str
+
+
+def snakemake(folder, *arguments):
+    program = [sys.executable, "-m", "snakemake", "--cores", "2", "--directory", str(folder)]
+    result = subprocess.run(
+        [*program, *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    return Run(folder, result.returncode, result.stdout + result.stderr)
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    """The one whole run that all tests here look at; what is to be changed is copied first."""
+    return snakemake(tiny.write(tmp_path_factory.mktemp("run") / "tiny"))
+
+
+@pytest.fixture
+def copy(first, tmp_path):
+    """The finished campaign in another place, for tests that change it."""
+    return Path(shutil.copytree(first.folder, tmp_path / "copy"))
+
+
+def table(run, name):
+    with open(run.folder / "results/tables" / f"{name}.csv", encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def jobs(said):
+    """Rule → number of jobs, from what Snakemake lists before it starts."""
+    listed = said.split("Job stats:")[1].split("total")[0]
+    return {rule: int(count) for rule, count in re.findall(r"^(\w+) +(\d+)$", listed, re.M)}
+
+
+def report_of(folder):
+    return (folder / "results/report.html").read_bytes()
+
+
+def test_bad_files_do_not_end_the_run(first):
+    assert first.status == 0, first.said[-4000:]
+    assert "Traceback" not in first.said
+    assert "internal error" not in report_of(first.folder).decode()
+
+
+@pytest.mark.parametrize("bad", tiny.BAD)
+def test_a_bad_file_is_out_with_what_was_found(first, bad):
+    (row,) = [row for row in table(first, "excluded") if row["test"] == bad]
+    raw = first.folder / row["file"]
+    digest = tiny.digest(raw) if raw.is_file() else ""
+    assert (row["cell"], row["stage"]) == ("B", "ingest")
+    assert raw.name.startswith(bad)
+    assert tiny.BAD[bad].format(digest=digest) in row["reason"]
+    assert row["reason"] in html.unescape(report_of(first.folder).decode())
+
+
+def test_nothing_else_is_out(first):
+    assert {row["test"] for row in table(first, "excluded")} == set(tiny.BAD)
+
+
+@pytest.mark.parametrize("cell", tiny.TRUTH)
+def test_capacity_of_every_good_test(first, cell):
+    """A discharge at 2 A ends where the OCV lies the drop over R0 and R1 above the cut-off."""
+    rows = [row for row in table(first, "capacity") if row["cell"] == cell]
+    found = {(row["test"], row["direction"]): float(row["capacity_ampere_hour"]) for row in rows}
+    tests = {"A": ["capacity", "ocv"], "B": ["capacity"]}[cell]
+    assert set(found) == {(test, way) for test in tests for way in ("charge", "discharge")}
+    assert found["capacity", "discharge"] == pytest.approx(tiny.delivered(cell, 2.0), abs=0.006)
+
+
+def test_pulses_give_the_true_resistance(first):
+    rows = [row for row in table(first, "resistance") if float(row["delay_second"]) == 0]
+    assert {row["direction"] for row in rows} == {"charge", "discharge"}
+    assert len(rows) >= 18
+    for row in rows:
+        error = max(3 * float(row["resistance_std_ohm"]), 1e-3)
+        assert float(row["resistance_ohm"]) == pytest.approx(tiny.TRUTH["A"].r0_ohm, abs=error)
+
+
+def test_models_carry_the_true_parameters(first):
+    rows = [row for row in table(first, "models") if row["model"] == "1RC"]
+    for cell, truth in tiny.TRUTH.items():
+        r0 = [float(r["value"]) for r in rows if (r["cell"], r["parameter"]) == (cell, "r0")]
+        assert sum(r0) / len(r0) == pytest.approx(truth.r0_ohm, rel=0.05)
+
+
+def test_every_validation_drive_is_scored(first):
+    """A by its own pulses; B by A's, scaled by what its discharge shows."""
+    rows = [row for row in table(first, "validation") if row["chosen"] == "True"]
+    errors = {(row["cell"], row["test"]): float(row["rmse_volt"]) for row in rows}
+    assert errors == {
+        ("A", "drive"): pytest.approx(0, abs=1e-3),
+        ("B", "drive"): pytest.approx(0, abs=5e-3),
+    }
+
+
+def test_the_parallel_pair_is_scored(first):
+    rows = table(first, "packs")
+    assert [(row["group"], row["cell"]) for row in rows] == [("pair", "A"), ("pair", "B")]
+    assert all(float(row["current_rmse_ampere"]) < 0.03 for row in rows)
+    assert all(float(row["kcl_residual_ampere"]) < 1e-9 for row in rows)
+
+
+def test_results_hold_the_laws_of_tests_artefacts(first):
+    with open(first.folder / "results/tables/checks.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows
+    assert [row for row in rows if row["outcome"] == "failed"] == []
+
+
+def test_a_second_run_finds_nothing_to_do(copy):
+    before = report_of(copy)
+    assert "Nothing to be done" in snakemake(copy).said
+    for path in [*copy.glob("raw/*"), *copy.glob("config/*")]:
+        path.touch()
+    assert "Nothing to be done" in snakemake(copy).said
+    assert report_of(copy) == before
+
+
+def test_a_changed_file_runs_only_what_comes_from_it(copy):
+    tiny.restate(copy, tiny.save(copy, "B", "drive", seed=2))
+    planned = snakemake(copy, "--dry-run").said
+    on_the_way = ["ingest", "clean", "segment", "validate", "figure_records", "figure_validation"]
+    together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
+    assert jobs(planned) == dict.fromkeys([*on_the_way, *together, "all"], 1)
+    assert "Read B drive" in planned
+
+
+def test_a_report_made_again_has_the_same_bytes(copy):
+    before = report_of(copy)
+    (copy / "results/report.html").unlink()
+    again = snakemake(copy)
+    assert jobs(again.said) == {"report": 1, "manifest": 1, "all": 1}
+    assert report_of(copy) == before
+
+
+def test_an_artefact_has_the_same_bytes_in_another_place(first, tmp_path):
+    target = "results/capacity/A/capacity.parquet"
+    other = snakemake(tiny.write(tmp_path / "elsewhere"), target)
+    assert other.status == 0
+    assert (other.folder / target).read_bytes() == (first.folder / target).read_bytes()
+
+
+def test_a_strict_run_fails_but_writes_its_report(copy):
+    (copy / "results/report.html").unlink()
+    (copy / "config/config.yaml").write_text("title: Tiny\nstrict: true\n")
+    run = snakemake(copy)
+    assert run.status != 0
+    assert "B empty: raw/empty.csv: the file is empty (0 bytes)" in run.said
+    assert b"raw/empty.csv: the file is empty" in report_of(copy)
+
+
+def test_verify_finds_what_was_edited_by_hand(copy):
+    assert snakemake(copy, "verify").status == 0
+    edited = copy / "results/tables/capacity.csv"
+    edited.write_text(edited.read_text().replace("discharge", "charge", 1))
+    run = snakemake(copy, "verify")
+    assert run.status != 0
+    assert "results/tables/capacity.csv: changed since the run that made it" in run.said
+    assert run.said.count("changed since the run") == 1
+
+
+def test_faults_of_the_sheets_are_told_at_once_before_any_job(tmp_path):
+    folder = tiny.write(tmp_path / "tiny")
+    tests, config = folder / "config/tests.tsv", folder / "config/config.yaml"
+    rows = tests.read_text().splitlines()
+    rows[1] = rows[1].replace("\tocv\tocv\t", "\tocv\tocvv\t")
+    rows[2] = rows[2].replace("\t25\t", "\twarm\t")
+    tests.write_text("\n".join([f"{rows[0]}\tcolour", *rows[1:], rows[3]]) + "\n")
+    config.write_text("titel: Tiny\n")
+    run = snakemake(folder)
+    assert run.status != 0
+    said = [line for line in run.said.splitlines() if "config/" in line]
+    wanted = [
+        ("config/config.yaml, line 1", "'titel'", "did you mean 'title'"),
+        ("config/tests.tsv, line 1", "'colour'", "one of the columns"),
+        ("config/tests.tsv, row 1 (line 2), kind", "'ocvv'", "did you mean 'ocv'"),
+        ("config/tests.tsv, row 2 (line 3), ambient_temperature_celsius", "'warm'", "a number"),
+        ("config/tests.tsv, row 16 (line 17), cell and test", "'A capacity'", "each once"),
+    ]
+    for parts in wanted:
+        assert any(all(part in line for part in parts) for line in said), (parts, said)
+    assert not (folder / "results").exists()
