@@ -27,7 +27,11 @@ def _stage(name: str, spec: dict) -> str:
     rows = [["column", "unit", "range", "meaning"], ["---"] * 4]
     rows += [_column(column, about) for column, about in spec["columns"].items()]
     lines = "".join(f"| {' | '.join(row)} |\n" for row in rows)
-    return f"## {name}\n\n{spec['meaning'].capitalize()}.\n\n{lines}"
+    return f"## {name}\n\n{_sentence(spec['meaning'])}\n\n{lines}"
+
+
+def _sentence(words: str) -> str:
+    return f"{words[0].upper()}{words[1:]}."
 
 
 def _column(name: str, spec: dict) -> list[str]:

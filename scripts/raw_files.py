@@ -25,6 +25,20 @@ def contents(files, sha256) -> list[tuple[str, bytes]]:
     return [(file, _bytes(file, wanted)) for file, wanted in zip(files, sums, strict=True)]
 
 
+def single(files, sha256) -> tuple[str, bytes]:
+    """(path, bytes) of a test that is one file.
+
+    Raises
+    ------
+    Refusal
+        As `contents`, and where the sheet joins several files.
+    """
+    found = contents(files, sha256)
+    if len(found) > 1:
+        raise Refusal(f"{len(found)} files are joined ({';'.join(files)}); a spectrum is one file")
+    return found[0]
+
+
 def _bytes(file, wanted) -> bytes:
     path = Path(file)
     if path.is_dir():

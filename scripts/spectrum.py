@@ -6,6 +6,6 @@ from cellwright import formats
 
 with artefact.Job(snakemake) as job:
     said = snakemake.params.reading
-    name, data = raw_files.contents(said["file"], said["sha256"])[0]
+    name, data = raw_files.single(said["file"], said["sha256"])
     reading = formats.read(data, name=name, instrument=said["instrument"])
     job.save(reading.columns, instrument=reading.instrument)

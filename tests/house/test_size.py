@@ -18,6 +18,7 @@ INFRASTRUCTURE = {
         "campaign",
         "config_readme",
         "contract",
+        "contract_readme",
         "figure",
         "lending",
         "page",

@@ -43,3 +43,9 @@ def test_another_file_than_the_sheet_says_is_refused():
 def test_a_test_without_files_is_refused():
     with pytest.raises(Refusal, match="names no file"):
         raw_files.contents([], None)
+
+
+def test_a_spectrum_is_one_file():
+    assert raw_files.single(["good.csv"], None)[1] == b"1,2\n"
+    with pytest.raises(Refusal, match=r"2 files are joined \(good.csv;good.csv\)"):
+        raw_files.single(["good.csv", "good.csv"], None)

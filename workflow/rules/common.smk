@@ -62,6 +62,11 @@ def artefacts(stage, name, *kinds, roles=("fit", "validation", "split")):
     return [f"results/{stage}/{name}/{row['test']}.parquet" for row in rows]
 
 
+def fitted(stage, name, *kinds):
+    """As `artefacts`, without the tests that must take no part in any fit or choice."""
+    return artefacts(stage, name, *kinds, roles=["fit"])
+
+
 def everywhere(stage, *kinds, **roles):
     """Paths of one stage's artefacts for all cells and groups."""
     return [path for name in TESTS_OF for path in artefacts(stage, name, *kinds, **roles)]

@@ -6,7 +6,7 @@ VARIED = [
     if len(
         {
             row["ambient_temperature_celsius"]
-            for row in tests(cell, *CAPACITY_KINDS, *PULSE_KINDS)
+            for row in tests(cell, *CAPACITY_KINDS, *PULSE_KINDS, roles=["fit"])
             if row["ambient_temperature_celsius"] is not None
         }
     )
@@ -16,8 +16,8 @@ VARIED = [
 
 rule temperature:
     input:
-        resistance=lambda w: artefacts("resistance", w.cell, *PULSE_KINDS),
-        capacity=lambda w: artefacts("capacity", w.cell, *CAPACITY_KINDS),
+        resistance=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
+        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
     output:
         laws="results/temperature/{cell}.parquet",
         points="results/temperature_points/{cell}.parquet",
@@ -26,7 +26,7 @@ rule temperature:
     wildcard_constraints:
         cell=either(VARIED),
     params:
-        tests=TEST_FACTS,
+        tests=lambda w: {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{w.cell}/")},
         code=code_of("temperature"),
     message:
         "Resistance and capacity of {wildcards.cell} over temperature: quadratic and Arrhenius."

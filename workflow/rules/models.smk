@@ -16,8 +16,14 @@ def peers(cell):
 
 
 def curve_lenders(cell):
-    """Peers with a slow test, asked only where the cell has none of its own."""
-    return [] if tests(cell, "ocv") else [c for c in peers(cell) if tests(c, "ocv")]
+    """Peers whose OCV a cell may borrow, should it have none, or none that can be used.
+
+    Where no peer is marked as reference, a cell with a slow test of its own asks nobody: a
+    campaign of a thousand such cells would else make a million dependencies.
+    """
+    marked = any(CELLS[c]["reference"] == "yes" for c in peers(cell))
+    asked = marked or not tests(cell, "ocv", roles=["fit"])
+    return [c for c in peers(cell) if asked and tests(c, "ocv", roles=["fit"])]
 
 
 def fit_tests(cell):
@@ -54,16 +60,16 @@ GROUPED = {
     if row["cell"] not in IDENTIFIED + BIASED and tests(group, "group")
 }
 MODELLED = [*IDENTIFIED, *BIASED, *GROUPED]
-SCORED = {cell: tests(cell, roles=["validation", "split"]) for cell in MODELLED}
+SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for cell in MODELLED}
 
 
 rule basis:
     input:
-        capacity=lambda w: artefacts("capacity", w.cell, *CAPACITY_KINDS),
-        ocv=lambda w: artefacts("ocv", w.cell, "ocv"),
-        lent_ocv=lambda w: [p for c in curve_lenders(w.cell) for p in artefacts("ocv", c, "ocv")],
+        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+        ocv=lambda w: fitted("ocv", w.cell, "ocv"),
+        lent_ocv=lambda w: [p for c in curve_lenders(w.cell) for p in fitted("ocv", c, "ocv")],
         lent_capacity=lambda w: [
-            p for c in curve_lenders(w.cell) for p in artefacts("capacity", c, *CAPACITY_KINDS)
+            p for c in curve_lenders(w.cell) for p in fitted("capacity", c, *CAPACITY_KINDS)
         ],
     output:
         "results/basis/{cell}.json",
@@ -103,49 +109,49 @@ rule identify:
 
 def of_peers(stage, *kinds):
     """Input function: one stage's artefacts of the cells that a cell may borrow its model from."""
-    return lambda w: [p for c in calibrating(w.cell) for p in artefacts(stage, c, *kinds)]
+    return lambda w: [p for c in calibrating(w.cell) for p in fitted(stage, c, *kinds)]
 
 
 rule onset:
-    message:
-        "Resistance of {wildcards.cell} at the onset of the loads in {wildcards.test}."
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
         basis="results/basis/{cell}.json",
     output:
         "results/onset/{cell}/{test}.parquet",
+    log:
+        "logs/onset/{cell}/{test}.log",
     params:
         settings=config["resistance"],
         test=test_facts,
         cell=cell_facts,
         code=code_of("resistance"),
-    log:
-        "logs/onset/{cell}/{test}.log",
+    message:
+        "Resistance of {wildcards.cell} at the onset of the loads in {wildcards.test}."
     script:
         "../../scripts/resistance.py"
 
 
 rule bias_correction:
-    message:
-        "Model of {wildcards.cell} from the reference cell and the shift of its IC peaks."
     input:
         basis="results/basis/{cell}.json",
-        peaks=lambda w: artefacts("ica", w.cell, "ica"),
-        onset=lambda w: artefacts("onset", w.cell, "capacity"),
+        peaks=lambda w: fitted("ica", w.cell, "ica"),
+        onset=lambda w: fitted("onset", w.cell, "capacity"),
         peer_basis=lambda w: [f"results/basis/{c}.json" for c in calibrating(w.cell)],
         peer_models=lambda w: [f"results/identify/{c}.json" for c in calibrating(w.cell)],
         peer_peaks=of_peers("ica", "ica"),
         peer_onset=of_peers("onset", "capacity"),
     output:
         "results/bias/{cell}.json",
-    params:
-        references=lambda w: [c for c in calibrating(w.cell) if CELLS[c]["reference"] == "yes"],
-        code=code_of("bias"),
     log:
         "logs/bias/{cell}.log",
     wildcard_constraints:
         cell=either(BIASED),
+    params:
+        references=lambda w: [c for c in calibrating(w.cell) if CELLS[c]["reference"] == "yes"],
+        code=code_of("bias"),
+    message:
+        "Model of {wildcards.cell} from the reference cell and the shift of its IC peaks."
     script:
         "../../scripts/bias.py"
 

@@ -22,10 +22,10 @@ class Lender(NamedTuple):
 def basis(cell, curves, capacities, lenders, *, rated_capacity_ampere_hour=None):
     """Capacity and OCV curves that a cell's SoC, 0 to 1, refers to.
 
-    1. With slow tests of its own, the cell's SoC refers to the capacity of the one nearest 25 °C.
-    2. Without, the curves of the reference cell of its type are borrowed (the marked one, else the
-    largest); the capacity is the cell's own, carried from the rate of its test to the slow rate by
-    the reference cell's ratio where that has a test at both rates.
+    1. With slow tests of its own, the cell's SoC refers to the capacity of the one nearest 25 °C,
+    the earliest of them. 2. Without, the curves of the reference cell of its type are borrowed (the
+    first marked one, else the largest); the capacity is the cell's own, carried from the rate of
+    its test to the slow rate by the reference cell's ratio where that has a test at both rates.
     3. Without a capacity test the rating serves. What was taken is said in `capacity_source`.
 
     Parameters
@@ -49,9 +49,9 @@ def basis(cell, curves, capacities, lenders, *, rated_capacity_ampere_hour=None)
     # ASSUME: A cell without a slow test has the open-circuit voltage curve of its reference cell.
     found = {"cell": cell, "borrowed_from": None, "ocv": curves}
     if curves:
-        capacity, source = _slow_capacity(min(curves, key=_off_reference))
+        capacity, source = _slow_capacity(min(curves, key=_first_choice))
         return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
-    lender = max((one for one in lenders if one.curves), key=_rank, default=None)
+    lender = reference_of([one for one in lenders if one.curves], capacity=_largest)
     if lender:
         found |= {"borrowed_from": lender.cell, "ocv": lender.curves}
     capacity, source = _own_capacity(capacities, lender, rated_capacity_ampere_hour)
@@ -69,8 +69,24 @@ def _celsius(row):
     return REFERENCE_CELSIUS if celsius is None else celsius
 
 
-def _rank(lender):
-    return lender.marked, max(curve["capacity_ampere_hour"] for curve in lender.curves)
+def _first_choice(row):
+    return _off_reference(row), row["cycle"] or 0
+
+
+def _largest(lender):
+    return max(curve["capacity_ampere_hour"] for curve in lender.curves)
+
+
+def reference_of(cells, *, capacity):
+    """The reference among cells of one type: the first marked one, else the largest; None of none.
+
+    Parameters
+    ----------
+    cells : list of things with `marked`, in the order of the sheet.
+    capacity : function, cell → its capacity [Ah].
+    """
+    marked = [cell for cell in cells if cell.marked]
+    return marked[0] if marked else max(cells, key=capacity, default=None)
 
 
 def _slow_capacity(curve):
@@ -90,7 +106,7 @@ def _own_capacity(capacities, lender, rated):
         if not rated:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
         return rated, "rating"
-    slowest = min(full, key=lambda row: (_off_reference(row), row["cycle"] or 0, row["c_rate"]))
+    slowest = min(full, key=lambda row: (*_first_choice(row), row["c_rate"]))
     source = f"discharge of {slowest['test']} at {slowest['c_rate']:.2g}C"
     ratio = _slow_ratio(slowest, lender) if lender else None
     if ratio is None:
@@ -102,13 +118,13 @@ def _own_capacity(capacities, lender, rated):
 # ASSUME: A cell that borrows its OCV loses as much capacity to rate as the lender does.
 def _slow_ratio(row, lender):
     """The lender's slow capacity over its capacity at the rate and temperature of `row`."""
-    slow = min(lender.curves, key=_off_reference)["capacity_ampere_hour"]
+    slow = min(lender.curves, key=_first_choice)["capacity_ampere_hour"]
     alike = [
         other["capacity_ampere_hour"]
         for other in lender.capacities
         if other["direction"] == "discharge"
         and abs(other["c_rate"] / row["c_rate"] - 1) < SAME_RATE
-        and abs(_off_reference(other) - _off_reference(row)) < 3
+        and abs(_celsius(other) - _celsius(row)) < 3
     ]
     return slow / alike[0] if alike else None
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.basis import REFERENCE_CELSIUS
+from cellwright.models.basis import REFERENCE_CELSIUS, reference_of
 from cellwright.models.bias import biased_model, calibrate, peak_shift, scaled_reference
 from cellwright.models.lookup import member_of, ocv_at, parameters_at
 from cellwright.refusal import Refusal
@@ -31,9 +31,9 @@ class Shown(NamedTuple):
 def borrowed_model(own, peers):
     """Model from the reference cell of the type, by the shift of IC peaks or by scaling.
 
-    1. The reference is the marked cell, else the largest. 2. Where enough other cells have both a
-    model and IC peaks at the same rate, the bias functions (thesis eq. 4.3, 4.5) are calibrated on
-    them and predict this cell. 3. Else the reference is scaled: capacity by the cell's own,
+    1. The reference is the first marked cell, else the largest. 2. Where enough other cells have
+    both a model and IC peaks at the same rate, the bias functions (thesis eq. 4.3, 4.5) are
+    calibrated on them and predict this cell. 3. Else the reference is scaled: capacity by the cell's own,
     resistances by the ratio of what both show at the onset of a discharge from full.
 
     Parameters
@@ -52,7 +52,7 @@ def borrowed_model(own, peers):
     """
     if not peers:
         raise Refusal("no cell of the same chemistry and rating has a model to borrow")
-    reference = max(peers, key=lambda peer: (peer.marked, peer.capacity_ampere_hour))
+    reference = reference_of(peers, capacity=lambda peer: peer.capacity_ampere_hour)
     others = [peer for peer in peers if peer is not reference]
     try:
         return _biased(own, reference, others)

@@ -24,13 +24,14 @@ class FitTest(NamedTuple):
     series: dict
 
 
-def cell_model(cell, basis, tests, *, rc_branches, split_rest_second, tau_bounds_second=None):
+def cell_model(cell, basis, tests, *, rc_branches, split_rest_second):
     """Identify every member of the circuit family at every temperature a cell was tested at.
 
-    1. Tests are grouped by chamber temperature; at each, HPPC tests are used where there are any,
-    else drives. Of a drive of role `split` only the odd blocks are fitted. 2. Where the OCV comes
-    from one slow branch, its drop over the model's resistances is put back and the fit repeated.
-    3. The member with the smallest BIC over all conditions is the chosen one.
+    1. Tests of the earliest check-up are grouped by chamber temperature; at each, HPPC tests are
+    used where there are any, else drives. Of a drive of role `split` only the odd blocks are
+    fitted. 2. Where the OCV comes from one slow branch, its drop over the model's resistances is
+    put back and the fit repeated. 3. The member with the smallest BIC over all conditions is the
+    chosen one.
 
     Parameters
     ----------
@@ -39,7 +40,6 @@ def cell_model(cell, basis, tests, *, rc_branches, split_rest_second, tau_bounds
     tests : list of FitTest, roles fit or split.
     rc_branches : numbers of RC branches, the members of the family.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
-    tau_bounds_second : dict, number of branches → (low, high) for each [s]; None: the defaults.
 
     Returns
     -------
@@ -52,8 +52,10 @@ def cell_model(cell, basis, tests, *, rc_branches, split_rest_second, tau_bounds
     """
     if not basis["ocv"]:
         raise Refusal("no OCV curve: neither a slow test of the cell nor one of its type")
-    notes, conditions = [], []
-    for celsius, group in _by_temperature(tests):
+    young, later = _by_age(tests)
+    notes = [f"not fitted, of a later check-up: {', '.join(later)}"] if later else []
+    conditions = []
+    for celsius, group in _by_temperature(young):
         try:
             records = _records(group, basis, cell, split_rest_second, notes)
             conditions.append(_condition(celsius, group, records, basis, rc_branches))
@@ -66,7 +68,7 @@ def cell_model(cell, basis, tests, *, rc_branches, split_rest_second, tau_bounds
         {"model": f"{n}RC", "conditions": [condition[n] for condition in conditions]}
         for n in rc_branches
     ]
-    kinds = {test.facts["kind"] for test in tests}
+    kinds = {test.facts["kind"] for test in young}
     return {
         "schema": SCHEMA,
         "cell": cell["cell"],
@@ -78,6 +80,15 @@ def cell_model(cell, basis, tests, *, rc_branches, split_rest_second, tau_bounds
         "kind": "hppc" if "hppc" in kinds else "drive",
         "notes": notes,
     }
+
+
+def _by_age(tests):
+    """Tests of the earliest check-up, and the names of the others."""
+    cycles = [test.facts["cycle"] or 0 for test in tests]
+    first = min(cycles, default=0)
+    pairs = list(zip(tests, cycles, strict=True))
+    young = [test for test, cycle in pairs if cycle == first]
+    return young, [test.facts["test"] for test, cycle in pairs if cycle > first]
 
 
 def _by_temperature(tests):

@@ -24,7 +24,8 @@ def branch_currents(series):
     names = [name for name in series if name.startswith("branch_")]
     if len(names) < 2:
         raise Refusal("the record has no currents of two or more branches")
-    return np.column_stack([series[name] for name in sorted(names)])
+    names.sort(key=lambda name: int(name.split("_")[1]))  # branch 10 comes after 9, not after 1
+    return np.column_stack([series[name] for name in names])
 
 
 def group_models(series, steps, cells, *, test, celsius):

@@ -90,6 +90,8 @@ def _unseen(models, time, test, notes):
     for fitted in (model.get("fitted") for model in models):
         if fitted and fitted["test"] == test:
             unseen &= (time < fitted["from_second"]) | (time > fitted["to_second"])
+    if not unseen.any():
+        raise Refusal("the models were fitted to the whole record: nothing is left to score")
     if not unseen.all():
         notes.append(f"{np.mean(~unseen):.0%} of the record was fitted and is not scored")
     return unseen
