@@ -21,6 +21,7 @@ INFRASTRUCTURE = {
         "contract_readme",
         "figure",
         "lending",
+        "make_demo",
         "page",
         "provenance",
         "raw_files",

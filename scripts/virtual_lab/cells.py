@@ -1,0 +1,39 @@
+"""The cells of the laboratory: one type of 21700 cell, fresh and aged in stated ways.
+
+The type is the LG M50 (5 Ah, NMC811 against graphite-SiOx) as parameterised by Chen et al.
+(J. Electrochem. Soc. 167, 2020, 080534) and given temperature dependence by O'Kane et al.
+(Phys. Chem. Chem. Phys. 24, 2022, 7909), the set `OKane2022` of PyBaMM.
+"""
+
+from typing import NamedTuple
+
+RATED_CAPACITY_AMPERE_HOUR = 5.0
+LOWER_CUTOFF_VOLT = 2.5
+UPPER_CUTOFF_VOLT = 4.2
+
+
+class Cell(NamedTuple):
+    """What sets one cell apart from a fresh one of its type.
+
+    Losses are fractions of the fresh cell's lithium inventory (`lli`) and active material
+    (`lam_negative`, `lam_positive`). `kinetics` multiplies both exchange-current densities.
+    `capacity_ampere_hour` is what the laboratory takes for the cell's capacity when it sets the
+    charge between two pulses; `cycle` is the number of equivalent full cycles behind the cell.
+    """
+
+    lli: float
+    lam_negative: float
+    lam_positive: float
+    contact_resistance_ohm: float
+    kinetics: float
+    capacity_ampere_hour: float
+    cycle: int | None
+    note: str
+
+
+CELLS = {
+    "C1": Cell(0.0, 0.0, 0.0, 0.004, 1.0, 5.0, None, "fresh"),
+    "C2": Cell(0.12, 0.05, 0.05, 0.008, 0.75, 4.21, 600, "aged by cycling"),
+    "C3": Cell(0.09, 0.08, 0.15, 0.018, 0.9, 4.64, 250, "odd: high resistance, worn cathode"),
+    "C4": Cell(0.06, 0.03, 0.02, 0.006, 0.9, 4.6, 300, "aged; never pulsed, no slow OCV"),
+}

@@ -1,0 +1,48 @@
+"""Impedance of a rested cell: the physics linearised by PyBaMM, then measured with noise."""
+
+import numpy as np
+import pybamm
+
+from virtual_lab import physics
+from virtual_lab.cells import Cell
+from virtual_lab.measurement import CHAIN, Columns
+
+FREQUENCY_HERTZ = np.logspace(3, -2, 41)
+OHMIC_FREQUENCY_HERTZ = 1e6
+RELATIVE_NOISE = 0.003
+
+
+def spectrum(cell: Cell, frequency_hertz: np.ndarray, *, ambient_celsius: float, soc: float):
+    """Complex impedance [ohm] at each frequency [Hz]; capacitive arcs have a negative part."""
+    simulation = pybamm.EISSimulation(
+        physics.model(),
+        parameter_values=physics.parameters(cell, ambient_celsius=ambient_celsius),
+    )
+    found = simulation.solve(frequency_hertz, initial_soc=physics.window_soc(cell, soc))
+    return np.asarray(found.impedance)
+
+
+def measured_spectrum(impedance_ohm: np.ndarray, *, ambient_celsius: float, seed: int) -> Columns:
+    """The analyser's table: noise in proportion to the modulus on both parts."""
+    random = np.random.default_rng(seed)
+    spread = RELATIVE_NOISE * np.abs(impedance_ohm)
+    noise = random.normal(0.0, 1.0, (2, impedance_ohm.size)) * spread
+    surface = ambient_celsius + random.normal(
+        0.0, CHAIN.temperature_noise_celsius, impedance_ohm.size
+    )
+    return {
+        "frequency_hertz": FREQUENCY_HERTZ,
+        "real_ohm": impedance_ohm.real + noise[0],
+        "imaginary_ohm": impedance_ohm.imag + noise[1],
+        "surface_celsius": surface,
+    }
+
+
+def facts(impedance_ohm: np.ndarray, ohmic_ohm: float) -> dict:
+    """Noise-free spectrum and its limit at high frequency."""
+    return {
+        "ohmic_ohm": round(ohmic_ohm, 7),
+        "frequency_hertz": [float(f"{f:.6g}") for f in FREQUENCY_HERTZ],
+        "real_ohm": np.round(impedance_ohm.real, 8).tolist(),
+        "imaginary_ohm": np.round(impedance_ohm.imag, 8).tolist(),
+    }
