@@ -105,7 +105,8 @@ def load(path) -> dict:
         raise Passed(about["reason"], about["origin"])
     if Path(path).suffix == ".json":
         return {key: value for key, value in _read_json(path).items() if key != "provenance"}
-    table = pq.read_table(path, use_threads=False)
+    with pq.ParquetFile(path) as file:
+        table = file.read(use_threads=False)
     return {name: table[name].to_numpy() for name in table.column_names}
 
 

@@ -71,18 +71,22 @@ def _short(rows) -> dict:
 
 def _test(row, abouts) -> dict:
     mine = [about for about in abouts.values() if about["wildcards"].get("test") == row["test"]]
-    mine = [about for about in mine if row["cell"] in about["wildcards"].values()]
+    mine = [about for about in mine if _owner(about) == row["cell"]]
     reasons = list(dict.fromkeys(about["reason"] for about in mine if about["reason"]))
     return row | {"reasons": reasons}
 
 
 def _notes(name, abouts) -> list[dict]:
     notes = {}
-    mine = [about for about in abouts.values() if name in about["wildcards"].values()]
+    mine = [about for about in abouts.values() if _owner(about) == name]
     said = [(note, one["wildcards"].get("test", "")) for one in mine for note in one["notes"]]
     for note, test in said:
         notes.setdefault(note, set()).add(test)
     return [{"text": text, "tests": sorted(tests - {""})} for text, tests in notes.items()]
+
+
+def _owner(about):
+    return about["wildcards"].get("cell") or about["wildcards"].get("group")
 
 
 def _picture(path, known) -> dict:

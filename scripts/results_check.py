@@ -18,7 +18,7 @@ class _Collector:
         self.said = {item.nodeid: (item.function.__doc__ or item.name) for item in items}
 
     def pytest_runtest_logreport(self, report):
-        if report.when == "call" or report.outcome == "skipped":
+        if report.when == "call" or report.outcome != "passed":
             lines = [x for x in report.longreprtext.splitlines() if x.startswith("E ")]
             found = lines[0].removeprefix("E ").strip() if report.failed and lines else ""
             law = self.said[report.nodeid].strip().splitlines()[0]
@@ -37,8 +37,10 @@ def outcomes(folder) -> list[dict]:
     collector = _Collector()
     settings = ["-q", "-p", "no:cacheprovider", "--rootdir", str(TESTS), "-c", "/dev/null"]
     with contextlib.redirect_stdout(io.StringIO()):
-        pytest.main(
+        ended = pytest.main(
             [*settings, "--import-mode=importlib", "--results", str(folder), str(TESTS)],
             plugins=[collector],
         )
+    if ended not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+        raise RuntimeError(f"the checks themselves could not run: pytest ended with {ended}")
     return collector.rows

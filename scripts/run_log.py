@@ -14,7 +14,8 @@ def slowest(folder, since, *, count=5) -> list[str]:
     count : how many rules to name
     """
     records = [_record(path) for path in Path(folder, ".snakemake", "metadata").rglob("*")]
-    jobs = {(r["rule"], r["starttime"]): r for r in records if r and (r["starttime"] or 0) >= since}
+    recent = [record for record in records if record and (record["starttime"] or 0) >= since]
+    jobs = {(record["rule"], *record["log"]): record for record in recent}
     rules = {}
     for job in jobs.values():
         rules.setdefault(job["rule"], []).append(job["endtime"] - job["starttime"])

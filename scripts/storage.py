@@ -3,7 +3,9 @@
 import csv
 import io
 import json
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +14,30 @@ import pyarrow.parquet as pq
 import contract
 
 KEY = b"cellwright"
+
+
+def _settle_without_pandas():
+    """Let pyarrow find, once, that there is no pandas.
+
+    It looks for pandas at its first array each way, to recognise pandas' own objects. Nothing
+    here has any, and the import takes most of a second of each of the run's hundreds of jobs.
+    """
+    if "pandas" in sys.modules:
+        return
+    blind = SimpleNamespace(find_spec=_no_pandas)
+    sys.meta_path.insert(0, blind)
+    try:
+        pa.chunked_array([pa.array(np.zeros(1))]).to_numpy()
+    finally:
+        sys.meta_path.remove(blind)
+
+
+def _no_pandas(name, path=None, target=None):
+    if name == "pandas":
+        raise ModuleNotFoundError("pandas is not looked for here")
+
+
+_settle_without_pandas()
 
 
 def columns_of(content) -> dict:

@@ -9,7 +9,7 @@ def draw(series, scores, test):
     current, residual, voltage = axes[:, 0]
     hours = series["test_time_second"] / 3600
     for index, row in enumerate(scores):
-        colour, branch = figure.SERIES[index], row["branch"]
+        colour, branch = figure.SERIES[index % len(figure.SERIES)], row["branch"]
         measured = series[f"branch_{branch}_current_ampere"]
         simulated = series[f"simulated_branch_{branch}_current_ampere"]
         label = f"branch {branch}: RMSE {1e3 * row['current_rmse_ampere']:.0f} mA"

@@ -1,6 +1,5 @@
 """Model over measurement, and what is left between them."""
 
-
 import figure
 
 

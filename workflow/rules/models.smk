@@ -31,14 +31,6 @@ def fit_tests(cell):
     return tests(cell, "hppc", roles=["fit"]) + tests(cell, "drive", roles=["fit", "split"])
 
 
-def fit_artefacts(stage):
-    """Input function: one stage's artefacts for the tests that a cell is identified from."""
-    return lambda wildcards: [
-        f"results/{stage}/{wildcards.cell}/{row['test']}.parquet"
-        for row in fit_tests(wildcards.cell)
-    ]
-
-
 def calibrating(cell):
     """Cells of the type that have a model of their own."""
     mine = type_of(cell)
@@ -88,8 +80,9 @@ rule basis:
 rule identify:
     input:
         basis="results/basis/{cell}.json",
-        series=fit_artefacts("clean"),
-        steps=fit_artefacts("segment"),
+        series=lambda w: [
+            f"results/clean/{w.cell}/{row['test']}.parquet" for row in fit_tests(w.cell)
+        ],
     output:
         "results/identify/{cell}.json",
     log:
@@ -188,7 +181,6 @@ rule validate:
     input:
         model="results/models/{cell}.json",
         series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
     output:
         scores="results/validation/{cell}/{test}.parquet",
         series="results/simulation/{cell}/{test}.parquet",

@@ -29,7 +29,7 @@ def resistance_points(rows, *, delay_second=(0.0, 10.0), c_rate=1.0):
 
     Returns
     -------
-    points : list of Point; temperatures without pulses on both sides of 50 % SoC are absent.
+    points : list of Point; temperatures without a pulse within 12 % of 50 % SoC are absent.
     """
     mine = [row for row in fresh(rows) if row["direction"] == "discharge"]
     return [point for delay in delay_second for point in _course(mine, delay, c_rate)]

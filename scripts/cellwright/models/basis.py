@@ -7,6 +7,7 @@ from cellwright.series.anchor import soc_series
 
 REFERENCE_CELSIUS = 25.0
 SAME_RATE = 0.1
+SAME_CELSIUS = 3.0
 CLOSED = 0.03
 
 
@@ -70,7 +71,8 @@ def _celsius(row):
 
 
 def _first_choice(row):
-    return _off_reference(row), row["cycle"] or 0
+    """Near 25 °C before young, but within 3 K of it age decides."""
+    return max(_off_reference(row), SAME_CELSIUS), row["cycle"] or 0
 
 
 def _largest(lender):
@@ -118,15 +120,16 @@ def _own_capacity(capacities, lender, rated):
 # ASSUME: A cell that borrows its OCV loses as much capacity to rate as the lender does.
 def _slow_ratio(row, lender):
     """The lender's slow capacity over its capacity at the rate and temperature of `row`."""
-    slow = min(lender.curves, key=_first_choice)["capacity_ampere_hour"]
+    slow, _ = _slow_capacity(min(lender.curves, key=_first_choice))
     alike = [
-        other["capacity_ampere_hour"]
+        other
         for other in lender.capacities
         if other["direction"] == "discharge"
         and abs(other["c_rate"] / row["c_rate"] - 1) < SAME_RATE
-        and abs(_celsius(other) - _celsius(row)) < 3
+        and abs(_celsius(other) - _celsius(row)) < SAME_CELSIUS
     ]
-    return slow / alike[0] if alike else None
+    youngest = min(alike, key=lambda other: other["cycle"] or 0, default=None)
+    return slow / youngest["capacity_ampere_hour"] if youngest else None
 
 
 def soc_of(series, basis, test, cell):

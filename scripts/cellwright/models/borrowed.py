@@ -33,8 +33,8 @@ def borrowed_model(own, peers):
 
     1. The reference is the first marked cell, else the largest. 2. Where enough other cells have
     both a model and IC peaks at the same rate, the bias functions (thesis eq. 4.3, 4.5) are
-    calibrated on them and predict this cell. 3. Else the reference is scaled: capacity by the cell's own,
-    resistances by the ratio of what both show at the onset of a discharge from full.
+    calibrated on them and predict this cell. 3. Else the reference is scaled: capacity by the
+    cell's own, resistances by the ratio of what both show at the onset of a discharge from full.
 
     Parameters
     ----------

@@ -14,6 +14,7 @@ from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-model/1"
 SAME_CELSIUS = 2.0
+REST_C_RATE = 0.004
 GRID = np.linspace(0.0, 1.0, 201)
 
 
@@ -57,8 +58,8 @@ def cell_model(cell, basis, tests, *, rc_branches, split_rest_second):
     conditions = []
     for celsius, group in _by_temperature(young):
         try:
-            records = _records(group, basis, cell, split_rest_second, notes)
-            conditions.append(_condition(celsius, group, records, basis, rc_branches))
+            found = _records(group, basis, cell, split_rest_second, notes)
+            conditions.append(_condition(celsius, found, basis, rc_branches))
         except Refusal as refusal:
             names = ", ".join(test.facts["test"] for test in group)
             notes.append(f"not identified at {celsius:g} °C ({names}): {refusal}")
@@ -112,34 +113,45 @@ def _celsius(test):
 
 
 def _records(group, basis, cell, split_rest_second, notes):
-    records = []
+    """Name and records of each usable test; one that cannot be used costs the others nothing."""
+    found = {}
     for test in group:
-        anchored = soc_of(test.series, basis, test.facts, cell)
-        if test.facts["soc"] is None:
-            notes.append(f"{test.facts['test']}: SoC by {anchored.anchor}")
-        time, current = test.series["test_time_second"], test.series["current_ampere"]
-        used = None
-        if test.facts["role"] == "split":
-            rest = 0.004 * basis["capacity_ampere_hour"]
-            used = fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
-        records += records_of(time, current, test.series["voltage_volt"], anchored.soc, used=used)
-    return records
+        try:
+            found[test.facts["test"]] = _record(test, basis, cell, split_rest_second, notes)
+        except Refusal as refusal:
+            notes.append(f"not fitted: {test.facts['test']}: {refusal}")
+    if not found:
+        raise Refusal("none of its tests can be used")
+    return found
 
 
-def _condition(celsius, group, records, basis, rc_branches):
+def _record(test, basis, cell, split_rest_second, notes):
+    anchored = soc_of(test.series, basis, test.facts, cell)
+    if test.facts["soc"] is None:
+        notes.append(f"{test.facts['test']}: SoC by {anchored.anchor}")
+    time, current = test.series["test_time_second"], test.series["current_ampere"]
+    used = None
+    if test.facts["role"] == "split":
+        rest = REST_C_RATE * basis["capacity_ampere_hour"]
+        used = fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
+    return records_of(time, current, test.series["voltage_volt"], anchored.soc, used=used)
+
+
+def _condition(celsius, found, basis, rc_branches):
     """Entries of one temperature by number of RC branches, and the OCV table they belong to."""
+    records = [record for records in found.values() for record in records]
     curve = _nearest(basis["ocv"], celsius)
     ocv = ocv_at(_dated(basis["ocv"]), GRID, celsius)
     if curve["branches"] != "both":
         slow = curve[f"{curve['branches']}_current_ampere"]
         first = identify(records, GRID, ocv, n_rc=max(rc_branches))
         ocv = ocv_from_slow_branch(GRID, ocv, slow, first)
-    names = [test.facts["test"] for test in group]
-    found = {"ocv": _table(celsius, ocv, curve)}
+    entries = {"ocv": _table(celsius, ocv, curve)}
     for n_rc in rc_branches:
         fitted = identify(records, GRID, ocv, n_rc=n_rc)
-        found[n_rc] = condition_entry(fitted, ambient_temperature_celsius=celsius, tests=names)
-    return found
+        entry = condition_entry(fitted, ambient_temperature_celsius=celsius, tests=list(found))
+        entries[n_rc] = entry
+    return entries
 
 
 def _table(celsius, ocv, curve):

@@ -1,0 +1,229 @@
+"""Every figure: what was measured is what is drawn, axes say their units, and refusals do not."""
+
+import io
+
+import numpy as np
+import pytest
+
+import figure
+from drawing import (
+    capacity,
+    ica,
+    impedance,
+    ocv,
+    overview,
+    pack,
+    parameters,
+    records,
+    resistance,
+    temperature,
+    validation,
+)
+
+SOC = np.linspace(0, 1, 11)
+TIME = np.arange(0.0, 7200.0, 60.0)
+
+
+def about(test="t", celsius=25.0, **facts):
+    facts = {"ambient_temperature_celsius": celsius, "cycle": None, "soc": None} | facts
+    return {"wildcards": {"cell": "A", "test": test}, "params": {"test": facts}}
+
+
+def drawn(axes):
+    """Data of the lines of a panel that hold any."""
+    lines = [line.get_xydata() for line in axes.get_lines()]
+    return [data for data in lines if len(data)]
+
+
+def labels(axes):
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def panels(canvas):
+    """Panels of a figure, after the laws of the house: each axis that is named says its unit."""
+    found = canvas.get_axes()
+    for panel in found:
+        for name in (panel.get_xlabel(), panel.get_ylabel()):
+            assert not name or "[" in name or name in FREE, name
+    canvas.savefig(io.BytesIO(), format="svg")  # it can be rendered
+    return found
+
+
+FREE = ("all tests", "10 s into a pulse, SoC 44–56 %", "validation tests, every model", "cycle")
+FREE += ("R", "capacity at 1C")
+
+
+def capacities(size):
+    return {
+        "direction": np.array(["discharge", "charge"]),
+        "c_rate": np.array([1.0, 0.5]),
+        "capacity_ampere_hour": np.array([size, size + 0.1]),
+        "capacity_std_ampere_hour": np.array([0.01, np.nan]),
+    }
+
+
+def test_capacity_over_rate_and_over_ageing_only_where_there_is_any():
+    (fresh,) = panels(capacity.draw([(capacities(2.0), about())]))
+    marks = {tuple(data[0]) for data in drawn(fresh)}
+    assert {(1.0, 2.0), (1.0, 1.99), (1.0, 2.01), (0.5, 2.1)} == marks  # with caps of the error bar
+    assert labels(fresh) == ["25 °C"]
+    tests = [(capacities(2.0), about(cycle=0)), (capacities(1.6), about(cycle=500, celsius=None))]
+    rate, age = panels(capacity.draw(tests))
+    assert {xy[0, 0] for xy in drawn(age) if len(xy) == 1} == {0, 500}
+    assert "temperature not stated" in labels(rate)
+
+
+def test_ocv_with_one_branch_has_no_gap():
+    nothing = np.full(11, np.nan)
+    columns = {"soc": SOC, "ocv_volt": 3 + SOC, "discharge_volt": 3 + SOC, "charge_volt": nothing}
+    single = columns | {"half_gap_volt": nothing}
+    both = columns | {"half_gap_volt": np.full(11, 0.004), "charge_volt": 3.1 + SOC}
+    curve, gap = panels(ocv.draw([(single, about("slow"))]))
+    assert drawn(gap) == []
+    np.testing.assert_allclose(drawn(curve)[-1], np.column_stack([100 * SOC, 3 + SOC]))
+    assert labels(curve) == ["slow (25 °C)"]
+    _, gap = panels(ocv.draw([(both, about())]))
+    np.testing.assert_allclose(drawn(gap)[0][:, 1], 4.0)
+
+
+def test_resistance_at_the_first_sample_and_near_ten_seconds():
+    delays = np.array([0.0, 1.0, 9.0, 60.0])
+    columns = {
+        "delay_second": delays,
+        "direction": np.array(["discharge"] * 4),
+        "c_rate": np.ones(4),
+        "soc": np.full(4, 0.5),
+        "resistance_ohm": np.array([0.01, 0.02, 0.03, 0.04]),
+        "resistance_std_ohm": np.array([1e-4, 1e-4, 1e-4, np.nan]),
+    }
+    first, later = panels(resistance.draw([(columns, about())]))
+    assert first.get_title(loc="left") == "Resistance, first sample"
+    assert later.get_title(loc="left") == "Resistance, 9 s into the pulse"
+    assert any(np.allclose(xy, [[50, 30]]) for xy in drawn(later))
+    assert len(panels(resistance.draw([({k: v[:1] for k, v in columns.items()}, about())]))) == 1
+
+
+def test_ica_marks_the_peaks_and_needs_none():
+    curve = {"voltage_volt": 3 + SOC, "dq_dv_ampere_hour_per_volt": SOC}
+    peaks = {"voltage_volt": [3.5], "height_ampere_hour_per_volt": [0.5]}
+    (panel,) = panels(ica.draw([(curve, peaks, about("a")), (curve, {}, about("b"))]))
+    assert [text.get_text() for text in panel.texts] == ["3.500 V"]
+    assert labels(panel) == ["a", "b"]
+
+
+def test_spectra_of_one_temperature_share_a_panel():
+    columns = {
+        f"{kind}_{part}_ohm": SOC
+        for kind in ("impedance", "fitted")
+        for part in ("real", "imaginary")
+    }
+    tests = [
+        (columns, about(celsius=c, soc=s))
+        for c, s in ((25, 0.5), (25, None), (0, 0.2), (None, 0.2))
+    ]
+    found = panels(impedance.draw(tests))
+    titles = [panel.get_title(loc="left") for panel in found]
+    assert titles == ["0 °C", "25 °C", "temperature not stated"]
+    np.testing.assert_allclose(drawn(found[0])[0], 1e3 * np.column_stack([SOC, -SOC]))
+    assert len(drawn(found[1])) == 4
+
+
+def test_temperature_draws_both_laws_over_the_points():
+    celsius = np.array([0.0, 25.0, 40.0])
+    points = {
+        "quantity": np.array(["R"] * 3 + ["capacity at 1C"] * 3),
+        "temperature_celsius": np.tile(celsius, 2),
+        "value": np.array([3.0, 2.0, 1.5, 1.0, 1.1, 1.2]),
+    }
+    laws = [
+        {"quantity": "R", "law": "quadratic", "value": value, "chosen": False}
+        for value in (0.0, -0.0375, 3.0)
+    ]
+    laws += [{"quantity": "R", "law": "arrhenius", "value": v, "chosen": True} for v in (2.0, 1e4)]
+    first, second = panels(temperature.draw(points, laws))
+    assert labels(first) == ["measured", "quadratic", "arrhenius (chosen)"]
+    np.testing.assert_allclose(drawn(first)[0], np.column_stack([celsius, [3.0, 2.0, 1.5]]))
+    np.testing.assert_allclose(drawn(first)[1][0], [-3.0, 3.0 + 3 * 0.0375])
+    assert labels(second) == ["measured"]
+
+
+@pytest.mark.parametrize("std", [[0.001] * 11, [None] * 11])
+def test_parameters_with_and_without_uncertainty(std):
+    branch = {
+        "r_ohm": [0.02] * 11,
+        "r_std_ohm": std,
+        "tau_second": [30.0] * 11,
+        "tau_std_second": std,
+    }
+    entry = {"soc": SOC.tolist(), "r0_ohm": [0.05] * 11, "r0_std_ohm": std, "branches": [branch]}
+    conditions = [entry | {"ambient_temperature_celsius": celsius} for celsius in (0.0, None)]
+    model = {"chosen": "1RC", "members": [{"model": "1RC", "conditions": conditions}]}
+    r0, _, tau = panels(parameters.draw(model))
+    assert all(np.allclose(xy[:, 1], 50.0) for xy in drawn(r0) if len(xy) == 11 and not std[0])
+    assert labels(r0) == ["0 °C", "temperature not stated"]
+    assert tau.get_yscale() == "log"
+
+
+def test_records_colour_each_step_and_say_how_many_are_not_shown():
+    series = {"test_time_second": TIME, "voltage_volt": 3 + TIME / 7200}
+    steps = {"kind": np.array(["rest", "CC"]), "first_row": np.array([0, 60])}
+    steps["last_row"] = np.array([59, 119])
+    tests = [(series, steps, about(f"t{k}")) for k in range(5)]
+    canvas = records.draw(tests, 7)
+    found = panels(canvas)
+    assert "(5 of 7 records)" in canvas.get_suptitle()
+    assert [panel.get_title(loc="left") for panel in found[:5]] == ["t0", "t1", "t2", "t3", "t4"]
+    assert [panel.axison for panel in found] == [True] * 5 + [False] * 3
+    rest, constant = (np.isfinite(xy[:, 1]).sum() for xy in drawn(found[1])[:2])
+    assert (rest, constant) == (60, 61)
+    assert "records)" not in records.draw(tests, 5).get_suptitle()
+
+
+def test_validation_shows_every_member_and_greys_what_is_not_scored():
+    series = {"test_time_second": TIME, "current_ampere": TIME * 0, "voltage_volt": 3.7 + TIME * 0}
+    series |= {"simulated_1RC_volt": 3.69 + TIME * 0, "simulated_2RC_volt": 3.7 + TIME * 0}
+    scores = [
+        {"model": "1RC", "rmse_volt": 0.01, "chosen": False},
+        {"model": "2RC", "rmse_volt": 0.0, "chosen": True},
+    ]
+    for scored, patches in ((TIME >= 0, 0), (TIME > 3600, 1), ((TIME // 1800) % 2 == 0, 2)):
+        canvas = validation.draw(series | {"scored": scored}, scores, "udds")
+        voltage, residual, _ = panels(canvas)
+        assert len(residual.patches) == patches
+    assert labels(voltage) == ["measured", "1RC: RMSE 10.0 mV", "2RC (chosen): RMSE 0.0 mV"]
+    np.testing.assert_allclose(drawn(residual)[0][:, 1], 10.0)
+
+
+def test_pack_draws_branches_measured_and_simulated():
+    series = {"test_time_second": TIME, "voltage_volt": 3.7 + 0 * TIME, "scored": TIME > 3600}
+    series["simulated_voltage_volt"] = 3.71 + 0 * TIME
+    for k in (1, 2):
+        series[f"branch_{k}_current_ampere"] = k + 0 * TIME
+        series[f"simulated_branch_{k}_current_ampere"] = k - 0.02 + 0 * TIME
+    scores = [{"branch": k, "current_rmse_ampere": 0.02, "voltage_rmse_volt": 0.01} for k in (1, 2)]
+    current, residual, _ = panels(pack.draw(series, scores, "discharge"))
+    assert labels(current) == ["branch 1: RMSE 20 mA", "branch 2: RMSE 20 mA"]
+    np.testing.assert_allclose(np.concatenate(drawn(residual)[:2])[:, 1], 20.0)
+
+
+def test_overview_has_a_line_for_every_cell():
+    facts = {"cell": "A", "ambient_temperature_celsius": "25"}
+    sizes = [facts | {"capacity_ampere_hour": "2.0", "direction": "discharge"}]
+    late = facts | {"resistance_ohm": "0.03", "direction": "charge"}
+    ohms = [
+        late | {"soc": soc, "delay_second": s}
+        for soc, s in (("0.5", "10"), ("0.9", "10"), ("0.5", "0"))
+    ]
+    errors = [facts | {"rmse_volt": "0.004", "ambient_temperature_celsius": ""}]
+    size, ohm, error = panels(overview.draw(["A", "B"], sizes, ohms, errors))
+    assert [text.get_text() for text in size.get_yticklabels()] == ["A", "B"]
+    np.testing.assert_allclose(np.concatenate(drawn(size)), [[2.0, 2]])
+    np.testing.assert_allclose(np.concatenate(drawn(ohm)), [[30.0, 2]])
+    np.testing.assert_allclose(drawn(error)[0], [[4.0, 2]])
+    assert labels(error) == ["25 °C", "temperature not stated"]
+    panels(overview.draw([], [], [], []))
+
+
+def test_a_figure_is_never_a_global():
+    """Figures are made without pyplot: nothing piles up over many of them."""
+    assert "pyplot" not in vars(figure)

@@ -1,0 +1,131 @@
+"""The report: exclusions on top, a page per cell and group, nothing that is not escaped."""
+
+import base64
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import artefact
+import page
+from cellwright.refusal import Refusal
+
+ROOT = Path(__file__).resolve().parents[2]
+TABLES = ["capacity", "ica", "eis", "temperature", "validation", "packs", "excluded"]
+CELL = {"cell": "A", "chemistry": "NMC", "note": None}
+TEST = {
+    "cell": "A",
+    "test": "bad",
+    "kind": "capacity",
+    "ambient_temperature_celsius": 0.0,
+    "cycle": None,
+    "soc": None,
+    "role": "fit",
+    "note": "<b>odd</b>",
+}
+
+
+@pytest.fixture
+def job(snakemake):
+    """The inputs of rule `report` for one cell with a good and a bad test, and one group."""
+    contents = dict.fromkeys(TABLES, ())
+    capacity = {
+        "cell": "A",
+        "test": "good",
+        "direction": "discharge",
+        "capacity_ampere_hour": 1.987654321,
+    }
+    contents["capacity"] = [capacity] * 70
+    contents["excluded"] = [
+        {
+            "cell": "A",
+            "test": "bad",
+            "file": "raw/bad.csv",
+            "stage": "ingest",
+            "reason": "time & <i>space</i>",
+        }
+    ]
+    contents["packs"] = [
+        {"group": "pair", "branch": 1, "cell": "A", "current_rmse_ampere": 0.0123456}
+    ]
+    contents["checks"] = [
+        {"check": "No charge from nothing.", "outcome": "failed", "found": "A: 3 Ah"}
+    ]
+    paths = {}
+    for name, rows in contents.items():
+        paths[name] = f"results/tables/{name}.csv"
+        with artefact.Job(snakemake(paths[name])) as writing:
+            writing.save(list(rows))
+    with artefact.Job(snakemake("results/summary.csv")) as writing:
+        writing.save([{"cell": "A", "soh": 0.987654321, "notes": "as new"}])
+    for test in ("good", "bad"):
+        with artefact.Job(
+            snakemake(f"results/ingest/A/{test}.parquet", wildcards={"cell": "A", "test": test})
+        ) as writing:
+            writing.note("sign found from the data")
+            if test == "bad":
+                raise Refusal("time & <i>space</i>")
+            writing.save(
+                {"test_time_second": [0.0], "current_ampere": [0.0], "voltage_volt": [3.7]}
+            )
+    Path("results/figures/A").mkdir(parents=True)
+    Path("results/figures/A/validation_udds.svg").write_text("<svg>picture</svg>")
+    inputs = SimpleNamespace(
+        tables=[paths[name] for name in TABLES],
+        checks=paths["checks"],
+        summary="results/summary.csv",
+        artefacts=["results/ingest/A/good.parquet", "results/ingest/A/bad.parquet"],
+        template=ROOT / "workflow/report/report.html.j2",
+        captions=ROOT / "workflow/report/captions.yaml",
+    )
+    params = SimpleNamespace(
+        cells=[CELL],
+        tests=[TEST, TEST | {"test": "good", "note": None}],
+        groups=[{"group": "pair", "position": 1, "cell": "A"}],
+        figures={"campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
+        title="Tiny & small",
+        choices={"strict": True},
+        assumptions=[{"module": "m.py", "text": "Cells are round."}],
+    )
+    return SimpleNamespace(input=inputs, params=params)
+
+
+def test_report_holds_everything_escaped_and_in_order(job):
+    html = page.render(job)
+    assert html == page.render(job)
+    wanted = ["1 exclusion: what could not be used", "time &amp; &lt;i&gt;space", "raw/bad.csv"]
+    wanted += ["1 of 1 checks of the results failed", "No charge from nothing.", "0.9877"]
+    wanted += ['<section id="cell-A">', "&lt;b&gt;odd&lt;/b&gt;", "1.988", "and 10 more rows"]
+    wanted += ['<section id="cell-pair">', "branch 1: A", "0.01235", "Cells are round.", "strict"]
+    places = [html.find(text) for text in wanted]
+    assert -1 not in places, dict(zip(wanted, places, strict=True))
+    assert places == sorted(places)
+    assert "Tiny &amp; small" in html
+    assert "<i>space" not in html
+
+
+def test_report_is_one_file_with_its_pictures_inside(job):
+    html = page.render(job)
+    picture = base64.b64encode(b"<svg>picture</svg>").decode()
+    assert f"data:image/svg+xml;base64,{picture}" in html
+    assert "http://" not in html
+    assert "https://" not in html
+
+
+def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
+    abouts = {path: artefact.read_about(path) for path in job.input.artefacts}
+    tables = {name: [] for name in TABLES}
+    found = page._page("A", job.params, tables, abouts, {"validation": {"title": "V", "read": "r"}})
+    assert [row["reasons"] for row in found["tests"]] == [["time & <i>space</i>"], []]
+    assert found["notes"] == [{"text": "sign found from the data", "tests": ["bad", "good"]}]
+    assert found["facts"] == {"cell": "A", "chemistry": "NMC"}
+    (picture,) = found["pictures"]
+    assert (picture["title"], picture["test"]) == ("V", "udds")
+    assert found["tables"] == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"), [("1.23456789", "1.235"), ("", ""), (None, None), ("1RC", "1RC"), (2, "2")]
+)
+def test_numbers_have_four_digits(text, shown):
+    assert page.number(text) == shown
