@@ -16,6 +16,9 @@ def draw(tests):
         if aged:
             _points(axes[0, 1], np.full(len(columns["c_rate"]), cycle), columns, celsius)
     axes[0, 0].set(xscale="log", xlabel="C-rate [1/h]", ylabel="capacity [Ah]")
+    low, high = axes[0, 0].get_ylim()
+    # A percent either way, so that the last digits of one cell do not fill the picture.
+    axes[0, 0].set_ylim(min(low, 0.99 * high), max(high, 1.01 * low))
     axes[0, 0].set_title("Capacity over rate (▼ discharge, ▲ charge)")
     figure.legend_once(axes[0, 0], ncols=2)
     if aged:

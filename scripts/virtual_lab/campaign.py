@@ -93,8 +93,8 @@ def plan() -> list[Test]:
         *spectra("C1"),
         *(_with_oddities_of_c2(test) for test in check_up("C2", "bdf")),
         *(_with_oddities_of_c3(test) for test in check_up("C3", "arbin")),
-        *(test for test in check_up("C5", "bdf") if test.test != "udds_25C"),
         *_tests_of_c4(),
+        *(test for test in check_up("C5", "bdf") if test.test != "udds_25C"),
         _pair_test(),
     ]
 

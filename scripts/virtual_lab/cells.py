@@ -35,6 +35,6 @@ CELLS = {
     "C1": Cell(0.0, 0.0, 0.0, 0.004, 1.0, 5.0, None, "fresh"),
     "C2": Cell(0.12, 0.05, 0.05, 0.008, 0.75, 4.21, 600, "aged by cycling"),
     "C3": Cell(0.09, 0.08, 0.15, 0.018, 0.9, 4.64, 250, "odd: high resistance, worn cathode"),
-    "C5": Cell(0.03, 0.05, 0.06, 0.012, 0.85, 4.8, 150, "lightly aged"),
     "C4": Cell(0.06, 0.03, 0.02, 0.006, 0.9, 4.6, 300, "aged; never pulsed, no slow OCV"),
+    "C5": Cell(0.03, 0.05, 0.06, 0.012, 0.85, 4.8, 150, "lightly aged"),
 }

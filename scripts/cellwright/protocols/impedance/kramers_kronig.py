@@ -16,7 +16,9 @@ class KramersKronig(NamedTuple):
     fill: float
 
 
-def linear_kramers_kronig(frequency_hertz, impedance_ohm, *, fill=0.85, most_pairs=50):
+def linear_kramers_kronig(
+    frequency_hertz, impedance_ohm, *, fill=0.85, pairs_per_decade=3, most_pairs=50
+):
     """Fit a chain of RC pairs, which obeys the Kramers-Kronig relations; what is left does not.
 
     The time constants lie evenly on a logarithmic axis, so that the fit is linear. Pairs are
@@ -26,6 +28,7 @@ def linear_kramers_kronig(frequency_hertz, impedance_ohm, *, fill=0.85, most_pai
     Parameters
     ----------
     frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
+    pairs_per_decade : pairs that are begun with [1].
     fill : add pairs while 1 − Σ|negative R|/Σ|positive R| stays above this.
     most_pairs : limit of the number of pairs.
 
@@ -44,7 +47,11 @@ def linear_kramers_kronig(frequency_hertz, impedance_ohm, *, fill=0.85, most_pai
     if len(frequency) < 8:
         raise Refusal(f"spectrum of {len(frequency)} points; a Kramers-Kronig test needs 8")
     rates = 2 * np.pi * frequency
-    for pairs in range(3, min(most_pairs, len(frequency)) + 1):
+    decades = np.log10(frequency.max() / frequency.min())
+    most = min(most_pairs, len(frequency))
+    # A chain too coarse for a narrow arc oscillates as well: begin where it cannot be that.
+    least = min(max(round(pairs_per_decade * decades), 3), most)
+    for pairs in range(least, most + 1):
         resistances, residual = _chain(rates, impedance, pairs)
         negative = -resistances[resistances < 0].sum()
         measure = 1 - negative / max(resistances[resistances > 0].sum(), np.finfo(float).tiny)
