@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from cellwright import formats, series
 from cellwright.protocols.capacity import capacity
 from cellwright.protocols.impedance import analyse
