@@ -11,10 +11,10 @@ from cellwright.models.lookup import ocv_at
 from cellwright.models.records import records_of
 from cellwright.models.split import fit_mask
 from cellwright.refusal import Refusal
+from cellwright.series.anchor import REST_C_RATE
 
 SCHEMA = "cellwright-model/1"
 SAME_CELSIUS = 2.0
-REST_C_RATE = 0.004
 GRID = np.linspace(0.0, 1.0, 201)
 
 

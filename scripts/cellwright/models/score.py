@@ -8,8 +8,7 @@ from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
 from cellwright.models.lookup import simulate_model
 from cellwright.models.split import fit_mask
 from cellwright.refusal import Refusal
-
-REST_C_RATE = 0.004
+from cellwright.series.anchor import REST_C_RATE
 
 
 class Validation(NamedTuple):
