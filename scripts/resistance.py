@@ -1,13 +1,13 @@
 """Resistance at stated delays into each pulse of one test."""
 
 import artefact
-from cellwright.models.basis import soc_of
+from cellwright.models.basis import soc_or_unknown
 from cellwright.protocols.resistance import pulse_resistance
 from cellwright.series.segments import Steps
 
 with artefact.Job(snakemake) as job:
     series, basis = job.load(snakemake.input.series), job.load(snakemake.input.basis)
-    anchored = soc_of(series, basis, snakemake.params.test, snakemake.params.cell)
+    anchored = soc_or_unknown(series, basis, snakemake.params.test, snakemake.params.cell)
     job.note(f"SoC: {anchored.anchor}")
     found = pulse_resistance(
         *artefact.columns(series, "test_time", "current", "voltage"),

@@ -72,6 +72,7 @@ def _resistance(rows):
         row
         for row in rows
         if row["direction"] == "discharge"
+        and row["soc"]
         and float(row["delay_second"]) == 0
         and row["ambient_temperature_celsius"]
         and abs(float(row["ambient_temperature_celsius"]) - 25) <= 5

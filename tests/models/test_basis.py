@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.models.basis import Lender, basis, soc_of
+from cellwright.models.basis import Lender, basis, soc_of, soc_or_unknown
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)
@@ -144,3 +144,16 @@ def test_soc_is_counted_over_the_capacity_of_the_basis():
     assert found.soc[-1] == pytest.approx(0.4)
     with pytest.raises(Refusal, match="there is no OCV table"):
         soc_of(series(3.5, -0.8), known, facts | {"soc": None}, CELL)
+
+
+def test_without_any_anchor_soc_is_not_known_and_says_why():
+    columns = {
+        name: np.zeros(3)
+        for name in ("test_time_second", "charge_ampere_hour", "current_ampere", "voltage_volt")
+    }
+    facts = {"soc": None, "ambient_temperature_celsius": 25.0}
+    bare = {"capacity_ampere_hour": 2.0, "ocv": []}
+    found = soc_or_unknown(columns, bare, facts, CELL)
+    assert np.isnan(found.soc).all()
+    assert found.anchor.startswith("not known: no state of charge")
+    assert soc_or_unknown(columns, bare, facts | {"soc": 0.5}, CELL).soc[0] == 0.5

@@ -111,6 +111,8 @@ def test_families_of_columns_are_known():
     names = contract.stages()["pack_series"]["columns"]
     columns = {name: np.zeros(1) for name in names if "<" not in name}
     contract.check("pack_series", columns | {"branch_3_current_ampere": np.zeros(1)})
+    series = {name: np.zeros(1) for name in ("test_time_second", "current_ampere", "voltage_volt")}
+    contract.check("ingest", series | {"surface_temperature_2_celsius": np.zeros(1)})
 
 
 def test_json_documents_carry_their_provenance_inside(snakemake):

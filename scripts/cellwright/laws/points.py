@@ -31,7 +31,8 @@ def resistance_points(rows, *, delay_second=(0.0, 10.0), c_rate=1.0):
     -------
     points : list of Point; temperatures without a pulse within 12 % of 50 % SoC are absent.
     """
-    mine = [row for row in fresh(rows) if row["direction"] == "discharge"]
+    known = [row for row in fresh(rows) if np.isfinite(row["soc"])]
+    mine = [row for row in known if row["direction"] == "discharge"]
     return [point for delay in delay_second for point in _course(mine, delay, c_rate)]
 
 

@@ -2,8 +2,10 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from cellwright.refusal import Refusal
-from cellwright.series.anchor import soc_series
+from cellwright.series.anchor import Anchored, soc_series
 
 REFERENCE_CELSIUS = 25.0
 SAME_RATE = 0.1
@@ -165,3 +167,15 @@ def soc_of(series, basis, test, cell):
         ocv_soc=curve["soc"],
         ocv_volt=curve["ocv_volt"],
     )
+
+
+def soc_or_unknown(series, basis, test, cell):
+    """As `soc_of`, but NaN with the reason as anchor where no state of charge can be known.
+
+    For what is worth having without it, such as the resistance of a pulse.
+    """
+    try:
+        return soc_of(series, basis, test, cell)
+    except Refusal as refusal:
+        unknown = np.full(len(series["test_time_second"]), np.nan)
+        return Anchored(unknown, f"not known: {refusal}")
