@@ -10,6 +10,11 @@ import artefact
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation"]
 SHOWN_ROWS = 60
+NO_MODEL = {
+    "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, a "
+    "modelled cell of the same chemistry and rating to borrow from, or branch currents of a group.",
+    "tests": [],
+}
 
 
 def render(job) -> str:
@@ -52,6 +57,7 @@ def _page(name, params, tables, abouts, known) -> dict:
     rows = {
         table: [row for row in tables[table] if row["cell"] == name] for table in TABLES_OF_CELL
     }
+    unmodelled = facts and name not in params.modelled
     rows["packs"] = [row for row in tables["packs"] if row["group"] == name]
     return {
         "name": name,
@@ -60,7 +66,7 @@ def _page(name, params, tables, abouts, known) -> dict:
         "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
         "pictures": [_picture(path, known) for path in params.figures.get(name, [])],
         "tables": {table: _short(found) for table, found in rows.items() if found},
-        "notes": _notes(name, abouts),
+        "notes": [*([NO_MODEL] if unmodelled else []), *_notes(name, abouts)],
     }
 
 

@@ -83,6 +83,7 @@ def job(snakemake):
         tests=[TEST, TEST | {"test": "good", "note": None}],
         groups=[{"group": "pair", "position": 1, "cell": "A"}],
         figures={"campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
+        modelled=["A"],
         title="Tiny & small",
         choices={"strict": True},
         assumptions=[{"module": "m.py", "text": "Cells are round."}],
@@ -129,3 +130,9 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
 )
 def test_numbers_have_four_digits(text, shown):
     assert page.number(text) == shown
+
+
+def test_a_cell_without_a_model_is_told_what_it_lacks(job):
+    assert "No model, and no simulation" not in page.render(job)
+    job.params.modelled = []
+    assert "No model, and no simulation: that needs an hppc test" in page.render(job)

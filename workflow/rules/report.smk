@@ -32,6 +32,7 @@ rule report:
         tests=CAMPAIGN.tests,
         groups=CAMPAIGN.groups,
         figures=FIGURES,
+        modelled=MODELLED,
         title=config["title"],
         choices=CHOICES,
         assumptions=ASSUMPTIONS,
