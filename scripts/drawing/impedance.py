@@ -15,7 +15,7 @@ def draw(tests):
             _spectrum(panel, columns, about)
         panel.set(xlabel="Re Z [mΩ]", ylabel="−Im Z [mΩ]", title=figure.temperature_label(celsius))
         panel.set_aspect("equal", adjustable="datalim")
-    figure.legend_once(axes[0, -1], fontsize=7)
+    figure.legend_once(axes[0, -1], fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
     return canvas
 
 

@@ -20,7 +20,8 @@ def draw(points, laws):
         for colour, law in zip(figure.SERIES, LAWS, strict=False):
             rows = [r for r in laws if r["quantity"] == quantity and r["law"] == law]
             _course(panel, grid, rows, law, colour)
-        panel.set(xlabel="temperature [°C]", ylabel=quantity, title=quantity)
+        unit = points["unit"][mine][0]
+        panel.set(xlabel="temperature [°C]", ylabel=f"[{unit}]", title=quantity)
         figure.legend_once(panel)
     return canvas
 

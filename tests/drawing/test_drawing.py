@@ -132,6 +132,7 @@ def test_temperature_draws_both_laws_over_the_points():
     celsius = np.array([0.0, 25.0, 40.0])
     points = {
         "quantity": np.array(["R"] * 3 + ["capacity at 1C"] * 3),
+        "unit": np.array(["Ohm"] * 3 + ["Ah"] * 3),
         "temperature_celsius": np.tile(celsius, 2),
         "value": np.array([3.0, 2.0, 1.5, 1.0, 1.1, 1.2]),
     }
@@ -145,6 +146,7 @@ def test_temperature_draws_both_laws_over_the_points():
     np.testing.assert_allclose(drawn(first)[0], np.column_stack([celsius, [3.0, 2.0, 1.5]]))
     np.testing.assert_allclose(drawn(first)[1][0], [-3.0, 3.0 + 3 * 0.0375])
     assert labels(second) == ["measured"]
+    assert (first.get_ylabel(), second.get_ylabel()) == ("[Ohm]", "[Ah]")
 
 
 @pytest.mark.parametrize("std", [[0.001] * 11, [None] * 11])

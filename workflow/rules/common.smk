@@ -82,6 +82,6 @@ PULSE_KINDS = ("hppc", "pulse_resistance")
 SERIES_KINDS = sorted({row["kind"] for row in CAMPAIGN.tests} - {"eis"})
 # Of each test what tables say beside its results.
 TEST_FACTS = {
-    f"{name}/{test}": {key: row[key] for key in ["cycle", "ambient_temperature_celsius"]}
+    f"{name}/{test}": {key: row[key] for key in ["cycle", "ambient_temperature_celsius", "soc"]}
     for (name, test), row in TESTS.items()
 }
