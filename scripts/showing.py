@@ -24,8 +24,10 @@ def shown(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
 
 
 def by_cell(inputs):
-    """(basis, model, peaks, onset) paths of each peer of rule `bias_correction`."""
-    for basis, model in zip(inputs.peer_basis, inputs.peer_models, strict=True):
+    """(basis, model, peaks, onset) paths of each peer of rule `bias_correction` that has a model."""
+    pairs = zip(inputs.peer_basis, inputs.peer_models, strict=True)
+    usable = [pair for pair in pairs if artefact.read_about(pair[1])["reason"] is None]
+    for basis, model in usable:
         folder = f"/{basis.split('/')[-1].removesuffix('.json')}/"
         peaks = [path for path in inputs.peer_peaks if folder in path]
         yield basis, model, peaks, [path for path in inputs.peer_onset if folder in path]

@@ -76,10 +76,14 @@ def test_a_cell_without_a_model_of_its_own(write):
     assert np.array_equal(found.peaks, [])
 
 
-def test_paths_of_each_peer_stay_together():
+def test_paths_of_each_peer_stay_together_and_peers_without_a_model_are_left_out(write):
+    for cell in ("A", "AB"):
+        write(f"results/identify/{cell}.json", {"chosen": "1RC"})
+    write("results/identify/C.json", "no OCV curve")
+
     class Inputs:
-        peer_basis = ("results/basis/A.json", "results/basis/AB.json")
-        peer_models = ("results/identify/A.json", "results/identify/AB.json")
+        peer_basis = tuple(f"results/basis/{cell}.json" for cell in ("A", "C", "AB"))
+        peer_models = tuple(f"results/identify/{cell}.json" for cell in ("A", "C", "AB"))
         peer_peaks = ("results/ica/AB/x.parquet", "results/ica/A/x.parquet")
         peer_onset = ("results/onset/AB/A.parquet",)
 
