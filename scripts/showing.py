@@ -24,7 +24,7 @@ def shown(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
 
 
 def by_cell(inputs):
-    """(basis, model, peaks, onset) paths of each peer of rule `bias_correction` that has a model."""
+    """(basis, model, peaks, onset) paths of each peer that has a model, of `bias_correction`."""
     pairs = zip(inputs.peer_basis, inputs.peer_models, strict=True)
     usable = [pair for pair in pairs if artefact.read_about(pair[1])["reason"] is None]
     for basis, model in usable:
