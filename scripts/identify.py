@@ -4,9 +4,10 @@ import artefact
 from cellwright.models.cell import FitTest, cell_model
 
 with artefact.Job(snakemake) as job:
-    facts = {row["test"]: row for row in snakemake.params.tests}
-    found = artefact.load_all(snakemake.input.series)
-    tests = [FitTest(facts[about["wildcards"]["test"]], series) for series, about in found]
+    tests = [
+        FitTest(about["params"]["test"] | {"test": about["wildcards"]["test"]}, series)
+        for series, about in artefact.load_all(snakemake.input.series)
+    ]
     basis = job.load(snakemake.input.basis)
     model = cell_model(snakemake.params.cell, basis, tests, **snakemake.params.settings)
     job.note(*model["notes"])

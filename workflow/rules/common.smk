@@ -35,16 +35,18 @@ def owner(wildcards):
 
 
 def test_facts(wildcards):
-    """The sheet's row of a test, as far as later stages and tables need it."""
+    """Of the sheet's row of a test what analyses need: a note edited later re-runs none of them."""
     row = TESTS[owner(wildcards), wildcards.test]
-    names = ["kind", "ambient_temperature_celsius", "cycle", "soc", "role", "note"]
+    names = ["kind", "ambient_temperature_celsius", "cycle", "soc", "role"]
     return {name: row[name] for name in names}
 
 
 def cell_facts(wildcards):
-    """The sheet's row of a cell; of a group, the row of its first branch's cell."""
+    """Of the sheet's row of a cell what analyses need; of a group, that of its first branch."""
     name = owner(wildcards)
-    return CELLS.get(name) or CELLS[BRANCHES[name][0]["cell"]]
+    row = CELLS.get(name) or CELLS[BRANCHES[name][0]["cell"]]
+    names = ["cell", "rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt"]
+    return {name: row[name] for name in names}
 
 
 def tests(name, *kinds, roles=("fit", "validation", "split")):

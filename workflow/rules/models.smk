@@ -92,7 +92,6 @@ rule identify:
     params:
         settings=config["models"],
         cell=cell_facts,
-        tests=lambda w: fit_tests(w.cell),
         code=code_of("identify"),
     message:
         "Identify the equivalent circuits of {wildcards.cell} (RC branches: {params.settings[rc_branches]})."
