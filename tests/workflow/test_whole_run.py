@@ -173,6 +173,36 @@ def test_a_strict_run_fails_but_writes_its_report(copy):
     assert b"raw/empty.csv: the file is empty" in report_of(copy)
 
 
+def test_a_model_that_cannot_be_made_is_told_as_left_out(copy):
+    """Without any slow test nobody has an OCV curve: the reason must not end in a model file."""
+    sheet = copy / "config/tests.tsv"
+    rows = [row for row in sheet.read_text().splitlines(keepends=True) if "\tocv\t" not in row]
+    sheet.write_text("".join(rows))
+    run = snakemake(copy, "results/tables/excluded.csv")
+    assert run.status == 0, run.said
+    found = [row for row in table(run, "excluded") if row["stage"] == "identify"]
+    assert [row["cell"] for row in found] == ["A"]
+    assert found[0]["reason"].startswith("no OCV curve")
+
+
+def test_a_group_kept_for_validation_is_never_fitted(copy):
+    """Its cells have no tests of their own: they stay without a model, and the run goes on."""
+    cells, tests = copy / "config/cells.tsv", copy / "config/tests.tsv"
+    cells.write_text(cells.read_text() + "".join(f"{c}\t\t\t3.0\t4.2\t\n" for c in "CD"))
+    with open(copy / "config/groups.tsv", "a", encoding="utf-8") as groups:
+        groups.write("kept\t1\tC\nkept\t2\tD\n")
+    row = next(row for row in tests.read_text().splitlines() if row.startswith("pair\t"))
+    fields = row.split("\t")
+    fields[0] = "kept"
+    for role, fitted in (("fit", True), ("validation", False)):
+        fields[6] = role
+        base = [line for line in tests.read_text().splitlines() if not line.startswith("kept\t")]
+        tests.write_text("\n".join([*base, "\t".join(fields)]) + "\n")
+        run = snakemake(copy, "--dry-run")
+        assert run.status == 0, run.said
+        assert ("branches" in run.said) is fitted
+
+
 def test_verify_finds_what_was_edited_by_hand(copy):
     assert snakemake(copy, "verify").status == 0
     edited = copy / "results/tables/capacity.csv"

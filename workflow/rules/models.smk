@@ -49,7 +49,7 @@ GROUPED = {
     row["cell"]: group
     for group, rows in BRANCHES.items()
     for row in rows
-    if row["cell"] not in IDENTIFIED + BIASED and tests(group, "group")
+    if row["cell"] not in IDENTIFIED + BIASED and tests(group, "group", roles=["fit"])
 }
 MODELLED = [*IDENTIFIED, *BIASED, *GROUPED]
 SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for cell in MODELLED}

@@ -1,12 +1,16 @@
 # Cells in parallel: branch currents from the cells' models, scored against the measured ones.
 
-PAIRS = [group for group in BRANCHES if tests(group, "group")]
+PAIRS = [
+    group
+    for group, rows in BRANCHES.items()
+    if tests(group, "group") and all(row["cell"] in MODELLED for row in rows)
+]
 
 
 rule branches:
     input:
-        series=lambda w: artefacts("clean", w.group, "group"),
-        steps=lambda w: artefacts("segment", w.group, "group"),
+        series=lambda w: fitted("clean", w.group, "group"),
+        steps=lambda w: fitted("segment", w.group, "group"),
     output:
         "results/branches/{group}.json",
     log:

@@ -24,6 +24,9 @@ STAGES = [
     *everywhere("clean", *SERIES_KINDS),
     *everywhere("segment", *SERIES_KINDS),
     *[f"results/basis/{cell}.json" for cell in CELLS],
+    *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
+    *[f"results/bias/{cell}.json" for cell in BIASED],
+    *[f"results/branches/{group}.json" for group in sorted(set(GROUPED.values()))],
     *MODELS,
     *[path for paths in TABLE_INPUTS.values() for path in paths],
 ]

@@ -5,11 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.models.basis import REFERENCE_CELSIUS
-from cellwright.models.group_models import branch_currents
+from cellwright.models.group_models import REST_SHARE, branch_currents
 from cellwright.models.pack import group_of, simulate_parallel
 from cellwright.refusal import Refusal
-
-REST_SHARE = 0.02
 
 
 class GroupValidation(NamedTuple):
