@@ -29,7 +29,14 @@ def code_of(script: str) -> str:
     for path in sorted(_closure(SCRIPTS / f"{script}.py", frozenset())):
         digest.update(path.relative_to(SCRIPTS).as_posix().encode())
         digest.update(_tree_dump(path).encode())
+        for source in _compiled_by(path):
+            digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def _compiled_by(path: Path) -> list[Path]:
+    """C sources that a package builds: those beside its `__init__`."""
+    return sorted(path.parent.glob("*.c")) if path.name == "__init__.py" else []
 
 
 def _closure(path: Path, seen: frozenset) -> frozenset:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.native import array, count, function
 from cellwright.refusal import Refusal
 
 HOLDS = ("zero_order", "first_order")
@@ -27,10 +28,7 @@ def lag_weights(step_second, tau_second, *, hold):
     ------
     Refusal : unknown hold, or time constants that are not positive.
     """
-    if hold not in HOLDS:
-        raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
-    if not np.all(np.asarray(tau_second) > 0):
-        raise Refusal("a time constant is zero, negative or not a number")
+    _check(tau_second, hold)
     ratio = np.asarray(step_second) / tau_second
     gain = -np.expm1(-ratio)
     if hold == "zero_order":
@@ -42,8 +40,9 @@ def lag_weights(step_second, tau_second, *, hold):
 def lag(step_second, tau_second, drive, *, hold, initial=0.0):
     """Response of a first-order lag with unit gain to one or many inputs.
 
-    The recurrence is a lower bidiagonal system of equations; LAPACK's banded triangular solve is
-    a loop in compiled code (8–12 ns a sample), with a true step and time constant per sample.
+    In C where that can be built (`native`), else as a lower bidiagonal system of equations by
+    LAPACK's banded triangular solve: the same recurrence, with a true step and time constant per
+    sample either way.
 
     Parameters
     ----------
@@ -55,6 +54,21 @@ def lag(step_second, tau_second, drive, *, hold, initial=0.0):
     -------
     state : shape of drive, unit of the input.
     """
+    types = (count, count, array, array, count, count, array, array)
+    kernel = function("lag", *types)
+    if kernel is None:
+        return _lag_by_lapack(step_second, tau_second, drive, hold=hold, initial=initial)
+    _check(tau_second, hold)
+    drive, state = np.ascontiguousarray(drive, float), np.empty(np.shape(drive))
+    state[0] = initial
+    step = np.ascontiguousarray(step_second, float)
+    tau = np.ascontiguousarray(np.atleast_1d(tau_second), float)
+    rows, columns = len(drive), drive.size // len(drive)
+    kernel(rows, columns, step, tau, len(tau) > 1, hold == "first_order", drive, state)
+    return state
+
+
+def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
     from scipy.linalg.lapack import dtbtrs
 
     decay, before, after = lag_weights(step_second, tau_second, hold=hold)
@@ -65,3 +79,10 @@ def lag(step_second, tau_second, drive, *, hold, initial=0.0):
     band = np.ones((2, len(drive)), order="F")
     band[1, :-1] = -decay
     return dtbtrs(band, right, uplo="L", overwrite_b=True)[0].reshape(drive.shape)
+
+
+def _check(tau_second, hold):
+    if hold not in HOLDS:
+        raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
+    if not np.all(np.asarray(tau_second) > 0):
+        raise Refusal("a time constant is zero, negative or not a number")

@@ -1,0 +1,81 @@
+"""Compiled kernels: the C sources beside this file, built once on this machine, loaded by ctypes.
+
+Every kernel has a twin in numpy that says the same in more time; where no C compiler is, or
+CELLWRIGHT_NATIVE=0, `function` gives None and the caller takes the twin. Fast-math is off: kernel
+and twin agree to rounding. This room alone touches files and processes, to build what it loads.
+"""
+
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+SOURCES = sorted(Path(__file__).parent.glob("*.c"))
+FLAGS = ("-O3", "-std=c11", "-fno-math-errno", "-ffp-contract=off", "-shared", "-fPIC")
+array = np.ctypeslib.ndpointer(dtype=np.float64, flags="C_CONTIGUOUS")
+integers = np.ctypeslib.ndpointer(dtype=np.int64, flags="C_CONTIGUOUS")
+real, count = ctypes.c_double, ctypes.c_int64
+
+
+@cache
+def function(name, *types, result=None):
+    """A kernel by its C name, ready to be called, or None where kernels cannot be built.
+
+    Parameters
+    ----------
+    name : name of the C function.
+    types : type of each argument: `array`, `integers`, `real` or `count`.
+    result : type of what it returns; None for nothing.
+    """
+    library = _library()
+    if library is None:
+        return None
+    kernel = getattr(library, name)
+    kernel.argtypes, kernel.restype = types, result
+    return kernel
+
+
+@cache
+def _library():
+    compiler = next((c for c in (os.environ.get("CC"), "cc", "gcc", "clang") if _found(c)), None)
+    if compiler is None or os.environ.get("CELLWRIGHT_NATIVE") == "0":
+        return None
+    digest = hashlib.sha256(repr((FLAGS, os.uname().machine, os.uname().sysname)).encode())
+    for source in SOURCES:
+        digest.update(source.read_bytes())
+    for home in _homes():
+        path = home / f"kernels-{digest.hexdigest()[:16]}.so"
+        if path.exists() or _built(compiler, path):
+            return ctypes.CDLL(str(path))
+    return None
+
+
+def _found(command):
+    return bool(command) and shutil.which(command.split()[0]) is not None
+
+
+def _homes():
+    """Where the library may lie: the user's cache, else a folder that ends with the machine."""
+    cached = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    yield Path(cached) / "cellwright"
+    yield Path(tempfile.gettempdir()) / f"cellwright-{os.getuid()}"
+
+
+def _built(compiler, path):
+    """Build beside the target and move it there, so that no other job sees half a library."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+            made = Path(folder) / path.name
+            command = [*compiler.split(), *FLAGS, *map(str, SOURCES), "-o", str(made), "-lm"]
+            subprocess.run(command, check=True, capture_output=True, timeout=120)
+            made.replace(path)
+    except (OSError, subprocess.SubprocessError):
+        return False
+    return True

@@ -1,0 +1,40 @@
+/* First-order lags over true time steps, for the exact hold of the input: see models/kernels.py.
+ *
+ * Rows lie one after the other (n, m), so that the m inputs of one row share decay and weights,
+ * and the exponential is taken anew only where step or time constant change. */
+#include <math.h>
+#include <stdint.h>
+
+static void weights(double step, double tau, int64_t first_order, double *decay, double *before,
+                    double *after) {
+    const double ratio = step / tau;
+    const double gain = -expm1(-ratio);
+    *decay = 1.0 - gain;
+    if (!first_order) {
+        *before = gain;
+        *after = 0.0;
+        return;
+    }
+    const double mean = ratio > 0.0 ? gain / ratio : 1.0;
+    *before = mean + gain - 1.0;
+    *after = 1.0 - mean;
+}
+
+/* state[k+1] = decay·state[k] + before·drive[k] + after·drive[k+1], state[0] given in `state`. */
+void lag(int64_t n, int64_t m, const double *step, const double *tau, int64_t tau_moves,
+         int64_t first_order, const double *drive, double *state) {
+    double decay = 1.0, before = 0.0, after = 0.0, last_step = -1.0, last_tau = -1.0;
+    for (int64_t k = 0; k + 1 < n; k++) {
+        const double here = tau_moves ? tau[k] : tau[0];
+        if (step[k] != last_step || here != last_tau) {
+            weights(step[k], here, first_order, &decay, &before, &after);
+            last_step = step[k];
+            last_tau = here;
+        }
+        const double *x = drive + k * m;
+        const double *u = state + k * m;
+        double *next = state + (k + 1) * m;
+        for (int64_t j = 0; j < m; j++)
+            next[j] = decay * u[j] + (before * x[j] + after * x[j + m]);
+    }
+}
