@@ -1,6 +1,9 @@
 """Equivalent circuits as data: a circuit is a tuple of branches in series with the OCV.
 
-A new effect (hysteresis, diffusion) is a new kind in `KINDS`; nothing else needs to know it.
+Every branch is one thing: a drive (a static function of the current), of which a share acts at
+once and the rest through first-order lags. Its voltage in time, its impedance, its sensitivities
+and its states in a filter all follow from that one definition. A new effect is a new entry in
+`KINDS`; nothing else needs to know it.
 """
 
 from collections.abc import Callable
@@ -8,16 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.kernels import lag
 from cellwright.refusal import Refusal
 
-
-class Excitation(NamedTuple):
-    """What drives the branches of a circuit."""
-
-    step_second: np.ndarray
-    current_ampere: np.ndarray
-    hold: str
+MODES = 5
 
 
 class Branch(NamedTuple):
@@ -27,35 +23,132 @@ class Branch(NamedTuple):
     parameters: dict
 
 
+class Lag(NamedTuple):
+    """A first-order state: constant·ds/dp = drive − s, where p runs with the clock.
+
+    clock : "second", or "ampere_hour": charge passed, whichever way (hysteresis).
+    constant : time constant [s] or charge constant [Ah].
+    share : what part of the drive goes through it [1].
+    """
+
+    clock: str
+    constant: float
+    share: float
+
+
 class Kind(NamedTuple):
-    """What a branch of a kind does in time and in frequency."""
+    """What a kind of branch is made of.
+
+    parameters : names; their values come as keywords.
+    drive : function (current_ampere, **parameters) → drive [V] (or [1]), odd in the current.
+    lags : function (**parameters) → tuple of Lag; what their shares leave acts at once.
+    output : "volt", or "soc": an offset of the SoC at which the OCV is taken.
+    linear : the drive is proportional to the current, so the branch has an impedance.
+    """
 
     parameters: tuple
-    voltage: Callable
-    impedance: Callable
+    drive: Callable
+    lags: Callable
+    output: str = "volt"
+    linear: bool = True
 
 
-def _resistor_voltage(excitation, *, r_ohm):
-    return r_ohm * excitation.current_ampere
+def _no_lag(**_parameters):
+    return ()
 
 
-def _resistor_impedance(angular_frequency, *, r_ohm):
-    return np.full(len(angular_frequency), r_ohm, dtype=complex)
+def _one_lag(*, tau_second, **_parameters):
+    return (Lag("second", tau_second, 1.0),)
 
 
-def _rc_voltage(excitation, *, r_ohm, tau_second):
-    tau = tau_second if np.ndim(tau_second) == 0 else np.asarray(tau_second)[:-1]
-    drive = r_ohm * excitation.current_ampere
-    return lag(excitation.step_second, tau, drive, hold=excitation.hold)
+def _sphere_roots(modes):
+    """First positive roots of tan x = x, by Newton's method from (n + ½)π − 1/((n + ½)π)."""
+    far = (np.arange(1, modes + 1) + 0.5) * np.pi
+    x = far - 1.0 / far
+    for _ in range(4):
+        x = x - (np.sin(x) - x * np.cos(x)) / (x * np.sin(x))
+    return x
 
 
-def _rc_impedance(angular_frequency, *, r_ohm, tau_second):
-    return r_ohm / (1.0 + 1j * angular_frequency * tau_second)
+def _modes(shares, constants):
+    """The first `MODES` of a series of lags, and one that stands for all later ones.
+
+    That one has their share and their mean time constant, so that the steady state and the charge
+    that flows in after a step are exact.
+    """
+    kept = list(zip(constants[:MODES], shares[:MODES], strict=True))
+    rest = 1.0 - sum(share for _, share in kept)
+    later = shares[MODES:] @ constants[MODES:] / shares[MODES:].sum()
+    return np.array([*kept, (later, rest)])
+
+
+# Diffusion through a plane sheet: tanh(√s)/√s = Σ 2/(s + (n − ½)²π²).
+_PLANE = ((np.arange(400) + 0.5) * np.pi) ** 2
+PLANE_MODES = _modes(2.0 / _PLANE, 1.0 / _PLANE)
+# Diffusion in a sphere under constant flux (Crank, The Mathematics of Diffusion, 6.45): surface
+# minus mean, Σ 10/λₙ² = 1 over the roots of tan λ = λ.
+_SPHERE = _sphere_roots(400) ** 2
+SPHERE_MODES = _modes(10.0 / _SPHERE, 1.0 / _SPHERE)
+
+
+def _plane(*, tau_second, **_parameters):
+    return tuple(Lag("second", tau_second * c, share) for c, share in PLANE_MODES)
+
+
+def _sphere(*, tau_second, **_parameters):
+    return tuple(Lag("second", tau_second * c, share) for c, share in SPHERE_MODES)
+
+
+def _charge_lag(*, charge_ampere_hour, **_parameters):
+    return (Lag("ampere_hour", charge_ampere_hour, 1.0),)
+
+
+def _ohmic(current, *, r_ohm, **_parameters):
+    return r_ohm * current
+
+
+def _one_way(current, *, r_charge_ohm, r_discharge_ohm):
+    return np.where(current.real > 0, r_charge_ohm, r_discharge_ohm) * current
+
+
+def _kinetic(current, *, r_ohm, scale_volt, **_parameters):
+    return scale_volt * np.arcsinh(r_ohm * current / scale_volt)
+
+
+def _last_sign(current, *, m_volt):
+    """Sign of the current; at rest that of the last current, before the first one zero."""
+    sign = np.sign(current.real)
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    return m_volt * sign[last]
+
+
+def _sign(current, *, m_volt, **_parameters):
+    return m_volt * np.sign(current.real)
+
+
+def _gain(current, *, soc_per_ampere, **_parameters):
+    return soc_per_ampere * current
 
 
 KINDS = {
-    "R": Kind(("r_ohm",), _resistor_voltage, _resistor_impedance),
-    "RC": Kind(("r_ohm", "tau_second"), _rc_voltage, _rc_impedance),
+    # Ohmic resistance.
+    "R": Kind(("r_ohm",), _ohmic, _no_lag),
+    # Ohmic resistance that differs by the direction of the current (thesis, appendix B).
+    "R_two_way": Kind(("r_charge_ohm", "r_discharge_ohm"), _one_way, _no_lag, linear=False),
+    # RC pair (thesis 2.7–2.13); also one state of the low-pass of (2.5), then r_ohm of either sign.
+    "RC": Kind(("r_ohm", "tau_second"), _ohmic, _one_lag),
+    # Charge transfer by the Butler–Volmer equation with equal transfer coefficients, then an RC's
+    # lag: resistance r_ohm at small currents; scale_volt is 2RT/F for one electrode.
+    "kinetic": Kind(("r_ohm", "tau_second", "scale_volt"), _kinetic, _one_lag, linear=False),
+    # Finite-length Warburg element: r_ohm·tanh(√(jωτ))/√(jωτ).
+    "warburg": Kind(("r_ohm", "tau_second"), _ohmic, _plane),
+    # One-state hysteresis (thesis 2.5, 2.16): relaxes to ±m_volt with the charge passed.
+    "hysteresis": Kind(("m_volt", "charge_ampere_hour"), _sign, _charge_lag, linear=False),
+    # Zero-state hysteresis (thesis 2.3–2.4): ±m_volt by the sign of the last current.
+    "switch": Kind(("m_volt",), _last_sign, _no_lag, linear=False),
+    # Diffusion in the particles of the electrode that limits: the OCV is taken at the surface's SoC,
+    # which leads the mean by soc_per_ampere·I in the steady state.
+    "diffusion": Kind(("soc_per_ampere", "tau_second"), _gain, _sphere, output="soc"),
 }
 
 
@@ -76,13 +169,17 @@ def rc_circuit(r0_ohm, r_ohm, tau_second):
     return (Branch("R", {"r_ohm": r0_ohm}), *rcs)
 
 
-def impedance(circuit, frequency_hertz):
-    """Impedance of a circuit with scalar parameters.
+def impedance(circuit, frequency_hertz, *, ocv_slope_volt=0.0):
+    """Impedance of a circuit with scalar parameters at a small current about rest.
+
+    Hysteresis adds nothing (a small alternating current passes no net charge), kinetics their
+    resistance at small currents, two-way resistors the mean of both ways.
 
     Parameters
     ----------
     circuit : tuple of Branch with scalar parameters.
     frequency_hertz : (m,) [Hz].
+    ocv_slope_volt : slope of the OCV over SoC [V], for branches that shift the SoC.
 
     Returns
     -------
@@ -93,7 +190,20 @@ def impedance(circuit, frequency_hertz):
     Refusal : a branch of an unknown kind, or with other parameters than its kind has.
     """
     angular = 2.0 * np.pi * np.asarray(frequency_hertz, dtype=float)
-    return sum(kind_of(b).impedance(angular, **b.parameters) for b in circuit)
+    return sum(_branch_impedance(branch, angular, ocv_slope_volt) for branch in circuit)
+
+
+def _branch_impedance(branch, angular, ocv_slope_volt):
+    kind, parameters = kind_of(branch), branch.parameters
+    lags = kind.lags(**parameters)
+    if branch.kind == "switch" or any(lag.clock != "second" for lag in lags):
+        return np.zeros(len(angular), complex)
+    small = 1e-9 * np.array([1.0, -1.0])
+    gain = np.diff(kind.drive(small, **parameters))[0] / -2e-9
+    gain = gain * (ocv_slope_volt if kind.output == "soc" else 1.0)
+    direct = 1.0 - sum(lag.share for lag in lags)
+    slow = sum(lag.share / (1.0 + 1j * angular * lag.constant) for lag in lags)
+    return gain * (direct + slow) * np.ones(len(angular), complex)
 
 
 def kind_of(branch):

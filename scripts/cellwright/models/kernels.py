@@ -33,7 +33,7 @@ def lag_weights(step_second, tau_second, *, hold):
     gain = -np.expm1(-ratio)
     if hold == "zero_order":
         return 1.0 - gain, gain, np.zeros_like(gain)
-    mean = np.divide(gain, ratio, out=np.ones_like(ratio), where=ratio > 0)
+    mean = np.divide(gain, ratio, out=np.ones_like(ratio), where=np.real(ratio) > 0)
     return 1.0 - gain, mean + gain - 1.0, 1.0 - mean
 
 
@@ -56,7 +56,7 @@ def lag(step_second, tau_second, drive, *, hold, initial=0.0):
     """
     types = (count, count, array, array, count, count, array, array)
     kernel = function("lag", *types)
-    if kernel is None:
+    if kernel is None or np.iscomplexobj(drive) or np.iscomplexobj(tau_second):
         return _lag_by_lapack(step_second, tau_second, drive, hold=hold, initial=initial)
     _check(tau_second, hold)
     drive, state = np.ascontiguousarray(drive, float), np.empty(np.shape(drive))
@@ -68,21 +68,41 @@ def lag(step_second, tau_second, drive, *, hold, initial=0.0):
     return state
 
 
+def lag_by_charge(passed_ampere_hour, charge_ampere_hour, drive):
+    """Response of a lag that moves with the charge passed, to an input that is constant per step.
+
+    Parameters
+    ----------
+    passed_ampere_hour : (n−1,) charge passed in each step, never negative [Ah].
+    charge_ampere_hour : scalar or (n−1,) charge after which 1/e is left [Ah].
+    drive : (n−1,) or (n−1, m) where the state goes to in each step, any unit.
+
+    Returns
+    -------
+    state : (n,) or (n, m), zero at first.
+    """
+    held = np.concatenate([drive, drive[-1:]])
+    return lag(passed_ampere_hour, charge_ampere_hour, held, hold="zero_order")
+
+
 def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
-    from scipy.linalg.lapack import dtbtrs
+    """Also for complex inputs or time constants, of which a derivative is asked by a complex step."""
+    from scipy.linalg.lapack import dtbtrs, ztbtrs
 
     decay, before, after = lag_weights(step_second, tau_second, hold=hold)
     column = (slice(None),) + (None,) * (drive.ndim - 1)
-    right = np.empty(drive.shape, order="F")
+    kind = np.result_type(drive, decay)
+    right = np.empty(drive.shape, kind, order="F")
     right[0] = initial
     right[1:] = before[column] * drive[:-1] + after[column] * drive[1:]
-    band = np.ones((2, len(drive)), order="F")
+    band = np.ones((2, len(drive)), kind, order="F")
     band[1, :-1] = -decay
-    return dtbtrs(band, right, uplo="L", overwrite_b=True)[0].reshape(drive.shape)
+    solve = ztbtrs if kind == complex else dtbtrs
+    return solve(band, right, uplo="L", overwrite_b=True)[0].reshape(drive.shape)
 
 
 def _check(tau_second, hold):
     if hold not in HOLDS:
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
-    if not np.all(np.asarray(tau_second) > 0):
+    if not np.all(np.real(tau_second) > 0):
         raise Refusal("a time constant is zero, negative or not a number")

@@ -4,20 +4,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.circuit import rc_circuit
-from cellwright.models.simulate import overpotentials
+from cellwright.models.circuit import KINDS, Branch
+from cellwright.models.simulate import OpenCircuit, overpotentials
 from cellwright.refusal import Refusal
 
 ZERO_CELSIUS_KELVIN = 273.15
-SMALLEST_OHM = 1e-7
+SMALLEST = 1e-7  # of any parameter: the logarithm of none would be −∞
 
 
 class Parameters(NamedTuple):
-    """Look-up of one member of a model at every sample; `branch` arrays are (branches, n)."""
+    """Look-up of the plain RC part of a member at every sample; `branch` arrays (branches, n)."""
 
     r0_ohm: np.ndarray
     r_ohm: np.ndarray
     tau_second: np.ndarray
+    ocv_shift_volt: np.ndarray
+    outside_soc: np.ndarray
+    outside_temperature: np.ndarray
+
+
+class Found(NamedTuple):
+    """A member's circuit with one value per sample, and where it was never measured; (n,) each."""
+
+    circuit: tuple
     ocv_shift_volt: np.ndarray
     outside_soc: np.ndarray
     outside_temperature: np.ndarray
@@ -33,8 +42,8 @@ class Simulated(NamedTuple):
     outside_temperature: np.ndarray
 
 
-def parameters_at(conditions, soc, temperature_celsius):
-    """Parameters of a model at every sample.
+def circuit_at(conditions, soc, temperature_celsius):
+    """Circuit of a model's member with its parameters looked up at every sample.
 
     Linear in SoC inside each condition and held flat outside its knots; between two temperatures
     the logarithm of each parameter is linear in 1/T (an Arrhenius law through the two), held flat
@@ -43,12 +52,12 @@ def parameters_at(conditions, soc, temperature_celsius):
     Parameters
     ----------
     conditions : sequence of condition dicts, as in a model's member.
-    soc : (n,) [1].
+    soc : (n,) state of charge [1].
     temperature_celsius : scalar or (n,) [degC]; NaN takes a single condition as it is.
 
     Returns
     -------
-    parameters : Parameters.
+    found : Found; its first branch is the ohmic resistance, the others in the member's order.
 
     Raises
     ------
@@ -59,19 +68,46 @@ def parameters_at(conditions, soc, temperature_celsius):
     conditions = sorted(conditions, key=lambda c: _celsius(c["ambient_temperature_celsius"]))
     known = np.array([_celsius(c["ambient_temperature_celsius"]) for c in conditions])
     weights = _temperature_weights(known, np.broadcast_to(temperature_celsius, np.shape(soc)))
-    tables = [_at_soc(condition, soc) for condition in conditions]
-    mixed = [
-        np.exp(
+    elements = [_elements(condition) for condition in conditions]
+
+    def mixed(index, name):
+        return np.exp(
             sum(
-                w * np.log(np.maximum(values, SMALLEST_OHM))
-                for w, values in zip(weights, column, strict=True)
+                weight * np.log(np.maximum(_course(c, e[index][1][name], soc), SMALLEST))
+                for weight, c, e in zip(weights, conditions, elements, strict=True)
             )
         )
-        for column in list(zip(*tables, strict=True))[:3]
+
+    circuit = [
+        Branch(kind, {name: mixed(index, name) for name in parameters})
+        for index, (kind, parameters) in enumerate(elements[0])
     ]
-    shift = sum(w * table[3] for w, table in zip(weights, tables, strict=True))
-    outside = sum(w * table[4] for w, table in zip(weights, tables, strict=True)) > 0
-    return Parameters(*mixed, shift, outside, _outside(known, temperature_celsius, soc))
+    none = [np.zeros(len(c["soc"])) for c in conditions]
+    shifts = [c.get("ocv_shift_volt", zero) for c, zero in zip(conditions, none, strict=True)]
+    courses = [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)]
+    shift = sum(weight * course for weight, course in zip(weights, courses, strict=True))
+    beyond = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
+    outside = sum(weight * far for weight, far in zip(weights, beyond, strict=True)) > 0
+    return Found(tuple(circuit), shift, outside, _outside(known, temperature_celsius, soc))
+
+
+def parameters_at(conditions, soc, temperature_celsius):
+    """As `circuit_at`, but only resistance and RC pairs, as arrays.
+
+    Parameters
+    ----------
+    conditions, soc, temperature_celsius : as in `circuit_at`.
+
+    Returns
+    -------
+    parameters : Parameters.
+    """
+    found = circuit_at(conditions, soc, temperature_celsius)
+    pairs = [branch.parameters for branch in found.circuit if branch.kind == "RC"]
+    r, tau = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
+    shape = (-1, len(soc))
+    r, tau = np.reshape(r, shape), np.reshape(tau, shape)
+    return Parameters(found.circuit[0].parameters["r_ohm"], r, tau, *found[1:])
 
 
 def ocv_at(tables, soc, temperature_celsius):
@@ -92,6 +128,23 @@ def ocv_at(tables, soc, temperature_celsius):
     weights = _temperature_weights(known, np.broadcast_to(temperature_celsius, np.shape(soc)))
     curves = [np.interp(soc, table["soc"], table["ocv_volt"]) for table in tables]
     return sum(weight * curve for weight, curve in zip(weights, curves, strict=True))
+
+
+def continued_ocv_at(tables, soc, temperature_celsius):
+    """As `ocv_at`, but continued on its first and last slope outside 0…1.
+
+    The surface of a particle may run empty before its mean does; there the voltage falls on.
+
+    Parameters
+    ----------
+    tables, soc, temperature_celsius : as in `ocv_at`.
+    """
+    inside = np.clip(soc, 0.0, 1.0)
+    ends = np.array([0.0, 0.01, 0.99, 1.0])
+    at = [ocv_at(tables, np.full(np.shape(soc), end), temperature_celsius) for end in ends]
+    below, above = np.minimum(soc, 0.0), np.maximum(soc - 1.0, 0.0)
+    beyond = below * (at[1] - at[0]) / 0.01 + above * (at[3] - at[2]) / 0.01
+    return ocv_at(tables, inside, temperature_celsius) + beyond
 
 
 def member_of(model, name=None):
@@ -130,11 +183,13 @@ def simulate_model(
     simulated : Simulated.
     """
     soc = np.asarray(soc, float)
-    p = parameters_at(member_of(model, member)["conditions"], soc, temperature_celsius)
-    ocv = ocv_at(model["ocv"], soc, temperature_celsius) + p.ocv_shift_volt
-    circuit = rc_circuit(p.r0_ohm, p.r_ohm, p.tau_second)
-    over = overpotentials(circuit, test_time_second, current_ampere, hold=hold)
-    return Simulated(ocv + over.sum(axis=0), ocv, over, p.outside_soc, p.outside_temperature)
+    found = circuit_at(member_of(model, member)["conditions"], soc, temperature_celsius)
+    ocv = ocv_at(model["ocv"], soc, temperature_celsius) + found.ocv_shift_volt
+    open_circuit = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, temperature_celsius), soc)
+    over = overpotentials(
+        found.circuit, test_time_second, current_ampere, hold=hold, open_circuit=open_circuit
+    )
+    return Simulated(ocv + over.sum(axis=0), ocv, over, *found[2:])
 
 
 def _celsius(value):
@@ -159,14 +214,14 @@ def _temperature_weights(known, temperature):
     return [np.interp(here, inverse, row) for row in np.eye(len(known))]
 
 
-def _at_soc(condition, soc):
-    knots = condition["soc"]
+def _elements(condition):
+    """(kind, parameters) of every branch of a condition, the ohmic resistance first."""
+    pairs = [("R", {"r_ohm": condition["r0_ohm"]})]
+    for branch in condition["branches"]:
+        kind = branch.get("kind", "RC")
+        pairs.append((kind, {name: branch[name] for name in KINDS[kind].parameters}))
+    return pairs
 
-    def course(values):
-        return np.interp(soc, knots, values)
 
-    r0 = course(condition["r0_ohm"])
-    r = np.array([course(b["r_ohm"]) for b in condition["branches"]]).reshape(-1, len(soc))
-    tau = np.array([course(b["tau_second"]) for b in condition["branches"]])
-    shift = course(condition.get("ocv_shift_volt", np.zeros(len(knots))))
-    return r0, r, tau.reshape(-1, len(soc)), shift, (soc < knots[0]) | (soc > knots[-1])
+def _course(condition, values, soc):
+    return np.interp(soc, condition["soc"], values)

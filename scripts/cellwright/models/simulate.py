@@ -1,12 +1,24 @@
 """Terminal voltage of a circuit under a measured current, with the true time stamps."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from cellwright.models.circuit import Excitation, kind_of
+from cellwright.models.circuit import KINDS, Branch, kind_of
+from cellwright.models.kernels import lag, lag_by_charge
 from cellwright.refusal import Refusal
 
+STEP = 1e-30  # of a complex step: its square vanishes beside any real part
 
-def overpotentials(circuit, test_time_second, current_ampere, *, hold):
+
+class OpenCircuit(NamedTuple):
+    """OCV over SoC (a function [1] → [V]) and the counted SoC (n,) of a record [1]."""
+
+    volt_at: object
+    soc: np.ndarray
+
+
+def overpotentials(circuit, test_time_second, current_ampere, *, hold, open_circuit=None):
     """Voltage over each branch of a circuit that starts from rest.
 
     Parameters
@@ -15,6 +27,7 @@ def overpotentials(circuit, test_time_second, current_ampere, *, hold):
     test_time_second : (n,) never falling [s]; equal stamps are an edge of the current.
     current_ampere : (n,) positive on charge [A].
     hold : "zero_order" or "first_order": how the current runs between two samples.
+    open_circuit : OpenCircuit, for circuits with a branch that shifts the SoC (diffusion).
 
     Returns
     -------
@@ -22,22 +35,30 @@ def overpotentials(circuit, test_time_second, current_ampere, *, hold):
 
     Raises
     ------
-    Refusal : time runs back, values are not finite, lengths differ, an unknown hold or branch.
+    Refusal : time runs back, values are not finite, lengths differ, an unknown hold or branch, or
+        a branch that shifts the SoC without an OCV to shift.
 
     Source: exact solution of tau·du/dt = R·I − u between samples; thesis (2.8), (2.12), with the
-    time step of each sample instead of one constant.
+    time step of each sample instead of one constant; of hysteresis (2.6), (2.16) with the sign of
+    the current, which the print leaves out.
     """
     time, current = _checked(test_time_second, current_ampere)
-    excitation = Excitation(np.diff(time), current, hold)
-    return np.array([kind_of(b).voltage(excitation, **b.parameters) for b in circuit])
+    steps = np.diff(time)
+    found = []
+    for branch in circuit:
+        output = _response(branch, steps, current, hold)
+        if kind_of(branch).output == "soc":
+            output = _shifted(output, open_circuit)
+        found.append(output)
+    return np.array(found)
 
 
-def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold):
+def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold, open_circuit=None):
     """Terminal voltage: open-circuit voltage plus the voltage over every branch.
 
     Parameters
     ----------
-    circuit, test_time_second, current_ampere, hold : as in `overpotentials`.
+    circuit, test_time_second, current_ampere, hold, open_circuit : as in `overpotentials`.
     ocv_volt : scalar or (n,) open-circuit voltage at each sample [V].
 
     Returns
@@ -45,8 +66,72 @@ def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold):
     voltage_volt : (n,) [V].
     """
     # ASSUME: Every simulated record starts from rest: all its relaxation voltages begin at zero.
-    over = overpotentials(circuit, test_time_second, current_ampere, hold=hold)
-    return ocv_volt + over.sum(axis=0)
+    settings = {"hold": hold, "open_circuit": open_circuit}
+    return ocv_volt + overpotentials(circuit, test_time_second, current_ampere, **settings).sum(0)
+
+
+def sensitivities(circuit, test_time_second, current_ampere, *, hold, open_circuit=None):
+    """Derivative of the terminal voltage by every parameter of a circuit.
+
+    By complex steps: the circuit is simulated once a parameter with an imaginary part of 1e-30 on
+    it, whose imaginary output is the derivative, exact to rounding. So no derivative is written by
+    hand, and every kind has its own.
+
+    Parameters
+    ----------
+    circuit, test_time_second, current_ampere, hold, open_circuit : as in `overpotentials`; a
+        function of the OCV has to take complex numbers.
+
+    Returns
+    -------
+    sensitivity : dict (index of the branch, name of the parameter) → (n,) [V per its unit]. A
+        parameter given per sample is moved as a whole.
+
+    Source: W. Squire, G. Trapp, SIAM Review 40 (1998) 110.
+    """
+    settings = {"hold": hold, "open_circuit": open_circuit}
+    found = {}
+    for index, branch in enumerate(circuit):
+        for name in KINDS[branch.kind].parameters:
+            moved = branch.parameters | {name: branch.parameters[name] + 1j * STEP}
+            one = (Branch(branch.kind, moved),)
+            run = overpotentials(one, test_time_second, current_ampere, **settings)
+            found[index, name] = run[0].imag / STEP
+    return found
+
+
+def _response(branch, steps, current, hold):
+    """What a branch puts out (n,): the share that acts at once, and its lags."""
+    kind = kind_of(branch)
+    lags = kind.lags(**branch.parameters)
+    drive = kind.drive(current, **branch.parameters)
+    if any(one.clock == "ampere_hour" for one in lags):
+        return _by_charge(kind, branch.parameters, lags, steps, current, hold)
+    output = (1.0 - sum(one.share for one in lags)) * drive
+    for one in lags:
+        constant = one.constant if np.ndim(one.constant) == 0 else np.asarray(one.constant)[:-1]
+        output = output + one.share * lag(steps, constant, drive, hold=hold)
+    return output
+
+
+def _by_charge(kind, parameters, lags, steps, current, hold):
+    """Lags that move with the charge passed: over each step with its mean current."""
+    between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
+    inside = {name: value if np.ndim(value) == 0 else value[:-1] for name, value in parameters.items()}
+    drive = kind.drive(between, **inside)
+    passed = np.abs(between) * steps / 3600.0
+    constants = [one.constant if np.ndim(one.constant) == 0 else one.constant[:-1] for one in lags]
+    return sum(
+        one.share * lag_by_charge(passed, constant, drive)
+        for one, constant in zip(lags, constants, strict=True)
+    )
+
+
+def _shifted(offset, open_circuit):
+    if open_circuit is None:
+        raise Refusal("a branch shifts the SoC, but no OCV over SoC is given")
+    volt_at, soc = open_circuit
+    return volt_at(soc + offset) - volt_at(soc)
 
 
 def _checked(test_time_second, current_ampere):
