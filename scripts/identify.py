@@ -9,6 +9,7 @@ with artefact.Job(snakemake) as job:
         for series, about in artefact.load_all(snakemake.input.series)
     ]
     basis = job.load(snakemake.input.basis)
-    model = cell_model(snakemake.params.cell, basis, tests, **snakemake.params.settings)
+    settings = {name: snakemake.params.settings[name] for name in ("members", "split_rest_second")}
+    model = cell_model(snakemake.params.cell, basis, tests, **settings)
     job.note(*model["notes"])
     job.save(model)

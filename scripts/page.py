@@ -8,7 +8,7 @@ import yaml
 
 import artefact
 
-TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation"]
+TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
 SHOWN_ROWS = 60
 NO_MODEL = {
     "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, a "

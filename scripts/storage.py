@@ -87,8 +87,12 @@ def _arrow(values):
 
 
 def _write_csv(path, columns, about):
-    stage = "summary" if Path(path).stem == "summary" else f"tables/{Path(path).stem}"
-    names = list(contract.stages()[stage]["columns"])
+    stem = Path(path).stem
+    stage = "summary" if stem == "summary" else f"{stage_of(path)}/{stem}"
+    known = contract.stages()[stage]["columns"]
+    names = [name for name in known if "<" not in name]
+    stems = tuple(name.split("<")[0] for name in known if "<" in name)
+    names += [name for name in columns if name not in known and name.startswith(stems)]
     length = len(next(iter(columns.values()), []))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

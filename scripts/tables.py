@@ -55,6 +55,7 @@ def _summary_row(facts, tables, model) -> dict:
         "r0_50_25_ohm": _resistance(mine["resistance"]),
         "best_model": model.get("chosen"),
         "validation_rmse_volt": _pooled_rmse(scored),
+        "soc_rmse": _filter_rmse(mine.get("soc", [])),
         "exclusions": len(mine["excluded"]),
         "notes": "; ".join(model.get("notes", [])),
     }
@@ -96,6 +97,13 @@ def _pooled_rmse(rows):
         return None
     squares = sum(int(row["samples"]) * float(row["rmse_volt"]) ** 2 for row in rows)
     return (squares / samples) ** 0.5
+
+
+def _filter_rmse(rows):
+    """Root mean square of the adaptive filter's errors: every test and start alike, no fault."""
+    mine = [r for r in rows if (r["filter"], r["scenario"]) == ("aekf", "nominal")]
+    squares = [float(row["rmse_soc"]) ** 2 for row in mine]
+    return (sum(squares) / len(squares)) ** 0.5 if squares else None
 
 
 def manifest(paths) -> str:

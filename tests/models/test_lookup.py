@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import truth
 
-from cellwright.models.lookup import member_of, ocv_at, parameters_at, simulate_model
+from cellwright.models.lookup import member_of, parameters_at, simulate_model
+from cellwright.models.tables import ocv_at
 from cellwright.refusal import Refusal
 
 

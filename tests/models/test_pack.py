@@ -8,6 +8,7 @@ import truth
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cellwright.models import pack
 from cellwright.models.bias import scaled_reference
 from cellwright.models.branches import identify_branches, rest_offset
 from cellwright.models.pack import Group, group_of, simulate_parallel
@@ -88,6 +89,36 @@ def test_a_stiff_group_with_long_steps_stays_calm():
     run = simulate_parallel(time, 0 * time, stiff, initial_soc=[0.4, 0.6])
     assert np.all(np.diff(np.abs(run.branch_current_ampere[:, 0])) <= 1e-9)
     np.testing.assert_allclose(run.soc[-1], 0.52, atol=1e-6)
+
+
+@pytest.mark.parametrize("pairs", [1, 2, 3])
+@pytest.mark.parametrize("cells", [1, 4, 7])
+def test_compiled_and_numpy_agree(monkeypatch, cells, pairs):
+    """Also over the ends of the tables, where time constants move and where a step repeats."""
+    rng, grid = np.random.default_rng(cells), np.linspace(0, 1, 51)
+    many = Group(
+        ocv_volt=3.2 + 0.8 * grid + 0.1 * np.sin(8 * grid) + 0.01 * rng.normal(size=(cells, 1)),
+        r0_ohm=0.02 + 0.01 * rng.random((cells, 51)),
+        r_ohm=0.01 + 0.01 * rng.random((cells, pairs, 51)),
+        tau_second=rng.uniform(5, 500, (cells, pairs, 1)) * (1 + grid * (cells > 1)),
+        capacity_ampere_hour=rng.uniform(1.5, 2.5, cells),
+    )
+    time = np.cumsum(np.repeat([1.0, 4.0, 0.5, 60.0], 150))
+    load = cells * np.repeat(rng.uniform(-5, 2, 30), 20)
+    setting = {"initial_soc": rng.uniform(0.1, 0.9, cells), "wire_resistance_ohm": 1e-3}
+    run = simulate_parallel(time, load, many, **setting)
+    monkeypatch.setattr(pack, "function", lambda *_types: None)
+    for one, other in zip(run, simulate_parallel(time, load, many, **setting), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+    assert run.soc.min() < 0
+
+
+def test_the_currents_of_a_thousand_cells_sum_to_the_total():
+    cells = group(*CELLS)
+    thousand = Group(*(np.repeat(table, 334, axis=0) for table in cells))
+    run = simulate_parallel(TIME[:60], 1000 * LOAD[:60], thousand, initial_soc=0.5)
+    total = run.branch_current_ampere.sum(axis=1)
+    np.testing.assert_allclose(total, 1000 * LOAD[:60], rtol=0, atol=1e-9)
 
 
 def test_refusals():

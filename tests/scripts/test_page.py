@@ -11,7 +11,7 @@ import page
 from cellwright.refusal import Refusal
 
 ROOT = Path(__file__).resolve().parents[2]
-TABLES = ["capacity", "ica", "eis", "temperature", "validation", "packs", "excluded"]
+TABLES = ["capacity", "ica", "eis", "temperature", "validation", "soc", "packs", "excluded"]
 CELL = {"cell": "A", "chemistry": "NMC", "note": None}
 TEST = {
     "cell": "A",

@@ -13,8 +13,10 @@ for cell in CELLS:
         ("parameters", cell in MODELLED),
     ]
     scored = [f"validation_{row['test']}" for row in SCORED.get(cell, [])]
+    filtered = [f"soc_{row['test']}" for row in SCORED.get(cell, [])]
     FIGURES[cell] = [
-        f"results/figures/{cell}/{name}.svg" for name in [n for n, has in names if has] + scored
+        f"results/figures/{cell}/{name}.svg"
+        for name in [n for n, has in names if has] + scored + filtered
     ]
 for group in PAIRS:
     FIGURES[group] = [
@@ -195,6 +197,22 @@ rule figure_validation:
         "Figure: model over measurement, {wildcards.cell} {wildcards.test}."
     script:
         "../../scripts/figure_validation.py"
+
+
+rule figure_soc:
+    input:
+        series="results/soc_series/{cell}/{test}.parquet",
+        scores="results/soc/{cell}/{test}.parquet",
+    output:
+        "results/figures/{cell}/soc_{test}.svg",
+    log:
+        "logs/figures/{cell}_soc_{test}.log",
+    params:
+        code=code_of("figure_soc"),
+    message:
+        "Figure: state of charge by filters, {wildcards.cell} {wildcards.test}."
+    script:
+        "../../scripts/figure_soc.py"
 
 
 rule figure_pack:

@@ -26,9 +26,22 @@ def curve_lenders(cell):
     return [c for c in peers(cell) if asked and tests(c, "ocv", roles=["fit"])]
 
 
+# Kinds of test that a model may be fitted to, and in which roles.
+FIT_ROLES = {"hppc": ["fit"], "drive": ["fit", "split"]}
+
+
 def fit_tests(cell):
-    """HPPC tests, and drives that may be fitted (`fit`, or the odd blocks of `split`)."""
-    return tests(cell, "hppc", roles=["fit"]) + tests(cell, "drive", roles=["fit", "split"])
+    """HPPC tests and drives that may be fitted (`fit`, or the odd blocks of `split`)."""
+    kinds = [kind for kind in FIT_ROLES if kind in config["models"]["fit_kinds"]]
+    return [row for kind in kinds for row in tests(cell, kind, roles=FIT_ROLES[kind])]
+
+
+def fit_series(cell):
+    """What a model is fitted to; capacity tests join the pulses, whose loads are short."""
+    rows = fit_tests(cell)
+    if "capacity" in config["models"]["fit_kinds"] and any(row["kind"] == "hppc" for row in rows):
+        rows = rows + tests(cell, "capacity", roles=["fit"])
+    return [f"results/clean/{cell}/{row['test']}.parquet" for row in rows]
 
 
 def calibrating(cell):
@@ -80,9 +93,7 @@ rule basis:
 rule identify:
     input:
         basis="results/basis/{cell}.json",
-        series=lambda w: [
-            f"results/clean/{w.cell}/{row['test']}.parquet" for row in fit_tests(w.cell)
-        ],
+        series=lambda w: fit_series(w.cell),
     output:
         "results/identify/{cell}.json",
     log:
@@ -94,7 +105,7 @@ rule identify:
         cell=cell_facts,
         code=code_of("identify"),
     message:
-        "Identify the equivalent circuits of {wildcards.cell} (RC branches: {params.settings[rc_branches]})."
+        "Identify the equivalent circuits of {wildcards.cell} ({params.settings[members]})."
     script:
         "../../scripts/identify.py"
 
@@ -176,6 +187,30 @@ rule model:
         "../../scripts/model.py"
 
 
+EXPORTED = {
+    kind: [f"results/export/{cell}/{kind}" for cell in MODELLED]
+    for kind in ("pybamm_thevenin.json", "lookup.csv")
+}
+
+
+rule export:
+    input:
+        "results/models/{cell}.json",
+    output:
+        pybamm="results/export/{cell}/pybamm_thevenin.json",
+        lookup="results/export/{cell}/lookup.csv",
+    log:
+        "logs/export/{cell}.log",
+    wildcard_constraints:
+        cell=either(MODELLED),
+    params:
+        code=code_of("export"),
+    message:
+        "Model of {wildcards.cell} for other tools: PyBaMM and a look-up table."
+    script:
+        "../../scripts/export.py"
+
+
 rule validate:
     input:
         model="results/models/{cell}.json",
@@ -196,3 +231,26 @@ rule validate:
         "Simulate {wildcards.cell} through {wildcards.test} and compare with the measurement."
     script:
         "../../scripts/validate.py"
+
+
+rule soc:
+    input:
+        model="results/models/{cell}.json",
+        series="results/clean/{cell}/{test}.parquet",
+    output:
+        scores="results/soc/{cell}/{test}.parquet",
+        series="results/soc_series/{cell}/{test}.parquet",
+    log:
+        "logs/soc/{cell}/{test}.log",
+    wildcard_constraints:
+        cell=either(MODELLED),
+    params:
+        settings=config["soc"],
+        split_rest_second=config["models"]["split_rest_second"],
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("soc"),
+    message:
+        "State of charge of {wildcards.cell} in {wildcards.test} by filters, from wrong starts."
+    script:
+        "../../scripts/soc.py"

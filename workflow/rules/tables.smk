@@ -5,6 +5,7 @@ SCORES = [
     for cell, rows in SCORED.items()
     for row in rows
 ]
+FILTERED = [path.replace("/validation/", "/soc/", 1) for path in SCORES]
 MODELS = [f"results/models/{cell}.json" for cell in MODELLED]
 TABLE_INPUTS = {
     "capacity": everywhere("capacity", *CAPACITY_KINDS),
@@ -15,6 +16,7 @@ TABLE_INPUTS = {
     "ica": everywhere("ica", "ica"),
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
+    "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
 TABLES = [*TABLE_INPUTS, "excluded"]

@@ -6,7 +6,8 @@ import numpy as np
 
 from cellwright.models.basis import REFERENCE_CELSIUS, reference_of
 from cellwright.models.bias import biased_model, calibrate, peak_shift, scaled_reference
-from cellwright.models.lookup import member_of, ocv_at, parameters_at
+from cellwright.models.lookup import member_of, parameters_at
+from cellwright.models.tables import ocv_at
 from cellwright.refusal import Refusal
 
 SAME_RATE = 0.1

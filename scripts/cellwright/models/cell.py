@@ -4,18 +4,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
-from cellwright.models.conditions import condition_entry, ocv_from_slow_branch, select
-from cellwright.models.identify import identify
-from cellwright.models.lookup import ocv_at
-from cellwright.models.records import records_of
-from cellwright.models.split import fit_mask
+from cellwright.models.basis import REFERENCE_CELSIUS
+from cellwright.models.conditions import condition_entry, ocv_from_slow_branch
+from cellwright.models.fitted import ABSENT_SECOND
+from cellwright.models.groups import groups_of
+from cellwright.models.identify import data_of, identify, limits_of
+from cellwright.models.members import member_named
+from cellwright.models.selection import choose, left_out
+from cellwright.models.split import blocks
+from cellwright.models.tables import ocv_at, warmth
+from cellwright.models.warming import activation_of, warmed
 from cellwright.refusal import Refusal
 from cellwright.series.anchor import REST_C_RATE
 
-SCHEMA = "cellwright-model/1"
-SAME_CELSIUS = 2.0
+SCHEMA = "cellwright-model/2"
 GRID = np.linspace(0.0, 1.0, 201)
+PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
 
 
 class FitTest(NamedTuple):
@@ -25,26 +29,44 @@ class FitTest(NamedTuple):
     series: dict
 
 
-def cell_model(cell, basis, tests, *, rc_branches, split_rest_second):
+class Identified(NamedTuple):
+    """One temperature: its OCV table, entries and scores by member, and what is to be said."""
+
+    ocv: dict
+    entries: dict
+    scores: dict
+    notes: list
+
+
+class Diffusion(NamedTuple):
+    """Diffusion time [s] found at a temperature [degC], and its activation energy [J/mol]."""
+
+    second: float | None
+    celsius: float | None
+    joule_per_mole: float
+
+
+def cell_model(cell, basis, tests, *, members, split_rest_second):
     """Identify every member of the circuit family at every temperature a cell was tested at.
 
     1. Tests of the earliest check-up are grouped by chamber temperature; at each, HPPC tests are
-    used where there are any, else drives. Of a drive of role `split` only the odd blocks are
-    fitted. 2. Where the OCV comes from one slow branch, its drop over the model's resistances is
-    put back and the fit repeated. 3. The member with the smallest BIC over all conditions is the
-    chosen one.
+    used where there are any, with the capacity tests beside them, else drives. Of a drive of role
+    `split` only the odd blocks are fitted. 2. Resistances are taken to the chamber's temperature
+    with the activation energy that the temperatures show between them. 3. Where the OCV comes from
+    one slow branch, its drop over the model's resistances is put back and the fit repeated. 4. The
+    member that best predicts blocks left out of its fit is the chosen one.
 
     Parameters
     ----------
     cell : dict, the cell's row of the sheet.
     basis : dict, from `basis.basis`.
     tests : list of FitTest, roles fit or split.
-    rc_branches : numbers of RC branches, the members of the family.
+    members : names of the members of the family.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
 
     Returns
     -------
-    model : dict of schema cellwright-model/1.
+    model : dict of schema cellwright-model/2.
 
     Raises
     ------
@@ -54,33 +76,84 @@ def cell_model(cell, basis, tests, *, rc_branches, split_rest_second):
     if not basis["ocv"]:
         raise Refusal("no OCV curve: neither a slow test of the cell nor one of its type")
     young, later = _by_age(tests)
-    notes = [f"not fitted, of a later check-up: {', '.join(later)}"] if later else []
-    conditions = []
-    for celsius, group in _by_temperature(young):
-        try:
-            found = _records(group, basis, cell, split_rest_second, notes)
-            conditions.append(_condition(celsius, found, basis, rc_branches))
-        except Refusal as refusal:
-            names = ", ".join(test.facts["test"] for test in group)
-            notes.append(f"not identified at {celsius:g} °C ({names}): {refusal}")
-    if not conditions:
-        raise Refusal("; ".join(notes))
-    members = [
-        {"model": f"{n}RC", "conditions": [condition[n] for condition in conditions]}
-        for n in rc_branches
-    ]
-    kinds = {test.facts["kind"] for test in young}
+    groups, notes = groups_of(young, basis, cell, split_rest_second=split_rest_second)
+    if later:
+        notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
+    found, energies = _identified(groups, basis, members, split_rest_second, notes)
+    if not found:
+        raise Refusal("; ".join(notes) or "no test can be fitted")
+    choice = choose(_common([one.scores for one in found]))
     return {
         "schema": SCHEMA,
         "cell": cell["cell"],
         "capacity_ampere_hour": basis["capacity_ampere_hour"],
         "borrowed_from": basis["borrowed_from"],
-        "ocv": [condition["ocv"] for condition in conditions],
-        "members": members,
-        "chosen": select(members),
-        "kind": "hppc" if "hppc" in kinds else "drive",
-        "notes": notes,
+        "ocv": [one.ocv for one in found],
+        "members": [
+            {"model": name, "left_out_rmse_volt": choice.rmse_volt[name]}
+            | {"conditions": [one.entries[name] for one in found]}
+            for name in choice.rmse_volt
+        ],
+        "chosen": choice.name,
+        "choice": choice.words,
+        "kind": "hppc" if any(group.pulsed for group in groups) else "drive",
+        "notes": [*notes, *filter(None, [energies]), choice.words],
     }
+
+
+def _identified(groups, basis, members, split_rest_second, notes):
+    """(one Identified a temperature, what is said of the activation energies)."""
+    capacity, usable = basis["capacity_ampere_hour"], []
+    for group in groups:
+        try:
+            _data(group, basis)
+            usable.append(group)
+        except Refusal as refusal:
+            notes.append(f"not identified at {group.celsius:g} °C: {refusal}")
+    if not usable:
+        return [], ""
+    activation = activation_of(usable, lambda g: _data(g, basis), capacity_ampere_hour=capacity)
+    limits = _limits([limits_of(_data(group, basis)) for group in usable])
+    energies = dict(zip((g.celsius for g in usable), activation.joule_per_mole, strict=True))
+    found, diffusion = {}, Diffusion(None, None, float(np.mean(activation.joule_per_mole)))
+    for group in sorted(usable, key=lambda g: abs(g.celsius - REFERENCE_CELSIUS)):
+        energy = energies[group.celsius]
+        ready = warmed(group, energy)
+        one = _condition(ready, energy, basis, members, split_rest_second, diffusion, limits)
+        notes += one.notes
+        if one.entries:
+            found[group.celsius] = one
+            diffusion = _first_diffusion(diffusion, one, group.celsius)
+    return [found[celsius] for celsius in sorted(found)], activation.words
+
+
+def _limits(limits):
+    """A distribution has the same time constants at every temperature, so that it can be mixed."""
+    low, high = zip(*limits, strict=True)
+    return min(low), max(high)
+
+
+def _first_diffusion(diffusion, one, celsius):
+    """The diffusion time of the first condition, the one nearest 25 °C, serves them all."""
+    branches = [branch for entry in one.entries.values() for branch in entry["branches"]]
+    times = [b["tau_second"][0] for b in branches if b["kind"] == "diffusion"]
+    times = [second for second in times if second > ABSENT_SECOND]
+    if diffusion.second is not None or not times:
+        return diffusion
+    return diffusion._replace(second=times[0], celsius=celsius)
+
+
+def _diffusion_at(diffusion, celsius):
+    # ASSUME: Diffusion in the particles slows in the cold by the factor by which resistance grows.
+    if diffusion.second is None:
+        return None
+    return diffusion.second * warmth(celsius, diffusion.celsius, diffusion.joule_per_mole)
+
+
+def _common(scores):
+    """Scores of the members that could be fitted and scored at every temperature."""
+    names = [name for name in scores[0] if all(name in one for one in scores)]
+    return {name: [one[name] for one in scores] for name in names}
 
 
 def _by_age(tests):
@@ -92,75 +165,62 @@ def _by_age(tests):
     return young, [test.facts["test"] for test, cycle in pairs if cycle > first]
 
 
-def _by_temperature(tests):
-    """(celsius, tests) of each condition, coldest first; HPPC tests displace drives."""
-    groups = {}
-    for test in sorted(tests, key=_celsius):
-        near = [t for t in groups if abs(t - _celsius(test)) <= SAME_CELSIUS]
-        groups.setdefault(near[0] if near else _celsius(test), []).append(test)
-    for celsius, group in groups.items():
-        pulses = [test for test in group if test.facts["kind"] == "hppc"]
-        yield celsius, pulses or group
+def _data(group, basis, ocv_volt=None):
+    if ocv_volt is None:
+        ocv_volt = ocv_at(_dated(basis["ocv"]), GRID, group.celsius)
+    return data_of(
+        group.records,
+        GRID,
+        ocv_volt,
+        capacity_ampere_hour=basis["capacity_ampere_hour"],
+        spacing=PULSED_SPACING if group.pulsed else DRIVEN_SPACING,
+    )
 
 
-def _celsius(test):
-    """Chamber temperature, else the mean on the cell's surface, else 25 °C as for the basis."""
-    stated = test.facts["ambient_temperature_celsius"]
-    if stated is not None:
-        return stated
-    measured = test.series.get("surface_temperature_celsius")
-    return REFERENCE_CELSIUS if measured is None else float(np.nanmean(measured))
-
-
-def _records(group, basis, cell, split_rest_second, notes):
-    """Name and records of each usable test; one that cannot be used costs the others nothing."""
-    found = {}
-    for test in group:
-        try:
-            found[test.facts["test"]] = _record(test, basis, cell, split_rest_second, notes)
-        except Refusal as refusal:
-            notes.append(f"not fitted: {test.facts['test']}: {refusal}")
-    if not found:
-        raise Refusal("none of its tests can be used")
-    return found
-
-
-def _record(test, basis, cell, split_rest_second, notes):
-    anchored = soc_of(test.series, basis, test.facts, cell)
-    if test.facts["soc"] is None:
-        notes.append(f"{test.facts['test']}: SoC by {anchored.anchor}")
-    time, current = test.series["test_time_second"], test.series["current_ampere"]
-    used = None
-    if test.facts["role"] == "split":
-        rest = REST_C_RATE * basis["capacity_ampere_hour"]
-        used = fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
-    return records_of(time, current, test.series["voltage_volt"], anchored.soc, used=used)
-
-
-def _condition(celsius, found, basis, rc_branches):
-    """Entries of one temperature by number of RC branches, and the OCV table they belong to."""
-    records = [record for records in found.values() for record in records]
-    curve = _nearest(basis["ocv"], celsius)
-    ocv = ocv_at(_dated(basis["ocv"]), GRID, celsius)
+def _condition(group, energy, basis, members, split_rest_second, diffusion, limits):
+    """Every member at one temperature; one that cannot be fitted costs the others nothing."""
+    capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], group.celsius)
+    settings = {"capacity_ampere_hour": capacity, "celsius": group.celsius}
+    data, notes = _data(group, basis), []
     if curve["branches"] != "both":
         slow = curve[f"{curve['branches']}_current_ampere"]
-        first = identify(records, GRID, ocv, n_rc=max(rc_branches))
-        ocv = ocv_from_slow_branch(GRID, ocv, slow, first)
-    entries = {"ocv": _table(celsius, ocv, curve)}
-    for n_rc in rc_branches:
-        fitted = identify(records, GRID, ocv, n_rc=n_rc)
-        entry = condition_entry(fitted, ambient_temperature_celsius=celsius, tests=list(found))
-        entries[n_rc] = entry
-    return entries
+        first = identify(data, member_named("DRT"), **settings).condition
+        data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
+    block = _blocks(data, REST_C_RATE * capacity, split_rest_second)
+    entries, scores = {}, {}
+    for name in members:
+        try:
+            held = {"diffusion_second": _diffusion_at(diffusion, group.celsius)}
+            held["limits_second"] = limits if member_named(name).pairs is None else None
+            fitted = identify(data, member_named(name), **held, **settings)
+            scores[name] = left_out(fitted, block)
+        except Refusal as refusal:
+            notes.append(f"{name} not identified at {group.celsius:g} °C: {refusal}")
+            continue
+        about = {"ambient_temperature_celsius": group.celsius, "tests": list(group.tests)}
+        entry = condition_entry(fitted.condition, **about)
+        entries[name] = entry | {"activation_energy_joule_per_mole": energy}
+    return Identified(_table(group.celsius, data, curve), entries, scores, notes)
 
 
-def _table(celsius, ocv, curve):
+def _blocks(data, rest_ampere, rest_second):
+    """Number of the block of each used row, counted on over the records."""
+    found, next_free = [], 0
+    for record in data.records:
+        time, current = record.test_time_second, record.current_ampere
+        block = blocks(time, current, rest_ampere=rest_ampere, rest_second=rest_second)
+        found.append(next_free + block[record.used])
+        next_free += block.max() + 1
+    return np.concatenate(found)
+
+
+def _table(celsius, data, curve):
     return {
         "ambient_temperature_celsius": celsius,
         "test": curve["test"],
         "branches": curve["branches"],
         "soc": GRID.tolist(),
-        "ocv_volt": ocv.tolist(),
+        "ocv_volt": data.ocv_volt.tolist(),
     }
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from cellwright.refusal import Refusal
 
 MODES = 5
+REST_SHARE = 0.01  # of a record's largest current: below it the sign is the sensor's noise
 
 
 class Branch(NamedTuple):
@@ -70,25 +71,25 @@ def _sphere_roots(modes):
     return x
 
 
-def _modes(shares, constants):
-    """The first `MODES` of a series of lags, and one that stands for all later ones.
+def _modes(shares, constants, *, mean):
+    """The first lags of a series, and one that stands for all later ones, as (constant, share).
 
-    That one has their share and their mean time constant, so that the steady state and the charge
-    that flows in after a step are exact.
+    That one makes the sum of the shares 1 and their mean time constant what it is over the whole
+    series, so that the steady state and the charge that flows in after a step are exact.
     """
-    kept = list(zip(constants[:MODES], shares[:MODES], strict=True))
-    rest = 1.0 - sum(share for _, share in kept)
-    later = shares[MODES:] @ constants[MODES:] / shares[MODES:].sum()
-    return np.array([*kept, (later, rest)])
+    rest = 1.0 - shares.sum()
+    return np.array(
+        [*zip(constants, shares, strict=True), ((mean - shares @ constants) / rest, rest)]
+    )
 
 
-# Diffusion through a plane sheet: tanh(√s)/√s = Σ 2/(s + (n − ½)²π²).
-_PLANE = ((np.arange(400) + 0.5) * np.pi) ** 2
-PLANE_MODES = _modes(2.0 / _PLANE, 1.0 / _PLANE)
+# Diffusion through a plane sheet: tanh(√s)/√s = Σ 2/(s + (n − ½)²π²) = 1 − s/3 + …
+_PLANE = ((np.arange(MODES) + 0.5) * np.pi) ** 2
+PLANE_MODES = _modes(2.0 / _PLANE, 1.0 / _PLANE, mean=1.0 / 3.0)
 # Diffusion in a sphere under constant flux (Crank, The Mathematics of Diffusion, 6.45): surface
-# minus mean, Σ 10/λₙ² = 1 over the roots of tan λ = λ.
-_SPHERE = _sphere_roots(400) ** 2
-SPHERE_MODES = _modes(10.0 / _SPHERE, 1.0 / _SPHERE)
+# minus mean, Σ 10/λₙ² = 1 and Σ 10/λₙ⁴ = 1/35 over the roots of tan λ = λ.
+_SPHERE = _sphere_roots(MODES) ** 2
+SPHERE_MODES = _modes(10.0 / _SPHERE, 1.0 / _SPHERE, mean=1.0 / 35.0)
 
 
 def _plane(*, tau_second, **_parameters):
@@ -117,7 +118,9 @@ def _kinetic(current, *, r_ohm, scale_volt, **_parameters):
 
 def _last_sign(current, *, m_volt):
     """Sign of the current; at rest that of the last current, before the first one zero."""
-    sign = np.sign(current.real)
+    # ASSUME: A current below a hundredth of a record's largest is rest, not a turn of the load.
+    loaded = np.abs(current.real) > REST_SHARE * np.abs(current.real).max()
+    sign = np.where(loaded, np.sign(current.real), 0.0)
     last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
     return m_volt * sign[last]
 
@@ -144,10 +147,10 @@ KINDS = {
     "warburg": Kind(("r_ohm", "tau_second"), _ohmic, _plane),
     # One-state hysteresis (thesis 2.5, 2.16): relaxes to ±m_volt with the charge passed.
     "hysteresis": Kind(("m_volt", "charge_ampere_hour"), _sign, _charge_lag, linear=False),
-    # Zero-state hysteresis (thesis 2.3–2.4): ±m_volt by the sign of the last current.
+    # Zero-state hysteresis (thesis 2.3–2.4): ±m_volt by the sign of the last current, not of noise.
     "switch": Kind(("m_volt",), _last_sign, _no_lag, linear=False),
-    # Diffusion in the particles of the electrode that limits: the OCV is taken at the surface's SoC,
-    # which leads the mean by soc_per_ampere·I in the steady state.
+    # Diffusion in the particles of the electrode that limits: the OCV is taken at the surface's
+    # SoC, which leads the mean by soc_per_ampere·I in the steady state.
     "diffusion": Kind(("soc_per_ampere", "tau_second"), _gain, _sphere, output="soc"),
 }
 
@@ -172,13 +175,15 @@ def rc_circuit(r0_ohm, r_ohm, tau_second):
 def impedance(circuit, frequency_hertz, *, ocv_slope_volt=0.0):
     """Impedance of a circuit with scalar parameters at a small current about rest.
 
-    Hysteresis adds nothing (a small alternating current passes no net charge), kinetics their
-    resistance at small currents, two-way resistors the mean of both ways.
+    Kinetics act by their resistance at small currents, two-way resistors by the mean of both ways.
+    One-state hysteresis is a capacitance of 3600·charge/m: its voltage follows the charge passed,
+    as long as that is small. A switch has no limit at small currents and is left out, as are
+    currents too small to turn it.
 
     Parameters
     ----------
     circuit : tuple of Branch with scalar parameters.
-    frequency_hertz : (m,) [Hz].
+    frequency_hertz : (m,), above zero [Hz].
     ocv_slope_volt : slope of the OCV over SoC [V], for branches that shift the SoC.
 
     Returns
@@ -196,8 +201,12 @@ def impedance(circuit, frequency_hertz, *, ocv_slope_volt=0.0):
 def _branch_impedance(branch, angular, ocv_slope_volt):
     kind, parameters = kind_of(branch), branch.parameters
     lags = kind.lags(**parameters)
-    if branch.kind == "switch" or any(lag.clock != "second" for lag in lags):
+    if branch.kind == "switch":
         return np.zeros(len(angular), complex)
+    if any(lag.clock == "ampere_hour" for lag in lags):
+        target = kind.drive(np.ones(1), **parameters)[0]
+        rate = sum(lag.share / (3600.0 * lag.constant) for lag in lags)
+        return target * rate / (1j * angular)
     small = 1e-9 * np.array([1.0, -1.0])
     gain = np.diff(kind.drive(small, **parameters))[0] / -2e-9
     gain = gain * (ocv_slope_volt if kind.output == "soc" else 1.0)

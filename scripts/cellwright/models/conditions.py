@@ -1,8 +1,6 @@
-"""Identified conditions as entries of a model file, the choice between members, OCV correction."""
+"""Identified conditions as entries of a model file, and the OCV that a slow branch stands for."""
 
 import numpy as np
-
-from cellwright.refusal import Refusal
 
 
 def condition_entry(condition, *, ambient_temperature_celsius, tests):
@@ -18,57 +16,32 @@ def condition_entry(condition, *, ambient_temperature_celsius, tests):
     -------
     entry : dict of lists and numbers; NaN is written as None.
     """
-    knots = len(condition.soc)
-    branches = zip(
-        condition.r_ohm,
-        condition.r_std_ohm,
-        condition.tau_second,
-        condition.tau_std_second,
-        strict=True,
-    )
     return {
         "ambient_temperature_celsius": _plain(ambient_temperature_celsius),
         "soc": _plain(condition.soc),
         "r0_ohm": _plain(condition.r0_ohm),
         "r0_std_ohm": _plain(condition.r0_std_ohm),
-        "branches": [
-            {
-                "r_ohm": _plain(r),
-                "r_std_ohm": _plain(r_std),
-                "tau_second": _plain(np.full(knots, tau)),
-                "tau_std_second": _plain(np.full(knots, tau_std)),
-            }
-            for r, r_std, tau, tau_std in branches
-        ],
+        "branches": [_branch(element) for element in condition.branches],
         "ocv_shift_volt": _plain(condition.ocv_shift_volt),
+        "ocv_scale": {"missing": condition.missing, "stretch": condition.stretch},
         "at_bound": list(condition.at_bound),
         "fit_rmse_volt": condition.fit_rmse_volt,
         "samples": condition.samples,
-        "bic": condition.bic,
         "tests": list(tests),
     }
 
 
-def select(members):
-    """Name of the member with the smallest sum of BIC over its conditions.
+def std_name(name):
+    """Name of a parameter's standard deviation: r_ohm → r_std_ohm."""
+    quantity, unit = name.split("_", 1)
+    return f"{quantity}_std_{unit}"
 
-    Parameters
-    ----------
-    members : sequence of {"model": name, "conditions": [entry, …]} fitted to the same data.
 
-    Returns
-    -------
-    name : str.
-
-    Raises
-    ------
-    Refusal : members that were not fitted to the same conditions cannot be compared.
-    """
-    sizes = {tuple(c["samples"] for c in member["conditions"]) for member in members}
-    if len(sizes) != 1:
-        raise Refusal("members of the model were not fitted to the same samples")
-    scores = {m["model"]: sum(c["bic"] for c in m["conditions"]) for m in members}
-    return min(scores, key=scores.get)
+def _branch(element):
+    entry = {"kind": element.kind}
+    for name, values in element.values.items():
+        entry |= {name: _plain(values), std_name(name): _plain(element.stds[name])}
+    return entry
 
 
 def ocv_from_slow_branch(soc, slow_volt, current_ampere, condition):
@@ -89,7 +62,10 @@ def ocv_from_slow_branch(soc, slow_volt, current_ampere, condition):
     """
     # ASSUME: Where only one slow branch was measured, its distance from OCV is the current times
     # the sum of the model's resistances; hysteresis stays in it.
-    total = condition.r0_ohm + condition.r_ohm.sum(axis=0)
+    branches = [
+        element.values["r_ohm"] for element in condition.branches if "r_ohm" in element.values
+    ]
+    total = sum(branches, condition.r0_ohm)
     return slow_volt - current_ampere * np.interp(soc, condition.soc, total)
 
 

@@ -1,213 +1,217 @@
-"""Resistances over SoC and time constants of an n-RC model, from one or several records.
+"""Courses of OCV shift, resistances and hysteresis over SoC, and time constants, from records.
 
-For given time constants the model is linear in everything else: V − OCV(z) = Σ over knots m of
-φ_m(z)·I·R0_m + Σ over branches j and knots of x_jm·R_jm, where φ_m are hat functions over SoC and
-x_jm is φ_m(z)·I through a lag of time constant tau_j. So only the logarithms of the time
-constants are searched (variable projection, Golub & Pereyra 1973): first all combinations of a
-grid, which is global, then least squares from the best few.
+Once time constants, charge constant and kinetic scale are held, everything else is linear
+(`design`, `regression`). So only those few numbers are searched for (variable projection, Golub &
+Pereyra 1973): time constants over all combinations of a grid, which is global, then by least
+squares from the best; charge constant and kinetic scale over a short list.
 """
 
-from itertools import product
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.linear import correlation_factor, design, lagged, problem_of, solve
-from cellwright.models.records import edges, knots_of, thin, within
+from cellwright.models.design import Data, Held, columns_of
+from cellwright.models.fitted import Condition, condition_of
+from cellwright.models.linear import solve
+from cellwright.models.records import edges, thin, without_edges
+from cellwright.models.regression import SCALES, solved, system_of
+from cellwright.models.settle import cheapest, cost_of, settled
+from cellwright.models.tables import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.refusal import Refusal
-from cellwright.uncertainty import covariance_from_jacobian
 
-TAU_BOUNDS_SECOND = {
-    1: ((0.5, 2000.0),),
-    2: ((0.5, 60.0), (40.0, 2000.0)),
-    3: ((0.5, 10.0), (10.0, 100.0), (60.0, 3000.0)),
-}
-
-
-class Condition(NamedTuple):
-    """An n-RC model over SoC at one temperature; `_std` NaN where a parameter is at its bound."""
-
-    soc: np.ndarray
-    r0_ohm: np.ndarray
-    r0_std_ohm: np.ndarray
-    r_ohm: np.ndarray
-    r_std_ohm: np.ndarray
-    tau_second: np.ndarray
-    tau_std_second: np.ndarray
-    ocv_shift_volt: np.ndarray
-    at_bound: tuple
-    fit_rmse_volt: float
-    samples: int
-    bic: float
+PER_DECADE = 2  # time constants of a distribution in each decade
+GRID_PER_DECADE = 4
+FARADAY = 96485.33212  # C/mol
+CHARGE_SHARES = (0.01, 0.03, 0.1, 0.3)  # of the capacity: charge constants of the hysteresis
+ELECTRODES = (1.0, 2.0)  # that share the charge transfer: scale 2RT/F each
+FINEST = 0.02  # of the logarithm of a time constant
+DIFFUSION_SECOND = (500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0)  # radius² over diffusivity
+EMPTY_KNOTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15)
 
 
-def identify(
+class Fitted(NamedTuple):
+    """An identification: the condition, and the system it solved, for what is left out."""
+
+    condition: Condition
+    held: Held
+    system: object
+    solution: object
+
+
+def data_of(
     records,
     ocv_soc,
     ocv_volt,
     *,
-    n_rc=2,
+    capacity_ampere_hour,
     hold="first_order",
+    spacing=0.05,
     knots=None,
-    step_ampere=None,
-    tau_bounds_second=None,
-    free_ocv=True,
-    floor_volt=0.005,
-    relative=0.2,
 ):
-    """Fit R0(z), R_j(z) and tau_j of an n-RC model to records of one temperature.
+    """Records made ready: steady stretches thinned, edges left out, knots laid over their SoC.
 
     Parameters
     ----------
-    records : sequence of Record, each starting from rest (`records.records_of`).
+    records : sequence of Record, each starting from rest.
     ocv_soc, ocv_volt : (p,) OCV table, ascending [1], [V].
-    n_rc : number of RC pairs.
     hold : "zero_order" or "first_order" hold of the current between samples.
-    knots : (k,) SoC of the resistances [1]; None: where the data excite the cell.
-    step_ampere : change of current that counts as a step [A]; None: a twentieth of the largest.
-    tau_bounds_second : n_rc pairs (low, high) [s]; None: `TAU_BOUNDS_SECOND`. Narrowed to what
-        the sampling and the longest steady stretch of the data can show.
-    free_ocv : also fit a shift of the OCV at each knot (hysteresis, another temperature, age), so
-        that an error of the OCV table does not become resistance. The shift is part of the model.
-    floor_volt, relative : the model is trusted to floor + relative·|V − OCV| [V], [1]; rows weigh
-        by the inverse, so that a 6C pulse does not outvote what happens at working currents.
+    capacity_ampere_hour : what the SoC refers to [Ah].
+    spacing : distance of the knots from 20 % SoC on [1]; below they are denser.
+    knots : (k,) SoC of the courses [1]; None: laid by `spacing` over the range of the data.
 
     Returns
     -------
-    condition : Condition.
+    data : design.Data.
 
     Raises
     ------
-    Refusal : nothing excites the cell, or the data cannot tell the parameters apart.
+    Refusal : the current never changes: nothing excites the cell.
+    """
+    step = max(np.abs(np.diff(r.current_ampere)).max() for r in records) / 20
+    if step == 0:
+        raise Refusal("the current never changes: resistance cannot be told from OCV")
+    ready = tuple(without_edges(thin(r, step_ampere=step / 10), step_ampere=step) for r in records)
+    soc = np.concatenate([r.soc[r.used] for r in ready])
+    if not len(soc):
+        raise Refusal("no row of the records is left to fit")
+    if knots is None:
+        low, high = soc.min(), soc.max()
+        grid = np.append(EMPTY_KNOTS, np.arange(0.2, 1.0 + spacing / 2, spacing))
+        inner = grid[(grid > low + 0.01) & (grid < high - 0.01)]
+        knots = np.array([low, *inner, high]) if high > low else np.array([low])
+    return Data(
+        ready,
+        np.asarray(knots, float),
+        np.asarray(ocv_soc),
+        np.asarray(ocv_volt),
+        hold,
+        capacity_ampere_hour,
+    )
+
+
+def identify(
+    data,
+    member,
+    *,
+    capacity_ampere_hour,
+    celsius=25.0,
+    limits_second=None,
+    diffusion_second=None,
+):
+    """Fit one member of the family to the records of one temperature.
+
+    Parameters
+    ----------
+    data : design.Data, from `data_of`.
+    member : members.Member.
+    capacity_ampere_hour : of the cell; sets the charge constants that are tried [Ah].
+    celsius : temperature of the condition, for the scale of the kinetics [degC].
+    limits_second : shortest and longest time constant [s]; None: what the data can show.
+    diffusion_second : diffusion time to hold where the member has one [s]; None: the best of a few.
+
+    Returns
+    -------
+    fitted : Fitted.
+
+    Raises
+    ------
+    Refusal : nothing excites the cell, or the data cannot carry the parameters.
 
     Source: thesis 2.3 (2.17–2.20), with a deterministic search in place of its genetic one.
     """
     # ASSUME: OCV at a test's temperature and direction is the slow test's curve plus a shift over
-    # SoC that is fitted together with the resistances, from the fitted data only.
+    # SoC, and a capacity within a few per cent, fitted with the resistances from fitted data only.
     # ASSUME: Time constants of a cell do not depend on SoC, its resistances do (linear between).
-    step = _step_ampere(records) if step_ampere is None else step_ampere
-    knots = knots_of(records, step_ampere=step) if knots is None else np.asarray(knots, float)
-    bounds = _bounds(records, step, n_rc, tau_bounds_second)
-    thinned = [within(thin(r, step_ampere=step / 10), knots) for r in records]
-    problem = problem_of(
-        thinned,
-        knots,
-        ocv_soc,
-        ocv_volt,
-        hold=hold,
-        free_ocv=free_ocv,
-        floor_volt=floor_volt,
-        relative=relative,
-    )
-    if len(problem.target_volt) <= len(knots) * (n_rc + 2):
-        raise Refusal(f"{len(problem.target_volt)} rows cannot carry {len(knots)} SoC knots")
-    tau = _search(problem, bounds)
-    return _condition(problem, knots, tau, bounds)
+    low, high = limits_of(data) if limits_second is None else limits_second
+    held = Held(tuple(_taus(data, member, low, high)))
+    held, _, solution = settled(data, held)
+    for name, values in _tries(member, capacity_ampere_hour, celsius, diffusion_second).items():
+        held = cheapest(data, [held._replace(**{name: value}) for value in values], solution.factor)
+    held, system, solution = settled(data, held)
+    bounds = None if member.pairs is None else (low, high)
+    condition = condition_of(data, member, held, system, solution, bounds)
+    return Fitted(condition, held, system, solution)
 
 
-def _step_ampere(records):
-    largest = max(np.abs(np.diff(r.current_ampere)).max() for r in records)
-    if largest == 0:
-        raise Refusal("the current never changes: resistance cannot be told from OCV")
-    return largest / 20
+def _tries(member, capacity_ampere_hour, celsius, diffusion_second):
+    """What is tried for each number that a member may hold: first that it is not there at all.
 
-
-def _bounds(records, step_ampere, n_rc, asked):
-    if asked is None and n_rc not in TAU_BOUNDS_SECOND:
-        raise Refusal(f"no default bounds of the time constants of {n_rc} RC pairs; give them")
-    asked = TAU_BOUNDS_SECOND[n_rc] if asked is None else asked
-    steady, sampling = 0.0, []
-    for r in records:
-        marks = np.r_[0, edges(r, step_ampere=step_ampere), len(r.soc) - 1]
-        steady = max(steady, np.diff(r.test_time_second[marks]).max())
-        sampling.append(np.median(np.diff(r.test_time_second)))
-    bounds = [(max(low, min(sampling)), min(high, steady)) for low, high in asked]
-    if any(low >= high for low, high in bounds):
-        raise Refusal(f"steady stretches of {steady:.3g} s at most cannot show {asked[-1]} s")
-    return np.log(bounds)
-
-
-def _search(problem, log_bounds, *, grid=8, finest=1e-3):
-    """Time constants: best of a grid, then its neighbours at ever smaller distance."""
-    low, high = log_bounds.T
-    shares = (np.arange(grid) + 0.5) / grid
-    centre = _best(problem, [a + (b - a) * shares for a, b in log_bounds])
-    reach = (high - low) / grid / 2
-    while reach.max() > finest:
-        near = np.clip(centre + reach * np.array([[-1], [0], [1]]), low, high)
-        better = _best(problem, near.T)
-        reach = reach / 2 if np.array_equal(better, centre) else reach
-        centre = better
-    return np.exp(centre)
-
-
-def _best(problem, candidates):
-    """The combination of candidate time constants that leaves the smallest error.
-
-    Each candidate is filtered once and one Gram matrix holds all products, so that a combination
-    costs only the small non-negative solve.
+    Diffusion that was found at one temperature is there at all of them.
     """
-    axes = [np.unique(axis) for axis in candidates]
-    blocks = [lagged(problem, np.exp(x)) for axis in axes for x in axis]
-    matrix = np.hstack([problem.fixed, *blocks])
-    gram, moment = matrix.T @ matrix, matrix.T @ problem.target_volt
-    fixed, width = problem.fixed.shape[1], blocks[0].shape[1]
-    first = fixed + width * np.cumsum([0, *(len(axis) for axis in axes)])
-    scores = {}
-    for choice in product(*(range(len(axis)) for axis in axes)):
-        starts = [f + width * c for f, c in zip(first, choice, strict=False)]
-        pick = np.concatenate([np.arange(fixed), *(np.arange(s, s + width) for s in starts)])
-        found = solve(gram[np.ix_(pick, pick)], moment[pick], problem.signed)
-        scores[choice] = found @ moment[pick]
-    best = max(scores, key=scores.get)
-    return np.array([axis[c] for axis, c in zip(axes, best, strict=True)])
+    thermal = 2 * GAS_CONSTANT * (celsius + ZERO_CELSIUS_KELVIN) / FARADAY
+    diffusions = (None, *DIFFUSION_SECOND) if diffusion_second is None else (diffusion_second,)
+    charges = [share * capacity_ampere_hour for share in CHARGE_SHARES]
+    asked = {
+        "scale_volt": member.kinetic and [None, *(n * thermal for n in ELECTRODES)],
+        "diffusion_second": member.diffusion and diffusions,
+        "charge_ampere_hour": member.hysteresis and [None, *charges],
+    }
+    return {name: values for name, values in asked.items() if values}
 
 
-def _condition(problem, knots, tau, log_bounds):
-    matrix = design(problem, tau)
-    found = solve(matrix.T @ matrix, matrix.T @ problem.target_volt, problem.signed)
-    residual = matrix @ found - problem.target_volt
-    std = _standard_deviations(problem, matrix, found, tau, residual)
-    size, samples = len(found) + len(tau), len(residual)
-    shift, table = found[: problem.signed], found[problem.signed :].reshape(-1, len(knots))
-    table_std = std[problem.signed : len(found)].reshape(-1, len(knots))
-    mean_square = float(np.mean((residual / problem.weight) ** 2))
-    return Condition(
-        soc=knots,
-        r0_ohm=table[0],
-        r0_std_ohm=table_std[0],
-        r_ohm=table[1:],
-        r_std_ohm=table_std[1:],
-        tau_second=tau,
-        tau_std_second=tau * std[len(found) :],
-        ocv_shift_volt=shift if problem.signed else np.zeros(len(knots)),
-        at_bound=_at_bound(table, knots, tau, log_bounds),
-        fit_rmse_volt=float(np.sqrt(mean_square)),
-        samples=samples,
-        bic=float(samples * np.log(mean_square) + size * np.log(samples)),
-    )
+def limits_of(data):
+    """Shortest and longest time constant that records can show: sampling, longest steady stretch.
+
+    Parameters
+    ----------
+    data : design.Data.
+
+    Returns
+    -------
+    low_second, high_second : [s].
+    """
+    steady, sampling = [], []
+    for r in data.records:
+        step = max(np.abs(np.diff(r.current_ampere)).max() / 20, 1e-9)
+        marks = np.r_[0, edges(r, step_ampere=step), len(r.soc) - 1]
+        steady.append(np.diff(r.test_time_second[marks]).max())
+        steps = np.diff(r.test_time_second)
+        sampling.append(np.percentile(steps[steps > 0], 10))
+    low = min(sampling)
+    return max(low, 0.05), max(max(steady), 20 * low)
 
 
-def _standard_deviations(problem, matrix, found, tau, residual, *, step=1e-4):
-    """Of the linear parameters, then of the logarithms of the time constants; NaN at a bound."""
-    width, fixed = problem.drives[0].shape[1], problem.fixed.shape[1]
-    slopes = []
-    for j, t in enumerate(tau):
-        r = found[fixed + j * width : fixed + (j + 1) * width]
-        change = lagged(problem, t * np.exp(step)) - lagged(problem, t * np.exp(-step))
-        slopes.append(change @ r / (2 * step))
-    active = np.append(found != 0, np.ones(len(tau), bool))
-    covariance = covariance_from_jacobian(np.column_stack([matrix, *slopes])[:, active], residual)
-    std = np.full(len(active), np.nan)
-    std[active] = np.sqrt(np.diag(covariance) * correlation_factor(residual))
-    return std
+def _taus(data, member, low, high):
+    decades = np.log10(high / low)
+    if member.pairs is None:
+        return np.geomspace(2 * low, high, max(round(decades * PER_DECADE), 2))
+    if member.pairs == 0:
+        return ()
+    grid = np.geomspace(low, high, max(round(decades * GRID_PER_DECADE), member.pairs + 1))
+    system = system_of(columns_of(data, Held(tuple(grid))), data.knots)
+    factor = solved(system).factor
+    return _refined(data, _searched(system, grid, member.pairs, factor), low, high, factor)
 
 
-def _at_bound(table, knots, tau, log_bounds):
-    names = [
-        f"R{row} at SoC {knots[column]:.3f}" for row, column in np.argwhere(table == 0).tolist()
-    ]
-    for j, (t, (low, high)) in enumerate(zip(np.log(tau), log_bounds, strict=True), 1):
-        if min(t - low, high - t) < 0.01:
-            names.append(f"tau{j}")
-    return tuple(names)
+def _searched(system, grid, pairs, factor):
+    """Best combination of time constants on a grid: one set of columns serves them all."""
+    gram = factor * system.matrix.T @ system.matrix + system.prior
+    moment = factor * system.matrix.T @ system.target
+    count = len(system.knots)
+    first = 2 * count + SCALES
+    best, cost = None, np.inf
+    for chosen in combinations(range(len(grid)), pairs):
+        pair_rows = [first + n * count + np.arange(count) for n in chosen]
+        rows = np.concatenate([np.arange(first), *pair_rows])
+        part = gram[np.ix_(rows, rows)]
+        vector = solve(part, moment[rows], count + SCALES)
+        here = vector @ part @ vector - 2 * vector @ moment[rows]
+        if here < cost:
+            best, cost = grid[list(chosen)], here
+    return best
+
+
+def _refined(data, start, low, high, factor):
+    """Pattern search on the logarithms, from the grid's best: it can only go down."""
+    at, step = np.log(start), np.log(10) / GRID_PER_DECADE / 2
+    best = cost_of(data, Held(tuple(start)), factor)
+    while step > FINEST:
+        moves = [at + sign * step * unit for unit in np.eye(len(at)) for sign in (1, -1)]
+        moves = [np.clip(np.sort(move), np.log(low), np.log(high)) for move in moves]
+        costs = [cost_of(data, Held(tuple(np.exp(move))), factor) for move in moves]
+        if min(costs) < best:
+            best, at = min(costs), moves[int(np.argmin(costs))]
+        else:
+            step /= 2
+    return tuple(np.exp(at))

@@ -86,7 +86,7 @@ def lag_by_charge(passed_ampere_hour, charge_ampere_hour, drive):
 
 
 def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
-    """Also for complex inputs or time constants, of which a derivative is asked by a complex step."""
+    """Also for complex inputs or time constants: a complex step asks for a derivative."""
     from scipy.linalg.lapack import dtbtrs, ztbtrs
 
     decay, before, after = lag_weights(step_second, tau_second, hold=hold)
@@ -97,7 +97,7 @@ def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
     right[1:] = before[column] * drive[:-1] + after[column] * drive[1:]
     band = np.ones((2, len(drive)), kind, order="F")
     band[1, :-1] = -decay
-    solve = ztbtrs if kind == complex else dtbtrs
+    solve = ztbtrs if kind.kind == "c" else dtbtrs
     return solve(band, right, uplo="L", overwrite_b=True)[0].reshape(drive.shape)
 
 

@@ -1,71 +1,13 @@
-"""The part of an identification that is linear: design matrix, non-negative solve, covariance."""
-
-from typing import NamedTuple
+"""The part of an identification that is linear: hat functions, non-negative solve, residuals."""
 
 import numpy as np
 
-from cellwright.models.kernels import lag
 from cellwright.refusal import Refusal
-
-
-class Problem(NamedTuple):
-    """Thinned records as the right-hand side and the fixed columns of a linear model."""
-
-    steps: tuple
-    drives: tuple
-    used: tuple
-    hold: str
-    weight: np.ndarray
-    fixed: np.ndarray
-    target_volt: np.ndarray
-    signed: int
 
 
 def hats(soc, knots):
     """Hat functions of a piecewise linear course over the knots, held flat outside: (n, k)."""
     return np.column_stack([np.interp(soc, knots, row) for row in np.eye(len(knots))])
-
-
-def problem_of(records, knots, ocv_soc, ocv_volt, *, hold, free_ocv, floor_volt, relative):
-    """Right-hand side V − OCV(z), and the columns that no time constant enters.
-
-    Parameters
-    ----------
-    records : sequence of Record.
-    knots : (k,) ascending SoC [1].
-    ocv_soc, ocv_volt : (p,) OCV table, ascending [1], [V].
-    hold : hold of the current, see `kernels.lag_weights`.
-    free_ocv : True adds a shift of the OCV at each knot (the table's error), of either sign.
-    floor_volt, relative : rows weigh by 1/(floor_volt + relative·|V − OCV|) [V], [1].
-
-    Returns
-    -------
-    problem : Problem; its fixed columns are the OCV shifts (where free), then R0.
-    """
-    shape = [hats(r.soc, knots) for r in records]
-    drives = [h * r.current_ampere[:, None] for h, r in zip(shape, records, strict=True)]
-    target = [r.voltage_volt - np.interp(r.soc, ocv_soc, ocv_volt) for r in records]
-    used = tuple(r.used for r in records)
-    target = _rows(target, used)
-    weight = 1.0 / (floor_volt + relative * np.abs(target))
-    weight /= weight.mean()
-    shifts = [_rows(shape, used)] if free_ocv else []
-    fixed = np.hstack([*shifts, _rows(drives, used)]) * weight[:, None]
-    steps = tuple(np.diff(r.test_time_second) for r in records)
-    signed = len(knots) * len(shifts)
-    return Problem(steps, tuple(drives), used, hold, weight, fixed, target * weight, signed)
-
-
-def lagged(problem, tau_second):
-    """Columns of one RC branch with unit resistances at the knots: (rows, k) [A]."""
-    pairs = zip(problem.steps, problem.drives, strict=True)
-    columns = [lag(s, tau_second, d, hold=problem.hold) for s, d in pairs]
-    return _rows(columns, problem.used) * problem.weight[:, None]
-
-
-def design(problem, tau_second):
-    """All columns of the linear model for given time constants."""
-    return np.hstack([problem.fixed, *(lagged(problem, tau) for tau in tau_second)])
 
 
 def solve(gram, moment, signed):
@@ -114,7 +56,3 @@ def correlation_factor(residual):
         return 1.0
     crossing = np.argmax(auto <= 0) or len(auto)
     return float(1.0 + 2.0 * auto[1:crossing].sum() / auto[0])
-
-
-def _rows(columns, used):
-    return np.concatenate([c[u] for c, u in zip(columns, used, strict=True)])

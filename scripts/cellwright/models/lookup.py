@@ -6,14 +6,16 @@ import numpy as np
 
 from cellwright.models.circuit import KINDS, Branch
 from cellwright.models.simulate import OpenCircuit, overpotentials
+from cellwright.models.tables import celsius_of, continued_ocv_at, temperature_weights, warmth
 from cellwright.refusal import Refusal
 
-ZERO_CELSIUS_KELVIN = 273.15
+SAME_KELVIN = 5.0
+WARMED = ("r_ohm", "r_charge_ohm", "r_discharge_ohm", "soc_per_ampere")
 SMALLEST = 1e-7  # of any parameter: the logarithm of none would be −∞
 
 
 class Parameters(NamedTuple):
-    """Look-up of the plain RC part of a member at every sample; `branch` arrays (branches, n)."""
+    """Look-up of the plain RC part of a member at every sample; r, tau: (branches, n)."""
 
     r0_ohm: np.ndarray
     r_ohm: np.ndarray
@@ -24,9 +26,13 @@ class Parameters(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A member's circuit with one value per sample, and where it was never measured; (n,) each."""
+    """A member's circuit with one value per sample, and where it was never measured; (n,) each.
+
+    table_soc : SoC at which the model's OCV tables are to be read.
+    """
 
     circuit: tuple
+    table_soc: np.ndarray
     ocv_shift_volt: np.ndarray
     outside_soc: np.ndarray
     outside_temperature: np.ndarray
@@ -46,8 +52,10 @@ def circuit_at(conditions, soc, temperature_celsius):
     """Circuit of a model's member with its parameters looked up at every sample.
 
     Linear in SoC inside each condition and held flat outside its knots; between two temperatures
-    the logarithm of each parameter is linear in 1/T (an Arrhenius law through the two), held flat
-    outside the measured temperatures. OCV shifts are linear in 1/T themselves.
+    the logarithms of the sum of all resistances and of every other parameter are linear in 1/T
+    (an Arrhenius law through the two), the shares of the resistances in their sum too; outside the
+    measured temperatures resistances follow the condition's `activation_energy_joule_per_mole`
+    where it has one, all else is held flat. OCV shifts are linear in 1/T themselves.
 
     Parameters
     ----------
@@ -65,30 +73,43 @@ def circuit_at(conditions, soc, temperature_celsius):
     """
     # ASSUME: Between two measured temperatures every model parameter follows an Arrhenius law.
     # ASSUME: Outside the measured range of SoC or temperature the model keeps its last value.
-    conditions = sorted(conditions, key=lambda c: _celsius(c["ambient_temperature_celsius"]))
-    known = np.array([_celsius(c["ambient_temperature_celsius"]) for c in conditions])
-    weights = _temperature_weights(known, np.broadcast_to(temperature_celsius, np.shape(soc)))
+    conditions = sorted(conditions, key=lambda c: celsius_of(c["ambient_temperature_celsius"]))
+    known = np.array([celsius_of(c["ambient_temperature_celsius"]) for c in conditions])
+    here = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
+    weights = temperature_weights(known, here)
     elements = [_elements(condition) for condition in conditions]
+    beyond = _warmth_beyond(conditions, known, here)
+
+    def courses(index, name):
+        pairs = zip(conditions, elements, strict=True)
+        return [_course(c, e[index][1][name], soc) for c, e in pairs]
 
     def mixed(index, name):
-        return np.exp(
-            sum(
-                weight * np.log(np.maximum(_course(c, e[index][1][name], soc), SMALLEST))
-                for weight, c, e in zip(weights, conditions, elements, strict=True)
-            )
-        )
+        logs = [np.log(np.maximum(course, SMALLEST)) for course in courses(index, name)]
+        factor = beyond if name in WARMED else 1.0
+        return factor * np.exp(_mean(weights, logs))
 
+    resistive = [k for k, (_, parameters) in enumerate(elements[0]) if "r_ohm" in parameters]
+    resistances = beyond * _mixed_resistances([courses(k, "r_ohm") for k in resistive], weights)
+    by_index = dict(zip(resistive, resistances, strict=True))
     circuit = [
-        Branch(kind, {name: mixed(index, name) for name in parameters})
+        Branch(
+            kind,
+            {
+                name: by_index[index] if name == "r_ohm" else mixed(index, name)
+                for name in parameters
+            },
+        )
         for index, (kind, parameters) in enumerate(elements[0])
     ]
     none = [np.zeros(len(c["soc"])) for c in conditions]
     shifts = [c.get("ocv_shift_volt", zero) for c, zero in zip(conditions, none, strict=True)]
     courses = [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)]
     shift = sum(weight * course for weight, course in zip(weights, courses, strict=True))
-    beyond = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
-    outside = sum(weight * far for weight, far in zip(weights, beyond, strict=True)) > 0
-    return Found(tuple(circuit), shift, outside, _outside(known, temperature_celsius, soc))
+    far = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
+    outside = sum(weight * one for weight, one in zip(weights, far, strict=True)) > 0
+    table_soc = _on_table(conditions, weights, soc)
+    return Found(tuple(circuit), table_soc, shift, outside, _outside(known, here))
 
 
 def parameters_at(conditions, soc, temperature_celsius):
@@ -107,44 +128,24 @@ def parameters_at(conditions, soc, temperature_celsius):
     r, tau = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
     shape = (-1, len(soc))
     r, tau = np.reshape(r, shape), np.reshape(tau, shape)
-    return Parameters(found.circuit[0].parameters["r_ohm"], r, tau, *found[1:])
+    return Parameters(found.circuit[0].parameters["r_ohm"], r, tau, *found[2:])
 
 
-def ocv_at(tables, soc, temperature_celsius):
-    """Open-circuit voltage from tables at one or several temperatures, linear between them.
+def open_circuit_volt(model, found, temperature_celsius):
+    """Open-circuit voltage of a member where its circuit was looked up.
 
     Parameters
     ----------
-    tables : sequence of dicts with `soc`, `ocv_volt`, `ambient_temperature_celsius`.
-    soc : (n,) [1]; held flat outside a table.
-    temperature_celsius : scalar or (n,) [degC]; held flat outside the measured ones.
+    model : dict of a model file. found : Found, from `circuit_at`.
+    temperature_celsius : scalar or (n,) [degC], as in `circuit_at`.
 
     Returns
     -------
     ocv_volt : (n,) [V].
     """
-    tables = sorted(tables, key=lambda t: _celsius(t["ambient_temperature_celsius"]))
-    known = np.array([_celsius(t["ambient_temperature_celsius"]) for t in tables])
-    weights = _temperature_weights(known, np.broadcast_to(temperature_celsius, np.shape(soc)))
-    curves = [np.interp(soc, table["soc"], table["ocv_volt"]) for table in tables]
-    return sum(weight * curve for weight, curve in zip(weights, curves, strict=True))
-
-
-def continued_ocv_at(tables, soc, temperature_celsius):
-    """As `ocv_at`, but continued on its first and last slope outside 0…1.
-
-    The surface of a particle may run empty before its mean does; there the voltage falls on.
-
-    Parameters
-    ----------
-    tables, soc, temperature_celsius : as in `ocv_at`.
-    """
-    inside = np.clip(soc, 0.0, 1.0)
-    ends = np.array([0.0, 0.01, 0.99, 1.0])
-    at = [ocv_at(tables, np.full(np.shape(soc), end), temperature_celsius) for end in ends]
-    below, above = np.minimum(soc, 0.0), np.maximum(soc - 1.0, 0.0)
-    beyond = below * (at[1] - at[0]) / 0.01 + above * (at[3] - at[2]) / 0.01
-    return ocv_at(tables, inside, temperature_celsius) + beyond
+    return (
+        continued_ocv_at(model["ocv"], found.table_soc, temperature_celsius) + found.ocv_shift_volt
+    )
 
 
 def member_of(model, name=None):
@@ -184,34 +185,54 @@ def simulate_model(
     """
     soc = np.asarray(soc, float)
     found = circuit_at(member_of(model, member)["conditions"], soc, temperature_celsius)
-    ocv = ocv_at(model["ocv"], soc, temperature_celsius) + found.ocv_shift_volt
-    open_circuit = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, temperature_celsius), soc)
+    ocv = open_circuit_volt(model, found, temperature_celsius)
+    open_circuit = OpenCircuit(
+        lambda z: continued_ocv_at(model["ocv"], z, temperature_celsius), found.table_soc
+    )
     over = overpotentials(
         found.circuit, test_time_second, current_ampere, hold=hold, open_circuit=open_circuit
     )
-    return Simulated(ocv + over.sum(axis=0), ocv, over, *found[2:])
+    return Simulated(ocv + over.sum(axis=0), ocv, over, *found[3:])
 
 
-def _celsius(value):
-    return np.nan if value is None else float(value)
+def _warmth_beyond(conditions, known, here):
+    """Beyond the measured temperatures resistances follow the activation energy of the nearest."""
+    energies = [c.get("activation_energy_joule_per_mole") or 0.0 for c in conditions]
+    if np.isnan(known).any() or not any(energies):
+        return 1.0
+    nearest = np.clip(here, known[0], known[-1])
+    energy = np.where(here < known[0], energies[0], energies[-1])
+    return np.where(np.isnan(here), 1.0, warmth(here, nearest, energy))
 
 
-def _outside(known, temperature, soc):
-    temperature = np.broadcast_to(temperature, np.shape(soc))
-    return (temperature < known[0]) | (temperature > known[-1])
+def _mean(weights, values):
+    return sum(weight * value for weight, value in zip(weights, values, strict=True))
 
 
-def _temperature_weights(known, temperature):
-    """Weight of each measured temperature at each sample, linear in 1/T between two."""
-    if not len(known):
-        raise Refusal("the model holds nothing measured: no temperature to look up")
-    if len(known) == 1:
-        return [np.ones(len(temperature))]
-    if np.isnan(known).any() or np.isnan(temperature).any():
-        raise Refusal(f"{len(known)} measured conditions, but a temperature is not known")
-    inverse = -1.0 / (known + ZERO_CELSIUS_KELVIN)
-    here = -1.0 / (temperature + ZERO_CELSIUS_KELVIN)
-    return [np.interp(here, inverse, row) for row in np.eye(len(known))]
+def _mixed_resistances(courses, weights):
+    """Resistances (m, n) between temperatures: their sum by Arrhenius, shares straight.
+
+    A resistance that is zero at one temperature and not at the next has no logarithm to mix.
+    """
+    courses = np.array(courses)
+    totals = np.maximum(courses.sum(axis=0), SMALLEST)
+    total = np.exp(_mean(weights, np.log(totals)))
+    return total * np.array([_mean(weights, course / totals) for course in courses])
+
+
+def _on_table(conditions, weights, soc):
+    """SoC of the OCV tables: full may not have been quite full, nor the capacity quite right."""
+    scales = [c.get("ocv_scale", {"missing": 0.0, "stretch": 0.0}) for c in conditions]
+    missing, stretch = (
+        sum(weight * scale[name] for weight, scale in zip(weights, scales, strict=True))
+        for name in ("missing", "stretch")
+    )
+    return 1.0 - missing - (1.0 - soc) * (1.0 + stretch)
+
+
+def _outside(known, here):
+    """Further than a few kelvin from all that was measured: cells warm a little in a chamber."""
+    return (here < known[0] - SAME_KELVIN) | (here > known[-1] + SAME_KELVIN)
 
 
 def _elements(condition):

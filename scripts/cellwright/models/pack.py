@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.lookup import member_of, ocv_at, parameters_at
+from cellwright.models.fast import tables_of
+from cellwright.native import array, count, function
 from cellwright.refusal import Refusal
 
 
@@ -70,14 +71,37 @@ def simulate_parallel(
     if np.any(group.r0_ohm.min(axis=1) + wire <= 0):
         raise Refusal("a branch of the group has neither a resistance in its cell nor in its wire")
     soc = np.broadcast_to(np.asarray(initial_soc, float), (cells,)).copy()
+    total = np.ascontiguousarray(total_current_ampere, float)
+    kernel = function("parallel", count, *[array] * 2, *[count] * 3, *[array] * 10)
+    if kernel is None:
+        return _run_step_by_step(group, wire, soc, steps, total)
+    return _run_compiled(kernel, group, wire, soc, steps, total)
+
+
+def _run_compiled(kernel, group, wire, soc, steps, total):
+    tables = (group.ocv_volt, group.r0_ohm, group.r_ohm, group.tau_second)
+    cells, pairs, points = group.r_ohm.shape
+    given = (*tables, 3600.0 * group.capacity_ampere_hour, wire)
+    given = [np.ascontiguousarray(one, float) for one in given]
+    run = _empty_run(len(steps), cells)
+    work = np.zeros((11 + 5 * pairs, cells))
+    work[10] = soc
+    kernel(len(steps), steps, total, cells, pairs, points, *given, work, *run)
+    return run
+
+
+def _run_step_by_step(group, wire, soc, steps, total):
+    """Twin of the kernel."""
     relaxed = np.zeros(group.r_ohm.shape[:2])
-    run = ParallelRun(*(np.empty((len(steps), *shape)) for shape in ((cells,), (), (cells,))))
+    run = _empty_run(len(steps), len(soc))
     for k, step in enumerate(steps):
-        current, voltage, soc, relaxed = _step(
-            group, wire, soc, relaxed, step, total_current_ampere[k]
-        )
+        current, voltage, soc, relaxed = _step(group, wire, soc, relaxed, step, total[k])
         run.branch_current_ampere[k], run.voltage_volt[k], run.soc[k] = current, voltage, soc
     return run
+
+
+def _empty_run(rows, cells):
+    return ParallelRun(*(np.empty((rows, *shape)) for shape in ((cells,), (), (cells,))))
 
 
 def _step(group, wire, soc, relaxed, step_second, total_ampere):
@@ -127,18 +151,14 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
     """
     if not models:
         raise Refusal("a group without models cannot be simulated")
-    soc = np.linspace(0.0, 1.0, points)
-    temperature = np.nan if temperature_celsius is None else temperature_celsius
-    found = [
-        parameters_at(member_of(model, member)["conditions"], soc, temperature) for model in models
-    ]
-    pairs = max(len(p.r_ohm) for p in found)
-    curves = [ocv_at(model["ocv"], soc, temperature) for model in models]
+    settings = {"temperature_celsius": temperature_celsius, "member": member, "points": points}
+    found = [tables_of(model, **settings) for model in models]
+    pairs = max(len(tables.r_ohm) for tables in found)
     return Group(
-        ocv_volt=np.array([c + p.ocv_shift_volt for c, p in zip(curves, found, strict=True)]),
-        r0_ohm=np.array([p.r0_ohm for p in found]),
-        r_ohm=np.array([_padded(p.r_ohm, pairs, 0.0) for p in found]),
-        tau_second=np.array([_padded(p.tau_second, pairs, 1.0) for p in found]),
+        ocv_volt=np.array([tables.ocv_volt for tables in found]),
+        r0_ohm=np.array([tables.r0_ohm for tables in found]),
+        r_ohm=np.array([_padded(tables.r_ohm, pairs, 0.0) for tables in found]),
+        tau_second=np.array([_padded(tables.tau_second, pairs, 1.0) for tables in found]),
         capacity_ampere_hour=np.array([model["capacity_ampere_hour"] for model in models]),
     )
 

@@ -8,42 +8,83 @@ from cellwright.refusal import Refusal
 
 
 class Record(NamedTuple):
-    """One unbroken stretch of measurement that starts from rest; all arrays (n,)."""
+    """One stretch of measurement that starts from rest; all arrays (n,).
+
+    warmth : factor that the resistances have at the cell's temperature, 1 at the condition's [1].
+    """
 
     test_time_second: np.ndarray
     current_ampere: np.ndarray
     voltage_volt: np.ndarray
     soc: np.ndarray
     used: np.ndarray
+    warmth: np.ndarray
 
 
-def records_of(test_time_second, current_ampere, voltage_volt, soc, *, used=None, gap_second=600.0):
-    """Cut a measured series at its gaps into records.
+def record_of(test_time_second, current_ampere, voltage_volt, soc, *, used=None, warmth=None):
+    """A measured series as a record that an identification can use.
 
     Parameters
     ----------
-    test_time_second, current_ampere, voltage_volt, soc : (n,) [s], [A], [V], [1]; the SoC is to
-        be continuous over the gaps (from the instrument's counter).
+    test_time_second, current_ampere, voltage_volt, soc : (n,) [s], [A], [V], [1].
     used : (n,) bool, rows that may be fitted; None takes all. Rows left out still drive the
         states.
-    gap_second : a longer time between two samples while current may have flowed is a gap [s].
+    warmth : (n,) factor on the resistances [1]; None: 1 everywhere.
 
     Returns
     -------
-    records : tuple of Record.
+    record : Record.
 
     Raises
     ------
-    Refusal : not finite, one sample only, time running back, SoC outside −0.05…1.05.
+    Refusal : not finite, one sample only, time running back, SoC outside −0.1…1.1.
     """
-    # ASSUME: After a gap in a record (the cell moved to its next set point) the cell is at rest.
     used = np.ones(len(soc), bool) if used is None else used
+    warmth = np.ones(len(soc)) if warmth is None else warmth
     columns = (test_time_second, current_ampere, voltage_volt, soc)
-    columns = [np.asarray(column, float) for column in columns] + [used]
-    _check(*columns[:4])
-    cuts = np.flatnonzero(np.diff(columns[0]) > gap_second) + 1
-    pieces = zip(*(np.split(column, cuts) for column in columns), strict=True)
-    return tuple(Record(*piece) for piece in pieces if len(piece[0]) > 1)
+    columns = [np.asarray(column, float) for column in columns]
+    _check(*columns)
+    return Record(*columns, used, np.asarray(warmth, float))
+
+
+def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
+    """The record with its gaps filled by what must have happened in them.
+
+    Some testers store the pulses of an HPPC only, and not the discharges to the next set point.
+    The relaxation after such a discharge goes on for hours and is in what follows; so the charge
+    that the counter says has passed is let flow at the gap's beginning, and the rest is a rest.
+
+    Parameters
+    ----------
+    record : Record, whose SoC runs on over its gaps.
+    capacity_ampere_hour : what its SoC refers to [Ah].
+    gap_second : a longer time between two samples while charge has passed is a gap [s].
+    c_rate : current of what is filled in, over the capacity [1/h].
+
+    Returns
+    -------
+    record : Record, four more rows for each gap, none of which is used in a fit.
+    """
+    # ASSUME: The charge that passed in a gap of a record flowed at 1C at the gap's beginning.
+    time, soc = record.test_time_second, record.soc
+    moved = np.diff(soc)
+    gaps = np.flatnonzero((np.diff(time) > gap_second) & (np.abs(moved) > 1e-4))
+    if not len(gaps):
+        return record
+    length = np.diff(time)[gaps]
+    lasts = np.minimum(np.abs(moved[gaps]) * 3600.0 / c_rate, 0.9 * length)
+    ampere = moved[gaps] * capacity_ampere_hour * 3600.0 / lasts
+    share = np.array([0.0, 0.5, 1.0, 1.0])
+    inside = Record(
+        (time[gaps, None] + lasts[:, None] * share).ravel(),
+        (ampere[:, None] * np.array([1.0, 1.0, 1.0, 0.0])).ravel(),
+        np.repeat(record.voltage_volt[gaps], 4),
+        (soc[gaps, None] + moved[gaps, None] * share).ravel(),
+        np.zeros(4 * len(gaps), bool),
+        np.repeat(record.warmth[gaps], 4),
+    )
+    where = np.repeat(gaps + 1, 4)
+    return Record(*(np.insert(old, where, new) for old, new in zip(record, inside, strict=True)))
 
 
 def _check(time, current, voltage, soc):
@@ -53,9 +94,9 @@ def _check(time, current, voltage, soc):
         raise Refusal("time, current, voltage or SoC holds values that are not finite")
     if np.any(np.diff(time) < 0):
         raise Refusal("time runs back inside the record")
-    if soc.min() < -0.05 or soc.max() > 1.05:
+    if soc.min() < -0.1 or soc.max() > 1.1:
         found = f"{soc.min():.3f} to {soc.max():.3f}"
-        raise Refusal(f"SoC of the record runs from {found}, outside −0.05 to 1.05")
+        raise Refusal(f"SoC of the record runs from {found}, outside −0.1 to 1.1")
 
 
 def edges(record, *, step_ampere):
@@ -63,7 +104,7 @@ def edges(record, *, step_ampere):
     return np.flatnonzero(np.abs(np.diff(record.current_ampere)) > step_ampere) + 1
 
 
-def thin(record, *, step_ampere, growth=0.05):
+def thin(record, *, step_ampere, growth=0.1):
     """Drop rows of steady current that say the same as their neighbours.
 
     A row stays if the current steps before or after it; in a steady stretch the rows stay at
@@ -90,47 +131,18 @@ def thin(record, *, step_ampere, growth=0.05):
     return Record(*(column[keep] for column in record))
 
 
-def knots_of(records, *, step_ampere, cluster_gap=0.02, spacing=0.05, steps=2):
-    """SoC knots where the data excite the cell: its set points, or a grid over a drive's range.
+def without_edges(record, *, step_ampere):
+    """The record without the rows at which the current has just stepped between steady stretches.
 
-    Steps of current that lie close in SoC form a cluster; a narrow cluster (a set point of an
-    HPPC) is one knot at its mean, a wide one (a drive) a grid of about `spacing`.
+    Such a row was sampled within the edge: its voltage may belong to the current before. In a
+    drive, where the current steps at every row, none is left out.
 
     Parameters
     ----------
-    records : sequence of Record.
-    step_ampere : change of current that counts as a step [A].
-    cluster_gap : SoC without steps that ends a cluster [1].
-    spacing : distance of the knots inside a wide cluster, which is one wider than that [1].
-    steps : fewest steps of current that make a cluster a knot.
-
-    Returns
-    -------
-    knots : (k,) ascending SoC [1].
-
-    Raises
-    ------
-    Refusal : no step of current in any record.
+    record : Record.
+    step_ampere : change of current between samples that counts as a step [A].
     """
-    rows = [edges(record, step_ampere=step_ampere) for record in records]
-    found = [r.soc[row[r.used[row]]] for r, row in zip(records, rows, strict=True)]
-    soc = np.sort(np.concatenate(found))
-    clusters = np.split(soc, np.flatnonzero(np.diff(soc) > cluster_gap) + 1)
-    clusters = [cluster for cluster in clusters if len(cluster) >= steps]
-    if not clusters:
-        raise Refusal(
-            f"fewer than {steps} steps of current above {step_ampere:.3g} A at any SoC: "
-            "nothing excites the cell"
-        )
-    counts = [int(np.ptp(cluster) / spacing + 0.2) for cluster in clusters]
-    grids = [
-        np.linspace(cluster[0], cluster[-1], count + 1) if count else [cluster.mean()]
-        for cluster, count in zip(clusters, counts, strict=True)
-    ]
-    return np.concatenate(grids)
-
-
-def within(record, knots, *, margin=0.05):
-    """The record with rows that lie further than `margin` outside the knots taken from the fit."""
-    inside = (record.soc >= knots[0] - margin) & (record.soc <= knots[-1] + margin)
-    return record._replace(used=record.used & inside)
+    steps = np.abs(np.diff(record.current_ampere)) > step_ampere
+    before, after = np.append(False, steps[:-1]), np.append(steps[1:], False)
+    alone = np.append(False, steps & ~before & ~after)
+    return record._replace(used=record.used & ~alone)

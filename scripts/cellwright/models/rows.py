@@ -1,6 +1,17 @@
 """A model file as rows of a table, and one cell's model out of a group's."""
 
+from cellwright.models.circuit import KINDS
+from cellwright.models.conditions import std_name
 from cellwright.refusal import Refusal
+
+UNITS = {
+    "r_ohm": "Ohm",
+    "tau_second": "s",
+    "scale_volt": "V",
+    "m_volt": "V",
+    "charge_ampere_hour": "Ah",
+    "soc_per_ampere": "1/A",
+}
 
 
 def model_of(document, cell):
@@ -36,6 +47,7 @@ def parameter_rows(model):
 def _rows(member, condition):
     celsius = condition["ambient_temperature_celsius"]
     for name, values, stds, unit in _columns(condition):
+        stds = stds or [None] * len(values)
         for soc, value, std in zip(condition["soc"], values, stds, strict=True):
             yield {
                 "model": member,
@@ -50,10 +62,16 @@ def _rows(member, condition):
 
 
 def _columns(condition):
+    """Name, values, deviations and unit; resistances and time constants numbered by their RC."""
     yield "r0", condition["r0_ohm"], condition["r0_std_ohm"], "Ohm"
-    for number, branch in enumerate(condition["branches"], 1):
-        yield f"r{number}", branch["r_ohm"], branch["r_std_ohm"], "Ohm"
-        yield f"tau{number}", branch["tau_second"], branch["tau_std_second"], "s"
+    number = 0
+    for branch in condition["branches"]:
+        kind = branch.get("kind", "RC")
+        pair = kind in ("RC", "kinetic")
+        number += pair
+        for name in KINDS[kind].parameters:
+            label = f"{name.split('_')[0]}{number}" if pair else f"{kind}_{name.split('_')[0]}"
+            yield label, branch[name], branch.get(std_name(name)), UNITS[name]
 
 
 def _bounded(condition, name, soc):

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
+from cellwright.models.basis import soc_of
+from cellwright.models.groups import course_celsius
 from cellwright.models.lookup import simulate_model
 from cellwright.models.split import fit_mask
 from cellwright.refusal import Refusal
@@ -40,7 +41,7 @@ def validate(model, cell, facts, series, *, split_rest_second):
     """
     time, current = series["test_time_second"], series["current_ampere"]
     anchored = soc_of(series, model, facts, cell)
-    celsius, note = _temperature(facts, series)
+    celsius, source = course_celsius(facts, series)
     scored = np.ones(len(time), bool)
     if facts["role"] == "split":
         rest = REST_C_RATE * model["capacity_ampere_hour"]
@@ -60,7 +61,7 @@ def validate(model, cell, facts, series, *, split_rest_second):
         )
     kept = {name: series[name] for name in ("test_time_second", "current_ampere", "voltage_volt")}
     columns = kept | {"soc": anchored.soc, "scored": scored} | columns
-    return Validation(rows, columns, (note,) if note else ())
+    return Validation(rows, columns, (f"simulated at a temperature that is {source}",))
 
 
 def scores(error_volt, soc):
@@ -87,15 +88,3 @@ def scores(error_volt, soc):
         "mean_volt": float(error_volt.mean()),
         "samples": len(error_volt),
     }
-
-
-def _temperature(facts, series):
-    """Chamber temperature as stated; where none is, the measured course of the cell's surface."""
-    # ASSUME: Where a chamber temperature is stated, the model is simulated at it (isothermal).
-    stated = facts["ambient_temperature_celsius"]
-    if stated is not None:
-        return stated, ""
-    measured = series.get("surface_temperature_celsius")
-    if measured is not None and np.isfinite(measured).all():
-        return measured, "no chamber temperature stated: simulated at the measured surface's"
-    return REFERENCE_CELSIUS, "no temperature known: simulated at 25 °C"

@@ -5,17 +5,36 @@ import numpy as np
 from cellwright.refusal import Refusal
 
 
-def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
-    """Cut a record into blocks at its rests: odd blocks fit, even blocks validate.
+def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
+    """Number of the block that each row belongs to, from 0: a load and the rest that follows it.
 
-    A block is a load and the rest that follows it, so that a relaxation is judged together with
-    the load that caused it; blocks are counted from 1. A rest at the very start cuts nothing.
+    A relaxation so stays together with the load that caused it. A rest at the very start ends no
+    block.
 
     Parameters
     ----------
     test_time_second, current_ampere : (n,) [s], [A].
-    rest_second : shortest stretch without current that cuts [s].
+    rest_second : shortest stretch without current that ends a block [s].
     rest_ampere : current below which the cell rests [A].
+
+    Returns
+    -------
+    block : (n,) integers.
+    """
+    resting = np.abs(current_ampere) <= rest_ampere
+    bounds = np.flatnonzero(np.diff(resting.astype(int), prepend=0, append=0))
+    first, last = bounds[::2], bounds[1::2] - 1
+    long = test_time_second[last] - test_time_second[first] >= rest_second
+    starts = last[long & (first > 0)] + 1
+    return np.searchsorted(starts, np.arange(len(resting)), side="right")
+
+
+def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
+    """Cut a record into blocks at its rests: odd blocks fit, even blocks validate, counted from 1.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, rest_second, rest_ampere : as in `blocks`.
 
     Returns
     -------
@@ -27,12 +46,8 @@ def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere
 
     Source: campaign contract, role `split`.
     """
-    resting = np.abs(current_ampere) <= rest_ampere
-    bounds = np.flatnonzero(np.diff(resting.astype(int), prepend=0, append=0))
-    first, last = bounds[::2], bounds[1::2] - 1
-    long = test_time_second[last] - test_time_second[first] >= rest_second
-    starts = last[long & (first > 0)] + 1
-    block = np.searchsorted(starts, np.arange(len(resting)), side="right")
+    settings = {"rest_second": rest_second, "rest_ampere": rest_ampere}
+    block = blocks(test_time_second, current_ampere, **settings)
     if block[-1] == 0:
         raise Refusal(f"no rest of {rest_second:g} s inside the record to cut it at")
     return block % 2 == 0

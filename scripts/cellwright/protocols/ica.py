@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.protocols.ica_peaks import peaks
 from cellwright.protocols.savitzky_golay import ORDER, weights
+from cellwright.protocols.tally import tally, volt_at_rank
 from cellwright.refusal import Refusal
 
 
@@ -88,26 +89,27 @@ def incremental_capacity(
     Source: Savitzky & Golay, Anal. Chem. 36 (1964) 1627; dQ/dV: thesis eq. 4.1.
     """
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
-    if len(voltage) < 50 or np.ptp(charge) <= 0:
+    rising = charge if np.all(charge[1:] >= charge[:-1]) else np.sort(charge)
+    if len(voltage) < 50 or rising[-1] <= rising[0]:
         raise Refusal(f"{len(voltage)} rows of charge are too few for dQ/dV; 50 are needed")
-    densest, typical = _spans(voltage, charge)
+    counted = tally(voltage, charge)
+    densest, typical = _spans(voltage, rising, counted)
     density = 0.8 * len(voltage) / typical
-    scatter = np.sqrt(np.mean(np.diff(voltage, 2) ** 2) / 6)
-    quiet = _quiet_window(scatter, density, slope_noise)
+    quiet = _quiet_window(counted.scatter_volt, density, slope_noise)
     window = max(min(smooth_volt, densest_share * densest), quiet)
     finest = max(min(bin_volt, window / (2 * ORDER + 1)), 2 / density)
-    width = _whole_steps(voltage, finest)
+    width = _whole_steps(counted, finest)
     half = max(round(window / width / 2), ORDER)
-    grid, mean_charge = _binned(voltage, charge, width)
+    grid, mean_charge = _binned(counted, width)
     if len(grid) < 4 * half:
         raise Refusal(
-            f"voltage spans {1e3 * np.ptp(voltage):.3g} mV in the charge; at least "
+            f"voltage spans {1e3 * np.ptp(counted.volt):.3g} mV in the charge; at least "
             f"{4e3 * half * width:.3g} mV are needed at this noise and sampling"
         )
     filters = (weights(half, width, derivative)[::-1] for derivative in (0, 1))
     smooth, slope = (np.convolve(mean_charge, filter_, "valid") for filter_ in filters)
     removed = (mean_charge[half:-half] - smooth) / np.maximum(slope, slope.max() / 100)
-    rows_per_ampere_hour = len(voltage) / np.ptp(charge)
+    rows_per_ampere_hour = len(voltage) / (rising[-1] - rising[0])
     rows = np.maximum(slope * width * rows_per_ampere_hour, 1.0)
     between_bins = 1.4826 * np.median(np.abs(removed) * np.sqrt(rows))
     return IncrementalCapacity(
@@ -115,7 +117,7 @@ def incremental_capacity(
         dq_dv_ampere_hour_per_volt=slope,
         bin_volt=width,
         smooth_volt=(2 * half + 1) * width,
-        scatter_volt=float(max(scatter, between_bins)),
+        scatter_volt=float(max(counted.scatter_volt, between_bins)),
         rows_per_ampere_hour=float(rows_per_ampere_hour),
     )
 
@@ -144,14 +146,19 @@ def charge_peaks(curve, *, c_rate, prominence):
     return {"c_rate": np.full(count, c_rate), "peak": np.arange(1, count + 1)} | found._asdict()
 
 
-def _spans(voltage, charge):
+def _spans(voltage, rising, counted):
     """Narrowest range of voltage with a fifth of the charge, and that with its middle 80 %."""
     tenth = max(len(voltage) // 10, 1)
-    if not np.median(voltage[-tenth:]) > np.median(voltage[:tenth]):
+    few = slice(None, None, tenth // 500 + 1)
+    if not np.median(voltage[-tenth:][few]) > np.median(voltage[:tenth][few]):
         raise Refusal("voltage does not rise in the charge")
-    # Sorting both gives the monotone Q(V), whatever noise makes the voltage run back.
-    shares = charge.min() + np.ptp(charge) * np.linspace(0, 1, 101)
-    levels = np.interp(shares, np.sort(charge), np.sort(voltage))
+    # Both in rising order give the monotone Q(V), whatever noise makes the voltage run back.
+    shares = rising[0] + (rising[-1] - rising[0]) * np.linspace(0, 1, 101)
+    rank = np.searchsorted(rising, shares, side="right") - 1
+    after = np.minimum(rank + 1, len(rising) - 1)
+    gap = np.maximum(rising[after] - rising[rank], np.finfo(float).tiny)
+    low, high = volt_at_rank(counted, rank), volt_at_rank(counted, after)
+    levels = low + (high - low) * (shares - rising[rank]) / gap
     return (levels[20:] - levels[:-20]).min(), levels[90] - levels[10]
 
 
@@ -165,24 +172,24 @@ def _quiet_window(scatter, density, slope_noise):
     return 2 * (constant * scatter / (slope_noise * np.sqrt(density))) ** (2 / 3)
 
 
-def _whole_steps(voltage, wanted):
+def _whole_steps(counted, wanted):
     """Bin width near the one wanted that holds whole steps of the converter.
 
     Bins that hold now three, now four steps would print their own comb into dQ/dV.
     """
-    levels = np.unique(voltage)
-    step = np.quantile(np.diff(levels), 0.1) if len(levels) > 1 else 0.0
-    converter = step > 1e-6 and len(levels) < 0.5 * len(voltage)
+    levels, rows = len(counted.volt), counted.rows.sum()
+    step = np.quantile(np.diff(counted.volt), 0.1) if levels > 1 else 0.0
+    converter = step > 1e-6 and levels < 0.5 * rows
     return float(step * max(round(wanted / step), 1)) if converter else wanted
 
 
-def _binned(voltage, charge, width):
+def _binned(counted, width):
     """Voltages of the bins and the mean charge of the rows in each; empty bins by interpolation."""
     # Edges a quarter of a bin beside the lowest level: no level of the converter falls on one.
-    place = np.floor((voltage - voltage.min()) / width + 0.25).astype(int)
-    rows = np.bincount(place)
+    place = np.floor((counted.volt - counted.volt[0]) / width + 0.25).astype(int)
+    rows = np.bincount(place, counted.rows)
     filled = np.flatnonzero(rows)
-    mean_charge = np.bincount(place, charge)[filled] / rows[filled]
-    mean_voltage = np.bincount(place, voltage)[filled] / rows[filled]
-    grid = voltage.min() + width * (np.arange(len(rows)) + 0.25)
+    mean_charge = np.bincount(place, counted.charge_ampere_hour)[filled] / rows[filled]
+    mean_voltage = np.bincount(place, counted.rows * counted.volt)[filled] / rows[filled]
+    grid = counted.volt[0] + width * (np.arange(len(rows)) + 0.25)
     return grid, np.interp(grid, mean_voltage, mean_charge)

@@ -42,6 +42,7 @@ def peaks(curve, *, prominence=0.05, noise_factor=5.0):
     # Beside a peak narrower than the window the filter rings by up to a tenth of its height.
     least = np.maximum(least, 0.1 * _highest_near(height, 2 * half))
     tops = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
+    tops = tops[_steps_down(height, tops) > least[tops]]
     tops = np.array([top for top in tops if _prominence(height, top) > least[top]], int)
     # A parabola by least squares through a third of the window about the highest point.
     reach = max(half // 3, 1)
@@ -66,6 +67,20 @@ def _highest_near(height, reach):
     """Highest value within so many points to either side."""
     padded = np.pad(height, reach, mode="edge")
     return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+
+
+def _steps_down(height, tops):
+    """Bound of each prominence: the drop to the next valley, where a higher top lies behind it.
+
+    It spares nearly all ripples the full look around.
+    """
+    if len(tops) < 2:
+        return np.full(len(tops), np.inf)
+    valley = np.minimum.reduceat(height, tops)[:-1]
+    first, second = height[tops[:-1]], height[tops[1:]]
+    to_right = np.append(np.where(second > first, first - valley, np.inf), np.inf)
+    to_left = np.append(np.inf, np.where(first > second, second - valley, np.inf))
+    return np.minimum(to_left, to_right)
 
 
 def _prominence(height, top):

@@ -1,0 +1,96 @@
+"""dQ/dV of a slow charge with a coarse voltage converter, and its peaks."""
+
+import numpy as np
+from timing import Entry, Topic, where_importable
+
+from cellwright.protocols.ica import incremental_capacity, peaks
+
+ROWS, SEEDS, STEP_VOLT = 200_000, 20, 3e-4
+VOLT = np.linspace(3.2, 4.15, 20_001)
+PEAKS = ((3.55, 0.020, 0.8), (3.70, 0.025, 1.0), (3.95, 0.022, 0.6))
+WINDOW_VOLT = 0.039
+
+
+def _bell(centre, width, area):
+    return area * np.exp(-0.5 * ((VOLT - centre) / width) ** 2) / (width * np.sqrt(2 * np.pi))
+
+
+SLOPE = 0.5 + sum(_bell(*peak) for peak in PEAKS)
+CHARGE = np.append(0, np.cumsum((SLOPE[1:] + SLOPE[:-1]) / 2 * np.diff(VOLT)))
+TOPS = np.flatnonzero((SLOPE[1:-1] > SLOPE[:-2]) & (SLOPE[1:-1] > SLOPE[2:])) + 1
+
+
+def topic():
+    """Topic: 200,000 rows in steps of 0.3 mV, three peaks."""
+    makers = {
+        "**Cellwright**": lambda: _entry("**Cellwright**", _ours, runs=21),
+        "interp": lambda: _entry("uniform grid by interpolation, scipy savgol_filter", _by_grid),
+    }
+    entries, skipped = where_importable({}, makers)
+    return Topic(
+        "dQ/dV of a slow charge",
+        f"{ROWS:,} rows of a charge read in steps of {1e3 * STEP_VOLT:g} mV, with 0.05 mV of "
+        f"noise; windows of {1e3 * WINDOW_VOLT:g} mV, order 5; the time "
+        "is that of the curve, without the search for peaks",
+        f"over {SEEDS} seeds: RMS error of the peaks' positions, mean error of their heights, "
+        "false peaks",
+        entries,
+        skipped,
+    )
+
+
+def record(seed):
+    """Charge and voltage as the converter shows it; every seed has its own offset of the levels."""
+    rng = np.random.default_rng(seed)
+    charge = np.linspace(0, CHARGE[-1], ROWS)
+    volt = np.interp(charge, CHARGE, VOLT) + 5e-5 * rng.standard_normal(ROWS)
+    offset = rng.uniform(0, STEP_VOLT)
+    return np.round((volt - offset) / STEP_VOLT) * STEP_VOLT + offset, charge
+
+
+def _entry(name, curve, runs=5):
+    first = record(0)
+
+    def judge(_found):
+        return _accuracy([_tops(*curve(*record(seed))) for seed in range(SEEDS)])
+
+    return Entry(name, lambda: curve(*first), judge, runs=runs)
+
+
+def _ours(volt, charge):
+    found = incremental_capacity(volt, charge)
+    return found.voltage_volt, found.dq_dv_ampere_hour_per_volt, found
+
+
+def _by_grid(volt, charge):
+    """Sorted, interpolated at every millivolt, smoothed and differentiated by scipy."""
+    from scipy.signal import savgol_filter
+
+    levels, first = np.unique(volt, return_index=True)
+    grid = np.arange(levels[0], levels[-1], 1e-3)
+    slope = savgol_filter(np.interp(grid, levels, charge[first]), 39, 5, deriv=1, delta=1e-3)
+    return grid, slope, None
+
+
+def _tops(volt, slope, found):
+    """(position, height) of the peaks: ours where the curve is ours, else a plain search."""
+    if found is not None:
+        tops = peaks(found)
+        return tops.voltage_volt, tops.height_ampere_hour_per_volt
+    from scipy.signal import find_peaks
+
+    at, _ = find_peaks(slope, prominence=0.05 * np.nanmax(slope))
+    return volt[at], slope[at]
+
+
+def _accuracy(found):
+    """Each true peak takes the nearest found one; what is left over is false."""
+    false = sum(max(len(volt) - len(TOPS), 0) for volt, _ in found) / len(found)
+    position, height = [], []
+    for volt, tall in found:
+        nearest = [int(np.argmin(np.abs(volt - one))) for one in VOLT[TOPS]]
+        position.append(volt[nearest] - VOLT[TOPS])
+        height.append(tall[nearest] / SLOPE[TOPS] - 1)
+    rms = 1e3 * np.sqrt(np.mean(np.square(position)))
+    bias = 100 * np.abs(np.mean(height, axis=0)).max()
+    return f"{rms:.2f} mV, {bias:.1f} %, {false:.1f} false"

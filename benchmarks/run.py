@@ -1,0 +1,56 @@
+"""Times Cellwright beside its peers, all in one run, and prints the tables: benchmarks/run.
+
+benchmarks/run                      every topic
+benchmarks/run simulation fit       only these
+benchmarks/run --write              every topic, into docs/benchmarks.md
+"""
+
+import sys
+import warnings
+from pathlib import Path
+
+import capacity_slope
+import fit
+import group
+import impedance_fit
+import reading
+import simulation
+import soc_filter
+import start
+from as_page import FOOT, heading, section
+from timing import timed
+
+from cellwright.native import function
+
+TOPICS = {
+    "simulation": (simulation.uniform, simulation.long_record, simulation.true_steps),
+    "fit": (fit.hppc,),
+    "filter": (soc_filter.adaptive,),
+    "ica": (capacity_slope.topic,),
+    "impedance": (impedance_fit.topic,),
+    "group": (group.topic,),
+    "reading": (reading.topic,),
+    "start": (start.topic,),
+}
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "benchmarks.md"
+
+
+def main(words):
+    """Print the tables of the topics named, of all where none is; --write makes the page."""
+    if function("lag") is None:
+        sys.exit("benchmarks: no compiled kernels (no C compiler, or CELLWRIGHT_NATIVE=0)")
+    # PyBOP's optimisers warn of what they do not use.
+    warnings.simplefilter("ignore")
+    chosen = [word for word in words if word != "--write"] or list(TOPICS)
+    texts = [heading()]
+    print(texts[0], flush=True)
+    for maker in (maker for name in chosen for maker in TOPICS[name]):
+        topic = maker()
+        texts.append(section(topic, [timed(entry) for entry in topic.entries]))
+        print(texts[-1], flush=True)
+    if "--write" in words:
+        PAGE.write_text("\n".join([*texts, FOOT]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

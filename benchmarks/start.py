@@ -1,0 +1,46 @@
+"""Start of a process until it could work: what every job of a run pays."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from timing import Entry, Topic, missing
+
+SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
+JOBS = {
+    "**Cellwright**, simulation and fit": "cellwright.models.fast, cellwright.models.fit",
+    "**Cellwright**, dQ/dV": "cellwright.protocols.ica",
+    "Python alone": "sys",
+    "numpy": "numpy",
+    "pandas": "pandas",
+    "scipy.signal": "scipy.signal",
+    "lmfit": "lmfit",
+    "PyBaMM": "pybamm",
+}
+
+
+def topic():
+    """Topic: one process per library."""
+    entries, skipped = [], []
+    for name, modules in JOBS.items():
+        reason = missing(modules.split(", "))
+        if reason:
+            skipped.append((name, reason))
+        else:
+            entries.append(
+                Entry(name, lambda code=f"import {modules}": _process(code), str, runs=5)
+            )
+    return Topic(
+        "Start of a job",
+        "a fresh process that imports what it needs and ends",
+        "nothing to compare",
+        [entry._replace(accuracy=lambda _found: "–") for entry in entries],
+        skipped,
+        unit="process",
+    )
+
+
+def _process(code):
+    environment = os.environ | {"PYTHONPATH": str(SCRIPTS)}
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment)

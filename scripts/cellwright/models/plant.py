@@ -1,0 +1,213 @@
+"""What a filter knows before it starts: a bank's tables and a record, laid out for it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.models.bank import NODES, drives
+from cellwright.refusal import Refusal
+
+OCV, TOTAL, SLOPE, ERROR, GAIN = range(5)  # columns of the tables; gains, then constants, follow
+LARGEST = 16  # states that the compiled kernel takes
+
+
+class Noise(NamedTuple):
+    """What is not known, stated before a filter runs.
+
+    sensor_volt : white noise of the voltage sensor, standard deviation [V].
+    resistance_error : relative error of the model's overpotentials [1].
+    error_factor : error of a model on another record, over that on the data it was fitted to [1].
+    least_error_volt : no model is better than this on another record [V].
+    error_second : time over which the model's error stays what it is [s]; 0: it is white.
+    soc_walk : variance of the SoC that the current sensor adds, at least and at most [1/s].
+    ohmic_walk : variance of the ohmic scale, where that is tracked [1/s].
+    slope_window_soc : window over which the slope of the OCV is taken [1].
+    adaptive : noise is matched to what is seen, over `window` samples.
+    """
+
+    sensor_volt: float = 0.002
+    resistance_error: float = 0.1
+    error_factor: float = 2.0
+    least_error_volt: float = 0.005
+    error_second: float = 150.0
+    soc_walk: tuple = (7e-9, 7e-8)
+    ohmic_walk: float = 1e-5
+    slope_window_soc: float = 0.02
+    adaptive: bool = True
+    window: int = 600
+
+
+class Plant(NamedTuple):
+    """A record and a bank as arrays. n samples, m points of the tables, E elements, L lags.
+
+    step_second, charge_ampere_hour, passed_ampere_hour : (n,) over the step that ends at a sample;
+        charge is net, passed counts both ways.
+    current_ampere, voltage_volt : (n,).
+    tables : (m, 4 + E + L): OCV, OCV with shift, its slope, model error, gains, constants of lags.
+    soc_first, soc_spacing : their uniform grid.
+    shifts_soc, direct, source, by_charge : (E,) whether an element's output is an offset of the
+        SoC; the share that acts at once; its row of `drives`, −1 for a gain; its clock.
+    drives : (q, n, nodes) of what is not linear in the current.
+    element, share, moves : (L,) of each lag; `moves` where its constant changes over SoC.
+    white_variance, slow_variance : of the noise, and of the model's error beside the tables' [V²].
+    size : states; error, capacity, ohmic: where those stand, −1 for none.
+    """
+
+    step_second: np.ndarray
+    charge_ampere_hour: np.ndarray
+    passed_ampere_hour: np.ndarray
+    current_ampere: np.ndarray
+    between_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    tables: np.ndarray
+    soc_first: float
+    soc_spacing: float
+    shifts_soc: np.ndarray
+    direct: np.ndarray
+    source: np.ndarray
+    by_charge: np.ndarray
+    drives: np.ndarray
+    element: np.ndarray
+    share: np.ndarray
+    moves: np.ndarray
+    capacity_ampere_hour: float
+    white_variance: float
+    slow_variance: float
+    first_order: bool
+    size: int
+    error: int
+    capacity: int
+    ohmic: int
+
+
+def plant_of(
+    bank,
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    noise,
+    *,
+    hold,
+    track_capacity=False,
+    track_ohmic=False,
+):
+    """Lay a bank and a record out for the recursion.
+
+    Parameters
+    ----------
+    bank : Bank.
+    test_time_second, current_ampere, voltage_volt : (n,) [s], [A] positive on charge, [V].
+    noise : Noise.
+    hold : "first_order" or "zero_order", how the current runs between two samples.
+    track_capacity, track_ohmic : whether capacity and a scale of the ohmic resistance are states.
+
+    Returns
+    -------
+    plant : Plant.
+
+    Raises
+    ------
+    Refusal : time runs back, values are not finite, lengths differ, or too many states.
+    """
+    time, current, voltage = _checked(test_time_second, current_ampere, voltage_volt)
+    step = np.diff(time, prepend=time[0])
+    before = np.concatenate([current[:1], current[:-1]])
+    between = before if hold == "zero_order" else (before + current) / 2
+    by_charge = _clocks(bank)
+    record = {0: current, 1: between}
+    curved = [k for k, e in enumerate(bank.elements) if e.gain is None]
+    rows = [drives(bank.elements[k], record[by_charge[k]]) for k in curved]
+    swing, sag = _levels(bank, current, dict(zip(curved, rows, strict=True)))
+    constants = [lag.constant for lag in bank.lags]
+    tracked = (noise.error_second > 0, track_capacity, track_ohmic)
+    spots = _layout(len(bank.elements), len(bank.lags), *tracked)
+    return Plant(
+        step_second=step,
+        charge_ampere_hour=between * step / 3600.0,
+        passed_ampere_hour=np.abs(between) * step / 3600.0,
+        current_ampere=current,
+        between_ampere=between,
+        voltage_volt=voltage,
+        tables=_tables(bank, noise, constants),
+        soc_first=float(bank.soc[0]),
+        soc_spacing=float(bank.soc[1] - bank.soc[0]),
+        shifts_soc=np.array([e.output == "soc" for e in bank.elements], np.int64),
+        direct=np.array([e.direct for e in bank.elements]),
+        source=np.array([_place(k, curved) for k in range(len(bank.elements))], np.int64),
+        by_charge=by_charge,
+        drives=np.ascontiguousarray(np.reshape(rows, (-1, len(time), len(NODES)))),
+        element=np.array([lag.element for lag in bank.lags], np.int64),
+        share=np.array([lag.share for lag in bank.lags], float),
+        moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
+        capacity_ampere_hour=float(bank.capacity_ampere_hour),
+        white_variance=noise.sensor_volt**2 + (noise.resistance_error * swing) ** 2,
+        slow_variance=(noise.resistance_error * sag) ** 2,
+        first_order=hold == "first_order",
+        **spots,
+    )
+
+
+def _levels(bank, current, curved):
+    """RMS of what acts at once, and of the whole overpotential, at half charge under this load [V].
+
+    One level for the whole record: were the noise to follow the current, an error of a resistance
+    would be heard at rest and not under load, and drive the SoC away, cycle by cycle.
+    """
+    half = int(np.argmin(np.abs(bank.soc - 0.5)))
+    slope = (bank.ocv_volt[half + 1] - bank.ocv_volt[half - 1]) / (bank.soc[2] - bank.soc[0])
+    swing, sag = 0.0, 0.0
+    for k, element in enumerate(bank.elements):
+        middle = len(NODES) // 2
+        drive = curved[k][:, middle] if k in curved else element.gain[half] * current
+        level = np.sqrt(np.mean(drive**2)) * (slope if element.output == "soc" else 1.0)
+        swing, sag = swing + element.direct * level, sag + level
+    return float(swing), float(sag)
+
+
+def _place(index, curved):
+    return curved.index(index) if index in curved else -1
+
+
+def _layout(elements, lags, error, capacity, ohmic):
+    """Places of the states: SoC, lags, model error, capacity, ohmic scale."""
+    spots, size = {}, 1 + lags
+    for name, there in (("error", error), ("capacity", capacity), ("ohmic", ohmic)):
+        spots[name] = size if there else -1
+        size += int(there)
+    if max(size, elements) > LARGEST:
+        found = f"{size} states and {elements} elements"
+        raise Refusal(f"the filter would have {found}; at most {LARGEST} are allowed")
+    return spots | {"size": size}
+
+
+def _clocks(bank):
+    found = np.zeros(len(bank.elements), np.int64)
+    for lag in bank.lags:
+        found[lag.element] = lag.clock == "ampere_hour"
+    return found
+
+
+def _tables(bank, noise, constants):
+    """Columns side by side, so that one SoC touches one place in memory."""
+    total, half = bank.ocv_volt + bank.shift_volt, noise.slope_window_soc / 2
+    ends = [np.interp(bank.soc + side, bank.soc, total) for side in (-half, half)]
+    width = [np.interp(bank.soc + side, bank.soc, bank.soc) for side in (-half, half)]
+    slope = (ends[1] - ends[0]) / (width[1] - width[0])
+    error = np.maximum(noise.error_factor * bank.error_volt, noise.least_error_volt)
+    gains = [np.zeros(len(slope)) if e.gain is None else e.gain for e in bank.elements]
+    columns = [bank.ocv_volt, total, slope, error, *gains, *constants]
+    return np.ascontiguousarray(np.column_stack(columns), float)
+
+
+def _checked(time, current, voltage):
+    columns = [np.ascontiguousarray(values, float) for values in (time, current, voltage)]
+    if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1:
+        shapes = ", ".join(str(column.shape) for column in columns)
+        raise Refusal(f"time, current and voltage have shapes {shapes}; all must be (n,)")
+    if not len(columns[0]):
+        raise Refusal("the record holds no sample")
+    if not all(np.isfinite(column).all() for column in columns):
+        raise Refusal("time, current or voltage holds values that are not finite")
+    if np.any(np.diff(columns[0]) < 0):
+        raise Refusal(f"time runs back after sample {int(np.argmax(np.diff(columns[0]) < 0))}")
+    return columns

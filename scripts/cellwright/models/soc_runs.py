@@ -1,0 +1,200 @@
+"""Filters through one test that took no part in any fit, from wrong starts, with faults."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.models.bank import bank_of
+from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
+from cellwright.models.plant import Noise
+from cellwright.models.soc import Start, estimate
+from cellwright.models.soc_scores import scores
+from cellwright.models.split import fit_mask
+from cellwright.series.anchor import REST_C_RATE
+
+FEWEST, MOST = 20, 20000  # samples of the window of the adaptive law
+WALK_RATIO = 10.0  # of the largest to the smallest variance that the current sensor adds
+
+
+class Record(NamedTuple):
+    """What a filter is given, and what it is scored against; (n,) each."""
+
+    test_time_second: np.ndarray
+    current_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    reference_soc: np.ndarray
+    scored: np.ndarray
+
+
+class SocRuns(NamedTuple):
+    """Rows of scores, one a filter, start and scenario, and the series of the first of them."""
+
+    rows: list
+    series: dict
+    notes: tuple
+
+
+def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
+    """Run every filter through a test and score it against the counted SoC.
+
+    The first stated error of the start is run with every scenario; further errors and starts
+    nominally only.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/1.
+    cell, facts : dicts, the rows of the cell and of the test.
+    series : dict of (n,) columns, clean.
+    settings : dict, section `soc` of the config.
+    split_rest_second : shortest rest that cuts a test of role `split` [s]; its even blocks count.
+
+    Returns
+    -------
+    runs : SocRuns.
+
+    Raises
+    ------
+    Refusal
+        No SoC at the start can be known, nothing is left to score, or as `soc.estimate`.
+    """
+    record = _record(model, cell, facts, series, split_rest_second)
+    celsius, note = _celsius(facts, series)
+    bank = bank_of(model, None, celsius)
+    noise = noise_of(settings, record.test_time_second)
+    first, *others = _starts(settings, record.reference_soc[0])
+    plans = [("nominal", start) for start in (first, *others)]
+    plans += [(scenario, first) for scenario in settings["scenarios"]]
+    rows, columns = [], {}
+    for method in settings["filters"]:
+        found = [_one(method, plan, record, bank, noise, settings) for plan in plans]
+        rows += [row for row, _ in found]
+        columns |= _columns(method, found[0][1])
+    rows = [row | {"model": model["chosen"]} for row in rows]
+    shown = {"test_time_second": record.test_time_second, "soc": record.reference_soc}
+    return SocRuns(rows, shown | {"scored": record.scored} | columns, (note,) if note else ())
+
+
+def noise_of(settings, test_time_second):
+    """What the config states of sensors and model, as the filters take it.
+
+    A current error of `c` (a rate) that keeps its value is taken as a walk that has gone as far
+    after an hour: variance c²/3600 per second.
+
+    Parameters
+    ----------
+    settings : dict, section `soc` of the config.
+    test_time_second : (n,) [s], for the length of the window in samples.
+    """
+    # ASSUME: An offset of the current sensor acts like a random walk of the SoC that is as large
+    # after one hour.
+    walk = settings["current_error_c_rate"] ** 2 / 3600.0
+    step = np.median(np.diff(test_time_second)) if len(test_time_second) > 1 else 1.0
+    samples = settings["window_second"] / max(step, 1e-3)
+    return Noise(
+        sensor_volt=settings["sensor_volt"],
+        resistance_error=settings["resistance_error"],
+        error_factor=settings["model_error_factor"],
+        least_error_volt=settings["model_error_volt"],
+        error_second=settings["model_error_second"],
+        soc_walk=(walk, WALK_RATIO * walk),
+        slope_window_soc=settings["slope_window_soc"],
+        window=int(np.clip(samples, FEWEST, MOST)),
+    )
+
+
+def _record(model, cell, facts, series, split_rest_second):
+    time, current = series["test_time_second"], series["current_ampere"]
+    scored = np.ones(len(time), bool)
+    if facts["role"] == "split":
+        rest = REST_C_RATE * model["capacity_ampere_hour"]
+        scored = ~fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
+    reference = soc_of(series, model, facts, cell).soc
+    return Record(time, current, series["voltage_volt"], reference, scored)
+
+
+def _celsius(facts, series):
+    """One temperature for the whole record: a filter's tables do not move."""
+    # ASSUME: A filter runs at one temperature: the chamber's, else the mean of the cell's surface.
+    stated = facts["ambient_temperature_celsius"]
+    if stated is not None:
+        return stated, ""
+    measured = series.get("surface_temperature_celsius")
+    if measured is not None and np.isfinite(measured).any():
+        return float(np.nanmean(measured)), "filters run at the mean surface temperature"
+    return REFERENCE_CELSIUS, "no temperature known: filters run at 25 °C"
+
+
+def _starts(settings, soc):
+    """Wrong starts, kept within 0…1."""
+    stated = [soc + error for error in settings["initial_soc_error"]] + settings["initial_soc"]
+    kept = [float(np.clip(value, 0.0, 1.0)) for value in stated]
+    return [Start(value, soc_std=settings["initial_soc_std"]) for value in dict.fromkeys(kept)]
+
+
+def _disturbed(scenario, record, bank, start, settings):
+    """Record, bank and start of a scenario."""
+    if scenario == "current_offset":
+        offset = settings["current_offset_c_rate"] * bank.capacity_ampere_hour
+        return record._replace(current_ampere=record.current_ampere + offset), bank, start
+    if scenario == "voltage_bias":
+        biased = record.voltage_volt + settings["voltage_bias_volt"]
+        return record._replace(voltage_volt=biased), bank, start
+    if scenario in ("capacity_high", "capacity_low"):
+        sign = 1.0 if scenario == "capacity_high" else -1.0
+        size = bank.capacity_ampere_hour * (1.0 + sign * settings["capacity_error"])
+        return record, bank._replace(capacity_ampere_hour=size), start
+    if scenario == "mid_drive":
+        late = slice(len(record.scored) // 3, None)
+        kept = Record(*[column[late] for column in record])
+        moved = kept.reference_soc[0] + start.soc - record.reference_soc[0]
+        return kept, bank, start._replace(soc=float(np.clip(moved, 0.0, 1.0)), c_rate=1.0)
+    return record, bank, start
+
+
+def _one(method, plan, record, bank, noise, settings):
+    """Row and estimate of one filter, scenario and start."""
+    scenario, start = plan
+    given, bank, start = _disturbed(scenario, record, bank, start, settings)
+    tracked = settings["track_resistance"]
+    found = estimate(bank, *given[:3], start, method=method, noise=noise, track_ohmic=tracked)
+    error = float(start.soc - given.reference_soc[0])
+    row = {"filter": method, "scenario": scenario, "initial_soc_error": error}
+    row |= _scored(given, found, settings)
+    return row | {"reason": _reason(row, bank, given, noise, settings)}, found
+
+
+def _scored(given, found, settings):
+    return scores(
+        given.test_time_second,
+        found,
+        given.reference_soc,
+        given.scored,
+        band=settings["convergence_band"],
+        hold_second=settings["convergence_hold_second"],
+    )
+
+
+def _reason(row, bank, given, noise, settings):
+    """Why there is no convergence: in words, with the numbers that say so."""
+    if not np.isnan(row["convergence_second"]):
+        return ""
+    if row["filter"] == "coulomb":
+        return "counting keeps the error of its start"
+    band, hold = settings["convergence_band"], settings["convergence_hold_second"]
+    visited = np.clip(given.reference_soc, 0.0, 1.0)
+    total = bank.ocv_volt + bank.shift_volt
+    ends = [np.interp(np.clip(visited + side, 0, 1), bank.soc, total) for side in (-0.05, 0.05)]
+    slope = float(np.median(ends[1] - ends[0]))
+    fitted = noise.error_factor * float(np.median(bank.error_volt))
+    error = max(fitted, noise.least_error_volt)
+    if error * 0.1 > band * slope:
+        told = f"the OCV slope of {1e3 * slope:.1f} mV per 10 % is below what a model error of"
+        return f"{told} {1e3 * error:.1f} mV allows for {100 * band:g} %"
+    return f"never within {100 * band:g} % for {hold:g} s"
+
+
+def _columns(method, found):
+    columns = {f"estimated_{method}_soc": found.soc, f"std_{method}_soc": found.std}
+    if np.isfinite(found.innovation_volt).any():
+        columns[f"innovation_{method}_volt"] = found.innovation_volt
+    return columns

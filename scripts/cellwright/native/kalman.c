@@ -1,0 +1,303 @@
+/* Extended Kalman filter over a record: see models/kalman.py, whose numpy twin says the same.
+ *
+ * `pass` is inlined once per common number of states and lags, so that the compiler unrolls the
+ * loops over the covariance; any other number takes the general copy. */
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#if defined(__GNUC__) && !defined(__clang__)
+/* Two doubles written apart and read back as one vector wait for the store: a third of the time. */
+#pragma GCC optimize("no-tree-slp-vectorize", "no-tree-vectorize")
+#endif
+
+#define MOST 16
+enum { OCV, TOTAL, SLOPE, ERROR, GAIN };
+
+typedef struct {
+    int64_t n, m, width, elements, lags, size, error, capacity, ohmic, first_order, adaptive, window,
+        nodes;
+} sizes_t;
+
+typedef struct {
+    double first, spacing, ampere_hour, white, slow, second, least_walk, most_walk, ohmic_walk,
+        half, walk, error_variance, per_spacing;
+} reals_t;
+
+typedef struct {
+    const int64_t *shifts, *source, *by_charge, *element, *moves;
+    const double *step, *charge, *passed, *current, *between, *voltage, *tables, *direct, *share,
+        *drives;
+} plant_t;
+
+typedef struct {
+    const double *low, *high;
+    double part;
+    int64_t cell;
+} place_t;
+
+/* fmax and fmin are calls, before which every register has to be saved. */
+static inline double larger(double a, double b) { return a > b ? a : b; }
+static inline double smaller(double a, double b) { return a < b ? a : b; }
+
+static inline place_t place(const sizes_t *s, const reals_t *r, const double *tables, double soc) {
+    const double spot = (soc - r->first) * r->per_spacing, last = (double)(s->m - 2);
+    const int64_t i = (int64_t)(spot > 0.0 ? (spot < last ? spot : last) : 0.0);
+    const double *row = tables + i * s->width;
+    return (place_t){row, row + s->width, spot - (double)i, i};
+}
+
+static inline double look(place_t at, int64_t column) {
+    return at.low[column] + at.part * (at.high[column] - at.low[column]);
+}
+
+static inline __attribute__((always_inline)) double drive(
+    const sizes_t *s, const plant_t *p, int64_t e, int64_t k, double soc, place_t at) {
+    if (p->source[e] < 0) {
+        const double current = p->by_charge[e] ? p->between[k] : p->current[k];
+        return current * look(at, GAIN + e);
+    }
+    const double cells = (double)(s->nodes - 1);
+    const double spot = (soc > 0.0 ? (soc < 1.0 ? soc : 1.0) : 0.0) * cells;
+    const int64_t i = spot < cells - 1.0 ? (int64_t)spot : s->nodes - 2;
+    const double *row = p->drives + (p->source[e] * s->n + k) * s->nodes + i;
+    return row[0] + (spot - (double)i) * (row[1] - row[0]);
+}
+
+/* Slope of the OCV over what is not known of the SoC, and what a chord misses in its middle. */
+static double chord(const sizes_t *s, const reals_t *r, const double *tables, double soc,
+                    double reach, double *curvature) {
+    const double low = larger(soc - reach, smaller(soc, 0.0)), high = smaller(soc + reach, larger(soc, 1.0));
+    const double a = look(place(s, r, tables, low), TOTAL);
+    const double b = look(place(s, r, tables, (low + high) / 2.0), TOTAL);
+    const double c = look(place(s, r, tables, high), TOTAL);
+    *curvature = b - (a + c) / 2.0;
+    return (c - a) / (high - low);
+}
+
+static inline __attribute__((always_inline)) void pass(
+    const int plain, const int64_t size, const int64_t lags, const int64_t elements,
+    const int64_t error, const int64_t capacity, const int64_t ohmic, const sizes_t *s,
+    const reals_t *r, const plant_t *p, int64_t filled, double *ring, const double *start,
+    double *out) {
+    double x[MOST], P[MOST][MOST] = {{0}}, u[MOST], K[MOST], C[MOST] = {0}, decay[MOST], before[MOST], after[MOST],
+        relaxed[MOST];
+    int64_t cells[MOST];
+    for (int64_t i = 0; i < size; i++) {
+        x[i] = start[i];
+        relaxed[i] = 1.0;
+        for (int64_t j = 0; j < size; j++) P[i][j] = start[size + i * size + j];
+    }
+    double square_sum = 0.0, known_sum = 0.0, own_sum = 0.0, walk = r->walk, slow = r->error_variance;
+    for (int64_t i = 0; i < filled; i++) {
+        square_sum += ring[3 * i];
+        known_sum += ring[3 * i + 1];
+        own_sum += ring[3 * i + 2];
+    }
+    int64_t spot = filled % s->window;
+    double last_step = -1.0, keep = 1.0, per_step = 0.0;
+    for (int64_t j = 0; j < lags; j++) cells[j] = -1;
+    const double per_ampere_hour = 1.0 / r->ampere_hour, per_window = 1.0 / (double)s->window;
+    const double half_squared = r->half * r->half;
+
+    for (int64_t k = 1; k < s->n; k++) {
+        /* predict: the SoC */
+        const double step = p->step[k], charge = p->charge[k] * per_ampere_hour;
+        if (capacity >= 0) {
+            x[0] += charge * x[capacity];
+            const double own = P[capacity][capacity], shared = P[0][capacity];
+            for (int64_t i = 1; i < size; i++) {
+                P[0][i] += charge * P[capacity][i];
+                P[i][0] = P[0][i];
+            }
+            P[0][0] += charge * (2.0 * shared + charge * own);
+        } else {
+            x[0] += charge;
+        }
+        P[0][0] += walk * step;
+        const double soc = x[0];
+        const place_t at = place(s, r, p->tables, soc);
+        double value[MOST];
+        if (plain) {
+            value[0] = p->current[k] * look(at, GAIN);
+        } else {
+            for (int64_t e = 0; e < elements; e++)
+                value[e] = drive(s, p, e, k, soc, at);
+        }
+
+        /* predict: the lags, by weights that are made anew only where step or constant change */
+        const int64_t fresh = step != last_step;
+        last_step = step;
+        if (fresh) per_step = 1.0 / step;
+        for (int64_t j = 0; j < lags; j++) {
+            const int64_t e = p->element[j], charged = !plain && p->by_charge[e];
+            int64_t cell = 0;
+            if (!plain && p->moves[j]) cell = place(s, r, p->tables, soc + r->spacing / 2.0).cell;
+            if (fresh || charged || cell != cells[j]) {
+                const double constant = p->tables[cell * s->width + GAIN + elements + j];
+                const double ratio = (charged ? p->passed[k] : step) / constant;
+                const double gain = -expm1(-ratio), mean = ratio > 0.0 ? gain / ratio : 1.0;
+                const int64_t ramp = s->first_order && !charged;
+                decay[j] = 1.0 - gain;
+                before[j] = charged ? 0.0 : ramp ? mean + gain - 1.0 : gain;
+                after[j] = charged ? gain : ramp ? 1.0 - mean : 0.0;
+                cells[j] = cell;
+            }
+            if (plain) {
+                const double push = before[j] * p->current[k - 1] + after[j] * p->current[k];
+                x[1 + j] = decay[j] * x[1 + j] + look(at, GAIN + e) * push;
+            } else {
+                const double was = charged ? 0.0 : drive(s, p, e, k - 1, soc, at);
+                x[1 + j] = decay[j] * x[1 + j] + (before[j] * was + after[j] * value[e]);
+            }
+            relaxed[1 + j] = decay[j];
+        }
+        if (error >= 0) {
+            if (fresh) keep = exp(-step / r->second);
+            x[error] *= keep;
+            relaxed[error] = keep;
+        }
+        for (int64_t i = 1; i < size; i++) {
+            P[0][i] *= relaxed[i];
+            for (int64_t j = i; j < size; j++) P[i][j] *= relaxed[i] * relaxed[j];
+        }
+        if (error >= 0) P[error][error] += (1.0 - keep * keep) * slow;
+        if (ohmic >= 0) P[ohmic][ohmic] += r->ohmic_walk * step;
+        for (int64_t i = 0; i < size; i++)
+            for (int64_t j = 0; j < i; j++) P[i][j] = P[j][i];
+
+        /* predicted voltage and its Jacobian */
+        double curvature = 0.0, slope = look(at, SLOPE);
+        if (3.0 * P[0][0] > half_squared)
+            slope = chord(s, r, p->tables, soc, sqrt(3.0 * P[0][0]), &curvature);
+        double direct = 0.0, offset = 0.0, over = 0.0;
+        C[0] = slope;
+        if (plain) {
+            direct = ohmic >= 0 ? x[ohmic] * value[0] : value[0];
+            over = x[1];
+            for (int64_t j = 2; j <= lags; j++) over += x[j];
+            for (int64_t j = 1; j <= lags; j++) C[j] = 1.0;
+        } else {
+            for (int64_t e = 0; e < elements; e++) {
+                if (p->direct[e] == 0.0) continue;
+                const double scale = p->direct[e] * (e == 0 && ohmic >= 0 ? x[ohmic] : 1.0);
+                offset += p->shifts[e] ? scale * value[e] : 0.0;
+                direct += p->shifts[e] ? 0.0 : scale * value[e];
+            }
+            for (int64_t j = 0; j < lags; j++) {
+                const int64_t shifts = p->shifts[p->element[j]];
+                offset += shifts ? p->share[j] * x[1 + j] : 0.0;
+                over += shifts ? 0.0 : p->share[j] * x[1 + j];
+                C[1 + j] = p->share[j] * (shifts ? slope : 1.0);
+            }
+        }
+        double volt = (look(at, TOTAL) + direct) + over;
+        if (!plain && offset != 0.0)
+            volt += look(place(s, r, p->tables, soc + offset), OCV) - look(at, OCV);
+        if (error >= 0) {
+            volt += x[error];
+            C[error] = 1.0;
+        }
+        if (capacity >= 0) C[capacity] = 0.0;
+        if (ohmic >= 0) C[ohmic] = (plain ? 1.0 : p->direct[0]) * value[0];
+
+        /* what is seen, and the noise that it speaks for */
+        const double e = p->voltage[k] - volt, stated = look(at, ERROR);
+        /* u = P·Cᵀ; C·P·Cᵀ from P itself, so that neither waits for the other */
+        double inner = 0.0, cross = P[0][1] * C[1];
+        for (int64_t i = 2; i < size; i++) cross += P[0][i] * C[i];
+        for (int64_t i = 1; i < size; i++) {
+            double sum = P[i][1] * C[1];
+            for (int64_t j = 2; j < size; j++) sum += P[i][j] * C[j];
+            u[i] = P[i][0] * C[0] + sum;
+            inner += sum * C[i];
+        }
+        u[0] = P[0][0] * C[0] + cross;
+        const double known = C[0] * (u[0] + cross) + inner;
+        double floor = r->white, white, own = 0.0;
+        const double least = stated * stated + r->slow;
+        if (error >= 0) {
+            const double unaided = e + x[error];
+            own = unaided * unaided - (known - 2.0 * u[error] + P[error][error]);
+        } else {
+            floor += least;
+        }
+        white = floor;
+        slow = least;
+        const double empty = (double)(s->window - filled);
+        if (s->adaptive) {
+            white = larger(floor, (square_sum - known_sum + empty * floor) * per_window);
+            if (error >= 0)
+                slow = larger(least, (own_sum + empty * (least + white)) * per_window - white);
+        }
+        white += curvature * curvature;
+        const double variance = known + white, inverse = 1.0 / variance;
+
+        /* update, in Joseph's form with its products taken apart, P − K·uᵀ − u·Kᵀ + K·S·Kᵀ: an error
+         * of the gain enters squared */
+        for (int64_t i = 0; i < size; i++) K[i] = u[i] * inverse;
+        for (int64_t i = 0; i < size; i++) {
+            const double full = K[i] * variance;
+            x[i] += K[i] * e;
+            for (int64_t j = i; j < size; j++)
+                P[i][j] = P[j][i] = P[i][j] - ((K[i] * u[j] + u[i] * K[j]) - full * K[j]);
+        }
+        if (s->adaptive && step > 0.0) {
+            const double square = (square_sum + empty * variance) * per_window;
+            walk = smaller(larger(K[0] * K[0] * square * per_step, r->least_walk), r->most_walk);
+        }
+        if (s->adaptive) {
+            double *slot = ring + 3 * spot;
+            const double sample[3] = {e * e, known, own};
+            square_sum += sample[0] - slot[0];
+            known_sum += sample[1] - slot[1];
+            own_sum += sample[2] - slot[2];
+            memcpy(slot, sample, sizeof sample);
+            filled += filled < s->window;
+            spot = spot + 1 == s->window ? 0 : spot + 1;
+        }
+        double *row = out + 8 * k;
+        row[0] = x[0];
+        row[1] = P[0][0];
+        row[2] = e;
+        row[3] = variance;
+        row[4] = capacity >= 0 ? x[capacity] : 1.0;
+        row[5] = capacity >= 0 ? P[capacity][capacity] : 0.0;
+        row[6] = ohmic >= 0 ? x[ohmic] : 1.0;
+        row[7] = ohmic >= 0 ? P[ohmic][ohmic] : 0.0;
+    }
+}
+
+void kalman(const int64_t *sizes, const int64_t *shifts, const int64_t *source,
+            const int64_t *by_charge, const int64_t *element, const int64_t *moves,
+            const int64_t *filled, const double *reals, const double *step, const double *charge,
+            const double *passed, const double *current, const double *between,
+            const double *voltage, const double *tables, const double *direct, const double *share,
+            const double *drives, double *ring, const double *start, double *out) {
+    sizes_t s;
+    reals_t r;
+    memcpy(&s, sizes, sizeof s);
+    memcpy(&r, reals, sizeof r - sizeof r.per_spacing);
+    const plant_t p = {shifts,  source,  by_charge, element, moves,  step,  charge, passed,
+                       current, between, voltage,   tables,  direct, share, drives};
+    r.per_spacing = 1.0 / r.spacing;
+    /* plain: a resistor and RC pairs whose time constants stay: nothing else to ask for each step */
+    int plain = s.capacity < 0 && s.elements == s.lags + 1 && direct[0] == 1.0;
+    for (int64_t e = 0; e < s.elements; e++)
+        plain = plain && source[e] < 0 && !by_charge[e] && !shifts[e] && (e == 0 || direct[e] == 0.0);
+    for (int64_t j = 0; j < s.lags; j++)
+        plain = plain && !moves[j] && element[j] == j + 1 && share[j] == 1.0;
+#define PLAIN(a, b, c, d)                                                                    \
+    if (plain && s.size == (a) && s.lags == (b) && s.error == (c) && s.ohmic == (d)) {        \
+        pass(1, a, b, b + 1, c, -1, d, &s, &r, &p, *filled, ring, start, out);                \
+        return;                                                                              \
+    }
+    PLAIN(2, 1, -1, -1)
+    PLAIN(3, 1, 2, -1)
+    PLAIN(4, 1, 2, 3)
+    PLAIN(3, 2, -1, -1)
+    PLAIN(4, 2, 3, -1)
+    PLAIN(5, 2, 3, 4)
+    pass(0, s.size, s.lags, s.elements, s.error, s.capacity, s.ohmic, &s, &r, &p, *filled, ring, start,
+         out);
+}

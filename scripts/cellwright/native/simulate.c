@@ -1,0 +1,179 @@
+/* Voltage of a cell with any number of RC pairs, its parameters over SoC: see models/fast.py.
+ *
+ * In blocks of samples that stay in the cache, each worked off in passes: all that does not wait
+ * for the sample before is done for many samples at once; only the count of charge and the states
+ * of the pairs go from sample to sample. */
+#include <math.h>
+#include <stdint.h>
+
+#define BLOCK 512
+#define MOST 6   /* pairs */
+#define TERMS 18 /* of the series in `weigh`, exact to rounding up to a ratio of 1 */
+
+/* Twice the same code on processors of this kind; the loader takes the one with wider registers. */
+#if defined(__x86_64__) && defined(__gnu_linux__)
+#define WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define WIDE
+#endif
+#define INLINE static inline __attribute__((always_inline))
+
+/* The table holds, per interval of SoC, the values at its left end and their rise to the right
+ * end, in the order OCV, R0, R of each pair, and tau of each pair where it moves with SoC. */
+typedef struct {
+    int64_t intervals, width;
+    const double *table;
+} cell;
+
+/* What a block knows of its samples; step, tau and weights are of the step to the sample. */
+typedef struct {
+    double step[BLOCK], share[BLOCK], tau[MOST][BLOCK];
+    double decay[MOST][BLOCK], before[MOST][BLOCK], after[MOST][BLOCK];
+    int32_t row[BLOCK];
+} block;
+
+static const double term[TERMS] = {
+    1.0 / 2,           -1.0 / 6,             1.0 / 24,            -1.0 / 120,
+    1.0 / 720,         -1.0 / 5040,          1.0 / 40320,         -1.0 / 362880,
+    1.0 / 3628800,     -1.0 / 39916800,      1.0 / 479001600,     -1.0 / 6227020800,
+    1.0 / 87178291200, -1.0 / 1307674368e3,  1.0 / 20922789888e3, -1.0 / 355687428096e3,
+    1.0 / 6402373705728e3, -1.0 / 121645100408832e3};
+
+/* Weights of a lag, as in lag.c, over x = step/tau: gain is 1 − exp(−x), late is 1 − gain/x. The
+ * series of late needs no library; where it would be too long, in any sample, the library it is. */
+INLINE void weigh(int64_t m, double first_order, block *restrict b, int64_t j) {
+    double largest = 0.0;
+    for (int64_t k = 0; k < m; k++)
+        largest = b->step[k] > largest * b->tau[j][k] ? b->step[k] / b->tau[j][k] : largest;
+    for (int64_t k = 0; largest <= 1.0 && k < m; k++) {
+        const double x = b->step[k] / b->tau[j][k];
+        double series = term[TERMS - 1];
+#pragma GCC unroll 18
+        for (int i = TERMS - 2; i >= 0; i--)
+            series = series * x + term[i];
+        const double late = x * series, gain = x - x * late;
+        b->decay[j][k] = 1.0 - gain;
+        b->before[j][k] = gain - first_order * late;
+        b->after[j][k] = first_order * late;
+    }
+    for (int64_t k = 0; largest > 1.0 && k < m; k++) {
+        const double x = b->step[k] / b->tau[j][k], gain = -expm1(-x);
+        const double late = x > 0.0 ? 1.0 - gain / x : 0.0;
+        b->decay[j][k] = 1.0 - gain;
+        b->before[j][k] = gain - first_order * late;
+        b->after[j][k] = first_order * late;
+    }
+}
+
+/* Charge counted from the sample before the block; `from` is 1 in the first block, else 0. */
+INLINE void count(int64_t from, int64_t m, const double *restrict current, double first_order,
+                  double ampere_second, block *restrict b, double *restrict soc) {
+    const double former = 1.0 - first_order / 2, latter = first_order / 2;
+    for (int64_t k = from; k < m; k++)
+        b->share[k] = b->step[k] * (former * current[k - 1] + latter * current[k]) / ampere_second;
+    double counted = soc[from - 1];
+    for (int64_t k = from; k < m; k++)
+        soc[k] = counted += b->share[k];
+}
+
+/* Where each SoC lies in the table, held at its ends; whether any lies outside. */
+INLINE int64_t locate(int64_t m, const double *restrict soc, int32_t intervals, block *restrict b) {
+    const double last = (double)intervals;
+    int64_t outside = 0;
+    for (int64_t k = 0; k < m; k++) {
+        const double above = soc[k] * last > 0.0 ? soc[k] * last : 0.0;
+        const double at = above < last ? above : last;
+        const int32_t floor = (int32_t)at;
+        b->row[k] = floor < intervals ? floor : intervals - 1;
+        b->share[k] = at - (double)b->row[k];
+        outside |= at != soc[k] * last;
+    }
+    return outside;
+}
+
+/* Outside 0 to 1 the OCV goes on as steeply as it ends; all else stays what it is. */
+static void go_on(int64_t m, const double *soc, const cell *c, const block *b, double *voltage) {
+    const double last = (double)c->intervals;
+    for (int64_t k = 0; k < m; k++) {
+        const double rise = c->table[2 * c->width * b->row[k] + c->width];
+        const double beyond = soc[k] < 0.0 ? soc[k] : soc[k] > 1.0 ? soc[k] - 1.0 : 0.0;
+        voltage[k] += beyond * last * rise;
+    }
+}
+
+/* The states of the pairs from sample to sample. `pairs`, and `moves` for weights that do, are
+ * constants where this is inlined. */
+INLINE void march(int64_t m, const int64_t pairs, const int64_t moves, const double *restrict current, const cell *c,
+                  const block *restrict b, double *restrict state, double *restrict drive,
+                  double *restrict voltage) {
+    for (int64_t k = 0; k < m; k++) {
+        const double *restrict row = c->table + 2 * c->width * b->row[k];
+        const double *restrict rise = row + c->width;
+        const double share = b->share[k], now = current[k];
+        double volt = (row[0] + share * rise[0]) + (row[1] + share * rise[1]) * now;
+        for (int64_t j = 0; j < pairs; j++) {
+            const double next = (row[2 + j] + share * rise[2 + j]) * now;
+            const int64_t at = moves ? k : 0;
+            state[j] = b->decay[j][at] * state[j]
+                       + (b->before[j][at] * drive[j] + b->after[j][at] * next);
+            drive[j] = next;
+            volt += state[j];
+        }
+        voltage[k] = volt;
+    }
+}
+
+/* The step to the first sample is none: after no time the states still rest. */
+static void step_of(int64_t first, int64_t m, const double *step, int64_t uniform, block *b) {
+    for (int64_t k = 0; k < m; k++)
+        b->step[k] = first + k == 0 ? 0.0 : step[uniform ? 0 : first + k - 1];
+}
+
+/* Time constants over a step are those at its first sample: that of the block before for k = 0. */
+static void tau_of(int64_t m, int64_t pairs, const cell *c, block *b, double *before) {
+    for (int64_t j = 0; j < pairs; j++)
+        for (int64_t k = 0; k < m; k++) {
+            const double *row = c->table + 2 * c->width * b->row[k] + 2 + pairs + j;
+            b->tau[j][k] = before[j];
+            before[j] = row[0] + b->share[k] * row[c->width];
+        }
+}
+
+/* From rest. ampere_second is the capacity [A s] where the SoC is to be counted from soc[0], and
+ * zero where it is given. */
+WIDE void simulate(int64_t n, const double *step, int64_t uniform, int64_t is_first_order,
+                   const double *current, int64_t pairs, int64_t intervals, const double *table,
+                   const double *tau, int64_t tau_moves, double ampere_second, double *soc,
+                   double *voltage) {
+    const double first_order = is_first_order ? 1.0 : 0.0;
+    const cell c = {intervals, 2 + pairs + (tau_moves ? pairs : 0), table};
+    double state[MOST] = {0}, drive[MOST] = {0}, before[MOST];
+    block b;
+    for (int64_t j = 0; j < pairs; j++) {
+        before[j] = tau[j];
+        for (int64_t k = 0; k < BLOCK; k++)
+            b.tau[j][k] = tau[j];
+    }
+    for (int64_t first = 0; first < n; first += BLOCK) {
+        const int64_t m = n - first < BLOCK ? n - first : BLOCK;
+        /* From the second block on a uniform record has the weights that it had. */
+        const int64_t same = uniform && !tau_moves && first > BLOCK;
+        if (!same)
+            step_of(first, m, step, uniform, &b);
+        if (ampere_second > 0.0)
+            count(first == 0, m, current + first, first_order, ampere_second, &b, soc + first);
+        const int64_t outside = locate(m, soc + first, (int32_t)intervals, &b);
+        if (tau_moves)
+            tau_of(m, pairs, &c, &b, before);
+        for (int64_t j = 0; !same && j < pairs; j++)
+            weigh(m, first_order, &b, j);
+        if (pairs == 2 && same)
+            march(m, 2, 0, current + first, &c, &b, state, drive, voltage + first);
+        else if (pairs == 2)
+            march(m, 2, 1, current + first, &c, &b, state, drive, voltage + first);
+        else
+            march(m, pairs, 1, current + first, &c, &b, state, drive, voltage + first);
+        if (outside)
+            go_on(m, soc + first, &c, &b, voltage + first);
+    }
+}

@@ -1,0 +1,14 @@
+"""A cell's model for other tools: PyBaMM's Thevenin model, and a look-up table."""
+
+import artefact
+from cellwright.models.exports import lookup_table, plain_member, pybamm_document
+
+with artefact.Job(snakemake) as job:
+    model = job.load(snakemake.input[0])
+    document = pybamm_document(model)
+    job.note(*(f"{name} is not exported: {why}" for name, why in document["refused"].items()))
+    job.save(document, snakemake.output.pybamm)
+    member = plain_member(model)
+    if member != model["chosen"]:
+        job.note(f"the look-up table holds {member}: {model['chosen']} is more than RC pairs")
+    job.save(lookup_table(model, member), snakemake.output.lookup)

@@ -1,0 +1,10 @@
+"""Figure: state of charge of one test by filters."""
+
+import artefact
+import figure
+from drawing import soc
+
+with artefact.Job(snakemake) as job:
+    series = job.load(snakemake.input.series)
+    scores = artefact.rows(job.load(snakemake.input.scores))
+    figure.save(soc.draw(series, scores, snakemake.wildcards.test), job)
