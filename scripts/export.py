@@ -1,7 +1,8 @@
 """A cell's model for other tools: PyBaMM's Thevenin model, and a look-up table."""
 
 import artefact
-from cellwright.models.exports import lookup_table, plain_member, pybamm_document
+from cellwright.models.exports import lookup_table, pybamm_document
+from cellwright.models.plain import plain_member
 
 with artefact.Job(snakemake) as job:
     model = job.load(snakemake.input[0])

@@ -13,10 +13,11 @@ def draw(cells, capacity, resistance, validation):
     late = [r for r in near if _number(r["delay_second"]) == 10]
     _dots(axes[0, 0], place, capacity, "capacity_ampere_hour", 1, "direction")
     _dots(axes[0, 1], place, late, "resistance_ohm", 1e3, "direction")
-    _dots(axes[0, 2], place, validation, "rmse_volt", 1e3, None)
+    chosen = [row for row in validation if row["chosen"] == "True"]
+    _dots(axes[0, 2], place, chosen, "rmse_volt", 1e3, None)
     axes[0, 0].set(title="Capacity [Ah]", xlabel="all tests")
     axes[0, 1].set(title="Resistance [mΩ]", xlabel="10 s into a pulse, SoC 44–56 %")
-    axes[0, 2].set(title="Model error [mV RMS]", xlabel="validation tests, every model")
+    axes[0, 2].set(title="Model error [mV RMS]", xlabel="validation tests, chosen model")
     axes[0, 0].set_yticks(list(place.values()), list(place), fontsize=8)
     axes[0, 0].set_ylim(0.4, len(cells) + 0.6)
     _temperature_legend(axes[0, 2], [*capacity, *late, *validation])

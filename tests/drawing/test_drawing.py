@@ -49,7 +49,7 @@ def panels(canvas):
     return found
 
 
-FREE = ("all tests", "10 s into a pulse, SoC 44–56 %", "validation tests, every model", "cycle")
+FREE = ("all tests", "10 s into a pulse, SoC 44–56 %", "validation tests, chosen model", "cycle")
 FREE += ("R", "capacity at 1C")
 
 
@@ -149,21 +149,50 @@ def test_temperature_draws_both_laws_over_the_points():
     assert (first.get_ylabel(), second.get_ylabel()) == ("[Ohm]", "[Ah]")
 
 
+def pair(r, tau, std, kind="RC"):
+    branch = {"kind": kind, "r_ohm": [r] * 11, "r_std_ohm": std}
+    return branch | {"tau_second": [tau] * 11, "tau_std_second": std}
+
+
+def one_member(name, branches, std=(None,) * 11):
+    entry = {"soc": SOC.tolist(), "r0_ohm": [0.05] * 11, "r0_std_ohm": list(std)}
+    entry |= {"branches": branches, "ocv_shift_volt": [0.002] * 11}
+    conditions = [entry | {"ambient_temperature_celsius": celsius} for celsius in (0.0, None)]
+    return {"chosen": name, "members": [{"model": name, "conditions": conditions}]}
+
+
 @pytest.mark.parametrize("std", [[0.001] * 11, [None] * 11])
 def test_parameters_with_and_without_uncertainty(std):
-    branch = {
-        "r_ohm": [0.02] * 11,
-        "r_std_ohm": std,
-        "tau_second": [30.0] * 11,
-        "tau_std_second": std,
-    }
-    entry = {"soc": SOC.tolist(), "r0_ohm": [0.05] * 11, "r0_std_ohm": std, "branches": [branch]}
-    conditions = [entry | {"ambient_temperature_celsius": celsius} for celsius in (0.0, None)]
-    model = {"chosen": "1RC", "members": [{"model": "1RC", "conditions": conditions}]}
-    r0, _, tau = panels(parameters.draw(model))
+    model = one_member("1RC", [pair(0.02, 30.0, std)], std)
+    r0, ten, hundred, settled, spread, shift = panels(parameters.draw(model))
     assert all(np.allclose(xy[:, 1], 50.0) for xy in drawn(r0) if len(xy) == 11 and not std[0])
     assert labels(r0) == ["0 °C", "temperature not stated"]
-    assert tau.get_yscale() == "log"
+    expected = [50 + 20 * (1 - np.exp(-10 / 30)), 50 + 20 * (1 - np.exp(-100 / 30)), 70.0]
+    for panel, value in zip((ten, hundred, settled), expected, strict=True):
+        np.testing.assert_allclose(drawn(panel)[0][:, 1], value)
+    assert any(np.allclose(xy, [[30.0, 20.0]]) for xy in drawn(spread))
+    np.testing.assert_allclose(drawn(shift)[0][:, 1], 2.0)
+
+
+def test_parameters_of_a_distribution_with_kinetics_hysteresis_and_diffusion():
+    """Charge transfer that is not resolved has a panel of its own, not a place among the pairs."""
+    none, taus = [None] * 11, np.geomspace(10, 2000, 10)
+    hysteresis = {"kind": "hysteresis", "m_volt": [0.012] * 11, "m_std_volt": none}
+    others = [{"kind": "diffusion", "soc_per_ampere": none, "tau_second": none}, hysteresis]
+    transfer = pair(0.15, 1e-3, none, "kinetic"), pair(0.02, 1.0, none, "kinetic")
+    branches = [*transfer, *(pair(0.001 * k, tau, none) for k, tau in enumerate(taus)), *others]
+    found = panels(parameters.draw(one_member("DRT+H+K+D", branches)))
+    assert [panel.get_title(loc="left") for panel in found] == [
+        *("R0", "Charge transfer", "Resistance after 10 s", "Resistance after 100 s"),
+        *("Resistance settled", "RC pairs at 50 % SoC", "Correction of the OCV"),
+        "Hysteresis, either way",
+    ]
+    for place, value in ((1, 170.0), (4, 50 + 170 + 45), (7, 12.0)):
+        np.testing.assert_allclose(drawn(found[place])[0][:, 1], value)
+    line = next(xy for xy in drawn(found[5]) if len(xy) == 10)
+    np.testing.assert_allclose(line, np.column_stack([taus, np.arange(10.0)]))
+    kinetic = panels(parameters.draw(one_member("1RC+K", [transfer[0], branches[2]])))
+    assert [panel.axison for panel in kinetic] == [True] * 7 + [False]
 
 
 def test_records_colour_each_step_and_say_how_many_are_not_shown():
@@ -181,7 +210,7 @@ def test_records_colour_each_step_and_say_how_many_are_not_shown():
     assert "records)" not in records.draw(tests, 5).get_suptitle()
 
 
-def test_validation_shows_every_member_and_greys_what_is_not_scored():
+def test_validation_shows_the_chosen_member_the_errors_of_all_and_greys_what_is_not_scored():
     series = {"test_time_second": TIME, "current_ampere": TIME * 0, "voltage_volt": 3.7 + TIME * 0}
     series |= {"simulated_1RC_volt": 3.69 + TIME * 0, "simulated_2RC_volt": 3.7 + TIME * 0}
     scores = [
@@ -190,10 +219,12 @@ def test_validation_shows_every_member_and_greys_what_is_not_scored():
     ]
     for scored, patches in ((TIME >= 0, 0), (TIME > 3600, 1), ((TIME // 1800) % 2 == 0, 2)):
         canvas = validation.draw(series | {"scored": scored}, scores, "udds")
-        voltage, residual, _ = panels(canvas)
+        voltage, residual, _, members = panels(canvas)
         assert len(residual.patches) == patches
-    assert labels(voltage) == ["measured", "1RC: RMSE 10.0 mV", "2RC (chosen): RMSE 0.0 mV"]
-    np.testing.assert_allclose(drawn(residual)[0][:, 1], 10.0)
+    assert labels(voltage) == ["measured", "2RC: RMSE 0.0 mV"]
+    np.testing.assert_allclose(drawn(residual)[-1][:, 1], 0.0)
+    assert [text.get_text() for text in members.get_yticklabels()] == ["1RC", "2RC (chosen)"]
+    np.testing.assert_allclose([bar.get_width() for bar in members.patches], [10.0, 0.0])
 
 
 def test_pack_draws_branches_measured_and_simulated():
@@ -216,12 +247,13 @@ def test_overview_has_a_line_for_every_cell():
         late | {"soc": soc, "delay_second": s}
         for soc, s in (("0.5", "10"), ("0.9", "10"), ("0.5", "0"))
     ]
-    errors = [facts | {"rmse_volt": "0.004", "ambient_temperature_celsius": ""}]
+    errors = [facts | {"rmse_volt": "0.004", "ambient_temperature_celsius": "", "chosen": "True"}]
+    errors.append(facts | {"rmse_volt": "0.009", "chosen": "False"})
     size, ohm, error = panels(overview.draw(["A", "B"], sizes, ohms, errors))
     assert [text.get_text() for text in size.get_yticklabels()] == ["A", "B"]
     np.testing.assert_allclose(np.concatenate(drawn(size)), [[2.0, 2]])
     np.testing.assert_allclose(np.concatenate(drawn(ohm)), [[30.0, 2]])
-    np.testing.assert_allclose(drawn(error)[0], [[4.0, 2]])
+    np.testing.assert_allclose(np.concatenate(drawn(error)), [[4.0, 2]])
     assert labels(error) == ["25 °C", "temperature not stated"]
     panels(overview.draw([], [], [], []))
 

@@ -5,6 +5,7 @@ import pytest
 import truth
 
 from cellwright.models import bias
+from cellwright.models.lookup import simulate_model
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0.1, 0.9, 9)
@@ -101,3 +102,60 @@ def test_scaled_reference():
     assert model["kind"] == "scaled"
     with pytest.raises(Refusal, match="not positive"):
         bias.scaled_reference(truth.model(), cell="B", capacity=1.5, resistance_ratio=0.0)
+
+
+EVERYTHING = [
+    {"kind": "kinetic", "r_ohm": [0.03] * 5, "tau_second": [1e-3] * 5, "scale_volt": [0.05] * 5},
+    {"kind": "RC", "r_ohm": [0.0, 0.01, 0.0, 0.01, 0.02], "tau_second": [60.0] * 5},
+    {"kind": "hysteresis", "m_volt": [0.01] * 5, "charge_ampere_hour": [0.06] * 5},
+    {"kind": "diffusion", "soc_per_ampere": [0.01] * 5, "tau_second": [900.0] * 5},
+]
+
+
+def whole():
+    """A reference whose chosen member has every kind that is identified, and a scaled OCV."""
+    model = truth.model()
+    entry = model["members"][0]["conditions"][0] | {"ocv_scale": {"missing": 0.01, "stretch": 0.02}}
+    more = {"model": "all", "conditions": [entry | {"branches": EVERYTHING}]}
+    return model | {"members": [*model["members"], more], "chosen": "all"}
+
+
+@pytest.mark.parametrize("member", ["2RC", "all"])
+def test_a_cell_of_another_size_runs_the_same_at_the_same_rate(member):
+    """k times the capacity, a k-th of the resistance, k times the current: the same voltage."""
+    time, current = truth.drive(np.random.default_rng(1), 4000)
+    soc = truth.soc_of(time, current)
+    larger = bias.scaled_reference(
+        whole(), cell="B", capacity=3 * truth.CAPACITY_AMPERE_HOUR, resistance_ratio=1 / 3
+    )
+    one = simulate_model(whole(), member, time, current, soc, 25.0).voltage_volt
+    other = simulate_model(larger, member, time, 3 * current, soc, 25.0).voltage_volt
+    np.testing.assert_allclose(other, one, rtol=0, atol=1e-12)
+
+
+def test_the_bias_moves_fast_and_slow_resistance_and_nothing_else():
+    found = bias.calibrate(SHIFT, SHIFT, SOC, *changes())
+    model = bias.biased_model(
+        whole(), found, cell="B", main_shift_volt=0.05, mean_shift_volt=0.04, capacity=2.0
+    )
+    entry = model["members"][1]["conditions"][0]
+    kinetic, slow, hysteresis, diffusion = entry["branches"]
+    fast_before = truth.R0 + 0.03
+    ratio = 1 + bias.quadratic_bias(0.05, truth.KNOTS, R0_TRUE) / fast_before
+    np.testing.assert_allclose(entry["r0_ohm"], ratio * truth.R0)
+    np.testing.assert_allclose(kinetic["r_ohm"], ratio * 0.03)
+    np.testing.assert_allclose(slow["r_ohm"], [0, 0.01 + 0.0108, 0, 0.01 + 0.0108, 0.02 + 0.0108])
+    assert kinetic["scale_volt"] == EVERYTHING[0]["scale_volt"]
+    assert (hysteresis, diffusion) == (EVERYTHING[2], EVERYTHING[3])
+    assert entry["ocv_scale"] == {"missing": 0.01, "stretch": 0.02}
+
+
+def test_no_resistance_falls_below_a_tenth():
+    found = bias.calibrate(SHIFT, SHIFT, SOC, *changes())
+    far = found._replace(r0=-100 * R0_TRUE, polarisation=-10.0)
+    model = bias.biased_model(
+        whole(), far, cell="B", main_shift_volt=0.1, mean_shift_volt=0.1, capacity=2.0
+    )
+    entry = model["members"][1]["conditions"][0]
+    np.testing.assert_allclose(entry["r0_ohm"], 0.1 * truth.R0)
+    np.testing.assert_allclose(entry["branches"][1]["r_ohm"], [0.0, 1e-3, 0.0, 1e-3, 2e-3])

@@ -94,6 +94,38 @@ def test_peers_without_comparable_peaks_do_not_calibrate():
     assert any("2 cell(s) beside the reference" in note for note in model["notes"])
 
 
+def with_member(cell, name):
+    """The cell with its one member under another name, as the chosen one."""
+    member = cell.model["members"][0] | {"model": name}
+    return cell._replace(model=cell.model | {"members": [member], "chosen": name})
+
+
+def test_cells_compare_by_the_member_that_the_reference_has_chosen():
+    """A peer that has it calibrates whatever its own choice; one that lacks it does not."""
+    others = [shown(f"C{k}", shift) for k, shift in enumerate([0.02, 0.05, 0.09])]
+    reference, lacking = shown("R", marked=True), with_member(others[2], "1RC")
+    model = borrowed_model(OWN, [*others[:2], lacking, reference])
+    assert any("2 cell(s) beside the reference" in note for note in model["notes"])
+    other = {"model": "1RC", "conditions": [entry_of(truth.model())]}
+    both = others[2].model | {"members": [other, *others[2].model["members"]], "chosen": "1RC"}
+    model = borrowed_model(OWN, [*others[:2], others[2]._replace(model=both), reference])
+    true = entry_of(true_model("X", 0.06))
+    np.testing.assert_allclose(entry_of(model)["r0_ohm"], true["r0_ohm"], rtol=2e-3)
+
+
+def test_the_ocv_of_cells_is_compared_where_their_models_read_it():
+    """The same OCV over SoC, written as a table that is read with what a full charge left out."""
+    others = [shown(f"C{k}", shift) for k, shift in enumerate([0.02, 0.05, 0.09, 0.15])]
+    table = others[0].model["ocv"][0]
+    volt = np.interp(truth.OCV_SOC, truth.OCV_SOC - 0.02, table["ocv_volt"])
+    others[0].model["ocv"] = [table | {"ocv_volt": volt.tolist()}]
+    read = entry_of(others[0].model) | {"ocv_scale": {"missing": 0.02, "stretch": 0.0}}
+    others[0].model["members"][0]["conditions"] = [read]
+    found = entry_of(borrowed_model(OWN, [*others, shown("R", marked=True)]))
+    true = entry_of(true_model("X", 0.06))
+    np.testing.assert_allclose(found["ocv_shift_volt"], true["ocv_shift_volt"], atol=2e-4)
+
+
 def test_no_peer_is_refused():
     with pytest.raises(Refusal, match="no cell of the same chemistry and rating"):
         borrowed_model(OWN, [])

@@ -14,12 +14,7 @@ import pytest
 import truth
 
 import artefact
-from cellwright.models.exports import (
-    lookup_table,
-    plain_member,
-    pybamm_document,
-    pybamm_parameters,
-)
+from cellwright.models.exports import lookup_table, pybamm_document, pybamm_parameters
 from cellwright.models.lookup import simulate_model
 from cellwright.refusal import Refusal
 
@@ -54,12 +49,13 @@ def read_back(rows, like):
         return [float(row[name]) for row in one]
 
     known = sorted({float(row["ambient_temperature_celsius"]) for row in rows})
+    pairs = range(1, 1 + sum(name.startswith("tau") for name in rows[0]))
     conditions, curves = [], []
     for celsius in known:
-        r = [(column(celsius, f"r{k}_ohm"), column(celsius, f"tau{k}_second")) for k in (1, 2)]
+        r = [(column(celsius, f"r{k}_ohm"), column(celsius, f"tau{k}_second")) for k in pairs]
         about = {"ambient_temperature_celsius": celsius, "soc": column(celsius, "soc")}
-        pairs = [{"r_ohm": one, "tau_second": tau} for one, tau in r]
-        conditions.append(about | {"r0_ohm": column(celsius, "r0_ohm"), "branches": pairs})
+        rcs = [{"r_ohm": one, "tau_second": tau} for one, tau in r]
+        conditions.append(about | {"r0_ohm": column(celsius, "r0_ohm"), "branches": rcs})
         curves.append(about | {"ocv_volt": column(celsius, "ocv_volt")})
     return like | {"ocv": curves, "members": [{"model": "2RC", "conditions": conditions}]}
 
@@ -115,6 +111,43 @@ def test_the_table_read_back_runs_to_the_same_voltage(exported, celsius):
     # Between two temperatures logarithms run straight, and between two knots they do not.
     tolerance = 2e-8 if celsius in (0.0, 25.0) else 1e-4
     np.testing.assert_allclose(again, simulate_model(model, *run).voltage_volt, atol=tolerance)
+
+
+def distribution():
+    """Ten pairs, of which some are nothing at some SoC, and OCV tables read on a scale."""
+    model = family()
+    rng = np.random.default_rng(7)
+    for condition, missing in zip(model["members"][0]["conditions"], (0.0, 0.04), strict=True):
+        r = np.maximum(rng.normal(0.002, 0.003, (10, 5)), 0.0)
+        condition["branches"] = [
+            {"kind": "RC", "r_ohm": one.tolist(), "tau_second": [tau] * 5}
+            for one, tau in zip(r, np.geomspace(0.2, 5e3, 10), strict=True)
+        ]
+        condition["ocv_scale"] = {"missing": missing, "stretch": 0.013}
+    return model
+
+
+@pytest.mark.parametrize("celsius", [25.0, 0.0])
+def test_a_distribution_of_relaxation_times_is_read_back_too(exported, celsius):
+    model = distribution()
+    rows = artefact.load_table(exported(model)[1])
+    time, current = truth.drive(np.random.default_rng(1), 4000)
+    run = (None, time, current, truth.soc_of(time, current), celsius)
+    again = simulate_model(read_back(rows, model), *run).voltage_volt
+    np.testing.assert_allclose(again, simulate_model(model, *run).voltage_volt, atol=5e-8)
+    capacitances = [float(row[f"c{k}_farad"]) for row in rows for k in range(1, 11)]
+    assert np.isfinite(capacitances).all()
+
+
+def test_pybamm_reads_the_ocv_where_the_model_does():
+    """Between its knots too: they are those of the tables, on the scale of the condition."""
+    model, soc = distribution(), np.linspace(0.001, 0.999, 777)
+    found = pybamm_parameters(model, None, 0.0)
+    rested = simulate_model(model, None, 60.0 * np.arange(777), 0 * soc, soc, 0.0).ocv_volt
+    volt = np.interp(soc, found["soc"], found["ocv_volt"])
+    np.testing.assert_allclose(volt, rested, rtol=0, atol=1e-9)
+    assert np.abs(rested - np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT)).max() > 0.01
+    assert min(np.min(one["r_ohm"]) for one in found["elements"]) > 0
 
 
 def test_the_table_holds_units_and_says_where_it_extrapolates(exported):
@@ -180,16 +213,9 @@ def test_a_condition_of_unknown_temperature_is_exported_as_such(exported):
     assert artefact.load_table(table)[0]["ambient_temperature_celsius"] == ""
 
 
-def test_the_table_takes_the_chosen_member_where_it_can():
-    assert plain_member(family(("1RC", [RC]), chosen="1RC")) == "1RC"
-    assert plain_member(family(("1RC", [RC]), ("h", [HYSTERESIS]), chosen="h")) == "2RC"
-
-
 def test_refusals():
     only = family(("h", [HYSTERESIS]), chosen="h")
     only["members"] = only["members"][1:]
-    with pytest.raises(Refusal, match="no member of the model of A is made of RC pairs"):
-        plain_member(only)
     with pytest.raises(Refusal, match="h holds more than RC pairs"):
         lookup_table(only, "h")
     with pytest.raises(Refusal, match="cannot run switch: none of its elements remembers"):

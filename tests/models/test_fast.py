@@ -80,6 +80,48 @@ def test_a_model_file_gives_the_same_voltage_either_way(hold):
     np.testing.assert_allclose(run, whole, rtol=0, atol=1e-12)
 
 
+def test_ten_pairs_run_compiled_as_by_their_lags(twin):
+    """As many as a distribution of relaxation times has."""
+    rng = np.random.default_rng(6)
+    r, tau = rng.uniform(0, 0.01, (10, len(GRID))), np.geomspace(0.2, 5000, 10)
+    for taus in (tau, tau[:, None] + 0 * GRID):
+        inputs = Tables(OCV, R0, r, taus), steps("true"), CURRENT
+        run = simulate_counted(*inputs, hold="first_order", **COUNTED)
+        slow = twin(simulate_counted, *inputs, hold="first_order", **COUNTED)
+        np.testing.assert_allclose(run.voltage_volt, slow.voltage_volt, rtol=0, atol=1e-12)
+
+
+def with_kinetics(**entry):
+    """The true cell, its OCV tables read on a scale, beside it a chosen member with kinetics."""
+    model = truth.model()
+    one = model["members"][0]["conditions"][0] | entry
+    kinetic = {"kind": "kinetic", "r_ohm": [0.01] * 5, "tau_second": [1.0] * 5}
+    kinetic |= {"scale_volt": [0.05] * 5}
+    members = [("2RC", one["branches"]), ("DRT+K", [*one["branches"], kinetic])]
+    found = [{"model": n, "conditions": [one | {"branches": b}]} for n, b in members]
+    return model | {"members": found, "chosen": "DRT+K"}
+
+
+def test_the_member_of_pairs_is_taken_and_its_ocv_read_on_its_scale():
+    time, current = truth.drive(np.random.default_rng(4), 3000)
+    soc = truth.soc_of(time, current, 0.95)
+    model = with_kinetics(ocv_scale={"missing": 0.02, "stretch": 0.03})
+    whole = simulate_model(model, "2RC", time, current, soc, 25.0).voltage_volt
+    for member in (None, "2RC"):
+        fine = tables_of(model, member=member, points=2001)
+        run = simulate_given(fine, 1.0, current, soc, hold="first_order")
+        np.testing.assert_allclose(run, whole, rtol=0, atol=2e-5)
+    assert (
+        np.abs(simulate_model(truth.model(), "2RC", time, current, soc, 25.0)[0] - whole).max()
+        > 0.01
+    )
+
+
+def test_a_member_with_more_than_pairs_is_refused():
+    with pytest.raises(Refusal, match=r"DRT\+K holds more than RC pairs"):
+        tables_of(with_kinetics(), member="DRT+K")
+
+
 def solved(time, current):
     """The same cell by a general solver, its tolerance far below what is asked of us."""
 

@@ -50,6 +50,18 @@ def test_the_truth_has_no_error_and_currents_sum_to_the_total():
     assert found.notes == ()
 
 
+def test_a_member_that_a_group_cannot_run_is_replaced_and_it_is_said():
+    entry = MODELS[0]["members"][0]["conditions"][0]
+    kinetic = {"kind": "kinetic", "r_ohm": [0.01] * 5, "tau_second": [1.0] * 5}
+    kinetic |= {"scale_volt": [0.05] * 5}
+    more = {"model": "DRT+K", "conditions": [entry | {"branches": [kinetic]}]}
+    first = MODELS[0] | {"members": [more, *MODELS[0]["members"]], "chosen": "DRT+K"}
+    found = score(record(), models=[first, MODELS[1]])
+    assert [row["model"] for row in found.rows] == ["2RC", "2RC"]
+    assert found.notes == ("A simulated as 2RC: its DRT+K is more than RC pairs",)
+    assert found.rows[0]["current_rmse_ampere"] < 1e-9
+
+
 def test_an_error_of_one_sensor_is_that_branch_alone():
     series = record()
     series["branch_2_current_ampere"] = series["branch_2_current_ampere"] + 0.05

@@ -34,6 +34,50 @@ def test_every_parameter_at_every_soc_is_a_row():
     assert all(row["ambient_temperature_celsius"] == 25.0 for row in rows)
 
 
+def of_every_kind():
+    same = [0.01] * 5
+    pair = {"r_ohm": same, "tau_second": [60.0] * 5}
+    kinetic = {"kind": "kinetic", "r_ohm": same, "scale_volt": same}
+    branches = [
+        kinetic | {"tau_second": [1e-3] * 5},
+        kinetic | {"tau_second": [2.0] * 5, "r_std_ohm": [3e-3] * 5},
+        {"kind": "RC"} | pair,
+        {"kind": "diffusion", "soc_per_ampere": same, "tau_second": same},
+        {"kind": "hysteresis", "m_volt": same, "charge_ampere_hour": same, "m_std_volt": same},
+    ]
+    flags = ["RCT at SoC 0.100", "R1 at SoC 0.300", "M at SoC 0.500"]
+    whole = {"ocv_scale": {"missing": 0.02, "stretch": -0.01}, "ocv_shift_volt": same}
+    whole |= {"activation_energy_joule_per_mole": 2e4}
+    found = model()
+    entry = found["members"][0]["conditions"][0] | whole
+    found["members"][0]["conditions"] = [entry | {"branches": branches, "at_bound": flags}]
+    return parameter_rows(found)
+
+
+def test_every_kind_of_branch_has_its_names_and_units():
+    rows = of_every_kind()
+    assert list(dict.fromkeys((row["parameter"], row["unit"]) for row in rows)) == [
+        *[("r0", "Ohm"), ("rct", "Ohm"), ("tauct", "s"), ("scalect", "V")],
+        *[("r1", "Ohm"), ("tau1", "s"), ("scale1", "V"), ("r2", "Ohm"), ("tau2", "s")],
+        *[("diffusion_gain", "1/A"), ("diffusion_tau", "s")],
+        *[("hysteresis_m", "V"), ("hysteresis_charge", "Ah"), ("ocv_shift", "V")],
+        *[("ocv_missing", "1"), ("ocv_stretch", "1"), ("activation_energy", "J/mol")],
+    ]
+    assert [(row["value"], row["soc"]) for row in rows[-3:]] == [
+        *[(0.02, None), (-0.01, None), (2e4, None)]
+    ]
+    stds = {row["parameter"]: row["std"] for row in rows}
+    assert (stds["r1"], stds["hysteresis_m"], stds["rct"]) == (3e-3, 0.01, None)
+
+
+def test_bounds_find_their_branch_where_charge_transfer_counts_apart():
+    """R1 is the first pair that samples resolve, not the first branch."""
+    bound = [(row["parameter"], row["soc"]) for row in of_every_kind() if row["at_bound"]]
+    names, socs = zip(*bound, strict=True)
+    assert names == ("rct", "r1", "hysteresis_m")
+    assert socs == pytest.approx((0.1, 0.3, 0.5))
+
+
 def test_bounds_are_marked_for_a_whole_parameter_or_at_one_soc():
     bound = [(row["parameter"], row["soc"]) for row in parameter_rows(model()) if row["at_bound"]]
     assert bound[0] == ("r1", pytest.approx(0.3))

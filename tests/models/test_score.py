@@ -33,7 +33,7 @@ def test_the_truth_has_no_error():
     assert row["rmse_volt"] < 1e-12
     assert (row["model"], row["chosen"], row["samples"]) == ("2RC", True, len(TIME))
     assert (row["soc_start"], row["soc_anchor"]) == (0.95, "stated at the start")
-    assert found.notes == ()
+    assert found.notes == ("simulated at the chamber's temperature",)
     np.testing.assert_allclose(found.series["simulated_2RC_volt"], found.series["voltage_volt"])
 
 
@@ -66,20 +66,22 @@ def two_temperatures():
     return warm | {"members": [member], "ocv": cold["ocv"] + warm["ocv"]}
 
 
-def test_without_a_chamber_temperature_it_is_simulated_at_the_surface():
+def test_it_is_simulated_at_the_measured_surface_else_at_the_chamber():
     unknown = FACTS | {"ambient_temperature_celsius": None}
     model, surface = two_temperatures(), {"surface_temperature_celsius": np.full(len(TIME), 0.0)}
     stated = score(FACTS | {"ambient_temperature_celsius": 0.0}, model=model)
-    measured = score(unknown, model=model, **surface)
-    assert measured.rows[0]["rmse_volt"] == stated.rows[0]["rmse_volt"] > 0.01
-    assert measured.notes == ("no chamber temperature stated: simulated at the measured surface's",)
-    chamber = score(FACTS, model=model, **surface)
+    for facts in (unknown, FACTS):
+        measured = score(facts, model=model, **surface)
+        assert measured.rows[0]["rmse_volt"] == stated.rows[0]["rmse_volt"] > 0.01
+        assert measured.notes == ("simulated at the surface's measured temperature",)
+    chamber = score(FACTS, model=model)
     assert chamber.rows[0]["rmse_volt"] < 1e-9
     neither = score(unknown, model=model)
     assert neither.rows[0]["rmse_volt"] < 1e-9
-    assert neither.notes == ("no temperature known: simulated at 25 °C",)
+    assert neither.notes == ("simulated at 25 °C, for want of any temperature",)
     gaps = {"surface_temperature_celsius": np.where(TIME == 5, np.nan, 0.0)}
     assert score(unknown, model=model, **gaps).notes == neither.notes
+
 
 
 def test_scores_are_arithmetic():

@@ -13,13 +13,18 @@ from cellwright.models.soc_runs import soc_runs
 from cellwright.models.soc_scores import chi_square, convergence_second, innovation_tests
 from cellwright.refusal import Refusal
 
+ERROR, SECOND, SPAN = 0.01, 300.0, 0.3
 BANK = bank_of(stated(), None, 25.0)
-ERROR, SECOND = 0.01, 300.0
+BANK = BANK._replace(error_volt=np.full(len(BANK.soc), ERROR))
 # What the truth below is made with, stated to the filter.
 MATCHED = Noise(
     resistance_error=0.0,
     error_factor=1.0,
     error_second=SECOND,
+    error_soc=0.0,
+    fast_second=0.0,
+    skew_second=0.0,
+    least_error_volt=0.0,
     soc_walk=(1e-12, 1e-11),
 )
 
@@ -86,12 +91,85 @@ def test_capacity_is_found_and_its_error_is_honest():
     assert std.mean() < 0.05
 
 
+def standing(seed):
+    """As `world`, with a further error that stands over SoC: as far as it is right, as wide."""
+    time, current, voltage, soc = world(seed, 8000)
+    rng = np.random.default_rng(1000 + seed)
+    grid = np.linspace(-0.1, 1.1, 601)
+    keep = np.exp(-np.diff(grid)[0] / SPAN)
+    kicks = rng.normal(size=len(grid)) * np.sqrt(1 - keep**2)
+    kicks[0] = rng.normal()
+    course = [kicks[0]]
+    for kick in kicks[1:]:
+        course.append(keep * course[-1] + kick)
+    return time, current, voltage + ERROR * np.interp(soc, grid, course), soc
+
+
+@pytest.mark.parametrize("method", ["aekf", "dual"])
+def test_an_error_that_stands_over_soc_is_covered_if_it_is_stated(method):
+    """Also that of the capacity; left out, 95 % intervals of the SoC cover under two thirds."""
+    starts = np.random.default_rng(5).uniform(0, 1, 30)
+
+    def judged(noise, load_error_volt):
+        bank = BANK._replace(load_error_volt=load_error_volt)
+        inside, ratio = [], []
+        for seed, start in enumerate(starts):
+            data = standing(seed)
+            found = run(data, method, Start(start, capacity_error=0.05), noise, bank)
+            inside.append(np.mean(np.abs(found.soc - data[3]) < 1.96 * found.std))
+            off = found.capacity_ampere_hour[-1] - 2.0
+            ratio.append(off / found.capacity_std_ampere_hour[-1])
+        return np.mean(inside), np.sqrt(np.mean(np.square(ratio)))
+
+    inside, ratio = judged(MATCHED._replace(error_soc=SPAN), ERROR)
+    without, more = judged(MATCHED, 0.0)
+    assert 0.9 < inside < 0.99
+    assert without < 0.85
+    print(inside, without, ratio, more)
+    if method == "dual":
+        assert 0.6 < ratio < 1.4
+        assert more > 1.5
+
+
 @pytest.mark.parametrize("method", ["ekf", "aekf"])
 def test_a_resistance_that_grew_is_found_instead_of_a_wrong_soc(method):
     data = world(4, r0_scale=1.4)
     found = run(data, method, Start(0.65), Noise())
     assert found.ohmic_scale[-1] == pytest.approx(1.4, abs=3 * found.ohmic_scale_std[-1] + 0.03)
     assert np.sqrt(np.mean((found.soc - data[3])[300:] ** 2)) < 0.02
+
+
+def test_a_voltage_that_is_read_late_does_not_kick_the_soc():
+    """Sampled at 10 Hz, the voltage one sample behind the current."""
+    time, current = world(11, 20000)[:2]
+    time = time / 10
+    soc = truth.soc_of(time, current, 0.95)
+    voltage = truth.voltage(time, current, soc)
+    late = np.append(voltage[:1], voltage[:-1])
+    late += 0.002 * np.random.default_rng(1).normal(size=len(late))
+    data = time, current, late
+    error = [
+        np.sqrt(np.mean((run(data, "aekf", Start(0.65), noise).soc - soc)[100:] ** 2))
+        for noise in (Noise(), Noise(skew_second=0.0))
+    ]
+    assert error[0] < 0.002
+    assert error[1] > 5 * error[0]
+
+
+def test_resistances_follow_the_temperature_along_a_record():
+    time, current, voltage, soc = world(11)
+    warmth = np.linspace(1.6, 0.8, len(time))
+    more = (warmth - 1.0) * (
+        truth.voltage(time, current, soc) - np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT)
+    )
+    data = time, current, voltage + more, soc
+    off = [
+        run(data, "aekf", Start(0.65), Noise(), **given).soc - soc
+        for given in ({"warmth": warmth}, {})
+    ]
+    followed, not_followed = (np.sqrt(np.mean(o[300:] ** 2)) for o in off)
+    assert followed < 0.02
+    assert followed < not_followed
 
 
 @pytest.mark.parametrize("fault", ["offset", "bias", "capacity"])
@@ -191,9 +269,12 @@ SETTINGS = {
     "sensor_volt": 0.002,
     "current_error_c_rate": 0.005,
     "resistance_error": 0.1,
-    "model_error_factor": 2.0,
+    "model_error_factor": 1.0,
     "model_error_volt": 0.005,
     "model_error_second": 150.0,
+    "model_error_soc": 0.3,
+    "resistance_error_second": 5.0,
+    "skew_second": 0.2,
     "track_resistance": True,
     "window_second": 600.0,
     "slope_window_soc": 0.02,

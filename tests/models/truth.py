@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.models.circuit import rc_circuit
-from cellwright.models.simulate import simulate
+from cellwright.models.simulate import OpenCircuit, simulate
 
 CAPACITY_AMPERE_HOUR = 2.0
 KNOTS = np.linspace(0.1, 0.9, 5)
@@ -28,11 +28,16 @@ def drive(rng, seconds=8000):
     return time, current
 
 
-def voltage(time, current, soc, shift=0.0, hold="first_order"):
-    """Terminal voltage of the true cell."""
-    at = [np.interp(soc, KNOTS, values) for values in (R0, *R)]
-    ocv = np.interp(soc, OCV_SOC, OCV_VOLT) + shift
-    return simulate(rc_circuit(at[0], at[1:], TAU), time, current, ocv, hold=hold)
+def ocv_at(soc):
+    return np.interp(soc, OCV_SOC, OCV_VOLT)
+
+
+def voltage(time, current, soc, shift=0.0, hold="first_order", extra=(), warmth=1.0):
+    """Terminal voltage of the true cell, with any further branches beside its own."""
+    at = [warmth * np.interp(soc, KNOTS, values) for values in (R0, *R)]
+    circuit = (*rc_circuit(at[0], at[1:], TAU), *extra)
+    curve = OpenCircuit(ocv_at, soc)
+    return simulate(circuit, time, current, ocv_at(soc) + shift, hold=hold, open_circuit=curve)
 
 
 def model(name="A", celsius=25.0, scale=1.0):

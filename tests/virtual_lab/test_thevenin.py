@@ -94,6 +94,11 @@ MEMBERS = {kind: [kind] for kind in BRANCHES} | {
     "2RC": ["RC", "RC"],
     "all": ["RC", "R_two_way", "kinetic", "warburg", "hysteresis"],
 }
+# Ten pairs, as a distribution of relaxation times has them: some are nothing at some SoC.
+PAIRS = [
+    {"kind": "RC", "r_ohm": [0.0, 0.004, 0.0, 0.003], "tau_second": [tau] * 4}
+    for tau in np.geomspace(0.4, 4000, 10)
+]
 
 
 def model_file():
@@ -104,6 +109,7 @@ def model_file():
         "soc": KNOTS,
         "r0_ohm": [0.04, 0.03, 0.03, 0.031],
         "ocv_shift_volt": [0.0, 0.002, -0.001, 0.0],
+        "ocv_scale": {"missing": 0.01, "stretch": 0.02},
     }
     ocv = {"soc": soc, "ocv_volt": volt_at(soc) + 0.1 * np.sin(6 * soc)}
     members = [
@@ -113,6 +119,7 @@ def model_file():
         }
         for name, kinds in MEMBERS.items()
     ]
+    members.append({"model": "DRT", "conditions": [entry | {"branches": PAIRS}]})
     return {
         "cell": "A",
         "capacity_ampere_hour": CAPACITY,
@@ -130,7 +137,7 @@ def exported(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "member", [name for name in MEMBERS if name not in ("switch", "diffusion")]
+    "member", [*(name for name in MEMBERS if name not in ("switch", "diffusion")), "DRT"]
 )
 def test_pybamm_runs_an_exported_cell_to_our_voltage(exported, drive, member):
     """On a grid so fine that look-ups and kinetics at the samples are those at all times."""

@@ -143,9 +143,11 @@ def test_a_second_run_finds_nothing_to_do(copy):
 def test_a_changed_file_runs_only_what_comes_from_it(copy):
     tiny.restate(copy, tiny.save(copy, "B", "drive", seed=2))
     planned = snakemake(copy, "--dry-run").said
-    on_the_way = ["ingest", "clean", "segment", "validate", "figure_records", "figure_validation"]
+    on_the_way = ["ingest", "clean", "segment", "validate", "soc"]
+    on_the_way += ["figure_records", "figure_validation", "figure_soc"]
     together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
-    assert jobs(planned) == dict.fromkeys([*on_the_way, *together, "all"], 1)
+    once = dict.fromkeys([*on_the_way, *together, "all"], 1)
+    assert jobs(planned) == once | {"table": 2}  # validation.csv and soc.csv
     assert "Read B drive" in planned
 
 

@@ -1,5 +1,6 @@
 # What all rules share: the campaign's sheets, which artefact exists for whom, the code's hash.
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -10,6 +11,11 @@ import campaign as sheets
 import run_log
 import stale_lock
 from provenance import code_of
+
+# One job, one core: linear algebra that takes all cores in each of several jobs slows them all
+# down, and its sums would depend on how many there are.
+for library in ("OMP", "OPENBLAS", "MKL"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 STARTED = time.time()
 if workflow.is_main_process:

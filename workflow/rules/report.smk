@@ -10,6 +10,7 @@ FINAL = [
     "results/tables/checks.csv",
     *[f"results/tables/{table}.csv" for table in TABLES],
     *STAGES,
+    *EXPORTED["lookup.csv"],
     *[path for paths in FIGURES.values() for path in paths],
 ]
 

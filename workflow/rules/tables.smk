@@ -30,6 +30,7 @@ STAGES = [
     *[f"results/bias/{cell}.json" for cell in BIASED],
     *[f"results/branches/{group}.json" for group in sorted(set(GROUPED.values()))],
     *MODELS,
+    *EXPORTED["pybamm_thevenin.json"],
     *[path for paths in TABLE_INPUTS.values() for path in paths],
 ]
 

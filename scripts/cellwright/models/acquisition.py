@@ -5,9 +5,11 @@ import numpy as np
 from cellwright.models.bank import NODES
 from cellwright.models.kalman import State
 from cellwright.models.plant import ERROR, GAIN, SLOPE, TOTAL
+from cellwright.models.reading import slope_at
 
-POINTS = 2001
+POINTS = 1001
 WIDTH = 5.0  # standard deviations of the stated SoC that are looked at
+LEAST_LEFT = 0.01  # share of a variance: a SoC known no better than the voltage tells came from it
 
 
 def acquire(plant, start, noise):
@@ -32,33 +34,41 @@ def acquire(plant, start, noise):
     soc = np.linspace(*np.clip(ends, 0.0, 1.0), POINTS)
     volt, jacobian = _predicted(plant, soc)
     doubt, stated = _doubt(plant, start, soc)
-    variance = jacobian**2 @ doubt + plant.white_variance
+    variance = np.sum(jacobian**2 * doubt, axis=1) + plant.white_variance
+    variance += plant.edge_variance[0]
     variance += 0.0 if plant.error >= 0 else stated
     prior = -0.5 * ((soc - start.soc) / start.soc_std) ** 2
     missed = plant.voltage_volt[0] - volt
     weight = _normal(prior - 0.5 * (missed**2 / variance + np.log(variance)))
-    state = _moments(plant, soc, missed, weight, doubt, jacobian, variance)
     before = _normal(prior)
     expected = before @ missed
     spread = before @ (missed - expected) ** 2 + before @ variance
-    found = State(*state, noise.soc_walk[0], float(weight @ stated), np.empty((0, 3)))
-    return found, expected, spread
+    return _begun(plant, start, noise, soc, weight), expected, spread
 
 
-def _moments(plant, soc, missed, weight, doubt, jacobian, variance):
-    """Mean and covariance of all states; those but the SoC follow it as K·(V − h(z))."""
-    mean, covariance = np.ones(plant.size), np.zeros((plant.size, plant.size))
-    rest = slice(1, plant.size)
-    row = weight @ jacobian
-    gain = doubt * row / (weight @ variance)
-    mean[0], late = weight @ soc, weight @ missed
-    linear = len(plant.element) + (plant.error >= 0)
-    mean[rest] = (np.arange(plant.size - 1) >= linear) + gain * late
-    spread = weight @ (missed - late) ** 2 - weight @ variance
-    covariance[rest, rest] = np.diag(doubt) + spread * np.outer(gain, gain)
-    covariance[0, rest] = covariance[rest, 0] = gain * (weight @ ((soc - mean[0]) * missed))
-    covariance[0, 0] = weight @ (soc - mean[0]) ** 2 + (soc[1] - soc[0]) ** 2 / 12.0
-    return mean, covariance
+def _begun(plant, start, noise, soc, weight):
+    """State whose SoC has the posterior's mean and variance; all else follows on the slopes that
+    the filter will go on with. Any other slopes, were they nearer the truth, would differ from its
+    own, and the difference pass for a measurement.
+    """
+    middle = weight @ soc
+    variance = weight @ (soc - middle) ** 2 + (soc[1] - soc[0]) ** 2 / 12.0
+    here = np.array([middle])
+    volt, rest = _predicted(plant, here)
+    doubt, stated = (values[0] for values in _doubt(plant, start, here))
+    slope = np.append(slope_at(plant, middle, variance, noise)[0], rest[0])
+    white = plant.white_variance + plant.edge_variance[0]
+    white += 0.0 if plant.error >= 0 else stated
+    other = slope[1:] ** 2 @ doubt + white
+    before = variance * other / max(other - variance * slope[0] ** 2, LEAST_LEFT * other)
+    covariance = np.diag(np.append(before, doubt))
+    shared = covariance @ slope
+    covariance -= np.outer(shared, shared) / (slope @ shared + white)
+    covariance[0, 0] = max(covariance[0, 0], variance)
+    mean = np.append(middle, doubt * slope[1:] / other * (plant.voltage_volt[0] - volt[0]))
+    mean[[spot for spot in (plant.capacity, plant.ohmic) if spot >= 0]] += 1.0
+    walk, nothing = noise.soc_walk[0], np.empty((0, 3))
+    return State(mean, covariance, walk, float(stated), nothing, middle, 0.0, variance)
 
 
 def _predicted(plant, soc):
@@ -71,28 +81,41 @@ def _predicted(plant, soc):
     jacobian = np.zeros((len(soc), plant.size))
     for j, e in enumerate(plant.element):
         jacobian[:, 1 + j] = plant.share[j] * scale[e]
-    if plant.error >= 0:
-        jacobian[:, plant.error] = 1.0
+    ones = np.ones(len(soc))
+    standing = np.sqrt(_stated(plant, soc))
+    for spot, scale in ((plant.error, ones), (plant.fast, ones), (plant.standing, standing)):
+        if spot >= 0:
+            jacobian[:, spot] = scale
     if plant.ohmic >= 0:
         jacobian[:, plant.ohmic] = plant.direct[0] * drive[0]
     return volt, jacobian[:, 1:]
 
 
 def _doubt(plant, start, soc):
-    """Variances of the states but the SoC before any voltage; (p,) that of the model's error."""
-    stated = np.interp(soc, _grid(plant), plant.tables[:, ERROR]) ** 2
-    stated += plant.slow_variance
-    found = np.zeros(plant.size)
+    """Variances of the states but the SoC before any voltage (p, s−1), and of the error (p,).
+
+    At rest nothing is over the circuit that a model could be wrong about but its OCV.
+    """
+    loaded = float(start.c_rate > 0.0 or plant.current_ampere[0] != 0.0)
+    curve = _stated(plant, soc) if plant.standing < 0 else np.zeros(len(soc))
+    stated = curve + plant.slow_variance
+    found = np.zeros((len(soc), plant.size))
     for j, e in enumerate(plant.element):
-        found[1 + j] = _settled(plant, e, start.c_rate) ** 2
+        found[:, 1 + j] = _settled(plant, e, start.c_rate) ** 2
     for spot, variance in (
-        (plant.error, float(np.mean(stated))),
+        (plant.error, curve + loaded * plant.slow_variance),
+        (plant.fast, loaded * plant.fast_variance),
+        (plant.standing, 1.0),
         (plant.capacity, start.capacity_error**2),
         (plant.ohmic, start.ohmic_error**2),
     ):
         if spot >= 0:
-            found[spot] = variance
-    return found[1:], stated
+            found[:, spot] = variance
+    return found[:, 1:], stated
+
+
+def _stated(plant, soc):
+    return np.interp(soc, _grid(plant), plant.tables[:, ERROR]) ** 2
 
 
 # ASSUME: A lag that moves with charge (hysteresis) may start anywhere within its limits.

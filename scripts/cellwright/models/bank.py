@@ -11,6 +11,10 @@ from cellwright.refusal import Refusal
 
 BEYOND = 0.25  # how far the tables go on below empty and above full
 NODES = np.linspace(0.0, 1.0, 21)  # SoC at which a drive that is not linear is taken
+NOTHING = 1e-6  # [V] or [1] at 1C: a branch that was not found is kept in a model, as this or less
+STRAIGHT = 1e-6  # a drive that departs by less from a straight line up to ±20C is one
+UNSEEN = 2.0  # error on data not seen over that of the fit, where a model does not tell it
+SIDE = 0.01  # of the SoC, to both sides: over which the slope of the OCV is taken
 
 
 class Element(NamedTuple):
@@ -40,7 +44,8 @@ class Bank(NamedTuple):
 
     ocv_volt : open-circuit voltage, continued on its end slopes outside 0…1 [V].
     shift_volt : the member's correction of it, by the mean SoC [V].
-    error_volt : RMS error that the model left on the data it was fitted to [V].
+    error_volt : RMS error of the model at rest, on data that it was not fitted to [V].
+    load_error_volt : what is added to it under load, at this temperature [V].
     outside : where neither resistance nor relaxation was measured.
     elements, lags : tuples of Element and Relaxation, the ohmic resistance first.
     """
@@ -49,6 +54,7 @@ class Bank(NamedTuple):
     ocv_volt: np.ndarray
     shift_volt: np.ndarray
     error_volt: np.ndarray
+    load_error_volt: float
     outside: np.ndarray
     elements: tuple
     lags: tuple
@@ -60,7 +66,7 @@ def bank_of(model, member, temperature_celsius, *, points=201):
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/1.
+    model : dict of schema cellwright-model/2.
     member : name of the member, or None for the chosen one.
     temperature_celsius : scalar [degC]; NaN takes a single condition as it is.
     points : points of the grid over SoC 0 to 1; it goes on at the same distance outside.
@@ -73,20 +79,26 @@ def bank_of(model, member, temperature_celsius, *, points=201):
     ------
     Refusal : the model does not say how well it fits (`fit_rmse_volt`), or as `circuit_at`.
     """
+    capacity = model["capacity_ampere_hour"]
     beyond = round(BEYOND * (points - 1))
     soc = np.arange(-beyond, points + beyond) / (points - 1)
     conditions = member_of(model, member)["conditions"]
     celsius = np.full(len(soc), float(temperature_celsius))
     found = circuit_at(conditions, soc, celsius)
+    ocv_volt = continued_ocv_at(model["ocv"], found.table_soc, celsius)
+    stretch = np.gradient(found.table_soc, soc)
+    branches = [b for k, b in enumerate(found.circuit) if k == 0 or _there(b, soc, capacity)]
+    rest, load = _errors(member_of(model, member), temperature_celsius)
     return Bank(
         soc=soc,
-        ocv_volt=continued_ocv_at(model["ocv"], found.table_soc, celsius),
+        ocv_volt=ocv_volt,
         shift_volt=found.ocv_shift_volt,
-        error_volt=np.full(len(soc), _error(conditions, temperature_celsius)),
+        error_volt=rest * _shape(soc, ocv_volt + found.ocv_shift_volt, found.outside_soc),
+        load_error_volt=load,
         outside=found.outside_soc,
-        elements=tuple(_element(branch, soc) for branch in found.circuit),
-        lags=tuple(lag for k, branch in enumerate(found.circuit) for lag in _lags(k, branch, soc)),
-        capacity_ampere_hour=model["capacity_ampere_hour"],
+        elements=tuple(_element(branch, soc, stretch, capacity) for branch in branches),
+        lags=tuple(lag for k, branch in enumerate(branches) for lag in _lags(k, branch, soc)),
+        capacity_ampere_hour=capacity,
     )
 
 
@@ -109,16 +121,53 @@ def drives(element, current_ampere):
     return np.array(rows).T
 
 
-def _element(branch, soc):
+def warmth_of(model, member, temperature_celsius, reference_celsius):
+    """Resistance of a cell along a course of its temperature, over that at one temperature.
+
+    Parameters
+    ----------
+    model, member : as in `bank_of`.
+    temperature_celsius : (n,) [degC]. reference_celsius : scalar [degC].
+
+    Returns
+    -------
+    warmth : (n,) of the sum of all resistances at half charge [1]; one where the model has no
+        temperature.
+    """
+    course = np.append(np.asarray(temperature_celsius, float), reference_celsius)
+    grid = np.linspace(course.min(), course.max(), 101)
+    conditions = member_of(model, member)["conditions"]
+    circuit = circuit_at(conditions, np.full(len(grid), 0.5), grid).circuit
+    total = sum(b.parameters["r_ohm"] for b in circuit if "r_ohm" in b.parameters)
+    at = np.interp(course, grid, total)
+    return at[:-1] / at[-1]
+
+
+def _there(branch, soc, capacity):
+    """Whether a branch does anything: a member has the same ones at every temperature."""
+    one = np.full(len(soc), capacity)
+    return np.abs(kind_of(branch).drive(one, **branch.parameters)).max() > NOTHING
+
+
+def _element(branch, soc, stretch, capacity):
+    """`stretch` (m,): SoC of the OCV table per SoC; an offset is one of the table's."""
     kind = kind_of(branch)
     lags = kind.lags(**{name: values[0] for name, values in branch.parameters.items()})
     direct = 1.0 - sum(lag.share for lag in lags)
     direct = 0.0 if abs(direct) < 1e-12 else direct
-    if kind.linear:
+    if kind.linear or _straight(kind, branch, soc, capacity):
         gain = kind.drive(np.ones(len(soc)), **branch.parameters)
+        gain = gain / stretch if kind.output == "soc" else gain
         return Element(kind.output, direct, gain, None, {})
     nodes = {name: np.interp(NODES, soc, v) for name, v in branch.parameters.items()}
     return Element(kind.output, direct, None, kind.drive, nodes)
+
+
+def _straight(kind, branch, soc, capacity):
+    """Kinetics whose scale was found to be out of reach are a resistance."""
+    currents = capacity * np.array([1.0, 20.0, -1.0, -20.0])
+    each = [kind.drive(np.full(len(soc), i), **branch.parameters) / i for i in currents]
+    return np.ptp(each, axis=0).max() <= STRAIGHT * np.abs(each[0]).max()
 
 
 def _lags(index, branch, soc):
@@ -127,12 +176,33 @@ def _lags(index, branch, soc):
         yield Relaxation(index, lag.clock, float(lag.share), constant)
 
 
-def _error(conditions, celsius):
-    """Fit error between the measured temperatures, straight in °C."""
+# ASSUME: The part of a model's error that all temperatures share is the OCV's; what some add to it
+# is the circuit's.
+def _errors(member, celsius):
+    """RMS error on unseen data at rest and what load adds to it: as over temperature in the fit,
+    straight in °C; in all that of the blocks that were left out of it."""
+    conditions = member["conditions"]
     pairs = [(c["ambient_temperature_celsius"], c.get("fit_rmse_volt")) for c in conditions]
     if any(error is None for _, error in pairs):
         raise Refusal("the model does not say how well it fits (fit_rmse_volt): no noise is known")
+    errors = np.array([error for _, error in pairs])
+    left_out = member.get("left_out_rmse_volt")
+    samples = [c.get("samples", 1) for c in conditions]
+    whole = np.sqrt(np.average(errors**2, weights=samples))
+    errors = errors * (UNSEEN if left_out is None else left_out / max(whole, 1e-9))
     if len(pairs) == 1:
-        return float(pairs[0][1])
-    known, errors = zip(*sorted(pairs), strict=True)
-    return float(np.interp(celsius, known, errors))
+        return float(errors[0]), 0.0
+    order = np.argsort([known for known, _ in pairs])
+    here = np.interp(celsius, np.array([known for known, _ in pairs])[order], errors[order])
+    return float(errors.min()), float(np.sqrt(max(here**2 - errors.min() ** 2, 0.0)))
+
+
+# ASSUME: A model's error goes with the slope of the OCV, as that of a wrong SoC: it is told as one
+# number, most of which comes from near empty, where voltage and resistance bend.
+def _shape(soc, volt, outside):
+    """Share of the error at every SoC; its mean square over what was measured is one."""
+    sides = soc + SIDE, soc - SIDE
+    slope = np.abs(np.interp(sides[0], soc, volt) - np.interp(sides[1], soc, volt)) / (2 * SIDE)
+    measured = (~outside) & (soc >= 0.0) & (soc <= 1.0)
+    level = np.sqrt(np.mean(slope[measured] ** 2)) if measured.any() else 0.0
+    return slope / level if level > 0.0 else np.ones(len(soc))

@@ -8,13 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.models.changed import changed, fast_and_slow, ratio_of
 from cellwright.refusal import Refusal
 
 
 class Calibration(NamedTuple):
     """Coefficients of the bias functions and their leave-one-cell-out errors.
 
-    r0, ocv : (4,) [ohm/V², ohm/V ×3], [1/V, 1 ×3]; polarisation : [ohm/V]; errors RMS.
+    r0, ocv : (4,) [ohm/V², ohm/V ×3], [1/V, 1 ×3]; polarisation : [ohm/V]; errors RMS. R0 stands
+    for all that acts within seconds, polarisation for the rest, see `changed.fast_and_slow`.
     """
 
     r0: np.ndarray
@@ -100,7 +102,8 @@ def calibrate(main_shift_volt, mean_shift_volt, soc, r0_change, rp_change, ocv_c
     ----------
     main_shift_volt, mean_shift_volt : (cells,) from `peak_shift` [V].
     soc : (k,) common SoC of the changes [1].
-    r0_change, rp_change, ocv_change : (cells, k) cell minus reference [ohm], [ohm], [V].
+    r0_change : fast resistance, rp_change : slow one, ocv_change : OCV;
+        (cells, k) cell minus reference [ohm], [ohm], [V].
 
     Returns
     -------
@@ -132,7 +135,7 @@ def biased_model(reference, calibration, *, cell, main_shift_volt, mean_shift_vo
 
     Parameters
     ----------
-    reference : model dict of schema cellwright-model/1.
+    reference : model dict of schema cellwright-model/2.
     calibration : Calibration.
     cell : id of the new cell.
     main_shift_volt, mean_shift_volt : its shifts from the reference, `peak_shift` [V].
@@ -140,26 +143,23 @@ def biased_model(reference, calibration, *, cell, main_shift_volt, mean_shift_vo
 
     Returns
     -------
-    model : dict, kind "bias". Time constants stay; the change of the polarisation resistance is
-        shared by the branches in proportion; no resistance falls below a tenth of the reference's.
+    model : dict, kind "bias". Of R0 and all branches, fast and slow resistances are scaled to what
+        the bias functions give for their sums (`changed.fast_and_slow`), at least to a tenth of the
+        reference's. All else as in `scaled_reference`.
     """
 
     def change(entry):
         soc = np.asarray(entry["soc"])
-        r0 = np.asarray(entry["r0_ohm"])
-        r0_new = r0 + quadratic_bias(main_shift_volt, soc, calibration.r0)
-        total = sum(np.asarray(branch["r_ohm"]) for branch in entry["branches"])
-        moved = total + calibration.polarisation * mean_shift_volt
-        ratio = np.divide(moved, total, out=np.ones_like(total), where=total > 0)
-        ocv = quadratic_bias(main_shift_volt, soc, calibration.ocv)
-        shift = np.asarray(entry.get("ocv_shift_volt", np.zeros(len(soc)))) + ocv
-        return np.maximum(r0_new, 0.1 * r0), np.maximum(ratio, 0.1), shift
+        fast, slow = fast_and_slow([{"r_ohm": entry["r0_ohm"]}, *entry["branches"]])
+        more = quadratic_bias(main_shift_volt, soc, calibration.r0)
+        ratios = ratio_of(fast, more), ratio_of(slow, calibration.polarisation * mean_shift_volt)
+        return ratios, quadratic_bias(main_shift_volt, soc, calibration.ocv)
 
     note = (
         f"bias-corrected from {reference['cell']}: IC peaks shifted by {1e3 * main_shift_volt:.1f} "
         f"mV, calibrated on {calibration.cells} cells"
     )
-    return _changed(reference, change, cell=cell, capacity=capacity, kind="bias", note=note)
+    return changed(reference, change, cell=cell, capacity=capacity, kind="bias", note=note)
 
 
 def scaled_reference(reference, *, cell, capacity, resistance_ratio):
@@ -167,14 +167,15 @@ def scaled_reference(reference, *, cell, capacity, resistance_ratio):
 
     Parameters
     ----------
-    reference : model dict of schema cellwright-model/1.
+    reference : model dict of schema cellwright-model/2.
     cell : id of the new cell.
     capacity : its capacity [Ah].
     resistance_ratio : its resistance over the reference's [1].
 
     Returns
     -------
-    model : dict, kind "scaled".
+    model : dict, kind "scaled". Time constants, the scale of the kinetics and the size of the
+        hysteresis stay; its charge goes with the capacity, the lead of diffusion with its inverse.
 
     Raises
     ------
@@ -186,28 +187,10 @@ def scaled_reference(reference, *, cell, capacity, resistance_ratio):
         raise Refusal(f"capacity {capacity} Ah or resistance ratio {resistance_ratio} not positive")
 
     def change(entry):
-        shift = np.asarray(entry.get("ocv_shift_volt", np.zeros(len(entry["soc"]))))
-        return resistance_ratio * np.asarray(entry["r0_ohm"]), resistance_ratio, shift
+        return (resistance_ratio, resistance_ratio), np.zeros(len(entry["soc"]))
 
     note = f"scaled from {reference['cell']}: resistances times {resistance_ratio:.3f}"
-    return _changed(reference, change, cell=cell, capacity=capacity, kind="scaled", note=note)
-
-
-def _changed(reference, change, *, cell, capacity, kind, note):
-    def entry_of(entry):
-        r0, ratio, shift = change(entry)
-        branches = [
-            {**b, "r_ohm": (np.asarray(b["r_ohm"]) * ratio).tolist()} for b in entry["branches"]
-        ]
-        new = {"r0_ohm": r0.tolist(), "branches": branches, "ocv_shift_volt": shift.tolist()}
-        return {**entry, **new}
-
-    members = [
-        {**member, "conditions": [entry_of(entry) for entry in member["conditions"]]}
-        for member in reference["members"]
-    ]
-    own = {"cell": cell, "capacity_ampere_hour": float(capacity), "kind": kind, "members": members}
-    return {**reference, **own, "notes": [note]}
+    return changed(reference, change, cell=cell, capacity=capacity, kind="scaled", note=note)
 
 
 def _columns(shift, soc):

@@ -6,8 +6,8 @@ import numpy as np
 
 from cellwright.models.basis import REFERENCE_CELSIUS, reference_of
 from cellwright.models.bias import biased_model, calibrate, peak_shift, scaled_reference
-from cellwright.models.lookup import member_of, parameters_at
-from cellwright.models.tables import ocv_at
+from cellwright.models.changed import fast_and_slow
+from cellwright.models.lookup import circuit_at, member_of, open_circuit_volt
 from cellwright.refusal import Refusal
 
 SAME_RATE = 0.1
@@ -33,9 +33,10 @@ def borrowed_model(own, peers):
     """Model from the reference cell of the type, by the shift of IC peaks or by scaling.
 
     1. The reference is the first marked cell, else the largest. 2. Where enough other cells have
-    both a model and IC peaks at the same rate, the bias functions (thesis eq. 4.3, 4.5) are
-    calibrated on them and predict this cell. 3. Else the reference is scaled: capacity by the
-    cell's own, resistances by the ratio of what both show at the onset of a discharge from full.
+    both IC peaks at the same rate and a model with the reference's chosen member, the bias
+    functions (thesis eq. 4.3, 4.5) are calibrated on them and predict this cell. 3. Else the
+    reference is scaled: capacity by the cell's own, resistances by the ratio of what both show at
+    the onset of a discharge from full.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ def borrowed_model(own, peers):
 
     Returns
     -------
-    model : dict of schema cellwright-model/1, kind "bias" or "scaled"; `notes` say why.
+    model : dict of schema cellwright-model/2, kind "bias" or "scaled"; `notes` say why.
 
     Raises
     ------
@@ -70,15 +71,15 @@ def borrowed_model(own, peers):
 
 def _biased(own, reference, others):
     main, mean = _shift(reference, own)
-    usable, shifts = [], []
+    base, shifts, changes = _courses(reference.model, reference.model["chosen"]), [], []
     for peer in others:
         try:
-            shifts.append(_shift(reference, peer))
+            shift = _shift(reference, peer)
+            courses = _courses(peer.model, reference.model["chosen"])
         except Refusal:
             continue
-        usable.append(peer)
-    base = _courses(reference.model)
-    changes = [[b - a for a, b in zip(base, _courses(p.model), strict=True)] for p in usable]
+        shifts.append(shift)
+        changes.append([b - a for a, b in zip(base, courses, strict=True)])
     r0, rp, ocv = (np.array([change[k] for change in changes]) for k in range(3))
     mains, means = np.array(shifts).reshape(-1, 2).T
     calibration = calibrate(mains, means, KNOTS, r0, rp, ocv)
@@ -113,11 +114,11 @@ def _shift(reference, cell):
     raise Refusal(f"{cell.cell} and {reference.cell} have no IC peaks at the same rate")
 
 
-def _courses(model):
-    """R0, ΣR and OCV over the knots at 25 °C, of the model's chosen member."""
-    found = parameters_at(member_of(model)["conditions"], KNOTS, REFERENCE_CELSIUS)
-    ocv = ocv_at(model["ocv"], KNOTS, REFERENCE_CELSIUS) + found.ocv_shift_volt
-    return found.r0_ohm, found.r_ohm.sum(axis=0), ocv
+def _courses(model, member):
+    """Fast and slow resistance and OCV over the knots at 25 °C, of the same member of all cells."""
+    found = circuit_at(member_of(model, member)["conditions"], KNOTS, REFERENCE_CELSIUS)
+    fast, slow = fast_and_slow([branch.parameters for branch in found.circuit])
+    return fast, slow, open_circuit_volt(model, found, REFERENCE_CELSIUS)
 
 
 def _resistance_ratio(own, reference):

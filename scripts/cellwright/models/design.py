@@ -15,6 +15,7 @@ from cellwright.models.linear import hats
 
 SOC_WINDOW = 0.01  # over which the slope of an OCV table is taken
 FAST_SECOND = 5.0  # what relaxes faster may be charge transfer, what is slower is diffusion
+UNRESOLVED_SECOND = 1e-3  # for charge transfer that is over before the next sample
 
 
 class Held(NamedTuple):
@@ -133,9 +134,9 @@ def _of_record(data, record, held):
     ohmic = shape * (record.current_ampere * record.warmth)[:, None]
     damped = ohmic if held.scale_volt is None else ohmic * damping(record, shape, held)[:, None]
     found = [("r0", ohmic)]
-    if held.scale_volt is not None:
-        found.append(("rct", damped))
     step = np.diff(record.test_time_second)
+    if held.scale_volt is not None:
+        found.append(("rct", lag(step, UNRESOLVED_SECOND, damped, hold=data.hold)))
     for number, tau in enumerate(held.tau_second, 1):
         drive = damped if tau <= FAST_SECOND else ohmic
         found.append((f"r{number}", lag(step, tau, drive, hold=data.hold)))

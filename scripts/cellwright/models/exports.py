@@ -3,13 +3,17 @@
 import numpy as np
 
 from cellwright.models.circuit import KINDS
-from cellwright.models.lookup import circuit_at, member_of
-from cellwright.models.tables import ocv_at
+from cellwright.models.lookup import circuit_at, member_of, open_circuit_volt
+from cellwright.models.plain import is_plain
+from cellwright.models.tables import celsius_of, temperature_weights
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-pybamm/1"
+DIVIDED = {"r_ohm", "m_volt"}  # parameters that a capacitance is made by
 # Of the kinds that are not linear, these are PyBaMM's elements with parameters over the current.
 OVER_CURRENT = ("R_two_way", "kinetic", "hysteresis")
+NONE = 1e-9  # ohm, volt: stands for a resistance or hysteresis of zero, over which tools divide
+SAME_SOC = 1e-9
 NO_ELEMENT = {
     "switch": "none of its elements remembers at rest which way the last current ran",
     "diffusion": "its diffusion element is a plane sheet whose gain its time constant fixes, "
@@ -42,8 +46,9 @@ def pybamm_parameters(model, member, temperature_celsius):
     Source: PyBaMM, pybamm.equivalent_circuit.Thevenin: of an element du/dt = (R·I − u)/(R·C), R and
     C functions of temperature, current and SoC.
     """
-    soc, found = _on_grid(model, member, temperature_celsius)
-    ocv = ocv_at(model["ocv"], soc, temperature_celsius) + found.ocv_shift_volt
+    soc = _knots(model, member, temperature_celsius)
+    found = circuit_at(member_of(model, member)["conditions"], soc, temperature_celsius)
+    ocv = open_circuit_volt(model, found, temperature_celsius)
     r0, elements = np.zeros(len(soc)), []
     for branch in found.circuit:
         direct, more = _elements(branch, len(soc))
@@ -84,30 +89,6 @@ def pybamm_document(model):
     return about | {"members": members, "refused": refused}
 
 
-def plain_member(model):
-    """Name of the member for tools that know resistors and capacitors only.
-
-    Parameters
-    ----------
-    model : dict, a model file.
-
-    Returns
-    -------
-    name : the chosen member where it is made of a resistor and RC pairs, else the largest such one.
-
-    Raises
-    ------
-    Refusal : no member is.
-    """
-    plain = [m for m in model["members"] if all(_is_plain(c) for c in m["conditions"])]
-    if not plain:
-        raise Refusal(f"no member of the model of {model['cell']} is made of RC pairs alone")
-    names = [member["model"] for member in plain]
-    if model["chosen"] in names:
-        return model["chosen"]
-    return max(plain, key=lambda member: len(member["conditions"][0]["branches"]))["model"]
-
-
 def lookup_table(model, member):
     """A member of RC pairs as columns, one row per temperature and SoC, on one grid of SoC.
 
@@ -125,36 +106,67 @@ def lookup_table(model, member):
     ------
     Refusal : a branch that is no RC pair.
     """
-    if not all(_is_plain(condition) for condition in member_of(model, member)["conditions"]):
+    found = member_of(model, member)
+    if not is_plain(found):
         raise Refusal(f"{member} holds more than RC pairs; a look-up table has no column for it")
-    blocks = [
-        _lookup_block(model, member, celsius) for celsius in _temperatures(member_of(model, member))
-    ]
+    known = _temperatures(found)
+    soc = _apart(np.concatenate([_knots(model, member, celsius) for celsius in known]))
+    blocks = [_lookup_block(model, found, soc, celsius) for celsius in known]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
 
-def _lookup_block(model, member, celsius):
-    soc, found = _on_grid(model, member, celsius)
+def _lookup_block(model, member, soc, celsius):
+    found = circuit_at(member["conditions"], soc, celsius)
     columns = {
-        "model": np.full(len(soc), member),
+        "model": np.full(len(soc), member["model"]),
         "ambient_temperature_celsius": np.full(len(soc), celsius),
         "soc": soc,
-        "ocv_volt": ocv_at(model["ocv"], soc, celsius) + found.ocv_shift_volt,
+        "ocv_volt": open_circuit_volt(model, found, celsius),
         "extrapolated": found.outside_soc,
         "r0_ohm": found.circuit[0].parameters["r_ohm"],
     }
     for k, branch in enumerate(found.circuit[1:], 1):
-        r, tau = branch.parameters["r_ohm"], branch.parameters["tau_second"]
+        r, tau = _some(branch.parameters["r_ohm"]), branch.parameters["tau_second"]
         columns |= {f"r{k}_ohm": r, f"tau{k}_second": tau, f"c{k}_farad": tau / r}
     return columns
 
 
-def _on_grid(model, member, celsius):
-    """Circuit on all knots of SoC that any table of the model has, so that linear is exact."""
-    conditions = member_of(model, member)["conditions"]
-    knots = [[0.0, 1.0], *(one["soc"] for one in (*conditions, *model["ocv"]))]
-    soc = np.unique(np.clip(np.concatenate(knots), 0.0, 1.0))
-    return soc, circuit_at(conditions, soc, celsius)
+def _knots(model, member, celsius):
+    """SoC of all knots of what is looked up at a measured temperature, so that linear is exact."""
+    conditions = [
+        one
+        for one in member_of(model, member)["conditions"]
+        if np.array_equal(celsius_of(one["ambient_temperature_celsius"]), celsius, equal_nan=True)
+    ]
+    tables = _tables_at(model["ocv"], celsius)
+    read = [_counted(one, np.asarray(table["soc"])) for one in conditions for table in tables]
+    soc = np.concatenate([[0.0, 1.0], *(one["soc"] for one in conditions), *read])
+    return _apart(np.clip(soc, 0.0, 1.0))
+
+
+def _tables_at(tables, celsius):
+    """The OCV tables that count at a temperature."""
+    tables = sorted(tables, key=lambda t: celsius_of(t["ambient_temperature_celsius"]))
+    known = np.array([celsius_of(t["ambient_temperature_celsius"]) for t in tables])
+    weights = temperature_weights(known, np.array([celsius]))
+    return [table for table, weight in zip(tables, weights, strict=True) if weight[0] > 0]
+
+
+def _counted(condition, table_soc):
+    """Counted SoC at which an OCV table is read at its own knots, see `lookup.circuit_at`."""
+    scale = condition.get("ocv_scale", {"missing": 0.0, "stretch": 0.0})
+    return (table_soc + scale["missing"] + scale["stretch"]) / (1.0 + scale["stretch"])
+
+
+def _apart(soc):
+    """Ascending, without those that differ by rounding only."""
+    soc = np.unique(soc)
+    return soc[np.append(True, np.diff(soc) > SAME_SOC)]
+
+
+def _some(values):
+    """Nothing as a little, which makes a capacitance finite."""
+    return np.where(np.abs(values) < NONE, NONE, values)
 
 
 def _temperatures(member):
@@ -162,20 +174,17 @@ def _temperatures(member):
     return sorted({np.nan if celsius is None else float(celsius) for celsius in known})
 
 
-def _is_plain(condition):
-    return all(branch.get("kind", "RC") == "RC" for branch in condition["branches"])
-
-
 def _elements(branch, points):
     """Resistance that acts at once (n,), and the elements, of one branch on a grid of SoC."""
     kind, parameters = KINDS[branch.kind], branch.parameters
     if branch.kind in OVER_CURRENT:
-        return np.zeros(points), [{"kind": branch.kind} | parameters]
+        sizes = {name: _some(parameters[name]) for name in DIVIDED & parameters.keys()}
+        return np.zeros(points), [{"kind": branch.kind} | parameters | sizes]
     if not kind.linear or kind.output != "volt":
         reason = NO_ELEMENT.get(branch.kind, "it has no such element")
         raise Refusal(f"PyBaMM's Thevenin model cannot run {branch.kind}: {reason}")
     gain, lags = kind.drive(np.ones(points), **parameters), kind.lags(**parameters)
     direct = 1.0 - sum(lag.share for lag in lags)
-    pairs = [(lag.share * gain, lag.constant + np.zeros(points)) for lag in lags]
+    pairs = [(_some(lag.share * gain), lag.constant + np.zeros(points)) for lag in lags]
     elements = [{"kind": "RC", "r_ohm": r, "tau_second": tau} for r, tau in pairs]
     return direct * gain, elements

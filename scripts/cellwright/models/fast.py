@@ -10,10 +10,11 @@ import numpy as np
 
 from cellwright.models.kernels import HOLDS, lag
 from cellwright.models.lookup import circuit_at, member_of, open_circuit_volt, parameters_at
+from cellwright.models.plain import is_plain, plain_member
 from cellwright.native import array, count, function, real
 from cellwright.refusal import Refusal
 
-MOST_PAIRS = 6  # as in native/simulate.c
+MOST_PAIRS = 16  # as in native/simulate.c
 
 
 class Tables(NamedTuple):
@@ -103,18 +104,25 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/1.
+    model : dict of schema cellwright-model/2.
     temperature_celsius : [degC]; None only for a model of one condition.
-    member : "1RC", "2RC", …, or None for the chosen one.
+    member : name of a member of RC pairs, or None for that of `plain.plain_member`.
     points : size of the grid; where its knots lie on the grid the tables say what the model says.
 
     Returns
     -------
     tables : Tables, with time constants over SoC.
+
+    Raises
+    ------
+    Refusal : a member with more than RC pairs, or as `lookup.circuit_at`.
     """
     soc = np.linspace(0.0, 1.0, points)
     temperature = np.nan if temperature_celsius is None else temperature_celsius
-    conditions = member_of(model, member)["conditions"]
+    found = member_of(model, plain_member(model) if member is None else member)
+    if not is_plain(found):
+        raise Refusal(f"{found['model']} holds more than RC pairs, which is all that runs here")
+    conditions = found["conditions"]
     ocv = open_circuit_volt(model, circuit_at(conditions, soc, temperature), temperature)
     return Tables(ocv, *parameters_at(conditions, soc, temperature)[:3])
 

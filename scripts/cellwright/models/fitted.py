@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.design import FAST_SECOND, columns_of
+from cellwright.models.design import FAST_SECOND, UNRESOLVED_SECOND
+from cellwright.models.refine import covariance_of, with_time_constants
 from cellwright.models.regression import named
 
 LINEAR_VOLT = 1e3  # a scale so wide that kinetics are linear
-UNRESOLVED_SECOND = 1e-3  # for charge transfer that is over before the next sample
 ABSENT_SECOND = 2e-4  # a diffusion time that stands for none
 ABSENT_SHARE = 0.01  # of the capacity: charge constant of a hysteresis that was not found
 AT_BOUND = 0.02  # of the logarithm of a time constant: as near as the search goes
@@ -97,7 +97,7 @@ def _elements(data, member, held, values, stds, tau_stds):
         std = {"r_ohm": stds.get(name, np.nan * same), "tau_second": tau_std * same}
         kinetic = member.kinetic and tau <= FAST_SECOND
         if kinetic:
-            what["scale_volt"] = _scale(held, what["r_ohm"])
+            what["scale_volt"] = (held.scale_volt or LINEAR_VOLT) * same
             std["scale_volt"] = np.nan * same
         found.append(Element("kinetic" if kinetic else "RC", what, std))
     if member.diffusion:
@@ -113,30 +113,9 @@ def _elements(data, member, held, values, stds, tau_stds):
     return tuple(found)
 
 
-def _scale(held, r_ohm):
-    """A branch's share of the common scale, so that together they follow one asinh."""
-    if held.scale_volt is None:
-        return np.full(len(r_ohm), LINEAR_VOLT)
-    return held.scale_volt * np.maximum(r_ohm / np.maximum(held.transfer_ohm, 1e-9), 1e-6)
-
-
 def _with_time_constants(data, held, system, solution):
-    """Deviations with the time constants free as well: their columns by central differences."""
-    step, columns = 0.01, []
-    for n in range(len(held.tau_second)):
-        moved = [list(held.tau_second) for _ in range(2)]
-        moved[0][n] *= np.exp(step)
-        moved[1][n] *= np.exp(-step)
-        up, down = (columns_of(data, held._replace(tau_second=tuple(m))).resistances for m in moved)
-        change = sum(
-            (a - b) @ solution.values[name] for (name, a), (_, b) in zip(up, down, strict=True)
-        )
-        columns.append(change / (2 * step) * system.weight)
-    matrix = np.column_stack([system.matrix, *columns])
-    precision = solution.factor * matrix.T @ matrix
+    """Deviations with the time constants free as well."""
+    free = with_time_constants(data, held, system, solution)
+    std = np.sqrt(np.diag(covariance_of(free, solution)))
     size = len(solution.vector)
-    precision[:size, :size] += system.prior
-    free = np.append(np.isfinite(np.diag(solution.covariance)), np.ones(len(columns), bool))
-    std = np.full(len(free), np.nan)
-    std[free] = np.sqrt(np.diag(np.linalg.inv(precision[np.ix_(free, free)])))
     return named(system, std[:size]), std[size:] * np.asarray(held.tau_second)

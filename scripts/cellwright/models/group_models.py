@@ -46,7 +46,7 @@ def group_models(series, steps, cells, *, test, celsius):
 
     Returns
     -------
-    models : dict, cell → model of schema cellwright-model/1, kind "group".
+    models : dict, cell → model of schema cellwright-model/2, kind "group".
 
     Raises
     ------
@@ -92,42 +92,44 @@ def _charge_between_rests(steps):
 
 def _model(cell, group, branch, celsius, rmse, fitted, note):
     grid = np.linspace(0.0, 1.0, group.ocv_volt.shape[1])
-    knots = np.linspace(0.0, 1.0, KNOTS)
-    unknown = [None] * KNOTS
-
-    def at_knots(table):
-        return np.interp(knots, grid, table).tolist()
-
-    branches = [
-        {
-            "r_ohm": at_knots(r),
-            "r_std_ohm": unknown,
-            "tau_second": at_knots(tau),
-            "tau_std_second": unknown,
-        }
-        for r, tau in zip(group.r_ohm[branch], group.tau_second[branch], strict=True)
-    ]
-    condition = {
-        "ambient_temperature_celsius": celsius,
-        "soc": knots.tolist(),
-        "r0_ohm": at_knots(group.r0_ohm[branch]),
-        "r0_std_ohm": unknown,
-        "branches": branches,
-        "at_bound": [],
-        "fit_rmse_volt": rmse,
-        "tests": [fitted["test"]],
-    }
     ocv = {"ambient_temperature_celsius": celsius, "soc": grid.tolist()}
     ocv |= {"ocv_volt": group.ocv_volt[branch].tolist(), "branches": "group"}
+    condition = {"ambient_temperature_celsius": celsius} | _courses(group, branch, grid)
+    condition |= {"fit_rmse_volt": rmse, "tests": [fitted["test"]]}
     return {
         "schema": SCHEMA,
         "cell": cell,
         "capacity_ampere_hour": float(group.capacity_ampere_hour[branch]),
         "borrowed_from": None,
         "ocv": [ocv],
-        "members": [{"model": "1RC", "conditions": [condition]}],
+        "members": [{"model": "1RC", "left_out_rmse_volt": None, "conditions": [condition]}],
         "chosen": "1RC",
         "kind": "group",
         "fitted": fitted,
         "notes": [note],
+    }
+
+
+def _courses(group, branch, grid):
+    """What a condition of a model file says over SoC, of one branch of the group."""
+    knots = np.linspace(0.0, 1.0, KNOTS)
+    unknown = [None] * KNOTS
+
+    def at_knots(table):
+        return np.interp(knots, grid, table).tolist()
+
+    pairs = zip(group.r_ohm[branch], group.tau_second[branch], strict=True)
+    return {
+        "soc": knots.tolist(),
+        "r0_ohm": at_knots(group.r0_ohm[branch]),
+        "r0_std_ohm": unknown,
+        "branches": [
+            {"kind": "RC", "r_ohm": at_knots(r), "r_std_ohm": unknown}
+            | {"tau_second": at_knots(tau), "tau_std_second": unknown}
+            for r, tau in pairs
+        ],
+        "ocv_shift_volt": [0.0] * KNOTS,
+        "ocv_scale": {"missing": 0.0, "stretch": 0.0},
+        "activation_energy_joule_per_mole": 0.0,
+        "at_bound": [],
     }

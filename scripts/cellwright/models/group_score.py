@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.models.basis import REFERENCE_CELSIUS
 from cellwright.models.group_models import REST_SHARE, branch_currents
 from cellwright.models.pack import group_of, simulate_parallel
+from cellwright.models.plain import plain_member
 from cellwright.refusal import Refusal
 
 
@@ -45,18 +46,28 @@ def validate_group(models, branches, series, *, test, celsius):
     time, total = series["test_time_second"], series["current_ampere"]
     celsius = REFERENCE_CELSIUS if celsius is None else celsius
     group = group_of(models, temperature_celsius=celsius)
-    notes = []
+    members = [plain_member(model) for model in models]
+    notes = _replaced(models, members)
     wire = _wires(branches, notes)
     start = _initial_soc(branches, group, series, notes)
     run = simulate_parallel(time, total, group, initial_soc=start, wire_resistance_ohm=wire)
     scored = _unseen(models, time, test, notes)
-    rows = _rows(measured, run, series, scored, branches, models, group)
+    rows = _rows(measured, run, series, scored, branches, members, group)
     columns = {n: series[n] for n in ("test_time_second", "current_ampere", "voltage_volt")}
     columns |= {"simulated_voltage_volt": run.voltage_volt, "scored": scored}
     for k in range(len(branches)):
         columns[f"branch_{k + 1}_current_ampere"] = measured[:, k]
         columns[f"simulated_branch_{k + 1}_current_ampere"] = run.branch_current_ampere[:, k]
     return GroupValidation(rows, columns, tuple(notes))
+
+
+def _replaced(models, members):
+    """What is said where a cell's chosen member is none that the parallel solver can run."""
+    return [
+        f"{model['cell']} simulated as {member}: its {model['chosen']} is more than RC pairs"
+        for model, member in zip(models, members, strict=True)
+        if member != model["chosen"]
+    ]
 
 
 def _wires(branches, notes):
@@ -78,7 +89,8 @@ def _initial_soc(branches, group, series, notes):
     # cell is the group's first voltage.
     notes.append("SoC at the start from the group's first voltage")
     grid = np.linspace(0.0, 1.0, group.ocv_volt.shape[1])
-    found = [np.interp(series["voltage_volt"][0], curve, grid) for curve in group.ocv_volt]
+    rising = np.maximum.accumulate(group.ocv_volt, axis=1)
+    found = [np.interp(series["voltage_volt"][0], curve, grid) for curve in rising]
     return np.array([v if s is None else s for s, v in zip(stated, found, strict=True)])
 
 
@@ -95,11 +107,11 @@ def _unseen(models, time, test, notes):
     return unseen
 
 
-def _rows(measured, run, series, scored, branches, models, group):
+def _rows(measured, run, series, scored, branches, members, group):
     total = run.branch_current_ampere.sum(axis=1) - series["current_ampere"]
     voltage_error = (series["voltage_volt"] - run.voltage_volt)[scored]
     rows = []
-    for k, (branch, model) in enumerate(zip(branches, models, strict=True)):
+    for k, (branch, member) in enumerate(zip(branches, members, strict=True)):
         error = (measured[:, k] - run.branch_current_ampere[:, k])[scored]
         rows.append(
             {
@@ -111,7 +123,7 @@ def _rows(measured, run, series, scored, branches, models, group):
                 "capacity_ampere_hour": float(group.capacity_ampere_hour[k]),
                 "kcl_residual_ampere": float(np.abs(total).max()),
                 "samples": int(scored.sum()),
-                "model": model["chosen"],
+                "model": member,
             }
         )
     return rows

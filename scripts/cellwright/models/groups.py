@@ -44,9 +44,9 @@ def course_celsius(facts, series):
     # chamber's: the core of a loaded cell is warmer.
     measured = series.get("surface_temperature_celsius")
     if measured is not None and np.isfinite(measured).all():
-        return np.asarray(measured, float), "the measured surface's"
+        return np.asarray(measured, float), "the surface's measured"
     stated = facts["ambient_temperature_celsius"]
-    source = "25 °C, for none is known" if stated is None else "the chamber's"
+    source = "25 °C, for want of any" if stated is None else "the chamber's"
     held = REFERENCE_CELSIUS if stated is None else stated
     return np.full(len(series["test_time_second"]), float(held)), source
 
@@ -69,12 +69,8 @@ def groups_of(tests, basis, cell, *, split_rest_second):
     """
     groups, notes = [], []
     for celsius, members in _by_temperature(tests):
-        found = {}
-        for test in members:
-            try:
-                found[test.facts["test"]] = _record(test, basis, cell, split_rest_second, notes)
-            except Refusal as refusal:
-                notes.append(f"not fitted: {test.facts['test']}: {refusal}")
+        tried = [(test, _tried(test, basis, cell, split_rest_second, notes)) for test in members]
+        found = {test.facts["test"]: made for test, made in tried if made is not None}
         if found:
             records, courses = zip(*found.values(), strict=True)
             pulsed = any(test.facts["kind"] == "hppc" for test in members)
@@ -101,6 +97,15 @@ def _celsius(test):
     return (
         stated if stated is not None else float(course_celsius(test.facts, test.series)[0].mean())
     )
+
+
+def _tried(test, basis, cell, split_rest_second, notes):
+    """Record and course of a test, None with a note where it cannot be used."""
+    try:
+        return _record(test, basis, cell, split_rest_second, notes)
+    except Refusal as refusal:
+        notes.append(f"not fitted: {test.facts['test']}: {refusal}")
+        return None
 
 
 def _record(test, basis, cell, split_rest_second, notes):

@@ -15,6 +15,7 @@ from cellwright.models.design import Data, Held, columns_of
 from cellwright.models.fitted import Condition, condition_of
 from cellwright.models.linear import solve
 from cellwright.models.records import edges, thin, without_edges
+from cellwright.models.refine import refined
 from cellwright.models.regression import SCALES, solved, system_of
 from cellwright.models.settle import cheapest, cost_of, settled
 from cellwright.models.tables import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
@@ -130,6 +131,8 @@ def identify(
         held = cheapest(data, [held._replace(**{name: value}) for value in values], solution.factor)
     held, system, solution = settled(data, held)
     bounds = None if member.pairs is None else (low, high)
+    if member.pairs:
+        held, system, solution = refined(data, held, system, solution, bounds)
     condition = condition_of(data, member, held, system, solution, bounds)
     return Fitted(condition, held, system, solution)
 

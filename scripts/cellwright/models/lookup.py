@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.models.circuit import KINDS, Branch
+from cellwright.models.kinetics import with_shared_scale
 from cellwright.models.simulate import OpenCircuit, overpotentials
 from cellwright.models.tables import celsius_of, continued_ocv_at, temperature_weights, warmth
 from cellwright.refusal import Refusal
 
 SAME_KELVIN = 5.0
 WARMED = ("r_ohm", "r_charge_ohm", "r_discharge_ohm", "soc_per_ampere")
-SMALLEST = 1e-7  # of any parameter: the logarithm of none would be −∞
+SMALLEST = 1e-9  # of any parameter: the logarithm of none would be −∞
 
 
 class Parameters(NamedTuple):
@@ -109,7 +110,8 @@ def circuit_at(conditions, soc, temperature_celsius):
     far = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
     outside = sum(weight * one for weight, one in zip(weights, far, strict=True)) > 0
     table_soc = _on_table(conditions, weights, soc)
-    return Found(tuple(circuit), table_soc, shift, outside, _outside(known, here))
+    circuit = with_shared_scale(circuit)
+    return Found(circuit, table_soc, shift, outside, _outside(known, here))
 
 
 def parameters_at(conditions, soc, temperature_celsius):

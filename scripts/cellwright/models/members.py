@@ -40,3 +40,14 @@ def member_named(name):
         raise Refusal(f"model {name!r} is unknown; allowed are 0RC … 4RC or DRT, then +H, +K, +D")
     number = None if pairs[1] is None else int(pairs[1])
     return Member(name, number, *(letter in options for letter in OPTIONS))
+
+
+def size_of(member):
+    """How much a member holds, for the choice between equals: courses over SoC and numbers.
+
+    Parameters
+    ----------
+    member : Member.
+    """
+    pairs = 10 if member.pairs is None else member.pairs
+    return 2 * pairs + 2 * member.hysteresis + 2 * member.kinetic + member.diffusion

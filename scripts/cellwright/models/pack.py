@@ -138,7 +138,8 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
     ----------
     models : sequence of model dicts, in the order of the branches.
     temperature_celsius : temperature of the group [degC]; None only for models of one condition.
-    member : "1RC", "2RC", … for all cells, or None for the chosen one of each.
+    member : name of a member of RC pairs for all cells, or None for that of `plain.plain_member`
+        of each.
     points : size of the SoC grid.
 
     Returns
@@ -147,7 +148,7 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
 
     Raises
     ------
-    Refusal : no model, or see `lookup.parameters_at`.
+    Refusal : no model, or see `fast.tables_of`.
     """
     if not models:
         raise Refusal("a group without models cannot be simulated")

@@ -5,10 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.models.bank import NODES, drives
+from cellwright.models.levels import edges_of, levels_of
 from cellwright.refusal import Refusal
 
 OCV, TOTAL, SLOPE, ERROR, GAIN = range(5)  # columns of the tables; gains, then constants, follow
-LARGEST = 16  # states that the compiled kernel takes
+TRACKED = ("error", "fast", "standing", "capacity", "ohmic")  # states after SoC and lags
+LARGEST = 32  # states that the compiled kernel takes
 
 
 class Noise(NamedTuple):
@@ -16,22 +18,28 @@ class Noise(NamedTuple):
 
     sensor_volt : white noise of the voltage sensor, standard deviation [V].
     resistance_error : relative error of the model's overpotentials [1].
-    error_factor : error of a model on another record, over that on the data it was fitted to [1].
+    fast_second : for how long an error of what acts at once lasts [s]; 0: it is white.
+    error_factor : error of a model on another record, over what the bank says of it [1].
     least_error_volt : no model is better than this on another record [V].
-    error_second : time over which the model's error stays what it is [s]; 0: it is white.
+    error_second : time over which its error under load stays what it is [s]; 0: it is white.
+    error_soc : charge over which its error at rest stays what it is [1]; 0: as that under load.
     soc_walk : variance of the SoC that the current sensor adds, at least and at most [1/s].
     ohmic_walk : variance of the ohmic scale, where that is tracked [1/s].
+    skew_second : time by which voltage may follow the current later than it was read [s].
     slope_window_soc : window over which the slope of the OCV is taken [1].
     adaptive : noise is matched to what is seen, over `window` samples.
     """
 
     sensor_volt: float = 0.002
     resistance_error: float = 0.1
-    error_factor: float = 2.0
+    fast_second: float = 5.0
+    error_factor: float = 1.0
     least_error_volt: float = 0.005
     error_second: float = 150.0
+    error_soc: float = 0.3
     soc_walk: tuple = (7e-9, 7e-8)
     ohmic_walk: float = 1e-5
+    skew_second: float = 0.2
     slope_window_soc: float = 0.02
     adaptive: bool = True
     window: int = 600
@@ -42,15 +50,18 @@ class Plant(NamedTuple):
 
     step_second, charge_ampere_hour, passed_ampere_hour : (n,) over the step that ends at a sample;
         charge is net, passed counts both ways.
-    current_ampere, voltage_volt : (n,).
+    current_ampere, between_ampere : (n,) at a sample and over the step before it, by which drives
+        go: warmth is in them.
+    voltage_volt, edge_variance : (n,); what a step of the current leaves unknown [V²].
     tables : (m, 4 + E + L): OCV, OCV with shift, its slope, model error, gains, constants of lags.
     soc_first, soc_spacing : their uniform grid.
     shifts_soc, direct, source, by_charge : (E,) whether an element's output is an offset of the
         SoC; the share that acts at once; its row of `drives`, −1 for a gain; its clock.
     drives : (q, n, nodes) of what is not linear in the current.
     element, share, moves : (L,) of each lag; `moves` where its constant changes over SoC.
-    white_variance, slow_variance : of the noise, and of the model's error beside the tables' [V²].
-    size : states; error, capacity, ohmic: where those stand, −1 for none.
+    white_variance, fast_variance, slow_variance : of the noise, of what acts at once, and of the
+        model's error beside the tables' [V²].
+    size : states; error, fast, standing, capacity, ohmic: where they stand, −1 for none.
     """
 
     step_second: np.ndarray
@@ -59,6 +70,7 @@ class Plant(NamedTuple):
     current_ampere: np.ndarray
     between_ampere: np.ndarray
     voltage_volt: np.ndarray
+    edge_variance: np.ndarray
     tables: np.ndarray
     soc_first: float
     soc_spacing: float
@@ -72,10 +84,13 @@ class Plant(NamedTuple):
     moves: np.ndarray
     capacity_ampere_hour: float
     white_variance: float
+    fast_variance: float
     slow_variance: float
     first_order: bool
     size: int
     error: int
+    fast: int
+    standing: int
     capacity: int
     ohmic: int
 
@@ -88,6 +103,7 @@ def plant_of(
     noise,
     *,
     hold,
+    warmth=1.0,
     track_capacity=False,
     track_ohmic=False,
 ):
@@ -99,6 +115,8 @@ def plant_of(
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A] positive on charge, [V].
     noise : Noise.
     hold : "first_order" or "zero_order", how the current runs between two samples.
+    warmth : scalar or (n,) resistance of the cell at each sample over that at the bank's
+        temperature [1].
     track_capacity, track_ohmic : whether capacity and a scale of the ohmic resistance are states.
 
     Returns
@@ -114,20 +132,27 @@ def plant_of(
     before = np.concatenate([current[:1], current[:-1]])
     between = before if hold == "zero_order" else (before + current) / 2
     by_charge = _clocks(bank)
-    record = {0: current, 1: between}
+    # ASSUME: Along a record all resistances move by one factor; what is linear or kinetic takes it
+    # as a factor on the current, what follows the sign of the current does not feel it.
+    warm = warmth * current, warmth * between
     curved = [k for k, e in enumerate(bank.elements) if e.gain is None]
-    rows = [drives(bank.elements[k], record[by_charge[k]]) for k in curved]
-    swing, sag = _levels(bank, current, dict(zip(curved, rows, strict=True)))
-    constants = [lag.constant for lag in bank.lags]
-    tracked = (noise.error_second > 0, track_capacity, track_ohmic)
+    rows = [drives(bank.elements[k], warm[by_charge[k]]) for k in curved]
+    levels = levels_of(bank, warm[0], dict(zip(curved, rows, strict=True)))
+    fast = (noise.resistance_error * float(levels @ [e.direct for e in bank.elements])) ** 2
+    constants = [one.constant for one in bank.lags]
+    errors = (noise.error_second, noise.fast_second, noise.error_soc)
+    tracked = (*(span > 0 for span in errors), track_capacity, track_ohmic)
     spots = _layout(len(bank.elements), len(bank.lags), *tracked)
     return Plant(
         step_second=step,
         charge_ampere_hour=between * step / 3600.0,
         passed_ampere_hour=np.abs(between) * step / 3600.0,
-        current_ampere=current,
-        between_ampere=between,
+        current_ampere=np.ascontiguousarray(warm[0]),
+        between_ampere=np.ascontiguousarray(warm[1]),
         voltage_volt=voltage,
+        edge_variance=edges_of(
+            bank, levels, step, warm[0], skew_second=noise.skew_second, hold=hold
+        ),
         tables=_tables(bank, noise, constants),
         soc_first=float(bank.soc[0]),
         soc_spacing=float(bank.soc[1] - bank.soc[0]),
@@ -136,42 +161,27 @@ def plant_of(
         source=np.array([_place(k, curved) for k in range(len(bank.elements))], np.int64),
         by_charge=by_charge,
         drives=np.ascontiguousarray(np.reshape(rows, (-1, len(time), len(NODES)))),
-        element=np.array([lag.element for lag in bank.lags], np.int64),
-        share=np.array([lag.share for lag in bank.lags], float),
+        element=np.array([one.element for one in bank.lags], np.int64),
+        share=np.array([one.share for one in bank.lags], float),
         moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
         capacity_ampere_hour=float(bank.capacity_ampere_hour),
-        white_variance=noise.sensor_volt**2 + (noise.resistance_error * swing) ** 2,
-        slow_variance=(noise.resistance_error * sag) ** 2,
+        white_variance=noise.sensor_volt**2 + (0.0 if noise.fast_second > 0.0 else fast),
+        fast_variance=fast,
+        slow_variance=(noise.resistance_error * float(levels.sum())) ** 2
+        + max(noise.error_factor * bank.load_error_volt, noise.least_error_volt) ** 2,
         first_order=hold == "first_order",
         **spots,
     )
-
-
-def _levels(bank, current, curved):
-    """RMS of what acts at once, and of the whole overpotential, at half charge under this load [V].
-
-    One level for the whole record: were the noise to follow the current, an error of a resistance
-    would be heard at rest and not under load, and drive the SoC away, cycle by cycle.
-    """
-    half = int(np.argmin(np.abs(bank.soc - 0.5)))
-    slope = (bank.ocv_volt[half + 1] - bank.ocv_volt[half - 1]) / (bank.soc[2] - bank.soc[0])
-    swing, sag = 0.0, 0.0
-    for k, element in enumerate(bank.elements):
-        middle = len(NODES) // 2
-        drive = curved[k][:, middle] if k in curved else element.gain[half] * current
-        level = np.sqrt(np.mean(drive**2)) * (slope if element.output == "soc" else 1.0)
-        swing, sag = swing + element.direct * level, sag + level
-    return float(swing), float(sag)
 
 
 def _place(index, curved):
     return curved.index(index) if index in curved else -1
 
 
-def _layout(elements, lags, error, capacity, ohmic):
-    """Places of the states: SoC, lags, model error, capacity, ohmic scale."""
+def _layout(elements, lags, *tracked):
+    """Places of the states: SoC, lags, model errors, capacity, ohmic scale."""
     spots, size = {}, 1 + lags
-    for name, there in (("error", error), ("capacity", capacity), ("ohmic", ohmic)):
+    for name, there in zip(TRACKED, tracked, strict=True):
         spots[name] = size if there else -1
         size += int(there)
     if max(size, elements) > LARGEST:
@@ -182,8 +192,8 @@ def _layout(elements, lags, error, capacity, ohmic):
 
 def _clocks(bank):
     found = np.zeros(len(bank.elements), np.int64)
-    for lag in bank.lags:
-        found[lag.element] = lag.clock == "ampere_hour"
+    for one in bank.lags:
+        found[one.element] = one.clock == "ampere_hour"
     return found
 
 

@@ -127,6 +127,8 @@ def _typical(columns, matrix, target, knots):
     gram += np.diag(1e-6 * np.diag(gram))  # two columns may say the same
     found = solve(gram, reduced.T @ target, 1)[1:]
     ohmic = np.array([name != "m" for name in names])
+    if not found[ohmic].any():
+        raise Refusal("no resistance above zero: the voltage moves against the current's sign")
     least = np.where(ohmic, 0.05 * found[ohmic].max(), 0.005)
     return np.maximum(found, least)
 

@@ -2,15 +2,19 @@
 
 from cellwright.models.circuit import KINDS
 from cellwright.models.conditions import std_name
+from cellwright.models.design import UNRESOLVED_SECOND
 from cellwright.refusal import Refusal
 
-UNITS = {
-    "r_ohm": "Ohm",
-    "tau_second": "s",
-    "scale_volt": "V",
-    "m_volt": "V",
-    "charge_ampere_hour": "Ah",
-    "soc_per_ampere": "1/A",
+# Parameters of branches: name in the table, without the branch's number or kind, and unit.
+NAMES = {
+    "r_ohm": ("r", "Ohm"),
+    "r_charge_ohm": ("r_charge", "Ohm"),
+    "r_discharge_ohm": ("r_discharge", "Ohm"),
+    "tau_second": ("tau", "s"),
+    "scale_volt": ("scale", "V"),
+    "m_volt": ("m", "V"),
+    "charge_ampere_hour": ("charge", "Ah"),
+    "soc_per_ampere": ("gain", "1/A"),
 }
 
 
@@ -34,11 +38,14 @@ def parameter_rows(model):
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/1.
+    model : dict of schema cellwright-model/2.
 
     Returns
     -------
-    rows : list of dict, by member, condition, parameter and SoC.
+    rows : list of dict, by member, condition, parameter and SoC: r0, then r1, tau1, … of RC pairs
+        and kinetics (these with scale1, …), rct, tauct, scalect of the charge transfer that no
+        sample resolves, hysteresis_m, hysteresis_charge, diffusion_gain, diffusion_tau, ocv_shift;
+        without SoC ocv_missing, ocv_stretch and activation_energy, of the condition as a whole.
     """
     conditions = [(m["model"], c) for m in model["members"] for c in m["conditions"]]
     return [row for name, condition in conditions for row in _rows(name, condition)]
@@ -46,34 +53,40 @@ def parameter_rows(model):
 
 def _rows(member, condition):
     celsius = condition["ambient_temperature_celsius"]
-    for name, values, stds, unit in _columns(condition):
+    about = {"model": member, "ambient_temperature_celsius": celsius}
+    for name, flag, values, stds, unit in _columns(condition):
         stds = stds or [None] * len(values)
         for soc, value, std in zip(condition["soc"], values, stds, strict=True):
-            yield {
-                "model": member,
-                "ambient_temperature_celsius": celsius,
-                "soc": soc,
-                "parameter": name,
-                "value": value,
-                "std": std,
-                "unit": unit,
-                "at_bound": _bounded(condition, name, soc),
-            }
+            row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
+            yield about | row | {"at_bound": _bounded(condition, name, flag, soc)}
+    scale = condition.get("ocv_scale", {})
+    whole = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
+    energy = condition.get("activation_energy_joule_per_mole")
+    for name, value, unit in [*whole, ("activation_energy", energy, "J/mol")]:
+        row = {"soc": None, "parameter": name, "value": value, "std": None, "unit": unit}
+        if value is not None:
+            yield about | row | {"at_bound": False}
 
 
 def _columns(condition):
-    """Name, values, deviations and unit; resistances and time constants numbered by their RC."""
-    yield "r0", condition["r0_ohm"], condition["r0_std_ohm"], "Ohm"
+    """Name, name of the bound, values, deviations and unit of everything that runs over SoC."""
+    yield "r0", "R0", condition["r0_ohm"], condition["r0_std_ohm"], "Ohm"
     number = 0
     for branch in condition["branches"]:
-        kind = branch.get("kind", "RC")
-        pair = kind in ("RC", "kinetic")
-        number += pair
-        for name in KINDS[kind].parameters:
-            label = f"{name.split('_')[0]}{number}" if pair else f"{kind}_{name.split('_')[0]}"
-            yield label, branch[name], branch.get(std_name(name)), UNITS[name]
+        kind, label = branch.get("kind", "RC"), ""
+        if kind in ("RC", "kinetic"):
+            resolved = kind == "RC" or branch["tau_second"][0] > UNRESOLVED_SECOND
+            number += resolved
+            label = str(number) if resolved else "ct"
+        for parameter in KINDS[kind].parameters:
+            short, unit = NAMES[parameter]
+            name = f"{short}{label}" if label else f"{kind}_{short}"
+            flag = f"{short}{label}".upper()
+            yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
+    if "ocv_shift_volt" in condition:
+        yield "ocv_shift", "", condition["ocv_shift_volt"], None, "V"
 
 
-def _bounded(condition, name, soc):
+def _bounded(condition, name, flag, soc):
     flags = condition.get("at_bound", [])
-    return name in flags or f"{name.upper()} at SoC {soc:.3f}" in flags
+    return name in flags or f"{flag} at SoC {soc:.3f}" in flags

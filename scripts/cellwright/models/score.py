@@ -61,7 +61,7 @@ def validate(model, cell, facts, series, *, split_rest_second):
         )
     kept = {name: series[name] for name in ("test_time_second", "current_ampere", "voltage_volt")}
     columns = kept | {"soc": anchored.soc, "scored": scored} | columns
-    return Validation(rows, columns, (f"simulated at a temperature that is {source}",))
+    return Validation(rows, columns, (f"simulated at {source} temperature",))
 
 
 def scores(error_volt, soc):

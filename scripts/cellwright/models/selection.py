@@ -4,12 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.models.members import member_named, size_of
 from cellwright.models.regression import held_out
 from cellwright.refusal import Refusal
 
 FOLDS = 4
 SMALLEST_VOLT2 = 1e-12
-CLEAR = 2.0  # standard errors by which a difference is more than chance
+NEAR = 1.1  # of rms errors that count as equal
+CLEAR = 1.0  # standard errors: the one-standard-error rule
 
 
 class Score(NamedTuple):
@@ -59,11 +61,12 @@ def left_out(fitted, block):
 
 
 def choose(scores):
-    """The member with the smallest error of what was left out, and which others are equal to it.
+    """The simplest member among those that no other predicts what was left out better than.
 
     Compared is the logarithm of each block's mean square error, so that one block near empty does
-    not outvote all others. Equal are members whose mean difference from the best, block by block,
-    is less than two standard errors.
+    not outvote all others. Equal to the best are members whose mean difference from it, block by
+    block, is less than one standard error, and whose rms error over all blocks is not more than a
+    tenth larger: what fails in one corner is not equal.
 
     Parameters
     ----------
@@ -76,6 +79,9 @@ def choose(scores):
     Raises
     ------
     Refusal : no member, or members that were not scored on the same blocks.
+
+    Source: the one-standard-error rule of L. Breiman et al., Classification and Regression Trees
+    (1984), 3.4.3.
     """
     if not scores:
         raise Refusal("no member of the family could be fitted and scored at every temperature")
@@ -87,9 +93,11 @@ def choose(scores):
     rmse = {name: float(np.sqrt(np.average(s, weights=weight))) for name, s in square.items()}
     logs = {name: np.log(np.maximum(s, SMALLEST_VOLT2)) for name, s in square.items()}
     best = min(logs, key=lambda name: logs[name].mean())
-    equal = [name for name in logs if _equal(logs[name] - logs[best])]
+    near = [name for name in logs if rmse[name] <= NEAR * rmse[best]]
+    equal = [name for name in near if _equal(logs[name] - logs[best])]
+    chosen = min(equal, key=lambda name: (size_of(member_named(name)), logs[name].mean()))
     typical = {name: float(np.exp(log.mean() / 2)) for name, log in logs.items()}
-    return Choice(best, rmse, _words(best, equal, typical, rmse))
+    return Choice(chosen, rmse, _words(chosen, equal, typical, rmse))
 
 
 def _equal(difference):
@@ -105,7 +113,7 @@ def _words(chosen, equal, typical, rmse):
     listed = f"Typical error of a block left out of the fit, rms of all in brackets: {listed}"
     same = [name for name in ranked if name in equal and name != chosen]
     if same:
-        return f"{chosen} chosen; equal to it within chance: {', '.join(same)}. {listed}"
+        return f"{chosen} chosen: equal within chance to {', '.join(same)}, and simpler. {listed}"
     second = next((name for name in ranked if name != chosen), None)
     clear = f", clearly before {second}" if second else ", the only one asked for"
     return f"{chosen} chosen{clear}. {listed}"

@@ -6,9 +6,9 @@ import numpy as np
 
 from cellwright.models.acquisition import acquire
 from cellwright.models.bank import NODES
-from cellwright.models.kalman import run
 from cellwright.models.kernels import lag
 from cellwright.models.plant import ERROR, GAIN, SLOPE, TOTAL, Noise, plant_of
+from cellwright.models.recursion import run
 from cellwright.refusal import Refusal
 
 METHODS = ("coulomb", "ocv", "ekf", "aekf", "dual")
@@ -62,6 +62,7 @@ def estimate(
     method,
     noise=None,
     hold="first_order",
+    warmth=1.0,
     track_ohmic=True,
 ):
     """State of charge over a record, from a start that may be wrong.
@@ -80,6 +81,7 @@ def estimate(
     method : one of `METHODS`.
     noise : Noise; None takes its defaults.
     hold : how the current runs between two samples.
+    warmth : scalar or (n,) resistance of the cell at each sample over the bank's [1].
     track_ohmic : estimate a scale of the ohmic resistance as well; without, an error of it is taken
         for one of the SoC.
 
@@ -93,7 +95,8 @@ def estimate(
 
     Source: thesis 2.4, table 2.3 and appendix B; docs/soc-filters.md says what was mended.
     """
-    # ASSUME: A filter's model error keeps its value for about `error_second`, then forgets it.
+    # ASSUME: What a model errs by at rest keeps its value over about `error_soc` of the charge, what
+    # it errs by under load for about `error_second`.
     if method not in METHODS:
         raise Refusal(f"SoC method {method!r} is unknown; known are {', '.join(METHODS)}")
     if not (0.0 <= start.soc <= 1.0 and start.soc_std > 0.0):
@@ -103,7 +106,8 @@ def estimate(
     noise = (noise or Noise())._replace(adaptive=method in ("aekf", "dual"))
     dual = method == "dual"
     record = (test_time_second, current_ampere, voltage_volt)
-    plant = plant_of(bank, *record, noise, hold=hold, track_capacity=dual, track_ohmic=track_ohmic)
+    settings = {"hold": hold, "warmth": warmth}
+    plant = plant_of(bank, *record, noise, **settings, track_capacity=dual, track_ohmic=track_ohmic)
     if method == "coulomb":
         return _plain(*_counted(plant, start, noise))
     if method == "ocv":

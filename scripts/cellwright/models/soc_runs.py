@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.bank import bank_of
-from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
+from cellwright.models.bank import bank_of, warmth_of
+from cellwright.models.basis import soc_of
+from cellwright.models.groups import course_celsius
 from cellwright.models.plant import Noise
 from cellwright.models.soc import Start, estimate
 from cellwright.models.soc_scores import scores
@@ -24,6 +25,7 @@ class Record(NamedTuple):
     voltage_volt: np.ndarray
     reference_soc: np.ndarray
     scored: np.ndarray
+    warmth: np.ndarray
 
 
 class SocRuns(NamedTuple):
@@ -42,7 +44,7 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/1.
+    model : dict of schema cellwright-model/2.
     cell, facts : dicts, the rows of the cell and of the test.
     series : dict of (n,) columns, clean.
     settings : dict, section `soc` of the config.
@@ -57,9 +59,12 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
     Refusal
         No SoC at the start can be known, nothing is left to score, or as `soc.estimate`.
     """
-    record = _record(model, cell, facts, series, split_rest_second)
-    celsius, note = _celsius(facts, series)
+    course, source = course_celsius(facts, series)
+    celsius = _loaded_mean(model, series, course)
     bank = bank_of(model, None, celsius)
+    record = _record(model, cell, facts, series, split_rest_second)
+    record = record._replace(warmth=warmth_of(model, None, course, celsius))
+    note = f"filters run at {celsius:.1f} °C, the mean under load of a temperature that is {source}"
     noise = noise_of(settings, record.test_time_second)
     first, *others = _starts(settings, record.reference_soc[0])
     plans = [("nominal", start) for start in (first, *others)]
@@ -71,7 +76,7 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
         columns |= _columns(method, found[0][1])
     rows = [row | {"model": model["chosen"]} for row in rows]
     shown = {"test_time_second": record.test_time_second, "soc": record.reference_soc}
-    return SocRuns(rows, shown | {"scored": record.scored} | columns, (note,) if note else ())
+    return SocRuns(rows, shown | {"scored": record.scored} | columns, (note,))
 
 
 def noise_of(settings, test_time_second):
@@ -95,8 +100,11 @@ def noise_of(settings, test_time_second):
         resistance_error=settings["resistance_error"],
         error_factor=settings["model_error_factor"],
         least_error_volt=settings["model_error_volt"],
+        fast_second=settings["resistance_error_second"],
         error_second=settings["model_error_second"],
+        error_soc=settings["model_error_soc"],
         soc_walk=(walk, WALK_RATIO * walk),
+        skew_second=settings["skew_second"],
         slope_window_soc=settings["slope_window_soc"],
         window=int(np.clip(samples, FEWEST, MOST)),
     )
@@ -109,19 +117,16 @@ def _record(model, cell, facts, series, split_rest_second):
         rest = REST_C_RATE * model["capacity_ampere_hour"]
         scored = ~fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
     reference = soc_of(series, model, facts, cell).soc
-    return Record(time, current, series["voltage_volt"], reference, scored)
+    return Record(time, current, series["voltage_volt"], reference, scored, np.ones(len(time)))
 
 
-def _celsius(facts, series):
-    """One temperature for the whole record: a filter's tables do not move."""
-    # ASSUME: A filter runs at one temperature: the chamber's, else the mean of the cell's surface.
-    stated = facts["ambient_temperature_celsius"]
-    if stated is not None:
-        return stated, ""
-    measured = series.get("surface_temperature_celsius")
-    if measured is not None and np.isfinite(measured).any():
-        return float(np.nanmean(measured)), "filters run at the mean surface temperature"
-    return REFERENCE_CELSIUS, "no temperature known: filters run at 25 °C"
+def _loaded_mean(model, series, course):
+    """One temperature for the tables of the whole record: where the load is, not the rests."""
+    # ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under
+    # load; resistances follow the temperature.
+    limit = REST_C_RATE * model["capacity_ampere_hour"]
+    loaded = np.abs(series["current_ampere"]) > limit
+    return float(np.mean(course[loaded])) if loaded.any() else float(np.mean(course))
 
 
 def _starts(settings, soc):
@@ -156,7 +161,8 @@ def _one(method, plan, record, bank, noise, settings):
     scenario, start = plan
     given, bank, start = _disturbed(scenario, record, bank, start, settings)
     tracked = settings["track_resistance"]
-    found = estimate(bank, *given[:3], start, method=method, noise=noise, track_ohmic=tracked)
+    known = {"noise": noise, "warmth": given.warmth, "track_ohmic": tracked}
+    found = estimate(bank, *given[:3], start, method=method, **known)
     error = float(start.soc - given.reference_soc[0])
     row = {"filter": method, "scenario": scenario, "initial_soc_error": error}
     row |= _scored(given, found, settings)
@@ -185,8 +191,9 @@ def _reason(row, bank, given, noise, settings):
     total = bank.ocv_volt + bank.shift_volt
     ends = [np.interp(np.clip(visited + side, 0, 1), bank.soc, total) for side in (-0.05, 0.05)]
     slope = float(np.median(ends[1] - ends[0]))
-    fitted = noise.error_factor * float(np.median(bank.error_volt))
-    error = max(fitted, noise.least_error_volt)
+    stated = np.interp(visited, bank.soc, bank.error_volt)
+    stated = float(np.hypot(np.median(stated), bank.load_error_volt))
+    error = max(noise.error_factor * stated, noise.least_error_volt)
     if error * 0.1 > band * slope:
         told = f"the OCV slope of {1e3 * slope:.1f} mV per 10 % is below what a model error of"
         return f"{told} {1e3 * error:.1f} mV allows for {100 * band:g} %"

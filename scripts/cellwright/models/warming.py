@@ -7,8 +7,9 @@ import numpy as np
 from cellwright.models.identify import identify
 from cellwright.models.members import member_named
 from cellwright.models.tables import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, warmth
+from cellwright.refusal import Refusal
 
-PLAIN = member_named("DRT")
+PLAIN = member_named("DRT+D")
 SLOWEST_SECOND = 60.0  # of what counts as resistance here: slower parts are poorly known
 VARIED_KELVIN = 2.0
 TRIED_JOULE_PER_MOLE = (0.0, 10e3, 20e3, 30e3, 40e3, 50e3)
@@ -50,7 +51,10 @@ def activation_of(groups, data_of_group, *, capacity_ampere_hour):
     varied = max(np.ptp(course) for course in groups[0].courses)
     if varied < VARIED_KELVIN:
         return Activation((0.0,), "")
-    costs = _costs(groups[0], data_of_group, capacity_ampere_hour)
+    try:
+        costs = _costs(groups[0], data_of_group, capacity_ampere_hour)
+    except Refusal as refusal:
+        return Activation((0.0,), f"activation energy not known, taken as 0: {refusal}")
     best = TRIED_JOULE_PER_MOLE[int(np.argmin(costs))]
     words = (
         f"activation energy {best / 1e3:.0f} kJ/mol, from the cell's own warming by {varied:.0f} K"
@@ -74,19 +78,31 @@ def warmed(group, joule_per_mole):
 
 
 def _resistance(data, group, capacity):
-    found = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=group.celsius).condition
+    """Resistance at half charge [ohm], NaN where too little was measured to fit one."""
+    try:
+        fitted = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=group.celsius)
+    except Refusal:
+        return np.nan
+    found = fitted.condition
     fast = [
-        b.values["r_ohm"] for b in found.branches if b.values["tau_second"][0] <= SLOWEST_SECOND
+        b.values["r_ohm"]
+        for b in found.branches
+        if b.kind == "RC" and b.values["tau_second"][0] <= SLOWEST_SECOND
     ]
     total = sum(fast, found.r0_ohm)
     return float(np.interp(0.5, found.soc, total))
 
 
 def _neighbours(celsius, resistance):
-    inverse = 1.0 / (np.asarray(celsius) + ZERO_CELSIUS_KELVIN)
-    slope = GAS_CONSTANT * np.diff(np.log(resistance)) / np.diff(inverse)
+    """Mean slope to the neighbours; a temperature without a resistance takes the nearest ones'."""
+    known = np.isfinite(resistance)
+    if known.sum() < 2:
+        return [0.0] * len(celsius)
+    at, ohm = np.asarray(celsius)[known], np.asarray(resistance)[known]
+    slope = GAS_CONSTANT * np.diff(np.log(ohm)) / np.diff(1.0 / (at + ZERO_CELSIUS_KELVIN))
     slope = np.clip(slope, 0.0, 100e3)
-    return [float(np.mean(slope[max(k - 1, 0) : k + 1])) for k in range(len(celsius))]
+    means = [np.mean(slope[max(k - 1, 0) : k + 1]) for k in range(len(at))]
+    return np.interp(celsius, at, means).tolist()
 
 
 def _costs(group, data_of_group, capacity):

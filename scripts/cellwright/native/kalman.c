@@ -1,7 +1,8 @@
 /* Extended Kalman filter over a record: see models/kalman.py, whose numpy twin says the same.
  *
  * `pass` is inlined once per common number of states and lags, so that the compiler unrolls the
- * loops over the covariance; any other number takes the general copy. */
+ * loops over the covariance; any other number takes the general copy. That one carries a covariance
+ * only for states that are in doubt: a lag that starts from rest is known for all time. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -11,22 +12,22 @@
 #pragma GCC optimize("no-tree-slp-vectorize", "no-tree-vectorize")
 #endif
 
-#define MOST 16
+#define MOST 32
 enum { OCV, TOTAL, SLOPE, ERROR, GAIN };
 
 typedef struct {
-    int64_t n, m, width, elements, lags, size, error, capacity, ohmic, first_order, adaptive, window,
-        nodes;
+    int64_t n, m, width, elements, lags, size, error, fast, standing, capacity, ohmic, first_order,
+        adaptive, window, nodes;
 } sizes_t;
 
 typedef struct {
     double first, spacing, ampere_hour, white, slow, second, least_walk, most_walk, ohmic_walk,
-        half, walk, error_variance, per_spacing;
+        half, walk, error_variance, span, linear, brief, fast, wide, per_spacing;
 } reals_t;
 
 typedef struct {
     const int64_t *shifts, *source, *by_charge, *element, *moves;
-    const double *step, *charge, *passed, *current, *between, *voltage, *tables, *direct, *share,
+    const double *step, *charge, *passed, *current, *between, *voltage, *edge, *tables, *direct, *share,
         *drives;
 } plant_t;
 
@@ -77,10 +78,11 @@ static double chord(const sizes_t *s, const reals_t *r, const double *tables, do
 
 static inline __attribute__((always_inline)) void pass(
     const int plain, const int64_t size, const int64_t lags, const int64_t elements,
-    const int64_t error, const int64_t capacity, const int64_t ohmic, const sizes_t *s,
+    const int64_t error, const int64_t fast, const int64_t standing, const int64_t capacity,
+    const int64_t ohmic, const sizes_t *s,
     const reals_t *r, const plant_t *p, int64_t filled, double *ring, const double *start,
     double *out) {
-    double x[MOST], P[MOST][MOST] = {{0}}, u[MOST], K[MOST], C[MOST] = {0}, decay[MOST], before[MOST], after[MOST],
+    double x[MOST], P[MOST][MOST] = {{0}}, u[MOST], K[MOST] = {0}, C[MOST] = {0}, decay[MOST], before[MOST], after[MOST],
         relaxed[MOST];
     int64_t cells[MOST];
     for (int64_t i = 0; i < size; i++) {
@@ -88,6 +90,11 @@ static inline __attribute__((always_inline)) void pass(
         relaxed[i] = 1.0;
         for (int64_t j = 0; j < size; j++) P[i][j] = start[size + i * size + j];
     }
+    int64_t doubted[MOST], many = 0;
+    for (int64_t i = 0; i < size; i++)
+        if (plain || i == 0 || i > lags || P[i][i] > 0.0) doubted[many++] = i;
+    if (plain) many = size;
+#define AT(a) (plain ? (a) : doubted[a])
     double square_sum = 0.0, known_sum = 0.0, own_sum = 0.0, walk = r->walk, slow = r->error_variance;
     for (int64_t i = 0; i < filled; i++) {
         square_sum += ring[3 * i];
@@ -95,28 +102,45 @@ static inline __attribute__((always_inline)) void pass(
         own_sum += ring[3 * i + 2];
     }
     int64_t spot = filled % s->window;
-    double last_step = -1.0, keep = 1.0, per_step = 0.0;
+    double last_step = -1.0, keep = 1.0, per_step = 0.0, linear = r->linear, kept = 1.0;
+    double surface = 0.0, wide = r->wide;
     for (int64_t j = 0; j < lags; j++) cells[j] = -1;
     const double per_ampere_hour = 1.0 / r->ampere_hour, per_window = 1.0 / (double)s->window;
     const double half_squared = r->half * r->half;
 
     for (int64_t k = 1; k < s->n; k++) {
         /* predict: the SoC */
-        const double step = p->step[k], charge = p->charge[k] * per_ampere_hour;
+        const double step = p->step[k], charge = p->charge[k] * per_ampere_hour, earlier = x[0];
         if (capacity >= 0) {
             x[0] += charge * x[capacity];
             const double own = P[capacity][capacity], shared = P[0][capacity];
-            for (int64_t i = 1; i < size; i++) {
-                P[0][i] += charge * P[capacity][i];
-                P[i][0] = P[0][i];
+            for (int64_t a = 1; a < many; a++) {
+                P[0][AT(a)] += charge * P[capacity][AT(a)];
+                P[AT(a)][0] = P[0][AT(a)];
             }
             P[0][0] += charge * (2.0 * shared + charge * own);
         } else {
             x[0] += charge;
         }
         P[0][0] += walk * step;
+        const int64_t fresh = step != last_step;
+        last_step = step;
         const double soc = x[0];
         const place_t at = place(s, r, p->tables, soc);
+        /* where the Jacobian is taken follows the charge, and a correction only slowly */
+        place_t there = at;
+        if (error >= 0) {
+            if (fresh) keep = exp(-step / r->second);
+            linear += soc - earlier;
+            linear += (1.0 - keep) * (soc - linear);
+            wide += (1.0 - keep) * (P[0][0] - wide);
+            const double reach = 3.0 * wide > half_squared ? sqrt(3.0 * wide) : r->half;
+            linear = larger(smaller(linear, soc + reach), soc - reach);
+            there = place(s, r, p->tables, linear);
+        } else {
+            linear = soc;
+            wide = P[0][0];
+        }
         double value[MOST];
         if (plain) {
             value[0] = p->current[k] * look(at, GAIN);
@@ -126,8 +150,6 @@ static inline __attribute__((always_inline)) void pass(
         }
 
         /* predict: the lags, by weights that are made anew only where step or constant change */
-        const int64_t fresh = step != last_step;
-        last_step = step;
         if (fresh) per_step = 1.0 / step;
         for (int64_t j = 0; j < lags; j++) {
             const int64_t e = p->element[j], charged = !plain && p->by_charge[e];
@@ -153,25 +175,33 @@ static inline __attribute__((always_inline)) void pass(
             relaxed[1 + j] = decay[j];
         }
         if (error >= 0) {
-            if (fresh) keep = exp(-step / r->second);
             x[error] *= keep;
             relaxed[error] = keep;
         }
-        for (int64_t i = 1; i < size; i++) {
+        if (fast >= 0) {
+            if (fresh) kept = exp(-step / r->brief);
+            x[fast] *= kept;
+            relaxed[fast] = kept;
+        }
+        if (standing >= 0) {
+            const double held = exp(-p->passed[k] * per_ampere_hour / r->span);
+            x[standing] *= held;
+            relaxed[standing] = held;
+        }
+        for (int64_t a = 1; a < many; a++) {
+            const int64_t i = AT(a);
             P[0][i] *= relaxed[i];
-            for (int64_t j = i; j < size; j++) P[i][j] *= relaxed[i] * relaxed[j];
+            for (int64_t b = a; b < many; b++) P[i][AT(b)] *= relaxed[i] * relaxed[AT(b)];
         }
         if (error >= 0) P[error][error] += (1.0 - keep * keep) * slow;
+        if (fast >= 0) P[fast][fast] += (1.0 - kept * kept) * r->fast;
+        if (standing >= 0) P[standing][standing] += 1.0 - relaxed[standing] * relaxed[standing];
         if (ohmic >= 0) P[ohmic][ohmic] += r->ohmic_walk * step;
-        for (int64_t i = 0; i < size; i++)
-            for (int64_t j = 0; j < i; j++) P[i][j] = P[j][i];
+        for (int64_t a = 0; a < many; a++)
+            for (int64_t b = 0; b < a; b++) P[AT(a)][AT(b)] = P[AT(b)][AT(a)];
 
         /* predicted voltage and its Jacobian */
-        double curvature = 0.0, slope = look(at, SLOPE);
-        if (3.0 * P[0][0] > half_squared)
-            slope = chord(s, r, p->tables, soc, sqrt(3.0 * P[0][0]), &curvature);
-        double direct = 0.0, offset = 0.0, over = 0.0;
-        C[0] = slope;
+        double curvature = 0.0, direct = 0.0, offset = 0.0, over = 0.0;
         if (plain) {
             direct = ohmic >= 0 ? x[ohmic] * value[0] : value[0];
             over = x[1];
@@ -188,9 +218,18 @@ static inline __attribute__((always_inline)) void pass(
                 const int64_t shifts = p->shifts[p->element[j]];
                 offset += shifts ? p->share[j] * x[1 + j] : 0.0;
                 over += shifts ? 0.0 : p->share[j] * x[1 + j];
-                C[1 + j] = p->share[j] * (shifts ? slope : 1.0);
             }
+            surface = error >= 0 ? surface + (1.0 - keep) * (offset - surface) : offset;
+            if (surface != 0.0) there = place(s, r, p->tables, linear + surface);
         }
+        /* the voltage is that of the surface, and so is its slope, but not at every turn of the load */
+        double slope = look(there, SLOPE);
+        if (3.0 * wide > half_squared)
+            slope = chord(s, r, p->tables, linear + surface, sqrt(3.0 * wide), &curvature);
+        C[0] = slope;
+        if (!plain)
+            for (int64_t j = 0; j < lags; j++)
+                C[1 + j] = p->share[j] * (p->shifts[p->element[j]] ? slope : 1.0);
         double volt = (look(at, TOTAL) + direct) + over;
         if (!plain && offset != 0.0)
             volt += look(place(s, r, p->tables, soc + offset), OCV) - look(at, OCV);
@@ -198,27 +237,37 @@ static inline __attribute__((always_inline)) void pass(
             volt += x[error];
             C[error] = 1.0;
         }
+        if (fast >= 0) {
+            volt += x[fast];
+            C[fast] = 1.0;
+        }
+        const double stated = look(there, ERROR);
+        if (standing >= 0) {
+            volt += stated * x[standing];
+            C[standing] = stated;
+        }
         if (capacity >= 0) C[capacity] = 0.0;
         if (ohmic >= 0) C[ohmic] = (plain ? 1.0 : p->direct[0]) * value[0];
 
         /* what is seen, and the noise that it speaks for */
-        const double e = p->voltage[k] - volt, stated = look(at, ERROR);
+        const double e = p->voltage[k] - volt;
         /* u = P·Cᵀ; C·P·Cᵀ from P itself, so that neither waits for the other */
-        double inner = 0.0, cross = P[0][1] * C[1];
-        for (int64_t i = 2; i < size; i++) cross += P[0][i] * C[i];
-        for (int64_t i = 1; i < size; i++) {
-            double sum = P[i][1] * C[1];
-            for (int64_t j = 2; j < size; j++) sum += P[i][j] * C[j];
+        double inner = 0.0, cross = 0.0;
+        for (int64_t a = 1; a < many; a++) cross += P[0][AT(a)] * C[AT(a)];
+        for (int64_t a = 1; a < many; a++) {
+            const int64_t i = AT(a);
+            double sum = P[i][AT(1)] * C[AT(1)];
+            for (int64_t b = 2; b < many; b++) sum += P[i][AT(b)] * C[AT(b)];
             u[i] = P[i][0] * C[0] + sum;
             inner += sum * C[i];
         }
         u[0] = P[0][0] * C[0] + cross;
         const double known = C[0] * (u[0] + cross) + inner;
         double floor = r->white, white, own = 0.0;
-        const double least = stated * stated + r->slow;
+        const double least = (standing >= 0 ? 0.0 : stated * stated) + r->slow;
         if (error >= 0) {
             const double unaided = e + x[error];
-            own = unaided * unaided - (known - 2.0 * u[error] + P[error][error]);
+            own = unaided * unaided - (known - 2.0 * u[error] + P[error][error]) - p->edge[k];
         } else {
             floor += least;
         }
@@ -230,25 +279,29 @@ static inline __attribute__((always_inline)) void pass(
             if (error >= 0)
                 slow = larger(least, (own_sum + empty * (least + white)) * per_window - white);
         }
-        white += curvature * curvature;
-        const double variance = known + white, inverse = 1.0 / variance;
+        white += curvature * curvature + p->edge[k];
+        const double variance = known + white;
+        /* Q = K·H·Kᵀ without its two divisions by the variance, for which the next step would wait */
+        const double learnt = u[0] * u[0] * ((square_sum + empty * variance) * per_window) * per_step;
+        const double inverse = 1.0 / variance;
 
         /* update, in Joseph's form with its products taken apart, P − K·uᵀ − u·Kᵀ + K·S·Kᵀ: an error
          * of the gain enters squared */
-        for (int64_t i = 0; i < size; i++) K[i] = u[i] * inverse;
-        for (int64_t i = 0; i < size; i++) {
-            const double full = K[i] * variance;
+        for (int64_t a = 0; a < many; a++) K[AT(a)] = u[AT(a)] * inverse;
+        for (int64_t a = 0; a < many; a++) {
+            const int64_t i = AT(a);
+            const double left = u[i] - K[i] * variance;
             x[i] += K[i] * e;
-            for (int64_t j = i; j < size; j++)
-                P[i][j] = P[j][i] = P[i][j] - ((K[i] * u[j] + u[i] * K[j]) - full * K[j]);
+            for (int64_t b = a; b < many; b++) {
+                const int64_t j = AT(b);
+                P[i][j] = P[j][i] = (P[i][j] - K[i] * u[j]) - left * K[j];
+            }
         }
-        if (s->adaptive && step > 0.0) {
-            const double square = (square_sum + empty * variance) * per_window;
-            walk = smaller(larger(K[0] * K[0] * square * per_step, r->least_walk), r->most_walk);
-        }
+        if (s->adaptive && step > 0.0)
+            walk = smaller(larger(learnt * (inverse * inverse), r->least_walk), r->most_walk);
         if (s->adaptive) {
             double *slot = ring + 3 * spot;
-            const double sample[3] = {e * e, known, own};
+            const double sample[3] = {e * e, known + p->edge[k], own};
             square_sum += sample[0] - slot[0];
             known_sum += sample[1] - slot[1];
             own_sum += sample[2] - slot[2];
@@ -272,14 +325,14 @@ void kalman(const int64_t *sizes, const int64_t *shifts, const int64_t *source,
             const int64_t *by_charge, const int64_t *element, const int64_t *moves,
             const int64_t *filled, const double *reals, const double *step, const double *charge,
             const double *passed, const double *current, const double *between,
-            const double *voltage, const double *tables, const double *direct, const double *share,
-            const double *drives, double *ring, const double *start, double *out) {
+            const double *voltage, const double *edge, const double *tables, const double *direct,
+            const double *share, const double *drives, double *ring, const double *start, double *out) {
     sizes_t s;
     reals_t r;
     memcpy(&s, sizes, sizeof s);
     memcpy(&r, reals, sizeof r - sizeof r.per_spacing);
     const plant_t p = {shifts,  source,  by_charge, element, moves,  step,  charge, passed,
-                       current, between, voltage,   tables,  direct, share, drives};
+                       current, between, voltage,   edge,    tables, direct, share, drives};
     r.per_spacing = 1.0 / r.spacing;
     /* plain: a resistor and RC pairs whose time constants stay: nothing else to ask for each step */
     int plain = s.capacity < 0 && s.elements == s.lags + 1 && direct[0] == 1.0;
@@ -287,17 +340,16 @@ void kalman(const int64_t *sizes, const int64_t *shifts, const int64_t *source,
         plain = plain && source[e] < 0 && !by_charge[e] && !shifts[e] && (e == 0 || direct[e] == 0.0);
     for (int64_t j = 0; j < s.lags; j++)
         plain = plain && !moves[j] && element[j] == j + 1 && share[j] == 1.0;
-#define PLAIN(a, b, c, d)                                                                    \
-    if (plain && s.size == (a) && s.lags == (b) && s.error == (c) && s.ohmic == (d)) {        \
-        pass(1, a, b, b + 1, c, -1, d, &s, &r, &p, *filled, ring, start, out);                \
-        return;                                                                              \
+#define PLAIN(a, b, c, f, d, o)                                                               \
+    if (plain && s.size == (a) && s.lags == (b) && s.error == (c) && s.fast == (f) &&         \
+        s.standing == (d) && s.ohmic == (o)) {                                                \
+        pass(1, a, b, b + 1, c, f, d, -1, o, &s, &r, &p, *filled, ring, start, out);          \
+        return;                                                                               \
     }
-    PLAIN(2, 1, -1, -1)
-    PLAIN(3, 1, 2, -1)
-    PLAIN(4, 1, 2, 3)
-    PLAIN(3, 2, -1, -1)
-    PLAIN(4, 2, 3, -1)
-    PLAIN(5, 2, 3, 4)
-    pass(0, s.size, s.lags, s.elements, s.error, s.capacity, s.ohmic, &s, &r, &p, *filled, ring, start,
-         out);
+    PLAIN(2, 1, -1, -1, -1, -1)
+    PLAIN(3, 2, -1, -1, -1, -1)
+    PLAIN(6, 1, 2, 3, 4, 5)
+    PLAIN(7, 2, 3, 4, 5, 6)
+    pass(0, s.size, s.lags, s.elements, s.error, s.fast, s.standing, s.capacity, s.ohmic, &s, &r,
+         &p, *filled, ring, start, out);
 }

@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #define BLOCK 512
-#define MOST 6   /* pairs */
+#define MOST 16  /* pairs */
 #define TERMS 18 /* of the series in `weigh`, exact to rounding up to a ratio of 1 */
 
 /* Twice the same code on processors of this kind; the loader takes the one with wider registers. */
