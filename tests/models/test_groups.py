@@ -77,9 +77,9 @@ def test_what_cannot_be_used_is_said():
 def test_the_temperature_of_a_cell_is_its_surface_s_else_the_chamber_s():
     surface = np.linspace(20.0, 30.0, len(TIME))
     cases = [
-        (made("a", surface=surface), surface, "the measured surface's"),
+        (made("a", surface=surface), surface, "the surface's measured"),
         (made("a", celsius=5.0), 5.0, "the chamber's"),
-        (made("a", celsius=None), 25.0, "25 °C, for none is known"),
+        (made("a", celsius=None), 25.0, "25 °C, for want of any"),
         (made("a", surface=np.where(TIME == 5, np.nan, 20.0)), 25.0, "the chamber's"),
     ]
     for test, celsius, source in cases:

@@ -83,7 +83,6 @@ def test_it_is_simulated_at_the_measured_surface_else_at_the_chamber():
     assert score(unknown, model=model, **gaps).notes == neither.notes
 
 
-
 def test_scores_are_arithmetic():
     found = scores(np.array([3.0, -1.0, 1.0, -1.0]), np.array([0.01, 0.5, 0.6, 0.95]))
     assert found["rmse_volt"] == pytest.approx(np.sqrt(3.0))

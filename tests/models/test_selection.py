@@ -62,9 +62,15 @@ def score(*square_volt2, rows=100):
 
 
 def test_one_block_near_empty_does_not_outvote_the_others():
-    found = choose({"1RC": score(1e-6, 1e-6, 1e-6, 9e-2), "2RC": score(4e-6, 5e-6, 4e-6, 2e-2)})
+    better, worse = [1e-6, 1.1e-6, 0.9e-6] * 5, [4e-6, 4.4e-6, 3.6e-6] * 5
+    found = choose({"1RC": score(*better, 9e-2), "2RC": score(*worse, 2e-2)})
     assert found.name == "1RC"
     assert found.rmse_volt["1RC"] > found.rmse_volt["2RC"]
+
+
+def test_of_members_alike_in_most_blocks_the_one_without_a_corner_is_chosen():
+    alike = {"1RC": score(1e-6, 1e-6, 2e-6, 9e-2), "2RC": score(1.1e-6, 0.9e-6, 2.1e-6, 2e-4)}
+    assert choose(alike).name == "2RC"
 
 
 def test_equal_is_a_difference_within_the_scatter_of_blocks():

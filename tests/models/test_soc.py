@@ -15,7 +15,7 @@ from cellwright.refusal import Refusal
 
 ERROR, SECOND, SPAN = 0.01, 300.0, 0.3
 BANK = bank_of(stated(), None, 25.0)
-BANK = BANK._replace(error_volt=np.full(len(BANK.soc), ERROR))
+BANK = BANK._replace(error_volt=np.full(len(BANK.soc), ERROR), load_error_volt=0.0)
 # What the truth below is made with, stated to the filter.
 MATCHED = Noise(
     resistance_error=0.0,

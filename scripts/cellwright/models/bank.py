@@ -45,7 +45,7 @@ class Bank(NamedTuple):
     ocv_volt : open-circuit voltage, continued on its end slopes outside 0…1 [V].
     shift_volt : the member's correction of it, by the mean SoC [V].
     error_volt : RMS error of the model at rest, on data that it was not fitted to [V].
-    load_error_volt : what is added to it under load, at this temperature [V].
+    load_error_volt : what the circuit adds to it under load, at this temperature [V].
     outside : where neither resistance nor relaxation was measured.
     elements, lags : tuples of Element and Relaxation, the ohmic resistance first.
     """
@@ -176,11 +176,13 @@ def _lags(index, branch, soc):
         yield Relaxation(index, lag.clock, float(lag.share), constant)
 
 
-# ASSUME: The part of a model's error that all temperatures share is the OCV's; what some add to it
-# is the circuit's.
+# ASSUME: Of the error that all temperatures share, half the variance is the OCV's; the other half,
+# and what some temperatures add to it, is the circuit's and there under load only.
 def _errors(member, celsius):
-    """RMS error on unseen data at rest and what load adds to it: as over temperature in the fit,
-    straight in °C; in all that of the blocks that were left out of it."""
+    """RMS error on unseen data, at rest and of the circuit.
+
+    Over temperature as in the fit, straight in °C; in all that of the blocks left out of it.
+    """
     conditions = member["conditions"]
     pairs = [(c["ambient_temperature_celsius"], c.get("fit_rmse_volt")) for c in conditions]
     if any(error is None for _, error in pairs):
@@ -190,11 +192,11 @@ def _errors(member, celsius):
     samples = [c.get("samples", 1) for c in conditions]
     whole = np.sqrt(np.average(errors**2, weights=samples))
     errors = errors * (UNSEEN if left_out is None else left_out / max(whole, 1e-9))
-    if len(pairs) == 1:
-        return float(errors[0]), 0.0
-    order = np.argsort([known for known, _ in pairs])
-    here = np.interp(celsius, np.array([known for known, _ in pairs])[order], errors[order])
-    return float(errors.min()), float(np.sqrt(max(here**2 - errors.min() ** 2, 0.0)))
+    rest = errors.min() / np.sqrt(2.0)
+    order = np.argsort([known or 0.0 for known, _ in pairs])
+    known = np.array([known for known, _ in pairs])[order]
+    here = errors[0] if len(pairs) == 1 else np.interp(celsius, known, errors[order])
+    return float(rest), float(np.sqrt(here**2 - rest**2))
 
 
 # ASSUME: A model's error goes with the slope of the OCV, as that of a wrong SoC: it is told as one

@@ -60,6 +60,7 @@ class Columns(NamedTuple):
     target_volt : (n,) V − U(z'). shift : (n, k). scale : (n, 2) change of U by what is missing at
     full, and by the stretch [V].
     resistances : list of (name, (n, k)), each not negative. slope_volt : (n,) of U over SoC [V].
+    held_scale : (2,) the SoC's scale about which all this holds [1].
     """
 
     target_volt: np.ndarray
@@ -67,6 +68,7 @@ class Columns(NamedTuple):
     scale: np.ndarray
     resistances: list
     slope_volt: np.ndarray
+    held_scale: np.ndarray
 
 
 def on_table(soc, held):
@@ -125,6 +127,7 @@ def columns_of(data, held):
         -slope[:, None] * np.column_stack([np.ones(len(soc)), 1.0 - soc]),
         list(zip(names, stacked, strict=True)),
         slope,
+        np.array([held.missing, held.stretch]),
     )
 
 

@@ -16,7 +16,7 @@ from cellwright.models.fitted import Condition, condition_of
 from cellwright.models.linear import solve
 from cellwright.models.records import edges, thin, without_edges
 from cellwright.models.refine import refined
-from cellwright.models.regression import SCALES, solved, system_of
+from cellwright.models.regression import SCALES, pull_of, solved, system_of
 from cellwright.models.settle import cheapest, cost_of, settled
 from cellwright.models.tables import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.refusal import Refusal
@@ -190,7 +190,7 @@ def _taus(data, member, low, high):
 def _searched(system, grid, pairs, factor):
     """Best combination of time constants on a grid: one set of columns serves them all."""
     gram = factor * system.matrix.T @ system.matrix + system.prior
-    moment = factor * system.matrix.T @ system.target
+    moment = factor * system.matrix.T @ system.target - pull_of(system)
     count = len(system.knots)
     first = 2 * count + SCALES
     best, cost = None, np.inf

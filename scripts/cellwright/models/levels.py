@@ -31,7 +31,7 @@ def levels_of(bank, current_ampere, curved):
     return levels
 
 
-def edges_of(bank, level_volt, step_second, current_ampere, *, skew_second, hold):
+def edges_of(bank, level_volt, step_second, current_ampere, skew_second, *, hold):
     """Variance of the voltage that a change of the current leaves unknown for a while.
 
     Into and out of a load alike, so that it favours neither; a record that starts under load starts

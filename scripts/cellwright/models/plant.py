@@ -138,11 +138,9 @@ def plant_of(
     curved = [k for k, e in enumerate(bank.elements) if e.gain is None]
     rows = [drives(bank.elements[k], warm[by_charge[k]]) for k in curved]
     levels = levels_of(bank, warm[0], dict(zip(curved, rows, strict=True)))
-    fast = (noise.resistance_error * float(levels @ [e.direct for e in bank.elements])) ** 2
     constants = [one.constant for one in bank.lags]
-    errors = (noise.error_second, noise.fast_second, noise.error_soc)
-    tracked = (*(span > 0 for span in errors), track_capacity, track_ohmic)
-    spots = _layout(len(bank.elements), len(bank.lags), *tracked)
+    spots = _layout(bank, noise, track_capacity, track_ohmic)
+    skew = noise.skew_second
     return Plant(
         step_second=step,
         charge_ampere_hour=between * step / 3600.0,
@@ -150,9 +148,7 @@ def plant_of(
         current_ampere=np.ascontiguousarray(warm[0]),
         between_ampere=np.ascontiguousarray(warm[1]),
         voltage_volt=voltage,
-        edge_variance=edges_of(
-            bank, levels, step, warm[0], skew_second=noise.skew_second, hold=hold
-        ),
+        edge_variance=edges_of(bank, levels, step, warm[0], skew, hold=hold),
         tables=_tables(bank, noise, constants),
         soc_first=float(bank.soc[0]),
         soc_spacing=float(bank.soc[1] - bank.soc[0]),
@@ -165,22 +161,33 @@ def plant_of(
         share=np.array([one.share for one in bank.lags], float),
         moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
         capacity_ampere_hour=float(bank.capacity_ampere_hour),
-        white_variance=noise.sensor_volt**2 + (0.0 if noise.fast_second > 0.0 else fast),
-        fast_variance=fast,
-        slow_variance=(noise.resistance_error * float(levels.sum())) ** 2
-        + max(noise.error_factor * bank.load_error_volt, noise.least_error_volt) ** 2,
         first_order=hold == "first_order",
+        **_variances(bank, levels, noise),
         **spots,
     )
+
+
+def _variances(bank, levels, noise):
+    """Of what changes at each sample, within seconds and within minutes [V²]."""
+    at_once = float(levels @ [e.direct for e in bank.elements])
+    fast = (noise.resistance_error * at_once) ** 2
+    load = max(noise.error_factor * bank.load_error_volt, noise.least_error_volt)
+    return {
+        "white_variance": noise.sensor_volt**2 + (0.0 if noise.fast_second > 0.0 else fast),
+        "fast_variance": fast,
+        "slow_variance": (noise.resistance_error * float(levels.sum())) ** 2 + load**2,
+    }
 
 
 def _place(index, curved):
     return curved.index(index) if index in curved else -1
 
 
-def _layout(elements, lags, *tracked):
+def _layout(bank, noise, track_capacity, track_ohmic):
     """Places of the states: SoC, lags, model errors, capacity, ohmic scale."""
-    spots, size = {}, 1 + lags
+    errors = (noise.error_second, noise.fast_second, noise.error_soc)
+    tracked = (*(span > 0 for span in errors), track_capacity, track_ohmic)
+    elements, spots, size = len(bank.elements), {}, 1 + len(bank.lags)
     for name, there in zip(TRACKED, tracked, strict=True):
         spots[name] = size if there else -1
         size += int(there)

@@ -39,7 +39,7 @@ def with_time_constants(data, held, system, solution):
     precision = solution.factor * matrix.T @ matrix
     precision[:size, :size] += system.prior
     slope = solution.factor * matrix.T @ (solution.residual_volt * system.weight)
-    slope[:size] -= system.prior @ solution.vector
+    slope[:size] -= system.prior @ (solution.vector + system.held)
     return Free(precision, slope)
 
 

@@ -42,17 +42,22 @@ class Prior(NamedTuple):
     shift_walk_volt: float = 0.05
     walk: float = 1.0
     missing: float = 0.02
-    stretch: float = 0.02
+    stretch: float = 0.04
     empty: float = 0.1
 
 
 class System(NamedTuple):
-    """A weighted linear problem: k shifts, the SoC's scale (2), then k columns a name."""
+    """A weighted linear problem: k shifts, a change of the SoC's scale (2), then k columns a name.
+
+    prior : (p, p) precision. held : (p,) what the priors count and the columns do not: the scale
+    about which the problem holds, so that the prior is of the scale and not of its last change.
+    """
 
     matrix: np.ndarray
     target: np.ndarray
     weight: np.ndarray
     prior: np.ndarray
+    held: np.ndarray
     names: tuple
     knots: np.ndarray
 
@@ -108,7 +113,9 @@ def system_of(columns, knots, *, noise=None, prior=None):
     target = columns.target_volt * weight
     sizes = _typical(columns, matrix, target, len(knots))
     precision = _precision(knots, sizes, prior)
-    return System(matrix, target, weight, precision, names, knots)
+    held = np.zeros(len(precision))
+    held[len(knots) : len(knots) + SCALES] = columns.held_scale
+    return System(matrix, target, weight, precision, held, names, knots)
 
 
 def _typical(columns, matrix, target, knots):
@@ -167,18 +174,24 @@ def solved(system, *, factor=None, rounds=2):
     solution : Solution.
     """
     gram, moment = system.matrix.T @ system.matrix, system.matrix.T @ system.target
-    signed, found = len(system.knots) + SCALES, factor or 1.0 / 30.0
+    signed, found, pull = len(system.knots) + SCALES, factor or 1.0 / 30.0, pull_of(system)
     for _ in range(rounds if factor is None else 1):
-        vector = solve(found * gram + system.prior, found * moment, signed)
+        vector = solve(found * gram + system.prior, found * moment - pull, signed)
         residual = system.target - system.matrix @ vector
         if factor is None:
             spread = max(np.mean(residual**2), 1e-12) * max(correlation_factor(residual), 1.0)
             found = 1.0 / spread
     covariance = _covariance(found * gram + system.prior, vector, signed)
-    cost = found * (residual @ residual) + vector @ system.prior @ vector
+    whole = vector + system.held
+    cost = found * (residual @ residual) + whole @ system.prior @ whole
     values, stds = named(system, vector), named(system, np.sqrt(np.diag(covariance)))
     volt = residual / system.weight
     return Solution(values, stds, values["scale"], vector, covariance, volt, found, float(cost))
+
+
+def pull_of(system):
+    """By what the priors draw a solution of a system back from what is held already, (p,)."""
+    return system.prior @ system.held
 
 
 def named(system, vector):
@@ -211,11 +224,12 @@ def held_out(system, solution, fold):
     fold : (n,) number of the fold of each row, 0, 1, …; −1: never left out.
     """
     gram, moment = system.matrix.T @ system.matrix, system.matrix.T @ system.target
+    signed, pull = len(system.knots) + SCALES, pull_of(system)
     found, factor = solution.residual_volt.copy(), solution.factor
     for number in range(fold.max() + 1):
         out = fold == number
         matrix, target = system.matrix[out], system.target[out]
         rest = factor * (gram - matrix.T @ matrix) + system.prior
-        vector = solve(rest, factor * (moment - matrix.T @ target), len(system.knots) + SCALES)
+        vector = solve(rest, factor * (moment - matrix.T @ target) - pull, signed)
         found[out] = (target - matrix @ vector) / system.weight[out]
     return found

@@ -65,8 +65,8 @@ def choose(scores):
 
     Compared is the logarithm of each block's mean square error, so that one block near empty does
     not outvote all others. Equal to the best are members whose mean difference from it, block by
-    block, is less than one standard error, and whose rms error over all blocks is not more than a
-    tenth larger: what fails in one corner is not equal.
+    block, is less than one standard error; of these, those whose rms error over all blocks is
+    within a tenth of the smallest, for what fails in one corner is not equal to what does not.
 
     Parameters
     ----------
@@ -93,8 +93,9 @@ def choose(scores):
     rmse = {name: float(np.sqrt(np.average(s, weights=weight))) for name, s in square.items()}
     logs = {name: np.log(np.maximum(s, SMALLEST_VOLT2)) for name, s in square.items()}
     best = min(logs, key=lambda name: logs[name].mean())
-    near = [name for name in logs if rmse[name] <= NEAR * rmse[best]]
-    equal = [name for name in near if _equal(logs[name] - logs[best])]
+    alike = [name for name in logs if _equal(logs[name] - logs[best])]
+    smallest = min(rmse[name] for name in alike)
+    equal = [name for name in alike if rmse[name] <= NEAR * smallest]
     chosen = min(equal, key=lambda name: (size_of(member_named(name)), logs[name].mean()))
     typical = {name: float(np.exp(log.mean() / 2)) for name, log in logs.items()}
     return Choice(chosen, rmse, _words(chosen, equal, typical, rmse))

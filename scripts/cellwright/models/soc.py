@@ -95,8 +95,8 @@ def estimate(
 
     Source: thesis 2.4, table 2.3 and appendix B; docs/soc-filters.md says what was mended.
     """
-    # ASSUME: What a model errs by at rest keeps its value over about `error_soc` of the charge, what
-    # it errs by under load for about `error_second`.
+    # ASSUME: What a model errs by at rest keeps its value over about `error_soc` of the charge, the
+    # error of its circuit for about `error_second`.
     if method not in METHODS:
         raise Refusal(f"SoC method {method!r} is unknown; known are {', '.join(METHODS)}")
     if not (0.0 <= start.soc <= 1.0 and start.soc_std > 0.0):
