@@ -31,8 +31,8 @@ FOOT = """## Where this is not what one might expect
   PyBOP is given a tolerance of 1e-6, since with its own solver settings the voltage at the true
   parameters is up to 64 mV off. Its optimiser has not arrived after the iterations it was granted,
   and it had a tenth of the samples: its ratio is a lower bound.
-* **Filter**: ours has one state more, matches two variances and tests its start; a plain
-  adaptive filter has less to do at each step and is no worse here, where the model is exact.
+* **Filter**: with the same three states it is no better here, where the model is exact. What the
+  pipeline runs has four states more, for errors that a model of a real cell makes.
 * **dQ/dV**: a grid by interpolation and scipy's filter come near in time. What ours buys is the
   position of the peaks, since the mean of all rows in a bin is no single row's rounding.
 * **Impedance**: several starts of scipy's least_squares, without a compiled kernel yet. From a good
