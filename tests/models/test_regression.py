@@ -176,3 +176,10 @@ def test_refusals(ready):
         solve(np.diag([1.0, 0.0]), np.ones(2), 1)
     with pytest.raises(Refusal, match=r"apart \(rank\)"):
         solve(np.ones((2, 2)), np.ones(2), 1)
+
+
+def test_counting_that_ends_below_zero_still_has_a_prior(ready):
+    below = ready._replace(knots=np.array([-0.04, 0.0, 0.3, 0.9]))
+    prior = system_of(columns_of(below, HELD), below.knots).prior
+    assert np.isfinite(prior).all()
+    assert np.linalg.eigvalsh(prior)[0] > 0

@@ -143,7 +143,7 @@ def _typical(columns, matrix, target, knots):
 def _precision(knots, sizes, prior):
     """Inverse covariance of all parameters before the data."""
     count = len(knots)
-    near_empty = np.log((knots[1:] + 0.02) / (knots[:-1] + 0.02)) if count > 1 else np.array([])
+    near_empty = np.diff(np.log(np.maximum(knots, 0.0) + 0.02))  # counting may end below zero
     path = np.diff(knots) + prior.empty * near_empty
     change = np.diff(np.eye(count), axis=0)
     smooth = change.T @ (change / path[:, None])
