@@ -97,7 +97,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         "chosen": choice.name,
         "choice": choice.words,
         "kind": "hppc" if any(group.pulsed for group in groups) else "drive",
-        "notes": [*notes, *filter(None, [energies]), choice.words],
+        "notes": [*notes, *filter(None, [energies])],
     }
 
 
