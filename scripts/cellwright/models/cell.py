@@ -165,13 +165,11 @@ def _by_age(tests):
     return young, [test.facts["test"] for test, cycle in pairs if cycle > first]
 
 
-def _data(group, basis, ocv_volt=None):
-    if ocv_volt is None:
-        ocv_volt = ocv_at(_dated(basis["ocv"]), GRID, group.celsius)
+def _data(group, basis):
     return data_of(
         group.records,
         GRID,
-        ocv_volt,
+        ocv_at(_dated(basis["ocv"]), GRID, group.celsius),
         capacity_ampere_hour=basis["capacity_ampere_hour"],
         spacing=PULSED_SPACING if group.pulsed else DRIVEN_SPACING,
     )

@@ -11,7 +11,6 @@ from cellwright.refusal import Refusal
 from cellwright.series.anchor import REST_C_RATE
 
 SAME_CELSIUS = 2.0
-SHORTEST_HOUR = 0.05
 
 
 class Group(NamedTuple):

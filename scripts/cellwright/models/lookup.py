@@ -105,10 +105,9 @@ def circuit_at(conditions, soc, temperature_celsius):
     ]
     none = [np.zeros(len(c["soc"])) for c in conditions]
     shifts = [c.get("ocv_shift_volt", zero) for c, zero in zip(conditions, none, strict=True)]
-    courses = [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)]
-    shift = sum(weight * course for weight, course in zip(weights, courses, strict=True))
+    shift = _mean(weights, [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)])
     far = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
-    outside = sum(weight * one for weight, one in zip(weights, far, strict=True)) > 0
+    outside = _mean(weights, far) > 0
     table_soc = _on_table(conditions, weights, soc)
     circuit = with_shared_scale(circuit)
     return Found(circuit, table_soc, shift, outside, _outside(known, here))
@@ -174,7 +173,7 @@ def simulate_model(
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/1.
+    model : dict of schema cellwright-model/2.
     member : "1RC", "2RC", …, or None for the chosen one.
     test_time_second, current_ampere : (n,) [s], [A], positive on charge.
     soc : (n,) state of charge at each sample [1].

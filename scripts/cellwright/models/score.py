@@ -25,7 +25,7 @@ def validate(model, cell, facts, series, *, split_rest_second):
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/1.
+    model : dict of schema cellwright-model/2.
     cell, facts : dicts, the rows of the cell and of the test.
     series : dict of (n,) columns, clean.
     split_rest_second : shortest rest that cuts a test of role `split` [s]; its even blocks count.

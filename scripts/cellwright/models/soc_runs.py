@@ -64,7 +64,7 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
     bank = bank_of(model, None, celsius)
     record = _record(model, cell, facts, series, split_rest_second)
     record = record._replace(warmth=warmth_of(model, None, course, celsius))
-    note = f"filters run at {celsius:.1f} °C, the mean under load of a temperature that is {source}"
+    note = f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"
     noise = noise_of(settings, record.test_time_second)
     first, *others = _starts(settings, record.reference_soc[0])
     plans = [("nominal", start) for start in (first, *others)]
