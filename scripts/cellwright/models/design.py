@@ -12,6 +12,7 @@ import numpy as np
 from cellwright.models.circuit import SPHERE_MODES
 from cellwright.models.kernels import lag, lag_by_charge
 from cellwright.models.linear import hats
+from cellwright.models.tables import table_soc
 
 SOC_WINDOW = 0.01  # over which the slope of an OCV table is taken
 FAST_SECOND = 5.0  # what relaxes faster may be charge transfer, what is slower is diffusion
@@ -73,7 +74,7 @@ class Columns(NamedTuple):
 
 def on_table(soc, held):
     """SoC of the OCV table that belongs to a counted SoC."""
-    return 1.0 - held.missing - (1.0 - soc) * (1.0 + held.stretch)
+    return table_soc(soc, held.missing, held.stretch)
 
 
 def ocv_of(data, at):

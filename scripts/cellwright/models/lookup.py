@@ -7,7 +7,13 @@ import numpy as np
 from cellwright.models.circuit import KINDS, Branch
 from cellwright.models.kinetics import with_shared_scale
 from cellwright.models.simulate import OpenCircuit, overpotentials
-from cellwright.models.tables import celsius_of, continued_ocv_at, temperature_weights, warmth
+from cellwright.models.tables import (
+    celsius_of,
+    continued_ocv_at,
+    table_soc,
+    temperature_weights,
+    warmth,
+)
 from cellwright.refusal import Refusal
 
 SAME_KELVIN = 5.0
@@ -103,14 +109,13 @@ def circuit_at(conditions, soc, temperature_celsius):
         )
         for index, (kind, parameters) in enumerate(elements[0])
     ]
-    none = [np.zeros(len(c["soc"])) for c in conditions]
-    shifts = [c.get("ocv_shift_volt", zero) for c, zero in zip(conditions, none, strict=True)]
+    shifts = [c.get("ocv_shift_volt", np.zeros(len(c["soc"]))) for c in conditions]
     shift = _mean(weights, [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)])
     far = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
     outside = _mean(weights, far) > 0
-    table_soc = _on_table(conditions, weights, soc)
     circuit = with_shared_scale(circuit)
-    return Found(circuit, table_soc, shift, outside, _outside(known, here))
+    scaled = _on_table(conditions, weights, soc)
+    return Found(circuit, scaled, shift, outside, _outside(known, here))
 
 
 def parameters_at(conditions, soc, temperature_celsius):
@@ -126,9 +131,8 @@ def parameters_at(conditions, soc, temperature_celsius):
     """
     found = circuit_at(conditions, soc, temperature_celsius)
     pairs = [branch.parameters for branch in found.circuit if branch.kind == "RC"]
-    r, tau = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
-    shape = (-1, len(soc))
-    r, tau = np.reshape(r, shape), np.reshape(tau, shape)
+    values = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
+    r, tau = (np.reshape(one, (-1, len(soc))) for one in values)
     return Parameters(found.circuit[0].parameters["r_ohm"], r, tau, *found[2:])
 
 
@@ -184,8 +188,8 @@ def simulate_model(
     -------
     simulated : Simulated.
     """
-    soc = np.asarray(soc, float)
-    found = circuit_at(member_of(model, member)["conditions"], soc, temperature_celsius)
+    conditions = member_of(model, member)["conditions"]
+    found = circuit_at(conditions, np.asarray(soc, float), temperature_celsius)
     ocv = open_circuit_volt(model, found, temperature_celsius)
     open_circuit = OpenCircuit(
         lambda z: continued_ocv_at(model["ocv"], z, temperature_celsius), found.table_soc
@@ -222,13 +226,10 @@ def _mixed_resistances(courses, weights):
 
 
 def _on_table(conditions, weights, soc):
-    """SoC of the OCV tables: full may not have been quite full, nor the capacity quite right."""
+    """SoC of the OCV tables, by the scale of each condition."""
     scales = [c.get("ocv_scale", {"missing": 0.0, "stretch": 0.0}) for c in conditions]
-    missing, stretch = (
-        sum(weight * scale[name] for weight, scale in zip(weights, scales, strict=True))
-        for name in ("missing", "stretch")
-    )
-    return 1.0 - missing - (1.0 - soc) * (1.0 + stretch)
+    mixed = (_mean(weights, [scale[name] for scale in scales]) for name in ("missing", "stretch"))
+    return table_soc(soc, *mixed)
 
 
 def _outside(known, here):

@@ -45,6 +45,19 @@ def continued_ocv_at(tables, soc, temperature_celsius):
     return ocv_at(tables, inside, temperature_celsius) + beyond
 
 
+def table_soc(soc, missing, stretch):
+    """SoC of an OCV table that belongs to a counted SoC.
+
+    Full may not have been quite full, nor the capacity quite right.
+
+    Parameters
+    ----------
+    soc : (n,) counted [1]. missing : what the full charge left out [1].
+    stretch : by how much the capacity is smaller than the SoC takes it for [1].
+    """
+    return 1.0 - missing - (1.0 - soc) * (1.0 + stretch)
+
+
 def warmth(temperature_celsius, reference_celsius, activation_joule_per_mole):
     """Factor on resistances at a temperature, 1 at the reference (Arrhenius law).
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.models.identify import identify
 from cellwright.models.members import member_named
+from cellwright.models.settle import cost_of
 from cellwright.models.tables import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, warmth
 from cellwright.refusal import Refusal
 
@@ -111,7 +112,5 @@ def _costs(group, data_of_group, capacity):
         data = data_of_group(warmed(group, energy))
         found = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=group.celsius)
         factor = factor or found.solution.factor
-        residual = found.solution.residual_volt * found.system.weight
-        penalty = found.solution.vector @ found.system.prior @ found.solution.vector
-        costs.append(factor * residual @ residual + penalty)
+        costs.append(cost_of(data, found.held, factor))
     return costs
