@@ -185,3 +185,11 @@ def test_nothing_to_run_is_told(clone):
     result = run(clone)
     assert result.returncode == 1
     assert "./run snakemake --cores 2" in result.stderr
+
+
+def test_the_laboratory_has_an_environment_of_its_own(clone):
+    lock = wheel(clone.parent / "wheels", "setuptools") + wheel(clone.parent / "wheels", "lab")
+    (clone / "environment-lab.lock").write_text(lock)
+    ran = run(clone, "--lab", "python", "-c", "import lab; print('ran')", HOME="")
+    assert ran.stdout == "ran\n", ran.stderr
+    assert run(clone, "python", "-c", "import lab", HOME="").returncode == 1
