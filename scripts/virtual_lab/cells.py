@@ -1,15 +1,18 @@
-"""The cells of the laboratory: one type of 21700 cell, fresh and aged in stated ways.
+"""Cells by physics; those of the demo are one type of 21700 cell, fresh and aged in stated ways.
 
-The type is the LG M50 (5 Ah, NMC811 against graphite-SiOx) as parameterised by Chen et al.
+That type is the LG M50 (5 Ah, NMC811 against graphite-SiOx) as parameterised by Chen et al.
 (J. Electrochem. Soc. 167, 2020, 080534) and given temperature dependence by O'Kane et al.
 (Phys. Chem. Chem. Phys. 24, 2022, 7909), the set `OKane2022` of PyBaMM.
 """
 
 from typing import NamedTuple
 
+from virtual_lab.rating import Rating
+
 RATED_CAPACITY_AMPERE_HOUR = 5.0
 LOWER_CUTOFF_VOLT = 2.5
 UPPER_CUTOFF_VOLT = 4.2
+RATING = Rating(RATED_CAPACITY_AMPERE_HOUR, LOWER_CUTOFF_VOLT, UPPER_CUTOFF_VOLT)
 
 
 class Cell(NamedTuple):
@@ -19,6 +22,8 @@ class Cell(NamedTuple):
     (`lam_negative`, `lam_positive`). `kinetics` multiplies both exchange-current densities.
     `capacity_ampere_hour` is what the laboratory takes for the cell's capacity when it sets the
     charge between two pulses; `cycle` is the number of equivalent full cycles behind the cell.
+    `chemistry` is one of `electrodes.CHEMISTRIES`, `rating` its data sheet. `entropy` is the share
+    of the published entropic coefficients that the cell has: those of the demo have none.
     """
 
     lli: float
@@ -29,6 +34,9 @@ class Cell(NamedTuple):
     capacity_ampere_hour: float
     cycle: int | None
     note: str
+    chemistry: str = "NMC"
+    rating: Rating = RATING
+    entropy: float = 0.0
 
 
 CELLS = {

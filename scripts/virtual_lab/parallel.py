@@ -78,7 +78,7 @@ def run(
 def _branch(cell, wire_ohm, soc, *, ambient_celsius) -> Branch:
     values = physics.parameters(cell, ambient_celsius=ambient_celsius)
     values[CURRENT] = "[input]"
-    simulation = pybamm.Simulation(physics.model(), parameter_values=values)
+    simulation = pybamm.Simulation(physics.model(cell), parameter_values=values)
     at_rest = {CURRENT: 0.0}
     simulation.build(initial_soc=physics.window_soc(cell, soc), inputs=at_rest)
     model = simulation.built_model

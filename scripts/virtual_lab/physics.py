@@ -1,49 +1,35 @@
 """Porous-electrode cells solved by PyBaMM: single particles with electrolyte, lumped heat.
 
 The single-particle model with electrolyte (SPMe) stays within 0.7 mV (root mean square) of the
-Doyle-Fuller-Newman model on the hard drive of this campaign, at a fifth of its cost.
+Doyle-Fuller-Newman model on the hard drive of the demo (NMC), at a fifth of its cost.
 """
 
-import os
+import warnings
 from functools import cache
 
-os.environ["PYBAMM_DISABLE_TELEMETRY"] = "true"
-
 import numpy as np
+
+from virtual_lab import cells, chemistries  # sets PyBaMM's environment before PyBaMM is loaded
+
+# isort: split
 import pybamm
 
-from virtual_lab import cells
+# A note on an older PyBaMM, of no meaning here, told for every LFP cell.
+warnings.filterwarnings("ignore", message="The definition of the hysteresis decay rate")
 
-GAS_CONSTANT = 8.314462618
-REFERENCE_KELVIN = 298.15
 ZERO_CELSIUS_KELVIN = 273.15
-# Activation energies [J/mol] added to those of OKane2022, so that the sum is what Ecker et al.
-# (J. Electrochem. Soc. 162, 2015, A1836) measured for kinetics (53.4 and 43.6 kJ/mol) and near
-# to what they measured for diffusion. With the set alone a cell hardly feels the cold.
-ADDED_ACTIVATION_ENERGY = {
-    "Negative electrode exchange-current density [A.m-2]": 18_400.0,
-    "Positive electrode exchange-current density [A.m-2]": 25_800.0,
-    "Negative particle diffusivity [m2.s-1]": 10_000.0,
-    "Positive particle diffusivity [m2.s-1]": 15_000.0,
-}
-# OKane2022 holds the measured points of this curve, with their noise: dQ/dV would drown in it.
-# Chen2020 holds the smooth function fitted to the same points.
-GRAPHITE_OCP = "Negative electrode OCP [V]"
-KINETICS = [name for name in ADDED_ACTIVATION_ENERGY if "exchange-current" in name]
 OPTIONS = {"thermal": "lumped", "contact resistance": "true", "surface form": "differential"}
-CHAMBER = {
-    "Total heat transfer coefficient [W.m-2.K-1]": 20.0,
-    # The cut-offs are the protocols' business; these are only the ends of the model's world.
-    "Lower voltage cut-off [V]": 2.0,
-    "Upper voltage cut-off [V]": 4.6,
-    "Open-circuit voltage at 0% SOC [V]": cells.LOWER_CUTOFF_VOLT,
-    "Open-circuit voltage at 100% SOC [V]": cells.UPPER_CUTOFF_VOLT,
-}
+OF_THE_TYPE = ("chemistry", "rating", "entropy")
+HYSTERESIS = {"open-circuit potential": ("single", "one-state hysteresis")}
 
 
-def model():
-    """The physics of every cell, with double layers (charge transfer takes time)."""
-    return pybamm.lithium_ion.SPMe(OPTIONS)
+def model(cell: cells.Cell, *, hysteresis: bool = True):
+    """The physics of a cell, with double layers (charge transfer takes time).
+
+    `hysteresis`: of LFP; small signals about rest stay on one branch, so spectra go without.
+    """
+    branches = HYSTERESIS if hysteresis and cell.chemistry == "LFP" else {}
+    return pybamm.lithium_ion.SPMe(OPTIONS | branches)
 
 
 def parameters(cell: cells.Cell, *, ambient_celsius: float) -> pybamm.ParameterValues:
@@ -66,7 +52,7 @@ def parameters(cell: cells.Cell, *, ambient_celsius: float) -> pybamm.ParameterV
 
 def stoichiometry(cell: cells.Cell) -> dict[str, float]:
     """Electrode state at both ends of the voltage window: x_0, x_100, y_0, y_100, Q and others."""
-    return _balance(_with_losses(cell), cell.lli)
+    return _balance(_with_losses(cell), cell)
 
 
 def open_circuit_volt(cell: cells.Cell, discharged_ampere_hour: np.ndarray) -> np.ndarray:
@@ -85,14 +71,14 @@ def full_charge_ampere_hour(cell: cells.Cell) -> float:
 
     A little less than the whole window, and what a laboratory calls 100 %.
     """
-    charge = [f"Charge at C/2 until {cells.UPPER_CUTOFF_VOLT} V"]
-    charge += [f"Hold at {cells.UPPER_CUTOFF_VOLT} V until C/20"]
+    upper = cell.rating.upper_cutoff_volt
+    charge = [f"Charge at C/2 until {upper} V", f"Hold at {upper} V until C/20"]
+    values = parameters(cell, ambient_celsius=25)
+    values.set_initial_state(0.5)
     simulation = pybamm.Simulation(
-        model(),
-        parameter_values=parameters(cell, ambient_celsius=25),
-        experiment=pybamm.Experiment(charge),
+        model(cell), parameter_values=values, experiment=pybamm.Experiment(charge)
     )
-    solution = simulation.solve(initial_soc=0.5)
+    solution = simulation.solve()
     return stoichiometry(cell)["Q"] / 2 - solution["Discharge capacity [A.h]"].data[-1]
 
 
@@ -119,7 +105,7 @@ def cell_facts(cell: cells.Cell) -> dict:
     soc = np.linspace(0.0, 1.0, 201)
     volt = rested_volt(cell, soc)
     return {
-        **cell._asdict(),
+        **{name: value for name, value in cell._asdict().items() if name not in OF_THE_TYPE},
         "rest_capacity_ampere_hour": round(ends["Q"], 5),
         "full_charge_ampere_hour": round(full_charge_ampere_hour(cell), 5),
         "stoichiometry": {name: round(ends[name], 5) for name in ("x_0", "x_100", "y_0", "y_100")},
@@ -128,49 +114,25 @@ def cell_facts(cell: cells.Cell) -> dict:
     }
 
 
-@cache
-def _fresh() -> pybamm.ParameterValues:
-    values = pybamm.ParameterValues("OKane2022")
-    values[GRAPHITE_OCP] = pybamm.ParameterValues("Chen2020")[GRAPHITE_OCP]
-    for name, energy in ADDED_ACTIVATION_ENERGY.items():
-        values[name] = _steeper(values[name], energy)
-    values.update(CHAMBER)
-    values.update({"Contact resistance [Ohm]": 0.0}, check_already_exists=False)
-    return values
-
-
-def _steeper(function, energy):
-    """The same function of (…, temperature) with an activation energy [J/mol] on top."""
-
-    def arrhenius(temperature):
-        return pybamm.exp(energy / GAS_CONSTANT * (1 / REFERENCE_KELVIN - 1 / temperature))
-
-    if function.__code__.co_argcount == 2:
-        return lambda sto, T: function(sto, T) * arrhenius(T)
-    return lambda c_e, c_s, c_max, T: function(c_e, c_s, c_max, T) * arrhenius(T)
-
-
-def _scaled(function, factor):
-    return lambda c_e, c_s, c_max, T: factor * function(c_e, c_s, c_max, T)
-
-
 def _with_losses(cell):
-    values = _fresh().copy()
+    values = chemistries.fresh(cell.chemistry, cell.rating).copy()
     kept = {"Negative": 1 - cell.lam_negative, "Positive": 1 - cell.lam_positive}
     for side, fraction in kept.items():
         values[f"{side} electrode active material volume fraction"] *= fraction
-    for name in KINETICS:
-        values[name] = _scaled(values[name], cell.kinetics)
+    for name in chemistries.KINETICS:
+        values[name] = chemistries.scaled(values[name], cell.kinetics)
     values["Contact resistance [Ohm]"] = cell.contact_resistance_ohm
+    if cell.entropy:
+        values.update(chemistries.entropic(cell.chemistry, cell.entropy))
     return values
 
 
-def _balance(values, lli):
+def _balance(values, cell):
     """Where the two electrodes stand against each other with a part of the lithium lost."""
     symbols = pybamm.LithiumIonParameters()
-    inventory = _fresh().evaluate(symbols.Q_Li_particles_init)
+    fresh = chemistries.fresh(cell.chemistry, cell.rating)
     known = {
-        "Q_Li": inventory * (1 - lli),
+        "Q_Li": fresh.evaluate(symbols.Q_Li_particles_init) * (1 - cell.lli),
         "Q_n": values.evaluate(symbols.n.Q_init),
         "Q_p": values.evaluate(symbols.p.Q_init),
     }
@@ -180,7 +142,7 @@ def _balance(values, lli):
 
 def _aged(cell):
     values = _with_losses(cell)
-    ends = _balance(values, cell.lli)
+    ends = _balance(values, cell)
     for side, fraction in (("negative", ends["x_100"]), ("positive", ends["y_100"])):
         most = values[f"Maximum concentration in {side} electrode [mol.m-3]"]
         values[f"Initial concentration in {side} electrode [mol.m-3]"] = fraction * most

@@ -6,13 +6,21 @@ import pybamm
 from virtual_lab import physics
 from virtual_lab.behaviour import Behaviour
 from virtual_lab.cells import Cell
+from virtual_lab.chamber import Chamber, at, steady
 from virtual_lab.protocols import Step
 
 TOLERANCE = 1e-6
+FOREVER_SECOND = 1e9
+SHORTEST_STRIDE_SECOND = 5.0
 
 
 def run(
-    steps: list[Step], cell: Cell, *, ambient_celsius: float, initial_soc: float = 1.0
+    steps: list[Step],
+    cell: Cell,
+    *,
+    chamber: Chamber | None = None,
+    ambient_celsius: float | None = None,
+    initial_soc: float = 1.0,
 ) -> list[Behaviour]:
     """Take a rested cell through a protocol.
 
@@ -20,21 +28,52 @@ def run(
     ----------
     steps : what the cycler is told to do.
     cell : whose physics.
-    ambient_celsius : chamber temperature [°C].
+    chamber : temperature around the cell; it begins at that of the first instant.
+    ambient_celsius : of a chamber that holds its temperature [°C], in place of `chamber`.
     initial_soc : state of charge at the start [1]; 1 is after a CCCV charge.
 
     Returns
     -------
     One behaviour per step.
     """
+    around = steady(ambient_celsius) if chamber is None else chamber
     simulation = pybamm.Simulation(
-        physics.model(),
-        parameter_values=physics.parameters(cell, ambient_celsius=ambient_celsius),
+        physics.model(cell),
+        parameter_values=_parameters(cell, around, initial_soc),
         experiment=pybamm.Experiment([_instruction(step) for step in steps]),
-        solver=pybamm.IDAKLUSolver(rtol=TOLERANCE, atol=TOLERANCE),
+        solver=pybamm.IDAKLUSolver(rtol=TOLERANCE, atol=TOLERANCE, options=_options(around)),
     )
-    solution = simulation.solve(initial_soc=physics.window_soc(cell, initial_soc))
-    return [_behaviour(cycle.steps[0]) for cycle in solution.cycles]
+    solution = simulation.solve()
+    full = physics.full_charge_ampere_hour(cell)
+    return _behaviours([cycle.steps[0] for cycle in solution.cycles], initial_soc, full)
+
+
+def _parameters(cell, chamber, initial_soc):
+    celsius = float(at(chamber, 0.0))
+    values = physics.parameters(cell, ambient_celsius=celsius)
+    # Set here and not by solve: that would count the soc between the branches of a hysteresis.
+    values.set_initial_state(physics.window_soc(cell, initial_soc))
+    if chamber.second.size > 1:
+        kelvin = chamber.celsius + physics.ZERO_CELSIUS_KELVIN
+        values["Ambient temperature [K]"] = _function_of_time(chamber.second, kelvin)
+    # A cell set to a state of charge got there by a discharge from full.
+    if cell.chemistry == "LFP" and initial_soc < 1:
+        values["Initial hysteresis state in positive electrode"] = -1.0
+    return values
+
+
+def _function_of_time(second, kelvin):
+    # PyBaMM would go on along the last line; a chamber stays where it is.
+    second = np.concatenate([[second[0] - FOREVER_SECOND], second, [second[-1] + FOREVER_SECOND]])
+    kelvin = np.concatenate([kelvin[:1], kelvin, kelvin[-1:]])
+    return lambda y, z, t: pybamm.Interpolant(second, kelvin, t)
+
+
+def _options(chamber) -> dict:
+    """A rested cell lets the solver stride far: never over a line of the chamber unseen."""
+    if chamber.second.size == 1:
+        return {}
+    return {"dt_max": max(float(np.diff(chamber.second).min()) / 2, SHORTEST_STRIDE_SECOND)}
 
 
 def _instruction(step: Step):
@@ -58,18 +97,29 @@ def _instruction(step: Step):
     return pybamm.step.current(value, **common)
 
 
-def _behaviour(solution) -> Behaviour:
-    begin = solution.t[0]
+def _behaviours(solutions, initial_soc, full_ampere_hour):
+    drawn_before, behaviours = 0.0, []
+    for solution in solutions:
+        behaviours.append(_behaviour(solution, drawn_before, initial_soc, full_ampere_hour))
+        drawn_before = float(solution["Discharge capacity [A.h]"].data[-1])
+    return behaviours
+
+
+def _behaviour(solution, drawn_before, initial_soc, full_ampere_hour) -> Behaviour:
+    begin, end = solution.t[0], solution.t[-1]
 
     def quantity(name, sign=1.0, shift=0.0):
         found = solution[name]
-        return lambda second: sign * found(begin + np.asarray(second)) + shift
+        return lambda second: sign * found(np.minimum(begin + np.asarray(second), end)) + shift
 
+    drawn = quantity("Discharge capacity [A.h]")
     return Behaviour(
-        duration_second=float(solution.t[-1] - begin),
+        duration_second=float(end - begin),
         current=quantity("Current [A]", sign=-1.0),
         voltage=quantity("Voltage [V]"),
         temperature=quantity(
             "Volume-averaged cell temperature [K]", shift=-physics.ZERO_CELSIUS_KELVIN
         ),
+        charge=lambda second: drawn_before - drawn(second),
+        soc=lambda second: initial_soc - drawn(second) / full_ampere_hour,
     )
