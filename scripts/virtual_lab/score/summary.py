@@ -1,0 +1,145 @@
+"""From comparisons to one line a quantity: errors, coverage, and what could not be compared."""
+
+import numpy as np
+import pandas as pd
+
+from virtual_lab.score import files, verdicts
+from virtual_lab.score.spoiled import COUNTED
+
+# The contract's tables, and of each what could be known; numbers that only the truth can tell.
+QUANTITIES = {
+    "capacity": ("capacity_ampere_hour", "energy_watt_hour", "coulombic_efficiency"),
+    "resistance": ("resistance_ohm", "soc"),
+    "ocv": ("ocv_volt", "rmse_volt"),
+    "eis": ("r_ohmic_ohm", "r_charge_transfer_ohm", "cpe_t", "cpe_p", "warburg_y0"),
+    "temperature": ("",),
+    "ica": ("voltage_volt", "height_ampere_hour_per_volt", "area_ampere_hour"),
+    "health": (
+        *("capacity_ampere_hour", "soh", "knee_cycle", "remaining_cycles"),
+        *("lli", "lam_negative", "lam_positive"),
+    ),
+    "models": ("r0", "r_10s", "r_total"),
+    "soc": ("soc_begin", "soc_end", "capacity_ampere_hour"),
+    "validation": ("rmse_volt",),
+    "packs": ("capacity_ampere_hour", "charge_ampere_hour", "current_max_ampere"),
+    "missing_effect": ("",),
+    "excluded": ("",),
+    "faults": ("",),
+}
+COLUMNS = [
+    *("table", "quantity", "unit", "state", "n_compared", "n_missing", "n_extra", "n_spoiled"),
+    *("n_untested", "n_no_truth"),
+    *("bias", "rms_error", "relative_rms", "n_interval", "coverage_95", "coverage_low"),
+    *("coverage_high", "share", "share_low", "share_high"),
+    *("worst_cell", "worst_test", "worst_at", "worst_error"),
+]
+
+
+def summarise(place: files.Campaign, compared: pd.DataFrame, judged: pd.DataFrame) -> pd.DataFrame:
+    """One row a quantity, all tables of the contract among them."""
+    rows = []
+    for table, known in QUANTITIES.items():
+        state = _state(place, table)
+        mine = compared[compared["table"] == table].groupby(["quantity", "unit"], sort=False)
+        made = [_row(table, *names, state, part) for names, part in mine]
+        if table == "missing_effect":
+            made = [*_shares(judged, state), *made]
+        scored = [row["quantity"] for row in made]
+        left = [name for name in known if not any(one.startswith(name) for one in scored)]
+        without = "no truth" if state == "scored" else state
+        rows += [*made, *({"table": table, "quantity": name, "state": without} for name in left)]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _state(place, table) -> str:
+    made, known = _is_made(place, table), _is_known(place, table)
+    if made and known:
+        return "scored"
+    if known:
+        return "not made by the pipeline yet"
+    return "no truth" if made else "no truth, and not made by the pipeline yet"
+
+
+def _is_made(place, table) -> bool:
+    if table == "faults":
+        return (place.results / "flags").is_dir()
+    folder = place.results / table
+    found = files.found(place, table)
+    return folder.is_dir() if table == "missing_effect" else found is not None
+
+
+def _is_known(place, table) -> bool:
+    if table == "missing_effect":
+        return (place.truth / "missing_effect.json").is_file()
+    return files.true(place, table) is not None
+
+
+def _row(table, quantity, unit, state, part) -> dict:
+    counts = part["status"].value_counts()
+    row = {"table": table, "quantity": quantity, "unit": unit, "state": state}
+    names = ("compared", "missing", "extra", "spoiled", "untested", "no truth")
+    row |= {f"n_{name.replace(' ', '_')}": int(counts.get(name, 0)) for name in names}
+    if row["n_no_truth"] == len(part):
+        return row | {"state": "no truth"}
+    if unit == COUNTED:
+        return row | _share(row["n_compared"], row["n_compared"] + row["n_missing"])
+    return row | _errors(part[part["status"] == "compared"])
+
+
+def _errors(part) -> dict:
+    """Bias, RMS error, coverage and the worst of the compared rows."""
+    if not len(part):
+        return {}
+    error, true = (part[name].to_numpy(float) for name in ("error", "true"))
+    # Shares and states of charge are relative already.
+    relative = np.zeros(0) if part["unit"].iloc[0] == "1" else error[true != 0] / true[true != 0]
+    worst = part.iloc[int(np.argmax(np.abs(error)))]
+    inside = part["inside_95"].dropna().astype(bool)
+    low, high = wilson(int(inside.sum()), len(inside))
+    return {
+        "bias": error.mean(),
+        "rms_error": rms(error),
+        "relative_rms": rms(relative) if len(relative) else np.nan,
+        "n_interval": len(inside),
+        "coverage_95": inside.mean() if len(inside) else np.nan,
+        "coverage_low": low,
+        "coverage_high": high,
+        **{f"worst_{name}": worst[name] for name in ("cell", "test", "at", "error")},
+    }
+
+
+def _shares(judged, state) -> list[dict]:
+    row = {"table": "missing_effect", "unit": COUNTED, "state": state}
+    given = int(judged["verdict"].notna().sum())
+    rates = [("verdict given", given, len(judged)), *verdicts.rates(judged)]
+    counts = [
+        {**row, "quantity": name, "n_compared": of, **_share(hits, of)}
+        for name, hits, of in rates
+        if of
+    ]
+    gaps = [
+        {**row, "quantity": name, "n_compared": of, "share": value}
+        for name, value, of in verdicts.gaps(judged)
+    ]
+    return [*counts, *gaps]
+
+
+def _share(hits, of) -> dict:
+    low, high = wilson(hits, of)
+    return {"share": hits / of if of else np.nan, "share_low": low, "share_high": high}
+
+
+def rms(values) -> float:
+    """Root mean square of an array."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def wilson(hits: int, of: int) -> tuple[float, float]:
+    """95 % interval of a share (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927, 209)."""
+    if not of:
+        return np.nan, np.nan
+    z, share = 1.959964, hits / of
+    middle = share + z**2 / (2 * of)
+    half = z * np.sqrt(share * (1 - share) / of + z**2 / (4 * of**2))
+    low, high = ((middle + side * half) / (1 + z**2 / of) for side in (-1, 1))
+    return max(float(low), 0.0), min(float(high), 1.0)

@@ -1,0 +1,228 @@
+"""The tables of the results contract that stand row by row beside a table of the truth."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from virtual_lab.score import comparison, files
+from virtual_lab.score.comparison import errors, side_by_side
+from virtual_lab.score.matching import snapped
+
+RATE_TOLERANCE = 0.25  # of the logarithm of the rate
+START_TOLERANCE_SECOND = 5.0
+LATE_SECOND = 0.02
+PEAK_TOLERANCE_VOLT = 0.05
+CYCLE_TOLERANCE = 2.0
+NO_METHOD = "not made"
+
+
+class Spec(NamedTuple):
+    """How the rows of a table find each other, and which of its columns are scored.
+
+    quantities : column → (unit, column of its standard deviation or "").
+    at : says in words where in the test a row belongs.
+    split : columns whose values make quantities of their own ("resistance_ohm, 10 s").
+    near : column that partners share within `tolerance`, or of which the logarithm does.
+    repeats : column with the number of repeats that the deviation is the scatter of.
+    scope : columns of which the truth knows all or nothing: a row with others is not extra.
+    snap : column of which the truth's nearest value is meant (a rate as asked, not as measured).
+    beside : further columns of the results that `split` needs.
+    once : quantities that do not depend on `split`: scored in the first part only.
+    """
+
+    keys: tuple
+    quantities: dict
+    at: Callable[[pd.DataFrame], pd.Series]
+    split: tuple = ()
+    near: str | None = None
+    logarithm: bool = False
+    tolerance: float = 0.0
+    repeats: str | None = None
+    scope: tuple = ("cell", "test")
+    snap: str | None = None
+    beside: tuple = ()
+    once: tuple = ()
+
+
+def _text(pattern, *columns):
+    """Words about each row, from some of its columns."""
+
+    def at(rows):
+        if not len(rows):
+            return pd.Series(dtype=object)
+        return rows.apply(lambda row: pattern.format(*(row[name] for name in columns)), axis=1)
+
+    return at
+
+
+EIS = ("r_ohmic_ohm", "r_charge_transfer_ohm", "cpe_t", "cpe_p", "warburg_y0")
+EIS_UNITS = ("Ohm", "Ohm", "S s^P", "1", "S s^0.5")
+SPECS = {
+    "capacity": Spec(
+        keys=("cell", "test", "direction"),
+        near="c_rate",
+        logarithm=True,
+        tolerance=RATE_TOLERANCE,
+        quantities={
+            "capacity_ampere_hour": ("Ah", "capacity_std_ampere_hour"),
+            "energy_watt_hour": ("Wh", ""),
+            "coulombic_efficiency": ("1", ""),
+        },
+        at=_text("{} at {:.3g}C", "direction", "c_rate"),
+        repeats="repeats",
+    ),
+    "resistance": Spec(
+        keys=("cell", "test", "direction", "delay_second"),
+        near="start_time_second",
+        tolerance=START_TOLERANCE_SECOND,
+        quantities={"resistance_ohm": ("Ohm", "resistance_std_ohm"), "soc": ("1", "")},
+        at=_text("{}, {:.0f} s, {:g} s in", "direction", "start_time_second", "delay_second"),
+        split=("delay_second", "late"),
+        beside=("actual_delay_second",),
+        once=("soc",),
+    ),
+    "eis": Spec(
+        keys=("cell", "test"),
+        quantities={name: (unit, f"{name}_std") for name, unit in zip(EIS, EIS_UNITS, strict=True)},
+        at=lambda rows: pd.Series("", index=rows.index),
+    ),
+    "temperature": Spec(
+        keys=("cell", "quantity", "law", "parameter", "unit"),
+        quantities={"value": ("", "std")},
+        at=_text("{}", "law"),
+        split=("quantity", "parameter", "unit"),
+        scope=("cell", "quantity", "law", "parameter"),
+    ),
+    "ica": Spec(
+        keys=("cell", "test", "c_rate"),
+        snap="c_rate",
+        near="voltage_volt",
+        tolerance=PEAK_TOLERANCE_VOLT,
+        quantities={
+            "voltage_volt": ("V", "voltage_std_volt"),
+            "height_ampere_hour_per_volt": ("Ah/V", ""),
+        },
+        at=_text("{:.3g}C, peak at {:.3f} V", "c_rate", "voltage_volt"),
+    ),
+    "health": Spec(
+        keys=("cell", "method"),
+        near="cycle",
+        tolerance=CYCLE_TOLERANCE,
+        quantities={
+            "capacity_ampere_hour": ("Ah", ""),
+            "soh": ("1", "soh_std"),
+            "lli": ("1", ""),
+            "lam_negative": ("1", ""),
+            "lam_positive": ("1", ""),
+            "knee_cycle": ("1", ""),
+        },
+        at=_text("cycle {:.0f}", "cycle"),
+        split=("method",),
+        scope=("cell",),
+    ),
+}
+
+
+def compare(place: files.Campaign, table: str) -> pd.DataFrame:
+    """Comparisons of one table; empty where there is no truth."""
+    spec, true = SPECS[table], files.true(place, table)
+    if true is None or not len(true):
+        return comparison.nothing()
+    stds = [std for _, std in spec.quantities.values() if std]
+    names = [*spec.keys, *spec.quantities, *([spec.near] if spec.near else [])]
+    found = files.with_columns(files.found(place, table), [*names, *stds])
+    true = files.with_columns(true, names)
+    if table == "health":
+        found, true = _one_knee(found), _every_method(_one_knee(true), found)
+    if spec.snap:
+        options = {"keys": spec.scope, "near": spec.snap, "tolerance": RATE_TOLERANCE}
+        found = found.assign(**{spec.snap: snapped(found, true, **options)})
+    found, true = (one.assign(near=_place(spec, one)) for one in (found, true))
+    wanted = [*spec.quantities, *stds, *spec.beside, *([spec.repeats] if spec.repeats else [])]
+    found = files.with_columns(found, wanted)
+    options = {"near": "near" if spec.near else None, "tolerance": spec.tolerance}
+    rows = side_by_side(found, true, keys=list(spec.keys), columns=wanted, **options)
+    rows = files.with_columns(rows, ["test"]).assign(word=_word(spec, rows, true))
+    rows["at"] = spec.at(_located(rows, spec))
+    if table == "resistance":
+        # What a late first sample shows is not what the truth has after 10 ms.
+        after = rows["actual_delay_second_found"].astype(float)
+        rows["late"] = (rows["delay_second"] == 0) & (after > LATE_SECOND)
+    return comparison.gathered(_quantities(table, spec, rows))
+
+
+def _place(spec, table):
+    if spec.near is None:
+        return 0.0
+    values = pd.to_numeric(table[spec.near], errors="coerce").astype(float)
+    return np.log(values.where(values > 0)) if spec.logarithm else values
+
+
+def _word(spec, rows, true):
+    known = true[list(spec.scope)].drop_duplicates().assign(word=1)
+    covered = rows[list(spec.scope)].merge(known, on=list(spec.scope), how="left")["word"]
+    return np.where(covered.notna(), None, "no truth")
+
+
+def _located(rows, spec):
+    """Extra rows have no column of the truth but the keys and where they lie."""
+    if spec.near is None:
+        return rows
+    place = np.exp(rows["near"]) if spec.logarithm else rows["near"]
+    return rows.assign(**{spec.near: rows[spec.near].fillna(place)})
+
+
+def _quantities(table, spec, rows):
+    for name, (unit, std) in spec.quantities.items():
+        if rows[name].isna().all():
+            continue
+        mine = rows.rename(columns={name: "true", f"{name}_found": "found"})
+        mine = mine.assign(std=rows[f"{std}_found"] if std else np.nan)
+        if spec.repeats and std:
+            mine = _of_the_mean(mine, mine[f"{spec.repeats}_found"])
+        for label, part in _parts(spec, name, mine):
+            yield errors(table, label, unit or part["unit"].iloc[0], part)
+
+
+def _parts(spec, name, rows):
+    if not spec.split:
+        return [(name, rows)]
+    parts = rows.groupby(list(spec.split), dropna=False, sort=True)
+    if name in spec.once:
+        first = rows[spec.split[0]] == rows[spec.split[0]].min()
+        return [(name, rows[first])]
+    return [(_label(spec, name, values), part) for values, part in parts]
+
+
+def _label(spec, name, values) -> str:
+    known = dict(zip(spec.split, values, strict=True))
+    if "delay_second" in known:
+        return f"{name}, {known['delay_second']:g} s{', late sample' if known['late'] else ''}"
+    if "method" in known:
+        return f"{name}, {known['method']}" if known["method"] != NO_METHOD else name
+    return f"{known['quantity']}: {known['parameter']}"
+
+
+def _of_the_mean(rows, repeats):
+    """The deviation and the 95 % reach of a mean from the scatter of few repeats (Student)."""
+    from scipy.stats import t
+
+    repeats = pd.to_numeric(repeats, errors="coerce")
+    enough = repeats >= 2
+    reach = pd.Series(t.ppf(0.975, np.where(enough, repeats - 1, 1)), index=rows.index)
+    return rows.assign(std=(rows["std"] / np.sqrt(repeats)).where(enough), reach=reach)
+
+
+def _one_knee(table):
+    """A knee belongs to a cell, not to each of its rows: kept in the last row that knows it."""
+    known = table[table["knee_cycle"].notna()]
+    last = known.sort_values("cycle").groupby(["cell", "method"], dropna=False).tail(1).index
+    return table.assign(knee_cycle=table["knee_cycle"].where(table.index.isin(last)))
+
+
+def _every_method(true, found):
+    """The truth once for each method that was used, or once where none was."""
+    methods = sorted(found["method"].dropna().unique()) or [NO_METHOD]
+    return pd.concat([true.assign(method=method) for method in methods], ignore_index=True)

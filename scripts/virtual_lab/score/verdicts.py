@@ -1,0 +1,174 @@
+"""Missing-effect verdicts beside what was hidden in the cells."""
+
+import numpy as np
+import pandas as pd
+
+from virtual_lab.score import comparison, files
+from virtual_lab.score.comparison import errors
+
+HEALTHY = ("none", "reference")
+NAMED = ("right", "right, as one of a tie")
+COLUMNS = [
+    *("cell", "kind", "visible", "hidden", "verdict", "said", "outcome", "extra_names"),
+    "gap_closed",
+]
+
+
+def compare(place: files.Campaign) -> pd.DataFrame:
+    """One row a cell: what was hidden, what was said, and what came of it; empty without truth."""
+    known = sorted(_hidden(place).items())
+    rows = [_judged(cell, hidden, _verdict(place, cell)) for cell, hidden in known]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _hidden(place) -> dict:
+    """What was hidden, by cell: the truth is one, or its entry "cells", or a list of rows."""
+    known = files.read_json(place.truth / "missing_effect.json") or {}
+    if isinstance(known, list):
+        return {row["cell"]: row for row in known}
+    return known.get("cells", known)
+
+
+def _verdict(place, cell):
+    return files.read_json(place.results / "missing_effect" / cell / "verdict.json")
+
+
+def _judged(cell, hidden, verdict) -> dict:
+    accepts = [set(one.get("accept") or [one["effect"]]) for one in hidden["effects"]]
+    said = verdict["effects"] if verdict else []
+    return {
+        "cell": cell,
+        "kind": hidden["kind"],
+        "visible": bool(hidden["visible"]),
+        "hidden": " + ".join(one["effect"] for one in hidden["effects"]) or hidden["kind"],
+        "verdict": verdict["verdict"] if verdict else None,
+        "said": " + ".join(one["effect"] for one in said),
+        "outcome": outcome(hidden, verdict),
+        "extra_names": len(said) - len(_partners(accepts, said)) if verdict else None,
+        "gap_closed": said[-1].get("gap_closed") if said else None,
+    }
+
+
+def outcome(hidden: dict, verdict: dict | None) -> str:
+    """What a verdict is worth, in words.
+
+    Parameters
+    ----------
+    hidden : kind, none_acceptable and effects, each with the names that count as right (`accept`).
+    verdict : the document of a verdict; None where none was given.
+    """
+    if verdict is None:
+        return "no verdict"
+    said, healthy = verdict["verdict"], hidden["kind"] in HEALTHY
+    if said == "none":
+        silent = "rightly silent" if hidden.get("none_acceptable") else "missed"
+        return "right" if healthy else silent
+    if healthy:
+        return "false alarm"
+    if said == "unknown":
+        return "right" if hidden["kind"] == "unknown" else "called unknown"
+    return "false name" if hidden["kind"] == "unknown" else _named(hidden, verdict)
+
+
+def _named(hidden, verdict) -> str:
+    accepts = [set(one.get("accept") or [one["effect"]]) for one in hidden["effects"]]
+    partners = _partners(accepts, verdict["effects"])
+    if not partners:
+        return "false name"
+    if len(partners) < len(accepts):
+        return "one of two"
+    return "right, as one of a tie" if verdict["verdict"] == "ambiguous" else "right"
+
+
+def _partners(accepts, said) -> dict:
+    """Which hidden effect each said effect names: number said → number hidden, each once."""
+    taken = {}
+    for number, one in enumerate(said):
+        names = {one["effect"], *one.get("alternatives", [])}
+        free = (k for k, accept in enumerate(accepts) if k not in taken.values() and names & accept)
+        mine = next(free, None)
+        if mine is not None:
+            taken[number] = mine
+    return taken
+
+
+def confusion(judged: pd.DataFrame) -> pd.DataFrame:
+    """Numbers of cells: what was hidden (rows) against what came of it (columns)."""
+    return pd.crosstab(_classes(judged), judged["outcome"])
+
+
+def answers(judged: pd.DataFrame) -> pd.DataFrame:
+    """Numbers of cells: what was hidden (rows) against the first name that was said (columns)."""
+    first = judged["said"].str.split(" + ", regex=False).str[0]
+    first = first.where(first != "", judged["verdict"].fillna("no verdict"))
+    return pd.crosstab(_classes(judged), first.rename("said"))
+
+
+def _classes(judged):
+    """The hidden effect of each cell; several are one class, and so are all healthy cells."""
+    kind = judged["kind"]
+    hidden = judged["hidden"].mask(kind == "two", "two effects")
+    return hidden.mask(kind.isin(HEALTHY), "healthy")
+
+
+def rates(judged: pd.DataFrame) -> list[tuple[str, int, int]]:
+    """Name, how many, of how many: the shares that a search for missing effects is judged by."""
+    given = judged[judged["verdict"].notna()]
+    kind, right = given["kind"], given["outcome"].isin(NAMED)
+    content = right | (given["outcome"] == "rightly silent")
+    seen = given["visible"].astype(bool)
+    healthy = kind.isin(HEALTHY)
+    wrong = given["outcome"] == "false name"
+    shares = [
+        ("right name of one visible effect", right & seen, (kind == "single") & seen),
+        ("both names of two visible effects", right & seen, (kind == "two") & seen),
+        ("right, or rightly silent, of one hidden effect", content, kind == "single"),
+        ("unknown effect called unknown", right, kind == "unknown"),
+        ("false name of a hidden effect", wrong, ~healthy),
+        ("extra names of a hidden effect", given["extra_names"] > 0, ~healthy),
+        ("false alarm on a healthy cell", given["outcome"] == "false alarm", healthy),
+    ]
+    return [(name, int((hit & of).sum()), int(of.sum())) for name, hit, of in shares]
+
+
+def gaps(judged: pd.DataFrame) -> list[tuple[str, float, int]]:
+    """Median and lowest tenth of the gap closed on validation data, of rightly named effects."""
+    mine = judged[judged["outcome"].isin(NAMED) & judged["kind"].isin(["single", "two"])]
+    closed = pd.to_numeric(mine["gap_closed"], errors="coerce").dropna().to_numpy()
+    levels = {"gap closed, median": 50, "gap closed, lowest tenth": 10} if len(closed) else {}
+    return [(k, float(np.percentile(closed, level)), len(closed)) for k, level in levels.items()]
+
+
+def parameters(place: files.Campaign) -> pd.DataFrame:
+    """Comparisons of the parameters of rightly named effects that both sides call the same."""
+    rows = [row for named in _rightly_named(place) for row in _beside(*named)]
+    parts = pd.DataFrame(rows).groupby(["quantity", "unit"]) if rows else []
+    return comparison.gathered(
+        errors("missing_effect", name, unit, part) for (name, unit), part in parts
+    )
+
+
+def _rightly_named(place):
+    """Cell, hidden effect and said effect, where the name is the very one that was hidden."""
+    for cell, hidden in sorted(_hidden(place).items()):
+        said = (_verdict(place, cell) or {"effects": []})["effects"]
+        partners = _partners([{one["effect"]} for one in hidden["effects"]], said)
+        pairs = [(hidden["effects"][mine], said[number]) for number, mine in partners.items()]
+        yield from ((cell, *pair) for pair in pairs if pair[0]["effect"] == pair[1]["effect"])
+
+
+def _beside(cell, hidden, said):
+    for name, true in hidden.get("parameters", {}).items():
+        found = said.get("parameters", {}).get(name)
+        if found is None or not isinstance(true, int | float):
+            continue
+        yield {
+            "cell": cell,
+            "test": "",
+            "at": "",
+            "true": true,
+            "found": found["value"],
+            "std": found.get("std"),
+            "quantity": f"{hidden['effect']}: {name}",
+            "unit": found.get("unit") or "",
+        }
