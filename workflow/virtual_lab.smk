@@ -1,54 +1,97 @@
-# The demo campaign, made anew: raw files, sheets and truth, by physics (PyBaMM) and a measurement
-# chain. From the repository's root, in an environment made from environment-lab.lock:
-#     snakemake -s workflow/virtual_lab.smk --cores 2 --forceall
+# Whole campaigns with known truth: raw files and sheets in the input contract, truth/ beside. In
+# the laboratory's own environment (environment-lab.lock), from the repository's root:
+#     ./run --lab snakemake -s workflow/virtual_lab.smk --cores 2 --config campaign=thesis
+# campaign: demo (the committed one, over itself), thesis, hidden or scale. More options, each as
+# name=value: folder (default virtual/<campaign>), seed, and the campaign's own, see
+# docs/virtual-laboratory.md. Two more targets, which need no laboratory and run in either
+# environment: how close the pipeline came to the truth, and the laboratory beside real records.
+#     ./run snakemake -s workflow/virtual_lab.smk --cores 2 score --config campaign=thesis
+#     ./run snakemake -s workflow/virtual_lab.smk --cores 2 reality --config real=FOLDER
 
+import hashlib
+import json
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(workflow.basedir).parent / "scripts"))
+SCRIPTS = Path(workflow.basedir).parent / "scripts"
+sys.path.insert(0, str(SCRIPTS))
 
-from virtual_lab.campaign import plan
+from virtual_lab import campaigns
 
-TESTS = plan()
+CAMPAIGN = config.get("campaign", "demo")
+OPTIONS = campaigns.options(CAMPAIGN, config)
+FOLDER = Path(config.get("folder", campaigns.FOLDERS[CAMPAIGN]))
+PLAN = campaigns.plan(CAMPAIGN, **OPTIONS)
+MAKE = f"python scripts/make_campaign.py {CAMPAIGN} {FOLDER} '{json.dumps(OPTIONS)}'"
+REAL = ["a123", "panasonic", "cs2_35"]
+SHEETS = ["cells", "tests", *(["groups"] if PLAN.groups else [])]
+# An edit of the laboratory makes its campaigns anew, as an edit of the science does for results.
+CODE = hashlib.sha256(
+    b"".join(path.read_bytes() for path in sorted((SCRIPTS / "virtual_lab").rglob("*.py")))
+).hexdigest()
 
 
 rule all:
     input:
-        [f"config/{sheet}.tsv" for sheet in ["cells", "tests", "groups"]],
-        "tests/truth/truth.json",
+        [FOLDER / "config" / f"{sheet}.tsv" for sheet in SHEETS],
     message:
-        "The demo campaign lies in data/, its sheets in config/, its truth in tests/truth/."
+        f"{len(PLAN.cells)} cells and {len(PLAN.tests)} tests lie in {FOLDER}, their truth in {FOLDER / PLAN.truth}."
 
 
-rule test:
-    output:
-        raw="data/{cell}/{test}.{suffix}",
-        truth=temp(".virtual_lab/data/{cell}/{test}.{suffix}.json"),
-    wildcard_constraints:
-        test="[A-Za-z0-9_-]+",
-    message:
-        "Simulate and measure {wildcards.test} of {wildcards.cell}."
-    shell:
-        "python scripts/make_demo.py test {wildcards.cell} {wildcards.test}"
+for batch, tests in PLAN.batches().items():
+
+    rule:
+        name:
+            f"make_{batch}"
+        output:
+            raw=[FOLDER / test.file for test in tests],
+            truth=FOLDER / ".virtual_lab" / f"{batch}.json",
+        params:
+            batch=batch,
+            code=CODE,
+        message:
+            f"Simulate and measure {', '.join(dict.fromkeys(test.cell for test in tests))}."
+        shell:
+            "{MAKE} {params.batch}"
 
 
 rule sheets:
     input:
-        [test.file for test in TESTS],
+        [FOLDER / ".virtual_lab" / f"{batch}.json" for batch in PLAN.batches()],
     output:
-        [f"config/{sheet}.tsv" for sheet in ["cells", "tests", "groups"]],
+        [FOLDER / "config" / f"{sheet}.tsv" for sheet in SHEETS],
+    params:
+        code=CODE,
     message:
-        "Write the campaign's sheets, with the checksum of each raw file."
+        "Write the campaign's sheets, with the checksum of each raw file, and gather its truth."
     shell:
-        "python scripts/make_demo.py sheets"
+        "{MAKE}"
 
 
-rule truth:
+rule score:
     input:
-        [f".virtual_lab/{test.file}.json" for test in TESTS],
+        FOLDER / "results" / "summary.csv",
     output:
-        "tests/truth/truth.json",
+        page=FOLDER / "results" / "score" / "score.html",
+        table=FOLDER / "results" / "score" / "score.csv",
+        markdown=FOLDER / "results" / "score" / "score.md",
+    params:
+        code=CODE,
+        truth=FOLDER / PLAN.truth,
     message:
-        "Gather what is true about cells and tests."
+        "Compare what the pipeline found with what is true."
     shell:
-        "python scripts/make_demo.py truth"
+        "python scripts/score_campaign.py {FOLDER} --truth {params.truth} --title 'Scores: {CAMPAIGN}'"
+        " --markdown {output.markdown}"
+
+
+rule reality:
+    output:
+        "virtual/reality/reality.md",
+    params:
+        real=[Path(config.get("real", "real")) / name for name in REAL],
+        code=CODE,
+    message:
+        "Set the laboratory's records beside real ones."
+    shell:
+        "python scripts/check_reality.py virtual/reality {FOLDER} --real {params.real}"

@@ -4,6 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+POINTS_OF_A_SWING = 12
+HALF_HOUR_SECOND = 1800.0
+
 
 class Chamber(NamedTuple):
     """Straight lines between points: times [s] from the start of the test, temperatures [°C].
@@ -28,3 +31,106 @@ def at(chamber: Chamber, second: np.ndarray) -> np.ndarray:
 def later(chamber: Chamber, second: float) -> Chamber:
     """The same chamber for a test that begins so many seconds after the clock of this one."""
     return Chamber(chamber.second - second, chamber.celsius)
+
+
+def wobbling(
+    celsius: float,
+    *,
+    amplitude_kelvin: float,
+    period_second: float,
+    duration_second: float,
+    seed: int,
+) -> Chamber:
+    """A chamber whose controller hunts around its set point [°C].
+
+    Parameters
+    ----------
+    amplitude_kelvin : of the swing about the set point [K].
+    period_second : of one swing; each takes up to a fifth longer or shorter.
+    duration_second : how long it goes on; after that the last temperature stays.
+    seed : of the swings' lengths and heights.
+
+    Returns
+    -------
+    Chamber with a point at every twelfth of a swing.
+    """
+    random = np.random.default_rng(seed)
+    most = int(duration_second / (0.8 * period_second)) + 2
+    lengths = period_second * random.uniform(0.8, 1.2, most)
+    phase = np.arange(most * POINTS_OF_A_SWING + 1) / POINTS_OF_A_SWING + random.uniform()
+    ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    second = np.interp(phase - phase[0], np.arange(most + 1), ends)
+    height = np.interp(phase - phase[0], np.arange(most + 1), random.uniform(0.6, 1.0, most + 1))
+    shown = celsius + amplitude_kelvin * height * np.sin(2 * np.pi * phase)
+    return _until(Chamber(second, shown), duration_second)
+
+
+def room(
+    celsius: float,
+    *,
+    swing_kelvin: float = 4.0,
+    duration_second: float,
+    warmest_hour: float = 16.0,
+    begin_hour: float = 8.0,
+    drift_kelvin: float = 0.0,
+    seed: int | None = None,
+) -> Chamber:
+    """A room with an air conditioning that goes by the time of day (thesis 3.1: 24 h, 4 K).
+
+    Parameters
+    ----------
+    celsius : mean [°C].
+    swing_kelvin : from the coldest to the warmest of a day [K].
+    duration_second : how long it goes on.
+    warmest_hour, begin_hour : time of day, when it is warmest and when the test begins [h].
+    drift_kelvin : standard deviation of the daily means [K]; needs a `seed`.
+
+    Returns
+    -------
+    Chamber with a point every half hour.
+    """
+    second = np.arange(0.0, duration_second + HALF_HOUR_SECOND, HALF_HOUR_SECOND)
+    day = (second / 3600 + begin_hour - warmest_hour) / 24
+    shown = celsius + 0.5 * swing_kelvin * np.cos(2 * np.pi * day)
+    if drift_kelvin:
+        days = np.arange(int(day[-1] - day[0]) + 3) + day[0]
+        daily = np.random.default_rng(seed).normal(0.0, drift_kelvin, days.size)
+        shown = shown + np.interp(day, days, daily)
+    return Chamber(second, shown)
+
+
+def stepped(
+    celsius: tuple[float, ...],
+    *,
+    rest_second: float,
+    hold_second: float,
+    kelvin_per_minute: float = 1.0,
+) -> Chamber:
+    """A chamber that holds one temperature after the other, as in thesis 3.3 (20 → −20 °C by 5).
+
+    Parameters
+    ----------
+    celsius : set points in order [°C].
+    rest_second : how long it stays at the first.
+    hold_second : from one change of the set point to the next [s], the ramp included.
+    kelvin_per_minute : how fast a real chamber gets there [K/min].
+    """
+    starts = rest_second + hold_second * np.arange(len(celsius) - 1)
+    ramps = 60 * np.abs(np.diff(celsius)) / kelvin_per_minute
+    if (ramps >= hold_second).any():
+        raise ValueError(f"a ramp takes {ramps.max():g} s, longer than {hold_second:g} s")
+    second = np.column_stack([starts, starts + ramps]).ravel()
+    shown = np.column_stack([celsius[:-1], celsius[1:]]).ravel()
+    return Chamber(np.append(0.0, second), np.append(celsius[0], shown).astype(float))
+
+
+def added(first: Chamber, second: Chamber, *, about_celsius: float) -> Chamber:
+    """The first chamber with what the second departs from a temperature [°C] added to it."""
+    times = np.union1d(first.second, second.second)
+    return Chamber(times, at(first, times) + at(second, times) - about_celsius)
+
+
+def _until(chamber, duration):
+    inside = chamber.second < duration
+    second = np.append(chamber.second[inside], duration)
+    return Chamber(second, at(chamber, second))

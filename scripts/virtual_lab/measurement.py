@@ -1,61 +1,51 @@
-"""The measurement chain: when samples are taken, what the instrument shows, what goes wrong.
+"""The measurement chain: when samples are taken and what the instrument shows.
 
-Clock as in the thesis (4.4): where 0.5 s was asked, samples lie 0.51 to 0.58 s apart.
+`record` holds what is the same each time (clock, bandwidth, delay, gain and offset), `measured`
+adds noise and the instrument's steps. Faults of single files are in `faults`.
 """
 
-from typing import NamedTuple
+from itertools import accumulate
 
 import numpy as np
 
+from virtual_lab import channel
 from virtual_lab.behaviour import Behaviour
+from virtual_lab.chain import CHAIN, TYPICAL, Chain
+from virtual_lab.chamber import Chamber, at, steady
+from virtual_lab.clock import EARLY_SECOND, LATE_SECOND, sample_times
 
-EARLY_SECOND = np.array([0.01, 0.03, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])
-LATE_SECOND = (0.01, 0.08)
+__all__ = [
+    "CHAIN", "EARLY_SECOND", "LATE_SECOND", "TYPICAL", "Chain", "Columns", "measured", "record",
+    "sample_times",
+]  # fmt: skip
+
 STEADY_GRID_SECOND = 0.25
+# A longer test is counted by the generator's own charge: its grid would have millions of points.
+LONGEST_GRID_SECOND = 250_000.0
+NO_CURRENT_AMPERE = 1e-9
 
 Columns = dict[str, np.ndarray]
 
 
-class Chain(NamedTuple):
-    """Resolutions and standard deviations of the channels."""
-
-    voltage_resolution_volt: float = 0.0003
-    voltage_noise_volt: float = 0.0003
-    current_resolution_ampere: float = 0.001
-    current_noise_ampere: float = 0.0005
-    temperature_resolution_celsius: float = 0.1
-    temperature_noise_celsius: float = 0.05
-
-
-CHAIN = Chain()
-
-
-def sample_times(
-    duration_second: float, *, period_second: float, random: np.random.Generator
-) -> np.ndarray:
-    """Instants [s] from the start of a step at which the instrument takes a sample.
-
-    Dense right after the step began, then late by 10 to 80 ms each time, and at the very end.
-    """
-    early = np.array([s for s in EARLY_SECOND if s < 0.99 * min(period_second, duration_second)])
-    most = int(duration_second / period_second) + 1
-    waits = period_second + random.uniform(*LATE_SECOND, most)
-    regular = early[-1] + np.cumsum(waits) if early.size else np.cumsum(waits)
-    inside = regular[regular < duration_second - 0.5 * min(period_second, 1.0)]
-    return np.round(np.concatenate([early, inside, [duration_second]]), 3)
-
-
 def record(
-    behaviours: list[Behaviour], *, periods_second: list[float], ambient_celsius: float, seed: int
+    behaviours: list[Behaviour],
+    *,
+    periods_second: list[float],
+    seed: int,
+    chamber: Chamber | None = None,
+    ambient_celsius: float | None = None,
+    chain: Chain = CHAIN,
 ) -> Columns:
-    """What an ideal instrument with an imperfect clock would note down.
+    """What an instrument without noise and of endless resolution would note down.
 
     Parameters
     ----------
     behaviours : one per step (see `behaviour.Behaviour`).
     periods_second : sampling period [s] asked in each step.
-    ambient_celsius : chamber temperature [°C].
     seed : of the clock.
+    chamber : temperature around the cell over the time of the test.
+    ambient_celsius : of a chamber that holds its temperature [°C], in place of `chamber`.
+    chain : of the instrument.
 
     Returns
     -------
@@ -64,36 +54,112 @@ def record(
     parallel branch_1_current_ampere and so on.
     """
     random = np.random.default_rng(seed)
-    begin, parts = 0.0, []
-    for number, (behaviour, period) in enumerate(zip(behaviours, periods_second, strict=True), 1):
-        second = sample_times(behaviour.duration_second, period_second=period, random=random)
-        parts.append({"step": np.full(second.size, number), **_read(behaviour, second, begin)})
-        begin = round(begin + behaviour.duration_second, 3)
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    for counter in ("charged_ampere_hour", "discharged_ampere_hour"):
-        before = np.cumsum([0.0, *[part[counter][-1] for part in parts[:-1]]])
-        columns[counter] = columns[counter] + before[columns["step"] - 1]
-    return columns | {"ambient_celsius": np.full(columns["step"].size, float(ambient_celsius))}
+    times = [
+        sample_times(b.duration_second, period_second=period, random=random, clock=chain.clock)
+        for b, period in zip(behaviours, periods_second, strict=True)
+    ]
+    own = [np.minimum(t, b.duration_second) for t, b in zip(times, behaviours, strict=True)]
+    durations = np.array([b.duration_second for b in behaviours])
+    step = np.repeat(np.arange(1, len(own) + 1), [second.size for second in own])
+    columns = {"step": step, "time_second": _stamps(own, durations)}
+    columns |= _sensors(behaviours, durations, own, chain)
+    columns |= _counters(behaviours, own, chain)
+    around = steady(ambient_celsius) if chamber is None else chamber
+    celsius = at(around, columns["time_second"]) + chain.chamber_offset_celsius
+    return columns | {"ambient_celsius": celsius}
 
 
-def _read(behaviour, second, begin) -> Columns:
-    """All channels of one step, its counters from zero."""
-    second = np.minimum(second, behaviour.duration_second)
-    steady = np.arange(0.0, behaviour.duration_second, STEADY_GRID_SECOND)
-    grid = np.union1d(steady, second)
-    current = behaviour.current(grid)
-    rows = np.searchsorted(grid, second)
-    return {
-        "time_second": np.round(begin + second, 3),
-        "current_ampere": current[rows],
-        "voltage_volt": behaviour.voltage(second),
-        "surface_celsius": behaviour.temperature(second),
-        "charged_ampere_hour": _charge(grid, current.clip(min=0))[rows],
-        "discharged_ampere_hour": _charge(grid, (-current).clip(min=0))[rows],
-    } | {
-        f"branch_{k}_current_ampere": branch(second)
-        for k, branch in enumerate(behaviour.branches, 1)
+def _stamps(own, durations):
+    """Time of the test, as the instrument adds up its steps."""
+    begins = [0.0, *accumulate(durations[:-1], lambda t, d: round(t + d, 3), initial=0.0)][1:]
+    return np.concatenate([np.round(t + s, 3) for t, s in zip(begins, own, strict=True)])
+
+
+def _sensors(behaviours, durations, own, chain) -> Columns:
+    """Current, voltage, temperature and branch currents, with lag, delay, gain and offset."""
+    begins = np.concatenate([[0.0], np.cumsum(durations)[:-1]])
+    second = np.concatenate([t + s for t, s in zip(begins, own, strict=True)])
+
+    def shown(pieces, **late):
+        if not any(late.values()):
+            return np.concatenate([piece(s) for piece, s in zip(pieces, own, strict=True)])
+        return channel.reading(pieces, durations, second, **late)
+
+    def ammeter(pieces, gain, offset):
+        true, lag = shown(pieces), chain.current_lag_second
+        lagged = shown(pieces, lag_second=lag) if lag else true
+        return _by_ammeter(true, lagged, gain, offset, chain)
+
+    volt = shown(
+        [b.voltage for b in behaviours],
+        lag_second=chain.voltage_lag_second,
+        delay_second=chain.voltage_delay_second,
+    )
+    surface = shown([b.temperature for b in behaviours], lag_second=chain.surface_lag_second)
+    total = ammeter(
+        [b.current for b in behaviours], chain.current_gain, chain.current_offset_ampere
+    )
+    branches = {
+        f"branch_{k + 1}_current_ampere": ammeter(
+            [b.branches[k] for b in behaviours],
+            _of_branch(chain.branch_gain, k),
+            _of_branch(chain.branch_offset_ampere, k),
+        )
+        for k in range(len(behaviours[0].branches))
     }
+    return {
+        "current_ampere": total,
+        "voltage_volt": _straight(volt, chain.voltage_gain, chain.voltage_offset_volt),
+        "surface_celsius": surface + chain.surface_offset_celsius,
+    } | branches
+
+
+def _of_branch(values, k):
+    return values[k] if values else 0.0
+
+
+def _straight(true, gain, offset):
+    """Gain and offset; left alone where both are nought, for the last bit's sake."""
+    return (1 + gain) * true + offset if gain or offset else true
+
+
+def _by_ammeter(true, lagged, gain, offset, chain):
+    """Gain and offset; nothing at all where the relay is open."""
+    shown = _straight(lagged, gain, offset)
+    return np.where(np.abs(true) < NO_CURRENT_AMPERE, 0.0, shown) if chain.rest_is_open else shown
+
+
+def _counters(behaviours, own, chain) -> Columns:
+    """Both counters run on over the steps, and count what the ammeter shows."""
+    long = sum(b.duration_second for b in behaviours) > LONGEST_GRID_SECOND
+    parts = [_counted(b, second, chain, long) for b, second in zip(behaviours, own, strict=True)]
+    counters = {}
+    for k, name in enumerate(("charged_ampere_hour", "discharged_ampere_hour")):
+        before = np.cumsum([0.0, *[part[k][-1] for part in parts[:-1]]])
+        counters[name] = np.concatenate(
+            [part[k] + start for part, start in zip(parts, before, strict=True)]
+        )
+    return counters
+
+
+def _counted(behaviour, second, chain, long):
+    """Charge in and charge out [Ah] since the step began."""
+    gain, offset = chain.current_gain, chain.current_offset_ampere
+    if long and behaviour.charge is not None:
+        true = behaviour.current(second)
+        one_way = (true >= 0).all() or (true <= 0).all()
+        closed = not chain.rest_is_open or np.any(np.abs(true) >= NO_CURRENT_AMPERE)
+        drift = offset * second / 3600 if closed else 0.0
+        if one_way:
+            net = (1 + gain) * behaviour.charge(second) + drift
+            return net.clip(min=0), (-net).clip(min=0)
+    steady_grid = np.arange(0.0, behaviour.duration_second, STEADY_GRID_SECOND)
+    grid = np.union1d(steady_grid, second)
+    true = behaviour.current(grid)
+    current = _by_ammeter(true, true, gain, offset, chain)
+    rows = np.searchsorted(grid, second)
+    ways = (current.clip(min=0), (-current).clip(min=0))
+    return tuple(_charge(grid, ampere)[rows] for ampere in ways)
 
 
 def _charge(second, current):
@@ -102,48 +168,63 @@ def _charge(second, current):
 
 
 def measured(columns: Columns, *, seed: int, chain: Chain = CHAIN) -> Columns:
-    """The columns as the instrument shows them: white noise added, then rounded to its steps.
+    """The columns as the instrument shows them: noise added, then rounded to its steps.
 
-    A rest shows a current of exactly zero, for the instrument opens its relay.
+    Where the relay is open at rest, the current shown stays exactly zero.
     """
     random = np.random.default_rng(seed)
-    channels = {
-        "voltage_volt": (chain.voltage_noise_volt, chain.voltage_resolution_volt),
-        "surface_celsius": (chain.temperature_noise_celsius, chain.temperature_resolution_celsius),
-        "ambient_celsius": (chain.temperature_noise_celsius, chain.temperature_resolution_celsius),
-    }
-    currents = [name for name in columns if name.endswith("current_ampere")]
-    channels |= dict.fromkeys(
-        currents, (chain.current_noise_ampere, chain.current_resolution_ampere)
-    )
+    slow_random = np.random.default_rng([seed, 1])
     shown = dict(columns)
-    for name, (noise, resolution) in channels.items():
+    for name, noise, slow, slow_second, resolution in _noises(columns, chain):
         noisy = columns[name] + random.normal(0.0, noise, columns[name].size)
+        if slow:
+            noisy += slow * _slow_noise(columns["time_second"], slow_second, slow_random)
         shown[name] = np.round(noisy / resolution) * resolution
-    for name in currents:
-        shown[name] = np.where(np.abs(columns[name]) < 1e-9, 0.0, shown[name])
+        if chain.rest_is_open and name.endswith("current_ampere"):
+            shown[name] = np.where(np.abs(columns[name]) < NO_CURRENT_AMPERE, 0.0, shown[name])
     return shown
 
 
-def with_spikes(columns: Columns, *, seed: int, count: int = 2, size_volt: float = 0.06) -> Columns:
-    """Single corrupt voltage samples, one up, one down, as in the thesis (figure 5.3)."""
-    random = np.random.default_rng(seed)
-    rows = random.choice(np.arange(100, columns["voltage_volt"].size - 100), count, replace=False)
-    voltage = columns["voltage_volt"].copy()
-    voltage[rows] += size_volt * np.resize([1.0, -1.0], count)
-    return columns | {"voltage_volt": voltage}
+def _noises(columns, chain):
+    """Name, white noise, slow noise and its time, resolution of each noisy channel."""
+    kelvin = (chain.temperature_noise_celsius, 0.0, 1.0, chain.temperature_resolution_celsius)
+    volt = (chain.voltage_noise_volt, chain.voltage_slow_noise_volt)
+    volt += (chain.voltage_slow_noise_second, chain.voltage_resolution_volt)
+    ampere = (chain.current_noise_ampere, chain.current_slow_noise_ampere)
+    ampere += (chain.current_slow_noise_second, chain.current_resolution_ampere)
+    currents = [name for name in columns if name.endswith("current_ampere")]
+    return [
+        ("voltage_volt", *volt),
+        ("surface_celsius", *kelvin),
+        ("ambient_celsius", *kelvin),
+        *[(name, *ampere) for name in currents],
+    ]
 
 
-def with_repeats(columns: Columns, *, seed: int, count: int = 4) -> Columns:
-    """Some rows written twice."""
-    random = np.random.default_rng(seed)
-    rows = np.arange(columns["step"].size)
-    twice = np.sort(np.append(rows, random.choice(rows[10:-10], count, replace=False)))
-    return {name: column[twice] for name, column in columns.items()}
+def _slow_noise(second, correlation_second, random):
+    """An Ornstein–Uhlenbeck process of unit variance at the instants [s] given."""
+    kept = np.exp(-np.diff(second, prepend=-np.inf) / correlation_second)
+    fresh = np.sqrt(1 - kept**2) * random.normal(size=second.size)
+    pairs = zip(kept.tolist(), fresh.tolist(), strict=True)
+    return np.array([*accumulate(pairs, lambda x, p: p[0] * x + p[1], initial=0.0)][1:])
 
 
-def with_gap(columns: Columns, *, begin_second: float, end_second: float) -> Columns:
-    """Nothing written for a while, the test going on."""
-    time = columns["time_second"]
-    kept = (time < begin_second) | (time > end_second)
-    return {name: column[kept] for name, column in columns.items()}
+def with_spikes(columns: Columns, **how) -> Columns:
+    """The columns of `faults.spikes` alone."""
+    from virtual_lab import faults
+
+    return faults.spikes(columns, **how)[0]
+
+
+def with_repeats(columns: Columns, **how) -> Columns:
+    """The columns of `faults.repeats` alone."""
+    from virtual_lab import faults
+
+    return faults.repeats(columns, **how)[0]
+
+
+def with_gap(columns: Columns, **how) -> Columns:
+    """The columns of `faults.gap` alone."""
+    from virtual_lab import faults
+
+    return faults.gap(columns, **how)[0]

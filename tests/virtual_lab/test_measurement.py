@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from virtual_lab import measurement
+from virtual_lab import chamber, measurement
+from virtual_lab.behaviour import Behaviour
 
 
 @given(duration=st.floats(0.5, 5000.0), period=st.floats(0.2, 60.0), seed=st.integers(0, 2**31))
@@ -59,22 +60,154 @@ def test_seed_decides_everything(ideal):
     assert (first["voltage_volt"] != other["voltage_volt"]).any()
 
 
-def test_spikes_are_single_samples(ideal):
-    spoilt = measurement.with_spikes(ideal, seed=4, count=2, size_volt=0.06)
-    moved = spoilt["voltage_volt"] - ideal["voltage_volt"]
-    assert sorted(np.round(moved[moved != 0], 6)) == [-0.06, 0.06]
+CLOCKS = st.sampled_from(["late", "jittery", "steady"])
 
 
-def test_repeats_are_whole_rows_twice(ideal):
-    spoilt = measurement.with_repeats(ideal, seed=4, count=4)
-    assert spoilt["step"].size == ideal["step"].size + 4
-    assert (np.diff(spoilt["time_second"]) == 0).sum() == 4
-    assert np.unique(spoilt["time_second"]).size == ideal["time_second"].size
+@given(
+    clock=CLOCKS,
+    duration=st.floats(0.5, 5000.0),
+    period=st.floats(0.2, 60.0),
+    seed=st.integers(0, 2**31),
+)
+def test_every_clock_runs_forward_and_ends_with_the_step(clock, duration, period, seed):
+    random = np.random.default_rng(seed)
+    times = measurement.sample_times(duration, period_second=period, random=random, clock=clock)
+    assert (np.diff(times) > 0).all()
+    assert times[0] > 0
+    assert times[-1] == pytest.approx(duration, abs=0.0005)
+    assert np.diff(times, prepend=0.0).max() < 1.5 * period + 0.1
 
 
-def test_gap_leaves_counters_running(ideal):
-    spoilt = measurement.with_gap(ideal, begin_second=1000.0, end_second=1600.0)
-    hole = np.argmax(np.diff(spoilt["time_second"]))
-    assert spoilt["time_second"][hole + 1] - spoilt["time_second"][hole] > 600
-    counted = np.diff(spoilt["discharged_ampere_hour"])[hole]
-    assert counted == pytest.approx(2.0 * 600 / 3600, rel=0.01)
+def test_jittery_clock_stays_beside_its_grid():
+    random = np.random.default_rng(0)
+    times = measurement.sample_times(900.0, period_second=1.0, random=random, clock="jittery")
+    assert times[0] == 0.06
+    beside = (times - np.round(times))[1:-1]
+    assert np.abs(beside).max() <= 0.0801
+    assert np.abs(beside).max() > 0.07
+    assert abs(beside.mean()) < 0.01
+
+
+def test_steady_clock_stays_on_its_grid():
+    random = np.random.default_rng(0)
+    times = measurement.sample_times(900.0, period_second=60.0, random=random, clock="steady")
+    np.testing.assert_allclose(times, 60.0 * np.arange(1, 16), atol=0.0045)
+
+
+def _loaded(current_ampere, duration_second, **more):
+    return Behaviour(
+        duration_second,
+        current=lambda second: np.full(np.shape(second), current_ampere),
+        voltage=lambda second: 3.6 + 0.01 * current_ampere + 0 * second,
+        temperature=lambda second: 25.0 + 0.001 * second,
+        **more,
+    )
+
+
+def _noted(chain, behaviours=None, **more):
+    behaviours = behaviours or [_loaded(0.0, 600.0), _loaded(-2.0, 3600.0), _loaded(1.0, 900.0)]
+    periods = [5.0] * len(behaviours)
+    how = {"periods_second": periods, "seed": 1, "chamber": chamber.steady(25.0)} | more
+    return measurement.record(behaviours, chain=chain, **how)
+
+
+def test_gain_and_offset_are_in_current_voltage_and_counters():
+    chain = measurement.CHAIN._replace(
+        current_gain=0.02, current_offset_ampere=0.1, voltage_gain=0.001, voltage_offset_volt=0.005
+    )
+    shown = _noted(chain)
+    rest, load = shown["step"] == 1, shown["step"] == 2
+    assert (shown["current_ampere"][rest] == 0).all()
+    np.testing.assert_allclose(shown["current_ampere"][load], -2 * 1.02 + 0.1)
+    np.testing.assert_allclose(shown["voltage_volt"][load], 3.58 * 1.001 + 0.005)
+    assert shown["discharged_ampere_hour"][-1] == pytest.approx(1.94, rel=1e-9)
+    assert shown["charged_ampere_hour"][-1] == pytest.approx(1.12 * 0.25, rel=1e-9)
+
+
+def test_a_closed_relay_shows_offset_and_noise_at_rest():
+    chain = measurement.CHAIN._replace(
+        rest_is_open=False, current_offset_ampere=0.05, current_noise_ampere=0.002
+    )
+    ideal = _noted(chain)
+    assert ideal["charged_ampere_hour"][ideal["step"] == 1][-1] == pytest.approx(0.05 / 6)
+    shown = measurement.measured(ideal, seed=3, chain=chain)
+    at_rest = shown["current_ampere"][shown["step"] == 1]
+    assert at_rest.std() == pytest.approx(0.002, rel=0.25)
+    assert at_rest.mean() == pytest.approx(0.05, abs=0.001)
+
+
+def test_branches_have_sensors_of_their_own():
+    halves = tuple([lambda second: np.full(np.shape(second), -1.0)] * 2)
+    chain = measurement.CHAIN._replace(branch_gain=(0.01, 0.0), branch_offset_ampere=(0.0, 0.2))
+    shown = _noted(chain, [_loaded(-2.0, 60.0, branches=halves)])
+    np.testing.assert_allclose(shown["branch_1_current_ampere"], -1.01)
+    np.testing.assert_allclose(shown["branch_2_current_ampere"], -0.8)
+    np.testing.assert_allclose(shown["current_ampere"], -2.0)
+
+
+def test_sensor_on_the_surface_lags():
+    warmer = Behaviour(7200.0, *[lambda second: 0.0 * second] * 2, lambda s: 25 + s / 600)
+    chain = measurement.CHAIN._replace(surface_lag_second=60.0)
+    shown = _noted(chain, [warmer])
+    late = shown["time_second"] > 1200
+    behind = 25 + shown["time_second"] / 600 - shown["surface_celsius"]
+    np.testing.assert_allclose(behind[late], 0.1, atol=1e-3)
+
+
+def test_slow_noise_forgets_at_its_own_pace():
+    chain = measurement.CHAIN._replace(
+        voltage_noise_volt=0.0, voltage_slow_noise_volt=0.01, voltage_slow_noise_second=20.0
+    )
+    flat = [_loaded(0.0, 400_000.0)]
+    ideal = measurement.record(
+        flat, periods_second=[4.0], seed=1, ambient_celsius=25.0, chain=chain
+    )
+    error = measurement.measured(ideal, seed=2, chain=chain)["voltage_volt"] - 3.6
+    assert error.std() == pytest.approx(0.01, rel=0.05)
+    for lag, wait in ((1, 4.045), (5, 5 * 4.045)):
+        found = np.corrcoef(error[:-lag], error[lag:])[0, 1]
+        assert found == pytest.approx(np.exp(-wait / 20.0), abs=0.03)
+
+
+def test_slow_noise_leaves_the_white_noise_as_it_was(ideal):
+    slow = measurement.CHAIN._replace(voltage_slow_noise_volt=0.01)
+    plain, both = (measurement.measured(ideal, seed=2, chain=c) for c in (measurement.CHAIN, slow))
+    assert (plain["current_ampere"] == both["current_ampere"]).all()
+    assert (plain["voltage_volt"] != both["voltage_volt"]).any()
+
+
+def test_the_chamber_is_read_where_it_is():
+    around = chamber.stepped((20.0, 10.0), rest_second=1000.0, hold_second=2000.0)
+    shown = _noted(measurement.CHAIN, [_loaded(0.0, 4000.0)], chamber=around)
+    time = shown["time_second"]
+    np.testing.assert_allclose(shown["ambient_celsius"][time < 1000], 20.0)
+    np.testing.assert_allclose(shown["ambient_celsius"][time > 1600], 10.0)
+    assert np.interp(1300, time, shown["ambient_celsius"]) == pytest.approx(15.0, abs=0.05)
+
+
+@pytest.mark.parametrize("chain", [measurement.CHAIN, measurement.Chain(current_gain=0.01)])
+def test_a_long_test_is_counted_by_the_cells_own_charge(chain):
+    def cell(ampere, second):
+        return _loaded(ampere, second, charge=lambda s: ampere * s / 3600)
+
+    pair = [cell(-1.0, 7200.0), cell(0.0, 600.0), cell(1.0, 7200.0), cell(0.0, 600.0)]
+    shown = _noted(chain, pair * 50, periods_second=[60.0] * 200)
+    expected = 100.0 * (1 + chain.current_gain)
+    assert shown["charged_ampere_hour"][-1] == pytest.approx(expected, rel=1e-12)
+    assert shown["discharged_ampere_hour"][-1] == pytest.approx(expected, rel=1e-12)
+    assert (np.diff(shown["discharged_ampere_hour"]) >= 0).all()
+
+
+@pytest.mark.parametrize("name", measurement.TYPICAL)
+def test_typical_instruments_show_their_own_steps(name):
+    chain = measurement.TYPICAL[name]
+    shown = measurement.measured(_noted(chain), seed=2, chain=chain)
+    for channel_name, step in (
+        ("voltage_volt", chain.voltage_resolution_volt),
+        ("current_ampere", chain.current_resolution_ampere),
+        ("surface_celsius", chain.temperature_resolution_celsius),
+    ):
+        counts = shown[channel_name] / step
+        np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+    at_rest = shown["current_ampere"][shown["step"] == 1]
+    assert (at_rest == 0).all() == chain.rest_is_open
