@@ -58,13 +58,3 @@ def measured_spectrum(
         "imaginary_ohm": impedance_ohm.imag + noise[1],
         "surface_celsius": surface,
     }
-
-
-def facts(impedance_ohm: np.ndarray, ohmic_ohm: float) -> dict:
-    """Noise-free spectrum and its limit at high frequency."""
-    return {
-        "ohmic_ohm": round(ohmic_ohm, 7),
-        "frequency_hertz": [float(f"{f:.6g}") for f in FREQUENCY_HERTZ],
-        "real_ohm": np.round(impedance_ohm.real, 8).tolist(),
-        "imaginary_ohm": np.round(impedance_ohm.imag, 8).tolist(),
-    }

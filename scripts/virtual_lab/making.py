@@ -113,7 +113,7 @@ def _csv(rows) -> bytes:
 
 
 def _json(content) -> bytes:
-    return (json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()
+    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from virtual_lab import channel
 from virtual_lab.behaviour import Behaviour
 from virtual_lab.chain import CHAIN, TYPICAL, Chain
-from virtual_lab.chamber import Chamber, at, steady
+from virtual_lab.chamber import Chamber, at
 from virtual_lab.clock import EARLY_SECOND, LATE_SECOND, sample_times
 
 __all__ = [
@@ -32,8 +32,7 @@ def record(
     *,
     periods_second: list[float],
     seed: int,
-    chamber: Chamber | None = None,
-    ambient_celsius: float | None = None,
+    chamber: Chamber,
     chain: Chain = CHAIN,
 ) -> Columns:
     """What an instrument without noise and of endless resolution would note down.
@@ -44,7 +43,6 @@ def record(
     periods_second : sampling period [s] asked in each step.
     seed : of the clock.
     chamber : temperature around the cell over the time of the test.
-    ambient_celsius : of a chamber that holds its temperature [°C], in place of `chamber`.
     chain : of the instrument.
 
     Returns
@@ -64,8 +62,7 @@ def record(
     columns = {"step": step, "time_second": _stamps(own, durations)}
     columns |= _sensors(behaviours, durations, own, chain)
     columns |= _counters(behaviours, own, chain)
-    around = steady(ambient_celsius) if chamber is None else chamber
-    celsius = at(around, columns["time_second"]) + chain.chamber_offset_celsius
+    celsius = at(chamber, columns["time_second"]) + chain.chamber_offset_celsius
     return columns | {"ambient_celsius": celsius}
 
 
@@ -207,24 +204,3 @@ def _slow_noise(second, correlation_second, random):
     fresh = np.sqrt(1 - kept**2) * random.normal(size=second.size)
     pairs = zip(kept.tolist(), fresh.tolist(), strict=True)
     return np.array([*accumulate(pairs, lambda x, p: p[0] * x + p[1], initial=0.0)][1:])
-
-
-def with_spikes(columns: Columns, **how) -> Columns:
-    """The columns of `faults.spikes` alone."""
-    from virtual_lab import faults
-
-    return faults.spikes(columns, **how)[0]
-
-
-def with_repeats(columns: Columns, **how) -> Columns:
-    """The columns of `faults.repeats` alone."""
-    from virtual_lab import faults
-
-    return faults.repeats(columns, **how)[0]
-
-
-def with_gap(columns: Columns, **how) -> Columns:
-    """The columns of `faults.gap` alone."""
-    from virtual_lab import faults
-
-    return faults.gap(columns, **how)[0]

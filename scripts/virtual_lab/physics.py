@@ -19,7 +19,6 @@ warnings.filterwarnings("ignore", message="The definition of the hysteresis deca
 
 ZERO_CELSIUS_KELVIN = 273.15
 OPTIONS = {"thermal": "lumped", "contact resistance": "true", "surface form": "differential"}
-OF_THE_TYPE = ("chemistry", "rating", "entropy")
 HYSTERESIS = {"open-circuit potential": ("single", "one-state hysteresis")}
 
 
@@ -97,21 +96,6 @@ def soc_at(cell: cells.Cell, volt: float) -> float:
     """State of charge [1] of a rested cell that shows a voltage [V] at 25 °C."""
     soc = np.linspace(0.0, 1.0, 2001)
     return float(np.interp(volt, rested_volt(cell, soc), soc))
-
-
-def cell_facts(cell: cells.Cell) -> dict:
-    """What is true about a cell: losses, electrode balance, open-circuit voltage over SoC."""
-    ends = stoichiometry(cell)
-    soc = np.linspace(0.0, 1.0, 201)
-    volt = rested_volt(cell, soc)
-    return {
-        **{name: value for name, value in cell._asdict().items() if name not in OF_THE_TYPE},
-        "rest_capacity_ampere_hour": round(ends["Q"], 5),
-        "full_charge_ampere_hour": round(full_charge_ampere_hour(cell), 5),
-        "stoichiometry": {name: round(ends[name], 5) for name in ("x_0", "x_100", "y_0", "y_100")},
-        "ocv_soc": np.round(soc, 4).tolist(),
-        "ocv_volt": np.round(volt, 5).tolist(),
-    }
 
 
 def _with_losses(cell):

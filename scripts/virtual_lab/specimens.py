@@ -137,9 +137,14 @@ class BehaviouralGroup(NamedTuple):
         return tuple(member.cell for member in self.members)
 
     @property
+    def capacities_ampere_hour(self) -> list[float]:
+        """Charge [Ah] of each full cell."""
+        return [cell.capacity_ampere_hour for cell in self.cells]
+
+    @property
     def full_ampere_hour(self) -> float:
         """Sum of the cells' charges [Ah]."""
-        return sum(cell.capacity_ampere_hour for cell in self.cells)
+        return sum(self.capacities_ampere_hour)
 
     def run(self, steps, *, chamber: Chamber, initial_soc=None):
         """Through a protocol of the group's current; each cell begins at its own SoC."""
@@ -170,9 +175,14 @@ class PhysicalPair(NamedTuple):
     rested_volt: float
 
     @property
+    def capacities_ampere_hour(self) -> list[float]:
+        """Charge [Ah] of each full cell."""
+        return [round(Physical(cell).full_ampere_hour, 5) for cell in self.cells]
+
+    @property
     def full_ampere_hour(self) -> float:
         """Sum of both charges [Ah]."""
-        return sum(Physical(cell).full_ampere_hour for cell in self.cells)
+        return sum(self.capacities_ampere_hour)
 
     @property
     def initial_soc(self) -> tuple[float, ...]:

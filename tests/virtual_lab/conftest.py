@@ -1,10 +1,17 @@
-"""A cell that needs no physics: what the measurement chain and the writers are tested on."""
+"""A cell that needs no physics: what the measurement chain and the writers are tested on.
+
+And the records of the committed campaign, read once.
+"""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from virtual_lab import measurement
+from cellwright import formats
+from virtual_lab import campaigns, measurement
 from virtual_lab.behaviour import Behaviour
+from virtual_lab.chamber import steady
 
 
 def constant(current_ampere, duration_second):
@@ -23,6 +30,20 @@ def ideal():
     return measurement.record(
         [constant(0.0, 60.0), constant(-2.0, 3600.0), constant(1.0, 900.0)],
         periods_second=[5.0, 1.0, 0.5],
-        ambient_celsius=25.0,
+        chamber=steady(25.0),
         seed=1,
     )
+
+
+@pytest.fixture(scope="session")
+def demo_records():
+    """Each record of the demo with its test, currents positive on charge."""
+    root, found = Path(__file__).resolve().parents[2], []
+    for test in campaigns.plan("demo").tests:
+        if test.steps is not None:
+            columns = formats.read((root / test.file).read_bytes(), name=test.file).columns
+            columns["current_ampere"] = columns["current_ampere"] * (
+                1 - 2 * test.discharge_positive
+            )
+            found.append((test, columns))
+    return found

@@ -2,30 +2,54 @@
 
 import csv
 import hashlib
-import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from virtual_lab import campaign
+from virtual_lab import campaigns
+from virtual_lab import plan as plans
+from virtual_lab.measurement import CHAIN
+from virtual_lab.specimens import branch_rows
 
 ROOT = Path(__file__).resolve().parents[2]
 TEN_MEGABYTES = 10_000_000
+TRUTH = ROOT / "tests" / "truth"
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return campaigns.plan("demo")
 
 
 @pytest.fixture(scope="module")
 def sheet():
-    with (ROOT / "config" / "tests.tsv").open(newline="") as file:
-        return list(csv.DictReader(file, delimiter="\t"))
+    return _rows(ROOT / "config" / "tests.tsv", "\t")
 
 
-@pytest.fixture(scope="module")
-def truth():
-    return json.loads((ROOT / "tests" / "truth" / "truth.json").read_text())
+def _rows(path, separator=","):
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file, delimiter=separator))
 
 
-def test_sheet_is_the_plan(sheet):
-    assert [row["file"] for row in sheet] == [test.file for test in campaign.plan()]
+def _true(table):
+    return _rows(TRUTH / f"{table}.csv")
+
+
+def test_sheets_are_the_plan(plan, sheet):
+    """Byte for byte, so that making the demo over itself changes nothing in the repository."""
+    checksums = {row["file"]: row["sha256"] for row in sheet}
+    (pair,) = plan.groups.values()
+    believed = [float(row["initial_soc"]) for row in _rows(ROOT / "config" / "groups.tsv", "\t")]
+    made = {
+        "cells": plans.cells_sheet(plan),
+        "tests": plans.tests_sheet(plan, checksums),
+        "groups": branch_rows("pair", pair.names, pair.wire_ohm, believed),
+    }
+    for name, rows in made.items():
+        text = plans.as_table(rows, separator="\t")
+        assert (ROOT / "config" / f"{name}.tsv").read_text(encoding="utf-8") == text, name
+    assert (ROOT / "config" / "config.yaml").read_text(encoding="utf-8") == plan.config
 
 
 def test_checksums_are_those_of_the_files(sheet):
@@ -39,26 +63,75 @@ def test_raw_files_are_small_and_all_listed(sheet):
     assert sum(p.stat().st_size for p in files) <= TEN_MEGABYTES
 
 
-def test_truth_covers_every_test(sheet, truth):
-    assert set(truth["tests"]) == {f"{row['cell']}/{row['test']}" for row in sheet}
+def test_truth_covers_every_test_and_cell(plan, sheet):
+    known = {(r["cell"], r["test"]) for table in ("soc", "eis") for r in _true(table)}
+    known |= {(r["group"], r["test"]) for r in _true("packs")}
+    assert known == {(row["cell"], row["test"]) for row in sheet}
+    for table in ("health", "ocv"):
+        assert {row["cell"] for row in _true(table)} == {cell.name for cell in plan.cells}
 
 
-def test_resistance_grows_and_capacity_falls_in_the_cold(truth):
-    def middle(test):
-        pulses = truth["tests"][f"C1/hppc_{test}C"]["pulses"]
-        found = min(pulses, key=lambda p: (p["direction"] == "charge", abs(p["soc"] - 0.5)))
-        return found["resistance_ohm"]["10.0"]
+@pytest.mark.parametrize(
+    ("table", "kinds"),
+    [("capacity", ("capacity", "ocv")), ("resistance", ("hppc",)), ("ica", ("ica",))],
+)
+def test_truth_has_a_table_for_each_kind(table, kinds, sheet):
+    tests = {(row["cell"], row["test"]) for row in sheet if row["kind"] in kinds}
+    assert {(row["cell"], row["test"]) for row in _true(table)} == tests
 
-    def discharged(test):
-        return -truth["tests"][f"C1/capacity_{test}C"]["steps"][1]["charge_ampere_hour"]
+
+def test_resistance_grows_and_capacity_falls_in_the_cold():
+    def middle(celsius):
+        rows = [
+            row
+            for row in _true("resistance")
+            if (row["cell"], row["test"]) == ("C1", f"hppc_{celsius}C")
+            and (row["direction"], float(row["delay_second"])) == ("discharge", 10.0)
+        ]
+        return float(min(rows, key=lambda r: abs(float(r["soc"]) - 0.5))["resistance_ohm"])
+
+    def discharged(celsius):
+        (row,) = [
+            row
+            for row in _true("capacity")
+            if (row["cell"], row["test"]) == ("C1", f"capacity_{celsius}C")
+            and row["direction"] == "discharge"
+        ]
+        return float(row["capacity_ampere_hour"])
 
     assert middle(0) > 1.5 * middle(25) > 2 * middle(40)
     assert discharged(0) < 0.98 * discharged(25) < 0.98 * discharged(40)
 
 
-def test_currents_of_the_pair_add_up(truth):
-    steps = truth["tests"]["pair/drive_25C"]["steps"]
-    assert max(step["kcl_residual_ampere"] for step in steps) < 1e-9
-    for step in steps:
-        total = sum(step["branch_charge_ampere_hour"])
-        assert total == pytest.approx(step["charge_ampere_hour"], abs=2e-4)
+def test_files_hold_the_charge_that_is_true(demo_records):
+    true = {(row["cell"], row["test"]): row for row in _true("soc")}
+    checked = 0
+    for test, shown in demo_records:
+        if (test.cell, test.test) not in true or test.faults:
+            continue
+        row = true[test.cell, test.test]
+        change = float(row["soc_end"]) - float(row["soc_begin"])
+        moved = np.trapezoid(shown["current_ampere"], shown["test_time_second"]) / 3600
+        # Trapezoids between samples of a drive, one a second, are what is least exact here.
+        expected = change * float(row["capacity_ampere_hour"])
+        assert moved == pytest.approx(expected, abs=2e-3), test.file
+        checked += 1
+    assert checked > 30
+
+
+def test_currents_of_the_pair_add_up(demo_records):
+    ((test, shown),) = [(test, shown) for test, shown in demo_records if test.kind == "group"]
+    down = [step.value for step in test.steps if step.kind == "profile"]
+    asked = sum(np.trapezoid(value[:, 1], value[:, 0]) for value in down) / 3600
+    rows = _true("packs")
+    assert sum(float(row["charge_ampere_hour"]) for row in rows) == pytest.approx(-asked, abs=2e-4)
+    branches = [shown[f"branch_{k}_current_ampere"] for k in (1, 2)]
+    residual = sum(branches) - shown["current_ampere"]
+    # Three readings, each with its noise and its resolution; nothing else is between them.
+    noise = np.sqrt(3 * (CHAIN.current_noise_ampere**2 + CHAIN.current_resolution_ampere**2 / 12))
+    assert residual.std() == pytest.approx(noise, rel=0.2)
+    assert abs(residual.mean()) < 5 * noise / np.sqrt(residual.size)
+    for row, branch in zip(rows, branches, strict=True):
+        # One sample a second meets no peak of the load exactly.
+        largest = float(row["current_max_ampere"])
+        assert 0.95 * largest < np.abs(branch).max() < largest + 0.004

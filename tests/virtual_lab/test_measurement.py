@@ -159,9 +159,7 @@ def test_slow_noise_forgets_at_its_own_pace():
         voltage_noise_volt=0.0, voltage_slow_noise_volt=0.01, voltage_slow_noise_second=20.0
     )
     flat = [_loaded(0.0, 400_000.0)]
-    ideal = measurement.record(
-        flat, periods_second=[4.0], seed=1, ambient_celsius=25.0, chain=chain
-    )
+    ideal = _noted(chain, flat, periods_second=[4.0])
     error = measurement.measured(ideal, seed=2, chain=chain)["voltage_volt"] - 3.6
     assert error.std() == pytest.approx(0.01, rel=0.05)
     for lag, wait in ((1, 4.045), (5, 5 * 4.045)):

@@ -198,8 +198,10 @@ def test_each_kind_has_its_tables(kind, tables):
 
 def test_a_group_has_its_name_in_its_rows():
     steps = [Step("current", -10.0, 3600.0, 1.0, 3.0)]
-    found = truth.rows(_test_of("group", steps, names=("a", "b")), [_group(3600.0, -10.0, -6.5)])
-    assert [row["group"] for row in found["packs"]] == ["x", "x"]
+    test = _test_of("group", steps, names=("a", "b"), capacities_ampere_hour=(6.0, 5.0))
+    rows = truth.rows(test, [_group(3600.0, -10.0, -6.5)])["packs"]
+    assert [row["group"] for row in rows] == ["x", "x"]
+    assert [row["capacity_ampere_hour"] for row in rows] == [6.0, 5.0]
 
 
 def test_a_specimen_without_a_rating_is_refused():

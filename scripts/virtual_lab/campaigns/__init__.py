@@ -20,6 +20,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "scale": {"seed": 0, "cells": 1000},
 }
+OF_THE_WORKFLOW = {"campaign", "folder", "real"}  # what else its --config may hold
 FOLDERS = {"demo": "."} | {name: f"virtual/{name}" for name in OPTIONS if name != "demo"}
 
 
@@ -28,11 +29,14 @@ def options(name: str, given: dict[str, Any]) -> dict[str, Any]:
 
     Raises
     ------
-    ValueError : no such campaign, or a value that is not of the default's kind.
+    ValueError : no such campaign, no such option, or a value that is not of the default's kind.
     """
     if name not in OPTIONS:
         raise ValueError(f"no campaign {name!r}; there are {', '.join(OPTIONS)}")
     found = dict(OPTIONS[name])
+    if unknown := sorted(given.keys() - found.keys() - OF_THE_WORKFLOW):
+        known = ", ".join(found) or "none"
+        raise ValueError(f"{name} has no option {', '.join(unknown)}; it has {known}")
     for key in found.keys() & given.keys():
         kind = type(found[key])
         try:
@@ -44,4 +48,5 @@ def options(name: str, given: dict[str, Any]) -> dict[str, Any]:
 
 def plan(name: str, **chosen: Any) -> Plan:
     """All tests of a campaign on paper."""
-    return import_module(f"virtual_lab.campaigns.{name}").plan(**options(name, chosen))
+    full = options(name, chosen)
+    return import_module(f"virtual_lab.campaigns.{name}").plan(**full)

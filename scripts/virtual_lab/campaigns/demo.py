@@ -11,9 +11,10 @@ PAIR = ("C1", "C2")
 PAIR_WIRE_OHM = (0.002, 0.003)
 PAIR_INITIAL_VOLT = 3.3
 SPECTRUM_SOC = (0.2, 0.5, 0.8)
-CONFIG = """# The demo campaign runs on the documented defaults.
-# See README.md in this folder for every key.
-"""
+CONFIG = (
+    "# The demo campaign runs on the documented defaults;"
+    " see README.md in this folder for every key.\n"
+)
 ABOUT = """# What is true in the demo campaign
 
 Made with the raw files by the virtual laboratory (docs/virtual-laboratory.md), without noise. The

@@ -71,9 +71,9 @@ def unexplained(found: list[Seen], trials: list[Setup]) -> list[float]:
     fit = [one for one in found if not one.file.is_validation]
     volt, slopes, hats = _stacked(fit)
     rows, target = _with_prior(volt, slopes, hats)
-    basis = np.linalg.qr(rows)[0]
-    left = target - basis @ (basis.T @ target)
-    return [_share_left(left, basis, _answers(fit, trial)) for trial in trials]
+    onto = np.linalg.solve(rows.T @ rows, rows.T)
+    left = target - rows @ (onto @ target)
+    return [_share_left(left, rows, onto, _answers(fit, trial)) for trial in trials]
 
 
 def _answers(fit, trial):
@@ -83,9 +83,10 @@ def _answers(fit, trial):
     )
 
 
-def _share_left(left, basis, other):
+def _share_left(left, rows, onto, other):
+    """By how much a direction, as far as the refit leaves it, shortens what is left."""
     direction = np.append(other, np.zeros(len(left) - len(other))) / NOISE_VOLT
-    direction = direction - basis @ (basis.T @ direction)
+    direction = direction - rows @ (onto @ direction)
     power = direction @ direction
     return 1.0 - (direction @ left) ** 2 / (power * (left @ left)) if power > 0 else 1.0
 
@@ -146,9 +147,8 @@ def _with_prior(volt, slopes, hats):
 
 
 def _solved(rows, target):
-    """Least squares by QR: the columns are few and far from dependent."""
-    basis, upper = np.linalg.qr(rows)
-    return np.linalg.solve(upper, basis.T @ target)
+    """Least squares by the normal equations: few columns, all volts, far from dependent."""
+    return np.linalg.solve(rows.T @ rows, rows.T @ target)
 
 
 def _unseen(one, change, moved):

@@ -37,14 +37,14 @@ class HiddenGroup(NamedTuple):
         return SIZES[seed_of(f"size of {self.name}", self.seed) % len(SIZES)]
 
     @property
-    def cells(self) -> tuple[fast.Cell, ...]:
-        """The cells as they truly are."""
-        return _made(self)[1].cells
+    def capacities_ampere_hour(self) -> list[float]:
+        """Charge [Ah] of each full cell, as it truly is."""
+        return [cell.capacity_ampere_hour for cell in _made(self)[1].cells]
 
     @property
     def full_ampere_hour(self) -> float:
         """Sum of the cells' charges [Ah]."""
-        return sum(cell.capacity_ampere_hour for cell in self.cells)
+        return sum(self.capacities_ampere_hour)
 
     @property
     def chain(self):

@@ -14,7 +14,7 @@ def rows(test, behaviours: list) -> dict[str, list[dict]]:
     ----------
     test : with `kind`, `steps`, `initial_soc` and a `specimen`, as in `plan.Test`. The specimen
         says its `full_ampere_hour` and its `rating` (or that of its `cell`); that of a group the
-        `names` of its cells, and may have the `cells`.
+        `names` of its cells and their `capacities_ampere_hour`.
     behaviours : one per step.
 
     Returns
@@ -59,9 +59,7 @@ def rating_of(specimen) -> Rating:
 
 
 def _group_rows(test, behaviours):
-    cells = getattr(test.specimen, "cells", None)
-    names = test.specimen.names
-    capacities = [cell.capacity_ampere_hour for cell in cells] if cells else [None] * len(names)
+    names, capacities = test.specimen.names, test.specimen.capacities_ampere_hour
     shown = groups.group_rows(
         test.steps, behaviours, names=names, capacities_ampere_hour=capacities
     )

@@ -1,0 +1,158 @@
+"""The thesis' types on the shelf: against their data sheets, half-cells, and figures of ageing."""
+
+import numpy as np
+import pytest
+
+from virtual_lab import ageing, electrodes, fast, protocols, stock
+from virtual_lab.chamber import steady
+from virtual_lab.half_cells import HALF_CELLS
+from virtual_lab.protocols import Step
+
+every_kind = pytest.mark.parametrize("kind", stock.CIRCUITS)
+MIDDLE = np.array([0.5])
+
+
+def _resistance(cell, *, celsius=25.0, soc=MIDDLE):
+    """At once, after 10 s, in the long run [ohm], shape (3, soc)."""
+    return np.array(list(fast.resistances(cell, soc, celsius=celsius).values()))
+
+
+@every_kind
+def test_a_slow_discharge_gives_a_little_more_than_the_data_sheet_says(kind):
+    """C/20 from full to the lower cut-off."""
+    cell = stock.cell(kind)
+    slow = protocols.discharge(cell.rating, 1 / 20, period_second=600.0)
+    (run,) = fast.run([slow], cell, chamber=steady(25.0))
+    end = float(run.voltage(run.duration_second))
+    assert end == pytest.approx(cell.rating.lower_cutoff_volt, abs=1e-3)
+    taken = -float(run.charge(run.duration_second))
+    rated = ageing.KINDS[kind].rating.capacity_ampere_hour
+    assert rated < taken < 1.04 * rated
+    # All that lies between the cut-offs at rest but what so small a current cannot reach.
+    assert taken == pytest.approx(cell.capacity_ampere_hour, rel=3e-3)
+
+
+@every_kind
+def test_table_of_voltage_is_that_of_the_half_cells(kind):
+    """Positive against negative, by the lithium that each holds; from cut-off to cut-off."""
+    sheet, cell = ageing.KINDS[kind], stock.cell(kind, lli=0.05, lam_positive=0.03)
+    made = electrodes.CHEMISTRIES[sheet.chemistry]
+    window = electrodes.window(sheet.chemistry, sheet.rating, lli=0.05, lam_positive=0.03)
+    positive, negative = HALF_CELLS[made.positive], HALF_CELLS[made.negative]
+    soc = np.linspace(0.0, 1.0, 41)
+    moved = soc * cell.capacity_ampere_hour
+    y = window.y_0 - moved / window.positive_ampere_hour
+    x = window.x_0 + moved / window.negative_ampere_hour
+    expected = positive.potential_volt(y) - negative.potential_volt(x)
+    shown = fast.rested_volt(cell, soc, celsius=25.0)
+    np.testing.assert_allclose(shown, expected, atol=2e-4)
+    limits = (sheet.rating.lower_cutoff_volt, sheet.rating.upper_cutoff_volt)
+    assert shown[[0, -1]] == pytest.approx(limits, abs=1e-4)
+    assert (np.diff(shown) > 0).all()
+
+
+@pytest.mark.parametrize("kind", ["C", "D"])
+@pytest.mark.parametrize("share", [1.0, 0.9, 0.65])
+@pytest.mark.parametrize("lam_positive", [0.0, 0.1])
+def test_losses_found_leave_the_capacity_asked(kind, share, lam_positive):
+    wanted = share * stock.cell(kind).capacity_ampere_hour
+    losses = stock.worn(kind, wanted, lam_positive=lam_positive)
+    worn = stock.cell(kind, **losses)
+    assert worn.capacity_ampere_hour == pytest.approx(wanted, rel=1e-6)
+    assert losses["lam_positive"] == lam_positive
+    assert losses["lam_negative"] == 0.5 * lam_positive
+    # What the positive electrode gives between the cut-offs is the capacity, whoever lost what.
+    fresh = electrodes.window(ageing.KINDS[kind].chemistry, ageing.KINDS[kind].rating)
+    aged = electrodes.window(ageing.KINDS[kind].chemistry, ageing.KINDS[kind].rating, **losses)
+    left = fresh.positive_ampere_hour * (1 - lam_positive) * (aged.y_0 - aged.y_100)
+    assert left == pytest.approx(wanted, rel=1e-6)
+
+
+def test_more_capacity_than_the_type_has_needs_lithium_to_spare():
+    fresh = stock.cell("D").capacity_ampere_hour
+    assert stock.worn("D", 1.02 * fresh, lam_positive=0.0)["lli"] < 0
+    assert stock.worn("D", fresh, lam_positive=0.0)["lli"] == pytest.approx(0.0, abs=1e-6)
+    lost = [stock.worn("D", share * fresh, lam_positive=0.0)["lli"] for share in (0.9, 0.8, 0.7)]
+    assert lost == sorted(lost)
+    with pytest.raises(ValueError, match="sign"):
+        stock.worn("D", 2 * fresh, lam_positive=0.0)
+
+
+@every_kind
+def test_resistance_grows_in_the_cold_and_near_empty(kind):
+    cell = stock.cell(kind)
+    colder = [_resistance(cell, celsius=celsius) for celsius in (40.0, 25.0, 10.0, -20.0)]
+    assert (np.diff(colder, axis=0) > 0).all()
+    over_soc = _resistance(cell, soc=np.array([0.02, 0.2, 0.5]))
+    assert (np.diff(over_soc, axis=1) < 0).all()
+
+
+def test_activation_energies_are_those_of_table_3_1():
+    """E: Rs and Rct of the printed table over 20 and −10 °C, by Arrhenius' law."""
+    cell = stock.cell("E")
+    printed = {"ohmic": (3.05e-3, 2.02e-3), "transfer": (1.74e-2, 6.48e-4)}
+    energy = {
+        name: 8.314 * np.log(cold / warm) / (1 / 263.15 - 1 / 293.15)
+        for name, (cold, warm) in printed.items()
+    }
+    assert cell.r0_activation_joule_per_mole == pytest.approx(energy["ohmic"], abs=2e3)
+    assert cell.pair_activation_joule_per_mole[0] == pytest.approx(energy["transfer"], abs=3e3)
+
+
+@pytest.mark.parametrize(("kind", "protocol"), sorted(ageing.LAWS))
+def test_resistance_grows_with_age(kind, protocol):
+    cycles = np.linspace(0, ageing.last_cycle(kind, protocol), 6)
+    aged = [_resistance(stock.aged(kind, protocol, cycle)) for cycle in cycles]
+    assert (np.diff(aged, axis=0) > 0).all()
+    grown = aged[-1][0, 0] / aged[0][0, 0]
+    assert grown == pytest.approx(ageing.LAWS[kind, protocol].points[-1][2], rel=1e-6)
+
+
+def test_a_life_under_the_standard_protocol_is_that_of_figure_4_10():
+    """19.56 Ah fresh, some 16 Ah at 1200 cycles, 9 Ah at 1250: the knee is in the capacity."""
+    capacity = {
+        c: stock.aged("C", "standard", c).capacity_ampere_hour for c in (0, 900, 1200, 1250)
+    }
+    shares = {cycle: value / capacity[0] for cycle, value in capacity.items()}
+    assert shares[1200] == pytest.approx(16 / 19.56, abs=0.005)
+    assert shares[1250] == pytest.approx(9 / 19.56, abs=0.005)
+    before = (shares[900] - shares[1200]) / 300
+    after = (shares[1200] - shares[1250]) / 50
+    assert after > 10 * before > 0
+    assert ageing.knee_cycle("C", "standard") == pytest.approx(1200, abs=50)
+
+
+def test_fast_charge_wears_a_cell_out_first():
+    """Figure 4.12: what takes the standard protocol 1200 cycles takes fast charge 300."""
+    left = [stock.aged("C", p, 340).capacity_ampere_hour for p in ("standard", "fast_charge")]
+    assert left[1] < 0.7 * left[0]
+
+
+def test_an_aged_cell_stores_less_and_sags_more():
+    """Under the same 1C, from the same state of charge."""
+    load = [Step("current", -20.0, 60.0, 1.0)]
+    sag = []
+    for cycle in (0, 1200):
+        (run,) = fast.run(load, stock.aged("C", "standard", cycle), chamber=steady(25.0),
+                          initial_soc=0.5)  # fmt: skip
+        rest = fast.rested_volt(stock.aged("C", "standard", cycle), MIDDLE, celsius=25.0)[0]
+        sag.append(rest - float(run.voltage(60.0)))
+    # 30 % more resistance after 1200 cycles (2.0 to 2.6 milliohm).
+    assert 1.2 * sag[0] < sag[1] < 1.6 * sag[0]
+
+
+@every_kind
+def test_heat_is_what_the_voltage_has_lost(kind):
+    """Two minutes of 2C, too short for much of the heat to leave; entropy put aside."""
+    cell = stock.cell(kind)._replace(entropic_volt_per_kelvin=0.0)
+    ampere = cell.rating.ampere(2.0)
+    load = [Step("current", -ampere, 120.0, 1.0)]
+    (run,) = fast.run(load, cell, chamber=steady(25.0), initial_soc=0.8)
+    second = np.linspace(0.0, 120.0, 241)
+    soc = 0.8 - ampere * second / 3600 / cell.capacity_ampere_hour
+    lost_watt = ampere * (fast.rested_volt(cell, soc, celsius=25.0) - run.voltage(second))
+    all_of_it = np.trapezoid(lost_watt, second) / cell.heat_capacity_joule_per_kelvin
+    outside = cell.surface_resistance_kelvin_per_watt
+    share = outside / (outside + cell.core_resistance_kelvin_per_watt)
+    rise = (float(run.temperature(120.0)) - 25.0) / share
+    assert 0.85 * all_of_it < rise < all_of_it
