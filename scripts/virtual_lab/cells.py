@@ -24,6 +24,7 @@ class Cell(NamedTuple):
     charge between two pulses; `cycle` is the number of equivalent full cycles behind the cell.
     `chemistry` is one of `electrodes.CHEMISTRIES`, `rating` its data sheet. `entropy` is the share
     of the published entropic coefficients that the cell has: those of the demo have none.
+    `equations` names PyBaMM's model: SPM, SPMe or DFN.
     """
 
     lli: float
@@ -37,6 +38,7 @@ class Cell(NamedTuple):
     chemistry: str = "NMC"
     rating: Rating = RATING
     entropy: float = 0.0
+    equations: str = "SPMe"
 
 
 CELLS = {

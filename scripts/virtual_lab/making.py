@@ -50,6 +50,8 @@ def make_sheets(plan: Plan, folder: Path) -> None:
 
 def made(test: Test) -> tuple[bytes, dict[str, list[dict]]]:
     """One test's file, as its instrument writes it, and rows of truth tables about it."""
+    if callable(test.steps):
+        test = test._replace(steps=test.steps())
     how = _spectrum if test.steps is None else _record
     columns, rows = how(test)
     columns, spoiled = faults.spoiled(columns, test.faults) if test.faults else (columns, [])

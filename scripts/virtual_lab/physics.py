@@ -25,10 +25,11 @@ HYSTERESIS = {"open-circuit potential": ("single", "one-state hysteresis")}
 def model(cell: cells.Cell, *, hysteresis: bool = True):
     """The physics of a cell, with double layers (charge transfer takes time).
 
+    `cell.equations`: SPM (single particles), SPMe (with the electrolyte) or DFN (whole electrodes).
     `hysteresis`: of LFP; small signals about rest stay on one branch, so spectra go without.
     """
     branches = HYSTERESIS if hysteresis and cell.chemistry == "LFP" else {}
-    return pybamm.lithium_ion.SPMe(OPTIONS | branches)
+    return getattr(pybamm.lithium_ion, cell.equations)(OPTIONS | branches)
 
 
 def parameters(cell: cells.Cell, *, ambient_celsius: float) -> pybamm.ParameterValues:

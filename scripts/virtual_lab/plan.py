@@ -34,7 +34,7 @@ class Cell(NamedTuple):
 
 
 class Test(NamedTuple):
-    """One test; `steps` is None for spectra.
+    """One test; `steps` is None for spectra, a function where they depend on what the cell does.
 
     `current_sign` is what the sheet says; `discharge_positive` what the file really holds.
     `soc` is what the sheet says of the start, `initial_soc` what is true. `faults` spoil the
@@ -49,7 +49,7 @@ class Test(NamedTuple):
     ambient_celsius: float
     instrument: str
     specimen: Any
-    steps: list[Step] | None = None
+    steps: list[Step] | Callable[[], list[Step]] | None = None
     chamber: Chamber | None = None
     chain: Chain | None = CHAIN
     current_sign: str | None = None

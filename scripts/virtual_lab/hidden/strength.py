@@ -57,7 +57,7 @@ def with_effect(
     size = INVISIBLE.get(effect) or _size(made, drawn, sign, plain, strength_volt, files)
     setup = made.act(plain, sign * size, drawn)
     shown = {
-        name: value if isinstance(value, str) else _short(value) for name, value in drawn.items()
+        name: _short(value) if isinstance(value, float) else value for name, value in drawn.items()
     }
     parameters = {made.parameter: _short(sign * size), **shown}
     found = seen(setup, plain, files)

@@ -4,7 +4,7 @@ from functools import partial
 
 from virtual_lab import ageing, cells, protocols, stock
 from virtual_lab.campaigns.thesis.pack import CHAIN
-from virtual_lab.chamber import room
+from virtual_lab.chamber import room, steady
 from virtual_lab.plan import Cell, Test
 from virtual_lab.protocols.rests import THESIS_CELSIUS
 from virtual_lab.specimens import Behavioural, Physical
@@ -81,7 +81,7 @@ def _of_fast_cell(specimen, seed):
     ]
     for celsius in CAPACITY_CELSIUS:
         half = protocols.capacity(RATING, repeats=1)
-        quick = protocols.fast_charge(RATING)
+        quick = partial(_fast_charge, specimen, celsius)
         found += [
             at(f"capacity_{celsius}C", "capacity", celsius, steps=half),
             at(f"fast_charge_{celsius}C", "fast_charge", celsius, steps=quick),
@@ -101,6 +101,11 @@ def _of_fast_cell(specimen, seed):
             at(f"udds_{celsius}C", "drive", celsius, steps=_drive(full)),
         ]
     return found
+
+
+def _fast_charge(specimen, celsius):
+    """2C to the upper cut-off, held for what is left of half an hour."""
+    return protocols.fast_charge(RATING, run=partial(specimen.run, chamber=steady(celsius)))
 
 
 def _drive(full):
