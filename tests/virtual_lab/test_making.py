@@ -5,6 +5,7 @@ import hashlib
 import json
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ import campaign
 from cellwright import formats
 from cellwright.refusal import Refusal
 from virtual_lab import fast, faults, file_faults, making
-from virtual_lab.plan import Cell, Plan, Test
+from virtual_lab import plan as paper
+from virtual_lab.measurement import CHAIN
 from virtual_lab.protocols import Step, discharge, rest
 from virtual_lab.rating import Rating
 from virtual_lab.specimens import Behavioural, BehaviouralGroup
@@ -38,12 +40,14 @@ PAIR = BehaviouralGroup(("A", "B"), (GOOD, WORSE), (0.001, 0.001), (1.0, 1.0))
 @pytest.fixture(scope="module")
 def plan():
     cells = (
-        Cell("A", "NMC", RATING, GOOD, reference=True),
-        Cell("B", "NMC", RATING, WORSE, note="resistive"),
-        Cell("Z", "LMO", Rating(32.0, 2.5, 4.2), Tabulated()),
+        paper.Cell("A", "NMC", RATING, GOOD, reference=True),
+        paper.Cell("B", "NMC", RATING, WORSE, note="resistive"),
+        paper.Cell("Z", "LMO", Rating(32.0, 2.5, 4.2), Tabulated()),
     )
-    a = partial(Test, "A", ambient_celsius=25.0, specimen=GOOD, batch="A")
-    b = partial(Test, "B", ambient_celsius=25.0, specimen=WORSE, batch="B", seed_of_campaign=1)
+    a = partial(paper.Test, "A", ambient_celsius=25.0, specimen=GOOD, batch="A")
+    b = partial(
+        paper.Test, "B", ambient_celsius=25.0, specimen=WORSE, batch="B", seed_of_campaign=1
+    )
     empty = [discharge(RATING, 2.0, period_second=20.0), rest(60.0)]
     tests = (
         a("load", "drive", instrument="arbin", steps=LOAD, role="fit"),
@@ -52,11 +56,12 @@ def plan():
           faults=(partial(faults.spikes, seed=3, count=4),)),
         b("capacity", "capacity", instrument="digatron", steps=empty),
         b("torn", "drive", instrument="parquet", steps=LOAD, damage=file_faults.cut_off),
-        Test("Z", "eis", "eis", 20.0, "eis", Tabulated(), soc=0.5, initial_soc=0.5, batch="Z"),
-        Test("pair", "both", "group", 25.0, "bdf", PAIR, steps=LOAD, soc=None, initial_soc=None,
-             batch="pair"),
+        paper.Test("Z", "eis", "eis", 20.0, "eis", Tabulated(), soc=0.5, initial_soc=0.5,
+                   batch="Z"),
+        paper.Test("pair", "both", "group", 25.0, "bdf", PAIR, steps=LOAD, soc=None,
+                   initial_soc=None, batch="pair"),
     )  # fmt: skip
-    return Plan(cells, tests, {"pair": PAIR}, "title: Small\n", "# About\n")
+    return paper.Plan(cells, tests, {"pair": PAIR}, "title: Small\n", "# About\n")
 
 
 def _make(plan, folder, order=None):
@@ -139,6 +144,17 @@ def test_a_record_shows_the_cell_by_ohms_law(made):
     expected = 4.0 - taken / CAPACITY_AMPERE_HOUR + R_OHM * ampere
     assert np.abs(shown["voltage_volt"] - expected).max() < 0.003
     assert np.abs(shown["current_ampere"] - ampere).max() < 0.003
+
+
+def test_each_test_has_noise_of_its_own(plan):
+    """The same cell at rest under two names."""
+    (test,) = [test for test in plan.tests if test.test == "load"]
+    named = [test, test._replace(test="other")]
+    contents = [
+        making.made(one._replace(steps=[rest(900.0, period_second=1.0)]))[0] for one in named
+    ]
+    shown = [formats.read(content, name="x").columns["voltage_volt"][-800:] for content in contents]
+    assert abs(np.corrcoef(*shown)[0, 1]) < 0.15
 
 
 def test_truth_about_a_test_is_what_its_steps_do(made):
@@ -232,7 +248,14 @@ def test_sheets_wait_for_all_jobs(plan, tmp_path):
         making.make_sheets(plan, tmp_path)
 
 
-def test_a_chain_can_be_the_specimens_own(plan):
-    """Without a chain a test has its specimen's; there is none to be had here."""
-    with pytest.raises(AttributeError, match="chain"):
-        making.made(plan.tests[0]._replace(chain=None))
+def test_without_a_chain_a_test_has_its_specimens(plan):
+    (test,) = [test for test in plan.tests if test.test == "load"]
+    chain = CHAIN._replace(voltage_offset_volt=0.2)
+    own = SimpleNamespace(
+        run=GOOD.run, full_ampere_hour=GOOD.full_ampere_hour, rating=RATING, chain=chain
+    )
+    volts = [
+        formats.read(making.made(one)[0], name="x").columns["voltage_volt"].mean()
+        for one in (test, test._replace(specimen=own, chain=None))
+    ]
+    assert volts[1] - volts[0] == pytest.approx(0.2, abs=1e-4)

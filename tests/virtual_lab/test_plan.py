@@ -176,7 +176,8 @@ def test_steps_end_and_stay_within_the_data_sheet(plans, name):
     ratings = {cell.name: cell.rating for cell in plans[name].cells}
     for test in plans[name].tests:
         rating = ratings.get(test.cell)
-        for step in test.steps or [] if rating else []:
+        steps = test.steps() if callable(test.steps) else test.steps or []
+        for step in steps if rating else []:
             assert step.period_second > 0
             assert 0 < step.duration_second < 1e6
             limits = (None, rating.lower_cutoff_volt, rating.upper_cutoff_volt)
@@ -234,6 +235,21 @@ def test_first_eight_groups_are_those_of_table_5_2(plans):
         assert {int(name[1:]): told[name] for name in group.names} == cells
     assert min(told.values()) == 18.7
     assert max(told.values()) == 31.7
+
+
+def test_fast_charges_take_half_an_hour_at_every_temperature(plans):
+    """S10: what constant current leaves of it the voltage is held for."""
+    tests = [test for test in plans["thesis"].tests if test.kind == "fast_charge"]
+    assert [test.ambient_celsius for test in tests] == [25, 10, 0, -10, -20]
+    constant = []
+    for test in tests:
+        steps = test.steps()
+        *_, current, hold, _ = test.specimen.run(steps, chamber=test.around, initial_soc=1.0)
+        assert current.duration_second + hold.duration_second == pytest.approx(1800.0, abs=1.0)
+        constant.append(current.duration_second)
+    # Ever less of it in the cold, down to nothing.
+    assert constant == sorted(constant, reverse=True)
+    assert constant[0] > 1200 > 60 > constant[-1]
 
 
 def test_ageing_is_followed_from_fresh_to_the_end(plans):

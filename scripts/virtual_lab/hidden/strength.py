@@ -60,8 +60,14 @@ def with_effect(
         name: _short(value) if isinstance(value, float) else value for name, value in drawn.items()
     }
     parameters = {made.parameter: _short(sign * size), **shown}
-    found = seen(setup, plain, files)
+    found = seen(setup, _as_counted(plain, setup), files)
     return Hidden(setup, effect, parameters, found, gap(found))
+
+
+def _as_counted(plain, setup):
+    """The plain circuit with the capacity that the setup's own ammeter counts."""
+    counted = (1 + setup.chain.current_gain) / (1 + plain.chain.current_gain)
+    return plain.with_cell(capacity_ampere_hour=plain.cell.capacity_ampere_hour * counted)
 
 
 def _size(made, drawn, sign, plain, wanted, files):

@@ -208,12 +208,12 @@ EFFECTS = {
     "ocv_shift": Effect(
         "loss_relative",
         0.02,
-        0.2,
+        0.09,
         _ocv_shift,
         _choice("loss", "lli", "lam_negative", "lam_positive"),
     ),
     "ocv_edge": Effect(
-        "amplitude_volt", 0.02, 0.2, _ocv_edge, _choice("end", "empty", "full"), either_sign=True
+        "amplitude_volt", 0.02, 0.06, _ocv_edge, _choice("end", "empty", "full"), either_sign=True
     ),
     "current_offset": Effect(
         "offset_ampere", 5e-3, 0.1, _in_chain("current_offset_ampere"), either_sign=True
