@@ -58,11 +58,19 @@ def made(test: Test) -> tuple[bytes, dict[str, list[dict]]]:
     options = {"discharge_positive": True} if test.discharge_positive else {}
     content = instruments.WRITERS[test.instrument](columns, **options)
     named = {"cell": test.cell, "test": test.test}
-    rows |= {"faults": spoiled} if spoiled else {}
+    rows |= {"faults": [_shortened(row) for row in spoiled]} if spoiled else {}
     if test.damage:
         content, did = test.damage(content)
         rows = {"excluded": [{"file": test.file, "reason": did[0]["fault"]}]}
     return content, {table: [named | row for row in found] for table, found in rows.items()}
+
+
+def _shortened(row):
+    """Nine digits of each number that is no count."""
+    return {
+        name: float(f"{value:.9g}") if isinstance(value, float) else value
+        for name, value in row.items()
+    }
 
 
 def _record(test):
