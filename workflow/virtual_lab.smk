@@ -34,6 +34,8 @@ CODE = hashlib.sha256(
 rule all:
     input:
         [FOLDER / "config" / f"{sheet}.tsv" for sheet in SHEETS],
+        FOLDER / "config" / "config.yaml",
+        FOLDER / PLAN.truth / "README.md",
     message:
         f"{len(PLAN.cells)} cells and {len(PLAN.tests)} tests lie in {FOLDER}, their truth in {FOLDER / PLAN.truth}."
 
@@ -48,6 +50,7 @@ for batch, tests in PLAN.batches().items():
             truth=FOLDER / ".virtual_lab" / f"{batch}.json",
         params:
             batch=batch,
+            options=OPTIONS,
             code=CODE,
         message:
             f"Simulate and measure {', '.join(dict.fromkeys(test.cell for test in tests))}."
@@ -59,8 +62,11 @@ rule sheets:
     input:
         [FOLDER / ".virtual_lab" / f"{batch}.json" for batch in PLAN.batches()],
     output:
-        [FOLDER / "config" / f"{sheet}.tsv" for sheet in SHEETS],
+        sheets=[FOLDER / "config" / f"{sheet}.tsv" for sheet in SHEETS],
+        choices=FOLDER / "config" / "config.yaml",
+        truth=FOLDER / PLAN.truth / "README.md",
     params:
+        options=OPTIONS,
         code=CODE,
     message:
         "Write the campaign's sheets, with the checksum of each raw file, and gather its truth."

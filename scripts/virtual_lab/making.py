@@ -90,8 +90,11 @@ def _record(test):
 def _spectrum(test):
     celsius = float(test.around.celsius[0])
     setting = {"celsius": celsius, "soc": test.initial_soc}
-    true = test.specimen.spectrum(impedance.FREQUENCY_HERTZ, **setting)
-    columns = impedance.measured_spectrum(true, ambient_celsius=celsius, seed=test.seed)
+    frequency = getattr(test.specimen, "frequency_hertz", impedance.FREQUENCY_HERTZ)
+    true = test.specimen.spectrum(frequency, **setting)
+    columns = impedance.measured_spectrum(
+        true, ambient_celsius=celsius, seed=test.seed, frequency_hertz=frequency
+    )
     return columns, {"eis": [test.specimen.circuit(**setting)]}
 
 

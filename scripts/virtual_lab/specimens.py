@@ -36,8 +36,13 @@ class Behavioural(NamedTuple):
 
     @property
     def full_ampere_hour(self) -> float:
-        """Charge [Ah] between the ends of its open-circuit voltage."""
+        """Charge [Ah] between the ends of its open-circuit voltage, at 25 °C."""
         return self.cell.capacity_ampere_hour
+
+    @property
+    def capacity_per_kelvin(self) -> float:
+        """By what share that charge grows with temperature [1/K]."""
+        return self.cell.capacity_per_kelvin
 
     def run(self, steps, *, chamber: Chamber, initial_soc: float = 1.0):
         """Through a protocol; see `fast.run`."""
@@ -46,6 +51,11 @@ class Behavioural(NamedTuple):
     def spectrum(self, frequency_hertz, *, celsius: float, soc: float):
         """Impedance [ohm], linearised at rest."""
         return fast.impedance(self.cell, frequency_hertz, soc=soc, celsius=celsius)
+
+    def circuit(self, *, celsius: float, soc: float) -> dict:
+        """Row of the truth table `eis`: the ohmic end."""
+        found = fast.resistances(self.cell, np.array([soc]), celsius=celsius)
+        return {"r_ohmic_ohm": round(float(found["r0"][0]), 7)}
 
     def facts(self, name: str) -> dict[str, list[dict]]:
         """Open-circuit voltage and resistances over SoC at the temperatures of its tests."""

@@ -21,6 +21,7 @@ KELVIN_AMPERE_HOUR_PER_WATT = 40.0  # a chamber's fan: 1.3 K/W at 30 Ah
 PAIRS = (
     (0.15, 0.7, 1.5), (0.20, 5.0, 1.5), (0.25, 40.0, 2.5), (0.20, 400.0, 2.5), (0.25, 2500.0, 2.5),
 )  # fmt: skip
+HALF_RATE_SHARE = 0.985  # of the charge between the cut-offs at rest, what a C/2 discharge gives
 TRANSFER_PAIRS = 1  # of these, the first
 
 
@@ -49,13 +50,14 @@ CIRCUITS = {
 }
 
 
-def cell(kind: str, *, resistance: float = 1.0, **losses: float) -> fast.Cell:
+def cell(kind: str, *, resistance: float = 1.0, size: float = 1.0, **losses: float) -> fast.Cell:
     """A cell of a type, fresh or aged.
 
     Parameters
     ----------
     kind : a name of CIRCUITS.
     resistance : factor on all resistances [1].
+    size : factor on what the electrodes hold [1]: cells of a type are not quite alike.
     losses : `lli`, `lam_negative`, `lam_positive` [1], see `electrodes.window`.
 
     Returns
@@ -63,7 +65,7 @@ def cell(kind: str, *, resistance: float = 1.0, **losses: float) -> fast.Cell:
     fast.Cell, whose state of charge is that of the window between the cut-offs at rest.
     """
     sheet, circuit = ageing.KINDS[kind], CIRCUITS[kind]
-    window = electrodes.window(sheet.chemistry, sheet.rating, **losses)
+    window = electrodes.window(sheet.chemistry, _sized(sheet), **losses)
     r0 = resistance * sheet.fresh_ohm
     per_ampere_hour = 1 / sheet.rating.capacity_ampere_hour
     slower = len(PAIRS) - TRANSFER_PAIRS
@@ -71,7 +73,7 @@ def cell(kind: str, *, resistance: float = 1.0, **losses: float) -> fast.Cell:
     return fast.Cell(
         rating=sheet.rating,
         ocv_volt=electrodes.open_circuit_volt(sheet.chemistry, window, SOC),
-        capacity_ampere_hour=window.capacity_ampere_hour,
+        capacity_ampere_hour=size * window.capacity_ampere_hour,
         capacity_per_kelvin=circuit.capacity_per_kelvin,
         entropic_volt_per_kelvin=electrodes.entropic_volt_per_kelvin(
             sheet.chemistry, window, FACTOR_SOC
@@ -103,23 +105,35 @@ def losses_of(state: ageing.Ageing) -> dict[str, float]:
     return {name: getattr(state, name) for name in ("lli", "lam_negative", "lam_positive")}
 
 
-def worn(kind: str, capacity_ampere_hour: float, *, lam_positive: float) -> dict[str, float]:
-    """Losses that leave a capacity [Ah], of which the positive material's is given [1].
+def worn(kind: str, measured_ampere_hour: float, *, lam_positive: float) -> dict[str, float]:
+    """Losses and size of a cell that gives a capacity [Ah] at C/2, for `cell`.
 
-    The negative material loses half as much; lithium what is missing then. A cell that holds more
-    than its type should has lithium to spare (a negative loss).
+    The positive material's loss is given [1], the negative one loses half as much; lithium what is
+    missing then. A cell that gives more than its type does when fresh is a larger one.
     """
     sheet = ageing.KINDS[kind]
+    share = measured_ampere_hour / sheet.fresh_ampere_hour
+    if share >= 1:
+        return {"size": share}
     lams = {"lam_positive": lam_positive, "lam_negative": 0.5 * lam_positive}
+    rating = _sized(sheet)
+    fresh = electrodes.window(sheet.chemistry, rating).capacity_ampere_hour
 
     def excess(lli):
         try:
-            left = electrodes.window(sheet.chemistry, sheet.rating, lli=lli, **lams)
+            left = electrodes.window(sheet.chemistry, rating, lli=lli, **lams)
         except ValueError:  # more lithium than the rest of the graphite takes, or hardly any left
             return 1.0 if lli < 0.1 else -1.0
-        return left.capacity_ampere_hour - capacity_ampere_hour
+        return left.capacity_ampere_hour / fresh - share
 
-    return {"lli": brentq(excess, -0.04, 0.6, xtol=1e-9), **lams}
+    return {"lli": brentq(excess, 0.0, 0.6, xtol=1e-9), **lams}
+
+
+def _sized(sheet):
+    """Data sheet of a cell whose electrodes hold what the thesis' fresh cell has given at C/2."""
+    rest = sheet.fresh_ampere_hour / HALF_RATE_SHARE
+    made = electrodes.CHEMISTRIES[sheet.chemistry].rest_per_rated
+    return sheet.rating._replace(capacity_ampere_hour=rest / made)
 
 
 def towards_the_ends(*, low: float, high: float) -> np.ndarray:

@@ -82,6 +82,8 @@ def impedance_ohm(parameters: Circuit, frequency_hertz: np.ndarray) -> np.ndarra
 class Tabulated(NamedTuple):
     """The cell of the table, as a specimen on the analyser."""
 
+    frequency_hertz = FREQUENCY_HERTZ
+
     def spectrum(self, frequency_hertz, *, celsius: float, soc: float):
         """Impedance [ohm] at frequencies [Hz], temperature [°C] and state of charge [1]."""
         return impedance_ohm(circuit(soc, celsius), frequency_hertz)

@@ -18,7 +18,7 @@ def _resistance(cell, *, celsius=25.0, soc=MIDDLE):
 
 
 @every_kind
-def test_a_slow_discharge_gives_a_little_more_than_the_data_sheet_says(kind):
+def test_a_slow_discharge_gives_a_little_more_than_one_at_half_rate(kind):
     """C/20 from full to the lower cut-off."""
     cell = stock.cell(kind)
     slow = protocols.discharge(cell.rating, 1 / 20, period_second=600.0)
@@ -26,8 +26,8 @@ def test_a_slow_discharge_gives_a_little_more_than_the_data_sheet_says(kind):
     end = float(run.voltage(run.duration_second))
     assert end == pytest.approx(cell.rating.lower_cutoff_volt, abs=1e-3)
     taken = -float(run.charge(run.duration_second))
-    rated = ageing.KINDS[kind].rating.capacity_ampere_hour
-    assert rated < taken < 1.04 * rated
+    told = ageing.KINDS[kind].fresh_ampere_hour
+    assert told < taken < 1.04 * told
     # All that lies between the cut-offs at rest but what so small a current cannot reach.
     assert taken == pytest.approx(cell.capacity_ampere_hour, rel=3e-3)
 
@@ -40,7 +40,8 @@ def test_table_of_voltage_is_that_of_the_half_cells(kind):
     window = electrodes.window(sheet.chemistry, sheet.rating, lli=0.05, lam_positive=0.03)
     positive, negative = HALF_CELLS[made.positive], HALF_CELLS[made.negative]
     soc = np.linspace(0.0, 1.0, 41)
-    moved = soc * cell.capacity_ampere_hour
+    # The type gives what the thesis measured, not what its data sheet says: all in proportion.
+    moved = soc * window.capacity_ampere_hour
     y = window.y_0 - moved / window.positive_ampere_hour
     x = window.x_0 + moved / window.negative_ampere_hour
     expected = positive.potential_volt(y) - negative.potential_volt(x)
@@ -52,30 +53,43 @@ def test_table_of_voltage_is_that_of_the_half_cells(kind):
 
 
 @pytest.mark.parametrize("kind", ["C", "D"])
-@pytest.mark.parametrize("share", [1.0, 0.9, 0.65])
-@pytest.mark.parametrize("lam_positive", [0.0, 0.1])
+@pytest.mark.parametrize("share", [0.95, 0.8, 0.65])
+@pytest.mark.parametrize("lam_positive", [0.0, 0.04])
 def test_losses_found_leave_the_capacity_asked(kind, share, lam_positive):
-    wanted = share * stock.cell(kind).capacity_ampere_hour
-    losses = stock.worn(kind, wanted, lam_positive=lam_positive)
-    worn = stock.cell(kind, **losses)
-    assert worn.capacity_ampere_hour == pytest.approx(wanted, rel=1e-6)
+    sheet = ageing.KINDS[kind]
+    losses = stock.worn(kind, share * sheet.fresh_ampere_hour, lam_positive=lam_positive)
+    left = stock.cell(kind, **losses).capacity_ampere_hour
+    assert left == pytest.approx(share * stock.cell(kind).capacity_ampere_hour, rel=1e-6)
     assert losses["lam_positive"] == lam_positive
     assert losses["lam_negative"] == 0.5 * lam_positive
     # What the positive electrode gives between the cut-offs is the capacity, whoever lost what.
-    fresh = electrodes.window(ageing.KINDS[kind].chemistry, ageing.KINDS[kind].rating)
-    aged = electrodes.window(ageing.KINDS[kind].chemistry, ageing.KINDS[kind].rating, **losses)
-    left = fresh.positive_ampere_hour * (1 - lam_positive) * (aged.y_0 - aged.y_100)
-    assert left == pytest.approx(wanted, rel=1e-6)
+    fresh = electrodes.window(sheet.chemistry, sheet.rating)
+    aged = electrodes.window(sheet.chemistry, sheet.rating, **losses)
+    given = fresh.positive_ampere_hour * (1 - lam_positive) * (aged.y_0 - aged.y_100)
+    assert given == pytest.approx(share * fresh.capacity_ampere_hour, rel=1e-6)
 
 
-def test_more_capacity_than_the_type_has_needs_lithium_to_spare():
-    fresh = stock.cell("D").capacity_ampere_hour
-    assert stock.worn("D", 1.02 * fresh, lam_positive=0.0)["lli"] < 0
-    assert stock.worn("D", fresh, lam_positive=0.0)["lli"] == pytest.approx(0.0, abs=1e-6)
+def test_a_cell_with_more_than_its_type_gives_is_a_larger_one():
+    fresh = ageing.KINDS["D"].fresh_ampere_hour
+    assert stock.worn("D", 1.07 * fresh, lam_positive=0.0) == {"size": pytest.approx(1.07)}
+    larger = stock.cell("D", **stock.worn("D", 1.07 * fresh, lam_positive=0.0))
+    assert larger.capacity_ampere_hour == pytest.approx(1.07 * stock.cell("D").capacity_ampere_hour)
     lost = [stock.worn("D", share * fresh, lam_positive=0.0)["lli"] for share in (0.9, 0.8, 0.7)]
     assert lost == sorted(lost)
     with pytest.raises(ValueError, match="sign"):
-        stock.worn("D", 2 * fresh, lam_positive=0.0)
+        stock.worn("D", 0.05 * fresh, lam_positive=0.0)
+
+
+@pytest.mark.parametrize("kind", ["B", "C", "D", "E"])
+def test_a_fresh_cell_gives_at_half_rate_what_the_thesis_measured(kind):
+    """Figures 4.8 and 4.21: 19.56 Ah (C), 29.5 Ah (D); within 2 %."""
+    made, sheet = stock.cell(kind), ageing.KINDS[kind]
+    step = Step(
+        "current", -sheet.rating.ampere(0.5), 12_000.0, 60.0, sheet.rating.lower_cutoff_volt
+    )
+    (found,) = fast.run([step], made, chamber=steady(25.0))
+    given = -found.charge(found.duration_second)
+    assert given == pytest.approx(sheet.fresh_ampere_hour, rel=0.02)
 
 
 @every_kind

@@ -175,7 +175,12 @@ def test_shares_of_a_group():
 def _test_of(kind, steps, **specimen):
     known = {"rating": RATING, "full_ampere_hour": 10.0} | specimen
     return SimpleNamespace(
-        cell="x", kind=kind, steps=steps, initial_soc=1.0, specimen=SimpleNamespace(**known)
+        cell="x",
+        kind=kind,
+        steps=steps,
+        initial_soc=1.0,
+        ambient_celsius=25.0,
+        specimen=SimpleNamespace(**known),
     )
 
 

@@ -60,47 +60,51 @@ the fit tests, when the resistances, time constants and initial states of the pl
 been refitted, with the exact OCV; `gap_after_base_fit_millivolt`: the OCV, too, may move within
 1.5 mV; `validation_gap_millivolt`: that fit on the validation drives. `visible`: more than 1.15
 (fit) or 1.3 (validation) times the noise `floor_volt`; where it is false, "none" is right too.
+A tie is judged by voltages
+alone: a current that is logged at rest may tell an offset from a leak.
 A lead resistance and a gain of the current leave no gap: a cell with other parameters is the same.
-The group's strength is what a branch current has of its own times that cell's ohmic resistance.
+A group's strength is what a branch current has of its own times that cell's ohmic resistance, and
+its `floor_volt` the ammeter's noise told in the same way.
 """
 
 
 def plan(*, seed, cells, healthy, unknown, two, physics, groups) -> Plan:
     """All tests; the options are numbers of cells, `cells` and `groups` per effect and strength."""
-    specimens = [
-        *_numbered("r", seed, "reference", [()] * REFERENCES, 0.0),
-        *_numbered("n", seed, "none", [()] * healthy, 0.0),
-        *_single(seed, cells),
-        *_numbered("u", seed, "unknown", _outside(unknown), STRONG_VOLT[1]),
-        *_numbered("t", seed, "two", _pairs(seed, two), STRONG_VOLT[1]),
+    wanted = [
+        *[("reference", (), 0.0)] * REFERENCES,
+        *[("none", (), 0.0)] * healthy,
+        *_single(cells),
+        *[("unknown", names, STRONG_VOLT[1]) for names in _outside(unknown)],
+        *[("two", names, STRONG_VOLT[1]) for names in _pairs(seed, two)],
     ]
-    jobs = [specimens[k : k + CELLS_PER_JOB] for k in range(0, len(specimens), CELLS_PER_JOB)]
+    behavioural = [HiddenCell(name, seed, *what) for name, what in _shuffled("h", wanted, seed)]
+    overlaid = _shuffled("p", _by_physics(physics), seed)
+    physical = [HiddenPhysics(name, seed, *what) for name, what in overlaid]
+    bundles = [
+        HiddenGroup(name, seed, *what) for name, what in _shuffled("g", _groups(groups), seed)
+    ]
+    jobs = [behavioural[k : k + CELLS_PER_JOB] for k in range(0, len(behavioural), CELLS_PER_JOB)]
     tests = [t for k, job in enumerate(jobs) for one in job for t in _tests(one, f"cells_{k:03d}")]
-    by_physics = _by_physics(seed, physics)
-    tests += [t for one in by_physics for t in _tests(one, f"physics_{one.name}")]
-    rows = [_row(one, CHEMISTRY) for one in specimens]
-    rows += [_row(one, PHYSICS_CHEMISTRY) for one in by_physics]
-    bundles = _groups(seed, groups)
-    rows += [_row(one, CHEMISTRY) for group in bundles for one in branches(group)]
+    tests += [t for one in physical for t in _tests(one, f"physics_{one.name}")]
     tests += [t for group in bundles for t in _group_tests(group)]
+    rows = [_row(one, CHEMISTRY) for one in behavioural]
+    rows += [_row(one, PHYSICS_CHEMISTRY) for one in physical]
+    rows += [_row(one, CHEMISTRY) for group in bundles for one in branches(group)]
     return Plan(tuple(rows), tuple(tests), {g.name: g for g in bundles}, CONFIG, ABOUT)
 
 
-def _numbered(letter, seed, kind, effects, strength):
-    return [
-        HiddenCell(f"{letter}{k:04d}", seed, kind, names, strength)
-        for k, names in enumerate(effects, 1)
-    ]
+def _shuffled(letter, wanted, seed):
+    """Names for what is wanted, in an order that tells nothing."""
+    order = np.random.default_rng(seed_of(f"names {letter}", seed)).permutation(len(wanted))
+    return [(f"{letter}{k:04d}", wanted[place]) for k, place in enumerate(order, 1)]
 
 
-def _single(seed, cells):
-    visible = [e for e in EFFECTS if e not in INVISIBLE]
+def _single(cells):
+    """Every effect at every strength; those that cannot show, a few times."""
+    visible = [effect for effect in EFFECTS if effect not in INVISIBLE]
     wanted = list(product(visible, STRENGTHS_VOLT, range(cells)))
     wanted += list(product(INVISIBLE, STRONG_VOLT[:1], range(min(cells, INVISIBLE_CELLS))))
-    return [
-        HiddenCell(f"s{k:04d}", seed, "single", (effect,), strength)
-        for k, (effect, strength, _) in enumerate(wanted, 1)
-    ]
+    return [("single", (effect,), strength) for effect, strength, _ in wanted]
 
 
 def _outside(count):
@@ -114,28 +118,21 @@ def _pairs(seed, count):
     return [tuple(random.choice(DYNAMIC, 2, replace=False).tolist()) for _ in range(count)]
 
 
-def _by_physics(seed, count):
-    """References, cells with an effect, and half as many healthy ones."""
+def _by_physics(count):
+    """References, half as many healthy cells as cells with an effect, and these."""
     if not count:
         return []
     effects = [(OVER_PHYSICS[k % len(OVER_PHYSICS)],) for k in range(count)]
-    kinds = [("reference", ())] * REFERENCES
-    kinds += [("none", ())] * (count // 2) + [("single", names) for names in effects]
-    return [
-        HiddenPhysics(f"p{k:04d}", seed, kind, names, STRONG_VOLT[1] if names else 0.0)
-        for k, (kind, names) in enumerate(kinds, 1)
-    ]
+    healthy = [("reference", (), 0.0)] * REFERENCES + [("none", (), 0.0)] * (count // 2)
+    return [*healthy, *[("single", names, STRONG_VOLT[1]) for names in effects]]
 
 
-def _groups(seed, count):
-    if not count:
-        return []
-    wanted = list(product(GROUP_EFFECTS, STRONG_VOLT, range(count)))
-    wanted += [(None, 0.0, k) for k in range(2 * count)]
-    return [
-        HiddenGroup(f"g{k:03d}", seed, effect, strength)
-        for k, (effect, strength, _) in enumerate(wanted, 1)
+def _groups(count):
+    wanted = [
+        (effect, strength)
+        for effect, strength, _ in product(GROUP_EFFECTS, STRONG_VOLT, range(count))
     ]
+    return [*wanted, *[(None, 0.0)] * (2 * count)]
 
 
 def _row(one, chemistry):

@@ -23,7 +23,7 @@ soc:
 """
 ABOUT = """# What is true in this campaign
 
-Cells of one type with a spread of 5 % in losses and resistance; the first one is fresh.
+Cells of one type: lithium lost |N(0, 5 %)|, resistance grown by 2·|N(0, 5 %)|; the first is fresh.
 """
 
 
@@ -65,7 +65,7 @@ def _tests(name, specimen, seed, batch):
     found = [
         at("capacity_25C", "capacity", steps=_short_capacity()),
         at("hppc_25C", "hppc", steps=pulses),
-        at("us06_25C", "drive", steps=protocols.dynamic_load(RATING, style="harsh", seed=1)),
+        at("drive_25C", "drive", steps=protocols.dynamic_load(RATING, style="harsh", seed=1)),
     ]
     return [slow, *found] if name == "S00001" else found
 

@@ -20,7 +20,8 @@ class Cell(NamedTuple):
         rating : what its data sheet says.
         ocv_volt : table of U [V], at least 4 points; a smooth curve (spline) runs through them.
         capacity_ampere_hour : charge between state of charge 0 and 1 [Ah].
-        capacity_per_kelvin : k of Q(T) = Q·(1 + k·(T - 25 °C)) [1/K].
+        capacity_per_kelvin : k of Q(T) = Q·(1 + k·(T - 25 °C)), T of the chamber [1/K]. ASSUME: the
+            state of charge stays while Q moves.
         entropic_volt_per_kelvin : table of dU/dT [V/K].
         leak_ampere : current that no instrument sees: the cell gets I minus it [A].
         coulombic_efficiency : share of the charging current that is stored [1].

@@ -109,7 +109,42 @@ def run_group(
         raise ValueError("cells, wires, states of charge and chambers differ in number")
     packed = packing.pack(cells, wire_ohm, chambers)
     kept = packing.state(packed, initial_soc, initial_hysteresis, begin_second)
-    room, rows = packing.work(packed), np.empty((ROWS, COLUMNS + len(cells)))
+    return _through(steps, packed, kept, begin_second, grid)
+
+
+def run_changing(
+    parts: "list[tuple[list[Step], Cell]]",
+    *,
+    chamber: Chamber,
+    initial_soc: float = 1.0,
+    initial_hysteresis: float = 1.0,
+    grid: Grid = GRID,
+) -> list[Behaviour]:
+    """Take a cell that changes from part to part through all of them, as one test.
+
+    Parameters
+    ----------
+    parts : steps, and what the cell is made of during them; with as many exponentials each time.
+    chamber, initial_soc, initial_hysteresis, grid : as for one cell.
+
+    Returns
+    -------
+    One behaviour per step. State of charge, heat, polarisation and hysteresis go on from part to
+    part.
+    """
+    behaviours, kept, begin = [], None, 0.0
+    for steps, cell in parts:
+        packed = packing.pack([cell], [0.0], [chamber])
+        kept = kept or packing.state(packed, [initial_soc], initial_hysteresis, begin)
+        done = _through(steps, packed, kept, begin, grid)
+        begin += sum(behaviour.duration_second for behaviour in done)
+        behaviours += [behaviour._replace(branches=()) for behaviour in done]
+    return behaviours
+
+
+def _through(steps, packed, kept, begin_second, grid):
+    """Behaviours of all steps; `kept` is the cells' state, which each step moves on."""
+    room, rows = packing.work(packed), np.empty((ROWS, COLUMNS + packed.r0.size))
     behaviours, begin = [], float(begin_second)
     for step in steps:
         order = _order(step, begin, packed)

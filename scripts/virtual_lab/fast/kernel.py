@@ -156,7 +156,8 @@ def freeze(packed, kept, room, j, second, dt):
         room.second[j] = -1.0
     if dt != room.second[j]:
         _decay(packed, room, j, dt)
-    warmer = room.core[j] - REFERENCE_CELSIUS
+    # The chamber's temperature, not the core's: a cell that warms itself must not gain charge.
+    warmer = around(packed, j, second) - REFERENCE_CELSIUS
     room.coulomb[j] = packed.coulomb[j] + packed.coulomb_per_kelvin[j] * warmer
     before = kept.current[j] - packed.leak[j]
     flow = stored(packed, j, before) + stored(packed, j, room.current[j] - packed.leak[j])

@@ -66,14 +66,17 @@ def gap(found: list[Seen]) -> Gap:
     return Gap(_rms(exact), _rms(left), _rms(np.concatenate(beside)) if beside else 0.0)
 
 
-def unexplained(found: list[Seen], trials: list[Setup]) -> list[float]:
-    """Share [1] of the gap's square that is left when another effect is added, at its best size."""
+def unexplained(found: list[Seen], trials: list[Setup], *, one_way: bool) -> list[float]:
+    """Share [1] of the gap's square that is left when another effect is added, at its best size.
+
+    `one_way`: that size may not be negative. What a rest's current says is not looked at.
+    """
     fit = [one for one in found if not one.file.is_validation]
     volt, slopes, hats = _stacked(fit)
     rows, target = _with_prior(volt, slopes, hats)
     onto = np.linalg.solve(rows.T @ rows, rows.T)
     left = target - rows @ (onto @ target)
-    return [_share_left(left, rows, onto, _answers(fit, trial)) for trial in trials]
+    return [_share_left(left, rows, onto, _answers(fit, trial), one_way) for trial in trials]
 
 
 def _answers(fit, trial):
@@ -83,12 +86,14 @@ def _answers(fit, trial):
     )
 
 
-def _share_left(left, rows, onto, other):
+def _share_left(left, rows, onto, other, one_way):
     """By how much a direction, as far as the refit leaves it, shortens what is left."""
     direction = np.append(other, np.zeros(len(left) - len(other))) / NOISE_VOLT
     direction = direction - rows @ (onto @ direction)
-    power = direction @ direction
-    return 1.0 - (direction @ left) ** 2 / (power * (left @ left)) if power > 0 else 1.0
+    power, along = direction @ direction, direction @ left
+    if power == 0 or (one_way and along < 0):
+        return 1.0
+    return 1.0 - along**2 / (power * (left @ left))
 
 
 def _seen(setup, plain, file):

@@ -9,12 +9,14 @@ from virtual_lab import fast, protocols
 from virtual_lab.hidden.groups import GroupSetup, healthy_group, with_group_effect
 from virtual_lab.hidden.protocols import HARSH_SEED, SOFT_SEED, Task
 from virtual_lab.hidden.replay import File
-from virtual_lab.hidden.setup import CHAIN, NOISE_VOLT, RATING
+from virtual_lab.hidden.setup import CHAIN, RATING
 from virtual_lab.plan import seed_of
 from virtual_lab.rating import Rating
 from virtual_lab.specimens import branch_rows
 
 SIZES = (2, 3, 4)
+# What noise of a branch's ammeter amounts to, as a voltage over its cell's resistance.
+FLOOR_VOLT = CHAIN.current_noise_ampere * 0.02
 KEPT = 16
 
 
@@ -67,9 +69,9 @@ class HiddenGroup(NamedTuple):
         row = {
             "cell": name,
             "kind": "single" if self.effect else "none",
-            "visible": found > 0,
-            "none_acceptable": not self.effect,
-            "floor_volt": round(NOISE_VOLT, 6),
+            "visible": bool(found > FLOOR_VOLT),
+            "none_acceptable": bool(found <= FLOOR_VOLT),
+            "floor_volt": round(FLOOR_VOLT, 7),
             "effects": [effect] if self.effect else [],
         }
         told = branch_rows(name, self.names, plain.wire_ohm, plain.initial_soc)

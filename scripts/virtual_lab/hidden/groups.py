@@ -5,12 +5,13 @@ resistance (root mean square over the group's tests and branches).
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from virtual_lab import fast
-from virtual_lab.chamber import Chamber, steady
+from virtual_lab.chamber import Chamber, at, steady
 from virtual_lab.hidden.replay import File
 from virtual_lab.hidden.setup import CHAIN, healthy
 from virtual_lab.measurement import Chain
@@ -32,13 +33,23 @@ class GroupSetup(NamedTuple):
     def run(self, steps, *, chamber: Chamber):
         """Through a protocol of the group's current."""
         around = [Chamber(chamber.second, chamber.celsius + k) for k in self.warmer_kelvin]
-        return fast.run_group(
+        found = fast.run_group(
             steps,
             self.cells,
             wire_ohm=self.wire_ohm,
             initial_soc=self.initial_soc,
             chambers=tuple(around),
         )
+        # The sensor hangs beside the cells: one on a cell would tell which of them is warm.
+        begins = np.cumsum([0.0, *[b.duration_second for b in found[:-1]]])
+        return [
+            b._replace(temperature=partial(_around, chamber, begin))
+            for b, begin in zip(found, begins, strict=True)
+        ]
+
+
+def _around(chamber, begin, second):
+    return at(chamber, begin + np.asarray(second, float))
 
 
 class GroupEffect(NamedTuple):
@@ -128,15 +139,16 @@ def with_group_effect(
     made = GROUP_EFFECTS[effect]
     branch = int(random.integers(len(plain.cells)))
     sign = float(random.choice([-1.0, 1.0])) if made.either_sign else np.sign(made.first)
-    size, found = abs(made.first), 0.0
+    size = abs(made.first)
     for _ in range(TRIES):
-        setup = made.act(plain, branch, sign * size)
-        found = deviation(setup, plain, files)
+        found = deviation(made.act(plain, branch, sign * size), plain, files)
         ratio = strength_volt / max(found, 1e-9)
         if abs(ratio - 1) < TOLERANCE or (size >= made.most and ratio > 1):
             break
         size = min(size * np.clip(ratio, 0.1, 10.0), made.most)
-    return setup, {made.parameter: float(f"{sign * size:.6g}"), "branch": branch + 1}, found
+    setup = made.act(plain, branch, sign * size)
+    told = {made.parameter: float(f"{sign * size:.6g}"), "branch": branch + 1}
+    return setup, told, deviation(setup, plain, files)
 
 
 def deviation(setup: GroupSetup, plain: GroupSetup, files: list[File]) -> float:

@@ -59,7 +59,7 @@ class HiddenPhysics(NamedTuple):
         """Through a protocol, the effects laid over the voltage."""
         behaviours = self._physical.run(steps, chamber=chamber, initial_soc=initial_soc)
         plain, setup = made(self).plain, self.setup
-        if setup.cell == plain.cell:
+        if setup.cell is plain.cell:  # only the channel is changed
             return behaviours
         times = [corners(b.duration_second, s) for b, s in zip(behaviours, steps, strict=True)]
         currents = [(t, b.current(t)) for b, t in zip(behaviours, times, strict=True)]

@@ -51,6 +51,11 @@ class HiddenCell(NamedTuple):
         return self._cell.capacity_ampere_hour
 
     @property
+    def capacity_per_kelvin(self) -> float:
+        """By what share that charge grows with temperature [1/K]."""
+        return self._cell.capacity_per_kelvin
+
+    @property
     def _cell(self) -> fast.Cell:
         setup = self.setup
         return (setup.at_capacity_test if self.at_capacity_test else None) or setup.cell

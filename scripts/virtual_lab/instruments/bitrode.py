@@ -19,6 +19,8 @@ from virtual_lab.instruments.text import (
 )
 from virtual_lab.measurement import Columns
 
+IDLE_AMPERE = 0.02
+
 
 def bitrode_csv(
     columns: Columns, *, discharge_positive: bool = False, header: bool = True
@@ -51,10 +53,14 @@ def bitrode_csv(
 
 
 def _modes(current, begin):
-    """What the cycler was doing: by the sign of the step's whole charge, REST where none flowed."""
+    """What the cycler was doing: by the sign of the step's whole charge.
+
+    REST where the mean is no more than what the ammeter shows of nothing.
+    """
     first = np.unique(begin)
     flowed = np.add.reduceat(np.nan_to_num(current), first)
-    idle = np.logical_and.reduceat(np.nan_to_num(current) == 0, first)
+    size = np.add.reduceat(np.abs(np.nan_to_num(current)), first)
+    idle = size <= IDLE_AMPERE * np.diff(np.append(first, current.size))
     named = np.where(idle, "REST", np.where(flowed > 0, "CHRG", "DCHG"))
     return named[np.searchsorted(first, begin)]
 

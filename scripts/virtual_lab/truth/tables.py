@@ -4,6 +4,7 @@ from virtual_lab.rating import Rating
 from virtual_lab.truth import charges, groups, peaks, resistances
 
 PULSED = ("hppc", "pulse_resistance")
+REFERENCE_CELSIUS = 25.0
 CYCLED = ("capacity", "ocv", "fast_charge")
 
 
@@ -25,7 +26,7 @@ def rows(test, behaviours: list) -> dict[str, list[dict]]:
     if test.kind == "group":
         return {"packs": _group_rows(test, behaviours)}
     full = {
-        "capacity_ampere_hour": test.specimen.full_ampere_hour,
+        "capacity_ampere_hour": _full_ampere_hour(test),
         "initial_soc": test.initial_soc,
     }
     found = {"soc": charges.soc_rows(behaviours, **full)}
@@ -39,6 +40,13 @@ def rows(test, behaviours: list) -> dict[str, list[dict]]:
         rating = rating_of(test.specimen)
         found["ica"] = peaks.ica_rows(test.steps, behaviours, rating=rating)
     return found
+
+
+def _full_ampere_hour(test):
+    """Charge of the full cell at the temperature of the test."""
+    per_kelvin = getattr(test.specimen, "capacity_per_kelvin", 0.0)
+    warmer = test.ambient_celsius - REFERENCE_CELSIUS
+    return test.specimen.full_ampere_hour * (1 + per_kelvin * warmer)
 
 
 def _rated(test):

@@ -7,7 +7,7 @@ import numpy as np
 
 from virtual_lab import ageing, cells, fast, protocols, stock
 from virtual_lab.campaigns.thesis.pack import CHAIN
-from virtual_lab.chamber import later, room
+from virtual_lab.chamber import room
 from virtual_lab.plan import Cell, Test, seed_of
 from virtual_lab.specimens import Behavioural, Physical
 
@@ -26,7 +26,7 @@ RESTED = {"rest_second": 600.0, "period_second": 60.0}
 
 
 class Life(NamedTuple):
-    """A cell over all its cycles: each begins where the one before has ended."""
+    """A cell over all its cycles: each begins as the one before has left it, warm and polarised."""
 
     kind: str
     protocol: str
@@ -59,16 +59,11 @@ class Life(NamedTuple):
     def run(self, steps, *, chamber, initial_soc=1.0):
         """Through its ageing test: a first rest, then cycles of as many steps each."""
         of_one = (len(steps) - 1) // self.cycles
-        found = fast.run(steps[:1], self.at(0), chamber=chamber, initial_soc=initial_soc)
-        begin = found[0].duration_second
-        for cycle in range(self.cycles):
-            part = steps[1 + cycle * of_one : 1 + (cycle + 1) * of_one]
-            cell = self.at(STRIDE * (cycle // STRIDE))
-            soc = float(found[-1].soc(found[-1].duration_second))
-            done = fast.run(part, cell, chamber=later(chamber, begin), initial_soc=soc)
-            begin += sum(behaviour.duration_second for behaviour in done)
-            found += done
-        return found
+        parts = [(steps[:1], self.at(0))]
+        for cycle in range(0, self.cycles, STRIDE):
+            part = steps[1 + cycle * of_one : 1 + (cycle + STRIDE) * of_one]
+            parts.append((part, self.at(cycle)))
+        return fast.run_changing(parts, chamber=chamber, initial_soc=initial_soc)
 
     def facts(self, name: str) -> dict[str, list[dict]]:
         """Losses at the check-ups, and the knee."""
