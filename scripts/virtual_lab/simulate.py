@@ -110,7 +110,13 @@ def _behaviour(solution, drawn_before, initial_soc, full_ampere_hour) -> Behavio
 
     def quantity(name, sign=1.0, shift=0.0):
         found = solution[name]
-        return lambda second: sign * found(np.minimum(begin + np.asarray(second), end)) + shift
+
+        def at(second):
+            # PyBaMM gives a number where it is asked for an array of one.
+            shown = found(np.minimum(begin + np.asarray(second), end))
+            return sign * np.reshape(shown, np.shape(second)) + shift
+
+        return at
 
     drawn = quantity("Discharge capacity [A.h]")
     return Behaviour(

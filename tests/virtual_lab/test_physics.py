@@ -7,6 +7,8 @@ pytest.importorskip("pybamm", reason="the virtual laboratory's environment is no
 
 from virtual_lab import parallel, physics, protocols, simulate
 from virtual_lab.cells import CELLS
+from virtual_lab.chamber import steady
+from virtual_lab.protocols import Step
 
 
 def test_ageing_takes_capacity_as_stated():
@@ -61,3 +63,11 @@ def test_the_branch_with_more_wire_takes_less():
     low, high = (abs(branch(np.array([1.0]))[0]) for branch in step.branches[::-1])
     assert low < 0.95 * high
     assert low + high == pytest.approx(10.0, abs=1e-9)
+
+
+def test_an_array_of_one_instant_gives_an_array_of_one():
+    (found,) = simulate.run(
+        [Step("current", -5.0, 60.0, 1.0)], CELLS["C1"], chamber=steady(25.0), initial_soc=0.5
+    )
+    for quantity in (found.current, found.voltage, found.temperature, found.charge, found.soc):
+        assert np.shape(quantity(np.array([30.0]))) == (1,)

@@ -194,7 +194,11 @@ def test_shares_of_a_group_are_integrals_of_its_simulated_branches(place):
     name = {"group": "g", "test": "t", "branch": 1, "cell": "a"}
     put(
         place.truth / "packs.csv",
-        [name | {"charge_ampere_hour": 4.0, "current_max_ampere": 3.0, "capacity_ampere_hour": 8}],
+        [
+            name
+            | {"charge_ampere_hour": 4.0, "current_max_ampere": 3.0}
+            | {"capacity_ampere_hour": 4.2, "group_capacity_ampere_hour": 8}
+        ],
     )
     second = np.arange(0.0, 14401.0, 10.0)
     down, up = (second < 3600) | (second >= 10800), (second >= 3600) & (second < 7200)
@@ -207,7 +211,7 @@ def test_shares_of_a_group_are_integrals_of_its_simulated_branches(place):
     rows = groups.compare(place)
     assert one(rows, "charge_ampere_hour")["found"] == pytest.approx(4.0, abs=0.02)
     assert one(rows, "current_max_ampere")["error"] == pytest.approx(1.0)
-    assert one(rows, "capacity_ampere_hour")["found"] == pytest.approx(4.0, abs=0.02)
+    assert one(rows, "group_capacity_ampere_hour")["found"] == pytest.approx(4.0, abs=0.02)
 
 
 def test_recuperation_belongs_to_the_discharge_around_it():

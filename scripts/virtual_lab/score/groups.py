@@ -7,7 +7,7 @@ from virtual_lab.score import comparison, files
 from virtual_lab.score.comparison import errors
 
 KEYS = ["group", "test", "branch"]
-UNITS = {"capacity_ampere_hour": "Ah", "charge_ampere_hour": "Ah", "current_max_ampere": "A"}
+UNITS = {"group_capacity_ampere_hour": "Ah", "charge_ampere_hour": "Ah", "current_max_ampere": "A"}
 LEAST_SHARE = 0.02
 
 
@@ -33,7 +33,7 @@ def _tests(true):
 
 def _quantity(rows, name):
     rows = rows.rename(columns={name: "true", f"{name}_found": "found"})
-    if name != "capacity_ampere_hour":
+    if name != "group_capacity_ampere_hour":
         return errors("packs", name, UNITS[name], rows)
     # The group has one, whatever its branch.
     rows = rows.drop_duplicates(["group", "test"]).assign(at="the group")
@@ -54,7 +54,7 @@ def _shares(place, group, test) -> pd.DataFrame:
         ampere = series[name].to_numpy(float)
         flowed = counted(hour, ampere)
         row = {"group": group, "test": test, "branch": branch}
-        row |= {"capacity_ampere_hour": max(given, default=np.nan)}
+        row |= {"group_capacity_ampere_hour": max(given, default=np.nan)}
         row |= {"charge_ampere_hour": sum(flowed[first] - flowed[last] for first, last in runs)}
         rows.append(row | {"current_max_ampere": np.nanmax(np.abs(ampere))})
         branch += 1

@@ -21,7 +21,7 @@ QUANTITIES = {
     "models": ("r0", "r_10s", "r_total"),
     "soc": ("soc_begin", "soc_end", "capacity_ampere_hour"),
     "validation": ("rmse_volt",),
-    "packs": ("capacity_ampere_hour", "charge_ampere_hour", "current_max_ampere"),
+    "packs": ("group_capacity_ampere_hour", "charge_ampere_hour", "current_max_ampere"),
     "missing_effect": ("",),
     "excluded": ("",),
     "faults": ("",),
