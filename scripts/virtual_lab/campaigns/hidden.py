@@ -60,8 +60,7 @@ the fit tests, when the resistances, time constants and initial states of the pl
 been refitted, with the exact OCV; `gap_after_base_fit_millivolt`: the OCV, too, may move within
 1.5 mV; `validation_gap_millivolt`: that fit on the validation drives. `visible`: more than 1.15
 (fit) or 1.3 (validation) times the noise `floor_volt`; where it is false, "none" is right too.
-A tie is judged by voltages
-alone: a current that is logged at rest may tell an offset from a leak.
+A tie is judged by voltages alone: a current that is logged at rest may tell an offset from a leak.
 A lead resistance and a gain of the current leave no gap: a cell with other parameters is the same.
 A group's strength is what a branch current has of its own times that cell's ohmic resistance, and
 its `floor_volt` the ammeter's noise told in the same way.
