@@ -154,7 +154,7 @@ def _drawn_rate(random):
 
 
 def _drawn_share(random):
-    return {"share_of_resistance": float(random.uniform(0.35, 0.6))}
+    return {"share_of_resistance": float(random.uniform(0.6, 0.8))}
 
 
 EFFECTS = {
@@ -177,8 +177,9 @@ EFFECTS = {
     "resistance_soc": Effect("amount_relative", 0.3, 4.0, _resistance_soc, _shape),
     "polarisation_soc": Effect("amount_relative", 0.3, 4.0, _polarisation_soc, _shape),
     "slow_diffusion": Effect("resistance_ohm", 4e-3, 0.05, _slow_diffusion, _slow_form),
+    # Beyond 1.1 /A the gap shrinks again: what is left of the share is too little to be missed.
     "charge_transfer_nonlinearity": Effect(
-        "per_exchange_current_per_ampere", 0.3, 20.0, _kinetics, _drawn_share
+        "per_exchange_current_per_ampere", 0.15, 1.1, _kinetics, _drawn_share
     ),
     "resistance_temperature": Effect(
         "activation_energy_joule_per_mole", 5e3, 60e3, _resistance_temperature
