@@ -6,14 +6,12 @@ generator's voltage changes by the effect under the very same current.
 """
 
 from functools import lru_cache, partial
-from typing import NamedTuple
 
 import numpy as np
 
 from virtual_lab import cells
 from virtual_lab.hidden.replay import corners, driven
-from virtual_lab.hidden.setup import RATING, Setup
-from virtual_lab.hidden.specimen import made, told
+from virtual_lab.hidden.specimen import HiddenCell, made, told
 from virtual_lab.plan import seed_of
 from virtual_lab.specimens import Physical
 
@@ -21,30 +19,10 @@ CONTACT_OHM = 4e-3
 SPREAD = {"contact": 0.1, "kinetics": 0.05, "loss": 0.01}
 
 
-class HiddenPhysics(NamedTuple):
-    """A healthy cell by physics; the effects as in `HiddenCell`."""
+class HiddenPhysics(HiddenCell):
+    """A healthy cell by physics; effects and channel as of the fast cell of the same name."""
 
-    name: str
-    seed: int
-    kind: str
-    effects: tuple[str, ...]
-    strength_volt: float
-    at_capacity_test: bool = False
-
-    @property
-    def setup(self) -> Setup:
-        """The fast generator's cell with the effects, and the channel."""
-        return made(self).setup
-
-    @property
-    def chain(self):
-        """The channel's faults are those of the effects."""
-        return self.setup.chain
-
-    @property
-    def rating(self):
-        """Data sheet."""
-        return RATING
+    __slots__ = ()
 
     @property
     def full_ampere_hour(self) -> float:
