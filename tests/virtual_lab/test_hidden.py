@@ -367,7 +367,8 @@ def test_the_cell_of_the_capacity_test_is_the_one_of_then(plain):
 def test_an_effect_laid_over_a_healthy_cell_is_the_cell_with_the_effect(monkeypatch, plain):
     """Where the cell below is the plain one itself, the sum must be the cell with the effect."""
     changed = plain.with_cell(charge_asymmetry=0.3, hysteresis_instant_volt=0.003)
-    _stub(monkeypatch, over_physics, plain, changed)
+    for module in (over_physics, specimen):  # what it does itself, and what it has from HiddenCell
+        _stub(monkeypatch, module, plain, changed)
     below = SimpleNamespace(run=partial(_run_plain, plain.cell))
     monkeypatch.setattr(HiddenPhysics, "_physical", property(lambda _: below))
     laid_over = HiddenPhysics("p", 0, "single", ("resistance_asymmetry",), 6e-3)
