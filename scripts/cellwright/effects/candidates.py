@@ -1,0 +1,108 @@
+"""Candidates for what is missing: what each effect would change, as columns beside the residual."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import base
+
+
+class Candidate(NamedTuple):
+    """An effect at one of its starts.
+
+    sizes : names (id.parameter) of the parameters that are zero while it is absent.
+    start : dict of first values of all its parameters; sizes are those of the secants.
+    columns : (n, k) change of the prediction per unit of each size.
+    """
+
+    effect: object
+    sizes: tuple
+    start: dict
+    columns: np.ndarray
+
+
+def candidates(predict, prediction, values, library):
+    """Every effect at every one of its starts.
+
+    Parameters
+    ----------
+    predict : function (values, effect) → (n,) prediction with one more effect.
+    prediction : (n,) without it. values : dict of the model as it is.
+    library : sequence of Effect.
+
+    Returns
+    -------
+    found : list of Candidate.
+    """
+    return [
+        _candidate(predict, prediction, values, effect, start)
+        for effect in library
+        for start in effect.starts
+    ]
+
+
+def neutral(effect):
+    """Values of an effect that is absent: dict by id.parameter."""
+    return {f"{effect.id}.{p.name}": p.neutral for p in effect.parameters}
+
+
+def _candidate(predict, prediction, values, effect, start):
+    absent = neutral(effect) | {f"{effect.id}.{k}": v for k, v in start.items()}
+    sizes = [p for p in effect.parameters if not p.shape]
+    for p in sizes:
+        absent[f"{effect.id}.{p.name}"] = p.neutral
+    columns = []
+    for p in sizes:
+        name = f"{effect.id}.{p.name}"
+        step = start.get(p.name, p.step)
+        moved = predict(values | absent | {name: p.neutral + step}, effect)
+        columns.append((moved - prediction) / step)
+    first = absent | {f"{effect.id}.{p.name}": start.get(p.name, p.neutral) for p in sizes}
+    names = tuple(f"{effect.id}.{p.name}" for p in sizes)
+    return Candidate(effect, names, first, np.stack(columns, axis=1))
+
+
+class Score(NamedTuple):
+    """Result of the score test of a candidate.
+
+    chi_square : fall of chi-square that the candidate promises once all nuisances have followed.
+    estimate : (k,) sizes at which. information : (k, k) of the sizes, nuisances projected out.
+    """
+
+    candidate: Candidate
+    chi_square: float
+    estimate: np.ndarray
+    information: np.ndarray
+
+
+def scored(candidate, own, residual, columns, precision):
+    """Score (Lagrange multiplier) test with the nuisances projected out.
+
+    Parameters
+    ----------
+    candidate : Candidate. own : (n, k) its columns, whitened.
+    residual : (n,) whitened residual of the model at its optimum.
+    columns : (n, m) whitened derivatives by the nuisances. precision : (m, m), priors included.
+
+    Returns
+    -------
+    score : Score.
+
+    Source: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50.
+    """
+    mixed = columns.T @ own
+    whole = own.T @ own
+    information = whole - mixed.T @ np.linalg.solve(precision, mixed)
+    slope = own.T @ residual
+    ridge = 1e-6 * np.diag(np.maximum(np.diag(whole), 1e-300))
+    estimate = _within(candidate, np.linalg.solve(information + ridge, slope))
+    gain = 2 * slope @ estimate - estimate @ information @ estimate
+    return Score(candidate, float(gain), estimate, information)
+
+
+def _within(candidate, estimate):
+    """One-sided effects cannot take the wrong sign."""
+    effect = candidate.effect
+    bounds = {f"{effect.id}.{p.name}": (p.lower, p.upper) for p in effect.parameters}
+    limits = [bounds[name] for name in candidate.sizes]
+    return np.array([np.clip(e, *lim) for e, lim in zip(estimate, limits, strict=True)])

@@ -1,0 +1,55 @@
+"""What an effect is: one entry of the closed vocabulary, everything about it in one place."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+STAGES = ("current", "counting", "resistance", "ocv", "overpotential", "reading")
+
+
+class Parameter(NamedTuple):
+    """One number of an effect.
+
+    unit : as in the verdict. neutral : its value where the effect is absent, or, for a shape
+    (`shape` true: without meaning while the effect is absent), where a search begins.
+    lower, upper : physical bounds. step : a change that is small but plain, for derivatives; also
+    the unit in which a search walks. plausible : a size that a laboratory may well meet.
+    material : a size below which nobody would act on it.
+    """
+
+    name: str
+    unit: str
+    neutral: float
+    lower: float
+    upper: float
+    step: float
+    plausible: float = 0.0
+    material: float = 0.0
+    shape: bool = False
+
+
+class Effect(NamedTuple):
+    """One effect.
+
+    id : of the contract. sentence : for people, after "What was missing: ". parameters : tuple of
+    Parameter. stage : where it enters the model, one of STAGES. act : function (fields, stack, p)
+    → fields, p being a dict of its parameters by name; see `base.Fields`.
+    starts : tuple of dicts, values of the shape parameters from which it is tried.
+    needs : names of `excitation.FACTORS` without which data cannot show it.
+    shows : the test that shows it, in words. family : effects of which no data seen so far tell
+    one from another carry the same word.
+    """
+
+    id: str
+    sentence: str
+    parameters: tuple
+    stage: str
+    act: Callable
+    starts: tuple = ({},)
+    needs: tuple = ()
+    shows: str = ""
+    consequence: str = ""
+
+    @property
+    def names(self):
+        """Names of its parameters within a model: id.parameter."""
+        return tuple(f"{self.id}.{p.name}" for p in self.parameters)

@@ -1,0 +1,74 @@
+"""Effects of where the charge goes."""
+
+import numpy as np
+
+from cellwright.effects.effect import Effect, Parameter
+
+
+def _inefficiency(fields, stack, p):
+    kept = np.where(fields.moved > 0, 1.0 - p["lost_share_of_charge"], 1.0)
+    return fields._replace(moved=fields.moved * kept)
+
+
+def _leakage(fields, stack, p):
+    return fields._replace(moved=fields.moved - p["leak_ampere"] * stack.step_second / 3600.0)
+
+
+def _capacity_error(fields, stack, p):
+    """The cell is not what it was in its capacity test, which itself stays right."""
+    later = np.array([kind != "capacity" for kind in stack.kinds], float)[stack.file]
+    return fields._replace(capacity=fields.capacity * (1.0 + p["relative"] * later))
+
+
+EFFECTS = (
+    Effect(
+        id="coulombic_inefficiency",
+        sentence="part of the charge is lost in charging",
+        parameters=(
+            Parameter(
+                *("lost_share_of_charge", "1", 0.0, 0.0, 0.3),
+                step=1e-3,
+                plausible=0.01,
+                material=1e-3,
+            ),
+        ),
+        stage="counting",
+        act=_inefficiency,
+        needs=("both_directions",),
+        shows="four full cycles with constant-current constant-voltage charges",
+        consequence="counted charge drifts up with every charge",
+    ),
+    Effect(
+        id="leakage",
+        sentence="the cell discharges itself by a current that is not measured",
+        parameters=(
+            Parameter(
+                *("leak_ampere", "A", 0.0, 0.0, 0.5),
+                step=1e-3,
+                plausible=0.02,
+                material=1e-3,
+            ),
+        ),
+        stage="counting",
+        act=_leakage,
+        shows="a rest of 48 hours",
+        consequence="the state of charge falls at rest; a pack drifts out of balance",
+    ),
+    Effect(
+        id="capacity_error",
+        sentence="the capacity is not what the capacity test said",
+        parameters=(
+            Parameter(
+                *("relative", "1", 0.0, -0.4, 0.4),
+                step=2e-3,
+                plausible=0.02,
+                material=3e-3,
+            ),
+        ),
+        stage="counting",
+        act=_capacity_error,
+        needs=("soc_range",),
+        shows="a capacity test of the day",
+        consequence="counted state of charge is wrong in proportion to the charge that passed",
+    ),
+)

@@ -1,0 +1,55 @@
+"""Effects of the open-circuit voltage itself."""
+
+import numpy as np
+
+from cellwright.effects.effect import Effect, Parameter
+
+WAVES = 5
+EDGE_SOC = 0.08
+
+
+def _shift(fields, stack, p):
+    waves = (
+        p[f"wave_{m}_volt"] * np.cos(np.pi * m * np.clip(fields.soc, 0.0, 1.0))
+        for m in range(1, WAVES + 1)
+    )
+    return fields._replace(ocv=fields.ocv + sum(waves))
+
+
+def _edge(fields, stack, p):
+    empty = p["empty_volt"] * np.exp(-np.maximum(fields.soc, 0.0) / EDGE_SOC)
+    full = p["full_volt"] * np.exp(-np.maximum(1.0 - fields.soc, 0.0) / EDGE_SOC)
+    return fields._replace(ocv=fields.ocv + empty + full)
+
+
+def _volts(names, plausible):
+    return tuple(
+        Parameter(name, "V", 0.0, -0.2, 0.2, step=1e-3, plausible=plausible, material=1e-3)
+        for name in names
+    )
+
+
+# Electrodes that have moved against each other (LLI, LAM) bend the OCV in broad waves; which of
+# the two electrodes it was, incremental capacity says, not these data.
+EFFECTS = (
+    Effect(
+        id="ocv_shift",
+        sentence="the open-circuit voltage has moved, as by loss of lithium or active material",
+        parameters=_volts([f"wave_{m}_volt" for m in range(1, WAVES + 1)], 0.01),
+        stage="ocv",
+        act=_shift,
+        needs=("soc_range",),
+        shows="a slow discharge and charge (C/20) of this very cell",
+        consequence="voltage at rest is looked up in a curve that is no longer the cell's",
+    ),
+    Effect(
+        id="ocv_edge",
+        sentence="the open-circuit voltage differs near empty or near full",
+        parameters=_volts(["empty_volt", "full_volt"], 0.02),
+        stage="ocv",
+        act=_edge,
+        needs=("soc_range",),
+        shows="a slow discharge and charge (C/20) to both limits",
+        consequence="the end of discharge or charge comes sooner or later than predicted",
+    ),
+)

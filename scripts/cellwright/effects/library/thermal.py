@@ -1,0 +1,120 @@
+"""Effects of temperature, measured or not."""
+
+from cellwright.effects.base import REFERENCE_CELSIUS, relaxed, slow_volt
+from cellwright.effects.effect import Effect, Parameter
+from cellwright.models.tables import warmth
+
+# ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
+# temperature show is the product of this and the thermal resistance.
+OWN_HEAT_JOULE_PER_MOLE = 30e3
+
+
+def _warmed(fields, factor):
+    return fields._replace(r0=fields.r0 * factor, r1=fields.r1 * factor, r2=fields.r2 * factor)
+
+
+def _resistance(fields, stack, p):
+    energy = p["activation_energy_joule_per_mole"]
+    return _warmed(fields, warmth(fields.celsius, REFERENCE_CELSIUS, energy))
+
+
+def _self_heating(fields, stack, p):
+    """Rise of the core over the measured temperature: a lag of the heat I·(V − OCV)."""
+    heat = fields.current * (fields.r0 * fields.current + slow_volt(stack, fields))
+    rise = p["thermal_resistance_kelvin_per_watt"] * relaxed(
+        stack, heat, p["time_constant_second"]
+    )
+    inside = fields.celsius + rise
+    return _warmed(fields, warmth(inside, fields.celsius, OWN_HEAT_JOULE_PER_MOLE))
+
+
+def _entropic(fields, stack, p):
+    even, tilt = p["coefficient_volt_per_kelvin"], p["tilt_volt_per_kelvin"]
+    slope = even + tilt * (1.0 - 2.0 * fields.soc)
+    return fields._replace(ocv=fields.ocv + slope * (fields.celsius - REFERENCE_CELSIUS))
+
+
+def _capacity(fields, stack, p):
+    factor = 1.0 + p["relative_per_kelvin"] * (fields.celsius - REFERENCE_CELSIUS)
+    return fields._replace(capacity=fields.capacity * factor)
+
+
+EFFECTS = (
+    # Before the law over temperature, which then sees the measured temperature as it was.
+    Effect(
+        id="self_heating",
+        sentence="the cell is warmer inside than was measured, by its own heat",
+        parameters=(
+            Parameter(
+                *("thermal_resistance_kelvin_per_watt", "K/W", 0.0, 0.0, 60.0),
+                step=0.2,
+                plausible=5.0,
+                material=0.3,
+            ),
+            Parameter("time_constant_second", "s", 400.0, 60.0, 5000.0, step=20.0, shape=True),
+        ),
+        stage="resistance",
+        act=_self_heating,
+        starts=tuple({"time_constant_second": t} for t in (200.0, 500.0, 1500.0)),
+        needs=("rates",),
+        shows="a load of 2C or more for half an hour, with pulses in it",
+        consequence="resistance falls under lasting load; in the cold the cell helps itself",
+    ),
+    Effect(
+        id="resistance_temperature",
+        sentence="resistances change with temperature",
+        parameters=(
+            Parameter(
+                *("activation_energy_joule_per_mole", "J/mol", 0.0, -2e4, 1.2e5),
+                step=1e3,
+                plausible=2e4,
+                material=1e3,
+            ),
+        ),
+        stage="resistance",
+        act=_resistance,
+        needs=("temperature",),
+        shows="the same drive at two temperatures, 15 K apart",
+        consequence="power in the cold and warm is not that at the model's temperature",
+    ),
+    Effect(
+        id="entropic_ocv",
+        sentence="the open-circuit voltage changes with temperature (entropic coefficient)",
+        parameters=(
+            Parameter(
+                *("coefficient_volt_per_kelvin", "V/K", 0.0, -3e-3, 3e-3),
+                step=2e-5,
+                plausible=3e-4,
+                material=2e-5,
+            ),
+            Parameter(
+                *("tilt_volt_per_kelvin", "V/K", 0.0, -3e-3, 3e-3),
+                step=2e-5,
+                plausible=3e-4,
+                material=2e-5,
+            ),
+        ),
+        stage="ocv",
+        act=_entropic,
+        needs=("temperature",),
+        shows="rests of the same states of charge at two temperatures, 15 K apart",
+        consequence="a voltage at rest means another state of charge in the cold",
+    ),
+    Effect(
+        id="capacity_temperature",
+        sentence="the capacity between full and empty changes with temperature",
+        parameters=(
+            Parameter(
+                *("relative_per_kelvin", "1/K", 0.0, -0.01, 0.02),
+                step=1e-4,
+                plausible=2e-3,
+                material=2e-4,
+            ),
+        ),
+        stage="counting",
+        act=_capacity,
+        needs=("temperature",),
+        shows="capacity tests, or drives from full to near empty, at two temperatures",
+        consequence="the state of charge moves faster in the cold than counted",
+    ),
+)

@@ -1,0 +1,165 @@
+"""A fit of many parameters with priors to whitened rows: values, priors, derivatives, steps.
+
+A problem knows how to predict and what is known beforehand; `fit` walks to the most likely values
+by Gauss–Newton steps with damping. Cells and groups of cells are both such problems.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+STEPS = 12
+SETTLED = 0.02  # a fall of the cost below this ends the walk
+TINY = 1e-9
+
+
+class Free(NamedTuple):
+    """A parameter that is fitted. step: for its derivative. prior, std: what is known beforehand.
+
+    lower, upper: bounds, on which a step ends.
+    """
+
+    name: str
+    step: float
+    prior: float = 0.0
+    std: float = np.inf
+    lower: float = -np.inf
+    upper: float = np.inf
+
+
+class Problem(NamedTuple):
+    """predict : function (values) → (n,) prediction. measured : (n,). whiten : function rows → rows.
+
+    free : tuple of Free. coupling : (k, k) prior precision beyond that of the single parameters, or
+    None, about zero.
+    """
+
+    predict: Callable
+    measured: np.ndarray
+    whiten: Callable
+    free: tuple
+    coupling: np.ndarray | None = None
+
+
+class Solution(NamedTuple):
+    """Most likely values, what is left, and the local shape of the cost.
+
+    values : dict. prediction, residual : (n,). chi_square : of the whitened residual, without
+    priors. cost : with them. columns : (n, k) derivatives at (or near) the solution, not whitened.
+    white : the same whitened. precision : (k, k) of the posterior. at_bound : names of the parameters on a bound.
+    """
+
+    values: dict
+    prediction: np.ndarray
+    residual: np.ndarray
+    chi_square: float
+    cost: float
+    columns: np.ndarray
+    white: np.ndarray
+    precision: np.ndarray
+    at_bound: tuple
+
+
+def fit(problem, values, *, columns=None, renew=(), steps=STEPS):
+    """Walk to the most likely values.
+
+    Parameters
+    ----------
+    problem : Problem. values : dict, start; also holds what is not free.
+    columns : (n, k) derivatives to begin with, or None: they are made. Where given, only those
+        named in `renew` are made anew at each step (a chord method: near the solution the others
+        hardly change).
+    steps : at most so many.
+
+    Returns
+    -------
+    solution : Solution.
+    """
+    prior, pull = _priors(problem)
+    here, damping = _judged(problem, values, prior, pull), 1e-6
+    chord = columns is not None
+    columns = columns if chord else derivatives(problem, here.values, here.prediction)
+    for _ in range(steps):
+        if chord and renew:
+            columns = _renewed(problem, here, columns, renew)
+        white = problem.whiten(columns)
+        precision = white.T @ white + prior
+        at = np.array([here.values[f.name] for f in problem.free])
+        gradient = white.T @ here.whitened + pull - prior @ at
+        new, damping = _walked(problem, here, gradient, precision, prior, pull, damping)
+        fell, here = here.cost - new.cost, new
+        if fell < SETTLED:
+            break
+        if not chord:
+            columns = derivatives(problem, here.values, here.prediction)
+    white = problem.whiten(columns)
+    bound = tuple(f.name for f in problem.free if here.values[f.name] in (f.lower, f.upper))
+    left = problem.measured - here.prediction
+    found = (here.values, here.prediction, left, here.chi_square, here.cost)
+    return Solution(*found, columns, white, white.T @ white + prior, bound)
+
+
+def derivatives(problem, values, prediction, names=None):
+    """Derivatives (n, k) of the prediction by the free parameters, or by those named."""
+    found = [
+        _derivative(problem, values, prediction, free)
+        for free in problem.free
+        if names is None or free.name in names
+    ]
+    return np.stack(found, axis=1)
+
+
+def _derivative(problem, values, prediction, free):
+    step = free.step if values[free.name] + free.step <= free.upper else -free.step
+    moved = problem.predict(values | {free.name: values[free.name] + step})
+    return (moved - prediction) / step
+
+
+class _Here(NamedTuple):
+    values: dict
+    prediction: np.ndarray
+    whitened: np.ndarray
+    chi_square: float
+    cost: float
+
+
+def _judged(problem, values, prior, pull):
+    prediction = problem.predict(values)
+    white = problem.whiten(problem.measured - prediction)
+    square = float(white @ white)
+    at = np.array([values[f.name] for f in problem.free])
+    return _Here(values, prediction, white, square, square + float(at @ prior @ at - 2 * pull @ at))
+
+
+def _priors(problem):
+    weight = np.array([f.std**-2.0 for f in problem.free])
+    prior = np.diag(weight)
+    if problem.coupling is not None:
+        prior = prior + problem.coupling
+    return prior, weight * np.array([f.prior for f in problem.free])
+
+
+def _renewed(problem, here, columns, renew):
+    if not renew:
+        return columns
+    names = [f.name for f in problem.free]
+    fresh = derivatives(problem, here.values, here.prediction, renew)
+    columns = columns.copy()
+    columns[:, [k for k, name in enumerate(names) if name in renew]] = fresh
+    return columns
+
+
+def _walked(problem, here, gradient, precision, prior, pull, damping):
+    """One damped step that lowers the cost; where none does, the place stays."""
+    scale = np.diag(np.diag(precision) + TINY)
+    for _ in range(5):
+        move = np.linalg.solve(precision + damping * scale, gradient)
+        values = dict(here.values)
+        for f, one in zip(problem.free, move, strict=True):
+            values[f.name] = float(np.clip(values[f.name] + one, f.lower, f.upper))
+        new = _judged(problem, values, prior, pull)
+        if np.isfinite(new.cost) and new.cost <= here.cost:
+            return new, max(damping / 10, 1e-9)
+        damping = max(damping * 30, 1e-4)
+    return here, damping

@@ -1,0 +1,135 @@
+"""The records of one cell, laid one after the other, as the search for a missing effect sees them."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
+NEAR_END = 0.1  # of the SoC: a record that starts there was filled or emptied before
+
+
+class Record(NamedTuple):
+    """One test of a cell.
+
+    test, kind : name and kind, as in the sheet.
+    celsius : (n,) measured temperature of the surface, else of the chamber [degC].
+    soc_at_start : best knowledge of the SoC at the first row [1].
+    """
+
+    test: str
+    kind: str
+    test_time_second: np.ndarray
+    current_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    celsius: np.ndarray
+    soc_at_start: float
+
+
+class Stack(NamedTuple):
+    """Rows of several records, one record after the other.
+
+    tests, kinds : names and kinds of the records. first : (f,) index of their first rows.
+    file : (n,) number of the record of each row. second : (n,) time within the record [s].
+    step_second : (n,) time since the row before [s], 0 in first rows.
+    fresh : (n,) 1.0 in the first row of a record, else 0.0.
+    direction : (n,) sign of the last load above C/100; before the first one that of the charge or
+    discharge that led to the start, where that was full or empty, else 0.
+    held_ampere : (n,) current that flowed since the row before [A], 0 in first rows.
+    soc_at_start : (f,) [1]. hold : of the current between rows, see `stacked`.
+    """
+
+    tests: tuple
+    kinds: tuple
+    first: np.ndarray
+    file: np.ndarray
+    second: np.ndarray
+    step_second: np.ndarray
+    fresh: np.ndarray
+    current_ampere: np.ndarray
+    held_ampere: np.ndarray
+    direction: np.ndarray
+    voltage_volt: np.ndarray
+    celsius: np.ndarray
+    soc_at_start: np.ndarray
+    hold: str
+
+    def part(self, files):
+        """The rows of some of the records, by their numbers, as a mask (n,)."""
+        return np.isin(self.file, files)
+
+
+def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
+    """Lay records one after the other.
+
+    Parameters
+    ----------
+    records : sequence of Record.
+    capacity_ampere_hour : of the cell, for the smallest load that counts [Ah].
+    hold : "zero_order": between two rows the current of the earlier one flows; "first_order":
+        their mean.
+
+    Returns
+    -------
+    stack : Stack.
+
+    Raises
+    ------
+    Refusal : no record; a value that is not finite, or a clock that runs back, with test and row.
+    """
+    if not records:
+        raise Refusal("no record to look for a missing effect in")
+    for record in records:
+        _check(record)
+    sizes = [len(r.test_time_second) for r in records]
+    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    file = np.repeat(np.arange(len(records)), sizes)
+    fresh = np.zeros(len(file))
+    fresh[first] = 1.0
+    second, current = _joined(records, "test_time_second"), _joined(records, "current_ampere")
+    step = np.diff(second, prepend=second[0]) * (1.0 - fresh)
+    before = np.concatenate([[0.0], current[:-1]])
+    held = before if hold == "zero_order" else (before + current) / 2
+    loads = [_direction(r, LOADED_C_RATE * capacity_ampere_hour) for r in records]
+    return Stack(
+        tuple(r.test for r in records),
+        tuple(r.kind for r in records),
+        first,
+        file,
+        second,
+        step,
+        fresh,
+        current,
+        held * (1.0 - fresh),
+        np.concatenate(loads),
+        _joined(records, "voltage_volt"),
+        _joined(records, "celsius"),
+        np.array([r.soc_at_start for r in records]),
+        hold,
+    )
+
+
+def _joined(records, name):
+    return np.concatenate([np.asarray(getattr(r, name), float) for r in records])
+
+
+def _direction(record, least):
+    # ASSUME: A cell that a record finds full was charged to get there, an empty one discharged.
+    current, soc = record.current_ampere, record.soc_at_start
+    sign = np.where(np.abs(current) > least, np.sign(current), 0.0)
+    if sign[0] == 0:
+        sign[0] = (soc > 1 - NEAR_END) - float(soc < NEAR_END)
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    return sign[last]
+
+
+def _check(record):
+    for name in ("test_time_second", "current_ampere", "voltage_volt", "celsius"):
+        wrong = np.flatnonzero(~np.isfinite(getattr(record, name)))
+        if len(wrong):
+            found = getattr(record, name)[wrong[0]]
+            raise Refusal(f"{record.test}: row {wrong[0]} of {name} is {found}, not a number")
+    back = np.flatnonzero(np.diff(record.test_time_second) < 0)
+    if len(back):
+        raise Refusal(f"{record.test}: the clock runs back after row {back[0]}")
