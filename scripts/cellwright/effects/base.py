@@ -116,7 +116,8 @@ def fields_of(cell, stack, values, effects=()):
     fields = fields._replace(ohmic=fields.r0 * fields.current)
     fields = fields._replace(volt=fields.ocv + slow_volt(stack, fields))
     fields = through("overpotential", fields)
-    fields = fields._replace(volt=fields.volt + fields.ohmic)
+    known = values.get("known", 1.0) * stack.known_volt
+    fields = fields._replace(volt=fields.volt + fields.ohmic + known)
     return through("reading", fields)
 
 

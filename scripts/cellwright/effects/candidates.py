@@ -20,6 +20,12 @@ class Candidate(NamedTuple):
     start: dict
     columns: np.ndarray
 
+    @property
+    def form(self):
+        """Values of the parameters that no fit moves: which form of the effect this is."""
+        fixed = [p.name for p in self.effect.parameters if not p.step]
+        return tuple(self.start[f"{self.effect.id}.{name}"] for name in fixed)
+
 
 def candidates(predict, prediction, values, library):
     """Every effect at every one of its starts.
@@ -67,12 +73,14 @@ class Score(NamedTuple):
 
     chi_square : fall of chi-square that the candidate promises once all nuisances have followed.
     estimate : (k,) sizes at which. information : (k, k) of the sizes, nuisances projected out.
+    visible : chi-square that a plausible size would leave.
     """
 
     candidate: Candidate
     chi_square: float
     estimate: np.ndarray
     information: np.ndarray
+    visible: float
 
 
 def scored(candidate, own, residual, columns, precision):
@@ -96,8 +104,12 @@ def scored(candidate, own, residual, columns, precision):
     slope = own.T @ residual
     ridge = 1e-6 * np.diag(np.maximum(np.diag(whole), 1e-300))
     estimate = _within(candidate, np.linalg.solve(information + ridge, slope))
+    if candidate.effect.held:
+        estimate = np.array([candidate.start[name] for name in candidate.sizes])
     gain = 2 * slope @ estimate - estimate @ information @ estimate
-    return Score(candidate, float(gain), estimate, information)
+    likely = [p.plausible for p in candidate.effect.parameters if not p.shape]
+    visible = float(np.max(np.square(likely) * np.diag(information)))
+    return Score(candidate, float(gain), estimate, information, visible)
 
 
 def _within(candidate, estimate):

@@ -33,10 +33,10 @@ class Effect(NamedTuple):
     id : of the contract. sentence : for people, after "What was missing: ". parameters : tuple of
     Parameter. stage : where it enters the model, one of STAGES. act : function (fields, stack, p)
     → fields, p being a dict of its parameters by name; see `base.Fields`.
-    starts : tuple of dicts, values of the shape parameters from which it is tried.
+    starts : tuple of dicts, parameters from which it is tried. held : what it changes is no
+    straight line in its size: it is judged at the sizes of its starts and nowhere between.
     needs : names of `excitation.FACTORS` without which data cannot show it.
-    shows : the test that shows it, in words. family : effects of which no data seen so far tell
-    one from another carry the same word.
+    shows : the test that shows it, in words. consequence : what it changes for the user.
     """
 
     id: str
@@ -48,6 +48,7 @@ class Effect(NamedTuple):
     needs: tuple = ()
     shows: str = ""
     consequence: str = ""
+    held: bool = False
 
     @property
     def names(self):

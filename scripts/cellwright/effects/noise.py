@@ -14,6 +14,7 @@ from cellwright.native import array, count, function, real
 RATIOS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # variance of the slow part over the white one's
 TIMES_SECOND = (30.0, 100.0, 300.0)
 SMALLEST_VOLT = 1e-5
+LEAST_ROWS = 100  # from which the white part is read
 
 
 class Noise(NamedTuple):
@@ -97,7 +98,9 @@ def estimated(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_v
     size = max(_robust(residual_volt), SMALLEST_VOLT)
     best, cost = Noise(size, 0.0, TIMES_SECOND[0]), np.inf
     for ratio in RATIOS:
-        for second in [t for t in TIMES_SECOND if t <= most_slow_second][: 1 if not ratio else None]:
+        for second in [t for t in TIMES_SECOND if t <= most_slow_second][
+            : 1 if not ratio else None
+        ]:
             tried = Noise(size, size * np.sqrt(ratio), second)
             for _ in range(2):
                 w = whitening(tried, stack, extra_volt)
@@ -109,6 +112,26 @@ def estimated(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_v
             if here < cost:
                 best, cost = tried, here
     return best
+
+
+def read_volt(residual_volt, stack, *, steady_ampere):
+    """White part of the noise from neighbouring rows of steady current, whatever a model lacks.
+
+    Parameters
+    ----------
+    residual_volt : (n,) [V]. stack : records.Stack.
+    steady_ampere : a current that moves less between two rows is steady [A].
+
+    Returns
+    -------
+    volt : standard deviation [V]; that of the residual where no two rows are neighbours.
+    """
+    moved = np.abs(np.diff(stack.current_ampere)) < steady_ampere
+    near = stack.step_second[1:] <= 1.5 * np.median(stack.step_second[stack.step_second > 0])
+    rows = moved & near & (stack.fresh[1:] == 0)
+    if rows.sum() < LEAST_ROWS:
+        return _robust(residual_volt)
+    return max(_robust(np.diff(residual_volt)[rows]) / np.sqrt(2.0), SMALLEST_VOLT)
 
 
 def _robust(values):

@@ -20,7 +20,8 @@ class Tolerance(NamedTuple):
 
     ocv_volt : error of the OCV table, smooth over `ocv_soc`. capacity : relative.
     soc : of the state of charge at the start of a record. steep_soc : an error of the SoC that no
-    parameter follows, so that rows on a steep OCV count less.
+    parameter follows, so that rows on a steep OCV count less. known : relative, of the size that
+    a healthy cell's own misfit has in this cell (paired mode).
     """
 
     ocv_volt: float = 1.5e-3
@@ -28,6 +29,7 @@ class Tolerance(NamedTuple):
     capacity: float = 3e-3
     soc: float = 0.02
     steep_soc: float = 3e-3
+    known: float = 0.2
 
 
 def frees(stack, start, tolerance):
@@ -39,7 +41,8 @@ def frees(stack, start, tolerance):
 
     Returns
     -------
-    free : tuple of problem.Free, in the order of `base.base_names`.
+    free : tuple of problem.Free, in the order of `base.base_names`, in paired mode the scale of
+        what healthy cells have in common after them.
     """
     logs = [
         Free(name, LOG_STEP, start[name], LOG_STD[name], *_limits(name)) for name in base.LOGARITHMS
@@ -49,7 +52,8 @@ def frees(stack, start, tolerance):
         Free(f"soc0[{k}]", SOC_STEP, soc, tolerance.soc) for k, soc in enumerate(stack.soc_at_start)
     ]
     knots = [Free(f"ocv[{k}]", VOLT_STEP) for k in range(base.OCV_KNOTS)]
-    return (*logs, capacity, *socs, *knots)
+    known = [Free("known", LOG_STEP, 1.0, tolerance.known)] if stack.known_volt.any() else []
+    return (*logs, capacity, *socs, *knots, *known)
 
 
 def _limits(name):
@@ -82,6 +86,7 @@ def first_values(cell, stack):
     values = dict.fromkeys(base.base_names(len(stack.first)), 0.0)
     values |= {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
     values |= {name: float(np.log(tau)) for name, tau in FIRST_TAU_SECOND.items()}
+    values["known"] = 1.0
     values |= dict.fromkeys(("log_r0", "log_r1", "log_r2"), np.log(1e-7))
     rest = stack.voltage_volt - base.voltage(cell, stack, values)
     lags = [base.relaxed(stack, stack.current_ampere, tau) for tau in FIRST_TAU_SECOND.values()]
@@ -92,7 +97,7 @@ def first_values(cell, stack):
     return values | {n: float(np.log(max(r, floor))) for n, r in zip(names, found, strict=True)}
 
 
-def steep_volt(cell, stack, soc, tolerance):
+def steep_volt(cell, soc, tolerance):
     """What an unfollowed error of the SoC does to rows where the OCV is unusually steep [V]: (n,)."""
     slope = np.abs(cell.ocv_at(soc + 5e-3) - cell.ocv_at(soc - 5e-3)) / 0.01
     usual = STEEP * abs(np.median(np.diff(cell.ocv_volt))) * (len(cell.ocv_volt) - 1)

@@ -48,6 +48,7 @@ class Solution(NamedTuple):
     values : dict. prediction, residual : (n,). chi_square : of the whitened residual, without
     priors. cost : with them. columns : (n, k) derivatives at (or near) the solution, not whitened.
     white : the same whitened. precision : (k, k) of the posterior. at_bound : names of the parameters on a bound.
+    names : of the columns.
     """
 
     values: dict
@@ -59,6 +60,7 @@ class Solution(NamedTuple):
     white: np.ndarray
     precision: np.ndarray
     at_bound: tuple
+    names: tuple
 
 
 def fit(problem, values, *, columns=None, renew=(), steps=STEPS):
@@ -97,7 +99,8 @@ def fit(problem, values, *, columns=None, renew=(), steps=STEPS):
     bound = tuple(f.name for f in problem.free if here.values[f.name] in (f.lower, f.upper))
     left = problem.measured - here.prediction
     found = (here.values, here.prediction, left, here.chi_square, here.cost)
-    return Solution(*found, columns, white, white.T @ white + prior, bound)
+    names = tuple(f.name for f in problem.free)
+    return Solution(*found, columns, white, white.T @ white + prior, bound, names)
 
 
 def derivatives(problem, values, prediction, names=None):

@@ -16,6 +16,7 @@ class Record(NamedTuple):
     test, kind : name and kind, as in the sheet.
     celsius : (n,) measured temperature of the surface, else of the chamber [degC].
     soc_at_start : best knowledge of the SoC at the first row [1].
+    used : (n,) bool, rows that are compared; the others only drive the states. None: all.
     """
 
     test: str
@@ -25,6 +26,7 @@ class Record(NamedTuple):
     voltage_volt: np.ndarray
     celsius: np.ndarray
     soc_at_start: float
+    used: np.ndarray | None = None
 
 
 class Stack(NamedTuple):
@@ -38,6 +40,8 @@ class Stack(NamedTuple):
     discharge that led to the start, where that was full or empty, else 0.
     held_ampere : (n,) current that flowed since the row before [A], 0 in first rows.
     soc_at_start : (f,) [1]. hold : of the current between rows, see `stacked`.
+    known_volt : (n,) what healthy cells have beyond the plain model in these rows (paired mode),
+    else zero [V]. used : (n,) bool, rows that are compared.
     """
 
     tests: tuple
@@ -54,6 +58,8 @@ class Stack(NamedTuple):
     celsius: np.ndarray
     soc_at_start: np.ndarray
     hold: str
+    known_volt: np.ndarray
+    used: np.ndarray
 
     def part(self, files):
         """The rows of some of the records, by their numbers, as a mask (n,)."""
@@ -83,6 +89,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     for record in records:
         _check(record)
     sizes = [len(r.test_time_second) for r in records]
+    pairs = list(zip(records, sizes, strict=True))
     first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     file = np.repeat(np.arange(len(records)), sizes)
     fresh = np.zeros(len(file))
@@ -107,6 +114,8 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         _joined(records, "celsius"),
         np.array([r.soc_at_start for r in records]),
         hold,
+        np.zeros(len(file)),
+        np.concatenate([np.ones(n, bool) if r.used is None else r.used for r, n in pairs]),
     )
 
 

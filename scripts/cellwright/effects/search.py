@@ -5,69 +5,30 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, noise, plain
-from cellwright.effects.candidates import candidates, neutral, scored
+from cellwright.effects.candidates import candidates, scored
+from cellwright.effects.case import Case, Gates, State, filters_of, problem_of, state_of, steep
 from cellwright.effects.excitation import lacking
-from cellwright.effects.judge import rms, started
-from cellwright.effects.problem import Free, Problem, derivatives, fit
+from cellwright.effects.problem import Free, derivatives, fit
+
+__all__ = ["Case", "Gates", "Round", "State", "Trial", "search"]
 
 FIRST_NOISE = noise.Noise(2e-3, 1e-3, 200.0)
-CHORD_STEPS = 6
-
-
-class Gates(NamedTuple):
-    """When an effect counts; meaning and source in config/README.md (missing_effect)."""
-
-    refits: int = 8
-    bic: float = 10.0
-    validation_chi_square: float = 25.0
-    validation_fall: float = 0.03
-    nothing_ratio: float = 1.15
-    adequate_ratio: float = 1.3
-    adequate_closed: float = 0.85
-    tie_absolute: float = 6.0
-    tie_relative: float = 0.03
-    rounds: int = 4
-    most_slow_volt: float = 1.2e-3
-    most_slow_second: float = 300.0
-
-
-class Case(NamedTuple):
-    """What a search is about: a cell, the records fitted and those that judge, and tolerances."""
-
-    cell: base.Cell
-    fit: object
-    validation: object
-    tolerance: plain.Tolerance = plain.Tolerance()
-    gates: Gates = Gates()
-
-
-class State(NamedTuple):
-    """A model fitted: its effects, and how it does on both kinds of records.
-
-    validation : residual (m,) [V]. validation_chi_square : of it, whitened by the same noise.
-    """
-
-    effects: tuple
-    solution: object
-    validation: np.ndarray
-    validation_chi_square: float
-
-    @property
-    def rmse_volt(self):
-        return rms(self.solution.residual)
-
-    @property
-    def validation_rmse_volt(self):
-        return rms(self.validation)
+CHORD_STEPS, POLISH_STEPS = 6, 4
+STEADY_C_RATE = 0.02
 
 
 class Trial(NamedTuple):
-    """A candidate refitted, beside the model without it."""
+    """A candidate refitted, beside the model without it.
+
+    score : fall of chi-square that the screen promised. delta_bic, delta_validation : fall of the
+    criterion on the records fitted, of chi-square on those that judge. material : its size matters.
+    """
 
     effect: object
     score: float
     delta_bic: float
     delta_validation: float
+    material: bool
     state: State
 
     @property
@@ -76,21 +37,22 @@ class Trial(NamedTuple):
 
 
 class Round(NamedTuple):
-    """One round: the model before, what was screened and tried, the noise, the choice (or None)."""
+    """One round.
+
+    before : State without the choice. noise : noise.Noise. floor_volt : what no model can explain.
+    scores : list of candidates.Score, best first. trials : list of Trial, best first.
+    chosen : Trial, or None. tied : ids as good as the choice. hidden : ids that these records
+    cannot show (their screens left nothing once the nuisances had followed).
+    """
 
     before: State
     noise: noise.Noise
+    floor_volt: float
     scores: list
     trials: list
     chosen: Trial | None
     tied: tuple
-
-
-class Filters(NamedTuple):
-    """Whitening of both stacks by one noise."""
-
-    fit: noise.Whitening
-    validation: noise.Whitening
+    hidden: tuple
 
 
 def search(case, library):
@@ -105,169 +67,152 @@ def search(case, library):
     rounds : list of Round; the last one chose nothing, or was the last allowed.
     """
     values = plain.first_values(case.cell, case.fit)
-    free = plain.frees(case.fit, values, case.tolerance)
-    extra = _steep(case, values)
-    filters = _filters(case, FIRST_NOISE, extra)
-    solution = fit(_problem(case, (), free, filters), values)
-    effects, found = (), []
-    testable = [e for e in library.values() if not _untestable(case, e)]
+    values |= {one.name: one.prior for one in case.known.free}
+    free = (*plain.frees(case.fit, values, case.tolerance), *case.known.free)
+    extra = steep(case, values)
+    filters = filters_of(case, FIRST_NOISE, extra)
+    effects, found = case.known.effects, []
+    solution = fit(problem_of(case, effects, free, filters), values)
+    testable = [effect for effect in library.values() if not not_excited(case, effect)]
     for _ in range(case.gates.rounds + 1):
-        one, filters = _round(case, effects, free, solution, filters, extra, testable)
+        left = [effect for effect in testable if effect not in effects]
+        one, filters = _round(case, effects, free, solution, filters, extra, left, found)
         found.append(one)
         if one.chosen is None or len(found) > case.gates.rounds:
             return found
         effects = one.chosen.state.effects
         free = (*free, *frees_of(one.chosen.effect))
-        problem = _problem(case, effects, free, filters)
-        solution = fit(problem, one.chosen.state.solution.values, steps=4)
+        problem = problem_of(case, effects, free, filters)
+        solution = fit(problem, one.chosen.state.solution.values, steps=POLISH_STEPS)
     return found
 
 
-def _round(case, effects, free, solution, filters, extra, testable):
-    """Estimate the noise, refit, screen, try the best, choose."""
+def _round(case, effects, free, solution, filters, extra, library, earlier):
+    """Estimate the noise, refit, screen, try the best, choose: (Round, Filters)."""
 
     def predict(values, effect):
         return base.voltage(case.cell, case.fit, values, (*effects, effect))
 
-    left = [e for e in testable if e not in effects]
-    tried = candidates(predict, solution.prediction, solution.values, left)
-    spread = noise.estimated(
-        _all_in(solution, tried, filters.fit),
-        case.fit,
-        most_slow_volt=case.gates.most_slow_volt,
-        most_slow_second=case.gates.most_slow_second,
-        extra_volt=extra[0],
-    )
-    filters = _filters(case, spread, extra)
-    problem = _problem(case, effects, free, filters)
+    tried = candidates(predict, solution.prediction, solution.values, library)
+    everything_in = _all_in(solution, tried, filters.fit)
+    limits = {name: getattr(case.gates, name) for name in ("most_slow_volt", "most_slow_second")}
+    spread = noise.estimated(everything_in, case.fit, extra_volt=extra[0], **limits)
+    filters = filters_of(case, spread, extra)
+    problem = problem_of(case, effects, free, filters)
     solution = fit(problem, solution.values, columns=solution.columns, steps=3)
-    before = _state(case, effects, solution, filters)
-    residual = filters.fit.apply(solution.residual)
-    scores = [
-        scored(c, filters.fit.apply(c.columns), residual, solution.white, solution.precision)
-        for c in tried
-    ]
-    best = _best_of_each(scores)
-    trials = [_tried(case, free, before, score, filters) for score in best[: case.gates.refits]]
+    before = state_of(case, effects, solution, filters)
+    scores, hidden = _screened(case, tried, before, filters)
+    trials = [_tried(case, free, before, one, filters) for one in scores[: case.gates.refits]]
     trials.sort(key=lambda t: -t.j)
-    chosen, tied = _chosen(case.gates, before, trials, spread.volt)
-    return Round(before, spread, best, trials, chosen, tied), filters
+    floor = earlier[0].floor_volt if earlier else _floor(case, everything_in, spread)
+    first = earlier[0].before if earlier else before
+    chosen, tied = _chosen(case.gates, first, before, trials, floor)
+    return Round(before, spread, floor, scores, trials, chosen, tied, hidden), filters
+
+
+def _floor(case, residual, spread):
+    """Noise that no model can explain: the white part as neighbouring rows show it, the slow part."""
+    steady = STEADY_C_RATE * case.cell.capacity_ampere_hour
+    white = min(noise.read_volt(residual, case.fit, steady_ampere=steady), spread.white_volt)
+    return float(np.hypot(white, spread.slow_volt))
 
 
 def _all_in(solution, tried, whitening):
     """Residual with every effect let in, by ridge regression on what each would change."""
     many = np.concatenate([c.columns for c in tried], axis=1)
-    white = whitening.apply(many)
-    both = np.concatenate([solution.white, white], axis=1)
-    size = np.zeros((both.shape[1],) * 2)
-    nuisances = len(solution.precision)
+    both = np.concatenate([solution.white, whitening.apply(many)], axis=1)
     gram = both.T @ both
-    size[:nuisances, :nuisances] = solution.precision - gram[:nuisances, :nuisances]
-    size[nuisances:, nuisances:] = np.diag(1e-6 * np.diag(gram)[nuisances:] + 1e-12)
-    change = np.linalg.solve(gram + size, both.T @ whitening.apply(solution.residual))
+    ridge = np.diag(1e-6 * np.diag(gram) + 1e-12)
+    k = len(solution.precision)
+    ridge[:k, :k] = solution.precision - gram[:k, :k]
+    change = np.linalg.solve(gram + ridge, both.T @ whitening.apply(solution.residual))
     return solution.residual - np.concatenate([solution.columns, many], axis=1) @ change
 
 
-def _best_of_each(scores):
-    best = {}
-    for one in scores:
-        name = one.candidate.effect.id
-        if name not in best or one.chi_square > best[name].chi_square:
-            best[name] = one
-    return sorted(best.values(), key=lambda s: -s.chi_square)
+def _screened(case, tried, before, filters):
+    """Scores of what the records can show, the best start of each form; ids of what they cannot."""
+    solution = before.solution
+    residual = filters.fit.apply(solution.residual)
+    best, hidden = {}, {}
+    for candidate in tried:
+        own = filters.fit.apply(candidate.columns)
+        one = scored(candidate, own, residual, solution.white, solution.precision)
+        seen = one.visible >= case.gates.visible_chi_square
+        kept, name = best if seen else hidden, (candidate.effect.id, candidate.form)
+        if name not in kept or one.chi_square > kept[name].chi_square:
+            kept[name] = one
+    shown = {name for name, _ in best}
+    invisible = tuple(dict.fromkeys(name for name, _ in hidden if name not in shown))
+    return sorted(best.values(), key=lambda s: -s.chi_square), invisible
 
 
 def _tried(case, free, before, score, filters):
     """Refit of a candidate from where its score test points."""
     candidate, effect = score.candidate, score.candidate.effect
-    own = frees_of(effect)
-    nuisance = before.solution
-    names = dict(zip(candidate.sizes, score.estimate, strict=True))
-    values = nuisance.values | candidate.start | names
+    own, plainly = frees_of(effect), before.solution
+    sizes = dict(zip(candidate.sizes, score.estimate, strict=True))
+    values = plainly.values | candidate.start | sizes
     effects = (*before.effects, effect)
-    problem = _problem(case, effects, (*free, *own), filters)
-    first = Problem(problem.predict, problem.measured, problem.whiten, own)
-    columns = derivatives(first, values, problem.predict(values))
-    columns = np.concatenate([nuisance.columns, columns], axis=1)
+    problem = problem_of(case, effects, (*free, *own), filters)
+    columns = derivatives(problem._replace(free=own), values, problem.predict(values))
+    columns = np.concatenate([plainly.columns, columns], axis=1)
     renew = tuple(f.name for f in own)
     solution = fit(problem, values, columns=columns, renew=renew, steps=CHORD_STEPS)
-    state = _state(case, effects, solution, filters)
-    cost = len(own) * np.log(len(case.fit.file))
+    state = state_of(case, effects, solution, filters)
     return Trial(
         effect,
         score.chi_square,
-        before.solution.cost - solution.cost - cost,
+        plainly.cost - solution.cost - len(own) * np.log(len(case.fit.file)),
         before.validation_chi_square - state.validation_chi_square,
+        _material(effect, solution.values),
         state,
     )
 
 
 def frees_of(effect):
-    """Free parameters of an effect, for a fit."""
+    """Free parameters of an effect, for a fit; one without a step is tried, not fitted."""
     return tuple(
         Free(f"{effect.id}.{p.name}", p.step, p.neutral, np.inf, p.lower, p.upper)
         for p in effect.parameters
+        if p.step
     )
 
 
-def _chosen(gates, before, trials, floor):
+def _material(effect, values):
+    sizes = [p for p in effect.parameters if not p.shape]
+    return any(abs(values[f"{effect.id}.{p.name}"] - p.neutral) >= p.material for p in sizes)
+
+
+def _chosen(gates, first, before, trials, floor):
     """The best trial that passes the gates, and the ids of those as good."""
-    worst = max(before.rmse_volt, before.validation_rmse_volt)
-    if worst <= gates.nothing_ratio * floor:
+    if before.worst_volt <= gates.nothing_ratio * floor:
         return None, ()
-    passed = [t for t in trials if _passes(gates, before, t)]
+    if before is not first and before.worst_volt <= gates.adequate_ratio * floor:
+        return None, ()
+    passed = [t for t in trials if passes(gates, first, before, t, floor)]
     if not passed:
         return None, ()
     best = passed[0]
     within = max(gates.tie_absolute, gates.tie_relative * best.j)
-    return best, tuple(t.effect.id for t in passed[1:] if best.j - t.j <= within)
+    near = [t.effect.id for t in passed[1:] if best.j - t.j <= within]
+    return best, tuple(dict.fromkeys(name for name in near if name != best.effect.id))
 
 
-def _passes(gates, before, trial):
-    fall = 1.0 - trial.state.validation_rmse_volt / before.validation_rmse_volt
+def passes(gates, first, before, trial, floor):
+    """Whether a trial is significant, proven on validation data, and large enough to matter."""
+    was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
+    whole = max(first.validation_rmse_volt**2 - floor**2, 1e-12)
     return (
         trial.delta_bic > gates.bic
         and trial.delta_validation > gates.validation_chi_square
-        and fall >= gates.validation_fall
+        and now <= (1.0 - gates.validation_fall) * was
+        and was - now >= gates.material_volt / 2
+        and (was**2 - now**2) / whole >= gates.material_share
+        and trial.material
     )
 
 
-def _problem(case, effects, free, filters):
-    return Problem(
-        lambda values: base.voltage(case.cell, case.fit, values, effects),
-        case.fit.voltage_volt,
-        filters.fit.apply,
-        free,
-        plain.coupling(free, case.tolerance),
-    )
-
-
-def _state(case, effects, solution, filters):
-    stack = case.validation
-    values = started(case.cell, stack, solution.values, effects, case.tolerance)
-    residual = stack.voltage_volt - base.voltage(case.cell, stack, values, effects)
-    white = filters.validation.apply(residual)
-    return State(effects, solution, residual, float(white @ white))
-
-
-def _steep(case, values):
-    """What an unfollowed error of the SoC does to each row of both stacks [V]."""
-    found = []
-    for stack in (case.fit, case.validation):
-        socs = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
-        soc = base.fields_of(case.cell, stack, values | socs).soc
-        found.append(plain.steep_volt(case.cell, stack, soc, case.tolerance))
-    return tuple(found)
-
-
-def _filters(case, spread, extra):
-    return Filters(
-        noise.whitening(spread, case.fit, extra[0]),
-        noise.whitening(spread, case.validation, extra[1]),
-    )
-
-
-def _untestable(case, effect):
-    """What is lacking on either side, in words."""
+def not_excited(case, effect):
+    """What the records of either role lack for this effect, in words; empty: nothing."""
     capacity = case.cell.capacity_ampere_hour
     return lacking(effect, case.fit, capacity) or lacking(effect, case.validation, capacity)

@@ -82,9 +82,7 @@ EFFECTS = (
     Effect(
         id="lead_resistance",
         sentence="leads or contacts add a resistance to what the instrument sees",
-        parameters=(
-            Parameter("resistance_ohm", "Ohm", 0.0, 0.0, 0.05, step=1e-4, plausible=5e-3),
-        ),
+        parameters=(Parameter("resistance_ohm", "Ohm", 0.0, 0.0, 0.05, step=1e-4, plausible=5e-3),),
         stage="resistance",
         act=_lead,
         shows="a four-wire reading, an impedance spectrum, or the resistance against temperature",

@@ -71,9 +71,7 @@ EFFECTS = (
     Effect(
         id="current_gain",
         sentence="the current reading is off by a factor",
-        parameters=(
-            Parameter("gain_relative", "1", 0.0, -0.1, 0.1, step=1e-3, plausible=0.01),
-        ),
+        parameters=(Parameter("gain_relative", "1", 0.0, -0.1, 0.1, step=1e-3, plausible=0.01),),
         stage="current",
         act=_current_gain,
         shows="a reference shunt, a second channel, or other cells of the same channel",
@@ -92,7 +90,12 @@ EFFECTS = (
         ),
         stage="reading",
         act=_skew,
-        starts=tuple({"voltage_delay_second": d} for d in (-0.6, -0.15, 0.15, 0.6)),
+        starts=tuple(
+            {"voltage_delay_second": sign * d}
+            for d in (0.05, 0.12, 0.25, 0.5, 1.0)
+            for sign in (1.0, -1.0)
+        ),
+        held=True,
         needs=("edges",),
         shows="pulses with sharp edges, sampled ten times a second",
         consequence="resistance is mistaken for fast polarisation",

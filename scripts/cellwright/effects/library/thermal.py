@@ -21,9 +21,7 @@ def _resistance(fields, stack, p):
 def _self_heating(fields, stack, p):
     """Rise of the core over the measured temperature: a lag of the heat I·(V − OCV)."""
     heat = fields.current * (fields.r0 * fields.current + slow_volt(stack, fields))
-    rise = p["thermal_resistance_kelvin_per_watt"] * relaxed(
-        stack, heat, p["time_constant_second"]
-    )
+    rise = p["thermal_resistance_kelvin_per_watt"] * relaxed(stack, heat, p["time_constant_second"])
     inside = fields.celsius + rise
     return _warmed(fields, warmth(inside, fields.celsius, OWN_HEAT_JOULE_PER_MOLE))
 

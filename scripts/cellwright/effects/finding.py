@@ -1,0 +1,209 @@
+"""The whole search for one cell: from its tests to a verdict and all that a report shows of it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import base, plain, ties
+from cellwright.effects.case import Gates
+from cellwright.effects.evidence import evidence
+from cellwright.effects.planner import next_test
+from cellwright.effects.prepare import prepared
+from cellwright.effects.residual_map import joined, residual_map
+from cellwright.effects.search import filters_of, not_excited, search, steep
+from cellwright.effects.verdict import outcome, stds, verdict_of
+from cellwright.effects.words import paragraph
+
+KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
+
+
+class Finding(NamedTuple):
+    """What a search found.
+
+    verdict : dict of the contract. ranking, residual_map, evidence, series, confounding, menu :
+    dicts of columns. model : dict, all that `base.voltage` needs. notes : tuple of str.
+    """
+
+    verdict: dict
+    ranking: dict
+    residual_map: dict
+    evidence: dict
+    series: dict
+    confounding: dict
+    menu: dict
+    model: dict
+    notes: tuple
+
+
+def missing_effect(cell, basis, tests, library, *, settings):
+    """Search a cell for what the plain model lacks.
+
+    Parameters
+    ----------
+    cell : dict, the cell's row of the sheet. basis : dict, from `models.basis.basis`.
+    tests : list of models.cell.FitTest. library : dict of Effect by id.
+    settings : dict: those of `settings_of`, most_rows and split_rest_second.
+
+    Returns
+    -------
+    finding : Finding.
+
+    Raises
+    ------
+    Refusal : no OCV, nothing to fit, or nothing that judges.
+    """
+    gates, tolerance = settings_of(settings)
+    ready = prepared(cell, basis, tests, tolerance=tolerance, gates=gates, settings=settings)
+    found = of_case(cell["cell"], ready.case, library)
+    return found._replace(notes=(*ready.notes, *found.notes))
+
+
+def settings_of(settings):
+    """Gates and tolerances from the settings of a campaign, by their names."""
+    gates = Gates(**{name: settings[name] for name in Gates._fields if name in settings})
+    known = {f"{name}_tolerance": name for name in plain.Tolerance._fields}
+    given = {known[name]: value for name, value in settings.items() if name in known}
+    return gates, plain.Tolerance(**given)
+
+
+def of_case(name, case, library):
+    """As `missing_effect`, for a case that stands already."""
+    rounds = search(case, library)
+    found = outcome(rounds, case.gates)
+    left = _map(case, rounds[0].before, found.last)
+    unexcited = {e.id: not_excited(case, e) for e in library.values()}
+    untestable = sorted({n for n, why in unexcited.items() if why} | set(rounds[0].hidden))
+    menu, advice = _advised(case, found, rounds, library, untestable)
+    verdict = verdict_of(
+        name, found, case.gates, rounds, left, next_test=advice, not_testable=untestable
+    )
+    verdict["paragraph"] = paragraph(verdict, library)
+    return Finding(
+        verdict,
+        _ranking(rounds, case.gates),
+        left,
+        _evidence(case, found),
+        _series(case, rounds[0].before, found.last),
+        _confounding(case, rounds, library),
+        menu,
+        _model(case, found.last if found.word in KEPT else rounds[0].before),
+        tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
+    )
+
+
+def _advised(case, found, rounds, library, untestable):
+    """The menu of next tests, and the sentence: for a tie, else for what could not be told."""
+    tied = next((s for s in found.steps if s.tied), None)
+    if tied is not None:
+        after = tied.chosen.state
+        advice = next_test(case, after, tied.chosen.effect.id, tied.tied, library=library)
+        return advice.table, advice.sentence
+    temperature = [n for n in untestable if n == "resistance_temperature"]
+    if found.word == "unknown" or not temperature:
+        return {}, None
+    advice = next_test(case, found.last, temperature[0], library=library)
+    return advice.table, advice.sentence
+
+
+def _map(case, before, after):
+    return joined(
+        [
+            _map_of(case, case.fit, "fit", before, after),
+            _map_of(case, case.validation, "validation", before, after),
+        ]
+    )
+
+
+def _map_of(case, stack, role, before, after):
+    values = [s.solution.values if role == "fit" else s.values for s in (before, after)]
+    fields = base.fields_of(case.cell, stack, values[1], after.effects)
+    left = [s.solution.residual if role == "fit" else s.validation for s in (before, after)]
+    capacity = case.cell.capacity_ampere_hour
+    return residual_map(stack, role, fields.soc, *left, capacity, stack.used)
+
+
+def _ranking(rounds, gates):
+    rows = []
+    for number, one in enumerate(rounds, 1):
+        for trial in one.trials:
+            names = [f"{trial.effect.id}.{p.name}" for p in trial.effect.parameters if p.step]
+            rows.append(
+                {
+                    "round": number,
+                    "effect": trial.effect.id,
+                    "parameters_counted": len(names),
+                    "score_chi_square": trial.score,
+                    "delta_bic": trial.delta_bic,
+                    "delta_validation_chi_square": trial.delta_validation,
+                    "rmse_volt": trial.state.rmse_volt,
+                    "validation_rmse_volt": trial.state.validation_rmse_volt,
+                    "j": trial.j,
+                    "in_range": not set(names) & set(trial.state.solution.at_bound),
+                    "chosen": trial is one.chosen,
+                    "tied": trial.effect.id in one.tied,
+                }
+            )
+    return _columns(rows)
+
+
+def _columns(rows):
+    return {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
+
+
+def _evidence(case, found):
+    """Of each effect that was named: residual before it over what it changes."""
+    parts = []
+    for step in found.steps:
+        effect, after = step.chosen.effect, step.chosen.state.solution.values
+        sizes = {p.name for p in effect.parameters if not p.shape}
+        neutral = after | {
+            f"{effect.id}.{p.name}": p.neutral for p in effect.parameters if p.name in sizes
+        }
+        effects = step.chosen.state.effects
+        volts = [base.voltage(case.cell, case.fit, v, effects) for v in (after, neutral)]
+        filters = filters_of(case, step.noise, steep(case, after))
+        change = (volts[0] - volts[1])[:, None]
+        one = evidence(step.before, change, np.ones(1), step.before.solution.residual, filters.fit)
+        parts.append({"effect": [effect.id] * len(one["rows"])} | one)
+    return joined(parts)
+
+
+def _series(case, before, after):
+    parts = []
+    for role, stack in (("fit", case.fit), ("validation", case.validation)):
+        values = after.solution.values if role == "fit" else after.values
+        fields = base.fields_of(case.cell, stack, values, after.effects)
+        left = [s.solution.residual if role == "fit" else s.validation for s in (before, after)]
+        parts.append(
+            {
+                "role": [role] * len(stack.file),
+                "test": [stack.tests[k] for k in stack.file],
+                "test_time_second": stack.second.tolist(),
+                "current_ampere": stack.current_ampere.tolist(),
+                "celsius": stack.celsius.tolist(),
+                "soc": fields.soc.tolist(),
+                "used": stack.used.tolist(),
+                "voltage_volt": stack.voltage_volt.tolist(),
+                "before_volt": (stack.voltage_volt - left[0]).tolist(),
+                "after_volt": (stack.voltage_volt - left[1]).tolist(),
+            }
+        )
+    return joined(parts)
+
+
+def _confounding(case, rounds, library):
+    model = ties.model_of(rounds[0].before)
+    return ties.confounding(ties.shown(case, library, model, spread=rounds[0].noise))
+
+
+def _model(case, state):
+    """A model with its effects: all that `base.voltage` needs, and how sure each number is."""
+    return {
+        "capacity_ampere_hour": case.cell.capacity_ampere_hour,
+        "ocv_soc": np.linspace(0.0, 1.0, len(case.cell.ocv_volt)).tolist(),
+        "ocv_volt": np.asarray(case.cell.ocv_volt).tolist(),
+        "hold": case.fit.hold,
+        "values": {name: float(value) for name, value in state.solution.values.items()},
+        "std": stds(state.solution),
+        "effects": [effect.id for effect in state.effects],
+    }

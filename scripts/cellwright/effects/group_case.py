@@ -1,0 +1,200 @@
+"""What a search in a group is about, its filters, and how its model does on records not fitted."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import noise
+from cellwright.effects.group_free import Shared, Spread, group_coupling, group_frees
+from cellwright.effects.group_model import group_fields, group_names, group_run
+from cellwright.effects.judge import rms
+from cellwright.effects.problem import Problem
+
+LOADED_C_RATE = 0.01
+READ_VOLT = 2e-3
+PASSES = 2
+SOC_APART = 0.005
+
+
+class GroupGates(NamedTuple):
+    """When an effect of a branch counts; meanings as those of a cell's gates.
+
+    material_volt : fall of the gap of the branch currents on validation records, times their
+    cells' ohmic resistance, below which nobody would act on it [V]. most_slow_volt : largest slow
+    noise of the group's voltage; that of a branch current is the same over its resistance.
+    """
+
+    refits: int = 8
+    bic: float = 10.0
+    validation_chi_square: float = 25.0
+    validation_fall: float = 0.03
+    material_volt: float = 0.2e-3
+    nothing_ratio: float = 1.15
+    adequate_ratio: float = 1.3
+    adequate_closed: float = 0.85
+    partial_closed: float = 0.5
+    tie_absolute: float = 6.0
+    tie_relative: float = 0.03
+    rounds: int = 3
+    most_slow_volt: float = 0.6e-3
+    most_slow_second: float = 300.0
+
+
+class GroupCase(NamedTuple):
+    """cells : tuple of Branch. fit, validation : GroupStack. fit_soc, validation_soc : (f, b)
+    stated SoC at the start of each record."""
+
+    cells: tuple
+    fit: object
+    validation: object
+    fit_soc: np.ndarray
+    validation_soc: np.ndarray
+    spread: Spread = Spread()
+    shared: Shared = Shared()
+    gates: GroupGates = GroupGates()
+
+    @property
+    def sensors(self):
+        """Whether all records have branch currents."""
+        logged = (self.fit.branch_current_ampere, self.validation.branch_current_ampere)
+        return all(one is not None for one in logged)
+
+
+class Filters(NamedTuple):
+    """Whitening of the channels of a stack, one after the other: voltage, then branch currents."""
+
+    channels: tuple
+
+    def apply(self, rows):
+        """Whitened copy of rows (m,) or (m, k)."""
+        parts = np.split(rows, len(self.channels))
+        return np.concatenate([w.apply(one) for w, one in zip(self.channels, parts, strict=True)])
+
+
+class GroupState(NamedTuple):
+    """A model fitted: its effects (tuple of Placed), and how it does on both kinds of records.
+
+    residual, validation : (m,) voltage then branch currents [V, A]. gap_volt, validation_gap_volt :
+    of the branch currents times their cells' ohmic resistance (of the voltage, where they were not
+    logged), root mean square [V].
+    """
+
+    placed: tuple
+    solution: object
+    values_at_validation: dict
+    residual: np.ndarray
+    validation: np.ndarray
+    gap_volt: float
+    validation_gap_volt: float
+    validation_chi_square: float
+
+
+def rows_of(case, stack):
+    """What was measured, as one column of rows (m,)."""
+    if not case.sensors:
+        return stack.voltage_volt
+    return np.concatenate([stack.voltage_volt, stack.branch_current_ampere.T.ravel()])
+
+
+def predicted(case, stack, soc, values, placed):
+    """The same rows by the model (m,)."""
+    run = group_run(group_fields(case.cells, soc, values, placed), stack)
+    if not case.sensors:
+        return run.voltage
+    return np.concatenate([run.voltage, run.current.T.ravel()])
+
+
+def problem_of(case, placed, free, filters):
+    """The fit of a healthy group and some effects."""
+    return Problem(
+        lambda values: predicted(case, case.fit, case.fit_soc, values, placed),
+        rows_of(case, case.fit),
+        filters.apply,
+        free,
+        group_coupling(free, case.cells, case.spread),
+    )
+
+
+def first_free(case):
+    """Free parameters of the healthy group, and where they begin."""
+    files = len(case.fit.first)
+    names = group_names(files, len(case.cells))
+    free = group_frees(case.cells, files, case.spread, case.shared, sensors=case.sensors)
+    return free, dict.fromkeys(names, 0.0)
+
+
+def ohms(case):
+    """Ohmic resistance of each cell beforehand (b,) [ohm]."""
+    return np.array([cell.r_ohm[0] for cell in case.cells])
+
+
+def gap_volt(case, residual):
+    """Size of a residual as a voltage [V], see GroupState."""
+    if not case.sensors:
+        return rms(residual)
+    currents = residual.reshape(1 + len(case.cells), -1)[1:]
+    return rms(currents * ohms(case)[:, None])
+
+
+def floor_volt(case, noises):
+    """Size of the noise alone, in the same measure [V]."""
+    if not case.sensors:
+        return noises[0].volt
+    return rms([one.volt * ohm for one, ohm in zip(noises[1:], ohms(case), strict=True)])
+
+
+def noises_of(case, residual):
+    """Most likely noise of each channel, from the residual of a model that lacks nothing."""
+    channels = np.split(residual, 1 + len(case.cells) if case.sensors else 1)
+    most = [case.gates.most_slow_volt, *(case.gates.most_slow_volt / ohms(case))]
+    return tuple(
+        noise.estimated(
+            one, case.fit, most_slow_volt=slow, most_slow_second=case.gates.most_slow_second
+        )
+        for one, slow in zip(channels, most, strict=False)
+    )
+
+
+def filters_of(stack, noises):
+    """Filters of a stack by the noise of each channel."""
+    return Filters(tuple(noise.whitening(one, stack) for one in noises))
+
+
+def state_of(case, placed, free, solution, noises):
+    """A fitted model, judged on the validation records too."""
+    values = _started(case, solution.values, placed)
+    predictions = predicted(case, case.validation, case.validation_soc, values, placed)
+    validation = rows_of(case, case.validation) - predictions
+    residual = rows_of(case, case.fit) - solution.prediction
+    white = filters_of(case.validation, noises).apply(validation)
+    gaps = gap_volt(case, residual), gap_volt(case, validation)
+    return GroupState(placed, solution, values, residual, validation, *gaps, float(white @ white))
+
+
+def _started(case, values, placed):
+    """Shift of the whole group's SoC at the start of each validation record, by its first rest."""
+    stack, soc = case.validation, case.validation_soc
+    rating = sum(cell.capacity_ampere_hour for cell in case.cells)
+    loaded = np.abs(stack.current_ampere) > LOADED_C_RATE * rating
+    values = values | {f"soc0[{k}]": 0.0 for k in range(len(stack.first))}
+    for _ in range(PASSES):
+        run = group_run(group_fields(case.cells, soc, values, placed), stack)
+        error = stack.voltage_volt - run.voltage
+        shifts = {}
+        for k in range(len(stack.first)):
+            rows = np.flatnonzero(stack.file == k)
+            rest = rows[: int(np.argmax(loaded[rows])) if loaded[rows].any() else len(rows)]
+            shifts[f"soc0[{k}]"] = _shift(case, soc[k], values[f"soc0[{k}]"], error[rest])
+        values = values | shifts
+    return values
+
+
+def _shift(case, stated, shift, error):
+    near = np.mean(stated) + shift + np.array([-SOC_APART, SOC_APART])
+    ocv = np.mean([cell.ocv_volt for cell in case.cells], axis=0)
+    slope = np.diff(np.interp(near, np.linspace(0, 1, len(ocv)), ocv))[0] / (2 * SOC_APART)
+    if not len(error) or abs(slope) < READ_VOLT:
+        return shift
+    known = case.shared.soc**-2.0
+    told = slope**2 / (READ_VOLT**2 / len(error) + case.spread.type_ocv_volt**2)
+    return float((shift + error.mean() / slope) * told / (known + told))

@@ -1,0 +1,133 @@
+"""What healthy branches of a group may differ by: the declared spread, as free parameters."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects.base import OCV_KNOTS
+from cellwright.effects.problem import Free
+
+
+class Spread(NamedTuple):
+    """How healthy branches scatter about what is known of them, as standard deviations.
+
+    No healthy branch is farther out than `widest` of them: beyond, something is the matter.
+
+    capacity, resistance, time_constant : relative, of a cell about its own tests.
+    ocv_volt : of a cell's OCV, smooth over ocv_soc of SoC [V].
+    type_capacity, type_resistance, type_time_constant, type_ocv_volt : the same of a cell of which
+    only the type is known. soc : between the branches when the group was joined [1].
+    celsius : between the branches [K]. wire_ohm : of a connection [ohm].
+    current_offset_c_rate : of a branch's sensor, in its cell's capacity per hour [1/h].
+    current_gain : of a branch's sensor [1].
+    """
+
+    capacity: float = 4e-3
+    resistance: float = 8e-3
+    time_constant: float = 0.03
+    ocv_volt: float = 0.5e-3
+    type_capacity: float = 0.05
+    type_resistance: float = 0.17
+    type_time_constant: float = 0.2
+    type_ocv_volt: float = 2e-3
+    soc: float = 2e-3
+    celsius: float = 0.2
+    wire_ohm: float = 1e-4
+    current_offset_c_rate: float = 1e-3
+    current_gain: float = 1e-3
+    ocv_soc: float = 0.12
+    widest: float = 3.0
+
+
+class Shared(NamedTuple):
+    """What all branches may be off by together, as standard deviations; meanings as in Spread."""
+
+    resistance: float = 0.05
+    type_resistance: float = 1.0
+    time_constant: float = 0.1
+    type_time_constant: float = 0.5
+    capacity: float = 4e-3
+    type_capacity: float = 0.05
+    soc: float = 5e-3
+    activation_joule_per_mole: float = 1e3
+    type_activation_joule_per_mole: float = 1e4
+
+
+LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3
+STEPS = {
+    "log_r0": LOG_STEP,
+    "log_slow": LOG_STEP,
+    "log_tau": 4 * LOG_STEP,
+    "capacity": LOG_STEP,
+    "soc": SOC_STEP,
+    "celsius": 0.2,
+    "wire": 1e-4,
+    "offset": 1e-3,
+    "gain": 1e-3,
+}
+OWN_KNOT = 0.1
+
+
+def group_frees(cells, files, spread, shared, *, sensors):
+    """Free parameters of a healthy group, in the order of `group_model.group_names`.
+
+    Parameters
+    ----------
+    cells : sequence of Branch. files : number of records. spread : Spread. shared : Shared.
+    sensors : bool; the branch currents were logged.
+
+    Returns
+    -------
+    free : tuple of problem.Free. Without branch currents their sensors are not among them.
+    """
+    own = all(cell.own for cell in cells)
+    free = [
+        *_common(own, shared),
+        *(Free(f"soc0[{k}]", SOC_STEP, 0.0, shared.soc) for k in range(files)),
+    ]
+    for b, cell in enumerate(cells):
+        free += _of_branch(b, cell, spread, sensors)
+        free += [Free(f"{b}.ocv[{k}]", VOLT_STEP) for k in range(OCV_KNOTS)]
+    return tuple(free)
+
+
+def _common(own, shared):
+    resistance = shared.resistance if own else shared.type_resistance
+    time = shared.time_constant if own else shared.type_time_constant
+    energy = shared.activation_joule_per_mole if own else shared.type_activation_joule_per_mole
+    return (
+        *(Free(name, LOG_STEP, 0.0, resistance) for name in ("log_r0", "log_r1", "log_r2")),
+        *(Free(name, 4 * LOG_STEP, 0.0, time) for name in ("log_tau1", "log_tau2")),
+        Free("capacity", LOG_STEP, 0.0, shared.capacity if own else shared.type_capacity),
+        Free("energy", 500.0, 0.0, energy),
+    )
+
+
+def _of_branch(b, cell, spread, sensors):
+    known = {
+        "capacity": spread.capacity if cell.own else spread.type_capacity,
+        "log_r0": spread.resistance if cell.own else spread.type_resistance,
+        "log_slow": spread.resistance if cell.own else spread.type_resistance,
+        "log_tau": spread.time_constant if cell.own else spread.type_time_constant,
+        "soc": spread.soc,
+        "celsius": spread.celsius,
+        "wire": spread.wire_ohm,
+    }
+    if sensors:
+        known["offset"] = spread.current_offset_c_rate * cell.capacity_ampere_hour
+        known["gain"] = spread.current_gain
+    far = spread.widest
+    return [Free(f"{b}.{n}", STEPS[n], 0.0, s, -far * s, far * s) for n, s in known.items()]
+
+
+def group_coupling(free, cells, spread):
+    """Prior precision of the errors of all OCV curves, smooth over SoC: (k, k)."""
+    found = np.zeros((len(free), len(free)))
+    names = [one.name for one in free]
+    soc = np.linspace(0.0, 1.0, OCV_KNOTS)
+    near = np.exp(-0.5 * (np.subtract.outer(soc, soc) / spread.ocv_soc) ** 2)
+    shape = np.linalg.inv(near + OWN_KNOT**2 * np.eye(OCV_KNOTS))
+    for b, cell in enumerate(cells):
+        at = [k for k, name in enumerate(names) if name.startswith(f"{b}.ocv[")]
+        found[np.ix_(at, at)] = shape / (spread.ocv_volt if cell.own else spread.type_ocv_volt) ** 2
+    return found

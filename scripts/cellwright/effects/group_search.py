@@ -1,0 +1,229 @@
+"""The search in a group: a healthy group within its declared spread, then, round by round, the
+one branch's effect that explains most of what is left, with proof on records not fitted."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import noise
+from cellwright.effects.group_case import (
+    filters_of,
+    first_free,
+    floor_volt,
+    noises_of,
+    predicted,
+    problem_of,
+    rows_of,
+    state_of,
+)
+from cellwright.effects.group_fit import beside, priors, settle, surveyed, within
+from cellwright.effects.group_model import Placed
+from cellwright.effects.problem import Free
+
+FIRST_NOISE_VOLT = 2e-3
+FIRST_NOISE_SHARE = 2e-3  # of the largest branch current
+STEPS_OF_BASE, STEPS_OF_TRIALS = 2, 3
+
+
+class GroupScore(NamedTuple):
+    """A candidate at the minimum of the quadratic within all bounds.
+
+    column : (m,) change of the prediction per unit, whitened. fall : of the cost. values : dict of all free
+    parameters there. information : of its size, nuisances projected out, bounds aside.
+    """
+
+    placed: Placed
+    column: np.ndarray
+    fall: float
+    values: dict
+    information: float
+
+
+class GroupTrial(NamedTuple):
+    """A candidate refitted, beside the model without it."""
+
+    placed: Placed
+    score: float
+    delta_bic: float
+    delta_validation: float
+    state: object
+
+    @property
+    def j(self):
+        return self.delta_bic + self.delta_validation
+
+
+class GroupRound(NamedTuple):
+    """One round: the model before, noise of the channels, candidates screened and tried, choice.
+
+    tied : tuple of Placed as good as the chosen one.
+    """
+
+    before: object
+    noises: tuple
+    floor_volt: float
+    scores: list
+    trials: list
+    chosen: GroupTrial | None
+    tied: tuple
+
+
+def group_search(case, library):
+    """All rounds, until nothing material is left or nothing known explains it.
+
+    Parameters
+    ----------
+    case : GroupCase. library : dict of Effect by id, `library.groups.GROUP_LIBRARY`.
+
+    Returns
+    -------
+    rounds : list of GroupRound; the last one chose nothing, or was the last allowed.
+    """
+    free, values = first_free(case)
+    noises = _first_noises(case)
+    solution = settle(problem_of(case, (), free, filters_of(case.fit, noises)), values, steps=2)
+    placed, found = (), []
+    for _ in range(case.gates.rounds + 1):
+        one = _round(case, placed, free, solution, noises, library)
+        found.append(one)
+        if one.chosen is None:
+            return found
+        placed, noises = one.chosen.state.placed, one.noises
+        free = (*free, free_of(one.chosen.placed))
+        values = one.chosen.state.solution.values
+        problem = problem_of(case, placed, free, filters_of(case.fit, noises))
+        solution = settle(problem, values, steps=1)
+    return found
+
+
+def free_of(placed):
+    """The free parameter of an effect in a branch."""
+    p = placed.effect.parameters[0]
+    return Free(placed.name, p.step, p.neutral, np.inf, p.lower, p.upper)
+
+
+def _first_noises(case):
+    volt = noise.Noise(FIRST_NOISE_VOLT, FIRST_NOISE_VOLT / 2, 200.0)
+    if not case.sensors:
+        return (volt,)
+    size = FIRST_NOISE_SHARE * np.abs(case.fit.branch_current_ampere).max()
+    return (volt, *[noise.Noise(size, size, 200.0)] * len(case.cells))
+
+
+def _round(case, placed, free, solution, noises, library):
+    """Estimate the noise, refit, screen, try the best, choose."""
+    tried = _columns(case, placed, solution, library)
+    noises = noises_of(case, _all_in(case, solution, tried, filters_of(case.fit, noises)))
+    filters = filters_of(case.fit, noises)
+    problem = problem_of(case, placed, free, filters)
+    solution = settle(problem, solution.values, steps=STEPS_OF_BASE)
+    chart = surveyed(problem, solution.values, solution.prediction)
+    solution = solution._replace(chart=chart)
+    before = state_of(case, placed, free, solution, noises)
+    scores = _scores(problem, solution, tried)
+    trials = [
+        _tried(case, before, free, score, filters, noises) for score in scores[: case.gates.refits]
+    ]
+    trials.sort(key=lambda t: -t.j)
+    floor = floor_volt(case, noises)
+    chosen, tied = _chosen(case.gates, before, trials, floor)
+    return GroupRound(before, noises, floor, scores, trials, chosen, tied)
+
+
+def _columns(case, placed, solution, library):
+    """Change of the prediction per unit of every effect in every branch: list of (Placed, (m,))."""
+    found = []
+    for effect in library.values():
+        if effect.stage == "current" and not case.sensors:
+            continue
+        for branch in range(len(case.cells)):
+            one, step = Placed(effect, branch), effect.parameters[0].step
+            if one not in placed:
+                values = solution.values | {one.name: step}
+                moved = predicted(case, case.fit, case.fit_soc, values, (*placed, one))
+                found.append((one, (moved - solution.prediction) / step))
+    return found
+
+
+def _all_in(case, solution, tried, filters):
+    """Residual with every effect let in, by ridge regression, bounds aside."""
+    residual = rows_of(case, case.fit) - solution.prediction
+    many = np.stack([column for _, column in tried], axis=1)
+    both = np.concatenate([solution.chart.columns, many], axis=1)
+    white = filters.apply(both)
+    precision = white.T @ white
+    nuisances = len(solution.chart.precision)
+    size = np.diag(1e-6 * np.diag(precision) + 1e-12)
+    size[:nuisances, :nuisances] += solution.chart.precision - precision[:nuisances, :nuisances]
+    return residual - both @ np.linalg.solve(precision + size, white.T @ filters.apply(residual))
+
+
+def _scores(problem, solution, tried):
+    """Every candidate by the quadratic about the healthy optimum, all bounds held."""
+    prior, pull = priors(problem)
+    chart, names = solution.chart, [f.name for f in problem.free]
+    at = np.array([solution.values[name] for name in names])
+    residual = problem.whiten(problem.measured - solution.prediction)
+    bent = chart.precision - prior
+    moment = chart.white.T @ residual + pull + bent @ at
+    rest = within(chart.precision, moment, *_limits(problem.free), at)
+    without = 0.5 * rest @ chart.precision @ rest - moment @ rest
+    found = []
+    for placed, column in tried:
+        own = problem.whiten(column)
+        mixed = chart.white.T @ own
+        precision = np.block([[chart.precision, mixed[:, None]], [mixed[None], own @ own]])
+        everything = np.append(moment, own @ residual + mixed @ at)
+        limits = _limits((*problem.free, free_of(placed)))
+        x = within(precision, everything, *limits, np.append(rest, 0.0))
+        fall = 2 * (without - (0.5 * x @ precision @ x - everything @ x))
+        values = dict(zip((*names, placed.name), x.tolist(), strict=True))
+        left = own @ own - mixed @ np.linalg.solve(chart.precision, mixed)
+        found.append(GroupScore(placed, own, float(fall), values, float(left)))
+    return sorted(found, key=lambda s: -s.fall)
+
+
+def _limits(free):
+    return np.array([f.lower for f in free]), np.array([f.upper for f in free])
+
+
+def _tried(case, before, free, score, filters, noises):
+    """Refit of a candidate from where its score points."""
+    placed = (*before.placed, score.placed)
+    free = (*free, free_of(score.placed))
+    problem = problem_of(case, placed, free, filters)
+    values = before.solution.values | score.values
+    chart = beside(before.solution.chart, score.column)
+    name = score.placed.name
+    solution = settle(problem, values, chart=chart, renew=name, steps=STEPS_OF_TRIALS)
+    state = state_of(case, placed, free, solution, noises)
+    return GroupTrial(
+        score.placed,
+        score.fall,
+        before.solution.cost - solution.cost - float(np.log(len(problem.measured))),
+        before.validation_chi_square - state.validation_chi_square,
+        state,
+    )
+
+
+def _chosen(gates, before, trials, floor):
+    """The best trial that passes the gates, and those as good."""
+    worst = max(before.gap_volt, before.validation_gap_volt)
+    passed = [t for t in trials if _passes(gates, before, t)]
+    if worst <= gates.nothing_ratio * floor or not passed:
+        return None, ()
+    best = passed[0]
+    near = max(gates.tie_absolute, gates.tie_relative * best.j)
+    return best, tuple(t.placed for t in passed[1:] if best.j - t.j <= near)
+
+
+def _passes(gates, before, trial):
+    was, now = before.validation_gap_volt, trial.state.validation_gap_volt
+    size = abs(trial.state.solution.values[trial.placed.name])
+    return (
+        trial.delta_bic > gates.bic
+        and trial.delta_validation > gates.validation_chi_square
+        and now <= (1.0 - gates.validation_fall) * was
+        and was**2 - now**2 >= gates.material_volt**2
+        and size >= trial.placed.effect.parameters[0].material
+    )

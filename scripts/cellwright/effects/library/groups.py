@@ -1,0 +1,141 @@
+"""Effects of one branch of a parallel group; the branch's number goes with them.
+
+`act` is here (fields, branch, size) → fields, on `group_model.GroupFields`; each has one parameter.
+"""
+
+import numpy as np
+
+from cellwright.effects.effect import Effect, Parameter
+
+
+def _put(fields, name, branch, value):
+    changed = np.array(getattr(fields, name))
+    changed[..., branch] = value(changed[..., branch])
+    return fields._replace(**{name: changed})
+
+
+def _wire(fields, branch, size):
+    return _put(fields, "wire", branch, lambda ohm: ohm + size)
+
+
+def _initial_soc(fields, branch, size):
+    return _put(fields, "soc", branch, lambda soc: soc + size)
+
+
+def _capacity(fields, branch, size):
+    return _put(fields, "capacity", branch, lambda charge: charge * (1.0 + size))
+
+
+def _resistance(fields, branch, size):
+    r = np.array(fields.r)
+    r[branch] *= 1.0 + size
+    return fields._replace(r=r)
+
+
+def _temperature(fields, branch, size):
+    return _put(fields, "warmer", branch, lambda kelvin: kelvin + size)
+
+
+def _offset(fields, branch, size):
+    return _put(fields, "offset", branch, lambda ampere: ampere + size)
+
+
+def _gain(fields, branch, size):
+    return _put(fields, "gain", branch, lambda gain: (1.0 + gain) * (1.0 + size) - 1.0)
+
+
+EFFECTS = (
+    Effect(
+        id="branch_wire_resistance",
+        sentence="the connection of one branch has another resistance than stated",
+        parameters=(
+            Parameter(
+                *("excess_ohm", "Ohm", 0.0, -0.05, 0.1), step=2e-4, plausible=5e-3, material=3e-4
+            ),
+        ),
+        stage="resistance",
+        act=_wire,
+        shows="the voltage across each connection under load",
+        consequence="the branch takes less of every load and is used less",
+    ),
+    Effect(
+        id="branch_initial_soc",
+        sentence="one cell was at another state of charge when the group was joined",
+        parameters=(
+            Parameter(
+                *("excess_soc", "1", 0.0, -0.5, 0.5), step=2e-3, plausible=0.02, material=2e-3
+            ),
+        ),
+        stage="counting",
+        act=_initial_soc,
+        shows="the branch currents in the first minutes after joining",
+        consequence="balancing currents flow while the group rests",
+    ),
+    Effect(
+        id="branch_capacity",
+        sentence="one cell has another capacity than its own or its type's tests say",
+        parameters=(
+            Parameter(
+                *("excess_relative", "1", 0.0, -0.6, 0.6), step=5e-3, plausible=0.1, material=0.01
+            ),
+        ),
+        stage="counting",
+        act=_capacity,
+        needs=("soc_range",),
+        shows="a capacity test of the cell by itself",
+        consequence="the cell runs ahead of the others towards empty and full",
+    ),
+    Effect(
+        id="branch_cell_resistance",
+        sentence="one cell has another resistance than its own or its type's tests say",
+        parameters=(
+            Parameter(
+                *("excess_relative", "1", 0.0, -0.7, 3.0), step=5e-3, plausible=0.2, material=0.02
+            ),
+        ),
+        stage="resistance",
+        act=_resistance,
+        shows="pulses on the cell by itself, or drives of the group at two temperatures",
+        consequence="the branch takes less of every load; the others age faster",
+    ),
+    Effect(
+        id="branch_temperature",
+        sentence="one cell is at another temperature than was measured",
+        parameters=(
+            Parameter(
+                *("warmer_kelvin", "K", 0.0, -40.0, 40.0), step=0.2, plausible=5.0, material=0.5
+            ),
+        ),
+        stage="resistance",
+        act=_temperature,
+        shows="a sensor on each cell, or drives of the group at two temperatures",
+        consequence="the warm cell takes more of every load and ages faster",
+    ),
+    Effect(
+        id="branch_current_offset",
+        sentence="the current reading of one branch is off by a constant",
+        parameters=(
+            Parameter(
+                *("offset_ampere", "A", 0.0, -2.0, 2.0), step=5e-3, plausible=0.1, material=0.01
+            ),
+        ),
+        stage="current",
+        act=_offset,
+        shows="the branch readings while the group is open and long at rest",
+        consequence="charge counted in this branch drifts with time",
+    ),
+    Effect(
+        id="branch_current_gain",
+        sentence="the current reading of one branch is off by a factor",
+        parameters=(
+            Parameter(
+                *("gain_relative", "1", 0.0, -0.5, 0.5), step=2e-3, plausible=0.05, material=5e-3
+            ),
+        ),
+        stage="current",
+        act=_gain,
+        shows="the sum of the branch readings beside the total under load",
+        consequence="the share of this branch is misread, though it carries what it should",
+    ),
+)
+GROUP_LIBRARY = {effect.id: effect for effect in EFFECTS}

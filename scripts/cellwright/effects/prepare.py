@@ -1,0 +1,193 @@
+"""From a cell's tests to a case: which records are fitted, which judge, and how fine they are."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import base, plain
+from cellwright.effects.case import Case, filters_of, problem_of, steep
+from cellwright.effects.noise import Noise
+from cellwright.effects.problem import fit
+from cellwright.effects.records import Record, stacked
+from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
+from cellwright.models.groups import course_celsius
+from cellwright.models.records import Record as Measured
+from cellwright.models.records import bridged, record_of, thin
+from cellwright.models.split import fit_mask
+from cellwright.refusal import Refusal
+from cellwright.series.anchor import REST_C_RATE
+
+KINDS = ("capacity", "hppc", "pulse_resistance", "drive")
+GRID = np.linspace(0.0, 1.0, 1001)
+FINEST_SECOND = 0.8  # records sampled faster are averaged to whole seconds
+RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
+HOLDS = ("zero_order", "first_order")
+FIRST_NOISE = Noise(2e-3, 1e-3, 200.0)
+
+
+class Prepared(NamedTuple):
+    """A case, and in words what a reader must know of how it was made."""
+
+    case: Case
+    notes: tuple
+
+
+def prepared(cell, basis, tests, *, tolerance, gates, settings):
+    """Lay the tests of a cell out for a search.
+
+    Tests of role fit are fitted, of role validation judge; of a split test the odd blocks are
+    fitted and the even ones judge. Where no test judges, every third one is kept out of the fit
+    for it, so that rates and temperatures stay on both sides.
+
+    Parameters
+    ----------
+    cell : dict, the cell's row of the sheet. basis : dict, from `models.basis.basis`.
+    tests : list of models.cell.FitTest. tolerance : plain.Tolerance. gates : case.Gates.
+    settings : dict with most_rows, split_rest_second.
+
+    Returns
+    -------
+    prepared : Prepared.
+
+    Raises
+    ------
+    Refusal : no OCV, nothing to fit, or nothing that judges.
+    """
+    if not basis["ocv"]:
+        raise Refusal("no OCV curve: neither a slow test of the cell nor one of its type")
+    fitted, judging, notes = _sides(cell, basis, tests, settings)
+    if basis["capacity_source"] == "rating":
+        tolerance = tolerance._replace(capacity=RATED_CAPACITY)
+        notes.append("no measured capacity: the rating, to 5 %")
+    capacity = basis["capacity_ampere_hour"]
+    most = settings["most_rows"]
+    fitted, judging = _thinned(fitted, most), _thinned(judging, most)
+    about = base.Cell(capacity, _curve(basis))
+    sides = (fitted, judging)
+    cases = []
+    for hold in HOLDS:
+        both = [stacked(side, capacity_ampere_hour=capacity, hold=hold) for side in sides]
+        cases.append(Case(about, *both, tolerance, gates))
+    return Prepared(min(cases, key=_misfit), tuple(notes))
+
+
+def _sides(cell, basis, tests, settings):
+    """Records that are fitted and that judge, with notes on those that cannot be used."""
+    fitted, judging, notes = [], [], []
+    for test in tests:
+        try:
+            record = _record(cell, basis, test, settings)
+        except Refusal as refusal:
+            notes.append(f"not used: {test.facts['test']}: {refusal}")
+            continue
+        role = test.facts["role"]
+        if role == "split":
+            fitted.append(record)
+            judging.append(record._replace(used=~record.used))
+        else:
+            (judging if role == "validation" else fitted).append(record)
+    if not judging and len(fitted) >= 3:
+        kept = [k for k in range(len(fitted)) if k % 3 == (k // 3) % 3]
+        judging = [fitted[k] for k in kept]
+        fitted = [record for k, record in enumerate(fitted) if k not in kept]
+        names = ", ".join(record.test for record in judging)
+        notes.append(f"no test of role validation: {names} judged instead, and were not fitted")
+    if not fitted or not judging:
+        which = "fitted" if not fitted else "kept out of the fit to judge by"
+        raise Refusal(f"no test can be {which}; {'; '.join(notes)}")
+    return fitted, judging, notes
+
+
+def _record(cell, basis, test, settings):
+    series, facts = test.series, test.facts
+    anchored = soc_of(series, basis, facts, cell)
+    time, current = series["test_time_second"], series["current_ampere"]
+    used = None
+    if facts["role"] == "split":
+        rest = REST_C_RATE * basis["capacity_ampere_hour"]
+        used = fit_mask(time, current, rest_second=settings["split_rest_second"], rest_ampere=rest)
+    celsius = _celsius(facts, series)
+    record = record_of(
+        time, current, series["voltage_volt"], anchored.soc, used=used, warmth=celsius
+    )
+    record = bridged(record, capacity_ampere_hour=basis["capacity_ampere_hour"])
+    return Record(
+        facts["test"],
+        facts["kind"],
+        record.test_time_second,
+        record.current_ampere,
+        record.voltage_volt,
+        record.warmth,
+        float(record.soc[0]),
+        record.used,
+    )
+
+
+def _celsius(facts, series):
+    """The surface's temperature, else the measured chamber's, else the stated one."""
+    chamber = series.get("ambient_temperature_celsius")
+    known = series.get("surface_temperature_celsius")
+    if known is None and chamber is not None and np.isfinite(chamber).all():
+        return np.asarray(chamber, float)
+    return course_celsius(facts, series)[0]
+
+
+def _curve(basis):
+    """OCV of the slow test nearest 25 °C on an even grid."""
+
+    def off(curve):
+        celsius = curve["ambient_temperature_celsius"]
+        return abs(REFERENCE_CELSIUS - (REFERENCE_CELSIUS if celsius is None else celsius))
+
+    curve = min(basis["ocv"], key=off)
+    return np.interp(GRID, curve["soc"], curve["ocv_volt"])
+
+
+def _thinned(records, most_rows):
+    """Records as fine as a search needs: whole seconds, steady stretches sparse, so many rows."""
+    width = FINEST_SECOND
+    while True:
+        found = [_sparse(_averaged(record, width)) for record in records]
+        if sum(len(r.test_time_second) for r in found) <= most_rows:
+            return found
+        width = max(2 * width, 1.0)
+
+
+def _averaged(record, width_second):
+    """Means over bins where a record is sampled faster: what is linear averages like its input."""
+    steps = np.diff(record.test_time_second)
+    if not len(steps) or np.median(steps) >= width_second:
+        return record
+    number = np.floor(record.test_time_second / max(width_second, 1.0)).astype(int)
+    _, bins = np.unique(number, return_inverse=True)
+    count = np.bincount(bins)
+
+    def mean(column):
+        return np.bincount(bins, column) / count
+
+    names = ("test_time_second", "current_ampere", "voltage_volt", "celsius")
+    means = {name: mean(getattr(record, name)) for name in names}
+    return record._replace(**means, used=mean(record.used.astype(float)) > 0.999)
+
+
+def _sparse(record):
+    """Rows of steady stretches thinned, as for identification."""
+    step = np.abs(np.diff(record.current_ampere)).max(initial=0.0) / 200
+    columns = (record.test_time_second, record.current_ampere, record.voltage_volt)
+    same = Measured(*columns, np.zeros(len(columns[0])), record.used, record.celsius)
+    kept = thin(same, step_ampere=step) if step else same
+    return record._replace(
+        test_time_second=kept.test_time_second,
+        current_ampere=kept.current_ampere,
+        voltage_volt=kept.voltage_volt,
+        celsius=kept.warmth,
+        used=kept.used,
+    )
+
+
+def _misfit(case):
+    """What the plain model leaves of the records fitted."""
+    values = plain.first_values(case.cell, case.fit)
+    free = plain.frees(case.fit, values, case.tolerance)
+    filters = filters_of(case, FIRST_NOISE, steep(case, values))
+    return fit(problem_of(case, (), free, filters), values, steps=3).cost
