@@ -1,1 +1,1 @@
-"""The missing effect: where model and measurement disagree, what is missing, and the proof of it."""
+"""The missing effect: where model and measurement disagree, what is missing, and the proof."""

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.effect import STAGES
-from cellwright.native import array, count, function, real
 from cellwright.models.kernels import lag_weights
+from cellwright.native import array, count, function, real
 
 REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16
@@ -155,33 +155,36 @@ def slow_volt(stack, fields):
 def relaxed(stack, drive, tau_second):
     """First-order lag of a drive (n,) that begins at rest in every record; unit of the drive."""
     start = np.zeros(len(drive))
-    return lag_fresh(stack.step_second, stack.fresh, drive, tau_second, stack.hold, start)
+    return lag_fresh(stack.step_second, stack.fresh, stack.linear, drive, tau_second, start)
 
 
-def lag_fresh(step, fresh, drive, constant, hold, start):
+def lag_fresh(step, fresh, linear, drive, constant, start):
     """First-order lag over records that lie one after the other.
 
     Parameters
     ----------
     step : (n,) time, or another clock, since the row before. fresh : (n,) 1 in first rows, else 0.
-    drive : (n,) input. constant : time constant, unit of `step`. hold : of the input.
+    linear : (n,) 1 where the drive moved on a straight line since the row before, 0 where it kept
+        its value. drive : (n,) input. constant : time constant, unit of `step`.
     start : (n,) state in first rows.
 
     Returns
     -------
     state : (n,) unit of the drive.
     """
-    kernel = function("lag_fresh", count, array, array, real, count, array, array, array)
+    kernel = function("lag_fresh", count, array, array, array, real, array, array, array)
     if kernel is None:
-        return _twin(step, fresh, drive, constant, hold, start)
+        return _twin(step, fresh, linear, drive, constant, start)
     drive, step = np.ascontiguousarray(drive, float), np.ascontiguousarray(step)
     state = np.empty(len(drive))
-    kernel(len(drive), step, fresh, constant, hold == "first_order", start, drive, state)
+    kernel(len(drive), step, fresh, linear, constant, start, drive, state)
     return state
 
 
-def _twin(step, fresh, drive, constant, hold, start):
-    decay, before, after = lag_weights(step, constant, hold=hold)
+def _twin(step, fresh, linear, drive, constant, start):
+    held, moved = (lag_weights(step, constant, hold=hold) for hold in ("zero_order", "first_order"))
+    pairs = zip(moved, held, strict=True)
+    decay, before, after = (np.where(linear > 0, one, other) for one, other in pairs)
     state = np.empty(len(drive))
     for k in range(len(drive)):
         if fresh[k]:

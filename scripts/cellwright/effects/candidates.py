@@ -4,8 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base
-
 
 class Candidate(NamedTuple):
     """An effect at one of its starts.
@@ -104,8 +102,6 @@ def scored(candidate, own, residual, columns, precision):
     slope = own.T @ residual
     ridge = 1e-6 * np.diag(np.maximum(np.diag(whole), 1e-300))
     estimate = _within(candidate, np.linalg.solve(information + ridge, slope))
-    if candidate.effect.held:
-        estimate = np.array([candidate.start[name] for name in candidate.sizes])
     gain = 2 * slope @ estimate - estimate @ information @ estimate
     likely = [p.plausible for p in candidate.effect.parameters if not p.shape]
     visible = float(np.max(np.square(likely) * np.diag(information)))

@@ -19,7 +19,7 @@ class Gates(NamedTuple):
     validation_chi_square: float = 25.0
     validation_fall: float = 0.03
     visible_chi_square: float = 25.0
-    material_volt: float = 2e-4
+    material_volt: float = 3e-4
     material_share: float = 0.02
     nothing_ratio: float = 1.15
     adequate_ratio: float = 1.3
@@ -34,16 +34,6 @@ class Gates(NamedTuple):
     steep_volt: float = 2e-3
 
 
-class Known(NamedTuple):
-    """What is in the model from the start beside the plain circuit (see paired.py).
-
-    effects : tuple of Effect, none of which is ever named. free : tuple of problem.Free, theirs.
-    """
-
-    effects: tuple = ()
-    free: tuple = ()
-
-
 class Case(NamedTuple):
     """A cell, the records fitted and those that judge (records.Stack), tolerances and gates."""
 
@@ -52,7 +42,6 @@ class Case(NamedTuple):
     validation: object
     tolerance: plain.Tolerance = plain.Tolerance()
     gates: Gates = Gates()
-    known: Known = Known()
 
 
 class Filters(NamedTuple):
@@ -117,7 +106,7 @@ def state_of(case, effects, solution, filters):
 
 
 def steep(case, values):
-    """What each row of both stacks may err beyond the noise [V]: on a steep OCV, or not compared."""
+    """What each row of both stacks may err beyond noise [V]: on a steep OCV, or not compared."""
     found = []
     for stack in (case.fit, case.validation):
         socs = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}

@@ -92,4 +92,5 @@ def _words(model, effects, own, family, records):
     told = f"{NAME} ({', '.join(effects)}) errs by {1e3 * own:.2f} mV rms over the {records}"
     told += f" record(s) of role fit, {model['chosen']} by {1e3 * family:.2f} mV:"
     last = f"{NAME if own < family else model['chosen']} is chosen; validation took no part"
-    return f"{model['choice']}; {told} {last}"
+    before = model.get("choice")
+    return "; ".join(filter(None, [before, f"{told} {last}"]))

@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, plain, ties
-from cellwright.effects.case import Gates
+from cellwright.effects.case import Gates, filters_of, steep
 from cellwright.effects.evidence import evidence
 from cellwright.effects.planner import next_test
 from cellwright.effects.prepare import prepared
+from cellwright.effects.problem import stds
 from cellwright.effects.residual_map import joined, residual_map
-from cellwright.effects.search import filters_of, not_excited, search, steep
-from cellwright.effects.verdict import outcome, stds, verdict_of
+from cellwright.effects.search import not_excited, search
+from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.effects.words import paragraph
 
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model

@@ -14,6 +14,7 @@ LOADED_C_RATE = 0.01
 READ_VOLT = 2e-3
 PASSES = 2
 SOC_APART = 0.005
+SLOW_SECOND = (30.0, 100.0, 300.0)
 
 
 class GroupGates(NamedTuple):
@@ -21,14 +22,15 @@ class GroupGates(NamedTuple):
 
     material_volt : fall of the gap of the branch currents on validation records, times their
     cells' ohmic resistance, below which nobody would act on it [V]. most_slow_volt : largest slow
-    noise of the group's voltage; that of a branch current is the same over its resistance.
+    noise of a branch current, times its cell's ohmic resistance [V]. shared_slow_volt : slow error
+    of the model's voltage that all branches share, and that must not move their currents [V].
     """
 
-    refits: int = 8
+    refits: int = 6
     bic: float = 10.0
     validation_chi_square: float = 25.0
     validation_fall: float = 0.03
-    material_volt: float = 0.2e-3
+    material_volt: float = 0.1e-3
     nothing_ratio: float = 1.15
     adequate_ratio: float = 1.3
     adequate_closed: float = 0.85
@@ -36,8 +38,8 @@ class GroupGates(NamedTuple):
     tie_absolute: float = 6.0
     tie_relative: float = 0.03
     rounds: int = 3
-    most_slow_volt: float = 0.6e-3
-    most_slow_second: float = 300.0
+    most_slow_volt: float = 0.3e-3
+    shared_slow_volt: float = 2e-3
 
 
 class GroupCase(NamedTuple):
@@ -143,16 +145,38 @@ def floor_volt(case, noises):
     return rms([one.volt * ohm for one, ohm in zip(noises[1:], ohms(case), strict=True)])
 
 
-def noises_of(case, residual):
-    """Most likely noise of each channel, from the residual of a model that lacks nothing."""
+def noises_of(case, residual, known=None):
+    """Most likely noise of each channel, from the residual of a model that lacks nothing.
+
+    Parameters
+    ----------
+    case : GroupCase. residual : (m,) [V, A]. known : noises found with fewer effects, beyond which
+        it does not grow, or None.
+    """
     channels = np.split(residual, 1 + len(case.cells) if case.sensors else 1)
-    most = [case.gates.most_slow_volt, *(case.gates.most_slow_volt / ohms(case))]
-    return tuple(
-        noise.estimated(
-            one, case.fit, most_slow_volt=slow, most_slow_second=case.gates.most_slow_second
-        )
-        for one, slow in zip(channels, most, strict=False)
-    )
+    shared = case.gates.shared_slow_volt
+    most = [shared, *(case.gates.most_slow_volt / ohms(case))]
+    if known is not None:
+        most = [one.slow_volt for one in known]
+    found = zip(channels, most, strict=False)
+    voltage, *currents = [_noise_of(one, case.fit, slow) for one, slow in found]
+    if case.sensors:
+        voltage = noise.Noise(voltage.white_volt, shared, SLOW_SECOND[-1])
+    return (voltage, *currents)
+
+
+def _noise_of(residual, stack, most_slow):
+    """Beside a quiet ammeter's white noise, what the model leaves is mostly slow."""
+    step = np.diff(residual)[stack.fresh[1:] == 0]
+    white = max(1.4826 * float(np.median(np.abs(step))) / np.sqrt(2), noise.SMALLEST_VOLT)
+    slow = min(np.sqrt(max(np.mean(residual**2) - white**2, 0.0)), most_slow)
+    tried = [noise.Noise(white, slow, second) for second in SLOW_SECOND]
+    return min(tried, key=lambda one: _unlikely(one, residual, stack))
+
+
+def _unlikely(spread, residual, stack):
+    by = noise.whitening(spread, stack)
+    return by.log_variance + float(np.sum(by.apply(residual) ** 2))
 
 
 def filters_of(stack, noises):

@@ -7,8 +7,9 @@ import numpy as np
 
 from cellwright.effects.problem import derivatives
 
-STEPS, PASSES, HALVES = 4, 40, 5
-SETTLED = 0.05  # a fall of the cost below this ends the walk
+STEPS, PASSES, HALVES = 4, 5, 5
+WORTH = 1e-6
+SETTLED = 1.0  # a fall of the cost below this ends the walk
 
 
 class Chart(NamedTuple):
@@ -23,13 +24,14 @@ class Settled(NamedTuple):
     """Most likely values within bounds.
 
     values : dict. prediction : (m,). cost : chi-square with priors. chart : Chart.
-    at_bound : names of parameters on a bound.
+    names : of the free parameters. at_bound : of those on a bound.
     """
 
     values: dict
     prediction: np.ndarray
     cost: float
     chart: Chart
+    names: tuple
     at_bound: tuple
 
 
@@ -43,7 +45,7 @@ def priors(problem):
 
 
 def within(precision, moment, lower, upper, start):
-    """Minimum of x'Px/2 − m'x between bounds, by projected Newton steps.
+    """Minimum of x'Px/2 − m'x between bounds, by the primal active-set method.
 
     Parameters
     ----------
@@ -53,33 +55,39 @@ def within(precision, moment, lower, upper, start):
     -------
     x : (k,).
 
-    Source: D. P. Bertsekas, SIAM J. Control Optim. 20 (1982) 221.
+    Source: J. Nocedal, S. Wright, Numerical Optimization, 2nd ed., 2006, algorithm 16.3.
     """
     x = np.clip(start, lower, upper)
-    for _ in range(PASSES):
+    held = (x <= lower) | (x >= upper)
+    for _ in range(PASSES * len(x)):
         slope = precision @ x - moment
-        held = ((x <= lower) & (slope > 0)) | ((x >= upper) & (slope < 0))
         free = np.flatnonzero(~held)
-        aim = x.copy()
-        aim[free] -= np.linalg.solve(precision[np.ix_(free, free)], slope[free])
-        new = _lowered(precision, moment, x, aim, lower, upper)
-        if np.allclose(new, x, rtol=1e-9, atol=1e-13):
-            return new
-        x = new
+        way = np.zeros(len(x))
+        way[free] = -np.linalg.solve(precision[np.ix_(free, free)], slope[free])
+        share, stop = _blocked(x, way, lower, upper)
+        x = x + share * way
+        if stop is not None:
+            x[stop], held[stop] = (upper if way[stop] > 0 else lower)[stop], True
+            continue
+        gain = _gains(precision, precision @ x - moment, x, held, lower, upper)
+        if gain.max(initial=0.0) < WORTH:
+            return x
+        held[int(np.argmax(gain))] = False
     return x
 
 
-def _lowered(precision, moment, x, aim, lower, upper):
-    def cost(at):
-        return 0.5 * at @ precision @ at - moment @ at
+def _blocked(x, way, lower, upper):
+    """Share of the way to the first bound, and whose it is; (1, None) where none is met."""
+    room = np.where(way > 0, upper - x, lower - x)
+    shares = np.divide(room, way, out=np.full(len(x), np.inf), where=way != 0)
+    first = int(np.argmin(shares))
+    return (float(shares[first]), first) if shares[first] < 1.0 else (1.0, None)
 
-    share, here = 1.0, cost(x)
-    while share > 1e-6:
-        new = np.clip(x + share * (aim - x), lower, upper)
-        if cost(new) <= here:
-            return new
-        share /= 2
-    return x
+
+def _gains(precision, slope, x, held, lower, upper):
+    """Fall of the cost that letting go of each held parameter promises."""
+    inward = ((x <= lower) & (slope < 0)) | ((x >= upper) & (slope > 0))
+    return np.where(held & inward & (upper > lower), slope**2 / np.diag(precision), 0.0)
 
 
 def surveyed(problem, values, prediction):
@@ -128,9 +136,10 @@ def settle(problem, values, *, chart=None, renew=None, steps=STEPS):
         if fell < SETTLED:
             break
     at = np.array([here[0][f.name] for f in problem.free])
-    on = (at <= limits[0]) | (at >= limits[1])
+    on = ((at <= limits[0]) | (at >= limits[1])) & (limits[1] > limits[0])
     bound = tuple(f.name for f, held in zip(problem.free, on, strict=True) if held)
-    return Settled(here[0], here[1], here[3], by, bound)
+    names = tuple(f.name for f in problem.free)
+    return Settled(here[0], here[1], here[3], by, names, bound)
 
 
 def _but_last(chart):

@@ -25,7 +25,7 @@ class Spread(NamedTuple):
     capacity: float = 4e-3
     resistance: float = 8e-3
     time_constant: float = 0.03
-    ocv_volt: float = 0.5e-3
+    ocv_volt: float = 1e-3
     type_capacity: float = 0.05
     type_resistance: float = 0.17
     type_time_constant: float = 0.2
@@ -35,16 +35,16 @@ class Spread(NamedTuple):
     wire_ohm: float = 1e-4
     current_offset_c_rate: float = 1e-3
     current_gain: float = 1e-3
-    ocv_soc: float = 0.12
+    ocv_soc: float = 0.06
     widest: float = 3.0
 
 
 class Shared(NamedTuple):
     """What all branches may be off by together, as standard deviations; meanings as in Spread."""
 
-    resistance: float = 0.05
+    resistance: float = 0.01
     type_resistance: float = 1.0
-    time_constant: float = 0.1
+    time_constant: float = 0.03
     type_time_constant: float = 0.5
     capacity: float = 4e-3
     type_capacity: float = 0.05

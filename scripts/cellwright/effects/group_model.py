@@ -8,7 +8,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from cellwright.effects.base import OCV_KNOTS, REFERENCE_CELSIUS
 from cellwright.models.kernels import lag_weights
@@ -17,6 +17,7 @@ from cellwright.native import array, count, function
 from cellwright.refusal import Refusal
 
 LEAST_OHM = 1e-6
+SMOOTH_SOC = 0.01
 
 
 class Branch(NamedTuple):
@@ -36,6 +37,16 @@ class Branch(NamedTuple):
     activation_joule_per_mole: float = 0.0
     wire_ohm: float = 0.0
     own: bool = False
+
+
+def smooth_ocv(ocv_volt):
+    """An OCV table (p,) on an even grid without what is shorter than `SMOOTH_SOC` of SoC [V].
+
+    Cells at slightly different SoC are pulled apart by every wiggle of a measured table.
+    Source: cubic smoothing spline, its bandwidth after B. W. Silverman, Ann. Stat. 12 (1984) 898.
+    """
+    grid = np.linspace(0.0, 1.0, len(ocv_volt))
+    return make_smoothing_spline(grid, ocv_volt, lam=len(grid) * SMOOTH_SOC**4)(grid)
 
 
 class GroupFields(NamedTuple):

@@ -22,7 +22,17 @@ from cellwright.effects.problem import Free
 
 FIRST_NOISE_VOLT = 2e-3
 FIRST_NOISE_SHARE = 2e-3  # of the largest branch current
-STEPS_OF_BASE, STEPS_OF_TRIALS = 2, 3
+TAKES = {
+    "branch_wire_resistance": ("wire",),
+    "branch_initial_soc": ("soc",),
+    "branch_capacity": ("capacity",),
+    "branch_cell_resistance": ("log_r0", "log_slow"),
+    "branch_temperature": ("celsius",),
+    "branch_current_offset": ("offset",),
+    "branch_current_gain": ("gain",),
+}
+STEPS_OF_BASE, STEPS_OF_TRIALS = 6, 6
+SHARPER, AGAIN = 0.8, 2  # fall of the slow noise for which a round is done once more
 
 
 class GroupScore(NamedTuple):
@@ -81,18 +91,20 @@ def group_search(case, library):
     """
     free, values = first_free(case)
     noises = _first_noises(case)
-    solution = settle(problem_of(case, (), free, filters_of(case.fit, noises)), values, steps=2)
+    solution = settle(
+        problem_of(case, (), free, filters_of(case.fit, noises)), values, steps=STEPS_OF_BASE
+    )
     placed, found = (), []
     for _ in range(case.gates.rounds + 1):
-        one = _round(case, placed, free, solution, noises, library)
+        one = _sharpest(case, placed, free, solution, noises, library)
         found.append(one)
         if one.chosen is None:
             return found
         placed, noises = one.chosen.state.placed, one.noises
-        free = (*free, free_of(one.chosen.placed))
+        free = with_effect(free, one.chosen.placed)
         values = one.chosen.state.solution.values
         problem = problem_of(case, placed, free, filters_of(case.fit, noises))
-        solution = settle(problem, values, steps=1)
+        solution = settle(problem, values, steps=STEPS_OF_BASE)
     return found
 
 
@@ -102,18 +114,43 @@ def free_of(placed):
     return Free(placed.name, p.step, p.neutral, np.inf, p.lower, p.upper)
 
 
+def with_effect(free, placed):
+    """Free parameters with those of an effect, which takes the place of its branch's tolerance."""
+    names = {f"{placed.branch}.{name}" for name in TAKES[placed.effect.id]}
+    held = [f._replace(lower=0.0, upper=0.0) if f.name in names else f for f in free]
+    return (*held, free_of(placed))
+
+
 def _first_noises(case):
-    volt = noise.Noise(FIRST_NOISE_VOLT, FIRST_NOISE_VOLT / 2, 200.0)
+    volt = noise.Noise(FIRST_NOISE_VOLT, FIRST_NOISE_VOLT, 300.0)
     if not case.sensors:
         return (volt,)
-    size = FIRST_NOISE_SHARE * np.abs(case.fit.branch_current_ampere).max()
+    size = FIRST_NOISE_SHARE * np.abs(case.fit.branch_current_ampere).max() / 4
     return (volt, *[noise.Noise(size, size, 200.0)] * len(case.cells))
 
 
-def _round(case, placed, free, solution, noises, library):
-    """Estimate the noise, refit, screen, try the best, choose."""
+def _sharpest(case, placed, free, solution, noises, library):
+    """A round, done again where its best model shows that the noise was put too high.
+
+    The noise is first taken from a linear extrapolation, which a strong effect outruns.
+    """
     tried = _columns(case, placed, solution, library)
-    noises = noises_of(case, _all_in(case, solution, tried, filters_of(case.fit, noises)))
+    left = _all_in(case, solution, tried, filters_of(case.fit, noises))
+    noises = noises_of(case, left, noises if placed else None)
+    for _ in range(AGAIN):
+        one = _round(case, placed, free, solution, noises, tried)
+        if not one.trials:
+            return one
+        noises = noises_of(case, one.trials[0].state.residual, one.noises)
+        if all(
+            n.slow_volt > SHARPER * o.slow_volt for n, o in zip(noises, one.noises, strict=True)
+        ):
+            return one
+    return _round(case, placed, free, solution, noises, tried)
+
+
+def _round(case, placed, free, solution, noises, tried):
+    """Refit, screen, try the best, choose."""
     filters = filters_of(case.fit, noises)
     problem = problem_of(case, placed, free, filters)
     solution = settle(problem, solution.values, steps=STEPS_OF_BASE)
@@ -174,7 +211,7 @@ def _scores(problem, solution, tried):
         mixed = chart.white.T @ own
         precision = np.block([[chart.precision, mixed[:, None]], [mixed[None], own @ own]])
         everything = np.append(moment, own @ residual + mixed @ at)
-        limits = _limits((*problem.free, free_of(placed)))
+        limits = _limits(with_effect(problem.free, placed))
         x = within(precision, everything, *limits, np.append(rest, 0.0))
         fall = 2 * (without - (0.5 * x @ precision @ x - everything @ x))
         values = dict(zip((*names, placed.name), x.tolist(), strict=True))
@@ -190,7 +227,7 @@ def _limits(free):
 def _tried(case, before, free, score, filters, noises):
     """Refit of a candidate from where its score points."""
     placed = (*before.placed, score.placed)
-    free = (*free, free_of(score.placed))
+    free = with_effect(free, score.placed)
     problem = problem_of(case, placed, free, filters)
     values = before.solution.values | score.values
     chart = beside(before.solution.chart, score.column)
@@ -209,7 +246,7 @@ def _tried(case, before, free, score, filters, noises):
 def _chosen(gates, before, trials, floor):
     """The best trial that passes the gates, and those as good."""
     worst = max(before.gap_volt, before.validation_gap_volt)
-    passed = [t for t in trials if _passes(gates, before, t)]
+    passed = [t for t in trials if passes(gates, before, t)]
     if worst <= gates.nothing_ratio * floor or not passed:
         return None, ()
     best = passed[0]
@@ -217,7 +254,8 @@ def _chosen(gates, before, trials, floor):
     return best, tuple(t.placed for t in passed[1:] if best.j - t.j <= near)
 
 
-def _passes(gates, before, trial):
+def passes(gates, before, trial):
+    """Whether a GroupTrial holds against all gates, beside the GroupState before it."""
     was, now = before.validation_gap_volt, trial.state.validation_gap_volt
     size = abs(trial.state.solution.values[trial.placed.name])
     return (

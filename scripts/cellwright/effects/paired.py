@@ -1,52 +1,60 @@
 """Paired mode: what a cell's voltage has beyond that of healthy cells in the same protocol.
 
 No circuit follows a cell to the millivolt. Healthy cells of its type that went through the same
-protocol fail the circuit in the same way, and what they leave is known beforehand: their mean as a
-template, their differences as further shapes that healthy cells may show. Only what is left beyond
-these is searched for an effect.
+protocol fail the circuit in the same way; the mean of what they leave is a template that is in the
+model from the start, and only what is left beyond it is searched for an effect.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import plain, search
-from cellwright.effects.case import Known, filters_of, problem_of, state_of, steep
-from cellwright.effects.effect import Effect, Parameter
-from cellwright.effects.problem import Free, fit
+from cellwright.effects import base, plain, search
+from cellwright.effects.case import filters_of, problem_of, state_of, steep
+from cellwright.effects.judge import rms
+from cellwright.effects.noise import read_volt
+from cellwright.effects.problem import fit
 from cellwright.effects.protocol_match import Sameness, counterpart_second, part
 from cellwright.refusal import Refusal
 
-TEMPLATE = "healthy_cells"
+MOVED = (*base.LOGARITHMS, "soc0[")
 ROLES = ("fit", "validation")
 
 
 class Pairing(NamedTuple):
-    """How references enter. references : least number. scale_std : of the template's factor.
+    """How references enter.
 
-    shapes : whether differences between the references are shapes that a healthy cell may have.
+    references : least number. scale_std : of the template's factor. material_volt : an effect that
+    takes less than half of this off the validation error is within what healthy cells differ by.
+    needed_ratio : times a single reading's noise, which a template must exceed to be worth its own
+    noise: where the circuit follows healthy cells, a cell is better judged alone.
     """
 
     references: int = 3
     scale_std: float = 0.2
-    shapes: bool = True
+    material_volt: float = 1e-3
+    needed_ratio: float = 2.0
     sameness: Sameness = Sameness()
 
 
 class Paired(NamedTuple):
     """A case beside healthy cells.
 
-    case : search.Case, its stacks cut to what all references cover. references : names used.
-    left_out : reasons, by name. mean_volt, scatter_volt : root mean square of the template, and of
-    single references about it, by role.
+    case : case.Case, its stacks with the template, its gates with the material voltage.
+    references : names used. left_out : reasons, by name.
+    template_volt, scatter_volt : by role, root mean square of the template, and of single
+    references about it (most of which other resistances explain).
+    read_volt : noise of a single reading of the references. needed : whether the template is much
+    more than that; where it is not, the case is better searched alone.
     """
 
     case: object
     references: tuple
     left_out: dict
-    mean_volt: dict
+    template_volt: dict
     scatter_volt: dict
+    read_volt: float
+    needed: bool
 
 
 def paired(case, references, pairing=None):
@@ -75,39 +83,23 @@ def paired(case, references, pairing=None):
         )
     left = [_left(references[name], clocks) for name, clocks in seconds.items()]
     rows = {role: np.stack([one[role] for one in left], axis=1) for role in ROLES}
-    kept = {role: np.isfinite(rows[role]).all(axis=1) for role in ROLES}
-    stacks = {role: cut(getattr(case, role), kept[role]) for role in ROLES}
-    rows = {role: rows[role][kept[role]] for role in ROLES}
-    known = _known(stacks, rows, pairing)
-    mean = {role: _rms(rows[role].mean(axis=1)) for role in ROLES}
-    scatter = {role: _scatter(rows[role]) for role in ROLES}
-    return Paired(case._replace(**stacks, known=known), tuple(seconds), left_out, mean, scatter)
-
-
-def cut(stack, keep):
-    """A stack without some of its rows: the ends of records, or whole records.
-
-    Parameters
-    ----------
-    stack : records.Stack. keep : (n,) bool, true for the first row of each record that stays.
-
-    Returns
-    -------
-    stack : records.Stack.
-    """
-    shorter = {
-        name: value[keep]
-        for name, value in stack._asdict().items()
-        if isinstance(value, np.ndarray) and value.shape == keep.shape
-    }
-    stays, file = np.unique(shorter["file"], return_inverse=True)
-    return stack._replace(**shorter)._replace(
-        tests=tuple(stack.tests[k] for k in stays),
-        kinds=tuple(stack.kinds[k] for k in stays),
-        first=np.flatnonzero(shorter["fresh"]),
-        file=file,
-        soc_at_start=stack.soc_at_start[stays],
+    stacks = {role: _beside(getattr(case, role), rows[role]) for role in ROLES}
+    gates = case.gates._replace(material_volt=max(case.gates.material_volt, pairing.material_volt))
+    beside = case._replace(
+        **stacks, gates=gates, tolerance=case.tolerance._replace(known=pairing.scale_std)
     )
+    sizes = {role: rms(stacks[role].known_volt) for role in ROLES}
+    spread = {role: rms(np.nan_to_num(np.std(rows[role], axis=1, ddof=1))) for role in ROLES}
+    read = _read_volt(case, rows["fit"])
+    needed = max(sizes.values()) >= pairing.needed_ratio * read
+    return Paired(beside, tuple(seconds), left_out, sizes, spread, read, needed)
+
+
+def _beside(stack, rows):
+    """A stack with the mean of the references; rows that one of them has not are not compared."""
+    known = np.isfinite(rows).all(axis=1)
+    template = np.where(known, rows.mean(axis=1), 0.0)
+    return stack._replace(known_volt=template, used=stack.used & known)
 
 
 def _same(case, references, pairing):
@@ -138,7 +130,7 @@ def _left(reference, clocks):
     for role in ROLES:  # of other tests, which the case has not, it must know as little
         stack = getattr(reference, role)
         shared = np.isin(np.array(stack.tests)[stack.file], list(clocks[role]))
-        reference = reference._replace(**{role: cut(stack, shared)})
+        reference = reference._replace(**{role: stack._replace(used=stack.used & shared)})
     state = plain_state(reference)
     left = {"fit": state.solution.residual, "validation": state.validation}
     return {
@@ -150,63 +142,27 @@ def _left(reference, clocks):
 
 
 def plain_state(case):
-    """The plain model fitted to a case: case.State."""
+    """The plain model fitted to a healthy reference: case.State.
+
+    OCV and capacity stay as they were measured: bent until they hide some of the circuit's failure,
+    as far as their tolerance costs less, they would have to be bent again in every other cell.
+    """
     values = plain.first_values(case.cell, case.fit)
     free = plain.frees(case.fit, values, case.tolerance)
     filters = filters_of(case, search.FIRST_NOISE, steep(case, values))
-    return state_of(case, (), fit(problem_of(case, (), free, filters), values), filters)
+    problem = problem_of(case, (), free, filters)
+    moved = tuple(one for one in free if one.name.startswith(MOVED))
+    solution = fit(problem._replace(free=moved, coupling=None), values)
+    return state_of(case, (), solution, filters)
+
+
+def _read_volt(case, left):
+    """Noise of a single reading of the references, root mean square over them [V]."""
+    steady = search.STEADY_C_RATE * case.cell.capacity_ampere_hour
+    return rms([read_volt(np.nan_to_num(o), case.fit, steady_ampere=steady) for o in left.T])
 
 
 def _at(stack, left, test, second):
     rows = stack.file == stack.tests.index(test)
     found = np.interp(np.nan_to_num(second), stack.second[rows], left[rows])
     return np.where(np.isfinite(second), found, np.nan)
-
-
-def _known(stacks, rows, pairing):
-    """The template, and the shapes, as an effect that is there from the start."""
-    count = rows["fit"].shape[1]
-    mean = {role: rows[role].mean(axis=1) for role in ROLES}
-    shapes = {role: rows[role] - mean[role][:, None] for role in ROLES}
-    if pairing.shapes:
-        # The differences of K cells span K − 1 shapes; a further cell lies about the mean with
-        # the covariance of the K, widened for the mean being theirs.
-        turn = np.linalg.svd(shapes["fit"], full_matrices=False)[2][: count - 1].T
-        size = np.sqrt((1 + 1 / count) / (count - 1))
-        columns = {r: np.column_stack([mean[r], size * shapes[r] @ turn]) for r in ROLES}
-    else:
-        columns = {r: mean[r][:, None] for r in ROLES}
-    volts = {
-        test: columns[role][stacks[role].file == k]
-        for role in ROLES
-        for k, test in enumerate(stacks[role].tests)
-    }
-    return _as_effect(volts, columns["fit"].shape[1], pairing)
-
-
-def _as_effect(volts, count, pairing):
-    names = ["scale", *(f"shape_{k}" for k in range(1, count))]
-    effect = Effect(
-        id=TEMPLATE,
-        sentence="what healthy cells leave",
-        parameters=tuple(Parameter(n, "1", n == "scale", -9.0, 9.0, step=0.05) for n in names),
-        stage="reading",
-        act=partial(_added, volts),
-    )
-    priors = [(1.0, pairing.scale_std), *[(0.0, 1.0)] * (count - 1)]
-    free = [Free(name, 0.05, *prior) for name, prior in zip(effect.names, priors, strict=True)]
-    return Known((effect,), tuple(free))
-
-
-def _added(volts, fields, stack, p):
-    shapes = np.concatenate([volts[test] for test in stack.tests])
-    return fields._replace(volt=fields.volt + shapes @ np.array(list(p.values())))
-
-
-def _rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _scatter(rows):
-    """Standard deviation of a reference about the mean of all [V]."""
-    return float(np.sqrt(np.mean(np.var(rows, axis=1, ddof=1))))

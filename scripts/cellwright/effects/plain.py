@@ -10,6 +10,8 @@ from cellwright.effects.problem import Free
 
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
 FIRST_TAU_SECOND = {"log_tau1": 8.0, "log_tau2": 130.0}
+RESISTANCES = ("log_r0", "log_r1", "log_r2")
+NO_LOG_OHM, UNIT_LOG_OHM = np.log(1e-7), np.log(1e-2)
 LOG_STD = {"log_r0": 1.5, "log_r1": 1.5, "log_r2": 1.5, "log_tau1": 0.8, "log_tau2": 0.8}
 STEEP = 2.0  # times the usual slope of the OCV
 OWN_KNOT = 0.1  # of the tolerance of the OCV: what each knot may err alone
@@ -83,18 +85,29 @@ def first_values(cell, stack):
     -------
     values : dict of all parameters of the plain model.
     """
-    values = dict.fromkeys(base.base_names(len(stack.first)), 0.0)
+    values = dict.fromkeys(base.base_names(len(stack.first)), 0.0) | {"known": 1.0}
     values |= {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
-    values |= {name: float(np.log(tau)) for name, tau in FIRST_TAU_SECOND.items()}
-    values["known"] = 1.0
-    values |= dict.fromkeys(("log_r0", "log_r1", "log_r2"), np.log(1e-7))
-    rest = stack.voltage_volt - base.voltage(cell, stack, values)
-    lags = [base.relaxed(stack, stack.current_ampere, tau) for tau in FIRST_TAU_SECOND.values()]
-    columns = np.stack([stack.current_ampere, *lags], axis=1)
-    found = nnls(columns, rest)[0]
-    names = ("log_r0", "log_r1", "log_r2")
+    return regressed(cell, stack, values)
+
+
+def regressed(cell, stack, values, effects=()):
+    """The same beside effects whose values are given; what else is given stays.
+
+    A search that has settled on the wrong resistances finds from here what it cannot see from there.
+    """
+    values = values | {name: float(np.log(tau)) for name, tau in FIRST_TAU_SECOND.items()}
+    without = values | dict.fromkeys(RESISTANCES, NO_LOG_OHM)
+    volt = base.voltage(cell, stack, without, effects)
+    columns = [
+        (base.voltage(cell, stack, without | {name: UNIT_LOG_OHM}, effects) - volt)[stack.used]
+        for name in RESISTANCES
+    ]
+    left = (stack.voltage_volt - volt)[stack.used]
+    found = np.exp(UNIT_LOG_OHM) * nnls(np.stack(columns, axis=1), left)[0]
     floor = max(found.max(), 1e-5) / 30
-    return values | {n: float(np.log(max(r, floor))) for n, r in zip(names, found, strict=True)}
+    return values | {
+        n: float(np.log(max(r, floor))) for n, r in zip(RESISTANCES, found, strict=True)
+    }
 
 
 def steep_volt(cell, soc, tolerance):

@@ -166,3 +166,15 @@ def _walked(problem, here, gradient, precision, prior, pull, damping):
             return new, max(damping / 10, 1e-9)
         damping = max(damping * 30, 1e-4)
     return here, damping
+
+
+def stds(solution):
+    """Standard deviations of the free parameters by name, from the posterior.
+
+    Whitened residuals have unit size by the noise; what the model still lacks widens them by the
+    scatter that is left.
+    """
+    names = solution.names
+    scatter = max(solution.chi_square / len(solution.residual), 1.0)
+    variance = np.diag(np.linalg.pinv(solution.precision)) * scatter
+    return {n: float(np.sqrt(max(v, 0.0))) for n, v in zip(names, variance, strict=True)}

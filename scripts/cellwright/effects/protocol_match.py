@@ -11,7 +11,6 @@ import numpy as np
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.refusal import Refusal
 
-
 NEXT_ROWS = np.arange(-1, 3)
 STEP_C_RATE = 0.02  # between two rows, from which the current steps
 
@@ -28,7 +27,7 @@ class Sameness(NamedTuple):
     rest_second: float = 120.0
     duration: float = 0.08
     slack_second: float = 30.0
-    c_rate: float = 0.05
+    c_rate: float = 0.1
     window_second: float = 600.0
     celsius: float = 2.0
     covered: float = 0.9

@@ -7,6 +7,8 @@ import numpy as np
 from cellwright.refusal import Refusal
 
 LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
+DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
+EDGE_PART = 20.0  # a change of this part of a record's largest is a step
 NEAR_END = 0.1  # of the SoC: a record that starts there was filled or emptied before
 
 
@@ -40,6 +42,7 @@ class Stack(NamedTuple):
     discharge that led to the start, where that was full or empty, else 0.
     held_ampere : (n,) current that flowed since the row before [A], 0 in first rows.
     soc_at_start : (f,) [1]. hold : of the current between rows, see `stacked`.
+    linear : (n,) 1 where the current moved on a straight line since the row before, else 0.
     known_volt : (n,) what healthy cells have beyond the plain model in these rows (paired mode),
     else zero [V]. used : (n,) bool, rows that are compared.
     """
@@ -58,6 +61,7 @@ class Stack(NamedTuple):
     celsius: np.ndarray
     soc_at_start: np.ndarray
     hold: str
+    linear: np.ndarray
     known_volt: np.ndarray
     used: np.ndarray
 
@@ -73,8 +77,8 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     ----------
     records : sequence of Record.
     capacity_ampere_hour : of the cell, for the smallest load that counts [Ah].
-    hold : "zero_order": between two rows the current of the earlier one flows; "first_order":
-        their mean.
+    hold : "zero_order": between two rows the current of the earlier one flows; "first_order": it
+        moves on a straight line, but for a step between two steady stretches, which is sharp.
 
     Returns
     -------
@@ -97,7 +101,10 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     second, current = _joined(records, "test_time_second"), _joined(records, "current_ampere")
     step = np.diff(second, prepend=second[0]) * (1.0 - fresh)
     before = np.concatenate([[0.0], current[:-1]])
-    held = before if hold == "zero_order" else (before + current) / 2
+    linear = np.zeros(len(file))
+    if hold == "first_order":
+        linear = 1.0 - np.concatenate([_sharp(r.current_ampere) for r in records])
+    held = np.where(linear > 0, (before + current) / 2, before)
     loads = [_direction(r, LOADED_C_RATE * capacity_ampere_hour) for r in records]
     return Stack(
         tuple(r.test for r in records),
@@ -114,6 +121,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         _joined(records, "celsius"),
         np.array([r.soc_at_start for r in records]),
         hold,
+        linear * (1.0 - fresh),
         np.zeros(len(file)),
         np.concatenate([np.ones(n, bool) if r.used is None else r.used for r, n in pairs]),
     )
@@ -121,6 +129,19 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
 
 def _joined(records, name):
     return np.concatenate([np.asarray(getattr(r, name), float) for r in records])
+
+
+def _sharp(current):
+    """1 where the current has stepped once, between two steady stretches, else 0.
+
+    In a record that is a drive, whose current steps at most rows where it steps at all, none is.
+    """
+    moved = np.abs(np.diff(current, prepend=current[:1]))
+    step = moved > moved.max(initial=0.0) / EDGE_PART
+    around = np.concatenate([[False], step[:-1]]) | np.concatenate([step[1:], [False]])
+    alone = step & ~around
+    driven = alone.sum() < DRIVE_SHARE * step.sum()
+    return np.zeros(len(current)) if driven else alone.astype(float)
 
 
 def _direction(record, least):

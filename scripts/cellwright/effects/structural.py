@@ -44,7 +44,8 @@ STRUCTURAL = (
     ),
     Tie(
         *("current_offset", "leakage", True, False, True),
-        "the logged current at commanded open circuit (free)",
+        "the logged current at commanded open circuit (free); where it is not logged there, a rest "
+        "of 48 h, in which only a leak discharges the cell",
     ),
     Tie(
         *("voltage_offset", "ocv_shift", False, True, False),

@@ -2,8 +2,7 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
+from cellwright.effects.problem import stds
 from cellwright.effects.residual_map import worst
 
 
@@ -130,15 +129,3 @@ def _entry(step, after, floor):
 def _first_by_bic(step):
     """Who would have been chosen by the fitted records alone."""
     return max(step.trials, key=lambda trial: trial.delta_bic).effect.id
-
-
-def stds(solution):
-    """Standard deviations of the free parameters by name, from the posterior.
-
-    Whitened residuals have unit size by the noise; what the model still lacks widens them by the
-    scatter that is left.
-    """
-    names = solution.names
-    scatter = max(solution.chi_square / len(solution.residual), 1.0)
-    variance = np.diag(np.linalg.pinv(solution.precision)) * scatter
-    return {n: float(np.sqrt(max(v, 0.0))) for n, v in zip(names, variance, strict=True)}

@@ -39,19 +39,21 @@ void lag(int64_t n, int64_t m, const double *step, const double *tau, int64_t ta
     }
 }
 
-/* The same for records that lie one after the other: step[k] is the time since row k − 1, and
- * where fresh[k] is not zero the state begins anew at start[k]. */
-void lag_fresh(int64_t n, const double *step, const double *fresh, double tau, int64_t first_order,
+/* The same for records that lie one after the other: step[k] is the time since row k − 1, in which
+ * the drive moved on a straight line where linear[k] is not zero, else kept its value; where
+ * fresh[k] is not zero the state begins anew at start[k]. */
+void lag_fresh(int64_t n, const double *step, const double *fresh, const double *linear, double tau,
                const double *start, const double *drive, double *state) {
-    double decay = 1.0, before = 0.0, after = 0.0, last_step = -1.0;
+    double decay = 1.0, before = 0.0, after = 0.0, last_step = -1.0, last_linear = -1.0;
     for (int64_t k = 0; k < n; k++) {
         if (fresh[k] != 0.0) {
             state[k] = start[k];
             continue;
         }
-        if (step[k] != last_step) {
-            weights(step[k], tau, first_order, &decay, &before, &after);
+        if (step[k] != last_step || linear[k] != last_linear) {
+            weights(step[k], tau, linear[k] != 0.0, &decay, &before, &after);
             last_step = step[k];
+            last_linear = linear[k];
         }
         state[k] = decay * state[k - 1] + (before * drive[k - 1] + after * drive[k]);
     }

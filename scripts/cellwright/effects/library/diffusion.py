@@ -20,7 +20,7 @@ EFFECTS = (
         sentence="slow diffusion: polarisation that takes tens of minutes to build up and decay",
         parameters=(
             Parameter("resistance_ohm", "Ohm", 0.0, 0.0, 0.2, step=1e-3, plausible=0.01),
-            Parameter("time_constant_second", "s", 2000.0, 400.0, 3e4, step=50.0, shape=True),
+            Parameter("time_constant_second", "s", 2000.0, 100.0, 3e4, step=20.0, shape=True),
             # 1: diffusion through a layer of finite length; 0: one RC pair. Tried, not fitted.
             Parameter("finite_length", "1", 0.0, 0.0, 1.0, step=0.0, shape=True),
         ),
@@ -28,7 +28,7 @@ EFFECTS = (
         act=_slow,
         starts=tuple(
             {"time_constant_second": second, "finite_length": form}
-            for form, seconds in ((0.0, (800.0, 2500.0, 8000.0)), (1.0, (1200.0, 5000.0)))
+            for form, seconds in ((0.0, (800.0, 2500.0, 8000.0)), (1.0, (300.0, 1200.0, 5000.0)))
             for second in seconds
         ),
         needs=("long_rest",),

@@ -14,9 +14,9 @@ def _one_state(fields, stack, p):
     """dh = −g·|dSoC|·(h − s), s the sign of the current (thesis 2.16; Plett 2015, 2.65)."""
     passed = np.abs(fields.moved) / fields.capacity
     sign = np.append(np.sign(fields.held[1:]), 0.0)
-    state = lag_fresh(
-        passed, stack.fresh, sign, 1.0 / p["rate_per_soc"], "zero_order", stack.direction
-    )
+    kept = np.zeros(len(sign))
+    constant = 1.0 / p["rate_per_soc"]
+    state = lag_fresh(passed, stack.fresh, kept, sign, constant, stack.direction)
     return fields._replace(volt=fields.volt + p["amplitude_volt"] * state)
 
 

@@ -36,19 +36,23 @@ def _voltage_gain(fields, stack, p):
 def _skew(fields, stack, p):
     """Voltage of t − delay, on the model's own course between rows.
 
-    With a zero-order hold the old current flows until shortly before each stamp; there the course
+    Where the current stepped, the old one flowed until shortly before the stamp; there the course
     has a corner, without which a delay shorter than the sampling interval would smear every step.
     """
     clock = stack.second + APART_SECOND * stack.file
-    asked = clock - p["voltage_delay_second"]
-    if stack.hold != "zero_order":
-        return fields._replace(volt=np.interp(asked, clock, fields.volt))
-    old = np.concatenate([fields.ohmic[:1], fields.ohmic[:-1]])
-    old = np.where(stack.fresh > 0, fields.ohmic, old)
-    corner = clock - np.minimum(EDGE_SECOND, stack.step_second / 2.0)
-    times = np.stack([corner, clock], axis=1).ravel()
-    volts = np.stack([fields.volt - fields.ohmic + old, fields.volt], axis=1).ravel()
-    return fields._replace(volt=np.interp(asked, times, volts))
+    edge = np.minimum(EDGE_SECOND, stack.step_second / 2.0)
+    old_ohmic, old = _before(fields.ohmic, stack), _before(fields.volt, stack)
+    part = np.divide(edge, stack.step_second, out=np.zeros_like(edge), where=edge > 0)
+    stepped = fields.volt - fields.ohmic + old_ohmic
+    corner = np.where(stack.linear > 0, fields.volt + part * (old - fields.volt), stepped)
+    times = np.stack([clock - edge, clock], axis=1).ravel()
+    volts = np.stack([corner, fields.volt], axis=1).ravel()
+    return fields._replace(volt=np.interp(clock - p["voltage_delay_second"], times, volts))
+
+
+def _before(values, stack):
+    """Values of the row before; in first rows their own."""
+    return np.where(stack.fresh > 0, values, np.concatenate([values[:1], values[:-1]]))
 
 
 EFFECTS = (

@@ -1,0 +1,58 @@
+"""Which trial is chosen, if any: significant, proven, large enough, and what is as good."""
+
+from cellwright.effects.problem import stds
+from cellwright.effects.structural import offset_or_leak, rest_current, with_partners
+
+
+def best_of(gates, first, before, trials, floor):
+    """The best trial that passes the gates, and the ids of those as good."""
+    if before.worst_volt <= gates.nothing_ratio * floor:
+        return None, ()
+    if before is not first and before.worst_volt <= gates.adequate_ratio * floor:
+        return None, ()
+    proven = [t for t in trials if significant(gates, before, t)]
+    # Where the best explanation is too small to matter, a worse one is none either.
+    if not proven or not matters(gates, first, before, proven[0], floor):
+        return None, ()
+    best, passed = proven[0], [t for t in proven if matters(gates, first, before, t, floor)]
+    within = max(gates.tie_absolute, gates.tie_relative * best.j)
+    near = [t.effect.id for t in passed[1:] if best.j - t.j <= within]
+    return best, tuple(dict.fromkeys(name for name in near if name != best.effect.id))
+
+
+def with_ties(case, chosen, tied, trials, library):
+    """The choice with its structural ties; what the current logged at rest says is heard."""
+    known = {effect.id: effect for effect in library}
+    tied = with_partners(chosen.effect.id, tied, known, chosen.state.solution.values)
+    pair = {"current_offset", "leakage"}
+    if chosen.effect.id not in pair or not pair & set(tied):
+        return chosen, tied
+    name = chosen.effect.names[0]
+    size = abs(chosen.state.solution.values[name])
+    rest = rest_current(case.fit, capacity_ampere_hour=case.cell.capacity_ampere_hour)
+    std = stds(chosen.state.solution)[name]
+    told, _ = offset_or_leak(rest, size_ampere=size, std_ampere=std)
+    if told is None:
+        return chosen, tied
+    chosen = next((t for t in trials if t.effect.id == told), chosen)
+    return chosen, tuple(name for name in tied if name not in pair)
+
+
+def significant(gates, before, trial):
+    """Whether a trial is better than chance on the records fitted, and on those that judge."""
+    was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
+    return (
+        trial.delta_bic > gates.bic
+        and trial.delta_validation > gates.validation_chi_square
+        and now <= (1.0 - gates.validation_fall) * was
+    )
+
+
+def matters(gates, first, before, trial, floor):
+    """Whether what it takes off the error is large enough, in itself and beside the first gap."""
+    was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
+    whole = max(first.validation_rmse_volt**2 - floor**2, 1e-12)
+    taken = was**2 - now**2
+    return (
+        trial.material and taken >= gates.material_volt**2 and taken / whole >= gates.material_share
+    )

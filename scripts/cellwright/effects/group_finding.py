@@ -1,0 +1,180 @@
+"""The whole search for one parallel group: from its records to a verdict, a ranking and a series."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects.base import OCV_KNOTS
+from cellwright.effects.group_case import GroupCase, GroupGates
+from cellwright.effects.group_free import Shared, Spread
+from cellwright.effects.group_model import (
+    Branch,
+    group_fields,
+    group_run,
+    smooth_ocv,
+    smooth_shares,
+)
+from cellwright.effects.group_records import group_stacked
+from cellwright.effects.group_search import group_search
+from cellwright.effects.group_verdict import group_verdict
+from cellwright.effects.library.groups import GROUP_LIBRARY
+from cellwright.refusal import Refusal
+
+ENERGY = "resistance_temperature.activation_energy_joule_per_mole"
+FIRST_ROWS = 3
+
+
+class GroupFinding(NamedTuple):
+    """verdict : dict of the contract. ranking, series : dicts of columns."""
+
+    verdict: dict
+    ranking: dict
+    series: dict
+
+
+def group_finding(group, cells, records, *, initial_soc=None, settings=None, hold="zero_order"):
+    """Search a group for what one of its branches has of its own.
+
+    Parameters
+    ----------
+    group : name. cells : sequence of Branch, in the order of the branches.
+    records : sequence of (role, GroupRecord), role "fit" or "validation".
+    initial_soc : (b,) stated SoC at the start of every record [1], or None: all alike, from the
+        voltage of the first rows.
+    settings : dict of tuples by name: "spread" (Spread), "shared" (Shared), "gates" (GroupGates);
+        those that lack are at their defaults.
+    hold : of the total current between rows, see `group_stacked`.
+
+    Returns
+    -------
+    finding : GroupFinding.
+
+    Raises
+    ------
+    Refusal : no record to fit or none that judges; see `group_stacked`.
+    """
+    case = _case(cells, records, initial_soc, settings or {}, hold)
+    rounds = group_search(case, GROUP_LIBRARY)
+    verdict = group_verdict(group, case, rounds, GROUP_LIBRARY)
+    return GroupFinding(verdict, _ranking(rounds), _series(case, rounds))
+
+
+def branch_of(cell, model, *, wire_ohm=0.0, own=True):
+    """Branch from the model that the search for a missing effect left of a cell (`Finding.model`).
+
+    Parameters
+    ----------
+    cell : name. model : dict with capacity_ampere_hour, ocv_volt on an even SoC grid, values.
+    wire_ohm : stated resistance of its connection [ohm].
+    own : the model is of this very cell, not of its type.
+
+    Returns
+    -------
+    branch : Branch. Of the effects in the model only resistance over temperature is kept.
+    """
+    # ASSUME: What a cell's model has beside the plain circuit and its resistance over temperature
+    # is alike in all cells of a group, so that it moves no current from one branch to another.
+    values, ocv = model["values"], np.asarray(model["ocv_volt"], float)
+    error = smooth_shares(len(ocv)) @ [values[f"ocv[{k}]"] for k in range(OCV_KNOTS)]
+    return Branch(
+        cell,
+        model["capacity_ampere_hour"] * (1.0 + values["capacity"]),
+        ocv + error,
+        tuple(float(np.exp(values[f"log_r{k}"])) for k in range(3)),
+        tuple(float(np.exp(values[f"log_tau{k}"])) for k in (1, 2)),
+        values.get(ENERGY, 0.0),
+        wire_ohm,
+        own,
+    )
+
+
+def _case(cells, records, initial_soc, settings, hold):
+    tables = [len(cell.ocv_volt) for cell in cells]
+    if len(set(tables)) > 1:
+        raise Refusal(f"OCV tables of one length were wanted for all branches, not {tables}")
+    stacks, socs = [], []
+    cells = tuple(cell._replace(ocv_volt=smooth_ocv(cell.ocv_volt)) for cell in cells)
+    for role in ("fit", "validation"):
+        own = [record for given, record in records if given == role]
+        if not own:
+            raise Refusal(f"the group has no record of role {role}")
+        stacks.append(group_stacked(own, branches=len(cells), hold=hold))
+        socs.append(np.array([_stated(cells, record, initial_soc) for record in own]))
+    if any(stack.branch_current_ampere is None for stack in stacks):
+        stacks = [stack._replace(branch_current_ampere=None) for stack in stacks]
+    defaults = {"spread": Spread(), "shared": Shared(), "gates": GroupGates()}
+    return GroupCase(cells, *stacks, *socs, **{k: settings.get(k, v) for k, v in defaults.items()})
+
+
+def _stated(cells, record, initial_soc):
+    """SoC of all branches at the start of a record (b,)."""
+    # ASSUME: Where no SoC is stated, a record begins with the group at rest and its cells alike.
+    if initial_soc is not None:
+        return np.asarray(initial_soc, float)
+    ocv = np.mean([cell.ocv_volt for cell in cells], axis=0)
+    volt = np.median(record.voltage_volt[:FIRST_ROWS])
+    found = np.interp(volt, np.maximum.accumulate(ocv), np.linspace(0.0, 1.0, len(ocv)))
+    return np.full(len(cells), found)
+
+
+def _ranking(rounds):
+    rows = []
+    for number, one in enumerate(rounds, 1):
+        for trial in one.trials:
+            rows.append(
+                {
+                    "round": number,
+                    "effect": trial.placed.effect.id,
+                    "branch": trial.placed.branch + 1,
+                    "parameters_counted": 1,
+                    "value": trial.state.solution.values[trial.placed.name],
+                    "score_chi_square": trial.score,
+                    "delta_bic": trial.delta_bic,
+                    "delta_validation_chi_square": trial.delta_validation,
+                    "rmse_volt": trial.state.gap_volt,
+                    "validation_rmse_volt": trial.state.validation_gap_volt,
+                    "j": trial.j,
+                    "in_range": trial.placed.name not in trial.state.solution.at_bound,
+                    "chosen": trial is one.chosen,
+                    "tied": trial.placed in one.tied,
+                }
+            )
+    return {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
+
+
+def _series(case, rounds):
+    """Fit and validation records: what was measured, and both models."""
+    found = {}
+    ends = rounds[0].before, rounds[-1].before
+    for role, stack, soc in (
+        ("fit", case.fit, case.fit_soc),
+        ("validation", case.validation, case.validation_soc),
+    ):
+        runs = []
+        for state in ends:
+            values = state.solution.values if role == "fit" else state.values_at_validation
+            runs.append(group_run(group_fields(case.cells, soc, values, state.placed), stack))
+        for name, column in _columns(role, stack, runs).items():
+            found.setdefault(name, []).append(column)
+    return {name: np.concatenate(parts) for name, parts in found.items()}
+
+
+def _columns(role, stack, runs):
+    before, after = runs
+    columns = {
+        "role": np.full(len(stack.file), role),
+        "test": np.array(stack.tests)[stack.file],
+        "test_time_second": stack.second,
+        "current_ampere": stack.current_ampere,
+        "celsius": stack.celsius,
+        "voltage_volt": stack.voltage_volt,
+        "before_volt": before.voltage,
+        "after_volt": after.voltage,
+    }
+    for b in range(stack.branches):
+        if stack.branch_current_ampere is not None:
+            columns[f"branch_{b + 1}_current_ampere"] = stack.branch_current_ampere[:, b]
+        columns[f"branch_{b + 1}_before_ampere"] = before.current[:, b]
+        columns[f"branch_{b + 1}_after_ampere"] = after.current[:, b]
+        columns[f"branch_{b + 1}_soc"] = after.soc[:, b]
+    return columns

@@ -1,0 +1,168 @@
+"""From the rounds of a search in a group to the verdict of the contract."""
+
+import numpy as np
+
+from cellwright.effects.group_search import passes
+from cellwright.effects.verdict import gap_closed
+
+LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
+OTHER_TEMPERATURE = "repeat the group's drive at a chamber temperature 20 K away"
+KELVIN = 5.0  # between mean temperatures of records, below which warm and low-ohmic are one
+WARM = {"branch_cell_resistance", "branch_temperature"}
+VISIBLE = 25.0  # fall of chi-square by an effect of plausible size
+UNKNOWN_RATIO = 1.5
+PARTS = 3
+
+
+def group_verdict(group, case, rounds, library):
+    """Verdict of a group.
+
+    Parameters
+    ----------
+    group : name. case : GroupCase. rounds : list of GroupRound. library : dict of Effect by id.
+
+    Returns
+    -------
+    verdict : dict of the contract; each effect has its `branch` (1 is the first) and
+    `branch_alternatives`, branches that explain as much by the same effect. `rmse_volt` is of the
+    branch currents times their cells' ohmic resistance, of the voltage where none were logged.
+    """
+    steps = [one for one in rounds if one.chosen is not None][: case.gates.rounds]
+    first, last, floor = rounds[0].before, rounds[-1].before, rounds[-1].floor_volt
+    afters = [one.before for one in rounds[1 : len(steps) + 1]]
+    entries = [_entry(case, s, a, floor) for s, a in zip(steps, afters, strict=False)]
+    word, adequate = _word(case, entries, first, last, floor)
+    settled = word in ("named", "ambiguous")
+    return {
+        "cell": group,
+        "verdict": word,
+        "effects": entries if settled else [],
+        "partial": [] if settled else entries,
+        "located_at": None if adequate else _located(case, last),
+        "floor_volt": floor,
+        "rmse_volt": {"before": first.gap_volt, "after": last.gap_volt},
+        "validation_rmse_volt": {
+            "before": first.validation_gap_volt,
+            "after": last.validation_gap_volt,
+        },
+        "gap_closed": _closed(first, last, floor) if entries else None,
+        "next_test": _next_test(case, entries, library),
+        "not_testable": _not_testable(case, rounds[0], library),
+    }
+
+
+def _closed(before, after, floor):
+    return gap_closed(before.validation_gap_volt, after.validation_gap_volt, floor)
+
+
+def _word(case, entries, first, last, floor):
+    left = max(last.gap_volt, last.validation_gap_volt)
+    if not entries:
+        quiet = left <= max(UNKNOWN_RATIO * floor, case.gates.material_volt)
+        return ("none", True) if quiet or not case.sensors else ("unknown", False)
+    closed = _closed(first, last, floor)
+    adequate = left <= case.gates.adequate_ratio * floor or closed >= case.gates.adequate_closed
+    if not adequate and closed < case.gates.partial_closed:
+        return "unknown", False
+    open_ended = any(one["alternatives"] for one in entries) or not case.sensors
+    return "ambiguous" if open_ended else "named", adequate
+
+
+def _entry(case, one, after, floor):
+    placed, p = one.chosen.placed, one.chosen.placed.effect.parameters[0]
+    name = placed.name
+    same = [t.branch + 1 for t in one.tied if t.effect.id == placed.effect.id]
+    return {
+        "effect": placed.effect.id,
+        "alternatives": _alternatives(case, one),
+        "branch": placed.branch + 1,
+        "branch_alternatives": same,
+        "parameters": {
+            p.name: {
+                "value": float(after.solution.values[name]),
+                "std": _std(case, after.solution, name),
+                "unit": p.unit,
+                "at_bound": name in after.solution.at_bound,
+            },
+            "branch": {"value": placed.branch + 1, "std": None, "unit": "1", "at_bound": False},
+        },
+        "rmse_volt": {"before": one.before.gap_volt, "after": after.gap_volt},
+        "validation_rmse_volt": {
+            "before": one.before.validation_gap_volt,
+            "after": after.validation_gap_volt,
+        },
+        "gap_closed": _closed(one.before, after, floor),
+        "delta_bic": one.chosen.delta_bic,
+        "delta_validation_chi_square": one.chosen.delta_validation,
+    }
+
+
+def _std(case, solution, name):
+    """Standard deviation from the posterior; the effect was added last of all free parameters."""
+    names = solution.names
+    variance = np.linalg.inv(solution.chart.precision)[names.index(name), names.index(name)]
+    return float(np.sqrt(variance))
+
+
+def _alternatives(case, one):
+    """Ids of other effects that explain as much, or that these data cannot set apart."""
+    chosen = one.chosen.placed.effect.id
+    names = {t.effect.id for t in one.tied}
+    passed = {t.placed.effect.id for t in one.trials if passes(case.gates, one.before, t)}
+    if not case.sensors:
+        names |= passed
+    if chosen in WARM and not _two_temperatures(case):
+        names |= WARM
+    return sorted(names - {chosen})
+
+
+def _two_temperatures(case):
+    stack = case.fit
+    means = [stack.celsius[stack.file == k].mean() for k in range(len(stack.first))]
+    return np.ptp(means) >= KELVIN
+
+
+def _next_test(case, entries, library):
+    if not case.sensors:
+        return LOG_CURRENTS
+    tied = next((one for one in entries if one["alternatives"]), None)
+    if tied is None:
+        return None
+    names = {tied["effect"], *tied["alternatives"]}
+    if names >= WARM and not _two_temperatures(case):
+        return OTHER_TEMPERATURE
+    return f"{library[tied['effect']].shows}, beside {library[tied['alternatives'][0]].shows}"
+
+
+def _not_testable(case, one, library):
+    """Ids of effects that even at a plausible size would not show in any branch."""
+    seen = set()
+    for score in one.scores:
+        size = score.placed.effect.parameters[0].plausible
+        if score.information * size**2 >= VISIBLE:
+            seen.add(score.placed.effect.id)
+    return sorted(set(library) - seen)
+
+
+def _located(case, state):
+    """Where most of what is left on the validation records sits: record, branch, stretch."""
+    stack, channels = case.validation, 1 + len(case.cells) if case.sensors else 1
+    left = np.square(state.validation.reshape(channels, -1))
+    ohm = [1.0] if not case.sensors else [0.0, *(cell.r_ohm[0] for cell in case.cells)]
+    left = left * np.square(ohm)[:, None]
+    places = [
+        (float(left[b, rows].sum()), stack.tests[k], b, rows)
+        for k in range(len(stack.first))
+        for rows in np.array_split(np.flatnonzero(stack.file == k), PARTS)
+        for b in range(channels)
+    ]
+    most, test, branch, rows = max(places, key=lambda place: place[0])
+    return {
+        "file": test,
+        "branch": branch or None,
+        "second": [float(stack.second[rows[0]]), float(stack.second[rows[-1]])],
+        "soc": None,
+        "current": None,
+        "temperature_celsius": [float(stack.celsius[rows].mean())],
+        "share": most / max(float(left.sum()), 1e-30),
+    }

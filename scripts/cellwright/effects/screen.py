@@ -1,0 +1,60 @@
+"""The screen: a score test of every effect, and a fresh start for those a straight line misses."""
+
+import numpy as np
+
+from cellwright.effects import base, plain
+from cellwright.effects.candidates import scored
+
+
+def all_in(solution, lined_up, whitening):
+    """Residual with every effect let in, by ridge regression on what each would change."""
+    many = np.concatenate([c.columns for c in lined_up], axis=1)
+    both = np.concatenate([solution.white, whitening.apply(many)], axis=1)
+    gram = both.T @ both
+    ridge = np.diag(1e-6 * np.diag(gram) + 1e-12)
+    k = len(solution.precision)
+    ridge[:k, :k] = solution.precision - gram[:k, :k]
+    change = np.linalg.solve(gram + ridge, both.T @ whitening.apply(solution.residual))
+    return solution.residual - np.concatenate([solution.columns, many], axis=1) @ change
+
+
+def screened(case, lined_up, before, filters):
+    """Scores of what the records can show, the best start of each form; ids of what they cannot."""
+    solution = before.solution
+    residual = filters.fit.apply(solution.residual)
+    best, hidden = {}, {}
+    for candidate in lined_up:
+        own = filters.fit.apply(candidate.columns)
+        one = scored(candidate, own, residual, solution.white, solution.precision)
+        if candidate.effect.held:
+            one = anew(case, before.effects, solution.values, one, filters)
+        seen = one.visible >= case.gates.visible_chi_square
+        kept, name = best if seen else hidden, (candidate.effect.id, candidate.form)
+        if name not in kept or one.chi_square > kept[name].chi_square:
+            kept[name] = one
+    shown = {name for name, _ in best}
+    invisible = tuple(dict.fromkeys(name for name, _ in hidden if name not in shown))
+    return sorted(best.values(), key=lambda s: -s.chi_square), invisible
+
+
+def anew(case, effects, values, score, filters):
+    """A score for an effect that is no straight line in its size: from resistances found anew.
+
+    A model that lacks it has bent its resistances and time constants until no small step leads
+    back. Beside the effect at each of its starts they are found again by linear regression; what
+    that leaves is compared with what it leaves without the effect.
+    """
+    candidate = score.candidate
+    without = left(case, values, effects, filters)
+    effects = (*effects, candidate.effect)
+    fall = without - left(case, values | candidate.start, effects, filters)
+    sizes = np.array([candidate.start[name] for name in candidate.sizes])
+    return score._replace(chi_square=fall, estimate=sizes)
+
+
+def left(case, values, effects, filters):
+    """Chi-square that is left of the fitted records beside effects, resistances found anew."""
+    found = plain.regressed(case.cell, case.fit, values, effects)
+    volt = base.voltage(case.cell, case.fit, found, effects)
+    white = filters.fit.apply(case.fit.voltage_volt - volt)
+    return float(white @ white)
