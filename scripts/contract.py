@@ -17,6 +17,11 @@ def stages() -> dict:
     return yaml.load(CONTRACT.read_text(encoding="utf-8"), Loader=loader)
 
 
+def name_of(stage: str, stem: str) -> str:
+    """Entry of a file: `stage/stem` where the stage's files differ from one another, else stage."""
+    return f"{stage}/{stem}" if f"{stage}/{stem}" in stages() else stage
+
+
 def check(stage: str, columns: dict):
     """Hold columns against the contract of their stage.
 

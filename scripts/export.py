@@ -2,12 +2,15 @@
 
 import artefact
 from cellwright.models.exports import lookup_table, pybamm_document
+from cellwright.models.instrument import words_of
 from cellwright.models.plain import plain_member
 
 with artefact.Job(snakemake) as job:
     model = job.load(snakemake.input[0])
     document = pybamm_document(model)
     job.note(*(f"{name} is not exported: {why}" for name, why in document["refused"].items()))
+    for one in model["members"]:
+        job.note(*(f"{one['model']}, not exported: {told}" for told in words_of(one)))
     job.save(document, snakemake.output.pybamm)
     member = plain_member(model)
     if member != model["chosen"]:

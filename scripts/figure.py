@@ -47,6 +47,14 @@ def canvas(rows=1, columns=1, *, width=9.0, height=3.2, **subplots):
     return figure, figure.subplots(rows, columns, squeeze=False, **subplots)
 
 
+def message(text):
+    """A figure that says in a sentence why there is nothing to draw."""
+    figure, axes = canvas(height=0.5)
+    axes[0, 0].axis("off")
+    axes[0, 0].text(0.0, 0.5, text, va="center", transform=axes[0, 0].transAxes)
+    return figure
+
+
 def temperature_colour(celsius):
     """Blue in the cold, red in the heat, −25 … 50 °C; grey where not known."""
     if celsius is None or not np.isfinite(celsius):

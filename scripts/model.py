@@ -1,9 +1,20 @@
-"""A cell's model as the rest of the pipeline uses it, and its parameters as rows."""
+"""A cell's model as the rest of the pipeline uses it, with the effects found in it, and as rows."""
 
 import artefact
+from cellwright.effects.chosen import with_effects
+from cellwright.models.cell import FitTest
 from cellwright.models.rows import model_of, parameter_rows
 
 with artefact.Job(snakemake) as job:
-    model = model_of(job.load(snakemake.input[0]), snakemake.wildcards.cell)
+    model = model_of(job.load(snakemake.input.source), snakemake.wildcards.cell)
+    tests = [
+        FitTest(about["params"]["test"] | {"test": about["wildcards"]["test"]}, series)
+        for series, about in artefact.load_all(snakemake.input.series)
+    ]
+    settings = {"split_rest_second": snakemake.params.split_rest_second}
+    searched = [found for found, _ in artefact.load_all(snakemake.input.effects)]
+    for found in (one for one in searched if one["effects"]):
+        model = with_effects(model, found, snakemake.params.cell, tests, **settings)
+        job.note(model["choice"])
     job.save(model, snakemake.output.model)
     job.save(parameter_rows(model), snakemake.output.parameters)

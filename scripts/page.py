@@ -10,6 +10,7 @@ import artefact
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
 SHOWN_ROWS = 60
+PROOFS = [f"effect_{name}" for name in ("validation", "map", "evidence", "ranking", "confounding")]
 NO_MODEL = {
     "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, a "
     "modelled cell of the same chemistry and rating to borrow from, or branch currents of a group.",
@@ -24,11 +25,15 @@ def render(job) -> str:
     abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
     known = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
+    effects = {_owner(artefact.read_about(path)): _effect(path) for path in inputs.verdicts}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
     pages = [_page(name, params, tables, abouts, known) for name in owners + groups]
+    for one in pages:
+        one["effect"] = effects.get(one["name"])
+        one["verdicts"] = [r for r in tables["missing_effect"] if r["cell"] == one["name"]]
     template = Path(inputs.template).read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["number"] = number
+    environment.filters |= {"number": number, "milli": milli, "percent": percent}
     return environment.from_string(template).render(
         title=params.title,
         excluded=tables["excluded"],
@@ -41,6 +46,22 @@ def render(job) -> str:
         environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
         artefacts=len(abouts),
     )
+
+
+def milli(text) -> str:
+    """Volts as millivolts; a dash for what is not known."""
+    return f"{1e3 * float(text):.2f}" if text else "–"
+
+
+def percent(text) -> str:
+    """A share as per cent; a dash for what is not known."""
+    return f"{100 * float(text):.0f} %" if text else "–"
+
+
+def _effect(path) -> dict:
+    """What the search for a missing effect says of a cell, or why it says nothing."""
+    reason = artefact.read_about(path)["reason"]
+    return {"text": reason or artefact.load(path)["paragraph"], "reason": reason}
 
 
 def number(text) -> str:
@@ -57,6 +78,7 @@ def _page(name, params, tables, abouts, known) -> dict:
     rows = {
         table: [row for row in tables[table] if row["cell"] == name] for table in TABLES_OF_CELL
     }
+    pictures = params.figures.get(name, [])
     unmodelled = facts and name not in params.modelled
     rows["packs"] = [row for row in tables["packs"] if row["group"] == name]
     return {
@@ -64,7 +86,8 @@ def _page(name, params, tables, abouts, known) -> dict:
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
         "branches": branches,
         "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
-        "pictures": [_picture(path, known) for path in params.figures.get(name, [])],
+        "proofs": [_picture(path, known) for path in pictures if Path(path).stem in PROOFS],
+        "pictures": [_picture(path, known) for path in pictures if Path(path).stem not in PROOFS],
         "tables": {table: _short(found) for table, found in rows.items() if found},
         "notes": [*([NO_MODEL] if unmodelled else []), *_notes(name, abouts)],
     }

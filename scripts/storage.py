@@ -70,7 +70,7 @@ def write(path, content, about):
     else:
         columns = columns_of(content)
         if about["reason"] is None and len(columns):
-            contract.check(stage_of(path), columns)
+            contract.check(contract.name_of(stage_of(path), Path(path).stem), columns)
         table = pa.table({name: _arrow(values) for name, values in columns.items()})
         text = json.dumps(about, sort_keys=True)
         pq.write_table(

@@ -37,6 +37,31 @@ def excluded(paths, files) -> list[dict]:
     return found
 
 
+def verdicts(found) -> list[dict]:
+    """Rows of tables/missing_effect from verdict files: one an effect, one where there is none."""
+    return [_verdict_row(v, effect) for v in found for effect in v["effects"] or [NO_EFFECT | v]]
+
+
+NO_EFFECT = {"effect": None, "alternatives": [], "rmse_volt": {}, "validation_rmse_volt": {}}
+
+
+def _verdict_row(verdict, effect) -> dict:
+    fit, proof = effect["rmse_volt"], effect["validation_rmse_volt"]
+    return {
+        "cell": verdict["cell"],
+        "verdict": verdict["verdict"],
+        "effect": effect["effect"],
+        "alternatives": ";".join(effect["alternatives"]),
+        "rmse_before_volt": fit.get("before"),
+        "rmse_after_volt": fit.get("after"),
+        "validation_before_volt": proof.get("before"),
+        "validation_after_volt": proof.get("after"),
+        "gap_closed": effect.get("gap_closed"),
+        "floor_volt": verdict["floor_volt"],
+        "next_test": verdict["next_test"],
+    }
+
+
 def summary(cells, tables, models) -> list[dict]:
     """One row per cell from the tables (name → rows of text) and the models (cell → document)."""
     return [_summary_row(row, tables, models.get(row["cell"], {})) for row in cells]
@@ -47,6 +72,7 @@ def _summary_row(facts, tables, model) -> dict:
     mine = {name: [r for r in rows if r.get("cell") == cell] for name, rows in tables.items()}
     capacity = model.get("capacity_ampere_hour") or _slowest(mine["capacity"])
     rated = facts["rated_capacity_ampere_hour"]
+    missing = mine.get("missing_effect", [])
     scored = [row for row in mine["validation"] if row["chosen"] == "True"]
     return {
         "cell": cell,
@@ -56,6 +82,8 @@ def _summary_row(facts, tables, model) -> dict:
         "best_model": model.get("chosen"),
         "validation_rmse_volt": _pooled_rmse(scored),
         "soc_rmse": _filter_rmse(mine.get("soc", [])),
+        "verdict": next((row["verdict"] for row in missing), None),
+        "missing_effect": ";".join(row["effect"] for row in missing),
         "exclusions": len(mine["excluded"]),
         "notes": "; ".join(model.get("notes", [])),
     }

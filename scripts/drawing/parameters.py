@@ -57,6 +57,7 @@ def _after(second):
 
     def one(panel, condition, style):
         found = _numbers(condition["r0_ohm"])
+        found = sum((_numbers(b["r_ohm"]) for b in _of_kind(condition, "charge_transfer")), found)
         for branch in _of_kind(condition, "RC", "kinetic"):
             share = -np.expm1(-second / _numbers(branch["tau_second"]))
             found = found + share * _numbers(branch["r_ohm"])

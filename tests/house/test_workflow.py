@@ -60,6 +60,17 @@ def test_keys_that_carry_a_unit_say_it():
             assert spec.get("unit") == unit, f"{key} says unit {spec.get('unit')}, not {unit}"
 
 
+def test_the_search_has_one_set_of_defaults():
+    """The config's are those of the code, so that a library user and a campaign agree."""
+    from cellwright.effects.case import Gates
+    from cellwright.effects.plain import Tolerance
+
+    chosen = settings.defaults(CONFIG)["missing_effect"]
+    tolerances = {f"{name}_tolerance": value for name, value in Tolerance()._asdict().items()}
+    others = {name: chosen[name] for name in ("enabled", "most_rows")}
+    assert chosen == others | Gates()._asdict() | tolerances
+
+
 def test_rules_and_schema_know_the_same_sections():
     used = set(re.findall(r'config\["(\w+)"\]', TEXT))
     known = set(CONFIG["properties"])

@@ -18,6 +18,7 @@ VALUES = {
     "m_volt": 0.01,
     "charge_ampere_hour": 0.1,
     "soc_per_ampere": 0.004,
+    "exchange_ampere": 0.8,
 }
 
 

@@ -32,6 +32,7 @@ EXAMPLES = {
     "R_two_way": {"r_charge_ohm": 0.02, "r_discharge_ohm": 0.03},
     "RC": {"r_ohm": 0.01, "tau_second": 40.0},
     "kinetic": {"r_ohm": 0.03, "tau_second": 2.0, "scale_volt": 0.05},
+    "charge_transfer": {"r_ohm": 0.03, "exchange_ampere": 0.8},
     "warburg": {"r_ohm": 0.02, "tau_second": 300.0},
     "hysteresis": {"m_volt": 0.015, "charge_ampere_hour": 0.05},
     "switch": {"m_volt": 0.01},
@@ -54,6 +55,9 @@ CLOSED = {
     "RC": lambda i, t, r_ohm, tau_second: -r_ohm * i * np.expm1(-t / tau_second),
     "kinetic": lambda i, t, r_ohm, tau_second, scale_volt: (
         -scale_volt * np.arcsinh(r_ohm * i / scale_volt) * np.expm1(-t / tau_second)
+    ),
+    "charge_transfer": lambda i, t, r_ohm, exchange_ampere: (
+        2 * exchange_ampere * r_ohm * np.arcsinh(i / (2 * exchange_ampere)) + 0 * t
     ),
     "warburg": lambda i, t, r_ohm, tau_second: r_ohm * i * PLANE(t / tau_second),
     "hysteresis": lambda i, t, m_volt, charge_ampere_hour: (

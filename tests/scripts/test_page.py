@@ -11,7 +11,8 @@ import page
 from cellwright.refusal import Refusal
 
 ROOT = Path(__file__).resolve().parents[2]
-TABLES = ["capacity", "ica", "eis", "temperature", "validation", "soc", "packs", "excluded"]
+TABLES = ["capacity", "ica", "eis", "temperature", "validation", "soc", "packs"]
+TABLES += ["missing_effect", "excluded"]
 CELL = {"cell": "A", "chemistry": "NMC", "note": None}
 TEST = {
     "cell": "A",
@@ -23,6 +24,28 @@ TEST = {
     "role": "fit",
     "note": "<b>odd</b>",
 }
+
+
+VERDICT = {
+    "cell": "A",
+    "verdict": "ambiguous",
+    "effect": "slow_diffusion",
+    "alternatives": "leakage;current_offset",
+    "validation_before_volt": 0.004214,
+    "validation_after_volt": 0.000987,
+    "gap_closed": 0.973,
+    "floor_volt": 0.0008,
+}
+
+
+def write_verdicts(snakemake):
+    """A verdict of cell A, and of cell B the reason why there is none."""
+    paths = [f"results/missing_effect/{cell}/verdict.json" for cell in "AB"]
+    with artefact.Job(snakemake(paths[0], wildcards={"cell": "A"})) as writing:
+        writing.save({"cell": "A", "paragraph": "What was missing: time & patience."})
+    with artefact.Job(snakemake(paths[1], wildcards={"cell": "B"})):
+        raise Refusal("no validation test")
+    return paths
 
 
 @pytest.fixture
@@ -51,6 +74,7 @@ def job(snakemake):
     contents["checks"] = [
         {"check": "No charge from nothing.", "outcome": "failed", "found": "A: 3 Ah"}
     ]
+    contents["missing_effect"] = [VERDICT]
     paths = {}
     for name, rows in contents.items():
         paths[name] = f"results/tables/{name}.csv"
@@ -68,6 +92,7 @@ def job(snakemake):
             writing.save(
                 {"test_time_second": [0.0], "current_ampere": [0.0], "voltage_volt": [3.7]}
             )
+    verdicts = write_verdicts(snakemake)
     Path("results/figures/A").mkdir(parents=True)
     Path("results/figures/A/validation_udds.svg").write_text("<svg>picture</svg>")
     inputs = SimpleNamespace(
@@ -75,6 +100,7 @@ def job(snakemake):
         checks=paths["checks"],
         summary="results/summary.csv",
         artefacts=["results/ingest/A/good.parquet", "results/ingest/A/bad.parquet"],
+        verdicts=verdicts,
         template=ROOT / "workflow/report/report.html.j2",
         captions=ROOT / "workflow/report/captions.yaml",
     )
@@ -103,6 +129,21 @@ def test_report_holds_everything_escaped_and_in_order(job):
     assert places == sorted(places)
     assert "Tiny &amp; small" in html
     assert "<i>space" not in html
+
+
+def test_a_page_begins_with_the_verdict_its_reading_and_its_proof(job):
+    job.params.cells = [CELL, CELL | {"cell": "B"}]
+    proof = Path("results/figures/A/effect_map.svg")
+    proof.write_text("<svg>map</svg>")
+    job.params.figures["A"].append(str(proof))
+    html = page.render(job)
+    wanted = ['<section id="cell-A">', "<strong>ambiguous</strong>", "slow diffusion"]
+    wanted += ["leakage, current offset", "4.21 → 0.99", "97 %", "0.80", "time &amp; patience"]
+    wanted += ["Where the model errs", "<h2>Tests</h2>", "Model over measurement: udds"]
+    wanted += ['<section id="cell-B">', "No verdict: no validation test"]
+    places = [html.find(text) for text in wanted]
+    assert -1 not in places, dict(zip(wanted, places, strict=True))
+    assert places == sorted(places)
 
 
 def test_report_is_one_file_with_its_pictures_inside(job):

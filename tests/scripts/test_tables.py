@@ -64,6 +64,47 @@ def test_summary_pools_the_error_over_samples():
     assert row["exclusions"] == 1
 
 
+def test_the_summary_says_what_is_missing():
+    found = dict.fromkeys(["capacity", "resistance", "validation", "excluded"], ())
+    rows = [{"cell": "A", "verdict": "named", "effect": name} for name in ("leakage", "time_skew")]
+    found["missing_effect"] = [*rows, {"cell": "B", "verdict": "none", "effect": ""}]
+    facts = [{"cell": cell, "rated_capacity_ampere_hour": None} for cell in "ABC"]
+    summary = tables.summary(facts, found, {})
+    assert [(row["verdict"], row["missing_effect"]) for row in summary] == [
+        ("named", "leakage;time_skew"),
+        ("none", ""),
+        (None, ""),
+    ]
+
+
+def test_a_verdict_has_a_row_for_each_effect_and_one_where_there_is_none(snakemake):
+    effect = {
+        "effect": "leakage",
+        "alternatives": ["current_offset", "coulombic_inefficiency"],
+        "rmse_volt": {"before": 0.004, "after": 0.001},
+        "validation_rmse_volt": {"before": 0.005, "after": 0.002},
+        "gap_closed": 0.9,
+    }
+    facts = {"floor_volt": 0.001, "next_test": None}
+    facts |= {"rmse_volt": {"before": 0.0011, "after": 0.0011}}
+    facts |= {"validation_rmse_volt": {"before": 0.0012, "after": 0.0012}}
+    none = facts | {"cell": "A", "verdict": "none", "effects": [], "gap_closed": None}
+    named = facts | {"cell": "B", "verdict": "ambiguous", "next_test": "A rest."}
+    named |= {"effects": [effect, effect | {"effect": "ocv_edge", "alternatives": []}]}
+    path = "results/tables/missing_effect.csv"
+    with artefact.Job(snakemake(path)) as job:
+        job.save(tables.verdicts([none, named]))
+    first, second, third = artefact.load_table(path)
+    assert (first["verdict"], first["effect"], first["gap_closed"]) == ("none", "", "")
+    assert (first["rmse_before_volt"], first["validation_after_volt"]) == ("0.0011", "0.0012")
+    assert second["alternatives"] == "current_offset;coulombic_inefficiency"
+    errors = ["rmse_before_volt", "rmse_after_volt"]
+    errors += ["validation_before_volt", "validation_after_volt", "gap_closed", "floor_volt"]
+    wanted = ["0.004", "0.001", "0.005", "0.002", "0.9", "0.001"]
+    assert [second[name] for name in errors] == wanted
+    assert (third["effect"], third["next_test"]) == ("ocv_edge", "A rest.")
+
+
 def test_manifest_finds_what_was_edited_by_hand(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("a", "b", "c"):

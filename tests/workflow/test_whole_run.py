@@ -2,6 +2,7 @@
 
 import csv
 import html
+import json
 import re
 import shutil
 import subprocess
@@ -117,6 +118,30 @@ def test_every_validation_drive_is_scored(first):
     }
 
 
+def test_every_cell_with_a_test_for_proof_has_a_verdict(first):
+    """The tiny cells are what the plain model is: nothing is missing."""
+    rows = table(first, "missing_effect")
+    assert [(row["cell"], row["verdict"]) for row in rows] == [("A", "none"), ("B", "none")]
+    with open(first.folder / "results/summary.csv", encoding="utf-8", newline="") as file:
+        assert {row["verdict"] for row in csv.DictReader(file)} == {"none"}
+    page = report_of(first.folder).decode()
+    assert page.count("What its model lacks") == len(tiny.TRUTH)
+    assert page.count("Effects that were tried") == len(tiny.TRUTH)
+
+
+def test_a_cell_without_a_test_for_proof_is_told_why_it_has_no_verdict(copy):
+    """That is no fault of any file: nothing is left out for it."""
+    sheet = copy / "config/tests.tsv"
+    rows = sheet.read_text().splitlines(keepends=True)
+    sheet.write_text("".join(row for row in rows if not row.startswith("B\tdrive\t")))
+    run = snakemake(copy, "missing_effect", "results/tables/excluded.csv")
+    assert run.status == 0, run.said
+    assert [row["cell"] for row in table(run, "missing_effect")] == ["A"]
+    about = json.loads((copy / "results/missing_effect/B/verdict.json").read_text())["provenance"]
+    assert "validation" in about["reason"]
+    assert "missing_effect" not in {row["stage"] for row in table(run, "excluded")}
+
+
 def test_the_parallel_pair_is_scored(first):
     rows = table(first, "packs")
     assert [(row["group"], row["cell"]) for row in rows] == [("pair", "A"), ("pair", "B")]
@@ -145,6 +170,7 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     planned = snakemake(copy, "--dry-run").said
     on_the_way = ["ingest", "clean", "segment", "validate", "soc"]
     on_the_way += ["figure_records", "figure_validation", "figure_soc"]
+    on_the_way += ["effect_search", "missing_effect", "figure_missing_effect"]
     together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
     once = dict.fromkeys([*on_the_way, *together, "all"], 1)
     assert jobs(planned) == once | {"table": 2}  # validation.csv and soc.csv

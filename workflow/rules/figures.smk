@@ -1,5 +1,6 @@
 # Figures are rules, never options of analyses.
 
+EFFECT_FIGURES = ("validation", "map", "evidence", "ranking", "confounding")
 FIGURES = {"campaign": ["results/figures/overview.svg"]}
 for cell in CELLS:
     names = [
@@ -11,6 +12,7 @@ for cell in CELLS:
         ("impedance", tests(cell, "eis")),
         ("temperature", cell in VARIED),
         ("parameters", cell in MODELLED),
+        *[(f"effect_{name}", cell in SEARCHED) for name in EFFECT_FIGURES],
     ]
     scored = [f"validation_{row['test']}" for row in SCORED.get(cell, [])]
     filtered = [f"soc_{row['test']}" for row in SCORED.get(cell, [])]

@@ -168,9 +168,24 @@ def source_of_model(wildcards):
     return f"results/branches/{GROUPED[wildcards.cell]}.json"
 
 
+def effects_of(wildcards):
+    """The effects found in a cell, where they were searched for."""
+    found = f"results/missing_effect/{wildcards.cell}/model.json"
+    return [found] if wildcards.cell in SEARCHED else []
+
+
+def effect_series(wildcards):
+    """What decides whether the model with effects is chosen: tests that take part in fits."""
+    rows = tests(wildcards.cell, *EFFECT_KINDS, roles=["fit", "split"])
+    used = rows if wildcards.cell in SEARCHED else []
+    return [f"results/clean/{wildcards.cell}/{row['test']}.parquet" for row in used]
+
+
 rule model:
     input:
-        source_of_model,
+        source=source_of_model,
+        effects=effects_of,
+        series=effect_series,
     output:
         model="results/models/{cell}.json",
         parameters="results/parameters/{cell}.parquet",
@@ -180,6 +195,7 @@ rule model:
         cell=either(MODELLED),
     params:
         cell=cell_facts,
+        split_rest_second=config["models"]["split_rest_second"],
         code=code_of("model"),
     message:
         "Model of {wildcards.cell} as the rest of the pipeline uses it."

@@ -11,6 +11,8 @@ FINAL = [
     *[f"results/tables/{table}.csv" for table in TABLES],
     *STAGES,
     *EXPORTED["lookup.csv"],
+    *VERDICTS,
+    *[f"results/missing_effect/{cell}/{part}" for cell in ASKED for part in EFFECT_PARTS],
     *[path for paths in FIGURES.values() for path in paths],
 ]
 
@@ -22,6 +24,7 @@ rule report:
         summary="results/summary.csv",
         figures=[path for paths in FIGURES.values() for path in paths],
         artefacts=STAGES,
+        verdicts=VERDICTS,
         template=f"{workflow.basedir}/workflow/report/report.html.j2",
         captions=f"{workflow.basedir}/workflow/report/captions.yaml",
     output:

@@ -19,7 +19,7 @@ TABLE_INPUTS = {
     "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
-TABLES = [*TABLE_INPUTS, "excluded"]
+TABLES = [*TABLE_INPUTS, "missing_effect", "excluded"]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),
     *everywhere("spectrum", "eis"),
@@ -32,6 +32,7 @@ STAGES = [
     *MODELS,
     *EXPORTED["pybamm_thevenin.json"],
     *[path for paths in TABLE_INPUTS.values() for path in paths],
+    *[f"results/missing_effect/{cell}/verdict.json" for cell in SEARCHED],
 ]
 
 

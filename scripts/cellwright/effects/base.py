@@ -16,6 +16,7 @@ from cellwright.native import array, count, function, real
 REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16
 TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}
+KEPT_RESPONSES = 40
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 
 
@@ -148,14 +149,25 @@ def _open_circuit(cell, values, soc):
 
 def slow_volt(stack, fields):
     """Voltage of the two RC pairs [V]."""
-    one = relaxed(stack, fields.r1 * fields.current, fields.tau1)
-    return one + relaxed(stack, fields.r2 * fields.current, fields.tau2)
+    one = relaxed(stack, fields.current, fields.tau1, fields.r1)
+    return one + relaxed(stack, fields.current, fields.tau2, fields.r2)
 
 
-def relaxed(stack, drive, tau_second):
-    """First-order lag of a drive (n,) that begins at rest in every record; unit of the drive."""
+def relaxed(stack, drive, tau_second, gain=1.0):
+    """First-order lag of gain·drive that begins at rest in every record; unit of their product."""
     start = np.zeros(len(drive))
-    return lag_fresh(stack.step_second, stack.fresh, stack.linear, drive, tau_second, start)
+    if np.ndim(gain) or drive is not stack.current_ampere:
+        return lag_fresh(
+            stack.step_second, stack.fresh, stack.linear, gain * drive, tau_second, start
+        )
+    kept = stack.responses
+    if tau_second not in kept:
+        if len(kept) >= KEPT_RESPONSES:
+            kept.clear()
+        kept[tau_second] = lag_fresh(
+            stack.step_second, stack.fresh, stack.linear, drive, tau_second, start
+        )
+    return gain * kept[tau_second]
 
 
 def lag_fresh(step, fresh, linear, drive, constant, start):

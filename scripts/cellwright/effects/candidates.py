@@ -81,25 +81,34 @@ class Score(NamedTuple):
     visible: float
 
 
-def scored(candidate, own, residual, columns, precision):
-    """Score (Lagrange multiplier) test with the nuisances projected out.
+def scored(lined_up, white, residual, columns, precision):
+    """Score (Lagrange multiplier) tests with the nuisances projected out.
 
     Parameters
     ----------
-    candidate : Candidate. own : (n, k) its columns, whitened.
+    lined_up : list of Candidate. white : (n, m) columns of all of them, whitened.
     residual : (n,) whitened residual of the model at its optimum.
-    columns : (n, m) whitened derivatives by the nuisances. precision : (m, m), priors included.
+    columns : (n, k) whitened derivatives by the nuisances. precision : (k, k), priors included.
 
     Returns
     -------
-    score : Score.
+    scores : list of Score.
 
     Source: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50.
     """
-    mixed = columns.T @ own
-    whole = own.T @ own
+    mixed = columns.T @ white
+    whole = white.T @ white
     information = whole - mixed.T @ np.linalg.solve(precision, mixed)
-    slope = own.T @ residual
+    slope = white.T @ residual
+    found, first = [], 0
+    for candidate in lined_up:
+        own = slice(first, first + len(candidate.sizes))
+        first = own.stop
+        found.append(_score(candidate, information[own, own], whole[own, own], slope[own]))
+    return found
+
+
+def _score(candidate, information, whole, slope):
     ridge = 1e-6 * np.diag(np.maximum(np.diag(whole), 1e-300))
     estimate = _within(candidate, np.linalg.solve(information + ridge, slope))
     gain = 2 * slope @ estimate - estimate @ information @ estimate

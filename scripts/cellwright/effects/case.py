@@ -20,7 +20,7 @@ class Gates(NamedTuple):
     validation_fall: float = 0.03
     visible_chi_square: float = 25.0
     material_volt: float = 3e-4
-    material_share: float = 0.02
+    material_share: float = 0.005
     nothing_ratio: float = 1.15
     adequate_ratio: float = 1.3
     adequate_closed: float = 0.85

@@ -3,6 +3,8 @@
 from cellwright.effects.problem import stds
 from cellwright.effects.structural import offset_or_leak, rest_current, with_partners
 
+OUTDONE = 0.5  # of the best J: an explanation below it is not the one
+
 
 def best_of(gates, first, before, trials, floor):
     """The best trial that passes the gates, and the ids of those as good."""
@@ -11,10 +13,11 @@ def best_of(gates, first, before, trials, floor):
     if before is not first and before.worst_volt <= gates.adequate_ratio * floor:
         return None, ()
     proven = [t for t in trials if significant(gates, before, t)]
-    # Where the best explanation is too small to matter, a worse one is none either.
-    if not proven or not matters(gates, first, before, proven[0], floor):
+    passed = [t for t in proven if matters(gates, first, before, t, floor)]
+    # Where far better explanations are too small to matter, a worse one is none either.
+    if not passed or passed[0].j < OUTDONE * proven[0].j:
         return None, ()
-    best, passed = proven[0], [t for t in proven if matters(gates, first, before, t, floor)]
+    best = passed[0]
     within = max(gates.tie_absolute, gates.tie_relative * best.j)
     near = [t.effect.id for t in passed[1:] if best.j - t.j <= within]
     return best, tuple(dict.fromkeys(name for name in near if name != best.effect.id))

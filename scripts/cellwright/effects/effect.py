@@ -34,7 +34,8 @@ class Effect(NamedTuple):
     Parameter. stage : where it enters the model, one of STAGES. act : function (fields, stack, p)
     → fields, p being a dict of its parameters by name; see `base.Fields`.
     starts : tuple of dicts, parameters from which it is tried. held : what it changes is no
-    straight line in its size: it is judged at the sizes of its starts and nowhere between.
+    straight line in its size. bends : a model without it has moved its resistances and time
+    constants so far that they are to be found anew beside it.
     needs : names of `excitation.FACTORS` without which data cannot show it.
     shows : the test that shows it, in words. consequence : what it changes for the user.
     """
@@ -49,8 +50,14 @@ class Effect(NamedTuple):
     shows: str = ""
     consequence: str = ""
     held: bool = False
+    bends: bool = False
 
     @property
     def names(self):
         """Names of its parameters within a model: id.parameter."""
         return tuple(f"{self.id}.{p.name}" for p in self.parameters)
+
+    def given(self, start):
+        """Names of the parameters whose first values its own starts state."""
+        stated = {name for one in self.starts for name in one}
+        return {name for name in start if name.split(".")[1] in stated}

@@ -113,7 +113,7 @@ def problem_of(case, placed, free, filters):
         rows_of(case, case.fit),
         filters.apply,
         free,
-        group_coupling(free, case.cells, case.spread),
+        group_coupling(free, case.cells, case.spread, case.shared),
     )
 
 

@@ -1,4 +1,4 @@
-"""The whole search for one parallel group: from its records to a verdict, a ranking and a series."""
+"""The whole search for one parallel group: from its records to a verdict and its ranking."""
 
 from typing import NamedTuple
 
@@ -75,7 +75,7 @@ def branch_of(cell, model, *, wire_ohm=0.0, own=True):
     # ASSUME: What a cell's model has beside the plain circuit and its resistance over temperature
     # is alike in all cells of a group, so that it moves no current from one branch to another.
     values, ocv = model["values"], np.asarray(model["ocv_volt"], float)
-    error = smooth_shares(len(ocv)) @ [values[f"ocv[{k}]"] for k in range(OCV_KNOTS)]
+    error = smooth_shares(len(ocv), OCV_KNOTS) @ [values[f"ocv[{k}]"] for k in range(OCV_KNOTS)]
     return Branch(
         cell,
         model["capacity_ampere_hour"] * (1.0 + values["capacity"]),

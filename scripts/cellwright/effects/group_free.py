@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.base import OCV_KNOTS
+from cellwright.effects.group_model import FINE_KNOTS
 from cellwright.effects.problem import Free
 
 
@@ -35,7 +36,7 @@ class Spread(NamedTuple):
     wire_ohm: float = 1e-4
     current_offset_c_rate: float = 1e-3
     current_gain: float = 1e-3
-    ocv_soc: float = 0.06
+    ocv_soc: float = 0.12
     widest: float = 3.0
 
 
@@ -49,6 +50,8 @@ class Shared(NamedTuple):
     capacity: float = 4e-3
     type_capacity: float = 0.05
     soc: float = 5e-3
+    ocv_volt: float = 1e-3
+    ocv_soc: float = 0.03
     activation_joule_per_mole: float = 1e3
     type_activation_joule_per_mole: float = 1e4
 
@@ -85,6 +88,7 @@ def group_frees(cells, files, spread, shared, *, sensors):
         *_common(own, shared),
         *(Free(f"soc0[{k}]", SOC_STEP, 0.0, shared.soc) for k in range(files)),
     ]
+    free += [Free(f"fine[{k}]", VOLT_STEP) for k in range(FINE_KNOTS)]
     for b, cell in enumerate(cells):
         free += _of_branch(b, cell, spread, sensors)
         free += [Free(f"{b}.ocv[{k}]", VOLT_STEP) for k in range(OCV_KNOTS)]
@@ -120,14 +124,21 @@ def _of_branch(b, cell, spread, sensors):
     return [Free(f"{b}.{n}", STEPS[n], 0.0, s, -far * s, far * s) for n, s in known.items()]
 
 
-def group_coupling(free, cells, spread):
+def group_coupling(free, cells, spread, shared):
     """Prior precision of the errors of all OCV curves, smooth over SoC: (k, k)."""
     found = np.zeros((len(free), len(free)))
     names = [one.name for one in free]
-    soc = np.linspace(0.0, 1.0, OCV_KNOTS)
-    near = np.exp(-0.5 * (np.subtract.outer(soc, soc) / spread.ocv_soc) ** 2)
-    shape = np.linalg.inv(near + OWN_KNOT**2 * np.eye(OCV_KNOTS))
+    at = [k for k, name in enumerate(names) if name.startswith("fine[")]
+    found[np.ix_(at, at)] = _smooth(FINE_KNOTS, shared.ocv_soc) / shared.ocv_volt**2
+    shape = _smooth(OCV_KNOTS, spread.ocv_soc)
     for b, cell in enumerate(cells):
         at = [k for k, name in enumerate(names) if name.startswith(f"{b}.ocv[")]
         found[np.ix_(at, at)] = shape / (spread.ocv_volt if cell.own else spread.type_ocv_volt) ** 2
     return found
+
+
+def _smooth(knots, length):
+    """Precision of a curve of unit size, smooth over a length of SoC."""
+    soc = np.linspace(0.0, 1.0, knots)
+    near = np.exp(-0.5 * (np.subtract.outer(soc, soc) / length) ** 2)
+    return np.linalg.inv(near + OWN_KNOT**2 * np.eye(knots))

@@ -18,6 +18,7 @@ from cellwright.refusal import Refusal
 
 LEAST_OHM = 1e-6
 SMOOTH_SOC = 0.01
+FINE_KNOTS = 41  # of the error that the OCV of all branches shares
 
 
 class Branch(NamedTuple):
@@ -96,6 +97,7 @@ def group_names(files, branches):
     """Names of all parameters but those of effects: common ones, then those of each branch."""
     common = [*COMMON, *(f"soc0[{k}]" for k in range(files))]
     own = [*OWN, *(f"ocv[{k}]" for k in range(OCV_KNOTS))]
+    common += [f"fine[{k}]" for k in range(FINE_KNOTS)]
     return (*common, *(f"{b}.{name}" for b in range(branches) for name in own))
 
 
@@ -140,16 +142,18 @@ def group_fields(cells, soc_at_start, values, placed=()):
 
 def _ocv_errors(cells, values):
     knots = [[values[f"{b}.ocv[{k}]"] for k in range(OCV_KNOTS)] for b in range(len(cells))]
-    return np.array(knots) @ smooth_shares(len(cells[0].ocv_volt)).T
+    points = len(cells[0].ocv_volt)
+    common = smooth_shares(points, FINE_KNOTS) @ [values[f"fine[{k}]"] for k in range(FINE_KNOTS)]
+    return common + np.array(knots) @ smooth_shares(points, OCV_KNOTS).T
 
 
 @cache
-def smooth_shares(points):
+def smooth_shares(points, knots):
     """Share of each knot of an OCV error at each point of an even SoC grid: (points, knots).
 
     Smooth between knots: cells in parallel are pulled apart by the slopes of their OCV.
     """
-    spline = CubicSpline(np.linspace(0.0, 1.0, OCV_KNOTS), np.eye(OCV_KNOTS))
+    spline = CubicSpline(np.linspace(0.0, 1.0, knots), np.eye(knots))
     return spline(np.linspace(0.0, 1.0, points))
 
 

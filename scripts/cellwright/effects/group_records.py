@@ -1,4 +1,4 @@
-"""Records of a parallel group, laid one after the other: total current, voltage, branch currents."""
+"""Records of a parallel group, one after the other: total current, voltage, branch currents."""
 
 from typing import NamedTuple
 

@@ -11,7 +11,7 @@ from cellwright.effects.problem import Free
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
 FIRST_TAU_SECOND = {"log_tau1": 8.0, "log_tau2": 130.0}
 RESISTANCES = ("log_r0", "log_r1", "log_r2")
-NO_LOG_OHM, UNIT_LOG_OHM = np.log(1e-7), np.log(1e-2)
+NO_LOG_OHM, UNIT = np.log(1e-7), 1e-2  # a size from which a derivative is taken [ohm]
 LOG_STD = {"log_r0": 1.5, "log_r1": 1.5, "log_r2": 1.5, "log_tau1": 0.8, "log_tau2": 0.8}
 STEEP = 2.0  # times the usual slope of the OCV
 OWN_KNOT = 0.1  # of the tolerance of the OCV: what each knot may err alone
@@ -90,24 +90,39 @@ def first_values(cell, stack):
     return regressed(cell, stack, values)
 
 
-def regressed(cell, stack, values, effects=()):
+def regressed(cell, stack, values, effects=(), sizes=()):
     """The same beside effects whose values are given; what else is given stays.
 
-    A search that has settled on the wrong resistances finds from here what it cannot see from there.
+    A search that has settled on wrong resistances finds from here what it cannot see from there.
+
+    Parameters
+    ----------
+    cell, stack : as above. values : dict. effects : sequence of Effect.
+    sizes : names of further parameters, zero or above, that the voltage is proportional to.
     """
     values = values | {name: float(np.log(tau)) for name, tau in FIRST_TAU_SECOND.items()}
-    without = values | dict.fromkeys(RESISTANCES, NO_LOG_OHM)
+    without = values | dict.fromkeys(RESISTANCES, NO_LOG_OHM) | dict.fromkeys(sizes, 0.0)
     volt = base.voltage(cell, stack, without, effects)
+    units = dict.fromkeys(RESISTANCES, np.log(UNIT)) | dict.fromkeys(sizes, UNIT)
     columns = [
-        (base.voltage(cell, stack, without | {name: UNIT_LOG_OHM}, effects) - volt)[stack.used]
-        for name in RESISTANCES
+        (base.voltage(cell, stack, without | {name: one}, effects) - volt)[stack.used]
+        for name, one in units.items()
     ]
     left = (stack.voltage_volt - volt)[stack.used]
-    found = np.exp(UNIT_LOG_OHM) * nnls(np.stack(columns, axis=1), left)[0]
-    floor = max(found.max(), 1e-5) / 30
-    return values | {
-        n: float(np.log(max(r, floor))) for n, r in zip(RESISTANCES, found, strict=True)
-    }
+    found = dict(zip(units, UNIT * _nonnegative(np.stack(columns, axis=1), left), strict=True))
+    floor = max(max(found.values()), 1e-5) / 30
+    logs = {name: float(np.log(max(found[name], floor))) for name in RESISTANCES}
+    return values | logs | {name: float(found[name]) for name in sizes}
+
+
+def _nonnegative(columns, target):
+    """Non-negative least squares by way of the normal equations: few columns, many rows."""
+    gram = columns.T @ columns
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    gram = gram / np.outer(size, size) + 1e-9 * np.eye(len(size))
+    root = np.linalg.cholesky(gram)
+    moment = np.linalg.solve(root, (columns.T @ target) / size)
+    return nnls(root.T, moment)[0] / size
 
 
 def steep_volt(cell, soc, tolerance):

@@ -194,7 +194,9 @@ def _misfit(case):
     values = plain.first_values(case.cell, case.fit)
     filters = filters_of(case, FIRST_NOISE, steep(case, values))
     skew = LIBRARY["time_skew"]
-    name = skew.names[0]
-    delays = [start["voltage_delay_second"] for start in skew.starts]
-    skewed = [left(case, values | {name: delay}, (skew,), filters) for delay in delays]
-    return min(left(case, values, (), filters), *skewed)
+    costs = [left(case, values, (), filters)]
+    for start in skew.starts:
+        here = values | {skew.names[0]: start["voltage_delay_second"]}
+        here = plain.regressed(case.cell, case.fit, here, (skew,))
+        costs.append(left(case, here, (skew,), filters))
+    return min(costs)

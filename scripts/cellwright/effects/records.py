@@ -44,7 +44,8 @@ class Stack(NamedTuple):
     soc_at_start : (f,) [1]. hold : of the current between rows, see `stacked`.
     linear : (n,) 1 where the current moved on a straight line since the row before, else 0.
     known_volt : (n,) what healthy cells have beyond the plain model in these rows (paired mode),
-    else zero [V]. used : (n,) bool, rows that are compared.
+    else zero [V]. used : (n,) bool, rows that are compared. responses : answers of lags to the
+    measured current, by time constant: kept, for most parameters of a model change neither.
     """
 
     tests: tuple
@@ -64,6 +65,7 @@ class Stack(NamedTuple):
     linear: np.ndarray
     known_volt: np.ndarray
     used: np.ndarray
+    responses: dict
 
     def part(self, files):
         """The rows of some of the records, by their numbers, as a mask (n,)."""
@@ -124,6 +126,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         linear * (1.0 - fresh),
         np.zeros(len(file)),
         np.concatenate([np.ones(n, bool) if r.used is None else r.used for r, n in pairs]),
+        {},
     )
 
 

@@ -23,10 +23,10 @@ def screened(case, lined_up, before, filters):
     solution = before.solution
     residual = filters.fit.apply(solution.residual)
     best, hidden = {}, {}
-    for candidate in lined_up:
-        own = filters.fit.apply(candidate.columns)
-        one = scored(candidate, own, residual, solution.white, solution.precision)
-        if candidate.effect.held:
+    many = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
+    for one in scored(lined_up, many, residual, solution.white, solution.precision):
+        candidate = one.candidate
+        if candidate.effect.bends:
             one = anew(case, before.effects, solution.values, one, filters)
         seen = one.visible >= case.gates.visible_chi_square
         kept, name = best if seen else hidden, (candidate.effect.id, candidate.form)
@@ -38,23 +38,29 @@ def screened(case, lined_up, before, filters):
 
 
 def anew(case, effects, values, score, filters):
-    """A score for an effect that is no straight line in its size: from resistances found anew.
+    """A score for an effect whose lack bends a model: from resistances found anew.
 
-    A model that lacks it has bent its resistances and time constants until no small step leads
-    back. Beside the effect at each of its starts they are found again by linear regression; what
-    that leaves is compared with what it leaves without the effect.
+    Without it resistances and time constants have moved until no small step leads back. Beside the
+    effect at each of its starts they are found again by linear regression; what that leaves is
+    compared with what it leaves without the effect.
     """
     candidate = score.candidate
-    without = left(case, values, effects, filters)
+    without = left(case, plain.regressed(case.cell, case.fit, values, effects), effects, filters)
     effects = (*effects, candidate.effect)
-    fall = without - left(case, values | candidate.start, effects, filters)
-    sizes = np.array([candidate.start[name] for name in candidate.sizes])
-    return score._replace(chi_square=fall, estimate=sizes)
+    found = beside(case, values | candidate.start, effects, candidate)
+    sizes = np.array([found[name] for name in candidate.sizes])
+    return score._replace(chi_square=without - left(case, found, effects, filters), estimate=sizes)
+
+
+def beside(case, values, effects, candidate):
+    """Values with the resistances found anew beside a candidate, and its sizes where not given."""
+    given = candidate.effect.given(candidate.start)
+    free = tuple(name for name in candidate.sizes if name not in given)
+    return plain.regressed(case.cell, case.fit, values, effects, free)
 
 
 def left(case, values, effects, filters):
-    """Chi-square that is left of the fitted records beside effects, resistances found anew."""
-    found = plain.regressed(case.cell, case.fit, values, effects)
-    volt = base.voltage(case.cell, case.fit, found, effects)
+    """Chi-square that is left of the fitted records."""
+    volt = base.voltage(case.cell, case.fit, values, effects)
     white = filters.fit.apply(case.fit.voltage_volt - volt)
     return float(white @ white)

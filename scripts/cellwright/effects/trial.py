@@ -4,11 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, plain
+from cellwright.effects import base
 from cellwright.effects.case import State, problem_of, state_of
 from cellwright.effects.problem import Free, derivatives, fit
+from cellwright.effects.screen import beside
 
-CHORD_STEPS, POLISH_STEPS, ANEW_STEPS = 6, 4, 10
+CHORD_STEPS, POLISH_STEPS, ANEW_STEPS = 6, 4, 4
 POLISHED, POLISH_SHARE = 3, 0.3  # how many trials at most, and from which part of the best J on
 FAR_LOG = 0.2  # of a resistance or time constant: beyond it derivatives are made anew
 
@@ -38,8 +39,8 @@ def tried(case, free, before, score, filters):
     own, plainly = frees_of(effect), before.solution
     effects = (*before.effects, effect)
     problem = problem_of(case, effects, (*free, *own), filters)
-    if effect.held:
-        values = plain.regressed(case.cell, case.fit, plainly.values | candidate.start, effects)
+    if effect.bends:
+        values = beside(case, plainly.values | candidate.start, effects, candidate)
         solution = fit(problem, values, steps=ANEW_STEPS)
         return _trial(case, before, effect, score.chi_square, solution, filters)
     sizes = dict(zip(candidate.sizes, score.estimate, strict=True))

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.models.circuit import kind_of
+from cellwright.models.instrument import capacity_factor
 from cellwright.models.lookup import circuit_at, member_of
 from cellwright.models.tables import continued_ocv_at
 from cellwright.refusal import Refusal
@@ -79,16 +80,16 @@ def bank_of(model, member, temperature_celsius, *, points=201):
     ------
     Refusal : the model does not say how well it fits (`fit_rmse_volt`), or as `circuit_at`.
     """
-    capacity = model["capacity_ampere_hour"]
+    own = member_of(model, member)
+    capacity = model["capacity_ampere_hour"] * float(capacity_factor(own, temperature_celsius))
     beyond = round(BEYOND * (points - 1))
     soc = np.arange(-beyond, points + beyond) / (points - 1)
-    conditions = member_of(model, member)["conditions"]
     celsius = np.full(len(soc), float(temperature_celsius))
-    found = circuit_at(conditions, soc, celsius)
+    found = circuit_at(own["conditions"], soc, celsius)
     ocv_volt = continued_ocv_at(model["ocv"], found.table_soc, celsius)
     stretch = np.gradient(found.table_soc, soc)
     branches = [b for k, b in enumerate(found.circuit) if k == 0 or _there(b, soc, capacity)]
-    rest, load = _errors(member_of(model, member), temperature_celsius)
+    rest, load = _errors(own, temperature_celsius)
     return Bank(
         soc=soc,
         ocv_volt=ocv_volt,

@@ -116,6 +116,10 @@ def _kinetic(current, *, r_ohm, scale_volt, **_parameters):
     return scale_volt * np.arcsinh(r_ohm * current / scale_volt)
 
 
+def _transfer(current, *, r_ohm, exchange_ampere):
+    return 2.0 * exchange_ampere * r_ohm * np.arcsinh(current / (2.0 * exchange_ampere))
+
+
 def _last_sign(current, *, m_volt):
     """Sign of the current; at rest that of the last current, before the first one zero."""
     # ASSUME: A current below a hundredth of a record's largest is rest, not a turn of the load.
@@ -143,6 +147,9 @@ KINDS = {
     # Charge transfer by the Butler–Volmer equation with equal transfer coefficients, then an RC's
     # lag: resistance r_ohm at small currents; scale_volt is 2RT/F for one electrode.
     "kinetic": Kind(("r_ohm", "tau_second", "scale_volt"), _kinetic, _one_lag, linear=False),
+    # The same without a lag, by its exchange current: 2·r·I0·asinh(I/2I0). Where r_ohm changes with
+    # temperature or SoC, its scale in volts goes with it.
+    "charge_transfer": Kind(("r_ohm", "exchange_ampere"), _transfer, _no_lag, linear=False),
     # Finite-length Warburg element: r_ohm·tanh(√(jωτ))/√(jωτ).
     "warburg": Kind(("r_ohm", "tau_second"), _ohmic, _plane),
     # One-state hysteresis (thesis 2.5, 2.16): relaxes to ±m_volt with the charge passed.

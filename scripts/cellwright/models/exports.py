@@ -3,6 +3,7 @@
 import numpy as np
 
 from cellwright.models.circuit import KINDS
+from cellwright.models.instrument import capacity_factor
 from cellwright.models.lookup import circuit_at, member_of, open_circuit_volt
 from cellwright.models.plain import is_plain
 from cellwright.models.tables import celsius_of, temperature_weights
@@ -16,6 +17,7 @@ NONE = 1e-9  # ohm, volt: stands for a resistance or hysteresis of zero, over wh
 SAME_SOC = 1e-9
 NO_ELEMENT = {
     "switch": "none of its elements remembers at rest which way the last current ran",
+    "charge_transfer": "its kinetics here have no lag, and a resistor that no element holds",
     "diffusion": "its diffusion element is a plane sheet whose gain its time constant fixes, "
     "not a sphere with a gain of its own",
 }
@@ -46,8 +48,8 @@ def pybamm_parameters(model, member, temperature_celsius):
     Source: PyBaMM, pybamm.equivalent_circuit.Thevenin: of an element du/dt = (R·I − u)/(R·C), R and
     C functions of temperature, current and SoC.
     """
-    soc = _knots(model, member, temperature_celsius)
-    found = circuit_at(member_of(model, member)["conditions"], soc, temperature_celsius)
+    soc, own = _knots(model, member, temperature_celsius), member_of(model, member)
+    found = circuit_at(own["conditions"], soc, temperature_celsius)
     ocv = open_circuit_volt(model, found, temperature_celsius)
     r0, elements = np.zeros(len(soc)), []
     for branch in found.circuit:
@@ -56,7 +58,8 @@ def pybamm_parameters(model, member, temperature_celsius):
     inside = soc[~found.outside_soc]
     return {
         "temperature_celsius": float(temperature_celsius),
-        "capacity_ampere_hour": model["capacity_ampere_hour"],
+        "capacity_ampere_hour": model["capacity_ampere_hour"]
+        * float(capacity_factor(own, temperature_celsius)),
         "identified_soc": [inside.min(), inside.max()],
         "soc": soc,
         "ocv_volt": ocv,

@@ -4,21 +4,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.models import instrument
 from cellwright.models.circuit import KINDS, Branch
 from cellwright.models.kinetics import with_shared_scale
 from cellwright.models.simulate import OpenCircuit, overpotentials
 from cellwright.models.tables import (
+    SMALLEST,
     celsius_of,
     continued_ocv_at,
-    table_soc,
+    mixed_by,
+    mixed_resistances,
+    scaled_soc,
     temperature_weights,
-    warmth,
+    warmth_beyond,
 )
 from cellwright.refusal import Refusal
 
 SAME_KELVIN = 5.0
-WARMED = ("r_ohm", "r_charge_ohm", "r_discharge_ohm", "soc_per_ampere")
-SMALLEST = 1e-9  # of any parameter: the logarithm of none would be −∞
 
 
 class Parameters(NamedTuple):
@@ -85,7 +87,7 @@ def circuit_at(conditions, soc, temperature_celsius):
     here = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
     weights = temperature_weights(known, here)
     elements = [_elements(condition) for condition in conditions]
-    beyond = _warmth_beyond(conditions, known, here)
+    beyond = warmth_beyond(conditions, known, here)
 
     def courses(index, name):
         pairs = zip(conditions, elements, strict=True)
@@ -93,11 +95,11 @@ def circuit_at(conditions, soc, temperature_celsius):
 
     def mixed(index, name):
         logs = [np.log(np.maximum(course, SMALLEST)) for course in courses(index, name)]
-        factor = beyond if name in WARMED else 1.0
-        return factor * np.exp(_mean(weights, logs))
+        factor = beyond if name in instrument.WARMED else 1.0
+        return factor * np.exp(mixed_by(weights, logs))
 
     resistive = [k for k, (_, parameters) in enumerate(elements[0]) if "r_ohm" in parameters]
-    resistances = beyond * _mixed_resistances([courses(k, "r_ohm") for k in resistive], weights)
+    resistances = beyond * mixed_resistances([courses(k, "r_ohm") for k in resistive], weights)
     by_index = dict(zip(resistive, resistances, strict=True))
     circuit = [
         Branch(
@@ -110,11 +112,11 @@ def circuit_at(conditions, soc, temperature_celsius):
         for index, (kind, parameters) in enumerate(elements[0])
     ]
     shifts = [c.get("ocv_shift_volt", np.zeros(len(c["soc"]))) for c in conditions]
-    shift = _mean(weights, [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)])
+    shift = mixed_by(weights, [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)])
     far = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
-    outside = _mean(weights, far) > 0
+    outside = mixed_by(weights, far) > 0
     circuit = with_shared_scale(circuit)
-    scaled = _on_table(conditions, weights, soc)
+    scaled = scaled_soc(conditions, weights, soc)
     return Found(circuit, scaled, shift, outside, _outside(known, here))
 
 
@@ -171,9 +173,10 @@ def simulate_model(
     soc,
     temperature_celsius,
     *,
-    hold="first_order",
+    hold=None,
+    kind=None,
 ):
-    """Terminal voltage of a cell's model under a measured current.
+    """Terminal voltage of a cell's model under a measured current, as the instrument reads it.
 
     Parameters
     ----------
@@ -182,54 +185,42 @@ def simulate_model(
     test_time_second, current_ampere : (n,) [s], [A], positive on charge.
     soc : (n,) state of charge at each sample [1].
     temperature_celsius : scalar or (n,) [degC].
-    hold : hold of the current between samples.
+    hold : hold of the current between samples; None: the one that the member was found with, else
+        "first_order".
+    kind : of the test, or None: what a member says of the charge may not hold in capacity tests.
 
     Returns
     -------
-    simulated : Simulated.
+    simulated : Simulated; `instrument` says what a member may correct of the record.
     """
-    conditions = member_of(model, member)["conditions"]
-    found = circuit_at(conditions, np.asarray(soc, float), temperature_celsius)
-    ocv = open_circuit_volt(model, found, temperature_celsius)
-    open_circuit = OpenCircuit(
-        lambda z: continued_ocv_at(model["ocv"], z, temperature_celsius), found.table_soc
-    )
-    over = overpotentials(
-        found.circuit, test_time_second, current_ampere, hold=hold, open_circuit=open_circuit
-    )
-    return Simulated(ocv + over.sum(axis=0), ocv, over, *found[3:])
+    own = member_of(model, member)
+    capacity, time, celsius = model["capacity_ampere_hour"], test_time_second, temperature_celsius
+    read = (time, current_ampere, np.asarray(soc, float))
+    true = instrument.corrected(own, capacity, *read, celsius, kind=kind)
+    found = circuit_at(own["conditions"], true.soc, celsius)
+    ocv = open_circuit_volt(model, found, celsius)
+    curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), found.table_soc)
+    settings = {"hold": hold or instrument.hold_of(own), "open_circuit": curve}
+    record = (time, np.asarray(true.current_ampere, float))
+    over = _overpotentials(own, found.circuit, record, celsius, settings)
+    if "history" in own:
+        before = (true.soc, capacity)
+        over = over + instrument.led(own, found.circuit, *record, *before, hold=settings["hold"])
+    at_once = over[instrument.at_once(found.circuit)].sum(axis=0)
+    volt = instrument.as_read(own, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
+    return Simulated(volt, ocv, over, *found[3:])
 
 
-def _warmth_beyond(conditions, known, here):
-    """Beyond the measured temperatures resistances follow the activation energy of the nearest."""
-    energies = [c.get("activation_energy_joule_per_mole") or 0.0 for c in conditions]
-    if np.isnan(known).any() or not any(energies):
-        return 1.0
-    nearest = np.clip(here, known[0], known[-1])
-    energy = np.where(here < known[0], energies[0], energies[-1])
-    return np.where(np.isnan(here), 1.0, warmth(here, nearest, energy))
-
-
-def _mean(weights, values):
-    return sum(weight * value for weight, value in zip(weights, values, strict=True))
-
-
-def _mixed_resistances(courses, weights):
-    """Resistances (m, n) between temperatures: their sum by Arrhenius, shares straight.
-
-    A resistance that is zero at one temperature and not at the next has no logarithm to mix.
-    """
-    courses = np.array(courses)
-    totals = np.maximum(courses.sum(axis=0), SMALLEST)
-    total = np.exp(_mean(weights, np.log(totals)))
-    return total * np.array([_mean(weights, course / totals) for course in courses])
-
-
-def _on_table(conditions, weights, soc):
-    """SoC of the OCV tables, by the scale of each condition."""
-    scales = [c.get("ocv_scale", {"missing": 0.0, "stretch": 0.0}) for c in conditions]
-    mixed = (_mean(weights, [scale[name] for scale in scales]) for name in ("missing", "stretch"))
-    return table_soc(soc, *mixed)
+def _overpotentials(member, circuit, record, celsius, settings):
+    """Over each branch; where the cell's own heat counts, once to know it and once with it."""
+    over = overpotentials(circuit, *record, **settings)
+    if "own_heat" not in member:
+        return over
+    time, current = record
+    heat = current * over[instrument.heating(circuit)].sum(axis=0)
+    steps = np.diff(time)
+    warm = instrument.warmed_within(member, circuit, heat, steps, celsius, hold=settings["hold"])
+    return overpotentials(warm, *record, **settings)
 
 
 def _outside(known, here):

@@ -5,6 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.models.fast import tables_of
+from cellwright.models.instrument import capacity_factor
+from cellwright.models.lookup import member_of
+from cellwright.models.plain import plain_member
 from cellwright.native import array, count, function
 from cellwright.refusal import Refusal
 
@@ -152,7 +155,8 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
     """
     if not models:
         raise Refusal("a group without models cannot be simulated")
-    settings = {"temperature_celsius": temperature_celsius, "member": member, "points": points}
+    celsius = temperature_celsius
+    settings = {"temperature_celsius": celsius, "member": member, "points": points}
     found = [tables_of(model, **settings) for model in models]
     pairs = max(len(tables.r_ohm) for tables in found)
     return Group(
@@ -160,8 +164,13 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
         r0_ohm=np.array([tables.r0_ohm for tables in found]),
         r_ohm=np.array([_padded(tables.r_ohm, pairs, 0.0) for tables in found]),
         tau_second=np.array([_padded(tables.tau_second, pairs, 1.0) for tables in found]),
-        capacity_ampere_hour=np.array([model["capacity_ampere_hour"] for model in models]),
+        capacity_ampere_hour=np.array([_capacity(model, member, celsius) for model in models]),
     )
+
+
+def _capacity(model, member, celsius):
+    own = member_of(model, plain_member(model) if member is None else member)
+    return model["capacity_ampere_hour"] * float(capacity_factor(own, celsius))
 
 
 def _padded(table, pairs, fill):

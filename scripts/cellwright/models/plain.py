@@ -6,12 +6,14 @@ from cellwright.refusal import Refusal
 
 
 def is_plain(member):
-    """Whether a member is made of an ohmic resistance and RC pairs.
+    """Whether a member is made of an ohmic resistance and RC pairs, and of nothing that warms them.
 
     Parameters
     ----------
     member : dict, a member of a model file.
     """
+    if "own_heat" in member:
+        return False
     branches = [branch for entry in member["conditions"] for branch in entry["branches"]]
     return all(branch.get("kind", "RC") == "RC" for branch in branches)
 

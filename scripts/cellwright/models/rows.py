@@ -15,6 +15,7 @@ NAMES = {
     "m_volt": ("m", "V"),
     "charge_ampere_hour": ("charge", "Ah"),
     "soc_per_ampere": ("gain", "1/A"),
+    "exchange_ampere": ("exchange", "A"),
 }
 
 

@@ -49,7 +49,9 @@ def validate(model, cell, facts, series, *, split_rest_second):
     rows, columns = [], {}
     for member in model["members"]:
         name = member["model"]
-        run = simulate_model(model, name, time, current, anchored.soc, celsius)
+        run = simulate_model(
+            model, name, time, current, anchored.soc, celsius, kind=facts.get("kind")
+        )
         columns[f"simulated_{name}_volt"] = run.voltage_volt
         error = series["voltage_volt"] - run.voltage_volt
         row = scores(error[scored], anchored.soc[scored])

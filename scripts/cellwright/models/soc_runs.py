@@ -7,6 +7,8 @@ import numpy as np
 from cellwright.models.bank import bank_of, warmth_of
 from cellwright.models.basis import soc_of
 from cellwright.models.groups import course_celsius
+from cellwright.models.instrument import corrected, hold_of, true_volt, words_of
+from cellwright.models.lookup import member_of
 from cellwright.models.plant import Noise
 from cellwright.models.soc import Start, estimate
 from cellwright.models.soc_scores import scores
@@ -64,7 +66,11 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
     bank = bank_of(model, None, celsius)
     record = _record(model, cell, facts, series, split_rest_second)
     record = record._replace(warmth=warmth_of(model, None, course, celsius))
-    note = f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"
+    own = member_of(model, None)
+    notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
+    seen = ("reading", "counting")
+    notes += [f"filters and their reference know that {told}" for told in words_of(own, seen)]
+    settings = settings | {"hold": hold_of(own)}
     noise = noise_of(settings, record.test_time_second)
     first, *others = _starts(settings, record.reference_soc[0])
     plans = [("nominal", start) for start in (first, *others)]
@@ -76,7 +82,7 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
         columns |= _columns(method, found[0][1])
     rows = [row | {"model": model["chosen"]} for row in rows]
     shown = {"test_time_second": record.test_time_second, "soc": record.reference_soc}
-    return SocRuns(rows, shown | {"scored": record.scored} | columns, (note,))
+    return SocRuns(rows, shown | {"scored": record.scored} | columns, tuple(notes))
 
 
 def noise_of(settings, test_time_second):
@@ -116,8 +122,11 @@ def _record(model, cell, facts, series, split_rest_second):
     if facts["role"] == "split":
         rest = REST_C_RATE * model["capacity_ampere_hour"]
         scored = ~fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
-    reference = soc_of(series, model, facts, cell).soc
-    return Record(time, current, series["voltage_volt"], reference, scored, np.ones(len(time)))
+    own, reference = member_of(model, None), soc_of(series, model, facts, cell).soc
+    capacity, celsius = model["capacity_ampere_hour"], course_celsius(facts, series)[0]
+    true = corrected(own, capacity, time, current, reference, celsius, kind=facts.get("kind"))
+    volt = true_volt(own, series["voltage_volt"])
+    return Record(time, true.charging_ampere, volt, true.soc, scored, np.ones(len(time)))
 
 
 def _loaded_mean(model, series, course):
@@ -162,6 +171,7 @@ def _one(method, plan, record, bank, noise, settings):
     given, bank, start = _disturbed(scenario, record, bank, start, settings)
     tracked = settings["track_resistance"]
     known = {"noise": noise, "warmth": given.warmth, "track_ohmic": tracked}
+    known["hold"] = settings["hold"]
     found = estimate(bank, *given[:3], start, method=method, **known)
     error = float(start.soc - given.reference_soc[0])
     row = {"filter": method, "scenario": scenario, "initial_soc_error": error}

@@ -6,6 +6,7 @@ from cellwright.refusal import Refusal
 
 ZERO_CELSIUS_KELVIN = 273.15
 GAS_CONSTANT = 8.314462618
+SMALLEST = 1e-9  # of any parameter: the logarithm of none would be −∞
 
 
 def ocv_at(tables, soc, temperature_celsius):
@@ -58,6 +59,18 @@ def table_soc(soc, missing, stretch):
     return 1.0 - missing - (1.0 - soc) * (1.0 + stretch)
 
 
+def scaled_soc(conditions, weights, soc):
+    """SoC of the OCV tables at counted ones, by the `ocv_scale` of each condition.
+
+    Parameters
+    ----------
+    conditions : sequence of condition dicts. weights : of each, (n,). soc : (n,) counted [1].
+    """
+    scales = [c.get("ocv_scale", {"missing": 0.0, "stretch": 0.0}) for c in conditions]
+    names = ("missing", "stretch")
+    return table_soc(soc, *(mixed_by(weights, [one[name] for one in scales]) for name in names))
+
+
 def warmth(temperature_celsius, reference_celsius, activation_joule_per_mole):
     """Factor on resistances at a temperature, 1 at the reference (Arrhenius law).
 
@@ -97,6 +110,47 @@ def temperature_weights(known, temperature):
     inverse = -1.0 / (known + ZERO_CELSIUS_KELVIN)
     here = -1.0 / (temperature + ZERO_CELSIUS_KELVIN)
     return [np.interp(here, inverse, row) for row in np.eye(len(known))]
+
+
+def mixed_by(weights, values):
+    """Sum of values, each by its weight.
+
+    Parameters
+    ----------
+    weights : sequence of (n,), see `temperature_weights`. values : sequence of scalars or (n,).
+    """
+    return sum(weight * value for weight, value in zip(weights, values, strict=True))
+
+
+def mixed_resistances(courses, weights):
+    """Resistances (m, n) between temperatures: their sum by Arrhenius, shares straight.
+
+    A resistance that is zero at one temperature and not at the next has no logarithm to mix.
+
+    Parameters
+    ----------
+    courses : (m, c, n) at each of c temperatures [ohm]. weights : c of (n,).
+    """
+    courses = np.array(courses)
+    totals = np.maximum(courses.sum(axis=0), SMALLEST)
+    total = np.exp(mixed_by(weights, np.log(totals)))
+    return total * np.array([mixed_by(weights, course / totals) for course in courses])
+
+
+def warmth_beyond(conditions, known, here):
+    """Beyond the measured temperatures resistances follow the activation energy of the nearest.
+
+    Parameters
+    ----------
+    conditions : sequence of condition dicts, coldest first. known : (c,) their temperatures [degC].
+    here : (n,) [degC].
+    """
+    energies = [c.get("activation_energy_joule_per_mole") or 0.0 for c in conditions]
+    if np.isnan(known).any() or not any(energies):
+        return 1.0
+    nearest = np.clip(here, known[0], known[-1])
+    energy = np.where(here < known[0], energies[0], energies[-1])
+    return np.where(np.isnan(here), 1.0, warmth(here, nearest, energy))
 
 
 def celsius_of(value):

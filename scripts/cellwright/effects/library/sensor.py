@@ -100,6 +100,7 @@ EFFECTS = (
             for sign in (1.0, -1.0)
         ),
         held=True,
+        bends=True,
         needs=("edges",),
         shows="pulses with sharp edges, sampled ten times a second",
         consequence="resistance is mistaken for fast polarisation",

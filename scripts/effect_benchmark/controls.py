@@ -1,0 +1,104 @@
+"""Terms that must not help: what a search would make of them, tried as it tries an effect.
+
+A random smooth function of state of charge, current and temperature, with as many parameters as
+the effect that was named; the named effect, computed from a current whose blocks were put into
+another order; and an extra RC pair, whether or not one is missing.
+"""
+
+import numpy as np
+
+from cellwright.effects import base, plain, search
+from cellwright.effects.candidates import candidates, scored
+from cellwright.effects.case import filters_of, steep
+from cellwright.effects.effect import Effect, Parameter
+from cellwright.effects.library import LIBRARY
+
+EXTRA_RC = "slow_diffusion"
+WAVES = 8  # of which a random function is the sum
+SMOOTH = np.array([0.3, 1.0, 20.0])  # over which it changes: SoC, C-rate, kelvin
+BLOCK_ROWS = 50  # of the current that stay together
+
+
+def extra_rc() -> Effect:
+    """An extra RC pair."""
+    return LIBRARY[EXTRA_RC]
+
+
+def random_term(count: int, capacity_ampere_hour: float, random) -> Effect:
+    """Smooth functions of SoC, C-rate and temperature, drawn; as many as `count`, each in volts.
+
+    Source: sums of cosines, A. Rahimi, B. Recht, Adv. Neural Inf. Process. Syst. 20 (2007) 1177.
+    """
+    frequency = random.normal(size=(count, WAVES, 3)) / SMOOTH
+    phase = random.uniform(0.0, 2.0 * np.pi, (count, WAVES))
+    names = [f"size{k}" for k in range(count)]
+
+    def act(fields, stack, own):
+        rate = stack.current_ampere / capacity_ampere_hour
+        where = np.stack([fields.soc, rate, stack.celsius - base.REFERENCE_CELSIUS])
+        volt = fields.volt
+        for name, turns, start in zip(names, frequency, phase, strict=True):
+            wave = np.cos(turns @ where + start[:, None]).sum(axis=0)
+            volt = volt + own[name] * np.sqrt(2.0 / WAVES) * wave
+        return fields._replace(volt=volt)
+
+    sizes = tuple(Parameter(name, "V", 0.0, -0.2, 0.2, 1e-3, 5e-3) for name in names)
+    return Effect("control_random", "a random function", sizes, "reading", act)
+
+
+def permuted(effect: Effect, cell, values: dict, seed: int) -> Effect:
+    """An effect as it would be, had the current flowed in another order.
+
+    Parameters
+    ----------
+    effect : the one. cell : base.Cell. values : dict of the model without it. seed : of the order.
+    """
+    name = "control_permuted"
+
+    def act(fields, stack, own):
+        mixed = _mixed(stack, seed)
+        starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
+        full = values | starts | {f"{effect.id}.{k}": v for k, v in own.items()}
+        without = base.voltage(cell, mixed, full)
+        change = base.voltage(cell, mixed, full, (effect,)) - without
+        return fields._replace(volt=fields.volt + change)
+
+    return effect._replace(id=name, stage="reading", act=act)
+
+
+def _mixed(stack, seed):
+    """The stack with blocks of rows of current and direction in another order, record by record."""
+    random, order = np.random.default_rng(seed), np.arange(len(stack.file))
+    for k in range(len(stack.first)):
+        rows = np.flatnonzero(stack.file == k)
+        blocks = np.array_split(rows, max(len(rows) // BLOCK_ROWS, 1))
+        order[rows] = np.concatenate([blocks[j] for j in random.permutation(len(blocks))])
+    current = stack.current_ampere[order]
+    held = np.concatenate([[0.0], current[:-1]]) * (1.0 - stack.fresh)
+    return stack._replace(
+        current_ampere=current, held_ampere=held, direction=stack.direction[order]
+    )
+
+
+def tried(case, first: search.Round, effect: Effect) -> search.Trial:
+    """A term refitted as the search refits an effect, beside the plain model and with its noise.
+
+    Parameters
+    ----------
+    case : search.Case. first : the first round of its search. effect : the term.
+    """
+    start = plain.first_values(case.cell, case.fit)
+    free = plain.frees(case.fit, start, case.tolerance)
+    filters = filters_of(case, first.noise, steep(case, start))
+    solution = first.before.solution
+    residual = filters.fit.apply(solution.residual)
+
+    def predict(values, one):
+        return base.voltage(case.cell, case.fit, values, (one,))
+
+    scores = [
+        scored(c, filters.fit.apply(c.columns), residual, solution.white, solution.precision)
+        for c in candidates(predict, solution.prediction, solution.values, [effect])
+    ]
+    best = max(scores, key=lambda one: one.chi_square)
+    return search._tried(case, free, first.before, best, filters)

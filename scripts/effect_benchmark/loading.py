@@ -1,0 +1,156 @@
+"""Raw files of a campaign to what a search is about, in one process instead of a job a step."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import campaign
+import raw_files
+from cellwright import formats, series
+from cellwright.models.basis import Lender, basis
+from cellwright.models.cell import FitTest
+from cellwright.protocols.capacity import capacity
+from cellwright.protocols.ocv import slow_ocv
+from cellwright.refusal import Refusal
+from cellwright.series.segments import segment
+
+SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
+FACTS = ("test", "kind", "ambient_temperature_celsius", "cycle", "soc", "role")
+CUTOFFS = ("rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
+COUNTED = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
+
+
+class Place(NamedTuple):
+    """A campaign's folder and sheets; the rows of tests by cell or group, branches by group."""
+
+    folder: Path
+    cells: dict
+    tests: dict
+    branches: dict
+
+
+class Loaded(NamedTuple):
+    """One cell: its row of the sheet, basis (`cellwright.models.basis`), and tests (FitTest)."""
+
+    cell: dict
+    basis: dict
+    tests: list
+
+
+class Steps(NamedTuple):
+    """Settings of the stages before a search, sections of the config."""
+
+    clean: dict
+    segment: dict
+    ocv: dict
+
+
+def place(folder) -> Place:
+    """The campaign in a folder, its sheets checked as the workflow checks them."""
+    read = campaign.read(folder, SCHEMAS)
+    tests, branches = {}, {}
+    for row in read.tests:
+        tests.setdefault(row["cell"], []).append(row)
+    for row in sorted(read.groups, key=lambda row: row["position"]):
+        branches.setdefault(row["group"], []).append(row["cell"])
+    return Place(Path(folder), {row["cell"]: row for row in read.cells}, tests, branches)
+
+
+def searched(place: Place) -> list[str]:
+    """Cells and groups that a search is for: no reference, and no branch of a group."""
+    inside = {cell for cells in place.branches.values() for cell in cells}
+    cells = [c for c, row in place.cells.items() if row["reference"] != "yes" and c not in inside]
+    return sorted([*cells, *place.branches])
+
+
+def lenders(place: Place, steps: Steps) -> dict[str, list[Lender]]:
+    """The marked cells of each chemistry, with the OCV and capacities that others borrow."""
+    found = {}
+    for cell, row in place.cells.items():
+        if row["reference"] == "yes":
+            records = _records(place, cell, steps)
+            one = Lender(cell, True, _curves(records, row, steps), _capacities(records, row, steps))
+            found.setdefault(row["chemistry"], []).append(one)
+    return found
+
+
+def loaded(place: Place, cell: str, known: dict[str, list[Lender]], steps: Steps) -> Loaded:
+    """One cell with what its SoC refers to.
+
+    Raises
+    ------
+    Refusal : a file that cannot be read, or no capacity.
+    """
+    row, records = place.cells[cell], _records(place, cell, steps)
+    found = basis(
+        cell,
+        _curves(records, row, steps),
+        _capacities(records, row, steps),
+        [one for one in known.get(row["chemistry"], []) if one.cell != cell],
+        rated_capacity_ampere_hour=row["rated_capacity_ampere_hour"],
+    )
+    return Loaded(row, found, records)
+
+
+def _records(place, cell, steps):
+    return [
+        FitTest({name: row[name] for name in FACTS}, _series(place, row, steps))
+        for row in place.tests[cell]
+    ]
+
+
+def _series(place, row, steps):
+    files = [str(place.folder / file) for file in row["file"]]
+    readings = [
+        formats.read(data, name=name, instrument=row["instrument"])
+        for name, data in raw_files.contents(files, row["sha256"])
+    ]
+    raw = series.assemble(readings, stated_sign=row["current_sign"]).columns
+    return series.clean(raw, **steps.clean).columns
+
+
+def _who(facts):
+    return {name: facts[name] for name in ("test", "ambient_temperature_celsius", "cycle")}
+
+
+def _curves(records, row, steps):
+    found = []
+    for facts, columns in records:
+        if facts["kind"] == "ocv" and facts["role"] == "fit":
+            curve = slow_ocv(
+                *(columns[name] for name in COUNTED),
+                file_index=columns["file_index"],
+                lower_cutoff_volt=row["lower_cutoff_volt"],
+                upper_cutoff_volt=row["upper_cutoff_volt"],
+                **steps.ocv,
+            )
+            found.append(_who(facts) | {name: _plain(v) for name, v in curve._asdict().items()})
+    return found
+
+
+def _capacities(records, row, steps):
+    kinds = ("capacity", "ocv")
+    mine = [one for one in records if one.facts["kind"] in kinds and one.facts["role"] == "fit"]
+    return [_who(one.facts) | found for one in mine for found in _capacity_rows(one, row, steps)]
+
+
+def _capacity_rows(one, row, steps):
+    facts, columns = one
+    counted = [columns[name] for name in COUNTED]
+    rated = row["rated_capacity_ampere_hour"]
+    try:
+        cut = segment(
+            *counted,
+            file_index=columns["file_index"],
+            rated_capacity_ampere_hour=rated,
+            **steps.segment,
+        )
+        limits = {name: row[name] for name in CUTOFFS}
+        rows = capacity(*counted, cut, whole_swing=facts["kind"] == "ocv", **limits).rows
+    except Refusal:
+        return []  # as in the workflow: a test without a complete charge gives no capacity
+    lists = {name: _plain(values) for name, values in rows._asdict().items()}
+    return [dict(zip(lists, values, strict=True)) for values in zip(*lists.values(), strict=True)]
+
+
+def _plain(value):
+    return value.tolist() if hasattr(value, "tolist") else value

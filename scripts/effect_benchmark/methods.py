@@ -1,0 +1,5 @@
+"""Names of what is asked of each cell."""
+
+SEARCH, LEFT_OUT = "search", "class_left_out"
+BIC, VALIDATION = "bic_alone", "validation_rmse_alone"
+RANDOM, PERMUTED, EXTRA = "random_term", "permuted_current", "extra_rc"

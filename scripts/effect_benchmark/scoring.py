@@ -1,0 +1,237 @@
+"""Answers beside what was hidden: one row a cell and method, and the shares that are goals."""
+
+import json
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from effect_benchmark.methods import LEFT_OUT, SEARCH
+from virtual_lab.score import files, verdicts
+from virtual_lab.score.summary import wilson
+
+# Effects that show in how a cell moves, not only in where its voltage lies. The goals count these.
+DYNAMIC = (
+    "hysteresis_instant",
+    "hysteresis_one_state",
+    "resistance_asymmetry",
+    "resistance_soc",
+    "polarisation_soc",
+    "slow_diffusion",
+    "charge_transfer_nonlinearity",
+    "resistance_temperature",
+    "entropic_ocv",
+    "self_heating",
+    "capacity_temperature",
+    "coulombic_inefficiency",
+    "leakage",
+    "current_offset",
+    "time_skew",
+)
+ALL = ("at least", 1.0)
+NUMBERS = ("extra_names", "gap_closed")
+SORTS = {"h": "cell", "p": "physics", "g": "group"}  # by the first letter of the name
+ANSWERED = ("rounds", "cpu_second", "floor_volt", "validation_before_volt", "validation_after_volt")
+
+
+class Share(NamedTuple):
+    """How many of how many, the Wilson interval, and what was wanted: "at least", "at most", ""."""
+
+    name: str
+    hits: int
+    of: int
+    side: str = ""
+    wanted: float = float("nan")
+
+    @property
+    def share(self) -> float:
+        return self.hits / self.of if self.of else float("nan")
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        return wilson(self.hits, self.of)
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the goal is reached; None without a goal or cells."""
+        return reached(self.share, self.side, self.wanted) if self.of else None
+
+
+class Level(NamedTuple):
+    """A measured number beside its goal; `of` is how many it was taken from."""
+
+    name: str
+    value: float
+    of: int
+    side: str
+    wanted: float
+    unit: str
+
+    @property
+    def reached(self) -> bool | None:
+        return reached(self.value, self.side, self.wanted) if self.of else None
+
+
+def reached(value, side, wanted) -> bool | None:
+    """Whether a value is on the right side; None where nothing was wanted."""
+    return {"at least": value >= wanted, "at most": value <= wanted}.get(side)
+
+
+def judged(folder, answers: list[dict]) -> pd.DataFrame:
+    """What each method said of each hidden cell or group and what that is worth.
+
+    A cell that a method left without an answer has a row without a verdict.
+
+    Parameters
+    ----------
+    folder : of the campaign with its truth. answers : rows of `batch.answered`.
+    """
+    known = files.read_json(files.campaign(folder).truth / "missing_effect.json")
+    hidden = {row["cell"]: row for row in known if row["kind"] != "reference"}
+    given = {(row["method"], row["cell"]): row for row in answers}
+    methods = dict.fromkeys([SEARCH, *(row["method"] for row in answers)])
+    rows = [
+        _row(one, given.get((method, cell)), method)
+        for method in methods
+        for cell, one in sorted(hidden.items())
+        if method == SEARCH or (method, cell) in given
+    ]
+    return pd.DataFrame(rows)
+
+
+def _row(hidden, answer, method):
+    said = json.loads(answer["document"]) if answer and answer["document"] else None
+    asked = hidden | {"kind": "unknown"} if method == LEFT_OUT else hidden
+    row = verdicts._judged(hidden["cell"], asked, said)
+    strength = [one.get("target_gap_millivolt") or _near(one) for one in hidden["effects"]]
+    names = {one["effect"] for one in hidden["effects"]}
+    outside = "outside: " if hidden["kind"] == "unknown" else ""
+    return row | {
+        "hidden": outside + row["hidden"],
+        "method": method,
+        "sort": SORTS[hidden["cell"][0]],
+        "strength_millivolt": max(strength, default=0.0),
+        "dynamic": bool(names) and names <= set(DYNAMIC),
+        "tie": any(len(one["accept"]) > 1 for one in hidden["effects"]),
+        "reason": answer["reason"] if answer else "",
+        "gap_closed": answer["gap_closed"] if answer else np.nan,
+        **{name: answer[name] if answer else np.nan for name in ANSWERED},
+    }
+
+
+def _near(one):
+    """The asked strength nearest to the one that came out, where only that is told."""
+    return min((1.0, 2.5, 6.0), key=lambda v: abs(v - one.get("visible_gap_millivolt", 0.0)))
+
+
+def share(name, table, hit, side="", wanted=float("nan")) -> Share:
+    """Rows of a table that hit; `hit` is a function table → boolean series."""
+    table = table[table["verdict"].notna()] if side == "at most" and len(table) else table
+    hits = int(hit(table).sum()) if len(table) else 0
+    return Share(name, hits, len(table), side, wanted)
+
+
+def right(table):
+    """Rightly named, ties included."""
+    return table["outcome"].isin(verdicts.NAMED)
+
+
+def is_outcome(*names):
+    """Hit function for `share`."""
+    return lambda table: table["outcome"].isin(names)
+
+
+def goals(table: pd.DataFrame) -> list:
+    """The goals of the design beside what was measured: Share and Level, in the design's order.
+
+    A cell without an answer counts as not right, and among the false ones not at all.
+    """
+    mine = table[table["method"] == SEARCH]
+    cells = mine[mine["sort"] == "cell"]
+    healthy = cells["kind"].isin(verdicts.HEALTHY)
+    dynamic = cells[(cells["kind"] == "single") & cells["visible"] & cells["dynamic"]]
+    two, unknown = cells[cells["kind"] == "two"], cells[cells["kind"] == "unknown"]
+    alarm, false_name = is_outcome("false alarm"), is_outcome("false name")
+    strong = dynamic[dynamic["strength_millivolt"] == 6.0]
+    hidden = cells[~healthy]
+    return [
+        share("right class of visible dynamic effects", dynamic, right, "at least", 0.92),
+        share("the same at 6 mV", strong, right, "at least", 0.97),
+        share("false names of hidden effects", hidden, false_name, "at most", 0.02),
+        share("false alarms on healthy cells", cells[healthy], alarm, "at most", 0.01),
+        share("unknown effects called unknown", unknown, right, "at least", 0.9),
+        *_gaps(cells),
+        share("structural ties told as ties", cells[right(cells) & cells["tie"]], _tied, *ALL),
+        share("both of two effects", two, right, "at least", 0.8),
+        share("an extra name beside two effects", two, _extra, "at most", 0.08),
+        *_beyond(mine),
+        *_cost(cells),
+    ]
+
+
+def _tied(table):
+    return table["verdict"] == "ambiguous"
+
+
+def _extra(table):
+    return table["extra_names"] > 0
+
+
+def _gaps(cells):
+    named = cells[right(cells) & cells["kind"].isin(["single", "two"])]
+    closed = named["gap_closed"].dropna().to_numpy(float)
+    middle, low = np.percentile(closed, [50, 10]) if len(closed) else (np.nan, np.nan)
+    count = len(closed)
+    return [
+        Level("gap closed on validation data, median", middle, count, "at least", 0.95, "share"),
+        Level("gap closed, lowest tenth", low, count, "at least", 0.8, "share"),
+    ]
+
+
+def _beyond(mine):
+    """Cells by physics and groups."""
+    physics, groups = mine[mine["sort"] == "physics"], mine[mine["sort"] == "group"]
+    named = physics[physics["kind"] == "single"]
+    found = groups[(groups["kind"] == "single") & groups["visible"]]
+    alarm = is_outcome("false alarm")
+    return [
+        share("cells by physics, paired: right class", named, right, "at least", 0.8),
+        share("cells by physics, paired: alarms", _healthy(physics), alarm, "at most", 0.15),
+        share("groups: right class of visible effects", found, right),
+        share("groups: false alarms", _healthy(groups), alarm),
+    ]
+
+
+def _healthy(table):
+    return table[table["kind"].isin(verdicts.HEALTHY)]
+
+
+def _cost(cells):
+    each = (cells["cpu_second"] / cells["rounds"]).dropna().to_numpy(float)
+    middle, high = np.percentile(each, [50, 95]) if len(each) else (np.nan, np.nan)
+    count = len(each)
+    return [
+        Level("CPU time a cell and round, median", middle, count, "at most", 1.0, "s"),
+        Level("CPU time a cell and round, 95th percentile", high, count, "at most", 1.0, "s"),
+    ]
+
+
+def flat(table: pd.DataFrame) -> dict:
+    """The table of `judged` as columns without gaps: "" and NaN for what is not known."""
+    kinds = table.dtypes.map(pd.api.types.is_numeric_dtype)
+    texts = [name for name in table if not kinds[name] and name not in NUMBERS]
+    numbers = {name: pd.to_numeric(table[name], errors="coerce") for name in NUMBERS}
+    full = table.assign(**numbers, **{name: table[name].fillna("") for name in texts})
+    return {name: full[name].to_numpy() for name in full}
+
+
+def goal_rows(table: pd.DataFrame) -> list[dict]:
+    """The goals as rows: measured, with its interval, beside what is wanted."""
+    rows = []
+    for one in goals(table):
+        shared = isinstance(one, Share)
+        low, high = one.interval if shared else (np.nan, np.nan)
+        measured = {"measured": one.share if shared else one.value, "low": low, "high": high}
+        wanted = {"of": one.of, "side": one.side, "wanted": one.wanted}
+        rows.append({"goal": one.name, **measured, **wanted, "reached": bool(one.reached)})
+    return rows

@@ -1,0 +1,176 @@
+"""Figures of the missing effect: what is drawn is what was found, and nothing found is said."""
+
+import io
+
+import numpy as np
+import pytest
+
+from drawing import (
+    effect_confounding,
+    effect_evidence,
+    effect_map,
+    effect_ranking,
+    effect_validation,
+    missing_effect,
+)
+
+GATES = {"bic": 10, "validation_chi_square": 25}
+SECOND = np.arange(0.0, 7200.0, 10.0)
+
+
+def rendered(canvas):
+    canvas.savefig(io.BytesIO(), format="svg")
+    return canvas.get_axes()
+
+
+def title(panel):
+    return panel.get_title(loc="left")
+
+
+def series(*tests):
+    """One record a test; the plain model is 4 mV too low, in the second hour of the last 6 mV."""
+    late = np.where(SECOND >= 3600, 6e-3, 4e-3)
+    one = {"test_time_second": SECOND, "voltage_volt": 3.7 + 0 * SECOND}
+    one |= {"before_volt": 3.7 - late, "after_volt": 3.699 + 0 * SECOND}
+    many = {name: np.tile(values, len(tests)) for name, values in one.items()}
+    many["test"] = np.repeat([name for name, _ in tests], len(SECOND))
+    many["used"] = np.ones(len(many["test"]), bool)
+    return many | {"role": np.repeat([role for _, role in tests], len(SECOND))}
+
+
+def test_only_tests_for_proof_are_drawn_whole_and_where_the_plain_model_is_worst():
+    verdict = {"effects": [{"effect": "leakage"}], "floor_volt": 0.8e-3}
+    found = series(("hppc", "fit"), ("udds", "validation"))
+    voltage, worst, residual, _ = rendered(effect_validation.draw(verdict, found))
+    assert title(voltage).startswith("udds: ")
+    rms = 1e3 * np.sqrt(np.mean((found["voltage_volt"] - found["before_volt"])[: len(SECOND)] ** 2))
+    assert f"plain model {rms:.2f} mV, with what was missing 1.00 mV" in title(residual)
+    assert "noise floor 0.80 mV" in title(residual)
+    before, after = [line.get_ydata() for line in residual.get_lines()]
+    assert (before.min(), before.max()) == pytest.approx((4.0, 6.0))
+    np.testing.assert_allclose(after, 1.0)
+    hours = worst.get_lines()[0].get_xdata()
+    assert hours.min() >= 1.0
+    assert hours.max() - hours.min() == pytest.approx(0.1)
+
+
+def test_a_cell_that_lacks_nothing_has_one_model_and_many_tests_are_counted():
+    verdict = {"effects": [], "partial": [], "floor_volt": 1e-3}
+    canvas = effect_validation.draw(verdict, series(*((f"t{k}", "validation") for k in range(5))))
+    panels = rendered(canvas)
+    assert len(panels) == 12
+    assert canvas.get_suptitle() == "3 of 5 tests"
+    assert len(panels[0].get_lines()) == 2
+    assert "with what was missing" not in title(panels[2])
+
+
+def bins(*rows):
+    names = ("role", "test", "rate", "soc_low", "soc_high", "rows")
+    columns = {
+        name: np.array(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)
+    }
+    size = np.arange(1.0, len(rows) + 1) * 1e-3
+    return columns | {"before_rms_volt": size, "after_rms_volt": size / 10}
+
+
+def test_the_map_has_a_line_for_each_test_and_current_and_one_scale():
+    columns = bins(
+        ("validation", "udds", "charge_low", 0.1 * 3, 0.4, 10),
+        ("fit", "hppc", "rest", 0.2, 0.3, 10),
+        ("fit", "hppc", "rest", 0.3, 0.4, 30),
+        ("fit", "hppc", "rest", 0.3, 0.4, 10),
+    )
+    before, after, bar = rendered(effect_map.draw(columns))
+    lines = [text.get_text() for text in before.get_yticklabels()]
+    assert lines == ["hppc (fitted): rest", "udds (proof): charge, slow"]
+    (left,), (right,) = before.collections, after.collections
+    pooled = np.sqrt((30 * 3.0**2 + 10 * 4.0**2) / 40)
+    np.testing.assert_allclose(left.get_array().ravel(), [2.0, pooled, np.nan, 1.0])
+    assert left.get_clim() == right.get_clim()
+    assert 2.0 < left.get_clim()[1] <= pooled
+    assert "[mV]" in bar.get_ylabel()
+    assert sorted(text.get_text() for text in after.texts) == ["0.1", "0.2", "0.3"]
+
+
+def test_evidence_has_a_panel_an_effect_with_the_line_of_full_explanation():
+    x = np.linspace(-2e-3, 2e-3, 8)
+    one = {"rows": np.full(8, 200), "sensitivity_volt": x}
+    columns = {name: np.tile(values, 3) for name, values in one.items()}
+    columns["effect"] = np.repeat(["leakage", "ocv_edge", "time_skew"], 8)
+    columns["residual_volt"] = np.concatenate([x, np.full(8, 1e-3), -x])
+    panels = rendered(effect_evidence.draw(columns))
+    words = ["leakage", "ocv edge", "time skew"]
+    assert [title(panel).split(":")[0] for panel in panels[:3]] == words
+    assert [panel.axison for panel in panels] == [True, True, True, False]
+    assert title(panels[0]) == "leakage: 100 % of what was left"
+    assert title(panels[2]) == "time skew: 0 % of what was left"
+    np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[-2, -2], [2, 2]])
+    points = panels[1].get_lines()[-1]
+    assert points.get_label() == "samples, in bins of about 200"
+    np.testing.assert_allclose(points.get_xydata(), np.column_stack([1e3 * x, np.ones(8)]))
+
+
+def test_without_an_effect_or_a_trial_the_figure_says_so():
+    (panel,) = rendered(effect_evidence.draw({}))
+    assert panel.texts[0].get_text() == effect_evidence.NO_EFFECT
+    (panel,) = rendered(effect_ranking.draw({}, GATES))
+    assert panel.texts[0].get_text() == effect_ranking.NO_TRIAL
+    (panel,) = rendered(effect_confounding.draw({}))
+    assert panel.texts[0].get_text() == effect_confounding.NO_PAIR
+
+
+def trial(number, effect, fit, proof, **more):
+    row = {"round": number, "effect": effect, "delta_bic": fit, "j": fit + proof}
+    row |= {"delta_validation_chi_square": proof, "chosen": False, "tied": False, "in_range": True}
+    return row | more
+
+
+def test_the_ranking_is_sorted_marks_the_gates_and_greys_what_is_out_of_range():
+    rows = [
+        trial(1, "leakage", 4000.0, 800.0, in_range=False),
+        trial(1, "slow_diffusion", 5000.0, 900.0, chosen=True),
+        trial(1, "ocv_edge", 4990.0, 899.0, tied=True),
+        trial(2, "leakage", -12.0, -3.0),
+    ]
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    canvas = effect_ranking.draw(columns, GATES)
+    first, second = rendered(canvas)
+    names = [text.get_text() for text in first.get_yticklabels()]
+    assert names == ["slow diffusion", "ocv edge", "leakage"]
+    assert [bar.get_width() for bar in first.patches] == [5900.0, 5889.0, 4800.0]
+    assert [bar.get_hatch() for bar in first.patches] == [None, None, effect_ranking.HATCH]
+    assert title(first) == "Round 1: added “slow diffusion”"
+    assert title(second) == "Round 2: nothing more to add"
+    assert first.get_lines()[0].get_xdata()[0] == 35
+    assert "fit −12, proof −3" in [text.get_text() for text in second.texts]
+    assert "fit above 10, proof above 25" in canvas.legends[0].get_texts()[-1].get_text()
+
+
+def test_pairs_that_the_tests_cannot_tell_apart_are_framed():
+    names = ["leakage", "current_offset", "ocv_edge"]
+    columns = {
+        "effect_a": [names[0], names[0], names[1]],
+        "effect_b": [names[1], names[2], names[2]],
+    }
+    columns |= {"correlation": [0.998, 0.4, 0.05], "same_class": [True, False, False]}
+    panel, bar = rendered(effect_confounding.draw(columns))
+    assert [text.get_text() for text in panel.get_yticklabels()] == [
+        "leakage",
+        "current offset",
+        "ocv edge",
+    ]
+    assert [text.get_text() for text in panel.texts] == ["1.00", "0.40"]
+    (frame,) = panel.get_lines()
+    assert frame.get_xydata().mean(axis=0) == pytest.approx([0.4, 1.4])
+    assert "[1]" in bar.get_ylabel()
+
+
+def test_every_figure_of_the_rule_has_a_drawing():
+    """Names in rule figure_missing_effect and in the report are those that can be drawn."""
+    import page
+
+    parts = {name: {} for name in ("evidence", "ranking", "confounding")}
+    names = [name.removeprefix("effect_") for name in page.PROOFS]
+    assert sorted(names) == ["confounding", "evidence", "map", "ranking", "validation"]
+    for name in parts:
+        rendered(missing_effect.draw(name, parts, GATES))

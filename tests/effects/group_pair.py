@@ -1,0 +1,28 @@
+"""The pair of `group_plant` as the product knows it, and its records."""
+
+import group_plant
+import numpy as np
+
+from cellwright.effects.group_model import Branch
+from cellwright.effects.group_records import GroupRecord
+
+TABLE = group_plant.ocv(np.linspace(0.0, 1.0, 401))
+CELLS = [
+    Branch(
+        f"c{b}",
+        group_plant.CAPACITY[b],
+        TABLE,
+        (group_plant.R0[b], group_plant.R1[b], group_plant.R2[b]),
+        (group_plant.TAU1, group_plant.TAU2),
+        group_plant.ENERGY,
+        group_plant.WIRE,
+        True,
+    )
+    for b in range(2)
+]
+
+
+def record(name, seed, *, currents=True, celsius=25.0, **hidden):
+    time, total, volt, read = group_plant.measured(seed, celsius=celsius, **hidden)
+    read = read if currents else None
+    return GroupRecord(name, time, total, volt, np.full(len(time), celsius), read)

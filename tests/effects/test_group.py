@@ -1,0 +1,114 @@
+"""Missing effects of parallel groups: truth of another simulation found again, and refusals."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cellwright.effects.group_finding import branch_of, group_finding
+from cellwright.refusal import Refusal
+
+sys.path.insert(0, str(Path(__file__).parent))
+from group_pair import CELLS, TABLE, record
+
+
+def found(*, celsius=(25.0, 5.0), **hidden):
+    fits = [("fit", record(f"fit{t:g}", 1, celsius=t, **hidden)) for t in celsius]
+    judge = ("validation", record("judge", 2, **hidden))
+    return group_finding("pair", CELLS, [*fits, judge], initial_soc=(0.9, 0.9))
+
+
+HIDDEN = {
+    "branch_wire_resistance": ("wire", 0.008, "excess_ohm"),
+    "branch_initial_soc": ("soc", -0.05, "excess_soc"),
+    "branch_capacity": ("capacity", -0.15, "excess_relative"),
+    "branch_cell_resistance": ("resistance", 0.25, "excess_relative"),
+    "branch_temperature": ("warmer", 6.0, "warmer_kelvin"),
+    "branch_current_offset": ("offset", 0.3, "offset_ampere"),
+    "branch_current_gain": ("gain", 0.08, "gain_relative"),
+}
+
+
+@pytest.mark.parametrize("effect", HIDDEN)
+def test_the_effect_of_one_branch_is_named_with_its_size(effect):
+    name, size, parameter = HIDDEN[effect]
+    verdict = found(**{name: size}).verdict
+    first = verdict["effects"][0]
+    assert (first["effect"], first["branch"]) == (effect, 2)
+    assert first["parameters"][parameter]["value"] == pytest.approx(size, rel=0.15)
+    assert verdict["gap_closed"] > 0.9
+
+
+def test_a_healthy_group_lacks_nothing():
+    verdict = found().verdict
+    assert (verdict["verdict"], verdict["effects"]) == ("none", [])
+
+
+def test_what_is_within_the_declared_spread_is_healthy():
+    assert found(soc=0.003, resistance=0.01).verdict["verdict"] == "none"
+
+
+def test_a_warm_cell_and_a_low_resistance_are_one_at_one_temperature():
+    verdict = found(celsius=(25.0,), warmer=6.0).verdict
+    first = verdict["effects"][0]
+    assert verdict["verdict"] == "ambiguous"
+    assert {first["effect"], *first["alternatives"]} >= {
+        "branch_temperature",
+        "branch_cell_resistance",
+    }
+    assert "chamber temperature" in verdict["next_test"]
+
+
+def blind(**hidden):
+    records = [("fit", record("fit", 1, currents=False, **hidden))]
+    records += [("validation", record("judge", 2, currents=False, **hidden))]
+    return group_finding("pair", CELLS, records, initial_soc=(0.9, 0.9)).verdict
+
+
+@pytest.mark.parametrize("hidden", [{}, {"offset": 0.3}, {"capacity": -0.15}])
+def test_without_branch_currents_no_name_is_sure(hidden):
+    verdict = blind(**hidden)
+    assert verdict["verdict"] in ("none", "ambiguous")
+    assert "log the branch currents" in verdict["next_test"]
+    assert {"branch_current_offset", "branch_current_gain"} <= set(verdict["not_testable"])
+
+
+def test_the_same_records_give_the_same_verdict():
+    assert found(wire=0.008).verdict == found(wire=0.008).verdict
+
+
+def test_ranking_and_series_have_columns_of_one_length():
+    result = found(wire=0.008)
+    for columns in (result.ranking, result.series):
+        assert len({len(column) for column in columns.values()}) == 1
+
+
+def test_a_branch_is_made_of_a_cells_model():
+    values = {"log_r0": -4.0, "log_r1": -5.0, "log_r2": -5.0, "log_tau1": 2.0, "log_tau2": 5.0}
+    values |= {"capacity": 0.01} | {f"ocv[{k}]": 1e-3 for k in range(16)}
+    model = {"capacity_ampere_hour": 5.0, "ocv_volt": TABLE.tolist(), "values": values}
+    branch = branch_of("c", model, wire_ohm=1e-3)
+    assert branch.capacity_ampere_hour == pytest.approx(5.05)
+    assert branch.ocv_volt == pytest.approx(TABLE + 1e-3)
+    assert branch.r_ohm[0] == pytest.approx(np.exp(-4.0))
+
+
+BAD = {
+    "not a number": lambda r: r._replace(voltage_volt=np.full_like(r.voltage_volt, np.nan)),
+    "runs back": lambda r: r._replace(test_time_second=r.test_time_second[::-1]),
+    "miss the total": lambda r: r._replace(branch_current_ampere=-r.branch_current_ampere),
+    "of 2 branches": lambda r: r._replace(branch_current_ampere=r.branch_current_ampere[:, :1]),
+}
+
+
+@pytest.mark.parametrize("words", BAD)
+def test_bad_records_are_refused(words):
+    spoiled = BAD[words](record("fit", 1))
+    with pytest.raises(Refusal, match=words):
+        group_finding("pair", CELLS, [("fit", spoiled), ("validation", record("judge", 2))])
+
+
+def test_a_group_without_a_judge_is_refused():
+    with pytest.raises(Refusal, match="no record of role validation"):
+        group_finding("pair", CELLS, [("fit", record("fit", 1))])

@@ -1,0 +1,61 @@
+"""The group's model: kernel and twin agree, Kirchhoff holds, another integration says the same."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cellwright.effects import group_model
+from cellwright.effects.group_fit import within
+from cellwright.effects.group_model import group_fields, group_names, group_run
+from cellwright.effects.group_records import group_stacked
+
+sys.path.insert(0, str(Path(__file__).parent))
+from group_pair import CELLS, record
+
+HOLDS = pytest.mark.parametrize("hold", ["zero_order", "first_order"])
+
+
+def run(monkeypatch, hold, *, compiled):
+    if not compiled:
+        monkeypatch.setattr(group_model, "function", lambda *_, **__: None)
+    stack = group_stacked([record("a", 1), record("b", 2, celsius=5.0)], branches=2, hold=hold)
+    values = dict.fromkeys(group_names(2, 2), 0.0) | {"0.capacity": -0.1, "1.soc": 0.02}
+    return stack, group_run(group_fields(CELLS, np.full((2, 2), 0.9), values), stack)
+
+
+@HOLDS
+def test_kernel_and_twin_agree(monkeypatch, hold):
+    _, fast = run(monkeypatch, hold, compiled=True)
+    _, slow = run(monkeypatch, hold, compiled=False)
+    for one, other in zip(fast, slow, strict=True):
+        assert one == pytest.approx(other, abs=1e-10)
+
+
+@HOLDS
+def test_branch_currents_add_up_to_the_total(monkeypatch, hold):
+    stack, found = run(monkeypatch, hold, compiled=True)
+    assert found.current.sum(axis=1) == pytest.approx(stack.current_ampere, abs=1e-9)
+
+
+def test_another_integration_says_the_same():
+    one = record("a", 1)
+    stack = group_stacked([one], branches=2)
+    values = dict.fromkeys(group_names(1, 2), 0.0)
+    found = group_run(group_fields(CELLS, np.full((1, 2), 0.9), values), stack)
+    assert np.std(found.voltage - one.voltage_volt) < 1.1e-3
+    assert np.std(found.current - one.branch_current_ampere) < 3e-3
+
+
+def test_the_minimum_within_bounds_meets_its_conditions():
+    random = np.random.default_rng(3)
+    root = random.normal(size=(30, 30))
+    precision, moment = root @ root.T + np.eye(30), 20 * random.normal(size=30)
+    low, up = np.full(30, -0.3), np.full(30, 0.2)
+    x = within(precision, moment, low, up, np.zeros(30))
+    slope = precision @ x - moment
+    inside = (x > low) & (x < up)
+    assert slope[inside] == pytest.approx(0.0, abs=1e-6)
+    assert (slope[x <= low] >= -1e-3).all()
+    assert (slope[x >= up] <= 1e-3).all()

@@ -1,0 +1,247 @@
+"""A found model as a member of the cell's model: the same voltages, on records of its own."""
+
+import numpy as np
+import pytest
+
+from cellwright.effects import base
+from cellwright.effects.chosen import with_effects
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.model import KNOTS, NAME, effect_member, temperatures
+from cellwright.effects.records import Record, stacked
+from cellwright.models.bank import bank_of
+from cellwright.models.cell import FitTest
+from cellwright.models.exports import pybamm_document
+from cellwright.models.instrument import words_of
+from cellwright.models.lookup import simulate_model
+from cellwright.models.plain import is_plain
+from cellwright.models.rows import parameter_rows
+from cellwright.models.soc_runs import _record
+from cellwright.refusal import Refusal
+
+CAPACITY = 2.0
+SOC = np.linspace(0.0, 1.0, 201)
+OCV = 3.3 + 0.8 * SOC + 0.05 * np.sin(6 * SOC)
+CELL = base.Cell(CAPACITY, OCV)
+PLAIN = {"log_r0": np.log(0.03), "log_r1": np.log(0.01), "log_r2": np.log(0.015)}
+PLAIN |= {"log_tau1": np.log(9.0), "log_tau2": np.log(150.0), "capacity": 0.002}
+PLAIN |= {f"ocv[{k}]": 0.002 * np.sin(k) for k in range(base.OCV_KNOTS)}
+CELSIUS = (10.0, 28.0)
+GROUPS = {name for name in LIBRARY if LIBRARY[name].stage == "group"}
+EFFECTS = sorted(LIBRARY.keys() - GROUPS)
+
+
+def drive(seconds=5400, seed=1):
+    """A random drive of 3 A out and 1.5 A back with rests, one row a second."""
+    rng = np.random.default_rng(seed)
+    current = np.repeat(rng.uniform(-3.0, 1.5, seconds // 20), 20)
+    time = np.arange(float(seconds))
+    current[(time % 1800 > 1500) | (time < 60)] = 0.0
+    return time, current
+
+
+def sizes(*effects):
+    """Plausible sizes of effects, by name."""
+    parameters = [(e, p) for e in effects for p in LIBRARY[e].parameters]
+    return {f"{e}.{p.name}": p.neutral if p.shape else p.plausible for e, p in parameters}
+
+
+def found(*effects, hold="zero_order", **changed):
+    values = PLAIN | {"soc0[0]": 0.5} | sizes(*effects) | changed
+    return {
+        "capacity_ampere_hour": CAPACITY,
+        "ocv_soc": SOC.tolist(),
+        "ocv_volt": OCV.tolist(),
+        "hold": hold,
+        "values": {name: float(value) for name, value in values.items()},
+        "std": {"log_r0": 0.01},
+        "effects": list(effects),
+    }
+
+
+def family(scale=1.0):
+    """A model of the family: the plain circuit at one temperature, its resistances off."""
+    wrong = found()
+    wrong["values"] |= {name: PLAIN[name] + np.log(scale) for name in ("log_r0", "log_r1")}
+    table = {"soc": SOC.tolist(), "ocv_volt": OCV.tolist(), "ambient_temperature_celsius": 25.0}
+    model = {"cell": "A", "capacity_ampere_hour": CAPACITY, "ocv": [table], "members": []}
+    member = effect_member(wrong, model, [25.0]) | {"model": "2RC"}
+    member["conditions"][0] |= {"fit_rmse_volt": 0.01, "samples": 10}
+    about = {"chosen": "2RC", "choice": "the only one", "notes": [], "kind": "drive"}
+    return model | about | {"members": [member]}
+
+
+def records(given, celsius, soc=0.95, kind="drive", seed=1):
+    """(stack of one record by the found model's own voltage, the SoC counted from what is read)."""
+    time, current = drive(seed=seed)
+    course = celsius + 2.0 * np.sin(time / 900.0)
+    record = Record("t", kind, time, current, 0.0 * time, course, soc)
+    stack = stacked([record], capacity_ampere_hour=CAPACITY, hold=given["hold"])
+    effects = [LIBRARY[name] for name in given["effects"]]
+    volt = base.voltage(CELL, stack, given["values"] | {"soc0[0]": soc}, effects)
+    counted = soc + np.cumsum(stack.held_ampere * stack.step_second) / 3600.0 / CAPACITY
+    return stack._replace(voltage_volt=volt), counted
+
+
+def largest(given, celsius, **record):
+    """Largest difference of the member's voltage from the found model's own [V]."""
+    model = family()
+    model["members"] += [effect_member(given, model, temperatures_of(given))]
+    stack, soc = records(given, celsius, **record)
+    run = simulate_model(
+        *(model, NAME, stack.second, stack.current_ampere, soc, stack.celsius),
+        kind=record.get("kind", "drive"),
+    )
+    return np.abs(run.voltage_volt - stack.voltage_volt).max()
+
+
+def temperatures_of(given):
+    courses = [np.full(3, c) + [0.0, 2.5, -2.5] for c in CELSIUS]
+    return temperatures(courses, CELSIUS, given["effects"])
+
+
+@pytest.mark.parametrize("hold", ["zero_order", "first_order"])
+@pytest.mark.parametrize("celsius", CELSIUS)
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_every_effect_gives_the_same_voltage_as_a_member(effect, celsius, hold):
+    assert largest(found(effect, hold=hold), celsius) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("effect", "changed"),
+    [
+        ("slow_diffusion", {"slow_diffusion.finite_length": 1.0}),
+        ("resistance_asymmetry", {"resistance_asymmetry.charge_resistance_excess_relative": -0.4}),
+        ("time_skew", {"time_skew.voltage_delay_second": -0.4}),
+        ("time_skew", {"time_skew.voltage_delay_second": 1.7}),
+    ],
+)
+def test_other_forms_and_signs_too(effect, changed):
+    assert largest(found(effect, **changed), 10.0) < 1e-4
+
+
+@pytest.mark.parametrize("record", [{"soc": 0.6}, {"soc": 1.0, "kind": "capacity"}, {"soc": 0.97}])
+@pytest.mark.parametrize("effect", ["capacity_error", "leakage", "hysteresis_one_state"])
+def test_wherever_a_record_begins_and_of_whatever_kind(effect, record):
+    assert largest(found(effect), 10.0, **record) < 1e-4
+
+
+def test_several_effects_at_once():
+    several = ["resistance_temperature", "resistance_soc", "hysteresis_one_state"]
+    several += ["current_gain", "current_offset", "capacity_temperature", "voltage_offset"]
+    assert largest(found(*several), 10.0) < 2e-4
+    several = ["resistance_temperature", "self_heating", "slow_diffusion"]
+    # The slow branch warms here, and adds to the heat; in the search it does neither.
+    assert largest(found(*several), 10.0) < 1e-3
+
+
+def test_a_member_holds_what_was_found_and_no_more():
+    model = family()
+    member = effect_member(found("current_offset", "leakage"), model, [25.0])
+    assert member["reading"] == {"current_offset_ampere": 0.02}
+    assert member["counting"].keys() == {
+        *("leak_ampere", "capacity_relative", "capacity_test_relative")
+    }
+    assert "own_heat" not in member
+    assert "history" not in member
+    assert [b["kind"] for b in member["conditions"][0]["branches"]] == ["RC", "RC"]
+    assert member["conditions"][0]["r0_std_ohm"][0] == pytest.approx(0.01 * 0.03)
+    assert len(words_of(member)) == 2
+    assert is_plain(member)
+    assert not is_plain(effect_member(found("self_heating"), model, [25.0]))
+    energy = effect_member(found("resistance_temperature"), model, [5.0])["conditions"][0]
+    assert energy["activation_energy_joule_per_mole"] == pytest.approx(2e4)
+
+
+def test_temperatures_are_those_tested_and_close_enough_for_the_ocv():
+    courses = [np.array([4.8, 8.2]), np.array([44.0, 46.0]), np.array([24.0, 26.0])]
+    assert temperatures(courses, [5.0, None, 25.0], []) == [5.0, 25.0, 45.0]
+    close = temperatures(courses, [5.0, 45.0, 25.0], ["entropic_ocv"])
+    assert close == [4.0, 14.5, 25.0, 35.0, 45.0]
+
+
+def test_what_is_not_known_is_refused():
+    with pytest.raises(Refusal, match="gremlins are not in the library"):
+        effect_member(found() | {"effects": ["gremlins"]}, family(), [25.0])
+    uneven = found() | {"ocv_soc": (SOC**2).tolist()}
+    with pytest.raises(Refusal, match="wanted even"):
+        effect_member(uneven, family(), [25.0])
+
+
+def series_of(given):
+    """Both temperatures as clean series of a cell."""
+    made = []
+    for celsius in CELSIUS:
+        stack, soc = records(given, celsius, seed=int(celsius))
+        facts = {"test": f"D{celsius:g}", "kind": "drive", "role": "fit", "soc": 0.95}
+        facts |= {"ambient_temperature_celsius": celsius, "cycle": None}
+        series = {
+            "test_time_second": stack.second,
+            "current_ampere": stack.current_ampere,
+            "voltage_volt": stack.voltage_volt,
+            "surface_temperature_celsius": stack.celsius,
+            "charge_ampere_hour": (soc - soc[0]) * CAPACITY,
+        }
+        made.append(FitTest(facts, series))
+    return made
+
+
+SHEET = {"cell": "A", "lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.4}
+
+
+def chosen_of(given, tests, scale=1.0):
+    return with_effects(family(scale), given, SHEET, tests, split_rest_second=300.0)
+
+
+def test_the_better_of_both_is_chosen_by_the_records_of_role_fit():
+    given = found("resistance_temperature", "leakage")
+    model = chosen_of(given, series_of(given))
+    assert model["chosen"] == NAME
+    assert "validation took no part" in model["choice"]
+    assert "2RC by" in model["choice"]
+    assert model["members"][-1]["conditions"][0]["fit_rmse_volt"] < 1e-4
+    worse = found("resistance_temperature", "voltage_offset", log_r0=np.log(0.09))
+    assert chosen_of(worse, series_of(given))["chosen"] == "2RC"
+
+
+def test_without_effects_the_model_is_left_as_it_was():
+    model = family()
+    assert with_effects(model, found(), SHEET, [], split_rest_second=300.0) is model
+
+
+def test_records_that_cannot_be_counted_take_no_part_and_are_named():
+    given = found("resistance_temperature")
+    first, second = series_of(given)
+    lost = FitTest(second.facts | {"soc": None}, second.series)
+    lost.series["current_ampere"] = lost.series["current_ampere"] - 1.0
+    model = chosen_of(given, [first, lost])
+    assert any("D28 took no part" in note for note in model["notes"])
+    with pytest.raises(Refusal, match="D28 took no part"):
+        chosen_of(given, [lost])
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_every_member_is_a_bank_and_rows_and_an_export_or_a_reason(effect):
+    given = found(effect)
+    model = chosen_of(given, series_of(given))
+    bank = bank_of(model, NAME, 20.0)
+    assert np.isfinite(bank.ocv_volt).all()
+    assert len(bank.elements) >= 3
+    rows = [row for row in parameter_rows(model) if row["model"] == NAME]
+    assert {row["soc"] for row in rows if row["parameter"] == "r0"} == set(KNOTS)
+    document = pybamm_document(model)
+    assert NAME in document["refused"] or NAME in [m["model"] for m in document["members"]]
+
+
+def test_a_filter_sees_the_true_current_and_voltage():
+    given = found("current_offset", "voltage_offset", "voltage_gain", "capacity_error")
+    tests = series_of(given)
+    model = chosen_of(given, tests)
+    record = _record(model | {"chosen": NAME}, SHEET, *tests[0], 300.0)
+    true = tests[0].series["current_ampere"] - 0.02
+    np.testing.assert_allclose(record.current_ampere, true)
+    volt = tests[0].series["voltage_volt"] / 1.003 - 0.01
+    np.testing.assert_allclose(record.voltage_volt, volt)
+    moved = np.sum(true[:-1]) / 3600.0 / (CAPACITY * 1.02 * 1.002)
+    assert record.reference_soc[-1] - record.reference_soc[0] == pytest.approx(moved, rel=1e-6)
+    bank = bank_of(model, NAME, 25.0)
+    assert bank.capacity_ampere_hour == pytest.approx(CAPACITY * 1.02 * 1.002)

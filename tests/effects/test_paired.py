@@ -1,0 +1,181 @@
+"""Paired mode: healthy cells that the circuit fails in the same way, and one that has more."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cellwright.effects import base, records, search
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.paired import Pairing, paired
+from cellwright.effects.protocol_match import counterpart_second, part
+from cellwright.refusal import Refusal
+
+CAPACITY = 5.0
+CELL = base.Cell(CAPACITY, 3.2 + 0.9 * np.linspace(0, 1, 101) + 0.05 * np.linspace(0, 1, 101) ** 8)
+# What no healthy cell of this type is without, and the plain model knows nothing of.
+COMMON = {
+    "resistance_soc.towards_empty": 1.5,
+    "resistance_soc.falling": 0.5,
+    "resistance_soc.bowl": 0.3,
+    "polarisation_soc.towards_empty": 1.0,
+    "polarisation_soc.falling": -0.4,
+    "polarisation_soc.bowl": 0.0,
+}
+HIDDEN = {"hysteresis_instant.amplitude_volt": 0.008}
+CANDIDATES = ("resistance_soc", "polarisation_soc", "hysteresis_instant", "resistance_asymmetry")
+
+
+def drive(seed, hours=1.0):
+    """Current of a rest, then loads of 10 to 60 s and rests, from full to a third [A]."""
+    random = np.random.default_rng(seed)
+    loads = np.repeat(
+        random.choice([-7.0, -4.0, -2.0, 3.0, 0.0], 400), random.integers(10, 60, 400)
+    )
+    count = int(3600 * hours)
+    return np.concatenate([np.zeros(200), loads[:count], np.zeros(600)])
+
+
+def record(test, current, seed, hidden=(), warm=25.0, jitter=0.0):
+    """A record of one cell; `seed` also draws what is its own."""
+    random = np.random.default_rng(seed)
+    clock = np.arange(len(current), dtype=float)
+    empty = records.Record(
+        test, "drive", clock, current, np.zeros(len(clock)), 0 * clock + warm, 1.0
+    )
+    stack = records.stacked([empty], capacity_ampere_hour=CAPACITY)
+    names = {name.split(".")[0] for name in (*COMMON, *hidden)}
+    effects = [LIBRARY[name] for name in LIBRARY if name in names]
+    own = np.random.default_rng(seed // 10).normal(size=5)
+    values = dict.fromkeys(base.base_names(1), 0.0) | {"soc0[0]": 1.0} | COMMON | dict(hidden)
+    logs = np.log([0.02, 0.01, 8.0, 0.012, 130.0]) + 0.1 * own
+    values |= dict(zip(base.LOGARITHMS, logs, strict=True))
+    volt = base.voltage(CELL, stack, values, effects) + 1e-3 * random.normal(size=len(clock))
+    return empty._replace(voltage_volt=volt)
+
+
+def case(number, hidden=(), **changes):
+    """A cell's case: two records to fit, one that judges."""
+    made = [
+        record(test, drive(k) * changes.get(test, 1.0), 10 * number + k, hidden)
+        for k, test in enumerate(("mild", "wild", "proof"))
+    ]
+    stacks = [records.stacked(r, capacity_ampere_hour=CAPACITY) for r in (made[:2], made[2:])]
+    return search.Case(CELL, *stacks)
+
+
+@cache
+def references(count=3):
+    return {f"r{k}": case(k) for k in range(1, count + 1)}
+
+
+def library():
+    return {name: LIBRARY[name] for name in CANDIDATES}
+
+
+def names(rounds):
+    return [one.chosen.effect.id for one in rounds if one.chosen]
+
+
+def test_a_healthy_cell_alone_is_named_and_beside_others_is_not():
+    healthy = case(8)
+    assert names(search.search(healthy, library()))
+    assert not names(search.search(paired(healthy, references()).case, library()))
+
+
+def test_what_a_cell_has_beyond_healthy_ones_is_named_first_and_recovered():
+    rounds = search.search(paired(case(9, HIDDEN), references()).case, library())
+    assert names(rounds)[0] == "hysteresis_instant"
+    found = rounds[0].chosen.state.solution.values["hysteresis_instant.amplitude_volt"]
+    assert found == pytest.approx(0.008, rel=0.1)
+
+
+def test_the_template_takes_most_of_what_a_plain_model_leaves():
+    healthy = case(8)
+    plain = search.search(healthy, library())[0].before
+    beside = search.search(paired(healthy, references()).case, library())[0].before
+    assert beside.validation_rmse_volt < 0.5 * plain.validation_rmse_volt
+
+
+def test_a_template_is_needed_where_the_circuit_fails_healthy_cells():
+    found = paired(case(8), references())
+    assert found.needed
+    assert found.read_volt == pytest.approx(1e-3, rel=0.1)
+    assert not paired(case(8), references(), Pairing(needed_ratio=100.0)).needed
+
+
+def test_fewer_than_three_references_are_refused():
+    with pytest.raises(Refusal, match="2 healthy reference cells ran the same protocol, wanted 3"):
+        paired(case(8), references(2))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"wild": 1.2}, r"r3: wild: from row \d+ on the current differs .* by 0\.\d+ C"),
+        ({"proof": -1.0}, r"r3: proof: from row"),
+    ],
+)
+def test_a_reference_with_other_currents_is_left_out_with_the_reason(change, words):
+    others = references(2) | {"r3": case(3, **change)}
+    with pytest.raises(Refusal, match=words):
+        paired(case(8), others)
+    four = references(3) | {"r4": case(4, **change)}
+    assert set(paired(case(8), four).left_out) == {"r4"}
+
+
+def alone(current, warm=25.0):
+    stack = records.stacked([record("mild", current, 11, warm=warm)], capacity_ampere_hour=CAPACITY)
+    return part(stack, "mild", "drive", CAPACITY)
+
+
+def test_a_missing_test_is_refused_by_name():
+    stack = case(1).fit
+    with pytest.raises(Refusal, match="hot: no such drive test in this role, found mild, wild"):
+        part(stack, "hot", "drive", CAPACITY)
+
+
+def test_another_temperature_is_refused():
+    with pytest.raises(Refusal, match=r"mild: .*25.0 degC .* 28.0 degC; .* 2 K"):
+        counterpart_second(alone(drive(0)), alone(drive(0), warm=28.0))
+
+
+def test_another_duration_is_refused():
+    longer = np.insert(drive(0), 1000, np.full(900, -1.0))
+    with pytest.raises(Refusal, match=r"mild: after row \d+ it goes on for \d+ s .* \d+ s"):
+        counterpart_second(alone(drive(0)), alone(longer))
+
+
+def test_a_record_that_ends_early_is_refused():
+    with pytest.raises(Refusal, match=r"mild: the reference ends .* row \d+, after \d+ %"):
+        counterpart_second(alone(drive(0)), alone(drive(0)[:2500]))
+
+
+def test_clocks_are_tied_at_long_rests():
+    slow = np.concatenate([np.zeros(300), np.full(3000, -2.0), np.zeros(300), np.full(900, 2.0)])
+    late = np.concatenate([np.zeros(300), np.full(3100, -2.0), np.zeros(300), np.full(900, 2.0)])
+    found = counterpart_second(alone(slow), alone(late))
+    assert found[3300] == pytest.approx(3400, abs=2)
+    assert found[4000] == pytest.approx(4100, abs=2)
+
+
+def test_rows_that_a_reference_has_not_are_not_compared():
+    others = references(2) | {"r3": shortened(case(3))}
+    found = paired(case(8), others).case
+    assert not found.fit.used[-100:].any()
+    assert found.fit.used[:-201].all()
+    assert found.validation.used.all()
+
+
+def shortened(whole):
+    """Without the last 200 rows of the records that are fitted."""
+    stack = whole.fit
+    keep = np.arange(len(stack.file)) < len(stack.file) - 200
+    rows = {n: v[keep] for n, v in stack._asdict().items() if np.shape(v) == keep.shape}
+    return whole._replace(fit=stack._replace(**rows))
+
+
+def test_a_template_is_never_larger_than_it_was_by_more_than_its_prior():
+    found = paired(case(8), references(), Pairing(scale_std=1e-6))
+    values = search.search(found.case, library())[0].before.solution.values
+    assert values["known"] == pytest.approx(1.0, abs=1e-3)

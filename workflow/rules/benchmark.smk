@@ -1,0 +1,100 @@
+# How well missing effects are found: a campaign of the virtual laboratory, searched and scored.
+# No part of the main job: `snakemake missing_effect_benchmark`.
+
+import hashlib
+
+BENCHMARK = config["benchmark"]
+HIDDEN = BENCHMARK["folder"]
+SIZES = ["seed", "cells", "healthy", "unknown", "two", "physics", "groups"]
+OPTIONS = " ".join(f"{name}={BENCHMARK[name]}" for name in SIZES)
+
+
+def laboratory(wildcards):
+    """Hash of what makes the campaign: an edit of the laboratory makes it anew."""
+    folder = Path(workflow.basedir) / "scripts" / "virtual_lab"
+    making = [p for p in folder.rglob("*.py") if p.parent.name not in ("score", "reality")]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(making))).hexdigest()[:16]
+
+
+rule effect_campaign:
+    output:
+        tests=f"{HIDDEN}/config/tests.tsv",
+        truth=f"{HIDDEN}/truth/README.md",
+    log:
+        "logs/effect_campaign.log",
+    threads: workflow.cores
+    # Its jobs run scripts/make_campaign.py in the laboratory's own environment.
+    params:
+        options=OPTIONS,
+        laboratory=laboratory,
+        code=code_of("make_campaign"),
+    message:
+        "The virtual laboratory hides effects in cells: {params.options}."
+    shell:
+        "{workflow.basedir}/run --lab snakemake -s {workflow.basedir}/workflow/virtual_lab.smk"
+        " --directory {workflow.basedir} --cores {threads} --config campaign=hidden"
+        " folder=$PWD/{HIDDEN} {params.options} > {log} 2>&1"
+
+
+rule effect_left_out:
+    input:
+        tests=rules.effect_campaign.output.tests,
+        truth=rules.effect_campaign.output.truth,
+    output:
+        "results/effect_answers/left_out.json",
+    log:
+        "logs/effect_left_out.log",
+    params:
+        folder=HIDDEN,
+        options=OPTIONS,
+        code=code_of("effect_left_out"),
+    message:
+        "Which names the second search of a cell has to do without."
+    script:
+        "../../scripts/effect_left_out.py"
+
+
+rule effect_answers:
+    input:
+        tests=rules.effect_campaign.output.tests,
+        left_out=rules.effect_left_out.output[0],
+    output:
+        "results/effect_answers/{batch}.parquet",
+    log:
+        "logs/effect_answers/{batch}.log",
+    wildcard_constraints:
+        batch=r"\d+",
+    params:
+        folder=HIDDEN,
+        batches=BENCHMARK["batches"],
+        settings={
+            name: config[name]
+            for name in ["clean", "segment", "ocv", "models", "missing_effect", "benchmark"]
+        },
+        code=code_of("effect_answers"),
+    message:
+        "Search batch {wildcards.batch} of {params.batches} of the hidden campaign, and try the controls."
+    script:
+        "../../scripts/effect_answers.py"
+
+
+rule missing_effect_benchmark:
+    input:
+        truth=rules.effect_campaign.output.truth,
+        answers=expand(rules.effect_answers.output[0], batch=range(BENCHMARK["batches"])),
+    output:
+        page="results/effect_scores/benchmark.md",
+        confusion="results/effect_scores/effect-confusion.svg",
+        power="results/effect_scores/effect-power.svg",
+        cells="results/effect_scores/cells.parquet",
+        goals="results/effect_scores/goals.parquet",
+    log:
+        "logs/missing_effect_benchmark.log",
+    params:
+        folder=HIDDEN,
+        options=OPTIONS,
+        code=code_of("missing_effect_benchmark"),
+    message:
+        "Set every answer beside what was hidden: {output.page}."
+    script:
+        "../../scripts/missing_effect_benchmark.py"

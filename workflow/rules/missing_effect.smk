@@ -1,0 +1,88 @@
+# What the model of a cell lacks: the search for a missing effect, and its verdicts.
+
+EFFECT_KINDS = ("capacity", *PULSE_KINDS, "drive")
+
+
+def searchable(cell):
+    """Whether the sheet has tests to fit and one for proof, or so many that one can be spared."""
+    fit = tests(cell, *EFFECT_KINDS, roles=["fit", "split"])
+    proof = tests(cell, *EFFECT_KINDS, roles=["validation", "split"])
+    return bool(fit and proof) or len(fit) >= 3
+
+
+# A cell with any such test has a verdict file; one that cannot be searched says there why.
+ASKED = [c for c in CELLS if config["missing_effect"]["enabled"] and tests(c, *EFFECT_KINDS)]
+SEARCHED = [cell for cell in ASKED if searchable(cell)]
+VERDICTS = [f"results/missing_effect/{cell}/verdict.json" for cell in ASKED]
+SPLIT = {"split_rest_second": config["models"]["split_rest_second"]}
+EFFECT_PARTS = [
+    *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
+    *["confounding.parquet", "menu.parquet", "model.json"],
+]
+
+
+rule effect_search:
+    input:
+        basis="results/basis/{cell}.json",
+        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+    output:
+        verdict="results/missing_effect/{cell}/verdict.json",
+        ranking="results/missing_effect/{cell}/ranking.parquet",
+        residual_map="results/missing_effect/{cell}/map.parquet",
+        evidence="results/missing_effect/{cell}/evidence.parquet",
+        series="results/missing_effect/{cell}/series.parquet",
+        confounding="results/missing_effect/{cell}/confounding.parquet",
+        menu="results/missing_effect/{cell}/menu.parquet",
+        model="results/missing_effect/{cell}/model.json",
+    log:
+        "logs/missing_effect/{cell}.log",
+    wildcard_constraints:
+        cell=either(ASKED),
+    params:
+        settings=config["missing_effect"] | SPLIT,
+        cell=cell_facts,
+        code=code_of("missing_effect"),
+    message:
+        "Search for what the model of {wildcards.cell} lacks."
+    script:
+        "../../scripts/missing_effect.py"
+
+
+rule missing_effect:
+    input:
+        VERDICTS,
+    output:
+        table="results/tables/missing_effect.csv",
+    log:
+        "logs/table/missing_effect.log",
+    params:
+        code=code_of("missing_effect_table"),
+    message:
+        "Verdicts of the whole campaign: what the models of its cells lack."
+    script:
+        "../../scripts/missing_effect_table.py"
+
+
+rule figure_missing_effect:
+    input:
+        verdict="results/missing_effect/{cell}/verdict.json",
+        ranking="results/missing_effect/{cell}/ranking.parquet",
+        map="results/missing_effect/{cell}/map.parquet",
+        evidence="results/missing_effect/{cell}/evidence.parquet",
+        series="results/missing_effect/{cell}/series.parquet",
+        confounding="results/missing_effect/{cell}/confounding.parquet",
+    output:
+        validation="results/figures/{cell}/effect_validation.svg",
+        map="results/figures/{cell}/effect_map.svg",
+        evidence="results/figures/{cell}/effect_evidence.svg",
+        ranking="results/figures/{cell}/effect_ranking.svg",
+        confounding="results/figures/{cell}/effect_confounding.svg",
+    log:
+        "logs/figures/{cell}_missing_effect.log",
+    params:
+        gates=config["missing_effect"],
+        code=code_of("figure_missing_effect"),
+    message:
+        "Figures: what the model of {wildcards.cell} lacks, and how one can see it."
+    script:
+        "../../scripts/figure_missing_effect.py"
