@@ -1,7 +1,9 @@
 """Artefacts of several cells brought into the form in which one cell borrows from another."""
 
 import artefact
+from cellwright.effects.finding import Reference
 from cellwright.models.basis import Lender
+from cellwright.models.cell import FitTest
 
 
 def curves(paths) -> list[dict]:
@@ -39,6 +41,27 @@ def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
             capacities([path for path in capacity_paths if owner[path] == cell]),
         )
         for cell in dict.fromkeys(owner.values())
+    ]
+
+
+def tests(paths) -> list[FitTest]:
+    """Clean series with the sheet's row of each test."""
+    return [
+        FitTest(about["params"]["test"] | {"test": about["wildcards"]["test"]}, series)
+        for series, about in artefact.load_all(paths)
+    ]
+
+
+def references(rows, basis_paths, series_paths) -> list[Reference]:
+    """Healthy cells of the type, each with its row of the sheet, its basis and its tests."""
+    owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in series_paths}
+    bases = {basis["cell"]: basis for basis, _ in artefact.load_all(basis_paths)}
+    return [
+        Reference(
+            row, bases[row["cell"]], tests([p for p in series_paths if owner[p] == row["cell"]])
+        )
+        for row in rows
+        if row["cell"] in bases
     ]
 
 

@@ -24,6 +24,7 @@ INFRASTRUCTURE = {
         "lending",
         "make_campaign",
         "page",
+        "publish_benchmark",
         "provenance",
         "raw_files",
     ),

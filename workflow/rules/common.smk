@@ -49,7 +49,11 @@ def test_facts(wildcards):
 
 def cell_facts(wildcards):
     """Of the sheet's row of a cell what analyses need; of a group, that of its first branch."""
-    name = owner(wildcards)
+    return facts_of(owner(wildcards))
+
+
+def facts_of(name):
+    """The same by the name of the cell or group."""
     row = CELLS.get(name) or CELLS[BRANCHES[name][0]["cell"]]
     names = ["cell", "rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt"]
     return {name: row[name] for name in names}

@@ -1,6 +1,6 @@
 # What the model of a cell lacks: the search for a missing effect, and its verdicts.
 
-EFFECT_KINDS = ("capacity", *PULSE_KINDS, "drive")
+EFFECT_KINDS = ("ocv", "capacity", *PULSE_KINDS, "drive")
 
 
 def searchable(cell):
@@ -21,10 +21,20 @@ EFFECT_PARTS = [
 ]
 
 
+def healthy_like(cell):
+    """Cells marked as reference of the type, where there are three to be held against."""
+    marked = [c for c in peers(cell) if CELLS[c]["reference"] == "yes"]
+    return marked if len(marked) >= 3 else []
+
+
 rule effect_search:
     input:
         basis="results/basis/{cell}.json",
         series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+        lent_basis=lambda w: [f"results/basis/{c}.json" for c in healthy_like(w.cell)],
+        lent_series=lambda w: [
+            p for c in healthy_like(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
+        ],
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
         ranking="results/missing_effect/{cell}/ranking.parquet",
@@ -41,6 +51,7 @@ rule effect_search:
     params:
         settings=config["missing_effect"] | SPLIT,
         cell=cell_facts,
+        references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
         code=code_of("missing_effect"),
     message:
         "Search for what the model of {wildcards.cell} lacks."

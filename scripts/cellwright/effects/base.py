@@ -17,6 +17,7 @@ REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16
 TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}
 KEPT_RESPONSES = 40
+SOC_LIMITS = (-0.5, 1.5)  # beyond them a trial step has lost its way, and only must not overflow
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 
 
@@ -136,7 +137,8 @@ def _counted(stack, values, fields):
     """SoC by counting, each record from its own start."""
     moved = np.cumsum(fields.moved / fields.capacity)
     starts = np.array([values[f"soc0[{k}]"] for k in range(len(stack.first))])
-    return fields._replace(soc=moved + (starts - moved[stack.first])[stack.file])
+    soc = moved + (starts - moved[stack.first])[stack.file]
+    return fields._replace(soc=np.clip(soc, *SOC_LIMITS))
 
 
 def _open_circuit(cell, values, soc):
@@ -149,11 +151,11 @@ def _open_circuit(cell, values, soc):
 
 def slow_volt(stack, fields):
     """Voltage of the two RC pairs [V]."""
-    one = relaxed(stack, fields.current, fields.tau1, fields.r1)
-    return one + relaxed(stack, fields.current, fields.tau2, fields.r2)
+    one = relaxed(stack, fields.current, fields.tau1, gain=fields.r1)
+    return one + relaxed(stack, fields.current, fields.tau2, gain=fields.r2)
 
 
-def relaxed(stack, drive, tau_second, gain=1.0):
+def relaxed(stack, drive, tau_second, *, gain=1.0):
     """First-order lag of gain·drive that begins at rest in every record; unit of their product."""
     start = np.zeros(len(drive))
     if np.ndim(gain) or drive is not stack.current_ampere:

@@ -91,7 +91,8 @@ def problem_of(case, effects, free, filters):
 def state_of(case, effects, solution, filters):
     """How a fitted model does on the records that judge; only their first rest is looked at."""
     stack = case.validation
-    values = started(case.cell, stack, solution.values, effects, case.tolerance)
+    pairs = [(k, case.fit.tests.index(t)) for k, t in enumerate(stack.tests) if t in case.fit.tests]
+    values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs)
     left = stack.voltage_volt - base.voltage(case.cell, stack, values, effects)
     white = filters.validation.apply(left)
     return State(
@@ -119,8 +120,8 @@ def steep(case, values):
 def filters_of(case, spread, extra):
     """Filters for a noise. extra: of `steep`."""
     return Filters(
-        noise.whitening(spread, case.fit, extra[0]),
-        noise.whitening(spread, case.validation, extra[1]),
+        noise.whitening(spread, case.fit, extra_volt=extra[0]),
+        noise.whitening(spread, case.validation, extra_volt=extra[1]),
         extra[0] <= case.gates.steep_volt,
         extra[1] <= case.gates.steep_volt,
     )

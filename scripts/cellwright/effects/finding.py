@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.effects import base, plain, ties
 from cellwright.effects.case import Gates, filters_of, steep
 from cellwright.effects.evidence import evidence
+from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planner import next_test
 from cellwright.effects.prepare import prepared
 from cellwright.effects.problem import stds
@@ -14,6 +15,7 @@ from cellwright.effects.residual_map import joined, residual_map
 from cellwright.effects.search import not_excited, search
 from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.effects.words import paragraph
+from cellwright.refusal import Refusal
 
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
 
@@ -36,7 +38,15 @@ class Finding(NamedTuple):
     notes: tuple
 
 
-def missing_effect(cell, basis, tests, library, *, settings):
+class Reference(NamedTuple):
+    """A healthy cell of the type: its row of the sheet, its basis, its tests."""
+
+    cell: dict
+    basis: dict
+    tests: list
+
+
+def missing_effect(cell, basis, tests, library, *, settings, references=()):
     """Search a cell for what the plain model lacks.
 
     Parameters
@@ -44,6 +54,8 @@ def missing_effect(cell, basis, tests, library, *, settings):
     cell : dict, the cell's row of the sheet. basis : dict, from `models.basis.basis`.
     tests : list of models.cell.FitTest. library : dict of Effect by id.
     settings : dict: those of `settings_of`, most_rows and split_rest_second.
+    references : sequence of Reference. Where three or more ran the same protocol, and the plain
+    model fails them by far more than noise, the cell is held against them (paired mode).
 
     Returns
     -------
@@ -54,9 +66,27 @@ def missing_effect(cell, basis, tests, library, *, settings):
     Refusal : no OCV, nothing to fit, or nothing that judges.
     """
     gates, tolerance = settings_of(settings)
-    ready = prepared(cell, basis, tests, tolerance=tolerance, gates=gates, settings=settings)
-    found = of_case(cell["cell"], ready.case, library)
-    return found._replace(notes=(*ready.notes, *found.notes))
+    options = {"tolerance": tolerance, "gates": gates, "settings": settings}
+    ready = prepared(cell, basis, tests, **options)
+    case, beside, note = _beside(ready.case, references, options)
+    found = of_case(cell["cell"], case, library)
+    verdict = found.verdict | {"references": beside}
+    return found._replace(verdict=verdict, notes=(*ready.notes, *note, *found.notes))
+
+
+def _beside(case, references, options):
+    """The case in paired mode where that serves: (case, names of the references, notes)."""
+    if len(references) < Pairing().references:
+        return case, [], ()
+    try:
+        others = {one.cell["cell"]: prepared(*one, **options).case for one in references}
+        pair = paired(case, others)
+    except Refusal as refusal:
+        return case, [], (f"searched alone, not beside the references: {refusal}",)
+    if not pair.needed:
+        return case, [], ("searched alone: the plain model follows the references to the noise",)
+    names = ", ".join(pair.references)
+    return pair.case, list(pair.references), (f"searched beside the references {names}",)
 
 
 def settings_of(settings):
@@ -73,7 +103,9 @@ def of_case(name, case, library):
     found = outcome(rounds, case.gates)
     left = _map(case, rounds[0].before, found.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
-    untestable = sorted({n for n, why in unexcited.items() if why} | set(rounds[0].hidden))
+    named = {step.chosen.effect.id for step in found.steps}
+    hidden = set.intersection(*(set(one.hidden) for one in rounds)) - named
+    untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     menu, advice = _advised(case, found, rounds, library, untestable)
     verdict = verdict_of(
         name, found, case.gates, rounds, left, next_test=advice, not_testable=untestable
@@ -99,10 +131,10 @@ def _advised(case, found, rounds, library, untestable):
         after = tied.chosen.state
         advice = next_test(case, after, tied.chosen.effect.id, tied.tied, library=library)
         return advice.table, advice.sentence
-    temperature = [n for n in untestable if n == "resistance_temperature"]
-    if found.word == "unknown" or not temperature:
+    # Of what could not be told, resistance over temperature is what most cells have.
+    if found.word != "none" or "resistance_temperature" not in untestable:
         return {}, None
-    advice = next_test(case, found.last, temperature[0], library=library)
+    advice = next_test(case, found.last, "resistance_temperature", library=library)
     return advice.table, advice.sentence
 
 

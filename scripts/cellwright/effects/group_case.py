@@ -21,9 +21,10 @@ class GroupGates(NamedTuple):
     """When an effect of a branch counts; meanings as those of a cell's gates.
 
     material_volt : fall of the gap of the branch currents on validation records, times their
-    cells' ohmic resistance, below which nobody would act on it [V]. most_slow_volt : largest slow
-    noise of a branch current, times its cell's ohmic resistance [V]. shared_slow_volt : slow error
-    of the model's voltage that all branches share, and that must not move their currents [V].
+    cells' ohmic resistance, below which nobody would act on it [V]. adequate_volt : such a gap
+    that may be left [V]. most_slow_volt : largest slow noise of a branch current, times its cell's
+    ohmic resistance [V]. shared_slow_volt : slow error of the model's voltage that all branches
+    share, and that must not move their currents [V].
     """
 
     refits: int = 6
@@ -33,10 +34,11 @@ class GroupGates(NamedTuple):
     material_volt: float = 0.1e-3
     nothing_ratio: float = 1.15
     adequate_ratio: float = 1.3
+    adequate_volt: float = 0.5e-3
     adequate_closed: float = 0.85
     partial_closed: float = 0.5
     tie_absolute: float = 6.0
-    tie_relative: float = 0.03
+    tie_relative: float = 0.003
     rounds: int = 3
     most_slow_volt: float = 0.3e-3
     shared_slow_volt: float = 2e-3

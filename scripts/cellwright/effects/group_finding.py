@@ -128,7 +128,7 @@ def _ranking(rounds):
                     "branch": trial.placed.branch + 1,
                     "parameters_counted": 1,
                     "value": trial.state.solution.values[trial.placed.name],
-                    "score_chi_square": trial.score,
+                    "score_chi_square": trial.fall,
                     "delta_bic": trial.delta_bic,
                     "delta_validation_chi_square": trial.delta_validation,
                     "rmse_volt": trial.state.gap_volt,

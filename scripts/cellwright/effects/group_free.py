@@ -83,28 +83,41 @@ def group_frees(cells, files, spread, shared, *, sensors):
     -------
     free : tuple of problem.Free. Without branch currents their sensors are not among them.
     """
-    own = all(cell.own for cell in cells)
-    free = [
-        *_common(own, shared),
-        *(Free(f"soc0[{k}]", SOC_STEP, 0.0, shared.soc) for k in range(files)),
-    ]
-    free += [Free(f"fine[{k}]", VOLT_STEP) for k in range(FINE_KNOTS)]
+    far = spread.widest
+    free = _common(all(cell.own for cell in cells), shared, far)
+    free += [_bounded(f"soc0[{k}]", SOC_STEP, shared.soc, far) for k in range(files)]
+    free += _knots("fine", FINE_KNOTS, shared.ocv_volt, far)
     for b, cell in enumerate(cells):
         free += _of_branch(b, cell, spread, sensors)
-        free += [Free(f"{b}.ocv[{k}]", VOLT_STEP) for k in range(OCV_KNOTS)]
+        free += _knots(f"{b}.ocv", OCV_KNOTS, _ocv_volt(cell, spread), far)
     return tuple(free)
 
 
-def _common(own, shared):
+def _bounded(name, step, std, far):
+    return Free(name, step, 0.0, std, -far * std, far * std)
+
+
+def _knots(name, count, volt, far):
+    """Knots of an OCV error; how they hang together is said by `group_coupling`."""
+    most = far * volt
+    return [Free(f"{name}[{k}]", VOLT_STEP, 0.0, np.inf, -most, most) for k in range(count)]
+
+
+def _ocv_volt(cell, spread):
+    return spread.ocv_volt if cell.own else spread.type_ocv_volt
+
+
+def _common(own, shared, far):
     resistance = shared.resistance if own else shared.type_resistance
     time = shared.time_constant if own else shared.type_time_constant
     energy = shared.activation_joule_per_mole if own else shared.type_activation_joule_per_mole
-    return (
-        *(Free(name, LOG_STEP, 0.0, resistance) for name in ("log_r0", "log_r1", "log_r2")),
-        *(Free(name, 4 * LOG_STEP, 0.0, time) for name in ("log_tau1", "log_tau2")),
-        Free("capacity", LOG_STEP, 0.0, shared.capacity if own else shared.type_capacity),
-        Free("energy", 500.0, 0.0, energy),
-    )
+    capacity = shared.capacity if own else shared.type_capacity
+    return [
+        *(_bounded(name, LOG_STEP, resistance, far) for name in ("log_r0", "log_r1", "log_r2")),
+        *(_bounded(name, 4 * LOG_STEP, time, far) for name in ("log_tau1", "log_tau2")),
+        _bounded("capacity", LOG_STEP, capacity, far),
+        _bounded("energy", 500.0, energy, far),
+    ]
 
 
 def _of_branch(b, cell, spread, sensors):
@@ -120,8 +133,7 @@ def _of_branch(b, cell, spread, sensors):
     if sensors:
         known["offset"] = spread.current_offset_c_rate * cell.capacity_ampere_hour
         known["gain"] = spread.current_gain
-    far = spread.widest
-    return [Free(f"{b}.{n}", STEPS[n], 0.0, s, -far * s, far * s) for n, s in known.items()]
+    return [_bounded(f"{b}.{n}", STEPS[n], s, spread.widest) for n, s in known.items()]
 
 
 def group_coupling(free, cells, spread, shared):
@@ -133,7 +145,7 @@ def group_coupling(free, cells, spread, shared):
     shape = _smooth(OCV_KNOTS, spread.ocv_soc)
     for b, cell in enumerate(cells):
         at = [k for k, name in enumerate(names) if name.startswith(f"{b}.ocv[")]
-        found[np.ix_(at, at)] = shape / (spread.ocv_volt if cell.own else spread.type_ocv_volt) ** 2
+        found[np.ix_(at, at)] = shape / _ocv_volt(cell, spread) ** 2
     return found
 
 

@@ -21,14 +21,15 @@ from cellwright.effects.group_screen import all_in, group_columns, group_scores,
 FIRST_NOISE_VOLT = 2e-3
 FIRST_NOISE_SHARE = 2e-3  # of the largest branch current
 STEPS_OF_BASE, STEPS_OF_TRIALS = 6, 6
+RIVAL, MOST_RIVALS = 0.2, 4  # share of the best J within which a candidate is settled anew
 SHARPER, AGAIN = 0.8, 2  # fall of the slow noise for which a round is done once more
 
 
 class GroupTrial(NamedTuple):
-    """A candidate refitted, beside the model without it."""
+    """A candidate refitted, beside the model without it; fall: what its score promised."""
 
     placed: Placed
-    score: float
+    fall: float
     delta_bic: float
     delta_validation: float
     state: object
@@ -123,7 +124,7 @@ def _round(case, placed, free, solution, noises, tried):
     trials = [
         _tried(case, before, free, score, filters, noises) for score in scores[: case.gates.refits]
     ]
-    trials.sort(key=lambda t: -t.j)
+    trials = _polished(case, before, free, trials, filters, noises)
     floor = floor_volt(case, noises)
     chosen, tied = _chosen(case.gates, before, trials, floor)
     return GroupRound(before, noises, floor, scores, trials, chosen, tied)
@@ -138,11 +139,34 @@ def _tried(case, before, free, score, filters, noises):
     chart = beside(before.solution.chart, score.column)
     name = score.placed.name
     solution = settle(problem, values, chart=chart, renew=name, steps=STEPS_OF_TRIALS)
-    state = state_of(case, placed, free, solution, noises)
+    return _trial(case, before, free, solution, noises, score)
+
+
+def _polished(case, before, free, trials, filters, noises):
+    """Best first, rivals of the best settled anew: far from the start the first chart misleads."""
+    trials = sorted(trials, key=lambda t: -t.j)
+    rivals = [t for t in trials if t.j > (1.0 - RIVAL) * trials[0].j and t.j > 0][:MOST_RIVALS]
+    done = [_again(case, before, free, t, filters, noises) for t in rivals if len(rivals) > 1]
+    return sorted([*done, *trials[len(done) :]], key=lambda t: -t.j)
+
+
+def _again(case, before, free, trial, filters, noises):
+    free = with_effect(free, trial.placed)
+    problem = problem_of(case, trial.state.placed, free, filters)
+    old = trial.state.solution
+    chart = surveyed(problem, old.values, old.prediction)
+    solution = settle(problem, old.values, chart=chart, steps=STEPS_OF_TRIALS)
+    return _trial(case, before, free, solution, noises, trial)
+
+
+def _trial(case, before, free, solution, noises, origin):
+    """GroupTrial of a solution; origin: the score or the trial that it comes from."""
+    state = state_of(case, (*before.placed, origin.placed), free, solution, noises)
+    rows = len(solution.prediction)
     return GroupTrial(
-        score.placed,
-        score.fall,
-        before.solution.cost - solution.cost - float(np.log(len(problem.measured))),
+        origin.placed,
+        origin.fall,
+        before.solution.cost - solution.cost - float(np.log(rows)),
         before.validation_chi_square - state.validation_chi_square,
         state,
     )
@@ -152,7 +176,8 @@ def _chosen(gates, before, trials, floor):
     """The best trial that passes the gates, and those as good."""
     worst = max(before.gap_volt, before.validation_gap_volt)
     passed = [t for t in trials if passes(gates, before, t)]
-    if worst <= gates.nothing_ratio * floor or not passed:
+    enough = gates.adequate_volt if before.placed else 0.0
+    if worst <= max(gates.nothing_ratio * floor, enough) or not passed:
         return None, ()
     best = passed[0]
     near = max(gates.tie_absolute, gates.tie_relative * best.j)

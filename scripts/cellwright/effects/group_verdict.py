@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.effects.group_case import gap_volt, predicted, rows_of
 from cellwright.effects.group_search import passes
 from cellwright.effects.verdict import gap_closed
 
@@ -10,7 +11,6 @@ OTHER_TEMPERATURE = "repeat the group's drive at a chamber temperature 20 K away
 KELVIN = 5.0  # between mean temperatures of records, below which warm and low-ohmic are one
 WARM = {"branch_cell_resistance", "branch_temperature"}
 VISIBLE = 25.0  # fall of chi-square by an effect of plausible size
-UNKNOWN_RATIO = 1.5
 PARTS = 3
 
 
@@ -26,12 +26,16 @@ def group_verdict(group, case, rounds, library):
     verdict : dict of the contract; each effect has its `branch` (1 is the first) and
     `branch_alternatives`, branches that explain as much by the same effect. `rmse_volt` is of the
     branch currents times their cells' ohmic resistance, of the voltage where none were logged.
+    "before" is the last model with the effect taken out: its share of the gap. What a healthy group
+    within its declared spread would leave, bent as far as that allows, is `within_spread_volt`.
     """
     steps = [one for one in rounds if one.chosen is not None][: case.gates.rounds]
     first, last, floor = rounds[0].before, rounds[-1].before, rounds[-1].floor_volt
     afters = [one.before for one in rounds[1 : len(steps) + 1]]
-    entries = [_entry(case, s, a, floor) for s, a in zip(steps, afters, strict=False)]
-    word, adequate = _word(case, entries, first, last, floor)
+    entries = [_entry(case, s, a, floor) for s, a in zip(steps, afters, strict=True)]
+    before = _without(case, last, [s.chosen.placed.name for s in steps])
+    closed = gap_closed(before[1], last.validation_gap_volt, floor) if entries else None
+    word, adequate = _word(case, entries, last, floor, closed)
     settled = word in ("named", "ambiguous")
     return {
         "cell": group,
@@ -40,29 +44,36 @@ def group_verdict(group, case, rounds, library):
         "partial": [] if settled else entries,
         "located_at": None if adequate else _located(case, last),
         "floor_volt": floor,
-        "rmse_volt": {"before": first.gap_volt, "after": last.gap_volt},
-        "validation_rmse_volt": {
-            "before": first.validation_gap_volt,
-            "after": last.validation_gap_volt,
-        },
-        "gap_closed": _closed(first, last, floor) if entries else None,
+        "rmse_volt": {"before": before[0], "after": last.gap_volt},
+        "validation_rmse_volt": {"before": before[1], "after": last.validation_gap_volt},
+        "within_spread_volt": {"fit": first.gap_volt, "validation": first.validation_gap_volt},
+        "gap_closed": closed,
         "next_test": _next_test(case, entries, library),
         "not_testable": _not_testable(case, rounds[0], library),
     }
 
 
-def _closed(before, after, floor):
-    return gap_closed(before.validation_gap_volt, after.validation_gap_volt, floor)
+def _without(case, state, names):
+    """Gaps of a model on both kinds of records with some of its effects taken out [V]."""
+    found = []
+    for stack, soc, values in (
+        (case.fit, case.fit_soc, state.solution.values),
+        (case.validation, case.validation_soc, state.values_at_validation),
+    ):
+        left = rows_of(case, stack) - predicted(
+            case, stack, soc, values | dict.fromkeys(names, 0.0), state.placed
+        )
+        found.append(gap_volt(case, left))
+    return found
 
 
-def _word(case, entries, first, last, floor):
-    left = max(last.gap_volt, last.validation_gap_volt)
+def _word(case, entries, last, floor, closed):
+    left, gates = max(last.gap_volt, last.validation_gap_volt), case.gates
+    small = left <= max(gates.adequate_ratio * floor, gates.adequate_volt)
     if not entries:
-        quiet = left <= max(UNKNOWN_RATIO * floor, case.gates.material_volt)
-        return ("none", True) if quiet or not case.sensors else ("unknown", False)
-    closed = _closed(first, last, floor)
-    adequate = left <= case.gates.adequate_ratio * floor or closed >= case.gates.adequate_closed
-    if not adequate and closed < case.gates.partial_closed:
+        return ("none", True) if small or not case.sensors else ("unknown", False)
+    adequate = small or (closed is not None and closed >= gates.adequate_closed)
+    if not adequate and (closed is None or closed < gates.partial_closed):
         return "unknown", False
     open_ended = any(one["alternatives"] for one in entries) or not case.sensors
     return "ambiguous" if open_ended else "named", adequate
@@ -71,6 +82,7 @@ def _word(case, entries, first, last, floor):
 def _entry(case, one, after, floor):
     placed, p = one.chosen.placed, one.chosen.placed.effect.parameters[0]
     name = placed.name
+    before = _without(case, after, [name])
     same = [t.branch + 1 for t in one.tied if t.effect.id == placed.effect.id]
     return {
         "effect": placed.effect.id,
@@ -80,25 +92,22 @@ def _entry(case, one, after, floor):
         "parameters": {
             p.name: {
                 "value": float(after.solution.values[name]),
-                "std": _std(case, after.solution, name),
+                "std": _std(after.solution, name),
                 "unit": p.unit,
                 "at_bound": name in after.solution.at_bound,
             },
             "branch": {"value": placed.branch + 1, "std": None, "unit": "1", "at_bound": False},
         },
-        "rmse_volt": {"before": one.before.gap_volt, "after": after.gap_volt},
-        "validation_rmse_volt": {
-            "before": one.before.validation_gap_volt,
-            "after": after.validation_gap_volt,
-        },
-        "gap_closed": _closed(one.before, after, floor),
+        "rmse_volt": {"before": before[0], "after": after.gap_volt},
+        "validation_rmse_volt": {"before": before[1], "after": after.validation_gap_volt},
+        "gap_closed": gap_closed(before[1], after.validation_gap_volt, floor),
         "delta_bic": one.chosen.delta_bic,
         "delta_validation_chi_square": one.chosen.delta_validation,
     }
 
 
-def _std(case, solution, name):
-    """Standard deviation from the posterior; the effect was added last of all free parameters."""
+def _std(solution, name):
+    """Standard deviation from the posterior."""
     names = solution.names
     variance = np.linalg.inv(solution.chart.precision)[names.index(name), names.index(name)]
     return float(np.sqrt(variance))

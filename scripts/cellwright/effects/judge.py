@@ -15,7 +15,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def started(cell, stack, values, effects, tolerance):
+def started(cell, stack, values, effects, tolerance, shared=()):
     """SoC at the start of each record from its first rest, weighed against what is stated.
 
     Nothing else of these records enters a parameter.
@@ -23,23 +23,30 @@ def started(cell, stack, values, effects, tolerance):
     Parameters
     ----------
     cell : base.Cell. stack : records.Stack. values : dict. effects : sequence of Effect.
-    tolerance : plain.Tolerance.
+    tolerance : plain.Tolerance. shared : (number here, number in the fit) of records of which one
+        part was fitted and another judges: they have one start, and the fit has found it.
 
     Returns
     -------
     values : dict, with the starts of this stack in the place of others.
     """
-    values = values | {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)}
+    found = {f"soc0[{here}]": values[f"soc0[{there}]"] for here, there in shared}
+    values = values | {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)} | found
     loaded = np.abs(stack.current_ampere) > LOADED_C_RATE * cell.capacity_ampere_hour
     for _ in range(PASSES):
         error = stack.voltage_volt - base.voltage(cell, stack, values, effects)
         for k in range(len(stack.first)):
-            rows = np.flatnonzero(stack.file == k)
-            rest = rows[: int(np.argmax(loaded[rows])) if loaded[rows].any() else len(rows)]
-            name = f"soc0[{k}]"
-            stated = stack.soc_at_start[k]
-            values = values | {name: _weighed(cell, values[name], stated, error[rest], tolerance)}
+            name, stated = f"soc0[{k}]", stack.soc_at_start[k]
+            rest = _first_rest(stack, k, loaded)
+            known = _weighed(cell, values[name], stated, error[rest], tolerance)
+            values = values | {name: found.get(name, known)}
     return values
+
+
+def _first_rest(stack, k, loaded):
+    """Rows of record k before its first load."""
+    rows = np.flatnonzero(stack.file == k)
+    return rows[: int(np.argmax(loaded[rows])) if loaded[rows].any() else len(rows)]
 
 
 def _weighed(cell, soc, stated, error, tolerance):

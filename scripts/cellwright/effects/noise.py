@@ -33,7 +33,8 @@ class Noise(NamedTuple):
 class Whitening(NamedTuple):
     """Gains of the filter for one stack of records; `apply` makes rows independent, of unit size.
 
-    keep, gain, scale : (n,) each. log_variance : sum of the logarithms of the innovations' variance.
+    keep, gain, scale : (n,) each.
+    log_variance : sum of the logarithms of the innovations' variance.
     """
 
     keep: np.ndarray
@@ -55,7 +56,7 @@ class Whitening(NamedTuple):
         return matrix
 
 
-def whitening(noise, stack, extra_volt=0.0):
+def whitening(noise, stack, *, extra_volt=0.0):
     """Whitening of residuals over a stack of records.
 
     Parameters
@@ -97,21 +98,29 @@ def estimated(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_v
     """
     size = max(_robust(residual_volt), SMALLEST_VOLT)
     best, cost = Noise(size, 0.0, TIMES_SECOND[0]), np.inf
-    for ratio in RATIOS:
-        for second in [t for t in TIMES_SECOND if t <= most_slow_second][
-            : 1 if not ratio else None
-        ]:
-            tried = Noise(size, size * np.sqrt(ratio), second)
-            for _ in range(2):
-                w = whitening(tried, stack, extra_volt)
-                grown = max(np.sqrt(np.mean(w.apply(residual_volt) ** 2)), 1e-3)
-                slow = min(tried.slow_volt * grown, most_slow_volt)
-                tried = Noise(max(tried.white_volt * grown, SMALLEST_VOLT), slow, second)
-            w = whitening(tried, stack, extra_volt)
-            here = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
-            if here < cost:
-                best, cost = tried, here
+    for ratio, second in _shapes(most_slow_second):
+        tried = Noise(size, size * np.sqrt(ratio), second)
+        for _ in range(2):
+            tried = _grown(tried, residual_volt, stack, extra_volt, most_slow_volt)
+        w = whitening(tried, stack, extra_volt=extra_volt)
+        here = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
+        if here < cost:
+            best, cost = tried, here
     return best
+
+
+def _shapes(most_slow_second):
+    """Shares of the slow part and its time constants that are tried; without it one is enough."""
+    times = [t for t in TIMES_SECOND if t <= most_slow_second]
+    return [(r, t) for r in RATIOS for t in (times if r else times[:1])]
+
+
+def _grown(tried, residual_volt, stack, extra_volt, most_slow_volt):
+    """The same noise, as large as the residual says."""
+    w = whitening(tried, stack, extra_volt=extra_volt)
+    factor = max(np.sqrt(np.mean(w.apply(residual_volt) ** 2)), 1e-3)
+    slow = min(tried.slow_volt * factor, most_slow_volt)
+    return Noise(max(tried.white_volt * factor, SMALLEST_VOLT), slow, tried.slow_second)
 
 
 def read_volt(residual_volt, stack, *, steady_ampere):

@@ -12,14 +12,16 @@ from cellwright.effects.records import Record, stacked
 from cellwright.effects.screen import left
 from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
 from cellwright.models.groups import course_celsius
-from cellwright.models.records import Record as Measured
-from cellwright.models.records import bridged, record_of, thin
+from cellwright.models.records import bridged, record_of
 from cellwright.models.split import fit_mask
 from cellwright.refusal import Refusal
 from cellwright.series.anchor import REST_C_RATE
 
-KINDS = ("capacity", "hppc", "pulse_resistance", "drive")
+KINDS = ("ocv", "capacity", "hppc", "pulse_resistance", "drive")
 GRID = np.linspace(0.0, 1.0, 1001)
+EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
+GROWTH = 0.1  # of the time since the last step, from one kept row to the next
+PORTION_SOC = 0.005  # a row at least each time so much charge has passed
 FINEST_SECOND = 0.8  # records sampled faster are averaged to whole seconds
 RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
 HOLDS = ("zero_order", "first_order")
@@ -62,7 +64,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
         notes.append("no measured capacity: the rating, to 5 %")
     capacity = basis["capacity_ampere_hour"]
     most = settings["most_rows"]
-    fitted, judging = _thinned(fitted, most), _thinned(judging, most)
+    fitted, judging = _thinned(fitted, most, capacity), _thinned(judging, most, capacity)
     about = base.Cell(capacity, _curve(basis))
     sides = (fitted, judging)
     cases = []
@@ -74,8 +76,9 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
 
 def _sides(cell, basis, tests, settings):
     """Records that are fitted and that judge, with notes on those that cannot be used."""
-    fitted, judging, notes = [], [], []
-    for test in tests:
+    young, later = _by_age(tests)
+    fitted, judging, notes = [], [], [f"not used, of a later check-up: {n}" for n in later]
+    for test in young:
         try:
             record = _record(cell, basis, test, settings)
         except Refusal as refusal:
@@ -97,6 +100,14 @@ def _sides(cell, basis, tests, settings):
         which = "fitted" if not fitted else "kept out of the fit to judge by"
         raise Refusal(f"no test can be {which}; {'; '.join(notes)}")
     return fitted, judging, notes
+
+
+def _by_age(tests):
+    """Tests of the earliest check-up, and names of the others: a cell that ages is another cell."""
+    cycles = [test.facts["cycle"] or 0 for test in tests]
+    first = min(cycles, default=0)
+    later = [t.facts["test"] for t, cycle in zip(tests, cycles, strict=True) if cycle > first]
+    return [t for t, cycle in zip(tests, cycles, strict=True) if cycle == first], later
 
 
 def _record(cell, basis, test, settings):
@@ -144,11 +155,11 @@ def _curve(basis):
     return np.interp(GRID, curve["soc"], curve["ocv_volt"])
 
 
-def _thinned(records, most_rows):
+def _thinned(records, most_rows, capacity_ampere_hour):
     """Records as fine as a search needs: whole seconds, steady stretches sparse, so many rows."""
     width = FINEST_SECOND
     while True:
-        found = [_sparse(_averaged(record, width)) for record in records]
+        found = [_sparse(_averaged(record, width), capacity_ampere_hour) for record in records]
         if sum(len(r.test_time_second) for r in found) <= most_rows:
             return found
         width = max(2 * width, 1.0)
@@ -171,19 +182,21 @@ def _averaged(record, width_second):
     return record._replace(**means, used=mean(record.used.astype(float)) > 0.999)
 
 
-def _sparse(record):
-    """Rows of steady stretches thinned, as for identification."""
-    step = np.abs(np.diff(record.current_ampere)).max(initial=0.0) / 200
-    columns = (record.test_time_second, record.current_ampere, record.voltage_volt)
-    same = Measured(*columns, np.zeros(len(columns[0])), record.used, record.celsius)
-    kept = thin(same, step_ampere=step) if step else same
-    return record._replace(
-        test_time_second=kept.test_time_second,
-        current_ampere=kept.current_ampere,
-        voltage_volt=kept.voltage_volt,
-        celsius=kept.warmth,
-        used=kept.used,
-    )
+def _sparse(record, capacity_ampere_hour):
+    """Rows of steady stretches thinned: so many a decade of time after a step, and by charge."""
+    time, current = record.test_time_second, record.current_ampere
+    moved = np.abs(np.diff(current, prepend=current[:1]))
+    edge = moved > moved.max(initial=0.0) / EDGE_PART
+    edge[0] = True
+    rows = np.arange(len(time))
+    age = time - time[np.maximum.accumulate(np.where(edge, rows, 0))]
+    decade = np.floor(np.log1p(age) / GROWTH)
+    passed = np.abs(current) * np.diff(time, prepend=time[:1]) / 3600.0 / capacity_ampere_hour
+    portion = np.floor(np.cumsum(passed) / PORTION_SOC)
+    keep = edge | np.append(edge[1:], True)
+    keep |= (np.diff(decade, prepend=-1.0) != 0) | (np.diff(portion, prepend=-1.0) != 0)
+    names = ("test_time_second", "current_ampere", "voltage_volt", "celsius", "used")
+    return record._replace(**{name: getattr(record, name)[keep] for name in names})
 
 
 def _misfit(case):

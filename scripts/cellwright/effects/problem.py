@@ -158,6 +158,8 @@ def _walked(problem, here, gradient, precision, prior, pull, damping):
     scale = np.diag(np.diag(precision) + TINY)
     for _ in range(5):
         move = np.linalg.solve(precision + damping * scale, gradient)
+        if not np.isfinite(move).all():
+            return here, damping
         values = dict(here.values)
         for f, one in zip(problem.free, move, strict=True):
             values[f.name] = float(np.clip(values[f.name] + one, f.lower, f.upper))

@@ -90,7 +90,7 @@ def information(
     here = base.fields_of(cell, stack, model.values, model.effects)
     extra = plain.steep_volt(cell, here.soc, tolerance)
     extra = np.hypot(extra, circuit_error * (here.volt - here.ocv))
-    white = whitening(spread, stack, extra)
+    white = whitening(spread, stack, extra_volt=extra)
     nuisances = _shared(stack, model, tolerance, asked)
     columns = [_derivative(cell, stack, model, here.volt, {f.name: f.step}) for f in nuisances]
     labels, own = _labelled(candidates(predict, here.volt, model.values, library))

@@ -49,8 +49,9 @@ def _unknown(verdict, library):
 def _named(verdict, library):
     both = verdict["validation_rmse_volt"]
     steps = [_step(one, library) for one in verdict["effects"]]
+    steps[0] = steps[0][0].upper() + steps[0][1:]
     text = (
-        f"{' Then, '.join(steps)} All in all the error on records that took no part in the fit "
+        f"{' Then: '.join(steps)} All in all the error on records that took no part in the fit "
         f"fell from {_millivolt(both['before'])} to {_millivolt(both['after'])}; the noise is "
         f"{_millivolt(verdict['floor_volt'])}."
     )
@@ -61,15 +62,35 @@ def _named(verdict, library):
 def _step(one, library):
     effect = library[one["effect"]]
     sizes = [
-        f"{name.replace('_', ' ')} {_number(p)}"
+        f"{_name(name, p['unit'])} {_number(p)}"
         for name, p in one["parameters"].items()
         if p["std"] is not None
     ]
-    text = f"What was missing: {effect.sentence} ({', '.join(sizes)})."
+    text = f"what was missing: {effect.sentence} ({', '.join(sizes)})."
     if one["alternatives"]:
         others = " or ".join(library[name].sentence for name in one["alternatives"])
         text += f" These data cannot tell it from: {others}."
     return text + _sureness(one)
+
+
+def _name(name, unit):
+    """A parameter's name in words, without the unit, which stands behind the number."""
+    words = name.split("_")
+    spelt = [part for part in _SPELT.get(unit, "").split() if part]
+    return " ".join(words[: -len(spelt)] if spelt and words[-len(spelt) :] == spelt else words)
+
+
+_SPELT = {
+    "V": "volt",
+    "A": "ampere",
+    "Ohm": "ohm",
+    "s": "second",
+    "1/A": "per ampere",
+    "K/W": "kelvin per watt",
+    "V/K": "volt per kelvin",
+    "1/K": "per kelvin",
+    "J/mol": "joule per mole",
+}
 
 
 def _number(p):

@@ -13,7 +13,7 @@ def _slow(fields, stack, p):
     modes = MODES[int(p["finite_length"])]
     seconds = p["time_constant_second"]
     ohms = p["resistance_ohm"]
-    lags = (relaxed(stack, fields.current, c * seconds, share * ohms) for c, share in modes)
+    lags = (relaxed(stack, fields.current, c * seconds, gain=share * ohms) for c, share in modes)
     return fields._replace(volt=fields.volt + sum(lags))
 
 

@@ -9,6 +9,7 @@ DECAY_SOC = 0.15
 
 def _courses(soc, towards_empty, falling, bowl):
     """Factor over SoC: three shapes in the logarithm, each zero in the middle."""
+    soc = np.clip(soc, 0.0, 1.0)
     low = np.exp(-soc / DECAY_SOC) - np.exp(-0.5 / DECAY_SOC)
     return np.exp(towards_empty * low + falling * (0.5 - soc) + bowl * 4 * (soc - 0.5) ** 2)
 

@@ -1,0 +1,118 @@
+"""A small simulator of one cell, in a plain loop: it shares no line with the model that is fitted.
+
+Two RC pairs on fine steps; what may be hidden in a cell is a word and a size (`Truth`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import base
+from cellwright.effects.case import Case
+from cellwright.effects.records import Record, stacked
+
+CAPACITY = 2.5  # [Ah]
+FINE_SECOND, ROW_SECOND = 0.5, 2.0
+NOISE_VOLT = 1.5e-3
+KELVIN, GAS = 273.15, 8.314462618
+OWN_HEAT = 30e3  # activation energy by which a warm core shows itself [J/mol]
+
+
+class Truth(NamedTuple):
+    """What a cell has. All zero: it is healthy."""
+
+    activation: float = 0.0  # of resistances [J/mol]
+    hysteresis: float = 0.0  # sign of the last load [V]
+    slow_ohm: float = 0.0  # third RC pair, of 1000 s
+    thermal: float = 0.0  # core over surface [K/W], 400 s
+    delay: float = 0.0  # of the voltage reading [s], steps of 0.5 s
+    leak: float = 0.0  # current that passes the ammeter by [A]
+    offset: float = 0.0  # of the ammeter [A]
+    falling: float = 0.0  # logarithm of R0 from full to empty
+    asymmetry: float = 0.0  # of R0 on charge, relative
+    wave: float = 0.0  # of the OCV over its table [V]
+    slope_r1: float = 0.0  # logarithm of R1 and R2 from full to empty
+    ripple: float = 0.0  # a voltage that swings with the charge that passed: no one knows it [V]
+
+
+def ocv(soc):
+    return 3.35 + 0.75 * soc + 0.06 * np.sin(7 * soc) - 0.2 * np.exp(-np.maximum(soc, 0) / 0.04)
+
+
+CELL = base.Cell(CAPACITY, ocv(np.linspace(0.0, 1.0, 201)))
+
+
+def simulated(current, celsius, soc, truth):
+    """Voltage [V] on fine steps under the true current [A]; rest before."""
+    r0, r1, r2, a1, a2 = 0.026, 0.011, 0.013, FINE_SECOND / 9.0, FINE_SECOND / 150.0
+    a1, a2, a3, ah = (-np.expm1(-x) for x in (a1, a2, FINE_SECOND / 1000, FINE_SECOND / 400))
+    v1 = v2 = v3 = rise = 0.0
+    side, charge = float(soc > 0.9), soc
+    volts, socs = np.empty(len(current)), np.empty(len(current))
+    kelvin = celsius + KELVIN
+    outside = np.exp(truth.activation / GAS * (1 / kelvin - 1 / (25 + KELVIN)))
+    for k, (load, now) in enumerate(zip(current.tolist(), kelvin.tolist(), strict=True)):
+        factor = outside[k] * np.exp(OWN_HEAT / GAS * (1 / (now + rise) - 1 / now))
+        slow = factor * np.exp(truth.slope_r1 * (0.5 - charge))
+        ohmic = r0 * factor * np.exp(truth.falling * (0.5 - charge)) * load
+        ohmic *= 1 + truth.asymmetry * (load > 0)
+        if abs(load) > CAPACITY / 100:
+            side = np.sign(load)
+        volts[k] = ohmic + v1 + v2 + v3 + truth.hysteresis * side
+        socs[k] = charge
+        heat = load * (ohmic + v1 + v2)
+        charge += (load - truth.leak) * FINE_SECOND / 3600 / CAPACITY
+        v1 += a1 * (slow * r1 * load - v1)
+        v2 += a2 * (slow * r2 * load - v2)
+        v3 += a3 * (truth.slow_ohm * load - v3)
+        rise += ah * (truth.thermal * heat - rise)
+    wave = truth.wave * np.cos(np.pi * socs) + truth.ripple * np.sin(300 * socs)
+    return volts + ocv(socs) + 4e-4 * np.sin(5 * socs + 1) + wave
+
+
+def measured(test, rows, celsius, soc, truth=None, *, seed, kind="drive"):
+    """A record of a commanded current, one row every 2 s [A]."""
+    truth, random = truth or Truth(), np.random.default_rng(seed)
+    fine = round(ROW_SECOND / FINE_SECOND)
+    warm = celsius + 0.3 * np.sin(np.arange(len(rows)) / 300.0)
+    volts = simulated(np.repeat(rows, fine), np.repeat(warm, fine), soc, truth)
+    at = np.maximum(fine * np.arange(len(rows)) - round(truth.delay / FINE_SECOND), 0)
+    read = volts[at] + NOISE_VOLT * random.normal(size=len(rows))
+    clock = ROW_SECOND * np.arange(len(rows))
+    return Record(test, kind, clock, rows + truth.offset, read, warm, soc)
+
+
+def drive(seed, *, rows=1300, highest=1.2):
+    """Random loads of 20 s, a minute's rest first, ten minutes' rest every half hour [A]."""
+    random = np.random.default_rng(seed)
+    current = np.repeat(random.uniform(-2.4, highest, rows // 10), 10) * CAPACITY
+    row = np.arange(len(current))
+    current[(row % 750 > 440) | (row < 30)] = 0.0
+    return current
+
+
+def slow_discharge(rows=1500):
+    """Rest, C/1.2 down by four fifths, rest [A]."""
+    return np.r_[np.zeros(30), np.full(rows - 430, -CAPACITY / 1.2), np.zeros(400)]
+
+
+def case_of(truth, *, seed=1, celsius=(8.0, 34.0), **changes):
+    """A discharge and two drives to fit, two drives of other loads to judge. changes: of Case."""
+    cold, warm = celsius
+    middle = (cold + warm) / 2
+    fit = [
+        measured("slow", slow_discharge(), middle, 1.0, truth, seed=10 * seed, kind="capacity"),
+        measured("cold", drive(101), cold, 0.95, truth, seed=10 * seed + 1),
+        measured("warm", drive(102), warm, 0.95, truth, seed=10 * seed + 2),
+    ]
+    judging = [
+        measured("wild", drive(103, highest=1.6), cold, 0.95, truth, seed=10 * seed + 3),
+        measured("mild", drive(104, highest=0.9), warm, 0.95, truth, seed=10 * seed + 4),
+    ]
+    return laid(fit, judging)._replace(**changes)
+
+
+def laid(fit, judging, **options):
+    """Case of records."""
+    both = [stacked(side, capacity_ampere_hour=CAPACITY, **options) for side in (fit, judging)]
+    return Case(CELL, *both)
