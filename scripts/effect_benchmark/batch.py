@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import prepare, search
+from cellwright.effects.choose import matters, significant
 from cellwright.effects.finding import settings_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
@@ -25,7 +26,8 @@ class Task(NamedTuple):
 
     settings : of the search, as `finding.missing_effect` takes them. left_out : ids that the second
     search of a cell does without, by cell. paired_chemistry : of cells that are held against their
-    references. seed : of the controls.
+    references. seed : of the controls. control_every : which part of the cells has second search
+    and controls.
     """
 
     place: loading.Place
@@ -35,6 +37,7 @@ class Task(NamedTuple):
     left_out: dict
     paired_chemistry: str
     seed: int
+    control_every: int
 
 
 def task(folder, left_out: dict, config: dict) -> Task:
@@ -50,28 +53,29 @@ def task(folder, left_out: dict, config: dict) -> Task:
     known = loading.lenders(place, steps)
     split = {"split_rest_second": config["models"]["split_rest_second"]}
     settings = {"most_rows": MOST_ROWS} | config["missing_effect"] | split
-    choices = (left_out, chosen["paired_chemistry"], chosen["seed"])
+    names = ("paired_chemistry", "seed", "control_every")
+    choices = (left_out, *(chosen[name] for name in names))
     return Task(place, steps, known, settings, *choices)
 
 
 def answered(work: Task, number: int, of: int) -> list[dict]:
     """Rows of every `of`-th cell of a campaign, from the one with this number: one row a method."""
     rows = []
-    for cell in loading.searched(work.place)[number::of]:
+    for place, cell in list(enumerate(loading.searched(work.place)))[number::of]:
         try:
-            rows += _rows(work, cell)
+            rows += _rows(work, cell, place % work.control_every == 0)
         except Refusal as refusal:
             rows.append(_row(cell, SEARCH, None, reason=str(refusal)))
     return rows
 
 
-def _rows(work, cell):
+def _rows(work, cell, controlled):
     if cell in work.place.branches:
         return _group_rows(work, cell)
     case = _case(work, cell)
     if work.place.cells[cell]["chemistry"] == work.paired_chemistry:
         return _paired_rows(work, cell, case)
-    return _cell_rows(work, cell, case)
+    return _cell_rows(work, cell, case, controlled)
 
 
 def _case(work, cell):
@@ -104,11 +108,13 @@ def _searched(cell, case):
     return _row(cell, SEARCH, said, rounds=len(rounds), cpu_second=spent), rounds
 
 
-def _cell_rows(work, cell, case):
+def _cell_rows(work, cell, case, controlled):
     row, rounds = _searched(cell, case)
     first, gates = rounds[0], case.gates
     rows = [row, _row(cell, BIC, answers.bic_alone(first, gates))]
     rows.append(_row(cell, VALIDATION, answers.validation_alone(first, gates)))
+    if not controlled:
+        return rows
     if without := work.left_out.get(cell):
         rest = {name: one for name, one in LIBRARY.items() if name not in without}
         other = answers.verdict(cell, search.search(case, rest), gates)
@@ -137,7 +143,8 @@ def _control_row(cell, case, first, name, term):
     trial = controls.tried(case, first, term)
     gates, floor, before = case.gates, first.floor_volt, first.before
     needed = before.worst_volt > gates.nothing_ratio * floor
-    passed = needed and search.passes(gates, before, before, trial, floor)
+    passed = needed and significant(gates, before, trial)
+    passed = passed and matters(gates, before, before, trial, floor)
     chosen = first._replace(chosen=trial if passed else None, tied=())
     rounds = [chosen, chosen._replace(before=trial.state, chosen=None)][: 1 + passed]
     said = answers.verdict(cell, rounds, gates)

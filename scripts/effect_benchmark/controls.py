@@ -7,7 +7,7 @@ another order; and an extra RC pair, whether or not one is missing.
 
 import numpy as np
 
-from cellwright.effects import base, plain, search
+from cellwright.effects import base, plain, search, trial
 from cellwright.effects.candidates import candidates, scored
 from cellwright.effects.case import filters_of, steep
 from cellwright.effects.effect import Effect, Parameter
@@ -76,7 +76,7 @@ def _mixed(stack, seed):
     current = stack.current_ampere[order]
     held = np.concatenate([[0.0], current[:-1]]) * (1.0 - stack.fresh)
     return stack._replace(
-        current_ampere=current, held_ampere=held, direction=stack.direction[order]
+        current_ampere=current, held_ampere=held, direction=stack.direction[order], responses={}
     )
 
 
@@ -96,9 +96,8 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
     def predict(values, one):
         return base.voltage(case.cell, case.fit, values, (one,))
 
-    scores = [
-        scored(c, filters.fit.apply(c.columns), residual, solution.white, solution.precision)
-        for c in candidates(predict, solution.prediction, solution.values, [effect])
-    ]
+    lined_up = candidates(predict, solution.prediction, solution.values, [effect])
+    own = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
+    scores = scored(lined_up, own, residual, solution.white, solution.precision)
     best = max(scores, key=lambda one: one.chi_square)
-    return search._tried(case, free, first.before, best, filters)
+    return trial.tried(case, free, first.before, best, filters)

@@ -3,13 +3,16 @@
 Two RC pairs on fine steps; what may be hidden in a cell is a word and a size (`Truth`).
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.case import Case
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import Record, stacked
+from cellwright.effects.search import search
 
 CAPACITY = 2.5  # [Ah]
 FINE_SECOND, ROW_SECOND = 0.5, 2.0
@@ -33,6 +36,9 @@ class Truth(NamedTuple):
     wave: float = 0.0  # of the OCV over its table [V]
     slope_r1: float = 0.0  # logarithm of R1 and R2 from full to empty
     ripple: float = 0.0  # a voltage that swings with the charge that passed: no one knows it [V]
+
+
+HEALTHY = Truth()
 
 
 def ocv(soc):
@@ -70,15 +76,15 @@ def simulated(current, celsius, soc, truth):
     return volts + ocv(socs) + 4e-4 * np.sin(5 * socs + 1) + wave
 
 
-def measured(test, rows, celsius, soc, truth=None, *, seed, kind="drive"):
-    """A record of a commanded current, one row every 2 s [A]."""
+def measured(test, rows, celsius, soc, truth=None, *, seed, kind="drive", every=ROW_SECOND):
+    """A record of a commanded current [A], one row every so many seconds."""
     truth, random = truth or Truth(), np.random.default_rng(seed)
-    fine = round(ROW_SECOND / FINE_SECOND)
+    fine = round(every / FINE_SECOND)
     warm = celsius + 0.3 * np.sin(np.arange(len(rows)) / 300.0)
     volts = simulated(np.repeat(rows, fine), np.repeat(warm, fine), soc, truth)
     at = np.maximum(fine * np.arange(len(rows)) - round(truth.delay / FINE_SECOND), 0)
     read = volts[at] + NOISE_VOLT * random.normal(size=len(rows))
-    clock = ROW_SECOND * np.arange(len(rows))
+    clock = every * np.arange(len(rows))
     return Record(test, kind, clock, rows + truth.offset, read, warm, soc)
 
 
@@ -96,18 +102,32 @@ def slow_discharge(rows=1500):
     return np.r_[np.zeros(30), np.full(rows - 430, -CAPACITY / 1.2), np.zeros(400)]
 
 
-def case_of(truth, *, seed=1, celsius=(8.0, 34.0), **changes):
+def case_of(truth, *, seed=1, celsius=(8.0, 34.0), every=ROW_SECOND, **changes):
     """A discharge and two drives to fit, two drives of other loads to judge. changes: of Case."""
     cold, warm = celsius
     middle = (cold + warm) / 2
+
     fit = [
-        measured("slow", slow_discharge(), middle, 1.0, truth, seed=10 * seed, kind="capacity"),
-        measured("cold", drive(101), cold, 0.95, truth, seed=10 * seed + 1),
-        measured("warm", drive(102), warm, 0.95, truth, seed=10 * seed + 2),
+        measured(
+            "slow",
+            slow_discharge(),
+            middle,
+            1.0,
+            truth,
+            every=every,
+            seed=10 * seed,
+            kind="capacity",
+        ),
+        measured("cold", drive(101), cold, 0.95, truth, every=every, seed=10 * seed + 1),
+        measured("warm", drive(102), warm, 0.95, truth, every=every, seed=10 * seed + 2),
     ]
     judging = [
-        measured("wild", drive(103, highest=1.6), cold, 0.95, truth, seed=10 * seed + 3),
-        measured("mild", drive(104, highest=0.9), warm, 0.95, truth, seed=10 * seed + 4),
+        measured(
+            "wild", drive(103, highest=1.6), cold, 0.95, truth, every=every, seed=10 * seed + 3
+        ),
+        measured(
+            "mild", drive(104, highest=0.9), warm, 0.95, truth, every=every, seed=10 * seed + 4
+        ),
     ]
     return laid(fit, judging)._replace(**changes)
 
@@ -116,3 +136,16 @@ def laid(fit, judging, **options):
     """Case of records."""
     both = [stacked(side, capacity_ampere_hour=CAPACITY, **options) for side in (fit, judging)]
     return Case(CELL, *both)
+
+
+@cache
+def case(truth, **options):
+    """As `case_of`, made once."""
+    return case_of(truth, **options)
+
+
+@cache
+def rounds(truth, *, without=(), **options):
+    """Rounds of a search of such a case, made once, by the library without some of its effects."""
+    known = {name: one for name, one in LIBRARY.items() if name not in without}
+    return search(case(truth, **options), known)

@@ -34,6 +34,7 @@ EXAMPLES = {
     "kinetic": {"r_ohm": 0.03, "tau_second": 2.0, "scale_volt": 0.05},
     "charge_transfer": {"r_ohm": 0.03, "exchange_ampere": 0.8},
     "warburg": {"r_ohm": 0.02, "tau_second": 300.0},
+    "warburg_sphere": {"r_ohm": 0.02, "tau_second": 300.0},
     "hysteresis": {"m_volt": 0.015, "charge_ampere_hour": 0.05},
     "switch": {"m_volt": 0.01},
     "diffusion": {"soc_per_ampere": 0.01, "tau_second": 900.0},
@@ -60,6 +61,7 @@ CLOSED = {
         2 * exchange_ampere * r_ohm * np.arcsinh(i / (2 * exchange_ampere)) + 0 * t
     ),
     "warburg": lambda i, t, r_ohm, tau_second: r_ohm * i * PLANE(t / tau_second),
+    "warburg_sphere": lambda i, t, r_ohm, tau_second: r_ohm * i * PLANE(t / tau_second),
     "hysteresis": lambda i, t, m_volt, charge_ampere_hour: (
         -m_volt * np.sign(i) * np.expm1(-abs(i) * t / 3600 / charge_ampere_hour)
     ),

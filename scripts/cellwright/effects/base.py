@@ -111,7 +111,8 @@ def fields_of(cell, stack, values, effects=()):
 
     fields = through("current", _begun(cell, stack, values))
     hours = stack.step_second / 3600.0
-    fields = through("counting", fields._replace(moved=fields.held * hours))
+    fields = fields._replace(moved=fields.held * hours + stack.unseen_ampere_hour)
+    fields = through("counting", fields)
     fields = _counted(stack, values, fields)
     fields = through("resistance", fields)
     fields = through("ocv", fields._replace(ocv=_open_circuit(cell, values, fields.soc)))

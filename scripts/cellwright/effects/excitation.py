@@ -1,4 +1,4 @@
-"""What data excite: an effect whose factor they do not move cannot be told, whatever the numbers."""
+"""What data excite: an effect whose factor they do not move cannot be told."""
 
 import numpy as np
 

@@ -50,16 +50,16 @@ def with_effect(free, placed):
 
 def group_columns(case, placed, solution, library):
     """Change of the prediction per unit of every effect in every branch: list of (Placed, (m,))."""
+    wanted = [e for e in library.values() if case.sensors or e.stage != "current"]
+    places = [Placed(effect, branch) for effect in wanted for branch in range(len(case.cells))]
     found = []
-    for effect in library.values():
-        if effect.stage == "current" and not case.sensors:
-            continue
-        for branch in range(len(case.cells)):
-            one, step = Placed(effect, branch), effect.parameters[0].step
-            if one not in placed:
-                values = solution.values | {one.name: step}
-                moved = predicted(case, case.fit, case.fit_soc, values, (*placed, one))
-                found.append((one, (moved - solution.prediction) / step))
+    for one in places:
+        step = one.effect.parameters[0].step
+        values = solution.values | {one.name: step}
+        moved = predicted(case, case.fit, case.fit_soc, values, (*placed, one))
+        column = (moved - solution.prediction) / step
+        if one not in placed and np.any(column):
+            found.append((one, column))
     return found
 
 

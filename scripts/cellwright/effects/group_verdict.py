@@ -3,7 +3,6 @@
 import numpy as np
 
 from cellwright.effects.group_case import gap_volt, predicted, rows_of
-from cellwright.effects.group_search import passes
 from cellwright.effects.verdict import gap_closed
 
 LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
@@ -117,9 +116,8 @@ def _alternatives(case, one):
     """Ids of other effects that explain as much, or that these data cannot set apart."""
     chosen = one.chosen.placed.effect.id
     names = {t.effect.id for t in one.tied}
-    passed = {t.placed.effect.id for t in one.trials if passes(case.gates, one.before, t)}
     if not case.sensors:
-        names |= passed
+        names |= {score.placed.effect.id for score in one.scores}
     if chosen in WARM and not _two_temperatures(case):
         names |= WARM
     return sorted(names - {chosen})

@@ -39,6 +39,8 @@ BLOCKS = {
     },
 }
 
+COUNTED = ("capacity_error",)  # in the member's own capacity
+
 
 def effect_member(found, model, celsius):
     """Member of a model file that gives the voltages of a found model.
@@ -123,6 +125,7 @@ def _condition(cell, found, tables, celsius):
         ways = {"r_charge_ohm": np.maximum(-excess, 0.0), "r_discharge_ohm": np.maximum(excess, 0)}
         branches.append(_branch("R_two_way", None, **ways))
     for name in found["effects"]:
+        _held_somewhere(name)
         if name in ADDED:
             own = {p.name: values[f"{name}.{p.name}"] for p in LIBRARY[name].parameters}
             r0, branch = ADDED[name](own, r0, out.capacity / gain)
@@ -139,6 +142,14 @@ def _condition(cell, found, tables, celsius):
         "activation_energy_joule_per_mole": _energy(cell, found, celsius),
         "at_bound": [],
     }
+
+
+def _held_somewhere(name):
+    """Refuses an effect that neither a course, a branch nor a block of the member would hold."""
+    known = {key.split(".")[0] for names in BLOCKS.values() for key in names.values()}
+    if LIBRARY[name].stage in ("resistance", "ocv") or name in {*ADDED, *known, *COUNTED}:
+        return
+    raise Refusal(f"effect {name!r} has no place in a model file: see docs/add-an-effect.md")
 
 
 def _probed(cell, found, celsius, sign):
@@ -169,7 +180,7 @@ def _total(fields):
 
 
 def _slow_diffusion(p, r0, _capacity):
-    kind = "warburg" if p.get("finite_length") else "RC"
+    kind = ("RC", "warburg", "warburg_sphere")[int(p.get("finite_length", 0))]
     parameters = {"r_ohm": p["resistance_ohm"], "tau_second": p["time_constant_second"]}
     return r0, _branch(kind, None, **parameters)
 

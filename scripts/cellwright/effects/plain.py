@@ -126,7 +126,7 @@ def _nonnegative(columns, target):
 
 
 def steep_volt(cell, soc, tolerance):
-    """What an unfollowed error of the SoC does to rows where the OCV is unusually steep [V]: (n,)."""
+    """What an unfollowed error of the SoC does where the OCV is unusually steep [V]: (n,)."""
     slope = np.abs(cell.ocv_at(soc + 5e-3) - cell.ocv_at(soc - 5e-3)) / 0.01
     usual = STEEP * abs(np.median(np.diff(cell.ocv_volt))) * (len(cell.ocv_volt) - 1)
     return tolerance.steep_soc * np.maximum(slope - usual, 0.0)

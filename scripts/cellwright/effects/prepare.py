@@ -132,6 +132,7 @@ def _record(cell, basis, test, settings):
         record.warmth,
         float(record.soc[0]),
         record.used,
+        record.soc,
     )
 
 
@@ -177,7 +178,7 @@ def _averaged(record, width_second):
     def mean(column):
         return np.bincount(bins, column) / count
 
-    names = ("test_time_second", "current_ampere", "voltage_volt", "celsius")
+    names = ("test_time_second", "current_ampere", "voltage_volt", "celsius", "counted_soc")
     means = {name: mean(getattr(record, name)) for name in names}
     return record._replace(**means, used=mean(record.used.astype(float)) > 0.999)
 
@@ -195,7 +196,8 @@ def _sparse(record, capacity_ampere_hour):
     portion = np.floor(np.cumsum(passed) / PORTION_SOC)
     keep = edge | np.append(edge[1:], True)
     keep |= (np.diff(decade, prepend=-1.0) != 0) | (np.diff(portion, prepend=-1.0) != 0)
-    names = ("test_time_second", "current_ampere", "voltage_volt", "celsius", "used")
+    names = ("test_time_second", "current_ampere", "voltage_volt", "celsius")
+    names = (*names, "used", "counted_soc")
     return record._replace(**{name: getattr(record, name)[keep] for name in names})
 
 

@@ -29,7 +29,7 @@ class Free(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """predict : function (values) → (n,) prediction. measured : (n,). whiten : function rows → rows.
+    """predict : function (values) → (n,) prediction. measured : (n,). whiten : rows → rows.
 
     free : tuple of Free. coupling : (k, k) prior precision beyond that of the single parameters, or
     None, about zero.
@@ -47,7 +47,8 @@ class Solution(NamedTuple):
 
     values : dict. prediction, residual : (n,). chi_square : of the whitened residual, without
     priors. cost : with them. columns : (n, k) derivatives at (or near) the solution, not whitened.
-    white : the same whitened. precision : (k, k) of the posterior. at_bound : names of the parameters on a bound.
+    white : the same whitened. precision : (k, k) of the posterior. at_bound : names of the
+    parameters on a bound.
     names : of the columns.
     """
 

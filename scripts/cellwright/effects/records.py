@@ -1,13 +1,15 @@
-"""The records of one cell, laid one after the other, as the search for a missing effect sees them."""
+"""The records of one cell, one after the other, as the search for a missing effect sees them."""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.models.records import sharp_steps
 from cellwright.refusal import Refusal
 
 LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
+UNSEEN_SOC = 2e-3  # between two rows: less is how the current is read, more is a gap
 EDGE_PART = 20.0  # a change of this part of a record's largest is a step
 NEAR_END = 0.1  # of the SoC: a record that starts there was filled or emptied before
 
@@ -19,6 +21,8 @@ class Record(NamedTuple):
     celsius : (n,) measured temperature of the surface, else of the chamber [degC].
     soc_at_start : best knowledge of the SoC at the first row [1].
     used : (n,) bool, rows that are compared; the others only drive the states. None: all.
+    counted_soc : (n,) SoC by the instrument's own counter [1], which also knows what passed while
+        nothing was recorded. None: by the current alone.
     """
 
     test: str
@@ -29,6 +33,7 @@ class Record(NamedTuple):
     celsius: np.ndarray
     soc_at_start: float
     used: np.ndarray | None = None
+    counted_soc: np.ndarray | None = None
 
 
 class Stack(NamedTuple):
@@ -44,8 +49,10 @@ class Stack(NamedTuple):
     soc_at_start : (f,) [1]. hold : of the current between rows, see `stacked`.
     linear : (n,) 1 where the current moved on a straight line since the row before, else 0.
     known_volt : (n,) what healthy cells have beyond the plain model in these rows (paired mode),
-    else zero [V]. used : (n,) bool, rows that are compared. responses : answers of lags to the
-    measured current, by time constant: kept, for most parameters of a model change neither.
+    else zero [V]. used : (n,) bool, rows that are compared. unseen_ampere_hour : (n,) charge since
+    the row before that the current between them does not explain: a gap in the record [Ah].
+    responses : answers of lags to the measured current, by time constant: kept, for most
+    parameters of a model change neither.
     """
 
     tests: tuple
@@ -65,6 +72,7 @@ class Stack(NamedTuple):
     linear: np.ndarray
     known_volt: np.ndarray
     used: np.ndarray
+    unseen_ampere_hour: np.ndarray
     responses: dict
 
     def part(self, files):
@@ -105,9 +113,11 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     before = np.concatenate([[0.0], current[:-1]])
     linear = np.zeros(len(file))
     if hold == "first_order":
-        linear = 1.0 - np.concatenate([_sharp(r.current_ampere) for r in records])
+        linear = 1.0 - np.concatenate([sharp_steps(r.current_ampere) for r in records])
     held = np.where(linear > 0, (before + current) / 2, before)
+    held = held * (1.0 - fresh)
     loads = [_direction(r, LOADED_C_RATE * capacity_ampere_hour) for r in records]
+    unseen = _unseen(records, held * step / 3600.0, first, capacity_ampere_hour)
     return Stack(
         tuple(r.test for r in records),
         tuple(r.kind for r in records),
@@ -117,7 +127,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         step,
         fresh,
         current,
-        held * (1.0 - fresh),
+        held,
         np.concatenate(loads),
         _joined(records, "voltage_volt"),
         _joined(records, "celsius"),
@@ -126,6 +136,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         linear * (1.0 - fresh),
         np.zeros(len(file)),
         np.concatenate([np.ones(n, bool) if r.used is None else r.used for r, n in pairs]),
+        unseen,
         {},
     )
 
@@ -134,17 +145,16 @@ def _joined(records, name):
     return np.concatenate([np.asarray(getattr(r, name), float) for r in records])
 
 
-def _sharp(current):
-    """1 where the current has stepped once, between two steady stretches, else 0.
-
-    In a record that is a drive, whose current steps at most rows where it steps at all, none is.
-    """
-    moved = np.abs(np.diff(current, prepend=current[:1]))
-    step = moved > moved.max(initial=0.0) / EDGE_PART
-    around = np.concatenate([[False], step[:-1]]) | np.concatenate([step[1:], [False]])
-    alone = step & ~around
-    driven = alone.sum() < DRIVE_SHARE * step.sum()
-    return np.zeros(len(current)) if driven else alone.astype(float)
+def _unseen(records, moved, first, capacity):
+    """Charge that the counter has and the current has not, where that is no rounding."""
+    found = np.zeros(len(moved))
+    for record, begin in zip(records, first, strict=True):
+        if record.counted_soc is not None:
+            rows = slice(begin, begin + len(record.counted_soc))
+            counted = np.diff(record.counted_soc, prepend=record.counted_soc[0]) * capacity
+            beyond = counted - moved[rows]
+            found[rows] = np.where(np.abs(beyond) > UNSEEN_SOC * capacity, beyond, 0.0)
+    return found
 
 
 def _direction(record, least):

@@ -152,6 +152,8 @@ KINDS = {
     "charge_transfer": Kind(("r_ohm", "exchange_ampere"), _transfer, _no_lag, linear=False),
     # Finite-length Warburg element: r_ohm·tanh(√(jωτ))/√(jωτ).
     "warburg": Kind(("r_ohm", "tau_second"), _ohmic, _plane),
+    # Diffusion in a sphere, as a voltage: its series from Crank 6.45.
+    "warburg_sphere": Kind(("r_ohm", "tau_second"), _ohmic, _sphere),
     # One-state hysteresis (thesis 2.5, 2.16): relaxes to ±m_volt with the charge passed.
     "hysteresis": Kind(("m_volt", "charge_ampere_hour"), _sign, _charge_lag, linear=False),
     # Zero-state hysteresis (thesis 2.3–2.4): ±m_volt by the sign of the last current, not of noise.

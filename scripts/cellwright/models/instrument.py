@@ -20,6 +20,7 @@ import numpy as np
 from cellwright.models.basis import REFERENCE_CELSIUS
 from cellwright.models.circuit import KINDS
 from cellwright.models.kernels import lag, lag_by_charge
+from cellwright.models.records import driven
 from cellwright.models.tables import warmth
 
 ABOUT = {
@@ -92,14 +93,18 @@ def capacity_factor(member, celsius=None, *, kind=None):
     return factor * (1.0 + counting.get(name, 0.0)) * warm
 
 
-def hold_of(member):
+def hold_of(member, current_ampere):
     """Hold of the current between samples that a member was found with.
+
+    Where the current stepped between steady stretches it did so at once, whatever it does in a
+    drive: there it is held until the step.
 
     Parameters
     ----------
-    member : dict of a model file.
+    member : dict of a model file. current_ampere : (n,) of the record [A].
     """
-    return member.get("hold", "first_order")
+    hold = member.get("hold", "first_order")
+    return "zero_order" if "hold" in member and not driven(current_ampere) else hold
 
 
 def words_of(member, blocks=tuple(ABOUT)):

@@ -200,7 +200,7 @@ def simulate_model(
     found = circuit_at(own["conditions"], true.soc, celsius)
     ocv = open_circuit_volt(model, found, celsius)
     curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), found.table_soc)
-    settings = {"hold": hold or instrument.hold_of(own), "open_circuit": curve}
+    settings = {"hold": hold or instrument.hold_of(own, current_ampere), "open_circuit": curve}
     record = (time, np.asarray(true.current_ampere, float))
     over = _overpotentials(own, found.circuit, record, celsius, settings)
     if "history" in own:

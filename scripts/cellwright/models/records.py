@@ -6,6 +6,9 @@ import numpy as np
 
 from cellwright.refusal import Refusal
 
+EDGE_PART = 20.0  # a change of this part of a record's largest is a step
+DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
+
 
 class Record(NamedTuple):
     """One stretch of measurement that starts from rest; all arrays (n,).
@@ -146,3 +149,34 @@ def without_edges(record, *, step_ampere):
     before, after = np.append(False, steps[:-1]), np.append(steps[1:], False)
     alone = np.append(False, steps & ~before & ~after)
     return record._replace(used=record.used & ~alone)
+
+
+def sharp_steps(current_ampere):
+    """Rows at which the current has stepped between two steady stretches.
+
+    In a drive, whose current steps at most rows where it steps at all, none does.
+
+    Parameters
+    ----------
+    current_ampere : (n,) [A].
+
+    Returns
+    -------
+    sharp : (n,) bool.
+    """
+    current = np.asarray(current_ampere, float)
+    moved = np.abs(np.diff(current, prepend=current[:1]))
+    step = moved > moved.max(initial=0.0) / EDGE_PART
+    around = np.append(False, step[:-1]) | np.append(step[1:], False)
+    alone = step & ~around
+    return alone if alone.sum() >= DRIVE_SHARE * step.sum() else np.zeros(len(current), bool)
+
+
+def driven(current_ampere):
+    """Whether the current of a record steps at most rows where it steps at all: a drive.
+
+    Parameters
+    ----------
+    current_ampere : (n,) [A].
+    """
+    return not sharp_steps(current_ampere).any()

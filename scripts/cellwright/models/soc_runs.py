@@ -70,7 +70,7 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
     notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
     seen = ("reading", "counting")
     notes += [f"filters and their reference know that {told}" for told in words_of(own, seen)]
-    settings = settings | {"hold": hold_of(own)}
+    settings = settings | {"hold": hold_of(own, series["current_ampere"])}
     noise = noise_of(settings, record.test_time_second)
     first, *others = _starts(settings, record.reference_soc[0])
     plans = [("nominal", start) for start in (first, *others)]

@@ -1,6 +1,6 @@
-"""The closed vocabulary of effects. To add one, add an entry to a module here (docs/add-an-effect.md).
+"""The closed vocabulary of effects. To add one, add an entry here (docs/add-an-effect.md).
 
-The order is that in which effects of one stage act: the sensor's before the cell's own.
+Of one stage, effects act in the order in which a search has added them.
 """
 
 from cellwright.effects.library import (

@@ -1,0 +1,106 @@
+"""The searched model: analytic answers, the kernel beside its twin, effects that are absent."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cellwright.effects import base
+from cellwright.effects.candidates import neutral
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.records import stacked
+
+sys.path.insert(0, str(Path(__file__).parent))
+import small_cells as small
+
+
+def values_for(stack, **changes):
+    starts = {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)}
+    return small.PLAIN | starts | changes
+
+
+@pytest.fixture(scope="module")
+def stack():
+    """Two records with loads, charges and rests, at two temperatures."""
+    both = [small.drive(seconds=2400, celsius=12.0), small.capacity_test(31.0)]
+    return stacked(both, capacity_ampere_hour=small.CAPACITY)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0], ids=["held", "mixed", "linear"])
+def test_kernel_and_twin_agree(monkeypatch, share):
+    random = np.random.default_rng(5)
+    step, drive = random.exponential(3.0, 500), random.normal(size=500)
+    fresh = (np.arange(500) % 200 == 0).astype(float)
+    linear = (random.uniform(size=500) < share) * (1 - fresh)
+    step[[7, 8]] = 0.0
+    given = (step * (1 - fresh), fresh, linear, drive, 9.0, random.normal(size=500))
+    kernel = base.lag_fresh(*given)
+    monkeypatch.setattr(base, "function", lambda *_, **__: None)
+    np.testing.assert_allclose(kernel, base.lag_fresh(*given), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("every", [1.0, 7.0])
+def test_a_pulse_is_the_analytic_one_whatever_the_sampling(every):
+    pulse = np.r_[0.0, np.full(40, -2.0)]
+    one = stacked([small.record("p", pulse, every=every, soc=0.6)], capacity_ampere_hour=2.5)
+    found = base.fields_of(small.CELL, one, values_for(one))
+    t = np.maximum(one.second - every, 0.0)
+    slow = 0.010 * -np.expm1(-t / 8.0) + 0.012 * -np.expm1(-t / 130.0)
+    soc = 0.6 - 2.0 * t / 3600.0 / 2.5
+    np.testing.assert_allclose(found.soc, soc, atol=1e-12)
+    volt = small.CELL.ocv_at(soc) + pulse * (0.025 + slow)
+    np.testing.assert_allclose(found.volt, volt, atol=1e-12)
+
+
+def test_a_ramp_is_the_analytic_one_on_linear_intervals():
+    ramp = 0.1 * np.arange(60.0)
+    one = small.record("ramp", ramp, every=4.0)
+    one = stacked([one], capacity_ampere_hour=2.5, hold="first_order")
+    t = one.second
+    exact = 0.025 * (t - 9.0 * -np.expm1(-t / 9.0))
+    np.testing.assert_allclose(base.relaxed(one, ramp, 9.0), exact, atol=1e-12)
+
+
+def test_a_gain_scales_a_lag_and_keeps_what_was_kept(stack):
+    plain = base.relaxed(stack, stack.current_ampere, 11.0)
+    assert 11.0 in stack.responses
+    scaled = base.relaxed(stack, stack.current_ampere, 11.0, gain=0.3)
+    np.testing.assert_allclose(scaled, 0.3 * plain, atol=1e-15)
+    varying = base.relaxed(stack, stack.current_ampere, 11.0, gain=np.full(len(plain), 0.3))
+    np.testing.assert_allclose(varying, scaled, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", sorted(LIBRARY))
+def test_an_effect_at_its_neutral_values_changes_nothing(stack, name):
+    effect = LIBRARY[name]
+    sizes = {f"{name}.{p.name}": p.neutral for p in effect.parameters if not p.shape}
+    plain = base.voltage(small.CELL, stack, values_for(stack))
+    for start in effect.starts:
+        given = neutral(effect) | {f"{name}.{k}": v for k, v in start.items()} | sizes
+        volt = base.voltage(small.CELL, stack, values_for(stack) | given, (effect,))
+        np.testing.assert_allclose(volt, plain, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", sorted(LIBRARY))
+def test_an_effect_of_plausible_size_changes_something(stack, name):
+    effect = LIBRARY[name]
+    given = {f"{name}.{p.name}": p.neutral if p.shape else p.plausible for p in effect.parameters}
+    plain = base.voltage(small.CELL, stack, values_for(stack))
+    volt = base.voltage(small.CELL, stack, values_for(stack) | given, (effect,))
+    assert np.isfinite(volt).all()
+    assert np.abs(volt - plain).max() > 5e-4
+
+
+@pytest.mark.parametrize("name", sorted(LIBRARY))
+def test_an_effect_is_within_its_own_bounds(name):
+    for p in LIBRARY[name].parameters:
+        assert p.lower <= p.neutral <= p.upper
+        assert p.shape or p.material <= p.plausible <= p.upper
+
+
+def test_the_error_of_the_ocv_is_straight_between_knots():
+    soc = np.linspace(0, 1, 301)
+    knots = np.random.default_rng(1).normal(size=base.OCV_KNOTS)
+    straight = np.interp(soc, np.linspace(0, 1, base.OCV_KNOTS), knots)
+    np.testing.assert_allclose(base.hats(soc) @ knots, straight, atol=1e-12)

@@ -1,0 +1,73 @@
+"""Records laid one after the other: clocks, holds, directions, and what is refused."""
+
+import numpy as np
+import pytest
+
+from cellwright.effects.records import Record, stacked
+from cellwright.refusal import Refusal
+
+CAPACITY = 2.0
+
+
+def record(current, *, test="one", soc=0.5, every=2.0, **changes):
+    blank = np.zeros(len(current))
+    clock = every * np.arange(len(current))
+    made = Record(test, "drive", clock, np.array(current, float), blank + 3.7, blank + 25.0, soc)
+    return made._replace(**changes)
+
+
+def laid(*records, **options):
+    return stacked(records, capacity_ampere_hour=CAPACITY, **options)
+
+
+def test_two_records_lie_one_after_the_other_and_each_begins_anew():
+    stack = laid(record([0, -1, -1]), record([0, 2], test="two", every=5.0))
+    assert stack.tests == ("one", "two")
+    assert stack.first.tolist() == [0, 3]
+    assert stack.file.tolist() == [0, 0, 0, 1, 1]
+    assert stack.fresh.tolist() == [1, 0, 0, 1, 0]
+    assert stack.step_second.tolist() == [0, 2, 2, 0, 5]
+    assert stack.part([1]).tolist() == [False, False, False, True, True]
+    assert stack.used.all()
+
+
+def test_the_current_of_a_row_flows_until_the_next():
+    assert laid(record([1, -1, 3])).held_ampere.tolist() == [0, 1, -1]
+
+
+def test_a_straight_current_is_held_at_its_mean():
+    stack = laid(record([0, 1, 3, 2, -1, 2, 0, 1]), hold="first_order")
+    assert stack.linear[1:].all()
+    assert stack.held_ampere.tolist() == [0, 0.5, 2, 2.5, 0.5, 0.5, 1, 0.5]
+
+
+def test_a_step_between_steady_stretches_is_sharp_even_then():
+    stack = laid(record([0, 0, 0, -2, -2, -2, 0, 0, 0]), hold="first_order")
+    assert np.flatnonzero(stack.linear[1:] == 0).tolist() == [2, 5]
+    assert stack.held_ampere[3] == 0.0
+    assert stack.held_ampere[6] == -2.0
+
+
+@pytest.mark.parametrize(("soc", "before"), [(1.0, 1), (0.5, 0), (0.02, -1)])
+def test_the_direction_is_that_of_the_last_load(soc, before):
+    stack = laid(record([0, 0.001, -1, 0, 0.01, 2, 0], soc=soc))
+    assert stack.direction.tolist() == [before, before, -1, -1, -1, 1, 1]
+
+
+def test_no_record_is_refused():
+    with pytest.raises(Refusal, match="no record"):
+        laid()
+
+
+@pytest.mark.parametrize("name", ["test_time_second", "current_ampere", "voltage_volt", "celsius"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_what_is_no_number_is_refused_with_test_and_row(name, value):
+    wrong = np.array([0.0, 1.0, value, 3.0])
+    with pytest.raises(Refusal, match=rf"bad: row 2 of {name}"):
+        laid(record([0] * 4), record([0] * 4, test="bad", **{name: wrong}))
+
+
+def test_a_clock_that_runs_back_is_refused_with_test_and_row():
+    clock = np.array([0.0, 1.0, 0.5, 2.0])
+    with pytest.raises(Refusal, match="bad: the clock runs back after row 1"):
+        laid(record([0] * 4, test="bad", test_time_second=clock))

@@ -1,0 +1,115 @@
+"""The verdict file: every key of the contract, its formulas, and where the remainder sits."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cellwright.effects.case import Gates
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.residual_map import rate_of, worst
+from cellwright.effects.verdict import gap_closed, outcome, verdict_of
+
+sys.path.insert(0, str(Path(__file__).parent))
+from small_plant import HEALTHY, Truth, rounds
+
+CONTRACT = {"cell", "verdict", "effects", "located_at", "floor_volt", "next_test", "not_testable"}
+OF_AN_EFFECT = {
+    *("effect", "alternatives", "parameters", "rmse_volt"),
+    *("validation_rmse_volt", "gap_closed"),
+}
+LEFT = {
+    "role": ["fit", "validation"],
+    "test": ["a", "b"],
+    "soc_low": [0.1, 0.5],
+    "soc_high": [0.2, 0.6],
+    "rate": ["rest", "discharge_high"],
+    "temperature_celsius": [25.0, 8.0],
+    "rows": [100, 50],
+    "before_rms_volt": [0.01, 0.01],
+    "after_rms_volt": [0.002, 0.005],
+}
+
+
+def verdict(truth, **options):
+    searched = rounds(truth, every=2.0, without=())
+    found = outcome(searched, Gates())
+    return verdict_of("h1", found, Gates(), searched, LEFT, **options)
+
+
+@pytest.fixture(scope="module")
+def named():
+    return verdict(Truth(hysteresis=0.012), next_test="a test", not_testable=("entropic_ocv",))
+
+
+def test_it_has_all_keys_of_the_contract_and_is_plain_json(named):
+    assert set(named) >= CONTRACT
+    assert json.loads(json.dumps(named)) == named
+    assert named["cell"] == "h1"
+    assert named["next_test"] == "a test"
+    assert named["not_testable"] == ["entropic_ocv"]
+
+
+def test_an_effect_has_its_numbers_with_units(named):
+    one = named["effects"][0]
+    assert named["verdict"] == "named"
+    assert set(one) >= OF_AN_EFFECT
+    assert one["effect"] == "hysteresis_instant"
+    assert one["alternatives"] == []
+    size = one["parameters"]["amplitude_volt"]
+    assert size["unit"] == LIBRARY["hysteresis_instant"].parameters[0].unit
+    assert size["value"] == pytest.approx(0.012, rel=0.05)
+    assert 0 < size["std"] < 1e-3
+    assert size["at_bound"] is False
+
+
+def test_before_and_after_fall_and_close_the_gap(named):
+    one, floor = named["effects"][0], named["floor_volt"]
+    for name in ("rmse_volt", "validation_rmse_volt"):
+        assert one[name]["before"] > 3 * one[name]["after"]
+    both = one["validation_rmse_volt"]
+    left, whole = (both[k] ** 2 - floor**2 for k in ("after", "before"))
+    assert one["gap_closed"] == pytest.approx(1 - left / whole)
+
+
+def test_a_healthy_cell_has_an_empty_verdict():
+    found = verdict(HEALTHY)
+    assert found["verdict"] == "none"
+    assert found["effects"] == found["partial"] == []
+    assert found["located_at"] is None
+    assert found["next_test"] is None
+
+
+def test_what_is_unknown_is_located_and_not_named():
+    found = verdict(Truth(ripple=0.008))
+    assert found["verdict"] == "unknown"
+    assert found["effects"] == []
+    assert found["located_at"]["file"] == "b"
+
+
+def test_the_share_of_the_gap():
+    assert gap_closed(5e-3, 3e-3, 0.0) == pytest.approx(1 - 9 / 25)
+    assert gap_closed(5e-3, 1e-3, 1e-3) == 1.0
+    assert gap_closed(5e-3, 6e-3, 1e-3) < 0
+    assert gap_closed(5e-3, 0.5e-3, 1e-3) > 1
+    assert gap_closed(1e-3, 1e-3, 1e-3) is None
+
+
+def test_the_remainder_sits_where_most_of_it_is():
+    excess = np.array([100 * (4e-6 - 1e-6), 50 * (25e-6 - 1e-6)])
+    assert worst(LEFT, 1e-3) == {
+        "file": "b",
+        "soc": [0.5, 0.6],
+        "current": "discharge_high",
+        "temperature_celsius": [8.0],
+        "share": pytest.approx(excess[1] / excess.sum()),
+    }
+    assert worst(LEFT, 0.01) is None
+    assert worst({}, 1e-3) is None
+
+
+def test_rates_have_a_class_each():
+    current = [0.0, -0.05, -0.5, -2.0, 0.5, 2.0]
+    assert rate_of(current, 1.0).tolist() == [0, 0, 1, 2, 3, 4]

@@ -1,0 +1,236 @@
+"""The ways in which a search for a missing effect goes wrong, each with a cell that invites it.
+
+Elsewhere: noise that swallows (test_noise), NaN and clocks (test_records), other protocols in
+paired mode (test_paired), a tie broken silently and the effect that nobody knows (test_search).
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cellwright.effects import choose
+from cellwright.effects.case import Gates
+from cellwright.effects.excitation import lacking
+from cellwright.effects.finding import of_case
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.records import stacked
+from cellwright.effects.search import not_excited, search
+from cellwright.effects.verdict import outcome
+
+sys.path.insert(0, str(Path(__file__).parent))
+import small_plant as plant
+from small_plant import (
+    CAPACITY,
+    HEALTHY,
+    Truth,
+    case,
+    case_of,
+    drive,
+    laid,
+    measured,
+    rounds,
+    slow_discharge,
+)
+
+HYSTERESIS = Truth(hysteresis=0.012)
+GATES = Gates()
+SINKS = ("current_offset", "slow_diffusion", "coulombic_inefficiency", "leakage", "ocv_shift")
+
+
+def word(found):
+    return outcome(found, GATES).word
+
+
+def named(found):
+    """Ids that a reader would take for the answer."""
+    result = outcome(found, GATES)
+    steps = result.steps if result.word in ("named", "ambiguous") else ()
+    return [step.chosen.effect.id for step in steps]
+
+
+def test_the_base_fit_does_not_swallow_a_skew_as_a_fast_pair():
+    found = rounds(Truth(delay=0.5), every=0.5)
+    assert named(found) == ["time_skew"]
+    values = outcome(found, GATES).last.solution.values
+    assert np.exp(values["log_tau1"]) == pytest.approx(9.0, rel=0.1)
+
+
+def test_the_noise_does_not_swallow_slow_diffusion():
+    found = rounds(Truth(slow_ohm=0.04))
+    assert found[0].noise.slow_volt < 5e-4
+    assert named(found) == ["slow_diffusion"]
+
+
+@pytest.mark.parametrize("wave", [-1.5e-3, 1.5e-3])
+def test_an_error_of_the_ocv_within_its_tolerance_fills_no_sink(wave):
+    found = rounds(Truth(wave=wave))
+    assert word(found) == "none"
+    assert not set(named(found)) & set(SINKS)
+
+
+def test_what_the_validation_does_not_excite_is_not_testable():
+    whole = case(Truth(activation=2.5e4))
+    cold = [measured("wild", drive(103), 8.0, 0.95, Truth(activation=2.5e4), seed=13)]
+    proof = whole._replace(validation=stacked(cold, capacity_ampere_hour=CAPACITY))
+    effect = LIBRARY["resistance_temperature"]
+    assert not lacking(effect, proof.fit, CAPACITY)
+    assert "temperatures" in not_excited(proof, effect)[0]
+    verdict = of_case("c", proof, LIBRARY).verdict
+    assert "resistance_temperature" in verdict["not_testable"]
+    assert "resistance_temperature" not in [one["effect"] for one in verdict["effects"]]
+
+
+@pytest.mark.parametrize("truth", [HEALTHY, Truth(activation=3e4)])
+def test_a_wobble_of_one_chamber_is_no_activation_energy(truth):
+    made = case(truth, celsius=(25.0, 25.0))
+    assert not_excited(made, LIBRARY["resistance_temperature"])
+    found = rounds(truth, celsius=(25.0, 25.0))
+    tried = {trial.effect.id for one in found for trial in one.trials}
+    assert not tried & {"resistance_temperature", "entropic_ocv", "capacity_temperature"}
+    assert "resistance_temperature" not in named(found)
+
+
+def test_significance_without_size_is_no_name():
+    first = rounds(HYSTERESIS)[0]
+    gates, trials, floor = GATES, first.trials, first.floor_volt
+    best, _ = choose.best_of(gates, first.before, first.before, trials, floor)
+    assert best.effect.id == "hysteresis_instant"
+    small = [t._replace(material=False) for t in trials]
+    assert choose.best_of(gates, first.before, first.before, small, floor) == (None, ())
+    large = gates._replace(material_volt=0.05)
+    assert choose.best_of(large, first.before, first.before, trials, floor) == (None, ())
+
+
+def test_a_far_better_explanation_too_small_to_matter_stops_a_worse_one():
+    first = rounds(HYSTERESIS)[0]
+    best, other = first.trials[:2]
+    trials = [best._replace(material=False), other._replace(delta_bic=0.3 * best.delta_bic)]
+    found = choose.best_of(GATES, first.before, first.before, trials, first.floor_volt)
+    assert found == (None, ())
+
+
+@pytest.mark.parametrize("name", ["delta_bic", "delta_validation"])
+def test_no_gain_on_either_side_is_no_name(name):
+    first = rounds(HYSTERESIS)[0]
+    trials = [t._replace(**{name: -1.0}) for t in first.trials]
+    found = choose.best_of(GATES, first.before, first.before, trials, first.floor_volt)
+    assert found == (None, ())
+
+
+def test_an_optimum_at_a_bound_is_flagged():
+    effect = LIBRARY["hysteresis_instant"]
+    narrow = effect._replace(parameters=(effect.parameters[0]._replace(upper=0.011),))
+    few = {effect.id: narrow, "resistance_asymmetry": LIBRARY["resistance_asymmetry"]}
+    found = of_case("c", case(HYSTERESIS), few)
+    size = found.verdict["effects"][0]["parameters"]["amplitude_volt"]
+    assert size["at_bound"]
+    assert size["value"] == 0.011
+    assert "ended on a bound" in found.verdict["paragraph"]
+    rows = zip(found.ranking["chosen"], found.ranking["in_range"], strict=True)
+    assert (True, False) in rows
+
+
+def test_a_rival_that_half_explains_is_not_the_name():
+    truth = Truth(slope_r1=1.0)
+    assert named(rounds(truth)) == ["polarisation_soc"]
+    found = rounds(truth, without=("polarisation_soc",))
+    assert outcome(found, GATES).steps
+    assert word(found) == "unknown"
+
+
+@pytest.mark.parametrize("late", [0, 3])
+def test_edges_that_are_sampled_coarsely_show_no_skew(late):
+    """A row every 10 s, at the steps of the current or 6 s after them."""
+    judging = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    made = laid(*([thinned(r, late) for r in side] for side in (fitted(), judging)))
+    assert not_excited(made, LIBRARY["time_skew"])
+    assert not not_excited(case(HEALTHY), LIBRARY["time_skew"])
+    found = search(made, LIBRARY)
+    assert "time_skew" not in {t.effect.id for one in found for t in one.trials}
+    assert not named(found)
+
+
+def thinned(record, late):
+    columns = ("test_time_second", "current_ampere", "voltage_volt", "celsius")
+    return record._replace(**{n: getattr(record, n)[late::5] for n in columns})
+
+
+def test_a_start_from_an_unrelaxed_rest_is_no_effect():
+    whole = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    parts = [cut(record, 460) for record in whole]
+    found = search(laid(fitted(), parts), LIBRARY)
+    assert not named(found)
+
+
+def proofs():
+    return [("wild", drive(103), 8.0), ("mild", drive(104, highest=0.9), 34.0)]
+
+
+def fitted(truth=HEALTHY):
+    return [
+        measured("slow", slow_discharge(), 21.0, 1.0, truth, seed=20, kind="capacity"),
+        measured("cold", drive(101), 8.0, 0.95, truth, seed=21),
+        measured("warm", drive(102), 34.0, 0.95, truth, seed=22),
+    ]
+
+
+def cut(record, row):
+    """What is left of a record from a row on, within a rest whose load ended 40 s before."""
+    moved = np.sum(record.current_ampere[:row]) * plant.ROW_SECOND / 3600 / CAPACITY
+    rows = {n: getattr(record, n)[row:] for n in ("current_ampere", "voltage_volt", "celsius")}
+    clock = record.test_time_second[row:] - record.test_time_second[row]
+    soc = record.soc_at_start + moved
+    return record._replace(**rows, test_time_second=clock, soc_at_start=soc)
+
+
+def changed(records, **factors):
+    """Records with columns multiplied."""
+    return [r._replace(**{n: getattr(r, n) * f for n, f in factors.items()}) for r in records]
+
+
+def test_a_flipped_sign_of_the_current_is_no_effect():
+    judging = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    both = [changed(side, current_ampere=-1.0) for side in (fitted(), judging)]
+    assert word(search(laid(*both), LIBRARY)) == "unknown"
+
+
+def test_millivolts_in_the_place_of_volts_are_no_effect():
+    judging = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    both = [changed(side, voltage_volt=1e3) for side in (fitted(), judging)]
+    assert not named(search(laid(*both), LIBRARY))
+
+
+def test_one_part_of_a_record_judges_from_the_start_that_the_other_found():
+    """A file in both roles is only a split one: its rows are compared once."""
+    fit = fitted()
+    split = np.arange(len(fit[1].current_ampere)) % 200 < 100
+    halves = [fit[1]._replace(used=split), fit[1]._replace(used=~split)]
+    found = search(laid([fit[0], halves[0], fit[2]], [halves[1]]), LIBRARY)
+    before = found[0].before
+    assert before.values["soc0[0]"] == before.solution.values["soc0[1]"]
+    assert word(found) == "none"
+
+
+def test_the_order_of_the_records_does_not_matter():
+    made = [fitted(HYSTERESIS), [measured(*one, 0.95, HYSTERESIS, seed=30) for one in proofs()]]
+    sizes = []
+    for order in (1, -1):
+        found = search(laid(*(side[::order] for side in made)), LIBRARY)
+        assert named(found) == ["hysteresis_instant"]
+        values = outcome(found, GATES).last.solution.values
+        sizes.append(values["hysteresis_instant.amplitude_volt"])
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", [2])
+def test_other_noise_is_the_same_answer(seed):
+    assert named(rounds(HYSTERESIS, seed=seed)) == ["hysteresis_instant"]
+    assert word(rounds(HEALTHY, seed=seed)) == "none"
+
+
+def test_the_same_records_are_the_same_answer_to_the_last_digit():
+    again = search(case_of(HYSTERESIS), LIBRARY)
+    one, other = (found[-1].before.solution.values for found in (rounds(HYSTERESIS), again))
+    assert one == other
