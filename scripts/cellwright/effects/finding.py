@@ -13,6 +13,7 @@ from cellwright.effects.prepare import prepared
 from cellwright.effects.problem import stds
 from cellwright.effects.residual_map import joined, residual_map
 from cellwright.effects.search import not_excited, search
+from cellwright.effects.structural import tie_of
 from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.effects.words import paragraph
 from cellwright.refusal import Refusal
@@ -105,6 +106,7 @@ def of_case(name, case, library):
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in found.steps}
     hidden = set.intersection(*(set(one.hidden) for one in rounds)) - named
+    hidden |= {name for name in library if tie_of(name) is not None}
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     menu, advice = _advised(case, found, rounds, library, untestable)
     verdict = verdict_of(

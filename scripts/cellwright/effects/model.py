@@ -146,7 +146,7 @@ def _condition(cell, found, tables, celsius):
 
 def _held_somewhere(name):
     """Refuses an effect that neither a course, a branch nor a block of the member would hold."""
-    known = {key.split(".")[0] for names in BLOCKS.values() for key in names.values()}
+    known = {key.split(".")[0] for names in BLOCKS.values() for key in names}
     if LIBRARY[name].stage in ("resistance", "ocv") or name in {*ADDED, *known, *COUNTED}:
         return
     raise Refusal(f"effect {name!r} has no place in a model file: see docs/add-an-effect.md")

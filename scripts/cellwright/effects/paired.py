@@ -25,7 +25,7 @@ class Pairing(NamedTuple):
     """How references enter.
 
     references : least number. scale_std : of the template's factor. material_volt : an effect that
-    takes less than half of this off the validation error is within what healthy cells differ by.
+    takes less than its square off the mean square error is within what healthy cells differ by.
     needed_ratio : times a single reading's noise, which a template must exceed to be worth its own
     noise: where the circuit follows healthy cells, a cell is better judged alone.
     """

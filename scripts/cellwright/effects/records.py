@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.records import sharp_steps
+from cellwright.models.records import driven
 from cellwright.refusal import Refusal
 
 LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
@@ -88,7 +88,8 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     records : sequence of Record.
     capacity_ampere_hour : of the cell, for the smallest load that counts [Ah].
     hold : "zero_order": between two rows the current of the earlier one flows; "first_order": it
-        moves on a straight line, but for a step between two steady stretches, which is sharp.
+        moves on a straight line in a drive; where it only steps between steady stretches, it is
+        held all the same.
 
     Returns
     -------
@@ -111,9 +112,8 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     second, current = _joined(records, "test_time_second"), _joined(records, "current_ampere")
     step = np.diff(second, prepend=second[0]) * (1.0 - fresh)
     before = np.concatenate([[0.0], current[:-1]])
-    linear = np.zeros(len(file))
-    if hold == "first_order":
-        linear = 1.0 - np.concatenate([sharp_steps(r.current_ampere) for r in records])
+    moves = [hold == "first_order" and driven(r.current_ampere) for r in records]
+    linear = np.repeat(np.array(moves, float), sizes)
     held = np.where(linear > 0, (before + current) / 2, before)
     held = held * (1.0 - fresh)
     loads = [_direction(r, LOADED_C_RATE * capacity_ampere_hour) for r in records]

@@ -8,6 +8,8 @@ from cellwright.effects.candidates import scored
 
 def all_in(solution, lined_up, whitening):
     """Residual with every effect let in, by ridge regression on what each would change."""
+    if not lined_up:
+        return solution.residual
     many = np.concatenate([c.columns for c in lined_up], axis=1)
     both = np.concatenate([solution.white, whitening.apply(many)], axis=1)
     gram = both.T @ both
@@ -23,6 +25,8 @@ def screened(case, lined_up, before, filters):
     solution = before.solution
     residual = filters.fit.apply(solution.residual)
     best, hidden = {}, {}
+    if not lined_up:
+        return [], ()
     many = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
     for one in scored(lined_up, many, residual, solution.white, solution.precision):
         candidate = one.candidate

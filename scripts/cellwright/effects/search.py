@@ -11,6 +11,7 @@ from cellwright.effects.choose import best_of, with_ties
 from cellwright.effects.excitation import lacking
 from cellwright.effects.problem import fit
 from cellwright.effects.screen import all_in, screened
+from cellwright.effects.structural import tie_of
 from cellwright.effects.trial import POLISH_STEPS, Trial, frees_of, polished, tried
 
 __all__ = ["Case", "Gates", "Round", "State", "Trial", "search"]
@@ -55,7 +56,7 @@ def search(case, library):
     filters = filters_of(case, FIRST_NOISE, extra)
     effects, found = (), []
     solution = fit(problem_of(case, effects, free, filters), values)
-    testable = [effect for effect in library.values() if not not_excited(case, effect)]
+    testable = [e for e in library.values() if not not_excited(case, e) and tie_of(e.id) is None]
     for _ in range(case.gates.rounds + 1):
         left = [effect for effect in testable if effect not in effects]
         one, filters = _round(case, effects, free, solution, filters, extra, left, found)

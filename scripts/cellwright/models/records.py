@@ -151,32 +151,17 @@ def without_edges(record, *, step_ampere):
     return record._replace(used=record.used & ~alone)
 
 
-def sharp_steps(current_ampere):
-    """Rows at which the current has stepped between two steady stretches.
+def driven(current_ampere):
+    """Whether the current of a record steps at most rows where it steps at all: a drive.
 
-    In a drive, whose current steps at most rows where it steps at all, none does.
+    Else it steps between steady stretches, and does so at once, however sparse the rows are.
 
     Parameters
     ----------
     current_ampere : (n,) [A].
-
-    Returns
-    -------
-    sharp : (n,) bool.
     """
     current = np.asarray(current_ampere, float)
     moved = np.abs(np.diff(current, prepend=current[:1]))
     step = moved > moved.max(initial=0.0) / EDGE_PART
     around = np.append(False, step[:-1]) | np.append(step[1:], False)
-    alone = step & ~around
-    return alone if alone.sum() >= DRIVE_SHARE * step.sum() else np.zeros(len(current), bool)
-
-
-def driven(current_ampere):
-    """Whether the current of a record steps at most rows where it steps at all: a drive.
-
-    Parameters
-    ----------
-    current_ampere : (n,) [A].
-    """
-    return not sharp_steps(current_ampere).any()
+    return bool((step & ~around).sum() < DRIVE_SHARE * step.sum())
