@@ -1,6 +1,6 @@
 # What the model of a cell lacks: the search for a missing effect, and its verdicts.
 
-EFFECT_KINDS = ("ocv", "capacity", *PULSE_KINDS, "drive")
+EFFECT_KINDS = ("capacity", *PULSE_KINDS, "drive")
 
 
 def searchable(cell):

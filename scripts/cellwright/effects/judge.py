@@ -30,7 +30,10 @@ def started(cell, stack, values, effects, tolerance, shared=()):
     -------
     values : dict, with the starts of this stack in the place of others.
     """
-    found = {f"soc0[{here}]": values[f"soc0[{there}]"] for here, there in shared}
+    found = {
+        f"soc0[{k}]": _near(values[f"soc0[{n}]"], stack.soc_at_start[k], tolerance.soc)
+        for k, n in shared
+    }
     values = values | {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)} | found
     loaded = np.abs(stack.current_ampere) > LOADED_C_RATE * cell.capacity_ampere_hour
     for _ in range(PASSES):
@@ -41,6 +44,11 @@ def started(cell, stack, values, effects, tolerance, shared=()):
             known = _weighed(cell, values[name], stated, error[rest], tolerance)
             values = values | {name: found.get(name, known)}
     return values
+
+
+def _near(found, stated, tolerance):
+    """A start from the fit, within the tolerance: a model that lacks much bends it far beyond."""
+    return float(np.clip(found, stated - tolerance, stated + tolerance))
 
 
 def _first_rest(stack, k, loaded):

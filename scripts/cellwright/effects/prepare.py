@@ -17,7 +17,7 @@ from cellwright.models.split import fit_mask
 from cellwright.refusal import Refusal
 from cellwright.series.anchor import REST_C_RATE
 
-KINDS = ("ocv", "capacity", "hppc", "pulse_resistance", "drive")
+KINDS = ("capacity", "hppc", "pulse_resistance", "drive")
 GRID = np.linspace(0.0, 1.0, 1001)
 EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
 GROWTH = 0.1  # of the time since the last step, from one kept row to the next

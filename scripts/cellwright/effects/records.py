@@ -9,6 +9,7 @@ from cellwright.refusal import Refusal
 
 LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
+GAP_SECOND = 30.0  # between two rows, for the counter to be asked what passed meanwhile
 UNSEEN_SOC = 2e-3  # between two rows: less is how the current is read, more is a gap
 EDGE_PART = 20.0  # a change of this part of a record's largest is a step
 NEAR_END = 0.1  # of the SoC: a record that starts there was filled or emptied before
@@ -153,7 +154,8 @@ def _unseen(records, moved, first, capacity):
             rows = slice(begin, begin + len(record.counted_soc))
             counted = np.diff(record.counted_soc, prepend=record.counted_soc[0]) * capacity
             beyond = counted - moved[rows]
-            found[rows] = np.where(np.abs(beyond) > UNSEEN_SOC * capacity, beyond, 0.0)
+            gap = np.diff(record.test_time_second, prepend=record.test_time_second[0]) > GAP_SECOND
+            found[rows] = np.where(gap & (np.abs(beyond) > UNSEEN_SOC * capacity), beyond, 0.0)
     return found
 
 
