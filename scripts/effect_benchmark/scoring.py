@@ -161,7 +161,7 @@ def goals(table: pd.DataFrame) -> list:
         share("false alarms on healthy cells", cells[healthy], alarm, "at most", 0.01),
         share("unknown effects called unknown", unknown, right, "at least", 0.9),
         *_gaps(cells),
-        share("structural ties told as ties", cells[right(cells) & cells["tie"]], _tied, *ALL),
+        share("offset or leak: as a tie, or by the log at rest", *_ties(cells), *ALL),
         share("both of two effects", two, right, "at least", 0.8),
         share("an extra name beside two effects", two, _extra, "at most", 0.08),
         *_beyond(mine),
@@ -169,8 +169,13 @@ def goals(table: pd.DataFrame) -> list:
     ]
 
 
-def _tied(table):
-    return table["verdict"] == "ambiguous"
+def _ties(cells):
+    """Cells rightly answered whose effect has a structural partner, and how it is well told."""
+    return cells[right(cells) & cells["tie"]], _told
+
+
+def _told(table):
+    return (table["verdict"] == "ambiguous") | (table["said"] == table["hidden"])
 
 
 def _extra(table):
