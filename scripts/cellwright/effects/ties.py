@@ -33,7 +33,8 @@ class Visibility(NamedTuple):
 class Shown(NamedTuple):
     """Sensitivities of a case: Information of both stacks, Projection on that of the fit.
 
-    held : ids of the effects that are no straight line in their size.
+    held : ids of the effects whose starts are each a direction of its own: no straight line in
+    their size, or several forms.
     """
 
     fit: object
@@ -60,7 +61,7 @@ def shown(case, library, model, *, spread=USUAL_NOISE):
     fit = information(case.cell, case.fit, model, lacking, **facts)
     other = at_starts_of(model, case.validation)
     validation = information(case.cell, case.validation, other, lacking, **facts)
-    held = tuple(e.id for e in lacking if e.held)
+    held = tuple(e.id for e in lacking if e.held or e.bends)
     return Shown(fit, validation, projected(fit, case.tolerance), held)
 
 
@@ -72,8 +73,8 @@ def model_of(state):
 def confounding(seen):
     """Canonical correlation of each pair of effects on the records of the fit.
 
-    Each effect spans the directions of its sizes and starts that show at plausible size; one that
-    is no straight line in its size (`held`) has a span for each start.
+    Each effect spans the directions of its sizes and starts that show at plausible size; one of
+    `held` has a span for each start, and is like another where all of them are.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ def confounding(seen):
     ids = list(dict.fromkeys(label.effect for label in seen.fit.labels))
     spans = [_spans(seen, one) for one in ids]
     pairs = list(combinations(range(len(ids)), 2))
-    found = [max(_largest(p.T @ left @ q) for p in spans[a] for q in spans[b]) for a, b in pairs]
+    found = [_alike(left, spans[a], spans[b]) for a, b in pairs]
     return {
         "effect_a": [ids[a] for a, _ in pairs],
         "effect_b": [ids[b] for _, b in pairs],
@@ -164,6 +165,12 @@ def _span(left, at):
     found = np.zeros((len(left), int(kept.sum())))
     found[at] = ways[:, kept] / np.sqrt(size[kept])
     return found
+
+
+def _alike(left, ours, theirs):
+    """Correlation of two effects: of the one with more spans, that of the span least matched."""
+    table = np.array([[_largest(p.T @ left @ q) for q in theirs] for p in ours])
+    return float(table.max(axis=1 if len(ours) >= len(theirs) else 0).min())
 
 
 def _largest(mixed):
