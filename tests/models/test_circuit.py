@@ -61,7 +61,7 @@ CLOSED = {
         2 * exchange_ampere * r_ohm * np.arcsinh(i / (2 * exchange_ampere)) + 0 * t
     ),
     "warburg": lambda i, t, r_ohm, tau_second: r_ohm * i * PLANE(t / tau_second),
-    "warburg_sphere": lambda i, t, r_ohm, tau_second: r_ohm * i * PLANE(t / tau_second),
+    "warburg_sphere": lambda i, t, r_ohm, tau_second: r_ohm * i * SPHERE(t / tau_second),
     "hysteresis": lambda i, t, m_volt, charge_ampere_hour: (
         -m_volt * np.sign(i) * np.expm1(-abs(i) * t / 3600 / charge_ampere_hour)
     ),

@@ -162,6 +162,7 @@ def model_file(name, condition):
     table = {"soc": truth.OCV_SOC.tolist(), "ocv_volt": truth.OCV_VOLT.tolist()}
     model = {
         "cell": "A",
+        "capacity_ampere_hour": 2.0,
         "ocv": [table | {"ambient_temperature_celsius": 25.0}],
         "members": [{"model": name, "conditions": [entry]}],
         "chosen": name,
