@@ -22,6 +22,7 @@ class Gates(NamedTuple):
     material_volt: float = 3e-4
     material_share: float = 0.005
     nothing_ratio: float = 1.15
+    nothing_volt: float = 1.5e-3
     adequate_ratio: float = 1.3
     adequate_closed: float = 0.85
     partial_closed: float = 0.7

@@ -8,7 +8,7 @@ OUTDONE = 0.5  # of the best J: an explanation below it is not the one
 
 def best_of(gates, first, before, trials, floor):
     """The best trial that passes the gates, and the ids of those as good."""
-    if before.worst_volt <= gates.nothing_ratio * floor:
+    if before.worst_volt <= max(gates.nothing_ratio * floor, gates.nothing_volt):
         return None, ()
     if before is not first and before.worst_volt <= gates.adequate_ratio * floor:
         return None, ()

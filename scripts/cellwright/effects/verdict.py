@@ -37,7 +37,8 @@ def outcome(rounds, gates):
     floor = rounds[0].floor_volt
     steps = tuple(one for one in rounds if one.chosen is not None)[: gates.rounds]
     if not steps:
-        word = "none" if first.worst_volt <= gates.unknown_ratio * floor else "unknown"
+        most = max(gates.unknown_ratio * floor, gates.nothing_volt)
+        word = "none" if first.worst_volt <= most else "unknown"
         return Outcome(word, (), first, floor, None, word == "none")
     closed = gap_closed(first.validation_rmse_volt, last.validation_rmse_volt, floor)
     small = last.worst_volt <= gates.adequate_ratio * floor
