@@ -119,11 +119,13 @@ def test_every_validation_drive_is_scored(first):
 
 
 def test_every_cell_with_a_test_for_proof_has_a_verdict(first):
-    """The tiny cells are what the plain model is: nothing is missing."""
+    """Which verdict is for tests of the science: these records are a few minutes of a toy."""
     rows = table(first, "missing_effect")
-    assert [(row["cell"], row["verdict"]) for row in rows] == [("A", "none"), ("B", "none")]
+    assert {row["cell"] for row in rows} == {"A", "B"}
+    said = {row["cell"]: row["verdict"] for row in rows}
+    assert set(said.values()) <= {"none", "named", "ambiguous", "unknown"}
     with open(first.folder / "results/summary.csv", encoding="utf-8", newline="") as file:
-        assert {row["verdict"] for row in csv.DictReader(file)} == {"none"}
+        assert {row["cell"]: row["verdict"] for row in csv.DictReader(file)} == said
     page = report_of(first.folder).decode()
     assert page.count("What its model lacks") == len(tiny.TRUTH)
     assert page.count("Effects that were tried") == len(tiny.TRUTH)
@@ -136,7 +138,7 @@ def test_a_cell_without_a_test_for_proof_is_told_why_it_has_no_verdict(copy):
     sheet.write_text("".join(row for row in rows if not row.startswith("B\tdrive\t")))
     run = snakemake(copy, "missing_effect", "results/tables/excluded.csv")
     assert run.status == 0, run.said
-    assert [row["cell"] for row in table(run, "missing_effect")] == ["A"]
+    assert {row["cell"] for row in table(run, "missing_effect")} == {"A"}
     about = json.loads((copy / "results/missing_effect/B/verdict.json").read_text())["provenance"]
     assert "validation" in about["reason"]
     assert "missing_effect" not in {row["stage"] for row in table(run, "excluded")}
