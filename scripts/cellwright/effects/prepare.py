@@ -97,7 +97,7 @@ def _sides(cell, basis, tests, settings):
         names = ", ".join(record.test for record in judging)
         notes.append(f"no test of role validation: {names} judged instead, and were not fitted")
     if not fitted or not judging:
-        which = "fitted" if not fitted else "kept out of the fit to judge by"
+        which = "fitted" if not fitted else "kept out of the fit for validation"
         raise Refusal(f"no test can be {which}; {'; '.join(notes)}")
     return fitted, judging, notes
 
