@@ -1,7 +1,7 @@
 """A cell's model as the rest of the pipeline uses it, with the effects found in it, and as rows."""
 
 import artefact
-from cellwright.effects.chosen import with_effects
+from cellwright.effects.in_model_file import with_effects
 from cellwright.models.cell import FitTest
 from cellwright.models.rows import model_of, parameter_rows
 

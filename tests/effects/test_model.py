@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.effects import base
-from cellwright.effects.chosen import with_effects
+from cellwright.effects.in_model_file import with_effects
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.model import KNOTS, NAME, effect_member, temperatures
 from cellwright.effects.records import Record, stacked

@@ -30,6 +30,9 @@ class Noise(NamedTuple):
         return float(np.hypot(self.white_volt, self.slow_volt))
 
 
+FIRST = Noise(2e-3, 1e-3, 200.0)  # of a usual cycler: what a search begins with
+
+
 class Whitening(NamedTuple):
     """Gains of the filter for one stack of records; `apply` makes rows independent, of unit size.
 

@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.effects import base, plain
 from cellwright.effects.case import Case, filters_of, steep
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.noise import Noise
+from cellwright.effects.noise import FIRST
 from cellwright.effects.records import Record, stacked
 from cellwright.effects.screen import left
 from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
@@ -25,7 +25,6 @@ PORTION_SOC = 0.005  # a row at least each time so much charge has passed
 FINEST_SECOND = 0.8  # records sampled faster are averaged to whole seconds
 RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
 HOLDS = ("zero_order", "first_order")
-FIRST_NOISE = Noise(2e-3, 1e-3, 200.0)
 
 
 class Prepared(NamedTuple):
@@ -207,7 +206,7 @@ def _misfit(case):
     Without that allowance a skewed clock would choose the hold that mimics it.
     """
     values = plain.first_values(case.cell, case.fit)
-    filters = filters_of(case, FIRST_NOISE, steep(case, values))
+    filters = filters_of(case, FIRST, steep(case, values))
     skew = LIBRARY["time_skew"]
     costs = [left(case, values, (), filters)]
     for start in skew.starts:

@@ -16,7 +16,6 @@ from cellwright.effects.trial import POLISH_STEPS, Trial, frees_of, polished, tr
 
 __all__ = ["Case", "Gates", "Round", "State", "Trial", "search"]
 
-FIRST_NOISE = noise.Noise(2e-3, 1e-3, 200.0)
 STEADY_C_RATE = 0.02
 
 
@@ -53,7 +52,7 @@ def search(case, library):
     values = plain.first_values(case.cell, case.fit)
     free = plain.frees(case.fit, values, case.tolerance)
     extra = steep(case, values)
-    filters = filters_of(case, FIRST_NOISE, extra)
+    filters = filters_of(case, noise.FIRST, extra)
     effects, found = (), []
     solution = fit(problem_of(case, effects, free, filters), values)
     testable = [e for e in library.values() if not not_excited(case, e) and tie_of(e.id) is None]
