@@ -12,7 +12,7 @@ import numpy as np
 from cellwright.effects import base, plain, search
 from cellwright.effects.case import filters_of, problem_of, state_of, steep
 from cellwright.effects.judge import rms
-from cellwright.effects.noise import read_volt
+from cellwright.effects.noise import FIRST, read_volt
 from cellwright.effects.problem import fit
 from cellwright.effects.protocol_match import Sameness, counterpart_second, part
 from cellwright.refusal import Refusal
@@ -149,7 +149,7 @@ def plain_state(case):
     """
     values = plain.first_values(case.cell, case.fit)
     free = plain.frees(case.fit, values, case.tolerance)
-    filters = filters_of(case, search.FIRST_NOISE, steep(case, values))
+    filters = filters_of(case, FIRST, steep(case, values))
     problem = problem_of(case, (), free, filters)
     moved = tuple(one for one in free if one.name.startswith(MOVED))
     solution = fit(problem._replace(free=moved, coupling=None), values)
