@@ -1,16 +1,16 @@
 """A cell's model as the rest of the pipeline uses it, with the effects found in it, and as rows."""
 
 import artefact
+import lending
 from cellwright.effects.in_model_file import with_effects
-from cellwright.models.cell import FitTest
+from cellwright.models.compensation import with_law
 from cellwright.models.rows import model_of, parameter_rows
 
 with artefact.Job(snakemake) as job:
     model = model_of(job.load(snakemake.input.source), snakemake.wildcards.cell)
-    tests = [
-        FitTest(about["params"]["test"] | {"test": about["wildcards"]["test"]}, series)
-        for series, about in artefact.load_all(snakemake.input.series)
-    ]
+    for tried, _ in artefact.load_all(snakemake.input.law):
+        model = with_law(model, tried["law"][tried["chosen"]][0])
+    tests = lending.tests(snakemake.input.series)
     settings = {"split_rest_second": snakemake.params.split_rest_second}
     searched = [found for found, _ in artefact.load_all(snakemake.input.effects)]
     for found in (one for one in searched if one["effects"]):

@@ -12,6 +12,7 @@ for cell in CELLS:
         ("impedance", tests(cell, "eis")),
         ("temperature", cell in VARIED),
         ("parameters", cell in MODELLED),
+        ("compensation", cell in COMPENSATED),
         *[(f"effect_{name}", cell in SEARCHED) for name in EFFECT_FIGURES],
     ]
     scored = [f"validation_{row['test']}" for row in SCORED.get(cell, [])]

@@ -181,9 +181,16 @@ def effect_series(wildcards):
     return [f"results/clean/{wildcards.cell}/{row['test']}.parquet" for row in used]
 
 
+def law_of(wildcards):
+    """What chose the law over temperature of a cell, where temperatures were left out."""
+    found = f"results/compensation/{wildcards.cell}.parquet"
+    return [found] if wildcards.cell in COMPENSATED else []
+
+
 rule model:
     input:
         source=source_of_model,
+        law=law_of,
         effects=effects_of,
         series=effect_series,
     output:

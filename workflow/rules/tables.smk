@@ -13,6 +13,9 @@ TABLE_INPUTS = {
     "ocv": everywhere("ocv_functions", "ocv"),
     "eis": everywhere("eis", "eis"),
     "temperature": [f"results/temperature/{cell}.parquet" for cell in VARIED],
+    "temperature_prediction": [
+        f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
+    ],
     "ica": everywhere("ica", "ica"),
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
@@ -28,6 +31,8 @@ STAGES = [
     *[f"results/basis/{cell}.json" for cell in CELLS],
     *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
     *[f"results/bias/{cell}.json" for cell in BIASED],
+    *[path for cell in COMPENSATED for path in left_out_of(cell)],
+    *[f"results/compensation/{cell}.parquet" for cell in COMPENSATED],
     *[f"results/branches/{group}.json" for group in sorted(set(GROUPED.values()))],
     *MODELS,
     *EXPORTED["pybamm_thevenin.json"],

@@ -12,6 +12,8 @@ from cellwright.models.tables import (
     SMALLEST,
     celsius_of,
     continued_ocv_at,
+    law_of,
+    law_weights,
     mixed_by,
     mixed_resistances,
     scaled_soc,
@@ -61,10 +63,11 @@ def circuit_at(conditions, soc, temperature_celsius):
     """Circuit of a model's member with its parameters looked up at every sample.
 
     Linear in SoC inside each condition and held flat outside its knots; between two temperatures
-    the logarithms of the sum of all resistances and of every other parameter are linear in 1/T
-    (an Arrhenius law through the two), the shares of the resistances in their sum too; outside the
+    the logarithms of the sums of the resistances of one kind (ohmic, kinetic, relaxing) and of
+    every other parameter are linear in 1/T (an Arrhenius law through the two); outside the
     measured temperatures resistances follow the condition's `activation_energy_joule_per_mole`
-    where it has one, all else is held flat. OCV shifts are linear in 1/T themselves.
+    where it has one, all else is held flat. OCV shifts are linear in 1/T themselves. Where the
+    conditions name a `resistance_law`, the sums follow it (`law_weights`).
 
     Parameters
     ----------
@@ -87,6 +90,7 @@ def circuit_at(conditions, soc, temperature_celsius):
     here = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
     weights = temperature_weights(known, here)
     elements = [_elements(condition) for condition in conditions]
+    by_law = law_weights(known, here, law_of(conditions))
     beyond = warmth_beyond(conditions, known, here)
 
     def courses(index, name):
@@ -99,7 +103,10 @@ def circuit_at(conditions, soc, temperature_celsius):
         return factor * np.exp(mixed_by(weights, logs))
 
     resistive = [k for k, (_, parameters) in enumerate(elements[0]) if "r_ohm" in parameters]
-    resistances = beyond * mixed_resistances([courses(k, "r_ohm") for k in resistive], weights)
+    origins = [elements[0][k][0] for k in resistive]
+    resistances = beyond * mixed_resistances(
+        [courses(k, "r_ohm") for k in resistive], origins, weights, by_law
+    )
     by_index = dict(zip(resistive, resistances, strict=True))
     circuit = [
         Branch(

@@ -1,0 +1,16 @@
+"""Which law over temperature predicts best the temperatures that were left out of the fit."""
+
+import artefact
+import lending
+from cellwright.models.compensation import choose_law, predicted
+
+with artefact.Job(snakemake) as job:
+    tests = lending.tests(snakemake.input.series)
+    left_out = artefact.load_all(snakemake.input.left_out)
+    reduced = {float(about["wildcards"]["celsius"]): model for model, about in left_out}
+    whole, params = job.load(snakemake.input.whole), snakemake.params
+    settings = {"split_rest_second": params.split_rest_second}
+    rows, notes = predicted(whole, reduced, params.cell, tests, **settings)
+    choice = choose_law(rows)
+    job.note(choice.words, *notes)
+    job.save([row | {"chosen": row["law"] == choice.law} for row in rows])

@@ -1,0 +1,17 @@
+"""Tests for validation at a temperature, predicted by a model that does not know it."""
+
+import artefact
+import lending
+from cellwright.models.compensation import predicted
+
+with artefact.Job(snakemake) as job:
+    tests = lending.tests(snakemake.input.series)
+    left_out = artefact.load_all(snakemake.input.left_out)
+    reduced = {float(about["wildcards"]["celsius"]): model for model, about in left_out}
+    whole, params = job.load(snakemake.input.whole), snakemake.params
+    tried = artefact.rows(job.load(snakemake.input.laws))
+    laws = [next(row["law"] for row in tried if row["chosen"])]
+    settings = {"laws": laws, "proof": True, "split_rest_second": params.split_rest_second}
+    rows, notes = predicted(whole, reduced, params.cell, tests, **settings)
+    job.note(*notes)
+    job.save(rows)

@@ -1,0 +1,106 @@
+# The compensated model: each temperature left out of the fit and predicted from the others.
+
+
+def known_celsius(cell):
+    """Temperatures as stated at which a cell's model may be identified."""
+    stated = {row["ambient_temperature_celsius"] for row in fit_tests(cell)}
+    return sorted(stated - {None})
+
+
+# Two temperatures are the least that a law can go through, and one is left out.
+LEAVES_OUT = config["models"]["leave_temperatures_out"]
+COMPENSATED = [cell for cell in IDENTIFIED if LEAVES_OUT and len(known_celsius(cell)) >= 3]
+
+
+def left_out_of(cell):
+    """Models of a cell without each of its temperatures."""
+    return [f"results/left_out/{cell}/{celsius:g}.json" for celsius in known_celsius(cell)]
+
+
+def predictable(cell, *roles):
+    """Series of drives and pulses at a stated temperature that a model is identified at."""
+    rows = tests(cell, *FIT_ROLES, roles=roles)
+    known = known_celsius(cell)
+    near = [row for row in rows if row["ambient_temperature_celsius"] in known]
+    return [f"results/clean/{cell}/{row['test']}.parquet" for row in near]
+
+
+rule identify_without:
+    input:
+        basis="results/basis/{cell}.json",
+        whole="results/identify/{cell}.json",
+        series=lambda w: fit_series(w.cell),
+    output:
+        "results/left_out/{cell}/{celsius}.json",
+    log:
+        "logs/left_out/{cell}/{celsius}.log",
+    wildcard_constraints:
+        cell=either(COMPENSATED),
+        celsius=r"-?[\d.]+",
+    params:
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+        code=code_of("identify_without"),
+    message:
+        "Model of {wildcards.cell} without the tests at {wildcards.celsius} °C."
+    script:
+        "../../scripts/identify_without.py"
+
+
+rule compensation:
+    input:
+        whole="results/identify/{cell}.json",
+        left_out=lambda w: left_out_of(w.cell),
+        series=lambda w: predictable(w.cell, "fit", "split"),
+    output:
+        "results/compensation/{cell}.parquet",
+    log:
+        "logs/compensation/{cell}.log",
+    wildcard_constraints:
+        cell=either(COMPENSATED),
+    params:
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+        code=code_of("compensation"),
+    message:
+        "Which law over temperature predicts what {wildcards.cell} does where it was left out."
+    script:
+        "../../scripts/compensation.py"
+
+
+rule temperature_prediction:
+    input:
+        whole="results/identify/{cell}.json",
+        left_out=lambda w: left_out_of(w.cell),
+        laws="results/compensation/{cell}.parquet",
+        series=lambda w: predictable(w.cell, "validation", "split"),
+    output:
+        "results/temperature_prediction/{cell}.parquet",
+    log:
+        "logs/temperature_prediction/{cell}.log",
+    wildcard_constraints:
+        cell=either(COMPENSATED),
+    params:
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+        code=code_of("temperature_prediction"),
+    message:
+        "Predict {wildcards.cell} at temperatures that took no part in the fit."
+    script:
+        "../../scripts/temperature_prediction.py"
+
+
+rule figure_compensation:
+    input:
+        laws="results/compensation/{cell}.parquet",
+        proof="results/temperature_prediction/{cell}.parquet",
+    output:
+        "results/figures/{cell}/compensation.svg",
+    log:
+        "logs/figures/{cell}_compensation.log",
+    params:
+        code=code_of("figure_compensation"),
+    message:
+        "Figure: {wildcards.cell} at temperatures that its model was not told."
+    script:
+        "../../scripts/figure_compensation.py"
