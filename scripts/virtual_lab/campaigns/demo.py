@@ -23,6 +23,9 @@ ABOUT = """# What is true in the demo campaign
 
 Made with the raw files by the virtual laboratory (docs/virtual-laboratory.md), without noise. The
 pipeline never reads it: tests and the scores do.
+
+Of T1 also: curve and resistances at each of its temperatures (ocv, models), the capacity of each
+cycle in the room (cycles) and what it would be at a steady 24 °C (steady_cycles).
 """
 
 
