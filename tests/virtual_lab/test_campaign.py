@@ -67,13 +67,20 @@ def test_truth_covers_every_test_and_cell(plan, sheet):
     known = {(r["cell"], r["test"]) for table in ("soc", "eis") for r in _true(table)}
     known |= {(r["group"], r["test"]) for r in _true("packs")}
     assert known == {(row["cell"], row["test"]) for row in sheet}
+    cycled = {test.cell for test in plan.tests if test.kind not in ("eis", "group")}
     for table in ("health", "ocv"):
-        assert {row["cell"] for row in _true(table)} == {cell.name for cell in plan.cells}
+        assert {row["cell"] for row in _true(table)} == cycled
 
 
 @pytest.mark.parametrize(
     ("table", "kinds"),
-    [("capacity", ("capacity", "ocv")), ("resistance", ("hppc",)), ("ica", ("ica",))],
+    [
+        ("capacity", ("capacity", "ocv", "fast_charge")),
+        ("resistance", ("hppc", "pulse_resistance")),
+        ("ica", ("ica",)),
+        ("cycles", ("ageing",)),
+        ("eis", ("eis",)),
+    ],
 )
 def test_truth_has_a_table_for_each_kind(table, kinds, sheet):
     tests = {(row["cell"], row["test"]) for row in sheet if row["kind"] in kinds}
@@ -103,20 +110,22 @@ def test_resistance_grows_and_capacity_falls_in_the_cold():
     assert discharged(0) < 0.98 * discharged(25) < 0.98 * discharged(40)
 
 
-def test_files_hold_the_charge_that_is_true(demo_records):
+def test_files_hold_the_charge_that_is_true(plan, demo_records):
+    rated = {cell.name: cell.rating.capacity_ampere_hour for cell in plan.cells}
     true = {(row["cell"], row["test"]): row for row in _true("soc")}
     checked = 0
     for test, shown in demo_records:
-        if (test.cell, test.test) not in true or test.faults:
+        # Where the room swings the capacity does too, and SoC counts no charge.
+        if (test.cell, test.test) not in true or test.faults or test.kind == "ageing":
             continue
         row = true[test.cell, test.test]
         change = float(row["soc_end"]) - float(row["soc_begin"])
         moved = np.trapezoid(shown["current_ampere"], shown["test_time_second"]) / 3600
         # Trapezoids between samples of a drive, one a second, are what is least exact here.
         expected = change * float(row["capacity_ampere_hour"])
-        assert moved == pytest.approx(expected, abs=2e-3), test.file
+        assert moved == pytest.approx(expected, abs=4e-4 * rated[test.cell]), test.file
         checked += 1
-    assert checked > 30
+    assert checked > 56
 
 
 def test_currents_of_the_pair_add_up(demo_records):

@@ -53,6 +53,8 @@ def test_demo_asks_for_what_its_files_hold(demo_records):
     """Every sample of every step of set current, and how long each lasted."""
     checked = 0
     for test, shown in demo_records:
+        if callable(test.steps):  # decided while the cell was charged
+            continue
         ends, rows = _ends_and_rows(shown)
         assert len(test.steps) == len(ends), test.file
         for step, begin, end, of_step in zip(test.steps, [0.0, *ends], ends, rows, strict=False):

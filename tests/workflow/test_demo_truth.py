@@ -22,6 +22,14 @@ ROOT = Path(__file__).resolve().parents[2]
 LIMITS = {"lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.2}
 RATED = 5.0
 PULSED = ["C1", "C2", "C3", "C5"]
+LIMITS_OF_T1 = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.05}
+STATED_ERRORS = {
+    "r_ohmic_ohm": 0.02,
+    "r_charge_transfer_ohm": 0.018,
+    "cpe_t": 0.13,
+    "cpe_p": 0.061,
+    "warburg_y0": 0.072,
+}
 
 
 def _rows(path, separator=",", **wanted):
@@ -36,7 +44,7 @@ def _true(table, column, **wanted):
     return [float(row[column]) for row in _rows(f"tests/truth/{table}.csv", **wanted)]
 
 
-def _record(cell, test):
+def _record(cell, test, rated=RATED):
     """Clean series and steps of one test of the demo campaign."""
     (row,) = _rows("config/tests.tsv", "\t", cell=cell, test=test)
     readings = [
@@ -46,7 +54,7 @@ def _record(cell, test):
     clean = series.clean(assembled.columns).columns
     names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
     columns = [clean[name] for name in names]
-    return columns, segment(*columns, rated_capacity_ampere_hour=RATED)
+    return columns, segment(*columns, rated_capacity_ampere_hour=rated)
 
 
 @pytest.mark.parametrize("cell", [*PULSED, "C4"])
@@ -89,6 +97,35 @@ def test_ten_second_resistance_within_two_percent(cell):
     found = rows.resistance_ohm[rows.direction == "discharge"]
     assert len(found) == len(true) > 9
     assert found == pytest.approx(true, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "test", [*(f"capacity_{t}C" for t in (25, 10, 0, -20)), *(f"ocv_{t}C" for t in (25, 0, -20))]
+)
+def test_capacity_over_temperature_within_a_tenth_of_a_percent(test):
+    """At 1C and at C/30, down to −20 °C: what is lost for good, and what for the rate alone."""
+    columns, steps = _record("T1", test, rated=30.0)
+    rows = capacity(*columns, steps, rated_capacity_ampere_hour=30.0, **LIMITS_OF_T1).rows
+    for direction in ("discharge", "charge"):
+        (true,) = _true(
+            "capacity", "capacity_ampere_hour", cell="T1", test=test, direction=direction
+        )
+        (found,) = rows.capacity_ampere_hour[rows.direction == direction]
+        assert found == pytest.approx(true, rel=1e-3)
+
+
+@pytest.mark.parametrize("soc", [5, 50, 100])
+@pytest.mark.parametrize("celsius", [20, 10, 5, 0, -10])
+def test_spectra_of_the_table_within_its_stated_errors(soc, celsius):
+    """Thesis 3.2: Rs 2 %, Rct 1.8 %, T of the CPE 13 %, its exponent 6.1 %, Warburg 7.2 %."""
+    test = f"eis_{celsius}C_soc{soc}"
+    file = ROOT / "data" / "T2" / f"{test}.bdf.csv"
+    spectrum = formats.read(file.read_bytes(), name=file.name).columns
+    measured = spectrum["impedance_real_ohm"] + 1j * spectrum["impedance_imaginary_ohm"]
+    found = analyse(spectrum["frequency_hertz"], measured).row
+    for name, within in STATED_ERRORS.items():
+        (true,) = _true("eis", name, cell="T2", test=test)
+        assert found[name] == pytest.approx(true, rel=within), name
 
 
 @pytest.mark.parametrize("soc", [20, 50, 80])

@@ -1,8 +1,12 @@
-"""The committed campaign: five cells by physics, a pair in parallel, faults in some files."""
+"""The committed campaign: five cells by physics, a pair in parallel, faults in some files.
+
+Two more over temperature: see `demo_over_temperature`.
+"""
 
 from functools import partial
 
 from virtual_lab import faults, protocols
+from virtual_lab.campaigns import demo_over_temperature
 from virtual_lab.cells import CELLS, RATING
 from virtual_lab.plan import Cell, Plan, Test
 from virtual_lab.specimens import Physical, PhysicalPair
@@ -19,15 +23,19 @@ ABOUT = """# What is true in the demo campaign
 
 Made with the raw files by the virtual laboratory (docs/virtual-laboratory.md), without noise. The
 pipeline never reads it: tests and the scores do.
+
+Of T1 also: curve and resistances at each of its temperatures (ocv, models), the capacity of each
+cycle in the room (cycles) and what it would be at a steady 24 °C (steady_cycles).
 """
 
 
 def plan() -> Plan:
-    """All tests; a job for each."""
-    cells = tuple(
+    """All tests; a job for each, and one for each cell over temperature."""
+    cells = [
         Cell(name, "NMC", RATING, Physical(cell), reference=name == "C1", note=cell.note)
         for name, cell in CELLS.items()
-    )
+    ]
+    others, over_temperature = demo_over_temperature.tests_and_cells()
     tests = [
         *check_up("C1", "arbin"),
         *other_climate("C1", 0, scale=0.75, pulse_soc=0.7),
@@ -39,8 +47,10 @@ def plan() -> Plan:
         *(test for test in check_up("C5", "bdf") if test.test != "udds_25C"),
         _pair_test(),
     ]
-    jobs = tuple(test._replace(batch=f"{test.cell}_{test.test}", folder="data") for test in tests)
-    return Plan(cells, jobs, {"pair": _pair()}, CONFIG, ABOUT, truth="tests/truth")
+    jobs = [test._replace(batch=f"{test.cell}_{test.test}") for test in tests]
+    jobs += [test._replace(batch=test.cell) for test in over_temperature]
+    placed = tuple(test._replace(folder="data") for test in jobs)
+    return Plan((*cells, *others), placed, {"pair": _pair()}, CONFIG, ABOUT, truth="tests/truth")
 
 
 def check_up(name: str, instrument: str) -> list[Test]:
