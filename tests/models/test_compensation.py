@@ -133,7 +133,7 @@ def test_what_takes_no_part_in_fits_is_scored_only_as_proof(arrhenius):
 
 def test_halves_of_a_split_record_are_scored_apart(arrhenius):
     _, whole, reduced = arrhenius
-    spoiled = record(0.0, seed=5)
+    spoiled = record(0.0, seed=1)
     spoiled["voltage_volt"][1600:2900] += 0.02  # the second block, which proves
     test = [FitTest(facts(0.0, "split"), spoiled)]
     settings = {"laws": ("between",), "split_rest_second": 120.0}
