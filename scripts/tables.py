@@ -6,12 +6,17 @@ import artefact
 from storage import stage_of
 
 
+# What a row that is from several tests, in a table with others that are from one, says of its own.
+OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
+
+
 def rows_of(paths, tests) -> list[dict]:
     """Rows of all artefacts with content, each with its cell, test and facts of the sheet."""
     found = []
     for columns, about in artefact.load_all(paths):
         who = dict(about["wildcards"])
-        facts = tests.get(f"{who.get('cell') or who.get('group')}/{who.get('test')}", {})
+        none = {} if "test" in who else OF_NO_TEST
+        facts = tests.get(f"{who.get('cell') or who.get('group')}/{who.get('test')}", none)
         found += [who | facts | row for row in artefact.rows(columns)]
     return found
 
