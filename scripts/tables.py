@@ -5,7 +5,6 @@ from pathlib import Path
 import artefact
 from storage import stage_of
 
-
 # What a row that is from several tests, in a table with others that are from one, says of its own.
 OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
 

@@ -32,14 +32,14 @@ def _bias(axes, columns, reference):
         axes.plot(soc, 1e3 * here["bias_volt"], color=colour, linewidth=0.8, linestyle=":")
         axes.plot(soc, inside, color=colour, label=f"{celsius:.0f} °C")
         axes.plot(soc, 1e3 * here["measured_bias_volt"], ".", color=colour, markersize=2)
-    known = columns["bias_volt"][columns["tested"]]
-    reach = 1.3e3 * np.abs(known).max() + 2 if len(known) else 10
+    known = np.append(1e3 * columns["bias_volt"][columns["tested"]], 0.0)
+    room = 0.3 * np.ptp(known) + 1
     axes.axhline(0, color=figure.INK, linewidth=0.6)
     axes.set(
         xlabel="SoC [%]",
         ylabel="bias [mV]",
         title=f"OCV minus that at {reference:.0f} °C (dots: read)",
-        ylim=(-reach, reach),
+        ylim=(known.min() - room, known.max() + room),
     )
     figure.legend_once(axes, ncols=2)
 
@@ -51,12 +51,13 @@ def _map(axes, columns):
     tested = columns["tested"].reshape(len(levels), -1) if len(soc) else None
     shown = np.where(tested, bias, np.nan)
     reach = max(np.nanmax(np.abs(shown)), 1.0) if np.isfinite(shown).any() else 1.0
+    reach = 5 * np.ceil(reach / 5)
     steps = np.linspace(-reach, reach, 21)
     filled = axes.contourf(soc, levels, shown, levels=steps, cmap="RdBu_r")
-    base = np.argmin(np.abs(shown).sum(axis=1))
+    base = np.argmin(np.nansum(np.abs(shown), axis=1))
     away = np.where(np.arange(len(levels))[:, None] == base, np.nan, shown)
     axes.contour(soc, levels, away, levels=[0.0], colors=figure.INK, linewidths=1.0)
-    axes.figure.colorbar(filled, ax=axes, label="bias [mV]")
+    axes.figure.colorbar(filled, ax=axes, label="bias [mV]", ticks=np.linspace(-reach, reach, 5))
     axes.set(xlabel="SoC [%]", ylabel="temperature [°C]", title="Bias map (line: no bias)")
 
 
@@ -71,13 +72,15 @@ def _entropic(axes, columns):
         used = " (used)" if columns["used"][mine][0] else ""
         axes.plot(soc, value, style, color=colour, label=f"{source}{used}")
         axes.fill_between(soc, low, high, color=colour, alpha=0.2, linewidth=0)
-    reach = 2.5 * np.nanpercentile(np.abs(columns["entropic_millivolt_per_kelvin"]), 90)
+    value = np.append(columns["entropic_millivolt_per_kelvin"], 0.0)
+    low, high = np.percentile(value, [5, 95])
+    room = 0.5 * (high - low) + 0.05
     axes.axhline(0, color=figure.INK, linewidth=0.6)
     axes.set(
         xlabel="SoC [%]",
         ylabel="dOCV/dT [mV/K]",
         title="Entropic coefficient and its 95 % interval",
-        ylim=(-reach, reach),
+        ylim=(low - room, high + room),
     )
     figure.legend_once(axes)
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.ocv_entropy import fit_entropic
-from cellwright.laws.ocv_forms import HIGHEST_DEGREE, fit_form, form_ocv
+from cellwright.laws.ocv_forms import HIGHEST_DEGREE, fit_form, form_ocv, form_std
 from cellwright.laws.ocv_surface import nodes, surface_from
 from cellwright.protocols.ocv_functions import FORMS
 from cellwright.refusal import Refusal
@@ -15,7 +15,7 @@ COLUMNS = {ISOTHERMAL: 1, LINE: 2, PARABOLA: 3}
 
 
 class Function(NamedTuple):
-    """One description over temperature: parameters (p, q) (none for tables), errors [V].
+    """One description over temperature: parameters and std (p, q) (none for tables), errors [V].
 
     function : "log", "two_exponentials", "inverse", "polynomial", "surface" (a table that moves
     along lines over temperature), "surface_parabola" or "isothermal" (a table that does not move:
@@ -25,6 +25,7 @@ class Function(NamedTuple):
 
     function: str
     parameters: np.ndarray
+    std: np.ndarray
     rmse_volt: float
     cross_validation_rmse_volt: float
     chosen: bool
@@ -73,13 +74,28 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
     return [
         Function(
             name,
-            whole[name] if name in FORMS else np.array([]),
+            *_described(name, whole[name], kept, **settings),
             _rms(inside[name]),
             scores[name],
             name == best,
         )
         for name in names
     ]
+
+
+def _described(name, fit, readings, *, reference_celsius):
+    """Parameters and their standard deviations; a table has none."""
+    if name not in FORMS:
+        return np.array([]), np.array([])
+    settings = {"reference_celsius": reference_celsius}
+    return fit, form_std(name, fit, *_points(readings), **settings)
+
+
+def _points(readings):
+    """SoC, temperature and voltage of all that was read, (n,) each."""
+    known = np.isfinite(readings.ocv_volt)
+    soc = np.broadcast_to(readings.soc[:, None], known.shape)
+    return soc[known], readings.celsius[known], readings.ocv_volt[known]
 
 
 def _certain(readings, largest, lowest, highest):
@@ -110,12 +126,9 @@ def _fitted(name, readings, *, reference_celsius, near=None):
     known = np.isfinite(readings.ocv_volt)
     count = len(np.unique(_levels(readings)[known.any(axis=0)]))
     if name in FORMS:
-        soc = np.broadcast_to(readings.soc[:, None], known.shape)
         return fit_form(
             name,
-            soc[known],
-            readings.celsius[known],
-            readings.ocv_volt[known],
+            *_points(readings),
             reference_celsius=reference_celsius,
             degree=min(HIGHEST_DEGREE, count - 2),
             near=near,

@@ -16,7 +16,8 @@ class Entropic(NamedTuple):
     ocv_volt : at the reference temperature [V]. slope : dOCV/dT [V/K] of a line, its std and
     confidence limits. bend : second coefficient of a parabola [V/K²], its std, and bend_p : how
     often a line would show such a bend by chance [1]. parabola : (m, 3) the parabola itself [V,
-    V/K, V/K²]. shared : estimate of the common error's factor [1]. temperatures : how many.
+    V/K, V/K²]. shared : estimate of the common error's factor [1]. temperatures : how many. reach_kelvin : from
+    the reference temperature to the furthest one read [K].
     """
 
     soc: np.ndarray
@@ -32,6 +33,7 @@ class Entropic(NamedTuple):
     parabola: np.ndarray
     shared: np.ndarray
     temperatures: np.ndarray
+    reach_kelvin: np.ndarray
     reference_celsius: float
 
 
@@ -94,6 +96,7 @@ def fit_entropic(readings, *, reference_celsius=25.0, level=0.95):
         parabola=curve,
         shared=shared,
         temperatures=count,
+        reach_kelvin=_reach(readings, reference_celsius),
         reference_celsius=reference_celsius,
     )
 
@@ -130,6 +133,11 @@ def _crossing(soc, slope, std, sign):
     share = slope[low] / (slope[low] - slope[low + 1])
     at = soc[low] + np.clip(share, 0.0, 1.0) * (soc[low + 1] - soc[low])
     return Crossing(float(at), float(soc[0]), float(soc[-1]), sign)
+
+
+def _reach(readings, reference):
+    away = np.where(np.isfinite(readings.ocv_volt), np.abs(readings.celsius - reference), 0.0)
+    return np.max(away, axis=1)
 
 
 def _at_one_soc(celsius, volt, std, common, reference):

@@ -7,6 +7,7 @@ K²·d². Rates inside exponentials are the same at all temperatures.
 import numpy as np
 
 from cellwright.protocols.ocv_functions import FORMS
+from cellwright.uncertainty import covariance_from_jacobian, standard_deviations
 
 HIGHEST_DEGREE = 2
 
@@ -56,6 +57,36 @@ def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, nea
     parameters[places >= 0] = coefficients[places[places >= 0]]
     parameters[places < 0, 0] = np.exp(logs)
     return parameters
+
+
+def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius):
+    """Standard deviations of the parameters of a fit, shaped like them; NaN where undetermined.
+
+    What the function cannot follow counts as scatter.
+
+    Parameters
+    ----------
+    function, parameters, reference_celsius : as of the fit.
+    soc, celsius, ocv_volt : (n,) what was fitted [1], [degC], [V].
+    """
+    settings = {"reference_celsius": reference_celsius}
+    places = np.array(FORMS[function].places)
+    free = np.ones(parameters.shape, bool)
+    free[places < 0, 1:] = False
+    # Linear in the coefficients and all but so in a step of a rate this small.
+    steps = np.where((places < 0)[:, None], 1e-5 * parameters, 1e-3) * free
+    columns = []
+    for row, column in np.argwhere(free):
+        step = np.zeros(parameters.shape)
+        step[row, column] = steps[row, column]
+        ends = [
+            form_ocv(function, parameters + s, soc, celsius, **settings)[0] for s in (step, -step)
+        ]
+        columns.append((ends[0] - ends[1]) / (2 * step[row, column]))
+    residual = form_ocv(function, parameters, soc, celsius, **settings)[0] - ocv_volt
+    std = np.full(parameters.shape, np.nan)
+    std[free] = standard_deviations(covariance_from_jacobian(np.transpose(columns), residual))
+    return std
 
 
 def form_ocv(function, parameters, soc, celsius, *, reference_celsius):

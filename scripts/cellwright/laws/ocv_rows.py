@@ -82,6 +82,7 @@ def surface_rows(found):
         {
             "function": f"{one.function}(T)",
             "parameters": np.ravel(one.parameters).tolist(),
+            "std": np.ravel(one.std).tolist(),
             "coefficients": int(one.parameters.shape[1]) if one.parameters.ndim == 2 else 0,
             "reference_celsius": found.surface.reference_celsius,
             "rmse_volt": one.rmse_volt,

@@ -79,7 +79,7 @@ def over_temperature(
         fitted,
         functions,
         surface_from(
-            _coefficients(fitted, functions),
+            _coefficients(fitted, functions, largest_std_volt),
             readings,
             nearest[used],
             None if curve is None else np.asarray(curve["ocv_volt"], float),
@@ -124,18 +124,22 @@ def _compared(readings, reference, largest):
         return [], [f"functions over temperature not compared: {refusal}"]
 
 
-def _coefficients(fitted, functions):
-    """Of the tables the one that predicts best; a line where none was compared."""
+def _coefficients(fitted, functions, largest):
+    """Of the tables the one that predicts best; a line where none was compared.
+
+    Where the bias is less certain than the limit at the ends of what was tested, nothing.
+    """
     tables = [one for one in functions if one.function in COLUMNS]
     best = min(
         tables,
         key=lambda one: np.nan_to_num(one.cross_validation_rmse_volt, nan=np.inf),
         default=None,
     )
-    if best is not None and best.function == PARABOLA:
-        return fitted.parabola
     line = np.stack([fitted.ocv_volt, fitted.slope], axis=1)
-    return line if best is None or best.function == LINE else line * [1.0, 0.0]
+    if best is not None and best.function != LINE:
+        line = fitted.parabola if best.function == PARABOLA else line * [1.0, 0.0]
+    sure = fitted.slope_std * fitted.reach_kelvin <= largest
+    return np.where(sure[:, None], line, np.nan) if sure.any() else line
 
 
 def _bent(functions):

@@ -104,19 +104,24 @@ def cell_temperature(series):
     raise Refusal("no temperature was recorded: found neither the cell's nor the chamber's")
 
 
-def _of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
-    plateaus = plateaus_of(time, celsius, settled_kelvin_per_hour=settled, least_second=least)
-    away = [p for p in plateaus if abs(p.celsius - plateaus[0].celsius) > SAME_KELVIN]
-    if not away:
+def _kept(time, plateaus, skip, least_reference):
+    """First row from which the first plateau tells the relaxation; refuses what cannot tell it."""
+    if all(abs(p.celsius - plateaus[0].celsius) <= SAME_KELVIN for p in plateaus):
         raise Refusal(f"{len(plateaus)} plateau(s) of temperature, none away from the first")
     first = plateaus[0]
-    begin = time[0] + skip
-    if time[first.last] - max(begin, time[first.first]) < least_reference:
+    kept = max(first.first, int(np.searchsorted(time, time[0] + skip)))
+    if time[first.last] - time[min(kept, len(time) - 1)] < least_reference:
         held = (time[first.last] - time[first.first]) / 3600
         raise Refusal(
             f"{held:.1f} h at the first temperature; wanted {(skip + least_reference) / 3600:.1f} h"
         )
-    kept = max(first.first, int(np.searchsorted(time, begin)))
+    return kept
+
+
+def _of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
+    plateaus = plateaus_of(time, celsius, settled_kelvin_per_hour=settled, least_second=least)
+    kept = _kept(time, plateaus, skip, least_reference)
+    first = plateaus[0]
     first = first._replace(first=kept, celsius=float(celsius[kept : first.last + 1].mean()))
     back = [abs(p.celsius - first.celsius) <= SAME_KELVIN for p in plateaus]
     used = [(kept, first.last)]

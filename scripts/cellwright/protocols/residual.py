@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.protocols.plateaus import BIN_SECOND
 
-FASTEST_HOUR, SLOWEST_RESTS, RATES = 0.5, 10.0, 40
+FASTEST_HOUR, SLOWEST_RESTS, RATES = 0.5, 10.0, 120
 
 
 class Course(NamedTuple):
