@@ -16,8 +16,8 @@ class Entropic(NamedTuple):
     ocv_volt : at the reference temperature [V]. slope : dOCV/dT [V/K] of a line, its std and
     confidence limits. bend : second coefficient of a parabola [V/K²], its std, and bend_p : how
     often a line would show such a bend by chance [1]. parabola : (m, 3) the parabola itself [V,
-    V/K, V/K²]. shared : estimate of the common error's factor [1]. temperatures : how many. reach_kelvin : from
-    the reference temperature to the furthest one read [K].
+    V/K, V/K²]. shared : estimate of the common error's factor [1]. temperatures : how many.
+    reach_kelvin : from the reference temperature to the furthest one read [K].
     """
 
     soc: np.ndarray

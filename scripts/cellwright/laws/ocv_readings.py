@@ -12,6 +12,9 @@ from cellwright.refusal import Refusal
 
 LEAST_TEMPERATURES = 3
 COMPLETED = "equilibrium"
+# ASSUME: By which share of the gap the OCV is off the mean is the same at all temperatures but for a
+# tenth of what it can be (where the likelihood of A123's five slow tests is highest).
+OWN_SHARE = 0.1
 
 
 class Readings(NamedTuple):
@@ -42,7 +45,8 @@ def slow_readings(curves, *, voltage_std_volt=1e-3, reference_celsius=25.0):
     ampere-hours makes the SoC uncertain by half of it, and through the slope the voltage. 3. The
     OCV lies between the branches, so half the gap bounds its error. What of the gap all
     temperatures have in common (hysteresis) falls out of differences; what grows in the cold is the
-    overpotential that may pass for entropy, taken as rectangular; half of its variance is common.
+    overpotential that may pass for entropy: the common error, taken as rectangular. A tenth of it
+    varies from temperature to temperature besides.
 
     Parameters
     ----------
@@ -73,16 +77,15 @@ def slow_readings(curves, *, voltage_std_volt=1e-3, reference_celsius=25.0):
     columns = [_counted(curve, reference) for curve in both]
     volt, gap, loose = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
-    # ASSUME: Which part of the gap is off the mean is half the same at all temperatures, half not.
-    half = extra / np.sqrt(3) / np.sqrt(2)
+    common = extra / np.sqrt(3)
     celsius = np.array([curve["ambient_temperature_celsius"] for curve in both], float)
     return Readings(
         source="slow",
         soc=np.asarray(reference["soc"], float),
         celsius=np.broadcast_to(celsius, volt.shape),
         ocv_volt=volt,
-        std_volt=np.sqrt(voltage_std_volt**2 + loose**2 + half**2),
-        common_volt=half,
+        std_volt=np.sqrt(voltage_std_volt**2 + loose**2 + (OWN_SHARE * common) ** 2),
+        common_volt=common,
         tests=tuple(curve["test"] for curve in both),
         notes=tuple(notes + [words for curve in both for words in _rescaled(curve, reference)]),
     )
