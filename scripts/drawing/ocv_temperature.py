@@ -73,8 +73,9 @@ def _entropic(axes, columns):
         axes.plot(soc, value, style, color=colour, label=f"{source}{used}")
         axes.fill_between(soc, low, high, color=colour, alpha=0.2, linewidth=0)
     value = np.append(columns["entropic_millivolt_per_kelvin"], 0.0)
-    low, high = np.percentile(value, [5, 95])
-    room = 0.5 * (high - low) + 0.05
+    middle = np.append((columns["soc"] > 0.2) & (columns["soc"] < 0.9), True)
+    low, high = np.min(value[middle]), np.max(value[middle])
+    room = 0.8 * (high - low) + 0.05
     axes.axhline(0, color=figure.INK, linewidth=0.6)
     axes.set(
         xlabel="SoC [%]",
@@ -98,4 +99,4 @@ def _functions(axes, rows):
     names = [row["function"].removesuffix("(T)") + " ★" * row["chosen"] for row in rows]
     axes.set_yticks(place, names)
     axes.set(xlabel="RMSE [mV]", title="Functions (★ chosen)")
-    figure.legend_once(axes)
+    figure.legend_once(axes, loc="upper center", bbox_to_anchor=(0.4, -0.15), ncols=2)

@@ -12,9 +12,11 @@ from cellwright.refusal import Refusal
 
 LEAST_TEMPERATURES = 3
 COMPLETED = "equilibrium"
-# ASSUME: By which share of the gap the OCV is off the mean is the same at all temperatures but for a
-# tenth of what it can be (where the likelihood of A123's five slow tests is highest).
+# ASSUME: By which share of the gap the OCV is off its reading is the same at all temperatures but
+# for a tenth of what it can be (where the likelihood of A123's five slow tests is highest); where
+# overpotential exceeds the thermal voltage, kinetics are not linear, and that part grows with it.
 OWN_SHARE = 0.1
+THERMAL_VOLT = 0.025
 
 
 class Readings(NamedTuple):
@@ -46,7 +48,7 @@ def slow_readings(curves, *, voltage_std_volt=1e-3, reference_celsius=25.0):
     OCV lies between the branches, so half the gap bounds its error. What of the gap all
     temperatures have in common (hysteresis) falls out of differences; what grows in the cold is the
     overpotential that may pass for entropy: the common error, taken as rectangular. A tenth of it
-    varies from temperature to temperature besides.
+    (more beyond the thermal voltage) varies from temperature to temperature besides.
 
     Parameters
     ----------
@@ -78,13 +80,14 @@ def slow_readings(curves, *, voltage_std_volt=1e-3, reference_celsius=25.0):
     volt, gap, loose = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
     common = extra / np.sqrt(3)
+    own = OWN_SHARE * common * np.maximum(common / THERMAL_VOLT, 1.0)
     celsius = np.array([curve["ambient_temperature_celsius"] for curve in both], float)
     return Readings(
         source="slow",
         soc=np.asarray(reference["soc"], float),
         celsius=np.broadcast_to(celsius, volt.shape),
         ocv_volt=volt,
-        std_volt=np.sqrt(voltage_std_volt**2 + loose**2 + (OWN_SHARE * common) ** 2),
+        std_volt=np.sqrt(voltage_std_volt**2 + loose**2 + own**2),
         common_volt=common,
         tests=tuple(curve["test"] for curve in both),
         notes=tuple(notes + [words for curve in both for words in _rescaled(curve, reference)]),

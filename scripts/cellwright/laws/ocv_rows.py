@@ -121,7 +121,7 @@ def table_rows(found):
 
 
 def law_rows(found):
-    """Rows of tables/temperature: line and parabola at every tenth of SoC, changes of sign.
+    """Rows of tables/temperature: laws at every tenth of the tested SoC, changes of sign.
 
     Parameters
     ----------
@@ -130,31 +130,38 @@ def law_rows(found):
     Returns
     -------
     rows : list of dict in the shape of `laws.temperature.law_rows`. The line is chosen unless the
-        parabola's bend is significant at 5 %.
+        parabola's bend is significant at 5 %; of changes of sign those that are certain at 95 %.
     """
     fitted, rows = found.fitted, []
+    low, high = found.surface.tested_soc
     for soc in LAW_SOC:
         k = int(np.argmin(np.abs(fitted.soc - soc)))
-        if not np.isfinite(fitted.slope[k]):
+        if not (np.isfinite(fitted.slope[k]) and low - 1e-9 <= fitted.soc[k] <= high + 1e-9):
             continue
         bent = bool(fitted.bend_p[k] < STRAIGHT_P)
         for degree, law, chosen in ((1, "linear", not bent), (2, "quadratic", bent)):
             rows += _law(found, k, soc, degree=degree, law=law, chosen=chosen)
-    return rows + [_crossing_row(one) for one in crossings(found)]
+    sure = crossings(found)
+    likely = [] if sure else crossings(found, certain=False)
+    return rows + [_crossing_row(one, one in sure) for one in [*sure, *likely]]
 
 
-def crossings(found):
+def crossings(found, *, certain=True):
     """Changes of sign of the entropic coefficient of the source used, `ocv_entropy.Crossing`.
 
     Parameters
     ----------
     found : `ocv_temperature.OverTemperature`.
+    certain : between signs that are certain at 95 %; else that are one standard deviation off zero.
     """
     one = found.entropic[found.used]
-    return zero_crossings(one.soc, one.slope, one.slope_std, one.slope_lower, one.slope_upper)
+    limits = (one.slope_lower, one.slope_upper)
+    if not certain:
+        limits = (one.slope - one.slope_std, one.slope + one.slope_std)
+    return zero_crossings(one.soc, one.slope, one.slope_std, *limits)
 
 
-def _crossing_row(one):
+def _crossing_row(one, certain):
     return {
         "quantity": "zero crossing of dOCV/dT"
         + (", rising" if one.sign_above > 0 else ", falling"),
@@ -166,7 +173,7 @@ def _crossing_row(one):
         "unit": "1",
         "r_squared": float("nan"),
         "cross_validation_rmse": float("nan"),
-        "chosen": True,
+        "chosen": certain,
     }
 
 
