@@ -7,6 +7,7 @@ from cellwright.laws import ocv_rows
 from cellwright.laws.ocv_entropy import fit_entropic, zero_crossings
 from cellwright.laws.ocv_readings import on_curve, slow_readings, step_readings
 from cellwright.laws.ocv_temperature import over_temperature
+from cellwright.protocols.ocv import slow_ocv
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)
@@ -191,3 +192,36 @@ def test_rows_hold_what_tables_want(rested):
     assert len(ocv_rows.table_rows(found)) == 201
     assert all(row["tested_to_celsius"] == 20.0 for row in ocv_rows.surface_rows(found))
     assert {row["source"] for row in ocv_rows.entropic_rows(found)} == {"steps"}
+
+
+def a123(folder, name, celsius):
+    """One slow test of the measured A123 cell, as stage `ocv` leaves it."""
+    import pandas
+
+    parts, offset = [], (0.0, 0.0)
+    for script in (1, 2, 3, 4):
+        frame = pandas.read_csv(folder / f"A123_OCV_{name}_S{script}.csv.gz")
+        time = frame["Test_Time(s)"].to_numpy()
+        charge = (frame["Charge_Capacity(Ah)"] - frame["Discharge_Capacity(Ah)"]).to_numpy()
+        columns = [time - time[0] + offset[0], frame["Current(A)"], frame["Voltage(V)"]]
+        parts.append([*columns, charge - charge[0] + offset[1], np.full(len(time), script - 1)])
+        offset = parts[-1][0][-1] + 3600, parts[-1][3][-1]
+    *series, files = (np.concatenate(column) for column in zip(*parts, strict=True))
+    curve = slow_ocv(*series, file_index=files, lower_cutoff_volt=2.0, upper_cutoff_volt=3.6)
+    facts = {"test": name, "cycle": None, "ambient_temperature_celsius": celsius}
+    return curve._asdict() | facts
+
+
+def test_a123_has_the_small_coefficient_of_an_lfp_cell_with_its_signs(shared):
+    """LFP on graphite: negative at low SoC, positive above, below 0.5 mV/K throughout."""
+    folder = shared / "campaigns/a123/raw/ocv"
+    names = {"N25": -25.0, "N05": -5.0, "P05": 5.0, "P25": 25.0, "P45": 45.0}
+    found = fit_entropic(slow_readings([a123(folder, *name) for name in names.items()]))
+    at = {soc: round(200 * soc) for soc in (0.25, 0.4, 0.5, 0.6)}
+    inside = (found.soc >= 0.1) & (found.soc <= 0.9)
+    assert np.abs(found.slope[inside]).max() < 5e-4
+    assert found.slope[at[0.25]] < 0
+    assert all(found.slope_lower[at[soc]] > 0 for soc in (0.4, 0.5, 0.6))
+    limits = (found.slope - found.slope_std, found.slope + found.slope_std)
+    crossings = zero_crossings(found.soc, found.slope, found.slope_std, *limits)
+    assert any(0.3 < one.soc < 0.37 and one.sign_above == 1 for one in crossings)
