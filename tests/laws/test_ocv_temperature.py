@@ -6,6 +6,7 @@ import pytest
 from cellwright.laws import ocv_rows
 from cellwright.laws.ocv_entropy import fit_entropic, zero_crossings
 from cellwright.laws.ocv_readings import on_curve, slow_readings, step_readings
+from cellwright.laws.ocv_surface import surface_ocv, surface_of
 from cellwright.laws.ocv_temperature import over_temperature
 from cellwright.protocols.ocv import slow_ocv
 from cellwright.refusal import Refusal
@@ -189,7 +190,13 @@ def test_rows_hold_what_tables_want(rested):
         for row in inside
     ]
     assert np.abs(error).max() < 1e-3
-    assert len(ocv_rows.table_rows(found)) == 201
+    table = ocv_rows.table_rows(found)
+    again = surface_of({name: np.array([row[name] for row in table]) for name in table[0]})
+    assert surface_ocv(again, 0.3, -7.0) == surface_ocv(found.surface, 0.3, -7.0)
+    assert (again.tested_soc, again.tested_celsius) == (
+        found.surface.tested_soc,
+        found.surface.tested_celsius,
+    )
     assert all(row["tested_to_celsius"] == 20.0 for row in ocv_rows.surface_rows(found))
     assert {row["source"] for row in ocv_rows.entropic_rows(found)} == {"steps"}
 

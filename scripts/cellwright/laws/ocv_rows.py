@@ -104,7 +104,7 @@ def table_rows(found):
     """
     surface = found.surface
     cold, warm = surface.tested_celsius
-    inside = tested(surface, surface.soc, surface.reference_celsius)
+    inside = tested(surface, surface.soc, warm)
     return [
         {
             "soc": float(surface.soc[k]),

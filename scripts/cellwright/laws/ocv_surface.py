@@ -57,6 +57,27 @@ def surface_from(coefficients, readings, reference_celsius, curve=None):
     )
 
 
+def surface_of(columns):
+    """The surface back from its artefact.
+
+    Parameters
+    ----------
+    columns : dict of (n,) columns of stage `ocv_surface`.
+
+    Returns
+    -------
+    surface : Surface.
+    """
+    known = np.asarray(columns["soc"], float)[np.asarray(columns["tested"], bool)]
+    names = ("soc", "ocv_volt", "slope_volt_per_kelvin", "bend_volt_per_kelvin_squared")
+    return Surface(
+        *(np.asarray(columns[name], float) for name in names),
+        reference_celsius=float(columns["reference_celsius"][0]),
+        tested_soc=(float(known[0]), float(known[-1])),
+        tested_celsius=tuple(float(columns[f"tested_{end}_celsius"][0]) for end in ("from", "to")),
+    )
+
+
 def nodes(surface, celsius):
     """The rising table at one temperature and how each of its points moves with temperature.
 
