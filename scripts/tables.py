@@ -22,18 +22,16 @@ def rows_of(paths, tests) -> list[dict]:
 
 def excluded(paths, files) -> list[dict]:
     """What was refused, once, at the stage where it arose; never where it was passed on."""
-    found = []
+    found, seen = [], set()
     for path in paths:
         about = artefact.read_about(path)
         if about["reason"] is None or about["origin"] != path:
             continue
         who = about["wildcards"]
         name, test = who.get("cell") or who.get("group"), who.get("test", "")
-        if any(
-            (row["cell"], row["test"], row["reason"]) == (name, test, about["reason"])
-            for row in found
-        ):
+        if (name, test, about["reason"]) in seen:
             continue  # one job's refusal stands in each of its outputs
+        seen.add((name, test, about["reason"]))
         found.append(
             {
                 "cell": name,
