@@ -5,26 +5,33 @@ from pathlib import Path
 import artefact
 from storage import stage_of
 
+# What a row that is from several tests, in a table with others that are from one, says of its own.
+OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
+
 
 def rows_of(paths, tests) -> list[dict]:
     """Rows of all artefacts with content, each with its cell, test and facts of the sheet."""
     found = []
     for columns, about in artefact.load_all(paths):
         who = dict(about["wildcards"])
-        facts = tests.get(f"{who.get('cell') or who.get('group')}/{who.get('test')}", {})
+        none = {} if "test" in who else OF_NO_TEST
+        facts = tests.get(f"{who.get('cell') or who.get('group')}/{who.get('test')}", none)
         found += [who | facts | row for row in artefact.rows(columns)]
     return found
 
 
 def excluded(paths, files) -> list[dict]:
     """What was refused, once, at the stage where it arose; never where it was passed on."""
-    found = []
+    found, seen = [], set()
     for path in paths:
         about = artefact.read_about(path)
         if about["reason"] is None or about["origin"] != path:
             continue
         who = about["wildcards"]
         name, test = who.get("cell") or who.get("group"), who.get("test", "")
+        if (name, test, about["reason"]) in seen:
+            continue  # one job's refusal stands in each of its outputs
+        seen.add((name, test, about["reason"]))
         found.append(
             {
                 "cell": name,

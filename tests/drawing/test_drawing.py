@@ -11,6 +11,7 @@ from drawing import (
     ica,
     impedance,
     ocv,
+    ocv_temperature,
     overview,
     pack,
     parameters,
@@ -261,3 +262,37 @@ def test_overview_has_a_line_for_every_cell():
 def test_a_figure_is_never_a_global():
     """Figures are made without pyplot: nothing piles up over many of them."""
     assert "pyplot" not in vars(figure)
+
+
+def test_ocv_over_temperature_shows_bias_coefficient_and_functions():
+    levels = np.repeat([-10.0, 25.0, 40.0], len(SOC))
+    bias = {
+        "temperature_celsius": levels,
+        "soc": np.tile(SOC, 3),
+        "bias_volt": 1e-4 * (np.tile(SOC, 3) - 0.5) * (levels - 25),
+        "measured_bias_volt": 1e-4 * (np.tile(SOC, 3) - 0.5) * (levels - 25),
+        "tested": np.abs(np.tile(SOC, 3) - 0.5) < 0.45,
+    }
+    value = np.linspace(-0.05, 0.05, len(SOC))
+    entropic = {
+        "source": np.array(["steps"] * len(SOC)),
+        "used": np.ones(len(SOC), bool),
+        "soc": SOC,
+        "entropic_millivolt_per_kelvin": value,
+        "lower_millivolt_per_kelvin": value - 0.01,
+        "upper_millivolt_per_kelvin": value + 0.01,
+    }
+    errors = {"rmse_volt": 1e-3, "cross_validation_rmse_volt": 2e-3}
+    functions = [
+        {"function": f"{name}(T)", "chosen": name == "surface", **errors}
+        for name in ("log", "surface")
+    ]
+    canvas = ocv_temperature.draw(
+        bias, entropic, {"reference_celsius": np.full(3, 25.0)}, functions
+    )
+    first, _, third, fourth = panels(canvas)[:4]
+    assert labels(first) == ["-10 °C", "25 °C", "40 °C"]
+    assert labels(third) == ["steps (used)"]
+    assert drawn(third)[0][:, 1] == pytest.approx(value)
+    assert [text.get_text() for text in fourth.get_yticklabels()] == ["log", "surface ★"]
+    ocv_temperature.draw(bias, entropic, {"reference_celsius": np.full(3, 25.0)}, [])

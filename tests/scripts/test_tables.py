@@ -37,6 +37,16 @@ def test_rows_carry_cell_test_and_facts(campaign):
     assert rows == [{"cell": "A", "test": "good"} | facts["A/good"] | ROW]
 
 
+def test_a_row_of_several_tests_has_blanks_where_others_have_their_test(snakemake):
+    path = "results/ocv_laws/A.parquet"
+    names = ("quantity", "law", "parameter", "unit")
+    row = dict.fromkeys(names, "x") | dict.fromkeys(("value", "std", "r_squared"), 1.0)
+    with artefact.Job(snakemake(path, wildcards={"cell": "A"})) as job:
+        job.save([row | {"cross_validation_rmse": 0.1, "chosen": True}])
+    (found,) = tables.rows_of([path], {})
+    assert (found["cell"], found["test"], found["ambient_temperature_celsius"]) == ("A", "", None)
+
+
 def test_excluded_names_each_refusal_once_where_it_arose(campaign):
     rows = tables.excluded([GOOD, BAD, AFTER], {"A/bad": ["raw/bad.csv"]})
     assert rows == [

@@ -11,6 +11,7 @@ for cell in CELLS:
         ("ica", tests(cell, "ica")),
         ("impedance", tests(cell, "eis")),
         ("temperature", cell in VARIED),
+        ("ocv_temperature", cell in STEPPED),
         ("parameters", cell in MODELLED),
         ("compensation", cell in COMPENSATED),
         *[(f"effect_{name}", cell in SEARCHED) for name in EFFECT_FIGURES],
@@ -169,6 +170,24 @@ rule figure_temperature:
         "Figure: resistance and capacity of {wildcards.cell} over temperature."
     script:
         "../../scripts/figure_temperature.py"
+
+
+rule figure_ocv_temperature:
+    input:
+        map="results/ocv_temperature/{cell}.parquet",
+        entropic="results/ocv_entropic/{cell}.parquet",
+        surface="results/ocv_surface/{cell}.parquet",
+        functions="results/ocv_functions_temperature/{cell}.parquet",
+    output:
+        "results/figures/{cell}/ocv_temperature.svg",
+    log:
+        "logs/figures/{cell}_ocv_temperature.log",
+    params:
+        code=code_of("figure_ocv_temperature"),
+    message:
+        "Figure: open-circuit voltage of {wildcards.cell} over temperature."
+    script:
+        "../../scripts/figure_ocv_temperature.py"
 
 
 rule figure_parameters:

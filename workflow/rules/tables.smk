@@ -10,11 +10,17 @@ MODELS = [f"results/models/{cell}.json" for cell in MODELLED]
 TABLE_INPUTS = {
     "capacity": everywhere("capacity", *CAPACITY_KINDS),
     "resistance": everywhere("resistance", *PULSE_KINDS),
-    "ocv": everywhere("ocv_functions", "ocv"),
+    "ocv": [
+        *everywhere("ocv_functions", "ocv"),
+        *[f"results/ocv_functions_temperature/{cell}.parquet" for cell in STEPPED],
+    ],
     "eis": everywhere("eis", "eis"),
-    "temperature": [f"results/temperature/{cell}.parquet" for cell in VARIED],
     "temperature_prediction": [
         f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
+    ],
+    "temperature": [
+        *[f"results/temperature/{cell}.parquet" for cell in VARIED],
+        *[f"results/ocv_laws/{cell}.parquet" for cell in STEPPED],
     ],
     "ica": everywhere("ica", "ica"),
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
