@@ -89,6 +89,7 @@ rule fast_charge:
         "logs/fast_charge/{cell}/{test}.log",
     params:
         settings=config["fast_charge"],
+        test=test_facts,
         cell=cell_facts,
         code=code_of("fast_charge"),
     message:

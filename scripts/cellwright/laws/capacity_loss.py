@@ -21,7 +21,8 @@ class Loss(NamedTuple):
     left_in_percent : of a charge, how much of its loss the discharge before it in the same test
     had left in the cell; that part could not be put in. NaN for a discharge, or not known.
     tests : their names, joined by ";".
-    known : whether the split is. verdict : true, false, both, none, or "true or false".
+    known : whether the split is. verdict : true, false, both, none; where the split is not known
+    "true or false", or what is sure of it: "false or both", "true or both".
     """
 
     direction: str
@@ -64,7 +65,7 @@ def capacity_losses(
     truly lost there, an upper bound as far as even that rate polarises; what a faster test lacks
     beyond it is false. Where a temperature has no slow test the two cannot be told apart: true is
     between what a warmer temperature has truly lost and what a colder one has (a cell does not
-    lose less by growing colder), at most all.
+    lose less by growing colder), at most all, and without what a held voltage brought back.
 
     Parameters
     ----------
@@ -199,7 +200,7 @@ def _loss(point, reference, told, share):
     here = [t for t in told if abs(t[0] - point.temperature_celsius) <= SAME_CELSIUS]
     slow = here[0][1] if here else None
     if slow is None:
-        true, false = _bounds(point, told, *_interval(total, total_std)[2:])
+        true, false = _bounds(point, reference, told, total, total_std)
     else:
         scale = slow.capacity_ampere_hour / reference.capacity_ampere_hour
         rest, rest_std = _lost(slow, point, share)
@@ -219,7 +220,7 @@ def _loss(point, reference, told, share):
         *losses,
         np.nan,
         slow is not None,
-        _verdict(true, false, slow is not None, total, total_std),
+        _verdict(true, false, slow is not None, total > QUANTILE * total_std),
         ";".join(sorted(point.tests)),
     )
 
@@ -229,19 +230,22 @@ def _interval(value, std):
 
 
 # ASSUME: A cell does not truly lose less by growing colder.
-def _bounds(point, told, least, most):
+def _bounds(point, reference, told, total, std):
     """True and false loss at a temperature without a slow test: only their limits are known."""
+    least, most = total - QUANTILE * std, total + QUANTILE * std
     warmer = [lost for celsius, _, lost, _ in told if celsius > point.temperature_celsius]
     colder = [lost for celsius, _, lost, _ in told if celsius < point.temperature_celsius]
-    high = max(min([most, *colder]), 0.0)
+    held = point.held_ampere_hour / reference.capacity_ampere_hour
+    high = max(min([most - held, *colder]), 0.0)
     low = min(max([0.0, *warmer]), high)
     false = (max(least - high, 0.0), max(most - low, 0.0))
     return (np.nan, np.nan, low, high), (np.nan, np.nan, *false)
 
 
-def _verdict(true, false, known, total, total_std):
+def _verdict(true, false, known, lost):
     """In a word what was lost; a part counts where its interval lies above zero."""
-    if not known:
-        return "true or false" if total > QUANTILE * total_std else "none"
+    parts = int(true[2] > 0), int(false[2] > 0)
+    if not known and parts == (0, 0):
+        return "true or false" if lost else "none"
     names = {(1, 1): "both", (1, 0): "true", (0, 1): "false", (0, 0): "none"}
-    return names[int(true[2] > 0), int(false[2] > 0)]
+    return names[parts] + ("" if known or parts == (1, 1) else " or both")

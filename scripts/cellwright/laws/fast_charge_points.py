@@ -14,8 +14,11 @@ def fast_charge_points(rows):
 
     Returns
     -------
-    points : list of Point: share charged in the minutes asked for, its share at constant current,
-        minutes to 80 % where that was reached; from empty and of the earliest check-up only.
+    points : list of Point: share charged in the minutes asked for, the ratio of charged to not
+        charged (which the resistance sets once the voltage limits the charge, so that it may
+        follow an Arrhenius law where the share, bounded by 1, cannot), the share at constant
+        current, minutes to 80 % where that was reached; from empty and of the earliest check-up
+        only.
     """
     mine = sorted(
         (row for row in fresh(rows) if row["from_empty"]),
@@ -37,5 +40,8 @@ def fast_charge_points(rows):
 
 def _quantities(row):
     yield f"share charged in {row['minutes']:g} min", "1", row["share"]
+    if row["share"] < 1:
+        ratio = row["share"] / (1 - row["share"])
+        yield f"charged over not charged in {row['minutes']:g} min", "1", ratio
     yield "share of it at constant current", "1", row["constant_current_share"]
     yield "time to 80 %", "min", row["minutes_to_80"]
