@@ -2,7 +2,8 @@
 
 import artefact
 import tables
-from cellwright.laws.capacity_loss import capacity_losses, law_rows
+from cellwright.laws.capacity_loss import capacity_losses
+from cellwright.laws.loss_rows import law_rows
 
 with artefact.Job(snakemake) as job:
     rows = tables.rows_of(snakemake.input, snakemake.params.tests)

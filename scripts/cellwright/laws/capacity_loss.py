@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.loss_points import SAME_CELSIUS, reached, repeatability, slowest
+from cellwright.laws.loss_rows import with_left_in
 from cellwright.refusal import Refusal
 
 QUANTILE = 1.959964  # of the normal distribution, for 95 %
@@ -106,29 +107,7 @@ def capacity_losses(
         losses, more = _of_direction(mine, references[name], share, slow_c_rate)
         found += losses
         notes += [*filter(None, [reason]), *more]
-    return _left_in(found), notes
-
-
-def law_rows(losses):
-    """Rows of the table of laws over temperature: the true loss of each temperature."""
-    rows = [
-        {
-            "quantity": f"true capacity loss, {loss.direction} at up to {loss.slow_c_rate:.2g}C",
-            "law": "split",
-            "parameter": f"at {loss.temperature_celsius:g} degC",
-            "value": loss.true_percent,
-            "std": loss.true_std_percent,
-            "unit": "%",
-            "r_squared": np.nan,
-            "cross_validation_rmse": np.nan,
-            "chosen": True,
-        }
-        for loss in losses
-        if loss.known and loss.c_rate == loss.slow_c_rate
-    ]
-    if not rows:
-        raise Refusal("no slow test at any temperature, so no true loss is known")
-    return rows
+    return with_left_in(found), notes
 
 
 def _reference(points, wanted, slow):
@@ -152,24 +131,6 @@ def _of_direction(points, reference, share, slow):
     return losses, notes
 
 
-def _left_in(losses):
-    """Charges with what a discharge of the same test had left in the cell."""
-    drawn = {one.tests: one for one in losses if one.direction == "discharge" and one.known}
-    slow = {one.tests: one for one in drawn.values() if one.total_percent == 0}
-    whole = next((one.reference_ampere_hour + one.held_ampere_hour for one in slow.values()), None)
-    return [
-        one._replace(left_in_percent=_left(drawn[one.tests], whole, one.reference_ampere_hour))
-        if one.direction == "charge" and one.tests in drawn and whole
-        else one
-        for one in losses
-    ]
-
-
-def _left(discharge, whole, reference):
-    """Share of a charge's reference that a discharge and what was drawn after it left [%]."""
-    return 100 * (whole - discharge.capacity_ampere_hour - discharge.held_ampere_hour) / reference
-
-
 def _true_losses(points, reference, share, slow):
     """(temperature, slow point, share lost, its std) of each temperature with a slow test."""
     found = []
@@ -177,33 +138,36 @@ def _true_losses(points, reference, share, slow):
         first = slowest(points, reference.direction, celsius)[0]
         here = abs(celsius - reference.temperature_celsius) <= SAME_CELSIUS
         if first.c_rate <= slow or (here and first is reference):
-            found.append((celsius, first, *_lost(reference, first, share)))
+            lost = _lost(reference, first, share, reference.capacity_ampere_hour)
+            found.append((celsius, first, *lost))
     return found
 
 
-def _lost(start, end, share):
+def _lost(start, end, share, scale):
     """How much less the second reaches than the first, and its std, in units of the first."""
     if start is end:
         return 0.0, 0.0
     ratio = end.capacity_ampere_hour / start.capacity_ampere_hour
-    return 1 - ratio, ratio * np.hypot(_std(start, share), _std(end, share))
+    spread = np.hypot(_std(end, share, scale), ratio * _std(start, share, scale))
+    return 1 - ratio, spread / start.capacity_ampere_hour
 
 
-def _std(point, share):
-    """Relative standard deviation: the cell's repeatability over the tests, or the larger own."""
-    own = np.nan_to_num(point.std_ampere_hour) / point.capacity_ampere_hour
-    return max(own, share / np.sqrt(len(point.tests)))
+def _std(point, share, scale):
+    """Of a capacity [Ah]: the cell's repeatability over the tests, or the larger own."""
+    own = np.nan_to_num(point.std_ampere_hour)
+    return max(own, share * scale / np.sqrt(len(point.tests)))
 
 
 def _loss(point, reference, told, share):
-    total, total_std = _lost(reference, point, share)
+    whole = reference.capacity_ampere_hour
+    total, total_std = _lost(reference, point, share, whole)
     here = [t for t in told if abs(t[0] - point.temperature_celsius) <= SAME_CELSIUS]
     slow = here[0][1] if here else None
     if slow is None:
         true, false = _bounds(point, reference, told, total, total_std)
     else:
-        scale = slow.capacity_ampere_hour / reference.capacity_ampere_hour
-        rest, rest_std = _lost(slow, point, share)
+        scale = slow.capacity_ampere_hour / whole
+        rest, rest_std = _lost(slow, point, share, whole)
         true = _interval(*here[0][2:])
         false = _interval(rest * scale, rest_std * scale)
     losses = [100 * value for value in (total, total_std, *true, *false)]
@@ -212,9 +176,9 @@ def _loss(point, reference, told, share):
         point.temperature_celsius,
         point.c_rate,
         point.capacity_ampere_hour,
-        point.capacity_ampere_hour * _std(point, share),
+        _std(point, share, whole),
         point.held_ampere_hour,
-        reference.capacity_ampere_hour,
+        whole,
         reference.temperature_celsius,
         slow.c_rate if slow else np.nan,
         *losses,
@@ -233,8 +197,9 @@ def _interval(value, std):
 def _bounds(point, reference, told, total, std):
     """True and false loss at a temperature without a slow test: only their limits are known."""
     least, most = total - QUANTILE * std, total + QUANTILE * std
-    warmer = [lost for celsius, _, lost, _ in told if celsius > point.temperature_celsius]
-    colder = [lost for celsius, _, lost, _ in told if celsius < point.temperature_celsius]
+    here = point.temperature_celsius
+    warmer = [lost - QUANTILE * spread for celsius, _, lost, spread in told if celsius > here]
+    colder = [lost + QUANTILE * spread for celsius, _, lost, spread in told if celsius < here]
     held = point.held_ampere_hour / reference.capacity_ampere_hour
     high = max(min([most - held, *colder]), 0.0)
     low = min(max([0.0, *warmer]), high)

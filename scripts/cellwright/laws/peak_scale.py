@@ -8,6 +8,9 @@ import numpy as np
 from cellwright.refusal import Refusal
 
 
+END_SIGMAS = 5.0  # where a curve begins and ends polarisation sets, not the cell
+
+
 class Peak(NamedTuple):
     """A peak at the common smoothing.
 
@@ -38,8 +41,8 @@ def smoothed(voltage_volt, dq_dv, *, sigma_volt):
     return np.convolve(dq_dv, kernel)[reach:-reach] / inside
 
 
-# ASSUME: The edge of a peak's area is uncertain by the smoothing width, its place by how far it
-# moves when smoothed twice as wide.
+# ASSUME: The edge of a peak's area is uncertain by the smoothing width (five of them at the ends
+# of the curve), its place by how far it moves when smoothed twice as wide.
 def scaled_peaks(voltage_volt, dq_dv, *, sigma_volt=0.01, prominence=0.05):
     """Peaks of one curve at the common smoothing.
 
@@ -109,7 +112,7 @@ def _peak(voltage, height, wide, top, left, right, sigma):
         float(np.hypot(0.5 * moved, step / np.sqrt(12))),
         float(height[top]),
         float(np.sum((inside[1:] + inside[:-1]) / 2) * step),
-        float(height[left] * sigma),
-        float(height[right] * sigma),
+        float(height[left] * sigma * (END_SIGMAS if left == 0 else 1)),
+        float(height[right] * sigma * (END_SIGMAS if right == len(height) - 1 else 1)),
         bool(max(height[left], height[right]) < 0.8 * height[top]),
     )
