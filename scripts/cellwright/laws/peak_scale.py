@@ -7,7 +7,6 @@ import numpy as np
 
 from cellwright.refusal import Refusal
 
-
 END_SIGMAS = 5.0  # where a curve begins and ends polarisation sets, not the cell
 
 
