@@ -87,6 +87,21 @@ def test_a_pulsed_discharge_counts():
     assert rows.c_rate[[0, 2]] == pytest.approx(2.0)
 
 
+def test_a_hold_after_a_pause_is_part_of_the_charge():
+    """As Arbin schedules have it: constant current, a pause of two minutes, then the hold."""
+    found = series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0))
+    time, begin = found["test_time_second"], np.flatnonzero(found["current_ampere"] > 0)[-1] + 12
+    current, voltage = found["current_ampere"].copy(), found["voltage_volt"].copy()
+    current[begin : begin + 40] = 0.5 * np.exp(-np.arange(40) / 20)
+    voltage[begin : begin + 40] = 4.0
+    voltage[begin - 12 : begin] = 3.95
+    charge = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2) * 10 / 3600)
+    changed = {"current_ampere": current, "voltage_volt": voltage, "charge_ampere_hour": charge}
+    rows = run(found | changed | {"test_time_second": time}).rows
+    held = current[begin : begin + 40].sum() * 10 / 3600
+    assert rows.capacity_ampere_hour[1] == pytest.approx(2.0 + held, abs=0.01)
+
+
 def test_a_record_from_an_unknown_start_begins_with_the_next_half():
     found = run(series((1.0, 1.0), (-1.0, 0.0), soc=0.4))
     assert found.rows.direction.tolist() == ["discharge"]

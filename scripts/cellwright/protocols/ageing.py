@@ -9,6 +9,7 @@ from cellwright.refusal import Refusal
 from cellwright.series.segments import assumed_rating
 
 REST_ROWS = 5  # rows before a load whose temperature is the cell's before it warms
+HELD = ("CV", "CCCV")
 EFFICIENCY = (0.8, 1.05)  # outside, the record lacks a half cycle between the two
 
 
@@ -63,11 +64,12 @@ def ageing_cycles(
     """Capacity, energy and temperature of every complete half cycle of an ageing record.
 
     1. The record is cut where its counted charge turns (a return of less than 2 % of the rating
-    is no turn). 2. A half cycle is complete where it reaches its cut-off within 10 mV and the one
-    before it reached the other; the first of the record where it begins at a rest within 5 % of
-    the voltage window of the other cut-off. What was cut short is left out, and so is what
-    follows it. 3. Coulombic efficiency is a discharge over the charge before it; NaN outside
-    0.8 … 1.05, where the record lacks what happened between.
+    is no turn). 2. A half cycle is complete where it reaches its cut-off within 10 mV (what is
+    held there afterwards is part of it) and the one before it reached the other; the first of the
+    record where it begins at a rest within 5 % of the voltage window of the other cut-off. What
+    was cut short is left out, and so is what follows it. 3. Coulombic efficiency is a discharge
+    over the charge before it; NaN outside 0.8 … 1.05, where the record lacks what happened
+    between.
 
     Parameters
     ----------
@@ -114,21 +116,33 @@ def _halves(series, steps, rated, limits):
     for sign, first, last in turns(charge, steps, least_ampere_hour=TURN_SHARE * rated):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
         begin = max(int(steps.first_row[loads[0]]) - 1, 0)
-        ends = [int(steps.last_row[k]) for k in loads]
-        limit = sign * limits[sign > 0] - NEAR_VOLT
-        reaching = [
-            end
-            for k, end in zip(loads, ends, strict=True)
-            if _farthest(voltage[steps.first_row[k] : end + 1], sign) >= limit
-        ]
+        reached, last_load = _end(voltage, steps, sign, loads, limits)
+        end = int(steps.last_row[last_load])
         number += sign < 0
         fault = _start_fault(voltage[begin], sign, limits, reached_before)
-        if not reaching:
+        if not reached:
             cut_off = f"before the cut-off of {limits[sign > 0]:g} V"
-            fault = f"it ends at {voltage[ends[-1]]:.3f} V, {cut_off}"
-        found.append(_Half(sign, begin, (reaching or ends[-1:])[0], number + (sign > 0), fault))
-        reached_before = bool(reaching)
+            fault = f"it ends at {voltage[end]:.3f} V, {cut_off}"
+        found.append(_Half(sign, begin, end, number + (sign > 0), fault))
+        reached_before = reached
     return found
+
+
+def _end(voltage, steps, sign, loads, limits):
+    """Whether the cut-off is reached, and the load that ends the half cycle.
+
+    That is the first one that reaches it, or the last of those that hold it there afterwards, a
+    rest between or not.
+    """
+    limit = sign * limits[sign > 0] - NEAR_VOLT
+    spans = [slice(int(steps.first_row[k]), int(steps.last_row[k]) + 1) for k in loads]
+    reaching = [n for n, rows in enumerate(spans) if _farthest(voltage[rows], sign) >= limit]
+    if not reaching:
+        return False, loads[-1]
+    last = reaching[0]
+    while last + 1 < len(loads) and steps.kind[loads[last + 1]] in HELD:
+        last += 1
+    return True, loads[last]
 
 
 def _farthest(voltage, sign):
