@@ -94,7 +94,7 @@ def _slowest(rows):
     rates = [float(row["c_rate"]) for row in full]
     # Cycles of one ageing test differ in the last digits of their rate: the first of them counts.
     alike = [row for row, rate in zip(full, rates, strict=True) if rate <= 1.05 * min(rates)]
-    slow = min(alike, key=lambda row: float(row["cycle"] or 0), default=None)
+    slow = min(alike, key=lambda row: float(row.get("cycle") or 0), default=None)
     return float(slow["capacity_ampere_hour"]) if slow else None
 
 
@@ -113,7 +113,7 @@ def _resistance(rows):
     best = min(
         near,
         key=lambda row: (
-            float(row["cycle"] or 0),
+            float(row.get("cycle") or 0),
             abs(float(row["soc"]) - 0.5),
             abs(float(row["c_rate"]) - 1),
         ),

@@ -19,21 +19,11 @@ ROOM, START = "room", "cell as the discharge begins"
 class CycleFit(NamedTuple):
     """What temperature and age do to the discharge capacity of one record.
 
-    Numbers: temperature_source, "room", "cell as the discharge begins" or "". cycles, set_aside :
-    used and left out. reference_celsius : mean temperature. swing_kelvin : 5th to 95th percentile.
-    moved_kelvin : RMS of what the temperature does beside the course of the fade.
-    slope_percent_per_kelvin with std and limits, of capacity_start_ampere_hour, the fade's course
-    at the first cycle and reference_celsius. loss_percent : from the first cycle to the last at
-    one temperature, with std. plain_loss_percent : the same without the temperature.
-    explained : share of the capacity's variance about the fade that temperature explains [1].
-    correlation : of neighbouring cycles' noise. best_period_hour … : of `daily.Period`, as share
-    of the capacity [%]; daily_left_percent : its amplitude once the temperature is out.
-    reason : what is not known and why, or "".
-
-    Columns, one a cycle: cycle, start_time_second, capacity_ampere_hour, temperature_celsius,
-    used, fitted_ampere_hour, fade_ampere_hour (fitted, at the reference), and
-    capacity_at_reference_ampere_hour (measured, temperature taken out).
-    period_hour, power : the periodogram.
+    summary : numbers as in artefact `ageing_temperature`. Slope in percent of
+    capacity_start_ampere_hour, the fade's course at the first cycle and reference_celsius; losses
+    from the first cycle to the last; periods as of `daily.Period`; reason : what is not known.
+    cycles : columns, one row a discharge: measured, fitted, fade alone at the reference, measured
+    with the temperature taken out, and whether it was used. periodogram : period_hour, power.
     """
 
     summary: dict
@@ -75,7 +65,9 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     line = coloured_line(columns[used], record.capacity[used], record.place)
     plain = coloured_line(fade[used], record.capacity[used], record.place)
     shift = columns[:, count:] @ line.values[count:]
-    found = periods(record.hour[used], record.capacity[used], fade[used])
+    # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
+    trend = _basis(record.cycle, used, _highest_degree(used))[used]
+    found = periods(record.hour[used], record.capacity[used], trend)
     summary = {
         "temperature_source": record.source,
         "cycles": int(used.sum()),
@@ -150,13 +142,17 @@ def _inliers(cycle, capacity, followed):
         )
     used = followed
     for _ in range(2):
-        basis = _basis(cycle, used, min(HIGHEST_DEGREE, used.sum() // CYCLES_A_DEGREE))
+        basis = _basis(cycle, used, _highest_degree(used))
         values = np.linalg.lstsq(basis[used], capacity[used], rcond=None)[0]
         residual = capacity - basis @ values
         spread = 1.4826 * np.median(np.abs(residual[used]))
         near = np.abs(residual) <= max(OUTLIER * spread, 1e-4 * np.abs(capacity).max())
         used = followed & near
     return used
+
+
+def _highest_degree(used):
+    return max(min(HIGHEST_DEGREE, int(used.sum()) // CYCLES_A_DEGREE), 1)
 
 
 def _basis(cycle, used, degree):
@@ -171,7 +167,7 @@ def _basis(cycle, used, degree):
 def _columns(record):
     """Columns of the fade and those of the temperature, by the Bayesian information criterion."""
     used, celsius = record.used, record.celsius
-    degrees = range(1, max(min(HIGHEST_DEGREE, used.sum() // CYCLES_A_DEGREE), 1) + 1)
+    degrees = range(1, _highest_degree(used) + 1)
     options = [[]]
     if np.isfinite(celsius).all() and np.ptp(celsius) > 0:
         level, rate = celsius - celsius[used].mean(), np.gradient(celsius, record.hour)

@@ -93,8 +93,8 @@ def _reason(count, span, spacing, trend):
 
 def _noise(values, trend, place, seed):
     """Series without a period, with the memory that the values have once the trend is out."""
-    likely = [_without(values[:, None], trend, place, c)[0][0] for c in CORRELATIONS]
-    memory = CORRELATIONS[int(np.argmax(likely))]
+    # The residual likelihood's: the plain one takes a memory for part of the trend.
+    memory = coloured_line(trend, values, place).correlation
     draws = np.random.default_rng(seed).standard_normal((len(place), SIMULATIONS))
     kept = memory ** np.diff(place) if memory else np.zeros(len(place) - 1)
     for k in range(1, len(place)):
