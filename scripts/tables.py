@@ -17,14 +17,20 @@ def rows_of(paths, tests) -> list[dict]:
 
 
 def excluded(paths, files) -> list[dict]:
-    """What was refused, once, at the stage where it arose; never where it was passed on."""
-    found = []
+    """What was refused, once, at the stage where it arose; never where it was passed on.
+
+    A job of several outputs refuses all of them for one reason: the first one tells it.
+    """
+    found, told = [], set()
     for path in paths:
         about = artefact.read_about(path)
         if about["reason"] is None or about["origin"] != path:
             continue
         who = about["wildcards"]
         name, test = who.get("cell") or who.get("group"), who.get("test", "")
+        if (name, test, about["rule"], about["reason"]) in told:
+            continue
+        told.add((name, test, about["rule"], about["reason"]))
         found.append(
             {
                 "cell": name,
