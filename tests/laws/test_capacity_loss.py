@@ -133,6 +133,7 @@ def test_a_fast_reference_says_so():
 def test_rows_of_the_table_hold_the_true_losses():
     rows = law_rows(capacity_losses(THESIS)[0])
     assert [r["parameter"] for r in rows] == ["at 20 degC", "at 0 degC", "at -20 degC"]
+    assert {r["quantity"] for r in rows} == {"true capacity loss, charge at up to 0.033C"}
     assert rows[2]["value"] == pytest.approx(7.035, abs=1e-3)
 
 

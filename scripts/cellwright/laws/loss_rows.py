@@ -7,9 +7,13 @@ from cellwright.refusal import Refusal
 
 def law_rows(losses):
     """Rows of the table of laws over temperature: the true loss of each temperature."""
+    slow = [loss for loss in losses if loss.known and loss.c_rate == loss.slow_c_rate]
+    rate = {loss.direction: 0.0 for loss in slow}
+    for loss in slow:
+        rate[loss.direction] = max(rate[loss.direction], loss.slow_c_rate)
     rows = [
         {
-            "quantity": f"true capacity loss, {loss.direction} at up to {loss.slow_c_rate:.2g}C",
+            "quantity": f"true capacity loss, {loss.direction} at up to {rate[loss.direction]:.2g}C",
             "law": "split",
             "parameter": f"at {loss.temperature_celsius:g} degC",
             "value": loss.true_percent,
@@ -19,8 +23,7 @@ def law_rows(losses):
             "cross_validation_rmse": np.nan,
             "chosen": True,
         }
-        for loss in losses
-        if loss.known and loss.c_rate == loss.slow_c_rate
+        for loss in slow
     ]
     if not rows:
         raise Refusal("no slow test at any temperature, so no true loss is known")
