@@ -8,12 +8,13 @@ from cellwright.refusal import Refusal
 def law_rows(losses):
     """Rows of the table of laws over temperature: the true loss of each temperature."""
     slow = [loss for loss in losses if loss.known and loss.c_rate == loss.slow_c_rate]
-    rate = {loss.direction: 0.0 for loss in slow}
+    rates = {}
     for loss in slow:
-        rate[loss.direction] = max(rate[loss.direction], loss.slow_c_rate)
+        rates[loss.direction] = max(rates.get(loss.direction, 0.0), loss.slow_c_rate)
+    names = {name: f"{name} at up to {rate:.2g}C" for name, rate in rates.items()}
     rows = [
         {
-            "quantity": f"true capacity loss, {loss.direction} at up to {rate[loss.direction]:.2g}C",
+            "quantity": f"true capacity loss, {names[loss.direction]}",
             "law": "split",
             "parameter": f"at {loss.temperature_celsius:g} degC",
             "value": loss.true_percent,
