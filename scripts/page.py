@@ -120,7 +120,8 @@ def _owner(about):
 
 def _picture(path, known) -> dict:
     name = Path(path).stem
-    kind = next((kind for kind in known if name == kind or name.startswith(f"{kind}_")), None)
+    fitting = [kind for kind in known if name == kind or name.startswith(f"{kind}_")]
+    kind = max(fitting, key=len, default=None)
     caption = known.get(kind, {"title": name, "read": ""})
     data = base64.b64encode(Path(path).read_bytes()).decode()
     test = name.removeprefix(f"{kind}_") if kind and name != kind else ""

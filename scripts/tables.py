@@ -21,17 +21,20 @@ def rows_of(paths, tests) -> list[dict]:
 
 
 def excluded(paths, files) -> list[dict]:
-    """What was refused, once, at the stage where it arose; never where it was passed on."""
-    found, seen = [], set()
+    """What was refused, once, at the stage where it arose; never where it was passed on.
+
+    A job of several outputs refuses all of them for one reason: the first one tells it.
+    """
+    found, told = [], set()
     for path in paths:
         about = artefact.read_about(path)
         if about["reason"] is None or about["origin"] != path:
             continue
         who = about["wildcards"]
         name, test = who.get("cell") or who.get("group"), who.get("test", "")
-        if (name, test, about["reason"]) in seen:
-            continue  # one job's refusal stands in each of its outputs
-        seen.add((name, test, about["reason"]))
+        if (name, test, about["rule"], about["reason"]) in told:
+            continue
+        told.add((name, test, about["rule"], about["reason"]))
         found.append(
             {
                 "cell": name,
@@ -98,7 +101,10 @@ def _summary_row(facts, tables, model) -> dict:
 
 def _slowest(rows):
     full = [row for row in rows if row["direction"] == "discharge"] or rows
-    slow = min(full, key=lambda row: float(row["c_rate"]), default=None)
+    rates = [float(row["c_rate"]) for row in full]
+    # Cycles of one ageing test differ in the last digits of their rate: the first of them counts.
+    alike = [row for row, rate in zip(full, rates, strict=True) if rate <= 1.05 * min(rates)]
+    slow = min(alike, key=lambda row: float(row.get("cycle") or 0), default=None)
     return float(slow["capacity_ampere_hour"]) if slow else None
 
 
@@ -117,7 +123,7 @@ def _resistance(rows):
     best = min(
         near,
         key=lambda row: (
-            float(row["cycle"] or 0),
+            float(row.get("cycle") or 0),
             abs(float(row["soc"]) - 0.5),
             abs(float(row["c_rate"]) - 1),
         ),

@@ -12,6 +12,10 @@ for cell in CELLS:
         ("impedance", tests(cell, "eis")),
         ("temperature", cell in VARIED),
         ("ocv_temperature", cell in STEPPED),
+        ("capacity_loss", cell in COLD),
+        ("ica_temperature", cell in COLD_PEAKS),
+        ("fast_charge", tests(cell, "fast_charge")),
+        *[(f"ageing_{row['test']}", True) for row in tests(cell, "ageing")],
         ("parameters", cell in MODELLED),
         ("compensation", cell in COMPENSATED),
         *[(f"effect_{name}", cell in SEARCHED) for name in EFFECT_FIGURES],
@@ -188,6 +192,72 @@ rule figure_ocv_temperature:
         "Figure: open-circuit voltage of {wildcards.cell} over temperature."
     script:
         "../../scripts/figure_ocv_temperature.py"
+
+
+rule figure_capacity_loss:
+    input:
+        "results/capacity_loss/{cell}.parquet",
+    output:
+        "results/figures/{cell}/capacity_loss.svg",
+    log:
+        "logs/figures/{cell}_capacity_loss.log",
+    params:
+        code=code_of("figure_capacity_loss"),
+    message:
+        "Figure: capacity of {wildcards.cell} lost to temperature and rate."
+    script:
+        "../../scripts/figure_capacity_loss.py"
+
+
+rule figure_ica_temperature:
+    input:
+        matches="results/ica_temperature/{cell}.parquet",
+        peaks="results/ica_temperature_peaks/{cell}.parquet",
+        curves="results/ica_temperature_curve/{cell}.parquet",
+    output:
+        "results/figures/{cell}/ica_temperature.svg",
+    log:
+        "logs/figures/{cell}_ica_temperature.log",
+    params:
+        code=code_of("figure_ica_temperature"),
+    message:
+        "Figure: incremental capacity of {wildcards.cell} by temperature."
+    script:
+        "../../scripts/figure_ica_temperature.py"
+
+
+rule figure_fast_charge:
+    input:
+        series=lambda w: artefacts("clean", w.cell, "fast_charge"),
+        steps=lambda w: artefacts("segment", w.cell, "fast_charge"),
+        numbers=lambda w: artefacts("fast_charge", w.cell, "fast_charge"),
+    output:
+        "results/figures/{cell}/fast_charge.svg",
+    log:
+        "logs/figures/{cell}_fast_charge.log",
+    params:
+        code=code_of("figure_fast_charge"),
+    message:
+        "Figure: fast charges of {wildcards.cell} by temperature."
+    script:
+        "../../scripts/figure_fast_charge.py"
+
+
+rule figure_ageing:
+    input:
+        summary="results/ageing_temperature/{cell}/{test}.parquet",
+        cycles="results/ageing_temperature_cycles/{cell}/{test}.parquet",
+        periods="results/ageing_temperature_periods/{cell}/{test}.parquet",
+    output:
+        "results/figures/{cell}/ageing_{test}.svg",
+    log:
+        "logs/figures/{cell}_ageing_{test}.log",
+    params:
+        code=code_of("figure_ageing"),
+    message:
+        "Figure: cycles of {wildcards.cell} in {wildcards.test} over temperature."
+    script:
+        "../../scripts/figure_ageing.py"
 
 
 rule figure_parameters:

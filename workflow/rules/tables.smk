@@ -8,7 +8,7 @@ SCORES = [
 FILTERED = [path.replace("/validation/", "/soc/", 1) for path in SCORES]
 MODELS = [f"results/models/{cell}.json" for cell in MODELLED]
 TABLE_INPUTS = {
-    "capacity": everywhere("capacity", *CAPACITY_KINDS),
+    "capacity": [*everywhere("capacity", *CAPACITY_KINDS), *everywhere("ageing_cycles", "ageing")],
     "resistance": everywhere("resistance", *PULSE_KINDS),
     "ocv": [
         *everywhere("ocv_functions", "ocv"),
@@ -21,7 +21,12 @@ TABLE_INPUTS = {
     "temperature": [
         *[f"results/temperature/{cell}.parquet" for cell in VARIED],
         *[f"results/ocv_laws/{cell}.parquet" for cell in STEPPED],
+        *LOSS_LAWS,
     ],
+    "capacity_loss": [f"results/capacity_loss/{cell}.parquet" for cell in COLD],
+    "ica_temperature": [f"results/ica_temperature/{cell}.parquet" for cell in COLD_PEAKS],
+    "fast_charge": everywhere("fast_charge", "fast_charge"),
+    "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,

@@ -1,0 +1,216 @@
+"""Capacity lost to temperature and rate, split into true and false."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.laws.loss_points import SAME_CELSIUS, reached, repeatability, slowest
+from cellwright.laws.loss_rows import with_left_in
+from cellwright.refusal import Refusal
+
+QUANTILE = 1.959964  # of the normal distribution, for 95 %
+
+
+class Loss(NamedTuple):
+    """One direction, temperature and rate; losses as shares of the reference [%].
+
+    reference_ampere_hour : slowest capacity at the reference temperature. total_percent : lost
+    against it. true_percent : not reached even slowly at this temperature. false_percent : the
+    rest, polarisation, which comes back when slow. Each with std and the limits it lies in: a
+    95 % interval where the split is known, else everything that the tests allow (std NaN).
+    slow_c_rate : of the test that tells the true part; NaN where there is none.
+    left_in_percent : of a charge, how much of its loss the discharge before it in the same test
+    had left in the cell; that part could not be put in. NaN for a discharge, or not known.
+    tests : their names, joined by ";".
+    known : whether the split is. verdict : true, false, both, none; where the split is not known
+    "true or false", or what is sure of it: "false or both", "true or both".
+    """
+
+    direction: str
+    temperature_celsius: float
+    c_rate: float
+    capacity_ampere_hour: float
+    std_ampere_hour: float
+    held_ampere_hour: float
+    reference_ampere_hour: float
+    reference_celsius: float
+    slow_c_rate: float
+    total_percent: float
+    total_std_percent: float
+    true_percent: float
+    true_std_percent: float
+    true_lower_percent: float
+    true_upper_percent: float
+    false_percent: float
+    false_std_percent: float
+    false_lower_percent: float
+    false_upper_percent: float
+    left_in_percent: float
+    known: bool
+    verdict: str
+    tests: str
+
+
+def capacity_losses(
+    rows,
+    *,
+    reference_celsius=25.0,
+    slow_c_rate=0.06,
+    assumed_share=0.003,
+    mismatch_kelvin=5.0,
+):
+    """Split the loss of capacity at each temperature and rate into true and false.
+
+    The reference is the slowest capacity at the temperature nearest `reference_celsius` that has
+    a slow test. What the slowest test of a temperature, of at most `slow_c_rate`, lacks of it is
+    truly lost there, an upper bound as far as even that rate polarises; what a faster test lacks
+    beyond it is false. Where a temperature has no slow test the two cannot be told apart: true is
+    between what a warmer temperature has truly lost and what a colder one has (a cell does not
+    lose less by growing colder), at most all, and without what a held voltage brought back.
+
+    Parameters
+    ----------
+    rows : list of dict, of stage `capacity` with test, cycle and ambient_temperature_celsius.
+    reference_celsius : wanted [°C]. slow_c_rate : highest rate that counts as slow [1/h].
+    assumed_share : least standard deviation of a capacity from test to test, as a share of it [1].
+    mismatch_kelvin : between stated and measured temperature, beyond which a test is left out [K].
+
+    Returns
+    -------
+    losses : list of Loss, by direction, temperature and rate.
+    notes : list of sentences on what was left out or is not known.
+
+    Raises
+    ------
+    Refusal : fewer than two comparable capacities of one direction.
+
+    Source: thesis 3.3 (C/30 at 20, 0 and −20 °C: 31.001, 30.975, 28.820 Ah).
+    """
+    points, notes = reached(rows, mismatch_kelvin=mismatch_kelvin, slow_c_rate=slow_c_rate)
+    directions = [
+        name for name in ("discharge", "charge") if sum(p.direction == name for p in points) > 1
+    ]
+    if not directions:
+        raise Refusal(
+            "fewer than two comparable capacities: " + ("; ".join(notes) or "too few were measured")
+        )
+    references = {
+        name: _reference([p for p in points if p.direction == name], reference_celsius, slow_c_rate)
+        for name in directions
+    }
+    found = []
+    for name in directions:
+        mine = [point for point in points if point.direction == name]
+        share, reason = repeatability(
+            mine, references[name], assumed_share=assumed_share, slow_c_rate=slow_c_rate
+        )
+        losses, more = _of_direction(mine, references[name], share, slow_c_rate)
+        found += losses
+        notes += [*filter(None, [reason]), *more]
+    return with_left_in(found), notes
+
+
+def _reference(points, wanted, slow):
+    """Slowest point at the temperature nearest the wanted one; one with a slow test goes first."""
+    able = [point for point in points if point.c_rate <= slow] or points
+    celsius = min(able, key=lambda p: abs(p.temperature_celsius - wanted)).temperature_celsius
+    return slowest(able, points[0].direction, celsius)[0]
+
+
+def _of_direction(points, reference, share, slow):
+    """Losses of one direction, coldest last, and a sentence for each unknown split."""
+    points = sorted(points, key=lambda p: (-p.temperature_celsius, p.c_rate))
+    told = _true_losses(points, reference, share, slow)
+    losses = [_loss(point, reference, told, share) for point in points]
+    unknown = sorted({one.temperature_celsius for one in losses if not one.known})
+    wanted = f"no {reference.direction} at up to {slow:g}C"
+    notes = [f"{wanted} at {c:g} °C: true or false cannot be told there" for c in unknown]
+    if reference.c_rate > slow:
+        at = f"{wanted} at {reference.temperature_celsius:g} °C: the reference is the one at"
+        notes.append(f"{at} {reference.c_rate:.2g}C, so a loss that it has too is not seen")
+    return losses, notes
+
+
+def _true_losses(points, reference, share, slow):
+    """(temperature, slow point, share lost, its std) of each temperature with a slow test."""
+    found = []
+    for celsius in sorted({point.temperature_celsius for point in points}):
+        first = slowest(points, reference.direction, celsius)[0]
+        here = abs(celsius - reference.temperature_celsius) <= SAME_CELSIUS
+        if first.c_rate <= slow or (here and first is reference):
+            lost = _lost(reference, first, share, reference.capacity_ampere_hour)
+            found.append((celsius, first, *lost))
+    return found
+
+
+def _lost(start, end, share, scale):
+    """How much less the second reaches than the first, and its std, in units of the first."""
+    if start is end:
+        return 0.0, 0.0
+    ratio = end.capacity_ampere_hour / start.capacity_ampere_hour
+    spread = np.hypot(_std(end, share, scale), ratio * _std(start, share, scale))
+    return 1 - ratio, spread / start.capacity_ampere_hour
+
+
+def _std(point, share, scale):
+    """Of a capacity [Ah]: the cell's repeatability over the tests, or the larger own."""
+    own = np.nan_to_num(point.std_ampere_hour)
+    return max(own, share * scale / np.sqrt(len(point.tests)))
+
+
+def _loss(point, reference, told, share):
+    whole = reference.capacity_ampere_hour
+    total, total_std = _lost(reference, point, share, whole)
+    here = [t for t in told if abs(t[0] - point.temperature_celsius) <= SAME_CELSIUS]
+    slow = here[0][1] if here else None
+    if slow is None:
+        true, false = _bounds(point, reference, told, total, total_std)
+    else:
+        scale = slow.capacity_ampere_hour / whole
+        rest, rest_std = _lost(slow, point, share, whole)
+        true = _interval(*here[0][2:])
+        false = _interval(rest * scale, rest_std * scale)
+    losses = [100 * value for value in (total, total_std, *true, *false)]
+    return Loss(
+        point.direction,
+        point.temperature_celsius,
+        point.c_rate,
+        point.capacity_ampere_hour,
+        _std(point, share, whole),
+        point.held_ampere_hour,
+        whole,
+        reference.temperature_celsius,
+        slow.c_rate if slow else np.nan,
+        *losses,
+        np.nan,
+        slow is not None,
+        _verdict(true, false, slow is not None, total > QUANTILE * total_std),
+        ";".join(sorted(point.tests)),
+    )
+
+
+def _interval(value, std):
+    return value, std, value - QUANTILE * std, value + QUANTILE * std
+
+
+# ASSUME: A cell does not truly lose less by growing colder.
+def _bounds(point, reference, told, total, std):
+    """True and false loss at a temperature without a slow test: only their limits are known."""
+    least, most = total - QUANTILE * std, total + QUANTILE * std
+    here = point.temperature_celsius
+    warmer = [lost - QUANTILE * spread for celsius, _, lost, spread in told if celsius > here]
+    colder = [lost + QUANTILE * spread for celsius, _, lost, spread in told if celsius < here]
+    held = point.held_ampere_hour / reference.capacity_ampere_hour
+    high = max(min([most - held, *colder]), 0.0)
+    low = min(max([0.0, *warmer]), high)
+    false = (max(least - high, 0.0), max(most - low, 0.0))
+    return (np.nan, np.nan, low, high), (np.nan, np.nan, *false)
+
+
+def _verdict(true, false, known, lost):
+    """In a word what was lost; a part counts where its interval lies above zero."""
+    parts = int(true[2] > 0), int(false[2] > 0)
+    if not known and parts == (0, 0):
+        return "true or false" if lost else "none"
+    names = {(1, 1): "both", (1, 0): "true", (0, 1): "false", (0, 0): "none"}
+    return names[parts] + ("" if known or parts == (1, 1) else " or both")

@@ -1,0 +1,158 @@
+"""Fast charge: how much goes in within a given time, and what limits it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.protocols.half_cycles import FULL_SHARE, NEAR_VOLT, TURN_SHARE, turns
+from cellwright.refusal import Refusal
+
+
+class FastCharge(NamedTuple):
+    """One charge; NaN where a number is not known.
+
+    c_rate : of the constant current. minutes : that were asked for. charge_ampere_hour, share :
+    put in within them, and that over the cell's capacity. constant_current_share,
+    constant_voltage_share : of it, before and after the upper cut-off was met.
+    minutes_constant_current : until then. minutes_to_80 : until 80 % of the capacity is in, from
+    empty. duration_minutes : of the charge. warming_kelvin : highest minus first temperature
+    on the cell, temperature_start_celsius the first. energy_watt_hour : put in within the minutes.
+    from_empty : whether it began at the lower cut-off.
+    """
+
+    c_rate: float
+    minutes: float
+    charge_ampere_hour: float
+    share: float
+    constant_current_share: float
+    constant_voltage_share: float
+    minutes_constant_current: float
+    minutes_to_80: float
+    duration_minutes: float
+    energy_watt_hour: float
+    temperature_start_celsius: float
+    warming_kelvin: float
+    capacity_ampere_hour: float
+    from_empty: bool
+
+
+# ASSUME: A charge is fast-charged from empty where a discharge to the lower cut-off went before it,
+# or where it begins at a rest within 5 % of the voltage window of that cut-off.
+def fast_charge(
+    series,
+    steps,
+    *,
+    capacity_ampere_hour,
+    rated_capacity_ampere_hour,
+    lower_cutoff_volt,
+    upper_cutoff_volt,
+    minutes=30.0,
+):
+    """Charge put in over time at the limits of current and voltage.
+
+    1. The charge of the record that moves the most. 2. Constant current ends where the upper
+    cut-off is met within 10 mV. 3. What is in after `minutes` is read off the counted charge; a
+    charge that ended before counts as it ended.
+
+    Parameters
+    ----------
+    series : dict of (n,) columns of stage `clean`. steps : Steps of the record.
+    capacity_ampere_hour : that the share refers to [Ah].
+    rated_capacity_ampere_hour : that the rate refers to [Ah]; None: the same.
+    lower_cutoff_volt, upper_cutoff_volt : [V]. minutes : [min].
+
+    Returns
+    -------
+    found : FastCharge.
+    notes : list of sentences.
+
+    Raises
+    ------
+    Refusal : the upper cut-off is not stated, or the record holds no charge.
+
+    Source: thesis 3.3 (figure 3.21: 2C, 30 min; more than 90 % at 25 °C, 63 % at the coldest).
+    """
+    if upper_cutoff_volt is None:
+        raise Refusal("the upper cut-off is not stated, so constant current and voltage are one")
+    capacity = float(capacity_ampere_hour)
+    span, before = _main_charge(series["charge_ampere_hour"], steps, capacity)
+    rows = slice(max(int(steps.first_row[span[0]]) - 1, 0), int(steps.last_row[span[1]]) + 1)
+    minute = (series["test_time_second"][rows] - series["test_time_second"][rows][0]) / 60
+    charge = series["charge_ampere_hour"][rows] - series["charge_ampere_hour"][rows][0]
+    voltage, current = series["voltage_volt"][rows], series["current_ampere"][rows]
+    met = np.flatnonzero(voltage[1:] >= upper_cutoff_volt - NEAR_VOLT) + 1
+    held = int(met[0]) if len(met) else len(voltage) - 1
+    empty = _from_empty(voltage[0], before, series, steps, lower_cutoff_volt, upper_cutoff_volt)
+    within = float(np.interp(minutes, minute, charge))
+    constant = float(np.interp(min(minute[held], minutes), minute, charge))
+    energy = np.concatenate([[0.0], np.cumsum((voltage[1:] + voltage[:-1]) / 2 * np.diff(charge))])
+    first, highest = _temperatures(series.get("surface_temperature_celsius"), rows)
+    found = FastCharge(
+        c_rate=float(current[: held + 2].max() / (rated_capacity_ampere_hour or capacity)),
+        minutes=float(minutes),
+        charge_ampere_hour=within,
+        share=within / capacity,
+        constant_current_share=constant / within,
+        constant_voltage_share=1 - constant / within,
+        minutes_constant_current=float(minute[held]),
+        minutes_to_80=_time_to(0.8 * capacity, minute, charge) if empty else np.nan,
+        duration_minutes=float(minute[-1]),
+        energy_watt_hour=float(np.interp(minutes, minute, energy)),
+        temperature_start_celsius=first,
+        warming_kelvin=highest - first,
+        capacity_ampere_hour=capacity,
+        from_empty=empty,
+    )
+    return found, _notes(found, voltage[0])
+
+
+def _main_charge(charge, steps, capacity):
+    """Steps of the charge that moves the most, and those of the half cycle before it, or None."""
+    spans = turns(charge, steps, least_ampere_hour=TURN_SHARE * capacity)
+    sizes = [
+        (charge[steps.last_row[last]] - charge[steps.first_row[first]]) if sign > 0 else 0.0
+        for sign, first, last in spans
+    ]
+    if not sizes or max(sizes) <= 0:
+        raise Refusal("no charge of at least 2 % of the capacity is in the record")
+    best = int(np.argmax(sizes))
+    loads = [k for k in range(spans[best][1], spans[best][2] + 1) if steps.kind[k] != "rest"]
+    return (loads[0], loads[-1]), spans[best - 1][1:] if best else None
+
+
+def _from_empty(volt, before, series, steps, lower, upper):
+    """Whether the cell was at its lower cut-off when the charge began."""
+    if lower is None:
+        return False
+    if before:
+        rows = slice(int(steps.first_row[before[0]]), int(steps.last_row[before[1]]) + 1)
+        return bool(series["voltage_volt"][rows].min() <= lower + NEAR_VOLT)
+    return bool(volt - lower <= FULL_SHARE * (upper - lower))
+
+
+def _time_to(wanted, minute, charge):
+    """When the wanted charge is in [min]; NaN where it never is."""
+    reached = np.flatnonzero(charge >= wanted)
+    if not len(reached) or reached[0] == 0:
+        return np.nan
+    k = int(reached[0])
+    return float(np.interp(wanted, charge[k - 1 : k + 1], minute[k - 1 : k + 1]))
+
+
+def _temperatures(surface, rows):
+    """First and highest surface temperature; NaN where not recorded."""
+    known = [] if surface is None else surface[rows][np.isfinite(surface[rows])]
+    return (float(known[0]), float(np.max(known))) if len(known) else (np.nan, np.nan)
+
+
+def _notes(found, volt):
+    notes = []
+    if not found.from_empty:
+        notes.append(f"the charge begins at {volt:.3f} V, not known to be empty: no time to 80 %")
+    if found.duration_minutes < found.minutes:
+        notes.append(
+            f"the charge ends after {found.duration_minutes:.1f} min, before {found.minutes:g} min"
+        )
+    if found.from_empty and not np.isfinite(found.minutes_to_80):
+        notes.append(f"80 % is not reached in {found.duration_minutes:.1f} min")
+    return notes

@@ -1,0 +1,10 @@
+"""Figure: capacities of one ageing record over cycles and temperature, and their periods."""
+
+import artefact
+import figure
+from drawing import ageing
+
+with artefact.Job(snakemake) as job:
+    (summary,) = artefact.rows(job.load(snakemake.input.summary))
+    cycles, periods = job.load(snakemake.input.cycles), job.load(snakemake.input.periods)
+    figure.save(ageing.draw(cycles, periods, summary), job)

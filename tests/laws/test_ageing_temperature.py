@@ -1,0 +1,143 @@
+"""Fade, temperature and daily cycle: truth recovered, intervals honest, nothing from nothing."""
+
+import numpy as np
+import pytest
+
+from cellwright.laws.ageing_rows import law_rows
+from cellwright.laws.ageing_temperature import cycle_temperature
+from cellwright.laws.coloured_line import coloured_line
+from cellwright.laws.daily import periods
+from cellwright.protocols.ageing import AgeingCycles
+from cellwright.refusal import Refusal
+from cellwright.uncertainty import t_interval
+
+
+def record(count=29, *, slope=0.0025, fade=0.01, swing=4.0, noise=0.0, memory=0.0, seed=0, lag=0.0):
+    """Discharges of a 20 Ah cell every 3.5 h in a room that swings once a day."""
+    random, hour = np.random.default_rng(seed), 3.5 * np.arange(count)
+    room = 24 + swing / 2 * np.cos(2 * np.pi * (hour - 8) / 24)
+    cell = 24 + swing / 2 * np.cos(2 * np.pi * (hour - 8 - lag) / 24)
+    draws = random.standard_normal(count)
+    for k in range(1, count):
+        draws[k] = memory * draws[k - 1] + np.sqrt(1 - memory**2) * draws[k]
+    share = 1 - fade * np.arange(count) / max(count - 1, 1) + slope * (cell - 24) + noise * draws
+    unknown = np.full(count, np.nan)
+    return AgeingCycles(
+        cycle=np.arange(1.0, count + 1),
+        direction=np.full(count, "discharge"),
+        start_time_second=3600 * hour,
+        duration_second=np.full(count, 3600.0),
+        c_rate=np.ones(count),
+        capacity_ampere_hour=20 * share,
+        energy_watt_hour=74 * share,
+        coulombic_efficiency=np.full(count, 0.999),
+        room_temperature_celsius=room,
+        temperature_start_celsius=unknown,
+        temperature_mean_celsius=unknown,
+    )
+
+
+def test_the_thesis_example():
+    """29 cycles, 4 K: about 1 % of 20 Ah (thesis 3.1); the fade is what is left."""
+    found = cycle_temperature(record(noise=1e-4)).summary
+    assert found["temperature_source"] == "room"
+    assert found["slope_percent_per_kelvin"] == pytest.approx(0.25, abs=0.01)
+    assert found["swing_kelvin"] == pytest.approx(4, abs=0.2)
+    assert found["loss_percent"] == pytest.approx(1.0, abs=0.1)
+    assert found["best_period_hour"] == pytest.approx(24, abs=1.5)
+    assert found["daily_percent"] == pytest.approx(0.5, abs=0.03)
+    assert found["daily_false_alarm"] < 0.01
+    assert found["daily_left_percent"] < 0.05
+    assert found["daily_peak_hour"] == pytest.approx(8, abs=0.5)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.6, 0.9])
+def test_the_interval_covers_as_often_as_it_says_whatever_the_memory(memory):
+    place, hits = np.arange(29.0), []
+    for seed in range(200):
+        rows = record(noise=0.002, memory=memory, seed=seed)
+        columns = np.column_stack([np.ones(29), place, rows.room_temperature_celsius - 24])
+        line = coloured_line(columns, rows.capacity_ampere_hour, place)
+        low, high = t_interval(line.values[2], line.std[2], line.degrees_of_freedom)
+        hits.append(low <= 0.05 <= high)
+    assert 0.9 <= np.mean(hits) <= 0.99
+
+
+def test_a_cell_that_follows_its_room_late():
+    found = cycle_temperature(record(lag=1.5, noise=1e-4)).summary
+    assert found["slope_percent_per_kelvin"] == pytest.approx(0.25, rel=0.1)
+    assert found["daily_left_percent"] < 0.05
+
+
+def test_capacities_are_carried_to_the_mean_temperature():
+    found = cycle_temperature(record(fade=0.0, noise=1e-5))
+    carried = found.cycles["capacity_at_reference_ampere_hour"]
+    assert np.ptp(carried) < 0.01 * np.ptp(found.cycles["capacity_ampere_hour"])
+
+
+def test_a_constant_temperature_is_not_excited():
+    found = cycle_temperature(record(swing=0.1, noise=1e-3)).summary
+    assert np.isnan(found["slope_percent_per_kelvin"])
+    assert "not excited" in found["reason"]
+    assert found["loss_percent"] == pytest.approx(1.0, abs=0.5)
+
+
+def test_without_a_temperature_the_daily_cycle_is_still_found():
+    rows = record(noise=3e-4)
+    rows = rows._replace(room_temperature_celsius=np.full(29, np.nan))
+    found = cycle_temperature(rows).summary
+    assert "no temperature was recorded" in found["reason"]
+    assert found["daily_false_alarm"] < 0.01
+    assert {r["parameter"] for r in law_rows(found, test="room")} >= {"daily_amplitude"}
+
+
+def test_without_a_daily_cycle_none_is_found():
+    chances = [
+        cycle_temperature(record(slope=0.0, noise=1e-3, memory=0.7, seed=k)).summary
+        for k in range(12)
+    ]
+    assert np.mean([one["daily_false_alarm"] < 0.05 for one in chances]) < 0.35
+    assert np.mean([one["false_alarm"] < 0.05 for one in chances]) < 0.35
+
+
+def test_a_short_record_tells_no_daily_cycle():
+    found = cycle_temperature(record(12)).summary
+    assert np.isnan(found["daily_percent"])
+    assert "a daily cycle needs two days" in found["reason"]
+
+
+def test_a_wild_cycle_and_one_without_its_charge_are_set_aside():
+    rows = record(noise=1e-4)
+    capacity, efficiency = rows.capacity_ampere_hour.copy(), rows.coulombic_efficiency.copy()
+    capacity[[0, 12]] = 21.0, 12.0
+    efficiency[0] = np.nan
+    rows = rows._replace(capacity_ampere_hour=capacity, coulombic_efficiency=efficiency)
+    found = cycle_temperature(rows)
+    assert found.summary["set_aside"] == 2
+    assert np.flatnonzero(~found.cycles["used"]).tolist() == [0, 12]
+    assert found.summary["slope_percent_per_kelvin"] == pytest.approx(0.25, abs=0.01)
+
+
+def test_too_few_cycles_are_refused():
+    with pytest.raises(Refusal, match=r"1 complete discharge\(s\) after a complete charge"):
+        cycle_temperature(record(1))
+
+
+def test_rows_of_the_table():
+    rows = law_rows(cycle_temperature(record(noise=1e-4)).summary, test="room")
+    slope = next(row for row in rows if row["parameter"] == "temperature_slope")
+    assert (slope["unit"], slope["law"]) == ("%/degC", "fade and temperature")
+    assert slope["value"] == pytest.approx(0.25, abs=0.01)
+
+
+def test_a_line_is_exact_without_noise_and_unknown_without_freedom():
+    x = np.linspace(0, 1, 20)
+    columns = np.column_stack([np.ones(20), x])
+    line = coloured_line(columns, 3 - 2 * x, np.arange(20.0))
+    assert line.values == pytest.approx([3, -2], abs=1e-6)
+    assert np.isnan(coloured_line(columns[:2], x[:2], np.arange(2.0)).values).all()
+
+
+def test_sparse_values_tell_no_daily_cycle():
+    hour = 12.0 * np.arange(20)
+    assert "needs three a day" in periods(hour, hour, np.ones((20, 1))).reason

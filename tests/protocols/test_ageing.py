@@ -1,0 +1,115 @@
+"""Cycles of an ageing record: complete ones only, numbered, with their temperatures."""
+
+import numpy as np
+import pytest
+
+from cellwright.protocols.ageing import ageing_cycles
+from cellwright.refusal import Refusal
+from cellwright.series.segments import segment
+
+
+def series(*parts, full=2.0, soc=1.0, step=10.0, pulses=False):
+    """A cell whose voltage is 3 V + SoC; parts are (ampere, SoC where it ends), rests between."""
+    current, voltage, room = [0.0] * 60, [3.0 + soc] * 60, [20.0] * 60
+    for number, (ampere, end) in enumerate(parts):
+        gain, k = ampere / full / 3600 * step, 0
+        while (end - soc) * gain > 1e-12:
+            on = not pulses or ampere > 0 or k % 2
+            soc, k = soc + gain * on, k + 1
+            current.append(ampere * on)
+            voltage.append(3.0 + soc)
+            room.append(20.0 + number)
+        current += [0.0] * 60
+        voltage += [3.0 + soc] * 60
+        room += [20.0 + number] * 60
+    time, current = np.arange(len(current)) * step, np.array(current)
+    charge = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2) * step / 3600)
+    return {
+        "test_time_second": time,
+        "current_ampere": current,
+        "voltage_volt": np.array(voltage),
+        "charge_ampere_hour": charge,
+        "ambient_temperature_celsius": np.array(room),
+        "surface_temperature_celsius": np.array(room) + 1,
+    }
+
+
+def run(found, *, lower=3.0, upper=4.0, **settings):
+    names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
+    steps = segment(*[found[name] for name in names], rated_capacity_ampere_hour=2.0)
+    return ageing_cycles(
+        found,
+        steps,
+        rated_capacity_ampere_hour=2.0,
+        lower_cutoff_volt=lower,
+        upper_cutoff_volt=upper,
+        **settings,
+    )
+
+
+def test_complete_cycles_are_numbered_and_counted():
+    rows = run(series((-1.0, 0.0), (1.0, 1.0), (-2.0, 0.0)), first_cycle=100).rows
+    assert rows.direction.tolist() == ["discharge", "charge", "discharge"]
+    assert rows.cycle.tolist() == [101, 102, 102]
+    assert rows.capacity_ampere_hour == pytest.approx(2.0, abs=0.02)
+    assert rows.c_rate == pytest.approx([0.5, 0.5, 1.0])
+    assert rows.energy_watt_hour == pytest.approx(7.0, rel=0.01)
+    assert np.isnan(rows.coulombic_efficiency[:2]).all()
+    assert rows.coulombic_efficiency[2] == pytest.approx(1, abs=0.01)
+
+
+def test_temperatures_are_of_the_half_cycle():
+    rows = run(series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0))).rows
+    assert rows.room_temperature_celsius == pytest.approx([20, 21, 22], abs=0.05)
+    assert rows.temperature_start_celsius == pytest.approx([21, 21, 22], abs=0.1)
+    assert rows.temperature_mean_celsius == pytest.approx([21, 22, 23], abs=0.05)
+
+
+def test_without_temperatures_they_are_not_known():
+    bare = {k: v for k, v in series((-1.0, 0.0), (1.0, 1.0)).items() if "temperature" not in k}
+    rows = run(bare).rows
+    assert np.isnan(rows.room_temperature_celsius).all()
+    assert np.isnan(rows.temperature_start_celsius).all()
+
+
+def test_a_cut_cycle_takes_the_next_half_with_it():
+    found = run(series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.5), (1.0, 1.0), (-1.0, 0.0)))
+    assert found.rows.cycle.tolist() == [1, 2, 3]
+    assert found.rows.direction.tolist() == ["discharge", "charge", "discharge"]
+    assert "cycle 2, discharge: it ends at 3.500 V, before the cut-off of 3 V" in found.left_out[0]
+    assert "cycle 3, charge: it does not start empty" in found.left_out[1]
+    assert np.isnan(found.rows.coulombic_efficiency[2])
+
+
+def test_a_pulsed_discharge_counts():
+    rows = run(series((-4.0, 0.0), (1.0, 1.0), (-4.0, 0.0), pulses=True)).rows
+    assert rows.direction.tolist() == ["discharge", "charge", "discharge"]
+    assert rows.c_rate[[0, 2]] == pytest.approx(2.0)
+
+
+def test_a_hold_after_a_pause_is_part_of_the_charge():
+    """As Arbin schedules have it: constant current, a pause of two minutes, then the hold."""
+    found = series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0))
+    time, begin = found["test_time_second"], np.flatnonzero(found["current_ampere"] > 0)[-1] + 12
+    current, voltage = found["current_ampere"].copy(), found["voltage_volt"].copy()
+    current[begin : begin + 40] = 0.5 * np.exp(-np.arange(40) / 20)
+    voltage[begin : begin + 40] = 4.0
+    voltage[begin - 12 : begin] = 3.95
+    charge = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2) * 10 / 3600)
+    changed = {"current_ampere": current, "voltage_volt": voltage, "charge_ampere_hour": charge}
+    rows = run(found | changed | {"test_time_second": time}).rows
+    held = current[begin : begin + 40].sum() * 10 / 3600
+    assert rows.capacity_ampere_hour[1] == pytest.approx(2.0 + held, abs=0.01)
+
+
+def test_a_record_from_an_unknown_start_begins_with_the_next_half():
+    found = run(series((1.0, 1.0), (-1.0, 0.0), soc=0.4))
+    assert found.rows.direction.tolist() == ["discharge"]
+    assert "the record begins with it at 3.400 V" in found.left_out[0]
+
+
+def test_nothing_complete_and_no_cut_off_are_refused():
+    with pytest.raises(Refusal, match="no complete cycle"):
+        run(series((-1.0, 0.5)))
+    with pytest.raises(Refusal, match="a cut-off is not stated"):
+        run(series((-1.0, 0.0)), upper=None)

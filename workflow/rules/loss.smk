@@ -1,0 +1,154 @@
+# What temperature takes: capacity, peaks of dQ/dV, fast charge, capacities over ageing cycles.
+
+SLOW_KINDS = (*CAPACITY_KINDS, "ica")
+
+
+def chambers(cell, *kinds):
+    """Chamber temperatures of a cell's tests that may be fitted, of these kinds."""
+    rows = tests(cell, *kinds, roles=["fit"])
+    return {row["ambient_temperature_celsius"] for row in rows} - {None}
+
+
+COLD = [cell for cell in CELLS if len(chambers(cell, *SLOW_KINDS)) >= 2]
+COLD_PEAKS = [cell for cell in CELLS if len(chambers(cell, "ica")) >= 2]
+COLD_FAST = [cell for cell in CELLS if len(chambers(cell, "fast_charge")) >= 3]
+LOSS_LAWS = [
+    *[f"results/capacity_loss_laws/{cell}.parquet" for cell in COLD],
+    *[f"results/fast_charge_laws/{cell}.parquet" for cell in COLD_FAST],
+    *everywhere("ageing_temperature_laws", "ageing"),
+]
+
+
+def facts_of_tests(wildcards):
+    """Of each of a cell's tests what tables say beside its results."""
+    return {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{wildcards.cell}/")}
+
+
+def fresh_peaks(cell):
+    """Charges for dQ/dV of a cell's earliest check-up, temperature known: age is not temperature."""
+    rows = tests(cell, "ica", roles=["fit"])
+    known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
+    first = min((row["cycle"] or 0 for row in known), default=0)
+    return {
+        row["test"]: row["ambient_temperature_celsius"]
+        for row in known
+        if (row["cycle"] or 0) == first
+    }
+
+
+rule capacity_loss:
+    input:
+        lambda w: fitted("capacity", w.cell, *SLOW_KINDS),
+    output:
+        losses="results/capacity_loss/{cell}.parquet",
+        laws="results/capacity_loss_laws/{cell}.parquet",
+    log:
+        "logs/capacity_loss/{cell}.log",
+    wildcard_constraints:
+        cell=either(COLD),
+    params:
+        settings=config["capacity_loss"],
+        tests=facts_of_tests,
+        code=code_of("capacity_loss"),
+    message:
+        "Capacity of {wildcards.cell} lost to temperature and rate: true and false."
+    script:
+        "../../scripts/capacity_loss.py"
+
+
+rule ica_temperature:
+    input:
+        curves=lambda w: [f"results/ica_curve/{w.cell}/{t}.parquet" for t in fresh_peaks(w.cell)],
+        peaks=lambda w: [f"results/ica/{w.cell}/{t}.parquet" for t in fresh_peaks(w.cell)],
+    output:
+        matches="results/ica_temperature/{cell}.parquet",
+        peaks="results/ica_temperature_peaks/{cell}.parquet",
+        curves="results/ica_temperature_curve/{cell}.parquet",
+    log:
+        "logs/ica_temperature/{cell}.log",
+    wildcard_constraints:
+        cell=either(COLD_PEAKS),
+    params:
+        settings=config["ica_temperature"],
+        tests=lambda w: fresh_peaks(w.cell),
+        code=code_of("ica_temperature"),
+    message:
+        "Peaks of incremental capacity of {wildcards.cell}, matched across temperatures."
+    script:
+        "../../scripts/ica_temperature.py"
+
+
+rule fast_charge:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+        basis="results/basis/{cell}.json",
+    output:
+        "results/fast_charge/{cell}/{test}.parquet",
+    log:
+        "logs/fast_charge/{cell}/{test}.log",
+    params:
+        settings=config["fast_charge"],
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("fast_charge"),
+    message:
+        "Fast charge of {wildcards.cell} in {wildcards.test}: what is in after {params.settings[minutes]} min."
+    script:
+        "../../scripts/fast_charge.py"
+
+
+rule fast_charge_law:
+    input:
+        lambda w: fitted("fast_charge", w.cell, "fast_charge"),
+    output:
+        laws="results/fast_charge_laws/{cell}.parquet",
+        points="results/fast_charge_points/{cell}.parquet",
+    log:
+        "logs/fast_charge_laws/{cell}.log",
+    wildcard_constraints:
+        cell=either(COLD_FAST),
+    params:
+        tests=facts_of_tests,
+        code=code_of("fast_charge_law"),
+    message:
+        "Fast charge of {wildcards.cell} over temperature."
+    script:
+        "../../scripts/fast_charge_law.py"
+
+
+rule ageing_cycles:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+    output:
+        "results/ageing_cycles/{cell}/{test}.parquet",
+    log:
+        "logs/ageing_cycles/{cell}/{test}.log",
+    params:
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("ageing_cycles"),
+    message:
+        "Cycles of {wildcards.cell} in {wildcards.test}."
+    script:
+        "../../scripts/ageing_cycles.py"
+
+
+rule ageing_temperature:
+    input:
+        "results/ageing_cycles/{cell}/{test}.parquet",
+    output:
+        summary="results/ageing_temperature/{cell}/{test}.parquet",
+        laws="results/ageing_temperature_laws/{cell}/{test}.parquet",
+        cycles="results/ageing_temperature_cycles/{cell}/{test}.parquet",
+        periodogram="results/ageing_temperature_periods/{cell}/{test}.parquet",
+    log:
+        "logs/ageing_temperature/{cell}/{test}.log",
+    params:
+        settings=config["ageing"],
+        code=code_of("ageing_temperature"),
+    message:
+        "Fade, temperature and daily cycle of {wildcards.cell} in {wildcards.test}."
+    script:
+        "../../scripts/ageing_temperature.py"
