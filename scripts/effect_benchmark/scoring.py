@@ -113,10 +113,18 @@ def _row(hidden, answer, method):
         "strength_millivolt": max(strength, default=0.0),
         "dynamic": bool(names) and names <= set(DYNAMIC),
         "tie": any(len(one["accept"]) > 1 for one in hidden["effects"]),
+        "branch_right": _branch_right(hidden, said),
         "reason": answer["reason"] if answer else "",
         "gap_closed": answer["gap_closed"] if answer else np.nan,
         **{name: answer[name] if answer else np.nan for name in ANSWERED},
     }
+
+
+def _branch_right(hidden, said):
+    """Whether the first effect said of a group is in the branch where it is hidden."""
+    true = [one.get("parameters", {}).get("branch") for one in hidden["effects"]]
+    found = [one.get("branch") for one in said["effects"]] if said else []
+    return bool(true and found and true[0] is not None and true[0] == found[0])
 
 
 def _near(one):
@@ -134,6 +142,11 @@ def share(name, table, hit, side="", wanted=float("nan")) -> Share:
 def right(table):
     """Rightly named, ties included."""
     return table["outcome"].isin(verdicts.NAMED)
+
+
+def first(table):
+    """The first name said is the one hidden, alternatives not counted."""
+    return table["said"].str.split(" + ", regex=False).str[0] == table["hidden"]
 
 
 def is_outcome(*names):
@@ -202,8 +215,8 @@ def _beyond(mine):
     return [
         share("cells by physics, paired: right class", named, right, "at least", 0.8),
         share("cells by physics, paired: alarms", _healthy(physics), alarm, "at most", 0.15),
-        share("groups: right class of visible effects", found, right),
-        share("groups: false alarms", _healthy(groups), alarm),
+        share("groups, branch currents logged: right class first", found, first),
+        share("groups, branch currents logged: alarms", _healthy(groups), alarm),
     ]
 
 
