@@ -43,8 +43,8 @@ def branches(verdict, series):
         rows = proof & (series["test"] == test)
         one = {key: values[rows] for key, values in series.items()}
         for place, panel in enumerate(panels):
-            _panel(axes[2 * place : 2 * place + 2, column], one, panel, models)
-        axes[0, column].set(title=f"{test}: {axes[0, column].get_title()}")
+            title = f"{test}: {panel[0]}" if place == 0 else panel[0]
+            _panel(axes[2 * place : 2 * place + 2, column], one, (title, *panel[1:]), models)
         axes[-1, column].set(xlabel="time [h]")
     figure.legend_once(axes[0, 0], loc="best")
     return canvas

@@ -122,9 +122,8 @@ def _row(hidden, answer, method):
 
 def _branch_right(hidden, said):
     """Whether the first effect said of a group is in the branch where it is hidden."""
-    true = [one.get("parameters", {}).get("branch") for one in hidden["effects"]]
-    found = [one.get("branch") for one in said["effects"]] if said else []
-    return bool(true and found and true[0] is not None and true[0] == found[0])
+    true = [one.get("parameters", {}).get("branch", 0) for one in hidden["effects"]]
+    return bool(true and said and [one.get("branch") for one in said["effects"]][:1] == true)
 
 
 def _near(one):
@@ -214,14 +213,20 @@ def _beyond(mine):
     alarm = is_outcome("false alarm")
     return [
         share("cells by physics, paired: right class", named, right, "at least", 0.8),
-        share("cells by physics, paired: alarms", _healthy(physics), alarm, "at most", 0.15),
+        share(
+            "cells by physics, paired: alarms",
+            physics[physics["kind"].isin(verdicts.HEALTHY)],
+            alarm,
+            "at most",
+            0.15,
+        ),
         share("groups, branch currents logged: right class first", found, first),
-        share("groups, branch currents logged: alarms", _healthy(groups), alarm),
+        share(
+            "groups, branch currents logged: alarms",
+            groups[groups["kind"].isin(verdicts.HEALTHY)],
+            alarm,
+        ),
     ]
-
-
-def _healthy(table):
-    return table[table["kind"].isin(verdicts.HEALTHY)]
 
 
 def _cost(cells):

@@ -1,11 +1,11 @@
 """A parallel group for tests, by equations of its own: the branches' charges and relaxations as one
-linear system in time, integrated in fine explicit steps; none of the product's code."""
+linear system in time, integrated in fine steps of held currents; none of the product's code."""
 
 import math
 
 import numpy as np
 
-SECOND, FINE = 2.0, 0.1
+SECOND, FINE = 2.0, 0.2
 
 
 def ocv(soc):
@@ -13,7 +13,7 @@ def ocv(soc):
     return 3.3 + 0.75 * soc - 0.08 * math.exp(-12.0 * soc) + 0.03 * math.sin(5.0 * soc)
 
 
-def load(seed, hours=0.8):
+def load(seed, hours=0.5):
     """Total current, one value every SECOND [A]: rest, then pulses, mostly discharge, then rest."""
     random = np.random.default_rng(seed)
     rest, tail = np.zeros(60), np.zeros(60)
@@ -25,8 +25,8 @@ def plant(total, r0, r1, tau1, r2, tau2, capacity, soc):
     """Branch currents (n, b) and voltage (n,) under a total held between samples."""
     cells = [[z, 0.0, 0.0] for z in soc]  # SoC and both relaxations of each branch
     rates = [FINE / 3600.0 / q for q in capacity]
-    first = [(FINE / tau1, r * FINE / tau1) for r in r1]
-    second = [(FINE / tau2, r * FINE / tau2) for r in r2]
+    gone = [1.0 - math.exp(-FINE / tau) for tau in (tau1, tau2)]
+    first, second = [(gone[0], r * gone[0]) for r in r1], [(gone[1], r * gone[1]) for r in r2]
     flow = [1.0 / r for r in r0]
     all_flow = sum(flow)
     current, volt = np.empty((len(total), len(r0))), np.empty(len(total))

@@ -103,7 +103,8 @@ def test_without_branch_currents_no_name_is_sure(hidden):
 
 
 def test_the_same_records_give_the_same_verdict():
-    assert searched(wire=0.008).verdict == found(wire=0.008).verdict
+    asked = {"celsius": (25.0,), "warmer": 6.0}
+    assert searched(**asked).verdict == found(**asked).verdict
 
 
 def test_ranking_and_series_have_columns_of_one_length():

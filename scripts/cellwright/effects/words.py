@@ -19,6 +19,7 @@ def paragraph(verdict, library):
 
 
 def millivolt(volt):
+    """A voltage in words."""
     return f"{1e3 * volt:.1f} mV"
 
 
@@ -94,6 +95,7 @@ _SPELT = {
 
 
 def number(p):
+    """Value of a parameter of a verdict, with standard deviation and unit."""
     unit = "" if p["unit"] == "1" else f" {p['unit']}"
     return f"{p['value']:.3g} ± {p['std']:.1g}{unit}"
 
