@@ -132,11 +132,6 @@ def right(table):
     return table["outcome"].isin(verdicts.NAMED)
 
 
-def first(table):
-    """The first name said is the one hidden, alternatives not counted."""
-    return table["said"].str.split(" + ", regex=False).str[0] == table["hidden"]
-
-
 def is_outcome(*names):
     """Hit function for `share`."""
     return lambda table: table["outcome"].isin(names)
@@ -209,7 +204,7 @@ def _beyond(mine):
             "at most",
             0.15,
         ),
-        share("groups, branch currents logged: right class first", found, first),
+        share("groups, branch currents logged: right class first", found, truth.first),
         share(
             "groups, branch currents logged: alarms",
             _healthy(groups),

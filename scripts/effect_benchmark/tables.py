@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 
 from effect_benchmark import methods
-from effect_benchmark.scoring import DYNAMIC, Share, first, is_outcome, right, share
+from effect_benchmark.scoring import DYNAMIC, Share, is_outcome, right, share
+from effect_benchmark.truth import first
 from virtual_lab.score import verdicts
 
 CONTROLS = (methods.RANDOM, methods.PERMUTED, methods.EXTRA)

@@ -17,3 +17,8 @@ def branch_right(hidden: dict, said: dict | None) -> bool:
     """Whether the first effect said of a group is in the branch where it is hidden."""
     true = [one.get("parameters", {}).get("branch", 0) for one in hidden["effects"]]
     return bool(true and said and [one.get("branch") for one in said["effects"]][:1] == true)
+
+
+def first(table):
+    """The first name said is the one hidden, alternatives not counted."""
+    return table["said"].str.split(" + ", regex=False).str[0] == table["hidden"]
