@@ -46,7 +46,7 @@ def branches(verdict, series):
             title = f"{test}: {panel[0]}" if place == 0 else panel[0]
             _panel(axes[2 * place : 2 * place + 2, column], one, (title, *panel[1:]), models)
         axes[-1, column].set(xlabel="time [h]")
-    figure.legend_once(axes[0, 0], loc="best")
+    canvas.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return canvas
 
 
