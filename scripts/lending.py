@@ -2,6 +2,7 @@
 
 import artefact
 from cellwright.effects.finding import Reference
+from cellwright.effects.group_prepare import KnownCell
 from cellwright.models.basis import Lender
 from cellwright.models.cell import FitTest
 
@@ -50,6 +51,13 @@ def tests(paths) -> list[FitTest]:
         FitTest(about["params"]["test"] | {"test": about["wildcards"]["test"]}, series)
         for series, about in artefact.load_all(paths)
     ]
+
+
+def known_cells(branches, lenders, paths) -> list[KnownCell]:
+    """What each branch of a group is known by; `lenders`: whose model it is, by cell."""
+    models = {about["wildcards"]["cell"]: model for model, about in artefact.load_all(paths)}
+    sources = [lenders.get(row["cell"], row["cell"]) for row in branches]
+    return [KnownCell(models.get(source), source) for source in sources]
 
 
 def references(rows, basis_paths, series_paths) -> list[Reference]:

@@ -10,7 +10,8 @@ import artefact
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
 SHOWN_ROWS = 60
-PROOFS = [f"effect_{name}" for name in ("validation", "map", "evidence", "ranking", "confounding")]
+NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
+PROOFS = [f"effect_{name}" for name in NAMES]
 NO_MODEL = {
     "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, a "
     "modelled cell of the same chemistry and rating to borrow from, or branch currents of a group.",

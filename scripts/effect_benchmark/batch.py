@@ -12,7 +12,7 @@ from cellwright.effects.finding import settings_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
 from cellwright.refusal import Refusal
-from effect_benchmark import answers, controls, loading
+from effect_benchmark import answers, controls, groups, loading
 from effect_benchmark.methods import BIC, EXTRA, LEFT_OUT, PERMUTED, RANDOM, SEARCH, VALIDATION
 from storage import plain
 
@@ -27,7 +27,7 @@ class Task(NamedTuple):
     settings : of the search, as `finding.missing_effect` takes them. left_out : ids that the second
     search of a cell does without, by cell. paired_chemistry : of cells that are held against their
     references. seed : of the controls. control_every : which part of the cells has second search
-    and controls.
+    and controls. of_groups : settings of the search in groups.
     """
 
     place: loading.Place
@@ -38,6 +38,7 @@ class Task(NamedTuple):
     paired_chemistry: str
     seed: int
     control_every: int
+    of_groups: dict
 
 
 def task(folder, left_out: dict, config: dict) -> Task:
@@ -46,7 +47,8 @@ def task(folder, left_out: dict, config: dict) -> Task:
     Parameters
     ----------
     folder : of the campaign. left_out : ids by cell.
-    config : sections clean, segment, ocv, models, missing_effect and benchmark.
+    config : sections clean, segment, ocv, models, missing_effect, missing_effect_group and
+    benchmark.
     """
     place, chosen = loading.place(folder), config["benchmark"]
     steps = loading.Steps(*(config[name] for name in SETTLED))
@@ -55,7 +57,7 @@ def task(folder, left_out: dict, config: dict) -> Task:
     settings = {"most_rows": MOST_ROWS} | config["missing_effect"] | split
     names = ("paired_chemistry", "seed", "control_every")
     choices = (left_out, *(chosen[name] for name in names))
-    return Task(place, steps, known, settings, *choices)
+    return Task(place, steps, known, settings, *choices, config["missing_effect_group"])
 
 
 def answered(work: Task, number: int, of: int) -> list[dict]:
@@ -87,9 +89,15 @@ def _case(work, cell):
     return prepare.prepared(row, basis, mine, **options).case
 
 
-# The place for the search of groups: one row of method SEARCH.
 def _group_rows(work, group):
-    return []
+    """A group beside what its cells are by themselves, in each way to look at it."""
+    branches = work.place.branches[group]
+    cells = [groups.known(row["cell"], _case(work, row["cell"])) for row in branches]
+    tests = loading.tests_of(work.place, group, work.steps)
+    return [
+        _row(group, method, said, rounds=len(said["effects"]) + 1 if said else 0, **cost)
+        for method, said, cost in groups.answers(group, branches, cells, tests, work.of_groups)
+    ]
 
 
 def _paired_rows(work, cell, case):

@@ -20,7 +20,7 @@ COUNTED = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_
 
 
 class Place(NamedTuple):
-    """A campaign's folder and sheets; the rows of tests by cell or group, branches by group."""
+    """A campaign's folder and sheets; the rows of tests by cell or group, of branches by group."""
 
     folder: Path
     cells: dict
@@ -51,13 +51,13 @@ def place(folder) -> Place:
     for row in read.tests:
         tests.setdefault(row["cell"], []).append(row)
     for row in sorted(read.groups, key=lambda row: row["position"]):
-        branches.setdefault(row["group"], []).append(row["cell"])
+        branches.setdefault(row["group"], []).append(row)
     return Place(Path(folder), {row["cell"]: row for row in read.cells}, tests, branches)
 
 
 def searched(place: Place) -> list[str]:
     """Cells and groups that a search is for: no reference, and no branch of a group."""
-    inside = {cell for cells in place.branches.values() for cell in cells}
+    inside = {row["cell"] for rows in place.branches.values() for row in rows}
     cells = [c for c, row in place.cells.items() if row["reference"] != "yes" and c not in inside]
     return sorted([*cells, *place.branches])
 
@@ -67,7 +67,7 @@ def lenders(place: Place, steps: Steps) -> dict[str, list[Lender]]:
     found = {}
     for cell, row in place.cells.items():
         if row["reference"] == "yes":
-            records = _records(place, cell, steps)
+            records = tests_of(place, cell, steps)
             one = Lender(cell, True, _curves(records, row, steps), _capacities(records, row, steps))
             found.setdefault(row["chemistry"], []).append(one)
     return found
@@ -80,7 +80,7 @@ def loaded(place: Place, cell: str, known: dict[str, list[Lender]], steps: Steps
     ------
     Refusal : a file that cannot be read, or no capacity.
     """
-    row, records = place.cells[cell], _records(place, cell, steps)
+    row, records = place.cells[cell], tests_of(place, cell, steps)
     found = basis(
         cell,
         _curves(records, row, steps),
@@ -91,7 +91,8 @@ def loaded(place: Place, cell: str, known: dict[str, list[Lender]], steps: Steps
     return Loaded(row, found, records)
 
 
-def _records(place, cell, steps):
+def tests_of(place: Place, cell: str, steps: Steps) -> list[FitTest]:
+    """The cleaned tests of a cell or group."""
     return [
         FitTest({name: row[name] for name in FACTS}, _series(place, row, steps))
         for row in place.tests[cell]

@@ -12,6 +12,11 @@ WORDS = {
     "permuted_current": "the same effect from a current in another order",
     "extra_rc": "an extra RC pair, always added",
 }
+LOGGED = {
+    "search": "branch currents, drives at three temperatures",
+    "one_temperature": "branch currents, drives near 25 °C only",
+    "no_branch_currents": "the group's voltage and current only",
+}
 MARK = {True: "yes", False: "**no**", None: "–"}
 INTRODUCTION = """# The benchmark of the missing effect
 
@@ -51,6 +56,11 @@ def markdown(table, options: str) -> str:
         "held against the same gates. Charge that passed is the same in any order: of effects\n"
         "that follow it (leakage, efficiency, capacity), much survives another order.\n\n"
         + _controls(tables.controls(table)),
+        "## Parallel groups\n\n"
+        "Each group is held against models of its cells by themselves. The strength is what a\n"
+        "branch current has of its own, times that cell's resistance. Without branch currents\n"
+        "a verdict is at best ambiguous, and its first name a guess.\n\n"
+        + _groups(tables.groups(table)),
         "## Where it is wrong\n\n" + _misses(tables.misses(table)),
     ]
     return "\n".join(parts)
@@ -129,6 +139,20 @@ def _rankings(rows):
     header = ["ranking by", "right class of visible dynamic effects", "false names", "false alarms"]
     names = ("right", "false_names", "alarms")
     return lines(header, [[WORDS[r["method"]], *(percent(r[n]) for n in names)] for r in rows])
+
+
+def _groups(rows):
+    header = [
+        "what was logged",
+        "first name right, of visible effects",
+        "right, ties counted",
+        "right name in the right branch",
+        "an extra name",
+        "alarms on healthy groups",
+        "a branch's sensor named, of all groups",
+    ]
+    names = ("first", "right", "branch", "extra", "alarms", "sensors")
+    return lines(header, [[LOGGED[r["method"]], *(percent(r[n]) for n in names)] for r in rows])
 
 
 def _controls(rows):

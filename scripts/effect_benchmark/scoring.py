@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from effect_benchmark import truth
 from effect_benchmark.methods import LEFT_OUT, SEARCH
 from virtual_lab.score import files, verdicts
 from virtual_lab.score.summary import wilson
@@ -103,25 +104,20 @@ def _row(hidden, answer, method):
     said = json.loads(answer["document"]) if answer and answer["document"] else None
     asked = hidden | {"kind": "unknown"} if method == LEFT_OUT else hidden
     row = verdicts._judged(hidden["cell"], asked, said)
-    strength = [one.get("target_gap_millivolt") or _near(one) for one in hidden["effects"]]
     names = {one["effect"] for one in hidden["effects"]}
     outside = "outside: " if hidden["kind"] == "unknown" else ""
     return row | {
         "hidden": outside + row["hidden"],
         "method": method,
         "sort": SORTS[hidden["cell"][0]],
-        "strength_millivolt": max(strength, default=0.0),
+        "strength_millivolt": truth.strength(hidden),
         "dynamic": bool(names) and names <= set(DYNAMIC),
         "tie": any(len(one["accept"]) > 1 for one in hidden["effects"]),
+        "branch_right": truth.branch_right(hidden, said),
         "reason": answer["reason"] if answer else "",
         "gap_closed": answer["gap_closed"] if answer else np.nan,
         **{name: answer[name] if answer else np.nan for name in ANSWERED},
     }
-
-
-def _near(one):
-    """The asked strength nearest to the one that came out, where only that is told."""
-    return min((1.0, 2.5, 6.0), key=lambda v: abs(v - one.get("visible_gap_millivolt", 0.0)))
 
 
 def share(name, table, hit, side="", wanted=float("nan")) -> Share:
@@ -201,9 +197,19 @@ def _beyond(mine):
     alarm = is_outcome("false alarm")
     return [
         share("cells by physics, paired: right class", named, right, "at least", 0.8),
-        share("cells by physics, paired: alarms", _healthy(physics), alarm, "at most", 0.15),
-        share("groups: right class of visible effects", found, right),
-        share("groups: false alarms", _healthy(groups), alarm),
+        share(
+            "cells by physics, paired: alarms",
+            _healthy(physics),
+            alarm,
+            "at most",
+            0.15,
+        ),
+        share("groups, branch currents logged: right class first", found, truth.first),
+        share(
+            "groups, branch currents logged: alarms",
+            _healthy(groups),
+            alarm,
+        ),
     ]
 
 

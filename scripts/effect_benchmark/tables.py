@@ -5,6 +5,7 @@ import pandas as pd
 
 from effect_benchmark import methods
 from effect_benchmark.scoring import DYNAMIC, Share, is_outcome, right, share
+from effect_benchmark.truth import first
 from virtual_lab.score import verdicts
 
 CONTROLS = (methods.RANDOM, methods.PERMUTED, methods.EXTRA)
@@ -69,6 +70,31 @@ def left_out(table: pd.DataFrame) -> list[Share]:
     ]
 
 
+def groups(table: pd.DataFrame) -> list[dict]:
+    """Parallel groups by what of them was logged: named right, in the right branch, alarms.
+
+    `sensors`: answers that name the sensor of a branch; without branch currents nobody can know.
+    """
+    mine = table[table["sort"] == "group"]
+    ways = (methods.SEARCH, methods.ONE_TEMPERATURE, methods.BLIND)
+    return [_group_row(way, mine[mine["method"] == way]) for way in ways]
+
+
+def _group_row(way, mine):
+    found = mine[(mine["kind"] == "single") & mine["visible"]]
+    healthy = mine[mine["kind"].isin(verdicts.HEALTHY)]
+    answered = mine[mine["verdict"].notna()]
+    return {
+        "method": way,
+        "first": share("first name right", found, first),
+        "right": share("right, ties counted", found, right),
+        "branch": share("right name and branch", found, lambda t: first(t) & t["branch_right"]),
+        "extra": share("an extra name", found, lambda t: t["extra_names"] > 0),
+        "alarms": share("alarms", healthy, is_outcome("false alarm")),
+        "sensors": share("sensors", answered, lambda t: t["said"].str.contains("branch_current_")),
+    }
+
+
 def controls(table: pd.DataFrame) -> list[dict]:
     """Terms that must not help: how often they would be named, how much of the gap they close.
 
@@ -113,8 +139,8 @@ def _order(names, last):
 
 
 def misses(table: pd.DataFrame) -> list[dict]:
-    """Cells of the search whose answer is wrong, and cells without an answer, with the reason."""
-    mine = table[(table["method"] == methods.SEARCH) & (table["sort"] == "cell")]
+    """Cells and groups whose answer by the search is wrong, or that have none, with the reason."""
+    mine = table[(table["method"] == methods.SEARCH) & table["sort"].isin(["cell", "group"])]
     bad = mine["outcome"].isin(["false name", "false alarm", "missed", "one of two", "no verdict"])
     bad |= mine["outcome"] == "called unknown"
     names = ["cell", "hidden", "strength_millivolt", "verdict", "said", "outcome", "reason"]

@@ -8,12 +8,14 @@ import pytest
 from drawing import (
     effect_confounding,
     effect_evidence,
+    effect_group,
     effect_map,
     effect_ranking,
     effect_validation,
     missing_effect,
 )
 
+BOTH = ("before", "after")
 GATES = {"bic": 10, "validation_chi_square": 25}
 SECOND = np.arange(0.0, 7200.0, 10.0)
 
@@ -171,6 +173,31 @@ def test_every_figure_of_the_rule_has_a_drawing():
 
     parts = {name: {} for name in ("evidence", "ranking", "confounding")}
     names = [name.removeprefix("effect_") for name in page.PROOFS]
-    assert sorted(names) == ["confounding", "evidence", "map", "ranking", "validation"]
+    known = ["branches", "confounding", "evidence", "map", "ranking", "validation"]
+    assert sorted(names) == known
     for name in parts:
         rendered(missing_effect.draw(name, parts, GATES))
+
+
+def test_a_group_is_drawn_branch_by_branch():
+    one = series(("drive", "validation"), ("soft", "fit"))
+    for k in (1, 2):
+        one |= {f"soc_branch_{k}": one["voltage_volt"]}
+        one |= {f"branch_{k}_current_ampere": one["voltage_volt"]}
+        one |= {f"{end}_branch_{k}_current_ampere": one[f"{end}_volt"] for end in BOTH}
+    found = {"effects": [{"effect": "branch_capacity"}], "partial": []}
+    panels = rendered(effect_group.branches(found, one))
+    assert [title(panel) for panel in panels][::2] == ["drive: branch 1", "branch 2"]
+    assert "1 mA" in title(panels[1])
+    blind = {name: x for name, x in one.items() if not name.startswith("branch_")}
+    assert len(rendered(effect_group.branches(found, blind))) == 2
+
+
+def test_the_ranking_of_a_group_names_the_branch():
+    row = {"round": 1, "delta_bic": 900.0, "delta_validation_chi_square": 90.0, "j": 990.0}
+    row |= {"effect": "branch_capacity", "branch": 2, "chosen": True, "tied": False}
+    columns = {name: [value] for name, value in (row | {"in_range": True}).items()}
+    parts = {"ranking": columns}
+    (panel,) = rendered(effect_group.draw("ranking", parts, GATES))[:1]
+    assert panel.get_yticklabels()[0].get_text() == "capacity of branch 2"
+    rendered(effect_group.draw("ranking", {"ranking": {}}, GATES))

@@ -109,3 +109,41 @@ def test_the_page_says_every_goal_and_marks_what_was_missed(table):
 def test_figures_are_drawn(table):
     assert len(pictures.power(table).axes) >= 4
     assert pictures.confusion(table).axes[0].get_xlabel() == "first answer"
+
+
+BRANCH = {"branch": 2}
+GROUP_TRUTH = [
+    hidden("g0001", "single", "branch_capacity"),
+    hidden("g0002", "none", visible=False),
+    hidden("g0003", "single", "branch_temperature"),
+]
+for one in (e for row in GROUP_TRUTH for e in row["effects"]):
+    one["parameters"] = BRANCH
+
+
+def group_answer(cell, word, *effects, method=methods.SEARCH, branch=2, tied=()):
+    row = answer(cell, word, *effects, method=method, tied=tied)
+    document = json.loads(row["document"])
+    document["effects"] = [one | {"branch": branch} for one in document["effects"]]
+    return row | {"document": json.dumps(document)}
+
+
+GROUP_ANSWERS = [
+    group_answer("g0001", "named", "branch_capacity"),
+    group_answer("g0002", "none"),
+    group_answer("g0003", "named", "branch_temperature", branch=1),
+    group_answer("g0001", "ambiguous", "branch_current_gain", method=methods.BLIND, tied=BRANCH),
+    group_answer("g0002", "none", method=methods.BLIND),
+]
+
+
+def test_groups_are_told_by_what_was_logged(tmp_path):
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(GROUP_TRUTH))
+    table = scoring.judged(tmp_path, GROUP_ANSWERS)
+    logged, one_temperature, blind = tables.groups(table)
+    counts = {name: (logged[name].hits, logged[name].of) for name in ("first", "branch", "alarms")}
+    assert counts == {"first": (2, 2), "branch": (1, 2), "alarms": (0, 1)}
+    assert one_temperature["first"].of == 0
+    assert (blind["first"].hits, blind["sensors"].hits, blind["sensors"].of) == (0, 1, 2)
+    assert "the group's voltage and current only" in page.markdown(table, "seed=1")

@@ -1,12 +1,14 @@
 """The pair of `group_plant` as the product knows it, and its records."""
 
+from functools import cache
+
 import group_plant
 import numpy as np
 
 from cellwright.effects.group_model import Branch
 from cellwright.effects.group_records import GroupRecord
 
-TABLE = group_plant.ocv(np.linspace(0.0, 1.0, 401))
+TABLE = np.array([group_plant.ocv(soc) for soc in np.linspace(0.0, 1.0, 401).tolist()])
 CELLS = [
     Branch(
         f"c{b}",
@@ -22,7 +24,10 @@ CELLS = [
 ]
 
 
+measured = cache(group_plant.measured)
+
+
 def record(name, seed, *, currents=True, celsius=25.0, **hidden):
-    time, total, volt, read = group_plant.measured(seed, celsius=celsius, **hidden)
+    time, total, volt, read = measured(seed, celsius=celsius, **hidden)
     read = read if currents else None
     return GroupRecord(name, time, total, volt, np.full(len(time), celsius), read)

@@ -1,17 +1,19 @@
 """A parallel group for tests, by equations of its own: the branches' charges and relaxations as one
-linear system in time, integrated in fine explicit steps; none of the product's code."""
+linear system in time, integrated in fine steps of held currents; none of the product's code."""
+
+import math
 
 import numpy as np
 
-SECOND, FINE = 2.0, 0.1
+SECOND, FINE = 2.0, 0.2
 
 
 def ocv(soc):
-    """OCV of all cells [V]."""
-    return 3.3 + 0.75 * soc + 0.08 * np.exp(-12.0 * soc) * -1.0 + 0.03 * np.sin(5.0 * soc)
+    """OCV of all cells at one SoC [V]."""
+    return 3.3 + 0.75 * soc - 0.08 * math.exp(-12.0 * soc) + 0.03 * math.sin(5.0 * soc)
 
 
-def load(seed, hours=0.8):
+def load(seed, hours=0.5):
     """Total current, one value every SECOND [A]: rest, then pulses, mostly discharge, then rest."""
     random = np.random.default_rng(seed)
     rest, tail = np.zeros(60), np.zeros(60)
@@ -21,18 +23,24 @@ def load(seed, hours=0.8):
 
 def plant(total, r0, r1, tau1, r2, tau2, capacity, soc):
     """Branch currents (n, b) and voltage (n,) under a total held between samples."""
-    soc, v1, v2 = np.array(soc, float), np.zeros(len(r0)), np.zeros(len(r0))
+    cells = [[z, 0.0, 0.0] for z in soc]  # SoC and both relaxations of each branch
+    rates = [FINE / 3600.0 / q for q in capacity]
+    gone = [1.0 - math.exp(-FINE / tau) for tau in (tau1, tau2)]
+    first, second = [(gone[0], r * gone[0]) for r in r1], [(gone[1], r * gone[1]) for r in r2]
+    flow = [1.0 / r for r in r0]
+    all_flow = sum(flow)
     current, volt = np.empty((len(total), len(r0))), np.empty(len(total))
-    for k, ampere in enumerate(total):
-        for sub in range(int(SECOND / FINE)):
-            source = ocv(soc) + v1 + v2
-            one = (ampere + (source / r0).sum()) / (1.0 / r0).sum()
-            branch = (one - source) / r0
+    for k, ampere in enumerate(total.tolist()):
+        for sub in range(round(SECOND / FINE)):
+            source = [ocv(z) + u + v for z, u, v in cells]
+            one = (ampere + sum(s * g for s, g in zip(source, flow, strict=True))) / all_flow
+            branch = [(one - s) * g for s, g in zip(source, flow, strict=True)]
             if sub == 0:
                 current[k], volt[k] = branch, one
-            soc = soc + branch * FINE / 3600.0 / capacity
-            v1 = v1 + FINE * (r1 * branch - v1) / tau1
-            v2 = v2 + FINE * (r2 * branch - v2) / tau2
+            for b, cell in enumerate(cells):
+                cell[0] += branch[b] * rates[b]
+                cell[1] += first[b][1] * branch[b] - first[b][0] * cell[1]
+                cell[2] += second[b][1] * branch[b] - second[b][0] * cell[2]
     return current, volt
 
 
@@ -66,13 +74,13 @@ def measured(
     total = load(seed)
     current, volt = plant(
         total,
-        R0 * factor + WIRE + wire * own,
-        R1 * factor,
+        (R0 * factor + WIRE + wire * own).tolist(),
+        (R1 * factor).tolist(),
         TAU1,
-        R2 * factor,
+        (R2 * factor).tolist(),
         TAU2,
-        CAPACITY * (1.0 + capacity * own),
-        0.9 + soc * own,
+        (CAPACITY * (1.0 + capacity * own)).tolist(),
+        (0.9 + soc * own).tolist(),
     )
     random = np.random.default_rng(seed + 100)
     volt = volt + random.normal(0.0, 1e-3, len(volt))

@@ -1,19 +1,28 @@
 """Missing effects of parallel groups: truth of another simulation found again, and refusals."""
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cellwright.effects.group_finding import branch_of, group_finding
+from cellwright.effects.group_model import group_run
+from cellwright.effects.group_model_file import fields_of
+from cellwright.effects.group_records import group_stacked
 from cellwright.refusal import Refusal
 
 sys.path.insert(0, str(Path(__file__).parent))
 from group_pair import CELLS, TABLE, record
 
 
-def found(*, celsius=(25.0, 5.0), **hidden):
+@cache
+def found(**asked):
+    return searched(**asked)
+
+
+def searched(*, celsius=(25.0, 5.0), **hidden):
     fits = [("fit", record(f"fit{t:g}", 1, celsius=t, **hidden)) for t in celsius]
     judge = ("validation", record("judge", 2, **hidden))
     return group_finding("pair", CELLS, [*fits, judge], initial_soc=(0.9, 0.9))
@@ -36,8 +45,27 @@ def test_the_effect_of_one_branch_is_named_with_its_size(effect):
     verdict = found(**{name: size}).verdict
     first = verdict["effects"][0]
     assert (first["effect"], first["branch"]) == (effect, 2)
-    assert first["parameters"][parameter]["value"] == pytest.approx(size, rel=0.15)
+    told = first["parameters"][parameter]
+    assert told["value"] == pytest.approx(size, rel=0.15)
+    assert abs(told["value"] - size) < 3 * told["std"] + 0.02 * abs(size)
     assert verdict["gap_closed"] > 0.9
+
+
+def test_the_gap_closed_is_the_contracts():
+    verdict = found(wire=0.008).verdict
+    floor, both = verdict["floor_volt"], verdict["validation_rmse_volt"]
+    left, whole = (both[end] ** 2 - floor**2 for end in ("after", "before"))
+    assert verdict["gap_closed"] == pytest.approx(1.0 - left / whole)
+    assert verdict["effects"][0]["gap_closed"] == pytest.approx(verdict["gap_closed"])
+
+
+def test_the_model_of_a_group_runs_as_the_search_left_it():
+    result = found(wire=0.008)
+    fits = [record(f"fit{t:g}", 1, celsius=t, wire=0.008) for t in (25.0, 5.0)]
+    stack = group_stacked(fits, branches=2, hold=result.model["hold"])
+    voltage = group_run(fields_of(result.model), stack).voltage
+    fitted = result.series["role"] == "fit"
+    assert voltage == pytest.approx(result.series["after_volt"][fitted], abs=1e-12)
 
 
 def test_a_healthy_group_lacks_nothing():
@@ -75,7 +103,8 @@ def test_without_branch_currents_no_name_is_sure(hidden):
 
 
 def test_the_same_records_give_the_same_verdict():
-    assert found(wire=0.008).verdict == found(wire=0.008).verdict
+    asked = {"celsius": (25.0,), "warmer": 6.0}
+    assert searched(**asked).verdict == found(**asked).verdict
 
 
 def test_ranking_and_series_have_columns_of_one_length():

@@ -71,6 +71,15 @@ def test_the_search_has_one_set_of_defaults():
     assert chosen == others | Gates()._asdict() | tolerances
 
 
+def test_the_search_in_groups_has_one_set_of_defaults():
+    from cellwright.effects.group_prepare import SECTIONS
+
+    chosen = settings.defaults(CONFIG)["missing_effect_group"]
+    assert {name: chosen[name] for name in SECTIONS} == {
+        name: kind()._asdict() for name, kind in SECTIONS.items()
+    }
+
+
 def test_rules_and_schema_know_the_same_sections():
     used = set(re.findall(r'config\["(\w+)"\]', TEXT))
     known = set(CONFIG["properties"])

@@ -144,6 +144,13 @@ def test_a_cell_without_a_test_for_proof_is_told_why_it_has_no_verdict(copy):
     assert "missing_effect" not in {row["stage"] for row in table(run, "excluded")}
 
 
+def test_a_group_with_one_test_is_told_why_it_has_no_verdict(first):
+    path = first.folder / "results/missing_effect/pair/verdict.json"
+    about = json.loads(path.read_text())["provenance"]
+    assert "another of role validation were wanted" in about["reason"]
+    assert "What one of its branches has of its own" in report_of(first.folder).decode()
+
+
 def test_the_parallel_pair_is_scored(first):
     rows = table(first, "packs")
     assert [(row["group"], row["cell"]) for row in rows] == [("pair", "A"), ("pair", "B")]
@@ -173,6 +180,7 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     on_the_way = ["ingest", "clean", "segment", "validate", "soc"]
     on_the_way += ["figure_records", "figure_validation", "figure_soc"]
     on_the_way += ["effect_search", "missing_effect", "figure_missing_effect"]
+    on_the_way += ["missing_effect_group"]
     together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
     maybe = ["model", "export", "pack", "figure_pack", "figure_parameters"]

@@ -69,7 +69,10 @@ rule effect_answers:
         batches=BENCHMARK["batches"],
         settings={
             name: config[name]
-            for name in ["clean", "segment", "ocv", "models", "missing_effect", "benchmark"]
+            for name in [
+                *["clean", "segment", "ocv", "models"],
+                *["missing_effect", "missing_effect_group", "benchmark"],
+            ]
         },
         code=code_of("effect_answers"),
     message:

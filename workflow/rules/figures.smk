@@ -26,10 +26,10 @@ for cell in CELLS:
         f"results/figures/{cell}/{name}.svg"
         for name in [n for n, has in names if has] + scored + filtered
     ]
-for group in PAIRS:
-    FIGURES[group] = [
-        f"results/figures/{group}/pack_{row['test']}.svg" for row in tests(group, "group")
-    ]
+for group in BRANCHES:
+    names = [f"effect_{name}" for name in ("branches", "ranking") if group in GROUPS_SEARCHED]
+    names += [f"pack_{row['test']}" for row in tests(group, "group") if group in PAIRS]
+    FIGURES[group] = [f"results/figures/{group}/{name}.svg" for name in names]
 
 
 def thumbnails(wildcards):

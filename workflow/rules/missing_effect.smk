@@ -13,7 +13,34 @@ def searchable(cell):
 # A cell with any such test has a verdict file; one that cannot be searched says there why.
 ASKED = [c for c in CELLS if config["missing_effect"]["enabled"] and tests(c, *EFFECT_KINDS)]
 SEARCHED = [cell for cell in ASKED if searchable(cell)]
-VERDICTS = [f"results/missing_effect/{cell}/verdict.json" for cell in ASKED]
+# A group is asked where it has tests. A branch is held against its cell's model, else its type's.
+GROUPS_ASKED = [
+    group for group in BRANCHES if config["missing_effect"]["enabled"] and tests(group, "group")
+]
+
+
+def lender(cell):
+    """The cell whose search tells what a branch's cell is like: itself, else one of its type."""
+    return next((c for c in [cell, *peers(cell)] if c in SEARCHED), cell)
+
+
+def group_models(wildcards):
+    """Models that the searches of a group's cells by themselves have left."""
+    lenders = dict.fromkeys(lender(row["cell"]) for row in BRANCHES[wildcards.group])
+    return [f"results/missing_effect/{cell}/model.json" for cell in lenders if cell in SEARCHED]
+
+
+def group_searchable(group):
+    """Whether its branches have models, and its tests leave one for proof."""
+    modelled = all(lender(row["cell"]) in SEARCHED for row in BRANCHES[group])
+    fit = tests(group, "group", roles=["fit"])
+    proof = tests(group, "group", roles=["validation"])
+    return modelled and (bool(fit and proof) or len(fit) >= 3)
+
+
+GROUPS_SEARCHED = [group for group in GROUPS_ASKED if group_searchable(group)]
+VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in ASKED + GROUPS_ASKED]
+GROUP_PARTS = ["ranking.parquet", "series.parquet", "model.json"]
 SPLIT = {"split_rest_second": config["models"]["split_rest_second"]}
 EFFECT_PARTS = [
     *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
@@ -59,6 +86,30 @@ rule effect_search:
         "../../scripts/missing_effect.py"
 
 
+rule missing_effect_group:
+    input:
+        models=group_models,
+        series=lambda w: artefacts("clean", w.group, "group"),
+    output:
+        verdict="results/missing_effect/{group}/verdict.json",
+        ranking="results/missing_effect/{group}/ranking.parquet",
+        series="results/missing_effect/{group}/series.parquet",
+        model="results/missing_effect/{group}/model.json",
+    log:
+        "logs/missing_effect/{group}.log",
+    wildcard_constraints:
+        group=either(GROUPS_ASKED),
+    params:
+        settings=config["missing_effect_group"],
+        branches=lambda w: BRANCHES[w.group],
+        lenders=lambda w: {row["cell"]: lender(row["cell"]) for row in BRANCHES[w.group]},
+        code=code_of("missing_effect_group"),
+    message:
+        "Search for what one branch of {wildcards.group} has of its own."
+    script:
+        "../../scripts/missing_effect_group.py"
+
+
 rule missing_effect:
     input:
         VERDICTS,
@@ -69,7 +120,7 @@ rule missing_effect:
     params:
         code=code_of("missing_effect_table"),
     message:
-        "Verdicts of the whole campaign: what the models of its cells lack."
+        "Verdicts of the whole campaign: what the models of its cells and groups lack."
     script:
         "../../scripts/missing_effect_table.py"
 
@@ -90,6 +141,8 @@ rule figure_missing_effect:
         confounding="results/figures/{cell}/effect_confounding.svg",
     log:
         "logs/figures/{cell}_missing_effect.log",
+    wildcard_constraints:
+        cell=either(ASKED),
     params:
         gates=config["missing_effect"],
         code=code_of("figure_missing_effect"),
@@ -97,3 +150,24 @@ rule figure_missing_effect:
         "Figures: what the model of {wildcards.cell} lacks, and how one can see it."
     script:
         "../../scripts/figure_missing_effect.py"
+
+
+rule figure_missing_effect_group:
+    input:
+        verdict="results/missing_effect/{group}/verdict.json",
+        ranking="results/missing_effect/{group}/ranking.parquet",
+        series="results/missing_effect/{group}/series.parquet",
+    output:
+        branches="results/figures/{group}/effect_branches.svg",
+        ranking="results/figures/{group}/effect_ranking.svg",
+    log:
+        "logs/figures/{group}_missing_effect.log",
+    wildcard_constraints:
+        group=either(GROUPS_ASKED),
+    params:
+        gates=config["missing_effect_group"]["gates"],
+        code=code_of("figure_missing_effect_group"),
+    message:
+        "Figures: what one branch of {wildcards.group} has of its own, and how one can see it."
+    script:
+        "../../scripts/figure_missing_effect_group.py"

@@ -121,7 +121,7 @@ def of_case(name, case, library):
         _series(case, rounds[0].before, found.last),
         _confounding(case, rounds, library),
         menu,
-        _model(case, found.last if found.word in KEPT else rounds[0].before),
+        model_of(case, found.last if found.word in KEPT else rounds[0].before),
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
     )
 
@@ -231,7 +231,7 @@ def _confounding(case, rounds, library):
     return ties.confounding(ties.shown(case, library, model, spread=rounds[0].noise))
 
 
-def _model(case, state):
+def model_of(case, state):
     """A model with its effects: all that `base.voltage` needs, and how sure each number is."""
     return {
         "capacity_ampere_hour": case.cell.capacity_ampere_hour,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.base import OCV_KNOTS
-from cellwright.effects.group_case import GroupCase, GroupGates
+from cellwright.effects.group_case import LOADED_C_RATE, GroupCase, GroupGates
 from cellwright.effects.group_free import Shared, Spread
 from cellwright.effects.group_model import (
     Branch,
@@ -14,6 +14,7 @@ from cellwright.effects.group_model import (
     smooth_ocv,
     smooth_shares,
 )
+from cellwright.effects.group_model_file import document
 from cellwright.effects.group_records import group_stacked
 from cellwright.effects.group_search import group_search
 from cellwright.effects.group_verdict import group_verdict
@@ -25,11 +26,14 @@ FIRST_ROWS = 3
 
 
 class GroupFinding(NamedTuple):
-    """verdict : dict of the contract. ranking, series : dicts of columns."""
+    """verdict : dict of the contract. ranking, series : dicts of columns. model : dict, see
+    `group_model_file.document`. notes : tuple of str."""
 
     verdict: dict
     ranking: dict
     series: dict
+    model: dict
+    notes: tuple = ()
 
 
 def group_finding(group, cells, records, *, initial_soc=None, settings=None, hold="zero_order"):
@@ -39,8 +43,8 @@ def group_finding(group, cells, records, *, initial_soc=None, settings=None, hol
     ----------
     group : name. cells : sequence of Branch, in the order of the branches.
     records : sequence of (role, GroupRecord), role "fit" or "validation".
-    initial_soc : (b,) stated SoC at the start of every record [1], or None: all alike, from the
-        voltage of the first rows.
+    initial_soc : (b,) stated SoC at the start of every record that states none of its own [1], or
+        None: all alike, from the voltage of the first rows.
     settings : dict of tuples by name: "spread" (Spread), "shared" (Shared), "gates" (GroupGates);
         those that lack are at their defaults.
     hold : of the total current between rows, see `group_stacked`.
@@ -51,12 +55,15 @@ def group_finding(group, cells, records, *, initial_soc=None, settings=None, hol
 
     Raises
     ------
-    Refusal : no record to fit or none that judges; see `group_stacked`.
+    Refusal : no record to fit or none that judges; a record without a stated SoC that begins under
+        load; see `group_stacked`.
     """
     case = _case(cells, records, initial_soc, settings or {}, hold)
     rounds = group_search(case, GROUP_LIBRARY)
     verdict = group_verdict(group, case, rounds, GROUP_LIBRARY)
-    return GroupFinding(verdict, _ranking(rounds), _series(case, rounds))
+    settled = verdict["verdict"] in ("named", "ambiguous")
+    kept = rounds[-1].before if settled else rounds[0].before
+    return GroupFinding(verdict, _ranking(rounds), _series(case, rounds), document(case, kept))
 
 
 def branch_of(cell, model, *, wire_ohm=0.0, own=True):
@@ -109,8 +116,12 @@ def _case(cells, records, initial_soc, settings, hold):
 def _stated(cells, record, initial_soc):
     """SoC of all branches at the start of a record (b,)."""
     # ASSUME: Where no SoC is stated, a record begins with the group at rest and its cells alike.
-    if initial_soc is not None:
-        return np.asarray(initial_soc, float)
+    stated = initial_soc if record.initial_soc is None else record.initial_soc
+    if stated is not None:
+        return np.asarray(stated, float)
+    rating = sum(cell.capacity_ampere_hour for cell in cells)
+    if abs(record.current_ampere[0]) > LOADED_C_RATE * rating:
+        raise Refusal(f"{record.test} begins under load, and no SoC at its start is stated")
     ocv = np.mean([cell.ocv_volt for cell in cells], axis=0)
     volt = np.median(record.voltage_volt[:FIRST_ROWS])
     found = np.interp(volt, np.maximum.accumulate(ocv), np.linspace(0.0, 1.0, len(ocv)))
@@ -154,19 +165,23 @@ def _series(case, rounds):
         for state in ends:
             values = state.solution.values if role == "fit" else state.values_at_validation
             runs.append(group_run(group_fields(case.cells, soc, values, state.placed), stack))
-        for name, column in _columns(role, stack, runs).items():
+        for name, column in _columns(role, stack, runs, case.cells).items():
             found.setdefault(name, []).append(column)
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-def _columns(role, stack, runs):
+def _columns(role, stack, runs, cells):
     before, after = runs
+    capacity = np.array([cell.capacity_ampere_hour for cell in cells])
+    share = capacity / capacity.sum()
     columns = {
         "role": np.full(len(stack.file), role),
         "test": np.array(stack.tests)[stack.file],
         "test_time_second": stack.second,
         "current_ampere": stack.current_ampere,
         "celsius": stack.celsius,
+        "soc": after.soc @ share,
+        "used": np.ones(len(stack.file), bool),
         "voltage_volt": stack.voltage_volt,
         "before_volt": before.voltage,
         "after_volt": after.voltage,
@@ -174,7 +189,7 @@ def _columns(role, stack, runs):
     for b in range(stack.branches):
         if stack.branch_current_ampere is not None:
             columns[f"branch_{b + 1}_current_ampere"] = stack.branch_current_ampere[:, b]
-        columns[f"branch_{b + 1}_before_ampere"] = before.current[:, b]
-        columns[f"branch_{b + 1}_after_ampere"] = after.current[:, b]
-        columns[f"branch_{b + 1}_soc"] = after.soc[:, b]
+        columns[f"before_branch_{b + 1}_current_ampere"] = before.current[:, b]
+        columns[f"after_branch_{b + 1}_current_ampere"] = after.current[:, b]
+        columns[f"soc_branch_{b + 1}"] = after.soc[:, b]
     return columns

@@ -108,13 +108,14 @@ def beside(chart, own):
     return Chart(None, np.column_stack([chart.white, own]), precision)
 
 
-def settle(problem, values, *, chart=None, renew=None, steps=STEPS):
+def settle(problem, values, *, chart=None, columns=None, renew=None, steps=STEPS):
     """Walk to the most likely values within the bounds.
 
     Parameters
     ----------
     problem : problem.Problem. values : dict, start.
     chart : Chart to walk by, or None: surveyed at every step.
+    columns : (m, k) derivatives at the start, where they are known.
     renew : name of the last parameter, where its derivative is made anew at each further step.
     steps : at most so many.
 
@@ -127,7 +128,8 @@ def settle(problem, values, *, chart=None, renew=None, steps=STEPS):
     here, by = _judged(problem, values, *known), chart
     for step in range(steps):
         if chart is None:
-            by = surveyed(problem, here[0], here[1])
+            known_here = columns is not None and step == 0
+            by = whitened(problem, columns) if known_here else surveyed(problem, *here[:2])
         elif renew and step:
             fresh = derivatives(problem, here[0], here[1], (renew,))
             by = beside(_but_last(by), problem.whiten(fresh)[:, 0])

@@ -84,7 +84,7 @@ def group_frees(cells, files, spread, shared, *, sensors):
     free : tuple of problem.Free. Without branch currents their sensors are not among them.
     """
     far = spread.widest
-    free = _common(all(cell.own for cell in cells), shared, far)
+    free = _common(cells, shared, far)
     free += [_bounded(f"soc0[{k}]", SOC_STEP, shared.soc, far) for k in range(files)]
     free += _knots("fine", FINE_KNOTS, shared.ocv_volt, far)
     for b, cell in enumerate(cells):
@@ -107,10 +107,13 @@ def _ocv_volt(cell, spread):
     return spread.ocv_volt if cell.own else spread.type_ocv_volt
 
 
-def _common(own, shared, far):
+def _common(cells, shared, far):
+    own = all(cell.own for cell in cells)
+    # A cell that was never tested over temperature has no activation energy to be held to.
+    warmed = own and all(cell.activation_joule_per_mole for cell in cells)
     resistance = shared.resistance if own else shared.type_resistance
     time = shared.time_constant if own else shared.type_time_constant
-    energy = shared.activation_joule_per_mole if own else shared.type_activation_joule_per_mole
+    energy = shared.activation_joule_per_mole if warmed else shared.type_activation_joule_per_mole
     capacity = shared.capacity if own else shared.type_capacity
     return [
         *(_bounded(name, LOG_STEP, resistance, far) for name in ("log_r0", "log_r1", "log_r2")),

@@ -15,6 +15,7 @@ class GroupRecord(NamedTuple):
 
     test : its name. celsius : (n,) temperature around the cells [degC].
     branch_current_ampere : (n, branches), + on charge, or None where it was not logged [A].
+    initial_soc : (branches,) stated at its start [1], or None.
     """
 
     test: str
@@ -23,6 +24,7 @@ class GroupRecord(NamedTuple):
     voltage_volt: np.ndarray
     celsius: np.ndarray
     branch_current_ampere: np.ndarray | None = None
+    initial_soc: np.ndarray | None = None
 
 
 class GroupStack(NamedTuple):

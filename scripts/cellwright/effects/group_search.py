@@ -100,8 +100,11 @@ def _sharpest(case, placed, free, solution, noises, library):
     tried = group_columns(case, placed, solution, library)
     left = all_in(case, solution, tried, filters_of(case.fit, noises))
     noises = noises_of(case, left, noises if placed else None)
+    columns = None
     for _ in range(AGAIN):
-        one = _round(case, placed, free, solution, noises, tried)
+        one = _round(case, placed, free, solution, noises, tried, columns)
+        solution = one.before.solution
+        columns = solution.chart.columns
         if not one.trials:
             return one
         noises = noises_of(case, one.trials[0].state.residual, one.noises)
@@ -109,14 +112,14 @@ def _sharpest(case, placed, free, solution, noises, library):
             n.slow_volt > SHARPER * o.slow_volt for n, o in zip(noises, one.noises, strict=True)
         ):
             return one
-    return _round(case, placed, free, solution, noises, tried)
+    return _round(case, placed, free, solution, noises, tried, columns)
 
 
-def _round(case, placed, free, solution, noises, tried):
-    """Refit, screen, try the best, choose."""
+def _round(case, placed, free, solution, noises, tried, columns=None):
+    """Refit, screen, try the best, choose; columns: derivatives at the solution, where known."""
     filters = filters_of(case.fit, noises)
     problem = problem_of(case, placed, free, filters)
-    solution = settle(problem, solution.values, steps=STEPS_OF_BASE)
+    solution = settle(problem, solution.values, columns=columns, steps=STEPS_OF_BASE)
     chart = surveyed(problem, solution.values, solution.prediction)
     solution = solution._replace(chart=chart)
     before = state_of(case, placed, free, solution, noises)

@@ -2,7 +2,10 @@
 
 import numpy as np
 
-from cellwright.effects.group_case import gap_volt, predicted, rows_of
+from cellwright.effects.group_case import LOADED_C_RATE, gap_volt, predicted, rows_of
+from cellwright.effects.group_model import group_fields, group_run
+from cellwright.effects.group_std import std_of
+from cellwright.effects.group_words import paragraph
 from cellwright.effects.verdict import gap_closed
 
 LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
@@ -22,47 +25,58 @@ def group_verdict(group, case, rounds, library):
 
     Returns
     -------
-    verdict : dict of the contract; each effect has its `branch` (1 is the first) and
+    verdict : dict of the contract; each effect has its `branch` (1 is the first), `cell`, and
     `branch_alternatives`, branches that explain as much by the same effect. `rmse_volt` is of the
-    branch currents times their cells' ohmic resistance, of the voltage where none were logged.
-    "before" is the last model with the effect taken out: its share of the gap. What a healthy group
-    within its declared spread would leave, bent as far as that allows, is `within_spread_volt`.
+    branch currents times their cells' ohmic resistance, of the voltage where none were logged:
+    "before" is of the model that was fitted without the effect, bent towards it as far as the
+    declared spread allows. What the last model would leave with its effects taken out is
+    `without_effects_volt`.
     """
     steps = [one for one in rounds if one.chosen is not None][: case.gates.rounds]
     first, last, floor = rounds[0].before, rounds[-1].before, rounds[-1].floor_volt
-    afters = [one.before for one in rounds[1 : len(steps) + 1]]
-    entries = [_entry(case, s, a, floor) for s, a in zip(steps, afters, strict=True)]
-    before = _without(case, last, [s.chosen.placed.name for s in steps])
-    closed = gap_closed(before[1], last.validation_gap_volt, floor) if entries else None
+    entries = [
+        _entry(case, one, after, floor)
+        for one, after in zip(steps, rounds[1 : len(steps) + 1], strict=True)
+    ]
+    closed = _closed(first, last, floor) if entries else None
     word, adequate = _word(case, entries, last, floor, closed)
     settled = word in ("named", "ambiguous")
-    return {
+    verdict = {
         "cell": group,
         "verdict": word,
         "effects": entries if settled else [],
         "partial": [] if settled else entries,
         "located_at": None if adequate else _located(case, last),
         "floor_volt": floor,
-        "rmse_volt": {"before": before[0], "after": last.gap_volt},
-        "validation_rmse_volt": {"before": before[1], "after": last.validation_gap_volt},
-        "within_spread_volt": {"fit": first.gap_volt, "validation": first.validation_gap_volt},
+        "rmse_volt": {"before": first.gap_volt, "after": last.gap_volt},
+        "validation_rmse_volt": {
+            "before": first.validation_gap_volt,
+            "after": last.validation_gap_volt,
+        },
+        "without_effects_volt": _without(case, last, [s.chosen.placed.name for s in steps]),
         "gap_closed": closed,
+        "branch_currents": case.sensors,
         "next_test": _next_test(case, entries, library),
         "not_testable": _not_testable(case, rounds[0], library),
     }
+    return verdict | {"paragraph": paragraph(verdict, library)}
+
+
+def _closed(before, after, floor):
+    return gap_closed(before.validation_gap_volt, after.validation_gap_volt, floor)
 
 
 def _without(case, state, names):
     """Gaps of a model on both kinds of records with some of its effects taken out [V]."""
-    found = []
-    for stack, soc, values in (
-        (case.fit, case.fit_soc, state.solution.values),
-        (case.validation, case.validation_soc, state.values_at_validation),
+    found = {}
+    for role, stack, soc, values in (
+        ("fit", case.fit, case.fit_soc, state.solution.values),
+        ("validation", case.validation, case.validation_soc, state.values_at_validation),
     ):
         left = rows_of(case, stack) - predicted(
             case, stack, soc, values | dict.fromkeys(names, 0.0), state.placed
         )
-        found.append(gap_volt(case, left))
+        found[role] = gap_volt(case, left)
     return found
 
 
@@ -78,38 +92,40 @@ def _word(case, entries, last, floor, closed):
     return "ambiguous" if open_ended else "named", adequate
 
 
-def _entry(case, one, after, floor):
-    placed, p = one.chosen.placed, one.chosen.placed.effect.parameters[0]
-    name = placed.name
-    before = _without(case, after, [name])
+def _entry(case, one, following, floor):
+    before, after, placed = one.before, following.before, one.chosen.placed
+    name, p = placed.name, placed.effect.parameters[0]
     same = [t.branch + 1 for t in one.tied if t.effect.id == placed.effect.id]
     return {
         "effect": placed.effect.id,
         "alternatives": _alternatives(case, one),
         "branch": placed.branch + 1,
+        "cell": case.cells[placed.branch].cell,
         "branch_alternatives": same,
         "parameters": {
             p.name: {
                 "value": float(after.solution.values[name]),
-                "std": _std(after.solution, name),
+                "std": std_of(case, after, name, following.noises),
                 "unit": p.unit,
                 "at_bound": name in after.solution.at_bound,
             },
             "branch": {"value": placed.branch + 1, "std": None, "unit": "1", "at_bound": False},
         },
-        "rmse_volt": {"before": before[0], "after": after.gap_volt},
-        "validation_rmse_volt": {"before": before[1], "after": after.validation_gap_volt},
-        "gap_closed": gap_closed(before[1], after.validation_gap_volt, floor),
+        "rmse_volt": {"before": before.gap_volt, "after": after.gap_volt},
+        "validation_rmse_volt": {
+            "before": before.validation_gap_volt,
+            "after": after.validation_gap_volt,
+        },
+        "gap_closed": _closed(before, after, floor),
         "delta_bic": one.chosen.delta_bic,
         "delta_validation_chi_square": one.chosen.delta_validation,
+        "same_without_validation": _first_by_bic(one) == placed,
     }
 
 
-def _std(solution, name):
-    """Standard deviation from the posterior."""
-    names = solution.names
-    variance = np.linalg.inv(solution.chart.precision)[names.index(name), names.index(name)]
-    return float(np.sqrt(variance))
+def _first_by_bic(one):
+    """What would have been chosen by the fitted records alone."""
+    return max(one.trials, key=lambda trial: trial.delta_bic).placed
 
 
 def _alternatives(case, one):
@@ -164,12 +180,22 @@ def _located(case, state):
         for b in range(channels)
     ]
     most, test, branch, rows = max(places, key=lambda place: place[0])
+    values, placed = state.values_at_validation, state.placed
+    soc = group_run(group_fields(case.cells, case.validation_soc, values, placed), stack).soc[rows]
+    soc = soc[:, branch - 1] if branch else soc.mean(axis=1)
     return {
         "file": test,
         "branch": branch or None,
         "second": [float(stack.second[rows[0]]), float(stack.second[rows[-1]])],
-        "soc": None,
-        "current": None,
+        "soc": [float(np.clip(end, 0.0, 1.0)) for end in (soc.min(), soc.max())],
+        "current": _current(stack.current_ampere[rows]),
         "temperature_celsius": [float(stack.celsius[rows].mean())],
         "share": most / max(float(left.sum()), 1e-30),
     }
+
+
+def _current(ampere):
+    """What flows most of the time."""
+    least = LOADED_C_RATE * np.abs(ampere).max()
+    many = {"discharge": ampere < -least, "charge": ampere > least, "rest": np.abs(ampere) <= least}
+    return max(many, key=lambda name: many[name].sum())

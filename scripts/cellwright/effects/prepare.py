@@ -117,7 +117,7 @@ def _record(cell, basis, test, settings):
     if facts["role"] == "split":
         rest = REST_C_RATE * basis["capacity_ampere_hour"]
         used = fit_mask(time, current, rest_second=settings["split_rest_second"], rest_ampere=rest)
-    celsius = _celsius(facts, series)
+    celsius = celsius_of(facts, series)
     record = record_of(
         time, current, series["voltage_volt"], anchored.soc, used=used, warmth=celsius
     )
@@ -135,7 +135,7 @@ def _record(cell, basis, test, settings):
     )
 
 
-def _celsius(facts, series):
+def celsius_of(facts, series):
     """The surface's temperature, else the measured chamber's, else the stated one."""
     chamber = series.get("ambient_temperature_celsius")
     known = series.get("surface_temperature_celsius")

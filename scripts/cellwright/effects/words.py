@@ -18,7 +18,8 @@ def paragraph(verdict, library):
     return " ".join(parts)
 
 
-def _millivolt(volt):
+def millivolt(volt):
+    """A voltage in words."""
     return f"{1e3 * volt:.1f} mV"
 
 
@@ -27,7 +28,7 @@ def _none(verdict, library):
     return (
         f"Nothing is missing that these data could show: on records that took no part in the fit "
         f"the plain model (open-circuit voltage, a resistance, two RC pairs) is off by "
-        f"{_millivolt(both)}, and the noise alone is {_millivolt(verdict['floor_volt'])}."
+        f"{millivolt(both)}, and the noise alone is {millivolt(verdict['floor_volt'])}."
     )
 
 
@@ -35,13 +36,13 @@ def _unknown(verdict, library):
     both = verdict["validation_rmse_volt"]
     text = (
         f"Something is missing that the library does not know: the plain model is off by "
-        f"{_millivolt(both['before'])} where the noise is {_millivolt(verdict['floor_volt'])}"
+        f"{millivolt(both['before'])} where the noise is {millivolt(verdict['floor_volt'])}"
     )
     names = [library[one["effect"]].sentence for one in verdict["partial"]]
     if not names:
         return f"{text}, and no effect of the vocabulary explains it."
     return (
-        f"{text}. The nearest explanation ({'; '.join(names)}) leaves {_millivolt(both['after'])} "
+        f"{text}. The nearest explanation ({'; '.join(names)}) leaves {millivolt(both['after'])} "
         f"and so is not the name of it."
     )
 
@@ -52,8 +53,8 @@ def _named(verdict, library):
     steps[0] = steps[0][0].upper() + steps[0][1:]
     text = (
         f"{' Then: '.join(steps)} All in all the error on records that took no part in the fit "
-        f"fell from {_millivolt(both['before'])} to {_millivolt(both['after'])}; the noise is "
-        f"{_millivolt(verdict['floor_volt'])}."
+        f"fell from {millivolt(both['before'])} to {millivolt(both['after'])}; the noise is "
+        f"{millivolt(verdict['floor_volt'])}."
     )
     changes = [library[one["effect"]].consequence for one in verdict["effects"]]
     return f"{text} What it changes: {'; '.join(filter(None, changes))}."
@@ -62,7 +63,7 @@ def _named(verdict, library):
 def _step(one, library):
     effect = library[one["effect"]]
     sizes = [
-        f"{_name(name, p['unit'])} {_number(p)}"
+        f"{name_of(name, p['unit'])} {number(p)}"
         for name, p in one["parameters"].items()
         if p["std"] is not None
     ]
@@ -73,7 +74,7 @@ def _step(one, library):
     return text + _sureness(one)
 
 
-def _name(name, unit):
+def name_of(name, unit):
     """A parameter's name in words, without the unit, which stands behind the number."""
     words = name.split("_")
     spelt = [part for part in _SPELT.get(unit, "").split() if part]
@@ -93,7 +94,8 @@ _SPELT = {
 }
 
 
-def _number(p):
+def number(p):
+    """Value of a parameter of a verdict, with standard deviation and unit."""
     unit = "" if p["unit"] == "1" else f" {p['unit']}"
     return f"{p['value']:.3g} ± {p['std']:.1g}{unit}"
 
@@ -101,8 +103,8 @@ def _number(p):
 def _sureness(one):
     both = one["validation_rmse_volt"]
     text = (
-        f" With it the error on those records falls from {_millivolt(both['before'])} to "
-        f"{_millivolt(both['after'])}."
+        f" With it the error on those records falls from {millivolt(both['before'])} to "
+        f"{millivolt(both['after'])}."
     )
     bounds = [name for name, p in one["parameters"].items() if p["at_bound"]]
     if bounds:

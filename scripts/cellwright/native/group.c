@@ -10,7 +10,7 @@ enum { MOST = 64, PAIRS = 2 };
 
 typedef struct {
     double ocv, rise, soc, ampere, volt[PAIRS], decay[PAIRS], before[PAIRS], after[PAIRS];
-    double source, conductance;
+    double source, conductance, weighed;
 } branch;
 
 static void look(branch *b, const double *table, int64_t points, double soc) {
@@ -20,7 +20,10 @@ static void look(branch *b, const double *table, int64_t points, double soc) {
     b->ocv = table[left] + b->rise * (soc - (double)left / last);
 }
 
+/* Most records are sampled evenly: the weights of the step before still hold. */
 static void weigh(branch *b, const double *tau, double step) {
+    if (step == b->weighed) return;
+    b->weighed = step;
     for (int j = 0; j < PAIRS; j++) {
         const double ratio = step / tau[j], gain = -expm1(-ratio);
         const double mean = ratio > 0.0 ? gain / ratio : 1.0;
@@ -51,6 +54,7 @@ void group_run(int64_t n, int64_t cells, int64_t points, int64_t first_order, co
                double *soc) {
     branch b[MOST];
     int64_t record = -1;
+    for (int64_t c = 0; c < cells; c++) b[c].weighed = -1.0;
     for (int64_t k = 0; k < n; k++) {
         const double *warm = warmth + k * cells;
         if (fresh[k] > 0.0) {

@@ -1,0 +1,11 @@
+"""Figures: what one branch of a group has of its own, and how one can see it."""
+
+import artefact
+import figure
+from drawing import effect_group
+
+with artefact.Job(snakemake) as job:
+    parts = {name: job.load(path) for name, path in snakemake.input.items()}
+    gates = snakemake.params.gates
+    for name, path in snakemake.output.items():
+        figure.save(effect_group.draw(name, parts, gates), job, path)

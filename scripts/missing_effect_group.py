@@ -1,0 +1,18 @@
+"""Search for what one branch of a parallel group has of its own, and prove it on other tests."""
+
+import artefact
+import lending
+from cellwright.effects.group_prepare import missing_group_effect
+
+with artefact.Job(snakemake) as job:
+    inputs, params = snakemake.input, snakemake.params
+    found = missing_group_effect(
+        snakemake.wildcards.group,
+        params.branches,
+        lending.known_cells(params.branches, params.lenders, inputs.models),
+        lending.tests(inputs.series),
+        settings=params.settings,
+    )
+    job.note(*found.notes)
+    for name, path in snakemake.output.items():
+        job.save(getattr(found, name), path)
