@@ -12,7 +12,9 @@ with artefact.Job(snakemake) as job:
     ]
     rest = snakemake.params.rest_c_rate * snakemake.params.cell["rated_capacity_ampere_hour"]
     names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
-    rested = [rested_temperature(*[c[name] for name in names], rest_ampere=rest) for c, _ in records]
+    rested = [
+        rested_temperature(*[c[name] for name in names], rest_ampere=rest) for c, _ in records
+    ]
     found = [(one["temperature_celsius"][0], about) for one, about in spectra]
     read = [*found, *zip(rested, [about for _, about in records], strict=True)]
     pairs = [(about["params"]["test"]["ambient_temperature_celsius"], t) for t, about in read]

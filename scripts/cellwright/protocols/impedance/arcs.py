@@ -11,7 +11,7 @@ from cellwright.protocols.impedance.starts import series_resistance
 CAPACITIVE = {SYMBOLS["CPE"], SYMBOLS["C"]}
 DIFFUSION = {SYMBOLS["W"], SYMBOLS["FLW"], SYMBOLS["FSW"], SYMBOLS["G"]}
 # Two parameters that move together like this are one number in the data, not two.
-INSEPARABLE = 0.95
+INSEPARABLE = 0.9
 UNCERTAIN = 0.5
 
 
@@ -87,14 +87,14 @@ def confused(fit):
     if arc is None or not diffusion:
         return ""
     r = arc.r[0]
+    for k in (r, *diffusion):
+        share = fit.std[k] / fit.values[k]
+        if not share <= UNCERTAIN:
+            return f"{fit.names[k]} is {f'known to {share:.0%} only' if share > 0 else 'not told'}"
     told = [abs(fit.correlation[r, k]) for k in diffusion]
-    if np.isnan(fit.std[r]):
-        return f"{fit.names[r]} has no standard deviation"
-    if max(told) > INSEPARABLE:
-        other = fit.names[diffusion[int(np.argmax(told))]]
-        return f"{fit.names[r]} and {other} are correlated by {max(told):.2f}"
-    share = fit.std[r] / fit.values[r]
-    return f"{fit.names[r]} is known to {share:.0%} only" if share > UNCERTAIN else ""
+    other = fit.names[diffusion[int(np.argmax(told))]]
+    beyond = max(told) > INSEPARABLE
+    return f"{fit.names[r]} and {other} are correlated by {max(told):.2f}" if beyond else ""
 
 
 def _in_series(tree, node, kinds):

@@ -27,8 +27,10 @@ def parse_constraints(texts):
     fixed, tied = {}, {}
     for text in texts:
         found = FORM.fullmatch(text.strip())
-        if not found or found[2] and found[3][0].isdigit():
-            raise Refusal(f"constraint {text!r}; wanted is 'name = value' or 'name = ratio * other'")
+        if not found or (found[2] and found[3][0].isdigit()):
+            raise Refusal(
+                f"constraint {text!r}; wanted is 'name = value' or 'name = ratio * other'"
+            )
         name, ratio, other = found.groups()
         if other[0].isdigit():
             fixed[name] = float(other)

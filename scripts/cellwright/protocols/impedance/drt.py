@@ -1,5 +1,6 @@
 """Distribution of relaxation times: what arcs a spectrum holds, without a circuit."""
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,8 @@ STRENGTHS = (-8.0, 2.0)
 HALVINGS = 7
 # Error that smoothing may leave, over that of the distribution that follows the data closest.
 ALLOWED = 1.1
+# Relative error, RMS, below which no spectrum is believed.
+FLOOR = 1e-3
 
 
 class Distribution(NamedTuple):
@@ -48,7 +51,7 @@ def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
     """
     omega = 2 * np.pi * np.asarray(frequency_hertz, float)
     edges = np.log10([1 / omega.max(), 1 / omega.min()]) + [-0.5, 0.5]
-    tau = np.logspace(*edges, int(round(per_decade * np.ptp(edges))) + 1)
+    tau = np.logspace(*edges, round(per_decade * np.ptp(edges)) + 1)
     matrix, target, size = _system(omega, np.asarray(impedance_ohm, complex), tau)
     penalty = _curvature(len(tau))
     strength = _strongest(matrix, target, penalty)
@@ -82,10 +85,12 @@ def peaks(distribution, *, least_share=0.02):
     width, whole = np.log(tau[1] / tau[0]), gamma.sum()
     inner = np.concatenate([[-1.0], gamma, [-1.0]])
     tops = np.flatnonzero((inner[1:-1] > inner[:-2]) & (inner[1:-1] >= inner[2:]) & (gamma > 0))
-    valleys = [a + int(np.argmin(gamma[a:b])) for a, b in zip(tops[:-1], tops[1:], strict=True)]
+    valleys = [a + int(np.argmin(gamma[a:b])) for a, b in itertools.pairwise(tops)]
     starts, ends = [0, *valleys], [*valleys, len(gamma)]
     areas = [gamma[a:b].sum() for a, b in zip(starts, ends, strict=True)][: len(tops)]
-    large = [(top, area) for top, area in zip(tops, areas, strict=True) if area > least_share * whole]
+    large = [
+        (top, area) for top, area in zip(tops, areas, strict=True) if area > least_share * whole
+    ]
     edge = round(0.5 * np.log(10) / width)
     return [
         {
@@ -132,7 +137,8 @@ def _fitted(matrix, target, penalty, strength):
 def _strongest(matrix, target, penalty):
     """Strongest smoothing whose error exceeds the least possible by no more than ALLOWED."""
     weak, strong = STRENGTHS
-    allowed = ALLOWED * np.linalg.norm(_fitted(matrix, target, penalty, 10**weak)[1])
+    least = np.linalg.norm(_fitted(matrix, target, penalty, 10**weak)[1])
+    allowed = max(ALLOWED * least, FLOOR * np.sqrt(len(target) / 2))
     for _ in range(HALVINGS):
         middle = (weak + strong) / 2
         error = np.linalg.norm(_fitted(matrix, target, penalty, 10**middle)[1])

@@ -6,11 +6,12 @@ import numpy as np
 
 from cellwright.protocols.impedance.circuits import THESIS, parse
 from cellwright.protocols.impedance.levenberg import SAME, Problem, search
-from cellwright.protocols.impedance.starts import draws, features, limits
+from cellwright.protocols.impedance.starts import SLOW, draws, features, limits
 from cellwright.refusal import Refusal
 from cellwright.uncertainty import covariance_from_jacobian
 
 LEAST_POINTS = 8
+ENOUGH = 3
 AT_BOUND = 1e-3  # of a logarithm
 
 
@@ -47,7 +48,7 @@ def fit_circuit(
     *,
     circuit=THESIS,
     starts=8,
-    enough=3,
+    enough=None,
     start=None,
     bounds=None,
     fixed=None,
@@ -60,8 +61,9 @@ def fit_circuit(
     frequency_hertz : (n,) in any order [Hz].
     impedance_ohm : (n,) complex [Ω], capacitive arc with a negative imaginary part.
     circuit : text of the circuit, see `circuits.parse`.
-    starts : how many starts are tried at most, that of `start` included. enough : so many that
-        lead to the same best are enough.
+    starts : how many starts are tried at most for each capacitive element, that of `start`
+        included. enough : so many that lead to the same best are enough; None for 3 where there is
+        one capacitive element, for all where arcs may change places.
     start : dict, name of a parameter → value: where the first start differs from the spectrum's own
         features.
     bounds : dict, name → (lower, upper) in its unit. Else limits follow from the spectrum's size;
@@ -89,7 +91,9 @@ def fit_circuit(
     column, offset = _freedom(tree, fixed or {}, tied or {})
     ends = _limits(tree, size, bounds or {}, column)
     problem = Problem(tree, frequency, impedance, 1 / np.abs(impedance), column, offset, *ends)
-    first = draws(tree, size, number=max(starts, 1))
+    slow = sum(role in SLOW for role in tree.roles)
+    first = draws(tree, size, number=starts * max(slow, 1) if starts > 1 else 1)
+    enough = enough or (ENOUGH if slow <= 1 else len(first))
     for name, value in (start or {}).items():
         first[0, tree.names.index(name)] = value
     found = search(problem, np.log(first)[:, _places(column)], enough=enough)
@@ -134,7 +138,7 @@ def _known(tree, *named):
 def _freedom(tree, fixed, tied):
     """Place of each parameter among the free ones (−1: fixed), and offset of its logarithm."""
     leads = [tied[name][0] if name in tied else name for name in tree.names]
-    if any(lead in tied or lead in fixed and lead != name for name, lead in zip(tree.names, leads)):
+    if any(lead in tied or lead in fixed for lead, _ in tied.values()):
         raise Refusal("a parameter is tied to one that is itself tied or fixed")
     free = [name for name in tree.names if name not in fixed and name not in tied]
     column = [free.index(lead) if lead in free else -1 for lead in leads]

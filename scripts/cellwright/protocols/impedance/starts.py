@@ -7,6 +7,8 @@ import numpy as np
 from cellwright.protocols.impedance.elements import SERIES, SYMBOLS
 
 LOWEST_EXPONENT, HIGHEST_EXPONENT = 0.3, 1.0
+# Roles that set a time constant.
+SLOW = ("capacitance", "cpe", "time")
 # Roots of x^(d+1) = x + 1 spread points evenly over any number of dimensions.
 SPREAD_ROUNDS = 60
 
@@ -75,7 +77,7 @@ def draws(circuit, size, *, number):
     roles = _roles(circuit)
     share = _even(number, len(roles))
     found = np.empty((number, len(roles)))
-    slow = [k for k, role in enumerate(roles) if role in ("capacitance", "cpe", "time")]
+    slow = [k for k, role in enumerate(roles) if role in SLOW]
     rate = _rates(size, share[:, slow])
     for k, role in enumerate(roles):
         found[:, k] = _drawn(role, size, share[:, k])
@@ -99,9 +101,13 @@ def _drawn(role, size, share):
 
 
 def _rates(size, share):
-    """Angular frequencies of the capacitive elements: each in its own stretch of the axis."""
+    """Angular frequencies of the capacitive elements: each in its own stretch of the axis.
+
+    The first named is the fastest in one start, the slowest in the next.
+    """
     number = share.shape[1]
-    place = (np.arange(number) + share) / max(number, 1)
+    forwards, odd = np.arange(number), np.arange(len(share))[:, None] % 2
+    place = (np.where(odd, forwards[::-1], forwards) + share) / max(number, 1)
     return np.exp(np.log(size.fastest) + place * np.log(size.lowest / size.fastest))
 
 

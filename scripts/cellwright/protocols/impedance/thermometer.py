@@ -46,7 +46,9 @@ def temperature_offsets(spectra, records):
     ------
     Refusal : no chamber temperature at which both were read.
     """
-    read = [[(a, t) for a, t in one if a is not None and np.isfinite(t)] for one in (spectra, records)]
+    read = [
+        [(a, t) for a, t in one if a is not None and np.isfinite(t)] for one in (spectra, records)
+    ]
     both = sorted({a for a, _ in read[0]} & {a for a, _ in read[1]})
     if not both:
         raise Refusal(
@@ -58,7 +60,9 @@ def temperature_offsets(spectra, records):
 
 
 def _row(ambient, spectra, records):
-    spread = [np.var(one, ddof=1) / len(one) if len(one) > 1 else np.nan for one in (spectra, records)]
+    spread = [
+        np.var(one, ddof=1) / len(one) if len(one) > 1 else np.nan for one in (spectra, records)
+    ]
     known = [value for value in spread if np.isfinite(value)]
     return {
         "ambient_temperature_celsius": ambient,
@@ -74,11 +78,12 @@ def _row(ambient, spectra, records):
 def _sentence(rows):
     offsets = [row["offset_kelvin"] for row in rows]
     each = ", ".join(
-        f"{row['offset_kelvin']:+.1f} K at {row['ambient_temperature_celsius']:g} °C" for row in rows
+        f"{row['offset_kelvin']:+.1f} K at {row['ambient_temperature_celsius']:g} °C"
+        for row in rows
     )
     if max(map(abs, offsets)) < MATERIAL_KELVIN:
         return f"temperatures in the spectra's files agree with those of the other records: {each}"
     return (
-        f"temperatures in the spectra's files differ from those of the other records at rest: {each}; "
-        "curves over temperature must not mix the two (they use the chamber's, as the sheet says it)"
+        "temperatures in the spectra's files differ from those of the other records at rest: "
+        f"{each}; curves over temperature must not mix the two (they use the chamber's)"
     )
