@@ -1,153 +1,190 @@
 /* Weighted least squares of a circuit to a spectrum: see protocols/impedance/levenberg.py, whose
  * numpy form takes the same steps.
  *
- * The circuit is a tree in one row, children before their parent. Per frequency: upwards the
- * impedance of each node, downwards what a change of it does to the whole. */
+ * The circuit is a tree in one row, children before their parent. Upwards goes the impedance of each
+ * node, downwards what a change of it does to the whole, for a block of frequencies at a time. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
+#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
+#define CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define CLONES
+#endif
+
 enum { SERIES, PARALLEL, R, C, L, CPE, W, FLW, FSW, G };
-enum { NODES = 64, PARAMETERS = 32 };
+enum { NODES = 64, PARAMETERS = 32, BLOCK = 64 };
 #define HALF_PI 1.5707963267948966
 #define LARGE 20.0
 #define FARTHEST 2.0   /* of one step, in logarithms */
 #define ARRIVED 1e-7   /* a step that moves less is the last */
 #define STUCK 1e12     /* damping at which nothing helps any more */
+#define EACH for (int64_t i = 0; i < BLOCK; i++)
 
-typedef struct { double re, im; } complex_t;
-
-static inline complex_t times(complex_t a, complex_t b) {
-    return (complex_t){a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-}
-static inline complex_t plus(complex_t a, complex_t b) {
-    return (complex_t){a.re + b.re, a.im + b.im};
-}
-static inline complex_t over(complex_t a, complex_t b) {
-    const double size = b.re * b.re + b.im * b.im;
-    return (complex_t){(a.re * b.re + a.im * b.im) / size, (a.im * b.re - a.re * b.im) / size};
-}
-static inline complex_t scaled(double f, complex_t a) { return (complex_t){f * a.re, f * a.im}; }
+/* Complex numbers of a block of frequencies. */
+typedef struct {
+    double re[BLOCK], im[BLOCK];
+} row __attribute__((aligned(32)));
 
 typedef struct {
     int64_t n, nodes, parameters, free;
-    const double *omega, *log_omega, *root, *real, *imaginary, *weight; /* root: 1/√(2 omega) */
+    /* root: 1/√(2 omega); all filled up to whole blocks, with weight 0 */
+    const double *omega, *log_omega, *root, *real, *imaginary, *weight;
     const int64_t *kind, *left, *right, *at, *column;
     const double *offset;
 } problem;
 
-/* tanh(x + jx) */
-static complex_t wave_of(double x) {
-    if (x > LARGE) return (complex_t){1.0, 0.0};
-    const double below = cosh(2 * x) + cos(2 * x);
-    return (complex_t){sinh(2 * x) / below, sin(2 * x) / below};
+static int64_t parameters_of(int64_t kind) {
+    return kind == R || kind == C || kind == L || kind == W ? 1 : 2;
 }
 
-/* R·wave/u with u = x + jx, and its slope by ln(tau); wave is tanh or coth of u. */
-static complex_t finite(double r, double x, complex_t wave, complex_t *slope) {
-    const complex_t share = over(wave, (complex_t){x, x}), square = times(wave, wave);
-    *slope = (complex_t){r / 2 * (1.0 - square.re - share.re), r / 2 * (-square.im - share.im)};
-    return scaled(r, share);
+/* tanh or coth of u = x + jx, then R·wave/u and its slope by ln(tau). */
+static void finite(int64_t kind, double r, double tau, const double *omega, row *z, row *slope) {
+    EACH {
+        const double x = sqrt(omega[i] * tau / 2.0);
+        double re = 1.0, im = 0.0;
+        if (x <= LARGE) {
+            const double below = cosh(2 * x) + cos(2 * x);
+            re = sinh(2 * x) / below;
+            im = sin(2 * x) / below;
+        }
+        if (kind == FSW) {
+            const double size = re * re + im * im;
+            re = re / size;
+            im = -im / size;
+        }
+        const double over_re = (re + im) / (2 * x), over_im = (im - re) / (2 * x);
+        z->re[i] = r * over_re;
+        z->im[i] = r * over_im;
+        slope->re[i] = r / 2 * (1.0 - (re * re - im * im) - over_re);
+        slope->im[i] = r / 2 * (-2 * re * im - over_im);
+    }
 }
 
-/* Impedance of an element; `slope` by the logarithm of each parameter. `turn` is (cos, sin) of
- * P·pi/2 for a constant-phase element. */
-static inline complex_t element(int64_t kind, double omega, double log_omega, double root,
-                                const double *value, complex_t turn, complex_t *slope) {
-    complex_t z = {0.0, 0.0};
-    switch (kind) {
-    case R: z.re = value[0]; slope[0] = z; break;
-    case C: z.im = -1.0 / (omega * value[0]); slope[0] = scaled(-1.0, z); break;
-    case L: z.im = omega * value[0]; slope[0] = z; break;
-    case CPE: {
-        const double size = exp(-value[1] * log_omega) / value[0];
-        z = (complex_t){size * turn.re, -size * turn.im};
-        slope[0] = scaled(-1.0, z);
-        slope[1] = times(scaled(-value[1], z), (complex_t){log_omega, HALF_PI});
-        break;
+static void gerischer(double r, double tau, const double *omega, row *z, row *slope) {
+    EACH {
+        const double x = omega[i] * tau, size = sqrt(1.0 + x * x);
+        const double re = sqrt((size + 1.0) / 2.0), im = x / (2.0 * re);
+        z->re[i] = r * re / size;
+        z->im[i] = -r * im / size;
+        /* −Z/2 · jx/(1 + jx) */
+        const double a = -0.5 * x * x / (size * size), b = -0.5 * x / (size * size);
+        slope->re[i] = z->re[i] * a - z->im[i] * b;
+        slope->im[i] = z->re[i] * b + z->im[i] * a;
     }
-    case W: {
-        const double size = root / value[0];
-        z = (complex_t){size, -size};
-        slope[0] = scaled(-1.0, z);
-        break;
+}
+
+/* Impedance of an element, and its slope by the logarithm of each parameter. */
+static inline __attribute__((always_inline)) void element(
+    int64_t kind, const problem *p, int64_t from, const double *value, row *z, row *slope) {
+    const double *omega = p->omega + from, *log_omega = p->log_omega + from;
+    const double first = value[0];
+    if (kind == FLW || kind == FSW) finite(kind, first, value[1], omega, z, slope + 1);
+    if (kind == G) gerischer(first, value[1], omega, z, slope + 1);
+    if (kind == R) EACH z->re[i] = first, z->im[i] = 0.0;
+    if (kind == L) EACH z->re[i] = 0.0, z->im[i] = omega[i] * first;
+    if (kind == C) EACH z->re[i] = 0.0, z->im[i] = -1.0 / (omega[i] * first);
+    if (kind == W) EACH z->re[i] = p->root[from + i] / first, z->im[i] = -z->re[i];
+    if (kind == CPE) {
+        const double power = value[1], re = cos(power * HALF_PI), im = sin(power * HALF_PI);
+        double size[BLOCK];
+        EACH size[i] = exp(-power * log_omega[i]) / first;
+        EACH {
+            z->re[i] = size[i] * re;
+            z->im[i] = -size[i] * im;
+            slope[1].re[i] = -power * (z->re[i] * log_omega[i] - z->im[i] * HALF_PI);
+            slope[1].im[i] = -power * (z->re[i] * HALF_PI + z->im[i] * log_omega[i]);
+        }
     }
-    case FLW: case FSW: {
-        const double x = sqrt(omega * value[1] / 2.0);
-        const complex_t wave = wave_of(x), one = {1.0, 0.0};
-        z = finite(value[0], x, kind == FLW ? wave : over(one, wave), slope + 1);
-        slope[0] = z;
-        break;
+    const double sign = kind == C || kind == CPE || kind == W ? -1.0 : 1.0;
+    EACH slope->re[i] = sign * z->re[i], slope->im[i] = sign * z->im[i];
+}
+
+/* z = ab/(a + b); what a change of a does to it is (b/(a + b))². */
+static inline __attribute__((always_inline)) void join(const row *a, const row *b, row *z,
+                                                       row *of_a, row *of_b) {
+    EACH {
+        const double re = a->re[i] + b->re[i], im = a->im[i] + b->im[i];
+        const double size = re * re + im * im, x = re / size, y = -im / size;
+        const double p = b->re[i] * x - b->im[i] * y, q = b->re[i] * y + b->im[i] * x;
+        const double s = a->re[i] * x - a->im[i] * y, t = a->re[i] * y + a->im[i] * x;
+        z->re[i] = a->re[i] * p - a->im[i] * q;
+        z->im[i] = a->re[i] * q + a->im[i] * p;
+        of_a->re[i] = p * p - q * q;
+        of_a->im[i] = 2 * p * q;
+        of_b->re[i] = s * s - t * t;
+        of_b->im[i] = 2 * s * t;
     }
-    case G: {
-        const double x = omega * value[1], size = hypot(1.0, x);
-        const complex_t root = {sqrt((size + 1.0) / 2.0), x / sqrt(2.0 * (size + 1.0))};
-        z = over((complex_t){value[0], 0.0}, root);
-        slope[0] = z;
-        slope[1] = scaled(-0.5, times(z, over((complex_t){0.0, x}, (complex_t){1.0, x})));
-        break;
+}
+
+static inline __attribute__((always_inline)) void multiply(const row *a, const row *b, row *to) {
+    EACH {
+        const double re = a->re[i] * b->re[i] - a->im[i] * b->im[i];
+        to->im[i] = a->re[i] * b->im[i] + a->im[i] * b->re[i];
+        to->re[i] = re;
     }
+}
+
+/* Four lanes on every machine, so that every machine adds in the same order. */
+typedef double Lanes __attribute__((vector_size(32)));
+
+static inline __attribute__((always_inline)) double product(const row *a, const row *b) {
+    const Lanes *x = (const Lanes *)a->re, *y = (const Lanes *)b->re;
+    const Lanes *u = (const Lanes *)a->im, *v = (const Lanes *)b->im;
+    Lanes real = {0.0}, imaginary = {0.0};
+    for (int64_t k = 0; k < BLOCK / 4; k++) {
+        real += x[k] * y[k];
+        imaginary += u[k] * v[k];
     }
-    return z;
+    const Lanes sum = real + imaginary;
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 /* Half the sum of squares at x (logarithms of the free parameters), gram = JᵀJ and slope = Jᵀr. */
-static double evaluate(const problem *p, const double *x, double *gram, double *gradient) {
-    const int64_t q = p->free;
+CLONES static double evaluate(const problem *p, const double *x, double *gram, double *gradient) {
+    const int64_t q = p->free, last = p->nodes - 1;
     double value[PARAMETERS], cost = 0.0;
-    complex_t z[NODES], reach[NODES], of_left[NODES], of_right[NODES];
-    complex_t own[PARAMETERS], turn[NODES], total[PARAMETERS];
+    row z[NODES], reach[NODES], of_left[NODES], of_right[NODES], own[PARAMETERS];
+    row total[PARAMETERS], off;
     for (int64_t k = 0; k < p->parameters; k++)
         value[k] = exp(p->offset[k] + (p->column[k] >= 0 ? x[p->column[k]] : 0.0));
-    for (int64_t m = 0; m < p->nodes; m++)
-        if (p->kind[m] == CPE) {
-            const double angle = value[p->at[m] + 1] * HALF_PI;
-            turn[m] = (complex_t){cos(angle), sin(angle)};
-        } else turn[m] = (complex_t){1.0, 0.0};
     memset(gram, 0, sizeof(double) * q * q);
     memset(gradient, 0, sizeof(double) * q);
-    for (int64_t i = 0; i < p->n; i++) {
-        for (int64_t m = 0; m < p->nodes; m++) {
-            const int64_t kind = p->kind[m];
-            if (kind > PARALLEL) {
-                z[m] = element(kind, p->omega[i], p->log_omega[i], p->root[i], value + p->at[m],
-                               turn[m], own + p->at[m]);
-                continue;
-            }
-            const complex_t a = z[p->left[m]], b = z[p->right[m]], sum = plus(a, b);
-            z[m] = sum;
-            if (kind == SERIES) continue;
-            const double size = sum.re * sum.re + sum.im * sum.im;
-            const complex_t inverse = {sum.re / size, -sum.im / size};
-            of_left[m] = times(b, inverse);
-            of_right[m] = times(a, inverse);
-            z[m] = times(a, of_left[m]);
-        }
-        const double w = p->weight[i];
-        memset(total, 0, sizeof(complex_t) * q);
-        reach[p->nodes - 1] = (complex_t){w, 0.0};
-        for (int64_t m = p->nodes - 1; m >= 0; m--) {
+    for (int64_t from = 0; from < p->n; from += BLOCK) {
+        for (int64_t m = 0; m <= last; m++) {
             const int64_t kind = p->kind[m], a = p->left[m], b = p->right[m];
-            if (kind == SERIES) {
-                reach[a] = reach[b] = reach[m];
-            } else if (kind == PARALLEL) {
-                reach[a] = times(reach[m], times(of_left[m], of_left[m]));
-                reach[b] = times(reach[m], times(of_right[m], of_right[m]));
-            } else {
-                const int64_t count = kind == R || kind == C || kind == L || kind == W ? 1 : 2;
-                for (int64_t k = p->at[m]; k < p->at[m] + count; k++)
-                    if (p->column[k] >= 0)
-                        total[p->column[k]] =
-                            plus(total[p->column[k]], times(reach[m], own[k]));
+            if (kind == SERIES)
+                EACH z[m].re[i] = z[a].re[i] + z[b].re[i], z[m].im[i] = z[a].im[i] + z[b].im[i];
+            else if (kind == PARALLEL) join(z + a, z + b, z + m, of_left + m, of_right + m);
+            else element(kind, p, from, value + p->at[m], z + m, own + p->at[m]);
+        }
+        const double *w = p->weight + from;
+        memset(total, 0, sizeof(row) * q);
+        EACH reach[last].re[i] = w[i], reach[last].im[i] = 0.0;
+        for (int64_t m = last; m >= 0; m--) {
+            const int64_t kind = p->kind[m], a = p->left[m], b = p->right[m];
+            if (kind == SERIES) reach[a] = reach[b] = reach[m];
+            if (kind == PARALLEL) {
+                multiply(reach + m, of_left + m, reach + a);
+                multiply(reach + m, of_right + m, reach + b);
+            }
+            for (int64_t k = 0; kind > PARALLEL && k < parameters_of(kind); k++) {
+                const int64_t c = p->column[p->at[m] + k];
+                row *slope = own + p->at[m] + k;
+                if (c < 0) continue;
+                multiply(reach + m, slope, slope);
+                EACH total[c].re[i] += slope->re[i], total[c].im[i] += slope->im[i];
             }
         }
-        const complex_t whole = z[p->nodes - 1];
-        const complex_t off = {w * (whole.re - p->real[i]), w * (whole.im - p->imaginary[i])};
-        cost += 0.5 * (off.re * off.re + off.im * off.im);
+        EACH {
+            off.re[i] = w[i] * (z[last].re[i] - p->real[from + i]);
+            off.im[i] = w[i] * (z[last].im[i] - p->imaginary[from + i]);
+        }
+        cost += 0.5 * product(&off, &off);
         for (int64_t a = 0; a < q; a++) {
-            gradient[a] += total[a].re * off.re + total[a].im * off.im;
-            for (int64_t b = 0; b <= a; b++)
-                gram[a * q + b] += total[a].re * total[b].re + total[a].im * total[b].im;
+            gradient[a] += product(total + a, &off);
+            for (int64_t b = 0; b <= a; b++) gram[a * q + b] += product(total + a, total + b);
         }
     }
     for (int64_t a = 0; a < q; a++)
@@ -224,20 +261,28 @@ static double search(const problem *p, const double *lower, const double *upper,
 }
 
 /* From one start (starts, free) after the other, in place, to an optimum: its cost (starts) and
- * passes. Done when `enough` of them have led to the best, the costs of the rest infinite. */
+ * passes. Done when `enough` of them have led to the best, the costs of the rest infinite. `work`
+ * has room for six rows of `room` numbers, n filled up to whole blocks. */
 void impedance_search(int64_t n, int64_t nodes, int64_t parameters, int64_t free_, int64_t starts,
                       int64_t enough, int64_t most, double same, const double *omega,
                       const double *real, const double *imaginary, const double *weight,
                       const int64_t *kind, const int64_t *left, const int64_t *right,
                       const int64_t *at, const int64_t *column, const double *offset,
-                      const double *lower, const double *upper, double *work, double *x,
-                      double *cost, int64_t *passes) {
-    const problem p = {n,      nodes, parameters, free_, omega, work,  work + n, real, imaginary,
-                       weight, kind,  left,       right, at,    column, offset};
-    for (int64_t i = 0; i < n; i++) {
-        work[i] = log(omega[i]);
-        work[n + i] = 1.0 / sqrt(2.0 * omega[i]);
+                      const double *lower, const double *upper, int64_t room, double *work,
+                      double *x, double *cost, int64_t *passes) {
+    double *rate = work, *log_rate = work + room, *root = work + 2 * room;
+    double *re = work + 3 * room, *im = work + 4 * room, *w = work + 5 * room;
+    for (int64_t i = 0; i < room; i++) {
+        const int64_t k = i < n ? i : n - 1;
+        rate[i] = omega[k];
+        log_rate[i] = log(omega[k]);
+        root[i] = 1.0 / sqrt(2.0 * omega[k]);
+        re[i] = real[k];
+        im[i] = imaginary[k];
+        w[i] = i < n ? weight[k] : 0.0;
     }
+    const problem p = {n,  nodes, parameters, free_, rate, log_rate, root,   re,
+                       im, w,     kind,       left,  right, at,      column, offset};
     int64_t arrived = 0;
     double best = INFINITY;
     for (int64_t s = 0; s < starts; s++) {

@@ -150,7 +150,8 @@ def _freedom(tree, fixed, tied):
 
 def _places(column):
     """Of each free parameter, the first place among all."""
-    return [int(np.flatnonzero(column == k)[0]) for k in range(column.max(initial=-1) + 1)]
+    places = column.tolist()
+    return [places.index(k) for k in range(max(places, default=-1) + 1)]
 
 
 def _limits(tree, size, bounds, column):

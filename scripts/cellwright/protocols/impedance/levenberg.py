@@ -9,10 +9,19 @@ from cellwright.protocols.impedance.circuits import circuit_slopes
 from cellwright.refusal import Refusal
 
 MOST_PASSES = 200
-MOST_NODES, MOST_PARAMETERS = 64, 32  # what the kernel has room for
+MOST_NODES, MOST_PARAMETERS, BLOCK = 64, 32, 64  # of the kernel
 FARTHEST, ARRIVED, STUCK = 2.0, 1e-7, 1e12
 SAME = 1e-6  # relative difference of two sums of squares that are one optimum
-TYPES = (*[count] * 7, real, *[array] * 4, *[integers] * 5, *[array] * 6, integers)
+TYPES = (
+    *[count] * 7,
+    real,
+    *[array] * 4,
+    *[integers] * 5,
+    *[array] * 3,
+    count,
+    *[array] * 3,
+    integers,
+)
 
 
 class Problem(NamedTuple):
@@ -90,8 +99,22 @@ def search(problem, starts, *, enough):
     tree = [np.array(part, np.int64) for part in circuit[1:5]]
     sizes = (len(omega), len(circuit.kinds), len(circuit.names), x.shape[1], len(x), enough)
     series = (omega, *parts, np.ascontiguousarray(problem.weight, float))
-    limits = (problem.offset, problem.lower, problem.upper, np.empty(2 * len(omega)))
-    kernel(*sizes, MOST_PASSES, SAME, *series, *tree, problem.column, *limits, x, cost, passes)
+    limits = (problem.offset, problem.lower, problem.upper)
+    room = BLOCK * -(-len(omega) // BLOCK)
+    kernel(
+        *sizes,
+        MOST_PASSES,
+        SAME,
+        *series,
+        *tree,
+        problem.column,
+        *limits,
+        room,
+        np.empty(6 * room),
+        x,
+        cost,
+        passes,
+    )
     return Found(x, cost, passes)
 
 

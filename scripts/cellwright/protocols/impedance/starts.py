@@ -1,5 +1,6 @@
 """Where a fit starts and how far it may go, from the spectrum's own features."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -90,14 +91,17 @@ def draws(circuit, size, *, number):
 
 
 def _drawn(role, size, share):
-    drawn = {
-        "resistance": size.span * np.power(10.0, 1.5 * share - 1.2),
-        "series": size.smallest * (0.6 + 0.4 * share),
-        "inductance": size.leads * np.power(10.0, 0.5 * share - 0.25),
-        "exponent": 0.6 + 0.3 * share,
-        "warburg": size.warburg * np.power(10.0, 1.5 * share - 0.5),
+    if role == "exponent":
+        return 0.6 + 0.3 * share
+    if role == "series":
+        return size.smallest * (0.6 + 0.4 * share)
+    around = {
+        "resistance": (size.span, 1.5 * share - 1.2),
+        "inductance": (size.leads, 0.5 * share - 0.25),
+        "warburg": (size.warburg, 1.5 * share - 0.5),
     }
-    return drawn.get(role, share)
+    middle, decades = around.get(role, (1.0, share))
+    return middle * np.power(10.0, decades)
 
 
 def _rates(size, share):
@@ -111,6 +115,7 @@ def _rates(size, share):
     return np.exp(np.log(size.fastest) + place * np.log(size.lowest / size.fastest))
 
 
+@cache
 def _even(number, dimensions):
     """Evenly spread points (number, dimensions) in 0…1, the first in the middle."""
     ratio = 1.5
@@ -120,6 +125,7 @@ def _even(number, dimensions):
     return (0.5 + np.arange(number)[:, None] * steps) % 1
 
 
+@cache
 def _roles(circuit):
     """As the circuit's, a resistance in series with all else told apart."""
     own = series_resistance(circuit)
