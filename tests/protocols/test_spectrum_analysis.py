@@ -142,9 +142,10 @@ def test_a_rested_reading_waits_until_the_cells_own_heat_is_gone():
     time = np.arange(0, 7200.0, 60)
     current = np.where(time < 3600, -1.0, 0.0)
     celsius = 25 + 5 * np.exp(-np.clip(time - 3600, 0, None) / 300)
-    read = rested_temperature(time, current, celsius, rest_ampere=0.01)
+    read = rested_temperature(time, current, celsius)
     assert read == pytest.approx(25, abs=0.01)
-    assert np.isnan(rested_temperature(time[:60], current[:60], celsius[:60], rest_ampere=0.01))
+    assert np.isnan(rested_temperature(time[:60], current[:60], celsius[:60]))
+    assert np.isnan(rested_temperature(time, current, None))
 
 
 def test_thermometers_that_differ_are_told_with_numbers():

@@ -124,8 +124,6 @@ rule thermometer:
     wildcard_constraints:
         cell=either(THERMOMETERS),
     params:
-        cell=cell_facts,
-        rest_c_rate=config["segment"]["rest_c_rate"],
         code=code_of("thermometer"),
     message:
         "Compare the temperature in the spectra of {wildcards.cell} with that of its other records."

@@ -29,16 +29,23 @@ class Arc(NamedTuple):
 def arcs(circuit):
     """Arcs of a circuit (its text or tree), in the order of their parameters: list of Arc."""
     tree = parse(circuit) if isinstance(circuit, str) else circuit
-    found = []
-    for m, kind in enumerate(tree.kinds):
-        pairs = [(tree.left[m], tree.right[m]), (tree.right[m], tree.left[m])]
-        for capacitive, other in pairs if kind == PARALLEL else ():
-            resistances = _in_series(tree, other, {SYMBOLS["R"]})
-            if tree.kinds[capacitive] in CAPACITIVE and resistances:
-                at = tree.at[capacitive]
-                exponent = at + 1 if tree.kinds[capacitive] == SYMBOLS["CPE"] else None
-                found.append(Arc(at, exponent, tuple(tree.at[k] for k in resistances)))
-    return sorted(found)
+    found = [
+        _arc(tree, *sides)
+        for kind, left, right in zip(tree.kinds, tree.left, tree.right, strict=True)
+        if kind == PARALLEL
+        for sides in ((left, right), (right, left))
+    ]
+    return sorted((arc for arc in found if arc is not None), key=lambda arc: arc.t)
+
+
+def _arc(tree, capacitive, other):
+    """Arc of two parallel branches; None where the one is no capacitance or the other lacks R."""
+    resistances = _in_series(tree, other, {SYMBOLS["R"]})
+    if tree.kinds[capacitive] not in CAPACITIVE or not resistances:
+        return None
+    at = tree.at[capacitive]
+    exponent = at + 1 if tree.kinds[capacitive] == SYMBOLS["CPE"] else None
+    return Arc(at, exponent, tuple(tree.at[k] for k in resistances))
 
 
 def characteristic_frequency(arc, values):

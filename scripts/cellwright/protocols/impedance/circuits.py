@@ -164,10 +164,9 @@ def _downwards(circuit, nodes, own):
     reach = [1.0] * len(nodes)
     slopes = np.empty((len(circuit.names), len(nodes[-1])), complex)
     for m in range(len(nodes) - 1, -1, -1):
-        for child in (circuit.left[m], circuit.right[m]):
+        for child in {circuit.left[m], circuit.right[m]} - {-1}:
             share = (nodes[m] / nodes[child]) ** 2 if circuit.kinds[m] == PARALLEL else 1.0
-            if child >= 0:
-                reach[child] = reach[m] * share
+            reach[child] = reach[m] * share
         for k, slope in enumerate(own.get(m, ())):
             slopes[circuit.at[m] + k] = reach[m] * slope
     return slopes

@@ -5,10 +5,11 @@ import numpy as np
 from cellwright.refusal import Refusal
 
 RESTED_SECOND = 1800.0
+REST_SHARE = 0.01  # of a record's largest current: what is below is rest
 MATERIAL_KELVIN = 0.5
 
 
-def rested_temperature(test_time_second, current_ampere, temperature_celsius, *, rest_ampere):
+def rested_temperature(test_time_second, current_ampere, temperature_celsius):
     """What the thermometer of a record reads when the cell has long been at rest [°C].
 
     Median of all samples at least half an hour after the last current, when the cell's own heat is
@@ -16,11 +17,14 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius, *,
 
     Parameters
     ----------
-    test_time_second, current_ampere, temperature_celsius : (n,) [s], [A], [°C].
-    rest_ampere : currents below count as rest [A].
+    test_time_second, current_ampere, temperature_celsius : (n,) [s], [A], [°C]; None for the last
+        where it was not recorded.
     """
     # ASSUME: After half an hour without current a cell has the temperature of its chamber.
-    resting = np.abs(current_ampere) < rest_ampere
+    if temperature_celsius is None:
+        return np.nan
+    size = np.abs(current_ampere)
+    resting = size <= REST_SHARE * size.max()
     loaded = np.where(resting, test_time_second[0], test_time_second)
     rested = resting & (test_time_second - np.maximum.accumulate(loaded) >= RESTED_SECOND)
     known = temperature_celsius[rested & np.isfinite(temperature_celsius)]
