@@ -3,7 +3,9 @@
 import numpy as np
 from timing import Entry, Topic, where_importable
 
+from cellwright.protocols.impedance.circuits import parse
 from cellwright.protocols.impedance.fit import fit_circuit
+from cellwright.protocols.impedance.levenberg import Problem, search
 
 FREQUENCY = np.logspace(4, -2, 61)
 NOISE = 2e-3
@@ -87,6 +89,7 @@ def _entries(run):
     makers = {
         "**Cellwright**": lambda: Entry("**Cellwright**, several starts", run(_ours), None, 11),
         "one start": lambda: Entry("**Cellwright**, that start alone", run(_one_start), None, 11),
+        "search": lambda: Entry("**Cellwright**, its search alone", run(_search), None, 11),
         "scipy": lambda: Entry("scipy least_squares, logarithms", run(_scipy), None),
         "slopes": lambda: Entry("the same with analytic slopes", run(_scipy_slopes), None),
         "lmfit": lambda: Entry("lmfit, all above zero", run(_lmfit), None),
@@ -123,6 +126,16 @@ def _ours(frequency, measured, start):
 def _one_start(frequency, measured, start):
     given = dict(zip(NAMES, start, strict=True))
     return _named(fit_circuit(frequency, measured, starts=1, start=given))
+
+
+def _search(frequency, measured, start):
+    tree = parse("R-(CPE|(R-W))")
+    logs = np.log(np.array([start[NAMES.index(name)] for name in tree.names]))
+    free, around = np.arange(5), np.full(5, 20.0)
+    ends = np.where(np.array(tree.roles) == "exponent", np.log([[0.3], [1.0]]), [-around, around])
+    problem = Problem(tree, frequency, measured, 1 / np.abs(measured), free, np.zeros(5), *ends)
+    values = np.exp(search(problem, logs[None], enough=1).x[0])
+    return np.array([values[tree.names.index(name)] for name in NAMES])
 
 
 def _residual(values, frequency, measured):

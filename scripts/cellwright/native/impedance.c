@@ -261,35 +261,34 @@ static double search(const problem *p, const double *lower, const double *upper,
 }
 
 /* From one start (starts, free) after the other, in place, to an optimum: its cost (starts) and
- * passes. Done when `enough` of them have led to the best, the costs of the rest infinite. `work`
- * has room for six rows of `room` numbers, n filled up to whole blocks. */
+ * passes. Done when `enough` of them have led to the best, the costs of the rest infinite.
+ * series : omega, real, imaginary, weight (n) each. tree : kind, left, right, at (nodes) each.
+ * limits : lower, upper (free) each. work : six rows of n filled up to whole blocks. */
 void impedance_search(int64_t n, int64_t nodes, int64_t parameters, int64_t free_, int64_t starts,
-                      int64_t enough, int64_t most, double same, const double *omega,
-                      const double *real, const double *imaginary, const double *weight,
-                      const int64_t *kind, const int64_t *left, const int64_t *right,
-                      const int64_t *at, const int64_t *column, const double *offset,
-                      const double *lower, const double *upper, int64_t room, double *work,
-                      double *x, double *cost, int64_t *passes) {
-    double *rate = work, *log_rate = work + room, *root = work + 2 * room;
-    double *re = work + 3 * room, *im = work + 4 * room, *w = work + 5 * room;
+                      int64_t enough, int64_t most, double same, const double *series,
+                      const int64_t *tree, const int64_t *column, const double *offset,
+                      const double *limits, double *work, double *x, double *cost,
+                      int64_t *passes) {
+    const int64_t room = (n + BLOCK - 1) / BLOCK * BLOCK;
     for (int64_t i = 0; i < room; i++) {
         const int64_t k = i < n ? i : n - 1;
-        rate[i] = omega[k];
-        log_rate[i] = log(omega[k]);
-        root[i] = 1.0 / sqrt(2.0 * omega[k]);
-        re[i] = real[k];
-        im[i] = imaginary[k];
-        w[i] = i < n ? weight[k] : 0.0;
+        work[i] = series[k];
+        work[room + i] = log(series[k]);
+        work[2 * room + i] = 1.0 / sqrt(2.0 * series[k]);
+        work[3 * room + i] = series[n + k];
+        work[4 * room + i] = series[2 * n + k];
+        work[5 * room + i] = i < n ? series[3 * n + k] : 0.0;
     }
-    const problem p = {n,  nodes, parameters, free_, rate, log_rate, root,   re,
-                       im, w,     kind,       left,  right, at,      column, offset};
+    const problem p = {n, nodes, parameters, free_, work, work + room, work + 2 * room,
+                       work + 3 * room, work + 4 * room, work + 5 * room, tree, tree + nodes,
+                       tree + 2 * nodes, tree + 3 * nodes, column, offset};
     int64_t arrived = 0;
     double best = INFINITY;
     for (int64_t s = 0; s < starts; s++) {
         cost[s] = INFINITY;
         passes[s] = 0;
         if (arrived >= enough) continue;
-        cost[s] = search(&p, lower, upper, most, x + s * free_, passes + s);
+        cost[s] = search(&p, limits, limits + free_, most, x + s * free_, passes + s);
         best = fmin(best, cost[s]);
         arrived = 0;
         for (int64_t k = 0; k <= s; k++) arrived += cost[k] <= best * (1.0 + same);

@@ -1,5 +1,6 @@
 """Levenberg–Marquardt of a circuit's parameters in logarithms, from many starts at once."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,16 +13,7 @@ MOST_PASSES = 200
 MOST_NODES, MOST_PARAMETERS, BLOCK = 64, 32, 64  # of the kernel
 FARTHEST, ARRIVED, STUCK = 2.0, 1e-7, 1e12
 SAME = 1e-6  # relative difference of two sums of squares that are one optimum
-TYPES = (
-    *[count] * 7,
-    real,
-    *[array] * 4,
-    *[integers] * 5,
-    *[array] * 3,
-    count,
-    *[array] * 3,
-    integers,
-)
+TYPES = (*[count] * 7, real, array, integers, integers, *[array] * 5, integers)
 
 
 class Problem(NamedTuple):
@@ -94,28 +86,21 @@ def search(problem, starts, *, enough):
         return search_by_numpy(problem, starts, enough=enough)
     x = np.ascontiguousarray(starts, float)
     cost, passes = np.empty(len(x)), np.empty(len(x), np.int64)
-    omega = 2 * np.pi * np.ascontiguousarray(problem.frequency_hertz, float)
-    parts = problem.impedance_ohm.real.copy(), problem.impedance_ohm.imag.copy()
-    tree = [np.array(part, np.int64) for part in circuit[1:5]]
-    sizes = (len(omega), len(circuit.kinds), len(circuit.names), x.shape[1], len(x), enough)
-    series = (omega, *parts, np.ascontiguousarray(problem.weight, float))
-    limits = (problem.offset, problem.lower, problem.upper)
-    room = BLOCK * -(-len(omega) // BLOCK)
-    kernel(
-        *sizes,
-        MOST_PASSES,
-        SAME,
-        *series,
-        *tree,
-        problem.column,
-        *limits,
-        room,
-        np.empty(6 * room),
-        x,
-        cost,
-        passes,
-    )
+    size, measured = len(problem.weight), problem.impedance_ohm
+    omega = 2 * np.pi * problem.frequency_hertz
+    series = np.concatenate([omega, measured.real, measured.imag, problem.weight])
+    limits = np.concatenate([problem.lower, problem.upper])
+    work = np.empty(6 * BLOCK * -(-size // BLOCK))
+    sizes = (size, len(circuit.kinds), len(circuit.names), x.shape[1], len(x), enough)
+    tree = (_tree(circuit), problem.column, problem.offset)
+    kernel(*sizes, MOST_PASSES, SAME, series, *tree, limits, work, x, cost, passes)
     return Found(x, cost, passes)
+
+
+@cache
+def _tree(circuit):
+    """Kinds, children and places of the nodes, one after the other (4m,)."""
+    return np.array(circuit[1:5], np.int64).ravel()
 
 
 def search_by_numpy(problem, starts, *, enough):
