@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from cellwright.refusal import Refusal
-
 RESTED_SECOND = 1800.0
 REST_SHARE = 0.01  # of a record's largest current: what is below is rest
 MATERIAL_KELVIN = 0.5
@@ -32,62 +30,59 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius):
 
 
 def temperature_offsets(spectra, records):
-    """Difference of the two thermometers at each chamber temperature.
+    """Difference of the two thermometers at each chamber temperature at which there are spectra.
 
     Parameters
     ----------
     spectra, records : sequences of (chamber temperature as stated, temperature read), both [°C];
-        NaN where there was nothing to read.
+        None for one that is not stated, NaN where there was nothing to read.
 
     Returns
     -------
-    rows : list of dicts, one a chamber temperature that both have: ambient_temperature_celsius,
-        spectra_celsius, spectra, records_celsius, records, offset_kelvin, offset_std_kelvin (NaN
-        where neither was read twice).
-    notes : tuple of one sentence.
-
-    Raises
-    ------
-    Refusal : no chamber temperature at which both were read.
+    rows : list of dicts: ambient_temperature_celsius, spectra_celsius, spectra (how many were
+        read), records_celsius, records, offset_kelvin, offset_std_kelvin. NaN for what was not
+        read, and for the last where neither was read twice.
+    notes : tuple of at most one sentence; none where the spectra hold no temperature.
     """
-    read = [
-        [(a, t) for a, t in one if a is not None and np.isfinite(t)] for one in (spectra, records)
-    ]
-    both = sorted({a for a, _ in read[0]} & {a for a, _ in read[1]})
-    if not both:
-        raise Refusal(
-            f"{len(read[0])} spectra and {len(read[1])} rested records hold a temperature, none of "
-            "them at the same chamber temperature: the thermometers cannot be compared"
-        )
-    rows = [_row(a, *[np.array([t for b, t in one if b == a]) for one in read]) for a in both]
-    return rows, (_sentence(rows),)
+    stated = sorted({ambient for ambient, _ in spectra} - {None})
+    rows = [_row(ambient, _read(spectra, ambient), _read(records, ambient)) for ambient in stated]
+    return rows, tuple(_notes(rows))
+
+
+def _read(pairs, ambient):
+    found = np.array([celsius for stated, celsius in pairs if stated == ambient], float)
+    return found[np.isfinite(found)]
 
 
 def _row(ambient, spectra, records):
-    spread = [
-        np.var(one, ddof=1) / len(one) if len(one) > 1 else np.nan for one in (spectra, records)
-    ]
-    known = [value for value in spread if np.isfinite(value)]
+    read = [float(np.median(one)) if len(one) else np.nan for one in (spectra, records)]
+    spread = [np.var(one, ddof=1) / len(one) for one in (spectra, records) if len(one) > 1]
     return {
         "ambient_temperature_celsius": ambient,
-        "spectra_celsius": float(np.median(spectra)),
+        "spectra_celsius": read[0],
         "spectra": len(spectra),
-        "records_celsius": float(np.median(records)),
+        "records_celsius": read[1],
         "records": len(records),
-        "offset_kelvin": float(np.median(spectra) - np.median(records)),
-        "offset_std_kelvin": float(np.sqrt(sum(known))) if known else np.nan,
+        "offset_kelvin": read[0] - read[1],
+        "offset_std_kelvin": float(np.sqrt(sum(spread))) if spread else np.nan,
     }
 
 
-def _sentence(rows):
-    offsets = [row["offset_kelvin"] for row in rows]
+def _notes(rows):
+    known = [row for row in rows if np.isfinite(row["offset_kelvin"])]
     each = ", ".join(
         f"{row['offset_kelvin']:+.1f} K at {row['ambient_temperature_celsius']:g} °C"
-        for row in rows
+        for row in known
     )
-    if max(map(abs, offsets)) < MATERIAL_KELVIN:
-        return f"temperatures in the spectra's files agree with those of the other records: {each}"
-    return (
-        "temperatures in the spectra's files differ from those of the other records at rest: "
-        f"{each}; curves over temperature must not mix the two (they use the chamber's)"
-    )
+    if not known and any(row["spectra"] for row in rows):
+        yield (
+            "temperatures in the spectra's files cannot be checked: no other record of the same "
+            "chamber temperature holds one half an hour after its last current"
+        )
+    elif known and max(abs(row["offset_kelvin"]) for row in known) < MATERIAL_KELVIN:
+        yield f"temperatures in the spectra's files agree with those of the other records: {each}"
+    elif known:
+        yield (
+            "temperatures in the spectra's files differ from those of the other records at rest: "
+            f"{each}; curves over temperature must not mix the two (they use the chamber's)"
+        )
