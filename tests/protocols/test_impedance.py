@@ -75,9 +75,12 @@ def test_the_kernel_and_its_twin_find_the_same(table, monkeypatch):
             plain.rms_relative_residual, rel=1e-10
         )
         np.testing.assert_allclose(compiled.fitted_ohm, plain.fitted_ohm, rtol=1e-8)
-    compiled = fit_circuit(FREQUENCY, spectrum)
+    fine = np.geomspace(1e-2, 1e3, 150)  # more than one block of the kernel
+    both = (FREQUENCY, spectrum), (fine, noisy(thesis_impedance(THESIS, fine)))
+    compiled = [fit_circuit(*one).values for one in both]
     monkeypatch.setattr(fits, "search", search_by_numpy)
-    np.testing.assert_allclose(compiled.values, fit_circuit(FREQUENCY, spectrum).values, rtol=1e-10)
+    for one, values in zip(both, compiled, strict=True):
+        np.testing.assert_allclose(values, fit_circuit(*one).values, rtol=1e-10)
 
 
 def test_exact_spectrum_gives_its_parameters_back():
