@@ -35,8 +35,8 @@ FOOT = """## Where this is not what one might expect
   pipeline runs has four states more, for errors that a model of a real cell makes.
 * **dQ/dV**: a grid by interpolation and scipy's filter come near in time. What ours buys is the
   position of the peaks, since the mean of all rows in a bin is no single row's rounding.
-* **Impedance**: several starts of scipy's least_squares, without a compiled kernel yet. From a good
-  start one scipy fit is many times faster; ours is slow because it has none.
+* **Impedance**: the search itself is a fifth of our time; checks, starts, covariance and
+  correlations are the rest, and are not in scipy's.
 * **Reading**: ours is pyarrow's parser too; it also finds the layout and checks the rows.
 * cellpy, PyProBE, liionpack and impedance.py are not here: they are not among the pinned peers.
 """

@@ -27,7 +27,7 @@ TOPICS = {
     "fit": (fit.hppc,),
     "filter": (soc_filter.adaptive,),
     "ica": (capacity_slope.topic,),
-    "impedance": (impedance_fit.topic,),
+    "impedance": (impedance_fit.topic, impedance_fit.poor_start),
     "group": (group.topic,),
     "reading": (reading.topic,),
     "start": (start.topic,),

@@ -1,12 +1,18 @@
-"""Fit the equivalent circuit to one spectrum, and test the spectrum itself."""
+"""Fit a circuit to one spectrum, test the spectrum itself, and find its relaxation times."""
 
 import artefact
 from cellwright.protocols.impedance import analyse
 
 with artefact.Job(snakemake) as job:
-    spectrum = job.load(snakemake.input.spectrum)
+    spectrum, output = job.load(snakemake.input.spectrum), snakemake.output
     measured = spectrum["impedance_real_ohm"] + 1j * spectrum["impedance_imaginary_ohm"]
-    found = analyse(spectrum["frequency_hertz"], measured)
+    celsius = spectrum.get("surface_temperature_celsius")
+    settings = snakemake.params.settings
+    found = analyse(spectrum["frequency_hertz"], measured, temperature_celsius=celsius, **settings)
     job.note(*found.notes)
-    job.save([found.row], snakemake.output.fit)
-    job.save(found.curve, snakemake.output.curve)
+    job.save([found.row], output.fit)
+    job.save(found.curve, output.curve)
+    job.save(found.parameters, output.parameters)
+    job.save(found.candidates, output.candidates)
+    job.save(found.distribution, output.distribution)
+    job.save(found.processes, output.processes)

@@ -1,43 +1,69 @@
-"""Nyquist plots, one panel per temperature, with the fitted circuit as a line."""
+"""Nyquist plots with the fitted circuit as a line, and what the fit leaves over frequency."""
 
-import matplotlib
+import numpy as np
 
 import figure
+from drawing.spectra import Layout
 
 
 def draw(tests):
-    """Figure of a cell's spectra; `tests` are (columns, about) of stage `eis_curve`."""
-    found = {_celsius(about) for _, about in tests}
-    panels = sorted(found, key=lambda celsius: (celsius is None, celsius or 0))
-    canvas, axes = figure.canvas(1, len(panels), height=3.2)
-    for panel, celsius in zip(axes[0], panels, strict=True):
-        for columns, about in (test for test in tests if _celsius(test[1]) == celsius):
-            _spectrum(panel, columns, about)
-        panel.set(xlabel="Re Z [mΩ]", ylabel="−Im Z [mΩ]", title=figure.temperature_label(celsius))
+    """Nyquist plots of a cell; `tests` are (columns, about) of stage `eis_curve`.
+
+    One panel per SoC, coloured by temperature; of one temperature only, coloured by SoC.
+    """
+    layout = Layout(tests)
+    canvas, axes = layout.canvas()
+    for panel, (value, spectra) in zip(axes, layout.panels.items(), strict=True):
+        for columns, _, fact in spectra:
+            _nyquist(panel, columns, *layout.style(fact))
+        panel.set(xlabel="Re Z [mΩ]", ylabel="−Im Z [mΩ]", title=layout.title(value))
         panel.set_aspect("equal", adjustable="datalim")
-    figure.legend_once(axes[0, -1], fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
+    figure.legend_once(axes[0], fontsize=7)
     return canvas
 
 
-def _celsius(about):
-    return about["params"]["test"]["ambient_temperature_celsius"]
+def draw_fit(tests):
+    """Imaginary part with the fit, and the relative error of the fit, over frequency."""
+    layout = Layout(tests)
+    places = np.unique(np.linspace(0, len(layout.panels) - 1, 3).round().astype(int))
+    panels = [list(layout.panels.items())[k] for k in places]
+    canvas, axes = figure.canvas(2, len(panels), height=5.2, sharex=True)
+    for (value, spectra), upper, lower in zip(panels, *axes, strict=True):
+        for columns, _, fact in spectra:
+            _imaginary(upper, columns, *layout.style(fact))
+            _error(lower, columns, layout.style(fact)[0])
+        upper.set(ylabel="−Im Z [mΩ]", title=layout.title(value), xscale="log")
+        lower.set(xlabel="frequency [Hz]", ylabel="error over |Z| [%]", yscale="log")
+    figure.legend_once(axes[0, 0], fontsize=7)
+    figure.legend_once(axes[1, 0], fontsize=7)
+    return canvas
 
 
-def _spectrum(axes, columns, about):
-    soc = about["params"]["test"]["soc"]
-    colour = figure.QUIET if soc is None else matplotlib.colormaps["viridis"](0.9 * soc)
-    label = "SoC not stated" if soc is None else f"SoC {100 * soc:.0f} %"
-    axes.plot(
-        1e3 * columns["impedance_real_ohm"],
-        -1e3 * columns["impedance_imaginary_ohm"],
-        ".",
-        markersize=2.5,
-        color=colour,
-        label=label,
-    )
-    axes.plot(
-        1e3 * columns["fitted_real_ohm"],
-        -1e3 * columns["fitted_imaginary_ohm"],
-        color=colour,
-        linewidth=0.7,
-    )
+def _nyquist(axes, columns, colour, label):
+    real, imaginary = 1e3 * columns["impedance_real_ohm"], -1e3 * columns["impedance_imaginary_ohm"]
+    used = columns["in_fit"].astype(bool)
+    axes.plot(real[used], imaginary[used], ".", markersize=3, color=colour, label=label)
+    axes.plot(real[~used], imaginary[~used], "x", markersize=3, color=colour, linestyle="none")
+    fitted = 1e3 * columns["fitted_real_ohm"], -1e3 * columns["fitted_imaginary_ohm"]
+    axes.plot(*[part[used] for part in fitted], color=colour, linewidth=0.8)
+
+
+def _imaginary(axes, columns, colour, label):
+    used = columns["in_fit"].astype(bool)
+    frequency, imaginary = columns["frequency_hertz"], -1e3 * columns["impedance_imaginary_ohm"]
+    axes.plot(frequency[used], imaginary[used], ".", markersize=3, color=colour, label=label)
+    axes.plot(frequency[~used], imaginary[~used], "x", markersize=3, color=colour)
+    fitted = -1e3 * columns["fitted_imaginary_ohm"]
+    axes.plot(frequency[used], fitted[used], color=colour, linewidth=0.8)
+
+
+def _error(axes, columns, colour):
+    used = columns["in_fit"].astype(bool)
+    measured = columns["impedance_real_ohm"] + 1j * columns["impedance_imaginary_ohm"]
+    fitted = columns["fitted_real_ohm"] + 1j * columns["fitted_imaginary_ohm"]
+    frequency, error = columns["frequency_hertz"], 100 * np.abs(fitted / measured - 1)
+    test = 100 * np.hypot(columns["kramers_kronig_real"], columns["kramers_kronig_imaginary"])
+    axes.plot(frequency[used], error[used], color=colour)
+    axes.plot(frequency[used], test[used], ":", color=colour)
+    axes.plot([], [], color=figure.INK, label="circuit")
+    axes.plot([], [], ":", color=figure.INK, label="Kramers–Kronig")

@@ -10,6 +10,8 @@ for cell in CELLS:
         ("resistance", tests(cell, *PULSE_KINDS)),
         ("ica", tests(cell, "ica")),
         ("impedance", tests(cell, "eis")),
+        ("impedance_fit", tests(cell, "eis")),
+        ("drt", tests(cell, "eis")),
         ("temperature", cell in VARIED),
         ("ocv_temperature", cell in STEPPED),
         ("capacity_loss", cell in COLD),
@@ -158,6 +160,37 @@ rule figure_impedance:
         "Figure: impedance of {wildcards.cell}."
     script:
         "../../scripts/figure_impedance.py"
+
+
+rule figure_impedance_fit:
+    input:
+        lambda w: artefacts("eis_curve", w.cell, "eis"),
+    output:
+        "results/figures/{cell}/impedance_fit.svg",
+    log:
+        "logs/figures/{cell}_impedance_fit.log",
+    params:
+        code=code_of("figure_impedance_fit"),
+    message:
+        "Figure: what the circuit leaves of the spectra of {wildcards.cell}."
+    script:
+        "../../scripts/figure_impedance_fit.py"
+
+
+rule figure_drt:
+    input:
+        curves=lambda w: artefacts("drt", w.cell, "eis"),
+        peaks=lambda w: artefacts("drt_peaks", w.cell, "eis"),
+    output:
+        "results/figures/{cell}/drt.svg",
+    log:
+        "logs/figures/{cell}_drt.log",
+    params:
+        code=code_of("figure_drt"),
+    message:
+        "Figure: relaxation times in the spectra of {wildcards.cell}."
+    script:
+        "../../scripts/figure_drt.py"
 
 
 rule figure_temperature:

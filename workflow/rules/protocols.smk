@@ -85,12 +85,47 @@ rule impedance:
     output:
         fit="results/eis/{cell}/{test}.parquet",
         curve="results/eis_curve/{cell}/{test}.parquet",
+        parameters="results/eis_parameters/{cell}/{test}.parquet",
+        candidates="results/eis_candidates/{cell}/{test}.parquet",
+        distribution="results/drt/{cell}/{test}.parquet",
+        processes="results/drt_peaks/{cell}/{test}.parquet",
     log:
         "logs/impedance/{cell}/{test}.log",
     params:
+        settings=config["impedance"],
         test=test_facts,
         code=code_of("impedance"),
     message:
-        "Fit the equivalent circuit to the spectrum {wildcards.cell} {wildcards.test}."
+        "Fit {params.settings[circuit]} to the spectrum {wildcards.cell} {wildcards.test}."
     script:
         "../../scripts/impedance.py"
+
+
+def beside_spectra(cell):
+    """Series of a cell at the chamber temperatures at which it has spectra."""
+    there = {row["ambient_temperature_celsius"] for row in tests(cell, "eis")} - {None}
+    rows = tests(cell, *SERIES_KINDS)
+    return [row["test"] for row in rows if row["ambient_temperature_celsius"] in there]
+
+
+THERMOMETERS = [cell for cell in CELLS if beside_spectra(cell)]
+
+
+rule thermometer:
+    input:
+        spectra=lambda w: artefacts("eis", w.cell, "eis"),
+        series=lambda w: [
+            f"results/clean/{w.cell}/{test}.parquet" for test in beside_spectra(w.cell)
+        ],
+    output:
+        "results/thermometer/{cell}.parquet",
+    log:
+        "logs/thermometer/{cell}.log",
+    wildcard_constraints:
+        cell=either(THERMOMETERS),
+    params:
+        code=code_of("thermometer"),
+    message:
+        "Compare the temperature in the spectra of {wildcards.cell} with that of its other records."
+    script:
+        "../../scripts/thermometer.py"

@@ -48,6 +48,7 @@ STAGES = [
     *MODELS,
     *EXPORTED["pybamm_thevenin.json"],
     *[path for paths in TABLE_INPUTS.values() for path in paths],
+    *[f"results/thermometer/{cell}.parquet" for cell in THERMOMETERS],
     *[f"results/missing_effect/{cell}/verdict.json" for cell in SEARCHED],
     *[f"results/missing_effect/{group}/verdict.json" for group in GROUPS_SEARCHED],
 ]

@@ -1,43 +1,172 @@
-"""Impedance of the thesis' equivalent circuit."""
+"""Equivalent circuits as data: `L-R-(CPE|(R-W))` is parsed to a tree that knows its impedance."""
+
+import re
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
-NAMES = (
-    "r_ohmic_ohm",
-    "r_charge_transfer_ohm",
-    "cpe_t",
-    "cpe_p",
-    "warburg_y0",
-    "inductance_henry",
+from cellwright.protocols.impedance.elements import (
+    FIRST,
+    PARALLEL,
+    SERIES,
+    SYMBOLS,
+    element_of,
+    impedance_and_slopes,
 )
+from cellwright.refusal import Refusal
+
+THESIS = "R-(CPE|(R-W))"
+THESIS_NAMES = ("r_ohmic_ohm", "cpe_t", "cpe_p", "r_charge_transfer_ohm", "warburg_y0")
+# The thesis' circuit has the names of the results contract; with the leads' inductance as well.
+NAMED = {THESIS: THESIS_NAMES, f"L-{THESIS}": ("inductance_henry", *THESIS_NAMES)}
+TOKEN = re.compile(r"[A-Z]+|[-|()]")
 
 
-def circuit_impedance(
-    frequency_hertz,
-    r_ohmic_ohm,
-    r_charge_transfer_ohm,
-    cpe_t,
-    cpe_p,
-    warburg_y0,
-    *inductance_henry,
-):
-    """Resistance in series with a CPE that lies parallel to charge transfer and diffusion.
+class Circuit(NamedTuple):
+    """A circuit as a tree whose nodes stand in one row, children before their parent.
+
+    text : as written, without blanks. kinds : (m,) SERIES, PARALLEL or number of the element.
+    left, right : (m,) children of a node that joins two, −1 for an element. at : (m,) place of an
+    element's first parameter. names : of the parameters. roles : what each is, see `elements`.
+    """
+
+    text: str
+    kinds: tuple
+    left: tuple
+    right: tuple
+    at: tuple
+    names: tuple
+    roles: tuple
+
+
+@cache
+def parse(text):
+    """Circuit of a text: `-` is in series, `|` in parallel, brackets group.
 
     Parameters
     ----------
-    frequency_hertz : (n,) [Hz].
-    r_ohmic_ohm, r_charge_transfer_ohm : resistances [Ω].
-    cpe_t, cpe_p : constant-phase element 1/(T (jω)^P) [s^P/Ω], [1].
-    warburg_y0 : semi-infinite diffusion 1/(Y0 √(jω)) [s^½/Ω].
-    *inductance_henry : of the leads, in series [H]; none given: none there.
+    text : such as "R-(CPE|(R-W))"; elements R, C, L, CPE, W, FLW (finite-length Warburg), FSW
+        (finite-space Warburg), G (Gerischer).
 
     Returns
     -------
-    impedance : (n,) complex [Ω]; a capacitive arc has a negative imaginary part.
+    circuit : Circuit. Parameters are named by element, number and unit (`r1_ohm`, `cpe2_p`); those
+    of the thesis' circuit as the results contract names them.
 
-    Source: thesis sec. 3.2; ω = 2πf.
+    Raises
+    ------
+    Refusal : an unknown element, brackets that do not match, `-` and `|` mixed without brackets.
     """
-    rate = 2j * np.pi * np.asarray(frequency_hertz, float)
-    faradaic = r_charge_transfer_ohm + 1 / (warburg_y0 * np.sqrt(rate))
-    arc = 1 / (cpe_t * rate**cpe_p + 1 / faradaic)
-    return r_ohmic_ohm + arc + rate * sum(inductance_henry)
+    plain = "".join(text.split())
+    tokens = TOKEN.findall(plain)
+    if "".join(tokens) != plain or not tokens:
+        raise Refusal(f"circuit {text!r} holds what is no element, bracket, '-' or '|'")
+    nodes = []
+    rest = _joined(tokens, nodes, text)
+    if rest:
+        raise Refusal(f"circuit {text!r}: {rest[0]!r} where the circuit should end")
+    kinds, left, right = zip(*nodes, strict=True)
+    elements = [element_of(kind) if kind >= FIRST else None for kind in kinds]
+    counts = [len(element.parameters) if element else 0 for element in elements]
+    return Circuit(
+        text=plain,
+        kinds=kinds,
+        left=left,
+        right=right,
+        at=tuple(int(n) for n in np.cumsum([0, *counts[:-1]])),
+        names=NAMED.get(plain) or _names([element for element in elements if element]),
+        roles=tuple(role for element in elements if element for role in element.roles),
+    )
+
+
+def _joined(tokens, nodes, text):
+    """Terms joined by one kind of sign; appends their nodes, returns the tokens that are left."""
+    tokens = _term(tokens, nodes, text)
+    sign = tokens[0] if tokens and tokens[0] in "-|" else None
+    while tokens and tokens[0] in "-|":
+        if tokens[0] != sign:
+            raise Refusal(f"circuit {text!r} mixes '-' and '|'; brackets must say what comes first")
+        first = len(nodes) - 1
+        tokens = _term(tokens[1:], nodes, text)
+        nodes.append((SERIES if sign == "-" else PARALLEL, first, len(nodes) - 1))
+    return tokens
+
+
+def _term(tokens, nodes, text):
+    """One element or a group in brackets."""
+    if tokens and tokens[0] == "(":
+        rest = _joined(tokens[1:], nodes, text)
+        if not rest or rest[0] != ")":
+            raise Refusal(f"circuit {text!r}: a bracket is not closed")
+        return rest[1:]
+    if not tokens or tokens[0] not in SYMBOLS:
+        found = repr(tokens[0]) if tokens else "its end"
+        known = ", ".join(SYMBOLS)
+        raise Refusal(f"circuit {text!r}: found {found} where an element is wanted ({known})")
+    nodes.append((SYMBOLS[tokens[0]], -1, -1))
+    return tokens[1:]
+
+
+def _names(elements):
+    """`r1_ohm`, `cpe1_t`, …: symbol, its number of this kind, and the parameter."""
+    seen, names = {}, []
+    for element in elements:
+        number = seen[element.symbol] = seen.get(element.symbol, 0) + 1
+        names += [f"{element.symbol.lower()}{number}_{suffix}" for suffix in element.parameters]
+    return tuple(names)
+
+
+def circuit_impedance(circuit, frequency_hertz, values):
+    """Impedance of a circuit.
+
+    Parameters
+    ----------
+    circuit : Circuit, or its text. frequency_hertz : (n,) [Hz].
+    values : (p,) in the order and units of the circuit's names.
+
+    Returns
+    -------
+    impedance : (n,) complex [Ω]; a capacitive arc has a negative imaginary part. ω = 2πf.
+    """
+    return circuit_slopes(circuit, frequency_hertz, values)[0]
+
+
+def circuit_slopes(circuit, frequency_hertz, values):
+    """Impedance of a circuit and its derivatives by the logarithms of all parameters.
+
+    Upwards through the tree each node's impedance, downwards what a change of it does to the whole:
+    nothing but 1 in series, (Z/Zi)² in parallel.
+
+    Parameters
+    ----------
+    circuit, frequency_hertz, values : as in `circuit_impedance`.
+
+    Returns
+    -------
+    impedance : (n,) complex [Ω]. slopes : (p, n) complex [Ω].
+    """
+    circuit = parse(circuit) if isinstance(circuit, str) else circuit
+    omega = 2 * np.pi * np.asarray(frequency_hertz, float)
+    nodes, own = [], {}
+    for m, kind in enumerate(circuit.kinds):
+        pair = [nodes[child] for child in (circuit.left[m], circuit.right[m]) if child >= 0]
+        if kind >= FIRST:
+            here = values[circuit.at[m] : circuit.at[m] + len(element_of(kind).parameters)]
+            impedance, own[m] = impedance_and_slopes(kind, omega, here)
+            nodes.append(impedance)
+        else:
+            nodes.append(sum(pair) if kind == SERIES else pair[0] * pair[1] / sum(pair))
+    return nodes[-1], _downwards(circuit, nodes, own)
+
+
+def _downwards(circuit, nodes, own):
+    reach = [1.0] * len(nodes)
+    slopes = np.empty((len(circuit.names), len(nodes[-1])), complex)
+    for m in range(len(nodes) - 1, -1, -1):
+        for child in {circuit.left[m], circuit.right[m]} - {-1}:
+            share = (nodes[m] / nodes[child]) ** 2 if circuit.kinds[m] == PARALLEL else 1.0
+            reach[child] = reach[m] * share
+        for k, slope in enumerate(own.get(m, ())):
+            slopes[circuit.at[m] + k] = reach[m] * slope
+    return slopes

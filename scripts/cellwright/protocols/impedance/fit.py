@@ -1,87 +1,115 @@
-"""Fit of the equivalent circuit to a measured spectrum."""
+"""Fit of an equivalent circuit to a measured spectrum."""
 
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.impedance.circuits import NAMES, circuit_impedance
+from cellwright.protocols.impedance.circuits import THESIS, parse
+from cellwright.protocols.impedance.levenberg import SAME, Problem, search
+from cellwright.protocols.impedance.starts import SLOW, draws, features, limits
 from cellwright.refusal import Refusal
-from cellwright.uncertainty import covariance_from_jacobian, standard_deviations
+from cellwright.uncertainty import covariance_from_jacobian
 
-# Search limits of the parameters in the order of NAMES, in units of the spectrum's own size.
-LOWEST_EXPONENT, HIGHEST_EXPONENT = 0.3, 1.0
+LEAST_POINTS = 8
+ENOUGH = 3
+AT_BOUND = 1e-3  # of a logarithm
 
 
 class CircuitFit(NamedTuple):
-    """A fitted circuit.
+    """A fitted circuit; all vectors in the order of `names`.
 
-    circuit : "R-(CPE|(R-W))", or "L-…" with the leads' inductance. names, values, std : of the
-    parameters, in the units of `circuit_impedance`; std is NaN for a parameter at the limit of
-    its search or not determined. at_bound : names of those at a limit. r_zero_crossing_ohm : real
-    part where the imaginary part is zero, NaN where it never is [Ω]. fitted_ohm : (n,) complex.
-    rms_relative_residual : of the complex error over the modulus.
+    circuit : its text. names : of the p parameters, with their units (see `circuits.parse`).
+    values, std : (p,); std is NaN for a parameter that is fixed, at the limit of its search or not
+    determined. covariance, correlation : (p, p), NaN likewise. at_bound : names of those at a
+    limit. free : q, number of parameters that were free. rms_relative_residual : of the complex
+    error over the modulus. bic : Bayesian information criterion, for comparing circuits on the
+    same points. fitted_ohm : (n,) complex. starts, arrived : how many starts there were, and how
+    many of them led to this optimum.
     """
 
     circuit: str
     names: tuple
     values: np.ndarray
     std: np.ndarray
+    covariance: np.ndarray
+    correlation: np.ndarray
     at_bound: tuple
-    r_zero_crossing_ohm: float
-    fitted_ohm: np.ndarray
+    free: int
     rms_relative_residual: float
+    bic: float
+    fitted_ohm: np.ndarray
+    starts: int
+    arrived: int
 
 
-def fit_circuit(frequency_hertz, impedance_ohm):
+def fit_circuit(
+    frequency_hertz,
+    impedance_ohm,
+    *,
+    circuit=THESIS,
+    starts=8,
+    enough=None,
+    start=None,
+    bounds=None,
+    fixed=None,
+    tied=None,
+):
     """Complex least squares with modulus weights, in the logarithms of the parameters.
-
-    Inductance is part of the circuit where the spectrum shows any (a positive imaginary part).
 
     Parameters
     ----------
     frequency_hertz : (n,) in any order [Hz].
     impedance_ohm : (n,) complex [Ω], capacitive arc with a negative imaginary part.
+    circuit : text of the circuit, see `circuits.parse`.
+    starts : how many starts are tried at most for each capacitive element, that of `start`
+        included. enough : so many that lead to the same best are enough; None for 3 where there is
+        one capacitive element, for all where arcs may change places.
+    start : dict, name of a parameter → value: where the first start differs from the spectrum's own
+        features.
+    bounds : dict, name → (lower, upper) in its unit. Else limits follow from the spectrum's size;
+        the exponent of a CPE stays within 0.3 and 1.
+    fixed : dict, name → value that it keeps.
+    tied : dict, name → (other name, ratio to it).
 
     Returns
     -------
-    fit : CircuitFit, the best of several starts.
+    fit : CircuitFit, the best of the starts.
 
     Raises
     ------
     Refusal : fewer than 8 points, not finite, a frequency or real part that is not positive, no
-        capacitive part.
+        capacitive part; an unknown parameter; a text that is no circuit.
+
+    Source: thesis sec. 3.2; modulus weights: J. R. Macdonald, Impedance Spectroscopy (2005) 3.2.
     """
     # ASSUME: Errors of an impedance are a fixed share of its modulus at every frequency.
-    from scipy.optimize import least_squares
-
     frequency, impedance = np.asarray(frequency_hertz, float), np.asarray(impedance_ohm, complex)
-    _check(frequency, impedance)
-    inductive = bool((impedance.imag > 0).any())
-    count = len(NAMES) if inductive else len(NAMES) - 1
-    weight = 1 / np.abs(impedance)
+    check(frequency, impedance)
+    tree = parse(circuit)
+    _known(tree, start, bounds, fixed, tied)
+    size = features(frequency, impedance)
+    column, offset = _freedom(tree, fixed or {}, tied or {})
+    ends = _limits(tree, size, bounds or {}, column)
+    problem = Problem(tree, frequency, impedance, 1 / np.abs(impedance), column, offset, *ends)
+    slow = sum(role in SLOW for role in tree.roles)
+    first = draws(tree, size, number=starts * max(slow, 1) if starts > 1 else 1)
+    enough = enough or (ENOUGH if slow <= 1 else len(first))
+    for name, value in (start or {}).items():
+        first[0, tree.names.index(name)] = value
+    found = search(problem, np.log(first)[:, _places(column)], enough=enough)
+    return _result(problem, found)
 
-    def residual(logs):
-        error = (circuit_impedance(frequency, *np.exp(logs)) - impedance) * weight
-        return np.concatenate([error.real, error.imag])
 
-    starts, lower, upper = (np.log(part)[..., :count] for part in _search(frequency, impedance))
-    found = [least_squares(residual, start, bounds=(lower, upper)) for start in starts]
-    best = min(found, key=lambda one: one.cost)
-    bound = (best.x - lower < 1e-3) | (upper - best.x < 1e-3)
-    std = np.full(count, np.nan)
-    std[~bound] = standard_deviations(covariance_from_jacobian(best.jac[:, ~bound], best.fun))
-    fitted = circuit_impedance(frequency, *np.exp(best.x))
-    return CircuitFit(
-        circuit="L-R-(CPE|(R-W))" if inductive else "R-(CPE|(R-W))",
-        names=NAMES[:count],
-        values=np.exp(best.x),
-        std=std * np.exp(best.x),
-        at_bound=tuple(name for name, at in zip(NAMES, bound, strict=False) if at),
-        r_zero_crossing_ohm=zero_crossing(frequency, impedance),
-        fitted_ohm=fitted,
-        rms_relative_residual=float(np.sqrt(np.mean(np.abs((fitted - impedance) * weight) ** 2))),
-    )
+def check(frequency_hertz, impedance_ohm):
+    """Refuse what is no spectrum of a cell: see `fit_circuit`."""
+    if len(frequency_hertz) < LEAST_POINTS:
+        raise Refusal(f"spectrum of {len(frequency_hertz)} points; a fit needs {LEAST_POINTS}")
+    if not (np.isfinite(frequency_hertz).all() and np.isfinite(impedance_ohm).all()):
+        raise Refusal("spectrum holds values that are not finite")
+    if (frequency_hertz <= 0).any() or (impedance_ohm.real <= 0).any():
+        raise Refusal("spectrum holds a frequency or a real part that is not positive")
+    if not (impedance_ohm.imag < 0).any():
+        raise Refusal("spectrum has no capacitive part (negative imaginary part)")
 
 
 def zero_crossing(frequency_hertz, impedance_ohm):
@@ -100,32 +128,76 @@ def zero_crossing(frequency_hertz, impedance_ohm):
     return float(real[before] + share * (real[before + 1] - real[before]))
 
 
-def _check(frequency, impedance):
-    if len(frequency) < 8:
-        raise Refusal(f"spectrum of {len(frequency)} points; a fit needs 8")
-    if not (np.isfinite(frequency).all() and np.isfinite(impedance).all()):
-        raise Refusal("spectrum holds values that are not finite")
-    if (frequency <= 0).any() or (impedance.real <= 0).any():
-        raise Refusal("spectrum holds a frequency or a real part that is not positive")
-    if not (impedance.imag < 0).any():
-        raise Refusal("spectrum has no capacitive part (negative imaginary part)")
+def _known(tree, *named):
+    asked = {name for names in named for name in (names or {})}
+    unknown = sorted(asked - set(tree.names))
+    if unknown:
+        raise Refusal(f"circuit {tree.text} has no parameter {unknown}; it has {list(tree.names)}")
 
 
-def _search(frequency, impedance):
-    """Starts (s, 6) and limits (6,) of the parameters, from the spectrum's own size."""
-    capacitive = impedance.imag < 0
-    smallest, span = impedance.real[capacitive].min(), np.ptp(impedance.real[capacitive])
-    rates = 2 * np.pi * frequency
-    largest = np.abs(impedance).max()
-    warburg = 1 / (np.sqrt(rates.min()) * np.abs(impedance.imag[frequency.argmin()]))
-    leads = np.abs(impedance.imag[frequency.argmax()]) / rates.max()
-    middle = np.sqrt(rates[capacitive].min() * rates[capacitive].max())
-    starts = [
-        (smallest, share * span, (peak * middle) ** -0.7 / (share * span), 0.7, warburg, leads)
-        for share, peak in product((0.1, 0.4, 0.9), (0.1, 1.0, 10.0))
-    ]
-    low = (smallest / 100, span * 1e-4, 1e-6 / largest, LOWEST_EXPONENT, warburg * 1e-3)
-    high = (largest, largest * 100, 1e9 / largest, HIGHEST_EXPONENT, warburg * 1e4)
-    low, high = (*low, leads * 1e-4), (*high, leads * 1e2)
-    tiny = np.finfo(float).tiny
-    return np.clip(starts, low, high), np.maximum(low, tiny), np.maximum(high, 2 * tiny)
+def _freedom(tree, fixed, tied):
+    """Place of each parameter among the free ones (−1: fixed), and offset of its logarithm."""
+    leads = [tied[name][0] if name in tied else name for name in tree.names]
+    if any(lead in tied or lead in fixed for lead, _ in tied.values()):
+        raise Refusal("a parameter is tied to one that is itself tied or fixed")
+    free = [name for name in tree.names if name not in fixed and name not in tied]
+    column = [free.index(lead) if lead in free else -1 for lead in leads]
+    kept = [fixed.get(name, tied.get(name, (None, 1.0))[1]) for name in tree.names]
+    if not all(value > 0 for value in kept):
+        raise Refusal("a fixed value or the ratio of a tied parameter is not above zero")
+    return np.array(column, np.int64), np.log(np.array(kept, float))
+
+
+def _places(column):
+    """Of each free parameter, the first place among all."""
+    places = column.tolist()
+    return [places.index(k) for k in range(max(places, default=-1) + 1)]
+
+
+def _limits(tree, size, bounds, column):
+    lower, upper = limits(tree, size)
+    for name, (low, high) in bounds.items():
+        if not 0 < low < high:
+            raise Refusal(f"bounds of {name} are {low} and {high}; 0 < lower < upper is wanted")
+        lower[tree.names.index(name)], upper[tree.names.index(name)] = low, high
+    places = _places(column)
+    return np.log(lower[places]), np.log(upper[places])
+
+
+def _result(problem, found):
+    best = int(np.argmin(found.cost))
+    x, cost = found.x[best], float(found.cost[best])
+    error, slopes = problem.jacobian(x)
+    limited = (x - problem.lower < AT_BOUND) | (problem.upper - x < AT_BOUND)
+    values, names = problem.values(x), problem.circuit.names
+    stacked = np.concatenate([slopes.real, slopes.imag], axis=1).T
+    told = np.concatenate([error.real, error.imag])
+    logs = np.full((len(x), len(x)), np.nan)
+    logs[np.ix_(~limited, ~limited)] = covariance_from_jacobian(stacked[:, ~limited], told)
+    covariance = _spread(problem.column, logs) * np.outer(values, values)
+    std = np.sqrt(np.diagonal(covariance))
+    data, certain = len(told), np.where(std > 0, std, np.nan)
+    at = [name for name, k in zip(names, problem.column, strict=True) if k >= 0 and limited[k]]
+    return CircuitFit(
+        circuit=problem.circuit.text,
+        names=names,
+        values=values,
+        std=std,
+        covariance=covariance,
+        correlation=covariance / np.outer(certain, certain),
+        at_bound=tuple(at),
+        free=len(x),
+        rms_relative_residual=float(np.sqrt(2 * cost / len(error))),
+        bic=float(data * np.log(max(2 * cost / data, 1e-30)) + len(x) * np.log(data)),
+        fitted_ohm=problem.impedance_ohm + error / problem.weight,
+        starts=int(np.isfinite(found.cost).sum()),
+        arrived=int(np.sum(found.cost <= cost * (1 + SAME))),
+    )
+
+
+def _spread(column, logs):
+    """Covariance of all parameters' logarithms from that of the free ones; NaN where fixed."""
+    size = len(logs)
+    wide = np.full((size + 1, size + 1), np.nan)
+    wide[:size, :size] = logs
+    return wide[np.ix_(column, column)]

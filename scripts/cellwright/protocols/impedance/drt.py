@@ -1,0 +1,146 @@
+"""Distribution of relaxation times: what arcs a spectrum holds, without a circuit."""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+# Weakest and strongest smoothing, powers of ten relative to the data's own weight.
+STRENGTHS = (-8.0, 2.0)
+HALVINGS = 7
+# Error that smoothing may leave, over that of the distribution that follows the data closest.
+ALLOWED = 1.1
+# Relative error, RMS, below which no spectrum is believed.
+FLOOR = 1e-3
+
+
+class Distribution(NamedTuple):
+    """tau_second : (m,) [s]. gamma_ohm : (m,) resistance per unit of ln τ [Ω], none negative.
+    r_ohmic_ohm, inductance_henry : in series. capacitance_farad : in series, infinite where none
+    is needed. strength : of the smoothing. rms_relative_residual : of the distribution's spectrum.
+    """
+
+    tau_second: np.ndarray
+    gamma_ohm: np.ndarray
+    r_ohmic_ohm: float
+    inductance_henry: float
+    capacitance_farad: float
+    strength: float
+    rms_relative_residual: float
+
+
+def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
+    """Smooth, non-negative distribution of relaxation times beside series R, L and C.
+
+    Z = R + jωL + 1/(jωC) + ∫ γ/(1 + jωτ) dln τ, modulus weights, curvature of γ punished: as hard
+    as the discrepancy principle allows, the noise being what the closest non-negative distribution
+    leaves.
+
+    Parameters
+    ----------
+    frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
+    per_decade : time constants per decade, from half a decade below the shortest to half a decade
+        above the longest that were measured.
+
+    Returns
+    -------
+    distribution : Distribution.
+
+    Source: T. H. Wan et al., Electrochimica Acta 184 (2015) 483 (Tikhonov regularisation);
+    V. A. Morozov, Soviet Math. Dokl. 7 (1966) 414 (discrepancy principle).
+    """
+    omega = 2 * np.pi * np.asarray(frequency_hertz, float)
+    edges = np.log10([1 / omega.max(), 1 / omega.min()]) + [-0.5, 0.5]
+    tau = np.logspace(*edges, round(per_decade * np.ptp(edges)) + 1)
+    matrix, target, size = _system(omega, np.asarray(impedance_ohm, complex), tau)
+    penalty = _curvature(len(tau))
+    strength = _strongest(matrix, target, penalty)
+    solution, error = _fitted(matrix, target, penalty, strength)
+    found = solution / size
+    width = np.log(tau[1] / tau[0])
+    return Distribution(
+        tau_second=tau,
+        gamma_ohm=found[: len(tau)] / width,
+        r_ohmic_ohm=float(found[-3]),
+        inductance_henry=float(found[-2]),
+        capacitance_farad=float(1 / found[-1]) if found[-1] > 0 else np.inf,
+        strength=float(strength),
+        rms_relative_residual=float(np.sqrt(2 * np.mean(error**2))),
+    )
+
+
+def peaks(distribution, *, least_share=0.02):
+    """Processes: humps of the distribution, from valley to valley.
+
+    Parameters
+    ----------
+    distribution : Distribution. least_share : of the whole resistance; smaller humps are left out.
+
+    Returns
+    -------
+    rows : list of dicts peak (from 1, fastest first), tau_second [s], frequency_hertz [Hz],
+        resistance_ohm [Ω], share [1], in_range: its top lies within what was measured.
+    """
+    gamma, tau = distribution.gamma_ohm, distribution.tau_second
+    width, whole = np.log(tau[1] / tau[0]), gamma.sum()
+    inner = np.concatenate([[-1.0], gamma, [-1.0]])
+    tops = np.flatnonzero((inner[1:-1] > inner[:-2]) & (inner[1:-1] >= inner[2:]) & (gamma > 0))
+    valleys = [a + int(np.argmin(gamma[a:b])) for a, b in itertools.pairwise(tops)]
+    starts, ends = [0, *valleys], [*valleys, len(gamma)]
+    areas = [gamma[a:b].sum() for a, b in zip(starts, ends, strict=True)][: len(tops)]
+    large = [
+        (top, area) for top, area in zip(tops, areas, strict=True) if area > least_share * whole
+    ]
+    edge = round(0.5 * np.log(10) / width)
+    return [
+        {
+            "peak": number,
+            "tau_second": float(tau[top]),
+            "frequency_hertz": float(1 / (2 * np.pi * tau[top])),
+            "resistance_ohm": float(area * width),
+            "share": float(area / whole),
+            "in_range": bool(edge <= top < len(tau) - edge),
+        }
+        for number, (top, area) in enumerate(large, 1)
+    ]
+
+
+def _system(omega, impedance, tau):
+    """Weighted real and imaginary equations (2n, m + 3), columns scaled to a like size (m + 3,)."""
+    relaxing = 1 / (1 + 1j * omega[:, None] * tau)
+    series = np.stack([np.ones(len(omega)), 1j * omega, -1j / omega], axis=1)
+    weight = 1 / np.abs(impedance)
+    columns = np.concatenate([relaxing, series], axis=1) * weight[:, None]
+    # One scale for all time constants: smoothness compares neighbours.
+    size = np.linalg.norm(columns, axis=0)
+    size[: len(tau)] = size[: len(tau)].mean()
+    stacked = np.concatenate([columns.real, columns.imag]) / size
+    target = impedance * weight
+    return stacked, np.concatenate([target.real, target.imag]), size
+
+
+def _curvature(number):
+    """Second differences of the distribution, zero beyond both ends; nothing of R, L and C."""
+    inner = np.diff(np.eye(number + 4)[:, 2:-2], n=2, axis=0)
+    return np.concatenate([inner, np.zeros((len(inner), 3))], axis=1)
+
+
+def _fitted(matrix, target, penalty, strength):
+    """Non-negative solution (m + 3,) and its error (2n,) at one strength of the smoothing."""
+    from scipy.optimize import nnls
+
+    stacked = np.concatenate([matrix, np.sqrt(strength) * penalty])
+    solution, _ = nnls(stacked, np.concatenate([target, np.zeros(len(penalty))]))
+    return solution, matrix @ solution - target
+
+
+def _strongest(matrix, target, penalty):
+    """Strongest smoothing whose error exceeds the least possible by no more than ALLOWED."""
+    weak, strong = STRENGTHS
+    least = np.linalg.norm(_fitted(matrix, target, penalty, 10**weak)[1])
+    allowed = max(ALLOWED * least, FLOOR * np.sqrt(len(target) / 2))
+    for _ in range(HALVINGS):
+        middle = (weak + strong) / 2
+        error = np.linalg.norm(_fitted(matrix, target, penalty, 10**middle)[1])
+        weak, strong = (middle, strong) if error <= allowed else (weak, middle)
+    return 10**weak
