@@ -13,7 +13,9 @@ def rows_of(paths, tests) -> list[dict]:
         who = dict(about["wildcards"])
         facts = tests.get(f"{who.get('cell') or who.get('group')}/{who.get('test')}", {})
         found += [who | facts | row for row in artefact.rows(columns)]
-    return found
+    # Stages that share a table may have columns that the others lack: not known there.
+    names = dict.fromkeys(name for row in found for name in row)
+    return [dict.fromkeys(names) | row for row in found]
 
 
 def excluded(paths, files) -> list[dict]:

@@ -12,7 +12,10 @@ TABLE_INPUTS = {
     "resistance": everywhere("resistance", *PULSE_KINDS),
     "ocv": everywhere("ocv_functions", "ocv"),
     "eis": everywhere("eis", "eis"),
-    "temperature": [f"results/temperature/{cell}.parquet" for cell in VARIED],
+    "temperature": [
+        *[f"results/temperature/{cell}.parquet" for cell in VARIED],
+        *[f"results/resistance_surface/{cell}.parquet" for cell in PULSED],
+    ],
     "ica": everywhere("ica", "ica"),
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
@@ -20,6 +23,7 @@ TABLE_INPUTS = {
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
 TABLES = [*TABLE_INPUTS, "missing_effect", "excluded"]
+COLD = [f"results/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),
     *everywhere("spectrum", "eis"),
@@ -32,6 +36,7 @@ STAGES = [
     *MODELS,
     *EXPORTED["pybamm_thevenin.json"],
     *[path for paths in TABLE_INPUTS.values() for path in paths],
+    *COLD,
     *[f"results/missing_effect/{cell}/verdict.json" for cell in SEARCHED],
 ]
 
