@@ -52,6 +52,7 @@ def _family(upper, lower, points, laws):
     upper.set(yscale="log", ylim=limits, ylabel="[mΩ]", title=points[0]["family"] + some)
     _plain_ticks(upper)
     _limit(lower)
+    lower.set_xlim(upper.get_xlim())
     lower.axhline(0, color=figure.QUIET, linewidth=0.8)
     lower.set(xlabel="temperature [°C], spaced as 1/T", ylabel="point over law [%]")
     figure.legend_once(upper, ncols=2)

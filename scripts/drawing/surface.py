@@ -55,7 +55,12 @@ def _left_out(axes, points, form, chosen):
             100 * points["soc"][here], shares[here], "o-", color=figure.temperature_colour(celsius)
         )
     axes.axhline(0, color=figure.QUIET, linewidth=0.8)
-    axes.set(xlabel="SoC [%]", ylabel="error [%]", title=form + (" (chosen)" if chosen else ""))
+    axes.set(
+        xlim=(-3, 103),
+        xlabel="SoC [%]",
+        ylabel="error [%]",
+        title=form + (" (chosen)" if chosen else ""),
+    )
     known = shares[np.isfinite(shares)]
     if not len(known):
         axes.text(

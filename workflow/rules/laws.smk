@@ -11,10 +11,22 @@ VARIED = [c for c in CELLS if len(temperatures(c, *CAPACITY_KINDS, *PULSE_KINDS,
 PULSED = [cell for cell in VARIED if len(temperatures(cell, *PULSE_KINDS)) >= 3]
 CHILLED = [c for c in VARIED if max(len(temperatures(c, k)) for k in [*PULSE_KINDS, "eis"]) >= 3]
 
+# Cells of one type that were pulsed at few temperatures each, many together; by the first of them.
+KINDRED = {}
+for cell, row in CELLS.items():
+    if temperatures(cell, *PULSE_KINDS) and cell not in PULSED and row["chemistry"]:
+        KINDRED.setdefault((row["chemistry"], row["rated_capacity_ampere_hour"]), []).append(cell)
+KINDRED = {
+    cells[0]: cells
+    for cells in KINDRED.values()
+    if len(set().union(*(temperatures(cell, *PULSE_KINDS) for cell in cells))) >= 3
+}
+
 
 def facts_of_tests(wildcards):
-    """What the sheet says of each test of a cell."""
-    return {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{wildcards.cell}/")}
+    """What the sheet says of each test of a cell, and of its kindred."""
+    names = {wildcards.cell, *KINDRED.get(wildcards.cell, [])}
+    return {k: v for k, v in TEST_FACTS.items() if k.partition("/")[0] in names}
 
 
 rule temperature:
@@ -75,3 +87,25 @@ rule resistance_surface:
         "Resistance of {wildcards.cell} over SoC and temperature: three forms, tested."
     script:
         "../../scripts/resistance_surface.py"
+
+
+rule temperature_of_type:
+    input:
+        resistance=lambda w: [
+            path for cell in KINDRED[w.cell] for path in fitted("resistance", cell, *PULSE_KINDS)
+        ],
+    output:
+        laws="results/temperature_of_type/{cell}.parquet",
+        points="results/temperature_of_type_points/{cell}.parquet",
+    log:
+        "logs/temperature_of_type/{cell}.log",
+    wildcard_constraints:
+        cell=either(KINDRED),
+    params:
+        tests=facts_of_tests,
+        settings=config["temperature"],
+        code=code_of("temperature_of_type"),
+    message:
+        "Resistance over temperature across the cells of the type of {wildcards.cell}."
+    script:
+        "../../scripts/temperature_of_type.py"

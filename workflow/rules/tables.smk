@@ -15,6 +15,7 @@ TABLE_INPUTS = {
     "temperature": [
         *[f"results/temperature/{cell}.parquet" for cell in VARIED],
         *[f"results/resistance_surface/{cell}.parquet" for cell in PULSED],
+        *[f"results/temperature_of_type/{cell}.parquet" for cell in KINDRED],
     ],
     "ica": everywhere("ica", "ica"),
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],

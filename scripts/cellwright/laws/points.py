@@ -71,19 +71,31 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
     known = [row for row in fresh(rows) if row["soc"] is not None and np.isfinite(row["soc"])]
     groups = together([row["soc"] for row in known], apart=soc_tolerance)
     points, notes = [], []
+    known.sort(key=lambda row: (row["soc"], row["ambient_temperature_celsius"]))
     for kind, column in (("ohmic", "r_ohmic_ohm"), ("charge-transfer", "r_charge_transfer_ohm")):
-        family, vague = f"{kind} resistance, impedance", 0
-        for row in sorted(known, key=lambda r: (r["soc"], r["ambient_temperature_celsius"])):
-            value, std = row[column], row[f"{column}_std"]
-            if not (value > 0 and std <= most_relative_std * value):
-                vague += 1
-                continue
-            name = f"{kind} resistance at {100 * groups[row['soc']]:.0f} % SoC, impedance"
-            celsius = row["ambient_temperature_celsius"]
-            points.append(Point(name, "Ohm", celsius, value, std, family, groups[row["soc"]]))
-        if vague:
-            notes.append(f"{family}: {vague} of {len(known)} spectra do not determine it")
+        told = [row for row in known if _determined(row, column, most_relative_std)]
+        points += [_of_spectrum(kind, column, row, groups[row["soc"]]) for row in told]
+        vague = len(known) - len(told)
+        family = f"{kind} resistance, impedance"
+        count = f"{vague} of {len(known)} spectra"
+        notes += [f"{family}: {count} do not determine it"] if vague else []
     return Points(points, notes)
+
+
+def _determined(row, column, most_relative_std):
+    return row[column] > 0 and row[f"{column}_std"] <= most_relative_std * row[column]
+
+
+def _of_spectrum(kind, column, row, soc):
+    return Point(
+        f"{kind} resistance at {100 * soc:.0f} % SoC, impedance",
+        "Ohm",
+        row["ambient_temperature_celsius"],
+        row[column],
+        row[f"{column}_std"],
+        f"{kind} resistance, impedance",
+        soc,
+    )
 
 
 def together(values, *, apart):

@@ -71,14 +71,16 @@ def _names(direction, delay, level):
 
 def _courses(rows, level):
     """Rate → temperature → (resistance, std), where pulses lie around the level."""
-    courses = {}
-    for rate, mine in rate_classes(rows).items():
-        for celsius in {row["ambient_temperature_celsius"] for row in mine}:
-            here = [row for row in mine if row["ambient_temperature_celsius"] == celsius]
-            found = _interpolated(here, level)
-            if found is not None:
-                courses.setdefault(rate, {})[celsius] = found
-    return courses
+    courses = {rate: _course(mine, level) for rate, mine in rate_classes(rows).items()}
+    return {rate: course for rate, course in courses.items() if course}
+
+
+def _course(rows, level):
+    by_temperature = {}
+    for row in rows:
+        by_temperature.setdefault(row["ambient_temperature_celsius"], []).append(row)
+    found = {celsius: _interpolated(here, level) for celsius, here in by_temperature.items()}
+    return {celsius: value for celsius, value in found.items() if value is not None}
 
 
 def _one_rate(courses, c_rate):
