@@ -77,6 +77,14 @@ def test_charge_transfer_limits_the_cell_of_the_thesis():
     assert found.paragraph.endswith("an extrapolation.")
 
 
+def test_what_was_measured_three_times_counts_once():
+    single, three = told(table()), told([p for p in table() for _ in range(3)])
+    assert [one.cold_ohm for one in three.growth] == pytest.approx(
+        [one.cold_ohm for one in single.growth]
+    )
+    assert three.growth[0].log_std == pytest.approx(single.growth[0].log_std / np.sqrt(3))
+
+
 def test_a_flat_charge_transfer_leaves_the_ohmic_resistance():
     flat = {soc: [1e-4] * 5 for soc in TRANSFER}
     found = told(table(transfer=flat))

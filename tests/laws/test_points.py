@@ -123,6 +123,12 @@ def test_what_a_spectrum_does_not_determine_is_left_out_and_counted():
     ]
 
 
+def test_charge_transfer_that_the_fit_cannot_tell_from_diffusion_is_left_out():
+    untold = spectrum(0.5, 25, 0.02, 0.01) | {"charge_transfer_told": False}
+    (point,) = impedance_points([untold]).points
+    assert point.quantity.startswith("ohmic")
+
+
 def test_states_of_charge_within_the_tolerance_are_one():
     assert together([0.1, 0.11, 0.2, 0.5], apart=0.02) == {
         0.1: pytest.approx(0.105),

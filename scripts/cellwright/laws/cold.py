@@ -105,11 +105,20 @@ def _minus(whole, part):
 
 
 def _of_family(points, family):
-    """SoC → temperature → (value, std)."""
+    """SoC → temperature → (value, std); the mean of what was measured more than once."""
     found = {}
     for point in (point for point in points if point.family == family):
-        found.setdefault(point.soc, {})[point.temperature_celsius] = point.value, point.std
-    return found
+        course = found.setdefault(point.soc, {})
+        course.setdefault(point.temperature_celsius, []).append((point.value, point.std))
+    return {
+        soc: {celsius: _mean(values) for celsius, values in course.items()}
+        for soc, course in found.items()
+    }
+
+
+def _mean(values):
+    value, std = np.transpose(values)
+    return float(value.mean()), float(np.sqrt(np.sum(std**2)) / len(std))
 
 
 def _shared(both, soc):

@@ -83,7 +83,9 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
 
 
 def _determined(row, column, most_relative_std):
-    return row[column] > 0 and row[f"{column}_std"] <= most_relative_std * row[column]
+    """Whether the fit tells the resistance, and can tell charge transfer from diffusion."""
+    told = column == "r_ohmic_ohm" or row.get("charge_transfer_told", True)
+    return told and row[column] > 0 and row[f"{column}_std"] <= most_relative_std * row[column]
 
 
 def _of_spectrum(kind, column, row, soc):
