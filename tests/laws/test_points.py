@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.points import Point, capacity_points, enough, fresh, impedance_points, together
+from cellwright.laws.points import (
+    Point,
+    capacity_points,
+    enough,
+    fresh,
+    impedance_points,
+    one_a_temperature,
+    together,
+)
 from cellwright.laws.pulse_points import rate_classes, resistance_points
 
 
@@ -155,6 +163,16 @@ def test_age_does_not_pass_for_temperature():
         1.9,
     ]
     assert fresh([]) == []
+
+
+def test_repeats_at_one_temperature_are_one_point():
+    points = [Point("R", "Ohm", 0.0, value, 0.03) for value in (1.0, 1.1, 1.2)]
+    points += [Point("R", "Ohm", 25.0, 0.5), Point("Q", "Ah", 0.0, 2.0)]
+    found = one_a_temperature(points)
+    assert [(p.quantity, p.temperature_celsius) for p in found] == [("R", 0), ("R", 25), ("Q", 0)]
+    assert found[0].value == pytest.approx(1.1)
+    assert found[0].std == pytest.approx(0.03 / np.sqrt(3))
+    assert np.isnan(found[1].std)
 
 
 def test_quantities_need_enough_temperatures():

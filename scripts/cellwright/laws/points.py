@@ -118,6 +118,24 @@ def fresh(rows):
     return [row for row in known if (row["cycle"] or 0) == first]
 
 
+def one_a_temperature(points):
+    """The mean of what was measured more than once at one temperature, per quantity.
+
+    Three spectra at one temperature are three witnesses of the resistance there, not of how it
+    moves with temperature: a chamber that is off and a law that bends move all three at once.
+    """
+    runs = {}
+    for point in points:
+        runs.setdefault((point.quantity, point.temperature_celsius), []).append(point)
+    return [
+        run[0]._replace(
+            value=float(np.mean([point.value for point in run])),
+            std=float(np.sqrt(np.sum([point.std**2 for point in run])) / len(run)),
+        )
+        for run in runs.values()
+    ]
+
+
 def enough(points, *, temperatures=3):
     """Points of the quantities that have at least so many temperatures."""
     seen = {}
