@@ -10,8 +10,9 @@ INTRODUCTION = """\
 <!-- Made by scripts/contract_readme.py from workflow/schemas/artefacts.yaml. Do not edit. -->
 # Every artefact and its columns
 
-An artefact lies in `results/<stage>/<cell or group>/<test>.parquet`; of `parameters`, `temperature`
-and `temperature_points` there is one per cell, `results/<stage>/<cell>.parquet`. `tables/…` and
+An artefact lies in `results/<stage>/<cell or group>/<test>.parquet`; of `parameters` and of stages
+that begin with `temperature` or `resistance_surface` there is one per cell,
+`results/<stage>/<cell>.parquet`. `tables/…` and
 `summary` are CSV, and so is `export/lookup`, `results/export/<cell>/lookup.csv`. The parts of
 `missing_effect/…` lie in `results/missing_effect/<cell>/`. Each is held against these columns and
 ranges as it is written. A column in parentheses may be absent: not every instrument records it. In

@@ -26,11 +26,12 @@ def render(job) -> str:
     abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
     known = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
-    effects = {_owner(artefact.read_about(path)): _effect(path) for path in inputs.verdicts}
+    effects = {_owner(artefact.read_about(path)): _said(path) for path in inputs.verdicts}
+    cold = {_owner(artefact.read_about(path)): _said(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
     pages = [_page(name, params, tables, abouts, known) for name in owners + groups]
     for one in pages:
-        one["effect"] = effects.get(one["name"])
+        one["effect"], one["cold"] = effects.get(one["name"]), cold.get(one["name"])
         one["verdicts"] = [r for r in tables["missing_effect"] if r["cell"] == one["name"]]
     template = Path(inputs.template).read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
@@ -59,8 +60,8 @@ def percent(text) -> str:
     return f"{100 * float(text):.0f} %" if text else "–"
 
 
-def _effect(path) -> dict:
-    """What the search for a missing effect says of a cell, or why it says nothing."""
+def _said(path) -> dict:
+    """The paragraph of an analysis that answers in words, or why it says nothing."""
     reason = artefact.read_about(path)["reason"]
     return {"text": reason or artefact.load(path)["paragraph"], "reason": reason}
 

@@ -17,7 +17,9 @@ def rows_of(paths, tests) -> list[dict]:
         none = {} if "test" in who else OF_NO_TEST
         facts = tests.get(f"{who.get('cell') or who.get('group')}/{who.get('test')}", none)
         found += [who | facts | row for row in artefact.rows(columns)]
-    return found
+    # Stages that share a table may have columns that the others lack: not known there.
+    names = dict.fromkeys(name for row in found for name in row)
+    return [dict.fromkeys(names) | row for row in found]
 
 
 def excluded(paths, files) -> list[dict]:

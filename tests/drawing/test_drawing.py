@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import figure
+from cellwright.laws.surface import FORMS
+from cellwright.laws.temperature import LAWS
 from drawing import (
+    arrhenius,
     capacity,
     ica,
     impedance,
@@ -18,6 +21,7 @@ from drawing import (
     records,
     relaxation_times,
     resistance,
+    surface,
     temperature,
     validation,
 )
@@ -169,25 +173,70 @@ def test_relaxation_times_are_drawn_over_frequency_with_their_peaks():
     np.testing.assert_allclose(tops, [[0.159, 1.0]], rtol=1e-2)
 
 
-def test_temperature_draws_both_laws_over_the_points():
+def law(quantity, name, *values, chosen=False):
+    return [
+        {"quantity": quantity, "law": name, "value": value, "chosen": chosen} for value in values
+    ]
+
+
+def test_temperature_draws_the_laws_over_the_points_and_dots_what_was_not_tested():
     celsius = np.array([0.0, 25.0, 40.0])
     points = {
-        "quantity": np.array(["R"] * 3 + ["capacity at 1C"] * 3),
-        "unit": np.array(["Ohm"] * 3 + ["Ah"] * 3),
-        "temperature_celsius": np.tile(celsius, 2),
-        "value": np.array([3.0, 2.0, 1.5, 1.0, 1.1, 1.2]),
+        "quantity": np.array(["R"] * 3 + ["R far"] * 3 + ["capacity at 1C"] * 3),
+        "unit": np.array(["Ohm"] * 6 + ["Ah"] * 3),
+        "temperature_celsius": np.tile(celsius, 3),
+        "value": np.array([3.0, 2.0, 1.5, 9.0, 9.0, 9.0, 1.0, 1.1, 1.2]),
+        "family": np.array(["R"] * 6 + ["capacity"] * 3),
+        "soc": np.array([0.5] * 3 + [0.9] * 3 + [np.nan] * 3),
     }
-    laws = [
-        {"quantity": "R", "law": "quadratic", "value": value, "chosen": False}
-        for value in (0.0, -0.0375, 3.0)
-    ]
-    laws += [{"quantity": "R", "law": "arrhenius", "value": v, "chosen": True} for v in (2.0, 1e4)]
-    first, second = panels(temperature.draw(points, laws))
+    laws = law("R", "quadratic", 0.0, -0.0375, 3.0) + law("R", "arrhenius", 2.0, 1e4, chosen=True)
+    first, second, *empty = panels(temperature.draw(points, laws))
     assert labels(first) == ["measured", "quadratic", "arrhenius (chosen)"]
     np.testing.assert_allclose(drawn(first)[0], np.column_stack([celsius, [3.0, 2.0, 1.5]]))
-    np.testing.assert_allclose(drawn(first)[1][0], [-3.0, 3.0 + 3 * 0.0375])
+    np.testing.assert_allclose(drawn(first)[2][0], [0.0, 3.0])
+    assert [line.get_linestyle() for line in first.get_lines()[1:4]] == [":", "-", ":"]
+    assert [line.get_xdata()[-1] for line in first.get_lines()[1:4]] == [0, 40, 45]
     assert labels(second) == ["measured"]
     assert (first.get_ylabel(), second.get_ylabel()) == ("[Ohm]", "[Ah]")
+    assert empty == []
+
+
+def test_arrhenius_lines_have_their_residuals_beneath():
+    name, celsius = "resistance at 50 % SoC, 10 s", np.array([0.0, 25.0, 40.0])
+    value = LAWS["arrhenius"](celsius, 0.02, 2e4) * np.array([1.0, 1.01, 1.0])
+    points = [
+        {"quantity": name, "family": "resistance, 10 s", "soc": 0.5, "std": 1e-4}
+        | {"temperature_celsius": c, "value": v}
+        for c, v in zip(celsius, value, strict=True)
+    ]
+    capacity_point = {"quantity": "capacity at 1C", "family": "capacity", "soc": np.nan}
+    canvas = arrhenius.draw([*points, capacity_point], law(name, "arrhenius", 0.02, 2e4))
+    upper, lower = panels(canvas)
+    assert labels(upper) == ["50 % SoC"]
+    assert [tick.get_text() for tick in lower.get_xticklabels()] == ["0", "25", "40"]
+    residual = next(xy for xy in drawn(lower) if len(xy) == 3)
+    np.testing.assert_allclose(residual[:, 1], [0, 1, 0], atol=1e-9)
+    assert "No resistance" in arrhenius.draw([capacity_point], []).axes[0].texts[0].get_text()
+
+
+def test_a_surface_shows_the_chosen_form_and_every_forms_error_left_out():
+    celsius, soc = np.repeat([0.0, 25.0], 3), np.tile([0.2, 0.5, 0.8], 2)
+    ohm = np.repeat([0.04, 0.02], 3)
+    points = {
+        "quantity": np.array(["resistance, 10 s"] * 6),
+        "soc": soc,
+        "temperature_celsius": celsius,
+        "resistance_ohm": ohm,
+        **{f"{form}_ohm": ohm for form in FORMS},
+        **{f"{form}_left_out_ohm": 1.1 * ohm for form in FORMS},
+    }
+    points["additive_left_out_ohm"] = np.full(6, np.nan)
+    laws = law("resistance over SoC and temperature, 10 s", "table", 6.0, chosen=True)
+    fitted, additive, _, table = panels(surface.draw(points, laws))
+    assert labels(fitted) == ["0 °C", "25 °C"]
+    assert "too few temperatures" in additive.texts[0].get_text()
+    np.testing.assert_allclose([xy[:, 1] for xy in drawn(table) if len(xy) == 3], 10.0)
+    assert table.get_title(loc="left") == "table (chosen)"
 
 
 def pair(r, tau, std, kind="RC"):

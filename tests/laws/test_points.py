@@ -1,19 +1,42 @@
 """The points over temperature: only what is comparable is put side by side."""
 
+import numpy as np
 import pytest
 
-from cellwright.laws.points import Point, capacity_points, enough, fresh, resistance_points
+from cellwright.laws.points import (
+    Point,
+    capacity_points,
+    enough,
+    fresh,
+    impedance_points,
+    one_a_temperature,
+    together,
+)
+from cellwright.laws.pulse_points import rate_classes, resistance_points
 
 
 def pulse(soc, ohm, celsius=25.0, rate=1.0, delay=10.0, direction="discharge", cycle=None):
     return {
         "soc": soc,
         "resistance_ohm": ohm,
+        "resistance_std_ohm": 1e-4,
         "ambient_temperature_celsius": celsius,
         "c_rate": rate,
         "delay_second": delay,
         "direction": direction,
         "cycle": cycle,
+    }
+
+
+def spectrum(soc, celsius, ohmic, transfer, std=1e-4):
+    return {
+        "soc": soc,
+        "ambient_temperature_celsius": celsius,
+        "cycle": None,
+        "r_ohmic_ohm": ohmic,
+        "r_ohmic_ohm_std": 1e-5,
+        "r_charge_transfer_ohm": transfer,
+        "r_charge_transfer_ohm_std": std,
     }
 
 
@@ -29,33 +52,98 @@ def discharge(size, rate, celsius, direction="discharge", cycle=None):
 
 def test_resistance_is_interpolated_to_half_charge_at_each_temperature():
     rows = [pulse(0.4, 0.030), pulse(0.6, 0.020), pulse(0.55, 0.080, 0.0), pulse(0.45, 0.060, 0.0)]
-    found = resistance_points(rows, delay_second=(10.0,))
+    found = resistance_points(rows, delay_second=(10.0,)).points
     assert [(p.temperature_celsius, p.value) for p in found] == [
         (0.0, pytest.approx(0.070)),
         (25.0, pytest.approx(0.025)),
     ]
     assert {(p.quantity, p.unit) for p in found} == {("resistance at 50 % SoC, 10 s", "Ohm")}
+    assert found[1].std == pytest.approx(1e-4 / np.sqrt(2))
 
 
-def test_delays_are_followed_one_by_one_and_charges_left_out():
-    rows = [pulse(0.5, 0.02, delay=0.0), pulse(0.5, 0.03), pulse(0.5, 9.0, direction="charge")]
-    found = resistance_points(rows)
-    assert [(p.quantity[-12:], p.value) for p in found] == [
-        ("first sample", 0.02),
-        (" % SoC, 10 s", 0.03),
+def test_delays_and_directions_are_followed_one_by_one():
+    rows = [pulse(0.5, 0.02, delay=0.0), pulse(0.5, 0.03), pulse(0.5, 0.04, direction="charge")]
+    found = resistance_points(rows).points
+    assert [(p.quantity, p.value) for p in found] == [
+        ("resistance at 50 % SoC, first sample", 0.02),
+        ("resistance at 50 % SoC, 10 s", 0.03),
+        ("charge resistance at 50 % SoC, 10 s", 0.04),
     ]
 
 
-def test_a_temperature_without_a_pulse_near_half_charge_is_absent():
-    assert resistance_points([pulse(0.3, 0.03), pulse(0.9, 0.02)]) == []
-    (point,) = resistance_points([pulse(0.41, 0.03)])
+def test_every_state_of_charge_is_a_quantity_of_one_family():
+    rows = [pulse(soc, 0.03, celsius) for soc in (0.2, 0.5, 0.8) for celsius in (0, 20)]
+    found = resistance_points(rows, soc=(0.2, 0.5, 0.8)).points
+    assert {(p.soc, p.family) for p in found} == {(s, "resistance, 10 s") for s in (0.2, 0.5, 0.8)}
+    assert len({p.quantity for p in found}) == 3
+
+
+def test_a_temperature_without_a_pulse_near_is_absent():
+    assert resistance_points([pulse(0.3, 0.03), pulse(0.9, 0.02)]).points == []
+    assert resistance_points([pulse(0.41, 0.03)]).points == []
+    (point,) = resistance_points([pulse(0.46, 0.03)]).points
     assert point.value == 0.03
 
 
 def test_the_rate_that_is_asked_for_is_preferred():
     rows = [pulse(0.5, 0.02, rate=4.0), pulse(0.5, 0.03, rate=0.95), pulse(0.5, 0.05, rate=0.2)]
-    assert [p.value for p in resistance_points(rows)] == [0.03]
-    assert [p.value for p in resistance_points(rows, c_rate=5.0)] == [0.02]
+    assert [p.value for p in resistance_points(rows).points] == [0.03]
+    assert [p.value for p in resistance_points(rows, c_rate=5.0).points] == [0.02]
+
+
+def test_currents_are_not_mixed_where_one_reaches_three_temperatures():
+    rows = [pulse(0.5, 0.03, celsius, rate=1.5) for celsius in (10, 25, 45)]
+    found = resistance_points([*rows, pulse(0.5, 0.09, 0, rate=0.5)])
+    assert [p.temperature_celsius for p in found.points] == [10, 25, 45]
+    assert found.notes == [
+        "resistance at 50 % SoC, 10 s: no pulse at 1.5C at 0 °C, left out",
+    ]
+
+
+def test_currents_that_must_be_mixed_are_said():
+    rows = [pulse(0.5, 0.03, 10 * k, rate=rate) for k, rate in enumerate((0.5, 1.0, 2.0))]
+    found = resistance_points(rows)
+    assert len(found.points) == 3
+    assert "pulses of 0.5C to 2C at different temperatures" in found.notes[0]
+
+
+def test_a_class_of_rates_ends_at_a_gap():
+    rows = [pulse(0.5, 0.03, rate=rate) for rate in (0.99, 1.0, 1.02, 2.0, 0.0)]
+    assert {rate: len(found) for rate, found in rate_classes(rows).items()} == {1.0: 3, 2.0: 1}
+
+
+def test_spectra_give_both_resistances_with_their_errors():
+    rows = [spectrum(0.5, 25, 0.02, 0.01), spectrum(0.505, 0, 0.03, 0.1), spectrum(None, 0, 1, 1)]
+    found = impedance_points(rows)
+    assert {p.quantity for p in found.points} == {
+        "ohmic resistance at 50 % SoC, impedance",
+        "charge-transfer resistance at 50 % SoC, impedance",
+    }
+    assert {p.std for p in found.points} == {1e-5, 1e-4}
+    assert found.notes == []
+
+
+def test_what_a_spectrum_does_not_determine_is_left_out_and_counted():
+    found = impedance_points([spectrum(0.5, 25, 0.02, 0.01, std=0.02), spectrum(0.5, 0, 0.03, 0.1)])
+    assert len(found.points) == 3
+    assert found.notes == [
+        "charge-transfer resistance, impedance: 1 of 2 spectra do not determine it"
+    ]
+
+
+def test_charge_transfer_that_the_fit_cannot_tell_from_diffusion_is_left_out():
+    untold = spectrum(0.5, 25, 0.02, 0.01) | {"charge_transfer_told": False}
+    (point,) = impedance_points([untold]).points
+    assert point.quantity.startswith("ohmic")
+
+
+def test_states_of_charge_within_the_tolerance_are_one():
+    assert together([0.1, 0.11, 0.2, 0.5], apart=0.02) == {
+        0.1: pytest.approx(0.105),
+        0.11: pytest.approx(0.105),
+        0.2: 0.2,
+        0.5: 0.5,
+    }
 
 
 def test_capacities_of_one_rate_are_one_quantity():
@@ -75,6 +163,16 @@ def test_age_does_not_pass_for_temperature():
         1.9,
     ]
     assert fresh([]) == []
+
+
+def test_repeats_at_one_temperature_are_one_point():
+    points = [Point("R", "Ohm", 0.0, value, 0.03) for value in (1.0, 1.1, 1.2)]
+    points += [Point("R", "Ohm", 25.0, 0.5), Point("Q", "Ah", 0.0, 2.0)]
+    found = one_a_temperature(points)
+    assert [(p.quantity, p.temperature_celsius) for p in found] == [("R", 0), ("R", 25), ("Q", 0)]
+    assert found[0].value == pytest.approx(1.1)
+    assert found[0].std == pytest.approx(0.03 / np.sqrt(3))
+    assert np.isnan(found[1].std)
 
 
 def test_quantities_need_enough_temperatures():

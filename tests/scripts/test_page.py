@@ -48,6 +48,16 @@ def write_verdicts(snakemake):
     return paths
 
 
+def write_cold(snakemake):
+    """What limits cell A in the cold, and of cell B why that is not known."""
+    paths = [f"results/cold_limit/{cell}.json" for cell in "AB"]
+    with artefact.Job(snakemake(paths[0], wildcards={"cell": "A"})) as writing:
+        writing.save({"paragraph": "Limited by charge transfer & age."})
+    with artefact.Job(snakemake(paths[1], wildcards={"cell": "B"})):
+        raise Refusal("neither spectra nor pulses")
+    return paths
+
+
 @pytest.fixture
 def job(snakemake):
     """The inputs of rule `report` for one cell with a good and a bad test, and one group."""
@@ -101,6 +111,7 @@ def job(snakemake):
         summary="results/summary.csv",
         artefacts=["results/ingest/A/good.parquet", "results/ingest/A/bad.parquet"],
         verdicts=verdicts,
+        cold=write_cold(snakemake),
         template=ROOT / "workflow/report/report.html.j2",
         captions=ROOT / "workflow/report/captions.yaml",
     )
@@ -141,6 +152,16 @@ def test_a_page_begins_with_the_verdict_its_reading_and_its_proof(job):
     wanted += ["leakage, current offset", "4.21 → 0.99", "97 %", "0.80", "time &amp; patience"]
     wanted += ["Where the model errs", "<h2>Tests</h2>", "Model over measurement: udds"]
     wanted += ['<section id="cell-B">', "No verdict: no validation test"]
+    places = [html.find(text) for text in wanted]
+    assert -1 not in places, dict(zip(wanted, places, strict=True))
+    assert places == sorted(places)
+
+
+def test_what_limits_in_the_cold_stands_beside_the_plots(job):
+    job.params.cells = [CELL, CELL | {"cell": "B"}]
+    html = page.render(job)
+    wanted = ["<h2>What limits it in the cold</h2>", "charge transfer &amp; age"]
+    wanted += ["Model over measurement: udds", '<section id="cell-B">', "Not known: neither"]
     places = [html.find(text) for text in wanted]
     assert -1 not in places, dict(zip(wanted, places, strict=True))
     assert places == sorted(places)

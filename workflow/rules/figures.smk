@@ -18,6 +18,8 @@ for cell in CELLS:
         ("ica_temperature", cell in COLD_PEAKS),
         ("fast_charge", tests(cell, "fast_charge")),
         *[(f"ageing_{row['test']}", True) for row in tests(cell, "ageing")],
+        ("arrhenius", cell in CHILLED),
+        ("surface", cell in PULSED),
         ("parameters", cell in MODELLED),
         ("compensation", cell in COMPENSATED),
         *[(f"effect_{name}", cell in SEARCHED) for name in EFFECT_FIGURES],
@@ -291,6 +293,38 @@ rule figure_ageing:
         "Figure: cycles of {wildcards.cell} in {wildcards.test} over temperature."
     script:
         "../../scripts/figure_ageing.py"
+
+
+rule figure_arrhenius:
+    input:
+        points="results/temperature_points/{cell}.parquet",
+        laws="results/temperature/{cell}.parquet",
+    output:
+        "results/figures/{cell}/arrhenius.svg",
+    log:
+        "logs/figures/{cell}_arrhenius.log",
+    params:
+        code=code_of("figure_arrhenius"),
+    message:
+        "Figure: Arrhenius lines of {wildcards.cell}."
+    script:
+        "../../scripts/figure_arrhenius.py"
+
+
+rule figure_surface:
+    input:
+        points="results/resistance_surface_points/{cell}.parquet",
+        laws="results/resistance_surface/{cell}.parquet",
+    output:
+        "results/figures/{cell}/surface.svg",
+    log:
+        "logs/figures/{cell}_surface.log",
+    params:
+        code=code_of("figure_surface"),
+    message:
+        "Figure: resistance of {wildcards.cell} over SoC and temperature."
+    script:
+        "../../scripts/figure_surface.py"
 
 
 rule figure_parameters:

@@ -1,23 +1,39 @@
 # How quantities move with temperature, the open-circuit voltage among them.
 
-VARIED = [
-    cell
-    for cell in CELLS
-    if len(
-        {
-            row["ambient_temperature_celsius"]
-            for row in tests(cell, *CAPACITY_KINDS, *PULSE_KINDS, roles=["fit"])
-            if row["ambient_temperature_celsius"] is not None
-        }
-    )
-    >= 3
-]
+
+def temperatures(cell, *kinds):
+    """Chamber temperatures at which a cell was tested so, for its fits."""
+    rows = tests(cell, *kinds, roles=["fit"])
+    return {row["ambient_temperature_celsius"] for row in rows} - {None}
+
+
+VARIED = [c for c in CELLS if len(temperatures(c, *CAPACITY_KINDS, *PULSE_KINDS, "eis")) >= 3]
+PULSED = [cell for cell in VARIED if len(temperatures(cell, *PULSE_KINDS)) >= 3]
+CHILLED = [c for c in VARIED if max(len(temperatures(c, k)) for k in [*PULSE_KINDS, "eis"]) >= 3]
+
+# Cells of one type that were pulsed at few temperatures each, many together; by the first of them.
+KINDRED = {}
+for cell, row in CELLS.items():
+    if temperatures(cell, *PULSE_KINDS) and cell not in PULSED and row["chemistry"]:
+        KINDRED.setdefault((row["chemistry"], row["rated_capacity_ampere_hour"]), []).append(cell)
+KINDRED = {
+    cells[0]: cells
+    for cells in KINDRED.values()
+    if len(set().union(*(temperatures(cell, *PULSE_KINDS) for cell in cells))) >= 3
+}
+
+
+def facts_of_tests(wildcards):
+    """What the sheet says of each test of a cell, and of its kindred."""
+    names = {wildcards.cell, *KINDRED.get(wildcards.cell, [])}
+    return {k: v for k, v in TEST_FACTS.items() if k.partition("/")[0] in names}
 
 
 rule temperature:
     input:
         resistance=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
         capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+        eis=lambda w: fitted("eis", w.cell, "eis"),
     output:
         laws="results/temperature/{cell}.parquet",
         points="results/temperature_points/{cell}.parquet",
@@ -26,7 +42,8 @@ rule temperature:
     wildcard_constraints:
         cell=either(VARIED),
     params:
-        tests=lambda w: {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{w.cell}/")},
+        tests=facts_of_tests,
+        settings=config["temperature"],
         code=code_of("temperature"),
     message:
         "Resistance and capacity of {wildcards.cell} over temperature: quadratic and Arrhenius."
@@ -34,19 +51,71 @@ rule temperature:
         "../../scripts/temperature.py"
 
 
+rule cold_limit:
+    input:
+        points="results/temperature_points/{cell}.parquet",
+        laws="results/temperature/{cell}.parquet",
+    output:
+        "results/cold_limit/{cell}.json",
+    log:
+        "logs/cold_limit/{cell}.log",
+    wildcard_constraints:
+        cell=either(CHILLED),
+    params:
+        code=code_of("cold_limit"),
+    message:
+        "What limits {wildcards.cell} in the cold, in words."
+    script:
+        "../../scripts/cold_limit.py"
+
+
+rule resistance_surface:
+    input:
+        resistance=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
+    output:
+        laws="results/resistance_surface/{cell}.parquet",
+        points="results/resistance_surface_points/{cell}.parquet",
+    log:
+        "logs/resistance_surface/{cell}.log",
+    wildcard_constraints:
+        cell=either(PULSED),
+    params:
+        tests=facts_of_tests,
+        settings={k: v for k, v in config["temperature"].items() if k != "soc"},
+        code=code_of("resistance_surface"),
+    message:
+        "Resistance of {wildcards.cell} over SoC and temperature: three forms, tested."
+    script:
+        "../../scripts/resistance_surface.py"
+
+
+rule temperature_of_type:
+    input:
+        resistance=lambda w: [
+            path for cell in KINDRED[w.cell] for path in fitted("resistance", cell, *PULSE_KINDS)
+        ],
+    output:
+        laws="results/temperature_of_type/{cell}.parquet",
+        points="results/temperature_of_type_points/{cell}.parquet",
+    log:
+        "logs/temperature_of_type/{cell}.log",
+    wildcard_constraints:
+        cell=either(KINDRED),
+    params:
+        tests=facts_of_tests,
+        settings=config["temperature"],
+        code=code_of("temperature_of_type"),
+    message:
+        "Resistance over temperature across the cells of the type of {wildcards.cell}."
+    script:
+        "../../scripts/temperature_of_type.py"
+
+
 # Cells with slow tests at three temperatures, or with rests in a chamber that steps.
 STEPPED = [
     cell
     for cell in CELLS
-    if tests(cell, "ocv_temperature", roles=["fit"])
-    or len(
-        {
-            row["ambient_temperature_celsius"]
-            for row in tests(cell, "ocv", roles=["fit"])
-            if row["ambient_temperature_celsius"] is not None
-        }
-    )
-    >= 3
+    if tests(cell, "ocv_temperature", roles=["fit"]) or len(temperatures(cell, "ocv")) >= 3
 ]
 
 

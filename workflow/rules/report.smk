@@ -26,6 +26,7 @@ rule report:
         figures=[path for paths in FIGURES.values() for path in paths],
         artefacts=STAGES,
         verdicts=VERDICTS,
+        cold=COLD_WORDS,
         template=f"{workflow.basedir}/workflow/report/report.html.j2",
         captions=f"{workflow.basedir}/workflow/report/captions.yaml",
     output:

@@ -20,6 +20,8 @@ TABLE_INPUTS = {
     ],
     "temperature": [
         *[f"results/temperature/{cell}.parquet" for cell in VARIED],
+        *[f"results/resistance_surface/{cell}.parquet" for cell in PULSED],
+        *[f"results/temperature_of_type/{cell}.parquet" for cell in KINDRED],
         *[f"results/ocv_laws/{cell}.parquet" for cell in STEPPED],
         *LOSS_LAWS,
     ],
@@ -34,6 +36,7 @@ TABLE_INPUTS = {
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
 TABLES = [*TABLE_INPUTS, "missing_effect", "excluded"]
+COLD_WORDS = [f"results/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),
     *everywhere("spectrum", "eis"),
@@ -49,6 +52,7 @@ STAGES = [
     *EXPORTED["pybamm_thevenin.json"],
     *[path for paths in TABLE_INPUTS.values() for path in paths],
     *[f"results/thermometer/{cell}.parquet" for cell in THERMOMETERS],
+    *COLD_WORDS,
     *[f"results/missing_effect/{cell}/verdict.json" for cell in SEARCHED],
     *[f"results/missing_effect/{group}/verdict.json" for group in GROUPS_SEARCHED],
 ]

@@ -1,11 +1,11 @@
-"""A quantity over temperature: the thesis' quadratic and the Arrhenius law, side by side."""
+"""A quantity over temperature: the thesis' quadratic and two forms of Arrhenius, side by side."""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.line import fit_line
 from cellwright.refusal import Refusal
-from cellwright.uncertainty import covariance_from_jacobian, standard_deviations, t_interval
 
 GAS_CONSTANT = 8.314462618  # J/(mol K)
 ZERO_CELSIUS = 273.15  # K
@@ -15,10 +15,13 @@ REFERENCE = 298.15  # K
 class Law(NamedTuple):
     """One fitted law; the arrays hold one number per parameter, in the order the law takes them.
 
-    law : "quadratic" or "arrhenius". names, units : of the parameters. values, std, lower,
-    upper : estimate, standard deviation, confidence limits; NaN where not known. r_squared : on
-    the scale of the quantity, for both laws. cross_validation_rmse : error of the prediction at
-    temperatures left out in turn, NaN where too few remain. reason : why something is NaN, or "".
+    law : a key of `LAWS`. names, units : of the parameters. values, std, lower, upper : estimate,
+    standard deviation, confidence limits; NaN where not known. r_squared : on the scale of the
+    quantity, for all laws. line_r_squared : on the scale on which the law is a straight fit (ln x
+    over 1/T for Arrhenius). cross_validation_rmse : error of the prediction at temperatures left
+    out in turn, NaN where too few remain. excess_std : scatter of the points beyond their own
+    errors, on the scale of the fit. tested_celsius : lowest and highest temperature; beyond them
+    the law is an extrapolation. reason : why something is NaN, or "".
     """
 
     law: str
@@ -29,7 +32,10 @@ class Law(NamedTuple):
     lower: np.ndarray
     upper: np.ndarray
     r_squared: float
+    line_r_squared: float
     cross_validation_rmse: float
+    excess_std: float
+    tested_celsius: tuple
     chosen: bool
     reason: str
 
@@ -42,52 +48,67 @@ def quadratic_law(temperature_celsius, b1, b2, b3):
 def arrhenius_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
     """Value at 25 °C times exp(Ea/R (1/T − 1/298.15 K)): falls with temperature for Ea > 0."""
     return value_at_25_celsius * np.exp(
-        activation_energy_joule_per_mole * _inverse_temperature(temperature_celsius)
+        activation_energy_joule_per_mole * inverse_temperature(temperature_celsius)
     )
 
 
-def fit_laws(temperature_celsius, value, *, unit, level=0.95):
-    """Fit both laws and choose one by cross-validation.
+def conductivity_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
+    """The same with the factor T before it: σT, not σ, follows Arrhenius (thesis eq. 3.4, 3.5).
+
+    Its activation energy is higher than that of the plain law by R·T, 2.3 kJ/mol near 5 °C.
+    """
+    kelvin = np.asarray(temperature_celsius, float) + ZERO_CELSIUS
+    plain = arrhenius_law(
+        temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole
+    )
+    return plain * kelvin / REFERENCE
+
+
+def fit_laws(temperature_celsius, value, *, unit, std=None, level=0.95):
+    """Fit the laws and choose one by cross-validation.
 
     Parameters
     ----------
     temperature_celsius, value : (n,) one measured value per row [°C], [any unit].
     unit : of the value, for the units of the parameters.
+    std : (n,) standard deviation of each value, or None; weights the points beside the scatter
+        that is found (`line.fit_line`). Where one is not known, none is used.
     level : coverage of the confidence intervals.
 
     Returns
     -------
-    laws : tuple of Law, quadratic then Arrhenius; exactly one is chosen: the one that predicts
-        left-out temperatures better. Where the quadratic cannot be tested so, it is not chosen.
+    laws : tuple of Law: quadratic, Arrhenius, Arrhenius with the factor T; exactly one is chosen:
+        the one that predicts left-out temperatures best. What cannot be tested so is not chosen.
 
     Raises
     ------
     Refusal : fewer than three temperatures; a value that is not positive and finite.
 
-    Source: thesis eq. 3.13 and 3.5 (without its prefactor in T).
+    Source: thesis eq. 3.13, 3.7 and 3.5.
     """
-    # ASSUME: Over temperature the scatter is relative under the Arrhenius law and the same in
+    # ASSUME: Over temperature the scatter is relative under the Arrhenius laws and the same in
     # ohm or ampere-hours at each temperature under the quadratic.
     celsius, value = np.asarray(temperature_celsius, float), np.asarray(value, float)
+    std = np.full(len(value), np.nan) if std is None else np.asarray(std, float)
     known = np.isfinite(celsius)
-    celsius, value = celsius[known], value[known]
+    celsius, value, std = celsius[known], value[known], std[known]
     count = len(np.unique(celsius))
     if count < 3:
         raise Refusal(f"{count} temperature(s); a law over temperature needs three")
     if not (np.isfinite(value) & (value > 0)).all():
         raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
-    errors = {fit: _left_out(fit, celsius, value) for fit in (_quadratic, _arrhenius)}
-    best = min(errors, key=lambda fit: np.nan_to_num(errors[fit], nan=np.inf))
+    errors = {name: _left_out(name, celsius, value, std) for name in LAWS}
+    best = min(errors, key=lambda name: np.nan_to_num(errors[name], nan=np.inf))
     return tuple(
-        fit(celsius, value, unit, level)._replace(
-            cross_validation_rmse=errors[fit], chosen=fit is best
+        _FITS[name](celsius, value, std, unit, level)._replace(
+            cross_validation_rmse=errors[name], chosen=name == best
         )
-        for fit in errors
+        for name in LAWS
     )
 
 
 def law_rows(points):
-    """Both laws of every quantity as rows of a table.
+    """All laws of every quantity as rows of a table.
 
     Parameters
     ----------
@@ -95,8 +116,8 @@ def law_rows(points):
 
     Returns
     -------
-    rows : list of dict, one a parameter: quantity, law, parameter, value, std, unit, r_squared,
-        cross_validation_rmse, chosen.
+    rows : list of dict, one a parameter: quantity, law, parameter, value, std, lower, upper, unit,
+        r_squared, cross_validation_rmse, chosen, tested_from_celsius, tested_to_celsius.
     reasons : list of sentences for what is not known.
 
     Raises
@@ -112,6 +133,7 @@ def law_rows(points):
                 [point.temperature_celsius for point in mine],
                 [point.value for point in mine],
                 unit=mine[0].unit,
+                std=[point.std for point in mine],
             )
         except Refusal as refusal:
             reasons.append(f"{quantity}: {refusal}")
@@ -124,65 +146,83 @@ def law_rows(points):
 
 
 def _rows(quantity, law):
-    for name, unit, value, std in zip(law.names, law.units, law.values, law.std, strict=True):
+    """Rows of one law; `lower` and `upper` bound 95 %, beyond the tested range it is a guess."""
+    numbers = zip(law.values, law.std, law.lower, law.upper, strict=True)
+    for name, unit, (value, std, lower, upper) in zip(law.names, law.units, numbers, strict=True):
         yield {
             "quantity": quantity,
             "law": law.law,
             "parameter": name,
             "value": float(value),
             "std": float(std),
+            "lower": float(lower),
+            "upper": float(upper),
             "unit": unit,
             "r_squared": law.r_squared,
             "cross_validation_rmse": law.cross_validation_rmse,
             "chosen": law.chosen,
+            "tested_from_celsius": law.tested_celsius[0],
+            "tested_to_celsius": law.tested_celsius[1],
         }
 
 
-def _inverse_temperature(celsius):
+def inverse_temperature(celsius):
     """(1/T − 1/298.15 K)/R [mol/J], the axis on which ln of an Arrhenius law is a line."""
     kelvin = np.asarray(celsius, float) + ZERO_CELSIUS
     return (1 / kelvin - 1 / REFERENCE) / GAS_CONSTANT
 
 
-def _quadratic(celsius, value, unit, level):
+def _quadratic(celsius, value, std, unit, level):
     columns = np.vander(celsius, 3)
-    values, std, lower, upper = _line(columns, value, level)
-    return _law(
-        "quadratic",
-        ("b1", "b2", "b3"),
-        (f"{unit}/degC^2", f"{unit}/degC", unit),
-        (values, std, lower, upper),
-        _r_squared(value, columns @ values),
-        len(value) - 3,
+    line = fit_line(columns, value, std, level=level)
+    units = (f"{unit}/degC^2", f"{unit}/degC", unit)
+    return _law("quadratic", ("b1", "b2", "b3"), units, line, celsius, value, value)
+
+
+def _arrhenius(celsius, value, std, unit, level, *, law="arrhenius", factor=1.0):
+    """A line through ln(value/factor); its offset is the logarithm of the value at 25 °C."""
+    columns = np.stack([np.ones(len(celsius)), inverse_temperature(celsius)], axis=1)
+    target = np.log(value / factor)
+    line = fit_line(columns, target, std / value, level=level)
+    limits = {
+        name: np.array([np.exp(getattr(line, name)[0]), getattr(line, name)[1]])
+        for name in ("values", "lower", "upper")
+    }
+    line = line._replace(std=line.std * np.array([limits["values"][0], 1.0]), **limits)
+    names = ("value_at_25_celsius", "activation_energy")
+    return _law(law, names, (unit, "J/mol"), line, celsius, value, target)
+
+
+def _conductivity(celsius, value, std, unit, level):
+    factor = (celsius + ZERO_CELSIUS) / REFERENCE
+    return _arrhenius(celsius, value, std, unit, level, law="arrhenius_t", factor=factor)
+
+
+LAWS = {
+    "quadratic": quadratic_law,
+    "arrhenius": arrhenius_law,
+    "arrhenius_t": conductivity_law,
+}
+_FITS = {"quadratic": _quadratic, "arrhenius": _arrhenius, "arrhenius_t": _conductivity}
+
+
+def _law(law, names, units, line, celsius, value, target):
+    predicted = LAWS[law](celsius, *line.values)
+    on_line = target + (predicted - value if law == "quadratic" else np.log(predicted / value))
+    unproven = line.degrees_of_freedom < 1
+    return Law(
+        law=law,
+        names=names,
+        units=units,
+        **{name: getattr(line, name) for name in ("values", "std", "lower", "upper")},
+        r_squared=_r_squared(value, predicted),
+        line_r_squared=_r_squared(target, on_line),
+        cross_validation_rmse=np.nan,
+        excess_std=line.excess_std,
+        tested_celsius=(float(celsius.min()), float(celsius.max())),
+        chosen=False,
+        reason="as many data as parameters: no scatter to tell" if unproven else "",
     )
-
-
-def _arrhenius(celsius, value, unit, level):
-    columns = np.stack([np.ones(len(celsius)), _inverse_temperature(celsius)], axis=1)
-    values, std, lower, upper = _line(columns, np.log(value), level)
-    scale = np.array([np.exp(values[0]), 1.0])
-    limits = [np.array([np.exp(limit[0]), limit[1]]) for limit in (values, lower, upper)]
-    return _law(
-        "arrhenius",
-        ("value_at_25_celsius", "activation_energy"),
-        (unit, "J/mol"),
-        (limits[0], std * scale, *limits[1:]),
-        _r_squared(value, np.exp(columns @ values)),
-        len(value) - 2,
-    )
-
-
-def _law(name, names, units, estimates, r_squared, degrees_of_freedom):
-    reason = "" if degrees_of_freedom > 0 else "as many data as parameters: no scatter to tell"
-    return Law(name, names, units, *estimates, r_squared, np.nan, False, reason)
-
-
-def _line(columns, target, level):
-    """Linear least squares: values, standard deviations and confidence limits."""
-    values = np.linalg.lstsq(columns, target, rcond=None)[0]
-    residual = target - columns @ values
-    std = standard_deviations(covariance_from_jacobian(columns, residual))
-    return values, std, *t_interval(values, std, len(target) - len(values), level=level)
 
 
 def _r_squared(value, predicted):
@@ -190,14 +230,16 @@ def _r_squared(value, predicted):
     return float(1 - np.sum((value - predicted) ** 2) / spread) if spread > 0 else np.nan
 
 
-def _left_out(fit, celsius, value):
+def _left_out(name, celsius, value, std):
     """RMSE at temperatures left out in turn; NaN where the rest would determine no law."""
-    law, needed = {_quadratic: (quadratic_law, 3), _arrhenius: (arrhenius_law, 2)}[fit]
     levels = np.unique(celsius)
-    if len(levels) <= needed:
+    if len(levels) <= (3 if name == "quadratic" else 2):
         return np.nan
     errors = [
-        law(celsius[out], *fit(celsius[~out], value[~out], "", 0.95).values) - value[out]
+        LAWS[name](
+            celsius[out], *_FITS[name](celsius[~out], value[~out], std[~out], "", 0.95).values
+        )
+        - value[out]
         for out in (celsius == level for level in levels)
     ]
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))

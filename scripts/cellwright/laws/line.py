@@ -1,0 +1,98 @@
+"""A straight fit through points that scatter by more than their own errors say."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.uncertainty import covariance_from_jacobian, standard_deviations, t_interval
+
+HALVINGS = 60  # of the interval in which the excess scatter is sought: to the last digit
+
+
+class Line(NamedTuple):
+    """A linear least-squares fit; the arrays hold one number per parameter, shape (p,).
+
+    excess_std : scatter of the points beyond their own standard deviations, in the unit of the
+    target; NaN where no degree of freedom is left to tell. degrees_of_freedom : n − p.
+    """
+
+    values: np.ndarray
+    std: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    excess_std: float
+    degrees_of_freedom: int
+
+
+def fit_line(columns, target, target_std=None, *, level=0.95):
+    """Weighted linear least squares with the scatter beyond the stated errors estimated.
+
+    Each point is weighted by 1/(its variance + s²). The excess scatter s (a chamber that is some
+    tenths of a kelvin off, a cell that has not settled) is the one at which the weighted squares
+    sum to n − p; it is 0 where the stated errors explain all scatter, and these then stand: they
+    are never made smaller. Without stated errors this is ordinary least squares.
+
+    Parameters
+    ----------
+    columns : (n, p) design matrix.
+    target : (n,).
+    target_std : (n,) standard deviation of each point in the unit of target; NaN counts as not
+        known, and then none is used: a point must not weigh more for saying nothing.
+    level : coverage of the confidence limits.
+
+    Returns
+    -------
+    line : Line; std and limits are NaN where the data leave no degree of freedom.
+
+    Source: Paule & Mandel, J. Res. Natl. Bur. Stand. 87 (1982) 377, for a line instead of a mean.
+    """
+    columns, target = np.asarray(columns, float), np.asarray(target, float)
+    variance = _known_variance(target_std, len(target))
+    degrees = len(target) - columns.shape[1]
+    excess = _excess_variance(columns, target, variance, degrees)
+    values, residual, scaled = _weighted(columns, target, variance + excess)
+    covariance = covariance_from_jacobian(scaled, residual)
+    squares = residual @ residual / max(degrees, 1)
+    # The sum of squares is n − p where an excess was found; below it the stated errors stand.
+    if excess == 0 and 0 < squares < 1 and variance.any():
+        covariance = covariance / squares
+    std = standard_deviations(covariance)
+    return Line(
+        values, std, *t_interval(values, std, degrees, level=level), *_left(excess, degrees)
+    )
+
+
+def _left(excess, degrees):
+    return (float(np.sqrt(excess)) if degrees > 0 else np.nan), degrees
+
+
+def _known_variance(std, count):
+    std = np.full(count, np.nan) if std is None else np.asarray(std, float)
+    return std**2 if np.isfinite(std).all() else np.zeros(count)
+
+
+def _weighted(columns, target, variance):
+    """Solution, weighted residual and weighted design; points without any error weigh the same."""
+    root = 1 / np.sqrt(variance) if (variance > 0).all() else np.ones(len(target))
+    scaled = columns * root[:, None]
+    values = np.linalg.lstsq(scaled, target * root, rcond=None)[0]
+    return values, (target - columns @ values) * root, scaled
+
+
+def _excess_variance(columns, target, variance, degrees):
+    """s² by bisection between none and all of the unweighted scatter."""
+    _, plain, _ = _weighted(columns, target, np.zeros(len(target)))
+    low, high = 0.0, plain @ plain / max(degrees, 1)
+    if degrees < 1 or high == 0 or _squares(columns, target, variance) <= degrees:
+        return 0.0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        too_small = _squares(columns, target, variance + middle) > degrees
+        low, high = (middle, high) if too_small else (low, middle)
+    return high
+
+
+def _squares(columns, target, variance):
+    if not (variance > 0).all():
+        return np.inf
+    return float(np.sum(_weighted(columns, target, variance)[1] ** 2))

@@ -1,0 +1,122 @@
+"""Pulse resistance over temperature across cells of one type, each tested at few temperatures."""
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.laws.points import Points, fresh
+from cellwright.laws.pulse_points import DELAYS, rate_classes, resistance_points
+from cellwright.laws.temperature import fit_laws
+
+OUTLIER = 4.0  # robust standard deviations from the law
+
+
+class CellPoint(NamedTuple):
+    """A `points.Point` with the cell that it is of."""
+
+    member: str
+    quantity: str
+    unit: str
+    temperature_celsius: float
+    value: float
+    std: float
+    family: str
+    soc: float
+
+
+def points_of_type(rows, *, delay_second=DELAYS, c_rate=1.0, soc=(0.5,)):
+    """One point a cell and temperature, all of one rate.
+
+    Cells of a type differ by more than a pulse errs: the scatter of the law is that between cells,
+    and a pulse's own error, far smaller, is not used as a weight.
+
+    Parameters
+    ----------
+    rows : list of dict, rows of stage `resistance` of several cells, each with its `cell`.
+    delay_second, c_rate, soc : as in `pulse_points.resistance_points`.
+
+    Returns
+    -------
+    found : Points of CellPoint; a note names the temperatures that have no pulse of the rate.
+    """
+    # ASSUME: Which cell of a type was tested at which temperature is chance.
+    found, notes = [], []
+    for direction, delay in product(("discharge", "charge"), delay_second):
+        mine = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
+        mine = [row for row in mine if row["delay_second"] == delay]
+        kept, note = _one_class(mine, c_rate)
+        notes += [f"{direction}, {delay:g} s: {note}"] if note else []
+        for cell in dict.fromkeys(row["cell"] for row in kept):
+            own = [row for row in kept if row["cell"] == cell]
+            points = resistance_points(own, delay_second=(delay,), c_rate=c_rate, soc=soc).points
+            found += [_of_cell(cell, point) for point in points]
+    return Points(found, notes)
+
+
+def _one_class(rows, c_rate):
+    """Rows of the rate that most temperatures have, and what that leaves out."""
+    classes = rate_classes(rows)
+    if not classes:
+        return [], ""
+    reached = {rate: _temperatures(mine) for rate, mine in classes.items()}
+    nearest = sorted(classes, key=lambda rate: abs(np.log(rate / c_rate)))
+    rate = max(nearest, key=lambda rate: len(reached[rate]))
+    missing = sorted(_temperatures(rows) - reached[rate])
+    where = ", ".join(f"{celsius:g}" for celsius in missing)
+    return classes[rate], f"no pulse at {rate:.2g}C at {where} °C, left out" if missing else ""
+
+
+def _temperatures(rows):
+    return {row["ambient_temperature_celsius"] for row in rows}
+
+
+def _of_cell(cell, point):
+    quantity = f"{point.quantity}, across cells"
+    own = point._replace(quantity=quantity, std=np.nan, family=f"{point.family}, across cells")
+    return CellPoint(cell, *own)
+
+
+def sentences_of_type(points):
+    """How far cells differ, which stand apart, and what the law is without them.
+
+    Parameters
+    ----------
+    points : list of CellPoint.
+
+    Returns
+    -------
+    text : list of str, one a quantity.
+    """
+    found = []
+    for quantity in dict.fromkeys(point.quantity for point in points):
+        found.append(_sentence(quantity, [p for p in points if p.quantity == quantity]))
+    return found
+
+
+def _sentence(quantity, points):
+    celsius, value = (np.array([getattr(p, name) for p in points]) for name in NUMBERS)
+    off = np.log(value)
+    for level in np.unique(celsius):
+        off[celsius == level] -= np.median(off[celsius == level])
+    spread = 1.4826 * np.median(np.abs(off))
+    apart = (np.abs(off) > OUTLIER * spread) & (spread > 0)
+    text = (
+        f"{quantity}: {len({p.member for p in points})} cells that differ by {100 * spread:.1f} % "
+        f"at one temperature; {_energy(celsius, value)}"
+    )
+    names = sorted({p.member for p, out in zip(points, apart, strict=True) if out})
+    if not names:
+        return text
+    stand = "stands" if len(names) == 1 else "stand"
+    without = _energy(celsius[~apart], value[~apart])
+    return f"{text}; {', '.join(names)} {stand} apart, without: {without}"
+
+
+NUMBERS = ("temperature_celsius", "value")
+
+
+def _energy(celsius, value):
+    law = next(law for law in fit_laws(celsius, value, unit="Ohm") if law.law == "arrhenius")
+    value, lower, upper = (1e-3 * limit[1] for limit in (law.values, law.lower, law.upper))
+    return f"activation energy {value:.1f} kJ/mol ({lower:.1f} to {upper:.1f})"

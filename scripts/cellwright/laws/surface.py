@@ -1,0 +1,183 @@
+"""Resistance over SoC and temperature: three forms fitted, their claim tested, the best named."""
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.laws.points import fresh
+from cellwright.laws.pulse_points import DELAYS, name_of, rate_classes
+from cellwright.laws.separability import separability
+from cellwright.laws.surface_forms import fit_form, levels_of, predict
+from cellwright.refusal import Refusal
+
+FORMS = ("additive", "multiplicative", "table")
+LEAST_TEMPERATURES = {"additive": 3, "multiplicative": 2, "table": 2}
+BLOCKS = 5
+LEAST_LEVELS = 4
+VAGUE = 0.05  # a pulse that knows its resistance no better than this says nothing of a surface
+
+
+class Pulses(NamedTuple):
+    """Pulses of one direction, delay and rate; arrays of shape (n,)."""
+
+    quantity: str
+    soc: np.ndarray
+    temperature_celsius: np.ndarray
+    resistance_ohm: np.ndarray
+
+
+class Fitted(NamedTuple):
+    """One form on one set of pulses.
+
+    left_out_ohm : (n,) prediction of each pulse by the fit without its temperature; NaN where the
+    rest determines none. temperature_rmse, soc_rmse : its error, and that with blocks of SoC left
+    out [ohm]; each relative_… the same as a share of the resistance [1].
+    """
+
+    surface: tuple
+    fitted_ohm: np.ndarray
+    left_out_ohm: np.ndarray
+    r_squared: float
+    temperature_rmse: float
+    temperature_relative: float
+    soc_rmse: float
+    soc_relative: float
+    chosen: bool
+
+
+def pulses_of(rows, *, direction, delay_second, c_rate=1.0):
+    """Pulses of one rate at all temperatures that have it, each known to 5 % or better.
+
+    Parameters
+    ----------
+    rows : list of dict, rows of stage `resistance` with ambient_temperature_celsius and cycle.
+    direction, delay_second : which pulses, and when in the pulse [s].
+    c_rate : rate that is preferred among those that most temperatures have [1/h].
+
+    Returns
+    -------
+    pulses : Pulses, by temperature and SoC.
+
+    Raises
+    ------
+    Refusal : fewer than three temperatures, or fewer than four levels of SoC at one, at any rate.
+    """
+    mine = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
+    mine = [row for row in mine if row["delay_second"] == delay_second]
+    mine = [r for r in mine if not r["resistance_std_ohm"] > VAGUE * r["resistance_ohm"]]
+    classes = {rate: _full_courses(found) for rate, found in rate_classes(mine).items()}
+    quantity = ", ".join(name_of(direction, delay_second))
+    nearest = sorted(classes, key=lambda rate: abs(np.log(rate / c_rate)))
+    best = max(nearest, key=lambda rate: len(classes[rate]), default=None)
+    count = len(classes[best]) if classes else 0
+    if count < 3:
+        raise Refusal(
+            f"{quantity}: pulses of one rate at {LEAST_LEVELS} states of charge at {count} "
+            "temperature(s); a surface needs three"
+        )
+    chosen = [row for celsius in sorted(classes[best]) for row in classes[best][celsius]]
+    columns = ("soc", "ambient_temperature_celsius", "resistance_ohm")
+    return Pulses(quantity, *(np.array([row[c] for row in chosen], float) for c in columns))
+
+
+def _full_courses(rows):
+    """Temperature → rows by SoC, where there are enough levels of SoC."""
+    found = {}
+    for row in sorted(rows, key=lambda row: row["soc"]):
+        found.setdefault(row["ambient_temperature_celsius"], []).append(row)
+    return {
+        celsius: mine
+        for celsius, mine in found.items()
+        if levels_of([row["soc"] for row in mine]) >= LEAST_LEVELS
+    }
+
+
+def fit_surfaces(pulses):
+    """All forms on one set of pulses; the best at temperatures left out is chosen.
+
+    Parameters
+    ----------
+    pulses : Pulses.
+
+    Returns
+    -------
+    fitted : tuple of Fitted, additive, multiplicative, table.
+    """
+    found = [_fit(form, pulses) for form in FORMS]
+    scores = [np.nan_to_num(one.temperature_rmse, nan=np.inf) for one in found]
+    best = int(np.argmin(scores))
+    return tuple(one._replace(chosen=k == best) for k, one in enumerate(found))
+
+
+def _fit(form, pulses):
+    soc, celsius, ohm = pulses[1:]
+    surface = fit_form(form, soc, celsius, ohm)
+    fitted = predict(surface, soc, celsius)
+    left_out = _left_out(form, pulses, celsius)
+    blocks = np.quantile(soc, np.linspace(0, 1, BLOCKS + 1)[1:-1])
+    by_soc = _left_out(form, pulses, np.searchsorted(blocks, soc))
+    spread = np.sum((ohm - ohm.mean()) ** 2)
+    return Fitted(
+        surface,
+        fitted,
+        left_out,
+        float(1 - np.sum((ohm - fitted) ** 2) / spread),
+        *_errors(left_out, ohm),
+        *_errors(by_soc, ohm),
+        chosen=False,
+    )
+
+
+def _left_out(form, pulses, group):
+    """Prediction of each group of pulses by a fit without them."""
+    soc, celsius, ohm = pulses[1:]
+    found = np.full(len(ohm), np.nan)
+    for out in (group == one for one in np.unique(group)):
+        if len(np.unique(celsius[~out])) < LEAST_TEMPERATURES[form]:
+            continue
+        rest = fit_form(form, soc[~out], celsius[~out], ohm[~out], polish=False)
+        found[out] = predict(rest, soc[out], celsius[out])
+    return found
+
+
+def _errors(predicted, ohm):
+    """RMSE [ohm] and as a share of each resistance [1]."""
+    error = predicted - ohm
+    return tuple(float(np.sqrt(np.mean(e**2))) for e in (error, error / ohm))
+
+
+def surfaces(rows, *, delay_second=DELAYS, c_rate=1.0):
+    """Every surface that a cell's pulses bear, with its test of separability.
+
+    Parameters
+    ----------
+    rows : as in `pulses_of`.
+    delay_second : delays [s], discharge and charge apart.
+    c_rate : preferred rate [1/h].
+
+    Returns
+    -------
+    found : list of (Pulses, tuple of Fitted, tuple of Separability).
+    reasons : list of sentences for what could not be had.
+
+    Raises
+    ------
+    Refusal : no surface at all; the reasons are named.
+    """
+    found, reasons = [], []
+    for direction, delay in product(("discharge", "charge"), delay_second):
+        try:
+            pulses = pulses_of(rows, direction=direction, delay_second=delay, c_rate=c_rate)
+        except Refusal as refusal:
+            reasons.append(str(refusal))
+            continue
+        try:
+            tests = separability(*pulses[1:])
+        except Refusal as refusal:
+            reasons.append(f"{pulses.quantity}: {refusal}")
+            tests = ()
+        found.append((pulses, fit_surfaces(pulses), tests))
+    if not found:
+        raise Refusal("; ".join(reasons) or "no pulses")
+    return found, reasons

@@ -1,0 +1,238 @@
+"""Three forms of a resistance over SoC and temperature: additive, multiplicative, table."""
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.laws.temperature import inverse_temperature
+from cellwright.uncertainty import covariance_from_jacobian, standard_deviations
+
+LOW_JOINT, HIGH_JOINT = 0.1, 0.9  # thesis eq. 3.12: linear between, exponentials beyond
+RATES = np.geomspace(8.0, 400.0, 9)  # of the exponentials, per unit of SoC, to begin from
+SAME_LEVEL = 0.015  # states of charge no further apart are one level
+SWEEPS = 2
+OVER_TEMPERATURE = {"additive": 3, "multiplicative": 2}  # parameters of temperature alone
+
+
+class Surface(NamedTuple):
+    """A fitted form; `predict` evaluates it.
+
+    form : "additive", "multiplicative" or "table". names, units, values, std : parameters, arrays
+    (p,); std NaN where not known. rates : of the exponentials below 10 % and above 90 % SoC, one
+    tuple each; rate 0 is a straight line. nodes : of a table, (temperature, soc, ohm) tuples of
+    each temperature; else empty.
+    """
+
+    form: str
+    names: tuple
+    units: tuple
+    values: np.ndarray
+    std: np.ndarray
+    rates: tuple
+    nodes: tuple
+
+
+def predict(surface, soc, temperature_celsius):
+    """Resistance [ohm] of a fitted form at (n,) SoC and temperatures [°C]; any, also untested."""
+    soc, celsius = np.broadcast_arrays(np.asarray(soc, float), temperature_celsius)
+    if surface.form == "table":
+        return _from_nodes(surface.nodes, soc, celsius)
+    linear = surface.values[: len(surface.values) - _free(surface.rates)]
+    found = _columns(surface.form, soc, celsius, surface.rates) @ linear
+    return found if surface.form == "additive" else np.exp(found)
+
+
+def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
+    """Fit one form to pulses.
+
+    additive: R = f(SoC) + b1 T² + b2 T + b3 (thesis eq. 3.11-3.13), T in °C. f is a3·SoC from
+    10 to 90 % SoC; beyond, it goes on from its value at the joint by exponentials that are 0 there,
+    end·(e^(k·d) − 1)/(e^(0.1·k) − 1) with d the distance from the joint: the printed pieces do not
+    join, these do. `end` is the rise from the joint to empty or full. Both ends have their own k.
+    multiplicative: the same f for ln R, and Ea/R·(1/T − 1/298.15 K) in place of the quadratic.
+    table: ln R between the measured SoC at each temperature, and linear in 1/T between
+    temperatures, beyond them along the last two.
+
+    Each end has two exponentials where at least four levels of SoC lie beyond the joint, one where
+    two do, a straight line where one does, and nothing where none does.
+
+    Parameters
+    ----------
+    form : name of the form.
+    soc, temperature_celsius, resistance_ohm : (n,) [1], [°C], [ohm].
+    polish : refine the rates beyond the grid, with standard deviations.
+
+    Returns
+    -------
+    surface : Surface.
+    """
+    soc, celsius, ohm = (np.asarray(a, float) for a in (soc, temperature_celsius, resistance_ohm))
+    if form == "table":
+        nodes = tuple(_nodes(soc, celsius, ohm))
+        empty = np.empty(0)
+        return Surface(form, (), (), empty, empty, ((), ()), nodes)
+    # ASSUME: On a resistance surface the additive form errs by the same ohms everywhere, the
+    # multiplicative one by the same share.
+    target = ohm if form == "additive" else np.log(ohm)
+    rates = _search(form, soc, celsius, target)
+    rates = _polished(form, soc, celsius, target, rates) if polish else rates
+    columns = _columns(form, soc, celsius, rates)
+    linear = np.linalg.lstsq(columns, target, rcond=None)[0]
+    design = np.hstack([columns, _rate_slopes(form, soc, celsius, rates, linear)])
+    std = _errors(design, target - columns @ linear, celsius, OVER_TEMPERATURE[form])
+    values = np.concatenate([linear, [rate for end in rates for rate in end if rate]])
+    return Surface(form, *_names(form, rates), values, std, rates, ())
+
+
+def levels_of(soc):
+    """Number of distinct levels of SoC."""
+    ordered = np.sort(soc)
+    return int(np.sum(np.diff(ordered) > SAME_LEVEL)) + 1 if len(ordered) else 0
+
+
+def _free(rates):
+    return sum(rate > 0 for end in rates for rate in end)
+
+
+def _columns(form, soc, celsius, rates):
+    """Design matrix: temperature, the straight middle, both ends."""
+    over_temperature = (
+        np.stack([celsius**2, celsius, np.ones_like(celsius)], axis=-1)
+        if form == "additive"
+        else np.stack([np.ones_like(celsius), inverse_temperature(celsius)], axis=-1)
+    )
+    middle = np.clip(soc, LOW_JOINT, HIGH_JOINT)[..., None]
+    beyond = np.maximum(LOW_JOINT - soc, 0), np.maximum(soc - HIGH_JOINT, 0)
+    ends = [_end(d, rate) for d, end in zip(beyond, rates, strict=True) for rate in end]
+    return np.concatenate([over_temperature, middle, *[end[..., None] for end in ends]], axis=-1)
+
+
+def _end(distance, rate):
+    reach = LOW_JOINT
+    return distance / reach if rate == 0 else np.expm1(rate * distance) / np.expm1(rate * reach)
+
+
+def _choices(soc):
+    """Rates that may be tried at one end, by how many levels lie beyond its joint."""
+    levels = levels_of(soc)
+    if levels < 2:
+        return [(0.0,) * levels]
+    return list(combinations(RATES, 2)) if levels >= 4 else [(rate,) for rate in RATES]
+
+
+def _search(form, soc, celsius, target):
+    """Best rates of the grid, one end after the other."""
+    choices = _choices(soc[soc < LOW_JOINT]), _choices(soc[soc > HIGH_JOINT])
+    best = [options[len(options) // 2] for options in choices]
+    for end in (0, 1) * SWEEPS:
+        trials = [[*best[:end], option, *best[end + 1 :]] for option in choices[end]]
+        errors = [_squares(form, soc, celsius, target, trial) for trial in trials]
+        best = trials[int(np.argmin(errors))]
+    return tuple(best)
+
+
+def _squares(form, soc, celsius, target, rates):
+    residual = _residual(form, soc, celsius, target, rates)
+    return residual @ residual
+
+
+def _residual(form, soc, celsius, target, rates):
+    columns = _columns(form, soc, celsius, rates)
+    return target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]
+
+
+def _polished(form, soc, celsius, target, rates):
+    """Rates refined from the grid's best, within its range."""
+    if not _free(rates):
+        return rates
+    from scipy.optimize import least_squares
+
+    split = len(rates[0])
+    start = np.log([rate for end in rates for rate in end if rate])
+    held = [rate for end in rates for rate in end]
+
+    def whole(logs):
+        free = iter(np.exp(logs))
+        full = [next(free) if rate else 0.0 for rate in held]
+        return tuple(full[:split]), tuple(full[split:])
+
+    scale = np.abs(target).max()
+    bounds = np.log([RATES[0] / 4, RATES[-1] * 4])
+    found = least_squares(
+        lambda logs: _residual(form, soc, celsius, target, whole(logs)) / scale,
+        start,
+        bounds=tuple(bounds),
+    )
+    return whole(found.x)
+
+
+def _errors(design, residual, celsius, over_temperature):
+    """Standard deviations, with what all pulses of a temperature are off by together.
+
+    A chamber that is half a kelvin off, or a law that bends, moves all pulses of a temperature at
+    once: they are no independent witnesses of how the resistance moves with temperature. The
+    variance of that common part is taken from the mean residuals of the temperatures; where there
+    are no more temperatures than parameters of temperature it is not known, nor are their errors.
+    """
+    covariance = covariance_from_jacobian(design, residual)
+    member = (celsius[:, None] == np.unique(celsius)).astype(float)
+    count, means = member.sum(axis=0), (residual @ member) / member.sum(axis=0)
+    spare = len(count) - over_temperature
+    if spare < 1:
+        covariance[:over_temperature] = covariance[:, :over_temperature] = np.nan
+        return standard_deviations(covariance)
+    single = residual @ residual / max(len(residual) - design.shape[1], 1)
+    common = max(means @ means / spare - single * np.mean(1 / count), 0.0)
+    pull = np.linalg.pinv(design) @ member
+    return standard_deviations(covariance + common * pull @ pull.T)
+
+
+def _rate_slopes(form, soc, celsius, rates, linear):
+    """Derivative of the prediction by each rate, by central differences."""
+    slopes = []
+    for end, k in ((e, k) for e in (0, 1) for k, rate in enumerate(rates[e]) if rate):
+        step = 1e-4 * rates[end][k]
+        moved = [_moved(rates, end, k, sign * step) for sign in (1, -1)]
+        up, down = (_columns(form, soc, celsius, one) @ linear for one in moved)
+        slopes.append((up - down) / (2 * step))
+    return np.stack(slopes, axis=1) if slopes else np.empty((len(soc), 0))
+
+
+def _moved(rates, end, k, step):
+    moved = [list(one) for one in rates]
+    moved[end][k] += step
+    return tuple(map(tuple, moved))
+
+
+def _names(form, rates):
+    additive = form == "additive"
+    unit = "Ohm" if additive else "1"
+    names = ["b1", "b2", "b3"] if additive else ["ln_value_at_25_celsius", "activation_energy"]
+    units = ["Ohm/degC^2", "Ohm/degC", "Ohm"] if additive else ["ln(Ohm)", "J/mol"]
+    ends = [
+        f"{end}_{k + 1}" for e, end in enumerate(("empty", "full")) for k in range(len(rates[e]))
+    ]
+    curved = [name for name, rate in zip(ends, [r for e in rates for r in e], strict=True) if rate]
+    names += ["a3", *[f"rise_{name}" for name in ends], *[f"rate_{name}" for name in curved]]
+    return tuple(names), (*units, unit, *[unit] * len(ends), *["1"] * len(curved))
+
+
+def _nodes(soc, celsius, ohm):
+    for level in np.unique(celsius):
+        here = celsius == level
+        order = np.argsort(soc[here], kind="stable")
+        yield float(level), soc[here][order], ohm[here][order]
+
+
+def _from_nodes(nodes, soc, celsius):
+    """ln R over SoC at each tested temperature, then a line in 1/T through the two nearest."""
+    axis = inverse_temperature([level for level, _, _ in nodes])
+    courses = np.stack([np.interp(soc, z, np.log(ohm)) for _, z, ohm in nodes])
+    at = inverse_temperature(celsius)
+    # Nodes run from cold to warm: the axis falls.
+    upper = np.clip(np.searchsorted(-axis, -at), 1, len(nodes) - 1)
+    rows = np.arange(len(at)) if np.ndim(at) else ()
+    first, second = courses[upper - 1, rows], courses[upper, rows]
+    share = (at - axis[upper - 1]) / (axis[upper] - axis[upper - 1])
+    return np.exp(first + share * (second - first))

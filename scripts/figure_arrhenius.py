@@ -1,0 +1,10 @@
+"""Figure: Arrhenius lines of one cell."""
+
+import artefact
+import figure
+from drawing import arrhenius
+
+with artefact.Job(snakemake) as job:
+    points = artefact.rows(job.load(snakemake.input.points))
+    laws = artefact.rows(job.load(snakemake.input.laws))
+    figure.save(arrhenius.draw(points, laws), job)

@@ -1,0 +1,10 @@
+"""Figure: resistance of one cell over SoC and temperature."""
+
+import artefact
+import figure
+from drawing import surface
+
+with artefact.Job(snakemake) as job:
+    points = job.load(snakemake.input.points)
+    laws = artefact.rows(job.load(snakemake.input.laws))
+    figure.save(surface.draw(points, laws), job)
