@@ -118,9 +118,7 @@ def rests_of(
             reasons[str(refusal)] += 1
     left_out = [f"{count} × {reason}" for reason, count in sorted(reasons.items())]
     if not found:
-        longest = max((steps.duration_second[k] for k in _after_loads(steps)), default=0.0)
-        words = f"the longest has {longest:.4g} s, {shortest_rest_second:g} s are wanted"
-        left_out = [f"no rest after a load is long enough: {words}"]
+        left_out = [f"no rest after a load lasts {shortest_rest_second:g} s: no depolarisation"]
     columns = {name: _column([row[name] for row in rows], name) for name in RestRows._fields}
     return Rests(RestRows(**columns), tuple(left_out))
 
@@ -131,6 +129,17 @@ def _column(values, name):
         return np.array(values, dtype=str)
     whole = {"rest": int, "samples": int, "exponentials": int, "chosen": bool}
     return np.array(values, dtype=whole.get(name, float))
+
+
+def chamber_or_cell(series):
+    """Temperature that tells when the chamber moves (n,) [°C]: the chamber's, or None.
+
+    Parameters
+    ----------
+    series : dict of columns; the cell's own warms in a load and cools in the rest.
+    """
+    chamber = series.get("ambient_temperature_celsius")
+    return series.get("surface_temperature_celsius") if chamber is None else chamber
 
 
 def _after_loads(steps):
