@@ -5,7 +5,6 @@ import numpy as np
 SMALL = 10.0  # noises that a rest must move to show more than one time constant
 COARSE = 20.0  # grains that a rest must move
 AT_NOISE = 1.2  # residual over noise up to which nothing is left to explain
-DRIFTS = 3.0  # difference of two OCVs, in deviations, that is no chance
 
 
 def grain_volt(voltage_volt):
@@ -47,8 +46,8 @@ def why(two, three, voltage_volt, *, limit, grain, noise):
         *([f"two time constants are not told: {two.verdict}"] if len(two.tau_second) < 2 else []),
         *_short(best, voltage_volt, noise, limit),
     ]
-    if best.drift_volt and abs(best.drift_volt) > DRIFTS * max(best.ocv_std_volt, noise / 10):
-        said.append(f"still drifting: its first half gives an OCV {_mv(best.drift_volt)} away")
+    if len(best.tau_second) > 1 and best.verdict:
+        said.append(f"still drifting: {best.verdict}")
     return "; ".join(said)
 
 

@@ -12,6 +12,8 @@ from cellwright.refusal import Refusal
 STEADY = ("CC", "pulse")  # loads of one current, whose polarisation is proportional to it
 LEAST_C_RATE = 0.02  # of a load; what is less is a leak or noise
 MOVED_KELVIN = 3.0  # from here on the rest is one of the chamber, not of the cell
+EDGE = 3.0  # slopes: a first sample that moves on so much faster than the next is of the edge
+EDGE_NOISES = 6.0  # and by so many noises
 LAST_ROWS = 5  # of a load without one current: their median is the current before the rest
 
 
@@ -87,7 +89,8 @@ def rests_of(
     """Fit the depolarisation of every rest that follows a load.
 
     1. A rest counts from `shortest_rest_second` on, where the record has no gap before it and the
-    load was at least 0.02 C; it ends where the temperature has moved by 3 K. 2. Two exponentials
+    load was at least 0.02 C; its first sample is left out where it still shows the edge; it ends
+    where the temperature has moved by 3 K. 2. Two exponentials
     are fitted, or one where two are not told. 3. Where a third, faster one is told as well, it has
     a row of its own and is chosen. 4. What falls short of the limit says why.
 
@@ -157,6 +160,7 @@ def _rows_of(number, series, steps, step, shortest, limit):
     rows = _steady_rows(warm, int(steps.first_row[step]), int(steps.last_row[step]))
     if rows[-1] < steps.last_row[step] and time[rows[-1]] - time[rows[0]] < shortest:
         raise Refusal(f"temperature moves by {MOVED_KELVIN:g} K within the first {shortest:g} s")
+    rows = rows[_of_the_edge(time[rows], voltage[rows]) :]
     t, v = time[rows], voltage[rows]
     two, three = fit_relaxation(t, v), fit_relaxation(t, v, most=3)
     fits = [two, three] if len(three.tau_second) == 3 else [two]
@@ -172,6 +176,18 @@ def _steady_rows(warm, first, last):
     rows = np.arange(first, last + 1)
     moved = np.abs(warm[rows] - warm[first]) > MOVED_KELVIN
     return rows[: int(np.argmax(moved))] if moved.any() else rows
+
+
+def _of_the_edge(time, voltage):
+    """1 where the first sample shows what decays between it and the next, else 0.
+
+    No time constant can be told from one sample, but it would draw those of the rest to itself.
+    """
+    if len(time) < 3:
+        return 0
+    moved, passed = np.diff(voltage[:3]), np.diff(time[:3])
+    fast = abs(moved[0]) * passed[1] > EDGE * abs(moved[1]) * passed[0]
+    return int(fast and abs(moved[0]) > EDGE_NOISES * noise_volt(voltage))
 
 
 def _load(series, steps, step, rows):
