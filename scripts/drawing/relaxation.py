@@ -2,7 +2,8 @@
 
 import figure
 
-PANELS = 5
+PANELS = 6
+MIDDLE_SOC = 0.5
 
 
 def draw(tests):
@@ -23,14 +24,13 @@ def draw(tests):
 
 
 def _of_each_temperature(tests):
-    """The first tests of as many temperatures as there are panels, coldest first."""
+    """Of each temperature the rest nearest 50 % SoC, coldest first, of at most so many."""
     seen = {}
-    for columns, about in tests:
+    for columns, about in sorted(tests, key=lambda test: abs(test[0]["soc"][0] - MIDDLE_SOC)):
         celsius = about["params"]["test"]["ambient_temperature_celsius"]
         seen.setdefault(celsius, (columns, about))
     order = sorted(seen, key=lambda celsius: (celsius is None, celsius or 0.0))
-    kept = order if len(order) <= PANELS else order[:: -(-len(order) // PANELS)]
-    return [seen[celsius] for celsius in kept]
+    return [seen[celsius] for celsius in order[:: -(-len(order) // PANELS)]]
 
 
 def _rest(panels, columns, about):

@@ -15,6 +15,7 @@ FEWEST = 8  # samples of a rest
 EMPTY = 0.6  # share of the rest that may pass between two samples
 DRIFT = 3.0  # difference of two OCVs, in deviations of the less sure one, that is no chance
 SHORTEST = 0.25  # time constant searched, in steps: what decays faster is in one sample only
+BURST = 0.25  # of its age: how close to each other the samples of a burst are kept
 LONGEST = 3.0  # time constant searched, in lengths of the rest
 
 
@@ -188,7 +189,8 @@ def _result(linear, tau, std, residual, voltage, level, last):
 def _evened(time, voltage):
     """Means of samples closer than the usual step, the one that most of the time passes in.
 
-    So a burst of samples after the load does not outvote the hours that tell the OCV.
+    So a burst of samples after the load does not outvote the hours that tell the OCV; but a few of
+    it stay, each a quarter older than the one before, for only they tell the fast part.
     """
     steps = np.diff(time)
     order = np.argsort(steps, kind="stable")
@@ -196,7 +198,10 @@ def _evened(time, voltage):
     usual = steps[order][np.searchsorted(past, past[-1] / 2)]
     # A quarter of a step keeps samples of a steady clock, whose stamps jitter, each by itself.
     place = np.floor(time / usual + 0.25).astype(int)
-    first = np.flatnonzero(np.diff(place, prepend=-1))
+    # Within the first step a burst keeps a sample in each quarter of its age, for what is fast.
+    early = np.log(np.maximum(time, steps[steps > 0].min()) / usual) / np.log(1 + BURST)
+    place = np.where(place < 1, np.floor(np.minimum(early, -1)).astype(int), place)
+    first = np.flatnonzero(np.diff(place, prepend=place[0] - 1))
     if len(first) < FEWEST:
         return time, voltage
     count = np.diff(np.append(first, len(time)))
