@@ -11,6 +11,8 @@ FACTOR = {"V": (1e3, "mV"), "s": (1.0, "s")}
 
 def draw(points, laws):
     """Figure of a cell: rows of stages `polarisation_points` and `polarisation`."""
+    if not points:
+        return figure.message("No rests compare, so polarisation has no course.")
     found = [Point(**{name: row[name] for name in Point._fields}) for row in points]
     names = list(dict.fromkeys(point.quantity for point in found))
     canvas, axes = figure.canvas(2, len(names), width=11.0, height=5.4)

@@ -282,6 +282,7 @@ def test_polarisation_over_soc_and_temperature():
     assert median[:, 1].tolist() == [60, 59, 58]
     assert np.interp(10, line[:, 0], line[:, 1]) == pytest.approx(59)
     assert found[1].get_ylabel() == "tau1 [s]"
+    assert len(panels(polarisation.draw([], []))) == 1
 
 
 def test_relaxation_shows_one_rest_of_each_temperature():

@@ -162,9 +162,18 @@ def test_the_ends_of_the_scale_are_out_of_the_median():
 
 
 @pytest.mark.parametrize("change", [{"exponentials": 1}, {"soc": np.nan}, {"load": "CCCV"}])
-def test_nothing_to_compare_is_refused(change):
-    with pytest.raises(Refusal, match="no rest after a steady load"):
-        compared([one | change for one in rows()])
+def test_nothing_to_compare_is_an_answer(change):
+    found = compared([one | change for one in rows()])
+    assert not found.points
+    assert laws_of(found.points) == ({}, [])
+    assert paragraph(found, {}).startswith("Polarisation is not known: no rest after a steady load")
+
+
+def test_one_temperature_is_said_once():
+    points = compared([one for one in rows() if one["ambient_temperature_celsius"] == 0]).points
+    laws, reasons = laws_of(points)
+    assert reasons == ["polarisation over temperature: 1 temperature(s), a law needs three"]
+    assert all("below 50 % SoC at 0 °C" in name for name in laws)
 
 
 def test_age_does_not_pass_for_temperature():

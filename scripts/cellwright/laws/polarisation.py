@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.lines import soc_lines, temperature_lines
+from cellwright.laws.lines import FEWEST_TEMPERATURES, soc_lines, temperature_lines
 from cellwright.laws.points import fresh
 from cellwright.refusal import Refusal
 
@@ -15,6 +15,7 @@ STD = {"a": "a_std_volt", "b": "b_std_volt", "tau1": "tau1_std_second", "tau2": 
 ALIKE = {"current_before_ampere": 0.15, "load_second": 0.2, "rest_second": 0.2, "samples": 0.5}
 MIDDLE = (0.15, 0.95)  # SoC over which a temperature's value is the median
 HALF = 0.52  # up to here "below 50 % SoC"
+NOTHING = "no rest after a steady load tells two exponentials at a known SoC"
 MOST_OF = 0.8  # of the rests: so many must tell three exponentials for three to be compared
 
 
@@ -57,16 +58,13 @@ def compared(rows):
 
     Returns
     -------
-    Compared
-
-    Raises
-    ------
-    Refusal : no rest after a steady load has two exponentials and a SoC.
+    Compared : without a point, and the reason as protocol, where no rest after a steady load tells
+        two exponentials at a known SoC: that is an answer, not a fault of the tests.
     """
     told = [row for row in fresh(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])]
     told = [row for row in told if row["load"] in ("CC", "pulse")]
     if not told:
-        raise Refusal("no rest after a steady load tells two exponentials at a known SoC")
+        return Compared([], NOTHING, 0, np.zeros(0))
     groups = _groups(told)
     best = max(groups, key=lambda group: (len(_celsius(group)), len(_rests(group))))
     kept = _of_one_number(best)
@@ -104,7 +102,11 @@ def laws_of(points):
     reasons : list of sentences for what is not known.
     """
     laws, reasons = {}, []
-    for quantity, (celsius, value) in over_temperature(points).items():
+    count = len({point.temperature_celsius for point in points})
+    if 0 < count < FEWEST_TEMPERATURES:
+        reasons.append(f"polarisation over temperature: {count} temperature(s), a law needs three")
+    many = count >= FEWEST_TEMPERATURES
+    for quantity, (celsius, value) in over_temperature(points).items() if many else ():
         name = f"polarisation {quantity}, median over SoC"
         _try(laws, reasons, name, temperature_lines, celsius, value, QUANTITIES[quantity])
     for quantity in ("a", "b"):

@@ -20,6 +20,8 @@ def paragraph(found, laws):
     ----------
     found : `polarisation.Compared`. laws : dict from `polarisation.laws_of`.
     """
+    if not found.points:
+        return f"Polarisation is not known: {found.protocol}."
     courses = over_temperature(found.points)
     said = [_rests(found)]
     said += [_course(name, *courses[name]) for name in MEANS if len(courses[name][0]) > 1]
