@@ -11,7 +11,7 @@ LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
 GAP_SECOND = 30.0  # between two rows, for the counter to be asked what passed meanwhile
 UNSEEN_SOC = 2e-3  # between two rows: less is how the current is read, more is a gap
-ALIKE = 3.0  # ratio of the changes of the current in two rows, up to which it goes on the same way
+ALIKE = 5.0  # ratio of changes of the current in two rows, up to which it goes on the same way
 NEAR_END = 0.1  # of the SoC: a record that starts there was filled or emptied before
 
 
