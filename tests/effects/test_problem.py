@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from cellwright.effects.problem import Free, Problem, derivatives, fit, stds
 
@@ -54,6 +55,18 @@ def test_a_bound_holds_and_is_told():
     assert found.values["a"] == 0.3
     assert found.at_bound == ("a",)
     assert found.cost < fit(linear(free), ZERO, steps=0).cost
+
+
+def test_what_is_not_on_a_bound_follows_what_is_in_the_same_step():
+    mixed = MATRIX @ np.array([[1.0, 0.9, 0.0], [0.0, 0.4, 0.5], [0.0, 0.0, 0.9]])
+    free = (Free("a", 0.1, upper=0.3), Free("b", 0.1), Free("c", 0.1, lower=-0.2))
+    problem = linear(free, rows=mixed @ TRUE)._replace(
+        predict=lambda values: mixed @ np.array([values[name] for name in NAMES])
+    )
+    found = fit(problem, ZERO, steps=1)
+    exact = lsq_linear(mixed, mixed @ TRUE, ([-np.inf, -np.inf, -0.2], [0.3, np.inf, np.inf]))
+    np.testing.assert_allclose(at(found), exact.x, atol=1e-4)
+    assert found.at_bound == ("a",)
 
 
 def test_a_derivative_stays_below_the_upper_bound():

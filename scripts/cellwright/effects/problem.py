@@ -157,18 +157,34 @@ def _renewed(problem, here, columns, renew):
 def _walked(problem, here, gradient, precision, prior, pull, damping):
     """One damped step that lowers the cost; where none does, the place stays."""
     scale = np.diag(np.diag(precision) + TINY)
+    names = [f.name for f in problem.free]
+    lower = np.array([f.lower for f in problem.free])
+    upper = np.array([f.upper for f in problem.free])
+    at = np.array([here.values[name] for name in names])
     for _ in range(5):
-        move = np.linalg.solve(precision + damping * scale, gradient)
+        move = _within(precision + damping * scale, gradient, lower - at, upper - at)
         if not np.isfinite(move).all():
             return here, damping
-        values = dict(here.values)
-        for f, one in zip(problem.free, move, strict=True):
-            values[f.name] = float(np.clip(values[f.name] + one, f.lower, f.upper))
+        # Snapped, for a bound that is missed by rounding is not seen as one.
+        on = np.where(move <= lower - at, lower, np.where(move >= upper - at, upper, at + move))
+        values = here.values | dict(zip(names, on.tolist(), strict=True))
         new = _judged(problem, values, prior, pull)
         if np.isfinite(new.cost) and new.cost <= here.cost:
             return new, max(damping / 10, 1e-9)
         damping = max(damping * 30, 1e-4)
     return here, damping
+
+
+def _within(precision, gradient, lowest, highest):
+    """The step to the least cost within bounds: what is held on one moves what is not."""
+    move, held = np.zeros(len(gradient)), np.zeros(len(gradient), bool)
+    while True:
+        pull = gradient - precision[:, held] @ move[held]
+        move[~held] = np.linalg.solve(precision[np.ix_(~held, ~held)], pull[~held])
+        beyond = ~held & ((move < lowest) | (move > highest))
+        if not beyond.any():
+            return move
+        move, held = np.clip(move, lowest, highest), held | beyond
 
 
 def stds(solution):
