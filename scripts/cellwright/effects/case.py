@@ -87,7 +87,17 @@ def problem_of(case, effects, free, filters):
         filters.fit.apply,
         free,
         plain.coupling(free, case.tolerance),
+        lambda values: _apart(case, effects, values),
     )
+
+
+def _apart(case, effects, values):
+    """A start moves the rows of its record, every other knot of the OCV's error those around it."""
+    soc = base.fields_of(case.cell, case.fit, values, effects).soc
+    left = base.left_knot(soc)
+    starts = [f"soc0[{k}]" for k in range(len(case.fit.first))]
+    even, odd = ([f"ocv[{k}]" for k in range(first, base.OCV_KNOTS, 2)] for first in (0, 1))
+    return [(starts, case.fit.file), (even, (left + 1) // 2), (odd, left // 2)]
 
 
 def state_of(case, effects, solution, filters):

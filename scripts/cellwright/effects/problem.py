@@ -32,7 +32,9 @@ class Problem(NamedTuple):
     """predict : function (values) → (n,) prediction. measured : (n,). whiten : rows → rows.
 
     free : tuple of Free. coupling : (k, k) prior precision beyond that of the single parameters, or
-    None, about zero.
+    None, about zero. apart : function (values) → list of (names, owner): parameters without bounds
+    and of one step that each move rows of their own, and for each row the number of that which
+    moves it. Their derivatives are made together. None: there are none.
     """
 
     predict: Callable
@@ -40,6 +42,7 @@ class Problem(NamedTuple):
     whiten: Callable
     free: tuple
     coupling: np.ndarray | None = None
+    apart: Callable | None = None
 
 
 class Solution(NamedTuple):
@@ -106,12 +109,26 @@ def fit(problem, values, *, columns=None, renew=(), steps=STEPS):
 
 def derivatives(problem, values, prediction, names=None):
     """Derivatives (n, k) of the prediction by the free parameters, or by those named."""
-    found = [
-        _derivative(problem, values, prediction, free)
-        for free in problem.free
-        if names is None or free.name in names
-    ]
-    return np.stack(found, axis=1)
+    wanted = [free for free in problem.free if names is None or free.name in names]
+    found = _together(problem, values, prediction, wanted)
+    for free in wanted:
+        if free.name not in found:
+            found[free.name] = _derivative(problem, values, prediction, free)
+    return np.stack([found[free.name] for free in wanted], axis=1)
+
+
+def _together(problem, values, prediction, wanted):
+    """Derivatives by parameters that move different rows, a prediction for each set: by name."""
+    steps, found = {free.name: free.step for free in wanted}, {}
+    if problem.apart is None or len(wanted) < len(problem.free):
+        return found
+    for names, owner in problem.apart(values):
+        own = [name for name in names if name in steps]
+        moved = problem.predict(values | {name: values[name] + steps[name] for name in own})
+        for name in own:
+            change = (moved - prediction) / steps[name]
+            found[name] = np.where(owner == names.index(name), change, 0.0)
+    return found
 
 
 def _derivative(problem, values, prediction, free):
