@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from cellwright.effects.problem import Free, Problem, derivatives, fit, stds
 
@@ -54,6 +55,33 @@ def test_a_bound_holds_and_is_told():
     assert found.values["a"] == 0.3
     assert found.at_bound == ("a",)
     assert found.cost < fit(linear(free), ZERO, steps=0).cost
+
+
+def test_parameters_that_move_rows_of_their_own_are_moved_together():
+    owner, asked = np.arange(200) % 3, []
+
+    def predict(values):
+        asked.append(values)
+        return MATRIX[:, 0] * np.array([values[name] for name in NAMES])[owner] ** 2
+
+    problem = linear()._replace(predict=predict, apart=lambda values: [(NAMES, owner)])
+    values = {"a": 1.0, "b": 2.0, "c": 3.0}
+    here = predict(values)
+    one = derivatives(problem, values, here)
+    assert len(asked) == 2
+    np.testing.assert_allclose(one, derivatives(problem._replace(apart=None), values, here))
+
+
+def test_what_is_not_on_a_bound_follows_what_is_in_the_same_step():
+    mixed = MATRIX @ np.array([[1.0, 0.9, 0.0], [0.0, 0.4, 0.5], [0.0, 0.0, 0.9]])
+    free = (Free("a", 0.1, upper=0.3), Free("b", 0.1), Free("c", 0.1, lower=-0.2))
+    problem = linear(free, rows=mixed @ TRUE)._replace(
+        predict=lambda values: mixed @ np.array([values[name] for name in NAMES])
+    )
+    found = fit(problem, ZERO, steps=1)
+    exact = lsq_linear(mixed, mixed @ TRUE, ([-np.inf, -np.inf, -0.2], [0.3, np.inf, np.inf]))
+    np.testing.assert_allclose(at(found), exact.x, atol=1e-4)
+    assert found.at_bound == ("a",)
 
 
 def test_a_derivative_stays_below_the_upper_bound():

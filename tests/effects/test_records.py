@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cellwright.effects.prepare import _thinned
 from cellwright.effects.records import Record, stacked
 from cellwright.refusal import Refusal
 
@@ -46,6 +47,37 @@ def test_a_record_that_steps_between_steady_stretches_is_held_even_then():
     assert not stack.linear.any()
     assert stack.held_ampere[3] == 0.0
     assert stack.held_ampere[6] == -2.0
+
+
+def falling(every):
+    """A charge whose last hour is at a held voltage, a rest on both sides: (clock, current)."""
+    clock = np.arange(0.0, 9000.0, every)
+    load = np.where(clock < 4000, 1.0, np.exp(-(clock - 4000) / 600))
+    return clock, np.where((clock >= 600) & (clock < 7600), load, 0.0)
+
+
+@pytest.mark.parametrize("hold", ["zero_order", "first_order"])
+@pytest.mark.parametrize("every", [5.0, 20.0, 30.0])
+def test_a_current_that_falls_while_the_voltage_is_held_is_counted_right(hold, every):
+    clock, current = falling(every)
+    stack = laid(record(current, test_time_second=clock), hold=hold)
+    true = 3400.0 + 600.0 * (1 - np.exp(-6))
+    assert (stack.held_ampere * stack.step_second).sum() == pytest.approx(true, rel=1e-3)
+
+
+def test_between_rows_that_were_thinned_out_the_counter_counts():
+    clock, current = falling(1.0)
+    counted = np.r_[0, np.cumsum(np.diff(clock) * (current[1:] + current[:-1]) / 2)] / 7200.0
+    every = np.ones(len(clock), bool)
+    fine = record(current, test_time_second=clock, counted_soc=counted, used=every)
+    (thin,) = _thinned([fine], 20_000, CAPACITY)
+    stack = laid(thin)
+    moved = np.cumsum(stack.held_ampere * stack.step_second / 3600.0)
+    assert len(moved) < len(clock) / 20
+    falls = (thin.test_time_second > 700) & (thin.test_time_second < 7500)
+    known = (thin.counted_soc - thin.counted_soc[falls][0])[falls] * CAPACITY
+    assert moved[falls] - moved[falls][0] == pytest.approx(known, abs=1e-6)
+    assert not stack.unseen_ampere_hour.any()
 
 
 @pytest.mark.parametrize(("soc", "before"), [(1.0, 1), (0.5, 0), (0.02, -1)])

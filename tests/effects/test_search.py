@@ -88,6 +88,13 @@ def test_an_offset_that_stands_in_the_log_at_rest_is_no_leak():
     assert result.steps[0].tied == ()
 
 
+def test_an_offset_that_stands_in_the_log_is_no_leak_even_where_no_offset_is_known():
+    result, _ = found("current_offset", ("current_offset",))
+    assert "leakage" not in {
+        name for step in result.steps for name in (step.chosen.effect.id, *step.tied)
+    }
+
+
 def test_what_no_library_knows_gets_no_name():
     assert outcome(rounds(Truth(ripple=0.008)), Gates()).word == "unknown"
 

@@ -166,6 +166,7 @@ class _Cell:
         while current > least_ampere:
             inner = self.truth.r0_ohm + R1_OHM * (1 - keep)
             current = (UPPER - float(ocv(self.soc)) - self.relaxed * keep) / inner
+            self._edge(current)
             self._sample(current, step)
         return self
 

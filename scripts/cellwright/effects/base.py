@@ -70,10 +70,15 @@ def base_names(files):
     return (*LOGARITHMS, "capacity", *starts, *(f"ocv[{k}]" for k in range(OCV_KNOTS)))
 
 
+def left_knot(soc):
+    """Number of the knot of the OCV error below each SoC: (n,)."""
+    spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
+    return np.minimum(spot.astype(int), OCV_KNOTS - 2)
+
+
 def hats(soc):
     """Share of each knot of the OCV error at each SoC: (n, knots), straight between knots."""
-    spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
-    left = np.minimum(spot.astype(int), OCV_KNOTS - 2)
+    spot, left = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1), left_knot(soc)
     part = spot - left
     found = np.zeros((len(spot), OCV_KNOTS))
     rows = np.arange(len(spot))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, noise, plain
-from cellwright.effects.judge import rms, started
+from cellwright.effects.judge import by_starts, rests_of, rms, started
 from cellwright.effects.problem import Problem
 
 UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it tells nothing
@@ -61,7 +61,8 @@ class State(NamedTuple):
     """A model fitted: its effects, and how it does on both kinds of records.
 
     values : of the validation records, with their own starts. validation : residual (m,) [V].
-    validation_chi_square : of it, whitened by the same noise. rmse_volt, validation_rmse_volt [V].
+    validation_chi_square : of it, whitened by the same noise, without what the uncertainty of the
+    starts explains. rmse_volt, validation_rmse_volt [V].
     """
 
     effects: tuple
@@ -86,22 +87,35 @@ def problem_of(case, effects, free, filters):
         filters.fit.apply,
         free,
         plain.coupling(free, case.tolerance),
+        lambda values: _apart(case, effects, values),
     )
+
+
+def _apart(case, effects, values):
+    """A start moves the rows of its record, every other knot of the OCV's error those around it."""
+    soc = base.fields_of(case.cell, case.fit, values, effects).soc
+    left = base.left_knot(soc)
+    starts = [f"soc0[{k}]" for k in range(len(case.fit.first))]
+    even, odd = ([f"ocv[{k}]" for k in range(first, base.OCV_KNOTS, 2)] for first in (0, 1))
+    return [(starts, case.fit.file), (even, (left + 1) // 2), (odd, left // 2)]
 
 
 def state_of(case, effects, solution, filters):
     """How a fitted model does on the records that judge; only their first rest is looked at."""
     stack = case.validation
     pairs = [(k, case.fit.tests.index(t)) for k, t in enumerate(stack.tests) if t in case.fit.tests]
-    values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs)
-    left = stack.voltage_volt - base.voltage(case.cell, stack, values, effects)
+    rests = rests_of(case.cell, case.fit, solution)
+    values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs, rests)
+    volt = base.voltage(case.cell, stack, values, effects)
+    left, about = stack.voltage_volt - volt, (case.cell, stack, values, effects, case.tolerance)
     white = filters.validation.apply(left)
+    explained = by_starts(*about, volt, filters.validation, pairs)
     return State(
         effects,
         solution,
         values,
         left,
-        float(white @ white),
+        float(white @ white) - explained,
         rms(solution.residual[filters.fit_rows]),
         rms(left[filters.validation_rows]),
     )

@@ -3,6 +3,7 @@
 from cellwright.effects.problem import stds
 from cellwright.effects.structural import offset_or_leak, rest_current, with_partners
 
+LOGGED = {"current_offset", "leakage"}  # told apart by the current logged at rest
 OUTDONE = 0.5  # of the best J: an explanation below it is not the one
 
 
@@ -23,22 +24,27 @@ def best_of(gates, first, before, trials, floor):
     return best, tuple(dict.fromkeys(name for name in near if name != best.effect.id))
 
 
-def with_ties(case, chosen, tied, trials, library):
-    """The choice with its structural ties; what the current logged at rest says is heard."""
+def denied(case, trials):
+    """Ids of trials that the current logged at rest speaks against, of an offset and a leak."""
+    told = {t.effect.id: _told(case, t) for t in trials if t.effect.id in LOGGED}
+    return {name for name, word in told.items() if word not in (None, name)}
+
+
+def with_ties(case, chosen, tied, against, library):
+    """The ties of a choice with their structural partners, without those the log denies."""
     known = {effect.id: effect for effect in library}
     tied = with_partners(chosen.effect.id, tied, known, chosen.state.solution.values)
-    pair = {"current_offset", "leakage"}
-    if chosen.effect.id not in pair or not pair & set(tied):
-        return chosen, tied
-    name = chosen.effect.names[0]
-    size = abs(chosen.state.solution.values[name])
+    if chosen.effect.id in LOGGED and _told(case, chosen) is not None:
+        against = against | LOGGED
+    return tuple(name for name in tied if name not in against)
+
+
+def _told(case, trial):
+    """Which of an offset and a leak the log at rest says it is; None where it cannot tell."""
+    name = trial.effect.names[0]
+    size, std = trial.state.solution.values[name], stds(trial.state.solution)[name]
     rest = rest_current(case.fit, capacity_ampere_hour=case.cell.capacity_ampere_hour)
-    std = stds(chosen.state.solution)[name]
-    told, _ = offset_or_leak(rest, size_ampere=size, std_ampere=std)
-    if told is None:
-        return chosen, tied
-    chosen = next((t for t in trials if t.effect.id == told), chosen)
-    return chosen, tuple(name for name in tied if name not in pair)
+    return offset_or_leak(rest, size_ampere=size, std_ampere=std)[0]
 
 
 def significant(gates, before, trial):

@@ -1,5 +1,7 @@
 """How a fitted model does on records that took no part in its fit."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from cellwright.effects import base
@@ -8,6 +10,16 @@ from cellwright.effects.records import LOADED_C_RATE
 READ_VOLT = 2e-3  # of a single reading at rest
 LEAST_SLOPE_VOLT = 1e-3  # of the OCV over the whole SoC, below which a rest tells nothing
 PASSES = 3
+SETTLED_SOC = 1e-5  # a change below it ends them
+SOC_STEP = 2e-4
+ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
+
+
+class Rests(NamedTuple):
+    """First rests of fitted records: soc [1], and what the model leaves of them on average [V]."""
+
+    soc: np.ndarray
+    left_volt: np.ndarray
 
 
 def rms(values):
@@ -15,7 +27,29 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def started(cell, stack, values, effects, tolerance, shared=()):
+def rests_of(cell, stack, solution):
+    """First rests of the records that were fitted.
+
+    Their starts were found by all of their rows, so that what is left of these rests is how far the
+    OCV is off there; it is steepest, and least known, where most records begin.
+
+    Parameters
+    ----------
+    cell : base.Cell. stack : records.Stack. solution : problem.Solution of it.
+
+    Returns
+    -------
+    rests : Rests.
+    """
+    loaded = _loaded(cell, stack)
+    rows = {k: _first_rest(stack, k, loaded) for k in range(len(stack.first))}
+    rows = {k: rest[stack.used[rest]] for k, rest in rows.items()}
+    files = [k for k, rest in rows.items() if len(rest)]
+    soc = np.array([solution.values[f"soc0[{k}]"] for k in files])
+    return Rests(soc, np.array([solution.residual[rows[k]].mean() for k in files]))
+
+
+def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
     """SoC at the start of each record from its first rest, weighed against what is stated.
 
     Nothing else of these records enters a parameter.
@@ -25,6 +59,7 @@ def started(cell, stack, values, effects, tolerance, shared=()):
     cell : base.Cell. stack : records.Stack. values : dict. effects : sequence of Effect.
     tolerance : plain.Tolerance. shared : (number here, number in the fit) of records of which one
         part was fitted and another judges: they have one start, and the fit has found it.
+    rests : Rests of the records fitted: what the model left of them, it leaves of a rest near by.
 
     Returns
     -------
@@ -35,15 +70,60 @@ def started(cell, stack, values, effects, tolerance, shared=()):
         for k, n in shared
     }
     values = values | {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)} | found
-    loaded = np.abs(stack.current_ampere) > LOADED_C_RATE * cell.capacity_ampere_hour
+    loaded = _loaded(cell, stack)
     for _ in range(PASSES):
+        earlier = values
         error = stack.voltage_volt - base.voltage(cell, stack, values, effects)
         for k in range(len(stack.first)):
             name, stated = f"soc0[{k}]", stack.soc_at_start[k]
             rest = _first_rest(stack, k, loaded)
-            known = _weighed(cell, values[name], stated, error[rest], tolerance)
+            beyond = error[rest] - _left_near(values[name], rests)
+            known = _weighed(cell, values[name], stated, beyond, tolerance)
             values = values | {name: found.get(name, known)}
+        starts = [f"soc0[{k}]" for k in range(len(stack.first))]
+        if max(abs(values[name] - earlier[name]) for name in starts) < SETTLED_SOC:
+            break
     return values
+
+
+def by_starts(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
+    """Chi-square of a residual that errors of the starts explain, each as likely as it is.
+
+    A start that is known to a millivolt only moves the whole record by one. That is no noise of
+    single rows, and without this an effect that moves a record, too, would take it for proof.
+
+    Parameters
+    ----------
+    cell, stack, effects, tolerance, shared : as in `started`. values : with the starts that it
+    gave. prediction : (n,) voltage at them [V]. whitening : noise.Whitening.
+
+    Returns
+    -------
+    chi_square : by which the whitened residual falls.
+    """
+    starts = [f"soc0[{k}]" for k in range(len(stack.first))]
+    moved = values | {name: values[name] + SOC_STEP for name in starts}
+    change = (base.voltage(cell, stack, moved, effects) - prediction) / SOC_STEP
+    both = whitening.apply(np.stack([change, stack.voltage_volt - prediction], axis=1))
+    loaded, fitted, fall = _loaded(cell, stack), {k for k, _ in shared}, 0.0
+    for k in sorted(set(range(len(starts))) - fitted):
+        column, left = both[stack.file == k].T
+        rows = len(_first_rest(stack, k, loaded))
+        known = sum(_weights(_slope(cell, values[starts[k]]), rows, tolerance))
+        fall += (column @ left) ** 2 / (column @ column + known)
+    return float(fall)
+
+
+def _loaded(cell, stack):
+    return np.abs(stack.current_ampere) > LOADED_C_RATE * cell.capacity_ampere_hour
+
+
+def _left_near(soc, rests):
+    """What a model leaves of rests near a SoC [V]; beforehand none, which weighs like one rest."""
+    if rests is None:
+        return 0.0
+    near = rests.left_volt[np.abs(rests.soc - soc) <= ALIKE_SOC]
+    return float(near.sum() / (len(near) + 1))
 
 
 def _near(found, stated, tolerance):
@@ -58,9 +138,22 @@ def _first_rest(stack, k, loaded):
 
 
 def _weighed(cell, soc, stated, error, tolerance):
-    slope = float(np.diff(cell.ocv_at(soc + np.array([-0.005, 0.005])))[0]) / 0.01
-    if not len(error) or abs(slope) < LEAST_SLOPE_VOLT:
-        return stated
-    known = tolerance.soc**-2.0
-    told = slope**2 / (READ_VOLT**2 / len(error) + tolerance.ocv_volt**2)
-    return (stated * known + (soc + error.mean() / slope) * told) / (known + told)
+    slope = _slope(cell, soc)
+    known, told = _weights(slope, len(error), tolerance)
+    return (
+        stated
+        if not told
+        else (stated * known + (soc + error.mean() / slope) * told) / (known + told)
+    )
+
+
+def _slope(cell, soc):
+    """Slope of the OCV [V]."""
+    return float(np.diff(cell.ocv_at(soc + np.array([-0.005, 0.005])))[0]) / 0.01
+
+
+def _weights(slope, rows, tolerance):
+    """Precision of a start as it is stated, and as a rest of so many rows tells it."""
+    if not rows or abs(slope) < LEAST_SLOPE_VOLT:
+        return tolerance.soc**-2.0, 0.0
+    return tolerance.soc**-2.0, slope**2 / (READ_VOLT**2 / rows + tolerance.ocv_volt**2)

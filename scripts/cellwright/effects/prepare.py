@@ -197,7 +197,8 @@ def _sparse(record, capacity_ampere_hour):
     keep |= (np.diff(decade, prepend=-1.0) != 0) | (np.diff(portion, prepend=-1.0) != 0)
     names = ("test_time_second", "current_ampere", "voltage_volt", "celsius")
     names = (*names, "used", "counted_soc")
-    return record._replace(**{name: getattr(record, name)[keep] for name in names})
+    record = record._replace(**{name: getattr(record, name)[keep] for name in names})
+    return record._replace(thinned=np.diff(np.flatnonzero(keep), prepend=-1) > 1)
 
 
 def _misfit(case):

@@ -32,7 +32,9 @@ class Problem(NamedTuple):
     """predict : function (values) → (n,) prediction. measured : (n,). whiten : rows → rows.
 
     free : tuple of Free. coupling : (k, k) prior precision beyond that of the single parameters, or
-    None, about zero.
+    None, about zero. apart : function (values) → list of (names, owner): parameters without bounds
+    and of one step that each move rows of their own, and for each row the number of that which
+    moves it. Their derivatives are made together. None: there are none.
     """
 
     predict: Callable
@@ -40,6 +42,7 @@ class Problem(NamedTuple):
     whiten: Callable
     free: tuple
     coupling: np.ndarray | None = None
+    apart: Callable | None = None
 
 
 class Solution(NamedTuple):
@@ -106,12 +109,26 @@ def fit(problem, values, *, columns=None, renew=(), steps=STEPS):
 
 def derivatives(problem, values, prediction, names=None):
     """Derivatives (n, k) of the prediction by the free parameters, or by those named."""
-    found = [
-        _derivative(problem, values, prediction, free)
-        for free in problem.free
-        if names is None or free.name in names
-    ]
-    return np.stack(found, axis=1)
+    wanted = [free for free in problem.free if names is None or free.name in names]
+    found = _together(problem, values, prediction, wanted)
+    for free in wanted:
+        if free.name not in found:
+            found[free.name] = _derivative(problem, values, prediction, free)
+    return np.stack([found[free.name] for free in wanted], axis=1)
+
+
+def _together(problem, values, prediction, wanted):
+    """Derivatives by parameters that move different rows, a prediction for each set: by name."""
+    steps, found = {free.name: free.step for free in wanted}, {}
+    if problem.apart is None or len(wanted) < len(problem.free):
+        return found
+    for names, owner in problem.apart(values):
+        own = [name for name in names if name in steps]
+        moved = problem.predict(values | {name: values[name] + steps[name] for name in own})
+        for name in own:
+            change = (moved - prediction) / steps[name]
+            found[name] = np.where(owner == names.index(name), change, 0.0)
+    return found
 
 
 def _derivative(problem, values, prediction, free):
@@ -157,18 +174,34 @@ def _renewed(problem, here, columns, renew):
 def _walked(problem, here, gradient, precision, prior, pull, damping):
     """One damped step that lowers the cost; where none does, the place stays."""
     scale = np.diag(np.diag(precision) + TINY)
+    names = [f.name for f in problem.free]
+    lower = np.array([f.lower for f in problem.free])
+    upper = np.array([f.upper for f in problem.free])
+    at = np.array([here.values[name] for name in names])
     for _ in range(5):
-        move = np.linalg.solve(precision + damping * scale, gradient)
+        move = _within(precision + damping * scale, gradient, lower - at, upper - at)
         if not np.isfinite(move).all():
             return here, damping
-        values = dict(here.values)
-        for f, one in zip(problem.free, move, strict=True):
-            values[f.name] = float(np.clip(values[f.name] + one, f.lower, f.upper))
+        # Snapped, for a bound that is missed by rounding is not seen as one.
+        on = np.where(move <= lower - at, lower, np.where(move >= upper - at, upper, at + move))
+        values = here.values | dict(zip(names, on.tolist(), strict=True))
         new = _judged(problem, values, prior, pull)
         if np.isfinite(new.cost) and new.cost <= here.cost:
             return new, max(damping / 10, 1e-9)
         damping = max(damping * 30, 1e-4)
     return here, damping
+
+
+def _within(precision, gradient, lowest, highest):
+    """The step to the least cost within bounds: what is held on one moves what is not."""
+    move, held = np.zeros(len(gradient)), np.zeros(len(gradient), bool)
+    while True:
+        pull = gradient - precision[:, held] @ move[held]
+        move[~held] = np.linalg.solve(precision[np.ix_(~held, ~held)], pull[~held])
+        beyond = ~held & ((move < lowest) | (move > highest))
+        if not beyond.any():
+            return move
+        move, held = np.clip(move, lowest, highest), held | beyond
 
 
 def stds(solution):

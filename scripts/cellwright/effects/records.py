@@ -11,7 +11,7 @@ LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
 GAP_SECOND = 30.0  # between two rows, for the counter to be asked what passed meanwhile
 UNSEEN_SOC = 2e-3  # between two rows: less is how the current is read, more is a gap
-EDGE_PART = 20.0  # a change of this part of a record's largest is a step
+ALIKE = 5.0  # ratio of changes of the current in two rows, up to which it goes on the same way
 NEAR_END = 0.1  # of the SoC: a record that starts there was filled or emptied before
 
 
@@ -24,6 +24,7 @@ class Record(NamedTuple):
     used : (n,) bool, rows that are compared; the others only drive the states. None: all.
     counted_soc : (n,) SoC by the instrument's own counter [1], which also knows what passed while
         nothing was recorded. None: by the current alone.
+    thinned : (n,) bool, rows before which others were left out, for nothing stepped. None: none.
     """
 
     test: str
@@ -35,6 +36,7 @@ class Record(NamedTuple):
     soc_at_start: float
     used: np.ndarray | None = None
     counted_soc: np.ndarray | None = None
+    thinned: np.ndarray | None = None
 
 
 class Stack(NamedTuple):
@@ -88,9 +90,9 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     ----------
     records : sequence of Record.
     capacity_ampere_hour : of the cell, for the smallest load that counts [Ah].
-    hold : "zero_order": between two rows the current of the earlier one flows; "first_order": it
-        moves on a straight line in a drive; where it only steps between steady stretches, it is
-        held all the same.
+    hold : in a drive, "zero_order": between two rows the current of the earlier one flows;
+        "first_order": it moves on a straight line. Where it only steps between steady stretches,
+        it is held at a step and moves on a straight line elsewhere.
 
     Returns
     -------
@@ -113,12 +115,11 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     second, current = _joined(records, "test_time_second"), _joined(records, "current_ampere")
     step = np.diff(second, prepend=second[0]) * (1.0 - fresh)
     before = np.concatenate([[0.0], current[:-1]])
-    moves = [hold == "first_order" and driven(r.current_ampere) for r in records]
-    linear = np.repeat(np.array(moves, float), sizes)
-    held = np.where(linear > 0, (before + current) / 2, before)
+    linear = np.concatenate([_linear(r, hold) for r in records])
+    held = np.where(linear, (before + current) / 2, before)
     held = held * (1.0 - fresh)
     loads = [_direction(r, LOADED_C_RATE * capacity_ampere_hour) for r in records]
-    unseen = _unseen(records, held * step / 3600.0, first, capacity_ampere_hour)
+    held, unseen = _counted(records, held, step, linear, capacity_ampere_hour)
     return Stack(
         tuple(r.test for r in records),
         tuple(r.kind for r in records),
@@ -146,17 +147,42 @@ def _joined(records, name):
     return np.concatenate([np.asarray(getattr(r, name), float) for r in records])
 
 
-def _unseen(records, moved, first, capacity):
-    """Charge that the counter has and the current has not, where that is no rounding."""
-    found = np.zeros(len(moved))
-    for record, begin in zip(records, first, strict=True):
-        if record.counted_soc is not None:
-            rows = slice(begin, begin + len(record.counted_soc))
-            counted = np.diff(record.counted_soc, prepend=record.counted_soc[0]) * capacity
-            beyond = counted - moved[rows]
-            gap = np.diff(record.test_time_second, prepend=record.test_time_second[0]) > GAP_SECOND
-            found[rows] = np.where(gap & (np.abs(beyond) > UNSEEN_SOC * capacity), beyond, 0.0)
-    return found
+def _linear(record, hold):
+    """Rows to which the current moved on a straight line; in a drive the hold says, for all rows.
+
+    Between steady stretches it jumps, unless it goes on the same way for three rows, as while a
+    voltage is held. Taken for held there, it would count up to a percent of a charge too much.
+    """
+    moved = np.diff(record.current_ampere, prepend=record.current_ampere[:1])
+    thinned = np.zeros(len(moved), bool) if record.thinned is None else record.thinned
+    if driven(np.cumsum(np.where(thinned, 0.0, moved))):
+        return np.full(len(moved), hold == "first_order")
+    size = np.abs(moved)
+    alike = np.maximum(size[1:], size[:-1]) <= ALIKE * np.minimum(size[1:], size[:-1])
+    alike &= moved[1:] * moved[:-1] > 0
+    gradual = thinned.copy()
+    three = alike[1:] & alike[:-1]
+    for first in range(3):
+        gradual[first : first + len(three)] |= three
+    return gradual
+
+
+def _counted(records, held, step, linear, capacity):
+    """Currents between rows as the counter has them, and charge that no current explains [Ah].
+
+    The counter knows what passed between rows that were thinned out, where the current has not
+    jumped; across a gap of the record it alone knows, where that is more than rounding.
+    """
+    counts = [
+        np.full(len(r.current_ampere), np.nan) if r.counted_soc is None else r.counted_soc
+        for r in records
+    ]
+    passed = np.concatenate([np.diff(c, prepend=c[:1]) for c in counts]) * capacity
+    beyond = np.nan_to_num(passed - held * step / 3600.0)
+    unseen = np.where((step > GAP_SECOND) & (np.abs(beyond) > UNSEEN_SOC * capacity), beyond, 0.0)
+    gradual = linear & (step > 0) & (unseen == 0)
+    more = np.divide(3600.0 * beyond, step, out=np.zeros(len(step)), where=gradual)
+    return held + more, unseen
 
 
 def _direction(record, least):

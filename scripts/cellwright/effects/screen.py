@@ -28,10 +28,12 @@ def screened(case, lined_up, before, filters):
     if not lined_up:
         return [], ()
     many = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
+    plainly = plain.regressed(case.cell, case.fit, solution.values, before.effects)
+    without = left(case, plainly, before.effects, filters)
     for one in scored(lined_up, many, residual, solution.white, solution.precision):
         candidate = one.candidate
         if candidate.effect.bends:
-            one = anew(case, before.effects, solution.values, one, filters)
+            one = anew(case, before.effects, solution.values, one, filters, without)
         seen = one.visible >= case.gates.visible_chi_square
         kept, name = best if seen else hidden, (candidate.effect.id, candidate.form)
         if name not in kept or one.chi_square > kept[name].chi_square:
@@ -41,7 +43,7 @@ def screened(case, lined_up, before, filters):
     return sorted(best.values(), key=lambda s: -s.chi_square), invisible
 
 
-def anew(case, effects, values, score, filters):
+def anew(case, effects, values, score, filters, without):
     """A score for an effect whose lack bends a model: from resistances found anew.
 
     Without it resistances and time constants have moved until no small step leads back. Beside the
@@ -49,7 +51,6 @@ def anew(case, effects, values, score, filters):
     compared with what it leaves without the effect.
     """
     candidate = score.candidate
-    without = left(case, plain.regressed(case.cell, case.fit, values, effects), effects, filters)
     effects = (*effects, candidate.effect)
     found = beside(case, values | candidate.start, effects, candidate)
     sizes = np.array([found[name] for name in candidate.sizes])

@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.effects import base, noise, plain
 from cellwright.effects.candidates import candidates
 from cellwright.effects.case import Case, Gates, State, filters_of, problem_of, state_of, steep
-from cellwright.effects.choose import best_of, with_ties
+from cellwright.effects.choose import best_of, denied, with_ties
 from cellwright.effects.excitation import lacking
 from cellwright.effects.problem import fit
 from cellwright.effects.screen import all_in, screened
@@ -88,9 +88,11 @@ def _round(case, effects, free, solution, filters, extra, library, earlier):
     trials = polished(case, free, before, trials, filters)
     floor = earlier[0].floor_volt if earlier else _floor(case, everything_in, spread)
     first = earlier[0].before if earlier else before
-    chosen, tied = best_of(case.gates, first, before, trials, floor)
+    against = denied(case, trials)
+    possible = [t for t in trials if t.effect.id not in against]
+    chosen, tied = best_of(case.gates, first, before, possible, floor)
     if chosen is not None:
-        chosen, tied = with_ties(case, chosen, tied, trials, library)
+        tied = with_ties(case, chosen, tied, against, library)
     return Round(before, spread, floor, scores, trials, chosen, tied, hidden), filters
 
 

@@ -45,7 +45,8 @@ def tried(case, free, before, score, filters):
         return _trial(case, before, effect, score.chi_square, solution, filters)
     sizes = dict(zip(candidate.sizes, score.estimate, strict=True))
     values = plainly.values | candidate.start | sizes
-    columns = derivatives(problem._replace(free=own), values, problem.predict(values))
+    alone = problem._replace(free=own, apart=None)
+    columns = derivatives(alone, values, problem.predict(values))
     columns = np.concatenate([plainly.columns, columns], axis=1)
     renew = tuple(f.name for f in own)
     solution = fit(problem, values, columns=columns, renew=renew, steps=CHORD_STEPS)

@@ -1,0 +1,87 @@
+"""Records that judge: where they begin, and what an error of that costs nobody."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cellwright.effects import base
+from cellwright.effects.judge import Rests, by_starts, rests_of, started
+from cellwright.effects.noise import FIRST, whitening
+from cellwright.effects.plain import Tolerance
+from cellwright.effects.problem import Solution
+from cellwright.effects.records import stacked
+
+sys.path.insert(0, str(Path(__file__).parent))
+from small_cells import CAPACITY, CELL, PLAIN, drive
+
+TRUE = 0.95
+TOLERANCE = Tolerance()
+
+
+def laid(soc=TRUE, volt=0.0, seed=1):
+    """A drive by the model itself from a true SoC, and an error of all its voltages [V]."""
+    stack = stacked([drive(soc=soc, seed=seed)], capacity_ampere_hour=CAPACITY)
+    measured = base.voltage(CELL, stack, PLAIN | {"soc0[0]": TRUE}) + volt
+    return stack._replace(voltage_volt=measured)
+
+
+def left(stack, values):
+    return stack.voltage_volt - base.voltage(CELL, stack, values)
+
+
+def test_a_record_begins_where_its_rest_says():
+    found = started(CELL, laid(soc=TRUE - 0.01), PLAIN, (), TOLERANCE)
+    assert found["soc0[0]"] == pytest.approx(TRUE, abs=1e-4)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_rest_is_read_as_rests_of_fitted_records_were(seed):
+    """An OCV that is off where records begin must not shift all that comes after."""
+    off = 3e-3
+    many = Rests(np.full(9, TRUE), np.full(9, off))
+    stack = laid(seed=seed)
+    resting = np.arange(len(stack.file)) < np.argmax(np.abs(stack.current_ampere) > 0.1)
+    stack = stack._replace(voltage_volt=stack.voltage_volt + off * resting)
+    alone = started(CELL, stack, PLAIN, (), TOLERANCE)
+    beside = started(CELL, stack, PLAIN, (), TOLERANCE, rests=many)
+    far = started(CELL, stack, PLAIN, (), TOLERANCE, rests=many._replace(soc=np.full(9, 0.5)))
+    assert abs(beside["soc0[0]"] - TRUE) < 0.15 * abs(alone["soc0[0]"] - TRUE)
+    assert far == alone
+
+
+def test_the_rests_of_fitted_records_are_those_before_their_first_load():
+    stack = laid(volt=2e-3)
+    values = PLAIN | {"soc0[0]": TRUE}
+    blank = (None,) * len(Solution._fields)
+    solution = Solution(*blank)._replace(values=values, residual=left(stack, values))
+    found = rests_of(CELL, stack, solution)
+    assert found.soc == pytest.approx([TRUE])
+    assert found.left_volt == pytest.approx([2e-3])
+
+
+def explained(stack, values):
+    """(chi-square, that of it which the start explains)."""
+    white = whitening(FIRST, stack)
+    volt = base.voltage(CELL, stack, values)
+    square = float(np.sum(white.apply(stack.voltage_volt - volt) ** 2))
+    return square, by_starts(CELL, stack, values, (), TOLERANCE, volt, white)
+
+
+def test_a_start_that_is_a_little_off_is_no_proof_of_anything():
+    square, start = explained(laid(), PLAIN | {"soc0[0]": TRUE + 5e-4})
+    assert start > 0.8 * square
+
+
+def test_an_error_of_another_shape_stays():
+    other = PLAIN | {"soc0[0]": TRUE, "log_r0": PLAIN["log_r0"] + 0.1}
+    square, start = explained(laid(), other)
+    assert start < 0.2 * square
+
+
+def test_a_start_that_was_fitted_explains_nothing_more():
+    stack, values = laid(), PLAIN | {"soc0[0]": TRUE + 5e-4}
+    volt = base.voltage(CELL, stack, values)
+    white = whitening(FIRST, stack)
+    assert by_starts(CELL, stack, values, (), TOLERANCE, volt, white, [(0, 0)]) == 0.0
