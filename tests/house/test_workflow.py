@@ -37,6 +37,11 @@ def test_all_rules_were_found():
     assert len(BLOCKS) == len(re.findall(r"^(?:rule|checkpoint) ", TEXT, re.M))
 
 
+def test_every_file_of_rules_is_part_of_the_workflow():
+    included = re.findall(r'^include: "workflow/rules/(\w+\.smk)"', TEXT, re.M)
+    assert sorted(included) == [path.name for path in FILES]
+
+
 def test_every_key_has_type_default_and_meaning():
     for key, spec in settings.keys(CONFIG):
         assert spec.get("description"), f"{key} has no description"
