@@ -2,7 +2,7 @@
 
 import artefact
 import lending
-from cellwright.models.compensation import choose_law, predicted
+from cellwright.models.compensation import choose_laws, predicted
 
 with artefact.Job(snakemake) as job:
     tests = lending.tests(snakemake.input.series)
@@ -11,6 +11,6 @@ with artefact.Job(snakemake) as job:
     whole, params = job.load(snakemake.input.whole), snakemake.params
     settings = {"split_rest_second": params.split_rest_second}
     rows, notes = predicted(whole, reduced, params.cell, tests, **settings)
-    choice = choose_law(rows)
+    choice = choose_laws(rows)
     job.note(choice.words, *notes)
-    job.save([row | {"chosen": row["law"] == choice.law} for row in rows])
+    job.save([row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows])

@@ -2,15 +2,14 @@
 
 import artefact
 import lending
-from cellwright.models.compensation import predicted
+from cellwright.models.compensation import laws_kept, predicted
 
 with artefact.Job(snakemake) as job:
     tests = lending.tests(snakemake.input.series)
     left_out = artefact.load_all(snakemake.input.left_out)
     reduced = {float(about["wildcards"]["celsius"]): model for model, about in left_out}
     whole, params = job.load(snakemake.input.whole), snakemake.params
-    tried = artefact.rows(job.load(snakemake.input.laws))
-    laws = [next(row["law"] for row in tried if row["chosen"])]
+    laws = laws_kept(artefact.rows(job.load(snakemake.input.laws)))
     settings = {"laws": laws, "proof": True, "split_rest_second": params.split_rest_second}
     rows, notes = predicted(whole, reduced, params.cell, tests, **settings)
     job.note(*notes)

@@ -23,7 +23,8 @@ def _laws(axes, rows):
         celsius = sorted({row["left_out_celsius"] for row in mine})
         volts = [[r["rmse_volt"] for r in mine if r["left_out_celsius"] == t] for t in celsius]
         error = [1e3 * np.sqrt(np.mean(np.square(v))) for v in volts]
-        label = f"{name} (chosen)" if mine[0]["chosen"] else name
+        places = {"beyond" if row["beyond"] else "between" for row in mine if row["chosen"]}
+        label = f"{name} (chosen {' and '.join(sorted(places)[::-1])})" if places else name
         axes.plot(celsius, error, "o-", color=colour, label=label)
     known = {row["left_out_celsius"]: 1e3 * row["own_rmse_volt"] for row in rows}
     axes.plot(

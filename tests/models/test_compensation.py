@@ -7,9 +7,10 @@ import pytest
 import truth
 
 from cellwright.models.cell import FitTest, cell_model
-from cellwright.models.compensation import choose_law, predicted, with_law, without
+from cellwright.models.compensation import choose_laws, laws_kept, predicted, with_laws, without
 from cellwright.models.lookup import circuit_at
-from cellwright.models.tables import LAWS, law_weights, warmth
+from cellwright.models.tables import warmth
+from cellwright.models.temperature_laws import LAWS, Laws, law_weights
 from cellwright.refusal import Refusal
 
 CELL = {"cell": "A", "lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.3}
@@ -54,29 +55,33 @@ def arrhenius():
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_law_meets_what_was_measured_and_its_weights_add_up(law):
-    at = np.array(law_weights(KNOWN, KNOWN, law))
+    at = np.array(law_weights(KNOWN, KNOWN, Laws(law, law)))
     np.testing.assert_allclose(at, np.eye(4), atol=1e-12)
     here = np.linspace(-30.0, 60.0, 19)
-    np.testing.assert_allclose(sum(law_weights(KNOWN, here, law)), 1.0, atol=1e-12)
+    np.testing.assert_allclose(sum(law_weights(KNOWN, here, Laws(law, law))), 1.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("law", "power"), [("arrhenius", 1), ("quadratic", 2)])
 def test_a_law_goes_on_beyond_the_measured_range(law, power):
     value = lambda celsius: 3.0 + (2e3 / (celsius + 273.15)) ** power  # noqa: E731
     here = np.array([-35.0, -7.0, 60.0])
-    mixed = sum(w * v for w, v in zip(law_weights(KNOWN, here, law), value(KNOWN), strict=True))
+    mixed = sum(
+        w * v for w, v in zip(law_weights(KNOWN, here, Laws(law, law)), value(KNOWN), strict=True)
+    )
     np.testing.assert_allclose(mixed, value(here), rtol=1e-9)
 
 
 def test_between_the_temperatures_a_line_is_the_same_as_no_law():
     here = np.array([-10.0, 12.0, 30.0])
-    for one, other in zip(*(law_weights(KNOWN, here, law) for law in LAWS[:2]), strict=True):
+    for one, other in zip(
+        *(law_weights(KNOWN, here, Laws(law, law)) for law in LAWS[:2]), strict=True
+    ):
         np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 def test_an_unknown_law_is_named():
     with pytest.raises(Refusal, match="'cubic' is unknown; allowed are between"):
-        law_weights(KNOWN, KNOWN, "cubic")
+        law_weights(KNOWN, KNOWN, Laws("cubic"))
 
 
 def entry(celsius, ohmic, kinetic):
@@ -118,14 +123,37 @@ def test_an_arrhenius_cell_is_predicted_where_it_was_left_out(arrhenius):
     assert [by[t, "between"]["beyond"] for t in KNOWN] == [True, False, False, True]
     assert all(by[t, "arrhenius"]["ratio"] < 1.3 for t in KNOWN[1:])
     assert by[-20.0, "arrhenius"]["extrapolated"] == 1.0
-    choice = choose_law(rows)
-    assert choice.typical_volt[choice.law] == min(choice.typical_volt.values())
+    choice = choose_laws(rows)
+    marked = [row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows]
+    assert laws_kept(marked) == choice.laws
+    assert choice.laws.inside != "arrhenius"  # inside it is the same as "between", which is simpler
+
+
+def row(law, volt, beyond):
+    return {"law": law, "rmse_volt": volt, "beyond": beyond}
+
+
+def test_inner_and_outer_temperatures_choose_a_law_each():
+    volts = {"between": (3e-3, 2e-3), "arrhenius": (3e-3, 5e-3), "quadratic": (1e-3, 9e-3)}
+    rows = [row(name, v, out) for name, both in volts.items() for out, v in enumerate(both)]
+    rows = [one | {"beyond": bool(one["beyond"])} for one in rows]
+    assert choose_laws(rows).laws == Laws("quadratic", "between")
+    assert choose_laws([one for one in rows if one["beyond"]]).laws == Laws("between", "between")
+
+
+def test_beyond_the_range_another_law_may_go_on_and_meets_the_edge():
+    here = np.array([-20.0, -20.001, -35.0])
+    mixed = np.array(law_weights(KNOWN, here, Laws("quadratic", "arrhenius"))).T
+    np.testing.assert_allclose(mixed[0], [1, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(mixed[1], mixed[0], atol=1e-4)
+    line = law_weights(KNOWN, here[2:], Laws("arrhenius", "arrhenius"))
+    np.testing.assert_allclose(mixed[2], np.ravel(line), atol=1e-12)
 
 
 def test_what_takes_no_part_in_fits_is_scored_only_as_proof(arrhenius):
     _, whole, reduced = arrhenius
     unseen = [FitTest(facts(0.0, "validation", "unseen"), record(0.0, seed=9))]
-    settings = {"laws": ("between",), "proof": True, "split_rest_second": 120.0}
+    settings = {"laws": Laws(), "proof": True, "split_rest_second": 120.0}
     (row,), _ = predicted(whole, reduced, CELL, unseen, **settings)
     assert row["predicted_test"] == "unseen"
     assert row["own_rmse_volt"] < row["rmse_volt"] < 1e-3
@@ -136,7 +164,7 @@ def test_halves_of_a_split_record_are_scored_apart(arrhenius):
     spoiled = record(0.0, seed=1)
     spoiled["voltage_volt"][1600:2900] += 0.02  # the second block, which proves
     test = [FitTest(facts(0.0, "split"), spoiled)]
-    settings = {"laws": ("between",), "split_rest_second": 120.0}
+    settings = {"laws": Laws(), "split_rest_second": 120.0}
     fit, proof = (
         predicted(whole, reduced, CELL, test, proof=proof, **settings)[0][0]["rmse_volt"]
         for proof in (False, True)
@@ -156,10 +184,10 @@ def test_a_test_whose_soc_cannot_be_known_is_named(arrhenius):
     assert not rows
     assert "not predicted: drive_0" in notes[0]
     with pytest.raises(Refusal, match="no temperature could be left out"):
-        choose_law(rows)
+        choose_laws(rows)
 
 
 def test_the_law_stands_in_every_condition(arrhenius):
-    model = with_law(arrhenius[1], "quadratic")
-    laws = {c["resistance_law"] for m in model["members"] for c in m["conditions"]}
-    assert laws == {"quadratic"}
+    model = with_laws(arrhenius[1], Laws("quadratic", "between"))
+    laws = [c["resistance_laws"] for m in model["members"] for c in m["conditions"]]
+    assert laws == [{"inside": "quadratic", "beyond": "between"}] * len(KNOWN)

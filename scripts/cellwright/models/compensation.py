@@ -1,9 +1,10 @@
 """Does a model that knows other temperatures predict this one? Laws compared, then what they say.
 
 1. All tests at a temperature are taken away, its OCV curve with them, and the chosen member of the
-family is identified anew from the rest. 2. Each law over temperature (`tables.LAWS`) predicts the
-tests that had been fitted there; over all temperatures the best of them is the one the cell's model
-keeps. 3. With that law the tests for validation are predicted: they chose nothing.
+family is identified anew from the rest. 2. Each law over temperature predicts the tests
+that had been fitted there; the best over the inner temperatures and the best over the two at the
+edge are the ones that the cell's model keeps. 3. With them the tests for validation are predicted:
+they chose nothing.
 """
 
 from typing import NamedTuple
@@ -14,7 +15,7 @@ from cellwright.models.basis import soc_of
 from cellwright.models.groups import SAME_CELSIUS, course_celsius
 from cellwright.models.lookup import SAME_KELVIN, simulate_model
 from cellwright.models.split import fit_mask
-from cellwright.models.tables import LAWS
+from cellwright.models.temperature_laws import LAWS, Laws
 from cellwright.refusal import Refusal
 from cellwright.series.anchor import REST_C_RATE
 
@@ -52,21 +53,22 @@ def without(basis, tests, *, celsius):
     return Reduced(basis | {"ocv": curves or basis["ocv"]}, kept)
 
 
-def with_law(model, law):
-    """A model whose resistances follow a law over temperature, in every member of the family.
+def with_laws(model, laws):
+    """A model whose resistances follow laws over temperature, in every member of the family.
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2. law : one of `tables.LAWS`.
+    model : dict of schema cellwright-model/2. laws : temperature_laws.Laws.
     """
+    kept = {"resistance_laws": laws._asdict()}
     members = [
-        member | {"conditions": [c | {"resistance_law": law} for c in member["conditions"]]}
+        member | {"conditions": [condition | kept for condition in member["conditions"]]}
         for member in model["members"]
     ]
     return model | {"members": members}
 
 
-def predicted(whole, reduced, cell, tests, *, laws=LAWS, proof=False, split_rest_second):
+def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest_second):
     """Errors of a model that knows a temperature beside those of one that does not, by law.
 
     Parameters
@@ -74,7 +76,7 @@ def predicted(whole, reduced, cell, tests, *, laws=LAWS, proof=False, split_rest
     whole : dict of the model of all temperatures. reduced : dict temperature [degC] → model
         identified without it.
     cell : dict, the cell's row. tests : list of cell.FitTest, any temperature.
-    laws : which are tried.
+    laws : temperature_laws.Laws that are asked, or None: all are tried.
     proof : score what took no part in fits (roles validation, split), else what did (fit, split).
     split_rest_second : shortest rest that cuts a test of role `split` [s].
 
@@ -100,29 +102,30 @@ def predicted(whole, reduced, cell, tests, *, laws=LAWS, proof=False, split_rest
 def _rows(celsius, models, cell, test, laws, settings):
     """One row a law; the model that knows the temperature is the same beside all of them."""
     whole, other = models
+    beyond = _beyond(other, celsius)
+    tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
     own = _errors(whole, cell, test, **settings)
-    found = [_errors(with_law(other, law), cell, test, **settings) for law in laws]
+    found = [_errors(with_laws(other, Laws(law, law)), cell, test, **settings) for law in tried]
     about = {
         "left_out_celsius": float(celsius),
         "predicted_test": test.facts["test"],
         "model": settings["name"],
-        "beyond": _beyond(other, celsius),
+        "beyond": beyond,
     }
-    return [about | _compared(law, one, own) for law, one in zip(laws, found, strict=True)]
+    return [about | _compared(law, one, own) for law, one in zip(tried, found, strict=True)]
 
 
 class LawChoice(NamedTuple):
-    """The law that predicts left-out temperatures best, what each errs by [V], and in words."""
+    """The laws that predict left-out temperatures best, and in words what each of them errs by."""
 
-    law: str
-    typical_volt: dict
+    laws: Laws
     words: str
 
 
-def choose_law(rows):
-    """The law with the smallest mean logarithm of the error over temperatures left out.
+def choose_laws(rows):
+    """The laws with the smallest mean logarithm of the error, inside the range and beyond it.
 
-    Inside the range "arrhenius" and "between" are one: they differ where the edges were left out.
+    Inside the range "arrhenius" and "between" are one.
 
     Parameters
     ----------
@@ -130,7 +133,7 @@ def choose_law(rows):
 
     Returns
     -------
-    choice : LawChoice.
+    choice : LawChoice; "between" for what no temperature was left out of.
 
     Raises
     ------
@@ -138,14 +141,36 @@ def choose_law(rows):
     """
     if not rows:
         raise Refusal("no temperature could be left out and predicted")
-    typical = {
-        law: float(np.exp(np.mean([_log(row["rmse_volt"]) for row in rows if row["law"] == law])))
-        for law in LAWS
-    }
-    best = min(typical, key=typical.get)
-    listed = ", ".join(f"{law} {1e3 * volt:.3g} mV" for law, volt in typical.items())
-    words = f"resistance over temperature by {best!r}: typical error at a temperature left out: "
-    return LawChoice(best, typical, words + listed)
+    typical = [_typical([row for row in rows if row["beyond"] is out]) for out in (False, True)]
+    laws = Laws(*(min(one, key=one.get, default=LAWS[0]) for one in typical))
+    listed = [
+        f"{place} by {law}: typical error at a temperature left out "
+        + ", ".join(f"{name} {1e3 * volt:.3g} mV" for name, volt in one.items())
+        for place, law, one in zip(("between", "beyond"), laws, typical, strict=True)
+        if one
+    ]
+    return LawChoice(laws, "resistance at other temperatures: " + "; ".join(listed))
+
+
+def _typical(rows):
+    """Geometric mean of each law's error [V], to a tenth of a microvolt: equals are equal."""
+    logs = {name: [_log(row["rmse_volt"]) for row in rows if row["law"] == name] for name in LAWS}
+    return {name: round(float(np.exp(np.mean(some))), 7) for name, some in logs.items() if some}
+
+
+def laws_kept(tried):
+    """The laws that a table of tried ones marks as chosen.
+
+    Parameters
+    ----------
+    tried : list of dict, rows of `predicted` with `chosen`.
+
+    Returns
+    -------
+    laws : temperature_laws.Laws.
+    """
+    kept = {row["beyond"]: row["law"] for row in tried if row["chosen"]}
+    return Laws(kept.get(False, LAWS[0]), kept.get(True, LAWS[0]))
 
 
 class Errors(NamedTuple):

@@ -12,12 +12,14 @@ from cellwright.models.tables import (
     SMALLEST,
     celsius_of,
     continued_ocv_at,
-    law_of,
-    law_weights,
     mixed_by,
-    mixed_resistances,
     scaled_soc,
     temperature_weights,
+)
+from cellwright.models.temperature_laws import (
+    law_weights,
+    laws_of,
+    mixed_resistances,
     warmth_beyond,
 )
 from cellwright.refusal import Refusal
@@ -67,7 +69,7 @@ def circuit_at(conditions, soc, temperature_celsius):
     every other parameter are linear in 1/T (an Arrhenius law through the two); outside the
     measured temperatures resistances follow the condition's `activation_energy_joule_per_mole`
     where it has one, all else is held flat. OCV shifts are linear in 1/T themselves. Where the
-    conditions name a `resistance_law`, the sums follow it (`law_weights`).
+    conditions name `resistance_laws`, the sums follow them (`law_weights`).
 
     Parameters
     ----------
@@ -90,7 +92,7 @@ def circuit_at(conditions, soc, temperature_celsius):
     here = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
     weights = temperature_weights(known, here)
     elements = [_elements(condition) for condition in conditions]
-    by_law = law_weights(known, here, law_of(conditions))
+    by_law = law_weights(known, here, laws_of(conditions))
     beyond = warmth_beyond(conditions, known, here)
 
     def courses(index, name):
