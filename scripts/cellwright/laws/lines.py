@@ -44,7 +44,8 @@ def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
     linear = linear._replace(names=names, units=units)
     names, units = ("value_at_25_celsius", "activation_energy"), (unit, "J/mol")
     arrhenius = _arrhenius(inverse, value, level)._replace(names=names, units=units)
-    return _chosen(linear, arrhenius)
+    tested = (float(celsius.min()), float(celsius.max()))
+    return tuple(law._replace(tested_celsius=tested) for law in _chosen(linear, arrhenius))
 
 
 def soc_lines(soc, value, *, unit, level=0.95):

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.laws.lines import FEWEST_TEMPERATURES, soc_lines, temperature_lines
 from cellwright.laws.points import fresh
+from cellwright.laws.temperature import rows_of
 from cellwright.refusal import Refusal
 
 QUANTITIES = {"a": "V", "b": "V", "tau1": "s", "tau2": "s"}
@@ -119,22 +120,7 @@ def laws_of(points):
 
 def law_rows(laws):
     """The laws as rows of tables/temperature.csv."""
-    return [row for name, pair in laws.items() for law in pair for row in _rows(name, law)]
-
-
-def _rows(quantity, law):
-    for name, unit, value, std in zip(law.names, law.units, law.values, law.std, strict=True):
-        yield {
-            "quantity": quantity,
-            "law": law.law,
-            "parameter": name,
-            "value": float(value),
-            "std": float(std),
-            "unit": unit,
-            "r_squared": law.r_squared,
-            "cross_validation_rmse": law.cross_validation_rmse,
-            "chosen": bool(law.chosen),
-        }
+    return [row for name, pair in laws.items() for law in pair for row in rows_of(name, law)]
 
 
 def _try(laws, reasons, name, fit, axis, value, unit):

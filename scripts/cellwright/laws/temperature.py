@@ -32,12 +32,12 @@ class Law(NamedTuple):
     lower: np.ndarray
     upper: np.ndarray
     r_squared: float
-    line_r_squared: float
     cross_validation_rmse: float
-    excess_std: float
-    tested_celsius: tuple
     chosen: bool
     reason: str
+    line_r_squared: float = np.nan
+    excess_std: float = np.nan
+    tested_celsius: tuple = (np.nan, np.nan)
 
 
 def quadratic_law(temperature_celsius, b1, b2, b3):
@@ -139,13 +139,13 @@ def law_rows(points):
             reasons.append(f"{quantity}: {refusal}")
             continue
         reasons += [f"{quantity}, {law.law} law: {law.reason}" for law in laws if law.reason]
-        rows += [row for law in laws for row in _rows(quantity, law)]
+        rows += [row for law in laws for row in rows_of(quantity, law)]
     if not rows:
         raise Refusal("; ".join(reasons) or "no quantity is known at three temperatures")
     return rows, reasons
 
 
-def _rows(quantity, law):
+def rows_of(quantity, law):
     """Rows of one law; `lower` and `upper` bound 95 %, beyond the tested range it is a guess."""
     numbers = zip(law.values, law.std, law.lower, law.upper, strict=True)
     for name, unit, (value, std, lower, upper) in zip(law.names, law.units, numbers, strict=True):
