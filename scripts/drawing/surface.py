@@ -10,7 +10,7 @@ def draw(points, laws):
     """Figure of a cell: `points` columns of `resistance_surface_points`, `laws` its rows."""
     quantities = list(dict.fromkeys(points["quantity"]))
     canvas, axes = figure.canvas(
-        len(quantities), 1 + len(FORMS), width=12, height=2.9 * len(quantities)
+        len(quantities), 2 + len(FORMS), width=14, height=2.9 * len(quantities)
     )
     for panels, quantity in zip(axes, quantities, strict=True):
         mine = points["quantity"] == quantity
@@ -20,12 +20,13 @@ def draw(points, laws):
         rows = [row for row in rows if row["quantity"].endswith(", " + when)]
         chosen = next(row["law"] for row in rows if row["chosen"])
         _fitted(panels[0], here, chosen, quantity)
+        _surface(canvas, panels[1], here, chosen)
         shares = [
             _left_out(panel, here, form, form == chosen)
-            for panel, form in zip(panels[1:], FORMS, strict=True)
+            for panel, form in zip(panels[2:], FORMS, strict=True)
         ]
         reach = 1.1 * np.nanmax([*shares, 1.0])
-        for panel in panels[1:]:
+        for panel in panels[2:]:
             panel.set_ylim(-reach, reach)
     return canvas
 
@@ -43,8 +44,18 @@ def _fitted(axes, points, chosen, title):
         )
         # A table runs through every pulse: the line shows what it reads between them.
         axes.plot(soc, 1e3 * points[f"{chosen}_ohm"][here], "-", color=colour)
-    axes.set(xlabel="SoC [%]", ylabel="[mΩ]", title=f"{title}: {chosen}")
-    figure.legend_once(axes)
+    axes.set(xlabel="SoC [%]", ylabel="[mΩ]", title=title)
+    figure.legend_once(axes, fontsize=7)
+
+
+def _surface(canvas, axes, points, chosen):
+    """The chosen form between the pulses: resistance over SoC and temperature."""
+    soc, celsius = 100 * points["soc"], points["temperature_celsius"]
+    ohm = 1e3 * points[f"{chosen}_ohm"]
+    filled = axes.tricontourf(soc, celsius, ohm, levels=12, cmap="viridis_r")
+    axes.plot(soc, celsius, ".", color=figure.INK, markersize=2)
+    canvas.colorbar(filled, ax=axes, label="[mΩ]")
+    axes.set(xlabel="SoC [%]", ylabel="temperature [°C]", title=f"surface: {chosen}")
 
 
 def _left_out(axes, points, form, chosen):
@@ -59,7 +70,7 @@ def _left_out(axes, points, form, chosen):
         xlim=(-3, 103),
         xlabel="SoC [%]",
         ylabel="error [%]",
-        title=form + (" (chosen)" if chosen else ""),
+        title=f"left out: {form}" + (" ★" if chosen else ""),
     )
     known = shares[np.isfinite(shares)]
     if not len(known):
