@@ -234,11 +234,12 @@ def test_a_surface_shows_the_chosen_form_and_every_forms_error_left_out():
     }
     points["additive_left_out_ohm"] = np.full(6, np.nan)
     laws = law("resistance over SoC and temperature, 10 s", "table", 6.0, chosen=True)
-    fitted, additive, _, table = panels(surface.draw(points, laws))
+    fitted, shape, additive, _, table = panels(surface.draw(points, laws))[:5]
+    assert shape.get_title(loc="left") == "surface: table"
     assert labels(fitted) == ["0 °C", "25 °C"]
     assert "too few temperatures" in additive.texts[0].get_text()
     np.testing.assert_allclose([xy[:, 1] for xy in drawn(table) if len(xy) == 3], 10.0)
-    assert table.get_title(loc="left") == "table (chosen)"
+    assert table.get_title(loc="left") == "left out: table ★"
 
 
 def pair(r, tau, std, kind="RC"):
