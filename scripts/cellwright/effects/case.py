@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.effects import base, noise, plain
 from cellwright.effects.judge import by_starts, rests_of, rms, started
 from cellwright.effects.problem import Problem
+from cellwright.effects.slow_gap import SlowGap
 
 UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it tells nothing
 
@@ -36,13 +37,17 @@ class Gates(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A cell, the records fitted and those that judge (records.Stack), tolerances and gates."""
+    """A cell, the records fitted and those that judge (records.Stack), tolerances and gates.
+
+    gap : what the slow test's branches leave between them, slow_gap.SlowGap.
+    """
 
     cell: base.Cell
     fit: object
     validation: object
     tolerance: plain.Tolerance = plain.Tolerance()
     gates: Gates = Gates()
+    gap: SlowGap = SlowGap()
 
 
 class Filters(NamedTuple):

@@ -1,9 +1,13 @@
 """Which trial is chosen, if any: significant, proven, large enough, and what is as good."""
 
+import numpy as np
+
 from cellwright.effects.problem import stds
+from cellwright.effects.slow_gap import HYSTERESIS, shows_hysteresis
 from cellwright.effects.structural import offset_or_leak, rest_current, with_partners
 
 LOGGED = {"current_offset", "leakage"}  # told apart by the current logged at rest
+SLOW = "slow_diffusion"
 OUTDONE = 0.5  # of the best J: an explanation below it is not the one
 
 
@@ -25,9 +29,22 @@ def best_of(gates, first, before, trials, floor):
 
 
 def denied(case, trials):
-    """Ids of trials that the current logged at rest speaks against, of an offset and a leak."""
+    """Ids of trials that something measured beside the records speaks against.
+
+    The current logged at rest tells an offset from a leak. A gap between the branches of the slow
+    test that no resistance explains is hysteresis, which slow diffusion must not stand in for.
+    """
     told = {t.effect.id: _told(case, t) for t in trials if t.effect.id in LOGGED}
-    return {name for name, word in told.items() if word not in (None, name)}
+    against = {name for name, word in told.items() if word not in (None, name)}
+    slow = [t for t in trials if t.effect.id == SLOW and _in_place_of_hysteresis(case, t)]
+    return against | {t.effect.id for t in slow}
+
+
+def _in_place_of_hysteresis(case, trial):
+    values = trial.state.solution.values
+    own = sum(np.exp(values[name]) for name in ("log_r0", "log_r1", "log_r2"))
+    there = HYSTERESIS & {effect.id for effect in trial.state.effects}
+    return not there and shows_hysteresis(case.gap, own + values[f"{SLOW}.resistance_ohm"])
 
 
 def with_ties(case, chosen, tied, against, library):

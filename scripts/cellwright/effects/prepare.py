@@ -10,6 +10,7 @@ from cellwright.effects.library import LIBRARY
 from cellwright.effects.noise import FIRST
 from cellwright.effects.records import Record, stacked
 from cellwright.effects.screen import left
+from cellwright.effects.slow_gap import slow_gap
 from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
 from cellwright.models.groups import course_celsius
 from cellwright.models.records import bridged, record_of
@@ -69,7 +70,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     cases = []
     for hold in HOLDS:
         both = [stacked(side, capacity_ampere_hour=capacity, hold=hold) for side in sides]
-        cases.append(Case(about, *both, tolerance, gates))
+        cases.append(Case(about, *both, tolerance, gates, slow_gap(_nearest(basis))))
     return Prepared(min(cases, key=_misfit), tuple(notes))
 
 
@@ -144,14 +145,19 @@ def celsius_of(facts, series):
     return course_celsius(facts, series)[0]
 
 
-def _curve(basis):
-    """OCV of the slow test nearest 25 °C on an even grid."""
+def _nearest(basis):
+    """OCV curve of the slow test nearest 25 °C."""
 
     def off(curve):
         celsius = curve["ambient_temperature_celsius"]
         return abs(REFERENCE_CELSIUS - (REFERENCE_CELSIUS if celsius is None else celsius))
 
-    curve = min(basis["ocv"], key=off)
+    return min(basis["ocv"], key=off)
+
+
+def _curve(basis):
+    """The same on an even grid."""
+    curve = _nearest(basis)
     return np.interp(GRID, curve["soc"], curve["ocv_volt"])
 
 

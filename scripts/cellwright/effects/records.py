@@ -154,7 +154,7 @@ def _linear(record, hold):
     voltage is held. Taken for held there, it would count up to a percent of a charge too much.
     """
     moved = np.diff(record.current_ampere, prepend=record.current_ampere[:1])
-    thinned = np.zeros(len(moved), bool) if record.thinned is None else record.thinned
+    thinned = _thinned(record)
     if driven(np.cumsum(np.where(thinned, 0.0, moved))):
         return np.full(len(moved), hold == "first_order")
     size = np.abs(moved)
@@ -165,6 +165,11 @@ def _linear(record, hold):
     for first in range(3):
         gradual[first : first + len(three)] |= three
     return gradual
+
+
+def _thinned(record):
+    none = np.zeros(len(record.current_ampere), bool)
+    return none if record.thinned is None else record.thinned
 
 
 def _counted(records, held, step, linear, capacity):
@@ -180,7 +185,8 @@ def _counted(records, held, step, linear, capacity):
     passed = np.concatenate([np.diff(c, prepend=c[:1]) for c in counts]) * capacity
     beyond = np.nan_to_num(passed - held * step / 3600.0)
     unseen = np.where((step > GAP_SECOND) & (np.abs(beyond) > UNSEEN_SOC * capacity), beyond, 0.0)
-    gradual = linear & (step > 0) & (unseen == 0)
+    thinned = np.concatenate([_thinned(r) for r in records])
+    gradual = thinned & linear & (step > 0) & (unseen == 0)
     more = np.divide(3600.0 * beyond, step, out=np.zeros(len(step)), where=gradual)
     return held + more, unseen
 
