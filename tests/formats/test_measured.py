@@ -23,6 +23,7 @@ def reading(path):
         ("bitrode/1C-Discharge-Bitrode-data.csv.gz", 2287, 3.147, 66041.4),
         ("digatron/576_Charge1.csv", 130, 4.18748, 7569.592),
         ("bdf/legacy.bdf.parquet", 5000, 0.2412, 148781.953),
+        ("labview/Prewait_K240.txt", 302, 3.6067, 300.191516),
     ],
 )
 def test_small_instrument_files(shared, file, rows, first_volt, last_second):
@@ -32,9 +33,21 @@ def test_small_instrument_files(shared, file, rows, first_volt, last_second):
     assert columns["test_time_second"][-1] == pytest.approx(last_second, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("celsius", "ampere_hour"), [(20, 2.20), (30, 2.22), (40, 2.23), (50, 2.23)]
+)
+def test_k2_discharge(shared, celsius, ampere_hour):
+    """Published: charge of the 1C discharge."""
+    file = shared / f"campaigns/k2lfp/raw/discharge/K2_discharge_{celsius}C.txt.gz"
+    columns = reading(file).columns
+    time, current = columns["test_time_second"], columns["current_ampere"]
+    charge = -np.trapezoid(current, time) / 3600
+    assert charge == pytest.approx(ampere_hour, abs=0.005)
+    assert columns["ambient_temperature_celsius"].mean() == pytest.approx(celsius, abs=0.5)
+
+
 def test_other_instruments_are_named(shared):
     named = {
-        "labview/Prewait_K240.txt": "LabVIEW",
         "neware/TestFile.nda": "Neware nda",
         "neware/test.ndax": "Neware ndax",
         "biologic/GCPL-0.mpr": "BioLogic mpr",

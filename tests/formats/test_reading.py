@@ -40,6 +40,25 @@ SPECTRUM = (
     b"x;0:0:2;30;-5;1;1;10;0.329;26;\r\n"
     b"x;0:0:3;40;-20;0.01;1;10;0.2236;26;\r\n"
 )
+LABVIEW = (
+    b"LabVIEW Measurement\t\r\nWriter_Version\t2\r\nSeparator\tTab\r\nDecimal_Separator\t.\r\n"
+    b"Multi_Headings\tNo\r\nX_Columns\tOne\r\nTime_Pref\tAbsolute\r\nDescription\t"
+    b"Clolumns are: time, Current, Voltage, Power, Battery Temp, and Chamber Temp\r\n"
+    b"Date\t1903/12/31\r\nTime\t19:00:00\r\n***End_of_Header***\t\r\n\t\r\n"
+    b"0.000000\t0.013707\t3.201500\t0.043908\t20.238127\t20.068987\r\n"
+    b"0.889429\t-5.895600\t2.977200\t-17.552000\t20.240593\t20.073305\r\n"
+    b"0.972502\t3.400000E+38\t3.107100\t0.025504\t20.270275\t20.076712\r\n"
+)
+SEGMENT = (  # a second header, whose row of names tells nothing, and a clock that was set
+    b"\t\r\nChannels\t5\t\t\t\t\t\r\nDate\t2023/09/06\t2023/09/06\t\r\n"
+    b"Time\t15:36:28.1036934852600097656\t15:36:28.1\t\r\n***End_of_Header***\t\t\t\t\t\t\r\n"
+    b"X_Value\tUntitled\tUntitled 1\tUntitled 2\tUntitled 3\tUntitled 4\tComment\r\n"
+)
+SEGMENTED = LABVIEW.replace(b"\t\r\n0.000000", SEGMENT + b"0.000000")
+NAMED = SEGMENTED.replace(
+    b"Untitled\tUntitled 1\tUntitled 2\tUntitled 3\tUntitled 4",
+    b"Current (mA)\tVoltage\tnoise\tCell Temperature\tChamber",
+)
 
 
 def read(data: bytes, **kw) -> formats.Reading:
@@ -59,6 +78,7 @@ def bdf_with(header: str = "Test Time / s,Current / A,Voltage / V", *rows: str) 
         (DIGATRON, "digatron", "series"),
         (SPECTRUM, "digatron", "impedance"),
         (ARBIN, "arbin", "series"),
+        (LABVIEW, "labview", "series"),
     ],
 )  # fmt: skip
 def test_each_instrument_is_recognised(data, instrument, kind):
@@ -141,6 +161,40 @@ def test_digatron_spectrum_is_in_ohm():
     assert columns["impedance_imaginary_ohm"].tolist() == pytest.approx([0.005, -0.005, -0.02])
 
 
+def test_labview_channels_are_told_by_the_description():
+    columns = read(LABVIEW).columns
+    assert columns["test_time_second"].tolist() == [0, 0.889429, 0.972502]
+    assert columns["current_ampere"].tolist() == [0.013707, -5.8956, 3.4e38]
+    assert columns["surface_temperature_celsius"][0] == 20.238127
+    assert columns["ambient_temperature_celsius"][0] == 20.068987
+    assert "unix_time_second" not in columns, "the clock was not set"
+
+
+def test_labview_second_header_tells_the_date():
+    columns = read(SEGMENTED).columns
+    assert columns["voltage_volt"].tolist() == [3.2015, 2.9772, 3.1071]
+    assert columns["unix_time_second"][0] == pytest.approx(1694014588.1037, abs=1e-3)
+
+
+def test_labview_names_and_units_of_channels_come_before_the_description():
+    columns = read(NAMED).columns
+    assert columns["current_ampere"][:2].tolist() == pytest.approx([13.707e-6, -5.8956e-3])
+    assert columns["voltage_volt"].tolist() == [3.2015, 2.9772, 3.1071]
+    assert columns["surface_temperature_celsius"][0] == 20.238127
+
+
+def test_labview_decimal_comma():
+    body = LABVIEW.replace(b"Decimal_Separator\t.", b"Decimal_Separator\t,")
+    start = body.index(b"0.000000")
+    columns = read(body[:start] + body[start:].replace(b".", b",")).columns
+    assert columns["voltage_volt"].tolist() == [3.2015, 2.9772, 3.1071]
+
+
+def test_labview_power_that_repeats_the_current_is_no_reading():
+    """Measured: one channel wired to the other in the steps between set points."""
+    assert read(LABVIEW.replace(b"-17.552000", b"-5.895600")).columns["voltage_volt"].size == 3
+
+
 REFUSED = {
     "empty": (b"", "empty"),
     "blank": (b"\n \n", "empty"),
@@ -161,7 +215,15 @@ REFUSED = {
     "time stands": (BDF.replace(b"\n1,", b"\n0,").replace(b"\n2,", b"\n0,"), "time never moves"),
     "zero volt": (bdf_with("Test Time / s,Current / A,Voltage / V", "0,1,0", "1,1,0"), "is 0 V"),
     "millivolt": (BDF.replace(b"/ V", b"/ mV"), "millivolt and volt"),
-    "labview": (b"LabVIEW Measurement\t\r\nWriter_Version\t2", "like a LabVIEW .*readers: bdf"),
+    "labview header": (b"LabVIEW Measurement\t\r\nWriter_Version\t2", "ends within its header"),
+    "labview empty": (LABVIEW[: LABVIEW.index(b"0.000000")], "no row of data"),
+    "labview no names": (LABVIEW.replace(b"are: ", b"are "), "channels without names"),
+    "labview width": (LABVIEW.replace(b", Power", b""), "6 columns, where the header names 5"),
+    "labview segments": (SEGMENTED + SEGMENT, "2 segments; a file with one"),
+    "labview time columns": (LABVIEW.replace(b"X_Columns\tOne", b"X_Columns\tMulti"), "'Multi'"),
+    "labview separator": (LABVIEW.replace(b"Separator\tTab", b"Separator\tComma"), "'Comma'"),
+    "labview power": (LABVIEW.replace(b"-17.552", b"-17552"), "power is 1e.06 times current"),
+    "labview no voltage": (LABVIEW.replace(b"Voltage", b"Pressure"), "no column 'voltage'"),
     "xlsx": (b"PK\x03\x04 .... xl/workbook.xml", "Excel workbook"),
     "ndax": (b"PK\x03\x04 .... data.ndc", "Neware ndax"),
     "unknown": (b"a,b\n1,2\n", "of no instrument known here; readers: bdf, arbin"),

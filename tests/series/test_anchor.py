@@ -58,6 +58,20 @@ def test_flat_table_is_allowed():
     assert np.isclose(found.soc[0], 0.8)
 
 
+@pytest.mark.parametrize(("moved", "first"), [(1.9, 0.975), (2.0, 1.0), (2.1, 1.0), (1.79, None)])
+def test_a_record_of_nearly_the_whole_scale_has_its_place(moved, first):
+    """K2's pulse tests: from full, but under load, of a cell without an upper limit or an OCV."""
+    charge = -np.linspace(0, moved, 5)
+    settings = {"capacity_ampere_hour": 2.0, "lower_cutoff_volt": 3.0, "upper_cutoff_volt": None}
+    if first is None:
+        with pytest.raises(Refusal, match="no OCV table"):
+            soc_series(charge, np.full(5, -1.0), np.full(5, 3.7), **settings)
+        return
+    found = soc_series(charge, np.full(5, -1.0), np.full(5, 3.7), **settings)
+    assert np.allclose(found.soc, first + charge / 2)
+    assert "moves" in found.anchor
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

@@ -61,6 +61,18 @@ def test_magnitudes_of_a_drive_cannot_tell():
     assert current_sign(time, np.abs(current), voltage).sign == 0
 
 
+def test_a_current_that_is_never_positive_is_no_magnitude():
+    """Discharges in the cold whose voltage rises while they warm the cell: the steps tell."""
+    time, current, voltage = cell(blocks(0, -1, 0, -1, 0))
+    later = (current < 0) & (time > time[len(time) // 2])
+    voltage = voltage + np.where(later, 1e-3 * (time - time[later][0]), 0.0)
+    columns = {"test_time_second": time, "current_ampere": current, "voltage_volt": voltage}
+    signed = charge_positive(columns, default="charge_positive")
+    assert signed.columns["current_ampere"].min() == current.min()
+    with pytest.raises(Refusal, match="never changes its sign"):
+        charge_positive(columns | {"current_ampere": np.abs(current)})
+
+
 def test_noise_and_rest_cannot_tell():
     rng = np.random.default_rng(0)
     time, noise = np.arange(500.0), rng.standard_normal((2, 500))

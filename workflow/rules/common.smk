@@ -91,6 +91,7 @@ def either(names):
 
 CAPACITY_KINDS = ("capacity", "ocv")
 PULSE_KINDS = ("hppc", "pulse_resistance")
+RELAXATION_KINDS = config["relaxation"]["kinds"]
 SERIES_KINDS = sorted({row["kind"] for row in CAMPAIGN.tests} - {"eis"})
 # Of each test what tables say beside its results.
 TEST_FACTS = {

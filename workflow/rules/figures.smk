@@ -11,6 +11,8 @@ for cell in CELLS:
         ("ica", tests(cell, "ica")),
         ("impedance", tests(cell, "eis")),
         ("temperature", cell in VARIED),
+        ("relaxation", cell in RELAXED),
+        ("polarisation", cell in RELAXED),
         ("parameters", cell in MODELLED),
         ("compensation", cell in COMPENSATED),
         *[(f"effect_{name}", cell in SEARCHED) for name in EFFECT_FIGURES],
@@ -153,6 +155,37 @@ rule figure_impedance:
         "Figure: impedance of {wildcards.cell}."
     script:
         "../../scripts/figure_impedance.py"
+
+
+rule figure_relaxation:
+    input:
+        lambda w: artefacts("relaxation_curve", w.cell, *RELAXATION_KINDS),
+    output:
+        "results/figures/{cell}/relaxation.svg",
+    log:
+        "logs/figures/{cell}_relaxation.log",
+    params:
+        code=code_of("figure_relaxation"),
+    message:
+        "Figure: rests of {wildcards.cell} and the exponentials through them."
+    script:
+        "../../scripts/figure_relaxation.py"
+
+
+rule figure_polarisation:
+    input:
+        points="results/polarisation_points/{cell}.parquet",
+        laws="results/polarisation/{cell}.parquet",
+    output:
+        "results/figures/{cell}/polarisation.svg",
+    log:
+        "logs/figures/{cell}_polarisation.log",
+    params:
+        code=code_of("figure_polarisation"),
+    message:
+        "Figure: polarisation of {wildcards.cell} over SoC and temperature."
+    script:
+        "../../scripts/figure_polarisation.py"
 
 
 rule figure_temperature:

@@ -59,6 +59,27 @@ rule resistance:
         "../../scripts/resistance.py"
 
 
+rule relaxation:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+        basis="results/basis/{cell}.json",
+    output:
+        rests="results/relaxation/{cell}/{test}.parquet",
+        curve="results/relaxation_curve/{cell}/{test}.parquet",
+    log:
+        "logs/relaxation/{cell}/{test}.log",
+    params:
+        settings={k: v for k, v in config["relaxation"].items() if k != "kinds"},
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("relaxation"),
+    message:
+        "Depolarisation of {wildcards.cell} in the rests of {wildcards.test}."
+    script:
+        "../../scripts/relaxation.py"
+
+
 rule ica:
     input:
         series="results/clean/{cell}/{test}.parquet",

@@ -12,7 +12,10 @@ TABLE_INPUTS = {
     "resistance": everywhere("resistance", *PULSE_KINDS),
     "ocv": everywhere("ocv_functions", "ocv"),
     "eis": everywhere("eis", "eis"),
-    "temperature": [f"results/temperature/{cell}.parquet" for cell in VARIED],
+    "temperature": [
+        *[f"results/temperature/{cell}.parquet" for cell in VARIED],
+        *[f"results/polarisation/{cell}.parquet" for cell in RELAXED],
+    ],
     "temperature_prediction": [
         f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
     ],
@@ -28,6 +31,7 @@ STAGES = [
     *everywhere("spectrum", "eis"),
     *everywhere("clean", *SERIES_KINDS),
     *everywhere("segment", *SERIES_KINDS),
+    *everywhere("relaxation", *RELAXATION_KINDS),
     *[f"results/basis/{cell}.json" for cell in CELLS],
     *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
     *[f"results/bias/{cell}.json" for cell in BIASED],

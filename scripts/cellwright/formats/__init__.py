@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..refusal import Refusal
-from . import arbin, bdf, bitrode, digatron, plett
+from . import arbin, bdf, bitrode, digatron, labview, plett
 from .container import unpacked
 from .foreign import sight
 from .physics import checked_impedance, checked_series
 
-READERS = {reader.NAME: reader for reader in (bdf, arbin, bitrode, digatron, plett)}
+READERS = {reader.NAME: reader for reader in (bdf, arbin, bitrode, digatron, labview, plett)}
 # What a format itself says of its current; where it says nothing, the data must tell.
 SIGN_RULE = {"bdf": "charge_positive"}
 HEAD = 1 << 14

@@ -2,7 +2,6 @@
 
 # First bytes, and what a file that begins so is. Order matters where one begins like another.
 BEGINNINGS = (
-    (b"LabVIEW Measurement", "a LabVIEW measurement file"),
     (b"BIO-LOGIC MODULAR FILE", "a BioLogic mpr file"),
     (b"EC-Lab ASCII FILE", "a BioLogic EC-Lab text file"),
     (b"BT-Lab ASCII FILE", "a BioLogic BT-Lab text file"),

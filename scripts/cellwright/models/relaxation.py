@@ -14,6 +14,8 @@ from cellwright.refusal import Refusal
 FEWEST = 8  # samples of a rest
 EMPTY = 0.6  # share of the rest that may pass between two samples
 DRIFT = 3.0  # difference of two OCVs, in deviations of the less sure one, that is no chance
+SHORTEST = 0.25  # time constant searched, in steps: what decays faster is in one sample only
+BURST = 0.25  # of its age: how close to each other the samples of a burst are kept
 LONGEST = 3.0  # time constant searched, in lengths of the rest
 
 
@@ -44,19 +46,21 @@ class Relaxation(NamedTuple):
     verdict: str
 
 
-def fit_relaxation(time_second, voltage_volt):
-    """Fit two exponentials to the voltage of a rest, or one where two cannot be told.
+def fit_relaxation(time_second, voltage_volt, *, most=2):
+    """Fit exponentials to the voltage of a rest: two, or one where two cannot be told.
 
-    Two are told where every amplitude and every time constant has a 95 % interval that stays away
-    from zero (relative standard deviation up to 0.51) and none lies at a limit of its search: the
-    shortest step, and three times the length of the rest. Samples closer than the usual step are
-    averaged first. The OCV's deviation holds only if the rest is exponential to its end: real ones
-    have slower tails, and twice `drift_volt` is the better measure of how far off the OCV may be.
+    They are told where every amplitude and every time constant has a 95 % interval that stays away
+    from zero (relative standard deviation up to 0.51) and none lies at a limit of its search: a
+    quarter of the shortest step, and three times the length of the rest. Samples closer than the
+    usual step are averaged first. The OCV's deviation holds only if the rest is exponential to its
+    end: real ones have slower tails, and twice `drift_volt` is the better measure of how far off
+    the OCV may be.
 
     Parameters
     ----------
     time_second : (n,) of a rest at zero current, from its first sample on [s].
     voltage_volt : (n,) [V].
+    most : exponentials to try; of three, the fastest is charge transfer or what a logger smears.
 
     Returns
     -------
@@ -69,14 +73,14 @@ def fit_relaxation(time_second, voltage_volt):
 
     Source: thesis sec. 2.3, table 2.2; (3.16).
     """
-    # ASSUME: A rest relaxes by at most two exponentials; a slower tail ends up in the OCV.
+    # ASSUME: A rest relaxes by at most two or three exponentials; a slower tail is in the OCV.
     time, voltage = np.asarray(time_second, float), np.asarray(voltage_volt, float)
     _check(time, voltage)
     time, voltage = _evened(time - time[0], voltage)
-    whole, half = _best(time, voltage), time <= time[-1] / 2
+    whole, half = _best(time, voltage, most), time <= time[-1] / 2
     if half.sum() < FEWEST or voltage[half].max() == voltage[half].min():
         return whole
-    part = _best(time[half], voltage[half])
+    part = _best(time[half], voltage[half], most)
     drift = whole.ocv_volt - part.ocv_volt
     whole = whole._replace(drift_volt=drift)
     if not abs(drift) > DRIFT * part.ocv_std_volt:
@@ -97,11 +101,13 @@ def relaxed_voltage(relaxation, time_second):
     return relaxation.ocv_volt + decays @ relaxation.amplitude_volt
 
 
-def _best(time, voltage):
-    """Two exponentials where both are told, else one."""
-    two, lost = _fitted(time, voltage, 2)
+def _best(time, voltage, most):
+    """As many exponentials as are told; one, and what of it is not, where two are not."""
+    found, lost = _fitted(time, voltage, most)
     if not lost:
-        return two
+        return found
+    if most > 2:
+        return _best(time, voltage, most - 1)
     one, alone = _fitted(time, voltage, 1)
     words = f"two exponentials cannot be told ({lost}): one is given"
     also = f"; of that, {alone}" if alone else ""
@@ -111,7 +117,7 @@ def _best(time, voltage):
 def _fitted(time, voltage, pairs):
     """Fit of a number of exponentials, and in words what of it is not told."""
     steps = np.diff(time)
-    limits = float(steps[steps > 0].min()), LONGEST * float(time[-1])
+    limits = SHORTEST * float(steps[steps > 0].min()), LONGEST * float(time[-1])
     anywhere = np.full(1 + pairs, -np.inf), np.full(1 + pairs, np.inf)
     every = slice(None, None, max(1, len(time) // 800))
     # Taken from its mean, the voltage keeps all its digits in sums of squares.
@@ -156,7 +162,7 @@ def _lost(linear, tau, std, limits):
     if tau[-1] >= limits[1] * (1 - 1e-6):
         said.insert(0, f"tau{len(tau)}_second is longer than the rest tells, {limits[1]:.3g} s")
     if tau[0] <= limits[0] * (1 + 1e-6):
-        said.insert(0, f"tau1_second is shorter than the step of {limits[0]:.3g} s")
+        said.insert(0, f"tau1_second is no longer than {limits[0]:.3g} s, a quarter of a step")
     return ", ".join(said)
 
 
@@ -183,7 +189,8 @@ def _result(linear, tau, std, residual, voltage, level, last):
 def _evened(time, voltage):
     """Means of samples closer than the usual step, the one that most of the time passes in.
 
-    So a burst of samples after the load does not outvote the hours that tell the OCV.
+    So a burst of samples after the load does not outvote the hours that tell the OCV; but a few of
+    it stay, each a quarter older than the one before, for only they tell the fast part.
     """
     steps = np.diff(time)
     order = np.argsort(steps, kind="stable")
@@ -191,7 +198,10 @@ def _evened(time, voltage):
     usual = steps[order][np.searchsorted(past, past[-1] / 2)]
     # A quarter of a step keeps samples of a steady clock, whose stamps jitter, each by itself.
     place = np.floor(time / usual + 0.25).astype(int)
-    first = np.flatnonzero(np.diff(place, prepend=-1))
+    # Within the first step a burst keeps a sample in each quarter of its age, for what is fast.
+    early = np.log(np.maximum(time, steps[steps > 0].min()) / usual) / np.log(1 + BURST)
+    place = np.where(place < 1, np.floor(np.minimum(early, -1)).astype(int), place)
+    first = np.flatnonzero(np.diff(place, prepend=place[0] - 1))
     if len(first) < FEWEST:
         return time, voltage
     count = np.diff(np.append(first, len(time)))

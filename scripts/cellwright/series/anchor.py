@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.refusal import Refusal
 
 REST_C_RATE = 0.004
+SPANNED = 0.9  # of the capacity: a record that moves so much has its place on the scale
 CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
 
 
@@ -19,6 +20,7 @@ class Anchored(NamedTuple):
 
 # ASSUME: A charge that ends at the upper cut-off voltage with at most C/10 leaves the cell full.
 # ASSUME: Where a record is anchored by its rest voltage, the cell had relaxed when it began.
+# ASSUME: A record without another anchor that moves 90 % of the capacity leaves equal ends unused.
 def soc_series(
     charge_ampere_hour,
     current_ampere,
@@ -36,7 +38,8 @@ def soc_series(
 
     The first that applies: 1. the state of charge at the start, as stated; 2. the record itself
     reaches full: a charge that ends at the upper cut-off with a current of at most `full_c_rate`;
-    3. the record starts at rest, and its first voltage is looked up in the OCV table.
+    3. the record starts at rest, and its first voltage is looked up in the OCV table;
+    4. the record moves at least 90 % of the capacity: what it leaves is shared by the two ends.
 
     Parameters
     ----------
@@ -69,6 +72,11 @@ def soc_series(
     if ocv_soc is not None and abs(rate[0]) <= REST_C_RATE:
         start = _look_up(voltage_volt[0], ocv_soc, ocv_volt)
         return Anchored(start + counted - counted[0], "rest voltage at the start, by the OCV table")
+    span = float(np.ptp(counted))
+    if span >= SPANNED:
+        top = min((1 + span) / 2, 1.0)
+        words = f"the record moves {span:.1%} of the capacity: its highest SoC is {top:.3f}"
+        return Anchored(top + counted - counted.max(), f"{words} ± {max(1 - span, 0) / 2:.3f}")
     raise Refusal(_missing(rate[0], upper_cutoff_volt, ocv_soc))
 
 

@@ -61,7 +61,7 @@ def flag(
     step = current_step_fraction * _largest(current, flags)
     _flag_among(flags, lambda rows: _repeats(time[rows], current[rows], voltage[rows], step))
     _flag_among(flags, lambda rows: _out_of_place(time[rows]))
-    _flag_among(flags, lambda rows: _clock_jumps(time[rows], gap_second, gap_factor))
+    _flag_among(flags, lambda rows: _clock_jumps(time[rows], rows, gap_factor))
     _flag_among(flags, lambda rows: _gaps(rebased(time[rows], flags[rows]), gap_second, gap_factor))
     _flag_among(
         flags,
@@ -122,15 +122,19 @@ def _out_of_place(time: np.ndarray) -> np.ndarray:
     return flags
 
 
-def _clock_jumps(time: np.ndarray, gap_second: float, gap_factor: float) -> np.ndarray:
-    """Rows before which the clock was set back, or forward again by what it had lost."""
+def _clock_jumps(time: np.ndarray, rows: np.ndarray, gap_factor: float) -> np.ndarray:
+    """Rows before which the clock was set back, or forward again by what it had lost.
+
+    Rows without a reading are gone from between, but their time passed: each counts as a step.
+    """
     flags = np.zeros(time.size, dtype=np.int16)
     interval = np.diff(time)
     if not (interval < 0).any():
         return flags
     typical, lost = float(np.median(interval[interval > 0])), 0.0
-    for row in np.flatnonzero((interval < 0) | (interval > gap_factor * typical)) + 1:
-        ahead = time[row] - time[row - 1] - typical
+    beyond = interval - typical * np.diff(rows)
+    for row in np.flatnonzero((interval < 0) | (beyond > (gap_factor - 1) * typical)) + 1:
+        ahead = beyond[row - 1]
         if ahead < 0 or ahead <= 1.1 * lost:
             flags[row] |= Flag.CLOCK
             lost = max(lost - ahead, 0.0)

@@ -61,15 +61,14 @@ def current_sign(
     if time.size < 2 or not np.any(current):
         return Sign(0, 0.0, NO_CURRENT)
     step, trend = _step_vote(time, current, voltage), _trend_vote(time, current, voltage)
-    if _one_signed(current) and abs(step if np.isnan(trend) else trend) < 0.7:
+    if _magnitudes(current) and abs(step if np.isnan(trend) else trend) < 0.7:
         return Sign(0, 0.0, MAGNITUDES)
     return _verdict(step, trend, clear)
 
 
-def _one_signed(current: np.ndarray) -> bool:
-    """Apart from the noise around zero, the current never changes its sign."""
-    low, high = sorted(np.abs([current.min(), current.max()]))
-    return current.min() * current.max() > 0 or low < 0.02 * high
+def _magnitudes(current: np.ndarray) -> bool:
+    """Apart from the noise around zero, the current is never negative."""
+    return current.min() > -0.02 * current.max()
 
 
 def _verdict(step: float, trend: float, clear: float) -> Sign:

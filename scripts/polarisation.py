@@ -1,0 +1,13 @@
+"""Polarisation of one cell over SoC and temperature, and its laws."""
+
+import artefact
+import tables
+from cellwright.laws.polarisation import compared, law_rows, laws_of
+from cellwright.laws.polarisation_words import paragraph
+
+with artefact.Job(snakemake) as job:
+    found = compared(tables.rows_of(snakemake.input, snakemake.params.tests))
+    laws, reasons = laws_of(found.points)
+    job.note(paragraph(found, laws), *reasons)
+    job.save(law_rows(laws), snakemake.output.laws)
+    job.save(found.points, snakemake.output.points)
