@@ -56,7 +56,9 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     Refusal : no OCV, nothing to fit, or nothing that judges.
     """
     if not basis["ocv"]:
-        raise Refusal("no OCV curve: neither a slow test of the cell nor one of its type")
+        raise Refusal(
+            "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
+        )
     fitted, judging, notes = _sides(cell, basis, tests, settings)
     if basis["capacity_source"] == "rating":
         tolerance = tolerance._replace(capacity=RATED_CAPACITY)
