@@ -1,5 +1,7 @@
 """OCV from rests: a known curve behind a circuit pulsed to empty; refusals by name."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -189,3 +191,17 @@ def test_scale_by_what_is_known_of_start_and_capacity():
         rest_scale(
             *(column[: len(column) // 2] for column in columns[1:]), steps, tests, **unstated
         )
+
+
+@pytest.mark.parametrize(("ampere", "source"), [(-1.0, "lower cut-off"), (-6.0, "rating")])
+def test_a_short_last_portion_ends_empty_but_a_larger_pulse_does_not(ampere, source):
+    steps = SimpleNamespace(
+        kind=np.array(["CC", "rest", "CC", "rest", "pulse"]),
+        current_mean_ampere=np.array([-1.0, 0.0, -1.02, 0.0, ampere]),
+        voltage_end_volt=np.array([3.0, 3.1, 2.6, 2.8, 2.5]),
+    )
+    current, voltage = np.array([0.0, -1.0, -1.0]), np.array([4.18, 4.0, 2.5])
+    scale = rest_scale(
+        current, voltage, np.array([0, -1.4, -2.9]), steps, rated_capacity_ampere_hour=3.0, **LIMITS
+    )
+    assert source in scale.source

@@ -63,10 +63,12 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     if basis["capacity_source"] == "rating":
         tolerance = tolerance._replace(capacity=RATED_CAPACITY)
         notes.append("no measured capacity: the rating, to 5 %")
+    curve = _nearest(basis)
+    notes += _of_rests(curve, judging)
     capacity = basis["capacity_ampere_hour"]
     most = settings["most_rows"]
     fitted, judging = _thinned(fitted, most, capacity), _thinned(judging, most, capacity)
-    about = base.Cell(capacity, _curve(basis))
+    about = base.Cell(capacity, np.interp(GRID, curve["soc"], curve["ocv_volt"]))
     sides = (fitted, judging)
     cases = []
     for hold in HOLDS:
@@ -146,15 +148,24 @@ def _celsius(facts, series):
     return course_celsius(facts, series)[0]
 
 
-def _curve(basis):
-    """OCV of the slow test nearest 25 °C on an even grid."""
+def _nearest(basis):
+    """OCV curve nearest 25 °C."""
 
     def off(curve):
         celsius = curve["ambient_temperature_celsius"]
         return abs(REFERENCE_CELSIUS - (REFERENCE_CELSIUS if celsius is None else celsius))
 
-    curve = min(basis["ocv"], key=off)
-    return np.interp(GRID, curve["soc"], curve["ocv_volt"])
+    return min(basis["ocv"], key=off)
+
+
+def _of_rests(curve, judging):
+    """What a proof is worth where the OCV is that of a test's own rests."""
+    if curve.get("branches") != "rests":
+        return []
+    said = f"OCV from the rests of {curve['test']}"
+    if any(record.test == curve["test"] for record in judging):
+        return [f"{said}, one of the tests that judge: in its rests it judges itself"]
+    return [f"{said}, and off by what they had not relaxed"]
 
 
 def _thinned(records, most_rows, capacity_ampere_hour):

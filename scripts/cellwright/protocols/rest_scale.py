@@ -9,6 +9,7 @@ from cellwright.series.anchor import SPANNED, START_C_RATE, full_row
 
 NEARLY = 0.03  # of the voltage window: how near to the upper cut-off a full cell rests
 REACHED = 0.01  # of it: how near to the lower cut-off a discharge ends empty
+LIKE = 1.1  # of the usual current of the portions: the last of them may be short
 OTHERWISE_VOLT = 1.0  # the window where no upper cut-off is stated
 
 
@@ -112,8 +113,11 @@ def _known(capacities, celsius, rated):
 
 
 def _ends_empty(steps, limit_volt):
-    """Whether a steady discharge ends at the lower cut-off; a pulse that does leaves charge."""
-    down = (np.asarray(steps.kind) == "CC") & (steps.current_mean_ampere < 0)
+    """Whether a discharge ends at the lower cut-off; a larger pulse that does leaves charge."""
+    kind, current = np.asarray(steps.kind), steps.current_mean_ampere
+    portions = -current[(kind == "CC") & (current < 0)]
+    usual = np.median(portions) if len(portions) else 0.0
+    down = np.isin(kind, ("CC", "pulse")) & (current < 0) & (-current <= LIKE * usual)
     return bool((down & (steps.voltage_end_volt <= limit_volt)).any())
 
 
