@@ -28,10 +28,11 @@ HOLDS = ("zero_order", "first_order")
 
 
 class Prepared(NamedTuple):
-    """A case, and in words what a reader must know of how it was made."""
+    """A case, in words how it was made, and what weakens a proof by it: part of the verdict."""
 
     case: Case
     notes: tuple
+    caveats: tuple = ()
 
 
 def prepared(cell, basis, tests, *, tolerance, gates, settings):
@@ -64,7 +65,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
         tolerance = tolerance._replace(capacity=RATED_CAPACITY)
         notes.append("no measured capacity: the rating, to 5 %")
     curve = _nearest(basis)
-    notes += _of_rests(curve, judging)
+    caveats = (*_stand_in(tests, judging), *_of_rests(curve, judging))
     capacity = basis["capacity_ampere_hour"]
     most = settings["most_rows"]
     fitted, judging = _thinned(fitted, most, capacity), _thinned(judging, most, capacity)
@@ -74,7 +75,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     for hold in HOLDS:
         both = [stacked(side, capacity_ampere_hour=capacity, hold=hold) for side in sides]
         cases.append(Case(about, *both, tolerance, gates))
-    return Prepared(min(cases, key=_misfit), tuple(notes))
+    return Prepared(min(cases, key=_misfit), tuple(notes), caveats)
 
 
 def _sides(cell, basis, tests, settings):
@@ -158,14 +159,19 @@ def _nearest(basis):
     return min(basis["ocv"], key=off)
 
 
+def _stand_in(tests, judging):
+    """Said where the sheet has no test for validation, and others served for it."""
+    if not any(test.facts["role"] in ("validation", "split") for test in tests):
+        names = ", ".join(record.test for record in judging)
+        yield f"No test of this cell is for validation: {names} judged, unfitted; that is no proof."
+
+
 def _of_rests(curve, judging):
-    """What a proof is worth where the OCV is that of a test's own rests."""
-    if curve.get("branches") != "rests":
-        return []
-    said = f"OCV from the rests of {curve['test']}"
-    if any(record.test == curve["test"] for record in judging):
-        return [f"{said}, one of the tests that judge: in its rests it judges itself"]
-    return [f"{said}, and off by what they had not relaxed"]
+    """What a judgement is worth where the OCV is that of a test's own rests."""
+    if curve.get("branches") == "rests":
+        own = any(record.test == curve["test"] for record in judging)
+        also = "it is one of those that judge" if own else "what they had not relaxed is in it"
+        yield f"The open-circuit voltage is from the rests of {curve['test']}: {also}."
 
 
 def _thinned(records, most_rows, capacity_ampere_hour):
