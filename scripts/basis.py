@@ -11,7 +11,9 @@ with artefact.Job(snakemake) as job:
         lending.curves(inputs.ocv),
         lending.capacities(inputs.capacity),
         lending.lenders(inputs.lent_ocv, inputs.lent_capacity, params.references),
+        rests=lending.curves(inputs.rests),
         rated_capacity_ampere_hour=params.cell["rated_capacity_ampere_hour"],
+        lower_cutoff_volt=params.cell["lower_cutoff_volt"],
     )
     job.note(*lending.sentences(found))
     job.save(found)

@@ -8,7 +8,7 @@ from cellwright.models.cell import FitTest
 
 
 def curves(paths) -> list[dict]:
-    """OCV curves of stage `ocv` as plain lists with their facts and test."""
+    """OCV curves of stage `ocv` or `ocv_rests` as plain lists with their facts and test."""
     found = []
     for columns, about in artefact.load_all(paths):
         facts = about["params"]["test"]
@@ -28,6 +28,15 @@ def capacities(paths) -> list[dict]:
         who = {"test": about["wildcards"]["test"], **{name: facts[name] for name in names}}
         found += [who | row for row in artefact.rows(columns)]
     return found
+
+
+def limits(params) -> dict:
+    """Of the sheets what places a pulse test on the SoC scale: its start, rating and cut-offs."""
+    names = ("rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
+    return {name: params.cell[name] for name in names} | {
+        "ambient_temperature_celsius": params.test["ambient_temperature_celsius"],
+        "soc_at_start": params.test["soc"],
+    }
 
 
 def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
@@ -80,4 +89,7 @@ def sentences(basis) -> list[str]:
         said.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
     elif not basis["ocv"]:
         said.append("no OCV: no slow test of its own, and no cell of its type has one")
+    tests = [curve["test"] for curve in basis["ocv"] if curve["branches"] == "rests"]
+    if tests and not basis["borrowed_from"]:
+        said.append(f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type")
     return said

@@ -21,5 +21,7 @@ def draw(tests):
             gap.plot(soc, 1e3 * columns["half_gap_volt"], color=colour)
     curve.set(xlabel="SoC [%]", ylabel="voltage [V]", title="OCV (thin: discharge and charge)")
     gap.set(xlabel="SoC [%]", ylabel="half gap [mV]", title="Half the gap: hysteresis and I·R")
+    if not gap.lines:
+        gap.text(0.5, 0.5, "one branch only", ha="center", transform=gap.transAxes)
     figure.legend_once(curve)
     return canvas

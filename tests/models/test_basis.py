@@ -157,3 +157,49 @@ def test_without_any_anchor_soc_is_not_known_and_says_why():
     assert np.isnan(found.soc).all()
     assert found.anchor.startswith("not known: no state of charge")
     assert soc_or_unknown(columns, bare, facts | {"soc": 0.5}, CELL).soc[0] == 0.5
+
+
+def rests(celsius, size, load, test, cycle=None):
+    """A curve from rests: straight from 3 to 4 V over its own capacity."""
+    found = curve(celsius, size, test=test, cycle=cycle) | {"branches": "rests"}
+    found |= {"discharge_current_ampere": -load, "charge_current_ampere": None}
+    found |= {"capacity_source": "taken out", "measured_soc": [0.1, 1.0]}
+    return found | {"ocv_volt": (3 + SOC).tolist()}
+
+
+def test_own_rests_go_behind_a_slow_test_and_a_lender():
+    own = [rests(25.0, 1.9, 1.0, "hppc")]
+    assert basis("A", [curve()], [row(1.8)], [], rests=own)["ocv"] == [curve()]
+    lender = Lender("R", True, [curve()], [])
+    assert basis("A", [], [row(1.8)], [lender], rests=own)["borrowed_from"] == "R"
+    found = basis("A", [], [row(1.8)], [Lender("W", True, [], [row(2.5)])], rests=own)
+    assert found["ocv"] == own
+    assert found["borrowed_from"] is None
+    assert found["capacity_ampere_hour"] == 1.9
+    assert found["capacity_source"] == "taken out (rests of hppc)"
+    rated = [own[0] | {"capacity_source": "rating"}]
+    assert basis("A", [], [], [], rests=rated)["capacity_source"] == "rating"
+
+
+def test_of_several_pulse_tests_the_slowest_of_each_temperature_counts():
+    tests = [
+        rests(20.0, 1.8, 1.0, "cold fast"),
+        rests(20.0, 1.85, 0.501, "cold slow"),
+        rests(30.0, 1.9, 0.5, "warm slow"),
+        rests(30.0, 1.95, 0.502, "warm as slow"),
+        rests(30.0, 1.7, 0.3, "warm, aged", cycle=200),
+    ]
+    found = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
+    assert [c["test"] for c in found["ocv"]] == ["warm slow", "cold slow"]
+    assert found["capacity_ampere_hour"] == 1.9
+
+
+def test_curves_from_rests_share_charge_from_full():
+    """1 Ah taken out is the same voltage in both, whatever each record's own capacity is."""
+    tests = [rests(25.0, 2.0, 1.0, "warm"), rests(0.0, 1.6, 1.0, "cold")]
+    found = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
+    cold = found["ocv"][1]
+    assert np.interp(0.5, cold["soc"], cold["ocv_volt"]) == pytest.approx(4 - 1 / 1.6)
+    assert min(cold["ocv_volt"]) == pytest.approx(2.9, abs=1e-5)  # straight on, to the cut-off
+    assert (np.diff(cold["ocv_volt"]) > 0).all()
+    assert cold["measured_soc"] == pytest.approx([0.28, 1.0])

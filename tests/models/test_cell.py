@@ -169,6 +169,15 @@ def test_the_drop_of_a_single_slow_branch_is_put_back():
     )
 
 
+def test_a_curve_from_rests_is_taken_as_it_is():
+    """No current flowed: there is no drop to put back."""
+    rests = curve(truth.OCV_VOLT, branches="rests", discharge_ampere=-0.1)
+    model = cell_model(CELL, basis(rests), [fit_test()], **SETTINGS | {"members": ["1RC"]})
+    assert model["ocv"][0]["branches"] == "rests"
+    soc, found = (np.array(model["ocv"][0][name]) for name in ("soc", "ocv_volt"))
+    np.testing.assert_allclose(found, np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT), atol=1e-9)
+
+
 def still(name="still", *, celsius=0.0):
     rest = np.arange(0.0, 3000.0), np.zeros(3000)
     return fit_test(name, course=rest, celsius=celsius)

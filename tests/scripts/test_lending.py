@@ -74,9 +74,17 @@ def test_each_lender_has_its_own(paths):
     assert lending.lenders([], [], []) == []
 
 
+SLOW, RESTS = [{"test": "ocv", "branches": "both"}], [{"test": "hppc", "branches": "rests"}]
+
+
 @pytest.mark.parametrize(
     ("borrowed", "ocv", "said"),
-    [(None, ["curve"], None), ("R", ["curve"], "OCV borrowed from R"), (None, [], "no OCV")],
+    [
+        (None, SLOW, None),
+        ("R", SLOW, "OCV borrowed from R"),
+        (None, RESTS, "OCV from the rests of hppc"),
+        (None, [], "no OCV"),
+    ],
 )
 def test_what_is_borrowed_or_missing_is_said(borrowed, ocv, said):
     facts = {"capacity_ampere_hour": 1.98765, "capacity_source": "rating"}

@@ -6,7 +6,7 @@ for cell in CELLS:
     names = [
         ("records", TESTS_OF[cell] and tests(cell, *SERIES_KINDS)),
         ("capacity", tests(cell, *CAPACITY_KINDS)),
-        ("ocv", tests(cell, "ocv")),
+        ("ocv", tests(cell, "ocv") or resting(cell)),
         ("resistance", tests(cell, *PULSE_KINDS)),
         ("ica", tests(cell, "ica")),
         ("impedance", tests(cell, "eis")),
@@ -107,7 +107,7 @@ rule figure_capacity:
 
 rule figure_ocv:
     input:
-        lambda w: artefacts("ocv", w.cell, "ocv"),
+        lambda w: artefacts("ocv", w.cell, "ocv") or rest_curves(w.cell),
     output:
         "results/figures/{cell}/ocv.svg",
     log:

@@ -68,8 +68,19 @@ MODELLED = [*IDENTIFIED, *BIASED, *GROUPED]
 SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for cell in MODELLED}
 
 
+def resting(name):
+    """Pulse tests whose rests give an OCV curve, of a cell that was never tested slowly."""
+    return [] if tests(name, "ocv") else tests(name, "hppc", roles=["fit"])
+
+
+def rest_curves(cell):
+    """Their curves."""
+    return [f"results/ocv_rests/{cell}/{row['test']}.parquet" for row in resting(cell)]
+
+
 rule basis:
     input:
+        rests=lambda w: rest_curves(w.cell),
         capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
         ocv=lambda w: fitted("ocv", w.cell, "ocv"),
         lent_ocv=lambda w: [p for c in curve_lenders(w.cell) for p in fitted("ocv", c, "ocv")],

@@ -29,7 +29,7 @@ rule ocv:
     log:
         "logs/ocv/{cell}/{test}.log",
     params:
-        settings=config["ocv"],
+        settings={k: v for k, v in config["ocv"].items() if k != "rest_second"},
         test=test_facts,
         cell=cell_facts,
         code=code_of("ocv"),
@@ -37,6 +37,27 @@ rule ocv:
         "Open-circuit voltage of {wildcards.cell} from the slow test {wildcards.test}."
     script:
         "../../scripts/ocv.py"
+
+
+rule ocv_rests:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+    output:
+        curve="results/ocv_rests/{cell}/{test}.parquet",
+        points="results/ocv_rest_points/{cell}/{test}.parquet",
+    log:
+        "logs/ocv_rests/{cell}/{test}.log",
+    params:
+        rest_second=config["ocv"]["rest_second"],
+        test=test_facts,
+        cell=cell_facts,
+        code=code_of("ocv_rests"),
+    message:
+        "Open-circuit voltage of {wildcards.cell} from the rests of {wildcards.test}."
+    script:
+        "../../scripts/ocv_rests.py"
 
 
 rule resistance:

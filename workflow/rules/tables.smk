@@ -44,6 +44,7 @@ STAGES = [
     *everywhere("clean", *SERIES_KINDS),
     *everywhere("segment", *SERIES_KINDS),
     *everywhere("relaxation", *RELAXATION_KINDS),
+    *[path for cell in CELLS for path in rest_curves(cell)],
     *[f"results/basis/{cell}.json" for cell in CELLS],
     *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
     *[f"results/bias/{cell}.json" for cell in BIASED],

@@ -71,7 +71,8 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
     ready = prepared(cell, basis, tests, **options)
     case, beside, note = _beside(ready.case, references, options)
     found = of_case(cell["cell"], case, library)
-    verdict = found.verdict | {"references": beside}
+    said = " ".join([found.verdict["paragraph"], *ready.caveats])
+    verdict = found.verdict | {"references": beside, "paragraph": said}
     return found._replace(verdict=verdict, notes=(*ready.notes, *note, *found.notes))
 
 

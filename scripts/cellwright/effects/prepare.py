@@ -29,10 +29,11 @@ HOLDS = ("zero_order", "first_order")
 
 
 class Prepared(NamedTuple):
-    """A case, and in words what a reader must know of how it was made."""
+    """A case, in words how it was made, and what weakens a proof by it: part of the verdict."""
 
     case: Case
     notes: tuple
+    caveats: tuple = ()
 
 
 def prepared(cell, basis, tests, *, tolerance, gates, settings):
@@ -57,21 +58,25 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     Refusal : no OCV, nothing to fit, or nothing that judges.
     """
     if not basis["ocv"]:
-        raise Refusal("no OCV curve: neither a slow test of the cell nor one of its type")
+        raise Refusal(
+            "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
+        )
     fitted, judging, notes = _sides(cell, basis, tests, settings)
     if basis["capacity_source"] == "rating":
         tolerance = tolerance._replace(capacity=RATED_CAPACITY)
         notes.append("no measured capacity: the rating, to 5 %")
+    curve = _nearest(basis)
+    caveats = (*_stand_in(tests, judging), *_of_rests(curve, judging))
     capacity = basis["capacity_ampere_hour"]
     most = settings["most_rows"]
     fitted, judging = _thinned(fitted, most, capacity), _thinned(judging, most, capacity)
-    about = base.Cell(capacity, _curve(basis))
+    about = base.Cell(capacity, np.interp(GRID, curve["soc"], curve["ocv_volt"]))
     sides = (fitted, judging)
     cases = []
     for hold in HOLDS:
         both = [stacked(side, capacity_ampere_hour=capacity, hold=hold) for side in sides]
-        cases.append(Case(about, *both, tolerance, gates, slow_gap(_nearest(basis))))
-    return Prepared(min(cases, key=_misfit), tuple(notes))
+        cases.append(Case(about, *both, tolerance, gates, slow_gap(curve)))
+    return Prepared(min(cases, key=_misfit), tuple(notes), caveats)
 
 
 def _sides(cell, basis, tests, settings):
@@ -146,7 +151,7 @@ def celsius_of(facts, series):
 
 
 def _nearest(basis):
-    """OCV curve of the slow test nearest 25 °C."""
+    """OCV curve nearest 25 °C."""
 
     def off(curve):
         celsius = curve["ambient_temperature_celsius"]
@@ -155,10 +160,19 @@ def _nearest(basis):
     return min(basis["ocv"], key=off)
 
 
-def _curve(basis):
-    """The same on an even grid."""
-    curve = _nearest(basis)
-    return np.interp(GRID, curve["soc"], curve["ocv_volt"])
+def _stand_in(tests, judging):
+    """Said where the sheet has no test for validation, and others served for it."""
+    if not any(test.facts["role"] in ("validation", "split") for test in tests):
+        names = ", ".join(record.test for record in judging)
+        yield f"No test of this cell is for validation: {names} judged, unfitted; that is no proof."
+
+
+def _of_rests(curve, judging):
+    """What a judgement is worth where the OCV is that of a test's own rests."""
+    if curve.get("branches") == "rests":
+        own = any(record.test == curve["test"] for record in judging)
+        also = "it is one of those that judge" if own else "what they had not relaxed is in it"
+        yield f"The open-circuit voltage is from the rests of {curve['test']}: {also}."
 
 
 def _thinned(records, most_rows, capacity_ampere_hour):

@@ -22,14 +22,26 @@ class Lender(NamedTuple):
     capacities: list
 
 
-def basis(cell, curves, capacities, lenders, *, rated_capacity_ampere_hour=None):
+def basis(
+    cell,
+    curves,
+    capacities,
+    lenders,
+    *,
+    rests=(),
+    rated_capacity_ampere_hour=None,
+    lower_cutoff_volt=-np.inf,
+):
     """Capacity and OCV curves that a cell's SoC, 0 to 1, refers to.
 
     1. With slow tests of its own, the cell's SoC refers to the capacity of the one nearest 25 °C,
     the earliest of them. 2. Without, the curves of the reference cell of its type are borrowed (the
     first marked one, else the largest); the capacity is the cell's own, carried from the rate of
     its test to the slow rate by the reference cell's ratio where that has a test at both rates.
-    3. Without a capacity test the rating serves. What was taken is said in `capacity_source`.
+    3. Without a lender, the curves are those from the rests of its own pulse tests, one for each
+    temperature, the slowest; the capacity is that of the one nearest 25 °C, and all of them are put
+    on its scale, full at 1. 4. Without any curve the capacity is the cell's own, without a
+    capacity test the rating. What was taken is said in `capacity_source`.
 
     Parameters
     ----------
@@ -38,7 +50,9 @@ def basis(cell, curves, capacities, lenders, *, rated_capacity_ampere_hour=None)
         soc, ocv_volt and what else the OCV stage gives.
     capacities : list of dict, rows of the capacity stage with ambient_temperature_celsius.
     lenders : list of Lender.
+    rests : list of dict, as `curves`, one a pulse test, with capacity_source besides.
     rated_capacity_ampere_hour : [Ah] or None.
+    lower_cutoff_volt : a curve from rests is not continued below it [V].
 
     Returns
     -------
@@ -55,6 +69,8 @@ def basis(cell, curves, capacities, lenders, *, rated_capacity_ampere_hour=None)
         capacity, source = _slow_capacity(min(curves, key=_first_choice))
         return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
     lender = reference_of([one for one in lenders if one.curves], capacity=_largest)
+    if not lender and rests:
+        return found | _from_rests(rests, lower_cutoff_volt)
     if lender:
         found |= {"borrowed_from": lender.cell, "ocv": lender.curves}
     capacity, source = _own_capacity(capacities, lender, rated_capacity_ampere_hour)
@@ -91,6 +107,46 @@ def reference_of(cells, *, capacity):
     """
     marked = [cell for cell in cells if cell.marked]
     return marked[0] if marked else max(cells, key=capacity, default=None)
+
+
+def _from_rests(curves, lower_cutoff_volt):
+    """One curve a temperature, all on the scale of the one nearest 25 °C, which stands first."""
+    warmest = sorted(curves, key=lambda c: (*_first_choice(c), -_celsius(c), _load(c)))
+    chosen = []
+    for curve in warmest:
+        same = [c for c in warmest if abs(_celsius(c) - _celsius(curve)) < SAME_CELSIUS]
+        slowest = min(same, key=lambda c: (c["cycle"] or 0, _load(c)))
+        chosen += [slowest] if slowest not in chosen else []
+    capacity, source = (chosen[0][name] for name in ("capacity_ampere_hour", "capacity_source"))
+    if source != "rating":
+        source += f" (rests of {chosen[0]['test']})"
+    scaled = [_on_scale(curve, capacity, lower_cutoff_volt) for curve in chosen]
+    return {"ocv": scaled, "capacity_ampere_hour": capacity, "capacity_source": source}
+
+
+def _load(curve):
+    """Current of the loads between the rests [A], as exactly as tests of one protocol repeat it."""
+    sides = (curve["discharge_current_ampere"], curve["charge_current_ampere"])
+    largest = max((abs(side) for side in sides if side is not None), default=0.0)
+    return float(f"{largest:.2g}")
+
+
+# ASSUME: Tests whose rests make OCV curves begin equally full, and charge from full tells the OCV.
+def _on_scale(curve, capacity, lower_cutoff_volt):
+    """A curve over the SoC of another capacity, continued straight where that one is larger."""
+    soc, volt = (np.asarray(curve[name], float) for name in ("soc", "ocv_volt"))
+    if curve["capacity_ampere_hour"] == capacity:
+        return curve
+    ratio = capacity / curve["capacity_ampere_hour"]
+    own = 1 - (1 - soc) * ratio
+    slope = (np.interp(0.05, soc, volt) - volt[0]) / 0.05
+    floor = min(lower_cutoff_volt, volt[0])
+    below = np.maximum(volt[0] + slope * own, floor) + 1e-6 * soc
+    low, high = curve["measured_soc"]
+    return curve | {
+        "ocv_volt": np.where(own < 0, below, np.interp(own, soc, volt)).tolist(),
+        "measured_soc": [max(1 - (1 - low) / ratio, 0.0), 1 - (1 - high) / ratio],
+    }
 
 
 def _slow_capacity(curve):

@@ -74,7 +74,9 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         No OCV, or no condition could be identified; the reasons are named.
     """
     if not basis["ocv"]:
-        raise Refusal("no OCV curve: neither a slow test of the cell nor one of its type")
+        raise Refusal(
+            "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
+        )
     young, later = _by_age(tests)
     groups, notes = groups_of(young, basis, cell, split_rest_second=split_rest_second)
     if later:
@@ -180,7 +182,7 @@ def _condition(group, energy, basis, members, split_rest_second, diffusion, limi
     capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], group.celsius)
     settings = {"capacity_ampere_hour": capacity, "celsius": group.celsius}
     data, notes = _data(group, basis), []
-    if curve["branches"] != "both":
+    if curve["branches"] in ("discharge", "charge"):
         slow = curve[f"{curve['branches']}_current_ampere"]
         first = identify(data, member_named("DRT"), **settings).condition
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))

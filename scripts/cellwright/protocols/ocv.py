@@ -23,8 +23,9 @@ class OcvCurve(NamedTuple):
     soc : 0 to 1. ocv_volt : rises strictly [V]. discharge_volt, charge_volt : as measured under
     the slow current [V]. half_gap_volt : half their distance, hysteresis and current times
     resistance together [V]. capacity_ampere_hour, charge_capacity_ampere_hour : taken out, and
-    put back in [Ah]. branches : "both", "discharge" or "charge". discharge_current_ampere,
-    charge_current_ampere : signed [A]. joined_by : "mean", "equilibrium" or "single".
+    put back in [Ah]. branches : "both", "discharge" or "charge", or "rests" (`ocv_rests`).
+    discharge_current_ampere, charge_current_ampere : signed [A]. joined_by : "mean", "equilibrium"
+    or "single".
     measured_soc : range in which all that `joined_by` needs was measured; beyond it the curve
     is extended. moved_volt : largest change to a sample or to the table to have them rise [V].
     note : what is odd, or "".
@@ -93,10 +94,10 @@ def slow_ocv(
     charge_volt, moved_back = _branch(charge, voltage, net_charge, soc)
     joined_by = _way(discharge, charge, join)
     ocv, measured = joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by)
-    rising = _rising(ocv)
+    table = rising(ocv)
     return OcvCurve(
         soc=soc,
-        ocv_volt=rising,
+        ocv_volt=table,
         discharge_volt=discharge_volt,
         charge_volt=charge_volt,
         half_gap_volt=(charge_volt - discharge_volt) / 2,
@@ -107,7 +108,7 @@ def slow_ocv(
         charge_current_ampere=charge.current_ampere if charge else np.nan,
         joined_by=joined_by,
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
-        moved_volt=float(max(moved_out, moved_back, np.abs(rising - ocv).max())),
+        moved_volt=float(max(moved_out, moved_back, np.abs(table - ocv).max())),
         note=_balance(discharge, charge),
     )
 
@@ -155,11 +156,11 @@ def _branch(leg, voltage, net_charge, soc):
     own = moved if leg.sign > 0 else 1 - moved
     order = np.argsort(own, kind="stable")
     measured = voltage[leg.rows][order]
-    rising = isotonic_regression(measured).x
+    monotone = isotonic_regression(measured).x
     inside = np.clip(soc, own.min(), own.max())
     reached = np.abs(soc - inside) < 0.5 * soc[1]
-    means = _cell_means(own[order], rising, inside, 0.5 * soc[1])
-    return np.where(reached, means, np.nan), np.abs(rising - measured).max()
+    means = _cell_means(own[order], monotone, inside, 0.5 * soc[1])
+    return np.where(reached, means, np.nan), np.abs(monotone - measured).max()
 
 
 def _cell_means(soc, voltage, at, half_width):
@@ -181,8 +182,13 @@ def _way(discharge, charge, join):
     return own_way if join == "auto" else join
 
 
-def _rising(ocv):
-    """The nearest table that rises strictly: a microvolt over the range makes plateaus rise."""
+def rising(ocv):
+    """The nearest table that rises strictly: a microvolt over the range makes plateaus rise.
+
+    Parameters
+    ----------
+    ocv : (n,) over ascending SoC [V].
+    """
     from scipy.optimize import isotonic_regression
 
     return isotonic_regression(ocv).x + 1e-6 * np.linspace(0.0, 1.0, len(ocv))

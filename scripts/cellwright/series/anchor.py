@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.refusal import Refusal
 
 REST_C_RATE = 0.004
+START_C_RATE = 0.02  # of one row: its noise, or a leak that moves the voltage by a millivolt
 SPANNED = 0.9  # of the capacity: a record that moves so much has its place on the scale
 CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
 
@@ -69,7 +70,7 @@ def soc_series(
     full = full_row(rate, voltage_volt, upper_cutoff_volt, full_c_rate=full_c_rate)
     if full is not None:
         return Anchored(1.0 + counted - counted[full], "end of the full charge in the record")
-    if ocv_soc is not None and abs(rate[0]) <= REST_C_RATE:
+    if ocv_soc is not None and abs(rate[0]) <= START_C_RATE:
         start = _look_up(voltage_volt[0], ocv_soc, ocv_volt)
         return Anchored(start + counted - counted[0], "rest voltage at the start, by the OCV table")
     span = float(np.ptp(counted))
