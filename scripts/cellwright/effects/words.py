@@ -102,8 +102,10 @@ def number(p):
 
 def _sureness(one):
     both = one["validation_rmse_volt"]
+    # Fitted anew with the noise of the next round, an effect may lose what it had gained.
+    goes = "falls" if both["after"] < both["before"] else "does not fall: it goes"
     text = (
-        f" With it the error on those records falls from {millivolt(both['before'])} to "
+        f" With it the error on those records {goes} from {millivolt(both['before'])} to "
         f"{millivolt(both['after'])}."
     )
     bounds = [name for name, p in one["parameters"].items() if p["at_bound"]]
