@@ -13,7 +13,8 @@ INTRODUCTION = """\
 An artefact lies in `results/<stage>/<cell or group>/<test>.parquet`; of `parameters` and of stages
 that begin with `temperature` or `resistance_surface` there is one per cell,
 `results/<stage>/<cell>.parquet`. `tables/…` and
-`summary` are CSV, and so is `export/lookup`, `results/export/<cell>/lookup.csv`. The parts of
+`summary` are CSV, and so are `export/lookup` and `export/over_temperature`,
+`results/export/<cell>/….csv`. The parts of
 `missing_effect/…` lie in `results/missing_effect/<cell>/`. Each is held against these columns and
 ranges as it is written. A column in parentheses may be absent: not every instrument records it. In
 `<k>` and `<model>` stand the number of a branch or pair and a member of the circuit family.

@@ -3,6 +3,7 @@
 import artefact
 from cellwright.models.exports import lookup_table, pybamm_document
 from cellwright.models.instrument import words_of
+from cellwright.models.over_temperature import temperature_table
 from cellwright.models.plain import plain_member
 
 with artefact.Job(snakemake) as job:
@@ -16,3 +17,4 @@ with artefact.Job(snakemake) as job:
     if member != model["chosen"]:
         job.note(f"the look-up table holds {member}: {model['chosen']} is more than RC pairs")
     job.save(lookup_table(model, member), snakemake.output.lookup)
+    job.save(temperature_table(model, None), snakemake.output.temperature)

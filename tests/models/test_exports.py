@@ -73,6 +73,7 @@ def exported(tmp_path, monkeypatch):
         source.write_text(json.dumps(model | {"provenance": about}))
         folder = "results/export/A"
         outputs = {"pybamm": f"{folder}/pybamm_thevenin.json", "lookup": f"{folder}/lookup.csv"}
+        outputs["temperature"] = f"{folder}/over_temperature.csv"
         names = ("input", "output", "params", "wildcards", "log")
         lists = [_Named(), _Named(outputs), _Named(code="x"), _Named(cell="A"), ["job.log"]]
         lists[0].append(str(source))

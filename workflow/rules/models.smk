@@ -223,7 +223,7 @@ rule model:
 
 EXPORTED = {
     kind: [f"results/export/{cell}/{kind}" for cell in MODELLED]
-    for kind in ("pybamm_thevenin.json", "lookup.csv")
+    for kind in ("pybamm_thevenin.json", "lookup.csv", "over_temperature.csv")
 }
 
 
@@ -233,6 +233,7 @@ rule export:
     output:
         pybamm="results/export/{cell}/pybamm_thevenin.json",
         lookup="results/export/{cell}/lookup.csv",
+        temperature="results/export/{cell}/over_temperature.csv",
     log:
         "logs/export/{cell}.log",
     wildcard_constraints:

@@ -11,6 +11,7 @@ FINAL = [
     *[f"results/tables/{table}.csv" for table in TABLES],
     *STAGES,
     *EXPORTED["lookup.csv"],
+    *EXPORTED["over_temperature.csv"],
     *VERDICTS,
     *[f"results/missing_effect/{cell}/{part}" for cell in ASKED for part in EFFECT_PARTS],
     *[f"results/missing_effect/{g}/{part}" for g in GROUPS_ASKED for part in GROUP_PARTS],
