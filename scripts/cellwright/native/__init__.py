@@ -37,7 +37,8 @@ def function(name, *types, result=None):
     library = _library()
     if library is None:
         return None
-    kernel = getattr(library, name)
+    # By key, which makes a function of its own; by attribute all callers would share one's types.
+    kernel = library[name]
     kernel.argtypes, kernel.restype = types, result
     return kernel
 

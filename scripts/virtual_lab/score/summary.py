@@ -13,6 +13,11 @@ QUANTITIES = {
     "ocv": ("ocv_volt", "rmse_volt"),
     "eis": ("r_ohmic_ohm", "r_charge_transfer_ohm", "cpe_t", "cpe_p", "warburg_y0"),
     "temperature": ("",),
+    "temperature_prediction": ("",),
+    "capacity_loss": ("",),
+    "ica_temperature": ("",),
+    "fast_charge": ("",),
+    "ageing": ("",),
     "ica": ("voltage_volt", "height_ampere_hour_per_volt", "area_ampere_hour"),
     "health": (
         *("capacity_ampere_hour", "soh", "knee_cycle", "remaining_cycles"),
