@@ -122,7 +122,7 @@ def _curves(records, row, steps):
                 file_index=columns["file_index"],
                 lower_cutoff_volt=row["lower_cutoff_volt"],
                 upper_cutoff_volt=row["upper_cutoff_volt"],
-                **steps.ocv,
+                least_hour=steps.ocv["least_hour"],
             )
             found.append(_who(facts) | {name: _plain(v) for name, v in curve._asdict().items()})
     return found
