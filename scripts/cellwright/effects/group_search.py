@@ -179,8 +179,8 @@ def _chosen(gates, before, trials, floor):
     """The best trial that passes the gates, and those as good."""
     worst = max(before.gap_volt, before.validation_gap_volt)
     passed = [t for t in trials if passes(gates, before, t)]
-    enough = gates.adequate_volt if before.placed else 0.0
-    if worst <= max(gates.nothing_ratio * floor, enough) or not passed:
+    # A gap that may be left behind needs no explanation to begin with.
+    if worst <= max(gates.nothing_ratio * floor, gates.adequate_volt) or not passed:
         return None, ()
     best = passed[0]
     near = max(gates.tie_absolute, gates.tie_relative * best.j)
