@@ -96,3 +96,14 @@ def _squares(columns, target, variance):
     if not (variance > 0).all():
         return np.inf
     return float(np.sum(_weighted(columns, target, variance)[1] ** 2))
+
+
+def r_squared(value, predicted):
+    """Share of the variance that a prediction explains; NaN where nothing varies.
+
+    Parameters
+    ----------
+    value, predicted : (n,) in one unit.
+    """
+    spread = np.sum((value - value.mean()) ** 2)
+    return float(1 - np.sum((value - predicted) ** 2) / spread) if spread > 0 else np.nan

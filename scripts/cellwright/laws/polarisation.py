@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.lines import FEWEST_TEMPERATURES, soc_lines, temperature_lines
 from cellwright.laws.points import fresh
 from cellwright.laws.temperature import rows_of
+from cellwright.laws.tested_lines import FEWEST_TEMPERATURES, soc_lines, temperature_lines
 from cellwright.refusal import Refusal
 
 QUANTITIES = {"a": "V", "b": "V", "tau1": "s", "tau2": "s"}

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.line import fit_line
+from cellwright.laws.line import fit_line, r_squared
 from cellwright.refusal import Refusal
 
 GAS_CONSTANT = 8.314462618  # J/(mol K)
@@ -215,19 +215,14 @@ def _law(law, names, units, line, celsius, value, target):
         names=names,
         units=units,
         **{name: getattr(line, name) for name in ("values", "std", "lower", "upper")},
-        r_squared=_r_squared(value, predicted),
-        line_r_squared=_r_squared(target, on_line),
+        r_squared=r_squared(value, predicted),
+        line_r_squared=r_squared(target, on_line),
         cross_validation_rmse=np.nan,
         excess_std=line.excess_std,
         tested_celsius=(float(celsius.min()), float(celsius.max())),
         chosen=False,
         reason="as many data as parameters: no scatter to tell" if unproven else "",
     )
-
-
-def _r_squared(value, predicted):
-    spread = np.sum((value - value.mean()) ** 2)
-    return float(1 - np.sum((value - predicted) ** 2) / spread) if spread > 0 else np.nan
 
 
 def _left_out(name, celsius, value, std):

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from cellwright.laws.temperature import ZERO_CELSIUS, Law, arrhenius_law
+from cellwright.laws.line import r_squared
+from cellwright.laws.temperature import REFERENCE, ZERO_CELSIUS, Law, inverse_temperature
 from cellwright.refusal import Refusal
 from cellwright.uncertainty import covariance_from_jacobian, standard_deviations, t_interval
 
@@ -35,9 +36,8 @@ def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
         raise Refusal(f"{found} temperature(s); a law over temperature needs three")
     if not (np.isfinite(value) & (value > 0)).all():
         raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
-    near = celsius + ZERO_CELSIUS - 298.15
-    # ln of the law with a unit activation energy is the axis on which it is a line.
-    inverse = np.log(arrhenius_law(celsius, 1.0, 1.0))
+    near = celsius + ZERO_CELSIUS - REFERENCE
+    inverse = inverse_temperature(celsius)
     columns = np.stack([near, np.ones(len(near))], axis=1)
     linear = _with_p(_line(columns, value, level), len(value) - 2)._replace(law="linear")
     names, units = ("slope", "value_at_25_celsius", "slope_p_value"), (f"{unit}/K", unit, "1")
@@ -94,7 +94,7 @@ def _arrhenius(inverse, value, level):
         std=line.std * scale,
         lower=ends[1],
         upper=ends[2],
-        r_squared=_r_squared(value, np.exp(columns @ line.values)),
+        r_squared=r_squared(value, np.exp(columns @ line.values)),
         cross_validation_rmse=_rms(np.exp(left) - value),
     )
 
@@ -113,7 +113,7 @@ def _line(columns, value, level):
         values,
         std,
         *t_interval(values, std, freedom, level=level),
-        _r_squared(value, columns @ values),
+        r_squared(value, columns @ values),
         _rms(left - value),
         False,
         "",
@@ -146,11 +146,6 @@ def _without(place, columns, value):
 def _chosen(first, second):
     better = first.cross_validation_rmse <= second.cross_validation_rmse
     return first._replace(chosen=better), second._replace(chosen=not better)
-
-
-def _r_squared(value, predicted):
-    spread = np.sum((value - value.mean()) ** 2)
-    return float(1 - np.sum((value - predicted) ** 2) / spread) if spread > 0 else np.nan
 
 
 def _rms(error):
