@@ -116,6 +116,11 @@ def load_all(paths) -> list[tuple[dict, dict]]:
     return [(load(path), about) for path, about in abouts if about["reason"] is None]
 
 
+def load_first(paths):
+    """Content of the first artefact that is not empty for a reason; None where there is none."""
+    return next((content for content, _ in load_all(paths)), None)
+
+
 def load_some(paths) -> list[tuple[dict, dict]]:
     """As `load_all`, for where at least one is needed.
 

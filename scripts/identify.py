@@ -9,5 +9,5 @@ with artefact.Job(snakemake) as job:
     basis = job.load(snakemake.input.basis)
     settings = {name: snakemake.params.settings[name] for name in ("members", "split_rest_second")}
     model = cell_model(snakemake.params.cell, basis, tests, **settings)
-    job.note(*model["notes"], model["choice"])
+    job.note(*model["notes"])
     job.save(model)

@@ -90,9 +90,20 @@ def _page(name, params, tables, abouts, known) -> dict:
         "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
         "proofs": [_picture(path, known) for path in pictures if Path(path).stem in PROOFS],
         "pictures": [_picture(path, known) for path in pictures if Path(path).stem not in PROOFS],
+        "choice": _choice([row for row in tables["choice"] if row["cell"] == name]),
         "tables": {table: _short(found) for table, found in rows.items() if found},
         "notes": [*([NO_MODEL] if unmodelled else []), *_notes(name, abouts)],
     }
+
+
+def _choice(rows) -> dict:
+    """Errors of each member by temperature, and why it is the chosen one or not; none: empty."""
+    celsius = list(dict.fromkeys(row["ambient_temperature_celsius"] for row in rows))
+    members = {}
+    for row in rows:
+        about = {"chosen": row["chosen"] == "True", "reason": row["reason"], "errors": []}
+        members.setdefault(row["model"], about)["errors"].append(row)
+    return {"celsius": celsius, "members": members} if rows else {}
 
 
 def _short(rows) -> dict:

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from cellwright.effects import base
-from cellwright.effects.in_model_file import with_effects
+from cellwright.effects.in_model_file import finished, with_effects
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.model import KNOTS, NAME, effect_member, temperatures
 from cellwright.effects.records import Record, stacked
 from cellwright.models.bank import bank_of
-from cellwright.models.cell import FitTest
+from cellwright.models.cell import FitTest, cell_model
+from cellwright.models.choice import fitted_records
 from cellwright.models.exports import pybamm_document
 from cellwright.models.instrument import words_of
 from cellwright.models.lookup import simulate_model
@@ -188,41 +189,118 @@ def series_of(given):
 SHEET = {"cell": "A", "lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.4}
 
 
-def chosen_of(given, tests, scale=1.0):
-    return with_effects(family(scale), given, SHEET, tests, split_rest_second=300.0)
+BASIS = {"capacity_ampere_hour": CAPACITY, "borrowed_from": None}
+CURVE = {"test": "ocv", "ambient_temperature_celsius": 25.0, "branches": "both"}
+BASIS |= {"ocv": [CURVE | {"soc": SOC.tolist(), "ocv_volt": OCV.tolist()}]}
+MEMBERS = {"members": ["0RC", "1RC"], "split_rest_second": 200.0}
+SPANS = [(0.0, 1799.0), (1800.0, 3599.0), (3600.0, 5399.0)]  # a load and the rest behind it
 
 
-def test_the_better_of_both_is_chosen_by_the_records_of_role_fit():
-    given = found("resistance_temperature", "leakage")
-    model = chosen_of(given, series_of(given))
+def folds_of(given, *changes):
+    """Folds that leave out the blocks of both tests in turn; `changes` : of the values of each."""
+    changes = changes or ({},) * len(SPANS)
+    tests = [f"D{celsius:g}" for celsius in CELSIUS]
+    return [
+        {"values": given["values"] | change, "blocks": [[test, *span] for test in tests]}
+        for change, span in zip(changes, SPANS, strict=True)
+    ]
+
+
+def family_of(tests):
+    """A model of the family identified from the tests, with its scores."""
+    return cell_model(SHEET, BASIS, tests, **MEMBERS)
+
+
+def finished_of(given, tests, folds=None):
+    found = given | {"folds": folds_of(given) if folds is None else folds}
+    return finished(family_of(tests), BASIS, SHEET, tests, found, split_rest_second=200.0)
+
+
+def test_the_better_of_both_is_chosen_by_blocks_that_were_left_out():
+    given = found("resistance_asymmetry", "current_gain")
+    model, rows = finished_of(given, series_of(given))
     assert model["chosen"] == NAME
-    assert "validation took no part" in model["choice"]
-    assert "2RC by" in model["choice"]
-    assert model["members"][-1]["conditions"][0]["fit_rmse_volt"] < 1e-4
-    worse = found("resistance_temperature", "voltage_offset", log_r0=np.log(0.09))
-    assert chosen_of(worse, series_of(given))["chosen"] == "2RC"
+    assert f"{NAME} chosen, clearly before 1RC" in model["choice"]
+    assert model["members"][-1]["conditions"][0]["fit_rmse_volt"] < 2e-4
+    assert {row["model"] for row in rows} == {"0RC", "1RC", NAME}
+    assert [row["ambient_temperature_celsius"] for row in rows[:2]] == list(CELSIUS)
+    (reason,) = {row["reason"] for row in rows if row["model"] == "1RC"}
+    assert reason == f"{NAME} is better beyond chance"
+    assert all(row["chosen"] == (row["model"] == NAME) for row in rows)
 
 
-def test_without_effects_the_model_is_left_as_it_was():
+def test_a_member_that_simulates_badly_is_not_chosen_and_told_so():
+    given = found("resistance_asymmetry", "current_gain")
+    worse = found("resistance_asymmetry", "current_gain", log_r0=np.log(0.09))
+    model, rows = finished_of(worse, series_of(given))
+    assert model["chosen"] == "1RC"
+    (reason,) = {row["reason"] for row in rows if row["model"] == NAME}
+    assert "over the records fitted, 1RC by" in reason
+
+
+def test_what_is_good_only_where_it_was_fitted_is_not_chosen():
+    """A model that without a block would have been off by 30 mV there has not understood it."""
+    given = found("resistance_asymmetry", "current_gain")
+    folds = folds_of(given, *({"ocv[20]": 0.3, "ocv[40]": -0.3, "log_r0": np.log(0.08)},) * 3)
+    model, rows = finished_of(given, series_of(given), folds)
+    assert model["chosen"] == "1RC"
+    (reason,) = {row["reason"] for row in rows if row["model"] == NAME}
+    assert reason.startswith("not better than 1RC beyond chance")
+
+
+def test_each_block_is_predicted_by_the_model_fitted_without_it():
+    given = found("voltage_offset")
+    name = "voltage_offset.offset_volt"
+    off = [{name: given["values"][name] + volt} for volt in (0.01, 0.02, 0.04)]
+    tests = series_of(given)
+    conditions = fitted_records(family_of(tests), BASIS, SHEET, tests, split_rest_second=200.0)
+    searched = given | {"folds": folds_of(given, *off)}
+    _, scores = with_effects(family_of(tests), searched, tests, conditions)
+    for score in scores:
+        np.testing.assert_allclose(np.sqrt(score.square_volt2), [0.01, 0.02, 0.04], atol=2e-4)
+    unseen = given | {"folds": []}
+    _, scores = with_effects(family_of(tests), unseen, tests, conditions)
+    assert max(score.square_volt2.max() for score in scores) < 1e-7
+
+
+def test_without_effects_the_family_is_judged_alone():
+    tests = series_of(found("resistance_temperature"))
+    model, rows = finished_of(found(), tests)
+    assert model["chosen"] == "1RC"
+    assert {row["model"] for row in rows} == {"0RC", "1RC"}
+
+
+def test_a_borrowed_model_is_left_as_it_is():
     model = family()
-    assert with_effects(model, found(), SHEET, [], split_rest_second=300.0) is model
+    again = finished(model, BASIS, SHEET, [], found("leakage"), split_rest_second=200.0)
+    assert again == (model, [])
 
 
-def test_records_that_cannot_be_counted_take_no_part_and_are_named():
-    given = found("resistance_temperature")
-    first, second = series_of(given)
-    lost = FitTest(second.facts | {"soc": None}, second.series)
-    lost.series["current_ampere"] = lost.series["current_ampere"] - 1.0
-    model = chosen_of(given, [first, lost])
-    assert any("D28 took no part" in note for note in model["notes"])
-    with pytest.raises(Refusal, match="D28 took no part"):
-        chosen_of(given, [lost])
+def test_effects_that_no_model_file_holds_cost_the_cell_only_that_member():
+    tests = series_of(found("resistance_temperature"))
+    model, _ = finished_of(found() | {"effects": ["gremlins"]}, tests)
+    assert model["chosen"] == "1RC"
+    assert any("not made: effects gremlins" in note for note in model["notes"])
+
+
+def test_records_that_are_gone_are_a_refusal():
+    tests = series_of(found("resistance_temperature"))
+    with pytest.raises(Refusal, match="D28 cannot be read again"):
+        fitted_records(family_of(tests), BASIS, SHEET, tests[:1], split_rest_second=200.0)
+
+
+def holding(given):
+    """A model of the family beside the member of the effects found."""
+    model = family()
+    member = effect_member(given, model, temperatures_of(given))
+    for condition in member["conditions"]:
+        condition |= {"fit_rmse_volt": 1e-3, "samples": 10}
+    return model | {"members": [*model["members"], member]}
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_every_member_is_a_bank_and_rows_and_an_export_or_a_reason(effect):
-    given = found(effect)
-    model = chosen_of(given, series_of(given))
+    model = holding(found(effect))
     bank = bank_of(model, NAME, 20.0)
     assert np.isfinite(bank.ocv_volt).all()
     assert len(bank.elements) >= 3
@@ -235,7 +313,7 @@ def test_every_member_is_a_bank_and_rows_and_an_export_or_a_reason(effect):
 def test_a_filter_sees_the_true_current_and_voltage():
     given = found("current_offset", "voltage_offset", "voltage_gain", "capacity_error")
     tests = series_of(given)
-    model = chosen_of(given, tests)
+    model = holding(given)
     record = _record(model | {"chosen": NAME}, SHEET, *tests[0], 300.0)
     true = tests[0].series["current_ampere"] - 0.02
     np.testing.assert_allclose(record.current_ampere, true)

@@ -185,11 +185,12 @@ def effects_of(wildcards):
     return [found] if wildcards.cell in SEARCHED else []
 
 
-def effect_series(wildcards):
-    """What decides whether the model with effects is chosen: tests that take part in fits."""
-    rows = tests(wildcards.cell, *EFFECT_KINDS, roles=["fit", "split"])
-    used = rows if wildcards.cell in SEARCHED else []
-    return [f"results/clean/{wildcards.cell}/{row['test']}.parquet" for row in used]
+def choice_series(wildcards):
+    """What decides which member a model uses: the tests that it was fitted to."""
+    cell = wildcards.cell
+    searched = tests(cell, *EFFECT_KINDS, roles=["fit", "split"]) if cell in SEARCHED else []
+    also = [f"results/clean/{cell}/{row['test']}.parquet" for row in searched]
+    return list(dict.fromkeys([*fit_series(cell), *also])) if cell in IDENTIFIED else []
 
 
 def law_of(wildcards):
@@ -201,12 +202,14 @@ def law_of(wildcards):
 rule model:
     input:
         source=source_of_model,
+        basis=lambda w: [f"results/basis/{w.cell}.json"] if w.cell in IDENTIFIED else [],
         law=law_of,
         effects=effects_of,
-        series=effect_series,
+        series=choice_series,
     output:
         model="results/models/{cell}.json",
         parameters="results/parameters/{cell}.parquet",
+        choice="results/choice/{cell}.parquet",
     log:
         "logs/model/{cell}.log",
     wildcard_constraints:

@@ -32,6 +32,7 @@ TABLE_INPUTS = {
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
+    "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
     "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],

@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.effects import base, plain, ties
 from cellwright.effects.case import Gates, filters_of, steep
 from cellwright.effects.evidence import evidence
+from cellwright.effects.left_out import folds
 from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planner import next_test
 from cellwright.effects.prepare import prepared
@@ -70,7 +71,7 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
     ready = prepared(cell, basis, tests, **options)
     case, beside, note = _beside(ready.case, references, options)
-    found = of_case(cell["cell"], case, library)
+    found = of_case(cell["cell"], case, library, split_rest_second=settings["split_rest_second"])
     said = " ".join([found.verdict["paragraph"], *ready.caveats])
     verdict = found.verdict | {"references": beside, "paragraph": said}
     return found._replace(verdict=verdict, notes=(*ready.notes, *note, *found.notes))
@@ -99,8 +100,12 @@ def settings_of(settings):
     return gates, plain.Tolerance(**given)
 
 
-def of_case(name, case, library):
-    """As `missing_effect`, for a case that stands already."""
+def of_case(name, case, library, *, split_rest_second=None):
+    """As `missing_effect`, for a case that stands already.
+
+    split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
+    without blocks, which only a choice between models asks for.
+    """
     rounds = search(case, library)
     found = outcome(rounds, case.gates)
     left = _map(case, rounds[0].before, found.last)
@@ -114,6 +119,11 @@ def of_case(name, case, library):
         name, found, case.gates, rounds, left, next_test=advice, not_testable=untestable
     )
     verdict["paragraph"] = paragraph(verdict, library)
+    kept = bool(found.steps) and found.word in KEPT
+    model = model_of(case, found.last if kept else rounds[0].before)
+    if kept and split_rest_second is not None:
+        again = {"split_rest_second": split_rest_second}
+        model["folds"] = folds(case, found.last, rounds[-1].noise, **again)
     return Finding(
         verdict,
         _ranking(rounds, case.gates),
@@ -122,7 +132,7 @@ def of_case(name, case, library):
         _series(case, rounds[0].before, found.last),
         _confounding(case, rounds, library),
         menu,
-        model_of(case, found.last if found.word in KEPT else rounds[0].before),
+        model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
     )
 

@@ -1,96 +1,107 @@
-"""Whether a cell's model is better with the effects that were found: by what it was fitted to."""
+"""The effects that were found as a member of the cell's model, judged like every other member."""
 
 import numpy as np
 
 from cellwright.effects.model import NAME, effect_member, temperatures
-from cellwright.models.basis import soc_of
+from cellwright.models.choice import decided, errors_of, fitted_records
 from cellwright.models.groups import course_celsius
 from cellwright.models.instrument import words_of
-from cellwright.models.lookup import simulate_model
-from cellwright.models.split import fit_mask
+from cellwright.models.selection import Score
 from cellwright.refusal import Refusal
-from cellwright.series.anchor import REST_C_RATE
 
 
-def with_effects(model, found, cell, tests, *, split_rest_second):
-    """A cell's model with a member that holds the effects found.
-
-    It becomes the chosen one where it errs less than the chosen member of the family over the
-    same records, those of role fit (of role split the odd blocks); both run from the counted SoC.
+def finished(model, basis, cell, tests, found, *, split_rest_second):
+    """A cell's model as the pipeline uses it: with the effects found, and its member chosen.
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2.
-    found : dict, see `model.effect_member`. cell : dict, the cell's row of the sheet.
-    tests : list of `models.cell.FitTest`: those that the effects were searched in.
+    model : dict of schema cellwright-model/2, from whatever source.
+    basis : dict, from `models.basis.basis`. cell : dict, the cell's row of the sheet.
+    tests : list of models.cell.FitTest: those fitted, and those that effects were searched in.
+    found : dict, see `with_effects`, or None where nothing was searched.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
 
     Returns
     -------
-    model : dict of the same schema; the one given where nothing was found.
+    model : dict of the same schema. rows : list of dict, see `models.choice.decided`; none for a
+        borrowed model, whose cell has no records that its members were fitted to.
+    """
+    if not model.get("left_out"):
+        return model, []
+    conditions = fitted_records(model, basis, cell, tests, split_rest_second=split_rest_second)
+    scores = {}
+    if found and found["effects"]:
+        try:
+            model, scores[NAME] = with_effects(model, found, tests, conditions)
+        except Refusal as refusal:
+            model = model | {"notes": [*model["notes"], f"{NAME} not made: {refusal}"]}
+    return decided(model, conditions, scores)
+
+
+def with_effects(model, found, tests, conditions):
+    """A cell's model with a member that holds the effects found, and that member's scores.
+
+    Every block of the records fitted is predicted by the effects' model fitted without that block;
+    a record that took no part in the search's fit by the model as it is.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2.
+    found : dict, see `model.effect_member`, with `folds` (`left_out.folds`).
+    tests : list of models.cell.FitTest, whose temperatures the member is to hold.
+    conditions : list of lists of choice.FittedRecord, one a condition of the model.
+
+    Returns
+    -------
+    model : dict of the same schema, the member last. scores : list of Score, one a condition, of
+        the same blocks as the family's.
 
     Raises
     ------
-    Refusal : none of the records can be simulated; as `effect_member`.
+    Refusal : as `effect_member`.
     """
-    if not found["effects"]:
-        return model
-    usable, notes = _usable(model, cell, tests, split_rest_second)
-    courses = [course_celsius(test.facts, test.series)[0] for test, _, _ in usable]
-    stated = [test.facts["ambient_temperature_celsius"] for test, _, _ in usable]
+    records = [one for part in conditions for one in part]
+    courses = [course_celsius(test.facts, test.series)[0] for test in tests]
+    stated = [test.facts["ambient_temperature_celsius"] for test in tests]
     known = temperatures(courses, stated, found["effects"])
-    member = effect_member(found, model, known)
-    wider = model | {"members": [*model["members"], member]}
-    own, family = (_rms(wider, name, usable) for name in (NAME, model["chosen"]))
-    names = [test.facts["test"] for test, _, _ in usable]
-    rows = int(sum(scored.sum() for _, _, scored in usable))
+    fits = [found, *(found | {"values": one["values"]} for one in found["folds"])]
+    models = [_with(model, effect_member(one, model, known)) for one in fits]
+    member = models[0]["members"][-1]
+    scores = [_score(part, models, found["folds"]) for part in conditions]
+    errors = np.concatenate([errors_of(models[0], NAME, one) for one in records])
+    fitted = {"fit_rmse_volt": float(np.sqrt(np.mean(errors**2))), "samples": len(errors)}
     for condition in member["conditions"]:
-        condition |= {"fit_rmse_volt": own, "samples": rows, "tests": names}
-    notes += [f"{NAME}: {told}" for told in words_of(member)]
-    return wider | {
-        "chosen": NAME if own < family else model["chosen"],
-        "choice": _words(model, found["effects"], own, family, len(usable)),
-        "notes": [*model["notes"], *notes],
-    }
+        condition |= fitted | {"tests": [one.test for one in records]}
+    notes = [*model["notes"], *(f"{NAME}: {told}" for told in words_of(member))]
+    return models[0] | {"notes": notes}, scores
 
 
-def _usable(model, cell, tests, rest_second):
-    """(test, counted SoC, rows that count) of every record that can be simulated, and notes."""
-    usable, notes = [], []
-    for test in tests:
-        try:
-            soc = soc_of(test.series, model, test.facts, cell).soc
-        except Refusal as refusal:
-            notes.append(f"{NAME}: {test.facts['test']} took no part in the choice: {refusal}")
-            continue
-        usable.append((test, soc, _scored(model, test, rest_second)))
-    if not usable:
-        raise Refusal("; ".join(notes) or "no record of role fit to choose by")
-    return usable, notes
+def _with(model, member):
+    return model | {"members": [*model["members"], member]}
 
 
-def _scored(model, test, rest_second):
-    time, current = (test.series[name] for name in ("test_time_second", "current_ampere"))
-    if test.facts["role"] != "split":
-        return np.ones(len(time), bool)
-    rest = REST_C_RATE * model["capacity_ampere_hour"]
-    return fit_mask(time, current, rest_second=rest_second, rest_ampere=rest)
+def _score(records, models, folds):
+    """Error of each block of one condition, each row by the model that was fitted without it."""
+    blocks = np.concatenate([one.block for one in records])
+    errors = np.concatenate([_unseen_errors(one, models, folds) for one in records])
+    _, at = np.unique(blocks, return_inverse=True)
+    rows = np.bincount(at)
+    return Score(np.bincount(at, errors**2) / rows, rows)
 
 
-def _rms(model, name, usable):
-    errors = []
-    for test, soc, scored in usable:
-        record = (test.series["test_time_second"], test.series["current_ampere"], soc)
-        celsius = course_celsius(test.facts, test.series)[0]
-        run = simulate_model(model, name, *record, celsius, kind=test.facts["kind"])
-        errors.append((test.series["voltage_volt"] - run.voltage_volt)[scored])
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+def _unseen_errors(one, models, folds):
+    by_model = np.array([errors_of(model, NAME, one) for model in models])
+    fold = _fold_of(one.test, one.record.test_time_second[one.record.used], folds)
+    return by_model[fold + 1, np.arange(len(fold))]
 
 
-def _words(model, effects, own, family, records):
-    """Why this member and not the other."""
-    told = f"{NAME} ({', '.join(effects)}) errs by {1e3 * own:.2f} mV rms over the {records}"
-    told += f" record(s) of role fit, {model['chosen']} by {1e3 * family:.2f} mV:"
-    last = f"{NAME if own < family else model['chosen']} is chosen; validation took no part"
-    before = model.get("choice")
-    return "; ".join(filter(None, [before, f"{told} {last}"]))
+def _fold_of(test, time_second, folds):
+    """Number of the fold that left a time of a test out; −1: the test was not in the fit at all."""
+    spans = [
+        (begin, k) for k, one in enumerate(folds) for t, begin, _ in one["blocks"] if t == test
+    ]
+    if not spans:
+        return np.full(len(time_second), -1)
+    begins, number = (np.array(column) for column in zip(*sorted(spans), strict=True))
+    at = np.searchsorted(begins, time_second, side="right") - 1
+    return number[np.maximum(at, 0)]

@@ -11,7 +11,7 @@ from cellwright.models.groups import groups_of
 from cellwright.models.identify import data_of, identify, limits_of
 from cellwright.models.members import member_named
 from cellwright.models.selection import choose, left_out
-from cellwright.models.split import blocks
+from cellwright.models.split import blocks_of_used
 from cellwright.models.tables import ocv_at, warmth
 from cellwright.models.warming import activation_of, warmed
 from cellwright.refusal import Refusal
@@ -84,7 +84,8 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     found, energies = _identified(groups, basis, members, split_rest_second, notes)
     if not found:
         raise Refusal("; ".join(notes) or "no test can be fitted")
-    choice = choose(_common([one.scores for one in found]))
+    scores = _common([one.scores for one in found])
+    choice = choose(scores)
     return {
         "schema": SCHEMA,
         "cell": cell["cell"],
@@ -98,6 +99,14 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         ],
         "chosen": choice.name,
         "choice": choice.words,
+        "left_out": [
+            {
+                "ambient_temperature_celsius": one.ocv["ambient_temperature_celsius"],
+                "rows": one.scores[choice.name].rows.tolist(),
+                "square_volt2": {n: one.scores[n].square_volt2.tolist() for n in scores},
+            }
+            for one in found
+        ],
         "kind": "hppc" if any(group.pulsed for group in groups) else "drive",
         "notes": [*notes, *filter(None, [energies])],
     }
@@ -186,7 +195,8 @@ def _condition(group, energy, basis, members, split_rest_second, diffusion, limi
         slow = curve[f"{curve['branches']}_current_ampere"]
         first = identify(data, member_named("DRT"), **settings).condition
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
-    block = _blocks(data, REST_C_RATE * capacity, split_rest_second)
+    rest = {"rest_second": split_rest_second, "rest_ampere": REST_C_RATE * capacity}
+    block = np.concatenate(blocks_of_used(data.records, **rest))
     entries, scores = {}, {}
     for name in members:
         try:
@@ -201,17 +211,6 @@ def _condition(group, energy, basis, members, split_rest_second, diffusion, limi
         entry = condition_entry(fitted.condition, **about)
         entries[name] = entry | {"activation_energy_joule_per_mole": energy}
     return Identified(_table(group.celsius, data, curve), entries, scores, notes)
-
-
-def _blocks(data, rest_ampere, rest_second):
-    """Number of the block of each used row, counted on over the records."""
-    found, next_free = [], 0
-    for record in data.records:
-        time, current = record.test_time_second, record.current_ampere
-        block = blocks(time, current, rest_ampere=rest_ampere, rest_second=rest_second)
-        found.append(next_free + block[record.used])
-        next_free += block.max() + 1
-    return np.concatenate(found)
 
 
 def _table(celsius, data, curve):

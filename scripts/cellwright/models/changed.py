@@ -77,7 +77,9 @@ def changed(reference, change, *, cell, capacity, kind, note):
         for member in reference["members"]
     ]
     own = {"cell": cell, "capacity_ampere_hour": float(capacity), "kind": kind, "members": members}
-    return {**reference, **own, "notes": [note]}
+    # What was left out of the reference's fit says nothing of this cell.
+    known = {name: value for name, value in reference.items() if name != "left_out"}
+    return {**known, **own, "notes": [note]}
 
 
 def _branch(branch, fast, slow, size):

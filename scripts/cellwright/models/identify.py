@@ -69,10 +69,7 @@ def data_of(
     ------
     Refusal : the current never changes: nothing excites the cell.
     """
-    step = max(np.abs(np.diff(r.current_ampere)).max() for r in records) / 20
-    if step == 0:
-        raise Refusal("the current never changes: resistance cannot be told from OCV")
-    ready = tuple(without_edges(thin(r, step_ampere=step / 10), step_ampere=step) for r in records)
+    ready = ready_records(records)
     soc = np.concatenate([r.soc[r.used] for r in ready])
     if not len(soc):
         raise Refusal("no row of the records is left to fit")
@@ -89,6 +86,27 @@ def data_of(
         hold,
         capacity_ampere_hour,
     )
+
+
+def ready_records(records):
+    """Records with their steady stretches thinned and the rows at edges of the current left out.
+
+    Parameters
+    ----------
+    records : sequence of Record.
+
+    Returns
+    -------
+    ready : tuple of Record.
+
+    Raises
+    ------
+    Refusal : the current never changes: nothing excites the cell.
+    """
+    step = max(np.abs(np.diff(r.current_ampere)).max() for r in records) / 20
+    if step == 0:
+        raise Refusal("the current never changes: resistance cannot be told from OCV")
+    return tuple(without_edges(thin(r, step_ampere=step / 10), step_ampere=step) for r in records)
 
 
 def identify(

@@ -12,6 +12,9 @@ FOLDS = 4
 SMALLEST_VOLT2 = 1e-12
 NEAR = 1.1  # of rms errors that count as equal
 CLEAR = 1.0  # standard errors: the one-standard-error rule
+SURE = 2.0  # standard errors that are no chance: 95 %
+FAR = 2.0  # times the smallest error of a temperature: no member that errs by more is chosen
+MATERIAL_VOLT = 1e-3  # accuracy of a good cycler: errors that differ by less are alike
 
 
 class Score(NamedTuple):
@@ -25,11 +28,15 @@ class Score(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """The chosen member, the rms error of every member [V], and in words how clear it is."""
+    """The chosen member, the rms error of every member [V], and in words how clear it is.
+
+    reasons : name of the member → why it was chosen, or why not.
+    """
 
     name: str
     rmse_volt: dict
     words: str
+    reasons: dict
 
 
 def left_out(fitted, block):
@@ -60,17 +67,27 @@ def left_out(fitted, block):
     return Score(np.bincount(at, error**2) / rows, rows)
 
 
-def choose(scores):
+def choose(scores, *, celsius=None, fitted_volt=None, found=()):
     """The simplest member among those that no other predicts what was left out better than.
 
-    Compared is the logarithm of each block's mean square error, so that one block near empty does
-    not outvote all others. Equal to the best are members whose mean difference from it, block by
-    block, is less than one standard error; of these, those whose rms error over all blocks is
-    within a tenth of the smallest, for what fails in one corner is not equal to what does not.
+    1. No member is chosen that, simulated through the records fitted, errs far more than the best
+    of the family at any temperature: more than `FAR` times, and more than `MATERIAL_VOLT` beyond.
+    2. Compared is the logarithm of each block's mean square error, so that one block near empty
+    does not outvote all others. Equal to the best are members whose mean difference from it, block
+    by block, is less than one standard error; of these, those whose rms error over all blocks is
+    within a tenth of the smallest, for what fails in one corner is not equal to what does not. The
+    simplest of them is chosen.
+    3. A member `found` by a search has been looked for in the same records. It takes that one's
+    place if it is better by two standard errors, its rms error is not larger, and it is at no
+    temperature worse by more than a tenth.
 
     Parameters
     ----------
     scores : dict name of the member → list of Score, one a condition, of the same blocks.
+    celsius : temperature of each condition, for the words [degC].
+    fitted_volt : dict name of the member → (conditions,) rms error of its simulation over the
+        records fitted [V]; None: not looked at.
+    found : names of the members that a search has found.
 
     Returns
     -------
@@ -83,22 +100,97 @@ def choose(scores):
     Source: the one-standard-error rule of L. Breiman et al., Classification and Regression Trees
     (1984), 3.4.3.
     """
+    weight = _weight_of(scores)
+    square = {n: np.concatenate([s.square_volt2 for s in parts]) for n, parts in scores.items()}
+    rmse = {name: float(np.sqrt(np.average(s, weights=weight))) for name, s in square.items()}
+    logs = {name: np.log(np.maximum(s, SMALLEST_VOLT2)) for name, s in square.items()}
+    by_condition = {name: np.array([rmse_of(s) for s in parts]) for name, parts in scores.items()}
+    reasons = _far_from_best(fitted_volt or {}, found, celsius)
+    sound = [name for name in scores if name not in reasons]
+    chosen, equal, other = _simplest([n for n in sound if n not in found], logs, rmse)
+    reasons |= other
+    for name in (one for one in sound if one in found):
+        against = _against(name, chosen, logs, rmse, by_condition)
+        reasons[chosen if not against else name] = against or f"{name} is better beyond chance"
+        chosen, equal = (chosen, equal) if against else (name, [name])
+    typical = {name: float(np.exp(log.mean() / 2)) for name, log in logs.items()}
+    words = _words(chosen, equal, typical, rmse, [name for name in scores if name not in sound])
+    return Choice(chosen, rmse, words, reasons | {chosen: words.partition(". ")[0]})
+
+
+def rmse_of(score):
+    """Root mean square error over all rows of what was left out [V].
+
+    Parameters
+    ----------
+    score : Score.
+    """
+    return float(np.sqrt(np.average(score.square_volt2, weights=score.rows)))
+
+
+def _weight_of(scores):
+    """Rows of every block, which all members must have in common."""
     if not scores:
         raise Refusal("no member of the family could be fitted and scored at every temperature")
     rows = {name: np.concatenate([s.rows for s in parts]) for name, parts in scores.items()}
     if len({tuple(r) for r in rows.values()}) != 1:
         raise Refusal("members of the model were not scored on the same blocks")
-    weight = next(iter(rows.values())).astype(float)
-    square = {n: np.concatenate([s.square_volt2 for s in parts]) for n, parts in scores.items()}
-    rmse = {name: float(np.sqrt(np.average(s, weights=weight))) for name, s in square.items()}
-    logs = {name: np.log(np.maximum(s, SMALLEST_VOLT2)) for name, s in square.items()}
-    best = min(logs, key=lambda name: logs[name].mean())
-    alike = [name for name in logs if _equal(logs[name] - logs[best])]
+    return next(iter(rows.values())).astype(float)
+
+
+def _far_from_best(errors, found, celsius):
+    """Why members are out of the question, by name; of the family one always stays.
+
+    The best is one of the family: what a search has fitted to the same records says nothing against
+    the others before it has been better on what was left out.
+    """
+    family = [name for name in errors if name not in found]
+    worst, said = {}, {}
+    best = np.min([errors[name] for name in family], axis=0) if family else None
+    for name, error in errors.items():
+        ratio = np.where(error > best + MATERIAL_VOLT, error / np.maximum(best, 1e-9), 1.0)
+        worst[name] = ratio.max()
+        if worst[name] > FAR:
+            k = int(np.argmax(ratio))
+            at = f" at {celsius[k]:g} °C" if celsius else ""
+            least = min(family, key=lambda other, k=k: errors[other][k])
+            told = f"errs by {1e3 * error[k]:.2g} mV{at} over the records fitted, {least} by"
+            said[name] = f"{told} {1e3 * best[k]:.2g} mV"
+    if family and set(family) <= set(said):
+        said.pop(min(family, key=worst.get))
+    return said
+
+
+def _simplest(names, logs, rmse):
+    """(The simplest of the equals, the equals, why each of the others is not chosen)."""
+    best = min(names, key=lambda name: logs[name].mean())
+    alike = [name for name in names if _equal(logs[name] - logs[best])]
     smallest = min(rmse[name] for name in alike)
     equal = [name for name in alike if rmse[name] <= NEAR * smallest]
     chosen = min(equal, key=lambda name: (size_of(member_named(name)), logs[name].mean()))
-    typical = {name: float(np.exp(log.mean() / 2)) for name, log in logs.items()}
-    return Choice(chosen, rmse, _words(chosen, equal, typical, rmse))
+    said = dict.fromkeys(names, f"predicts blocks left out worse than {best}")
+    said |= dict.fromkeys(
+        alike, f"equal to {best} in most blocks, but its largest errors are larger"
+    )
+    said |= dict.fromkeys(equal, f"no better than {chosen}, which is simpler")
+    return chosen, equal, said
+
+
+def _against(name, chosen, logs, rmse, by_condition):
+    """What speaks against a member that a search has found; None where nothing does."""
+    better = logs[chosen] - logs[name]
+    error = better.std(ddof=1) / np.sqrt(len(better)) if len(better) > 2 else np.inf
+    if better.mean() <= SURE * error:
+        sure = better.mean() / error if error > 0 else 0.0
+        return (
+            f"not better than {chosen} beyond chance ({sure:.1f} standard errors, {SURE:g} asked)"
+        )
+    if rmse[name] > rmse[chosen]:
+        return f"errs by {1e3 * rmse[name]:.2g} mV rms, {chosen} by {1e3 * rmse[chosen]:.2g} mV"
+    mine, theirs = by_condition[name], by_condition[chosen]
+    if np.any(mine > np.maximum(NEAR * theirs, theirs + MATERIAL_VOLT)):
+        return f"worse than {chosen} at some temperature"
+    return None
 
 
 def _equal(difference):
@@ -108,13 +200,14 @@ def _equal(difference):
     return difference.mean() <= CLEAR * difference.std(ddof=1) / np.sqrt(len(difference))
 
 
-def _words(chosen, equal, typical, rmse):
+def _words(chosen, equal, typical, rmse, far):
     ranked = sorted(typical, key=typical.get)
     listed = ", ".join(f"{n} {1e3 * typical[n]:.2g} mV ({1e3 * rmse[n]:.2g})" for n in ranked)
     listed = f"Typical error of a block left out of the fit, rms of all in brackets: {listed}"
+    listed += f". Out of the question over the records fitted: {', '.join(far)}" if far else ""
     same = [name for name in ranked if name in equal and name != chosen]
     if same:
         return f"{chosen} chosen: equal within chance to {', '.join(same)}, and simpler. {listed}"
-    second = next((name for name in ranked if name != chosen), None)
-    clear = f", clearly before {second}" if second else ", the only one asked for"
+    second = next((name for name in ranked if name != chosen and name not in far), None)
+    clear = f", clearly before {second}" if second else ", the only one left"
     return f"{chosen} chosen{clear}. {listed}"

@@ -51,3 +51,23 @@ def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere
     if block[-1] == 0:
         raise Refusal(f"no rest of {rest_second:g} s inside the record to cut it at")
     return block % 2 == 0
+
+
+def blocks_of_used(records, *, rest_second, rest_ampere):
+    """Number of the block of each used row of several records, counted on from one to the next.
+
+    Parameters
+    ----------
+    records : sequence of `records.Record`. rest_second, rest_ampere : as in `blocks`.
+
+    Returns
+    -------
+    block : list of (used rows,) integers, one a record.
+    """
+    found, next_free = [], 0
+    for record in records:
+        time, current = record.test_time_second, record.current_ampere
+        block = blocks(time, current, rest_second=rest_second, rest_ampere=rest_ampere)
+        found.append(next_free + block[record.used])
+        next_free += block.max() + 1
+    return found
