@@ -11,7 +11,7 @@ import page
 from cellwright.refusal import Refusal
 
 ROOT = Path(__file__).resolve().parents[2]
-TABLES = ["capacity", "ica", "eis", "temperature", "validation", "soc", "packs"]
+TABLES = ["capacity", "ica", "eis", "temperature", "choice", "validation", "soc", "packs"]
 TABLES += ["missing_effect", "excluded"]
 CELL = {"cell": "A", "chemistry": "NMC", "note": None}
 TEST = {
@@ -85,6 +85,12 @@ def job(snakemake):
         {"check": "No charge from nothing.", "outcome": "failed", "found": "A: 3 Ah"}
     ]
     contents["missing_effect"] = [VERDICT]
+    at = {"ambient_temperature_celsius": 25.0, "blocks": 9, "typical_volt": 0.001}
+    at |= {"cell": "A", "worst_volt": 0.03, "fit_rmse_volt": 0.00234}
+    contents["choice"] = [
+        at | {"model": "2RC", "left_out_rmse_volt": 0.0123, "chosen": True, "reason": "2RC chosen"},
+        at | {"model": "1RC", "left_out_rmse_volt": 0.0456, "chosen": False, "reason": "far & off"},
+    ]
     paths = {}
     for name, rows in contents.items():
         paths[name] = f"results/tables/{name}.csv"
@@ -162,6 +168,15 @@ def test_what_limits_in_the_cold_stands_beside_the_plots(job):
     html = page.render(job)
     wanted = ["<h2>What limits it in the cold</h2>", "charge transfer &amp; age"]
     wanted += ["Model over measurement: udds", '<section id="cell-B">', "Not known: neither"]
+    places = [html.find(text) for text in wanted]
+    assert -1 not in places, dict(zip(wanted, places, strict=True))
+    assert places == sorted(places)
+
+
+def test_every_member_says_why_it_is_the_chosen_one_or_not(job):
+    html = page.render(job)
+    wanted = ["<h2>Why this model</h2>", "<th>25 °C</th>", "<strong>2RC</strong>"]
+    wanted += ["12.30 (2.34)", "2RC chosen", "45.60 (2.34)", "far &amp; off"]
     places = [html.find(text) for text in wanted]
     assert -1 not in places, dict(zip(wanted, places, strict=True))
     assert places == sorted(places)
