@@ -1,0 +1,18 @@
+"""Fails where a number of real cells is worse than recorded: `real_check.py [--demo]`.
+
+Numbers come from the last run of the target `real`; --demo holds the finished demo campaign
+against its truth, --from takes a folder of finished campaigns.
+"""
+
+import sys
+
+from real_cells import asked, check, record
+
+if __name__ == "__main__":
+    given = asked.options(__doc__.partition("\n")[0]).parse_args()
+    recorded = record.read(record.RECORDED)
+    if faults := record.faults(recorded):
+        sys.exit("\n".join([f"{record.RECORDED.name}:", *faults]))
+    rows = check.compared(recorded, asked.measured(given))
+    print("\n".join(check.told(rows)))
+    sys.exit(bool(rows["outcome"].isin(check.FAILING).any()))
