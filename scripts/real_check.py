@@ -13,6 +13,11 @@ if __name__ == "__main__":
     recorded = record.read(record.RECORDED)
     if faults := record.faults(recorded):
         sys.exit("\n".join([f"{record.RECORDED.name}:", *faults]))
-    rows = check.compared(recorded, asked.measured(given))
-    print("\n".join(check.told(rows)))
-    sys.exit(bool(rows["outcome"].isin(check.FAILING).any()))
+    try:
+        measured = asked.measured(given)
+    except FileNotFoundError as missing:
+        sys.exit(str(missing))
+    rows = check.compared(recorded, measured)
+    lacking = check.without_record(recorded, measured)
+    print("\n".join([*check.told(rows), *lacking]))
+    sys.exit(bool(lacking) or bool(rows["outcome"].isin(check.FAILING).any()))

@@ -7,7 +7,7 @@ measured and only the page is made again.
 
 import sys
 
-from real_cells import asked, page, record
+from real_cells import asked, nested, page, record
 
 if __name__ == "__main__":
     options = asked.options(__doc__.partition("\n")[0])
@@ -15,13 +15,12 @@ if __name__ == "__main__":
     options.add_argument("--before", action="store_true", help="write before.csv instead")
     options.add_argument("--page", action="store_true", help="only make the page again")
     given = options.parse_args()
-    if given.before:
-        old = record.read(record.BEFORE)
-        record.write(record.renewed(old, asked.measured(given)), record.BEFORE)
-    elif not given.page:
-        try:
-            reason = record.reasoned(given.why)
-        except ValueError as fault:
-            sys.exit(str(fault))
-        record.renew(asked.measured(given), reason)
-    page.write(page.text(record.read(record.RECORDED), record.read(record.BEFORE)), record.PAGE)
+    try:
+        reason = "" if given.page else record.reasoned(given.why)
+        measured = None if given.page else asked.measured(given)
+    except (ValueError, FileNotFoundError) as fault:
+        sys.exit(str(fault))
+    if measured is not None:
+        table = record.BEFORE if given.before else record.RECORDED
+        record.renew(measured, reason, table, code="" if given.folder else nested.pipeline())
+    page.write(page.committed(), record.PAGE)

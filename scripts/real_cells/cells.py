@@ -7,7 +7,8 @@ from real_cells import reading
 from real_cells.words import celsius, rate, where
 
 MILLI = 1e3
-FULL_TURN = 0.05  # of SoC: how far from the wanted one a measured one may lie
+NEAR_SOC = 0.05  # how far from the wanted one a measured one may lie
+LATE_SECOND = 1.0  # a sample that is later than this says nothing about the wanted moment
 RESISTANCE_DELAYS_SECOND = (0, 0.1, 1, 10)
 SPECTRA_SOC = (0.2, 0.5, 1.0)
 SPECTRUM = {
@@ -45,9 +46,9 @@ def resistances(campaign):
     Of the first check-up, of the pulses next to 1C, those of a discharge where there are any.
     """
     rows = reading.table(campaign, "resistance")
-    rows = rows[
-        rows["resistance_ohm"].notna() & rows["delay_second"].isin(RESISTANCE_DELAYS_SECOND)
-    ]
+    in_time = rows["actual_delay_second"] <= rows["delay_second"] + LATE_SECOND
+    wanted = rows["delay_second"].isin(RESISTANCE_DELAYS_SECOND) & in_time
+    rows = rows[wanted & rows["resistance_ohm"].notna()]
     rows = rows.assign(rate=rows["c_rate"].map(rate))
     keys = ["cell", "ambient_temperature_celsius", "delay_second"]
     for (cell, temperature, delay), group in rows.groupby(keys, dropna=False):
@@ -68,7 +69,7 @@ def _delay(second: float) -> str:
 def _at_half(soc, value) -> float:
     """Value at 50 % SoC between the measured points, NaN where none lies near on one side."""
     points = pd.DataFrame({"soc": soc, "value": value}).dropna().groupby("soc").median()
-    below, above = points[points.index <= 0.5 + FULL_TURN], points[points.index >= 0.5 - FULL_TURN]
+    below, above = points[points.index <= 0.5 + NEAR_SOC], points[points.index >= 0.5 - NEAR_SOC]
     if not len(below) or not len(above):
         return np.nan
     return float(np.interp(0.5, points.index, points["value"]))
@@ -104,7 +105,7 @@ def spectra(campaign):
     rows = rows.merge(sheet, on=["cell", "test"], how="left")
     wanted = {soc: (rows["soc"] - soc).abs() for soc in SPECTRA_SOC}
     for soc, off in wanted.items():
-        near = rows[off <= FULL_TURN].assign(off=off)
+        near = rows[off <= NEAR_SOC].assign(off=off)
         keys = ["cell", "ambient_temperature_celsius"]
         for (cell, temperature), group in near.groupby(keys, dropna=False):
             yield from _spectra_of(

@@ -6,6 +6,7 @@ from real_cells.gather import KEYS
 
 WORSE, MISSING, NEW, BETTER, SAME = "worse", "missing", "new", "better", "same"
 FAILING = (WORSE, MISSING)
+REMEDY = "./run python scripts/real_record.py --why '...' records them"
 OLD = {"value": "recorded", "better": "old_better", "published": "old_published"}
 
 
@@ -28,6 +29,14 @@ def compared(recorded: pd.DataFrame, measured: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(outcome=[outcome(row) for row in rows.to_dict("records")])
 
 
+def without_record(recorded: pd.DataFrame, measured: pd.DataFrame) -> list[str]:
+    """One line for each measured campaign of which nothing is recorded."""
+    names = [
+        name for name in measured["campaign"].unique() if name not in set(recorded["campaign"])
+    ]
+    return [f"{name}: measured, and nothing is recorded of it; {REMEDY}" for name in names]
+
+
 def _tolerance(row) -> float:
     """How much a number may change [its unit]; 0 for words."""
     if row["recorded"] == "" or row["better"] in ("equal", "shown"):
@@ -47,6 +56,8 @@ def outcome(row: dict) -> str:
         return SAME
     if row["recorded"] == "":
         return NEW
+    if row["found"] == "" and row["unit"] == "count":
+        row = row | {"found": "0"}  # of what is not there any more there are none
     if row["found"] == "":
         return MISSING
     if row["better"] == "equal":

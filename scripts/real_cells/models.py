@@ -15,31 +15,26 @@ def validations(campaign):
     """Error [mV] of the chosen member and of the best in the table, per cell and temperature.
 
     Between 5 and 95 % SoC: root mean square over the tests, and the worst test. The best member is
-    the one with the lowest root mean square at this temperature.
+    the one with the lowest root mean square at this temperature, of those that have all tests.
     """
     rows = reading.table(campaign, "validation")
     rows = rows[rows[ERROR].notna()]
-    for (cell, temperature), group in rows.groupby(
-        ["cell", "ambient_temperature_celsius"], dropna=False
-    ):
-        place = celsius(temperature)
-        over_tests = group.groupby("model")[ERROR].agg(lambda error: np.sqrt(np.mean(error**2)))
-        best = over_tests.idxmin()
+    keys = ["cell", "ambient_temperature_celsius"]
+    for (cell, temperature), group in rows.groupby(keys, dropna=False):
+        place, members = celsius(temperature), group.groupby("model")[ERROR]
+        complete = members.count() == members.count().max()
+        over_tests = members.agg(lambda error: np.sqrt(np.mean(error**2)))[complete]
+        best, least = over_tests.idxmin(), over_tests.min()
         chosen = group[group["chosen"].astype(str) == "True"]
-        yield cell, "best member", place, best
-        yield cell, "error of the best member", place, MILLI * over_tests[best]
         if len(chosen):
-            error, name = np.sqrt(np.mean(chosen[ERROR] ** 2)), chosen["model"].iloc[0]
-            yield cell, "chosen member", place, name
-            yield cell, "error of the chosen member", place, MILLI * error
-            yield (
-                cell,
-                "error of the chosen member over the best member's",
-                place,
-                (error / over_tests[best]),
-            )
+            error = np.sqrt(np.mean(chosen[ERROR] ** 2))
             worst = where(place, "worst test")
+            yield cell, "chosen member", place, chosen["model"].iloc[0]
+            yield cell, "error of the chosen member", place, MILLI * error
             yield cell, "error of the chosen member", worst, MILLI * chosen[ERROR].max()
+            yield cell, "error of the chosen member over the best member's", place, error / least
+        yield cell, "best member", place, best
+        yield cell, "error of the best member", place, MILLI * least
 
 
 def filters(campaign):

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -53,6 +54,7 @@ def files(folder, name: str) -> list[Path]:
     return sorted(path for path in paths if path.relative_to(campaign).parts[0] not in made)
 
 
+@cache
 def pipeline() -> str:
     """Hash of all code of the pipeline: rules, schemas, scripts, the lock of its environment."""
     digest = hashlib.sha256()

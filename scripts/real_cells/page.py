@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from real_cells import record
 from real_cells.gather import KEYS
 from real_cells.quantities import QUANTITIES, topics
 
@@ -42,6 +43,7 @@ The numbers lie beside this page as data, with tolerances:
 MEASURED = (
     "These are the numbers of the last run, not the record; scripts/real_check.py compares them."
 )
+WORDS = {"recorded": "last renewed", "before": "the state before"}
 TEMPERATURE = re.compile(r"^(-?[\d.]+ °C|temperature not known)(?:, |$)")
 GLANCE = {
     "error of the chosen member": "chosen, mV",
@@ -70,6 +72,14 @@ def text(numbers: pd.DataFrame, before: pd.DataFrame, *, recorded: bool = True) 
     parts = [ABOUT.format(made=RECORDED if recorded else MEASURED), _glance(rows)]
     parts += [_campaign(name, group) for name, group in rows.groupby("campaign")]
     return "\n".join(parts)
+
+
+def committed() -> str:
+    """The page as it belongs into the repository: of the record, with why it was renewed."""
+    reasons = {name: record.last_reason(name) for name in ("recorded", "before")}
+    told = [f"* **{WORDS[name]}**: {reason}\n" for name, reason in reasons.items() if reason]
+    whole = text(record.read(record.RECORDED), record.read(record.BEFORE))
+    return whole.replace("\n## At a glance", "".join(told) + "\n## At a glance", 1)
 
 
 def write(content: str, path):
@@ -118,7 +128,7 @@ def _topic(rows) -> str:
     for (cell, quantity, rest), group in rows.groupby(keys, sort=False):
         entries = {row["column"]: _entry(row) for row in group.to_dict("records")}
         what = f"{quantity}, {rest}" if rest else quantity
-        unit = "" if group["unit"].iloc[0] == "word" else group["unit"].iloc[0]
+        unit = group["unit"].iloc[0].replace("word", "").removeprefix("1")
         entries = [entries.get(column, "") for column in columns]
         lines.append([cell, what, unit, *entries, _tolerance(group.iloc[0])])
     heads = ["value" if columns == [""] else column or "all" for column in columns]
@@ -132,22 +142,23 @@ def _degrees(column: str) -> tuple:
 
 
 def _entry(row) -> str:
-    value = short(row["value"])
+    digits = 5 if row["unit"] in ("V", "Ah") else 4
+    value, before = (short(row[name], digits) for name in ("value", "before"))
     parts = [value or "not found"]
     if row["published"]:
-        parts.append(f"published {short(row['published'])}")
-    if row["before"] and short(row["before"]) != value:
-        parts.append(f"before {short(row['before'])}")
+        parts.append(f"published {row['published']}")
+    if before not in ("", value):
+        parts.append(f"before {before}")
     return "<br>".join(parts)
 
 
-def short(value: str) -> str:
-    """A number with four digits, those before the point all; a word as it is."""
+def short(value: str, digits: int = 4) -> str:
+    """A number with so many digits, those before the point all; a word as it is."""
     try:
         number = float(value)
     except ValueError:
         return value
-    return f"{number:.0f}" if abs(number) >= 1000 else f"{number:.4g}"
+    return f"{number:.0f}" if abs(number) >= 1000 else f"{number:.{digits}g}"
 
 
 def _tolerance(row) -> str:
@@ -157,8 +168,11 @@ def _tolerance(row) -> str:
     unit = "" if row["unit"] in ("1", "count", "word") else f" {row['unit']}"
     parts = [f"{100 * relative:g} %"] if relative else []
     parts += [f"{absolute:g}{unit}"] if absolute else []
-    sides = {"lower": "more: ", "higher": "less: "}
-    return f"{sides.get(row['better'], '')}{' + '.join(parts)}" if parts else "nothing"
+    sides = {"lower": "more", "higher": "less"}
+    side = sides.get(row["better"], "")
+    if not parts:
+        return f"no {side}" if side else "nothing"
+    return f"{side}: {' + '.join(parts)}".removeprefix(": ")
 
 
 def _table(head, lines) -> str:

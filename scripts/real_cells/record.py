@@ -15,8 +15,9 @@ PAGE = DOCS / "real-cells.md"
 HEAD = """\
 # Renewals of the record of real cells
 
-Why numbers of [recorded.csv](recorded.csv) were renewed, the newest last. Made by
-scripts/real_record.py.
+Why the numbers of [recorded.csv](recorded.csv) and [before.csv](before.csv) were renewed, the
+newest last. Made by scripts/real_record.py. `code` is the hash of all code of the pipeline, where
+the numbers are from a run of its own.
 
 """
 TOLERANCES = ["tolerance_absolute", "tolerance_relative"]
@@ -83,19 +84,33 @@ def reasoned(why: str) -> str:
     return reason
 
 
-def note(reason: str, recorded: pd.DataFrame, measured: pd.DataFrame) -> str:
-    """A line of the list of renewals: why, which campaigns, and how many numbers changed."""
+def note(reason: str, recorded: pd.DataFrame, measured: pd.DataFrame, *, of: str, code: str) -> str:
+    """A line of the list of renewals: why, by which code, which campaigns, how many changes.
+
+    Parameters
+    ----------
+    reason : why. recorded, measured : tables of numbers. of : name of the table, such as before.
+    code : hash of the code that measured; "" where it is not known.
+    """
     both = measured.merge(recorded, on=KEYS, how="left", suffixes=("", "_old"))
     checked = both[both["better"] != "shown"]
     changed = int((checked["value"] != checked["value_old"].fillna("")).sum())
     campaigns = ", ".join(measured["campaign"].unique())
-    return f"* {reason} ({campaigns}: {changed} of {len(checked)} numbers new or changed)\n"
+    told = f"{campaigns}: {changed} of {len(checked)} numbers new or changed"
+    return f"* {of}: {reason} ({told}{f'; code {code}' if code else ''})\n"
 
 
-def renew(measured: pd.DataFrame, reason: str):
-    """Put measured numbers into the record, and why at the end of the list of renewals."""
-    recorded = read(RECORDED)
-    line = note(reason, recorded, measured)
-    write(renewed(recorded, measured), RECORDED)
+def renew(measured: pd.DataFrame, reason: str, path=RECORDED, *, code: str = ""):
+    """Put measured numbers into the record (or `before`), and why at the end of the renewals."""
+    recorded = read(path)
+    line = note(reason, recorded, measured, of=path.stem, code=code)
+    write(renewed(recorded, measured), path)
     written = RENEWALS.read_text(encoding="utf-8") if RENEWALS.is_file() else HEAD
     RENEWALS.write_text(written + line, encoding="utf-8")
+
+
+def last_reason(of: str) -> str:
+    """Why a table was last renewed, with what stands behind it in brackets; "" where never."""
+    lines = RENEWALS.read_text(encoding="utf-8").splitlines() if RENEWALS.is_file() else []
+    mine = [line.partition(": ")[2] for line in lines if line.startswith(f"* {of}: ")]
+    return mine[-1] if mine else ""

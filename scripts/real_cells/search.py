@@ -14,7 +14,7 @@ WRONG = ("false name", "false alarm")
 def verdicts(campaign):
     """Verdict of each cell and group, what it names, and the errors [mV] on data for proof."""
     for name, verdict in reading.documents(campaign, "missing_effect/*/verdict.json").items():
-        effects = " + ".join(one["effect"] for one in verdict["effects"])
+        effects = " + ".join(sorted(one["effect"] for one in verdict["effects"]))
         errors = verdict.get("validation_rmse_volt") or {}
         yield name, "verdict", "", verdict["verdict"]
         yield name, "named effects", "", effects or "none"
