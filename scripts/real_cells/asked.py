@@ -36,7 +36,7 @@ def measured(given) -> pd.DataFrame:
         found = [gather.numbers(campaign) for campaign in gather.campaigns(given.folder)]
         if not found:
             raise FileNotFoundError(
-                f"{given.folder}: found no finished campaign (results/summary.csv)"
+                f"{given.folder}: found no finished campaign (results/tables/checks.csv)"
             )
         rows = pd.concat(found, ignore_index=True)
         return gather.with_published(rows, record.read(record.PUBLISHED))

@@ -38,8 +38,8 @@ def numbers(campaign, *, name: str | None = None) -> pd.DataFrame:
 
 
 def campaigns(folder) -> list[Path]:
-    """The finished campaigns in a folder, by name: those that have a summary."""
-    return [path.parents[1] for path in sorted(Path(folder).glob("*/results/summary.csv"))]
+    """The finished campaigns in a folder: those whose results were held against physics."""
+    return [path.parents[2] for path in sorted(Path(folder).glob("*/results/tables/checks.csv"))]
 
 
 def finished(rows: pd.DataFrame, name: str) -> pd.DataFrame:

@@ -26,8 +26,10 @@ defaults. Each number is what the results of the run say; nothing is fitted or c
   lowest error there, known only afterwards; the chosen one is chosen without these tests.
 * Errors of a filter's SoC are over whole tests, from wrong starts. Of campaigns with more than
   eight cells, models and verdicts are told over all cells.
-* A number may change by what the last column says: more, to the worse side, fails the check. Times
-  are those of all jobs, one after the other, on the machine of the record, and are not checked.
+* A number may change by what the last column says: more, to the worse side, fails the check. The
+  rule stands in [quantities.py](../scripts/real_cells/quantities.py); a tolerance edited in
+  recorded.csv stays when the record is renewed, a blank one is filled by the rule.
+* Times are those of all jobs, one after the other, on the machine of the record; not checked.
 """
 RECORDED = """\
 The numbers lie beside this page as data, with tolerances:

@@ -14,13 +14,18 @@ WRONG = ("false name", "false alarm")
 def verdicts(campaign):
     """Verdict of each cell and group, what it names, and the errors [mV] on data for proof."""
     for name, verdict in reading.documents(campaign, "missing_effect/*/verdict.json").items():
-        effects = " + ".join(sorted(one["effect"] for one in verdict["effects"]))
+        effects = " + ".join(sorted(map(_named, verdict["effects"])))
         errors = verdict.get("validation_rmse_volt") or {}
         yield name, "verdict", "", verdict["verdict"]
         yield name, "named effects", "", effects or "none"
         yield name, "error before the search", "", _times(MILLI, errors.get("before"))
         yield name, "error after the search", "", _times(MILLI, errors.get("after"))
         yield name, "gap closed", "", _times(PERCENT, verdict.get("gap_closed"))
+
+
+def _named(effect: dict) -> str:
+    """An effect, and in which branch where it is that of a group."""
+    return f"{effect['effect']} in {effect['cell']}" if "cell" in effect else effect["effect"]
 
 
 def _times(factor, value):
