@@ -1,5 +1,6 @@
 """One campaign laid out in a folder of its own and run there by a Snakemake inside Snakemake."""
 
+import csv
 import hashlib
 import os
 import shutil
@@ -12,6 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 GIVEN = ("config", "raw")
 QUICK = ("results/summary.csv", "results/tables/checks.csv")
 TAIL = 15
+NOT_KNOWN_SECOND = 1_000_000
 
 
 def known(folder) -> list[str]:
@@ -52,6 +54,18 @@ def files(folder, name: str) -> list[Path]:
     paths = [path for path in campaign.rglob("*") if path.is_file()]
     made = {"results", "logs", ".snakemake"}
     return sorted(path for path in paths if path.relative_to(campaign).parts[0] not in made)
+
+
+@cache
+def expected_second(name: str) -> int:
+    """How long a campaign took when it was recorded [s]; very long where that is not known."""
+    for table in ("recorded.csv", "before.csv"):
+        with open(ROOT / "docs" / "real-cells" / table, encoding="utf-8", newline="") as file:
+            rows = [row for row in csv.DictReader(file) if row["campaign"] == name]
+        times = [row["value"] for row in rows if row["quantity"] == "time of all jobs"]
+        if times:
+            return round(float(times[0]))
+    return NOT_KNOWN_SECOND
 
 
 @cache

@@ -246,3 +246,7 @@ def test_a_failed_run_says_where_its_log_is(tmp_path):
     with pytest.raises(RuntimeError, match=r"the run of bad failed; all it said is in .*bad\.log"):
         nested.run(tmp_path / "bad", whole=False, log=log)
     assert "cells.tsv" in log.read_text()
+
+
+def test_a_campaign_that_was_never_timed_is_expected_to_take_longest():
+    assert nested.expected_second("weng") < nested.expected_second("never_recorded")

@@ -8,12 +8,6 @@ REAL_FOLDER = Path(workflow.basedir, REAL["folder"]).resolve()
 DOCS_OF_REAL = Path(workflow.basedir) / "docs" / "real-cells"
 
 
-def raw_bytes(wildcards):
-    """Size of a campaign's files: large ones begin first, so that none is left over at the end."""
-    paths = nested.files(REAL_FOLDER, wildcards.campaign)
-    return sum(path.stat().st_size for path in paths)
-
-
 # What the run inside does is decided there, by content; this one asks it again whenever a file of
 # the campaign or any code of the pipeline has changed.
 rule real_campaign:
@@ -25,7 +19,8 @@ rule real_campaign:
         "logs/real_campaign/{campaign}.log",
     wildcard_constraints:
         campaign="[A-Za-z0-9_-]+",
-    priority: raw_bytes
+    # Long ones begin first, so that none is left over at the end.
+    priority: lambda w: nested.expected_second(w.campaign)
     retries: 0
     threads: 1
     params:
