@@ -9,6 +9,7 @@ from tree import ROOT
 import contract
 import contract_readme
 import schema
+from real_cells import page, record
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TEXTS = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
@@ -34,6 +35,21 @@ def anchors(text: str) -> set[str]:
 def test_artefacts_page_is_what_the_contract_says():
     written = contract_readme.README.read_text(encoding="utf-8")
     assert written == contract_readme.text(), "run `python scripts/contract_readme.py`"
+
+
+def test_page_of_real_cells_is_what_the_record_says():
+    written = record.PAGE.read_text(encoding="utf-8")
+    assert written == page.committed(), "run `python scripts/real_record.py --page`"
+
+
+def test_record_of_real_cells_is_sound():
+    assert record.faults(record.read(record.RECORDED)) == []
+
+
+def test_every_published_number_has_a_value_and_a_source():
+    rows = record.read(record.PUBLISHED).to_dict("records")
+    assert len(rows) > 50
+    assert not [row for row in rows if not row["source"] or not float(row["value"])]
 
 
 def test_every_rule_is_documented():

@@ -27,6 +27,8 @@ INFRASTRUCTURE = {
         "publish_benchmark",
         "provenance",
         "raw_files",
+        "real_check",
+        "real_record",
     ),
     *(
         "results_check",

@@ -1,0 +1,54 @@
+# The yardstick: every campaign of real cells run whole, its numbers in one table and on one page.
+# No part of the main job: `snakemake real`.
+
+from real_cells import nested
+
+REAL = config["real"]
+REAL_FOLDER = Path(workflow.basedir, REAL["folder"]).resolve()
+DOCS_OF_REAL = Path(workflow.basedir) / "docs" / "real-cells"
+
+
+# What the run inside does is decided there, by content; this one asks it again whenever a file of
+# the campaign or any code of the pipeline has changed.
+rule real_campaign:
+    input:
+        campaign=lambda w: nested.files(REAL_FOLDER, w.campaign),
+    output:
+        "real/{campaign}/numbers.csv",
+    log:
+        "logs/real_campaign/{campaign}.log",
+    wildcard_constraints:
+        campaign="[A-Za-z0-9_-]+",
+    # Long ones begin first, so that none is left over at the end.
+    priority: lambda w: nested.expected_second(w.campaign)
+    retries: 0
+    threads: 1
+    params:
+        campaign=lambda w: str(REAL_FOLDER / w.campaign),
+        whole=REAL["to"] == "report",
+        pipeline=lambda w: nested.pipeline(),
+        code=code_of("real_campaign"),
+    message:
+        "Run the real cells of {wildcards.campaign}, minutes; what it says: {log}."
+    script:
+        "../../scripts/real_campaign.py"
+
+
+rule real:
+    input:
+        numbers=lambda w: [
+            f"real/{name}/numbers.csv" for name in nested.wanted(REAL_FOLDER, REAL["names"])
+        ],
+        published=DOCS_OF_REAL / "published.csv",
+        before=DOCS_OF_REAL / "before.csv",
+    output:
+        numbers="real/numbers.csv",
+        page="real/real-cells.md",
+    log:
+        "logs/real.log",
+    params:
+        code=code_of("real"),
+    message:
+        "All numbers of real cells: {output.page}; real_check.py holds them against the record."
+    script:
+        "../../scripts/real.py"
