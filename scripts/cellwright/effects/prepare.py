@@ -10,10 +10,10 @@ from cellwright.effects.library import LIBRARY
 from cellwright.effects.noise import FIRST
 from cellwright.effects.records import Record, stacked
 from cellwright.effects.screen import left
-from cellwright.effects.slow_gap import slow_gap
 from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
 from cellwright.models.groups import course_celsius
 from cellwright.models.records import bridged, record_of
+from cellwright.models.slow_gap import slow_gap
 from cellwright.models.split import fit_mask
 from cellwright.refusal import Refusal
 from cellwright.series.anchor import REST_C_RATE
