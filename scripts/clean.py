@@ -6,5 +6,6 @@ from cellwright import series
 with artefact.Job(snakemake) as job:
     raw = job.load(snakemake.input.series)
     found = series.clean(raw, **snakemake.params.settings)
+    job.note(*found.notes)
     job.save(found.columns, snakemake.output.series)
     job.save(found.actions, snakemake.output.flags)

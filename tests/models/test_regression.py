@@ -183,3 +183,24 @@ def test_counting_that_ends_below_zero_still_has_a_prior(ready):
     prior = system_of(columns_of(below, HELD), below.knots).prior
     assert np.isfinite(prior).all()
     assert np.linalg.eigvalsh(prior)[0] > 0
+
+
+def test_upper_bounds_give_what_scipys_bounded_solver_gives():
+    from scipy.optimize import lsq_linear
+
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        matrix, target = rng.normal(size=(80, 24)), rng.normal(size=80)
+        most = np.append(np.full(12, np.inf), rng.uniform(0.0, 0.1, 12))
+        least = np.append(np.full(4, -np.inf), np.zeros(20))
+        expected = lsq_linear(matrix, target, (least, most), tol=1e-12).x
+        found = solve(matrix.T @ matrix, matrix.T @ target, 4, most)
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+        assert np.all(found <= most)
+
+
+def test_bounds_that_do_not_bind_change_nothing():
+    rng = np.random.default_rng(5)
+    matrix, target = rng.normal(size=(80, 24)), rng.normal(size=80)
+    normal = (matrix.T @ matrix, matrix.T @ target, 4)
+    np.testing.assert_array_equal(solve(*normal, np.full(24, 10.0)), solve(*normal))

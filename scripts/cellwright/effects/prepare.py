@@ -10,13 +10,14 @@ from cellwright.effects.library import LIBRARY
 from cellwright.effects.noise import FIRST
 from cellwright.effects.records import Record, stacked
 from cellwright.effects.screen import left
-from cellwright.effects.slow_gap import slow_gap
 from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
 from cellwright.models.groups import course_celsius
 from cellwright.models.records import bridged, record_of
+from cellwright.models.slow_gap import slow_gap
 from cellwright.models.split import fit_mask
 from cellwright.refusal import Refusal
 from cellwright.series.anchor import REST_C_RATE
+from cellwright.series.rest_reading import as_logged
 
 KINDS = ("capacity", "hppc", "pulse_resistance", "drive")
 GRID = np.linspace(0.0, 1.0, 1001)
@@ -116,13 +117,15 @@ def _by_age(tests):
 
 
 def _record(cell, basis, test, settings):
-    series, facts = test.series, test.facts
+    # What the instrument read, with what cleaning did not count: an offset is one of the effects.
+    series, facts = as_logged(test.series), test.facts
     anchored = soc_of(series, basis, facts, cell)
     time, current = series["test_time_second"], series["current_ampere"]
     used = None
     if facts["role"] == "split":
         rest = REST_C_RATE * basis["capacity_ampere_hour"]
-        used = fit_mask(time, current, rest_second=settings["split_rest_second"], rest_ampere=rest)
+        cut = test.series["current_ampere"]
+        used = fit_mask(time, cut, rest_second=settings["split_rest_second"], rest_ampere=rest)
     celsius = celsius_of(facts, series)
     record = record_of(
         time, current, series["voltage_volt"], anchored.soc, used=used, warmth=celsius

@@ -11,6 +11,7 @@ from cellwright.models.groups import groups_of
 from cellwright.models.identify import data_of, identify, limits_of
 from cellwright.models.members import member_named
 from cellwright.models.selection import choose, left_out
+from cellwright.models.slow_gap import largest_hysteresis
 from cellwright.models.split import blocks_of_used
 from cellwright.models.tables import ocv_at, warmth
 from cellwright.models.warming import activation_of, warmed
@@ -191,6 +192,10 @@ def _condition(group, energy, basis, members, split_rest_second, diffusion, limi
     capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], group.celsius)
     settings = {"capacity_ampere_hour": capacity, "celsius": group.celsius}
     data, notes = _data(group, basis), []
+    allowed = largest_hysteresis(basis, group.celsius, data.knots)
+    data = data._replace(most_volt=allowed.most_volt)
+    if any("+H" in name for name in members):
+        notes.append(f"hysteresis at {group.celsius:g} °C {allowed.words}")
     if curve["branches"] in ("discharge", "charge"):
         slow = curve[f"{curve['branches']}_current_ampere"]
         first = identify(data, member_named("DRT"), **settings).condition

@@ -44,7 +44,8 @@ class Data(NamedTuple):
     """Records and what they are compared with.
 
     records : tuple of Record. knots : (k,) SoC, ascending [1]. ocv_soc, ocv_volt : (p,) table.
-    hold : hold of the current between samples.
+    hold : hold of the current between samples. most_volt : (k,) largest hysteresis at the knots
+    [V], None where no slow test bounds it.
     """
 
     records: tuple
@@ -53,6 +54,7 @@ class Data(NamedTuple):
     ocv_volt: np.ndarray
     hold: str
     capacity_ampere_hour: float
+    most_volt: np.ndarray | None = None
 
 
 class Columns(NamedTuple):
@@ -61,7 +63,7 @@ class Columns(NamedTuple):
     target_volt : (n,) V − U(z'). shift : (n, k). scale : (n, 2) change of U by what is missing at
     full, and by the stretch [V].
     resistances : list of (name, (n, k)), each not negative. slope_volt : (n,) of U over SoC [V].
-    held_scale : (2,) the SoC's scale about which all this holds [1].
+    held_scale : (2,) the SoC's scale about which all this holds [1]. most_volt : as in Data.
     """
 
     target_volt: np.ndarray
@@ -70,6 +72,7 @@ class Columns(NamedTuple):
     resistances: list
     slope_volt: np.ndarray
     held_scale: np.ndarray
+    most_volt: np.ndarray | None = None
 
 
 def on_table(soc, held):
@@ -129,6 +132,7 @@ def columns_of(data, held):
         list(zip(names, stacked, strict=True)),
         slope,
         np.array([held.missing, held.stretch]),
+        data.most_volt,
     )
 
 

@@ -71,6 +71,11 @@ def condition_of(data, member, held, system, solution, bounds):
         for soc, value in zip(data.knots, values[name], strict=True)
         if value == 0
     ]
+    if held.charge_ampere_hour is not None and data.most_volt is not None:
+        full = zip(data.knots, values["m"] >= data.most_volt, strict=True)
+        zero += [
+            f"M at SoC {soc:.3f}, the most that the slow test allows" for soc, at in full if at
+        ]
     return Condition(
         data.knots,
         values["r0"],

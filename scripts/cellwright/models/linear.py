@@ -10,22 +10,59 @@ def hats(soc, knots):
     return np.column_stack([np.interp(soc, knots, row) for row in np.eye(len(knots))])
 
 
-def solve(gram, moment, signed):
+ROUNDS = 30  # of the active set; it has always settled in fewer than ten
+
+
+def solve(gram, moment, signed, most=None):
     """Least squares with non-negative resistances, from the normal equations.
 
     Parameters
     ----------
     gram, moment : (p, p), (p,) XᵀX and Xᵀy.
     signed : number of leading parameters that may have either sign.
+    most : (p,) upper bounds, infinite where there is none; None: none at all.
 
     Returns
     -------
-    parameters : (p,); exactly zero where the bound holds.
+    parameters : (p,); exactly zero, or the upper bound, where a bound holds.
 
     Raises
     ------
     Refusal : the data do not tell the parameters apart.
     """
+    found = _not_negative(gram, moment, signed)
+    if most is None or np.all(found <= most):
+        return found
+    return _bounded(gram, moment, signed, most, found)
+
+
+def _bounded(gram, moment, signed, most, found):
+    """The same below upper bounds: what exceeds its bound is held there, as long as it pushes."""
+    held = found > most
+    for _ in range(ROUNDS):
+        free = ~held
+        rest = moment[free] - gram[np.ix_(free, held)] @ most[held]
+        found = np.where(held, most, 0.0)
+        found[free] = _not_negative(gram[np.ix_(free, free)], rest, signed)
+        pull = gram @ found - moment
+        wrong = (held & (pull > 0)) | (free & (found > most))
+        if not wrong.any():
+            return found
+        held = held ^ wrong
+    return _by_scipy(gram, moment, signed, most)
+
+
+def _by_scipy(gram, moment, signed, most):
+    """The same by scipy's bounded solver, where the active set takes turns for ever."""
+    from scipy.optimize import lsq_linear
+
+    factor = np.linalg.cholesky(gram)
+    least = np.append(np.full(signed, -np.inf), np.zeros(len(gram) - signed))
+    return lsq_linear(factor.T, np.linalg.solve(factor, moment), bounds=(least, most)).x
+
+
+def _not_negative(gram, moment, signed):
+    """Least squares with parameters of which only the leading ones may be negative."""
     from scipy.optimize import nnls
 
     scale = np.sqrt(np.diag(gram))

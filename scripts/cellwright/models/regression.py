@@ -51,6 +51,7 @@ class System(NamedTuple):
 
     prior : (p, p) precision. held : (p,) what the priors count and the columns do not: the scale
     about which the problem holds, so that the prior is of the scale and not of its last change.
+    most : (p,) upper bounds, None without any.
     """
 
     matrix: np.ndarray
@@ -60,6 +61,7 @@ class System(NamedTuple):
     held: np.ndarray
     names: tuple
     knots: np.ndarray
+    most: np.ndarray | None = None
 
 
 class Solution(NamedTuple):
@@ -115,7 +117,15 @@ def system_of(columns, knots, *, noise=None, prior=None):
     precision = _precision(knots, sizes, prior)
     held = np.zeros(len(precision))
     held[len(knots) : len(knots) + SCALES] = columns.held_scale
-    return System(matrix, target, weight, precision, held, names, knots)
+    most = _most(columns.most_volt, names, len(precision))
+    return System(matrix, target, weight, precision, held, names, knots, most)
+
+
+def _most(most_volt, names, size):
+    """Upper bounds of all parameters: only the hysteresis, "m", has one, and it comes last."""
+    if most_volt is None or "m" not in names:
+        return None
+    return np.append(np.full(size - len(most_volt), np.inf), most_volt)
 
 
 def _typical(columns, matrix, target, knots):
@@ -176,12 +186,13 @@ def solved(system, *, factor=None, rounds=2):
     gram, moment = system.matrix.T @ system.matrix, system.matrix.T @ system.target
     signed, found, pull = len(system.knots) + SCALES, factor or 1.0 / 30.0, pull_of(system)
     for _ in range(rounds if factor is None else 1):
-        vector = solve(found * gram + system.prior, found * moment - pull, signed)
+        normal = found * gram + system.prior
+        vector = solve(normal, found * moment - pull, signed, system.most)
         residual = system.target - system.matrix @ vector
         if factor is None:
             spread = max(np.mean(residual**2), 1e-12) * max(correlation_factor(residual), 1.0)
             found = 1.0 / spread
-    covariance = _covariance(found * gram + system.prior, vector, signed)
+    covariance = _covariance(found * gram + system.prior, vector, signed, system.most)
     whole = vector + system.held
     cost = found * (residual @ residual) + whole @ system.prior @ whole
     values, stds = named(system, vector), named(system, np.sqrt(np.diag(covariance)))
@@ -207,9 +218,10 @@ def named(system, vector):
     return dict(zip(("shift", "scale", *system.names), np.split(vector, ends), strict=True))
 
 
-def _covariance(precision, vector, signed):
-    """Of the free parameters; NaN for those at their bound, zero."""
+def _covariance(precision, vector, signed, most):
+    """Of the free parameters; NaN for those at their bound, zero or the largest allowed."""
     free = np.append(np.ones(signed, bool), vector[signed:] > 0)
+    free &= vector < (np.inf if most is None else most)
     found = np.full(precision.shape, np.nan)
     found[np.ix_(free, free)] = np.linalg.inv(precision[np.ix_(free, free)])
     return found
@@ -230,6 +242,6 @@ def held_out(system, solution, fold):
         out = fold == number
         matrix, target = system.matrix[out], system.target[out]
         rest = factor * (gram - matrix.T @ matrix) + system.prior
-        vector = solve(rest, factor * (moment - matrix.T @ target) - pull, signed)
+        vector = solve(rest, factor * (moment - matrix.T @ target) - pull, signed, system.most)
         found[out] = (target - matrix @ vector) / system.weight[out]
     return found

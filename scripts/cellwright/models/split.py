@@ -3,13 +3,15 @@
 import numpy as np
 
 from cellwright.refusal import Refusal
+from cellwright.series.rest_reading import hidden_rest_level
 
 
 def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
     """Number of the block that each row belongs to, from 0: a load and the rest that follows it.
 
     A relaxation so stays together with the load that caused it. A rest at the very start ends no
-    block.
+    block. Where the reading of the record's rests is above what counts as rest, a rest is also what
+    stays within that of it: an offset of the sensor must not turn rests into loads.
 
     Parameters
     ----------
@@ -21,7 +23,8 @@ def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
     -------
     block : (n,) integers.
     """
-    resting = np.abs(current_ampere) <= rest_ampere
+    level = hidden_rest_level(test_time_second, current_ampere, rest_ampere)
+    resting = np.minimum(np.abs(current_ampere), np.abs(current_ampere - level)) <= rest_ampere
     bounds = np.flatnonzero(np.diff(resting.astype(int), prepend=0, append=0))
     first, last = bounds[::2], bounds[1::2] - 1
     long = test_time_second[last] - test_time_second[first] >= rest_second

@@ -8,6 +8,7 @@ import numpy as np
 from ..refusal import Refusal
 from .charge import net_charge
 from .flags import NO_READING, REMOVED, SERIES, Flag, flag, rebased
+from .rest_reading import RestReading, rest_reading
 from .spikes import spike_free
 
 ACTION = {
@@ -18,6 +19,7 @@ ACTION = {
     Flag.CLOCK: "time re-based, row kept",
     Flag.SPIKE: "voltage replaced by the mean of its four neighbours",
     Flag.GAP: "kept",
+    Flag.REST_READING: "current taken as zero to the end of the rest, the reading kept beside it",
 }
 
 
@@ -26,6 +28,7 @@ class Cleaned(NamedTuple):
 
     columns: dict[str, np.ndarray]
     actions: dict[str, np.ndarray]  # row (of the raw series), test_time_second, flag, value, action
+    notes: tuple[str, ...] = ()
 
 
 def clean(columns: Mapping[str, np.ndarray], **settings: float) -> Cleaned:
@@ -35,6 +38,9 @@ def clean(columns: Mapping[str, np.ndarray], **settings: float) -> Cleaned:
 
 def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
     """Remove and repair what is flagged, and add charge_ampere_hour.
+
+    Where the current channel reads in rests what is no current, that is not counted: the current
+    is zero there, and `logged_current_ampere` holds the reading of the whole record.
 
     Parameters
     ----------
@@ -58,13 +64,30 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
     clean["test_time_second"] = rebased(clean["test_time_second"], marks)
     spikes = np.flatnonzero(marks & Flag.SPIKE)
     clean["voltage_volt"] = spike_free(clean["voltage_volt"], spikes)
-    clean["charge_ampere_hour"] = net_charge(
-        clean["test_time_second"],
-        clean["current_ampere"],
-        gap_rows=np.flatnonzero(marks & Flag.GAP),
-        counter_ampere_hour=clean.get("net_capacity_ampere_hour"),
+    gaps = np.flatnonzero(marks & Flag.GAP)
+    clean["charge_ampere_hour"] = _charge(clean, gaps)
+    rests = rest_reading(clean)
+    if rests.verdict == "sensor":
+        clean |= _at_open_circuit(clean, rests)
+        clean["charge_ampere_hour"] = _charge(clean, gaps)
+    return Cleaned(clean, _actions(columns, flags, kept, rests), (rests.note,) * bool(rests.note))
+
+
+def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray) -> np.ndarray:
+    return net_charge(
+        columns["test_time_second"],
+        columns["current_ampere"],
+        gap_rows=gaps,
+        counter_ampere_hour=columns.get("net_capacity_ampere_hour"),
     )
-    return Cleaned(clean, _actions(columns, flags))
+
+
+def _at_open_circuit(columns: Mapping[str, np.ndarray], rests: RestReading) -> dict:
+    """The current with zero in the rests, and as it was read."""
+    current = columns["current_ampere"].copy()
+    for first, stop in zip(rests.first, rests.stop, strict=True):
+        current[first:stop] = 0.0
+    return {"current_ampere": current, "logged_current_ampere": columns["current_ampere"]}
 
 
 def _blanked(column: np.ndarray) -> np.ndarray:
@@ -74,19 +97,24 @@ def _blanked(column: np.ndarray) -> np.ndarray:
     return np.where(np.abs(column) > NO_READING, np.nan, column)
 
 
-def _actions(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> dict[str, np.ndarray]:
-    """One line for each flag of each row."""
-    lines = [(row, kind) for kind in Flag for row in np.flatnonzero(flags & kind)]
-    lines.sort(key=lambda line: line[0])
-    rows = np.array([row for row, _ in lines], dtype=int)
+def _actions(
+    columns: Mapping[str, np.ndarray], flags: np.ndarray, kept: np.ndarray, rests: RestReading
+) -> dict[str, np.ndarray]:
+    """One line for each flag of each row, and one for each rest whose reading is not counted."""
     time, current, voltage = (columns[name] for name in SERIES)
     timed = Flag.OUT_OF_PLACE | Flag.CLOCK | Flag.GAP | Flag.REPEAT
     at_fault = np.where(np.abs(current) > NO_READING, current, voltage)
-    value = [time[row] if kind & timed else at_fault[row] for row, kind in lines]
+    found = [(kind, (time if kind & timed else at_fault)) for kind in Flag]
+    lines = [(row, kind, by[row]) for kind, by in found for row in np.flatnonzero(flags & kind)]
+    if rests.verdict == "sensor":
+        begins = zip(kept[rests.first], rests.mean_ampere, strict=True)
+        lines += [(row, Flag.REST_READING, mean) for row, mean in begins]
+    lines.sort(key=lambda line: line[0])
+    rows = np.array([row for row, _, _ in lines], dtype=int)
     return {
         "row": rows,
         "test_time_second": time[rows],
-        "flag": np.array([kind.name.lower() for _, kind in lines], dtype=str),
-        "value": np.array(value, dtype=float),
-        "action": np.array([ACTION[kind] for _, kind in lines], dtype=str),
+        "flag": np.array([kind.name.lower() for _, kind, _ in lines], dtype=str),
+        "value": np.array([value for _, _, value in lines], dtype=float),
+        "action": np.array([ACTION[kind] for _, kind, _ in lines], dtype=str),
     }

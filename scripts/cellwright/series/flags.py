@@ -21,6 +21,7 @@ class Flag(IntFlag):
     CLOCK = 16  # the clock jumped before it and goes on from there
     SPIKE = 32  # its voltage jumps out and back
     GAP = 64  # the record is silent before it
+    REST_READING = 128  # a rest begins in which the current channel reads what is no current
 
 
 REMOVED = Flag.NAN | Flag.SENTINEL | Flag.REPEAT | Flag.OUT_OF_PLACE
