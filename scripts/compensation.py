@@ -3,6 +3,7 @@
 import artefact
 import lending
 from cellwright.models.compensation import choose_laws, predicted
+from cellwright.models.over_temperature import laws_beyond
 
 with artefact.Job(snakemake) as job:
     tests = lending.tests(snakemake.input.series)
@@ -11,6 +12,7 @@ with artefact.Job(snakemake) as job:
     whole, params = job.load(snakemake.input.whole), snakemake.params
     settings = {"split_rest_second": params.split_rest_second}
     rows, notes = predicted(whole, reduced, params.cell, tests, **settings)
-    choice = choose_laws(rows)
-    job.note(choice.words, *notes)
+    offered, refused = laws_beyond(whole)
+    choice = choose_laws(rows, beyond=offered)
+    job.note(choice.words, *filter(None, [refused]), *notes)
     job.save([row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows])

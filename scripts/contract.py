@@ -1,5 +1,7 @@
 """The contract that every artefact is held against: workflow/schemas/artefacts.yaml."""
 
+import hashlib
+import json
 from functools import cache
 from pathlib import Path
 
@@ -20,6 +22,32 @@ def stages() -> dict:
 def name_of(stage: str, stem: str) -> str:
     """Entry of a file: `stage/stem` where the stage's files differ from one another, else stage."""
     return f"{stage}/{stem}" if f"{stage}/{stem}" in stages() else stage
+
+
+def entry_of(path) -> str | None:
+    """Entry that a file below `results` is held against; None where files of its kind have none."""
+    parts, stem, suffix = Path(path).parts, Path(path).stem, Path(path).suffix
+    if "results" not in parts or suffix not in (".parquet", ".csv"):
+        return None
+    stage = parts[parts.index("results") + 1]
+    if suffix == ".csv":
+        return "summary" if stem == "summary" else f"{stage}/{stem}"
+    return name_of(stage, stem)
+
+
+@cache
+def fingerprint(*paths: str) -> str:
+    """Hash of what files are held against: names, order, ranges and need of their columns.
+
+    Units and meanings are words for people and leave it as it is, and so does every other entry.
+    """
+    entries = [stages().get(entry, {}).get("columns") for entry in map(entry_of, paths) if entry]
+    held = [
+        [(name, spec.get("range"), spec.get("required", True)) for name, spec in one.items()]
+        for one in entries
+        if one
+    ]
+    return hashlib.sha256(json.dumps(held).encode()).hexdigest()[:16] if held else ""
 
 
 def check(stage: str, columns: dict):

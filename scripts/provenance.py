@@ -103,13 +103,14 @@ def record(job) -> dict:
 
     `job` is Snakemake's script object. The same inputs give the same block on any machine.
     """
-    params = {key: value for key, value in job.params.items() if key != "code"}
+    params = {k: value for k, value in job.params.items() if k not in ("code", "contract")}
     return {
         "rule": job.rule,
         "wildcards": dict(job.wildcards.items()),
         "params": json.loads(json.dumps(params, default=str, sort_keys=True)),
         "inputs": {_name(path): sha256_of(path) for path in sorted(set(map(str, job.input)))},
         "code": job.params.get("code"),
+        "contract": job.params.get("contract"),
         "environment_lock": sha256_of(LOCK),
     }
 

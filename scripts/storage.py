@@ -70,7 +70,7 @@ def write(path, content, about):
     else:
         columns = columns_of(content)
         if about["reason"] is None and len(columns):
-            contract.check(contract.name_of(stage_of(path), Path(path).stem), columns)
+            contract.check(contract.entry_of(path), columns)
         table = pa.table({name: _arrow(values) for name, values in columns.items()})
         text = json.dumps(about, sort_keys=True)
         pq.write_table(
@@ -87,9 +87,7 @@ def _arrow(values):
 
 
 def _write_csv(path, columns, about):
-    stem = Path(path).stem
-    stage = "summary" if stem == "summary" else f"{stage_of(path)}/{stem}"
-    known = contract.stages()[stage]["columns"]
+    known = contract.stages()[contract.entry_of(path)]["columns"]
     names = [name for name in known if "<" not in name]
     stems = tuple(name.split("<")[0] for name in known if "<" in name)
     names += [name for name in columns if name not in known and name.startswith(stems)]

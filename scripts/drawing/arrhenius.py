@@ -1,17 +1,16 @@
 """Resistance over inverse temperature, with what both laws leave."""
 
-from itertools import pairwise
-
 import matplotlib
 import numpy as np
 
 import figure
+from cellwright.laws.falling import stretches
 from cellwright.laws.temperature import LAWS, ZERO_CELSIUS
 
 ACROSS = 3  # families beside each other
 MOST_LEVELS = 5  # states of charge drawn of each, evenly chosen
-BEYOND = 8.0  # K that a line goes on beyond what was tested
 ROOM = 1.35  # above the highest and below the lowest point
+DOTTED = {"linestyle": ":"}
 STYLES = {"arrhenius": ("-", "o"), "quadratic": ("--", "x")}
 
 
@@ -84,19 +83,18 @@ def _level(upper, lower, points, laws, colour):
         if not rows:
             continue
         values = [row["value"] for row in rows]
-        _course(upper, celsius, law, values, {"color": colour, "linestyle": line})
+        valid = rows[0]["valid_from_celsius"], rows[0]["valid_to_celsius"]
+        style = {"color": colour, "linestyle": line}
+        for start, stop, sound in stretches((celsius.min(), celsius.max()), valid):
+            grid = np.linspace(start, stop, 30)
+            _course(upper, grid, LAWS[law](grid, *values), style if sound else style | DOTTED)
         left = 100 * (value / LAWS[law](celsius, *values) - 1)
         lower.plot(_axis(celsius), left, marker, color=colour)
 
 
-def _course(axes, celsius, law, values, style):
-    """The law as a line, dotted beyond what was tested."""
-    edges = [celsius.min() - BEYOND, celsius.min(), celsius.max(), celsius.max() + BEYOND]
-    for k, (start, stop) in enumerate(pairwise(edges)):
-        grid = np.linspace(start, stop, 30)
-        course = 1e3 * LAWS[law](grid, *values)
-        shown = style if k == 1 else style | {"linestyle": ":"}
-        axes.plot(_axis(grid), np.where(course > 0, course, np.nan), linewidth=1, **shown)
+def _course(axes, celsius, ohm, style):
+    """A law as a line, without what the logarithm cannot show."""
+    axes.plot(_axis(celsius), np.where(ohm > 0, 1e3 * ohm, np.nan), linewidth=1, **style)
 
 
 def _axis(celsius):

@@ -1,14 +1,12 @@
 """Resistance and capacity over temperature, with the laws and what lies beyond the tests."""
 
-from itertools import pairwise
-
 import numpy as np
 
 import figure
+from cellwright.laws.falling import stretches, turn_of
 from cellwright.laws.temperature import LAWS
 
 ACROSS = 3
-BEYOND = 5.0  # K that a law is drawn beyond what was tested, dotted
 
 
 def draw(points, laws):
@@ -49,12 +47,14 @@ def _in_two_lines(quantity):
 
 
 def _course(axes, celsius, rows, law, colour):
-    """A law over the tested temperatures, dotted beyond them."""
+    """A law over the tested temperatures, dotted beyond them and where a resistance's rises."""
     if not rows:
         return
-    values, low, high = [row["value"] for row in rows], celsius.min(), celsius.max()
-    for k, (start, stop) in enumerate(pairwise([low - BEYOND, low, high, high + BEYOND])):
-        grid = np.linspace(start, stop, 60)
-        label = f"{law}{' (chosen)' if rows[0]['chosen'] else ''}" if k == 1 else None
-        style = "-" if k == 1 else ":"
-        axes.plot(grid, LAWS[law](grid, *values), style, color=colour, label=label)
+    values, tested = [row["value"] for row in rows], (celsius.min(), celsius.max())
+    valid = rows[0]["valid_from_celsius"], rows[0]["valid_to_celsius"]
+    said = turn_of(values, valid, tested) or ("chosen" if rows[0]["chosen"] else "")
+    label = f"{law} ({said})" if said else law
+    for start, stop, sound in stretches(tested, valid):
+        grid, style = np.linspace(start, stop, 60), "-" if sound else ":"
+        shown = label if start == tested[0] else None
+        axes.plot(grid, LAWS[law](grid, *values), style, color=colour, label=shown)

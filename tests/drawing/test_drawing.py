@@ -175,9 +175,11 @@ def test_relaxation_times_are_drawn_over_frequency_with_their_peaks():
     np.testing.assert_allclose(tops, [[0.159, 1.0]], rtol=1e-2)
 
 
-def law(quantity, name, *values, chosen=False):
+def law(quantity, name, *values, chosen=False, valid=(-np.inf, np.inf)):
+    limits = {"valid_from_celsius": valid[0], "valid_to_celsius": valid[1]}
     return [
-        {"quantity": quantity, "law": name, "value": value, "chosen": chosen} for value in values
+        {"quantity": quantity, "law": name, "value": value, "chosen": chosen} | limits
+        for value in values
     ]
 
 
@@ -201,6 +203,22 @@ def test_temperature_draws_the_laws_over_the_points_and_dots_what_was_not_tested
     assert labels(second) == ["measured"]
     assert (first.get_ylabel(), second.get_ylabel()) == ("[Ohm]", "[Ah]")
     assert empty == []
+
+
+def test_a_quadratic_that_turns_says_where_and_is_dotted_from_there():
+    points = {
+        "quantity": np.array(["R"] * 3),
+        "unit": np.array(["Ohm"] * 3),
+        "temperature_celsius": np.array([0.0, 25.0, 40.0]),
+        "value": np.array([3.0, 2.0, 1.9]),
+        "family": np.array(["R"] * 3),
+        "soc": np.array([0.5] * 3),
+    }
+    laws = law("R", "quadratic", 1e-3, -0.06, 3.0, valid=(-np.inf, 30.0))
+    (panel,) = panels(temperature.draw(points, laws))
+    assert labels(panel) == ["measured", "quadratic (turns upward at 30 °C)"]
+    drawn_to = [(x.get_linestyle(), x.get_xdata()[-1]) for x in panel.get_lines()[1:]]
+    assert drawn_to == [(":", 0.0), ("-", 30.0), (":", 40.0), (":", 45.0)]
 
 
 def test_arrhenius_lines_have_their_residuals_beneath():

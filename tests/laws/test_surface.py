@@ -102,6 +102,20 @@ def test_the_true_form_predicts_temperatures_left_out_best(form):
     assert all(np.isfinite([one.soc_rmse, one.temperature_rmse]).all() for one in fitted)
 
 
+def test_an_additive_form_that_turns_upward_in_the_heat_is_not_chosen():
+    """The same truth tested to 30 °C, beyond the minimum of the thesis' quadratic at 27.9 °C."""
+    wider = np.array([-20.0, -10.0, 0.0, 10.0, 30.0])
+    soc, celsius = (grid.ravel() for grid in np.meshgrid(LEVELS, wider))
+    found = Pulses("resistance, 10 s", soc, celsius, additive(soc, celsius))
+    fitted = fit_surfaces(found)
+    assert fitted[0].surface.form == "additive"
+    assert fitted[0].temperature_rmse < fitted[1].temperature_rmse
+    assert not fitted[0].chosen
+    assert fitted[0].valid_celsius[1] == pytest.approx(27.9, abs=0.1)
+    (text,) = sentences([(found, fitted, ())])
+    assert "The additive form is not offered: it turns upward at 28 °C." in text
+
+
 def test_a_table_is_exact_at_its_nodes_and_straight_in_between():
     ohm = multiplicative(SOC, CELSIUS)
     table = fit_form("table", SOC, CELSIUS, ohm)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cellwright.laws.falling import falls, stretches, turning
 from cellwright.laws.line import fit_line
 from cellwright.laws.points import Point
 from cellwright.laws.temperature import LAWS, arrhenius_law, fit_laws, law_rows, quadratic_law
@@ -126,8 +127,53 @@ def test_a_value_that_is_not_positive_is_refused():
         fit_laws([0, 10, 20], [1, 0, 2], unit="ohm")
 
 
+def test_a_quadratic_that_turns_upward_in_the_heat_is_no_law_of_a_resistance():
+    """The thesis' b1, b2, b3 turn at 27.9 °C: a law for tests to 20 °C, none for tests to 25."""
+    truth, wider = (2.263e-6, -1.263e-4, 3.776e-3), np.array([-20.0, -10, 0, 10, 25])
+    for celsius, chosen in ((THESIS_CELSIUS, True), (wider, False)):
+        found = laws(celsius, quadratic_law(celsius, *truth), falling=True)["quadratic"]
+        assert found.chosen is chosen
+        assert found.valid_celsius[1] == pytest.approx(27.9, abs=0.05)
+    among = np.array([-10.0, 0.0, 10.0, 25.0, 40.0, 50.0])
+    value = quadratic_law(among, *truth)
+    assert laws(among, value, falling=True)["quadratic"].rises_surely
+    assert laws(among, value)["quadratic"].chosen  # of a capacity it may have a maximum, too
+
+
+def test_where_a_quadratic_may_be_read():
+    assert turning(1.0, -40.0, 900.0) == (-np.inf, 20.0)
+    assert turning(1.0, -40.0, 300.0) == (-np.inf, 10.0)  # its zero
+    assert turning(-1.0, 40.0, 500.0) == pytest.approx((20.0, 20 + np.sqrt(900)))
+    assert turning(0.0, -1.0, 5.0) == (-np.inf, np.inf)
+    assert not falls(turning(0.0, 1.0, 5.0), (0.0, 20.0))
+    pieces = stretches((0.0, 40.0), (-np.inf, 30.0))
+    assert pieces == [(-5, 0, False), (0, 30, True), (30, 40, False), (40, 45, False)]
+
+
+@pytest.mark.parametrize(
+    ("values", "how"),
+    [
+        ((1e-3, -0.03, 3.0), "turns upward at 15 °C"),
+        ((-1e-3, -0.03, 4.0), "has a maximum at -15 °C"),
+        ((1e-3, -0.2, 5.9), "is below zero from 36 °C on"),
+    ],
+)
+def test_what_ends_a_resistances_quadratic_is_said_once_a_family(values, how):
+    points = [
+        Point(f"R{k}", "Ohm", celsius, quadratic_law(celsius, *values), family="resistance, 10 s")
+        for k in (1, 2)
+        for celsius in (-20.0, -10.0, 0.0, 10.0, 20.0, 34.0)
+    ]
+    rows, reasons = law_rows(points)
+    (said,) = reasons
+    assert "resistance, 10 s: the quadratic of 2 of 2 is not offered as a law" in said
+    assert how in said
+    assert not any(row["chosen"] for row in rows if row["law"] == "quadratic")
+    assert {row["valid_to_celsius"] for row in rows if row["law"] == "arrhenius"} == {np.inf}
+
+
 def test_rows_hold_all_laws_of_each_quantity_and_say_what_is_missing():
-    points = [Point("R", "Ohm", celsius, 1.0 + celsius**2) for celsius in CELSIUS]
+    points = [Point("R", "Ohm", celsius, 1 + (celsius - 60) ** 2) for celsius in CELSIUS]
     points += [Point("Q", "Ah", celsius, 2.0 + celsius / 100) for celsius in (0, 10, 20)]
     points += [Point("short", "Ah", celsius, 2.0) for celsius in (0, 10)]
     rows, reasons = law_rows(points)

@@ -139,6 +139,7 @@ def test_inner_and_outer_temperatures_choose_a_law_each():
     rows = [one | {"beyond": bool(one["beyond"])} for one in rows]
     assert choose_laws(rows).laws == Laws("quadratic", "between")
     assert choose_laws([one for one in rows if one["beyond"]]).laws == Laws("between", "between")
+    assert choose_laws(rows, beyond=("arrhenius",)).laws == Laws("quadratic", "arrhenius")
 
 
 def test_beyond_the_range_another_law_may_go_on_and_meets_the_edge():

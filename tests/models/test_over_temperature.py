@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import truth
 
-from cellwright.models.over_temperature import temperature_table
+from cellwright.models.over_temperature import laws_beyond, temperature_table
 from cellwright.models.tables import warmth
 
 ENERGY = 30e3
@@ -31,6 +31,25 @@ def test_tested_temperatures_are_there_and_others_follow_the_law(model):
     relaxing = truth.R[:, 2].sum() * warmth(celsius, 25.0, ENERGY)
     np.testing.assert_allclose(table["r_relaxing_ohm"][middle], relaxing, rtol=1e-9)
     assert not table["r_kinetic_ohm"].any()
+
+
+def test_a_parabola_that_turns_in_the_heat_may_not_go_on_there():
+    """An ohmic part that hardly moves any more once it is warm: ln R bends, the parabola turns."""
+
+    def identified(factors):
+        models = [
+            truth.model(celsius=celsius, scale=factor)
+            for celsius, factor in zip((0.0, 15.0, 30.0), factors, strict=True)
+        ]
+        for one in models[1:]:
+            models[0]["members"][0]["conditions"] += one["members"][0]["conditions"]
+        return models[0]
+
+    offered, words = laws_beyond(identified([3.0, 1.1, 1.0]))
+    assert offered == ("between", "arrhenius")
+    assert "quadratic is not offered beyond the tested temperatures" in words
+    arrhenius = [warmth(celsius, 25.0, ENERGY) for celsius in (0.0, 15.0, 30.0)]
+    assert laws_beyond(identified(arrhenius)) == (("between", "arrhenius", "quadratic"), "")
 
 
 def test_what_was_not_tested_is_marked(model):

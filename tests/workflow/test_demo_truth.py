@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from cellwright import formats, series
+from cellwright.laws.ageing_temperature import cycle_temperature
+from cellwright.protocols.ageing import ageing_cycles
 from cellwright.protocols.capacity import capacity
 from cellwright.protocols.impedance import analyse
 from cellwright.protocols.ocv import slow_ocv
@@ -138,3 +140,18 @@ def test_ohmic_resistance_of_spectra_within_five_percent(soc):
     (true,) = _true("eis", "r_ohmic_ohm", cell="C1", test=f"eis_25C_soc{soc}")
     assert found["r_ohmic_ohm"] == pytest.approx(true, rel=0.05)
     assert found["kramers_kronig_residual"] < 0.01
+
+
+def test_slope_of_the_ageing_record_holds_the_truth():
+    (row,) = _rows("config/tests.tsv", "\t", cell="T1", test="room")
+    reading = formats.read((ROOT / row["file"]).read_bytes(), name=row["file"])
+    assembled = series.assemble([reading], stated_sign=row["current_sign"] or None)
+    clean = series.clean(assembled.columns).columns
+    names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
+    steps = segment(*[clean[name] for name in names], rated_capacity_ampere_hour=30.0)
+    found = ageing_cycles(clean, steps, rated_capacity_ampere_hour=30.0, **LIMITS_OF_T1)
+    summary = cycle_temperature(found.rows).summary
+    low, high = (summary[f"slope_{end}_percent_per_kelvin"] for end in ("lower", "upper"))
+    (true,) = _true("temperature", "value", cell="T1", quantity="capacity in room")
+    assert low < true < high
+    assert high - low < 0.02 * true

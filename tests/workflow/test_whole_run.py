@@ -15,6 +15,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import tiny
 
+import artefact
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -26,10 +28,10 @@ class Run(NamedTuple):
     said: str
 
 
-def snakemake(folder, *arguments):
+def snakemake(folder, *arguments, house=ROOT):
     program = [sys.executable, "-m", "snakemake", "--cores", "2", "--directory", str(folder)]
     result = subprocess.run(
-        [*program, *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+        [*program, *arguments], cwd=house, capture_output=True, text=True, check=False
     )
     return Run(folder, result.returncode, result.stdout + result.stderr)
 
@@ -276,3 +278,33 @@ def test_faults_of_the_sheets_are_told_at_once_before_any_job(tmp_path):
     for parts in wanted:
         assert any(all(part in line for part in parts) for line in said), (parts, said)
     assert not (folder / "results").exists()
+
+
+def test_a_mended_contract_makes_anew_what_it_had_refused_and_nothing_else(tmp_path):
+    house, folder = tmp_path / "house", tiny.write(tmp_path / "tiny")
+    for name in ("workflow", "scripts"):
+        shutil.copytree(ROOT / name, house / name)
+    for name in ("Snakefile", "environment.lock"):
+        shutil.copy(ROOT / name, house / name)
+    schema = house / "workflow/schemas/artefacts.yaml"
+    right = schema.read_text()
+    place = right.index("    capacity_ampere_hour:", right.index("\ncapacity:\n"))
+    narrow = right[place:].replace("range: [0, null]", "range: [0, 0.1]", 1)
+    capacities = [f"results/capacity/{cell}/capacity.parquet" for cell in tiny.TRUTH]
+    wanted = [*capacities, "results/segment/B/drive.parquet"]
+
+    def made():
+        run = snakemake(folder, *wanted, house=house)
+        assert run.status == 0, run.said
+        return run.said, {artefact.read_about(folder / path)["reason"] for path in capacities}
+
+    schema.write_text(right[:place] + narrow)
+    (reason,) = {one.split(" is ")[0] for one in made()[1]}
+    assert reason == "internal error: ValueError: capacity: capacity_ampere_hour row 0"
+    assert "Nothing to be done" in made()[0]
+    schema.write_text(right)
+    said, reasons = made()
+    assert jobs(said) == {"capacity": 2}
+    assert reasons == {None}
+    schema.write_text(f"# Other words.\n{right.replace('discharge or charge', 'which way')}")
+    assert "Nothing to be done" in made()[0]

@@ -1,6 +1,7 @@
 # What all rules share: the campaign's sheets, which artefact exists for whom, the code's hash.
 
 import os
+import re
 import sys
 import time
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 sys.path.insert(0, f"{workflow.basedir}/scripts")
 
 import campaign as sheets
+import contract
 import run_log
 import stale_lock
 from provenance import code_of
@@ -94,6 +96,20 @@ def everywhere(stage, *kinds, **roles):
 def either(names):
     """Wildcard constraint: one of these names, or nothing at all."""
     return "|".join(sorted(names)) or "(?!)"
+
+
+def held_against(outputs):
+    """A parameter of a rule: the hash of what the contract says of the files that it writes.
+
+    A function of the wildcards alone, for Snakemake runs nothing again for others.
+    """
+    patterns = [str(path) for path in outputs]
+
+    def contract_of(wildcards):
+        filled = [re.sub(r"\{(\w+)[^}]*\}", lambda m: wildcards[m[1]], path) for path in patterns]
+        return contract.fingerprint(*filled)
+
+    return contract_of
 
 
 CAPACITY_KINDS = ("capacity", "ocv")

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.laws.coloured_line import coloured_line
 from cellwright.laws.daily import daily_sine, periods
+from cellwright.laws.lagged_temperature import felt_temperatures, reading_noise
 from cellwright.refusal import Refusal
 from cellwright.uncertainty import t_interval
 
@@ -13,15 +14,18 @@ LEAST_CYCLES = 8
 HIGHEST_DEGREE = 4
 CYCLES_A_DEGREE = 6
 OUTLIER = 6.0  # robust standard deviations from the course over cycles
+MOST_LAGS = 8  # evenly taken of those that the data do not tell apart
+RULED_OUT = 8.0  # of log-likelihood: what is 3000 times less likely weighs nothing
 ROOM, START = "room", "cell as the discharge begins"
 
 
 class CycleFit(NamedTuple):
     """What temperature and age do to the discharge capacity of one record.
 
-    summary : numbers as in artefact `ageing_temperature`. Slope in percent of
-    capacity_start_ampere_hour, the fade's course at the first cycle and reference_celsius; losses
-    from the first cycle to the last; periods as of `daily.Period`; reason : what is not known.
+    summary : numbers as in artefact `ageing_temperature`. Slope in percent of the capacity of the
+    moment; capacity_start_ampere_hour, the fade's course at the first used cycle and
+    reference_celsius; losses from that cycle to the last; periods as of `daily.Period`; reason :
+    what is not known.
     cycles : columns, one row a discharge: measured, fitted, fade alone at the reference, measured
     with the temperature taken out, and whether it was used. periodogram : period_hour, power.
     """
@@ -34,10 +38,13 @@ class CycleFit(NamedTuple):
 def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     """Fade, temperature slope and daily cycle of the discharge capacities of one record.
 
-    capacity = fade(cycle) + slope · (T − mean T) + lag · dT/dt + noise: the fade a polynomial of
-    degree 1 to 4, the lag (a cell follows its room later) in or out, both by the Bayesian
-    information criterion; the noise exponentially correlated in time, its memory averaged over
-    what the data allow. Discharges whose charge before is not in the record are set aside, for
+    ln capacity = fade(cycle) + slope · (T − mean T) [+ bend · (T − mean T)²] + noise: a cell that
+    has lost a tenth moves by a tenth less with temperature. The fade is a polynomial of degree 1
+    to 4; T is what the cell feels of its room, at once or up to 3 h later; the noise is
+    exponentially correlated in time. Degree, lag, bend and memory are averaged over what the data
+    allow (Bayesian information criterion), so that not knowing them widens the interval. What of
+    the temperature's steps may be its reading's error shrinks a slope; see `_unshrunk`.
+    Discharges whose charge before, or the one before that, is not in the record are set aside, for
     they did not begin like the others, and so are those further than six robust standard
     deviations from the course. The temperature is the room's where recorded, else the cell's as
     a discharge begins, before its own heat.
@@ -53,18 +60,22 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
 
     Raises
     ------
-    Refusal : fewer than eight complete discharges after complete charges.
+    Refusal : fewer than eight complete discharges after complete cycles.
 
     Source: thesis 3.1 (figures 3.2 and 3.3: 29 cycles, 4 K, about 1 %).
     """
     record = _record(rows)
-    fade, beside = _columns(record)
+    models = _models(record)
+    fade, beside = max(models, key=lambda one: one.weight)[:2]
     moved, reason = _moved(record, fade, least_kelvin)
     columns = np.column_stack([fade, *([] if reason else beside)])
     used, count = record.used, fade.shape[1]
-    line = coloured_line(columns[used], record.capacity[used], record.place)
-    plain = coloured_line(fade[used], record.capacity[used], record.place)
-    shift = columns[:, count:] @ line.values[count:]
+    logarithm = np.log(record.capacity[used])
+    line = coloured_line(columns[used], logarithm, record.place)
+    plain = coloured_line(fade[used], logarithm, record.place)
+    fitted, carried = np.exp(columns @ line.values), np.exp(fade @ line.values[:count])
+    shift = record.capacity * (1 - carried / fitted)
+    start = float(np.exp(line.values[0]))
     # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
     trend = _basis(record.cycle, used, _highest_degree(used))[used]
     found = periods(record.hour[used], record.capacity[used], trend)
@@ -75,12 +86,12 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
         "reference_celsius": float(record.celsius[used].mean()),
         "swing_kelvin": float(np.diff(np.quantile(record.celsius[used], [0.05, 0.95]))[0]),
         "moved_kelvin": moved,
-        **_slope(line, count, level),
-        "capacity_start_ampere_hour": float(line.values[0]),
+        **_slope([] if reason else models, line.degrees_of_freedom, level, record.noise / moved),
+        "capacity_start_ampere_hour": start,
         **_loss(line, plain),
         "explained": np.nan if reason else _explained(record.capacity, fade, shift, used),
         "correlation": line.correlation,
-        **_daily(found, line.values[0]),
+        **_daily(found, start),
         "daily_left_percent": _left(record, fade, shift)
         if not (reason or found.reason)
         else np.nan,
@@ -92,15 +103,19 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
         "capacity_ampere_hour": record.capacity,
         "temperature_celsius": record.celsius,
         "used": used,
-        "fitted_ampere_hour": columns @ line.values,
-        "fade_ampere_hour": columns @ line.values - shift,
+        "fitted_ampere_hour": fitted,
+        "fade_ampere_hour": carried,
         "capacity_at_reference_ampere_hour": record.capacity - shift,
     }
     return CycleFit(summary, table, {"period_hour": found.period_hour, "power": found.power})
 
 
 class _Record(NamedTuple):
-    """Discharges of a record (n,), which are used, and the places of these [typical interval]."""
+    """Discharges of a record (n,), which are used, and the places of these [typical interval].
+
+    felt : what the cell may feel of the temperature, one (n,) a lag; empty where none was recorded.
+    noise : of a reading of the temperature, at most [K].
+    """
 
     cycle: np.ndarray
     hour: np.ndarray
@@ -109,15 +124,36 @@ class _Record(NamedTuple):
     source: str
     used: np.ndarray
     place: np.ndarray
+    felt: list
+    noise: float
 
 
 def _record(rows):
     mine = np.flatnonzero(rows.direction == "discharge")
     cycle, capacity = rows.cycle[mine], rows.capacity_ampere_hour[mine]
-    used = _inliers(cycle, capacity, np.isfinite(rows.coulombic_efficiency[mine]))
+    known = np.isfinite(rows.coulombic_efficiency[mine])
+    used = _inliers(cycle, capacity, known & np.append(False, known[:-1]))
     hour = rows.start_time_second[mine] / 3600
     place = (hour[used] - hour[used][0]) / np.median(np.diff(hour[used]))
-    return _Record(cycle, hour, capacity, *_temperature(rows, mine), used, place)
+    celsius, source = _temperature(rows, mine)
+    felt, noise = _felt(rows, mine, celsius, source)
+    return _Record(cycle, hour, capacity, celsius, source, used, place, felt, noise)
+
+
+def _felt(rows, mine, celsius, source):
+    """What the cell may feel, and the error of a reading [K], at most.
+
+    A cell's own temperature needs no lag; what its reading errs by is not told by its neighbours,
+    hours of load away.
+    """
+    if source != ROOM:
+        return [celsius] if source else [], 0.0
+    middle = (rows.start_time_second + rows.duration_second / 2) / 3600
+    # Charges tell the room as well as discharges do.
+    told = np.isfinite(rows.room_temperature_celsius)
+    hour, course = middle[told], rows.room_temperature_celsius[told]
+    felt = felt_temperatures(hour, course, middle[mine])
+    return [celsius, *felt[1:]], reading_noise(hour, course)
 
 
 def _temperature(rows, mine):
@@ -137,7 +173,7 @@ def _inliers(cycle, capacity, followed):
     """Which cycles follow a charge of the record and lie on the course, found in two rounds."""
     if followed.sum() < LEAST_CYCLES:
         raise Refusal(
-            f"{followed.sum()} complete discharge(s) after a complete charge; fade and temperature "
+            f"{followed.sum()} complete discharge(s) after a complete cycle; fade and temperature "
             f"need {LEAST_CYCLES}"
         )
     used = followed
@@ -164,22 +200,49 @@ def _basis(cycle, used, degree):
     return np.column_stack([np.ones(len(x)), x, *bends])
 
 
-def _columns(record):
-    """Columns of the fade and those of the temperature, by the Bayesian information criterion."""
-    used, celsius = record.used, record.celsius
-    degrees = range(1, _highest_degree(used) + 1)
+class _Model(NamedTuple):
+    """Columns of the fade (n, p) and beside it, the slope's value and variance, and the weight."""
+
+    fade: np.ndarray
+    beside: list
+    slope: float
+    variance: float
+    weight: float
+
+
+def _models(record):
+    """Every degree of the fade with every lag, with and without a bend, and what each weighs."""
+    used, logarithm = record.used, np.log(record.capacity[record.used])
+    levels = [celsius - celsius[used].mean() for celsius in record.felt]
     options = [[]]
-    if np.isfinite(celsius).all() and np.ptp(celsius) > 0:
-        level, rate = celsius - celsius[used].mean(), np.gradient(celsius, record.hour)
-        options = [[level], [level, rate]]
+    if levels and np.ptp(levels[0]) > 0:
+        told = _told_apart(record, levels)
+        options = [choice for one in told for choice in ([one], [one, one**2])]
+    found = []
+    for degree in range(1, _highest_degree(used) + 1):
+        fade = _basis(record.cycle, used, degree)
+        for beside in options:
+            columns, first = np.column_stack([fade, *beside])[used], fade.shape[1]
+            line = coloured_line(columns, logarithm, record.place)
+            slope = (line.values[first], line.std[first] ** 2) if beside else (np.nan, np.nan)
+            score = line.log_likelihood - 0.5 * columns.shape[1] * np.log(used.sum())
+            found.append(_Model(fade, beside, *slope, score))
+    best = max(one.weight for one in found)
+    total = sum(np.exp(one.weight - best) for one in found)
+    return [one._replace(weight=float(np.exp(one.weight - best) / total)) for one in found]
 
-    def criterion(choice):
-        columns = np.column_stack([_basis(record.cycle, used, choice[0]), *choice[1]])[used]
-        line = coloured_line(columns, record.capacity[used], record.place)
-        return -2 * line.log_likelihood + columns.shape[1] * np.log(used.sum())
 
-    degree, beside = min(((d, one) for d in degrees for one in options), key=criterion)
-    return _basis(record.cycle, used, degree), beside
+def _told_apart(record, levels):
+    """Of all lags those that the data do not rule out beside the fullest fade, or some of them."""
+    if len(levels) == 1:
+        return levels
+    used, logarithm = record.used, np.log(record.capacity[record.used])
+    fade = _basis(record.cycle, used, _highest_degree(used))
+    columns = [np.column_stack([fade, one, one**2])[used] for one in levels]
+    likely = [coloured_line(one, logarithm, record.place).log_likelihood for one in columns]
+    near = np.array(likely) > max(likely) - RULED_OUT
+    kept = np.flatnonzero(near)
+    return [levels[k] for k in kept[:: -(-len(kept) // MOST_LAGS)]]
 
 
 def _moved(record, fade, least):
@@ -188,32 +251,56 @@ def _moved(record, fade, least):
         return np.nan, "no temperature was recorded, so its slope is not knowable"
     columns, celsius = fade[record.used], record.celsius[record.used]
     moved = float(np.std(celsius - columns @ np.linalg.lstsq(columns, celsius, rcond=None)[0]))
-    if moved < least:
+    if moved**2 - record.noise**2 < least**2:
+        blurred = f", read to {record.noise:.2g} K" if record.noise > 0.5 * least else ""
         return moved, (
-            f"the temperature moves by {moved:.2g} K beside the fade, less than {least:g} K: "
-            "not excited, its slope is not knowable"
+            f"the temperature moves by {moved:.2g} K beside the fade{blurred}, less than {least:g} "
+            "K: not excited, its slope is not knowable"
         )
     return moved, ""
 
 
-def _slope(line, place, level):
-    """Slope in percent of the capacity at the start; NaN where no temperature was fitted."""
-    pairs = [100 / line.values[0] * array[place:] for array in (line.values, line.std)]
-    value, std = (float(array[0]) if len(array) else np.nan for array in pairs)
-    lower, upper = t_interval(value, std, line.degrees_of_freedom, level=level)
+def _slope(models, freedom, level, noise_share):
+    """Slope in percent of the capacity, averaged over the models; NaN where there is none.
+
+    noise_share : error of a reading of the temperature, at most, by its movement beside the fade.
+    """
+    weight, each, variance = (
+        np.array([getattr(one, name) for one in models]) for name in ("weight", "slope", "variance")
+    )
+    mean = weight @ each if models else np.nan
+    std = np.sqrt(weight @ (variance + (each - mean) ** 2)) if models else np.nan
+    value, std = (100 * one for one in _unshrunk(mean, std, noise_share))
+    lower, upper = t_interval(value, std, freedom, level=level)
     return {
-        "slope_percent_per_kelvin": value,
-        "slope_std_percent_per_kelvin": std,
+        "slope_percent_per_kelvin": float(value),
+        "slope_std_percent_per_kelvin": float(std),
         "slope_lower_percent_per_kelvin": float(lower),
         "slope_upper_percent_per_kelvin": float(upper),
     }
 
 
+def _unshrunk(slope, std, noise_share):
+    """A slope over a temperature that is read with an error: it comes out too small.
+
+    By 1 − (noise/movement)², if all that a reading's neighbours do not foretell is its error, by
+    nothing, if it is the temperature itself. Which it is cannot be told: every share between them
+    is taken as equally likely.
+
+    Source: W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.1.
+    """
+    # ASSUME: Of the steps of the room's temperature from one half cycle to the next any share may
+    # be an error of reading.
+    factor = 1 / (1 - noise_share**2)
+    spread = slope * (factor - 1) / np.sqrt(12)
+    return slope * (1 + factor) / 2, np.hypot(std * factor, spread)
+
+
 def _loss(line, plain):
     return {
-        "loss_percent": float(-100 * line.values[1] / line.values[0]),
-        "loss_std_percent": float(100 * line.std[1] / line.values[0]),
-        "plain_loss_percent": float(-100 * plain.values[1] / plain.values[0]),
+        "loss_percent": float(-100 * np.expm1(line.values[1])),
+        "loss_std_percent": float(100 * np.exp(line.values[1]) * line.std[1]),
+        "plain_loss_percent": float(-100 * np.expm1(plain.values[1])),
     }
 
 

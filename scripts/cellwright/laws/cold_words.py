@@ -145,5 +145,7 @@ def _from_middle(quantity):
 
 def _step(law, rows, quantity, cold):
     mine = [row for row in rows if row["quantity"] == quantity and row["law"] == law]
+    if not mine or mine[0].get("valid_from_celsius", -np.inf) > cold - FURTHER:
+        return np.nan
     values = [row["value"] for row in mine]
-    return LAWS[law](cold - FURTHER, *values) / LAWS[law](cold, *values) if values else np.nan
+    return LAWS[law](cold - FURTHER, *values) / LAWS[law](cold, *values)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.falling import NO_LIMIT, falls, turning
 from cellwright.laws.points import fresh
 from cellwright.laws.pulse_points import DELAYS, name_of, rate_classes
 from cellwright.laws.separability import separability
@@ -32,7 +33,8 @@ class Fitted(NamedTuple):
 
     left_out_ohm : (n,) prediction of each pulse by the fit without its temperature; NaN where the
     rest determines none. temperature_rmse, soc_rmse : its error, and that with blocks of SoC left
-    out [ohm]; each relative_… the same as a share of the resistance [1].
+    out [ohm]; each relative_… the same as a share of the resistance [1]. valid_celsius : where the
+    form may be read: the additive one as far as its quadratic falls.
     """
 
     surface: tuple
@@ -44,6 +46,7 @@ class Fitted(NamedTuple):
     soc_rmse: float
     soc_relative: float
     chosen: bool
+    valid_celsius: tuple = NO_LIMIT
 
 
 def pulses_of(rows, *, direction, delay_second, c_rate=1.0):
@@ -96,6 +99,9 @@ def _full_courses(rows):
 def fit_surfaces(pulses):
     """All forms on one set of pulses; the best at temperatures left out is chosen.
 
+    The additive form is not, where its quadratic rises within 5 K of the tested temperatures: a
+    resistance falls as it warms.
+
     Parameters
     ----------
     pulses : Pulses.
@@ -105,8 +111,13 @@ def fit_surfaces(pulses):
     fitted : tuple of Fitted, additive, multiplicative, table.
     """
     found = [_fit(form, pulses) for form in FORMS]
-    scores = [np.nan_to_num(one.temperature_rmse, nan=np.inf) for one in found]
-    best = int(np.argmin(scores))
+    tested = np.min(pulses.temperature_celsius), np.max(pulses.temperature_celsius)
+    offered = [np.isfinite(f.temperature_rmse) and falls(f.valid_celsius, tested) for f in found]
+    best = int(
+        np.argmin(
+            [f.temperature_rmse if o else np.inf for f, o in zip(found, offered, strict=True)]
+        )
+    )
     return tuple(one._replace(chosen=k == best) for k, one in enumerate(found))
 
 
@@ -126,6 +137,7 @@ def _fit(form, pulses):
         *_errors(left_out, ohm),
         *_errors(by_soc, ohm),
         chosen=False,
+        valid_celsius=turning(*surface.values[:3]) if form == "additive" else NO_LIMIT,
     )
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.laws.falling import NO_LIMIT, turn_of
 from cellwright.laws.surface_forms import OVER_TEMPERATURE
 from cellwright.uncertainty import t_interval
 
@@ -64,7 +65,7 @@ def sentences(found):
     text : list of str, one a surface.
     """
     return [
-        " ".join([_heading(pulses), *[_verdict(test) for test in tests], _best(fitted)])
+        " ".join([_heading(pulses), *[_verdict(test) for test in tests], _best(fitted, pulses)])
         for pulses, fitted, tests in found
     ]
 
@@ -97,14 +98,22 @@ def _verdict(test):
     )
 
 
-def _best(fitted):
+def _best(fitted, pulses):
     best = next(one for one in fitted if one.chosen)
     untested = [one.surface.form for one in fitted if not np.isfinite(one.temperature_rmse)]
     note = f" (too few temperatures to leave one out of the {untested[0]} form)" if untested else ""
+    celsius = pulses.temperature_celsius
+    turned = {
+        one.surface.form: turn_of(
+            one.surface.values, one.valid_celsius, (min(celsius), max(celsius))
+        )
+        for one in fitted
+    }
+    refused = [f" The {form} form is not offered: it {how}." for form, how in turned.items() if how]
     return (
         f"The {best.surface.form} form predicts temperatures left out best, to "
         f"{1e3 * best.temperature_rmse:.2g} mΩ or {100 * best.temperature_relative:.0f} %{note}."
-    )
+    ) + "".join(refused)
 
 
 def _form_rows(pulses, fitted):
@@ -131,6 +140,8 @@ def _row(pulses, fitted, name, unit, numbers):
         "r_squared": fitted.r_squared,
         "cross_validation_rmse": fitted.temperature_rmse,
         "chosen": fitted.chosen,
+        "valid_from_celsius": fitted.valid_celsius[0],
+        "valid_to_celsius": fitted.valid_celsius[1],
     }
     return _whole(pulses, law, name, unit, numbers)
 
@@ -142,6 +153,8 @@ def _test_rows(pulses, test):
         "r_squared": np.nan,
         "cross_validation_rmse": np.nan,
         "chosen": False,
+        "valid_from_celsius": NO_LIMIT[0],
+        "valid_to_celsius": NO_LIMIT[1],
     }
     for name in ("f_statistic", "p_value", "interaction", "interaction_net", "scatter"):
         yield _whole(pulses, law, name, "1", (getattr(test, name), *nothing))

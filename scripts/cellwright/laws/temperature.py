@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.falling import NO_LIMIT, REACH_KELVIN, falls, turning, words_of_turns
 from cellwright.laws.line import fit_line, r_squared
 from cellwright.refusal import Refusal
 
@@ -21,7 +22,9 @@ class Law(NamedTuple):
     over 1/T for Arrhenius). cross_validation_rmse : error of the prediction at temperatures left
     out in turn, NaN where too few remain. excess_std : scatter of the points beyond their own
     errors, on the scale of the fit. tested_celsius : lowest and highest temperature; beyond them
-    the law is an extrapolation. reason : why something is NaN, or "".
+    the law is an extrapolation. valid_celsius : where the law may be read at all: a resistance's
+    quadratic only as far as it falls. rises_surely : such a quadratic rises within its use, beyond
+    its own error. reason : why something is NaN, or "".
     """
 
     law: str
@@ -38,6 +41,8 @@ class Law(NamedTuple):
     line_r_squared: float = np.nan
     excess_std: float = np.nan
     tested_celsius: tuple = (np.nan, np.nan)
+    valid_celsius: tuple = NO_LIMIT
+    rises_surely: bool = False
 
 
 def quadratic_law(temperature_celsius, b1, b2, b3):
@@ -64,7 +69,7 @@ def conductivity_law(temperature_celsius, value_at_25_celsius, activation_energy
     return plain * kelvin / REFERENCE
 
 
-def fit_laws(temperature_celsius, value, *, unit, std=None, level=0.95):
+def fit_laws(temperature_celsius, value, *, unit, std=None, level=0.95, falling=False):
     """Fit the laws and choose one by cross-validation.
 
     Parameters
@@ -74,6 +79,8 @@ def fit_laws(temperature_celsius, value, *, unit, std=None, level=0.95):
     std : (n,) standard deviation of each value, or None; weights the points beside the scatter
         that is found (`line.fit_line`). Where one is not known, none is used.
     level : coverage of the confidence intervals.
+    falling : the quantity is a resistance, which falls as it warms. A quadratic that rises
+        somewhere from 5 K below the tested temperatures to 5 K above is then not chosen.
 
     Returns
     -------
@@ -98,12 +105,23 @@ def fit_laws(temperature_celsius, value, *, unit, std=None, level=0.95):
     if not (np.isfinite(value) & (value > 0)).all():
         raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
     errors = {name: _left_out(name, celsius, value, std) for name in LAWS}
-    best = min(errors, key=lambda name: np.nan_to_num(errors[name], nan=np.inf))
+    found = [_FITS[name](celsius, value, std, unit, level) for name in LAWS]
+    if falling:
+        found[0] = _limited(found[0], celsius, value, std, level)
+    offered = [law.law for law in found if falls(law.valid_celsius, law.tested_celsius)]
+    best = min(offered, key=lambda name: np.nan_to_num(errors[name], nan=np.inf))
     return tuple(
-        _FITS[name](celsius, value, std, unit, level)._replace(
-            cross_validation_rmse=errors[name], chosen=name == best
-        )
-        for name in LAWS
+        law._replace(cross_validation_rmse=errors[law.law], chosen=law.law == best) for law in found
+    )
+
+
+def _limited(law, celsius, value, std, level):
+    """A resistance's quadratic with where it falls, and whether its turn is beyond its error."""
+    ends = law.tested_celsius[0] - REACH_KELVIN, law.tested_celsius[1] + REACH_KELVIN
+    # With T counted from an end of the range b2 is the slope there, with its own interval.
+    slopes = [fit_line(np.vander(celsius - end, 3), value, std, level=level) for end in ends]
+    return law._replace(
+        valid_celsius=turning(*law.values), rises_surely=any(one.lower[1] > 0 for one in slopes)
     )
 
 
@@ -117,7 +135,8 @@ def law_rows(points):
     Returns
     -------
     rows : list of dict, one a parameter: quantity, law, parameter, value, std, lower, upper, unit,
-        r_squared, cross_validation_rmse, chosen, tested_from_celsius, tested_to_celsius.
+        r_squared, cross_validation_rmse, chosen, tested_from_celsius, tested_to_celsius,
+        valid_from_celsius, valid_to_celsius.
     reasons : list of sentences for what is not known.
 
     Raises
@@ -125,7 +144,8 @@ def law_rows(points):
     Refusal
         No quantity could be fitted; the reasons are named.
     """
-    rows, reasons = [], []
+    # ASSUME: What is in ohm falls as it warms; capacities and times may have a maximum.
+    rows, reasons, quadratics = [], [], {}
     for quantity in dict.fromkeys(point.quantity for point in points):
         mine = [point for point in points if point.quantity == quantity]
         try:
@@ -134,15 +154,17 @@ def law_rows(points):
                 [point.value for point in mine],
                 unit=mine[0].unit,
                 std=[point.std for point in mine],
+                falling=mine[0].unit == "Ohm",
             )
         except Refusal as refusal:
             reasons.append(f"{quantity}: {refusal}")
             continue
         reasons += [f"{quantity}, {law.law} law: {law.reason}" for law in laws if law.reason]
         rows += [row for law in laws for row in rows_of(quantity, law)]
+        quadratics.setdefault(mine[0].family or quantity, []).append(laws[0])
     if not rows:
         raise Refusal("; ".join(reasons) or "no quantity is known at three temperatures")
-    return rows, reasons
+    return rows, reasons + words_of_turns(quadratics)
 
 
 def rows_of(quantity, law):
@@ -163,6 +185,8 @@ def rows_of(quantity, law):
             "chosen": law.chosen,
             "tested_from_celsius": law.tested_celsius[0],
             "tested_to_celsius": law.tested_celsius[1],
+            "valid_from_celsius": law.valid_celsius[0],
+            "valid_to_celsius": law.valid_celsius[1],
         }
 
 

@@ -122,7 +122,7 @@ class LawChoice(NamedTuple):
     words: str
 
 
-def choose_laws(rows):
+def choose_laws(rows, *, beyond=LAWS):
     """The laws with the smallest mean logarithm of the error, inside the range and beyond it.
 
     Inside the range "arrhenius" and "between" are one.
@@ -130,6 +130,8 @@ def choose_laws(rows):
     Parameters
     ----------
     rows : list of dict, from `predicted` with the tests that may be fitted.
+    beyond : names of the laws that may go on beyond the tested temperatures; see
+        `over_temperature.laws_beyond`.
 
     Returns
     -------
@@ -142,7 +144,11 @@ def choose_laws(rows):
     if not rows:
         raise Refusal("no temperature could be left out and predicted")
     typical = [_typical([row for row in rows if row["beyond"] is out]) for out in (False, True)]
-    laws = Laws(*(min(one, key=one.get, default=LAWS[0]) for one in typical))
+    offered = [
+        {k: v for k, v in one.items() if k in some}
+        for one, some in zip(typical, (LAWS, beyond), strict=True)
+    ]
+    laws = Laws(*(min(one, key=one.get, default=LAWS[0]) for one in offered))
     listed = [
         f"{place} by {law}: typical error at a temperature left out "
         + ", ".join(f"{name} {1e3 * volt:.3g} mV" for name, volt in one.items())

@@ -2,12 +2,15 @@
 
 import numpy as np
 
+from cellwright.models.compensation import with_laws
 from cellwright.models.lookup import circuit_at, member_of, open_circuit_volt
 from cellwright.models.tables import celsius_of
+from cellwright.models.temperature_laws import LAWS, Laws
 
 SOC = np.linspace(0.0, 1.0, 21)
 ORIGINS = {"R": "r_ohmic_ohm", "kinetic": "r_kinetic_ohm"}  # every other resistance relaxes
 RELAXING = "r_relaxing_ohm"
+KINDS = {"r_ohmic_ohm": "ohmic", "r_kinetic_ohm": "kinetic", RELAXING: "relaxing"}
 
 
 def temperature_table(model, member, *, step_kelvin=5.0, beyond_kelvin=10.0):
@@ -32,6 +35,46 @@ def temperature_table(model, member, *, step_kelvin=5.0, beyond_kelvin=10.0):
         _block(model, own, celsius, known) for celsius in _grid(known, step_kelvin, beyond_kelvin)
     ]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+
+
+def laws_beyond(model):
+    """Laws over temperature that may go on beyond the temperatures a model was identified at.
+
+    A parabola through the logarithms of resistances turns somewhere. It is not offered where a
+    sum of resistances of one kind then rises with temperature, at any SoC within the 10 K that
+    `temperature_table` goes on for, and held to the slope of the last two temperatures does not.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2, identified at all its temperatures.
+
+    Returns
+    -------
+    offered : tuple of names of `temperature_laws.LAWS`.
+    words : str, which is not offered and why, or "".
+    """
+    rising = {name: _rising(with_laws(model, Laws(beyond=name))) for name in LAWS}
+    turned = {name: sorted(found - rising[LAWS[0]]) for name, found in rising.items()}
+    offered = tuple(name for name in LAWS if not turned[name])
+    words = [
+        f"{name} is not offered beyond the tested temperatures: by it the {KINDS[kind]} resistance "
+        f"at {100 * soc:.0f} % SoC would rise with temperature at {celsius:g} °C"
+        for name, ((celsius, kind, soc), *_) in ((n, t) for n, t in turned.items() if t)
+    ]
+    return offered, "; ".join(words)
+
+
+def _rising(model):
+    """(temperature, kind of resistance, SoC) beyond the tested range where a kelvin adds ohms."""
+    table = temperature_table(model, None, step_kelvin=1.0)
+    celsius = np.unique(table["temperature_celsius"])
+    outside = table["extrapolated_temperature"].reshape(len(celsius), -1)[:, 0]
+    found = set()
+    for kind in KINDS:
+        rises = np.diff(table[kind].reshape(len(celsius), -1), axis=0) > 0
+        rises &= (outside[1:] | outside[:-1])[:, None]
+        found |= {(celsius[k], kind, SOC[s]) for k, s in np.argwhere(rises)}
+    return found
 
 
 def _grid(known, step, beyond):
