@@ -187,7 +187,7 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
     maybe = ["model", "export", "pack", "figure_pack", "figure_parameters"]
     once = dict.fromkeys([*on_the_way, *maybe, *together, "all"], 1)
-    assert jobs(planned) == once | {"table": 4}  # models, packs, soc and validation
+    assert jobs(planned) == once | {"table": 5}  # choice, models, packs, soc and validation
     assert "Read B drive" in planned
 
 
