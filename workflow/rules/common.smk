@@ -19,13 +19,6 @@ from provenance import code_of
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-# Snakemake's own default of 100 jobs a second limits nothing here, and costs: each look for jobs sets
-# a timer that causes another one a second later, without end, so that looks add up with the jobs
-# done (half of the time of a run of 500 short jobs). Who asks for another limit gets it.
-limit = workflow.scheduling_settings and workflow.scheduling_settings.max_jobs_per_timespan
-if limit and (limit.max_jobs, limit.timespan) == (100, 1):
-    workflow.scheduling_settings.max_jobs_per_timespan = None
-
 STARTED = time.time()
 if workflow.is_main_process:
     stale_lock.clear(Path.cwd())
@@ -121,3 +114,12 @@ TEST_FACTS = {
     f"{name}/{test}": {key: row[key] for key in ["cycle", "ambient_temperature_celsius", "soc"]}
     for (name, test), row in TESTS.items()
 }
+
+
+# Snakemake's default limit of 100 jobs a second limits nothing here, and costs: each look for jobs
+# sets a timer that causes another look a second later, and so on, so that looks add up with the jobs
+# done. Who asks for another limit gets it.
+onstart:
+    limit = workflow.scheduler.job_rate_limiter
+    if limit and (limit.max_jobs, limit.timespan) == (100, 1):
+        workflow.scheduler.job_rate_limiter = None
