@@ -206,13 +206,21 @@ def folds_of(given, *changes):
     ]
 
 
+def searched(given, folds):
+    """What a search would say that fitted both tests."""
+    starts = {"soc0[0]": 0.95, "soc0[1]": 0.95}
+    folds = [one | {"values": one["values"] | starts} for one in folds]
+    about = {"tests": [f"D{celsius:g}" for celsius in CELSIUS], "folds": folds}
+    return given | about | {"values": given["values"] | starts}
+
+
 def family_of(tests):
     """A model of the family identified from the tests, with its scores."""
     return cell_model(SHEET, BASIS, tests, **MEMBERS)
 
 
 def finished_of(given, tests, folds=None):
-    found = given | {"folds": folds_of(given) if folds is None else folds}
+    found = searched(given, folds_of(given) if folds is None else folds)
     return finished(family_of(tests), BASIS, SHEET, tests, found, split_rest_second=200.0)
 
 
@@ -254,13 +262,27 @@ def test_each_block_is_predicted_by_the_model_fitted_without_it():
     off = [{name: given["values"][name] + volt} for volt in (0.01, 0.02, 0.04)]
     tests = series_of(given)
     conditions = fitted_records(family_of(tests), BASIS, SHEET, tests, split_rest_second=200.0)
-    searched = given | {"folds": folds_of(given, *off)}
-    _, scores = with_effects(family_of(tests), searched, tests, conditions)
-    for score in scores:
+    model = family_of(tests)
+    _, judged = with_effects(model, searched(given, folds_of(given, *off)), tests, conditions)
+    for score in judged.scores:
         np.testing.assert_allclose(np.sqrt(score.square_volt2), [0.01, 0.02, 0.04], atol=2e-4)
-    unseen = given | {"folds": []}
-    _, scores = with_effects(family_of(tests), unseen, tests, conditions)
-    assert max(score.square_volt2.max() for score in scores) < 1e-7
+    _, judged = with_effects(model, searched(given, []), tests, conditions)
+    assert max(score.square_volt2.max() for score in judged.scores) < 1e-7
+    assert judged.fit_rmse_volt.max() < 3e-4
+
+
+def test_a_record_begins_at_the_soc_that_was_found_with_the_rest_of_it():
+    given = found("resistance_asymmetry")
+    tests = series_of(given)
+    for test in tests:
+        test.facts["soc"] = 0.94
+    model = family_of(tests)
+    conditions = fitted_records(model, BASIS, SHEET, tests, split_rest_second=200.0)
+    _, judged = with_effects(model, searched(given, folds_of(given)), tests, conditions)
+    assert judged.fit_rmse_volt.max() < 3e-4
+    unknown = searched(given, []) | {"tests": []}
+    _, judged = with_effects(model, unknown, tests, conditions)
+    assert judged.fit_rmse_volt.min() > 5e-3
 
 
 def test_without_effects_the_family_is_judged_alone():

@@ -249,6 +249,7 @@ def model_of(case, state):
         "ocv_soc": np.linspace(0.0, 1.0, len(case.cell.ocv_volt)).tolist(),
         "ocv_volt": np.asarray(case.cell.ocv_volt).tolist(),
         "hold": case.fit.hold,
+        "tests": list(case.fit.tests),
         "values": {name: float(value) for name, value in state.solution.values.items()},
         "std": stds(state.solution),
         "effects": [effect.id for effect in state.effects],

@@ -13,7 +13,7 @@ from cellwright.models.groups import groups_of
 from cellwright.models.identify import ready_records
 from cellwright.models.lookup import simulate_model
 from cellwright.models.records import Record
-from cellwright.models.selection import Score, choose, rmse_of
+from cellwright.models.selection import Score, choose, rmse_of, typical_of
 from cellwright.models.split import blocks_of_used
 from cellwright.refusal import Refusal
 from cellwright.series.anchor import REST_C_RATE
@@ -36,6 +36,16 @@ class FittedRecord(NamedTuple):
     block: np.ndarray
 
 
+class Judged(NamedTuple):
+    """How a member does: scores, list of Score, one a condition, of blocks left out of its fit.
+
+    fit_rmse_volt : (conditions,) simulated through the records fitted, SoC 5–95 % [V].
+    """
+
+    scores: list
+    fit_rmse_volt: np.ndarray
+
+
 def fitted_records(model, basis, cell, tests, *, split_rest_second):
     """The records that a model was identified from, by condition.
 
@@ -55,8 +65,9 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
     Refusal : a condition whose tests are not among those given.
     """
     entries = model["members"][0]["conditions"]
-    names = {name for entry in entries for name in entry["tests"]}
+    names = [name for entry in entries for name in entry["tests"]]
     known = [test for test in tests if test.facts["test"] in names]
+    known = sorted(known, key=lambda test: names.index(test.facts["test"]))
     groups, _ = groups_of(known, basis, cell, split_rest_second=split_rest_second)
     kinds = {test.facts["test"]: test.facts["kind"] for test in known}
     rest = {"rest_second": split_rest_second}
@@ -95,21 +106,17 @@ def errors_of(model, name, one):
     return (record.voltage_volt - run.voltage_volt)[record.used]
 
 
-def simulated_rmse(model, name, conditions):
-    """Error of a member over the records fitted, SoC 5–95 %, by condition (k,) [V].
+def inner_rmse(records, errors_volt):
+    """Error over SoC 5–95 % of the used rows of a condition [V]; over all where none lies there.
 
     Parameters
     ----------
-    model, name : as in `errors_of`. conditions : from `fitted_records`.
+    records : list of FittedRecord. errors_volt : list of (used rows,) of each, see `errors_of`.
     """
-    found = []
-    for records in conditions:
-        soc = np.concatenate([one.record.soc[one.record.used] for one in records])
-        error = np.concatenate([errors_of(model, name, one) for one in records])
-        inner = (soc >= INNER_SOC[0]) & (soc <= INNER_SOC[1])
-        kept = error[inner] if inner.any() else error
-        found.append(np.sqrt(np.mean(kept**2)))
-    return np.array(found)
+    soc = np.concatenate([one.record.soc[one.record.used] for one in records])
+    error = np.concatenate(errors_volt)
+    inner = (soc >= INNER_SOC[0]) & (soc <= INNER_SOC[1])
+    return np.sqrt(np.mean((error[inner] if inner.any() else error) ** 2))
 
 
 def decided(model, conditions, found=None):
@@ -119,7 +126,7 @@ def decided(model, conditions, found=None):
     ----------
     model : dict of schema cellwright-model/2, with `left_out`.
     conditions : list of lists of FittedRecord, from `fitted_records`.
-    found : dict name → list of Score (one a condition) of members that a search has found.
+    found : dict name → Judged, of members that a search has found.
 
     Returns
     -------
@@ -128,36 +135,44 @@ def decided(model, conditions, found=None):
         typical_volt, left_out_rmse_volt, worst_volt (of a block), fit_rmse_volt (simulated, SoC
         5–95 %), chosen, reason.
     """
-    found = found or {}
+    judged = {
+        name: _judged(model, name, conditions) for name in model["left_out"][0]["square_volt2"]
+    }
+    judged |= found or {}
     celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
-    names = [member["model"] for member in model["members"]]
-    scores = {name: found.get(name) or _stored(model, name) for name in names}
-    fitted = {name: simulated_rmse(model, name, conditions) for name in names}
-    settings = {"celsius": celsius, "fitted_volt": fitted, "found": tuple(found)}
-    choice = choose(scores, **settings)
+    choice = choose(
+        {name: one.scores for name, one in judged.items()},
+        celsius=celsius,
+        fitted_volt={name: one.fit_rmse_volt for name, one in judged.items()},
+        found=tuple(found or ()),
+    )
     rows = [
         row | {"chosen": name == choice.name, "reason": choice.reasons[name]}
-        for name in names
-        for row in _rows(name, scores[name], fitted[name], celsius)
+        for name, one in judged.items()
+        for row in _rows(name, one, celsius)
     ]
     members = [m | {"left_out_rmse_volt": choice.rmse_volt[m["model"]]} for m in model["members"]]
     return model | {"members": members, "chosen": choice.name, "choice": choice.words}, rows
 
 
-def _stored(model, name):
-    return [
+def _judged(model, name, conditions):
+    """A member of the family, by what its identification left out, and simulated."""
+    scores = [
         Score(np.array(one["square_volt2"][name]), np.array(one["rows"]))
         for one in model["left_out"]
     ]
+    errors = [[errors_of(model, name, one) for one in part] for part in conditions]
+    pairs = zip(conditions, errors, strict=True)
+    return Judged(scores, np.array([inner_rmse(part, of_part) for part, of_part in pairs]))
 
 
-def _rows(name, scores, fitted, celsius):
-    for score, volt, at in zip(scores, fitted, celsius, strict=True):
+def _rows(name, judged, celsius):
+    for score, volt, at in zip(judged.scores, judged.fit_rmse_volt, celsius, strict=True):
         yield {
             "model": name,
             "ambient_temperature_celsius": at,
             "blocks": len(score.rows),
-            "typical_volt": float(np.exp(np.log(np.maximum(score.square_volt2, 1e-12)).mean() / 2)),
+            "typical_volt": typical_of(score),
             "left_out_rmse_volt": rmse_of(score),
             "worst_volt": float(np.sqrt(score.square_volt2.max())),
             "fit_rmse_volt": float(volt),

@@ -128,6 +128,16 @@ def rmse_of(score):
     return float(np.sqrt(np.average(score.square_volt2, weights=score.rows)))
 
 
+def typical_of(score):
+    """Error of a usual block, by the mean of its logarithm [V].
+
+    Parameters
+    ----------
+    score : Score.
+    """
+    return float(np.exp(np.log(np.maximum(score.square_volt2, SMALLEST_VOLT2)).mean() / 2))
+
+
 def _weight_of(scores):
     """Rows of every block, which all members must have in common."""
     if not scores:
