@@ -38,7 +38,7 @@ The numbers lie beside this page as data, with tolerances:
 [renewals](real-cells/renewals.md).
 
 ```
-./run snakemake --cores 2 real                  # every campaign whole: hours; a second time, little
+./run snakemake --cores 2 real                  # every campaign whole: up to an hour; again, little
 ./run python scripts/real_check.py              # fails where a number is worse than recorded
 ./run python scripts/real_record.py --why "…"   # renews the record and this page
 ```"""
