@@ -39,6 +39,7 @@ TITLES = {
     "ica": "Incremental capacity",
     "health": "State of health",
     "models": "Model parameters",
+    "choice": "Choice of the model",
     "soc": "State of charge",
     "validation": "Validation of models",
     "packs": "Parallel groups",
@@ -61,6 +62,7 @@ ABOUT = {
     "ica": "Peaks of the incremental capacity, each beside the nearest within 50 mV.",
     "health": "State of health, method by method, at the same cycle (within 2).",
     "models": "The chosen circuit's resistance 10 ms (r0), 10 s and long after a step.",
+    "choice": "Errors are measured against the records fitted, not against a truth.",
     "soc": "State of charge at the ends of a test: counted, and by the filters from a wrong start.",
     "validation": "Errors of simulations are measured against the record, not against a truth.",
     "packs": "Branches of parallel groups as simulated: the charge of all discharges, the "

@@ -24,6 +24,7 @@ QUANTITIES = {
         *("lli", "lam_negative", "lam_positive"),
     ),
     "models": ("r0", "r_10s", "r_total"),
+    "choice": ("",),
     "soc": ("soc_begin", "soc_end", "capacity_ampere_hour"),
     "validation": ("rmse_volt",),
     "packs": ("group_capacity_ampere_hour", "charge_ampere_hour", "current_max_ampere"),
