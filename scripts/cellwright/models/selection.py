@@ -180,7 +180,7 @@ def _simplest(names, logs, rmse):
     chosen = min(equal, key=lambda name: (size_of(member_named(name)), logs[name].mean()))
     said = dict.fromkeys(names, f"predicts blocks left out worse than {best}")
     said |= dict.fromkeys(
-        alike, f"equal to {best} in most blocks, but its largest errors are larger"
+        alike, f"equal to {best} in most blocks, but its rms error is over a tenth larger"
     )
     said |= dict.fromkeys(equal, f"no better than {chosen}, which is simpler")
     return chosen, equal, said
