@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.laws import ocv_surface
+from cellwright.laws import ocv_surface as of_surface
 from cellwright.laws.ocv_compare import compare
 from cellwright.laws.ocv_entropy import zero_crossings
 from cellwright.laws.ocv_forms import fit_form, form_ocv, form_std
@@ -104,7 +104,7 @@ def test_tables_for_models_say_where_they_are_tested():
     assert np.array_equal(tables[0]["tested"], (SOC >= 0.0999) & (SOC <= 0.9001))
     assert not tables[1]["tested"].any()
     assert np.array_equal(tables[0]["ocv_volt"], nodes(one, -20.0)[0])
-    assert ocv_surface.tested(one, 0.5, 25.0)
+    assert of_surface.tested(one, 0.5, 25.0)
 
 
 def readings(celsius, std=1e-4):

@@ -14,6 +14,7 @@ import numpy as np
 from cellwright.refusal import Refusal
 
 MODES = 5
+UNRESOLVED_SECOND = 1e-3  # of a lag that is over before the next sample
 REST_SHARE = 0.01  # of a record's largest current: below it the sign is the sensor's noise
 
 

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.circuit import SPHERE_MODES
+from cellwright.models.circuit import SPHERE_MODES, UNRESOLVED_SECOND
 from cellwright.models.kernels import lag, lag_by_charge
 from cellwright.models.linear import hats
 from cellwright.models.tables import table_soc
 
 SOC_WINDOW = 0.01  # over which the slope of an OCV table is taken
 FAST_SECOND = 5.0  # what relaxes faster may be charge transfer, what is slower is diffusion
-UNRESOLVED_SECOND = 1e-3  # for charge transfer that is over before the next sample
 
 
 class Held(NamedTuple):

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.models.design import FAST_SECOND, UNRESOLVED_SECOND
+from cellwright.models.circuit import UNRESOLVED_SECOND
+from cellwright.models.design import FAST_SECOND
 from cellwright.models.refine import covariance_of, with_time_constants
 from cellwright.models.regression import named
 

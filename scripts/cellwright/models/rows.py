@@ -1,8 +1,7 @@
 """A model file as rows of a table, and one cell's model out of a group's."""
 
-from cellwright.models.circuit import KINDS
+from cellwright.models.circuit import KINDS, UNRESOLVED_SECOND
 from cellwright.models.conditions import std_name
-from cellwright.models.design import UNRESOLVED_SECOND
 from cellwright.refusal import Refusal
 
 # Parameters of branches: name in the table, without the branch's number or kind, and unit.
