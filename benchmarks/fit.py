@@ -3,7 +3,7 @@
 import numpy as np
 from timing import Entry, Topic, where_importable
 
-from cellwright.models.kernels import lag_weights
+from cellwright.numerics.lags import lag_weights
 
 SECONDS, STEP, NOISE = 2000.0, 0.1, 1e-3
 COARSE_STEP = 1.0  # of the record that PyBOP fits: on the other it takes minutes
@@ -24,7 +24,7 @@ def hppc():
     }
     needed = {"lmfit": ("lmfit",), "PyBOP": ("pybamm", "pybop")}
     ours = {"**Cellwright**": lambda: _ours(time, current, volt)}
-    needed["**Cellwright**"] = ("cellwright.models.fit",)
+    needed["**Cellwright**"] = ("cellwright.identification.methods.pulse",)
     entries, skipped = where_importable(needed, ours | peers)
     return Topic(
         "2-RC fit of a pulse test",
@@ -74,7 +74,7 @@ def _judge(current, volt, step):
 
 
 def _ours(time, current, volt):
-    from cellwright.models.fit import fit_circuit
+    from cellwright.identification.methods.pulse import fit_circuit
 
     def run():
         return fit_circuit(time, current, volt, 3.7, hold="first_order").values

@@ -4,8 +4,8 @@ import cell
 import numpy as np
 from timing import Entry, Topic, where_importable
 
-from cellwright.models import pack
-from cellwright.models.pack import Group, simulate_parallel
+from cellwright.packs import parallel
+from cellwright.packs.parallel import Group, simulate_parallel
 
 CELLS, STEPS = 1000, 200
 
@@ -19,7 +19,7 @@ def topic():
         "scipy": lambda: _sparse(group, time, load),
     }
     entries, skipped = where_importable({}, makers)
-    true = pack.simulate_parallel(time, load, group, initial_soc=0.8)
+    true = parallel.simulate_parallel(time, load, group, initial_soc=0.8)
 
     def judge(found):
         current, volt = found[0], found[1]
@@ -61,11 +61,11 @@ def _numpy(group, time, load):
     """Our own numpy form: one step after the other, all cells at once."""
 
     def run():
-        kept, pack.function = pack.function, lambda *_types: None
+        kept, parallel.function = parallel.function, lambda *_types: None
         try:
             return simulate_parallel(time, load, group, initial_soc=0.8)
         finally:
-            pack.function = kept
+            parallel.function = kept
 
     return Entry("numpy, all cells of a step at once", run, None)
 
@@ -87,7 +87,7 @@ def _sparse(group, time, load):
         soc, relaxed = np.full(CELLS, 0.8), np.zeros(CELLS)
         found = np.empty((STEPS, CELLS + 1))
         for k, step in enumerate(np.diff(time, prepend=time[0])):
-            ocv, slope, r0, r, tau = pack._tables_at(group, soc)
+            ocv, slope, r0, r, tau = parallel._tables_at(group, soc)
             gain = -np.expm1(-step / tau[:, 0])
             charge = step / (3600.0 * group.capacity_ampere_hour)
             resistance = r0 + slope * charge + gain * r[:, 0]

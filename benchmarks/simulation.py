@@ -5,8 +5,8 @@ import numpy as np
 from general_solver import solved
 from timing import Entry, Topic, millivolt, where_importable
 
-from cellwright.models.fast import simulate_counted
-from cellwright.models.kernels import lag_weights
+from cellwright.circuits.fast import simulate_counted
+from cellwright.numerics.lags import lag_weights
 
 SAMPLES = 10_000
 COUNTED = {"initial_soc": cell.INITIAL_SOC, "capacity_ampere_hour": cell.CAPACITY_AMPERE_HOUR}

@@ -4,7 +4,7 @@ import cell
 import numpy as np
 from timing import Entry, Topic, where_importable
 
-from cellwright.models.fast import simulate_counted
+from cellwright.circuits.fast import simulate_counted
 
 SAMPLES, WINDOW = 20000, 60
 SENSOR_VOLT, START = 2e-3, 0.5
@@ -21,10 +21,10 @@ def adaptive():
         "filterpy": lambda: _filterpy(*record),
     }
     needed = {
-        "**Cellwright**": ("cellwright.models.soc",),
-        "its recursion alone": ("cellwright.models.soc",),
-        "with its default states": ("cellwright.models.soc",),
-        "its numpy form": ("cellwright.models.soc",),
+        "**Cellwright**": ("cellwright.filters.estimate",),
+        "its recursion alone": ("cellwright.filters.estimate",),
+        "with its default states": ("cellwright.filters.estimate",),
+        "its numpy form": ("cellwright.filters.estimate",),
         "filterpy": ("filterpy.kalman",),
     }
     entries, skipped = where_importable(needed, makers)
@@ -60,8 +60,8 @@ def _judge(true):
 
 
 def _estimate(time, current, volt, **settings):
-    from cellwright.models.bank import bank_of
-    from cellwright.models.soc import Start, estimate
+    from cellwright.filters.bank import bank_of
+    from cellwright.filters.estimate import Start, estimate
 
     bank = bank_of(cell.model(), "2RC", 25.0)
     return lambda: estimate(bank, time, current, volt, Start(START), method="aekf", **settings)
@@ -69,7 +69,7 @@ def _estimate(time, current, volt, **settings):
 
 def _three_states():
     """No state but SoC and lags: sensor and model err by white noise."""
-    from cellwright.models.plant import Noise
+    from cellwright.filters.plant import Noise
 
     spans = dict.fromkeys(("error_second", "fast_second", "error_soc", "skew_second"), 0.0)
     return {"noise": Noise(window=WINDOW, **spans), "track_ohmic": False}
@@ -80,11 +80,11 @@ def _ours(time, current, volt, _soc):
 
 
 def _recursion(time, current, volt, _soc):
-    from cellwright.models.acquisition import acquire
-    from cellwright.models.bank import bank_of
-    from cellwright.models.plant import plant_of
-    from cellwright.models.recursion import run
-    from cellwright.models.soc import Start
+    from cellwright.filters.bank import bank_of
+    from cellwright.filters.estimate import Start
+    from cellwright.filters.kalman import run
+    from cellwright.filters.plant import plant_of
+    from cellwright.filters.start import acquire
 
     noise = _three_states()["noise"]
     bank = bank_of(cell.model(), "2RC", 25.0)
@@ -99,16 +99,16 @@ def _default(time, current, volt, _soc):
 
 def _twin(time, current, volt, _soc):
     """The same without compiled kernels."""
-    from cellwright.models import recursion
+    from cellwright.filters import kalman
 
     run = _estimate(time, current, volt, **_three_states())
 
     def plain():
-        kept, recursion.function = recursion.function, lambda *_types: None
+        kept, kalman.function = kalman.function, lambda *_types: None
         try:
             return run()
         finally:
-            recursion.function = kept
+            kalman.function = kept
 
     return Entry("its numpy form", plain, None)
 

@@ -9,7 +9,8 @@ from timing import Entry, Topic, missing
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 JOBS = {
-    "**Cellwright**, simulation and fit": "cellwright.models.fast, cellwright.models.fit",
+    "**Cellwright**, simulation and fit": "cellwright.circuits.fast,"
+    " cellwright.identification.methods.pulse",
     "**Cellwright**, dQ/dV": "cellwright.protocols.ica",
     "Python alone": "sys",
     "numpy": "numpy",

@@ -1,8 +1,8 @@
 """Figure: capacities of one ageing record over cycles and temperature, and their periods."""
 
-import artefact
 import figure
 from drawing import ageing
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     (summary,) = artefact.rows(job.load(snakemake.input.summary))

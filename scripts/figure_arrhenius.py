@@ -1,8 +1,8 @@
 """Figure: Arrhenius lines of one cell."""
 
-import artefact
 import figure
 from drawing import arrhenius
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     points = artefact.rows(job.load(snakemake.input.points))

@@ -1,8 +1,8 @@
 """Figure: temperatures that a cell's model was not told of."""
 
-import artefact
 import figure
 from drawing import compensation
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     laws = artefact.rows(job.load(snakemake.input.laws))

@@ -1,8 +1,8 @@
 """Figure: distributions of relaxation times of one cell."""
 
-import artefact
 import figure
 from drawing import relaxation_times
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     pairs = zip(snakemake.input.curves, snakemake.input.peaks, strict=True)

@@ -1,8 +1,8 @@
 """Figure: fast charges of one cell by temperature."""
 
-import artefact
 import figure
 from drawing import fast_charge
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     inputs = snakemake.input

@@ -1,8 +1,8 @@
 """Figure: incremental capacity of one cell."""
 
-import artefact
 import figure
 from drawing import ica
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     pairs = zip(snakemake.input.curves, snakemake.input.peaks, strict=True)

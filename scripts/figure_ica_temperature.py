@@ -1,8 +1,8 @@
 """Figure: incremental capacity of one cell by temperature."""
 
-import artefact
 import figure
 from drawing import ica_temperature
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     curves, peaks = job.load(snakemake.input.curves), job.load(snakemake.input.peaks)

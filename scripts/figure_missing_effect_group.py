@@ -1,8 +1,8 @@
 """Figures: what one branch of a group has of its own, and how one can see it."""
 
-import artefact
 import figure
 from drawing import effect_group
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     parts = {name: job.load(path) for name, path in snakemake.input.items()}

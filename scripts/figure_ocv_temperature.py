@@ -1,8 +1,8 @@
 """Figure: open-circuit voltage of one cell over temperature."""
 
-import artefact
 import figure
 from drawing import ocv_temperature
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     inputs = snakemake.input

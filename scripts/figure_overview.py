@@ -1,8 +1,8 @@
 """Figure: the campaign at a glance."""
 
-import artefact
 import figure
 from drawing import overview
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     tables = [artefact.load_table(path) for path in snakemake.input]

@@ -1,8 +1,8 @@
 """Figure: pack of one test."""
 
-import artefact
 import figure
 from drawing import pack
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     series = job.load(snakemake.input.series)

@@ -1,8 +1,8 @@
 """Figure: polarisation of one cell over SoC and over temperature."""
 
-import artefact
 import figure
 from drawing import polarisation
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     points = artefact.rows(job.load(snakemake.input.points))

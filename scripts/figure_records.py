@@ -1,8 +1,8 @@
 """Figure: the records of one cell, coloured by step."""
 
-import artefact
 import figure
 from drawing import records
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     pairs = zip(snakemake.input.series, snakemake.input.steps, strict=True)

@@ -1,8 +1,8 @@
 """Figure: resistance of one cell."""
 
-import artefact
 import figure
 from drawing import resistance
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     figure.save(resistance.draw(artefact.load_some(snakemake.input)), job)

@@ -1,8 +1,8 @@
 """Figure: state of charge of one test by filters."""
 
-import artefact
 import figure
 from drawing import soc
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     series = job.load(snakemake.input.series)

@@ -1,8 +1,8 @@
 """Figure: resistance of one cell over SoC and temperature."""
 
-import artefact
 import figure
 from drawing import surface
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     points = job.load(snakemake.input.points)

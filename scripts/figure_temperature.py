@@ -1,8 +1,8 @@
 """Figure: resistance and capacity of one cell over temperature."""
 
-import artefact
 import figure
 from drawing import temperature
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     points = job.load(snakemake.input.points)

@@ -1,8 +1,8 @@
 """Figure: validation of one test."""
 
-import artefact
 import figure
 from drawing import validation
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     series = job.load(snakemake.input.series)

@@ -10,11 +10,13 @@
 
 import hashlib
 import json
+import os
 import sys
 from pathlib import Path
 
 SCRIPTS = Path(workflow.basedir).parent / "scripts"
 sys.path.insert(0, str(SCRIPTS))
+os.environ["PYTHONPATH"] = os.pathsep.join([str(SCRIPTS), *filter(None, [os.environ.get("PYTHONPATH")])])
 
 from virtual_lab import campaigns
 
@@ -22,7 +24,7 @@ CAMPAIGN = config.get("campaign", "demo")
 OPTIONS = campaigns.options(CAMPAIGN, config)
 FOLDER = Path(config.get("folder", campaigns.FOLDERS[CAMPAIGN]))
 PLAN = campaigns.plan(CAMPAIGN, **OPTIONS)
-MAKE = f"python scripts/make_campaign.py {CAMPAIGN} {FOLDER} '{json.dumps(OPTIONS)}'"
+MAKE = f"python scripts/tools/make_campaign.py {CAMPAIGN} {FOLDER} '{json.dumps(OPTIONS)}'"
 REAL = ["a123", "panasonic", "cs2_35"]
 SHEETS = ["cells", "tests", *(["groups"] if PLAN.groups else [])]
 # An edit of the laboratory makes its campaigns anew, as an edit of the science does for results.
@@ -87,7 +89,7 @@ rule score:
     message:
         "Compare what the pipeline found with what is true."
     shell:
-        "python scripts/score_campaign.py {FOLDER} --truth {params.truth} --title 'Scores: {CAMPAIGN}'"
+        "python scripts/tools/score_campaign.py {FOLDER} --truth {params.truth} --title 'Scores: {CAMPAIGN}'"
         " --markdown {output.markdown}"
 
 
@@ -100,4 +102,4 @@ rule reality:
     message:
         "Set the laboratory's records beside real ones."
     shell:
-        "python scripts/check_reality.py virtual/reality {FOLDER} --real {params.real}"
+        "python scripts/tools/check_reality.py virtual/reality {FOLDER} --real {params.real}"

@@ -4,8 +4,7 @@ import matplotlib
 import numpy as np
 
 import figure
-from cellwright.laws.falling import stretches
-from cellwright.laws.temperature import LAWS, ZERO_CELSIUS
+from cellwright.laws.temperature import LAWS, ZERO_CELSIUS, stretches
 
 ACROSS = 3  # families beside each other
 MOST_LEVELS = 5  # states of charge drawn of each, evenly chosen

@@ -3,8 +3,7 @@
 import numpy as np
 
 import figure
-from cellwright.laws.falling import stretches, turn_of
-from cellwright.laws.temperature import LAWS
+from cellwright.laws.temperature import LAWS, stretches, turn_of
 
 ACROSS = 3
 

@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import prepare, search
-from cellwright.effects.choose import matters, significant
 from cellwright.effects.finding import settings_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
+from cellwright.effects.search import matters, significant
 from cellwright.refusal import Refusal
 from effect_benchmark import answers, controls, groups, loading
 from effect_benchmark.methods import BIC, EXTRA, LEFT_OUT, PERMUTED, RANDOM, SEARCH, VALIDATION
-from storage import plain
+from runtime.artefact import plain
 
 SETTLED = ("clean", "segment", "ocv")
 NAN = float("nan")

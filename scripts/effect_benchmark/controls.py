@@ -7,11 +7,11 @@ another order; and an extra RC pair, whether or not one is missing.
 
 import numpy as np
 
-from cellwright.effects import base, plain, search, trial
-from cellwright.effects.candidates import candidates, scored
+from cellwright.effects import base, plain, search
 from cellwright.effects.case import filters_of, steep
 from cellwright.effects.effect import Effect, Parameter
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.screen import candidates, scored
 
 EXTRA_RC = "slow_diffusion"
 WAVES = 8  # of which a random function is the sum
@@ -100,4 +100,4 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
     own = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
     scores = scored(lined_up, own, residual, solution.white, solution.precision)
     best = max(scores, key=lambda one: one.chi_square)
-    return trial.tried(case, free, first.before, best, filters)
+    return search.tried(case, free, first.before, best, filters)

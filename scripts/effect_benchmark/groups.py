@@ -4,10 +4,10 @@ import time
 
 from cellwright.effects import search
 from cellwright.effects.finding import KEPT, model_of
-from cellwright.effects.group_prepare import KnownCell, missing_group_effect
+from cellwright.effects.groups.finding import KnownCell, missing_group_effect
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.verdict import outcome
-from cellwright.models.basis import REFERENCE_CELSIUS
+from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 from effect_benchmark.methods import BLIND, ONE_TEMPERATURE, SEARCH
 

@@ -3,15 +3,14 @@
 from pathlib import Path
 from typing import NamedTuple
 
-import campaign
-import raw_files
 from cellwright import formats, series
-from cellwright.models.basis import Lender, basis
-from cellwright.models.cell import FitTest
+from cellwright.identification.cell import FitTest
 from cellwright.protocols.capacity import capacity
-from cellwright.protocols.ocv import slow_ocv
+from cellwright.protocols.ocv.slow import slow_ocv
+from cellwright.records.basis import Lender, basis
 from cellwright.refusal import Refusal
-from cellwright.series.segments import segment
+from cellwright.series.steps import segment
+from runtime import raw_files, sheets
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
 FACTS = ("test", "kind", "ambient_temperature_celsius", "cycle", "soc", "role")
@@ -29,7 +28,7 @@ class Place(NamedTuple):
 
 
 class Loaded(NamedTuple):
-    """One cell: its row of the sheet, basis (`cellwright.models.basis`), and tests (FitTest)."""
+    """One cell: its row of the sheet, basis (`cellwright.records.basis`), and tests (FitTest)."""
 
     cell: dict
     basis: dict
@@ -46,7 +45,7 @@ class Steps(NamedTuple):
 
 def place(folder) -> Place:
     """The campaign in a folder, its sheets checked as the workflow checks them."""
-    read = campaign.read(folder, SCHEMAS)
+    read = sheets.read(folder, SCHEMAS)
     tests, branches = {}, {}
     for row in read.tests:
         tests.setdefault(row["cell"], []).append(row)

@@ -6,7 +6,7 @@ from real_cells.gather import KEYS
 
 WORSE, MISSING, NEW, BETTER, SAME = "worse", "missing", "new", "better", "same"
 FAILING = (WORSE, MISSING)
-REMEDY = "./run python scripts/real_record.py --why '...' records them"
+REMEDY = "./run python scripts/tools/real_record.py --why '...' records them"
 OLD = {"value": "recorded", "better": "old_better", "published": "old_published"}
 
 

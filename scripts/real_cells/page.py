@@ -10,7 +10,7 @@ from real_cells.gather import KEYS
 from real_cells.quantities import QUANTITIES, topics
 
 ABOUT = """\
-<!-- Made by scripts/real_record.py from real-cells/*.csv. Do not edit. -->
+<!-- Made by scripts/tools/real_record.py from real-cells/*.csv. Do not edit. -->
 # Real cells
 
 What the pipeline makes of real campaigns, as others measured them, run whole on the documented
@@ -39,11 +39,12 @@ The numbers lie beside this page as data, with tolerances:
 
 ```
 ./run snakemake --cores 2 real                  # every campaign whole: up to an hour; again, little
-./run python scripts/real_check.py              # fails where a number is worse than recorded
-./run python scripts/real_record.py --why "…"   # renews the record and this page
+./run python scripts/tools/real_check.py              # fails where a number is worse than recorded
+./run python scripts/tools/real_record.py --why "…"   # renews the record and this page
 ```"""
 MEASURED = (
-    "These are the numbers of the last run, not the record; scripts/real_check.py compares them."
+    "These are the numbers of the last run, not the record;"
+    " scripts/tools/real_check.py compares them."
 )
 WORDS = {"recorded": "last renewed", "before": "the state before"}
 TEMPERATURE = re.compile(r"^(-?[\d.]+ °C|temperature not known)(?:, |$)")

@@ -16,8 +16,8 @@ HEAD = """\
 # Renewals of the record of real cells
 
 Why the numbers of [recorded.csv](recorded.csv) and [before.csv](before.csv) were renewed, the
-newest last. Made by scripts/real_record.py. `code` is the hash of all code of the pipeline, where
-the numbers are from a run of its own.
+newest last. Made by scripts/tools/real_record.py. `code` is the hash of all code of the pipeline,
+where the numbers are from a run of its own.
 
 """
 TOLERANCES = ["tolerance_absolute", "tolerance_relative"]

@@ -169,7 +169,7 @@ def test_pairs_that_the_tests_cannot_tell_apart_are_framed():
 
 def test_every_figure_of_the_rule_has_a_drawing():
     """Names in rule figure_missing_effect and in the report are those that can be drawn."""
-    import page
+    from runtime import page
 
     parts = {name: {} for name in ("evidence", "ranking", "confounding")}
     names = [name.removeprefix("effect_") for name in page.PROOFS]

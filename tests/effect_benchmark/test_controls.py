@@ -2,10 +2,10 @@
 
 import numpy as np
 
-import provenance
 from cellwright.effects import base, records
 from cellwright.effects.library import LIBRARY
 from effect_benchmark import controls
+from runtime import provenance
 
 CELL = base.Cell(5.0, np.linspace(3.0, 4.2, 101))
 
@@ -60,5 +60,5 @@ def test_a_random_term_has_the_size_that_it_is_given():
 
 
 def test_what_searches_never_imports_the_laboratory():
-    seen = provenance._closure(provenance.SCRIPTS / "effect_answers.py", frozenset())
+    seen = provenance._closure(provenance.SCRIPTS / "benchmark/effect_answers.py", frozenset())
     assert not [path for path in seen if "virtual_lab" in path.parts]

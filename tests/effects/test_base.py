@@ -1,18 +1,13 @@
 """The searched model: analytic answers, the kernel beside its twin, effects that are absent."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+import small_cells as small
 
 from cellwright.effects import base
-from cellwright.effects.candidates import neutral
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
-
-sys.path.insert(0, str(Path(__file__).parent))
-import small_cells as small
+from cellwright.effects.screen import neutral
 
 
 def values_for(stack, **changes):

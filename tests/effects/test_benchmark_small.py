@@ -10,9 +10,8 @@ import pytest
 
 pytest.importorskip("numba", reason="the virtual laboratory runs in its own environment: --lab")
 
-import schema
-import settings
 from effect_benchmark import batch, left_out, methods, scoring
+from runtime import settings
 from virtual_lab import campaigns, making
 
 SEED = 4711
@@ -45,7 +44,7 @@ def table(tmp_path_factory):
     plan = plan._replace(cells=cells, tests=tests)
     making.make_batch(plan, "all", folder)
     making.make_sheets(plan, folder)
-    config = settings.defaults(schema.load(SCHEMAS, "config"))
+    config = settings.defaults(settings.load(SCHEMAS, "config"))
     config["benchmark"] |= {"control_every": 1}
     work = batch.task(folder, left_out.hidden_names(folder), config)
     return scoring.judged(folder, batch.answered(work, 0, 1))

@@ -1,20 +1,15 @@
 """Missing effects of parallel groups: truth of another simulation found again, and refusals."""
 
-import sys
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-from cellwright.effects.group_finding import branch_of, group_finding
-from cellwright.effects.group_model import group_run
-from cellwright.effects.group_model_file import fields_of
-from cellwright.effects.group_records import group_stacked
-from cellwright.refusal import Refusal
-
-sys.path.insert(0, str(Path(__file__).parent))
 from group_pair import CELLS, TABLE, record
+
+from cellwright.effects.groups.finding import branch_of, group_finding
+from cellwright.effects.groups.model import fields_of, group_run
+from cellwright.effects.groups.records import group_stacked
+from cellwright.refusal import Refusal
 
 
 @cache

@@ -1,25 +1,20 @@
 """The group's model: kernel and twin agree, Kirchhoff holds, another integration says the same."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-from cellwright.effects import group_model
-from cellwright.effects.group_fit import within
-from cellwright.effects.group_model import group_fields, group_names, group_run
-from cellwright.effects.group_records import group_stacked
-
-sys.path.insert(0, str(Path(__file__).parent))
 from group_pair import CELLS, record
+
+from cellwright.effects.groups import model
+from cellwright.effects.groups.case import within
+from cellwright.effects.groups.model import group_fields, group_names, group_run
+from cellwright.effects.groups.records import group_stacked
 
 HOLDS = pytest.mark.parametrize("hold", ["zero_order", "first_order"])
 
 
 def run(monkeypatch, hold, *, compiled):
     if not compiled:
-        monkeypatch.setattr(group_model, "function", lambda *_, **__: None)
+        monkeypatch.setattr(model, "function", lambda *_, **__: None)
     stack = group_stacked([record("a", 1), record("b", 2, celsius=5.0)], branches=2, hold=hold)
     values = dict.fromkeys(group_names(2, 2), 0.0) | {"0.capacity": -0.1, "1.soc": 0.02}
     return stack, group_run(group_fields(CELLS, np.full((2, 2), 0.9), values), stack)

@@ -1,22 +1,16 @@
 """From a campaign's sheets to a group that can be searched: roles, models, starts, and why not."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-from cellwright.effects import group_prepare
-from cellwright.effects.group_finding import GroupFinding
-from cellwright.effects.group_free import Shared, Spread, group_frees
-from cellwright.effects.group_prepare import KnownCell, missing_group_effect
-from cellwright.models.cell import FitTest
-from cellwright.refusal import Refusal
-
-sys.path.insert(0, str(Path(__file__).parent))
 from group_pair import CELLS, TABLE
 
-SETTINGS = {"most_rows": 1000} | {n: k()._asdict() for n, k in group_prepare.SECTIONS.items()}
+from cellwright.effects.groups import finding
+from cellwright.effects.groups.finding import GroupFinding, KnownCell, missing_group_effect
+from cellwright.effects.groups.model import Shared, Spread, group_frees
+from cellwright.identification.cell import FitTest
+from cellwright.refusal import Refusal
+
+SETTINGS = {"most_rows": 1000} | {n: k()._asdict() for n, k in finding.SECTIONS.items()}
 BRANCHES = [
     {"group": "pair", "position": k, "cell": f"c{k}", "wire_resistance_ohm": None, "initial_soc": s}
     for k, s in ((1, 0.9), (2, 0.8))
@@ -41,7 +35,7 @@ def a_test(name, role, *, soc=None, branches=2, first=0.0, second=0.5):
 def asked(monkeypatch):
     """What would be searched: group, cells, records, options; no search is made."""
     monkeypatch.setattr(
-        group_prepare,
+        finding,
         "group_finding",
         lambda *given, **options: GroupFinding({}, {}, {}, {"given": given, "options": options}),
     )

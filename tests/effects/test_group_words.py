@@ -2,7 +2,7 @@
 
 import pytest
 
-from cellwright.effects.group_words import paragraph
+from cellwright.effects.groups.verdict import paragraph
 from cellwright.effects.library.groups import GROUP_LIBRARY
 
 PARAMETERS = {

@@ -1,20 +1,15 @@
 """Records that judge: where they begin, and what an error of that costs nobody."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from small_cells import CAPACITY, CELL, PLAIN, drive
 
 from cellwright.effects import base
 from cellwright.effects.judge import Rests, by_starts, rests_of, started
-from cellwright.effects.noise import FIRST, whitening
 from cellwright.effects.plain import Tolerance
-from cellwright.effects.problem import Solution
 from cellwright.effects.records import stacked
-
-sys.path.insert(0, str(Path(__file__).parent))
-from small_cells import CAPACITY, CELL, PLAIN, drive
+from cellwright.numerics.least_squares import Solution
+from cellwright.numerics.noise import FIRST, whitening
 
 TRUE = 0.95
 TOLERANCE = Tolerance()

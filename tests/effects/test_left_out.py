@@ -1,16 +1,11 @@
 """The found model without some blocks: which were left out, and that they had no say."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-from cellwright.effects.left_out import folds
-from cellwright.effects.verdict import outcome
-
-sys.path.insert(0, str(Path(__file__).parent))
 from small_plant import Truth, case, rounds
+
+from cellwright.effects.member import folds
+from cellwright.effects.verdict import outcome
 
 TRUTH = Truth(asymmetry=0.3)
 SIZE = "resistance_asymmetry.charge_resistance_excess_relative"

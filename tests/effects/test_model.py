@@ -3,20 +3,24 @@
 import numpy as np
 import pytest
 
+from cellwright.circuits.exports import pybamm_document
+from cellwright.circuits.instrument import words_of
+from cellwright.circuits.model_file import is_plain, parameter_rows, simulate_model
 from cellwright.effects import base
-from cellwright.effects.in_model_file import finished, with_effects
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.model import KNOTS, NAME, effect_member, temperatures
+from cellwright.effects.member import (
+    KNOTS,
+    NAME,
+    effect_member,
+    finished,
+    temperatures,
+    with_effects,
+)
 from cellwright.effects.records import Record, stacked
-from cellwright.models.bank import bank_of
-from cellwright.models.cell import FitTest, cell_model
-from cellwright.models.choice import fitted_records
-from cellwright.models.exports import pybamm_document
-from cellwright.models.instrument import words_of
-from cellwright.models.lookup import simulate_model
-from cellwright.models.plain import is_plain
-from cellwright.models.rows import parameter_rows
-from cellwright.models.soc_runs import _record
+from cellwright.filters.bank import bank_of
+from cellwright.filters.evaluate import _record
+from cellwright.identification.cell import FitTest, cell_model
+from cellwright.identification.choice import fitted_records
 from cellwright.refusal import Refusal
 
 CAPACITY = 2.0

@@ -7,8 +7,7 @@ import pytest
 
 from cellwright.effects import base, records, search
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.paired import Pairing, paired
-from cellwright.effects.protocol_match import counterpart_second, part
+from cellwright.effects.paired import Pairing, counterpart_second, paired, part
 from cellwright.refusal import Refusal
 
 CAPACITY = 5.0

@@ -1,22 +1,17 @@
 """The test to run next: from sensitivities, for small made-up cells."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+import small_cells as small
 
-from cellwright.effects import menu
+from cellwright.effects import planner
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.planner import next_test
 from cellwright.effects.sensitivity import Model
 from cellwright.refusal import Refusal
 
-sys.path.insert(0, str(Path(__file__).parent))
-import small_cells as small
-
-RATING = menu.Rating(2.0, 1.2)
-TESTS = menu.menu(small.CELL, RATING, celsius=25.0)
+RATING = planner.Rating(2.0, 1.2)
+TESTS = planner.menu(small.CELL, RATING, celsius=25.0)
 
 
 @pytest.fixture(scope="module")
@@ -144,14 +139,14 @@ def test_a_planned_test_stays_within_the_rating(test):
 
 
 def test_the_drive_goes_no_further_than_the_cell_may():
-    tests = menu.menu(small.CELL, RATING._replace(least_celsius=20.0), celsius=25.0)
+    tests = planner.menu(small.CELL, RATING._replace(least_celsius=20.0), celsius=25.0)
     cold = next(one for one in tests if one.id == "drive_cold")
     assert cold.words == "the same drive 5 K colder"
     assert np.all(cold.record.celsius == 20.0)
 
 
 def test_the_rating_is_that_of_the_records(usual):
-    found = menu.rating_of(usual[0].fit, small.CAPACITY)
+    found = planner.rating_of(usual[0].fit, small.CAPACITY)
     assert 1.8 < found.discharge_c_rate <= 2.0
     assert 1.0 < found.charge_c_rate <= 1.2
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from cellwright.effects.problem import Free, Problem, derivatives, fit, stds
+from cellwright.numerics.least_squares import Free, Problem, derivatives, fit, stds
 
 RANDOM = np.random.default_rng(7)
 MATRIX = RANDOM.normal(size=(200, 3))

@@ -1,16 +1,11 @@
 """A cell from a simulator of its own, whose hidden effect must be named, or nothing at all."""
 
-import sys
-from pathlib import Path
-
 import pytest
+from small_plant import HEALTHY, Truth, rounds
 
 from cellwright.effects.case import Gates
-from cellwright.effects.problem import stds
 from cellwright.effects.verdict import outcome
-
-sys.path.insert(0, str(Path(__file__).parent))
-from small_plant import HEALTHY, Truth, rounds
+from cellwright.numerics.least_squares import stds
 
 HIDDEN = {
     "resistance_temperature": (Truth(activation=2.5e4), "activation_energy_joule_per_mole", 2.5e4),

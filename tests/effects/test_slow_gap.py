@@ -5,9 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cellwright.effects.choose import denied
-from cellwright.effects.slow_gap import shows_hysteresis
-from cellwright.models.slow_gap import SlowGap, slow_gap
+from cellwright.effects.search import denied
+from cellwright.protocols.ocv.gap import SlowGap, shows_hysteresis, slow_gap
 
 SOC = np.linspace(0.0, 1.0, 201)
 

@@ -1,26 +1,24 @@
 """Which effects records cannot tell apart, and which they cannot show, from sensitivities alone."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+import small_cells as small
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
 from cellwright.effects.sensitivity import at_starts_of, information, projected
-from cellwright.effects.structural import (
+from cellwright.effects.ties import (
     STRUCTURAL,
     RestCurrent,
+    classes_of,
+    confounding,
     offset_or_leak,
     rest_current,
+    shown,
     tie_of,
+    visibility,
     with_partners,
 )
-from cellwright.effects.ties import classes_of, confounding, shown, visibility
-
-sys.path.insert(0, str(Path(__file__).parent))
-import small_cells as small
 
 
 @pytest.fixture(scope="module")

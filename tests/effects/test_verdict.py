@@ -1,19 +1,15 @@
 """The verdict file: every key of the contract, its formulas, and where the remainder sits."""
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from small_plant import HEALTHY, Truth, rounds
 
 from cellwright.effects.case import Gates
+from cellwright.effects.judge import rate_of, worst
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.residual_map import rate_of, worst
 from cellwright.effects.verdict import gap_closed, outcome, verdict_of
-
-sys.path.insert(0, str(Path(__file__).parent))
-from small_plant import HEALTHY, Truth, rounds
 
 CONTRACT = {"cell", "verdict", "effects", "located_at", "floor_volt", "next_test", "not_testable"}
 OF_AN_EFFECT = {

@@ -4,22 +4,8 @@ Elsewhere: noise that swallows (test_noise), NaN and clocks (test_records), othe
 paired mode (test_paired), a tie broken silently and the effect that nobody knows (test_search).
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-from cellwright.effects import choose
-from cellwright.effects.case import Gates
-from cellwright.effects.excitation import lacking
-from cellwright.effects.finding import of_case
-from cellwright.effects.library import LIBRARY
-from cellwright.effects.records import stacked
-from cellwright.effects.search import not_excited, search
-from cellwright.effects.verdict import outcome
-
-sys.path.insert(0, str(Path(__file__).parent))
 import small_plant as plant
 from small_plant import (
     CAPACITY,
@@ -33,6 +19,13 @@ from small_plant import (
     rounds,
     slow_discharge,
 )
+
+from cellwright.effects.case import Gates
+from cellwright.effects.finding import of_case
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.records import lacking, stacked
+from cellwright.effects.search import best_of, not_excited, search
+from cellwright.effects.verdict import outcome
 
 HYSTERESIS = Truth(hysteresis=0.012)
 GATES = Gates()
@@ -95,19 +88,19 @@ def test_a_wobble_of_one_chamber_is_no_activation_energy(truth):
 def test_significance_without_size_is_no_name():
     first = rounds(HYSTERESIS)[0]
     gates, trials, floor = GATES, first.trials, first.floor_volt
-    best, _ = choose.best_of(gates, first.before, first.before, trials, floor)
+    best, _ = best_of(gates, first.before, first.before, trials, floor)
     assert best.effect.id == "hysteresis_instant"
     small = [t._replace(material=False) for t in trials]
-    assert choose.best_of(gates, first.before, first.before, small, floor) == (None, ())
+    assert best_of(gates, first.before, first.before, small, floor) == (None, ())
     large = gates._replace(material_volt=0.05)
-    assert choose.best_of(large, first.before, first.before, trials, floor) == (None, ())
+    assert best_of(large, first.before, first.before, trials, floor) == (None, ())
 
 
 def test_a_far_better_explanation_too_small_to_matter_stops_a_worse_one():
     first = rounds(HYSTERESIS)[0]
     best, other = first.trials[:2]
     trials = [best._replace(material=False), other._replace(delta_bic=0.3 * best.delta_bic)]
-    found = choose.best_of(GATES, first.before, first.before, trials, first.floor_volt)
+    found = best_of(GATES, first.before, first.before, trials, first.floor_volt)
     assert found == (None, ())
 
 
@@ -115,7 +108,7 @@ def test_a_far_better_explanation_too_small_to_matter_stops_a_worse_one():
 def test_no_gain_on_either_side_is_no_name(name):
     first = rounds(HYSTERESIS)[0]
     trials = [t._replace(**{name: -1.0}) for t in first.trials]
-    found = choose.best_of(GATES, first.before, first.before, trials, first.floor_volt)
+    found = best_of(GATES, first.before, first.before, trials, first.floor_volt)
     assert found == (None, ())
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.words import paragraph
+from cellwright.effects.verdict import paragraph
 
 
 def step(effect="resistance_soc", **changes):

@@ -6,10 +6,9 @@ import pytest
 from test_repository import HOST, MACHINE
 from tree import ROOT
 
-import contract
-import contract_readme
-import schema
 from real_cells import page, record
+from runtime import contract, settings
+from tools import contract_readme
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TEXTS = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
@@ -19,7 +18,7 @@ SCHEMAS = ROOT / "workflow" / "schemas"
 
 
 def rules() -> list[str]:
-    files = [*(ROOT / "workflow" / "rules").glob("*.smk"), ROOT / "Snakefile"]
+    files = [*(ROOT / "workflow").rglob("*.smk"), ROOT / "workflow" / "Snakefile"]
     texts = [path.read_text(encoding="utf-8") for path in files]
     return sorted(
         rule for text in texts for rule in re.findall(r"^(?:rule|checkpoint) (\w+):", text, re.M)
@@ -34,12 +33,12 @@ def anchors(text: str) -> set[str]:
 
 def test_artefacts_page_is_what_the_contract_says():
     written = contract_readme.README.read_text(encoding="utf-8")
-    assert written == contract_readme.text(), "run `python scripts/contract_readme.py`"
+    assert written == contract_readme.text(), "run `python scripts/tools/contract_readme.py`"
 
 
 def test_page_of_real_cells_is_what_the_record_says():
     written = record.PAGE.read_text(encoding="utf-8")
-    assert written == page.committed(), "run `python scripts/real_record.py --page`"
+    assert written == page.committed(), "run `python scripts/tools/real_record.py --page`"
 
 
 def test_record_of_real_cells_is_sound():
@@ -57,7 +56,7 @@ def test_every_rule_is_documented():
 
 
 def test_every_kind_and_role_is_documented():
-    columns = schema.load(SCHEMAS, "tests")["properties"]
+    columns = settings.load(SCHEMAS, "tests")["properties"]
     known = [*columns["kind"]["enum"], *columns["role"]["enum"]]
     assert not [name for name in known if f"| `{name}` |" not in TEXTS["docs/campaign.md"]]
 

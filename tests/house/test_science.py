@@ -5,8 +5,22 @@ import ast
 import pytest
 from tree import SCIENCE, functions, imports, modules, name, parsed
 
-ROOMS = ["formats", "series", "protocols", "laws", "models", "effects"]
-GROUND = {"uncertainty", "refusal", "native"}
+# Which rooms a room may import besides itself; docs/architecture.md says what each is for.
+ROOMS = {
+    "numerics": set(),
+    "formats": set(),
+    "series": {"formats"},
+    "records": {"numerics", "series"},
+    "protocols": {"numerics", "series", "records"},
+    "laws": {"numerics", "protocols"},
+    "circuits": {"numerics", "records"},
+    "identification": {"numerics", "records", "protocols", "circuits"},
+    "filters": {"numerics", "records", "circuits"},
+    "packs": {"numerics", "records", "circuits", "identification"},
+    "effects": {"numerics", "series", "records", "protocols", "circuits", "identification"},
+}
+GROUND = {"refusal", "native"}
+ROOM_FILES = 15
 IMPURE = {
     *("matplotlib", "pathlib", "logging", "time", "os", "sys", "subprocess", "shutil", "tempfile"),
     *("random", "pandas", "snakemake", "socket", "urllib", "requests", "warnings", "glob"),
@@ -26,9 +40,42 @@ def rooms_imported(path):
 @every_module
 def test_imports_run_back_only(path):
     room = path.relative_to(SCIENCE).parts[0].removesuffix(".py")
-    allowed = set(ROOMS[: ROOMS.index(room) + 1]) if room in ROOMS else set()
-    forward = rooms_imported(path) - allowed - GROUND
+    forward = rooms_imported(path) - ROOMS.get(room, set()) - {room} - GROUND
     assert not forward, f"{name(path)} may not import {sorted(forward)}"
+
+
+def test_rooms_stand_in_one_order():
+    """What a room may import stands above it in the list, so that no circle is possible."""
+    order = list(ROOMS)
+    for room, allowed in ROOMS.items():
+        assert allowed <= set(order[: order.index(room)]), room
+    assert set(order) | GROUND == {
+        path.stem for path in SCIENCE.iterdir() if path.stem not in ("__init__", "__pycache__")
+    }
+
+
+def test_no_circle_of_modules():
+    """Two modules that need each other are one module, or a third is missing."""
+    needs = {}
+    for path in modules(SCIENCE):
+        dotted = ".".join(path.relative_to(SCIENCE.parent).with_suffix("").parts)
+        needs[dotted.removesuffix(".__init__")] = imports(path)
+    while needs:
+        free = {m for m, n in needs.items() if not any(m != o and within(o, n) for o in needs)}
+        assert free, f"circles among {sorted(needs)}"
+        needs = {module: n for module, n in needs.items() if module not in free}
+
+
+def within(module, imported) -> bool:
+    """Whether one of the imported names is this module or stands directly in it."""
+    return any(one == module or one.rpartition(".")[0] == module for one in imported)
+
+
+@pytest.mark.parametrize("room", sorted({p.parent for p in modules(SCIENCE)}), ids=name)
+def test_a_room_is_small_and_says_what_it_is_for(room):
+    files = [path for path in room.glob("*.py") if path.name != "__init__.py"]
+    assert len(files) <= ROOM_FILES, f"{name(room)} has {len(files)} files, at most {ROOM_FILES}"
+    assert ast.get_docstring(parsed(room / "__init__.py")), f"{name(room)} does not say its purpose"
 
 
 # The room that builds the compiled kernels has to touch a compiler and a cache; none else may.

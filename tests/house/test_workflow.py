@@ -5,32 +5,29 @@ import re
 import pytest
 from tree import ROOT, SCRIPTS
 
-import config_readme
-import schema
-import settings
+from runtime import settings
+from tools import config_readme
 
 WORKFLOW = ROOT / "workflow"
 FILES = sorted((WORKFLOW / "rules").glob("*.smk"))
-TEXT = "\n".join(path.read_text(encoding="utf-8") for path in [*FILES, ROOT / "Snakefile"])
+TEXT = "\n".join(path.read_text(encoding="utf-8") for path in [*FILES, WORKFLOW / "Snakefile"])
 # A rule ends where a line begins at the margin again.
 BLOCKS = re.findall(r"^(?:rule|checkpoint) (\w+):\n((?:[ \t]+.*\n|\n)*)", TEXT + "\n", re.M)
 RULES = [(rule, body) for rule, body in BLOCKS if rule != "all"]
-CONFIG = schema.load(WORKFLOW / "schemas", "config")
-SHEETS = [schema.load(WORKFLOW / "schemas", name) for name in ("cells", "tests", "groups")]
+CONFIG = settings.load(WORKFLOW / "schemas", "config")
+SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in ("cells", "tests", "groups")]
 
 
 @pytest.mark.parametrize(("rule", "body"), RULES, ids=[rule for rule, _ in RULES])
-def test_a_rule_says_what_it_does_logs_and_hashes_its_code(rule, body):
-    for needed in ("message:", "log:", "code=code_of("):
+def test_a_rule_says_what_it_does_logs_and_runs_the_script_of_its_name(rule, body):
+    for needed in ("message:", "log:"):
         assert needed in body, f"rule {rule} has no {needed}"
-    script = re.search(r"scripts/(\w+)\.py", body)
+    script = re.search(r"scripts/(\w+)/(\w+)\.py", body)
     assert script, f"rule {rule} runs no script"
-    assert (SCRIPTS / f"{script[1]}.py").is_file(), (
-        f"rule {rule}: scripts/{script[1]}.py is missing"
-    )
-    hashed = re.search(r'code_of\("(\w+)"', body)
-    assert hashed, f"rule {rule}: code_of() names no script"
-    assert hashed[1] == script[1], f"rule {rule} runs {script[1]}.py and hashes {hashed[1]}.py"
+    assert (SCRIPTS / script[1] / f"{script[2]}.py").is_file(), f"{script[0]} is missing"
+    assert script[2] == rule, f"rule {rule} runs {script[0]}"
+    smk = next(path for path in FILES if re.search(rf"^rule {rule}:", path.read_text(), re.M))
+    assert smk.stem == script[1], f"rule {rule} of {smk.name} runs {script[0]}"
 
 
 def test_all_rules_were_found():
@@ -38,7 +35,7 @@ def test_all_rules_were_found():
 
 
 def test_every_file_of_rules_is_part_of_the_workflow():
-    included = re.findall(r'^include: "workflow/rules/(\w+\.smk)"', TEXT, re.M)
+    included = re.findall(r'^include: "rules/(\w+\.smk)"', TEXT, re.M)
     assert sorted(included) == [path.name for path in FILES]
 
 
@@ -77,7 +74,7 @@ def test_the_search_has_one_set_of_defaults():
 
 
 def test_the_search_in_groups_has_one_set_of_defaults():
-    from cellwright.effects.group_prepare import SECTIONS
+    from cellwright.effects.groups.finding import SECTIONS
 
     chosen = settings.defaults(CONFIG)["missing_effect_group"]
     assert {name: chosen[name] for name in SECTIONS} == {
@@ -102,4 +99,4 @@ def test_every_column_has_type_and_meaning():
 
 def test_config_readme_is_what_the_schemas_say():
     written = config_readme.README.read_text(encoding="utf-8")
-    assert written == config_readme.text(), "run `python scripts/config_readme.py`"
+    assert written == config_readme.text(), "run `python scripts/tools/config_readme.py`"

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.ageing_rows import law_rows
-from cellwright.laws.ageing_temperature import cycle_temperature
-from cellwright.laws.coloured_line import coloured_line
-from cellwright.laws.daily import periods
-from cellwright.laws.lagged_temperature import reading_noise
+from cellwright.laws.ageing import cycle_temperature, law_rows, reading_noise
+from cellwright.numerics.lines import coloured_line
+from cellwright.numerics.periods import periods
+from cellwright.numerics.uncertainty import t_interval
 from cellwright.protocols.ageing import AgeingCycles
 from cellwright.refusal import Refusal
-from cellwright.uncertainty import t_interval
 
 
 def record(count=29, *, slope=0.0025, fade=0.01, swing=4.0, noise=0.0, memory=0.0, seed=0, lag=0.0):

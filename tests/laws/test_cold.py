@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.laws.cold import cold_limit
-from cellwright.laws.points import impedance_points
-from cellwright.laws.pulse_points import resistance_points
+from cellwright.laws.points import impedance_points, resistance_points
 from cellwright.laws.temperature import law_rows
 from cellwright.refusal import Refusal
 

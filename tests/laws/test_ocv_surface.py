@@ -5,13 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.laws import ocv_surface as of_surface
-from cellwright.laws.ocv_compare import compare
-from cellwright.laws.ocv_entropy import zero_crossings
-from cellwright.laws.ocv_forms import fit_form, form_ocv, form_std
-from cellwright.laws.ocv_readings import Readings
-from cellwright.laws.ocv_surface import Surface, nodes, ocv_tables, surface_ocv
-from cellwright.protocols.ocv_functions import FORMS
+from cellwright.laws.ocv import surface as of_surface
+from cellwright.laws.ocv.entropy import zero_crossings
+from cellwright.laws.ocv.functions import compare, fit_form, form_ocv, form_std
+from cellwright.laws.ocv.readings import Readings
+from cellwright.laws.ocv.surface import Surface, nodes, ocv_tables, surface_ocv
+from cellwright.protocols.ocv.functions import FORMS
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from cellwright.laws import ocv_rows
-from cellwright.laws.ocv_entropy import fit_entropic, zero_crossings
-from cellwright.laws.ocv_readings import on_curve, slow_readings, step_readings
-from cellwright.laws.ocv_surface import surface_ocv, surface_of
-from cellwright.laws.ocv_temperature import over_temperature
-from cellwright.protocols.ocv import slow_ocv
+from cellwright.laws.ocv import rows
+from cellwright.laws.ocv.entropy import fit_entropic, zero_crossings
+from cellwright.laws.ocv.over_temperature import over_temperature
+from cellwright.laws.ocv.readings import on_curve, slow_readings, step_readings
+from cellwright.laws.ocv.surface import surface_ocv, surface_of
+from cellwright.protocols.ocv.slow import slow_ocv
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)
@@ -85,7 +85,7 @@ def test_rests_give_sign_size_and_crossing(rested):
     soc, slope, lower, upper = settled(found.entropic["steps"])
     assert np.abs(slope - entropic(soc)).max() < 6e-6
     assert np.mean((lower <= entropic(soc)) & (entropic(soc) <= upper)) > 0.8
-    (crossing,) = ocv_rows.crossings(found)
+    (crossing,) = rows.crossings(found)
     assert crossing.lower_soc <= CROSSING <= crossing.upper_soc
     assert crossing.sign_above == 1
     assert found.surface.tested_celsius == (-20.0, 20.0)
@@ -174,7 +174,7 @@ def test_surface_is_chosen_over_functions_and_the_control(rested):
 
 def test_rows_hold_what_tables_want(rested):
     found = rested
-    laws = ocv_rows.law_rows(found)
+    laws = rows.law_rows(found)
     assert {row["law"] for row in laws} == {"linear", "quadratic"}
     line = next(
         r for r in laws if r["parameter"] == "entropic_coefficient" and "30 %" in r["quantity"]
@@ -182,7 +182,7 @@ def test_rows_hold_what_tables_want(rested):
     assert line["value"] == pytest.approx(entropic(0.3), abs=1e-5)
     assert line["chosen"]
     assert line["r_squared"] > 0.99
-    bias = ocv_rows.map_rows(found)
+    bias = rows.map_rows(found)
     inside = [row for row in bias if row["tested"]]
     assert {row["tested"] for row in bias if row["soc"] < 0.09} == {False}
     error = [
@@ -190,15 +190,15 @@ def test_rows_hold_what_tables_want(rested):
         for row in inside
     ]
     assert np.abs(error).max() < 1e-3
-    table = ocv_rows.table_rows(found)
+    table = rows.table_rows(found)
     again = surface_of({name: np.array([row[name] for row in table]) for name in table[0]})
     assert surface_ocv(again, 0.3, -7.0) == surface_ocv(found.surface, 0.3, -7.0)
     assert (again.tested_soc, again.tested_celsius) == (
         found.surface.tested_soc,
         found.surface.tested_celsius,
     )
-    assert all(row["tested_to_celsius"] == 20.0 for row in ocv_rows.surface_rows(found))
-    assert {row["source"] for row in ocv_rows.entropic_rows(found)} == {"steps"}
+    assert all(row["tested_to_celsius"] == 20.0 for row in rows.surface_rows(found))
+    assert {row["source"] for row in rows.entropic_rows(found)} == {"steps"}
 
 
 def a123(folder, name, celsius):

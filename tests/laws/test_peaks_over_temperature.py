@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.peak_matching import match_peaks
-from cellwright.laws.peak_scale import scaled_peaks, smoothed
-from cellwright.laws.peaks_over_temperature import Charge, peaks_over_temperature
+from cellwright.laws.peaks import (
+    Charge,
+    match_peaks,
+    peaks_over_temperature,
+    scaled_peaks,
+    smoothed,
+)
 from cellwright.refusal import Refusal
 
 VOLT = np.arange(3.3, 4.2, 0.003)

@@ -10,9 +10,10 @@ from cellwright.laws.points import (
     fresh,
     impedance_points,
     one_a_temperature,
+    rate_classes,
+    resistance_points,
     together,
 )
-from cellwright.laws.pulse_points import rate_classes, resistance_points
 
 
 def pulse(soc, ohm, celsius=25.0, rate=1.0, delay=10.0, direction="discharge", cycle=None):

@@ -3,10 +3,16 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.polarisation import compared, law_rows, laws_of, over_temperature
-from cellwright.laws.polarisation_words import paragraph
+from cellwright.laws.polarisation import (
+    compared,
+    law_rows,
+    laws_of,
+    over_temperature,
+    paragraph,
+    soc_lines,
+    temperature_lines,
+)
 from cellwright.laws.temperature import arrhenius_law
-from cellwright.laws.tested_lines import soc_lines, temperature_lines
 from cellwright.refusal import Refusal
 
 CELSIUS = np.array([-20.0, -10, 0, 10, 20])

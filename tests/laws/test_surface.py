@@ -3,10 +3,16 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.separability import separability
-from cellwright.laws.surface import Pulses, fit_surfaces, pulses_of, surfaces
-from cellwright.laws.surface_forms import Surface, fit_form, predict
-from cellwright.laws.surface_rows import law_rows, point_rows, sentences
+from cellwright.laws.surface import (
+    Pulses,
+    fit_surfaces,
+    law_rows,
+    point_rows,
+    pulses_of,
+    sentences,
+    surfaces,
+)
+from cellwright.laws.surface_forms import Surface, fit_form, predict, separability
 from cellwright.laws.temperature import inverse_temperature, quadratic_law
 from cellwright.refusal import Refusal
 

@@ -3,10 +3,18 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.falling import falls, stretches, turning
-from cellwright.laws.line import fit_line
 from cellwright.laws.points import Point
-from cellwright.laws.temperature import LAWS, arrhenius_law, fit_laws, law_rows, quadratic_law
+from cellwright.laws.temperature import (
+    LAWS,
+    arrhenius_law,
+    falls,
+    fit_laws,
+    law_rows,
+    quadratic_law,
+    stretches,
+    turning,
+)
+from cellwright.numerics.lines import fit_line
 from cellwright.refusal import Refusal
 
 CELSIUS = np.array([-20.0, -10.0, 0.0, 10.0, 25.0, 40.0])

@@ -5,7 +5,7 @@ import pytest
 
 from cellwright.protocols.ageing import ageing_cycles
 from cellwright.refusal import Refusal
-from cellwright.series.segments import segment
+from cellwright.series.steps import segment
 
 
 def series(*parts, full=2.0, soc=1.0, step=10.0, pulses=False):

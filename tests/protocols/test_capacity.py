@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.protocols.capacity import capacity
-from cellwright.protocols.half_cycles import turns
+from cellwright.protocols.capacity import capacity, turns
 from cellwright.refusal import Refusal
-from cellwright.series.segments import segment
+from cellwright.series.steps import segment
 
 
 def counted(time, current):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.fast_charge_points import fast_charge_points
+from cellwright.laws.points import fast_charge_points
 from cellwright.protocols.fast_charge import fast_charge
 from cellwright.refusal import Refusal
-from cellwright.series.segments import segment
+from cellwright.series.steps import segment
 
 HELD_SOC = 0.6
 

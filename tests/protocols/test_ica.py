@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cellwright.numerics.savitzky_golay import weights
 from cellwright.protocols.ica import (
     charge_peaks,
     constant_current_charge,
     incremental_capacity,
     peaks,
 )
-from cellwright.protocols.savitzky_golay import weights
 from cellwright.refusal import Refusal
 
 VOLT = np.linspace(3.2, 4.15, 200_001)

@@ -8,11 +8,16 @@ from spectra import CONDITIONS, FREQUENCY, NAMES, THESIS, measured, noisy, thesi
 
 from cellwright.native import function
 from cellwright.protocols.impedance import fit as fits
-from cellwright.protocols.impedance.arcs import arcs, characteristic_frequency, confused, contract
+from cellwright.protocols.impedance.analysis import (
+    arcs,
+    best,
+    characteristic_frequency,
+    compare,
+    confused,
+    contract,
+)
 from cellwright.protocols.impedance.circuits import circuit_impedance
-from cellwright.protocols.impedance.constraints import parse_constraints
-from cellwright.protocols.impedance.evidence import best, compare
-from cellwright.protocols.impedance.fit import fit_circuit, zero_crossing
+from cellwright.protocols.impedance.fit import fit_circuit, parse_constraints, zero_crossing
 from cellwright.protocols.impedance.levenberg import TYPES, search_by_numpy
 from cellwright.refusal import Refusal
 

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.protocols.ocv import slow_ocv
-from cellwright.protocols.ocv_legs import turning_points
+from cellwright.protocols.ocv.slow import slow_ocv, turning_points
 from cellwright.refusal import Refusal
 
 CUTOFFS = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.protocols.ocv_functions import FORMS, evaluate, fit_functions, slope
+from cellwright.protocols.ocv.functions import FORMS, evaluate, fit_functions, slope
 from cellwright.refusal import Refusal
 
 SOC = np.linspace(0, 1, 201)

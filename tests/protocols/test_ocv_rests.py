@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cellwright.models.rest_points import rest_points
-from cellwright.protocols.ocv_rests import RestPoints, ocv_of_rests
-from cellwright.protocols.rest_scale import rest_scale
+from cellwright.protocols.ocv.rests import RestPoints, ocv_of_rests
+from cellwright.protocols.rests import rest_points
+from cellwright.records.anchor import rest_scale
 from cellwright.refusal import Refusal
-from cellwright.series.segments import segment
+from cellwright.series.steps import segment
 
 CAPACITY, LIMITS = 3.0, {"lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.2}
 PAIRS = [(0.020, 60.0), (0.015, 900.0)]

@@ -6,9 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cellwright.protocols.ocv_steps import cell_temperature, chamber_shifts
-from cellwright.protocols.plateaus import joined_rests, plateaus_of
-from cellwright.protocols.residual import extrapolated
+from cellwright.protocols.ocv.steps import (
+    cell_temperature,
+    chamber_shifts,
+    extrapolated,
+    joined_rests,
+    plateaus_of,
+)
 from cellwright.refusal import Refusal
 
 HOUR = 3600.0

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from cellwright.protocols.resistance import pulse_resistance
 from cellwright.refusal import Refusal
-from cellwright.series.segments import segment
+from cellwright.series.steps import segment
 
 R0, R1, TAU = 0.020, 0.015, 8.0
 

@@ -8,9 +8,12 @@ from cellwright import formats
 from cellwright.protocols.impedance import analyse
 from cellwright.protocols.impedance.circuits import circuit_impedance
 from cellwright.protocols.impedance.drt import peaks, relaxation_times
-from cellwright.protocols.impedance.kramers_kronig import linear_kramers_kronig
-from cellwright.protocols.impedance.thermometer import rested_temperature, temperature_offsets
-from cellwright.protocols.impedance.trusted import trusted_points
+from cellwright.protocols.impedance.trust import (
+    linear_kramers_kronig,
+    rested_temperature,
+    temperature_offsets,
+    trusted_points,
+)
 from cellwright.refusal import Refusal
 
 TWO_ARCS = "R-(CPE|R)-(CPE|R)"

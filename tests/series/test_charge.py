@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.series.charge import net_charge
+from cellwright.series.cleaning import net_charge
 
 
 @given(st.lists(st.floats(0.01, 100), min_size=1, max_size=40), st.floats(-5, 5), st.floats(-1, 1))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cellwright import formats
-from cellwright.models.split import fit_mask
+from cellwright.records.record import fit_mask
 from cellwright.series import assemble, clean
-from cellwright.series.rest_reading import as_logged, open_circuit
+from cellwright.series.rest_current import as_logged, open_circuit
 
 CAPACITY, STEP = 2.5, 2.0  # Ah, s
 OHM, SLOW_OHM, SLOW_SECOND = 0.02, 0.01, 300.0

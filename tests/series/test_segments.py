@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cellwright.refusal import Refusal
-from cellwright.series.segments import assumed_rating, segment
+from cellwright.series.steps import assumed_rating, segment
 
 R0, R1, TAU = 0.020, 0.015, 30.0
 LETTER = {"rest": ".", "CC": "C", "CV": "V", "CCCV": "B", "pulse": "p", "dynamic": "D"}

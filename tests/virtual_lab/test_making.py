@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import campaign
 from cellwright import formats
 from cellwright.refusal import Refusal
+from runtime import settings, sheets
 from virtual_lab import fast, faults, file_faults, making
 from virtual_lab import plan as paper
 from virtual_lab.measurement import CHAIN
@@ -119,7 +119,7 @@ def test_all_files_are_there_with_their_checksums(plan, made):
 
 
 def test_the_pipeline_takes_the_campaign(made):
-    read = campaign.read(made, SCHEMAS)
+    read = sheets.read(made, SCHEMAS)
     assert [row["cell"] for row in read.cells] == ["A", "B", "Z"]
     assert [row["reference"] for row in read.cells] == ["yes", None, None]
     assert [row["kind"] for row in read.tests][-2:] == ["eis", "group"]
@@ -130,7 +130,7 @@ def test_the_pipeline_takes_the_campaign(made):
 
 def test_columns_stand_as_the_contract_lists_them(made):
     for name in ("cells", "tests", "groups"):
-        known = campaign.schema.load(SCHEMAS, name)["properties"]
+        known = settings.load(SCHEMAS, name)["properties"]
         header = (made / "config" / f"{name}.tsv").read_text().splitlines()[0].split("\t")
         assert header == [column for column in known if column in header], name
 

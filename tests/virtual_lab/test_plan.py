@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import campaign
-import schema
+from runtime import settings
+from runtime import sheets as campaign_sheets
 from virtual_lab import campaigns, instruments, plan
 from virtual_lab.campaigns.thesis import parallel
 from virtual_lab.chamber import at
@@ -107,7 +107,7 @@ def test_sheets_have_the_columns_of_the_contract(plans, name):
     if found.groups:
         sheets["groups"] = _branches(found.groups)
     for sheet, rows in sheets.items():
-        known = schema.load(SCHEMAS, sheet)
+        known = settings.load(SCHEMAS, sheet)
         assert {column for row in rows for column in row} <= set(known["properties"]), sheet
         for column in known["required"]:
             assert all(row.get(column) is not None for row in rows), (sheet, column)
@@ -125,7 +125,7 @@ def test_the_pipeline_takes_the_campaign(plans, name, tmp_path):
         text = plan.as_table(rows, separator="\t")
         (tmp_path / "config" / f"{sheet}.tsv").write_text(text, encoding="utf-8")
     (tmp_path / "config" / "config.yaml").write_text(found.config, encoding="utf-8")
-    read = campaign.read(tmp_path, SCHEMAS)
+    read = campaign_sheets.read(tmp_path, SCHEMAS)
     assert [row["cell"] for row in read.cells] == [cell.name for cell in found.cells]
     assert [(r["cell"], r["test"]) for r in read.tests] == [(t.cell, t.test) for t in found.tests]
     assert [row["sha256"] for row in read.tests] == [[_stand_in(t.file)] for t in found.tests]

@@ -6,7 +6,7 @@ import re
 import pandas as pd
 import pytest
 
-import contract
+from runtime import contract
 from virtual_lab.score import files, page, summary, verdicts, work
 
 

@@ -9,11 +9,11 @@ pytest.importorskip("pybamm", reason="the virtual laboratory's environment is no
 
 import pybamm
 
-from cellwright.models.circuit import rc_circuit
-from cellwright.models.exports import pybamm_document
-from cellwright.models.lookup import simulate_model
-from cellwright.models.simulate import simulate
-from storage import plain
+from cellwright.circuits.circuit import rc_circuit
+from cellwright.circuits.exports import pybamm_document
+from cellwright.circuits.model_file import simulate_model
+from cellwright.circuits.simulate import simulate
+from runtime.artefact import plain
 from virtual_lab.thevenin import load, thevenin
 
 CAPACITY, R0, R, TAU = 2.9, 0.025, (0.012, 0.02), (8.0, 180.0)

@@ -8,9 +8,7 @@ from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
 
-import campaign
-import schema
-import settings
+from runtime import settings, sheets
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
 CELLS = "cell\tlower_cutoff_volt\tupper_cutoff_volt\nA\t2.5\t4.2\nB\t2.5\t4.2\n"
@@ -33,11 +31,11 @@ def write(folder, name, content):
 
 
 def read(folder, **given):
-    return campaign.read(folder, SCHEMAS, given)
+    return sheets.read(folder, SCHEMAS, given)
 
 
 def faults(folder, **given):
-    with pytest.raises(campaign.CampaignError) as error:
+    with pytest.raises(sheets.CampaignError) as error:
         read(folder, **given)
     return str(error.value).splitlines()[1:]
 
@@ -52,7 +50,7 @@ def test_values_are_typed_and_blanks_are_none(folder):
 
 
 def test_no_config_file_means_all_defaults(folder):
-    expected = settings.defaults(schema.load(SCHEMAS, "config"))
+    expected = settings.defaults(settings.load(SCHEMAS, "config"))
     assert read(folder).config == expected
     write(folder, "config.yaml", "# nothing chosen\n")
     assert read(folder).config == expected
@@ -64,7 +62,7 @@ def test_choice_replaces_its_default_only(folder):
     chosen = read(folder, strict=True).config
     assert chosen["resistance"]["delay_second"] == [0, 5]
     assert chosen["strict"] is True
-    assert chosen["clean"] == settings.defaults(schema.load(SCHEMAS, "config"))["clean"]
+    assert chosen["clean"] == settings.defaults(settings.load(SCHEMAS, "config"))["clean"]
 
 
 def test_given_settings_go_before_the_file(folder):
@@ -264,7 +262,7 @@ def test_no_text_breaks_the_reader(tmp_path_factory, cells):
     (folder / "config").mkdir()
     write(folder, "cells.tsv", CELLS)
     write(folder, "tests.tsv", TESTS + "\t".join(cells))
-    with contextlib.suppress(campaign.CampaignError):
+    with contextlib.suppress(sheets.CampaignError):
         read(folder)
 
 

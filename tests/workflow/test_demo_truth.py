@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from cellwright import formats, series
-from cellwright.laws.ageing_temperature import cycle_temperature
+from cellwright.laws.ageing import cycle_temperature
 from cellwright.protocols.ageing import ageing_cycles
 from cellwright.protocols.capacity import capacity
 from cellwright.protocols.impedance import analyse
-from cellwright.protocols.ocv import slow_ocv
+from cellwright.protocols.ocv.slow import slow_ocv
 from cellwright.protocols.resistance import pulse_resistance
-from cellwright.series.anchor import soc_series
-from cellwright.series.segments import segment
+from cellwright.records.anchor import soc_series
+from cellwright.series.steps import segment
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMITS = {"lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.2}

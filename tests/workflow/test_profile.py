@@ -15,7 +15,7 @@ WORKFLOW = """
 import sys
 from pathlib import Path
 sys.path.insert(0, {scripts!r})
-import stale_lock
+from runtime import stale_lock
 if workflow.is_main_process:
     stale_lock.clear(Path.cwd())
 rule copy:
@@ -76,7 +76,7 @@ def test_a_killed_run_does_not_lock_the_folder(toy):
 
 
 def test_another_machine_may_still_be_running(tmp_path):
-    import stale_lock
+    from runtime import stale_lock
 
     locks, starts = (tmp_path / ".snakemake" / name for name in ("locks", "starts"))
     locks.mkdir(parents=True)
@@ -93,7 +93,7 @@ def test_another_machine_may_still_be_running(tmp_path):
 def test_a_lock_of_a_live_process_stays(tmp_path):
     import psutil
 
-    import stale_lock
+    from runtime import stale_lock
 
     locks, starts = (tmp_path / ".snakemake" / name for name in ("locks", "starts"))
     locks.mkdir(parents=True)

@@ -11,7 +11,7 @@ OPTIONS = " ".join(f"{name}={BENCHMARK[name]}" for name in SIZES)
 
 def laboratory(wildcards):
     """Hash of what makes the campaign: an edit of the laboratory makes it anew."""
-    folder = Path(workflow.basedir) / "scripts" / "virtual_lab"
+    folder = PIPELINE / "scripts" / "virtual_lab"
     making = [p for p in folder.rglob("*.py") if p.parent.name not in ("score", "reality")]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(making))).hexdigest()[:16]
 
@@ -23,16 +23,15 @@ rule effect_campaign:
     log:
         "logs/effect_campaign.log",
     threads: workflow.cores
-    # Its jobs run scripts/make_campaign.py in the laboratory's own environment.
+    # Its jobs run scripts/tools/make_campaign.py in the laboratory's own environment.
     params:
         options=OPTIONS,
         laboratory=laboratory,
-        code=code_of("make_campaign"),
     message:
         "The virtual laboratory hides effects in cells: {params.options}."
     shell:
-        "{workflow.basedir}/run --lab snakemake -s {workflow.basedir}/workflow/virtual_lab.smk"
-        " --directory {workflow.basedir} --cores {threads} --config campaign=hidden"
+        "{PIPELINE}/run --lab snakemake -s {PIPELINE}/workflow/virtual_lab.smk"
+        " --directory {PIPELINE} --cores {threads} --config campaign=hidden"
         " folder=$PWD/{HIDDEN} {params.options} > {log} 2>&1"
 
 
@@ -47,11 +46,10 @@ rule effect_left_out:
     params:
         folder=HIDDEN,
         options=OPTIONS,
-        code=code_of("effect_left_out"),
     message:
         "Which names the second search of a cell has to do without."
     script:
-        "../../scripts/effect_left_out.py"
+        "../../scripts/benchmark/effect_left_out.py"
 
 
 rule effect_answers:
@@ -74,11 +72,10 @@ rule effect_answers:
                 *["missing_effect", "missing_effect_group", "benchmark"],
             ]
         },
-        code=code_of("effect_answers"),
     message:
         "Search batch {wildcards.batch} of {params.batches} of the hidden campaign, and try the controls."
     script:
-        "../../scripts/effect_answers.py"
+        "../../scripts/benchmark/effect_answers.py"
 
 
 rule missing_effect_benchmark:
@@ -96,8 +93,7 @@ rule missing_effect_benchmark:
     params:
         folder=HIDDEN,
         options=OPTIONS,
-        code=code_of("missing_effect_benchmark"),
     message:
         "Set every answer beside what was hidden: {output.page}."
     script:
-        "../../scripts/missing_effect_benchmark.py"
+        "../../scripts/benchmark/missing_effect_benchmark.py"

@@ -6,13 +6,17 @@ import sys
 import time
 from pathlib import Path
 
-sys.path.insert(0, f"{workflow.basedir}/scripts")
+# Where the pipeline lies, which is not where a workflow lies that uses it as a module.
+PIPELINE = Path(workflow.current_basedir.get_path_or_uri(secret_free=True)).resolve().parents[1]
+SCRIPTS = str(PIPELINE / "scripts")
+SCHEMAS = PIPELINE / "workflow" / "schemas"
+# Found by this process, and by those of the jobs.
+sys.path.insert(0, SCRIPTS)
+known = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+os.environ["PYTHONPATH"] = os.pathsep.join([SCRIPTS, *[p for p in known if p and p != SCRIPTS]])
 
-import campaign as sheets
-import contract
-import run_log
-import stale_lock
-from provenance import code_of
+from runtime import contract, run_log, sheets, stale_lock
+from runtime.provenance import code_of
 
 # One job, one core: linear algebra that takes all cores in each of several jobs slows them all
 # down, and its sums would depend on how many there are.
@@ -23,7 +27,6 @@ STARTED = time.time()
 if workflow.is_main_process:
     stale_lock.clear(Path.cwd())
 
-SCHEMAS = Path(workflow.basedir) / "workflow" / "schemas"
 CAMPAIGN = sheets.read(Path.cwd(), SCHEMAS, config)
 config = CAMPAIGN.config
 CHOICES = sheets.choices(config, SCHEMAS)
@@ -89,6 +92,13 @@ def everywhere(stage, *kinds, **roles):
 def either(names):
     """Wildcard constraint: one of these names, or nothing at all."""
     return "|".join(sorted(names)) or "(?!)"
+
+
+def script_of(rule):
+    """The script of a rule of this pipeline, as `protocols/ocv`; None for all other rules."""
+    path = rule.script and Path(str(rule.basedir.get_path_or_uri(secret_free=True)), rule.script)
+    inside = path and path.resolve().is_relative_to(SCRIPTS)
+    return path.resolve().relative_to(SCRIPTS).with_suffix("").as_posix() if inside else None
 
 
 def held_against(outputs):

@@ -40,11 +40,10 @@ rule identify_without:
     params:
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
-        code=code_of("identify_without"),
     message:
         "Model of {wildcards.cell} without the tests at {wildcards.celsius} °C."
     script:
-        "../../scripts/identify_without.py"
+        "../../scripts/compensation/identify_without.py"
 
 
 rule compensation:
@@ -61,11 +60,10 @@ rule compensation:
     params:
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
-        code=code_of("compensation"),
     message:
         "Which law over temperature predicts what {wildcards.cell} does where it was left out."
     script:
-        "../../scripts/compensation.py"
+        "../../scripts/compensation/compensation.py"
 
 
 rule temperature_prediction:
@@ -83,11 +81,10 @@ rule temperature_prediction:
     params:
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
-        code=code_of("temperature_prediction"),
     message:
         "Predict {wildcards.cell} at temperatures that took no part in the fit."
     script:
-        "../../scripts/temperature_prediction.py"
+        "../../scripts/compensation/temperature_prediction.py"
 
 
 rule figure_compensation:
@@ -98,8 +95,6 @@ rule figure_compensation:
         "results/figures/{cell}/compensation.svg",
     log:
         "logs/figures/{cell}_compensation.log",
-    params:
-        code=code_of("figure_compensation"),
     message:
         "Figure: {wildcards.cell} at temperatures that its model was not told."
     script:

@@ -66,7 +66,6 @@ rule figure_overview:
         "logs/figures/overview.log",
     params:
         cells=[cell for cell in CELLS if TESTS_OF[cell] or cell in MODELLED],
-        code=code_of("figure_overview"),
     message:
         "Figure: the campaign at a glance."
     script:
@@ -83,7 +82,6 @@ rule figure_records:
         "logs/figures/{cell}_records.log",
     params:
         total=lambda w: len(tests(w.cell, *SERIES_KINDS)),
-        code=code_of("figure_records"),
     message:
         "Figure: records of {wildcards.cell}."
     script:
@@ -97,8 +95,6 @@ rule figure_capacity:
         "results/figures/{cell}/capacity.svg",
     log:
         "logs/figures/{cell}_capacity.log",
-    params:
-        code=code_of("figure_capacity"),
     message:
         "Figure: capacity of {wildcards.cell}."
     script:
@@ -112,8 +108,6 @@ rule figure_ocv:
         "results/figures/{cell}/ocv.svg",
     log:
         "logs/figures/{cell}_ocv.log",
-    params:
-        code=code_of("figure_ocv"),
     message:
         "Figure: open-circuit voltage of {wildcards.cell}."
     script:
@@ -127,8 +121,6 @@ rule figure_resistance:
         "results/figures/{cell}/resistance.svg",
     log:
         "logs/figures/{cell}_resistance.log",
-    params:
-        code=code_of("figure_resistance"),
     message:
         "Figure: resistance of {wildcards.cell} over SoC."
     script:
@@ -143,8 +135,6 @@ rule figure_ica:
         "results/figures/{cell}/ica.svg",
     log:
         "logs/figures/{cell}_ica.log",
-    params:
-        code=code_of("figure_ica"),
     message:
         "Figure: incremental capacity of {wildcards.cell}."
     script:
@@ -158,8 +148,6 @@ rule figure_impedance:
         "results/figures/{cell}/impedance.svg",
     log:
         "logs/figures/{cell}_impedance.log",
-    params:
-        code=code_of("figure_impedance"),
     message:
         "Figure: impedance of {wildcards.cell}."
     script:
@@ -173,8 +161,6 @@ rule figure_impedance_fit:
         "results/figures/{cell}/impedance_fit.svg",
     log:
         "logs/figures/{cell}_impedance_fit.log",
-    params:
-        code=code_of("figure_impedance_fit"),
     message:
         "Figure: what the circuit leaves of the spectra of {wildcards.cell}."
     script:
@@ -189,8 +175,6 @@ rule figure_drt:
         "results/figures/{cell}/drt.svg",
     log:
         "logs/figures/{cell}_drt.log",
-    params:
-        code=code_of("figure_drt"),
     message:
         "Figure: relaxation times in the spectra of {wildcards.cell}."
     script:
@@ -204,8 +188,6 @@ rule figure_relaxation:
         "results/figures/{cell}/relaxation.svg",
     log:
         "logs/figures/{cell}_relaxation.log",
-    params:
-        code=code_of("figure_relaxation"),
     message:
         "Figure: rests of {wildcards.cell} and the exponentials through them."
     script:
@@ -220,8 +202,6 @@ rule figure_polarisation:
         "results/figures/{cell}/polarisation.svg",
     log:
         "logs/figures/{cell}_polarisation.log",
-    params:
-        code=code_of("figure_polarisation"),
     message:
         "Figure: polarisation of {wildcards.cell} over SoC and temperature."
     script:
@@ -236,8 +216,6 @@ rule figure_temperature:
         "results/figures/{cell}/temperature.svg",
     log:
         "logs/figures/{cell}_temperature.log",
-    params:
-        code=code_of("figure_temperature"),
     message:
         "Figure: resistance and capacity of {wildcards.cell} over temperature."
     script:
@@ -254,8 +232,6 @@ rule figure_ocv_temperature:
         "results/figures/{cell}/ocv_temperature.svg",
     log:
         "logs/figures/{cell}_ocv_temperature.log",
-    params:
-        code=code_of("figure_ocv_temperature"),
     message:
         "Figure: open-circuit voltage of {wildcards.cell} over temperature."
     script:
@@ -269,8 +245,6 @@ rule figure_capacity_loss:
         "results/figures/{cell}/capacity_loss.svg",
     log:
         "logs/figures/{cell}_capacity_loss.log",
-    params:
-        code=code_of("figure_capacity_loss"),
     message:
         "Figure: capacity of {wildcards.cell} lost to temperature and rate."
     script:
@@ -286,8 +260,6 @@ rule figure_ica_temperature:
         "results/figures/{cell}/ica_temperature.svg",
     log:
         "logs/figures/{cell}_ica_temperature.log",
-    params:
-        code=code_of("figure_ica_temperature"),
     message:
         "Figure: incremental capacity of {wildcards.cell} by temperature."
     script:
@@ -303,8 +275,6 @@ rule figure_fast_charge:
         "results/figures/{cell}/fast_charge.svg",
     log:
         "logs/figures/{cell}_fast_charge.log",
-    params:
-        code=code_of("figure_fast_charge"),
     message:
         "Figure: fast charges of {wildcards.cell} by temperature."
     script:
@@ -320,8 +290,6 @@ rule figure_ageing:
         "results/figures/{cell}/ageing_{test}.svg",
     log:
         "logs/figures/{cell}_ageing_{test}.log",
-    params:
-        code=code_of("figure_ageing"),
     message:
         "Figure: cycles of {wildcards.cell} in {wildcards.test} over temperature."
     script:
@@ -336,8 +304,6 @@ rule figure_arrhenius:
         "results/figures/{cell}/arrhenius.svg",
     log:
         "logs/figures/{cell}_arrhenius.log",
-    params:
-        code=code_of("figure_arrhenius"),
     message:
         "Figure: Arrhenius lines of {wildcards.cell}."
     script:
@@ -352,8 +318,6 @@ rule figure_surface:
         "results/figures/{cell}/surface.svg",
     log:
         "logs/figures/{cell}_surface.log",
-    params:
-        code=code_of("figure_surface"),
     message:
         "Figure: resistance of {wildcards.cell} over SoC and temperature."
     script:
@@ -367,8 +331,6 @@ rule figure_parameters:
         "results/figures/{cell}/parameters.svg",
     log:
         "logs/figures/{cell}_parameters.log",
-    params:
-        code=code_of("figure_parameters"),
     message:
         "Figure: model parameters of {wildcards.cell} over SoC."
     script:
@@ -383,8 +345,6 @@ rule figure_validation:
         "results/figures/{cell}/validation_{test}.svg",
     log:
         "logs/figures/{cell}_validation_{test}.log",
-    params:
-        code=code_of("figure_validation"),
     message:
         "Figure: model over measurement, {wildcards.cell} {wildcards.test}."
     script:
@@ -399,8 +359,6 @@ rule figure_soc:
         "results/figures/{cell}/soc_{test}.svg",
     log:
         "logs/figures/{cell}_soc_{test}.log",
-    params:
-        code=code_of("figure_soc"),
     message:
         "Figure: state of charge by filters, {wildcards.cell} {wildcards.test}."
     script:
@@ -415,8 +373,6 @@ rule figure_pack:
         "results/figures/{group}/pack_{test}.svg",
     log:
         "logs/figures/{group}_pack_{test}.log",
-    params:
-        code=code_of("figure_pack"),
     message:
         "Figure: branch currents of {wildcards.group} in {wildcards.test}."
     script:

@@ -24,11 +24,10 @@ rule ingest:
         reading=reading,
         test=test_facts,
         cell=cell_facts,
-        code=code_of("ingest"),
     message:
         "Read {wildcards.cell} {wildcards.test}: columns, units, sign and clock."
     script:
-        "../../scripts/ingest.py"
+        "../../scripts/ingest/ingest.py"
 
 
 rule spectrum:
@@ -41,11 +40,10 @@ rule spectrum:
     params:
         reading=reading,
         test=test_facts,
-        code=code_of("spectrum"),
     message:
         "Read the impedance spectrum {wildcards.cell} {wildcards.test}."
     script:
-        "../../scripts/spectrum.py"
+        "../../scripts/ingest/spectrum.py"
 
 
 rule clean:
@@ -59,11 +57,10 @@ rule clean:
     params:
         settings=config["clean"],
         test=test_facts,
-        code=code_of("clean"),
     message:
         "Flag and clean {wildcards.cell} {wildcards.test}."
     script:
-        "../../scripts/clean.py"
+        "../../scripts/ingest/clean.py"
 
 
 rule segment:
@@ -77,8 +74,7 @@ rule segment:
         settings=config["segment"],
         test=test_facts,
         cell=cell_facts,
-        code=code_of("segment"),
     message:
         "Find the steps of {wildcards.cell} {wildcards.test}."
     script:
-        "../../scripts/segment.py"
+        "../../scripts/ingest/segment.py"

@@ -44,11 +44,10 @@ rule temperature:
     params:
         tests=facts_of_tests,
         settings=config["temperature"],
-        code=code_of("temperature"),
     message:
         "Resistance and capacity of {wildcards.cell} over temperature: quadratic and Arrhenius."
     script:
-        "../../scripts/temperature.py"
+        "../../scripts/laws/temperature.py"
 
 
 rule cold_limit:
@@ -61,12 +60,10 @@ rule cold_limit:
         "logs/cold_limit/{cell}.log",
     wildcard_constraints:
         cell=either(CHILLED),
-    params:
-        code=code_of("cold_limit"),
     message:
         "What limits {wildcards.cell} in the cold, in words."
     script:
-        "../../scripts/cold_limit.py"
+        "../../scripts/laws/cold_limit.py"
 
 
 rule resistance_surface:
@@ -82,11 +79,10 @@ rule resistance_surface:
     params:
         tests=facts_of_tests,
         settings={k: v for k, v in config["temperature"].items() if k != "soc"},
-        code=code_of("resistance_surface"),
     message:
         "Resistance of {wildcards.cell} over SoC and temperature: three forms, tested."
     script:
-        "../../scripts/resistance_surface.py"
+        "../../scripts/laws/resistance_surface.py"
 
 
 rule temperature_of_type:
@@ -104,11 +100,10 @@ rule temperature_of_type:
     params:
         tests=facts_of_tests,
         settings=config["temperature"],
-        code=code_of("temperature_of_type"),
     message:
         "Resistance over temperature across the cells of the type of {wildcards.cell}."
     script:
-        "../../scripts/temperature_of_type.py"
+        "../../scripts/laws/temperature_of_type.py"
 
 
 # Cells with slow tests at three temperatures, or with rests in a chamber that steps.
@@ -132,11 +127,10 @@ rule ocv_step:
         settings=config["ocv_step"],
         test=test_facts,
         cell=cell_facts,
-        code=code_of("ocv_step"),
     message:
         "Shift of the open-circuit voltage of {wildcards.cell} as the chamber steps in {wildcards.test}."
     script:
-        "../../scripts/ocv_step.py"
+        "../../scripts/laws/ocv_step.py"
 
 
 rule ocv_temperature:
@@ -155,11 +149,10 @@ rule ocv_temperature:
         cell=either(STEPPED),
     params:
         settings=config["ocv_temperature"],
-        code=code_of("ocv_temperature"),
     message:
         "Open-circuit voltage of {wildcards.cell} over temperature: bias, entropic coefficient, functions."
     script:
-        "../../scripts/ocv_temperature.py"
+        "../../scripts/laws/ocv_temperature.py"
 
 
 # Cells that were rested on purpose; of the others a rest is what lay between two other tests.
@@ -181,8 +174,7 @@ rule polarisation:
         cell=either(RELAXED),
     params:
         tests=lambda w: {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{w.cell}/")},
-        code=code_of("polarisation"),
     message:
         "Polarisation of {wildcards.cell} over SoC and temperature, and its laws."
     script:
-        "../../scripts/polarisation.py"
+        "../../scripts/laws/polarisation.py"

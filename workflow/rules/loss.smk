@@ -49,11 +49,10 @@ rule capacity_loss:
     params:
         settings=config["capacity_loss"],
         tests=facts_of_tests,
-        code=code_of("capacity_loss"),
     message:
         "Capacity of {wildcards.cell} lost to temperature and rate: true and false."
     script:
-        "../../scripts/capacity_loss.py"
+        "../../scripts/loss/capacity_loss.py"
 
 
 rule ica_temperature:
@@ -71,11 +70,10 @@ rule ica_temperature:
     params:
         settings=config["ica_temperature"],
         tests=lambda w: fresh_peaks(w.cell),
-        code=code_of("ica_temperature"),
     message:
         "Peaks of incremental capacity of {wildcards.cell}, matched across temperatures."
     script:
-        "../../scripts/ica_temperature.py"
+        "../../scripts/loss/ica_temperature.py"
 
 
 rule fast_charge:
@@ -91,11 +89,10 @@ rule fast_charge:
         settings=config["fast_charge"],
         test=test_facts,
         cell=cell_facts,
-        code=code_of("fast_charge"),
     message:
         "Fast charge of {wildcards.cell} in {wildcards.test}: what is in after {params.settings[minutes]} min."
     script:
-        "../../scripts/fast_charge.py"
+        "../../scripts/loss/fast_charge.py"
 
 
 rule fast_charge_law:
@@ -110,11 +107,10 @@ rule fast_charge_law:
         cell=either(COLD_FAST),
     params:
         tests=facts_of_tests,
-        code=code_of("fast_charge_law"),
     message:
         "Fast charge of {wildcards.cell} over temperature."
     script:
-        "../../scripts/fast_charge_law.py"
+        "../../scripts/loss/fast_charge_law.py"
 
 
 rule ageing_cycles:
@@ -128,11 +124,10 @@ rule ageing_cycles:
     params:
         test=test_facts,
         cell=cell_facts,
-        code=code_of("ageing_cycles"),
     message:
         "Cycles of {wildcards.cell} in {wildcards.test}."
     script:
-        "../../scripts/ageing_cycles.py"
+        "../../scripts/loss/ageing_cycles.py"
 
 
 rule ageing_temperature:
@@ -147,8 +142,7 @@ rule ageing_temperature:
         "logs/ageing_temperature/{cell}/{test}.log",
     params:
         settings=config["ageing"],
-        code=code_of("ageing_temperature"),
     message:
         "Fade, temperature and daily cycle of {wildcards.cell} in {wildcards.test}."
     script:
-        "../../scripts/ageing_temperature.py"
+        "../../scripts/loss/ageing_temperature.py"

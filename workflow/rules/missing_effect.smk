@@ -79,11 +79,10 @@ rule effect_search:
         settings=config["missing_effect"] | SPLIT,
         cell=cell_facts,
         references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
-        code=code_of("missing_effect"),
     message:
         "Search for what the model of {wildcards.cell} lacks."
     script:
-        "../../scripts/missing_effect.py"
+        "../../scripts/missing_effect/effect_search.py"
 
 
 rule missing_effect_group:
@@ -103,11 +102,10 @@ rule missing_effect_group:
         settings=config["missing_effect_group"],
         branches=lambda w: BRANCHES[w.group],
         lenders=lambda w: {row["cell"]: lender(row["cell"]) for row in BRANCHES[w.group]},
-        code=code_of("missing_effect_group"),
     message:
         "Search for what one branch of {wildcards.group} has of its own."
     script:
-        "../../scripts/missing_effect_group.py"
+        "../../scripts/missing_effect/missing_effect_group.py"
 
 
 rule missing_effect:
@@ -117,12 +115,10 @@ rule missing_effect:
         table="results/tables/missing_effect.csv",
     log:
         "logs/table/missing_effect.log",
-    params:
-        code=code_of("missing_effect_table"),
     message:
         "Verdicts of the whole campaign: what the models of its cells and groups lack."
     script:
-        "../../scripts/missing_effect_table.py"
+        "../../scripts/missing_effect/missing_effect.py"
 
 
 rule figure_missing_effect:
@@ -145,7 +141,6 @@ rule figure_missing_effect:
         cell=either(ASKED),
     params:
         gates=config["missing_effect"],
-        code=code_of("figure_missing_effect"),
     message:
         "Figures: what the model of {wildcards.cell} lacks, and how one can see it."
     script:
@@ -166,7 +161,6 @@ rule figure_missing_effect_group:
         group=either(GROUPS_ASKED),
     params:
         gates=config["missing_effect_group"]["gates"],
-        code=code_of("figure_missing_effect_group"),
     message:
         "Figures: what one branch of {wildcards.group} has of its own, and how one can see it."
     script:

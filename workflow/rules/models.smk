@@ -94,11 +94,10 @@ rule basis:
     params:
         cell=cell_facts,
         references=lambda w: [c for c in peers(w.cell) if CELLS[c]["reference"] == "yes"],
-        code=code_of("basis"),
     message:
         "What the SoC of {wildcards.cell} refers to: capacity and OCV curves."
     script:
-        "../../scripts/basis.py"
+        "../../scripts/models/basis.py"
 
 
 rule identify:
@@ -114,11 +113,10 @@ rule identify:
     params:
         settings=config["models"],
         cell=cell_facts,
-        code=code_of("identify"),
     message:
         "Identify the equivalent circuits of {wildcards.cell} ({params.settings[members]})."
     script:
-        "../../scripts/identify.py"
+        "../../scripts/models/identify.py"
 
 
 def of_peers(stage, *kinds):
@@ -139,11 +137,10 @@ rule onset:
         settings=config["resistance"],
         test=test_facts,
         cell=cell_facts,
-        code=code_of("resistance"),
     message:
         "Resistance of {wildcards.cell} at the onset of the loads in {wildcards.test}."
     script:
-        "../../scripts/resistance.py"
+        "../../scripts/models/onset.py"
 
 
 rule bias_correction:
@@ -163,11 +160,10 @@ rule bias_correction:
         cell=either(BIASED),
     params:
         references=lambda w: [c for c in calibrating(w.cell) if CELLS[c]["reference"] == "yes"],
-        code=code_of("bias"),
     message:
         "Model of {wildcards.cell} from the reference cell and the shift of its IC peaks."
     script:
-        "../../scripts/bias.py"
+        "../../scripts/models/bias_correction.py"
 
 
 def source_of_model(wildcards):
@@ -217,11 +213,10 @@ rule model:
     params:
         cell=cell_facts,
         split_rest_second=config["models"]["split_rest_second"],
-        code=code_of("model"),
     message:
         "Model of {wildcards.cell} as the rest of the pipeline uses it."
     script:
-        "../../scripts/model.py"
+        "../../scripts/models/model.py"
 
 
 EXPORTED = {
@@ -241,12 +236,10 @@ rule export:
         "logs/export/{cell}.log",
     wildcard_constraints:
         cell=either(MODELLED),
-    params:
-        code=code_of("export"),
     message:
         "Model of {wildcards.cell} for other tools: PyBaMM and a look-up table."
     script:
-        "../../scripts/export.py"
+        "../../scripts/models/export.py"
 
 
 rule validate:
@@ -264,11 +257,10 @@ rule validate:
         settings=config["models"],
         test=test_facts,
         cell=cell_facts,
-        code=code_of("validate"),
     message:
         "Simulate {wildcards.cell} through {wildcards.test} and compare with the measurement."
     script:
-        "../../scripts/validate.py"
+        "../../scripts/models/validate.py"
 
 
 rule soc:
@@ -287,8 +279,7 @@ rule soc:
         split_rest_second=config["models"]["split_rest_second"],
         test=test_facts,
         cell=cell_facts,
-        code=code_of("soc"),
     message:
         "State of charge of {wildcards.cell} in {wildcards.test} by filters, from wrong starts."
     script:
-        "../../scripts/soc.py"
+        "../../scripts/models/soc.py"

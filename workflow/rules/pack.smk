@@ -20,11 +20,10 @@ rule branches:
     params:
         cell=cell_facts,
         branches=lambda w: BRANCHES[w.group],
-        code=code_of("branches"),
     message:
         "Models of the cells of group {wildcards.group} from its own branch currents."
     script:
-        "../../scripts/branches.py"
+        "../../scripts/pack/branches.py"
 
 
 rule pack:
@@ -41,8 +40,7 @@ rule pack:
     params:
         test=test_facts,
         branches=lambda w: BRANCHES[w.group],
-        code=code_of("pack"),
     message:
         "Simulate the parallel group {wildcards.group} through {wildcards.test}."
     script:
-        "../../scripts/pack.py"
+        "../../scripts/pack/pack.py"

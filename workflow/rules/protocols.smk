@@ -12,11 +12,10 @@ rule capacity:
     params:
         test=test_facts,
         cell=cell_facts,
-        code=code_of("capacity"),
     message:
         "Capacity of {wildcards.cell} in {wildcards.test}, per direction and rate."
     script:
-        "../../scripts/capacity.py"
+        "../../scripts/protocols/capacity.py"
 
 
 rule ocv:
@@ -32,11 +31,10 @@ rule ocv:
         settings={k: v for k, v in config["ocv"].items() if k != "rest_second"},
         test=test_facts,
         cell=cell_facts,
-        code=code_of("ocv"),
     message:
         "Open-circuit voltage of {wildcards.cell} from the slow test {wildcards.test}."
     script:
-        "../../scripts/ocv.py"
+        "../../scripts/protocols/ocv.py"
 
 
 rule ocv_rests:
@@ -53,11 +51,10 @@ rule ocv_rests:
         rest_second=config["ocv"]["rest_second"],
         test=test_facts,
         cell=cell_facts,
-        code=code_of("ocv_rests"),
     message:
         "Open-circuit voltage of {wildcards.cell} from the rests of {wildcards.test}."
     script:
-        "../../scripts/ocv_rests.py"
+        "../../scripts/protocols/ocv_rests.py"
 
 
 rule resistance:
@@ -73,11 +70,10 @@ rule resistance:
         settings=config["resistance"],
         test=test_facts,
         cell=cell_facts,
-        code=code_of("resistance"),
     message:
         "Resistance of {wildcards.cell} {params.settings[delay_second]} s into each pulse of {wildcards.test}."
     script:
-        "../../scripts/resistance.py"
+        "../../scripts/protocols/resistance.py"
 
 
 rule relaxation:
@@ -94,11 +90,10 @@ rule relaxation:
         settings={k: v for k, v in config["relaxation"].items() if k != "kinds"},
         test=test_facts,
         cell=cell_facts,
-        code=code_of("relaxation"),
     message:
         "Depolarisation of {wildcards.cell} in the rests of {wildcards.test}."
     script:
-        "../../scripts/relaxation.py"
+        "../../scripts/protocols/relaxation.py"
 
 
 rule ica:
@@ -114,11 +109,10 @@ rule ica:
         settings=config["ica"],
         test=test_facts,
         cell=cell_facts,
-        code=code_of("ica"),
     message:
         "Incremental capacity of {wildcards.cell} from the charge in {wildcards.test}."
     script:
-        "../../scripts/ica.py"
+        "../../scripts/protocols/ica.py"
 
 
 rule impedance:
@@ -136,11 +130,10 @@ rule impedance:
     params:
         settings=config["impedance"],
         test=test_facts,
-        code=code_of("impedance"),
     message:
         "Fit {params.settings[circuit]} to the spectrum {wildcards.cell} {wildcards.test}."
     script:
-        "../../scripts/impedance.py"
+        "../../scripts/protocols/impedance.py"
 
 
 def beside_spectra(cell):
@@ -165,9 +158,7 @@ rule thermometer:
         "logs/thermometer/{cell}.log",
     wildcard_constraints:
         cell=either(THERMOMETERS),
-    params:
-        code=code_of("thermometer"),
     message:
         "Compare the temperature in the spectra of {wildcards.cell} with that of its other records."
     script:
-        "../../scripts/thermometer.py"
+        "../../scripts/protocols/thermometer.py"

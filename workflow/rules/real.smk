@@ -4,8 +4,8 @@
 from real_cells import nested
 
 REAL = config["real"]
-REAL_FOLDER = Path(workflow.basedir, REAL["folder"]).resolve()
-DOCS_OF_REAL = Path(workflow.basedir) / "docs" / "real-cells"
+REAL_FOLDER = Path(PIPELINE, REAL["folder"]).resolve()
+DOCS_OF_REAL = PIPELINE / "docs" / "real-cells"
 
 
 # What the run inside does is decided there, by content; this one asks it again whenever a file of
@@ -27,11 +27,10 @@ rule real_campaign:
         campaign=lambda w: str(REAL_FOLDER / w.campaign),
         whole=REAL["to"] == "report",
         pipeline=lambda w: nested.pipeline(),
-        code=code_of("real_campaign"),
     message:
         "Run the real cells of {wildcards.campaign}, minutes; what it says: {log}."
     script:
-        "../../scripts/real_campaign.py"
+        "../../scripts/real/real_campaign.py"
 
 
 rule real:
@@ -46,9 +45,7 @@ rule real:
         page="real/real-cells.md",
     log:
         "logs/real.log",
-    params:
-        code=code_of("real"),
     message:
         "All numbers of real cells: {output.page}; real_check.py holds them against the record."
     script:
-        "../../scripts/real.py"
+        "../../scripts/real/real.py"

@@ -1,6 +1,6 @@
 # The report, the manifest of all artefacts, and the checks of both.
 
-from provenance import assumptions
+from runtime.provenance import assumptions
 
 ASSUMPTIONS = assumptions()
 
@@ -28,8 +28,8 @@ rule report:
         artefacts=STAGES,
         verdicts=VERDICTS,
         cold=COLD_WORDS,
-        template=f"{workflow.basedir}/workflow/report/report.html.j2",
-        captions=f"{workflow.basedir}/workflow/report/captions.yaml",
+        template=f"{PIPELINE}/workflow/report/report.html.j2",
+        captions=f"{PIPELINE}/workflow/report/captions.yaml",
     output:
         "results/report.html",
     log:
@@ -43,11 +43,10 @@ rule report:
         title=config["title"],
         choices=CHOICES,
         assumptions=ASSUMPTIONS,
-        code=code_of("report"),
     message:
         "Write results/report.html."
     script:
-        "../../scripts/report.py"
+        "../../scripts/report/report.py"
 
 
 rule manifest:
@@ -57,12 +56,10 @@ rule manifest:
         "results/manifest.tsv",
     log:
         "logs/manifest.log",
-    params:
-        code=code_of("manifest"),
     message:
         "Checksums of every artefact: results/manifest.tsv."
     script:
-        "../../scripts/manifest.py"
+        "../../scripts/report/manifest.py"
 
 
 rule verify:
@@ -70,12 +67,10 @@ rule verify:
         "logs/verify.log",
     # To fail is its answer: nothing is gained by asking twice.
     retries: 0
-    params:
-        code=code_of("verify"),
     message:
         "Compare every artefact with the manifest."
     script:
-        "../../scripts/verify.py"
+        "../../scripts/report/verify.py"
 
 
 rule accepted:
@@ -87,9 +82,7 @@ rule accepted:
     log:
         "logs/accepted.log",
     retries: 0
-    params:
-        code=code_of("accepted"),
     message:
         "strict: true, so nothing may be excluded."
     script:
-        "../../scripts/accepted.py"
+        "../../scripts/report/accepted.py"

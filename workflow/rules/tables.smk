@@ -73,11 +73,10 @@ rule table:
         table=either(TABLE_INPUTS),
     params:
         tests=TEST_FACTS,
-        code=code_of("table"),
     message:
         "Table {wildcards.table}.csv of the whole campaign."
     script:
-        "../../scripts/table.py"
+        "../../scripts/tables/table.py"
 
 
 rule excluded:
@@ -89,11 +88,10 @@ rule excluded:
         "logs/excluded.log",
     params:
         files={f"{cell}/{test}": row["file"] for (cell, test), row in TESTS.items()},
-        code=code_of("excluded"),
     message:
         "What was left out, at which stage, and why."
     script:
-        "../../scripts/excluded.py"
+        "../../scripts/tables/excluded.py"
 
 
 rule summary:
@@ -106,25 +104,22 @@ rule summary:
         "logs/summary.log",
     params:
         cells=list(CELLS.values()),
-        code=code_of("summary"),
     message:
         "One row per cell: capacity, health, resistance, model and its error."
     script:
-        "../../scripts/summary.py"
+        "../../scripts/tables/summary.py"
 
 
 rule checks:
     input:
         tables=[f"results/tables/{table}.csv" for table in TABLES],
         summary="results/summary.csv",
-        laws=Path(workflow.basedir, "tests/artefacts").glob("*.py"),
+        laws=Path(PIPELINE, "tests/artefacts").glob("*.py"),
     output:
         "results/tables/checks.csv",
     log:
         "logs/checks.log",
-    params:
-        code=code_of("checks"),
     message:
         "Hold the results against physics (tests/artefacts)."
     script:
-        "../../scripts/checks.py"
+        "../../scripts/tables/checks.py"

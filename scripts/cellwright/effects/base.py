@@ -1,4 +1,4 @@
-"""The model that is searched for what it lacks: OCV, an ohmic resistance and two RC pairs.
+"""The model that is searched for what it lacks, and its fit without any effect.
 
 One function computes the voltage of all records for one vector of parameters, in stages that an
 effect may step into: the current through the cell, the counting of charge, the resistances, the
@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.effect import STAGES
-from cellwright.models.kernels import lag_weights
 from cellwright.native import array, count, function, real
+from cellwright.numerics.lags import lag_weights
 
 REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16

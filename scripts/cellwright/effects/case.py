@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, noise, plain
+from cellwright.effects import base, plain
 from cellwright.effects.judge import by_starts, rests_of, rms, started
-from cellwright.effects.problem import Problem
-from cellwright.models.slow_gap import SlowGap
+from cellwright.numerics import noise
+from cellwright.numerics.least_squares import Problem
+from cellwright.protocols.ocv.gap import SlowGap
 
 UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it tells nothing
 

@@ -6,17 +6,16 @@ import numpy as np
 
 from cellwright.effects import base, plain, ties
 from cellwright.effects.case import Gates, filters_of, steep
-from cellwright.effects.evidence import evidence
-from cellwright.effects.left_out import folds
+from cellwright.effects.judge import joined, residual_map
+from cellwright.effects.member import folds
 from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planner import next_test
 from cellwright.effects.prepare import prepared
-from cellwright.effects.problem import stds
-from cellwright.effects.residual_map import joined, residual_map
+from cellwright.effects.screen import evidence
 from cellwright.effects.search import not_excited, search
-from cellwright.effects.structural import tie_of
-from cellwright.effects.verdict import outcome, verdict_of
-from cellwright.effects.words import paragraph
+from cellwright.effects.ties import tie_of
+from cellwright.effects.verdict import outcome, paragraph, verdict_of
+from cellwright.numerics.least_squares import stds
 from cellwright.refusal import Refusal
 
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model

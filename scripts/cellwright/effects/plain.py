@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from cellwright.effects import base
-from cellwright.effects.problem import Free
+from cellwright.numerics.least_squares import Free
 
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
 FIRST_TAU_SECOND = {"log_tau1": 8.0, "log_tau2": 130.0}

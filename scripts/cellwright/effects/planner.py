@@ -1,21 +1,200 @@
-"""Which test to run next: the one that leaves most between two explanations, from sensitivities."""
+"""Which test to run next: the menu of tests, and the one that leaves most between two explanations.
+
+Every test begins full unless it says otherwise. Rows lie as a tester would log them: dense after
+a step of the current, sparse later.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.effects.effect import STAGES
-from cellwright.effects.menu import menu, rating_of
 from cellwright.effects.records import Record, stacked
-from cellwright.effects.sensitivity import (
-    USUAL_NOISE,
-    Model,
-    at_starts_of,
-    information,
-    projected,
-)
-from cellwright.effects.structural import tie_of
+from cellwright.effects.sensitivity import USUAL_NOISE, Model, at_starts_of, information, projected
+from cellwright.effects.ties import tie_of
 from cellwright.refusal import Refusal
+
+FIRST_SECOND, GROWTH = 1.0, 1.25  # rows after a step: the first gap, and how gaps grow
+KELVIN = 15.0
+SHARP_SECOND, SLOW_SECOND = 0.1, 30.0  # between rows, of sharp edges and of slow tests
+FALL = 0.9  # of the current until a constant-voltage charge ends: from C/2 to C/20
+DRIVE = (-0.4, -1.2, 0.3, 0.0, -0.8, -1.6, 0.5, -0.2, 0.0, -1.0, 0.8, -0.6)  # of 1C, 20 s each
+
+
+class Rating(NamedTuple):
+    """What a cell may be asked for.
+
+    discharge_c_rate, charge_c_rate : largest loads [1/h]. least_celsius, most_celsius : [degC].
+    """
+
+    discharge_c_rate: float
+    charge_c_rate: float
+    least_celsius: float = -20.0
+    most_celsius: float = 55.0
+
+
+class Planned(NamedTuple):
+    """A test of the menu.
+
+    words : for people, within a sentence. record : without a voltage. elsewhere : at another
+    temperature, where a model of one temperature knows only what depends on it.
+    """
+
+    id: str
+    words: str
+    record: Record
+    elsewhere: bool = False
+
+    @property
+    def hours(self):
+        """How long it takes [h]."""
+        return float(self.record.test_time_second[-1] / 3600.0)
+
+
+class Step(NamedTuple):
+    """A constant current. c_rate : + on charge [1/h]. second, every : length, longest gap [s]."""
+
+    c_rate: float
+    second: float
+    every: float
+
+
+def rating_of(stack, capacity_ampere_hour):
+    """Rating as the records show it: the largest loads that the cell was given, C/2 at least.
+
+    Parameters
+    ----------
+    stack : records.Stack. capacity_ampere_hour : of the cell [Ah].
+
+    Returns
+    -------
+    rating : Rating.
+    """
+    rates = stack.current_ampere / capacity_ampere_hour
+    return Rating(max(-float(rates.min()), 0.5), max(float(rates.max()), 0.5))
+
+
+def menu(cell, rating, *, celsius, drive=None):
+    """All tests that may be asked for.
+
+    Parameters
+    ----------
+    cell : base.Cell. rating : Rating. celsius : temperature of the records on hand [degC].
+    drive : Record to be repeated at other temperatures; without one a drive is made up.
+
+    Returns
+    -------
+    tests : tuple of Planned.
+    """
+    made = {
+        "c20_both": ("a C/20 discharge and charge", _slow_cycle()),
+        "rest_48h": ("a rest of 48 h at half charge", _long_rest()),
+        "cccv_4": ("four cycles with constant-current constant-voltage charges", _cycles(rating)),
+        "hppc": ("HPPC: pulses of several rates at ten states of charge", _hppc(rating)),
+        "long_load": ("a long load of 2C with pulses in it", _long_load(rating)),
+        "rest_2h": ("a long load and two hours of rest after it", _rest_after_load()),
+        "edges": ("pulses with sharp edges, sampled ten times a second", _edges(rating)),
+        "pulse_pairs": ("pulses of equal size in both directions", _pairs(rating)),
+    }
+    capacity = cell.capacity_ampere_hour
+    tests = [_planned(one, words, steps, capacity, celsius) for one, (words, steps) in made.items()]
+    drive = drive or _planned("drive", "", _drive(rating), capacity, celsius).record
+    pulses = next(test.record for test in tests if test.id == "hppc")
+    same = (("drive", "drive", drive), ("hppc", "HPPC", pulses))
+    return (*tests, *(_elsewhere(*one, sign, rating, celsius) for one in same for sign in (1, -1)))
+
+
+def _elsewhere(test, word, record, sign, rating, celsius):
+    """The same test warmer or colder, as far as the cell may be taken."""
+    at = float(np.clip(celsius + sign * KELVIN, rating.least_celsius, rating.most_celsius))
+    words = f"the same {word} {abs(at - celsius):.0f} K {'warmer' if sign > 0 else 'colder'}"
+    name = f"{test}_{'warm' if sign > 0 else 'cold'}"
+    record = record._replace(test=name, celsius=np.full(len(record.celsius), at))
+    return Planned(name, words, record, elsewhere=True)
+
+
+def _planned(one, words, steps, capacity, celsius):
+    gaps = [_gaps(step) for step in steps]
+    second = np.concatenate([[0.0], np.cumsum(np.concatenate(gaps))])
+    current = np.repeat([s.c_rate * capacity for s in steps], [len(g) for g in gaps])
+    current = np.append(current, current[-1])
+    blank = np.zeros(len(second))
+    return Planned(one, words, Record(one, one, second, current, blank, blank + celsius, 1.0))
+
+
+def _gaps(step):
+    """Gaps between rows of a step, growing from the first to the longest [s]."""
+    first = min(FIRST_SECOND, step.every)
+    grown = np.log(max(step.every / first, 1.0)) / np.log(GROWTH)
+    rising = first * GROWTH ** np.arange(int(grown) + 1)
+    rising = rising[np.cumsum(rising) <= step.second]
+    left = step.second - rising.sum()
+    rows = max(round(left / step.every), 1)
+    return np.concatenate([rising, np.full(rows, left / rows)]) if left > 1e-9 else rising
+
+
+def _slow_cycle():
+    rest = Step(0.0, 3600.0, SLOW_SECOND)
+    down, up = Step(-0.05, 0.97 * 72e3, SLOW_SECOND), Step(0.05, 0.96 * 72e3, SLOW_SECOND)
+    return [down, rest, up, rest]
+
+
+def _long_rest():
+    return [Step(-0.5, 3600.0, 10.0), Step(0.0, 48 * 3600.0, 300.0), Step(-0.5, 2880.0, 10.0)]
+
+
+def _cycles(rating):
+    """Discharge at up to 1C, charge at C/2, its last eighth at a falling current."""
+    load = min(1.0, rating.discharge_c_rate)
+    rest = Step(0.0, 1800.0, SLOW_SECOND)
+    fall = np.exp(np.linspace(0.0, np.log(1.0 - FALL), 24))
+    second = 0.125 * 3600.0 / (0.5 * fall.mean()) / len(fall)
+    tail = [Step(0.5 * part, second, SLOW_SECOND) for part in fall]
+    down, up = 0.94 * 3600.0 / load, 0.815 * 7200.0
+    one = [Step(-load, down, SLOW_SECOND), rest, Step(0.5, up, SLOW_SECOND), *tail]
+    return [*one, rest] * 4
+
+
+def _hppc(rating):
+    """Down by tenths: pulses of three rates, one back, rest; rows each second in the pulses."""
+    found = [Step(0.0, 60.0, 10.0)]
+    for _ in range(10):
+        for share in (0.25, 0.5, 1.0):
+            load = share * min(rating.discharge_c_rate, 3.0)
+            found += [Step(-load, 10.0, 1.0), Step(0.0, 40.0, 5.0)]
+        found += [Step(min(rating.charge_c_rate, 1.0), 10.0, 1.0), Step(0.0, 600.0, 20.0)]
+        found += [Step(-0.5, 0.09 * 7200.0, 20.0), Step(0.0, 1800.0, 60.0)]
+    return found
+
+
+def _long_load(rating):
+    load = min(2.0, rating.discharge_c_rate)
+    part = Step(-load, 110.0 / load, 5.0), Step(-0.25 * load, 10.0, 1.0)
+    return [*part * 26, Step(0.0, 1800.0, 20.0)]
+
+
+def _rest_after_load():
+    return [Step(-0.5, 3600.0, 10.0), Step(0.0, 7200.0, 30.0)]
+
+
+def _edges(rating):
+    load = min(3.0, rating.discharge_c_rate)
+    one = Step(-load, 1.0, SHARP_SECOND), Step(0.0, 1.0, SHARP_SECOND)
+    return [Step(-0.5, 3600.0, 10.0), Step(0.0, 600.0, 20.0), *one * 100]
+
+
+def _pairs(rating):
+    """Both directions, short and long, at four states of charge."""
+    load = min(1.0, rating.discharge_c_rate, rating.charge_c_rate)
+    down = [Step(-0.5, 0.2 * 7200.0, 20.0), Step(0.0, 900.0, 20.0)]
+    pulses = [Step(sign * load, second, 1.0) for second in (10.0, 60.0) for sign in (-1.0, 1.0)]
+    return [*down, *(step for pulse in pulses for step in (pulse, Step(0.0, 300.0, 10.0)))] * 4
+
+
+def _drive(rating):
+    shares = [min(max(r, -rating.discharge_c_rate), rating.charge_c_rate) for r in DRIVE]
+    return [Step(rate, 20.0, 1.0) for rate in shares] * 15
+
 
 RIVAL_STD = 100.0  # plausible sizes within which a rival may move to take an effect's place
 TOLD = 25.0  # chi-square that a test has to add to be worth its hours

@@ -7,17 +7,15 @@ import numpy as np
 from cellwright.effects import base, plain
 from cellwright.effects.case import Case, filters_of, steep
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.noise import FIRST
 from cellwright.effects.records import Record, stacked
 from cellwright.effects.screen import left
-from cellwright.models.basis import REFERENCE_CELSIUS, soc_of
-from cellwright.models.groups import course_celsius
-from cellwright.models.records import bridged, record_of
-from cellwright.models.slow_gap import slow_gap
-from cellwright.models.split import fit_mask
+from cellwright.numerics.noise import FIRST
+from cellwright.protocols.ocv.gap import slow_gap
+from cellwright.records.anchor import REST_C_RATE
+from cellwright.records.basis import REFERENCE_CELSIUS, soc_of
+from cellwright.records.record import bridged, course_celsius, fit_mask, record_of
 from cellwright.refusal import Refusal
-from cellwright.series.anchor import REST_C_RATE
-from cellwright.series.rest_reading import as_logged
+from cellwright.series.rest_current import as_logged
 
 KINDS = ("capacity", "hppc", "pulse_resistance", "drive")
 GRID = np.linspace(0.0, 1.0, 1001)

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, plain
-from cellwright.effects.candidates import candidates
-from cellwright.effects.noise import Noise, whitening
-from cellwright.effects.problem import Free
+from cellwright.effects.screen import candidates
+from cellwright.numerics.least_squares import Free
+from cellwright.numerics.noise import Noise, whitening
 
 USUAL_NOISE = Noise(2e-3, 1e-3, 200.0)
 WIDE = 10.0  # plausible sizes within which an effect that is in the model may still move

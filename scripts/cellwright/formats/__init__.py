@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..refusal import Refusal
-from . import arbin, bdf, bitrode, digatron, labview, plett
-from .container import unpacked
-from .foreign import sight
-from .physics import checked_impedance, checked_series
+from cellwright.formats import arbin, bdf, bitrode, digatron, labview, plett
+from cellwright.formats.container import sight, unpacked
+from cellwright.formats.physics import checked_impedance, checked_series
+from cellwright.refusal import Refusal
 
 READERS = {reader.NAME: reader for reader in (bdf, arbin, bitrode, digatron, labview, plett)}
 # What a format itself says of its current; where it says nothing, the data must tell.

@@ -7,9 +7,8 @@ import re
 
 import numpy as np
 
-from .dates import unix_time_second
-from .fields import SERIES, Field, converted, known_fields, require
-from .table import layout_of, line_of, read_numbers
+from cellwright.formats.fields import SERIES, Field, converted, known_fields, require
+from cellwright.formats.table import layout_of, line_of, read_numbers, unix_time_second
 
 NAME = "arbin"
 # Third: the unit of Arbin's data base, whose exports carry bare labels.

@@ -7,10 +7,18 @@ import re
 
 import numpy as np
 
-from ..refusal import Refusal
-from .fields import IMPEDANCE, SERIES, Field, converted, known_fields, require
-from .table import layout_of, line_of, read_numbers
-from .units import UNITS, WORDS
+from cellwright.formats.fields import (
+    IMPEDANCE,
+    SERIES,
+    UNITS,
+    WORDS,
+    Field,
+    converted,
+    known_fields,
+    require,
+)
+from cellwright.formats.table import layout_of, line_of, read_numbers
+from cellwright.refusal import Refusal
 
 NAME = "bdf"
 PARQUET = b"PAR1"

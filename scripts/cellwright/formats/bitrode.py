@@ -7,8 +7,8 @@ import re
 
 import numpy as np
 
-from .fields import SERIES, Field, converted, known_fields, require
-from .table import Layout, layout_of, line_of, read_numbers
+from cellwright.formats.fields import SERIES, Field, converted, known_fields, require
+from cellwright.formats.table import Layout, layout_of, line_of, read_numbers
 
 NAME = "bitrode"
 COLUMNS = (

@@ -9,10 +9,17 @@ import re
 
 import numpy as np
 
-from ..refusal import Refusal
-from .dates import clock_second, unix_time_second
-from .fields import IMPEDANCE, SERIES, Field, converted, known_fields, require
-from .table import Layout, decoded, layout_of, line_of, read_numbers
+from cellwright.formats.fields import IMPEDANCE, SERIES, Field, converted, known_fields, require
+from cellwright.formats.table import (
+    Layout,
+    clock_second,
+    decoded,
+    layout_of,
+    line_of,
+    read_numbers,
+    unix_time_second,
+)
+from cellwright.refusal import Refusal
 
 NAME = "digatron"
 MEANING = {

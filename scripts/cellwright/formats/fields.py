@@ -1,13 +1,70 @@
-"""What a file's columns mean: labels → the house's columns and units."""
+"""What a file's columns mean: labels and unit strings as the house's columns and units."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ..refusal import Refusal
-from .counters import net_capacity
-from .units import in_house_unit
+from cellwright.refusal import Refusal
+
+# Factor to the house's unit of the quantity: s, A, V, Ah, degC, ohm, Hz, 1.
+UNITS = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0, "d": 86400.0},
+    "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6, "µA": 1e-6},
+    "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6},
+    "charge": {"Ah": 1.0, "A.h": 1.0, "mAh": 1e-3, "mA.h": 1e-3, "As": 1 / 3600, "C": 1 / 3600},
+    "temperature": {"degC": 1.0, "°C": 1.0, "C": 1.0, "K": 1.0},
+    "impedance": {"ohm": 1.0, "Ohm": 1.0, "Ω": 1.0, "mohm": 1e-3, "mOhm": 1e-3, "mΩ": 1e-3},
+    "frequency": {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3},
+    "count": {"1": 1.0, "": 1.0},
+}
+OFFSET = {"K": -273.15}
+# Units as words, for labels such as test_time_millisecond.
+WORDS = {
+    "second": "s", "millisecond": "ms", "minute": "min", "hour": "h", "ampere": "A",
+    "milliampere": "mA", "volt": "V", "millivolt": "mV", "ampere_hour": "Ah", "ah": "Ah",
+    "celsius": "degC", "kelvin": "K", "ohm": "ohm", "hertz": "Hz", "dimensionless": "1",
+}  # fmt: skip
+
+
+def in_house_unit(values: np.ndarray, *, quantity: str, unit: str, label: str) -> np.ndarray:
+    """Convert `values` [unit] of a quantity to the house's unit.
+
+    Raises
+    ------
+    Refusal
+        The unit is not one of those known for the quantity.
+    """
+    known = UNITS[quantity]
+    if unit not in known:
+        allowed = ", ".join(name or "none" for name in known)
+        raise Refusal(f"column {label!r}: unknown unit {unit!r} of {quantity}; known: {allowed}")
+    factor, offset = known[unit], OFFSET.get(unit, 0.0) if quantity == "temperature" else 0.0
+    return values if factor == 1.0 and offset == 0.0 else values * factor + offset
+
+
+def net_capacity(charge_counter: np.ndarray, discharge_counter: np.ndarray) -> np.ndarray:
+    """Net charge put in, from two counters that only grow, but may start again from zero.
+
+    Parameters
+    ----------
+    charge_counter, discharge_counter : arrays [Ah]
+
+    Returns
+    -------
+    array [Ah], positive on charge whatever the sign of the file's current.
+    """
+    return _without_resets(charge_counter) - _without_resets(discharge_counter)
+
+
+def _without_resets(counter: np.ndarray) -> np.ndarray:
+    """Some instruments count discharge downwards: the magnitude is what grows."""
+    magnitude = np.abs(counter)
+    step = np.diff(magnitude, prepend=magnitude[:1])
+    # A counter that falls to less than half began again from zero: what it shows was counted since.
+    reset = (step < 0) & (magnitude < 0.5 * (magnitude - step))
+    return magnitude[:1] + np.cumsum(np.where(reset, magnitude, step))
+
 
 SERIES = ("test_time_second", "current_ampere", "voltage_volt")
 IMPEDANCE = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")

@@ -9,10 +9,9 @@ import re
 
 import numpy as np
 
-from ..refusal import Refusal
-from .dates import unix_time_second
-from .fields import SERIES, Field, converted, known_fields, require
-from .table import Layout, line_of, read_numbers
+from cellwright.formats.fields import SERIES, Field, converted, known_fields, require
+from cellwright.formats.table import Layout, line_of, read_numbers, unix_time_second
+from cellwright.refusal import Refusal
 
 NAME = "labview"
 MARK, END = "LabVIEW Measurement", "***End_of_Header***"

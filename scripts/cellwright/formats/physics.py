@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..refusal import Refusal
-from .fields import IMPEDANCE, SERIES
+from cellwright.formats.fields import IMPEDANCE, SERIES
+from cellwright.refusal import Refusal
 
 # Ratios of the clock times current to the instrument's own counter that only a wrong unit explains.
 SUSPICIONS = {

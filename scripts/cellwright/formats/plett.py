@@ -6,8 +6,8 @@ The format has no unit strings: it is second, ampere, volt and ampere-hour by it
 
 import numpy as np
 
-from .fields import SERIES, Field, converted, require
-from .table import layout_of, line_of, read_numbers
+from cellwright.formats.fields import SERIES, Field, converted, require
+from cellwright.formats.table import layout_of, line_of, read_numbers
 
 NAME = "plett"
 FIELDS = (

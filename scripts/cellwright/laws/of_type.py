@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import Points, fresh
-from cellwright.laws.pulse_points import DELAYS, rate_classes, resistance_points
+from cellwright.laws.points import DELAYS, Points, fresh, rate_classes, resistance_points
 from cellwright.laws.temperature import fit_laws
 
 OUTLIER = 4.0  # robust standard deviations from the law

@@ -1,13 +1,163 @@
-"""Polarisation over SoC and temperature: which rests compare, their course, and their laws."""
+"""Polarisation over SoC and temperature: which rests compare, their course, laws and words."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.laws.points import fresh
-from cellwright.laws.temperature import rows_of
-from cellwright.laws.tested_lines import FEWEST_TEMPERATURES, soc_lines, temperature_lines
+from cellwright.laws.temperature import REFERENCE, ZERO_CELSIUS, Law, inverse_temperature, rows_of
+from cellwright.numerics.lines import r_squared
+from cellwright.numerics.uncertainty import (
+    covariance_from_jacobian,
+    standard_deviations,
+    t_interval,
+)
 from cellwright.refusal import Refusal
+
+FEWEST_TEMPERATURES = 3
+FEWEST_SOC = 4
+
+
+def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
+    """A linear law and an Arrhenius law over temperature; the better predicts left-out values.
+
+    Parameters
+    ----------
+    temperature_celsius, value : (n,) one value a temperature [°C], [unit].
+    unit : of the value. level : coverage of the intervals.
+
+    Returns
+    -------
+    laws : tuple of `temperature.Law`, "linear" (slope, value_at_25_celsius, slope_p_value: of the
+        hypothesis that there is no slope) and "arrhenius" (as `temperature.fit_laws`).
+
+    Raises
+    ------
+    Refusal : fewer than three temperatures, a value that is not positive and finite.
+
+    Source: thesis sec. 3.3 (tau1, tau2 about linear in T); Arrhenius: thesis (3.5).
+    """
+    celsius, value = np.asarray(temperature_celsius, float), np.asarray(value, float)
+    if len(np.unique(celsius)) < FEWEST_TEMPERATURES:
+        found = len(np.unique(celsius))
+        raise Refusal(f"{found} temperature(s); a law over temperature needs three")
+    if not (np.isfinite(value) & (value > 0)).all():
+        raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
+    near = celsius + ZERO_CELSIUS - REFERENCE
+    inverse = inverse_temperature(celsius)
+    columns = np.stack([near, np.ones(len(near))], axis=1)
+    linear = _with_p(_line(columns, value, level), len(value) - 2)._replace(law="linear")
+    names, units = ("slope", "value_at_25_celsius", "slope_p_value"), (f"{unit}/K", unit, "1")
+    linear = linear._replace(names=names, units=units)
+    names, units = ("value_at_25_celsius", "activation_energy"), (unit, "J/mol")
+    arrhenius = _arrhenius(inverse, value, level)._replace(names=names, units=units)
+    tested = (float(celsius.min()), float(celsius.max()))
+    return tuple(law._replace(tested_celsius=tested) for law in _chosen(linear, arrhenius))
+
+
+def soc_lines(soc, value, *, unit, level=0.95):
+    """A line over SoC and one through zero; the better predicts values left out in turn.
+
+    Parameters
+    ----------
+    soc, value : (n,) [1], [unit], at one temperature.
+    unit, level : as in `temperature_lines`.
+
+    Returns
+    -------
+    laws : tuple of `temperature.Law`, "linear over SoC" (slope, value_at_soc_0, slope_p_value,
+        zero_p_value: of the hypothesis that the line goes through zero), "proportional to SoC".
+
+    Raises
+    ------
+    Refusal : fewer than four values, or all at one SoC.
+
+    Source: thesis sec. 3.3: below 50 % SoC a and b are proportional to SoC in the cold.
+    """
+    soc, value = np.asarray(soc, float), np.asarray(value, float)
+    if len(soc) < FEWEST_SOC or np.ptp(soc) == 0:
+        raise Refusal(f"{len(soc)} value(s) over SoC; a line that is tested needs {FEWEST_SOC}")
+    free = _line(np.stack([soc, np.ones(len(soc))], axis=1), value, level)
+    tied = _line(soc[:, None], value, level)
+    zero_p = _p_value(free.values[1], free.std[1], len(soc) - 2)
+    names = ("slope", "value_at_soc_0", "slope_p_value", "zero_p_value")
+    free = _with_p(free, len(soc) - 2, zero_p)._replace(
+        law="linear over SoC", names=names, units=(unit, unit, "1", "1")
+    )
+    tied = tied._replace(law="proportional to SoC", names=("slope",), units=(unit,))
+    return _chosen(free, tied)
+
+
+def _arrhenius(inverse, value, level):
+    """Fitted as a line through ln value; errors and R² on the scale of the value."""
+    columns = np.stack([np.ones(len(inverse)), inverse], axis=1)
+    line = _line(columns, np.log(value), level)
+    scale = np.array([np.exp(line.values[0]), 1.0])
+    ends = [np.array([np.exp(end[0]), end[1]]) for end in (line.values, line.lower, line.upper)]
+    left = [_without(k, columns, np.log(value)) for k in range(len(value))]
+    return line._replace(
+        law="arrhenius",
+        values=ends[0],
+        std=line.std * scale,
+        lower=ends[1],
+        upper=ends[2],
+        r_squared=r_squared(value, np.exp(columns @ line.values)),
+        cross_validation_rmse=_rms(np.exp(left) - value),
+    )
+
+
+def _line(columns, value, level):
+    """Least squares with interval, R² and the error of values left out in turn."""
+    values = np.linalg.lstsq(columns, value, rcond=None)[0]
+    residual = value - columns @ values
+    freedom = len(value) - columns.shape[1]
+    std = standard_deviations(covariance_from_jacobian(columns, residual))
+    left = [_without(k, columns, value) for k in range(len(value))]
+    return Law(
+        "",
+        (),
+        (),
+        values,
+        std,
+        *t_interval(values, std, freedom, level=level),
+        r_squared(value, columns @ values),
+        _rms(left - value),
+        False,
+        "",
+    )
+
+
+def _with_p(law, freedom, *more):
+    """The law with the p-value of its slope, and others, as further parameters."""
+    extra = np.array([_p_value(law.values[0], law.std[0], freedom), *more])
+    none = np.full(len(extra), np.nan)
+    parts = {name: np.append(getattr(law, name), none) for name in ("std", "lower", "upper")}
+    return law._replace(values=np.append(law.values, extra), **parts)
+
+
+def _p_value(value, std, freedom):
+    """Two-sided, of Student's t; NaN where the scatter is not known."""
+    from scipy.special import stdtr
+
+    if freedom < 1 or not std > 0:
+        return np.nan
+    return float(2 * stdtr(freedom, -abs(value / std)))
+
+
+def _without(place, columns, value):
+    """What a line through all values but one says of that one."""
+    kept = np.arange(len(value)) != place
+    return columns[place] @ np.linalg.lstsq(columns[kept], value[kept], rcond=None)[0]
+
+
+def _chosen(first, second):
+    better = first.cross_validation_rmse <= second.cross_validation_rmse
+    return first._replace(chosen=better), second._replace(chosen=not better)
+
+
+def _rms(error):
+    return float(np.sqrt(np.mean(np.square(error))))
+
 
 QUANTITIES = {"a": "V", "b": "V", "tau1": "s", "tau2": "s"}
 COLUMN = {"a": "a_volt", "b": "b_volt", "tau1": "tau1_second", "tau2": "tau2_second"}
@@ -182,3 +332,96 @@ def _protocol(rows):
     names = ("current_before_ampere", "load_second", "rest_second")
     current, load, rest = (np.median([abs(row[name]) for row in rows]) for name in names)
     return f"{rows[0]['direction']} of {current:.3g} A for {load:.3g} s, rests of {rest:.4g} s"
+
+
+SURE = 0.05  # p-value from which on a slope may be chance
+MEANS = {
+    "a": "The faster polarisation a",
+    "b": "The slower polarisation b",
+    "tau1": "The time constant tau1",
+    "tau2": "The time constant tau2",
+}
+
+
+def paragraph(found, laws):
+    """A few sentences for somebody who has not seen the plots.
+
+    Parameters
+    ----------
+    found : `polarisation.Compared`. laws : dict from `polarisation.laws_of`.
+    """
+    if not found.points:
+        return f"Polarisation is not known: {found.protocol}."
+    courses = over_temperature(found.points)
+    said = [_rests_in_words(found)]
+    said += [_course(name, *courses[name]) for name in MEANS if len(courses[name][0]) > 1]
+    said += [_law(name, laws) for name in MEANS]
+    said += [_soc(laws, quantity) for quantity in ("a", "b")]
+    return " ".join(sentence for sentence in said if sentence)
+
+
+def _rests_in_words(found):
+    count, good = len(found.r_squared), int(np.sum(found.r_squared > 0.98))
+    numbers = {2: "two exponentials", 3: "three exponentials, the fastest left out of a and b"}
+    return (
+        f"{count} rests after a {found.protocol} compare, fitted with "
+        f"{numbers[found.exponentials]}; R² is above 0.98 in {good} of them, "
+        f"its median {np.median(found.r_squared):.4f}."
+    )
+
+
+def _course(name, celsius, value):
+    """How a quantity changes from the warmest to the coldest temperature."""
+    unit, factor = ("mV", 1e3) if name in "ab" else ("s", 1.0)
+    ratio = value[0] / value[-1]
+    warm, cold = (f"{_digits(factor * value[k])} {unit} at {celsius[k]:g} °C" for k in (-1, 0))
+    way = f"{MEANS[name]} goes from {warm} to {cold} (×{ratio:.3g})"
+    if ratio >= 1:
+        return f"{way}."
+    plain = "Polarisation must grow in the cold" if name in "ab" else "A time constant should grow"
+    return f"{way}. {plain}: here it does not, and other processes are mixed in, or noise decides."
+
+
+def _law(name, laws):
+    """Whether the thesis' linear law over temperature holds, and which law predicts better."""
+    pair = laws.get(f"polarisation {name}, median over SoC")
+    if pair is None:
+        return ""
+    line, arrhenius = pair
+    factor, unit = (1e3, "mV") if name in "ab" else (1.0, "s")
+    slope, low, high = (factor * x[0] for x in (line.values, line.lower, line.upper))
+    p_value = line.values[line.names.index("slope_p_value")]
+    sure = "" if p_value < SURE else ", so it may be chance"
+    better = "the line" if line.chosen else "Arrhenius"
+    errors = [factor * law.cross_validation_rmse for law in (line, arrhenius)]
+    energy, reach = arrhenius.values[1] / 1e3, (arrhenius.upper[1] - arrhenius.values[1]) / 1e3
+    return (
+        f"{name} as a line over temperature: {slope:.3g} {unit}/K ({low:.3g} to {high:.3g}, "
+        f"p = {p_value:.2g}{sure}), R² {line.r_squared:.3f}; Arrhenius: {energy:.3g} ± {reach:.2g} "
+        f"kJ/mol, R² {arrhenius.r_squared:.3f}. Temperatures left out are predicted better by "
+        f"{better} (errors {_digits(errors[0])} and {_digits(errors[1])} {unit})."
+    )
+
+
+def _soc(laws, quantity):
+    """Whether a or b is proportional to SoC below 50 %, at the coldest temperature known."""
+    start = f"polarisation {quantity} below 50 % SoC at "
+    names = [name for name in laws if name.startswith(start)]
+    if not names:
+        return ""
+    coldest = min(names, key=lambda name: float(name.removeprefix(start).split()[0]))
+    line = laws[coldest][0]
+    slope, zero, slope_p, zero_p = line.values
+    where = f"Below 50 % SoC at {coldest.removeprefix(start)} {quantity}"
+    if slope_p >= SURE:
+        return f"{where} does not change with SoC for sure (p = {slope_p:.2g})."
+    way, per = "rises" if slope > 0 else "falls", f"{100 * abs(slope):.2g} mV per 10 %"
+    found = f"{where} {way} with SoC by {per} (p = {slope_p:.2g})"
+    if slope > 0 and zero_p >= SURE:
+        return f"{found} and may be proportional to it."
+    rest = f"{1e3 * zero:.3g} mV at empty (p = {zero_p:.2g})"
+    return f"{found}; it is not proportional to it: the line has {rest}."
+
+
+def _digits(value):
+    return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"

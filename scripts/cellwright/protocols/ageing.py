@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.half_cycles import FULL_SHARE, NAMES, NEAR_VOLT, TURN_SHARE, turns
+from cellwright.protocols.capacity import FULL_SHARE, NAMES, NEAR_VOLT, TURN_SHARE, turns
 from cellwright.refusal import Refusal
-from cellwright.series.segments import assumed_rating
+from cellwright.series.steps import assumed_rating
 
 REST_ROWS = 5  # rows before a load whose temperature is the cell's before it warms
 HELD = ("CV", "CCCV")

@@ -4,9 +4,171 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.half_cycles import NAMES, SAME_RATE, half_cycles
 from cellwright.refusal import Refusal
-from cellwright.series.segments import assumed_rating
+from cellwright.series.steps import assumed_rating
+
+TURN_SHARE = 0.02  # of the rating: a smaller return of charge (regeneration, dither) is no turn
+NEAR_VOLT = 0.010  # a limit counts as reached this near to it
+FULL_SHARE = 0.05  # of the voltage window: a rest this near to a limit is full, or empty
+RATE_SHARE = 0.9  # of the charge must move at the one rate that a capacity is stated for
+SAME_RATE = 1.05
+RETURN_SHARE = 0.03
+NAMES = {1: "charge", -1: "discharge"}
+
+
+class Half(NamedTuple):
+    """A half cycle: sign (+1 charge), its rows (inclusive; the first is the last one before the
+    load), size of its constant current [A], row where its voltage is first held (or its last),
+    and why it is not complete ("" where it is)."""
+
+    sign: int
+    first_row: int
+    last_row: int
+    rate_ampere: float
+    held_row: int
+    fault: str
+
+
+def turns(charge_ampere_hour, steps, *, least_ampere_hour):
+    """Spans of steps between turns of the counted charge.
+
+    Parameters
+    ----------
+    charge_ampere_hour : (n,) net charge since the first row [Ah].
+    steps : Steps of the record.
+    least_ampere_hour : a return of less than this is no turn [Ah].
+
+    Returns
+    -------
+    list of (sign, first step, last step); empty where less than that is moved.
+    """
+    level = np.append(charge_ampere_hour[0], charge_ampere_hour[steps.last_row])
+    spans, low, high, start, peak, sign = [], 0, 0, 0, 0, 0
+    for k in range(1, len(level)):
+        if sign == 0:  # until the first turn is known, both extremes may be its start
+            low = k if level[k] < level[low] else low
+            high = k if level[k] > level[high] else high
+            sign = int(level[k] - level[low] >= least_ampere_hour)
+            sign -= int(level[high] - level[k] >= least_ampere_hour)
+            start, peak = (low if sign > 0 else high), k
+        elif sign * (level[k] - level[peak]) > 0:
+            peak = k
+        elif sign * (level[peak] - level[k]) >= least_ampere_hour:
+            spans.append((sign, start, peak - 1))
+            start, peak, sign = peak, k, -sign
+    return [*spans, (sign, start, peak - 1)] if sign else spans
+
+
+# ASSUME: A record that begins under load with a discharge begins with a full cell.
+# ASSUME: A rest within 5 % of the voltage window of a cut-off is full there, or empty.
+def half_cycles(current, voltage, charge, steps, *, rated, limits, whole):
+    """The half cycles of a record, in time order, each judged.
+
+    Parameters
+    ----------
+    current, voltage, charge : (n,) [A], [V], [Ah], + on charge.
+    steps : Steps of the record.
+    rated : [Ah].
+    limits : (lower, upper) cut-off [V]; either may be None.
+    whole : count to the turn of the charge (True), or to where the limit is first reached.
+
+    Returns
+    -------
+    list of Half.
+    """
+    found, before = [], None
+    for sign, first, last in turns(charge, steps, least_ampere_hour=TURN_SHARE * rated):
+        loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
+        half = _half(current, voltage, steps, sign, loads, limits, whole)
+        if not half.fault:
+            start = _start_fault(voltage, steps, sign, loads[0], limits, before)
+            half = half._replace(fault=start)
+        before = _reaches(voltage, steps, sign, loads, limits) is not None
+        found.append(half)
+    return _returned(found, charge)
+
+
+# ASSUME: A first discharge that the complete charge after it returns within 3 % began full.
+def _returned(found, charge):
+    """The half cycles, the first excused for its start where the second returns its charge."""
+    if len(found) < 2 or "start" not in found[0].fault or found[1].fault:
+        return found
+    moved = [abs(charge[half.last_row] - charge[half.first_row]) for half in found[:2]]
+    if abs(moved[0] / moved[1] - 1) > RETURN_SHARE:
+        return found
+    return [found[0]._replace(fault=""), *found[1:]]
+
+
+def _half(current, voltage, steps, sign, loads, limits, whole):
+    """One half cycle over the given loads, judged by its end and its rate."""
+    reached = _reaches(voltage, steps, sign, loads, limits)
+    used = loads if whole or reached is None else loads[: loads.index(reached) + 1]
+    moved = np.abs(steps.charge_ampere_hour[used])
+    main = used[int(np.argmax(moved))]
+    rate, held = _rate(current, steps, main)
+    rates = np.array([_rate(current, steps, k)[0] for k in used])
+    same = np.maximum(rates / rate, rate / rates) <= SAME_RATE
+    fault = ""
+    if reached is None:
+        fault = _end_fault(voltage, steps, sign, used, limits)
+    elif steps.kind[main] == "dynamic":
+        fault = "the load is dynamic, not a constant current"
+    elif not whole and moved[same].sum() < RATE_SHARE * moved.sum():
+        fault = "its current changes: less than 90 % of the charge moved at one rate"
+    first_row = max(steps.first_row[loads[0]] - 1, 0)
+    return Half(sign, first_row, int(steps.last_row[used[-1]]), rate, held, fault)
+
+
+def _rate(current, steps, step):
+    """Size of the current of a step before its voltage is held [A], and the row that ends it."""
+    held, last = int(steps.cv_first_row[step]), int(steps.last_row[step])
+    end = held if held > steps.first_row[step] else last + 1
+    size = float(np.median(np.abs(current[steps.first_row[step] : end])))
+    return max(size, 1e-12), min(end, last)
+
+
+def _reaches(voltage, steps, sign, loads, limits):
+    """The first of the loads that reaches the limit of its direction, or None.
+
+    Reached also where the last samples point there: the limit then lies between two of them.
+    """
+    limit = limits[1] if sign > 0 else limits[0]
+    if limit is None:
+        return None
+    for step in loads:
+        first, last = steps.first_row[step], steps.last_row[step]
+        along = sign * steps.charge_ampere_hour[step] > 0
+        back = max(last - 5, first)
+        slope = (voltage[last] - voltage[back]) / max(last - back, 1)
+        ahead = sign * (voltage[last] + slope)
+        best = max(np.max(sign * voltage[first : last + 1]), ahead)
+        if along and steps.kind[step] != "dynamic" and best >= sign * limit - NEAR_VOLT:
+            return step
+    return None
+
+
+def _end_fault(voltage, steps, sign, loads, limits):
+    limit = limits[1] if sign > 0 else limits[0]
+    name = "upper" if sign > 0 else "lower"
+    if limit is None:
+        return f"the {name} cut-off is not stated, so its end cannot be told"
+    return f"it ends at {voltage[steps.last_row[loads[-1]]]:.3f} V, before the cut-off of {limit} V"
+
+
+def _start_fault(voltage, steps, sign, load, limits, before):
+    """Why the cell was not at the other end when the half cycle began ("" where it was)."""
+    end, limit = ("full", limits[1]) if sign < 0 else ("empty", limits[0])
+    if before is not None:
+        return "" if before else f"it does not start {end}: what came before was incomplete"
+    if load == 0:
+        return "" if sign < 0 else "the record begins with it, from an unknown state of charge"
+    if None in limits:
+        return f"whether it starts {end} cannot be told: a cut-off is not stated"
+    rest = voltage[steps.first_row[load] - 1]
+    if sign * (rest - limit) <= FULL_SHARE * (limits[1] - limits[0]):
+        return ""
+    return f"it does not start {end}: the record begins at a rest voltage of {rest:.3f} V"
+
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
 

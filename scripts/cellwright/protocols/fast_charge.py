@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.half_cycles import FULL_SHARE, NEAR_VOLT, TURN_SHARE, turns
+from cellwright.protocols.capacity import FULL_SHARE, NEAR_VOLT, TURN_SHARE, turns
 from cellwright.refusal import Refusal
 
 

@@ -1,13 +1,167 @@
 """Incremental capacity dQ/dV of a constant-current charge, and its peaks."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.ica_peaks import peaks
-from cellwright.protocols.savitzky_golay import ORDER, weights
-from cellwright.protocols.tally import tally, volt_at_rank
+from cellwright.native import array, count, function
+from cellwright.numerics.savitzky_golay import ORDER, weights
 from cellwright.refusal import Refusal
+
+ROOM = 32768  # levels; half of the slots in ica.c
+
+
+class Tally(NamedTuple):
+    """Distinct voltages of a record in rising order, and what lies at each (k,).
+
+    volt [V], rows [1], charge_ampere_hour: sum over the rows [Ah]. scatter_volt: white noise of
+    one row along the axis of voltage, from the second differences [V].
+    """
+
+    volt: np.ndarray
+    rows: np.ndarray
+    charge_ampere_hour: np.ndarray
+    scatter_volt: float
+
+
+def tally(voltage_volt, charge_ampere_hour):
+    """Rows and charge at each distinct voltage.
+
+    Parameters
+    ----------
+    voltage_volt, charge_ampere_hour : (n,) [V], [Ah].
+
+    Returns
+    -------
+    tally : Tally.
+    """
+    types = (count, array, array, count, array, array, array, array)
+    kernel = function("tally", *types, result=count)
+    room = min(ROOM, len(voltage_volt) // 2)
+    if kernel is None or not room:
+        return _tally_by_sorting(voltage_volt, charge_ampere_hour)
+    rows = (
+        np.ascontiguousarray(voltage_volt, float),
+        np.ascontiguousarray(charge_ampere_hour, float),
+    )
+    volt, sums, bend = np.empty(room), np.zeros((2, 2, room)), np.empty(1)
+    levels = kernel(len(rows[0]), *rows, room, volt, *sums, bend)
+    if levels < 0:
+        return _tally_by_sorting(*rows)
+    order = volt[:levels].argsort()
+    sums = (sums[:, 0, :levels] + sums[:, 1, :levels])[:, order]
+    return Tally(volt[order], *sums, _scatter(bend[0], len(rows[0])))
+
+
+def volt_at_rank(counted, rank):
+    """Voltage at a place in the order of rising voltage.
+
+    Parameters
+    ----------
+    counted : Tally.
+    rank : (m,) places from 0 [1].
+
+    Returns
+    -------
+    voltage_volt : (m,) [V].
+    """
+    return counted.volt[np.searchsorted(np.cumsum(counted.rows), rank, side="right")]
+
+
+def _tally_by_sorting(voltage, charge):
+    volt, place = np.unique(voltage, return_inverse=True)
+    bend = np.sum(np.diff(voltage, 2) ** 2)
+    return Tally(
+        volt, np.bincount(place) + 0.0, np.bincount(place, charge), _scatter(bend, len(voltage))
+    )
+
+
+def _scatter(bend, rows):
+    return float(np.sqrt(bend / max(rows - 2, 1) / 6))
+
+
+class Peaks(NamedTuple):
+    """Peaks in order of voltage; empty where the curve has none, which is a result (k,)."""
+
+    voltage_volt: np.ndarray
+    voltage_std_volt: np.ndarray
+    height_ampere_hour_per_volt: np.ndarray
+    area_ampere_hour: np.ndarray
+
+
+def peaks(curve, *, prominence=0.05, noise_factor=5.0):
+    """Peaks of dQ/dV that stand out of their surroundings and of the noise.
+
+    Parameters
+    ----------
+    curve : IncrementalCapacity.
+    prominence : least height of a peak above the higher of the two valleys that part it from
+        higher ones, as a share of the highest dQ/dV [1].
+    noise_factor : the same, in standard deviations of the noise of dQ/dV.
+
+    Returns
+    -------
+    peaks : Peaks. The position is the vertex of a parabola about the highest point; its standard
+        deviation follows from the noise of the rows by the delta method. The area is the charge
+        from valley to valley.
+    """
+    height = curve.dq_dv_ampere_hour_per_volt
+    half = round(curve.smooth_volt / curve.bin_volt) // 2
+    slope = weights(half, curve.bin_volt, 1)
+    rows = np.maximum(height * curve.bin_volt * curve.rows_per_ampere_hour, 1.0)
+    noise = np.maximum(height, 0) * curve.scatter_volt / np.sqrt(rows)
+    least = np.maximum(prominence * height.max(), noise_factor * noise * np.linalg.norm(slope))
+    # Beside a peak narrower than the window the filter rings by up to a tenth of its height.
+    least = np.maximum(least, 0.1 * _highest_near(height, 2 * half))
+    tops = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
+    tops = tops[_steps_down(height, tops) > least[tops]]
+    tops = np.array([top for top in tops if _prominence(height, top) > least[top]], int)
+    # A parabola by least squares through a third of the window about the highest point.
+    reach = max(half // 3, 1)
+    offsets = np.arange(-reach, reach + 1) * curve.bin_volt
+    _, steepness, bend = np.linalg.pinv(offsets[:, None] ** [0, 1, 2])
+    about = height[np.clip(tops[:, None] + np.arange(-reach, reach + 1), 0, len(height) - 1)]
+    farthest = reach * curve.bin_volt
+    shift = np.clip(-about @ steepness / (2 * about @ bend), -farthest, farthest)
+    steepness_noise = noise[tops] * np.linalg.norm(np.convolve(slope, steepness))
+    edges = [0, *(a + height[a:b].argmin() for a, b in pairwise(tops)), len(height) - 1]
+    inside = (height[1:] + height[:-1]) / 2 * curve.bin_volt
+    area = [inside[a:b].sum() for a, b in pairwise(edges)]
+    return Peaks(
+        voltage_volt=curve.voltage_volt[tops] + shift,
+        voltage_std_volt=steepness_noise / np.abs(2 * about @ bend),
+        height_ampere_hour_per_volt=height[tops],
+        area_ampere_hour=np.array(area if len(tops) else []),
+    )
+
+
+def _highest_near(height, reach):
+    """Highest value within so many points to either side."""
+    padded = np.pad(height, reach, mode="edge")
+    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+
+
+def _steps_down(height, tops):
+    """Bound of each prominence: the drop to the next valley, where a higher top lies behind it.
+
+    It spares nearly all ripples the full look around.
+    """
+    if len(tops) < 2:
+        return np.full(len(tops), np.inf)
+    valley = np.minimum.reduceat(height, tops)[:-1]
+    first, second = height[tops[:-1]], height[tops[1:]]
+    to_right = np.append(np.where(second > first, first - valley, np.inf), np.inf)
+    to_left = np.append(np.inf, np.where(first > second, second - valley, np.inf))
+    return np.minimum(to_left, to_right)
+
+
+def _prominence(height, top):
+    """Height above the higher of the two lowest points on the way to higher ground."""
+    higher = np.flatnonzero(height > height[top])
+    left = higher[higher < top].max(initial=-1) + 1
+    right = higher[higher > top].min(initial=len(height))
+    return height[top] - max(height[left : top + 1].min(), height[top:right].min())
 
 
 class IncrementalCapacity(NamedTuple):

@@ -1,7 +1,7 @@
 """A record → one series → a clean series → steps."""
 
-from .assembly import Assembled, assemble
-from .cleaning import Cleaned, clean, remove
-from .flags import Flag, counts, flag
+from cellwright.series.cleaning import Cleaned, clean, remove
+from cellwright.series.flags import Flag, counts, flag
+from cellwright.series.joining import Assembled, assemble
 
 __all__ = ["Assembled", "Cleaned", "Flag", "assemble", "clean", "counts", "flag", "remove"]

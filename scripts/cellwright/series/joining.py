@@ -1,11 +1,13 @@
-"""Several files of one test → one series with a clock and a charge counter that go on."""
+"""The readings of one test as one series: files joined, clock and charge counter continued."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ..refusal import Refusal
+from cellwright.formats import SIGN_RULE, Reading
+from cellwright.refusal import Refusal
+from cellwright.series.sign import charge_positive
 
 COUNTER = "net_capacity_ampere_hour"
 DATE_RESOLUTION = 2.0  # [s] what a date stamp of whole seconds may be wrong by, at either end
@@ -113,3 +115,40 @@ def _counter_shift(before: np.ndarray, after: np.ndarray) -> float:
     """What to add to a counter [Ah]: nothing where it goes on, the old level where it restarted."""
     goes_on = abs(after[0] - before[-1]) <= abs(after[0])
     return 0.0 if goes_on else float(before[-1])
+
+
+class Assembled(NamedTuple):
+    """One series and what a person should know of how it came about."""
+
+    columns: dict[str, np.ndarray]
+    notes: tuple[str, ...]
+
+
+def assemble(readings: Sequence[Reading], *, stated_sign: str | None = None) -> Assembled:
+    """Join the readings of one test and turn the current positive on charge.
+
+    Parameters
+    ----------
+    readings : sequence of Reading, in time order
+    stated_sign : {None, "charge_positive", "discharge_positive"}
+        What the sheet says of the files; blank or None: found from the data.
+
+    Returns
+    -------
+    Assembled
+        Columns: test_time_second [s], current_ampere [A, + charge], voltage_volt [V], file_index
+        and what else the files hold.
+
+    Raises
+    ------
+    Refusal
+        A reading is no series, the files are out of order, or the sign cannot be known.
+    """
+    for number, reading in enumerate(readings, start=1):
+        if reading.kind != "series":
+            raise Refusal(f"file {number} holds {reading.kind}, a series is wanted")
+    joined = join([reading.columns for reading in readings])
+    rules = {SIGN_RULE.get(reading.instrument) for reading in readings}
+    default = rules.pop() if len(rules) == 1 else None
+    signed = charge_positive(joined.columns, stated=stated_sign or None, default=default)
+    return Assembled(signed.columns, (*joined.notes, *([signed.note] if signed.note else [])))

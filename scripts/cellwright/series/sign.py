@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..refusal import Refusal
+from cellwright.refusal import Refusal
 
 CONVENTIONS = {"charge_positive": 1, "discharge_positive": -1}
 NO_READING = 1e30  # beyond it stands an instrument's mark, not a number

@@ -9,9 +9,9 @@ import numpy as np
 
 from cellwright import formats, series
 from cellwright.refusal import Refusal
-from cellwright.series.charge import net_charge
+from cellwright.series.cleaning import net_charge
 from cellwright.series.runs import gap_rows
-from cellwright.series.segments import Steps, segment
+from cellwright.series.steps import Steps, segment
 from virtual_lab.reality import workbook
 
 KINDS = {

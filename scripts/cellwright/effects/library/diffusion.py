@@ -1,8 +1,8 @@
 """Relaxation slower than both RC pairs."""
 
+from cellwright.circuits.circuit import PLANE_MODES, SPHERE_MODES
 from cellwright.effects.base import relaxed
 from cellwright.effects.effect import Effect, Parameter
-from cellwright.models.circuit import PLANE_MODES, SPHERE_MODES
 
 # One RC pair; a layer of finite length; a sphere (time constant: length² over diffusivity).
 MODES = (((1.0, 1.0),), PLANE_MODES, SPHERE_MODES)

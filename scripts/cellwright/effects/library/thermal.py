@@ -1,8 +1,8 @@
 """Effects of temperature, measured or not."""
 
+from cellwright.circuits.temperature import warmth
 from cellwright.effects.base import REFERENCE_CELSIUS, relaxed, slow_volt
 from cellwright.effects.effect import Effect, Parameter
-from cellwright.models.tables import warmth
 
 # ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
 # temperature show is the product of this and the thermal resistance.

@@ -1,22 +1,212 @@
-"""One spectrum, from the points that can be trusted to circuit and relaxation times."""
+"""One spectrum, from the points that can be trusted to circuit, arcs and relaxation times."""
 
+import re
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.impedance.arcs import (
-    arcs,
-    characteristic_frequency,
-    charge_transfer,
-    confused,
-    contract,
+from cellwright.protocols.impedance.circuits import (
+    PARALLEL,
+    SERIES,
+    SYMBOLS,
+    THESIS,
+    circuit_impedance,
+    parse,
 )
-from cellwright.protocols.impedance.circuits import THESIS, circuit_impedance
-from cellwright.protocols.impedance.constraints import parse_constraints
 from cellwright.protocols.impedance.drt import peaks, relaxation_times
-from cellwright.protocols.impedance.evidence import best, compare, with_inductance
-from cellwright.protocols.impedance.fit import check, fit_circuit, zero_crossing
-from cellwright.protocols.impedance.trusted import trusted_points
+from cellwright.protocols.impedance.fit import (
+    check,
+    fit_circuit,
+    parse_constraints,
+    series_resistance,
+    zero_crossing,
+)
+from cellwright.protocols.impedance.trust import trusted_points
+from cellwright.refusal import Refusal
+
+CAPACITIVE = {SYMBOLS["CPE"], SYMBOLS["C"]}
+DIFFUSION = {SYMBOLS["W"], SYMBOLS["FLW"], SYMBOLS["FSW"], SYMBOLS["G"]}
+# Two parameters that move together like this are one number in the data, not two.
+INSEPARABLE = 0.9
+UNCERTAIN = 0.5
+
+
+class Arc(NamedTuple):
+    """A capacitance parallel to a branch with a resistance, by places among the parameters.
+
+    t, p : of the capacitance (p is None for a plain one). r : resistances of the other branch.
+    """
+
+    t: int
+    p: int | None
+    r: tuple
+
+
+def arcs(circuit):
+    """Arcs of a circuit (its text or tree), in the order of their parameters: list of Arc."""
+    tree = parse(circuit) if isinstance(circuit, str) else circuit
+    found = [
+        _arc(tree, *sides)
+        for kind, left, right in zip(tree.kinds, tree.left, tree.right, strict=True)
+        if kind == PARALLEL
+        for sides in ((left, right), (right, left))
+    ]
+    return sorted((arc for arc in found if arc is not None), key=lambda arc: arc.t)
+
+
+def _arc(tree, capacitive, other):
+    """Arc of two parallel branches; None where the one is no capacitance or the other lacks R."""
+    resistances = _in_series(tree, other, {SYMBOLS["R"]})
+    if tree.kinds[capacitive] not in CAPACITIVE or not resistances:
+        return None
+    at = tree.at[capacitive]
+    exponent = at + 1 if tree.kinds[capacitive] == SYMBOLS["CPE"] else None
+    return Arc(at, exponent, tuple(tree.at[k] for k in resistances))
+
+
+def characteristic_frequency(arc, values):
+    """Frequency at the top of an arc, (1/(R·T))^(1/P)/2π [Hz], at parameters `values` (p,)."""
+    r = sum(values[k] for k in arc.r)
+    power = 1.0 if arc.p is None else values[arc.p]
+    return float((1 / (r * values[arc.t])) ** (1 / power) / (2 * np.pi))
+
+
+def charge_transfer(fit):
+    """The arc that stands for charge transfer: the slowest; None in a circuit without arcs."""
+    return min(
+        arcs(fit.circuit), key=lambda arc: characteristic_frequency(arc, fit.values), default=None
+    )
+
+
+def contract(fit):
+    """Columns of the results contract from any circuit: dict of value and `_std` of each.
+
+    r_ohmic_ohm is the resistance that all current passes; r_charge_transfer_ohm, cpe_t and cpe_p
+    are those of the slowest arc; warburg_y0 that of the first semi-infinite diffusion. NaN for what
+    the circuit does not have.
+    """
+    tree, arc = parse(fit.circuit), charge_transfer(fit)
+    diffusion = [at for at, kind in zip(tree.at, tree.kinds, strict=True) if kind == SYMBOLS["W"]]
+    places = {
+        "r_ohmic_ohm": series_resistance(tree),
+        "r_charge_transfer_ohm": arc.r[0] if arc else None,
+        "cpe_t": arc.t if arc else None,
+        "cpe_p": arc.p if arc else None,
+        "warburg_y0": diffusion[0] if diffusion else None,
+        "inductance_henry": tree.roles.index("inductance") if "inductance" in tree.roles else None,
+    }
+    row = {}
+    for name, at in places.items():
+        row[name] = np.nan if at is None else float(fit.values[at])
+        row[f"{name}_std"] = np.nan if at is None else float(fit.std[at])
+    return row
+
+
+def confused(fit):
+    """Why charge transfer and diffusion cannot be told apart; empty where they can, or where the
+    circuit lacks one of the two."""
+    tree, arc = parse(fit.circuit), charge_transfer(fit)
+    diffusion = [at for at, kind in zip(tree.at, tree.kinds, strict=True) if kind in DIFFUSION]
+    if arc is None or not diffusion:
+        return ""
+    r = arc.r[0]
+    for k in (r, *diffusion):
+        share = fit.std[k] / fit.values[k]
+        if not share <= UNCERTAIN:
+            return f"{fit.names[k]} is {f'known to {share:.0%} only' if share > 0 else 'not told'}"
+    told = [abs(fit.correlation[r, k]) for k in diffusion]
+    other = fit.names[diffusion[int(np.argmax(told))]]
+    beyond = max(told) > INSEPARABLE
+    return f"{fit.names[r]} and {other} are correlated by {max(told):.2f}" if beyond else ""
+
+
+def _in_series(tree, node, kinds):
+    """Elements of these kinds that all current of a branch passes."""
+    if tree.kinds[node] == SERIES:
+        sides = (tree.left[node], tree.right[node])
+        return [found for side in sides for found in _in_series(tree, side, kinds)]
+    return [node] if tree.kinds[node] in kinds else []
+
+
+FOLDS = 5
+CRITERIA = {"bic": "bic", "cross_validation": "cross_validation_residual"}
+
+
+class Candidate(NamedTuple):
+    """A circuit and how it does; `fit` is None where it could not be fitted, for the `reason`.
+
+    cross_validation_residual : RMS of the relative error on points that were left out.
+    """
+
+    circuit: str
+    fit: object
+    bic: float
+    cross_validation_residual: float
+    reason: str
+
+
+def with_inductance(circuit, impedance_ohm):
+    """The circuit with the leads' inductance in front, where the spectrum shows any."""
+    has = "L" in re.findall(r"[A-Z]+", circuit)
+    return circuit if has or not (impedance_ohm.imag > 0).any() else f"L-{circuit}"
+
+
+def compare(frequency_hertz, impedance_ohm, circuits, *, starts):
+    """Fit every circuit to the same points.
+
+    Parameters
+    ----------
+    frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω]. circuits : texts.
+    starts : of each fit, see `fit_circuit`.
+
+    Returns
+    -------
+    candidates : list of Candidate in the order given.
+
+    Source: G. Schwarz, Ann. Statist. 6 (1978) 461 (Bayesian information criterion).
+    """
+    return [_candidate(frequency_hertz, impedance_ohm, one, starts) for one in circuits]
+
+
+def best(candidates, *, criterion):
+    """The candidate with the least criterion ("bic" or "cross_validation") among those fitted whose
+    parameters stay within their limits, or among all fitted where none does.
+
+    Raises
+    ------
+    Refusal : none could be fitted, or an unknown criterion.
+    """
+    if criterion not in CRITERIA:
+        raise Refusal(f"criterion {criterion!r}; known: {', '.join(CRITERIA)}")
+    fitted = [one for one in candidates if one.fit is not None]
+    if not fitted:
+        raise Refusal("; ".join(f"{one.circuit}: {one.reason}" for one in candidates))
+    inside = [one for one in fitted if not one.fit.at_bound]
+    return min(inside or fitted, key=lambda one: getattr(one, CRITERIA[criterion]))
+
+
+def _candidate(frequency, impedance, circuit, starts):
+    try:
+        fit = fit_circuit(frequency, impedance, circuit=circuit, starts=starts)
+    except Refusal as refusal:
+        return Candidate(circuit, None, np.nan, np.nan, str(refusal))
+    missed = _left_out(frequency, impedance, fit)
+    return Candidate(circuit, fit, fit.bic, missed, "")
+
+
+def _left_out(frequency, impedance, fit):
+    """Error on every fifth point, fitted to the others from the optimum of all."""
+    start = dict(zip(fit.names, fit.values, strict=True))
+    place, errors = np.argsort(np.argsort(frequency)) % FOLDS, []
+    for fold in range(FOLDS):
+        rest, out = place != fold, place == fold
+        found = fit_circuit(
+            frequency[rest], impedance[rest], circuit=fit.circuit, starts=1, start=start
+        )
+        guess = circuit_impedance(fit.circuit, frequency[out], found.values)
+        errors.append(np.abs(guess / impedance[out] - 1) ** 2)
+    return float(np.sqrt(np.mean(np.concatenate(errors))))
+
 
 # A valid spectrum leaves its noise, some tenths of a per cent; a drifting cell leaves per cents.
 SUSPICIOUS = 0.01

@@ -1,0 +1,400 @@
+"""Equivalent circuits as data: branches in series with the OCV, their kinds, the family's members.
+
+Every branch is one thing: a drive (a static function of the current), of which a share acts at
+once and the rest through first-order lags. Its voltage in time, its impedance, its sensitivities
+and its states in a filter all follow from that one definition. A new effect is a new entry in
+`KINDS`; nothing else needs to know it.
+
+A member says what it is made of and nothing else; `circuit.KINDS` says what each kind does. A new
+member is a new line here.
+"""
+
+import re
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+MODES = 5
+UNRESOLVED_SECOND = 1e-3  # of a lag that is over before the next sample
+REST_SHARE = 0.01  # of a record's largest current: below it the sign is the sensor's noise
+
+
+class Branch(NamedTuple):
+    """One element of a circuit: its kind and its parameters, scalars or one value per sample."""
+
+    kind: str
+    parameters: dict
+
+
+class Lag(NamedTuple):
+    """A first-order state: constant·ds/dp = drive − s, where p runs with the clock.
+
+    clock : "second", or "ampere_hour": charge passed, whichever way (hysteresis).
+    constant : time constant [s] or charge constant [Ah].
+    share : what part of the drive goes through it [1].
+    """
+
+    clock: str
+    constant: float
+    share: float
+
+
+class Kind(NamedTuple):
+    """What a kind of branch is made of.
+
+    parameters : names; their values come as keywords.
+    drive : function (current_ampere, **parameters) → drive [V] (or [1]), odd in the current.
+    lags : function (**parameters) → tuple of Lag; what their shares leave acts at once.
+    output : "volt", or "soc": an offset of the SoC at which the OCV is taken.
+    linear : the drive is proportional to the current, so the branch has an impedance.
+    """
+
+    parameters: tuple
+    drive: Callable
+    lags: Callable
+    output: str = "volt"
+    linear: bool = True
+
+
+def _no_lag(**_parameters):
+    return ()
+
+
+def _one_lag(*, tau_second, **_parameters):
+    return (Lag("second", tau_second, 1.0),)
+
+
+def _sphere_roots(modes):
+    """First positive roots of tan x = x, by Newton's method from (n + ½)π − 1/((n + ½)π)."""
+    far = (np.arange(1, modes + 1) + 0.5) * np.pi
+    x = far - 1.0 / far
+    for _ in range(4):
+        x = x - (np.sin(x) - x * np.cos(x)) / (x * np.sin(x))
+    return x
+
+
+def _modes(shares, constants, *, mean):
+    """The first lags of a series, and one that stands for all later ones, as (constant, share).
+
+    That one makes the sum of the shares 1 and their mean time constant what it is over the whole
+    series, so that the steady state and the charge that flows in after a step are exact.
+    """
+    rest = 1.0 - shares.sum()
+    return np.array(
+        [*zip(constants, shares, strict=True), ((mean - shares @ constants) / rest, rest)]
+    )
+
+
+# Diffusion through a plane sheet: tanh(√s)/√s = Σ 2/(s + (n − ½)²π²) = 1 − s/3 + …
+_PLANE = ((np.arange(MODES) + 0.5) * np.pi) ** 2
+PLANE_MODES = _modes(2.0 / _PLANE, 1.0 / _PLANE, mean=1.0 / 3.0)
+# Diffusion in a sphere under constant flux (Crank, The Mathematics of Diffusion, 6.45): surface
+# minus mean, Σ 10/λₙ² = 1 and Σ 10/λₙ⁴ = 1/35 over the roots of tan λ = λ.
+_SPHERE = _sphere_roots(MODES) ** 2
+SPHERE_MODES = _modes(10.0 / _SPHERE, 1.0 / _SPHERE, mean=1.0 / 35.0)
+
+
+def _plane(*, tau_second, **_parameters):
+    return tuple(Lag("second", tau_second * c, share) for c, share in PLANE_MODES)
+
+
+def _sphere(*, tau_second, **_parameters):
+    return tuple(Lag("second", tau_second * c, share) for c, share in SPHERE_MODES)
+
+
+def _charge_lag(*, charge_ampere_hour, **_parameters):
+    return (Lag("ampere_hour", charge_ampere_hour, 1.0),)
+
+
+def _ohmic(current, *, r_ohm, **_parameters):
+    return r_ohm * current
+
+
+def _one_way(current, *, r_charge_ohm, r_discharge_ohm):
+    return np.where(current.real > 0, r_charge_ohm, r_discharge_ohm) * current
+
+
+def _kinetic(current, *, r_ohm, scale_volt, **_parameters):
+    return scale_volt * np.arcsinh(r_ohm * current / scale_volt)
+
+
+def _transfer(current, *, r_ohm, exchange_ampere):
+    return 2.0 * exchange_ampere * r_ohm * np.arcsinh(current / (2.0 * exchange_ampere))
+
+
+def _last_sign(current, *, m_volt):
+    """Sign of the current; at rest that of the last current, before the first one zero."""
+    # ASSUME: A current below a hundredth of a record's largest is rest, not a turn of the load.
+    loaded = np.abs(current.real) > REST_SHARE * np.abs(current.real).max()
+    sign = np.where(loaded, np.sign(current.real), 0.0)
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    return m_volt * sign[last]
+
+
+def _sign(current, *, m_volt, **_parameters):
+    return m_volt * np.sign(current.real)
+
+
+def _gain(current, *, soc_per_ampere, **_parameters):
+    return soc_per_ampere * current
+
+
+KINDS = {
+    # Ohmic resistance.
+    "R": Kind(("r_ohm",), _ohmic, _no_lag),
+    # Ohmic resistance that differs by the direction of the current (thesis, appendix B).
+    "R_two_way": Kind(("r_charge_ohm", "r_discharge_ohm"), _one_way, _no_lag, linear=False),
+    # RC pair (thesis 2.7–2.13); also one state of the low-pass of (2.5), then r_ohm of either sign.
+    "RC": Kind(("r_ohm", "tau_second"), _ohmic, _one_lag),
+    # Charge transfer by the Butler–Volmer equation with equal transfer coefficients, then an RC's
+    # lag: resistance r_ohm at small currents; scale_volt is 2RT/F for one electrode.
+    "kinetic": Kind(("r_ohm", "tau_second", "scale_volt"), _kinetic, _one_lag, linear=False),
+    # The same without a lag, by its exchange current: 2·r·I0·asinh(I/2I0). Where r_ohm changes with
+    # temperature or SoC, its scale in volts goes with it.
+    "charge_transfer": Kind(("r_ohm", "exchange_ampere"), _transfer, _no_lag, linear=False),
+    # Finite-length Warburg element: r_ohm·tanh(√(jωτ))/√(jωτ).
+    "warburg": Kind(("r_ohm", "tau_second"), _ohmic, _plane),
+    # Diffusion in a sphere, as a voltage: its series from Crank 6.45.
+    "warburg_sphere": Kind(("r_ohm", "tau_second"), _ohmic, _sphere),
+    # One-state hysteresis (thesis 2.5, 2.16): relaxes to ±m_volt with the charge passed.
+    "hysteresis": Kind(("m_volt", "charge_ampere_hour"), _sign, _charge_lag, linear=False),
+    # Zero-state hysteresis (thesis 2.3–2.4): ±m_volt by the sign of the last current, not of noise.
+    "switch": Kind(("m_volt",), _last_sign, _no_lag, linear=False),
+    # Diffusion in the particles of the electrode that limits: the OCV is taken at the surface's
+    # SoC, which leads the mean by soc_per_ampere·I in the steady state.
+    "diffusion": Kind(("soc_per_ampere", "tau_second"), _gain, _sphere, output="soc"),
+}
+
+
+def rc_circuit(r0_ohm, r_ohm, tau_second):
+    """Circuit of a resistor and any number of RC pairs (thesis 2.7–2.13).
+
+    Parameters
+    ----------
+    r0_ohm : scalar or (n,) series resistance [ohm].
+    r_ohm, tau_second : sequences, one entry per pair, each a scalar or (n,) [ohm], [s].
+
+    Returns
+    -------
+    circuit : tuple of Branch.
+    """
+    pairs = zip(r_ohm, tau_second, strict=True)
+    rcs = [Branch("RC", {"r_ohm": r, "tau_second": tau}) for r, tau in pairs]
+    return (Branch("R", {"r_ohm": r0_ohm}), *rcs)
+
+
+def impedance(circuit, frequency_hertz, *, ocv_slope_volt=0.0):
+    """Impedance of a circuit with scalar parameters at a small current about rest.
+
+    Kinetics act by their resistance at small currents, two-way resistors by the mean of both ways.
+    One-state hysteresis is a capacitance of 3600·charge/m: its voltage follows the charge passed,
+    as long as that is small. A switch has no limit at small currents and is left out, as are
+    currents too small to turn it.
+
+    Parameters
+    ----------
+    circuit : tuple of Branch with scalar parameters.
+    frequency_hertz : (m,), above zero [Hz].
+    ocv_slope_volt : slope of the OCV over SoC [V], for branches that shift the SoC.
+
+    Returns
+    -------
+    impedance_ohm : (m,) complex [ohm]; the imaginary part is negative for a capacitive arc.
+
+    Raises
+    ------
+    Refusal : a branch of an unknown kind, or with other parameters than its kind has.
+    """
+    angular = 2.0 * np.pi * np.asarray(frequency_hertz, dtype=float)
+    return sum(_branch_impedance(branch, angular, ocv_slope_volt) for branch in circuit)
+
+
+def _branch_impedance(branch, angular, ocv_slope_volt):
+    kind, parameters = kind_of(branch), branch.parameters
+    lags = kind.lags(**parameters)
+    if branch.kind == "switch":
+        return np.zeros(len(angular), complex)
+    if any(lag.clock == "ampere_hour" for lag in lags):
+        target = kind.drive(np.ones(1), **parameters)[0]
+        rate = sum(lag.share / (3600.0 * lag.constant) for lag in lags)
+        return target * rate / (1j * angular)
+    small = 1e-9 * np.array([1.0, -1.0])
+    gain = np.diff(kind.drive(small, **parameters))[0] / -2e-9
+    gain = gain * (ocv_slope_volt if kind.output == "soc" else 1.0)
+    direct = 1.0 - sum(lag.share for lag in lags)
+    slow = sum(lag.share / (1.0 + 1j * angular * lag.constant) for lag in lags)
+    return gain * (direct + slow) * np.ones(len(angular), complex)
+
+
+def kind_of(branch):
+    """Kind of a branch, refused where unknown or where its parameters do not fit the kind."""
+    if branch.kind not in KINDS:
+        raise Refusal(f"branch kind {branch.kind!r} is unknown; known are {', '.join(KINDS)}")
+    kind = KINDS[branch.kind]
+    if set(branch.parameters) != set(kind.parameters):
+        found, wanted = ", ".join(branch.parameters), ", ".join(kind.parameters)
+        raise Refusal(f"branch {branch.kind} has parameters {found}; it takes {wanted}")
+    return kind
+
+
+OPTIONS = {"H": "hysteresis", "K": "kinetics", "D": "diffusion in the particles"}
+
+
+class Member(NamedTuple):
+    """What one member of the family has beside OCV and ohmic resistance.
+
+    pairs : number of RC pairs with fitted time constants; None: a resistance on each of a fixed
+        series of time constants ("DRT", distribution of relaxation times).
+    hysteresis : a one-state hysteresis whose size depends on SoC.
+    kinetic : the fast part of the resistance follows the Butler–Volmer equation.
+    diffusion : the OCV is taken at the surface of the particles of one electrode.
+    """
+
+    name: str
+    pairs: int | None
+    hysteresis: bool
+    kinetic: bool
+    diffusion: bool
+
+
+def member_named(name):
+    """Member of a name: "0RC" … "4RC" or "DRT", then any of "+H", "+K", "+D".
+
+    H is hysteresis, K kinetics, D diffusion.
+
+    Raises
+    ------
+    Refusal : another name.
+    """
+    base, *options = name.split("+")
+    pairs = re.fullmatch(r"([0-4])RC|DRT", base)
+    if not pairs or len(set(options)) != len(options) or not set(options) <= set(OPTIONS):
+        raise Refusal(f"model {name!r} is unknown; allowed are 0RC … 4RC or DRT, then +H, +K, +D")
+    number = None if pairs[1] is None else int(pairs[1])
+    return Member(name, number, *(letter in options for letter in OPTIONS))
+
+
+def size_of(member):
+    """How much a member holds, for the choice between equals: courses over SoC and numbers.
+
+    Parameters
+    ----------
+    member : Member.
+    """
+    pairs = 10 if member.pairs is None else member.pairs
+    return 2 * pairs + 2 * member.hysteresis + 2 * member.kinetic + member.diffusion
+
+
+# Thesis chapter 2.2, in its order. Its low-pass states (2.5) are RC pairs: see `low_pass`.
+THESIS_MEMBERS = {
+    "simple": ("R",),
+    "zero_state_hysteresis": ("R", "switch"),
+    "one_state_hysteresis": ("R", "hysteresis", "RC", "RC"),
+    "1RC": ("R", "RC"),
+    "2RC": ("R", "RC", "RC"),
+    "1RC_hysteresis": ("R", "RC", "hysteresis"),
+}
+
+MEMBERS = THESIS_MEMBERS | {
+    "3RC": ("R", "RC", "RC", "RC"),
+    "2RC_hysteresis": ("R", "RC", "RC", "hysteresis"),
+    "1RC_two_way": ("R_two_way", "RC"),
+    "warburg": ("R", "RC", "warburg"),
+    "kinetic": ("R", "kinetic", "RC"),
+    "diffusion": ("R", "RC", "diffusion"),
+    "kinetic_diffusion": ("R", "kinetic", "diffusion"),
+    "kinetic_diffusion_hysteresis": ("R", "kinetic", "diffusion", "hysteresis"),
+}
+
+
+def kinds_of(name):
+    """Branch kinds of a member by its name.
+
+    Parameters
+    ----------
+    name : name of a member, as "2RC".
+
+    Returns
+    -------
+    kinds : tuple of names of `circuit.KINDS`.
+
+    Raises
+    ------
+    Refusal : no member of that name.
+    """
+    if name not in MEMBERS:
+        raise Refusal(f"member {name!r} is unknown; known are {', '.join(MEMBERS)}")
+    return MEMBERS[name]
+
+
+def parameter_names(name):
+    """Names of a member's parameters, in the order of `member_circuit`.
+
+    Parameters
+    ----------
+    name : name of a member.
+
+    Returns
+    -------
+    names : tuple of (index of the branch, name of the parameter).
+    """
+    kinds = kinds_of(name)
+    return tuple((index, one) for index, kind in enumerate(kinds) for one in KINDS[kind].parameters)
+
+
+def member_circuit(name, values):
+    """Circuit of a member from a flat sequence of its parameters.
+
+    Parameters
+    ----------
+    name : name of a member.
+    values : one entry per `parameter_names`, each a scalar or (n,), in the unit its name says.
+
+    Returns
+    -------
+    circuit : tuple of Branch.
+
+    Raises
+    ------
+    Refusal : no such member, or another number of values than it has parameters.
+    """
+    kinds, names = kinds_of(name), parameter_names(name)
+    if len(values) != len(names):
+        raise Refusal(f"{name} has {len(names)} parameters, but {len(values)} values are given")
+    parameters = [{} for _ in kinds]
+    for (index, one), value in zip(names, values, strict=True):
+        parameters[index][one] = value
+    return tuple(Branch(kind, given) for kind, given in zip(kinds, parameters, strict=True))
+
+
+def low_pass(gain_ohm, decay, *, step_second):
+    """One state of the thesis' low-pass as an RC pair.
+
+    The thesis adds g·f to the voltage, with f' = α·f + I at every sample and I > 0 discharging. On
+    a constant step that is an RC pair with R = −g/(1 − α) and τ = −Δt/ln α, current positive on
+    charge and held until the next sample; unlike g and α these keep their meaning when the step
+    changes. R is negative where g is positive.
+
+    Parameters
+    ----------
+    gain_ohm : g [ohm].
+    decay : α, between 0 and 1 [1].
+    step_second : Δt for which both are meant [s].
+
+    Returns
+    -------
+    branch : Branch of kind RC.
+
+    Raises
+    ------
+    Refusal : a decay that is not between 0 and 1.
+
+    Source: thesis (2.5).
+    """
+    if not 0.0 < decay < 1.0:
+        raise Refusal(f"decay of a low-pass state is {decay:g}; it must lie between 0 and 1")
+    tau_second = -step_second / np.log(decay)
+    return Branch("RC", {"r_ohm": -gain_ohm / (1.0 - decay), "tau_second": tau_second})

@@ -1,0 +1,192 @@
+"""A cell's model for other tools: tables for PyBaMM's Thevenin model, and a plain look-up table."""
+
+import numpy as np
+
+from cellwright.circuits.circuit import KINDS
+from cellwright.circuits.instrument import capacity_factor
+from cellwright.circuits.model_file import circuit_at, is_plain, member_of, open_circuit_volt
+from cellwright.circuits.temperature import celsius_of, temperature_weights
+from cellwright.refusal import Refusal
+
+SCHEMA = "cellwright-pybamm/1"
+DIVIDED = {"r_ohm", "m_volt"}  # parameters that a capacitance is made by
+# Of the kinds that are not linear, these are PyBaMM's elements with parameters over the current.
+OVER_CURRENT = ("R_two_way", "kinetic", "hysteresis")
+NONE = 1e-9  # ohm, volt: stands for a resistance or hysteresis of zero, over which tools divide
+SAME_SOC = 1e-9
+NO_ELEMENT = {
+    "switch": "none of its elements remembers at rest which way the last current ran",
+    "charge_transfer": "its kinetics here have no lag, and a resistor that no element holds",
+    "diffusion": "its diffusion element is a plane sheet whose gain its time constant fixes, "
+    "not a sphere with a gain of its own",
+}
+
+
+def pybamm_parameters(model, member, temperature_celsius):
+    """Tables over SoC of a model's member at one temperature, for PyBaMM's Thevenin model.
+
+    PyBaMM's OCV knows no temperature, so there is one set per temperature. Linear kinds become a
+    resistor and RC elements; the kinds of `OVER_CURRENT` keep their parameters, which the loader
+    turns into an element whose resistance depends on the current.
+
+    Parameters
+    ----------
+    model : dict, a model file.
+    member : name of a member, or None for the chosen one.
+    temperature_celsius : [degC]; NaN where the model has one condition of unknown temperature.
+
+    Returns
+    -------
+    tables : dict of temperature_celsius, capacity_ampere_hour, soc, ocv_volt, r0_ohm (lists over
+        SoC), elements (list of dicts of kind and parameters, lists over SoC), and identified_soc.
+
+    Raises
+    ------
+    Refusal : a kind that PyBaMM has no element for.
+
+    Source: PyBaMM, pybamm.equivalent_circuit.Thevenin: of an element du/dt = (R·I − u)/(R·C), R and
+    C functions of temperature, current and SoC.
+    """
+    soc, own = _knots(model, member, temperature_celsius), member_of(model, member)
+    found = circuit_at(own["conditions"], soc, temperature_celsius)
+    ocv = open_circuit_volt(model, found, temperature_celsius)
+    r0, elements = np.zeros(len(soc)), []
+    for branch in found.circuit:
+        direct, more = _elements(branch, len(soc))
+        r0, elements = r0 + direct, elements + more
+    inside = soc[~found.outside_soc]
+    return {
+        "temperature_celsius": float(temperature_celsius),
+        "capacity_ampere_hour": model["capacity_ampere_hour"]
+        * float(capacity_factor(own, temperature_celsius)),
+        "identified_soc": [inside.min(), inside.max()],
+        "soc": soc,
+        "ocv_volt": ocv,
+        "r0_ohm": r0,
+        "elements": elements,
+    }
+
+
+def pybamm_document(model):
+    """All members of a model at all their temperatures, and why any member is not among them.
+
+    Parameters
+    ----------
+    model : dict, a model file.
+
+    Returns
+    -------
+    document : dict of schema, cell, chosen, members (list of model and its `tables`, one per
+        temperature) and refused (member → reason).
+    """
+    members, refused = [], {}
+    for member in model["members"]:
+        name = member["model"]
+        try:
+            tables = [pybamm_parameters(model, name, t) for t in _temperatures(member)]
+            members.append({"model": name, "tables": tables})
+        except Refusal as refusal:
+            refused[name] = str(refusal)
+    about = {"schema": SCHEMA, "cell": model["cell"], "chosen": model["chosen"]}
+    return about | {"members": members, "refused": refused}
+
+
+def lookup_table(model, member):
+    """A member of RC pairs as columns, one row per temperature and SoC, on one grid of SoC.
+
+    Parameters
+    ----------
+    model : dict, a model file.
+    member : name of a member of RC pairs, see `plain_member`.
+
+    Returns
+    -------
+    columns : dict of model, ambient_temperature_celsius, soc, ocv_volt, r0_ohm, and of each pair
+        r1_ohm, tau1_second, c1_farad, …; `extrapolated` where the SoC was not identified.
+
+    Raises
+    ------
+    Refusal : a branch that is no RC pair.
+    """
+    found = member_of(model, member)
+    if not is_plain(found):
+        raise Refusal(f"{member} holds more than RC pairs; a look-up table has no column for it")
+    known = _temperatures(found)
+    soc = _apart(np.concatenate([_knots(model, member, celsius) for celsius in known]))
+    blocks = [_lookup_block(model, found, soc, celsius) for celsius in known]
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+
+
+def _lookup_block(model, member, soc, celsius):
+    found = circuit_at(member["conditions"], soc, celsius)
+    columns = {
+        "model": np.full(len(soc), member["model"]),
+        "ambient_temperature_celsius": np.full(len(soc), celsius),
+        "soc": soc,
+        "ocv_volt": open_circuit_volt(model, found, celsius),
+        "extrapolated": found.outside_soc,
+        "r0_ohm": found.circuit[0].parameters["r_ohm"],
+    }
+    for k, branch in enumerate(found.circuit[1:], 1):
+        r, tau = _some(branch.parameters["r_ohm"]), branch.parameters["tau_second"]
+        columns |= {f"r{k}_ohm": r, f"tau{k}_second": tau, f"c{k}_farad": tau / r}
+    return columns
+
+
+def _knots(model, member, celsius):
+    """SoC of all knots of what is looked up at a measured temperature, so that linear is exact."""
+    conditions = [
+        one
+        for one in member_of(model, member)["conditions"]
+        if np.array_equal(celsius_of(one["ambient_temperature_celsius"]), celsius, equal_nan=True)
+    ]
+    tables = _tables_at(model["ocv"], celsius)
+    read = [_counted(one, np.asarray(table["soc"])) for one in conditions for table in tables]
+    soc = np.concatenate([[0.0, 1.0], *(one["soc"] for one in conditions), *read])
+    return _apart(np.clip(soc, 0.0, 1.0))
+
+
+def _tables_at(tables, celsius):
+    """The OCV tables that count at a temperature."""
+    tables = sorted(tables, key=lambda t: celsius_of(t["ambient_temperature_celsius"]))
+    known = np.array([celsius_of(t["ambient_temperature_celsius"]) for t in tables])
+    weights = temperature_weights(known, np.array([celsius]))
+    return [table for table, weight in zip(tables, weights, strict=True) if weight[0] > 0]
+
+
+def _counted(condition, table_soc):
+    """Counted SoC at which an OCV table is read at its own knots, see `lookup.circuit_at`."""
+    scale = condition.get("ocv_scale", {"missing": 0.0, "stretch": 0.0})
+    return (table_soc + scale["missing"] + scale["stretch"]) / (1.0 + scale["stretch"])
+
+
+def _apart(soc):
+    """Ascending, without those that differ by rounding only."""
+    soc = np.unique(soc)
+    return soc[np.append(True, np.diff(soc) > SAME_SOC)]
+
+
+def _some(values):
+    """Nothing as a little, which makes a capacitance finite."""
+    return np.where(np.abs(values) < NONE, NONE, values)
+
+
+def _temperatures(member):
+    known = [one["ambient_temperature_celsius"] for one in member["conditions"]]
+    return sorted({np.nan if celsius is None else float(celsius) for celsius in known})
+
+
+def _elements(branch, points):
+    """Resistance that acts at once (n,), and the elements, of one branch on a grid of SoC."""
+    kind, parameters = KINDS[branch.kind], branch.parameters
+    if branch.kind in OVER_CURRENT:
+        sizes = {name: _some(parameters[name]) for name in DIVIDED & parameters.keys()}
+        return np.zeros(points), [{"kind": branch.kind} | parameters | sizes]
+    if not kind.linear or kind.output != "volt":
+        reason = NO_ELEMENT.get(branch.kind, "it has no such element")
+        raise Refusal(f"PyBaMM's Thevenin model cannot run {branch.kind}: {reason}")
+    gain, lags = kind.drive(np.ones(points), **parameters), kind.lags(**parameters)
+    direct = 1.0 - sum(lag.share for lag in lags)
+    pairs = [(_some(lag.share * gain), lag.constant + np.zeros(points)) for lag in lags]
+    elements = [{"kind": "RC", "r_ohm": r, "tau_second": tau} for r, tau in pairs]
+    return direct * gain, elements

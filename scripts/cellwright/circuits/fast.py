@@ -1,0 +1,188 @@
+"""Terminal voltage of RC circuits whose parameters run over SoC, a few nanoseconds a sample.
+
+The same numbers as `simulate` gives for the same circuit, which serves every kind of branch; this
+serves resistances, RC pairs and the counting of SoC, at once and in one pass.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.model_file import (
+    circuit_at,
+    is_plain,
+    member_of,
+    open_circuit_volt,
+    parameters_at,
+    plain_member,
+)
+from cellwright.native import array, count, function, real
+from cellwright.numerics.lags import HOLDS, lag
+from cellwright.refusal import Refusal
+
+MOST_PAIRS = 16  # as in native/simulate.c
+
+
+class Tables(NamedTuple):
+    """A cell's parameters on a uniform grid of SoC from 0 to 1, with p points.
+
+    ocv_volt, r0_ohm : (p,) [V], [ohm]. r_ohm : (pairs, p) [ohm].
+    tau_second : (pairs,), or (pairs, p) where it moves with SoC [s].
+    """
+
+    ocv_volt: np.ndarray
+    r0_ohm: np.ndarray
+    r_ohm: np.ndarray
+    tau_second: np.ndarray
+
+
+class Run(NamedTuple):
+    """Simulated voltage [V] and state of charge [1], (n,) each."""
+
+    voltage_volt: np.ndarray
+    soc: np.ndarray
+
+
+def simulate_counted(
+    tables, step_second, current_ampere, *, initial_soc, capacity_ampere_hour, hold
+):
+    """Voltage of a cell from rest, its SoC counted from the current.
+
+    Parameters
+    ----------
+    tables : Tables; linear in SoC between the points. Outside 0…1 the OCV goes on as steeply as it
+        ends, all else stays what it is.
+    step_second : scalar for uniform samples, which is the fastest, or (n−1,) true steps [s]; zero
+        is allowed (an edge of the current).
+    current_ampere : (n,) positive on charge [A].
+    initial_soc : state of charge at the first sample [1].
+    capacity_ampere_hour : charge from SoC 0 to 1 [Ah].
+    hold : "zero_order" (the current keeps its value until the next sample) or "first_order" (it
+        moves on a straight line to the next sample).
+
+    Returns
+    -------
+    run : Run.
+
+    Raises
+    ------
+    Refusal : tables of different lengths, an unknown hold, a step below zero, values that are not
+        finite, a time constant or a capacity that is not positive.
+
+    Source: exact solution of tau·du/dt = R·I − u between samples, with R·I held as the current is;
+    thesis (2.8), (2.12) and (2.21). R moves with SoC at the samples, tau from sample to sample.
+    """
+    if not capacity_ampere_hour > 0:
+        raise Refusal(f"capacity is {capacity_ampere_hour} Ah; it has to be positive")
+    if not np.isfinite(initial_soc):
+        raise Refusal(f"SoC at the first sample is {initial_soc}")
+    current, step = _checked(tables, step_second, current_ampere, hold)
+    soc = np.empty(len(current))
+    soc[0] = initial_soc
+    return _run(tables, step, current, soc, hold, 3600.0 * capacity_ampere_hour)
+
+
+def simulate_given(tables, step_second, current_ampere, soc, *, hold):
+    """Voltage of a cell from rest under a measured current, its SoC known at every sample.
+
+    Parameters
+    ----------
+    tables, step_second, current_ampere, hold : as in `simulate_counted`.
+    soc : (n,) state of charge [1].
+
+    Returns
+    -------
+    voltage_volt : (n,) [V].
+
+    Raises
+    ------
+    Refusal : as `simulate_counted`, or as many values of SoC as of current are not there.
+    """
+    current, step = _checked(tables, step_second, current_ampere, hold)
+    soc = np.ascontiguousarray(soc, float)
+    if soc.shape != current.shape or not np.isfinite(soc).all():
+        raise Refusal(f"SoC of shape {soc.shape} for {len(current)} currents, or not finite")
+    return _run(tables, step, current, soc, hold, 0.0).voltage_volt
+
+
+def tables_of(model, *, temperature_celsius=None, member=None, points=201):
+    """A cell's model at one temperature, on a uniform grid of SoC.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2.
+    temperature_celsius : [degC]; None only for a model of one condition.
+    member : name of a member of RC pairs, or None for that of `plain.plain_member`.
+    points : size of the grid; where its knots lie on the grid the tables say what the model says.
+
+    Returns
+    -------
+    tables : Tables, with time constants over SoC.
+
+    Raises
+    ------
+    Refusal : a member with more than RC pairs, or as `lookup.circuit_at`.
+    """
+    soc = np.linspace(0.0, 1.0, points)
+    temperature = np.nan if temperature_celsius is None else temperature_celsius
+    found = member_of(model, plain_member(model) if member is None else member)
+    if not is_plain(found):
+        raise Refusal(f"{found['model']} holds more than RC pairs, which is all that runs here")
+    conditions = found["conditions"]
+    ocv = open_circuit_volt(model, circuit_at(conditions, soc, temperature), temperature)
+    return Tables(ocv, *parameters_at(conditions, soc, temperature)[:3])
+
+
+def _run(tables, step, current, soc, hold, ampere_second):
+    types = (count, array, count, count, array, count, count, array, array, count, real, array)
+    kernel = function("simulate", *types, array)
+    if kernel is None or len(tables.r_ohm) > MOST_PAIRS:
+        return _run_by_lags(tables, step, current, soc, hold, ampere_second)
+    pairs, points = np.shape(tables.r_ohm)
+    moves = np.ndim(tables.tau_second) == 2
+    columns = [tables.ocv_volt, tables.r0_ohm, *tables.r_ohm]
+    at = np.stack([*columns, *tables.tau_second] if moves else columns, axis=1)
+    rows = np.ascontiguousarray(np.concatenate([at[:-1], np.diff(at, axis=0)], axis=1))
+    tau = np.ones(pairs) if moves else np.ascontiguousarray(tables.tau_second, float)
+    voltage = np.empty(len(current))
+    settings = (len(step) != len(current) - 1, hold == "first_order")
+    cell = (pairs, points - 1, rows, tau, moves, ampere_second)
+    kernel(len(current), step, *settings, current, *cell, soc, voltage)
+    return Run(voltage, soc)
+
+
+def _run_by_lags(tables, step, current, soc, hold, ampere_second):
+    """Twin of the kernel: SoC, then look-up, then one lag per pair."""
+    step = np.broadcast_to(step, len(current) - 1)
+    if ampere_second > 0:
+        between = (current[:-1] + current[1:]) / 2 if hold == "first_order" else current[:-1]
+        soc = np.cumsum(np.append(soc[0], step * between / ampere_second))
+    grid = np.linspace(0.0, 1.0, len(tables.ocv_volt))
+    ocv, points = tables.ocv_volt, len(grid) - 1
+    below, above = np.minimum(soc, 0.0) * points, np.maximum(soc - 1.0, 0.0) * points
+    voltage = np.interp(soc, grid, ocv) + below * (ocv[1] - ocv[0]) + above * (ocv[-1] - ocv[-2])
+    voltage += np.interp(soc, grid, tables.r0_ohm) * current
+    for r, tau in zip(tables.r_ohm, tables.tau_second, strict=True):
+        slow = tau if np.ndim(tau) == 0 else np.interp(soc[:-1], grid, tau)
+        voltage += lag(step, slow, np.interp(soc, grid, r) * current, hold=hold)
+    return Run(voltage, soc)
+
+
+def _checked(tables, step_second, current_ampere, hold):
+    current = np.ascontiguousarray(current_ampere, float)
+    step = np.ascontiguousarray(np.atleast_1d(step_second), float)
+    points = len(tables.ocv_volt)
+    shapes = {np.shape(tables.r0_ohm), np.shape(tables.r_ohm)[1:], np.shape(tables.tau_second)[1:]}
+    if points < 2 or not shapes <= {(points,), ()}:
+        raise Refusal(f"tables of {points} points of OCV, but of shapes {shapes} of the others")
+    if not np.all(np.asarray(tables.tau_second) > 0):
+        raise Refusal("a time constant is zero, negative or not a number")
+    if hold not in HOLDS:
+        raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
+    if len(current) < 1 or (np.ndim(step_second) and len(step) != len(current) - 1):
+        raise Refusal(f"{len(step)} steps for {len(current)} currents; one less is needed")
+    if not (step.min(initial=0.0) >= 0 and step.max(initial=0.0) < np.inf):
+        raise Refusal("a step is below zero or not finite")
+    if not np.isfinite(current).all():
+        raise Refusal("a current is not finite")
+    return current, step[:1] if len(step) and step.min() == step.max() else step

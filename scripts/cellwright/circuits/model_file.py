@@ -1,0 +1,485 @@
+"""A finished model (results/models/<cell>.json): values per sample, simulation, rows."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits import instrument
+from cellwright.circuits.circuit import KINDS, UNRESOLVED_SECOND, Branch
+from cellwright.circuits.simulate import OpenCircuit, overpotentials
+from cellwright.circuits.temperature import (
+    SMALLEST,
+    celsius_of,
+    continued_ocv_at,
+    law_weights,
+    laws_of,
+    mixed_by,
+    mixed_resistances,
+    scaled_soc,
+    temperature_weights,
+    warmth_beyond,
+)
+from cellwright.refusal import Refusal
+
+
+def condition_entry(condition, *, ambient_temperature_celsius, tests):
+    """Entry of one condition in a model file.
+
+    Parameters
+    ----------
+    condition : identify.Condition.
+    ambient_temperature_celsius : chamber temperature [degC], NaN or None where unknown.
+    tests : ids of the tests that were fitted.
+
+    Returns
+    -------
+    entry : dict of lists and numbers; NaN is written as None.
+    """
+    return {
+        "ambient_temperature_celsius": _plain(ambient_temperature_celsius),
+        "soc": _plain(condition.soc),
+        "r0_ohm": _plain(condition.r0_ohm),
+        "r0_std_ohm": _plain(condition.r0_std_ohm),
+        "branches": [_branch(element) for element in condition.branches],
+        "ocv_shift_volt": _plain(condition.ocv_shift_volt),
+        "ocv_scale": {"missing": condition.missing, "stretch": condition.stretch},
+        "at_bound": list(condition.at_bound),
+        "fit_rmse_volt": condition.fit_rmse_volt,
+        "samples": condition.samples,
+        "tests": list(tests),
+    }
+
+
+def std_name(name):
+    """Name of a parameter's standard deviation: r_ohm → r_std_ohm."""
+    quantity, unit = name.split("_", 1)
+    return f"{quantity}_std_{unit}"
+
+
+def _branch(element):
+    entry = {"kind": element.kind}
+    for name, values in element.values.items():
+        entry |= {name: _plain(values), std_name(name): _plain(element.stds[name])}
+    return entry
+
+
+def ocv_from_slow_branch(soc, slow_volt, current_ampere, condition):
+    """Open-circuit voltage from one slow branch, its resistive drop put back.
+
+    At a slow steady current every relaxation has settled, so in the linear model the drop is
+    exactly I·(R0 + ΣR). Identify with the branch itself first, correct, identify again.
+
+    Parameters
+    ----------
+    soc, slow_volt : (p,) the slow branch [1], [V].
+    current_ampere : its current, negative on discharge [A].
+    condition : identify.Condition of a first pass.
+
+    Returns
+    -------
+    ocv_volt : (p,) [V].
+    """
+    # ASSUME: Where only one slow branch was measured, its distance from OCV is the current times
+    # the sum of the model's resistances; hysteresis stays in it.
+    branches = [
+        element.values["r_ohm"] for element in condition.branches if "r_ohm" in element.values
+    ]
+    total = sum(branches, condition.r0_ohm)
+    return slow_volt - current_ampere * np.interp(soc, condition.soc, total)
+
+
+def _plain(values):
+    if values is None or np.ndim(values) == 0:
+        return None if values is None or np.isnan(values) else float(values)
+    return [_plain(value) for value in values]
+
+
+SMALLEST_RESISTANCE_OHM = 1e-9  # of a resistance [ohm] and of a share: none has no share to take
+
+
+def with_shared_scale(circuit):
+    """Kinetic branches of a cell follow one asinh: each has its share of the common scale.
+
+    The share is taken where the resistances are looked up: between two knots or temperatures of
+    which one holds no resistance, a share of its own would have no meaning.
+
+    Parameters
+    ----------
+    circuit : tuple of Branch; `scale_volt` of each kinetic one is the common scale [V].
+
+    Returns
+    -------
+    circuit : tuple of Branch, each kinetic one with its own scale.
+    """
+    kinetic = [branch.parameters["r_ohm"] for branch in circuit if branch.kind == "kinetic"]
+    total = np.maximum(sum(kinetic), SMALLEST_RESISTANCE_OHM)
+
+    def shared(parameters):
+        share = np.maximum(parameters["r_ohm"] / total, SMALLEST_RESISTANCE_OHM)
+        return parameters | {"scale_volt": share * parameters["scale_volt"]}
+
+    return tuple(
+        branch._replace(parameters=shared(branch.parameters))
+        if branch.kind == "kinetic"
+        else branch
+        for branch in circuit
+    )
+
+
+# Parameters of branches: name in the table, without the branch's number or kind, and unit.
+NAMES = {
+    "r_ohm": ("r", "Ohm"),
+    "r_charge_ohm": ("r_charge", "Ohm"),
+    "r_discharge_ohm": ("r_discharge", "Ohm"),
+    "tau_second": ("tau", "s"),
+    "scale_volt": ("scale", "V"),
+    "m_volt": ("m", "V"),
+    "charge_ampere_hour": ("charge", "Ah"),
+    "soc_per_ampere": ("gain", "1/A"),
+    "exchange_ampere": ("exchange", "A"),
+}
+
+
+def model_of(document, cell):
+    """The model of `cell` from a model file, or from a group's file {"models": {cell: model}}.
+
+    Raises
+    ------
+    Refusal
+        The group's file holds no model of the cell.
+    """
+    if "models" not in document:
+        return document
+    if cell not in document["models"]:
+        raise Refusal(f"the group has no model of {cell}; it has {', '.join(document['models'])}")
+    return document["models"][cell]
+
+
+def parameter_rows(model):
+    """Rows model, ambient_temperature_celsius, soc, parameter, value, std, unit, at_bound.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2.
+
+    Returns
+    -------
+    rows : list of dict, by member, condition, parameter and SoC: r0, then r1, tau1, … of RC pairs
+        and kinetics (these with scale1, …), rct, tauct, scalect of the charge transfer that no
+        sample resolves, hysteresis_m, hysteresis_charge, diffusion_gain, diffusion_tau, ocv_shift;
+        without SoC ocv_missing, ocv_stretch and activation_energy, of the condition as a whole.
+    """
+    conditions = [(m["model"], c) for m in model["members"] for c in m["conditions"]]
+    return [row for name, condition in conditions for row in _rows(name, condition)]
+
+
+def _rows(member, condition):
+    celsius = condition["ambient_temperature_celsius"]
+    about = {"model": member, "ambient_temperature_celsius": celsius}
+    for name, flag, values, stds, unit in _columns(condition):
+        stds = stds or [None] * len(values)
+        for soc, value, std in zip(condition["soc"], values, stds, strict=True):
+            row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
+            yield about | row | {"at_bound": _bounded(condition, name, flag, soc)}
+    scale = condition.get("ocv_scale", {})
+    whole = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
+    energy = condition.get("activation_energy_joule_per_mole")
+    for name, value, unit in [*whole, ("activation_energy", energy, "J/mol")]:
+        row = {"soc": None, "parameter": name, "value": value, "std": None, "unit": unit}
+        if value is not None:
+            yield about | row | {"at_bound": False}
+
+
+def _columns(condition):
+    """Name, name of the bound, values, deviations and unit of everything that runs over SoC."""
+    yield "r0", "R0", condition["r0_ohm"], condition["r0_std_ohm"], "Ohm"
+    number = 0
+    for branch in condition["branches"]:
+        kind, label = branch.get("kind", "RC"), ""
+        if kind in ("RC", "kinetic"):
+            resolved = kind == "RC" or branch["tau_second"][0] > UNRESOLVED_SECOND
+            number += resolved
+            label = str(number) if resolved else "ct"
+        for parameter in KINDS[kind].parameters:
+            short, unit = NAMES[parameter]
+            name = f"{short}{label}" if label else f"{kind}_{short}"
+            flag = f"{short}{label}".upper()
+            yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
+    if "ocv_shift_volt" in condition:
+        yield "ocv_shift", "", condition["ocv_shift_volt"], None, "V"
+
+
+def _bounded(condition, name, flag, soc):
+    flags = condition.get("at_bound", [])
+    return name in flags or f"{flag} at SoC {soc:.3f}" in flags
+
+
+SAME_KELVIN = 5.0
+
+
+class Parameters(NamedTuple):
+    """Look-up of the plain RC part of a member at every sample; r, tau: (branches, n)."""
+
+    r0_ohm: np.ndarray
+    r_ohm: np.ndarray
+    tau_second: np.ndarray
+    ocv_shift_volt: np.ndarray
+    outside_soc: np.ndarray
+    outside_temperature: np.ndarray
+
+
+class Found(NamedTuple):
+    """A member's circuit with one value per sample, and where it was never measured; (n,) each.
+
+    table_soc : SoC at which the model's OCV tables are to be read.
+    """
+
+    circuit: tuple
+    table_soc: np.ndarray
+    ocv_shift_volt: np.ndarray
+    outside_soc: np.ndarray
+    outside_temperature: np.ndarray
+
+
+class Simulated(NamedTuple):
+    """A simulated record; `extrapolated` marks samples outside the identified SoC range."""
+
+    voltage_volt: np.ndarray
+    ocv_volt: np.ndarray
+    overpotential_volt: np.ndarray
+    extrapolated: np.ndarray
+    outside_temperature: np.ndarray
+
+
+def circuit_at(conditions, soc, temperature_celsius):
+    """Circuit of a model's member with its parameters looked up at every sample.
+
+    Linear in SoC inside each condition and held flat outside its knots; between two temperatures
+    the logarithms of the sums of the resistances of one kind (ohmic, kinetic, relaxing) and of
+    every other parameter are linear in 1/T (an Arrhenius law through the two); outside the
+    measured temperatures resistances follow the condition's `activation_energy_joule_per_mole`
+    where it has one, all else is held flat. OCV shifts are linear in 1/T themselves. Where the
+    conditions name `resistance_laws`, the sums follow them (`law_weights`).
+
+    Parameters
+    ----------
+    conditions : sequence of condition dicts, as in a model's member.
+    soc : (n,) state of charge [1].
+    temperature_celsius : scalar or (n,) [degC]; NaN takes a single condition as it is.
+
+    Returns
+    -------
+    found : Found; its first branch is the ohmic resistance, the others in the member's order.
+
+    Raises
+    ------
+    Refusal : no condition, or no temperature where there are several conditions.
+    """
+    # ASSUME: Between two measured temperatures every model parameter follows an Arrhenius law.
+    # ASSUME: Outside the measured range of SoC or temperature the model keeps its last value.
+    conditions = sorted(conditions, key=lambda c: celsius_of(c["ambient_temperature_celsius"]))
+    known = np.array([celsius_of(c["ambient_temperature_celsius"]) for c in conditions])
+    here = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
+    weights = temperature_weights(known, here)
+    elements = [_elements(condition) for condition in conditions]
+    by_law = law_weights(known, here, laws_of(conditions))
+    beyond = warmth_beyond(conditions, known, here)
+
+    def courses(index, name):
+        pairs = zip(conditions, elements, strict=True)
+        return [_course(c, e[index][1][name], soc) for c, e in pairs]
+
+    def mixed(index, name):
+        logs = [np.log(np.maximum(course, SMALLEST)) for course in courses(index, name)]
+        factor = beyond if name in instrument.WARMED else 1.0
+        return factor * np.exp(mixed_by(weights, logs))
+
+    resistive = [k for k, (_, parameters) in enumerate(elements[0]) if "r_ohm" in parameters]
+    origins = [elements[0][k][0] for k in resistive]
+    resistances = beyond * mixed_resistances(
+        [courses(k, "r_ohm") for k in resistive], origins, weights, by_law
+    )
+    by_index = dict(zip(resistive, resistances, strict=True))
+    circuit = [
+        Branch(
+            kind,
+            {
+                name: by_index[index] if name == "r_ohm" else mixed(index, name)
+                for name in parameters
+            },
+        )
+        for index, (kind, parameters) in enumerate(elements[0])
+    ]
+    shifts = [c.get("ocv_shift_volt", np.zeros(len(c["soc"]))) for c in conditions]
+    shift = mixed_by(weights, [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)])
+    far = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
+    outside = mixed_by(weights, far) > 0
+    circuit = with_shared_scale(circuit)
+    scaled = scaled_soc(conditions, weights, soc)
+    return Found(circuit, scaled, shift, outside, _outside(known, here))
+
+
+def parameters_at(conditions, soc, temperature_celsius):
+    """As `circuit_at`, but only resistance and RC pairs, as arrays.
+
+    Parameters
+    ----------
+    conditions, soc, temperature_celsius : as in `circuit_at`.
+
+    Returns
+    -------
+    parameters : Parameters.
+    """
+    found = circuit_at(conditions, soc, temperature_celsius)
+    pairs = [branch.parameters for branch in found.circuit if branch.kind == "RC"]
+    values = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
+    r, tau = (np.reshape(one, (-1, len(soc))) for one in values)
+    return Parameters(found.circuit[0].parameters["r_ohm"], r, tau, *found[2:])
+
+
+def open_circuit_volt(model, found, temperature_celsius):
+    """Open-circuit voltage of a member where its circuit was looked up.
+
+    Parameters
+    ----------
+    model : dict of a model file. found : Found, from `circuit_at`.
+    temperature_celsius : scalar or (n,) [degC], as in `circuit_at`.
+
+    Returns
+    -------
+    ocv_volt : (n,) [V].
+    """
+    return (
+        continued_ocv_at(model["ocv"], found.table_soc, temperature_celsius) + found.ocv_shift_volt
+    )
+
+
+def member_of(model, name=None):
+    """Member of a model by name ("1RC", "2RC"), or its chosen one."""
+    name = model["chosen"] if name is None else name
+    found = [member for member in model["members"] if member["model"] == name]
+    if not found:
+        known = ", ".join(member["model"] for member in model["members"])
+        raise Refusal(f"model of {model['cell']} has no member {name!r}; it has {known}")
+    return found[0]
+
+
+def simulate_model(
+    model,
+    member,
+    test_time_second,
+    current_ampere,
+    soc,
+    temperature_celsius,
+    *,
+    hold=None,
+    kind=None,
+):
+    """Terminal voltage of a cell's model under a measured current, as the instrument reads it.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2.
+    member : "1RC", "2RC", …, or None for the chosen one.
+    test_time_second, current_ampere : (n,) [s], [A], positive on charge.
+    soc : (n,) state of charge at each sample [1].
+    temperature_celsius : scalar or (n,) [degC].
+    hold : hold of the current between samples; None: the one that the member was found with, else
+        "first_order".
+    kind : of the test, or None: what a member says of the charge may not hold in capacity tests.
+
+    Returns
+    -------
+    simulated : Simulated; `instrument` says what a member may correct of the record.
+    """
+    own = member_of(model, member)
+    capacity, time, celsius = model["capacity_ampere_hour"], test_time_second, temperature_celsius
+    read = (time, current_ampere, np.asarray(soc, float))
+    true = instrument.corrected(own, capacity, *read, celsius, kind=kind)
+    found = circuit_at(own["conditions"], true.soc, celsius)
+    ocv = open_circuit_volt(model, found, celsius)
+    curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), found.table_soc)
+    settings = {"hold": hold or instrument.hold_of(own, current_ampere), "open_circuit": curve}
+    record = (time, np.asarray(true.current_ampere, float))
+    over = _overpotentials(own, found.circuit, record, celsius, settings)
+    if "history" in own:
+        before = (true.soc, capacity)
+        over = over + instrument.led(own, found.circuit, *record, *before, hold=settings["hold"])
+    at_once = over[instrument.at_once(found.circuit)].sum(axis=0)
+    volt = instrument.as_read(own, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
+    return Simulated(volt, ocv, over, *found[3:])
+
+
+def _overpotentials(member, circuit, record, celsius, settings):
+    """Over each branch; where the cell's own heat counts, once to know it and once with it."""
+    over = overpotentials(circuit, *record, **settings)
+    if "own_heat" not in member:
+        return over
+    time, current = record
+    heat = current * over[instrument.heating(circuit)].sum(axis=0)
+    steps = np.diff(time)
+    warm = instrument.warmed_within(member, circuit, heat, steps, celsius, hold=settings["hold"])
+    return overpotentials(warm, *record, **settings)
+
+
+def _outside(known, here):
+    """Further than a few kelvin from all that was measured: cells warm a little in a chamber."""
+    return (here < known[0] - SAME_KELVIN) | (here > known[-1] + SAME_KELVIN)
+
+
+def _elements(condition):
+    """(kind, parameters) of every branch of a condition, the ohmic resistance first."""
+    pairs = [("R", {"r_ohm": condition["r0_ohm"]})]
+    for branch in condition["branches"]:
+        kind = branch.get("kind", "RC")
+        pairs.append((kind, {name: branch[name] for name in KINDS[kind].parameters}))
+    return pairs
+
+
+def _course(condition, values, soc):
+    return np.interp(soc, condition["soc"], values)
+
+
+def is_plain(member):
+    """Whether a member is made of an ohmic resistance and RC pairs, and of nothing that warms them.
+
+    Parameters
+    ----------
+    member : dict, a member of a model file.
+    """
+    if "own_heat" in member:
+        return False
+    branches = [branch for entry in member["conditions"] for branch in entry["branches"]]
+    return all(branch.get("kind", "RC") == "RC" for branch in branches)
+
+
+def plain_member(model):
+    """Name of the member for tools that know resistors and capacitors only.
+
+    Kinetics are not taken linear, nor hysteresis left out: the rest of such a member was fitted
+    beside them and is no model by itself.
+
+    Parameters
+    ----------
+    model : dict, a model file.
+
+    Returns
+    -------
+    name : the chosen member where it is plain, else the plain one of the smallest error of what was
+        left out of its fit (`left_out_rmse_volt`); where none states it, that of most pairs.
+
+    Raises
+    ------
+    Refusal : no member is plain.
+    """
+    plain = [member for member in model["members"] if is_plain(member)]
+    if not plain:
+        raise Refusal(f"no member of the model of {model['cell']} is made of RC pairs alone")
+    if model["chosen"] in [member["model"] for member in plain]:
+        return model["chosen"]
+    return min(plain, key=_rank)["model"]
+
+
+def _rank(member):
+    error = member.get("left_out_rmse_volt")
+    return np.inf if error is None else error, -len(member["conditions"][0]["branches"])

@@ -1,0 +1,201 @@
+"""Terminal voltage of a circuit under a measured current, with the true time stamps."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.circuit import Branch, kind_of
+from cellwright.numerics.lags import lag, lag_by_charge
+from cellwright.refusal import Refusal
+
+STEP = 1e-30  # of a complex step: its square vanishes beside any real part
+SOC_STEP = 1e-5  # of the slope of an OCV, which need not take complex numbers
+
+
+class OpenCircuit(NamedTuple):
+    """OCV over SoC (a function [1] → [V]) and the counted SoC (n,) of a record [1]."""
+
+    volt_at: object
+    soc: np.ndarray
+
+
+def overpotentials(circuit, test_time_second, current_ampere, *, hold, open_circuit=None):
+    """Voltage over each branch of a circuit that starts from rest.
+
+    Parameters
+    ----------
+    circuit : tuple of Branch; parameters are scalars or (n,) values looked up per sample.
+    test_time_second : (n,) never falling [s]; equal stamps are an edge of the current.
+    current_ampere : (n,) positive on charge [A].
+    hold : "zero_order" or "first_order": how the current runs between two samples.
+    open_circuit : OpenCircuit, for circuits with a branch that shifts the SoC (diffusion).
+
+    Returns
+    -------
+    overpotential_volt : (branches, n) [V].
+
+    Raises
+    ------
+    Refusal : no sample, time runs back, values or parameters are not finite, lengths differ, an
+        unknown hold or branch, or a branch that shifts the SoC without an OCV to shift.
+
+    Source: exact solution of tau·du/dt = R·I − u between samples; thesis (2.8), (2.12), with the
+    time step of each sample instead of one constant; of hysteresis (2.6), (2.16) with the sign of
+    the current, which the print leaves out.
+    """
+    time, current = _checked(test_time_second, current_ampere)
+    steps = np.diff(time)
+    found = []
+    for branch in circuit:
+        _check_parameters(branch, current.shape)
+        output = _response(branch, steps, current, hold)
+        if kind_of(branch).output == "soc":
+            output = _shifted(output, open_circuit)
+        found.append(output)
+    return np.array(found)
+
+
+def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold, open_circuit=None):
+    """Terminal voltage: open-circuit voltage plus the voltage over every branch.
+
+    Parameters
+    ----------
+    circuit, test_time_second, current_ampere, hold, open_circuit : as in `overpotentials`.
+    ocv_volt : scalar or (n,) open-circuit voltage at each sample [V].
+
+    Returns
+    -------
+    voltage_volt : (n,) [V].
+    """
+    # ASSUME: Every simulated record starts from rest: all its relaxation voltages begin at zero.
+    settings = {"hold": hold, "open_circuit": open_circuit}
+    return ocv_volt + overpotentials(circuit, test_time_second, current_ampere, **settings).sum(0)
+
+
+def simulate_cells(
+    circuits, test_time_second, current_ampere, ocv_volt, *, hold, open_circuits=None
+):
+    """Terminal voltages of several cells over the same time stamps.
+
+    One cell after another: interleaving them was measured and gains nothing.
+
+    Parameters
+    ----------
+    circuits : sequence of circuits, one per cell, of any members.
+    test_time_second, hold : as in `overpotentials`.
+    current_ampere : (n,) for all cells, or (cells, n) [A].
+    ocv_volt : scalar, (n,) or (cells, n) [V].
+    open_circuits : sequence of OpenCircuit or None, one per cell; None where no cell needs one.
+
+    Returns
+    -------
+    voltage_volt : (cells, n) [V].
+
+    Raises
+    ------
+    Refusal : as in `overpotentials`, or as many circuits as rows of current or OCV are not given.
+    """
+    shape = (len(circuits), len(test_time_second))
+    current, ocv = (_of_each(values, shape) for values in (current_ampere, ocv_volt))
+    opens = [None] * shape[0] if open_circuits is None else open_circuits
+    runs = [
+        simulate(one, test_time_second, i, volt, hold=hold, open_circuit=curve)
+        for one, i, volt, curve in zip(circuits, current, ocv, opens, strict=True)
+    ]
+    return np.reshape(runs, shape)
+
+
+def sensitivities(circuit, test_time_second, current_ampere, *, hold, open_circuit=None):
+    """Derivative of the terminal voltage by every parameter of a circuit.
+
+    By complex steps: the circuit is simulated once a parameter with an imaginary part of 1e-30 on
+    it, whose imaginary output is the derivative, exact to rounding. So no derivative is written by
+    hand, and every kind has its own.
+
+    Parameters
+    ----------
+    circuit, test_time_second, current_ampere, hold, open_circuit : as in `overpotentials`.
+
+    Returns
+    -------
+    sensitivity : dict (index of the branch, name of the parameter) → (n,) [V per its unit]. A
+        parameter given per sample is moved as a whole.
+
+    Source: W. Squire, G. Trapp, SIAM Review 40 (1998) 110.
+    """
+    settings = {"hold": hold, "open_circuit": open_circuit}
+    found = {}
+    for index, branch in enumerate(circuit):
+        for name in kind_of(branch).parameters:
+            moved = branch.parameters | {name: branch.parameters[name] + 1j * STEP}
+            one = (Branch(branch.kind, moved),)
+            run = overpotentials(one, test_time_second, current_ampere, **settings)
+            found[index, name] = run[0].imag / STEP
+    return found
+
+
+def _response(branch, steps, current, hold):
+    """What a branch puts out (n,): the share that acts at once, and its lags."""
+    kind = kind_of(branch)
+    lags = kind.lags(**branch.parameters)
+    drive = kind.drive(current, **branch.parameters)
+    if any(one.clock == "ampere_hour" for one in lags):
+        return _by_charge(kind, branch.parameters, lags, steps, current, hold)
+    output = (1.0 - sum(one.share for one in lags)) * drive
+    for one in lags:
+        output = output + one.share * lag(steps, _at_start(one.constant), drive, hold=hold)
+    return output
+
+
+def _by_charge(kind, parameters, lags, steps, current, hold):
+    """Lags that move with the charge passed: over each step with its mean current."""
+    between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
+    drive = kind.drive(between, **{name: _at_start(value) for name, value in parameters.items()})
+    passed = np.abs(between) * steps / 3600.0
+    return sum(one.share * lag_by_charge(passed, _at_start(one.constant), drive) for one in lags)
+
+
+def _at_start(value):
+    """Of each step the value at its start; a scalar serves all."""
+    return value if np.ndim(value) == 0 else np.asarray(value)[:-1]
+
+
+def _shifted(offset, open_circuit):
+    if open_circuit is None:
+        raise Refusal("a branch shifts the SoC, but no OCV over SoC is given")
+    volt_at, soc = open_circuit
+    surface = soc + np.real(offset)
+    shift = volt_at(surface) - volt_at(soc)
+    if not np.iscomplexobj(offset):
+        return shift
+    slope = (volt_at(surface + SOC_STEP) - volt_at(surface - SOC_STEP)) / (2 * SOC_STEP)
+    return shift + 1j * slope * offset.imag
+
+
+def _of_each(values, shape):
+    if np.shape(values) not in ((), shape[1:], shape):
+        found = f"current or OCV has shape {np.shape(values)}"
+        raise Refusal(f"{found}; for {shape[0]} circuits it must be {shape[1:]} or {shape}")
+    return np.broadcast_to(values, shape)
+
+
+def _checked(test_time_second, current_ampere):
+    time, current = np.asarray(test_time_second, float), np.asarray(current_ampere, float)
+    if time.shape != current.shape or time.ndim != 1:
+        raise Refusal(f"time has shape {time.shape}, current {current.shape}; both must be (n,)")
+    if not len(time):
+        raise Refusal("the record holds no sample")
+    if not (np.isfinite(time).all() and np.isfinite(current).all()):
+        raise Refusal("time or current holds values that are not finite")
+    if np.any(np.diff(time) < 0):
+        raise Refusal(f"time runs back after sample {int(np.argmax(np.diff(time) < 0))}")
+    return time, current
+
+
+def _check_parameters(branch, shape):
+    for name, value in branch.parameters.items():
+        if np.ndim(value) and np.shape(value) != shape:
+            found = f"{name} of branch {branch.kind} has shape {np.shape(value)}"
+            raise Refusal(f"{found}; it must be a scalar or one value per sample, {shape}")
+        if not np.isfinite(value).all():
+            raise Refusal(f"{name} of branch {branch.kind} is not finite")

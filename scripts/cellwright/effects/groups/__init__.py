@@ -1,0 +1,1 @@
+"""The search for a missing effect in one branch of a parallel group."""

@@ -1,0 +1,436 @@
+"""The model of cells in parallel that is searched, its free spread, and its document.
+
+Every branch is the plain cell (OCV, ohmic resistance, two RC pairs) behind a wire; resistances
+of the cells move with temperature, those of the wires do not. Kirchhoff's laws share the current.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline, make_smoothing_spline
+
+from cellwright.circuits.temperature import warmth
+from cellwright.effects.base import OCV_KNOTS, REFERENCE_CELSIUS
+from cellwright.effects.library.groups import GROUP_LIBRARY
+from cellwright.native import array, count, function
+from cellwright.numerics.lags import lag_weights
+from cellwright.numerics.least_squares import Free
+from cellwright.refusal import Refusal
+
+LEAST_OHM = 1e-6
+SMOOTH_SOC = 0.01
+FINE_KNOTS = 41  # of the error that the OCV of all branches shares
+
+
+class Branch(NamedTuple):
+    """What is known of one branch beforehand.
+
+    cell : name. capacity_ampere_hour : [Ah]. ocv_volt : (p,) on an even SoC grid from 0 to 1 [V].
+    r_ohm : (3,) ohmic and of the two RC pairs at 25 degC [ohm]. tau_second : (2,) [s].
+    activation_joule_per_mole : of the three. wire_ohm : stated resistance of the connection [ohm].
+    own : known from tests of this very cell, not of its type.
+    """
+
+    cell: str
+    capacity_ampere_hour: float
+    ocv_volt: np.ndarray
+    r_ohm: tuple
+    tau_second: tuple
+    activation_joule_per_mole: float = 0.0
+    wire_ohm: float = 0.0
+    own: bool = False
+
+
+def smooth_ocv(ocv_volt):
+    """An OCV table (p,) on an even grid without what is shorter than `SMOOTH_SOC` of SoC [V].
+
+    Cells at slightly different SoC are pulled apart by every wiggle of a measured table.
+    Source: cubic smoothing spline, its bandwidth after B. W. Silverman, Ann. Stat. 12 (1984) 898.
+    """
+    grid = np.linspace(0.0, 1.0, len(ocv_volt))
+    return make_smoothing_spline(grid, ocv_volt, lam=len(grid) * SMOOTH_SOC**4)(grid)
+
+
+class GroupFields(NamedTuple):
+    """The group as it is simulated; what an effect of a branch changes.
+
+    capacity : (b,) [Ah]. ocv : (b, p) [V]. r : (b, 3) [ohm]. tau : (b, 2) [s]. wire : (b,) [ohm].
+    energy : (b,) [J/mol]. soc : (f, b) at the start of each record [1]. warmer : (b,) above what
+    was measured [K]. offset : (b,) [A] and gain : (b,) [1] of the branch's sensor.
+    """
+
+    capacity: np.ndarray
+    ocv: np.ndarray
+    r: np.ndarray
+    tau: np.ndarray
+    wire: np.ndarray
+    energy: np.ndarray
+    soc: np.ndarray
+    warmer: np.ndarray
+    offset: np.ndarray
+    gain: np.ndarray
+
+
+class Placed(NamedTuple):
+    """An effect in one branch (0 is the first). name : of its one parameter within the model."""
+
+    effect: object
+    branch: int
+
+    @property
+    def name(self):
+        return f"{self.effect.id}[{self.branch}]"
+
+
+class GroupRun(NamedTuple):
+    """voltage : (n,) [V]. current : (n, b) as the sensors read it [A]. soc : (n, b) [1]."""
+
+    voltage: np.ndarray
+    current: np.ndarray
+    soc: np.ndarray
+
+
+COMMON = ("log_r0", "log_r1", "log_r2", "log_tau1", "log_tau2", "capacity", "energy")
+OWN = ("capacity", "log_r0", "log_slow", "log_tau", "soc", "celsius", "wire", "offset", "gain")
+
+
+def group_names(files, branches):
+    """Names of all parameters but those of effects: common ones, then those of each branch."""
+    common = [*COMMON, *(f"soc0[{k}]" for k in range(files))]
+    own = [*OWN, *(f"ocv[{k}]" for k in range(OCV_KNOTS))]
+    common += [f"fine[{k}]" for k in range(FINE_KNOTS)]
+    return (*common, *(f"{b}.{name}" for b in range(branches) for name in own))
+
+
+def group_fields(cells, soc_at_start, values, placed=()):
+    """The group of a set of values.
+
+    Parameters
+    ----------
+    cells : sequence of Branch. soc_at_start : (f, b) stated SoC [1].
+    values : dict by the names of `group_names` and of the effects. placed : sequence of Placed.
+
+    Returns
+    -------
+    fields : GroupFields.
+    """
+    branches = range(len(cells))
+
+    def own(name):
+        return np.array([values[f"{b}.{name}"] for b in branches])
+
+    slow = np.exp(own("log_slow")[:, None] + [[values["log_r1"], values["log_r2"]]])
+    factor = np.concatenate([np.exp(own("log_r0") + values["log_r0"])[:, None], slow], axis=1)
+    tau = np.exp(own("log_tau")[:, None] + [[values["log_tau1"], values["log_tau2"]]])
+    capacity = np.array([c.capacity_ampere_hour for c in cells])
+    shift = np.array([values[f"soc0[{k}]"] for k in range(len(soc_at_start))])
+    fields = GroupFields(
+        capacity=capacity * (1.0 + values["capacity"]) * (1.0 + own("capacity")),
+        ocv=np.array([c.ocv_volt for c in cells]) + _ocv_errors(cells, values),
+        r=np.array([c.r_ohm for c in cells]) * factor,
+        tau=np.array([c.tau_second for c in cells]) * tau,
+        wire=np.array([c.wire_ohm for c in cells]) + own("wire"),
+        energy=np.array([c.activation_joule_per_mole for c in cells]) + values["energy"],
+        soc=np.asarray(soc_at_start, float) + shift[:, None] + own("soc"),
+        warmer=own("celsius"),
+        offset=own("offset"),
+        gain=own("gain"),
+    )
+    for one in placed:
+        fields = one.effect.act(fields, one.branch, values[one.name])
+    return fields
+
+
+def _ocv_errors(cells, values):
+    knots = [[values[f"{b}.ocv[{k}]"] for k in range(OCV_KNOTS)] for b in range(len(cells))]
+    points = len(cells[0].ocv_volt)
+    common = smooth_shares(points, FINE_KNOTS) @ [values[f"fine[{k}]"] for k in range(FINE_KNOTS)]
+    return common + np.array(knots) @ smooth_shares(points, OCV_KNOTS).T
+
+
+@cache
+def smooth_shares(points, knots):
+    """Share of each knot of an OCV error at each point of an even SoC grid: (points, knots).
+
+    Smooth between knots: cells in parallel are pulled apart by the slopes of their OCV.
+    """
+    spline = CubicSpline(np.linspace(0.0, 1.0, knots), np.eye(knots))
+    return spline(np.linspace(0.0, 1.0, points))
+
+
+def group_run(fields, stack):
+    """Simulate a group over a stack of records.
+
+    Between rows the current of each branch moves on a straight line whose end is found implicitly,
+    with the slope of the OCV of that moment; at each row the total steps and is shared anew.
+
+    Parameters
+    ----------
+    fields : GroupFields. stack : group_records.GroupStack.
+
+    Returns
+    -------
+    run : GroupRun.
+
+    Raises
+    ------
+    Refusal : a branch without any resistance.
+    """
+    if np.any(fields.r[:, 0] + fields.wire < LEAST_OHM) or np.any(fields.capacity <= 0):
+        raise Refusal("a branch of the group has no resistance or no capacity")
+    warm = warmth(stack.celsius[:, None] + fields.warmer, REFERENCE_CELSIUS, fields.energy)
+    kernel = function("group_run", *[count] * 4, *[array] * 13)
+    current, voltage, soc = (
+        _twin(fields, stack, warm) if kernel is None else _compiled(kernel, fields, stack, warm)
+    )
+    return GroupRun(voltage, current * (1.0 + fields.gain) + fields.offset, soc)
+
+
+def _compiled(kernel, fields, stack, warm):
+    rows, cells = warm.shape
+    found = np.empty((rows, cells)), np.empty(rows), np.empty((rows, cells))
+    given = (stack.step_second, stack.fresh, stack.current_ampere, fields.ocv, fields.r)
+    given += (fields.tau, fields.wire, 3600.0 * fields.capacity, warm, fields.soc)
+    given = [np.ascontiguousarray(one, float) for one in given]
+    first_order = stack.hold == "first_order"
+    kernel(rows, cells, fields.ocv.shape[1], first_order, *given, *found)
+    return found
+
+
+def _twin(fields, stack, warm):
+    rows, cells = warm.shape
+    current, voltage, soc = np.empty((rows, cells)), np.empty(rows), np.empty((rows, cells))
+    lags = lag_weights(stack.step_second[:, None, None], fields.tau, hold="first_order")
+    charge = stack.step_second[:, None] / (3600.0 * fields.capacity) / 2.0
+    held = stack.current_ampere if stack.hold == "first_order" else np.roll(stack.current_ampere, 1)
+    pair = np.zeros((cells, 2))
+    for k in range(rows):
+        pairs = warm[k][:, None] * fields.r[:, 1:]
+        if stack.fresh[k]:
+            z, pair = fields.soc[stack.file[k]], np.zeros((cells, 2))
+        else:
+            weights = [one[k] for one in lags]
+            z, pair = _moved(fields, pairs, warm[k], z, pair, here, charge[k], weights, held[k])
+        source = _ocv_at(fields.ocv, z)[0] + pair.sum(axis=1)
+        voltage[k], here = _met(source, warm[k] * fields.r[:, 0] + fields.wire, stack, k)
+        current[k], soc[k] = here, z
+    return current, voltage, soc
+
+
+def _met(source, ohm, stack, k):
+    volt = (stack.current_ampere[k] + (source / ohm).sum()) / (1.0 / ohm).sum()
+    return volt, (volt - source) / ohm
+
+
+def _moved(fields, pairs, warm, soc, pair, begin, charge, weights, total):
+    """SoC and pair voltages at the end of a step under a total."""
+    decay, before, after = weights
+    ocv, slope = _ocv_at(fields.ocv, soc + charge * begin)
+    source = ocv + (decay * pair + pairs * before * begin[:, None]).sum(axis=1)
+    ohm = warm * fields.r[:, 0] + fields.wire + np.maximum(slope, 0.0) * charge
+    ohm = ohm + (pairs * after).sum(axis=1)
+    end = ((total + (source / ohm).sum()) / (1.0 / ohm).sum() - source) / ohm
+    moved = decay * pair + pairs * (before * begin[:, None] + after * end[:, None])
+    return soc + charge * (begin + end), moved
+
+
+def _ocv_at(table, soc):
+    last, rows = table.shape[1] - 1, np.arange(len(soc))
+    left = np.clip((soc * last).astype(int), 0, last - 1)
+    slope = (table[rows, left + 1] - table[rows, left]) * last
+    return table[rows, left] + slope * (soc - left / last), slope
+
+
+class Spread(NamedTuple):
+    """How healthy branches scatter about what is known of them, as standard deviations.
+
+    No healthy branch is farther out than `widest` of them: beyond, something is the matter.
+
+    capacity, resistance, time_constant : relative, of a cell about its own tests.
+    ocv_volt : of a cell's OCV, smooth over ocv_soc of SoC [V].
+    type_capacity, type_resistance, type_time_constant, type_ocv_volt : the same of a cell of which
+    only the type is known. soc : between the branches when the group was joined [1].
+    celsius : between the branches [K]. wire_ohm : of a connection [ohm].
+    current_offset_c_rate : of a branch's sensor, in its cell's capacity per hour [1/h].
+    current_gain : of a branch's sensor [1].
+    """
+
+    capacity: float = 4e-3
+    resistance: float = 8e-3
+    time_constant: float = 0.03
+    ocv_volt: float = 1e-3
+    type_capacity: float = 0.05
+    type_resistance: float = 0.17
+    type_time_constant: float = 0.2
+    type_ocv_volt: float = 2e-3
+    soc: float = 2e-3
+    celsius: float = 0.2
+    wire_ohm: float = 1e-4
+    current_offset_c_rate: float = 1e-3
+    current_gain: float = 1e-3
+    ocv_soc: float = 0.12
+    widest: float = 3.0
+
+
+class Shared(NamedTuple):
+    """What all branches may be off by together, as standard deviations; meanings as in Spread."""
+
+    resistance: float = 0.01
+    type_resistance: float = 1.0
+    time_constant: float = 0.03
+    type_time_constant: float = 0.5
+    capacity: float = 4e-3
+    type_capacity: float = 0.05
+    soc: float = 5e-3
+    ocv_volt: float = 1e-3
+    ocv_soc: float = 0.03
+    activation_joule_per_mole: float = 1e3
+    type_activation_joule_per_mole: float = 1e4
+
+
+LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3
+STEPS = {
+    "log_r0": LOG_STEP,
+    "log_slow": LOG_STEP,
+    "log_tau": 4 * LOG_STEP,
+    "capacity": LOG_STEP,
+    "soc": SOC_STEP,
+    "celsius": 0.2,
+    "wire": 1e-4,
+    "offset": 1e-3,
+    "gain": 1e-3,
+}
+OWN_KNOT = 0.1
+
+
+def group_frees(cells, files, spread, shared, *, sensors):
+    """Free parameters of a healthy group, in the order of `group_model.group_names`.
+
+    Parameters
+    ----------
+    cells : sequence of Branch. files : number of records. spread : Spread. shared : Shared.
+    sensors : bool; the branch currents were logged.
+
+    Returns
+    -------
+    free : tuple of problem.Free. Without branch currents their sensors are not among them.
+    """
+    far = spread.widest
+    free = _common(cells, shared, far)
+    free += [_bounded(f"soc0[{k}]", SOC_STEP, shared.soc, far) for k in range(files)]
+    free += _knots("fine", FINE_KNOTS, shared.ocv_volt, far)
+    for b, cell in enumerate(cells):
+        free += _of_branch(b, cell, spread, sensors)
+        free += _knots(f"{b}.ocv", OCV_KNOTS, _ocv_volt(cell, spread), far)
+    return tuple(free)
+
+
+def _bounded(name, step, std, far):
+    return Free(name, step, 0.0, std, -far * std, far * std)
+
+
+def _knots(name, count, volt, far):
+    """Knots of an OCV error; how they hang together is said by `group_coupling`."""
+    most = far * volt
+    return [Free(f"{name}[{k}]", VOLT_STEP, 0.0, np.inf, -most, most) for k in range(count)]
+
+
+def _ocv_volt(cell, spread):
+    return spread.ocv_volt if cell.own else spread.type_ocv_volt
+
+
+def _common(cells, shared, far):
+    own = all(cell.own for cell in cells)
+    # A cell that was never tested over temperature has no activation energy to be held to.
+    warmed = own and all(cell.activation_joule_per_mole for cell in cells)
+    resistance = shared.resistance if own else shared.type_resistance
+    time = shared.time_constant if own else shared.type_time_constant
+    energy = shared.activation_joule_per_mole if warmed else shared.type_activation_joule_per_mole
+    capacity = shared.capacity if own else shared.type_capacity
+    return [
+        *(_bounded(name, LOG_STEP, resistance, far) for name in ("log_r0", "log_r1", "log_r2")),
+        *(_bounded(name, 4 * LOG_STEP, time, far) for name in ("log_tau1", "log_tau2")),
+        _bounded("capacity", LOG_STEP, capacity, far),
+        _bounded("energy", 500.0, energy, far),
+    ]
+
+
+def _of_branch(b, cell, spread, sensors):
+    known = {
+        "capacity": spread.capacity if cell.own else spread.type_capacity,
+        "log_r0": spread.resistance if cell.own else spread.type_resistance,
+        "log_slow": spread.resistance if cell.own else spread.type_resistance,
+        "log_tau": spread.time_constant if cell.own else spread.type_time_constant,
+        "soc": spread.soc,
+        "celsius": spread.celsius,
+        "wire": spread.wire_ohm,
+    }
+    if sensors:
+        known["offset"] = spread.current_offset_c_rate * cell.capacity_ampere_hour
+        known["gain"] = spread.current_gain
+    return [_bounded(f"{b}.{n}", STEPS[n], s, spread.widest) for n, s in known.items()]
+
+
+def group_coupling(free, cells, spread, shared):
+    """Prior precision of the errors of all OCV curves, smooth over SoC: (k, k)."""
+    found = np.zeros((len(free), len(free)))
+    names = [one.name for one in free]
+    at = [k for k, name in enumerate(names) if name.startswith("fine[")]
+    found[np.ix_(at, at)] = _smooth(FINE_KNOTS, shared.ocv_soc) / shared.ocv_volt**2
+    shape = _smooth(OCV_KNOTS, spread.ocv_soc)
+    for b, cell in enumerate(cells):
+        at = [k for k, name in enumerate(names) if name.startswith(f"{b}.ocv[")]
+        found[np.ix_(at, at)] = shape / _ocv_volt(cell, spread) ** 2
+    return found
+
+
+def _smooth(knots, length):
+    """Precision of a curve of unit size, smooth over a length of SoC."""
+    soc = np.linspace(0.0, 1.0, knots)
+    near = np.exp(-0.5 * (np.subtract.outer(soc, soc) / length) ** 2)
+    return np.linalg.inv(near + OWN_KNOT**2 * np.eye(knots))
+
+
+def document(case, state):
+    """All that a simulation of the group needs.
+
+    Parameters
+    ----------
+    case : group_case.GroupCase. state : group_case.GroupState.
+
+    Returns
+    -------
+    model : dict: branches (each as Branch), values (of group_names and effects by name), effects
+    (effect and branch, from 1), initial_soc (f, b) of the records fitted [1], hold.
+    """
+    return {
+        "branches": [_plain(cell) for cell in case.cells],
+        "values": {name: float(value) for name, value in state.solution.values.items()},
+        "effects": [{"effect": p.effect.id, "branch": p.branch + 1} for p in state.placed],
+        "initial_soc": case.fit_soc.tolist(),
+        "hold": case.fit.hold,
+    }
+
+
+def _plain(cell):
+    return cell._asdict() | {"ocv_volt": np.asarray(cell.ocv_volt).tolist()}
+
+
+def fields_of(model):
+    """The group of a document as `group_model.group_run` takes it, at the starts of its records.
+
+    Parameters
+    ----------
+    model : dict, of `document`.
+
+    Returns
+    -------
+    fields : group_model.GroupFields.
+    """
+    cells = [
+        Branch(**{**one, "ocv_volt": np.asarray(one["ocv_volt"], float)})
+        for one in model["branches"]
+    ]
+    placed = [Placed(GROUP_LIBRARY[e["effect"]], e["branch"] - 1) for e in model["effects"]]
+    return group_fields(cells, np.asarray(model["initial_soc"], float), model["values"], placed)

@@ -1,0 +1,211 @@
+"""A member of the circuit family at one temperature, as tables over SoC: what filters run on."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.circuit import kind_of
+from cellwright.circuits.instrument import capacity_factor
+from cellwright.circuits.model_file import circuit_at, member_of
+from cellwright.circuits.temperature import continued_ocv_at
+from cellwright.refusal import Refusal
+
+BEYOND = 0.25  # how far the tables go on below empty and above full
+NODES = np.linspace(0.0, 1.0, 21)  # SoC at which a drive that is not linear is taken
+NOTHING = 1e-6  # [V] or [1] at 1C: a branch that was not found is kept in a model, as this or less
+STRAIGHT = 1e-6  # a drive that departs by less from a straight line up to ±20C is one
+UNSEEN = 2.0  # error on data not seen over that of the fit, where a model does not tell it
+SIDE = 0.01  # of the SoC, to both sides: over which the slope of the OCV is taken
+
+
+class Element(NamedTuple):
+    """One branch: `gain` (m,) is its drive at 1 A, None where the drive is not linear in the
+    current; then `drive` and `parameters` (each (nodes,), at `NODES`) give it. `direct` acts at
+    once; `output` is "volt", or "soc": an offset of the SoC at which the OCV is taken."""
+
+    output: str
+    direct: float
+    gain: np.ndarray
+    drive: object
+    parameters: dict
+
+
+class Relaxation(NamedTuple):
+    """One lag: the element it belongs to, its clock, what share of the drive goes through it, and
+    its constant (m,), [s] or [Ah]."""
+
+    element: int
+    clock: str
+    share: float
+    constant: np.ndarray
+
+
+class Bank(NamedTuple):
+    """Tables (m,) over `soc`, a uniform grid that reaches `BEYOND` 0 and 1.
+
+    ocv_volt : open-circuit voltage, continued on its end slopes outside 0…1 [V].
+    shift_volt : the member's correction of it, by the mean SoC [V].
+    error_volt : RMS error of the model at rest, on data that it was not fitted to [V].
+    load_error_volt : what the circuit adds to it under load, at this temperature [V].
+    outside : where neither resistance nor relaxation was measured.
+    elements, lags : tuples of Element and Relaxation, the ohmic resistance first.
+    """
+
+    soc: np.ndarray
+    ocv_volt: np.ndarray
+    shift_volt: np.ndarray
+    error_volt: np.ndarray
+    load_error_volt: float
+    outside: np.ndarray
+    elements: tuple
+    lags: tuple
+    capacity_ampere_hour: float
+
+
+def bank_of(model, member, temperature_celsius, *, points=201):
+    """Tables of one member of a model at one temperature.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2.
+    member : name of the member, or None for the chosen one.
+    temperature_celsius : scalar [degC]; NaN takes a single condition as it is.
+    points : points of the grid over SoC 0 to 1; it goes on at the same distance outside.
+
+    Returns
+    -------
+    bank : Bank.
+
+    Raises
+    ------
+    Refusal : the model does not say how well it fits (`fit_rmse_volt`), or as `circuit_at`.
+    """
+    own = member_of(model, member)
+    capacity = model["capacity_ampere_hour"] * float(capacity_factor(own, temperature_celsius))
+    beyond = round(BEYOND * (points - 1))
+    soc = np.arange(-beyond, points + beyond) / (points - 1)
+    celsius = np.full(len(soc), float(temperature_celsius))
+    found = circuit_at(own["conditions"], soc, celsius)
+    ocv_volt = continued_ocv_at(model["ocv"], found.table_soc, celsius)
+    stretch = np.gradient(found.table_soc, soc)
+    branches = [b for k, b in enumerate(found.circuit) if k == 0 or _there(b, soc, capacity)]
+    rest, load = _errors(own, temperature_celsius)
+    return Bank(
+        soc=soc,
+        ocv_volt=ocv_volt,
+        shift_volt=found.ocv_shift_volt,
+        error_volt=rest * _shape(soc, ocv_volt + found.ocv_shift_volt, found.outside_soc),
+        load_error_volt=load,
+        outside=found.outside_soc,
+        elements=tuple(_element(branch, soc, stretch, capacity) for branch in branches),
+        lags=tuple(lag for k, branch in enumerate(branches) for lag in _lags(k, branch, soc)),
+        capacity_ampere_hour=capacity,
+    )
+
+
+def drives(element, current_ampere):
+    """Drive of an element that is not linear in the current, at every sample and SoC node.
+
+    Parameters
+    ----------
+    element : Element without a gain.
+    current_ampere : (n,) the whole record [A]; a drive may look back at it (the last sign).
+
+    Returns
+    -------
+    drive : (n, nodes) over `NODES`.
+    """
+    rows = [
+        element.drive(current_ampere, **{name: v[k] for name, v in element.parameters.items()})
+        for k in range(len(NODES))
+    ]
+    return np.array(rows).T
+
+
+def warmth_of(model, member, temperature_celsius, reference_celsius):
+    """Resistance of a cell along a course of its temperature, over that at one temperature.
+
+    Parameters
+    ----------
+    model, member : as in `bank_of`.
+    temperature_celsius : (n,) [degC]. reference_celsius : scalar [degC].
+
+    Returns
+    -------
+    warmth : (n,) of the sum of all resistances at half charge [1]; one where the model has no
+        temperature.
+    """
+    course = np.append(np.asarray(temperature_celsius, float), reference_celsius)
+    grid = np.linspace(course.min(), course.max(), 101)
+    conditions = member_of(model, member)["conditions"]
+    circuit = circuit_at(conditions, np.full(len(grid), 0.5), grid).circuit
+    total = sum(b.parameters["r_ohm"] for b in circuit if "r_ohm" in b.parameters)
+    at = np.interp(course, grid, total)
+    return at[:-1] / at[-1]
+
+
+def _there(branch, soc, capacity):
+    """Whether a branch does anything: a member has the same ones at every temperature."""
+    one = np.full(len(soc), capacity)
+    return np.abs(kind_of(branch).drive(one, **branch.parameters)).max() > NOTHING
+
+
+def _element(branch, soc, stretch, capacity):
+    """`stretch` (m,): SoC of the OCV table per SoC; an offset is one of the table's."""
+    kind = kind_of(branch)
+    lags = kind.lags(**{name: values[0] for name, values in branch.parameters.items()})
+    direct = 1.0 - sum(lag.share for lag in lags)
+    direct = 0.0 if abs(direct) < 1e-12 else direct
+    if kind.linear or _straight(kind, branch, soc, capacity):
+        gain = kind.drive(np.ones(len(soc)), **branch.parameters)
+        gain = gain / stretch if kind.output == "soc" else gain
+        return Element(kind.output, direct, gain, None, {})
+    nodes = {name: np.interp(NODES, soc, v) for name, v in branch.parameters.items()}
+    return Element(kind.output, direct, None, kind.drive, nodes)
+
+
+def _straight(kind, branch, soc, capacity):
+    """Kinetics whose scale was found to be out of reach are a resistance."""
+    currents = capacity * np.array([1.0, 20.0, -1.0, -20.0])
+    each = [kind.drive(np.full(len(soc), i), **branch.parameters) / i for i in currents]
+    return np.ptp(each, axis=0).max() <= STRAIGHT * np.abs(each[0]).max()
+
+
+def _lags(index, branch, soc):
+    for lag in kind_of(branch).lags(**branch.parameters):
+        constant = np.broadcast_to(lag.constant, soc.shape)
+        yield Relaxation(index, lag.clock, float(lag.share), constant)
+
+
+# ASSUME: Of the error that all temperatures share, half the variance is the OCV's; the other half,
+# and what some temperatures add to it, is the circuit's and there under load only.
+def _errors(member, celsius):
+    """RMS error on unseen data, at rest and of the circuit.
+
+    Over temperature as in the fit, straight in °C; in all that of the blocks left out of it.
+    """
+    conditions = member["conditions"]
+    pairs = [(c["ambient_temperature_celsius"], c.get("fit_rmse_volt")) for c in conditions]
+    if any(error is None for _, error in pairs):
+        raise Refusal("the model does not say how well it fits (fit_rmse_volt): no noise is known")
+    errors = np.array([error for _, error in pairs])
+    left_out = member.get("left_out_rmse_volt")
+    samples = [c.get("samples", 1) for c in conditions]
+    whole = np.sqrt(np.average(errors**2, weights=samples))
+    errors = errors * (UNSEEN if left_out is None else left_out / max(whole, 1e-9))
+    rest = errors.min() / np.sqrt(2.0)
+    order = np.argsort([known or 0.0 for known, _ in pairs])
+    known = np.array([known for known, _ in pairs])[order]
+    here = errors[0] if len(pairs) == 1 else np.interp(celsius, known, errors[order])
+    return float(rest), float(np.sqrt(here**2 - rest**2))
+
+
+# ASSUME: A model's error goes with the slope of the OCV, as that of a wrong SoC: it is told as one
+# number, most of which comes from near empty, where voltage and resistance bend.
+def _shape(soc, volt, outside):
+    """Share of the error at every SoC; its mean square over what was measured is one."""
+    sides = soc + SIDE, soc - SIDE
+    slope = np.abs(np.interp(sides[0], soc, volt) - np.interp(sides[1], soc, volt)) / (2 * SIDE)
+    measured = (~outside) & (soc >= 0.0) & (soc <= 1.0)
+    level = np.sqrt(np.mean(slope[measured] ** 2)) if measured.any() else 0.0
+    return slope / level if level > 0.0 else np.ones(len(soc))

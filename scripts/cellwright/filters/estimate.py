@@ -1,0 +1,187 @@
+"""State of charge of a record by coulomb counting, OCV look-up and Kalman filters."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.filters.bank import NODES
+from cellwright.filters.kalman import run
+from cellwright.filters.plant import ERROR, GAIN, SLOPE, TOTAL, Noise, plant_of
+from cellwright.filters.start import acquire
+from cellwright.numerics.lags import lag
+from cellwright.refusal import Refusal
+
+METHODS = ("coulomb", "ocv", "ekf", "aekf", "dual")
+PASSES = 3  # of the look-up: resistances need a SoC, the SoC needs resistances
+FLAT_VOLT = 1e-9  # a slope of the OCV that tells nothing
+
+
+class Start(NamedTuple):
+    """What is known before the first sample.
+
+    soc, soc_std : state of charge and its standard deviation [1].
+    c_rate : current that may have flowed before, as a rate; its settled relaxations are the
+        standard deviations of those at the start [1/h]. 0: the cell had relaxed.
+    capacity_error : relative standard deviation of the capacity, for "dual" [1].
+    ohmic_error : the same of the ohmic resistance, where that is tracked [1].
+    """
+
+    soc: float
+    soc_std: float = 0.5
+    c_rate: float = 0.0
+    capacity_error: float = 0.1
+    ohmic_error: float = 0.3
+
+
+class Estimate(NamedTuple):
+    """State of charge (n,) [1] with its standard deviation, and what it was found by.
+
+    innovation_volt, innovation_std_volt : measured minus predicted voltage, and what its standard
+        deviation should be; NaN where a method has none [V].
+    capacity_ampere_hour, capacity_std_ampere_hour : NaN but for "dual" [Ah].
+    ohmic_scale, ohmic_scale_std : resistance over the model's; NaN where it is not tracked [1].
+    """
+
+    soc: np.ndarray
+    std: np.ndarray
+    innovation_volt: np.ndarray
+    innovation_std_volt: np.ndarray
+    capacity_ampere_hour: np.ndarray
+    capacity_std_ampere_hour: np.ndarray
+    ohmic_scale: np.ndarray
+    ohmic_scale_std: np.ndarray
+
+
+def estimate(
+    bank,
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    start,
+    *,
+    method,
+    noise=None,
+    hold="first_order",
+    warmth=1.0,
+    track_ohmic=True,
+):
+    """State of charge over a record, from a start that may be wrong.
+
+    "coulomb" counts from the stated start (2.21). "ocv" looks each sample up alone: the voltage
+    less the model's overpotentials, in the OCV table. "ekf" filters with the stated noise, "aekf"
+    matches it to what is seen (table 2.3), "dual" has the capacity as a further state: the two
+    filters of appendix B in one covariance, of which the print's recursion dg/dC is the mixed
+    entry.
+
+    Parameters
+    ----------
+    bank : Bank of a member at the record's temperature.
+    test_time_second, current_ampere, voltage_volt : (n,) [s], [A] positive on charge, [V].
+    start : Start.
+    method : one of `METHODS`.
+    noise : Noise; None takes its defaults.
+    hold : how the current runs between two samples.
+    warmth : scalar or (n,) resistance of the cell at each sample over the bank's [1].
+    track_ohmic : estimate a scale of the ohmic resistance as well; without, an error of it is taken
+        for one of the SoC.
+
+    Returns
+    -------
+    estimate : Estimate.
+
+    Raises
+    ------
+    Refusal : an unknown method, a start that is impossible, or as `plant_of`.
+
+    Source: thesis 2.4, table 2.3 and appendix B; docs/soc-filters.md says what was mended.
+    """
+    # ASSUME: What a model errs by at rest keeps its value over about `error_soc` of the charge, the
+    # error of its circuit for about `error_second`.
+    if method not in METHODS:
+        raise Refusal(f"SoC method {method!r} is unknown; known are {', '.join(METHODS)}")
+    if not (0.0 <= start.soc <= 1.0 and start.soc_std > 0.0):
+        raise Refusal(
+            f"SoC {start.soc:g} ± {start.soc_std:g} at the start; wanted 0 to 1, with some doubt"
+        )
+    noise = (noise or Noise())._replace(adaptive=method in ("aekf", "dual"))
+    dual = method == "dual"
+    record = (test_time_second, current_ampere, voltage_volt)
+    settings = {"hold": hold, "warmth": warmth}
+    plant = plant_of(bank, *record, noise, **settings, track_capacity=dual, track_ohmic=track_ohmic)
+    if method == "coulomb":
+        return _plain(*_counted(plant, start, noise))
+    if method == "ocv":
+        return _plain(*_looked_up(plant, noise))
+    return _filtered(plant, start, noise)
+
+
+def _plain(soc, std):
+    return Estimate(soc, std, *[np.full(len(soc), np.nan)] * 6)
+
+
+def _counted(plant, start, noise):
+    moved = np.cumsum(plant.charge_ampere_hour) / plant.capacity_ampere_hour
+    seconds = np.cumsum(plant.step_second)
+    return start.soc + moved, np.sqrt(start.soc_std**2 + noise.soc_walk[0] * seconds)
+
+
+def _looked_up(plant, noise):
+    """SoC at which the OCV is the voltage less the overpotentials at that SoC, sample by sample."""
+    grid = plant.soc_first + plant.soc_spacing * np.arange(len(plant.tables))
+    inside = (grid > -1e-9) & (grid < 1.0 + 1e-9)
+    curve = np.maximum.accumulate(plant.tables[inside, TOTAL])
+    soc = np.interp(plant.voltage_volt, curve, grid[inside])
+    for _ in range(PASSES):
+        over = _overpotential(plant, soc, grid)
+        soc = np.interp(plant.voltage_volt - over, curve, grid[inside])
+    at = [np.interp(soc, grid, plant.tables[:, column]) for column in (SLOPE, ERROR)]
+    volt = np.sqrt(at[1] ** 2 + plant.slow_variance + plant.white_variance)
+    std = volt / np.maximum(at[0], FLAT_VOLT)
+    return soc, np.minimum(std, 1.0 / np.sqrt(12.0))
+
+
+def _overpotential(plant, soc, grid):
+    """Voltage over the circuit (n,) along a course of the SoC; what shifts the SoC by the slope."""
+    drives, over = [], np.zeros(len(soc))
+    slope = np.interp(soc, grid, plant.tables[:, SLOPE])
+    rows = np.arange(len(soc))
+    for e, source in enumerate(plant.source):
+        current = plant.between_ampere if plant.by_charge[e] else plant.current_ampere
+        if source < 0:
+            drive = np.interp(soc, grid, plant.tables[:, GAIN + e]) * current
+        else:
+            spot = np.clip(soc, 0.0, 1.0) * (len(NODES) - 1)
+            cell = np.minimum(spot.astype(int), len(NODES) - 2)
+            low, high = (plant.drives[source, rows, cell + side] for side in (0, 1))
+            drive = low + (spot - cell) * (high - low)
+        drives.append(drive * np.where(plant.shifts_soc[e], slope, 1.0))
+        over += plant.direct[e] * drives[-1]
+    for j, e in enumerate(plant.element):
+        constant = np.interp(soc, grid, plant.tables[:, GAIN + len(drives) + j])[:-1]
+        held = plant.by_charge[e] or not plant.first_order
+        clock = plant.passed_ampere_hour if plant.by_charge[e] else plant.step_second
+        driven = np.append(drives[e][1:], 0.0) if plant.by_charge[e] else drives[e]
+        hold = "zero_order" if held else "first_order"
+        over += plant.share[j] * lag(clock[1:], constant, driven, hold=hold)
+    return over
+
+
+def _filtered(plant, start, noise):
+    state, innovation, variance = acquire(plant, start, noise)
+    found = run(plant, noise, state)
+    found[0, 2:4] = innovation, variance
+    nothing = np.full(len(found), np.nan)
+    capacity, ohmic = (nothing, nothing), (nothing, nothing)
+    if plant.capacity >= 0:
+        size = plant.capacity_ampere_hour / found[:, 4]
+        capacity = size, size * np.sqrt(found[:, 5]) / found[:, 4]
+    if plant.ohmic >= 0:
+        ohmic = found[:, 6], np.sqrt(found[:, 7])
+    return Estimate(
+        found[:, 0],
+        np.sqrt(found[:, 1]),
+        found[:, 2],
+        np.sqrt(found[:, 3]),
+        *capacity,
+        *ohmic,
+    )

@@ -1,0 +1,349 @@
+"""Filters through a test that took no part in any fit, from wrong starts, and their scores."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
+from cellwright.circuits.model_file import member_of
+from cellwright.filters.bank import bank_of, warmth_of
+from cellwright.filters.estimate import Start, estimate
+from cellwright.filters.plant import Noise
+from cellwright.records.anchor import REST_C_RATE
+from cellwright.records.basis import soc_of
+from cellwright.records.record import course_celsius, fit_mask
+from cellwright.refusal import Refusal
+
+NORMAL_95 = 1.959963985
+LAGS = 20  # of the autocorrelation that is tested
+
+
+class Innovations(NamedTuple):
+    """Tests of a filter's innovations, standardised by what they should be.
+
+    nis_mean : mean of their squares; one where the filter's noise is right, larger where it trusts
+        its model too much.
+    nis_low, nis_high : where nis_mean lies in 95 % of such records.
+    autocorrelation : of neighbours; zero where nothing is left to learn.
+    white : whether the Ljung–Box statistic over `LAGS` lags stays below its 95 % bound.
+    """
+
+    nis_mean: float
+    nis_low: float
+    nis_high: float
+    autocorrelation: float
+    white: bool
+
+
+def innovation_tests(innovation_volt, innovation_std_volt):
+    """Normalised innovation squared against χ², and whiteness.
+
+    Parameters
+    ----------
+    innovation_volt, innovation_std_volt : (n,) [V].
+
+    Returns
+    -------
+    innovations : Innovations; NaN and False where a method has no innovations.
+
+    Raises
+    ------
+    Refusal : fewer samples than lags.
+
+    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications (2001) 5.4;
+        G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297.
+    """
+    ratio = innovation_volt / innovation_std_volt
+    if np.isnan(ratio).all():
+        return Innovations(*[np.nan] * 4, False)
+    n = len(ratio)
+    if n <= LAGS:
+        raise Refusal(f"{n} innovations; more than {LAGS} are needed to test them")
+    low, high = (chi_square(side, n) / n for side in (-NORMAL_95, NORMAL_95))
+    centred = ratio - ratio.mean()
+    power = max(centred @ centred, np.finfo(float).tiny)
+    rho = np.array([centred[k:] @ centred[:-k] / power for k in range(1, LAGS + 1)])
+    statistic = n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, LAGS + 1)))
+    white = bool(statistic < chi_square(1.644853627, LAGS))
+    return Innovations(float(np.mean(ratio**2)), low, high, float(rho[0]), white)
+
+
+def chi_square(normal, degrees):
+    """Quantile of χ² at the probability that a standard normal variable has at `normal`.
+
+    Parameters
+    ----------
+    normal : quantile of the standard normal distribution.
+    degrees : degrees of freedom.
+
+    Source: E. B. Wilson, M. M. Hilferty, PNAS 17 (1931) 684; within 0.6 % from 20 degrees up.
+    """
+    ninth = 2.0 / (9.0 * degrees)
+    return float(degrees * (1.0 - ninth + normal * np.sqrt(ninth)) ** 3)
+
+
+def convergence_second(test_time_second, error_soc, *, band, hold_second):
+    """Time until the error is within a band and stays there for a while.
+
+    Parameters
+    ----------
+    test_time_second, error_soc : (n,) [s], [1].
+    band : largest error that counts as converged [1].
+    hold_second : for how long it has to stay there [s].
+
+    Returns
+    -------
+    second : time since the first sample [s]; NaN where it never does.
+    """
+    inside = np.abs(error_soc) <= band
+    bounds = np.flatnonzero(np.diff(inside.astype(int), prepend=0, append=0))
+    first, last = bounds[::2], bounds[1::2] - 1
+    stays = test_time_second[last] - test_time_second[first] >= hold_second
+    if not stays.any():
+        return np.nan
+    return float(test_time_second[first[stays][0]] - test_time_second[0])
+
+
+def scores(test_time_second, estimate, reference_soc, scored, *, band, hold_second):
+    """Errors of an estimated SoC against a reference.
+
+    Parameters
+    ----------
+    test_time_second : (n,) [s].
+    estimate : soc.Estimate.
+    reference_soc : (n,) [1].
+    scored : (n,) bool, the samples that count.
+    band, hold_second : as in `convergence_second`.
+
+    Returns
+    -------
+    row : dict. rmse_soc and max_abs_soc are taken after convergence, or over all that counts where
+        there is none; coverage_95 is the share of samples in the 95 % interval, all of them.
+
+    Raises
+    ------
+    Refusal : no sample counts, or an estimate that is not finite.
+    """
+    error = estimate.soc - reference_soc
+    if not scored.any():
+        raise Refusal("no sample is left to score")
+    if not np.isfinite(error).all():
+        raise Refusal(f"{np.sum(~np.isfinite(error))} estimated SoC are not finite")
+    time = test_time_second
+    converged = convergence_second(time, error, band=band, hold_second=hold_second)
+    late = scored & (time - time[0] >= (0.0 if np.isnan(converged) else converged))
+    late = late if late.any() else scored
+    covered = np.abs(error) <= NORMAL_95 * estimate.std
+    tests = innovation_tests(estimate.innovation_volt[scored], estimate.innovation_std_volt[scored])
+    return {
+        "rmse_soc": float(np.sqrt(np.mean(error[late] ** 2))),
+        "max_abs_soc": float(np.abs(error[late]).max()),
+        "convergence_second": converged,
+        "capacity_ampere_hour": float(estimate.capacity_ampere_hour[-1]),
+        "capacity_std_ampere_hour": float(estimate.capacity_std_ampere_hour[-1]),
+        "soc_std": float(estimate.std[late].mean()),
+        "coverage_95": float(covered[scored].mean()),
+        **tests._asdict(),
+    }
+
+
+FEWEST, MOST = 20, 20000  # samples of the window of the adaptive law
+WALK_RATIO = 10.0  # of the largest to the smallest variance that the current sensor adds
+
+
+class Record(NamedTuple):
+    """What a filter is given, and what it is scored against; (n,) each."""
+
+    test_time_second: np.ndarray
+    current_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    reference_soc: np.ndarray
+    scored: np.ndarray
+    warmth: np.ndarray
+
+
+class SocRuns(NamedTuple):
+    """Rows of scores, one a filter, start and scenario, and the series of the first of them."""
+
+    rows: list
+    series: dict
+    notes: tuple
+
+
+def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
+    """Run every filter through a test and score it against the counted SoC.
+
+    The first stated error of the start is run with every scenario; further errors and starts
+    nominally only.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2.
+    cell, facts : dicts, the rows of the cell and of the test.
+    series : dict of (n,) columns, clean.
+    settings : dict, section `soc` of the config.
+    split_rest_second : shortest rest that cuts a test of role `split` [s]; its even blocks count.
+
+    Returns
+    -------
+    runs : SocRuns.
+
+    Raises
+    ------
+    Refusal
+        No SoC at the start can be known, nothing is left to score, or as `soc.estimate`.
+    """
+    course, source = course_celsius(facts, series)
+    celsius = _loaded_mean(model, series, course)
+    bank = bank_of(model, None, celsius)
+    record = _record(model, cell, facts, series, split_rest_second)
+    record = record._replace(warmth=warmth_of(model, None, course, celsius))
+    own = member_of(model, None)
+    notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
+    seen = ("reading", "counting")
+    notes += [f"filters and their reference know that {told}" for told in words_of(own, seen)]
+    settings = settings | {"hold": hold_of(own, series["current_ampere"])}
+    noise = noise_of(settings, record.test_time_second)
+    first, *others = _starts(settings, record.reference_soc[0])
+    plans = [("nominal", start) for start in (first, *others)]
+    plans += [(scenario, first) for scenario in settings["scenarios"]]
+    rows, columns = [], {}
+    for method in settings["filters"]:
+        found = [_one(method, plan, record, bank, noise, settings) for plan in plans]
+        rows += [row for row, _ in found]
+        columns |= _columns(method, found[0][1])
+    rows = [row | {"model": model["chosen"]} for row in rows]
+    shown = {"test_time_second": record.test_time_second, "soc": record.reference_soc}
+    return SocRuns(rows, shown | {"scored": record.scored} | columns, tuple(notes))
+
+
+def noise_of(settings, test_time_second):
+    """What the config states of sensors and model, as the filters take it.
+
+    A current error of `c` (a rate) that keeps its value is taken as a walk that has gone as far
+    after an hour: variance c²/3600 per second.
+
+    Parameters
+    ----------
+    settings : dict, section `soc` of the config.
+    test_time_second : (n,) [s], for the length of the window in samples.
+    """
+    # ASSUME: An offset of the current sensor acts like a random walk of the SoC that is as large
+    # after one hour.
+    walk = settings["current_error_c_rate"] ** 2 / 3600.0
+    step = np.median(np.diff(test_time_second)) if len(test_time_second) > 1 else 1.0
+    samples = settings["window_second"] / max(step, 1e-3)
+    return Noise(
+        sensor_volt=settings["sensor_volt"],
+        resistance_error=settings["resistance_error"],
+        error_factor=settings["model_error_factor"],
+        least_error_volt=settings["model_error_volt"],
+        fast_second=settings["resistance_error_second"],
+        error_second=settings["model_error_second"],
+        error_soc=settings["model_error_soc"],
+        soc_walk=(walk, WALK_RATIO * walk),
+        skew_second=settings["skew_second"],
+        slope_window_soc=settings["slope_window_soc"],
+        window=int(np.clip(samples, FEWEST, MOST)),
+    )
+
+
+def _record(model, cell, facts, series, split_rest_second):
+    time, current = series["test_time_second"], series["current_ampere"]
+    scored = np.ones(len(time), bool)
+    if facts["role"] == "split":
+        rest = REST_C_RATE * model["capacity_ampere_hour"]
+        scored = ~fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
+    own, reference = member_of(model, None), soc_of(series, model, facts, cell).soc
+    capacity, celsius = model["capacity_ampere_hour"], course_celsius(facts, series)[0]
+    true = corrected(own, capacity, time, current, reference, celsius, kind=facts.get("kind"))
+    volt = true_volt(own, series["voltage_volt"])
+    return Record(time, true.charging_ampere, volt, true.soc, scored, np.ones(len(time)))
+
+
+def _loaded_mean(model, series, course):
+    """One temperature for the tables of the whole record: where the load is, not the rests."""
+    # ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under
+    # load; resistances follow the temperature.
+    limit = REST_C_RATE * model["capacity_ampere_hour"]
+    loaded = np.abs(series["current_ampere"]) > limit
+    return float(np.mean(course[loaded])) if loaded.any() else float(np.mean(course))
+
+
+def _starts(settings, soc):
+    """Wrong starts, kept within 0…1."""
+    stated = [soc + error for error in settings["initial_soc_error"]] + settings["initial_soc"]
+    kept = [float(np.clip(value, 0.0, 1.0)) for value in stated]
+    return [Start(value, soc_std=settings["initial_soc_std"]) for value in dict.fromkeys(kept)]
+
+
+def _disturbed(scenario, record, bank, start, settings):
+    """Record, bank and start of a scenario."""
+    if scenario == "current_offset":
+        offset = settings["current_offset_c_rate"] * bank.capacity_ampere_hour
+        return record._replace(current_ampere=record.current_ampere + offset), bank, start
+    if scenario == "voltage_bias":
+        biased = record.voltage_volt + settings["voltage_bias_volt"]
+        return record._replace(voltage_volt=biased), bank, start
+    if scenario in ("capacity_high", "capacity_low"):
+        sign = 1.0 if scenario == "capacity_high" else -1.0
+        size = bank.capacity_ampere_hour * (1.0 + sign * settings["capacity_error"])
+        return record, bank._replace(capacity_ampere_hour=size), start
+    if scenario == "mid_drive":
+        late = slice(len(record.scored) // 3, None)
+        kept = Record(*[column[late] for column in record])
+        moved = kept.reference_soc[0] + start.soc - record.reference_soc[0]
+        return kept, bank, start._replace(soc=float(np.clip(moved, 0.0, 1.0)), c_rate=1.0)
+    return record, bank, start
+
+
+def _one(method, plan, record, bank, noise, settings):
+    """Row and estimate of one filter, scenario and start."""
+    scenario, start = plan
+    given, bank, start = _disturbed(scenario, record, bank, start, settings)
+    tracked = settings["track_resistance"]
+    known = {"noise": noise, "warmth": given.warmth, "track_ohmic": tracked}
+    known["hold"] = settings["hold"]
+    found = estimate(bank, *given[:3], start, method=method, **known)
+    error = float(start.soc - given.reference_soc[0])
+    row = {"filter": method, "scenario": scenario, "initial_soc_error": error}
+    row |= _scored(given, found, settings)
+    return row | {"reason": _reason(row, bank, given, noise, settings)}, found
+
+
+def _scored(given, found, settings):
+    return scores(
+        given.test_time_second,
+        found,
+        given.reference_soc,
+        given.scored,
+        band=settings["convergence_band"],
+        hold_second=settings["convergence_hold_second"],
+    )
+
+
+def _reason(row, bank, given, noise, settings):
+    """Why there is no convergence: in words, with the numbers that say so."""
+    if not np.isnan(row["convergence_second"]):
+        return ""
+    if row["filter"] == "coulomb":
+        return "counting keeps the error of its start"
+    band, hold = settings["convergence_band"], settings["convergence_hold_second"]
+    visited = np.clip(given.reference_soc, 0.0, 1.0)
+    total = bank.ocv_volt + bank.shift_volt
+    ends = [np.interp(np.clip(visited + side, 0, 1), bank.soc, total) for side in (-0.05, 0.05)]
+    slope = float(np.median(ends[1] - ends[0]))
+    stated = np.interp(visited, bank.soc, bank.error_volt)
+    stated = float(np.hypot(np.median(stated), bank.load_error_volt))
+    error = max(noise.error_factor * stated, noise.least_error_volt)
+    if error * 0.1 > band * slope:
+        told = f"the OCV slope of {1e3 * slope:.1f} mV per 10 % is below what a model error of"
+        return f"{told} {1e3 * error:.1f} mV allows for {100 * band:g} %"
+    return f"never within {100 * band:g} % for {hold:g} s"
+
+
+def _columns(method, found):
+    columns = {f"estimated_{method}_soc": found.soc, f"std_{method}_soc": found.std}
+    if np.isfinite(found.innovation_volt).any():
+        columns[f"innovation_{method}_volt"] = found.innovation_volt
+    return columns

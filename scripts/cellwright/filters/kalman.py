@@ -1,0 +1,297 @@
+"""Extended Kalman filter of a cell on a frozen state, and a whole record through it.
+
+The state: SoC, the lags of the circuit, and where asked the model's own errors (one that lasts
+minutes and one that lasts seconds [V], and one that stands over SoC, in units of what is stated
+there), the inverse of the capacity over its nominal value, and a scale of the ohmic resistance.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.filters.bank import NODES
+from cellwright.filters.plant import ERROR, OCV, TOTAL, drive_at, look_at, relaxation_at, slope_at
+from cellwright.native import array, function, integers
+
+
+class State(NamedTuple):
+    """Mean (s,) and covariance (s, s); beside them what the adaptive law has found so far.
+
+    soc_walk : variance of the SoC that each second adds [1/s].
+    error_variance : variance of the model's slow error [V²].
+    seen : (samples, 3) of the window: e², its share from the state, and the same of the model
+        without its error state, net.
+    linear_soc, surface_soc : SoC at which the Jacobian is taken, and how far the surface of the
+        particles is from it. wide_variance : of the SoC, over which the chord is taken [1].
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    soc_walk: float
+    error_variance: float
+    seen: np.ndarray
+    linear_soc: float
+    surface_soc: float
+    wide_variance: float
+
+
+class Output(NamedTuple):
+    """Voltage that a state predicts, its Jacobian (s,), what the linear form leaves out, the
+    error that is stated there, and how far the surface's SoC is from the mean's."""
+
+    volt: float
+    jacobian: np.ndarray
+    curvature_volt: float
+    stated_volt: float
+    surface_soc: float
+
+
+def predict(state, plant, k, noise):
+    """State at sample k from that at sample k − 1.
+
+    The SoC by the charge that passed, each lag exactly for its hold of the current, over the true
+    step; parameters are looked up at the predicted SoC.
+
+    Parameters
+    ----------
+    state : State.
+    plant : Plant.
+    k : number of the sample, from 1.
+    noise : Noise.
+
+    Source: thesis, table 2.3, (4) and (7).
+    """
+    step, charge = plant.step_second[k], plant.charge_ampere_hour[k] / plant.capacity_ampere_hour
+    mean, moved = state.mean.copy(), np.eye(plant.size)
+    mean[0] += charge * (mean[plant.capacity] if plant.capacity >= 0 else 1.0)
+    if plant.capacity >= 0:
+        moved[0, plant.capacity] = charge
+    covariance = moved @ state.covariance @ moved.T
+    covariance[0, 0] += state.soc_walk * step
+    relaxed = np.eye(plant.size)
+    for j in range(len(plant.element)):
+        relaxed[1 + j, 1 + j], towards = relaxation_at(plant, k, j, mean[0])
+        mean[1 + j] = relaxed[1 + j, 1 + j] * mean[1 + j] + towards
+    passed = plant.passed_ampere_hour[k] / plant.capacity_ampere_hour
+    forgotten = [(plant.error, step, noise.error_second, state.error_variance)]
+    forgotten += [(plant.fast, step, noise.fast_second, plant.fast_variance)]
+    forgotten += [(plant.standing, passed, noise.error_soc, 1.0)]
+    for spot, by, span, variance in (one for one in forgotten if one[0] >= 0):
+        keep = np.exp(-by / span)
+        mean[spot] *= keep
+        covariance[spot, :] *= keep
+        covariance[:, spot] *= keep
+        covariance[spot, spot] += (1.0 - keep**2) * variance
+    covariance = relaxed @ covariance @ relaxed.T
+    if plant.ohmic >= 0:
+        covariance[plant.ohmic, plant.ohmic] += noise.ohmic_walk * step
+    spots = _linear(state, mean[0], covariance[0, 0], _follows(step, noise), noise)
+    return state._replace(mean=mean, covariance=covariance)._replace(**spots)
+
+
+def _linear(state, soc, variance, follows, noise):
+    """Where and how wide the Jacobian is taken: it follows the charge, a correction only slowly.
+
+    Were the slope taken anew at every corrected SoC, its change would pass for a second, different
+    measurement of the same error: SoC and model error, which one voltage cannot tell apart, would
+    be told apart by the filter's own steps.
+
+    Source: G. P. Huang, A. I. Mourikis, S. I. Roumeliotis, Int. J. Robotics Research 29 (2010) 502.
+    """
+    if noise.error_second <= 0.0:
+        return {"linear_soc": soc, "wide_variance": variance}
+    linear = state.linear_soc + (soc - state.mean[0])
+    linear += follows * (soc - linear)
+    wide = state.wide_variance + follows * (variance - state.wide_variance)
+    half = noise.slope_window_soc / 2
+    reach = np.sqrt(3.0 * wide) if 3.0 * wide > half**2 else half
+    linear = max(min(linear, soc + reach), soc - reach)
+    return {"linear_soc": linear, "wide_variance": wide}
+
+
+def _follows(step, noise):
+    return 1.0 - np.exp(-step / noise.error_second) if noise.error_second > 0.0 else 1.0
+
+
+def output(state, plant, k, noise):
+    """Voltage that a state predicts at sample k, and its Jacobian.
+
+    The slope of the OCV is that of a chord as wide as what is not known of the SoC, within 0…1,
+    and at least `slope_window_soc`: a tangent would mislead a filter that does not yet know where
+    it is. What the chord misses in its middle is told as `curvature_volt`. That resistances change
+    over SoC is in the voltage, not in the Jacobian: one that is 10 % off would be read as a SoC.
+
+    Parameters
+    ----------
+    state, plant, k, noise : as in `predict`.
+    """
+    mean, jacobian = state.mean, np.zeros(plant.size)
+    direct, offset, over, ohmic = 0.0, 0.0, 0.0, 0.0
+    for e in range(len(plant.direct)):
+        drive = plant.direct[e] * drive_at(plant, e, k, mean[0])
+        scale = mean[plant.ohmic] if e == 0 and plant.ohmic >= 0 else 1.0
+        if e == 0:
+            ohmic = drive
+        offset += scale * drive * plant.shifts_soc[e]
+        direct += scale * drive * (1 - plant.shifts_soc[e])
+    for j, e in enumerate(plant.element):
+        part = plant.share[j] * mean[1 + j]
+        offset += part * plant.shifts_soc[e]
+        over += part * (1 - plant.shifts_soc[e])
+    follows = _follows(plant.step_second[k], noise)
+    lean = state.surface_soc + follows * (offset - state.surface_soc)
+    surface = state.linear_soc + lean
+    stated = look_at(plant, surface)[ERROR]
+    slope, curvature = slope_at(plant, surface, state.wide_variance, noise)
+    shifts = plant.shifts_soc[plant.element]
+    jacobian[1 : 1 + len(plant.element)] = plant.share * np.where(shifts, slope, 1.0)
+    jacobian[0] = slope
+    at = look_at(plant, mean[0])
+    volt = look_at(plant, mean[0] + offset)[OCV] + at[TOTAL] - at[OCV] + direct + over
+    for spot, scale in ((plant.error, 1.0), (plant.fast, 1.0), (plant.standing, stated)):
+        if spot >= 0:
+            volt, jacobian[spot] = volt + scale * mean[spot], scale
+    if plant.ohmic >= 0:
+        jacobian[plant.ohmic] = ohmic
+    return Output(volt, jacobian, curvature, stated, lean)
+
+
+def update(state, plant, k, noise):
+    """State at sample k with its voltage taken in.
+
+    The covariance in Joseph's form, (I − KC)·P·(I − KC)ᵀ + K·R·Kᵀ: a sum of two terms that cannot
+    be negative, whatever rounding makes of the gain; the print's (I − KC)·P can.
+
+    Parameters
+    ----------
+    state, plant, k, noise : as in `predict`.
+
+    Returns
+    -------
+    state : State.
+    innovation : measured minus predicted voltage [V].
+    variance : what its variance should be [V²].
+
+    Source: thesis, table 2.3, (5), (6), (8)–(10).
+    """
+    out, edge = output(state, plant, k, noise), plant.edge_variance[k]
+    innovation = plant.voltage_volt[k] - out.volt
+    shared = state.covariance @ out.jacobian
+    known = out.jacobian @ shared
+    floor, error = plant.white_variance, plant.slow_variance
+    error = error + (out.stated_volt**2 if plant.standing < 0 else 0.0)
+    if plant.error < 0:
+        floor, own = floor + error, np.nan
+    else:
+        b = plant.error
+        own = (innovation + state.mean[b]) ** 2 - (known - 2.0 * shared[b] + state.covariance[b, b])
+        own -= edge
+    white, error = _matched(state.seen, floor, error, noise) if noise.adaptive else (floor, error)
+    white = white + (out.curvature_volt**2 + edge)
+    variance = known + white
+    gain = shared / variance
+    left = np.eye(plant.size) - np.outer(gain, out.jacobian)
+    covariance = left @ state.covariance @ left.T + white * np.outer(gain, gain)
+    walk = _walk(state, gain[0], variance, plant.step_second[k], noise)
+    mean = state.mean + gain * innovation
+    seen = np.vstack([state.seen, [innovation**2, known + edge, own]])[-noise.window :]
+    found = state._replace(mean=mean, covariance=covariance, soc_walk=walk, error_variance=error)
+    found = found._replace(seen=seen, surface_soc=out.surface_soc)
+    return found, innovation, variance
+
+
+def _matched(seen, floor, error, noise):
+    """White and slow variance that the last samples show, never below what was stated.
+
+    What of the window is still empty counts as stated, so that one sample is no statistics. From
+    each e² goes its own share CPCᵀ, so that a wrong start does not pass for noise.
+
+    Source: K. A. Myers, B. D. Tapley, IEEE Trans. Automatic Control 21 (1976) 520.
+    """
+    empty = noise.window - len(seen)
+    white = max(floor, (np.sum(seen[:, 0] - seen[:, 1]) + empty * floor) / noise.window)
+    slow = (np.sum(seen[:, 2]) + empty * (error + white)) / noise.window - white
+    return white, max(error, slow)
+
+
+def _walk(state, gain, variance, step, noise):
+    """Variance of the SoC per second, Q = K·H·Kᵀ, between what the current sensor adds at least
+    and at most: unbounded, the print's law puts back all that a measurement taught."""
+    if not noise.adaptive or step <= 0.0:
+        return state.soc_walk
+    empty = noise.window - len(state.seen)
+    mean_square = (np.sum(state.seen[:, 0]) + empty * variance) / noise.window
+    return float(np.clip(gain**2 * mean_square / step, *noise.soc_walk))
+
+
+def run(plant, noise, state):
+    """Filter a whole record, in C where that can be built.
+
+    Parameters
+    ----------
+    plant : Plant. noise : Noise.
+    state : State at the first sample, its voltage taken in.
+
+    Returns
+    -------
+    found : (n, 8): SoC, its variance, innovation [V], its variance; inverse capacity over nominal
+        with variance; ohmic scale with variance. Row 0 holds no innovation.
+    """
+    kernel = function("kalman", *[integers] * 7, *[array] * 15)
+    if kernel is None:
+        return run_by_numpy(plant, noise, state)
+    found = _rows(plant, state)
+    sizes = [*found.shape[:1], *plant.tables.shape, len(plant.direct), len(plant.element)]
+    sizes += [plant.size, plant.error, plant.fast, plant.standing, plant.capacity]
+    sizes += [plant.ohmic, plant.first_order, noise.adaptive, noise.window, len(NODES)]
+    reals = [plant.soc_first, plant.soc_spacing, plant.capacity_ampere_hour, plant.white_variance]
+    reals += [plant.slow_variance, noise.error_second, *noise.soc_walk, noise.ohmic_walk]
+    reals += [noise.slope_window_soc / 2, state.soc_walk, state.error_variance, noise.error_soc]
+    reals += [state.linear_soc, noise.fast_second, plant.fast_variance]
+    reals += [state.wide_variance]
+    ring = np.zeros((noise.window, 3))
+    ring[: len(state.seen)] = state.seen
+    whole = [plant.shifts_soc, plant.source, plant.by_charge, plant.element, plant.moves]
+    record = [plant.step_second, plant.charge_ampere_hour, plant.passed_ampere_hour]
+    record += [plant.current_ampere, plant.between_ampere, plant.voltage_volt]
+    record += [plant.edge_variance]
+    kernel(
+        np.array(sizes, np.int64),
+        *whole,
+        np.array([len(state.seen)], np.int64),
+        np.array(reals, float),
+        *record,
+        *(plant.tables, plant.direct, plant.share, plant.drives, ring),
+        np.concatenate([state.mean, state.covariance.ravel()]),
+        found,
+    )
+    return found
+
+
+def run_by_numpy(plant, noise, state):
+    """As `run`, in plain numpy: the reference.
+
+    Parameters
+    ----------
+    plant, noise, state : as in `run`.
+    """
+    found = _rows(plant, state)
+    for k in range(1, len(found)):
+        state, innovation, variance = update(predict(state, plant, k, noise), plant, k, noise)
+        found[k] = _row(plant, state, innovation, variance)
+    return found
+
+
+def _rows(plant, state):
+    first = _row(plant, state, np.nan, np.nan)
+    found = np.empty((len(plant.step_second), len(first)))
+    found[0] = first
+    return found
+
+
+def _row(plant, state, innovation, variance):
+    row = [state.mean[0], state.covariance[0, 0], innovation, variance]
+    for spot in (plant.capacity, plant.ohmic):
+        known = spot >= 0
+        row += [state.mean[spot], state.covariance[spot, spot]] if known else [1.0, 0.0]
+    return row

@@ -1,0 +1,344 @@
+"""What a filter knows before it starts and at one SoC: tables and record laid out for it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.filters.bank import NODES, drives
+from cellwright.numerics.lags import lag, lag_weights
+from cellwright.refusal import Refusal
+
+
+def levels_of(bank, current_ampere, curved):
+    """RMS of every element's drive at half charge under a load.
+
+    One level for the whole record: were the noise to follow the current, an error of a resistance
+    would be heard at rest and not under load, and drive the SoC away, cycle by cycle.
+
+    Parameters
+    ----------
+    bank : Bank.
+    current_ampere : (n,) [A].
+    curved : dict, index of an element that is not linear → its drives (n, nodes).
+
+    Returns
+    -------
+    level_volt : (E,) [V].
+    """
+    half, levels = _half(bank), np.zeros(len(bank.elements))
+    slope = (bank.ocv_volt[half + 1] - bank.ocv_volt[half - 1]) / (bank.soc[2] - bank.soc[0])
+    for k, element in enumerate(bank.elements):
+        middle = len(NODES) // 2
+        drive = curved[k][:, middle] if k in curved else element.gain[half] * current_ampere
+        levels[k] = np.sqrt(np.mean(drive**2)) * (slope if element.output == "soc" else 1.0)
+    return levels
+
+
+def edges_of(bank, level_volt, step_second, current_ampere, skew_second, *, hold):
+    """Variance of the voltage that a change of the current leaves unknown for a while.
+
+    Into and out of a load alike, so that it favours neither; a record that starts under load starts
+    with a step.
+
+    Parameters
+    ----------
+    bank : Bank.
+    level_volt : (E,) from `levels_of` [V].
+    step_second, current_ampere : (n,) [s], [A].
+    skew_second : time by which the voltage may follow the current later than it was read [s].
+    hold : how the current runs between two samples.
+
+    Returns
+    -------
+    variance : (n,) [V²].
+    """
+    # ASSUME: Voltage and current are not read in the same moment, nor through the same filter: for
+    # `skew_second` after a step the voltage may still be that of the current before.
+    power = np.mean(current_ampere**2)
+    if skew_second <= 0.0 or power == 0.0:
+        return np.zeros(len(current_ampere))
+    at_once = np.array([e.direct for e in bank.elements])
+    for one in bank.lags:
+        within = skew_second / (skew_second + one.constant[_half(bank)])
+        at_once[one.element] += one.share * within * (one.clock == "second")
+    behind = current_ampere - lag(step_second[1:], skew_second, current_ampere, hold=hold)
+    return (level_volt @ at_once) ** 2 / power * behind**2
+
+
+def _half(bank):
+    return int(np.argmin(np.abs(bank.soc - 0.5)))
+
+
+OCV, TOTAL, SLOPE, ERROR, GAIN = range(5)  # columns of the tables; gains, then constants, follow
+TRACKED = ("error", "fast", "standing", "capacity", "ohmic")  # states after SoC and lags
+LARGEST = 32  # states that the compiled kernel takes
+
+
+class Noise(NamedTuple):
+    """What is not known, stated before a filter runs.
+
+    sensor_volt : white noise of the voltage sensor, standard deviation [V].
+    resistance_error : relative error of the model's overpotentials [1].
+    fast_second : for how long an error of what acts at once lasts [s]; 0: it is white.
+    error_factor : error of a model on another record, over what the bank says of it [1].
+    least_error_volt : no model is better than this on another record [V].
+    error_second : time over which its error under load stays what it is [s]; 0: it is white.
+    error_soc : charge over which its error at rest stays what it is [1]; 0: as that under load.
+    soc_walk : variance of the SoC that the current sensor adds, at least and at most [1/s].
+    ohmic_walk : variance of the ohmic scale, where that is tracked [1/s].
+    skew_second : time by which voltage may follow the current later than it was read [s].
+    slope_window_soc : window over which the slope of the OCV is taken [1].
+    adaptive : noise is matched to what is seen, over `window` samples.
+    """
+
+    sensor_volt: float = 0.002
+    resistance_error: float = 0.1
+    fast_second: float = 5.0
+    error_factor: float = 1.0
+    least_error_volt: float = 0.005
+    error_second: float = 150.0
+    error_soc: float = 0.3
+    soc_walk: tuple = (7e-9, 7e-8)
+    ohmic_walk: float = 1e-5
+    skew_second: float = 0.2
+    slope_window_soc: float = 0.02
+    adaptive: bool = True
+    window: int = 600
+
+
+class Plant(NamedTuple):
+    """A record and a bank as arrays. n samples, m points of the tables, E elements, L lags.
+
+    step_second, charge_ampere_hour, passed_ampere_hour : (n,) over the step that ends at a sample;
+        charge is net, passed counts both ways.
+    current_ampere, between_ampere : (n,) at a sample and over the step before it, by which drives
+        go: warmth is in them.
+    voltage_volt, edge_variance : (n,); what a step of the current leaves unknown [V²].
+    tables : (m, 4 + E + L): OCV, OCV with shift, its slope, model error, gains, constants of lags.
+    soc_first, soc_spacing : their uniform grid.
+    shifts_soc, direct, source, by_charge : (E,) whether an element's output is an offset of the
+        SoC; the share that acts at once; its row of `drives`, −1 for a gain; its clock.
+    drives : (q, n, nodes) of what is not linear in the current.
+    element, share, moves : (L,) of each lag; `moves` where its constant changes over SoC.
+    white_variance, fast_variance, slow_variance : of the noise, of what acts at once, and of the
+        model's error beside the tables' [V²].
+    size : states; error, fast, standing, capacity, ohmic: where they stand, −1 for none.
+    """
+
+    step_second: np.ndarray
+    charge_ampere_hour: np.ndarray
+    passed_ampere_hour: np.ndarray
+    current_ampere: np.ndarray
+    between_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    edge_variance: np.ndarray
+    tables: np.ndarray
+    soc_first: float
+    soc_spacing: float
+    shifts_soc: np.ndarray
+    direct: np.ndarray
+    source: np.ndarray
+    by_charge: np.ndarray
+    drives: np.ndarray
+    element: np.ndarray
+    share: np.ndarray
+    moves: np.ndarray
+    capacity_ampere_hour: float
+    white_variance: float
+    fast_variance: float
+    slow_variance: float
+    first_order: bool
+    size: int
+    error: int
+    fast: int
+    standing: int
+    capacity: int
+    ohmic: int
+
+
+def plant_of(
+    bank,
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    noise,
+    *,
+    hold,
+    warmth=1.0,
+    track_capacity=False,
+    track_ohmic=False,
+):
+    """Lay a bank and a record out for the recursion.
+
+    Parameters
+    ----------
+    bank : Bank.
+    test_time_second, current_ampere, voltage_volt : (n,) [s], [A] positive on charge, [V].
+    noise : Noise.
+    hold : "first_order" or "zero_order", how the current runs between two samples.
+    warmth : scalar or (n,) resistance of the cell at each sample over that at the bank's
+        temperature [1].
+    track_capacity, track_ohmic : whether capacity and a scale of the ohmic resistance are states.
+
+    Returns
+    -------
+    plant : Plant.
+
+    Raises
+    ------
+    Refusal : time runs back, values are not finite, lengths differ, or too many states.
+    """
+    time, current, voltage = _checked(test_time_second, current_ampere, voltage_volt)
+    step = np.diff(time, prepend=time[0])
+    before = np.concatenate([current[:1], current[:-1]])
+    between = before if hold == "zero_order" else (before + current) / 2
+    by_charge = _clocks(bank)
+    # ASSUME: Along a record all resistances move by one factor; what is linear or kinetic takes it
+    # as a factor on the current, what follows the sign of the current does not feel it.
+    warm = warmth * current, warmth * between
+    curved = [k for k, e in enumerate(bank.elements) if e.gain is None]
+    rows = [drives(bank.elements[k], warm[by_charge[k]]) for k in curved]
+    levels = levels_of(bank, warm[0], dict(zip(curved, rows, strict=True)))
+    constants = [one.constant for one in bank.lags]
+    spots = _layout(bank, noise, track_capacity, track_ohmic)
+    skew = noise.skew_second
+    return Plant(
+        step_second=step,
+        charge_ampere_hour=between * step / 3600.0,
+        passed_ampere_hour=np.abs(between) * step / 3600.0,
+        current_ampere=np.ascontiguousarray(warm[0]),
+        between_ampere=np.ascontiguousarray(warm[1]),
+        voltage_volt=voltage,
+        edge_variance=edges_of(bank, levels, step, warm[0], skew, hold=hold),
+        tables=_tables(bank, noise, constants),
+        soc_first=float(bank.soc[0]),
+        soc_spacing=float(bank.soc[1] - bank.soc[0]),
+        shifts_soc=np.array([e.output == "soc" for e in bank.elements], np.int64),
+        direct=np.array([e.direct for e in bank.elements]),
+        source=np.array([_place(k, curved) for k in range(len(bank.elements))], np.int64),
+        by_charge=by_charge,
+        drives=np.ascontiguousarray(np.reshape(rows, (-1, len(time), len(NODES)))),
+        element=np.array([one.element for one in bank.lags], np.int64),
+        share=np.array([one.share for one in bank.lags], float),
+        moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
+        capacity_ampere_hour=float(bank.capacity_ampere_hour),
+        first_order=hold == "first_order",
+        **_variances(bank, levels, noise),
+        **spots,
+    )
+
+
+def _variances(bank, levels, noise):
+    """Of what changes at each sample, within seconds and within minutes [V²]."""
+    at_once = float(levels @ [e.direct for e in bank.elements])
+    fast = (noise.resistance_error * at_once) ** 2
+    load = max(noise.error_factor * bank.load_error_volt, noise.least_error_volt)
+    return {
+        "white_variance": noise.sensor_volt**2 + (0.0 if noise.fast_second > 0.0 else fast),
+        "fast_variance": fast,
+        "slow_variance": (noise.resistance_error * float(levels.sum())) ** 2 + load**2,
+    }
+
+
+def _place(index, curved):
+    return curved.index(index) if index in curved else -1
+
+
+def _layout(bank, noise, track_capacity, track_ohmic):
+    """Places of the states: SoC, lags, model errors, capacity, ohmic scale."""
+    errors = (noise.error_second, noise.fast_second, noise.error_soc)
+    tracked = (*(span > 0 for span in errors), track_capacity, track_ohmic)
+    elements, spots, size = len(bank.elements), {}, 1 + len(bank.lags)
+    for name, there in zip(TRACKED, tracked, strict=True):
+        spots[name] = size if there else -1
+        size += int(there)
+    if max(size, elements) > LARGEST:
+        found = f"{size} states and {elements} elements"
+        raise Refusal(f"the filter would have {found}; at most {LARGEST} are allowed")
+    return spots | {"size": size}
+
+
+def _clocks(bank):
+    found = np.zeros(len(bank.elements), np.int64)
+    for one in bank.lags:
+        found[one.element] = one.clock == "ampere_hour"
+    return found
+
+
+def _tables(bank, noise, constants):
+    """Columns side by side, so that one SoC touches one place in memory."""
+    total, half = bank.ocv_volt + bank.shift_volt, noise.slope_window_soc / 2
+    ends = [np.interp(bank.soc + side, bank.soc, total) for side in (-half, half)]
+    width = [np.interp(bank.soc + side, bank.soc, bank.soc) for side in (-half, half)]
+    slope = (ends[1] - ends[0]) / (width[1] - width[0])
+    error = np.maximum(noise.error_factor * bank.error_volt, noise.least_error_volt)
+    gains = [np.zeros(len(slope)) if e.gain is None else e.gain for e in bank.elements]
+    columns = [bank.ocv_volt, total, slope, error, *gains, *constants]
+    return np.ascontiguousarray(np.column_stack(columns), float)
+
+
+def _checked(time, current, voltage):
+    columns = [np.ascontiguousarray(values, float) for values in (time, current, voltage)]
+    if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1:
+        shapes = ", ".join(str(column.shape) for column in columns)
+        raise Refusal(f"time, current and voltage have shapes {shapes}; all must be (n,)")
+    if not len(columns[0]):
+        raise Refusal("the record holds no sample")
+    if not all(np.isfinite(column).all() for column in columns):
+        raise Refusal("time, current or voltage holds values that are not finite")
+    if np.any(np.diff(columns[0]) < 0):
+        raise Refusal(f"time runs back after sample {int(np.argmax(np.diff(columns[0]) < 0))}")
+    return columns
+
+
+SPREAD = np.sqrt(3.0)  # of a chord, in standard deviations: that of a Gaussian's three-point rule
+
+
+def slope_at(plant, soc, variance, noise):
+    """Slope of the OCV over what is not known of the SoC, and what a chord misses in its middle."""
+    reach = SPREAD * np.sqrt(variance)
+    if reach <= noise.slope_window_soc / 2:
+        return look_at(plant, soc)[SLOPE], 0.0
+    low, high = max(soc - reach, min(soc, 0.0)), min(soc + reach, max(soc, 1.0))
+    ends = [look_at(plant, z)[TOTAL] for z in (low, (low + high) / 2, high)]
+    return (ends[2] - ends[0]) / (high - low), ends[1] - (ends[0] + ends[2]) / 2
+
+
+def relaxation_at(plant, k, j, soc):
+    """Decay of lag j over the step to sample k, and what the drive adds to it."""
+    e = plant.element[j]
+    column = GAIN + len(plant.direct) + j
+    near = place_at(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
+    constant, now = plant.tables[near, column], drive_at(plant, e, k, soc)
+    if plant.by_charge[e]:
+        gain = -np.expm1(-plant.passed_ampere_hour[k] / constant)
+        return 1.0 - gain, gain * now
+    hold = "first_order" if plant.first_order else "zero_order"
+    step = plant.step_second[k : k + 1]
+    decay, before, after = (w[0] for w in lag_weights(step, constant, hold=hold))
+    return decay, before * drive_at(plant, e, k - 1, soc) + after * now
+
+
+def drive_at(plant, e, k, soc):
+    """Drive of element e at sample k."""
+    if plant.source[e] < 0:
+        current = plant.between_ampere if plant.by_charge[e] else plant.current_ampere
+        return current[k] * look_at(plant, soc)[GAIN + e]
+    cells = len(NODES) - 1
+    spot = min(max(soc, 0.0), 1.0) * cells
+    i = min(int(spot), cells - 1)
+    low, high = plant.drives[plant.source[e], k, i : i + 2]
+    return low + (spot - i) * (high - low)
+
+
+def look_at(plant, soc):
+    """Row of the tables, straight between two points."""
+    i, part = place_at(plant, soc)
+    return plant.tables[i] + part * (plant.tables[i + 1] - plant.tables[i])
+
+
+def place_at(plant, soc):
+    """Cell of the tables, and where in it; beyond the ends on the last slope."""
+    spot = (soc - plant.soc_first) / plant.soc_spacing
+    i = int(min(max(spot, 0.0), len(plant.tables) - 2.0))
+    return i, spot - i

@@ -1,0 +1,236 @@
+"""The model of one cell from its own tests: every condition, every member of the family."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.circuit import member_named
+from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
+from cellwright.circuits.temperature import ocv_at, warmth
+from cellwright.identification.choice import choose, left_out
+from cellwright.identification.identify import activation_of, data_of, identify, limits_of, warmed
+from cellwright.identification.search import ABSENT_SECOND
+from cellwright.protocols.ocv.gap import largest_hysteresis
+from cellwright.records.anchor import REST_C_RATE
+from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.record import blocks_of_used, groups_of
+from cellwright.refusal import Refusal
+
+SCHEMA = "cellwright-model/2"
+GRID = np.linspace(0.0, 1.0, 201)
+PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
+
+
+class FitTest(NamedTuple):
+    """A test that a model may be fitted to: its row of the sheet and its clean series."""
+
+    facts: dict
+    series: dict
+
+
+class Identified(NamedTuple):
+    """One temperature: its OCV table, entries and scores by member, and what is to be said."""
+
+    ocv: dict
+    entries: dict
+    scores: dict
+    notes: list
+
+
+class Diffusion(NamedTuple):
+    """Diffusion time [s] found at a temperature [degC], and its activation energy [J/mol]."""
+
+    second: float | None
+    celsius: float | None
+    joule_per_mole: float
+
+
+def cell_model(cell, basis, tests, *, members, split_rest_second):
+    """Identify every member of the circuit family at every temperature a cell was tested at.
+
+    1. Tests of the earliest check-up are grouped by chamber temperature; at each, HPPC tests are
+    used where there are any, with the capacity tests beside them, else drives. Of a drive of role
+    `split` only the odd blocks are fitted. 2. Resistances are taken to the chamber's temperature
+    with the activation energy that the temperatures show between them. 3. Where the OCV comes from
+    one slow branch, its drop over the model's resistances is put back and the fit repeated. 4. The
+    member that best predicts blocks left out of its fit is the chosen one.
+
+    Parameters
+    ----------
+    cell : dict, the cell's row of the sheet.
+    basis : dict, from `basis.basis`.
+    tests : list of FitTest, roles fit or split.
+    members : names of the members of the family.
+    split_rest_second : shortest rest that cuts a record of role `split` [s].
+
+    Returns
+    -------
+    model : dict of schema cellwright-model/2.
+
+    Raises
+    ------
+    Refusal
+        No OCV, or no condition could be identified; the reasons are named.
+    """
+    if not basis["ocv"]:
+        raise Refusal(
+            "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
+        )
+    young, later = _by_age(tests)
+    groups, notes = groups_of(young, basis, cell, split_rest_second=split_rest_second)
+    if later:
+        notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
+    found, energies = _identified(groups, basis, members, split_rest_second, notes)
+    if not found:
+        raise Refusal("; ".join(notes) or "no test can be fitted")
+    scores = _common([one.scores for one in found])
+    choice = choose(scores)
+    return {
+        "schema": SCHEMA,
+        "cell": cell["cell"],
+        "capacity_ampere_hour": basis["capacity_ampere_hour"],
+        "borrowed_from": basis["borrowed_from"],
+        "ocv": [one.ocv for one in found],
+        "members": [
+            {"model": name, "left_out_rmse_volt": choice.rmse_volt[name]}
+            | {"conditions": [one.entries[name] for one in found]}
+            for name in choice.rmse_volt
+        ],
+        "chosen": choice.name,
+        "choice": choice.words,
+        "left_out": [
+            {
+                "ambient_temperature_celsius": one.ocv["ambient_temperature_celsius"],
+                "rows": one.scores[choice.name].rows.tolist(),
+                "square_volt2": {n: one.scores[n].square_volt2.tolist() for n in scores},
+            }
+            for one in found
+        ],
+        "kind": "hppc" if any(group.pulsed for group in groups) else "drive",
+        "notes": [*notes, *filter(None, [energies])],
+    }
+
+
+def _identified(groups, basis, members, split_rest_second, notes):
+    """(one Identified a temperature, what is said of the activation energies)."""
+    capacity, usable = basis["capacity_ampere_hour"], []
+    for group in groups:
+        try:
+            _data(group, basis)
+            usable.append(group)
+        except Refusal as refusal:
+            notes.append(f"not identified at {group.celsius:g} °C: {refusal}")
+    if not usable:
+        return [], ""
+    activation = activation_of(usable, lambda g: _data(g, basis), capacity_ampere_hour=capacity)
+    limits = _limits([limits_of(_data(group, basis)) for group in usable])
+    energies = dict(zip((g.celsius for g in usable), activation.joule_per_mole, strict=True))
+    found, diffusion = {}, Diffusion(None, None, float(np.mean(activation.joule_per_mole)))
+    for group in sorted(usable, key=lambda g: abs(g.celsius - REFERENCE_CELSIUS)):
+        energy = energies[group.celsius]
+        ready = warmed(group, energy)
+        one = _condition(ready, energy, basis, members, split_rest_second, diffusion, limits)
+        notes += one.notes
+        if one.entries:
+            found[group.celsius] = one
+            diffusion = _first_diffusion(diffusion, one, group.celsius)
+    return [found[celsius] for celsius in sorted(found)], activation.words
+
+
+def _limits(limits):
+    """A distribution has the same time constants at every temperature, so that it can be mixed."""
+    low, high = zip(*limits, strict=True)
+    return min(low), max(high)
+
+
+def _first_diffusion(diffusion, one, celsius):
+    """The diffusion time of the first condition, the one nearest 25 °C, serves them all."""
+    branches = [branch for entry in one.entries.values() for branch in entry["branches"]]
+    times = [b["tau_second"][0] for b in branches if b["kind"] == "diffusion"]
+    times = [second for second in times if second > ABSENT_SECOND]
+    if diffusion.second is not None or not times:
+        return diffusion
+    return diffusion._replace(second=times[0], celsius=celsius)
+
+
+def _diffusion_at(diffusion, celsius):
+    # ASSUME: Diffusion in the particles slows in the cold by the factor by which resistance grows.
+    if diffusion.second is None:
+        return None
+    return diffusion.second * warmth(celsius, diffusion.celsius, diffusion.joule_per_mole)
+
+
+def _common(scores):
+    """Scores of the members that could be fitted and scored at every temperature."""
+    names = [name for name in scores[0] if all(name in one for one in scores)]
+    return {name: [one[name] for one in scores] for name in names}
+
+
+def _by_age(tests):
+    """Tests of the earliest check-up, and the names of the others."""
+    cycles = [test.facts["cycle"] or 0 for test in tests]
+    first = min(cycles, default=0)
+    pairs = list(zip(tests, cycles, strict=True))
+    young = [test for test, cycle in pairs if cycle == first]
+    return young, [test.facts["test"] for test, cycle in pairs if cycle > first]
+
+
+def _data(group, basis):
+    return data_of(
+        group.records,
+        GRID,
+        ocv_at(_dated(basis["ocv"]), GRID, group.celsius),
+        capacity_ampere_hour=basis["capacity_ampere_hour"],
+        spacing=PULSED_SPACING if group.pulsed else DRIVEN_SPACING,
+    )
+
+
+def _condition(group, energy, basis, members, split_rest_second, diffusion, limits):
+    """Every member at one temperature; one that cannot be fitted costs the others nothing."""
+    capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], group.celsius)
+    settings = {"capacity_ampere_hour": capacity, "celsius": group.celsius}
+    data, notes = _data(group, basis), []
+    allowed = largest_hysteresis(basis, group.celsius, data.knots)
+    data = data._replace(most_volt=allowed.most_volt)
+    if any("+H" in name for name in members):
+        notes.append(f"hysteresis at {group.celsius:g} °C {allowed.words}")
+    if curve["branches"] in ("discharge", "charge"):
+        slow = curve[f"{curve['branches']}_current_ampere"]
+        first = identify(data, member_named("DRT"), **settings).condition
+        data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
+    rest = {"rest_second": split_rest_second, "rest_ampere": REST_C_RATE * capacity}
+    block = np.concatenate(blocks_of_used(data.records, **rest))
+    entries, scores = {}, {}
+    for name in members:
+        try:
+            held = {"diffusion_second": _diffusion_at(diffusion, group.celsius)}
+            held["limits_second"] = limits if member_named(name).pairs is None else None
+            fitted = identify(data, member_named(name), **held, **settings)
+            scores[name] = left_out(fitted, block)
+        except Refusal as refusal:
+            notes.append(f"{name} not identified at {group.celsius:g} °C: {refusal}")
+            continue
+        about = {"ambient_temperature_celsius": group.celsius, "tests": list(group.tests)}
+        entry = condition_entry(fitted.condition, **about)
+        entries[name] = entry | {"activation_energy_joule_per_mole": energy}
+    return Identified(_table(group.celsius, data, curve), entries, scores, notes)
+
+
+def _table(celsius, data, curve):
+    return {
+        "ambient_temperature_celsius": celsius,
+        "test": curve["test"],
+        "branches": curve["branches"],
+        "soc": GRID.tolist(),
+        "ocv_volt": data.ocv_volt.tolist(),
+    }
+
+
+def _dated(curves):
+    """OCV tables with a temperature each: 25 °C where the sheet states none."""
+    known = "ambient_temperature_celsius"
+    return [c | {known: REFERENCE_CELSIUS if c[known] is None else c[known]} for c in curves]
+
+
+def _nearest(curves, celsius):
+    return min(_dated(curves), key=lambda c: abs(c["ambient_temperature_celsius"] - celsius))

@@ -1,0 +1,331 @@
+"""Does a model that knows other temperatures predict this one, by which law, and what it then says.
+
+1. All tests at a temperature are taken away, its OCV curve with them, and the chosen member of the
+family is identified anew from the rest. 2. Each law over temperature predicts the tests
+that had been fitted there; the best over the inner temperatures and the best over the two at the
+edge are the ones that the cell's model keeps. 3. With them the tests for validation are predicted:
+they chose nothing.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.model_file import (
+    SAME_KELVIN,
+    circuit_at,
+    member_of,
+    open_circuit_volt,
+    simulate_model,
+)
+from cellwright.circuits.temperature import LAWS, Laws, celsius_of
+from cellwright.records.anchor import REST_C_RATE
+from cellwright.records.basis import soc_of
+from cellwright.records.record import SAME_CELSIUS, course_celsius, fit_mask
+from cellwright.refusal import Refusal
+
+SMALLEST_VOLT = 1e-6
+
+
+class Reduced(NamedTuple):
+    """What is left without a temperature: basis and tests as `cell.cell_model` takes them."""
+
+    basis: dict
+    tests: list
+
+
+def without(basis, tests, *, celsius):
+    """Take the tests and the OCV curve of one temperature away.
+
+    Parameters
+    ----------
+    basis : dict, from `basis.basis`. tests : list of cell.FitTest.
+    celsius : the temperature to leave out [degC]; what lies within 2 °C goes with it.
+
+    Returns
+    -------
+    reduced : Reduced. The only OCV curve stays: nothing could be predicted without one. Capacity,
+        which defines the SoC, stays as well.
+
+    Raises
+    ------
+    Refusal : no test is left.
+    """
+    kept = [test for test in tests if not _near(test.facts, celsius)]
+    if not kept:
+        raise Refusal(f"no test is left without those at {celsius:g} °C")
+    curves = [curve for curve in basis["ocv"] if not _near(curve, celsius)]
+    return Reduced(basis | {"ocv": curves or basis["ocv"]}, kept)
+
+
+def with_laws(model, laws):
+    """A model whose resistances follow laws over temperature, in every member of the family.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2. laws : temperature_laws.Laws.
+    """
+    kept = {"resistance_laws": laws._asdict()}
+    members = [
+        member | {"conditions": [condition | kept for condition in member["conditions"]]}
+        for member in model["members"]
+    ]
+    return model | {"members": members}
+
+
+def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest_second):
+    """Errors of a model that knows a temperature beside those of one that does not, by law.
+
+    Parameters
+    ----------
+    whole : dict of the model of all temperatures. reduced : dict temperature [degC] → model
+        identified without it.
+    cell : dict, the cell's row. tests : list of cell.FitTest, any temperature.
+    laws : temperature_laws.Laws that are asked, or None: all are tried.
+    proof : score what took no part in fits (roles validation, split), else what did (fit, split).
+    split_rest_second : shortest rest that cuts a test of role `split` [s].
+
+    Returns
+    -------
+    rows : list of dict: left_out_celsius, predicted_test, law, model, beyond (an edge of the range
+        was left out, the law goes beyond what is known), rmse_volt, rmse_volt_soc_5_95,
+        own_rmse_volt, own_rmse_volt_soc_5_95 of the model that knows the temperature, ratio of the
+        two over SoC 5–95 %, extrapolated (share of samples beyond what the reduced model knows).
+    notes : list of sentences, why a test is not among them.
+    """
+    rows, notes = [], []
+    settings = {"name": whole["chosen"], "proof": proof, "split_rest_second": split_rest_second}
+    there = [(t, test) for t in reduced for test in tests if _near(test.facts, t)]
+    for celsius, test in there:
+        try:
+            rows += _rows(celsius, (whole, reduced[celsius]), cell, test, laws, settings)
+        except Refusal as refusal:
+            notes.append(f"not predicted: {test.facts['test']}: {refusal}")
+    return rows, notes
+
+
+def _rows(celsius, models, cell, test, laws, settings):
+    """One row a law; the model that knows the temperature is the same beside all of them."""
+    whole, other = models
+    beyond = _beyond(other, celsius)
+    tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
+    own = _errors(whole, cell, test, **settings)
+    found = [_errors(with_laws(other, Laws(law, law)), cell, test, **settings) for law in tried]
+    about = {
+        "left_out_celsius": float(celsius),
+        "predicted_test": test.facts["test"],
+        "model": settings["name"],
+        "beyond": beyond,
+    }
+    return [about | _compared(law, one, own) for law, one in zip(tried, found, strict=True)]
+
+
+class LawChoice(NamedTuple):
+    """The laws that predict left-out temperatures best, and in words what each of them errs by."""
+
+    laws: Laws
+    words: str
+
+
+def choose_laws(rows, *, beyond=LAWS):
+    """The laws with the smallest mean logarithm of the error, inside the range and beyond it.
+
+    Inside the range "arrhenius" and "between" are one.
+
+    Parameters
+    ----------
+    rows : list of dict, from `predicted` with the tests that may be fitted.
+    beyond : names of the laws that may go on beyond the tested temperatures; see
+        `over_temperature.laws_beyond`.
+
+    Returns
+    -------
+    choice : LawChoice; "between" for what no temperature was left out of.
+
+    Raises
+    ------
+    Refusal : nothing was predicted.
+    """
+    if not rows:
+        raise Refusal("no temperature could be left out and predicted")
+    typical = [_typical([row for row in rows if row["beyond"] is out]) for out in (False, True)]
+    offered = [
+        {k: v for k, v in one.items() if k in some}
+        for one, some in zip(typical, (LAWS, beyond), strict=True)
+    ]
+    laws = Laws(*(min(one, key=one.get, default=LAWS[0]) for one in offered))
+    listed = [
+        f"{place} by {law}: typical error at a temperature left out "
+        + ", ".join(f"{name} {1e3 * volt:.3g} mV" for name, volt in one.items())
+        for place, law, one in zip(("between", "beyond"), laws, typical, strict=True)
+        if one
+    ]
+    return LawChoice(laws, "resistance at other temperatures: " + "; ".join(listed))
+
+
+def _typical(rows):
+    """Geometric mean of each law's error [V], to a tenth of a microvolt: equals are equal."""
+    logs = {name: [_log(row["rmse_volt"]) for row in rows if row["law"] == name] for name in LAWS}
+    return {name: round(float(np.exp(np.mean(some))), 7) for name, some in logs.items() if some}
+
+
+def laws_kept(tried):
+    """The laws that a table of tried ones marks as chosen.
+
+    Parameters
+    ----------
+    tried : list of dict, rows of `predicted` with `chosen`.
+
+    Returns
+    -------
+    laws : temperature_laws.Laws.
+    """
+    kept = {row["beyond"]: row["law"] for row in tried if row["chosen"]}
+    return Laws(kept.get(False, LAWS[0]), kept.get(True, LAWS[0]))
+
+
+class Errors(NamedTuple):
+    """RMS of a simulation, all of it and SoC 5–95 % [V], and the share beyond what is known."""
+
+    rmse_volt: float
+    inner_volt: float
+    extrapolated: float
+
+
+def _errors(model, cell, test, *, name, proof, split_rest_second):
+    facts, series = test
+    time, current = series["test_time_second"], series["current_ampere"]
+    soc = soc_of(series, model, facts, cell).soc
+    celsius, _ = course_celsius(facts, series)
+    run = simulate_model(model, name, time, current, soc, celsius, kind=facts.get("kind"))
+    used = np.ones(len(time), bool)
+    if facts["role"] == "split":
+        rest = REST_C_RATE * model["capacity_ampere_hour"]
+        used = fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest) ^ proof
+    error = series["voltage_volt"] - run.voltage_volt
+    outside = (run.extrapolated | run.outside_temperature)[used]
+    inner = used & (soc >= 0.05) & (soc <= 0.95)
+    return Errors(_rms(error[used]), _rms(error[inner]), float(outside.mean()))
+
+
+def _compared(law, other, own):
+    return {
+        "law": law,
+        "rmse_volt": other.rmse_volt,
+        "rmse_volt_soc_5_95": other.inner_volt,
+        "own_rmse_volt": own.rmse_volt,
+        "own_rmse_volt_soc_5_95": own.inner_volt,
+        "ratio": other.inner_volt / own.inner_volt,
+        "extrapolated": other.extrapolated,
+    }
+
+
+def _beyond(reduced, celsius):
+    known = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
+    return not min(known) - SAME_KELVIN < celsius < max(known) + SAME_KELVIN
+
+
+def _near(facts, celsius):
+    stated = facts["ambient_temperature_celsius"]
+    return stated is not None and abs(stated - celsius) <= SAME_CELSIUS
+
+
+def _rms(error):
+    return float(np.sqrt(np.mean(error**2))) if len(error) else np.nan
+
+
+def _log(volt):
+    return np.log(max(volt, SMALLEST_VOLT))
+
+
+SOC = np.linspace(0.0, 1.0, 21)
+ORIGINS = {"R": "r_ohmic_ohm", "kinetic": "r_kinetic_ohm"}  # every other resistance relaxes
+RELAXING = "r_relaxing_ohm"
+KINDS = {"r_ohmic_ohm": "ohmic", "r_kinetic_ohm": "kinetic", RELAXING: "relaxing"}
+
+
+def temperature_table(model, member, *, step_kelvin=5.0, beyond_kelvin=10.0):
+    """What a member says at and between its temperatures, and a little beyond them.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2. member : name, or None for the chosen one.
+    step_kelvin : of the grid, whose temperatures are multiples of it; the member's own are added.
+    beyond_kelvin : how far the grid goes on beyond the member's own temperatures.
+
+    Returns
+    -------
+    columns : dict of model, temperature_celsius, soc, ocv_volt, r_ohmic_ohm, r_kinetic_ohm,
+        r_relaxing_ohm (sums of the branches of a kind), extrapolated_temperature (beyond all
+        temperatures that were tested), extrapolated_soc (outside the SoC that was identified). A
+        model of one unknown temperature has that one, NaN.
+    """
+    own = member_of(model, member)
+    known = sorted(celsius_of(c["ambient_temperature_celsius"]) for c in own["conditions"])
+    blocks = [
+        _block(model, own, celsius, known) for celsius in _grid(known, step_kelvin, beyond_kelvin)
+    ]
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+
+
+def laws_beyond(model):
+    """Laws over temperature that may go on beyond the temperatures a model was identified at.
+
+    A parabola through the logarithms of resistances turns somewhere. It is not offered where a
+    sum of resistances of one kind then rises with temperature, at any SoC within the 10 K that
+    `temperature_table` goes on for, and held to the slope of the last two temperatures does not.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2, identified at all its temperatures.
+
+    Returns
+    -------
+    offered : tuple of names of `temperature_laws.LAWS`.
+    words : str, which is not offered and why, or "".
+    """
+    rising = {name: _rising(with_laws(model, Laws(beyond=name))) for name in LAWS}
+    turned = {name: sorted(found - rising[LAWS[0]]) for name, found in rising.items()}
+    offered = tuple(name for name in LAWS if not turned[name])
+    words = [
+        f"{name} is not offered beyond the tested temperatures: by it the {KINDS[kind]} resistance "
+        f"at {100 * soc:.0f} % SoC would rise with temperature at {celsius:g} °C"
+        for name, ((celsius, kind, soc), *_) in ((n, t) for n, t in turned.items() if t)
+    ]
+    return offered, "; ".join(words)
+
+
+def _rising(model):
+    """(temperature, kind of resistance, SoC) beyond the tested range where a kelvin adds ohms."""
+    table = temperature_table(model, None, step_kelvin=1.0)
+    celsius = np.unique(table["temperature_celsius"])
+    outside = table["extrapolated_temperature"].reshape(len(celsius), -1)[:, 0]
+    found = set()
+    for kind in KINDS:
+        rises = np.diff(table[kind].reshape(len(celsius), -1), axis=0) > 0
+        rises &= (outside[1:] | outside[:-1])[:, None]
+        found |= {(celsius[k], kind, SOC[s]) for k, s in np.argwhere(rises)}
+    return found
+
+
+def _grid(known, step, beyond):
+    if np.isnan(known).any():
+        return [np.nan]
+    low, high = np.ceil((known[0] - beyond) / step), np.floor((known[-1] + beyond) / step)
+    return np.unique(np.concatenate([np.arange(low, high + 0.5) * step, known]))
+
+
+def _block(model, member, celsius, known):
+    found = circuit_at(member["conditions"], SOC, celsius)
+    sums = {name: np.zeros(len(SOC)) for name in (*ORIGINS.values(), RELAXING)}
+    for branch in found.circuit:
+        sums[ORIGINS.get(branch.kind, RELAXING)] += branch.parameters.get("r_ohm", 0.0)
+    return {
+        "model": np.full(len(SOC), member["model"]),
+        "temperature_celsius": np.full(len(SOC), celsius),
+        "soc": SOC,
+        "ocv_volt": open_circuit_volt(model, found, celsius),
+        **sums,
+        "extrapolated_temperature": np.full(len(SOC), not known[0] <= celsius <= known[-1]),
+        "extrapolated_soc": found.outside_soc,
+    }

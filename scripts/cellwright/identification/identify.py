@@ -1,0 +1,350 @@
+"""Courses of OCV shift, resistances and hysteresis over SoC, and time constants, from records.
+
+Once time constants, charge constant and kinetic scale are held, everything else is linear
+(`design`, `regression`). So only those few numbers are searched for (variable projection, Golub &
+Pereyra 1973): time constants over all combinations of a grid, which is global, then by least
+squares from the best; charge constant and kinetic scale over a short list.
+"""
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.circuit import member_named
+from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, warmth
+from cellwright.identification.columns import Data, Held, columns_of
+from cellwright.identification.regression import SCALES, pull_of, solved, system_of
+from cellwright.identification.search import (
+    Condition,
+    cheapest,
+    condition_of,
+    cost_of,
+    refined,
+    settled,
+)
+from cellwright.numerics.linear import solve
+from cellwright.records.record import edges, thin, without_edges
+from cellwright.refusal import Refusal
+
+PER_DECADE = 2  # time constants of a distribution in each decade
+GRID_PER_DECADE = 4
+FARADAY = 96485.33212  # C/mol
+CHARGE_SHARES = (0.01, 0.03, 0.1, 0.3)  # of the capacity: charge constants of the hysteresis
+ELECTRODES = (1.0, 2.0)  # that share the charge transfer: scale 2RT/F each
+FINEST = 0.02  # of the logarithm of a time constant
+DIFFUSION_SECOND = (500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0)  # radius² over diffusivity
+EMPTY_KNOTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15)
+
+
+class Fitted(NamedTuple):
+    """An identification: the condition, and the system it solved, for what is left out."""
+
+    condition: Condition
+    held: Held
+    system: object
+    solution: object
+
+
+def data_of(
+    records,
+    ocv_soc,
+    ocv_volt,
+    *,
+    capacity_ampere_hour,
+    hold="first_order",
+    spacing=0.05,
+    knots=None,
+):
+    """Records made ready: steady stretches thinned, edges left out, knots laid over their SoC.
+
+    Parameters
+    ----------
+    records : sequence of Record, each starting from rest.
+    ocv_soc, ocv_volt : (p,) OCV table, ascending [1], [V].
+    hold : "zero_order" or "first_order" hold of the current between samples.
+    capacity_ampere_hour : what the SoC refers to [Ah].
+    spacing : distance of the knots from 20 % SoC on [1]; below they are denser.
+    knots : (k,) SoC of the courses [1]; None: laid by `spacing` over the range of the data.
+
+    Returns
+    -------
+    data : design.Data.
+
+    Raises
+    ------
+    Refusal : the current never changes: nothing excites the cell.
+    """
+    ready = ready_records(records)
+    soc = np.concatenate([r.soc[r.used] for r in ready])
+    if not len(soc):
+        raise Refusal("no row of the records is left to fit")
+    if knots is None:
+        low, high = soc.min(), soc.max()
+        grid = np.append(EMPTY_KNOTS, np.arange(0.2, 1.0 + spacing / 2, spacing))
+        inner = grid[(grid > low + 0.01) & (grid < high - 0.01)]
+        knots = np.array([low, *inner, high]) if high > low else np.array([low])
+    return Data(
+        ready,
+        np.asarray(knots, float),
+        np.asarray(ocv_soc),
+        np.asarray(ocv_volt),
+        hold,
+        capacity_ampere_hour,
+    )
+
+
+def ready_records(records):
+    """Records with their steady stretches thinned and the rows at edges of the current left out.
+
+    Parameters
+    ----------
+    records : sequence of Record.
+
+    Returns
+    -------
+    ready : tuple of Record.
+
+    Raises
+    ------
+    Refusal : the current never changes: nothing excites the cell.
+    """
+    step = max(np.abs(np.diff(r.current_ampere)).max() for r in records) / 20
+    if step == 0:
+        raise Refusal("the current never changes: resistance cannot be told from OCV")
+    return tuple(without_edges(thin(r, step_ampere=step / 10), step_ampere=step) for r in records)
+
+
+def identify(
+    data,
+    member,
+    *,
+    capacity_ampere_hour,
+    celsius=25.0,
+    limits_second=None,
+    diffusion_second=None,
+):
+    """Fit one member of the family to the records of one temperature.
+
+    Parameters
+    ----------
+    data : design.Data, from `data_of`.
+    member : members.Member.
+    capacity_ampere_hour : of the cell; sets the charge constants that are tried [Ah].
+    celsius : temperature of the condition, for the scale of the kinetics [degC].
+    limits_second : shortest and longest time constant [s]; None: what the data can show.
+    diffusion_second : diffusion time to hold where the member has one [s]; None: the best of a few.
+
+    Returns
+    -------
+    fitted : Fitted.
+
+    Raises
+    ------
+    Refusal : nothing excites the cell, or the data cannot carry the parameters.
+
+    Source: thesis 2.3 (2.17–2.20), with a deterministic search in place of its genetic one.
+    """
+    # ASSUME: OCV at a test's temperature and direction is the slow test's curve plus a shift over
+    # SoC, and a capacity within a few per cent, fitted with the resistances from fitted data only.
+    # ASSUME: Time constants of a cell do not depend on SoC, its resistances do (linear between).
+    low, high = limits_of(data) if limits_second is None else limits_second
+    held = Held(tuple(_taus(data, member, low, high)))
+    held, _, solution = settled(data, held)
+    for name, values in _tries(member, capacity_ampere_hour, celsius, diffusion_second).items():
+        held = cheapest(data, [held._replace(**{name: value}) for value in values], solution.factor)
+    held, system, solution = settled(data, held)
+    bounds = None if member.pairs is None else (low, high)
+    if member.pairs:
+        held, system, solution = refined(data, held, system, solution, bounds)
+    condition = condition_of(data, member, held, system, solution, bounds)
+    return Fitted(condition, held, system, solution)
+
+
+def _tries(member, capacity_ampere_hour, celsius, diffusion_second):
+    """What is tried for each number that a member may hold: first that it is not there at all.
+
+    Diffusion that was found at one temperature is there at all of them.
+    """
+    thermal = 2 * GAS_CONSTANT * (celsius + ZERO_CELSIUS_KELVIN) / FARADAY
+    diffusions = (None, *DIFFUSION_SECOND) if diffusion_second is None else (diffusion_second,)
+    charges = [share * capacity_ampere_hour for share in CHARGE_SHARES]
+    asked = {
+        "scale_volt": member.kinetic and [None, *(n * thermal for n in ELECTRODES)],
+        "diffusion_second": member.diffusion and diffusions,
+        "charge_ampere_hour": member.hysteresis and [None, *charges],
+    }
+    return {name: values for name, values in asked.items() if values}
+
+
+def limits_of(data):
+    """Shortest and longest time constant that records can show: sampling, longest steady stretch.
+
+    Parameters
+    ----------
+    data : design.Data.
+
+    Returns
+    -------
+    low_second, high_second : [s].
+    """
+    steady, sampling = [], []
+    for r in data.records:
+        step = max(np.abs(np.diff(r.current_ampere)).max() / 20, 1e-9)
+        marks = np.r_[0, edges(r, step_ampere=step), len(r.soc) - 1]
+        steady.append(np.diff(r.test_time_second[marks]).max())
+        steps = np.diff(r.test_time_second)
+        sampling.append(np.percentile(steps[steps > 0], 10))
+    low = min(sampling)
+    return max(low, 0.05), max(max(steady), 20 * low)
+
+
+def _taus(data, member, low, high):
+    decades = np.log10(high / low)
+    if member.pairs is None:
+        return np.geomspace(2 * low, high, max(round(decades * PER_DECADE), 2))
+    if member.pairs == 0:
+        return ()
+    grid = np.geomspace(low, high, max(round(decades * GRID_PER_DECADE), member.pairs + 1))
+    system = system_of(columns_of(data, Held(tuple(grid))), data.knots)
+    factor = solved(system).factor
+    return _refined(data, _searched(system, grid, member.pairs, factor), low, high, factor)
+
+
+def _searched(system, grid, pairs, factor):
+    """Best combination of time constants on a grid: one set of columns serves them all."""
+    gram = factor * system.matrix.T @ system.matrix + system.prior
+    moment = factor * system.matrix.T @ system.target - pull_of(system)
+    count = len(system.knots)
+    first = 2 * count + SCALES
+    best, cost = None, np.inf
+    for chosen in combinations(range(len(grid)), pairs):
+        pair_rows = [first + n * count + np.arange(count) for n in chosen]
+        rows = np.concatenate([np.arange(first), *pair_rows])
+        part = gram[np.ix_(rows, rows)]
+        vector = solve(part, moment[rows], count + SCALES)
+        here = vector @ part @ vector - 2 * vector @ moment[rows]
+        if here < cost:
+            best, cost = grid[list(chosen)], here
+    return best
+
+
+def _refined(data, start, low, high, factor):
+    """Pattern search on the logarithms, from the grid's best: it can only go down."""
+    at, step = np.log(start), np.log(10) / GRID_PER_DECADE / 2
+    best = cost_of(data, Held(tuple(start)), factor)
+    while step > FINEST:
+        moves = [at + sign * step * unit for unit in np.eye(len(at)) for sign in (1, -1)]
+        moves = [np.clip(np.sort(move), np.log(low), np.log(high)) for move in moves]
+        costs = [cost_of(data, Held(tuple(np.exp(move))), factor) for move in moves]
+        if min(costs) < best:
+            best, at = min(costs), moves[int(np.argmin(costs))]
+        else:
+            step /= 2
+    return tuple(np.exp(at))
+
+
+PLAIN = member_named("DRT+D")
+SLOWEST_SECOND = 60.0  # of what counts as resistance here: slower parts are poorly known
+VARIED_KELVIN = 2.0
+TRIED_JOULE_PER_MOLE = (0.0, 10e3, 20e3, 30e3, 40e3, 50e3)
+
+
+class Activation(NamedTuple):
+    """Activation energy of the resistance of each group [J/mol], and what is said of it."""
+
+    joule_per_mole: tuple
+    words: str
+
+
+def activation_of(groups, data_of_group, *, capacity_ampere_hour):
+    """Activation energy of the resistances at each temperature.
+
+    With several temperatures the slope of ln R over 1/T to the neighbours, R being what relaxes
+    within a minute, at the middle of the common SoC. With one, the value among 0, 10, … 50 kJ/mol
+    that fits best, provided the cell warmed by more than 2 K. Else none.
+
+    Parameters
+    ----------
+    groups : list of groups.Group, ascending in temperature.
+    data_of_group : function (group) → design.Data.
+    capacity_ampere_hour : [Ah].
+
+    Returns
+    -------
+    activation : Activation.
+    """
+    if len(groups) > 1:
+        resistance = [_resistance(data_of_group(g), g, capacity_ampere_hour) for g in groups]
+        energies = _neighbours([g.celsius for g in groups], resistance)
+        listed = ", ".join(
+            f"{g.celsius:g} °C {e / 1e3:.0f}" for g, e in zip(groups, energies, strict=True)
+        )
+        return Activation(
+            tuple(energies), f"activation energy of the resistance [kJ/mol]: {listed}"
+        )
+    varied = max(np.ptp(course) for course in groups[0].courses)
+    if varied < VARIED_KELVIN:
+        return Activation((0.0,), "")
+    try:
+        costs = _costs(groups[0], data_of_group, capacity_ampere_hour)
+    except Refusal as refusal:
+        return Activation((0.0,), f"activation energy not known, taken as 0: {refusal}")
+    best = TRIED_JOULE_PER_MOLE[int(np.argmin(costs))]
+    words = (
+        f"activation energy {best / 1e3:.0f} kJ/mol, from the cell's own warming by {varied:.0f} K"
+    )
+    return Activation((best,), words)
+
+
+def warmed(group, joule_per_mole):
+    """The group with the warmth of its records at an activation energy.
+
+    Parameters
+    ----------
+    group : groups.Group.
+    joule_per_mole : activation energy [J/mol].
+    """
+    records = tuple(
+        record._replace(warmth=warmth(course, group.celsius, joule_per_mole))
+        for record, course in zip(group.records, group.courses, strict=True)
+    )
+    return group._replace(records=records)
+
+
+def _resistance(data, group, capacity):
+    """Resistance at half charge [ohm], NaN where too little was measured to fit one."""
+    try:
+        fitted = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=group.celsius)
+    except Refusal:
+        return np.nan
+    found = fitted.condition
+    fast = [
+        b.values["r_ohm"]
+        for b in found.branches
+        if b.kind == "RC" and b.values["tau_second"][0] <= SLOWEST_SECOND
+    ]
+    total = sum(fast, found.r0_ohm)
+    return float(np.interp(0.5, found.soc, total))
+
+
+def _neighbours(celsius, resistance):
+    """Mean slope to the neighbours; a temperature without a resistance takes the nearest ones'."""
+    known = np.isfinite(resistance)
+    if known.sum() < 2:
+        return [0.0] * len(celsius)
+    at, ohm = np.asarray(celsius)[known], np.asarray(resistance)[known]
+    slope = GAS_CONSTANT * np.diff(np.log(ohm)) / np.diff(1.0 / (at + ZERO_CELSIUS_KELVIN))
+    slope = np.clip(slope, 0.0, 100e3)
+    means = [np.mean(slope[max(k - 1, 0) : k + 1]) for k in range(len(at))]
+    return np.interp(celsius, at, means).tolist()
+
+
+def _costs(group, data_of_group, capacity):
+    costs, factor = [], None
+    for energy in TRIED_JOULE_PER_MOLE:
+        data = data_of_group(warmed(group, energy))
+        found = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=group.celsius)
+        factor = factor or found.solution.factor
+        costs.append(cost_of(data, found.held, factor))
+    return costs

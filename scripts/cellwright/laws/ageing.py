@@ -1,0 +1,417 @@
+"""Capacity over cycles and temperature in one ageing record, and its daily cycle."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.numerics.lines import coloured_line
+from cellwright.numerics.periods import daily_sine, periods
+from cellwright.numerics.uncertainty import t_interval
+from cellwright.refusal import Refusal
+
+LAGS_HOUR = np.array([*np.arange(11) / 10, 1.25, 1.5, 2.0, 2.5, 3.0])
+NEIGHBOURS = 4  # through which a cubic says what the reading between them should be
+
+
+def felt_temperatures(course_hour, course_celsius, hour):
+    """What a cell may feel at some hours of a course of temperature, for every lag that is tried.
+
+    Both extremes of how a cell follows: at once but later (a delay), and as one heat capacity
+    behind one resistance does (an exponential memory). A slope by dT/dt beside T knows neither:
+    over a day it loses (2π lag/24 h)² of a slope, 7 % at one hour.
+
+    Parameters
+    ----------
+    course_hour, course_celsius : (m,) rising hours of the readings, and readings [h], [°C].
+    hour : (n,) when the cell is asked [h].
+
+    Returns
+    -------
+    felt : list of (n,), one a lag and kind of following, the first without any lag.
+    """
+    from scipy.interpolate import Akima1DInterpolator
+
+    # Unlike a cubic spline it does not swing across the pauses of a record.
+    spline = Akima1DInterpolator(course_hour, course_celsius)
+    # Before its first reading the course is held.
+    asked = [spline(np.maximum(hour - lag, course_hour[0])) for lag in LAGS_HOUR]
+    places, weights = np.polynomial.laguerre.laggauss(8)
+    for lag in LAGS_HOUR[1:]:
+        back = np.maximum(hour[:, None] - lag * places, course_hour[0])
+        asked.append(spline(back) @ weights)
+    return asked
+
+
+def reading_noise(hour, celsius):
+    """Scatter of single readings about the cubic through their four neighbours in time.
+
+    Parameters
+    ----------
+    hour, celsius : (m,) rising hours and readings [h], [°C].
+
+    Returns
+    -------
+    std : of one reading, if all that its neighbours do not foretell is an error of it [K]; part of
+        it may be the temperature itself. NaN where there are fewer than five readings.
+    """
+    errors = []
+    for k in range(NEIGHBOURS // 2, len(hour) - NEIGHBOURS // 2):
+        near = [k + step for step in (-2, -1, 1, 2)]
+        # Weights of the neighbours in the cubic's value here, from its value at 0.
+        weights = np.linalg.inv(np.vander(hour[near] - hour[k]))[-1]
+        errors.append((celsius[k] - weights @ celsius[near]) ** 2 / (1 + weights @ weights))
+    return float(np.sqrt(np.mean(errors))) if errors else np.nan
+
+
+LEAST_CYCLES = 8
+HIGHEST_DEGREE = 4
+CYCLES_A_DEGREE = 6
+OUTLIER = 6.0  # robust standard deviations from the course over cycles
+MOST_LAGS = 8  # evenly taken of those that the data do not tell apart
+RULED_OUT = 8.0  # of log-likelihood: what is 3000 times less likely weighs nothing
+ROOM, START = "room", "cell as the discharge begins"
+
+
+class CycleFit(NamedTuple):
+    """What temperature and age do to the discharge capacity of one record.
+
+    summary : numbers as in artefact `ageing_temperature`. Slope in percent of the capacity of the
+    moment; capacity_start_ampere_hour, the fade's course at the first used cycle and
+    reference_celsius; losses from that cycle to the last; periods as of `daily.Period`; reason :
+    what is not known.
+    cycles : columns, one row a discharge: measured, fitted, fade alone at the reference, measured
+    with the temperature taken out, and whether it was used. periodogram : period_hour, power.
+    """
+
+    summary: dict
+    cycles: dict
+    periodogram: dict
+
+
+def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
+    """Fade, temperature slope and daily cycle of the discharge capacities of one record.
+
+    ln capacity = fade(cycle) + slope · (T − mean T) [+ bend · (T − mean T)²] + noise: a cell that
+    has lost a tenth moves by a tenth less with temperature. The fade is a polynomial of degree 1
+    to 4; T is what the cell feels of its room, at once or up to 3 h later; the noise is
+    exponentially correlated in time. Degree, lag, bend and memory are averaged over what the data
+    allow (Bayesian information criterion), so that not knowing them widens the interval. What of
+    the temperature's steps may be its reading's error shrinks a slope; see `_unshrunk`.
+    Discharges whose charge before, or the one before that, is not in the record are set aside, for
+    they did not begin like the others, and so are those further than six robust standard
+    deviations from the course. The temperature is the room's where recorded, else the cell's as
+    a discharge begins, before its own heat.
+
+    Parameters
+    ----------
+    rows : AgeingCycles. least_kelvin : RMS that the temperature must move beside the fade [K].
+    level : coverage of the interval.
+
+    Returns
+    -------
+    CycleFit
+
+    Raises
+    ------
+    Refusal : fewer than eight complete discharges after complete cycles.
+
+    Source: thesis 3.1 (figures 3.2 and 3.3: 29 cycles, 4 K, about 1 %).
+    """
+    record = _record(rows)
+    models = _models(record)
+    fade, beside = max(models, key=lambda one: one.weight)[:2]
+    moved, reason = _moved(record, fade, least_kelvin)
+    columns = np.column_stack([fade, *([] if reason else beside)])
+    used, count = record.used, fade.shape[1]
+    logarithm = np.log(record.capacity[used])
+    line = coloured_line(columns[used], logarithm, record.place)
+    plain = coloured_line(fade[used], logarithm, record.place)
+    fitted, carried = np.exp(columns @ line.values), np.exp(fade @ line.values[:count])
+    shift = record.capacity * (1 - carried / fitted)
+    start = float(np.exp(line.values[0]))
+    # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
+    trend = _basis(record.cycle, used, _highest_degree(used))[used]
+    found = periods(record.hour[used], record.capacity[used], trend)
+    summary = {
+        "temperature_source": record.source,
+        "cycles": int(used.sum()),
+        "set_aside": int((~used).sum()),
+        "reference_celsius": float(record.celsius[used].mean()),
+        "swing_kelvin": float(np.diff(np.quantile(record.celsius[used], [0.05, 0.95]))[0]),
+        "moved_kelvin": moved,
+        **_slope([] if reason else models, line.degrees_of_freedom, level, record.noise / moved),
+        "capacity_start_ampere_hour": start,
+        **_loss(line, plain),
+        "explained": np.nan if reason else _explained(record.capacity, fade, shift, used),
+        "correlation": line.correlation,
+        **_daily(found, start),
+        "daily_left_percent": _left(record, fade, shift)
+        if not (reason or found.reason)
+        else np.nan,
+        "reason": "; ".join(dict.fromkeys(filter(None, [reason, found.reason]))),
+    }
+    table = {
+        "cycle": record.cycle,
+        "start_time_second": 3600 * record.hour,
+        "capacity_ampere_hour": record.capacity,
+        "temperature_celsius": record.celsius,
+        "used": used,
+        "fitted_ampere_hour": fitted,
+        "fade_ampere_hour": carried,
+        "capacity_at_reference_ampere_hour": record.capacity - shift,
+    }
+    return CycleFit(summary, table, {"period_hour": found.period_hour, "power": found.power})
+
+
+class _Record(NamedTuple):
+    """Discharges of a record (n,), which are used, and the places of these [typical interval].
+
+    felt : what the cell may feel of the temperature, one (n,) a lag; empty where none was recorded.
+    noise : of a reading of the temperature, at most [K].
+    """
+
+    cycle: np.ndarray
+    hour: np.ndarray
+    capacity: np.ndarray
+    celsius: np.ndarray
+    source: str
+    used: np.ndarray
+    place: np.ndarray
+    felt: list
+    noise: float
+
+
+def _record(rows):
+    mine = np.flatnonzero(rows.direction == "discharge")
+    cycle, capacity = rows.cycle[mine], rows.capacity_ampere_hour[mine]
+    known = np.isfinite(rows.coulombic_efficiency[mine])
+    used = _inliers(cycle, capacity, known & np.append(False, known[:-1]))
+    hour = rows.start_time_second[mine] / 3600
+    place = (hour[used] - hour[used][0]) / np.median(np.diff(hour[used]))
+    celsius, source = _temperature(rows, mine)
+    felt, noise = _felt(rows, mine, celsius, source)
+    return _Record(cycle, hour, capacity, celsius, source, used, place, felt, noise)
+
+
+def _felt(rows, mine, celsius, source):
+    """What the cell may feel, and the error of a reading [K], at most.
+
+    A cell's own temperature needs no lag; what its reading errs by is not told by its neighbours,
+    hours of load away.
+    """
+    if source != ROOM:
+        return [celsius] if source else [], 0.0
+    middle = (rows.start_time_second + rows.duration_second / 2) / 3600
+    # Charges tell the room as well as discharges do.
+    told = np.isfinite(rows.room_temperature_celsius)
+    hour, course = middle[told], rows.room_temperature_celsius[told]
+    felt = felt_temperatures(hour, course, middle[mine])
+    return [celsius, *felt[1:]], reading_noise(hour, course)
+
+
+def _temperature(rows, mine):
+    """The temperature that capacity is held against, and whose it is."""
+    for name, source in (
+        ("room_temperature_celsius", ROOM),
+        ("temperature_start_celsius", START),
+    ):
+        celsius = getattr(rows, name)[mine]
+        if np.isfinite(celsius).mean() > 0.9:
+            known = np.isfinite(celsius)
+            return np.interp(rows.cycle[mine], rows.cycle[mine][known], celsius[known]), source
+    return np.full(len(mine), np.nan), ""
+
+
+def _inliers(cycle, capacity, followed):
+    """Which cycles follow a charge of the record and lie on the course, found in two rounds."""
+    if followed.sum() < LEAST_CYCLES:
+        raise Refusal(
+            f"{followed.sum()} complete discharge(s) after a complete cycle; fade and temperature "
+            f"need {LEAST_CYCLES}"
+        )
+    used = followed
+    for _ in range(2):
+        basis = _basis(cycle, used, _highest_degree(used))
+        values = np.linalg.lstsq(basis[used], capacity[used], rcond=None)[0]
+        residual = capacity - basis @ values
+        spread = 1.4826 * np.median(np.abs(residual[used]))
+        near = np.abs(residual) <= max(OUTLIER * spread, 1e-4 * np.abs(capacity).max())
+        used = followed & near
+    return used
+
+
+def _highest_degree(used):
+    return max(min(HIGHEST_DEGREE, int(used.sum()) // CYCLES_A_DEGREE), 1)
+
+
+def _basis(cycle, used, degree):
+    """Columns whose coefficients are the value at the first cycle, the change to the last, and
+    bends that vanish at both."""
+    first, last = cycle[used][0], cycle[used][-1]
+    x = (cycle - first) / (last - first)
+    bends = [x * (1 - x) * (2 * x - 1) ** k for k in range(degree - 1)]
+    return np.column_stack([np.ones(len(x)), x, *bends])
+
+
+class _Model(NamedTuple):
+    """Columns of the fade (n, p) and beside it, the slope's value and variance, and the weight."""
+
+    fade: np.ndarray
+    beside: list
+    slope: float
+    variance: float
+    weight: float
+
+
+def _models(record):
+    """Every degree of the fade with every lag, with and without a bend, and what each weighs."""
+    used, logarithm = record.used, np.log(record.capacity[record.used])
+    levels = [celsius - celsius[used].mean() for celsius in record.felt]
+    options = [[]]
+    if levels and np.ptp(levels[0]) > 0:
+        told = _told_apart(record, levels)
+        options = [choice for one in told for choice in ([one], [one, one**2])]
+    found = []
+    for degree in range(1, _highest_degree(used) + 1):
+        fade = _basis(record.cycle, used, degree)
+        for beside in options:
+            columns, first = np.column_stack([fade, *beside])[used], fade.shape[1]
+            line = coloured_line(columns, logarithm, record.place)
+            slope = (line.values[first], line.std[first] ** 2) if beside else (np.nan, np.nan)
+            score = line.log_likelihood - 0.5 * columns.shape[1] * np.log(used.sum())
+            found.append(_Model(fade, beside, *slope, score))
+    best = max(one.weight for one in found)
+    total = sum(np.exp(one.weight - best) for one in found)
+    return [one._replace(weight=float(np.exp(one.weight - best) / total)) for one in found]
+
+
+def _told_apart(record, levels):
+    """Of all lags those that the data do not rule out beside the fullest fade, or some of them."""
+    if len(levels) == 1:
+        return levels
+    used, logarithm = record.used, np.log(record.capacity[record.used])
+    fade = _basis(record.cycle, used, _highest_degree(used))
+    columns = [np.column_stack([fade, one, one**2])[used] for one in levels]
+    likely = [coloured_line(one, logarithm, record.place).log_likelihood for one in columns]
+    near = np.array(likely) > max(likely) - RULED_OUT
+    kept = np.flatnonzero(near)
+    return [levels[k] for k in kept[:: -(-len(kept) // MOST_LAGS)]]
+
+
+def _moved(record, fade, least):
+    """RMS of the temperature beside the fade, and why no slope can be told ("" where it can)."""
+    if not record.source:
+        return np.nan, "no temperature was recorded, so its slope is not knowable"
+    columns, celsius = fade[record.used], record.celsius[record.used]
+    moved = float(np.std(celsius - columns @ np.linalg.lstsq(columns, celsius, rcond=None)[0]))
+    if moved**2 - record.noise**2 < least**2:
+        blurred = f", read to {record.noise:.2g} K" if record.noise > 0.5 * least else ""
+        return moved, (
+            f"the temperature moves by {moved:.2g} K beside the fade{blurred}, less than {least:g} "
+            "K: not excited, its slope is not knowable"
+        )
+    return moved, ""
+
+
+def _slope(models, freedom, level, noise_share):
+    """Slope in percent of the capacity, averaged over the models; NaN where there is none.
+
+    noise_share : error of a reading of the temperature, at most, by its movement beside the fade.
+    """
+    weight, each, variance = (
+        np.array([getattr(one, name) for one in models]) for name in ("weight", "slope", "variance")
+    )
+    mean = weight @ each if models else np.nan
+    std = np.sqrt(weight @ (variance + (each - mean) ** 2)) if models else np.nan
+    value, std = (100 * one for one in _unshrunk(mean, std, noise_share))
+    lower, upper = t_interval(value, std, freedom, level=level)
+    return {
+        "slope_percent_per_kelvin": float(value),
+        "slope_std_percent_per_kelvin": float(std),
+        "slope_lower_percent_per_kelvin": float(lower),
+        "slope_upper_percent_per_kelvin": float(upper),
+    }
+
+
+def _unshrunk(slope, std, noise_share):
+    """A slope over a temperature that is read with an error: it comes out too small.
+
+    By 1 − (noise/movement)², if all that a reading's neighbours do not foretell is its error, by
+    nothing, if it is the temperature itself. Which it is cannot be told: every share between them
+    is taken as equally likely.
+
+    Source: W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.1.
+    """
+    # ASSUME: Of the steps of the room's temperature from one half cycle to the next any share may
+    # be an error of reading.
+    factor = 1 / (1 - noise_share**2)
+    spread = slope * (factor - 1) / np.sqrt(12)
+    return slope * (1 + factor) / 2, np.hypot(std * factor, spread)
+
+
+def _loss(line, plain):
+    return {
+        "loss_percent": float(-100 * np.expm1(line.values[1])),
+        "loss_std_percent": float(100 * np.exp(line.values[1]) * line.std[1]),
+        "plain_loss_percent": float(-100 * np.expm1(plain.values[1])),
+    }
+
+
+def _explained(capacity, fade, shift, used):
+    """Share of the variance beside the fade that goes with the temperature."""
+    both = np.column_stack([capacity, capacity - shift])[used]
+    beside = both - fade[used] @ np.linalg.lstsq(fade[used], both, rcond=None)[0]
+    whole, left = np.sum(beside**2, axis=0)
+    return float(1 - left / whole) if whole > 0 else np.nan
+
+
+def _left(record, fade, shift):
+    """Amplitude of the daily cycle once the temperature is out [%]."""
+    used = record.used
+    rest = (record.capacity - shift)[used]
+    amplitude = daily_sine(rest, fade[used], record.place, record.hour[used])[0]
+    return 100 * amplitude / float(rest[0])
+
+
+def _daily(found, capacity):
+    scale = 100 / capacity
+    return {
+        "best_period_hour": found.best_period_hour,
+        "false_alarm": found.false_alarm,
+        "daily_percent": found.daily_amplitude * scale,
+        "daily_std_percent": found.daily_std * scale,
+        "daily_peak_hour": found.daily_peak_hour,
+        "daily_false_alarm": found.daily_false_alarm,
+    }
+
+
+def law_rows(summary, *, test):
+    """Rows of the table of laws over temperature: slope, start, loss and daily cycle."""
+    capacity, percent = summary["capacity_start_ampere_hour"], "%"
+    entries = [
+        ("capacity_at_start", capacity, np.nan, "Ah"),
+        (
+            "temperature_slope",
+            summary["slope_percent_per_kelvin"],
+            summary["slope_std_percent_per_kelvin"],
+            "%/degC",
+        ),
+        ("reference_temperature", summary["reference_celsius"], np.nan, "degC"),
+        ("loss_over_record", summary["loss_percent"], summary["loss_std_percent"], percent),
+        ("daily_amplitude", summary["daily_percent"], summary["daily_std_percent"], percent),
+    ]
+    return [
+        {
+            "quantity": f"discharge capacity over the cycles of {test}",
+            "law": "fade and temperature",
+            "parameter": name,
+            "value": float(value),
+            "std": float(std),
+            "unit": unit,
+            "r_squared": summary["explained"],
+            "cross_validation_rmse": np.nan,
+            "chosen": True,
+        }
+        for name, value, std, unit in entries
+        if np.isfinite(value)
+    ]

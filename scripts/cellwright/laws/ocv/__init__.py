@@ -1,0 +1,1 @@
+"""The open-circuit voltage over temperature."""

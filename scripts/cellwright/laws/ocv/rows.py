@@ -1,0 +1,232 @@
+"""Rows of the artefacts on the open-circuit voltage over temperature."""
+
+import numpy as np
+
+from cellwright.laws.ocv.entropy import generalised, zero_crossings
+from cellwright.laws.ocv.surface import nodes, tested
+
+LAW_SOC = np.arange(1, 10) / 10
+STRAIGHT_P = 0.05
+
+
+def entropic_rows(found):
+    """The entropic coefficient over SoC, one row a source and SoC.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+    """
+    return [
+        {
+            "source": source,
+            "used": source == found.used,
+            "soc": float(one.soc[k]),
+            "ocv_volt": float(one.ocv_volt[k]),
+            "entropic_millivolt_per_kelvin": 1e3 * float(one.slope[k]),
+            "std_millivolt_per_kelvin": 1e3 * float(one.slope_std[k]),
+            "lower_millivolt_per_kelvin": 1e3 * float(one.slope_lower[k]),
+            "upper_millivolt_per_kelvin": 1e3 * float(one.slope_upper[k]),
+            "bend_microvolt_per_kelvin_squared": 1e6 * float(one.bend[k]),
+            "bend_std_microvolt_per_kelvin_squared": 1e6 * float(one.bend_std[k]),
+            "bend_p": float(one.bend_p[k]),
+            "shared_error": float(one.shared[k]),
+            "temperatures": int(one.temperatures[k]),
+            "reference_celsius": one.reference_celsius,
+        }
+        for source, one in sorted(found.entropic.items())
+        for k in np.flatnonzero(np.isfinite(one.slope))
+    ]
+
+
+def map_rows(found, *, every=2):
+    """Curve and bias at each tested temperature, one row a temperature and SoC.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`. every : of the grid's points.
+    """
+    surface, readings = found.surface, found.readings
+    base = nodes(surface, surface.reference_celsius)[0]
+    rows = []
+    for column, celsius in enumerate(np.nanmean(readings.celsius, axis=0)):
+        volt, moves = nodes(surface, celsius)
+        bias = volt - base
+        std = found.fitted.slope_std * abs(celsius - surface.reference_celsius)
+        measured = readings.ocv_volt[:, column] - found.fitted.ocv_volt
+        inside = tested(surface, surface.soc, celsius)
+        rows += [
+            {
+                "temperature_celsius": float(celsius),
+                "soc": float(surface.soc[k]),
+                "ocv_volt": float(volt[k]),
+                "bias_volt": float(bias[k]),
+                "bias_std_volt": float(std[k]),
+                "measured_bias_volt": float(measured[k]),
+                "entropic_volt_per_kelvin": float(moves[k]),
+                "tested": bool(inside[k]),
+            }
+            for k in range(0, len(surface.soc), every)
+        ]
+    return rows
+
+
+def surface_rows(found):
+    """One row a function over SoC and temperature; parameters row by row, K0 first.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+    """
+    cold, warm = found.surface.tested_celsius
+    return [
+        {
+            "function": f"{one.function}(T)",
+            "parameters": np.ravel(one.parameters).tolist(),
+            "std": np.ravel(one.std).tolist(),
+            "coefficients": int(one.parameters.shape[1]) if one.parameters.ndim == 2 else 0,
+            "reference_celsius": found.surface.reference_celsius,
+            "rmse_volt": one.rmse_volt,
+            "cross_validation_rmse_volt": one.cross_validation_rmse_volt,
+            "chosen": bool(one.chosen),
+            "tested_from_celsius": cold,
+            "tested_to_celsius": warm,
+        }
+        for one in found.functions
+    ]
+
+
+def table_rows(found):
+    """The surface itself, one row a SoC.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+    """
+    surface = found.surface
+    cold, warm = surface.tested_celsius
+    inside = tested(surface, surface.soc, warm)
+    return [
+        {
+            "soc": float(surface.soc[k]),
+            "ocv_volt": float(surface.ocv_volt[k]),
+            "slope_volt_per_kelvin": float(surface.slope[k]),
+            "bend_volt_per_kelvin_squared": float(surface.bend[k]),
+            "reference_celsius": surface.reference_celsius,
+            "tested": bool(inside[k]),
+            "tested_from_celsius": cold,
+            "tested_to_celsius": warm,
+        }
+        for k in range(len(surface.soc))
+    ]
+
+
+def law_rows(found):
+    """Rows of tables/temperature: laws at every tenth of the tested SoC, changes of sign.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+
+    Returns
+    -------
+    rows : list of dict in the shape of `laws.temperature.law_rows`. The line is chosen unless the
+        parabola's bend is significant at 5 %; of changes of sign those that are certain at 95 %.
+    """
+    fitted, rows = found.fitted, []
+    low, high = found.surface.tested_soc
+    for soc in LAW_SOC:
+        k = int(np.argmin(np.abs(fitted.soc - soc)))
+        if not (np.isfinite(fitted.slope[k]) and low - 1e-9 <= fitted.soc[k] <= high + 1e-9):
+            continue
+        bent = bool(fitted.bend_p[k] < STRAIGHT_P)
+        for degree, law, chosen in ((1, "linear", not bent), (2, "quadratic", bent)):
+            rows += _law(found, k, soc, degree=degree, law=law, chosen=chosen)
+    sure = crossings(found)
+    likely = [] if sure else crossings(found, certain=False)
+    return rows + [_crossing_row(one, one in sure) for one in [*sure, *likely]]
+
+
+def crossings(found, *, certain=True):
+    """Changes of sign of the entropic coefficient of the source used, `ocv_entropy.Crossing`.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+    certain : between signs that are certain at 95 %; else that are one standard deviation off zero.
+    """
+    one = found.entropic[found.used]
+    limits = (one.slope_lower, one.slope_upper)
+    if not certain:
+        limits = (one.slope - one.slope_std, one.slope + one.slope_std)
+    return zero_crossings(one.soc, one.slope, one.slope_std, *limits)
+
+
+def _crossing_row(one, certain):
+    return {
+        "quantity": "zero crossing of dOCV/dT"
+        + (", rising" if one.sign_above > 0 else ", falling"),
+        "law": "linear",
+        "parameter": "soc",
+        "value": one.soc,
+        # Nothing says where in the range between two certain signs it lies: rectangular.
+        "std": (one.upper_soc - one.lower_soc) / np.sqrt(12),
+        "unit": "1",
+        "r_squared": float("nan"),
+        "cross_validation_rmse": float("nan"),
+        "chosen": certain,
+    }
+
+
+def _law(found, k, soc, *, degree, law, chosen):
+    """Rows of one law at one SoC; its R² and its error at temperatures left out."""
+    readings, reference = found.readings, found.surface.reference_celsius
+    known = np.isfinite(readings.ocv_volt[k])
+    celsius, volt, std, common = (
+        getattr(readings, name)[k][known]
+        for name in ("celsius", "ocv_volt", "std_volt", "common_volt")
+    )
+    columns = np.vander(celsius - reference, degree + 1, increasing=True)
+    covariance = np.diag(std**2) + np.outer(common, common)
+    if len(volt) <= degree:
+        return []
+    values, deviations, _ = generalised(columns, volt, covariance)
+    r_squared = _explained(columns, volt, covariance)
+    error = _left_out(columns, volt, covariance)
+    return [
+        {
+            "quantity": f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC",
+            "law": law,
+            "parameter": name,
+            "value": float(value),
+            "std": float(deviation),
+            "unit": unit,
+            "r_squared": r_squared,
+            "cross_validation_rmse": error,
+            "chosen": chosen,
+        }
+        for name, unit, value, deviation in zip(
+            ("ocv", "entropic_coefficient", "bend"),
+            ("V", "V/K", "V/K^2"),
+            values,
+            deviations,
+            strict=False,
+        )
+    ]
+
+
+def _explained(columns, volt, covariance):
+    """R² in units of the standard deviations, the common error among them."""
+    flat, whole = (generalised(columns[:, :q], volt, covariance)[2] for q in (1, columns.shape[1]))
+    freedom = [max(len(volt) - q, 0) for q in (1, columns.shape[1])]
+    return float(1 - whole * freedom[1] / (flat * freedom[0])) if flat > 0 else float("nan")
+
+
+def _left_out(columns, volt, covariance):
+    if len(volt) <= columns.shape[1]:
+        return float("nan")
+    errors = []
+    for out in range(len(volt)):
+        rest = np.arange(len(volt)) != out
+        values = generalised(columns[rest], volt[rest], covariance[np.ix_(rest, rest)])[0]
+        errors.append(columns[out] @ values - volt[out])
+    return float(np.sqrt(np.mean(np.square(errors))))

@@ -1,0 +1,374 @@
+"""Peaks of dQ/dV of one cell over temperature: one scale of smoothing, matched, their shift."""
+
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+QUANTILE = 1.959964  # of the normal distribution, for 95 %
+MOST_JOINED = 3
+# What a step of the alignment costs, in units of a squared standard deviation: a further peak in
+# a group, a peak without a partner; an area that disagrees costs no more than four deviations.
+JOIN_COST, ALONE_COST, AREA_COST_MAX = 6.0, 12.0, 16.0
+SHIFT_TOLERANCE_VOLT = 0.04
+SHIFT_SCALE_VOLT = 0.1  # what a common shift may be without much cost
+SHIFTS_VOLT = np.arange(-0.06, 0.261, 0.01)
+
+
+class Match(NamedTuple):
+    """One or several peaks of the reference and what became of them.
+
+    reference_peaks, peaks : numbers from 1, joined by "+"; "" where there is none.
+    fate : kept; changed (one peak stays, its area does not); merged; split; lost; cut (lost,
+    but it may lie behind the end of the curve); new; unresolved (peaks stand where others stood,
+    but their areas do not add up, or not all peaks of the other curve stand clear of their
+    valleys, so that ripples may be among them).
+    voltages are means weighted by area [V]; areas are sums [Ah], of the outer valleys only, with
+    the standard deviation of their difference.
+    """
+
+    reference_peaks: str
+    peaks: str
+    fate: str
+    reference_voltage_volt: float
+    voltage_volt: float
+    shift_volt: float
+    reference_area_ampere_hour: float
+    area_ampere_hour: float
+    area_difference_ampere_hour: float
+    area_difference_std_ampere_hour: float
+
+
+# ASSUME: Between temperatures the peaks keep their order, and move by about as much.
+def match_peaks(reference, other, *, end_volt=np.inf):
+    """What became of the peaks of one curve in another, at another temperature.
+
+    Both lists are aligned in order, by dynamic programming: one peak to one, up to three to one
+    (merged) or one to three (split), or none. A step costs the squared difference of the areas
+    over its variance, and that of the position once a shift common to all peaks is taken out
+    (polarisation moves them all); the alignment and shift of least cost win. Groups are called
+    merged or split only where the areas' sums agree within the 95 % interval.
+
+    Parameters
+    ----------
+    reference, other : lists of `peak_scale.Peak`, from low voltage.
+    end_volt : where the other curve ends [V].
+
+    Returns
+    -------
+    list of Match, in order of voltage.
+
+    Source: thesis 3.3 (figure 3.20: of four peaks at 20 °C the upper two become one at −20 °C).
+    """
+    found = [(*_aligned(reference, other, shift), shift) for shift in SHIFTS_VOLT]
+    _, blocks, shift = min(found, key=lambda one: one[0])
+    reach = end_volt - shift - SHIFT_TOLERANCE_VOLT
+    found = [_match(reference, other, reach, *block) for block in blocks]
+    if all(peak.clear for peak in other):
+        return found
+    return [one if one.fate == "kept" else one._replace(fate="unresolved") for one in found]
+
+
+def _aligned(reference, other, shift):
+    """Least cost at one common shift, and its blocks as (first, stop) in either list."""
+    best = {(0, 0): (0.0, [])}
+    places = product(range(len(reference) + 1), range(len(other) + 1))
+    for i, j in list(places)[1:]:
+        options = [
+            (best[i - k, j - m][0] + cost, (i - k, i, j - m, j))
+            for k, m, cost in _steps(reference[:i], other[:j], shift)
+        ]
+        cost, block = min(options)
+        best[i, j] = (cost, [*best[block[0], block[2]][1], block])
+    return best[len(reference), len(other)]
+
+
+def _steps(reference, other, shift):
+    """Every step that may end here: how many peaks it takes of either list, and its cost."""
+    if reference:
+        yield 1, 0, ALONE_COST
+    if other:
+        yield 0, 1, ALONE_COST
+    joined = [(1, 1), *[(k, 1) for k in range(2, MOST_JOINED + 1)]]
+    joined += [(1, k) for k in range(2, MOST_JOINED + 1)]
+    for k, m in joined:
+        if k <= len(reference) and m <= len(other):
+            yield k, m, _cost(reference[-k:], other[-m:], shift)
+
+
+def _cost(reference, other, shift):
+    difference, std = _difference(reference, other)
+    moved = (_centre(other) - _centre(reference) - shift) / SHIFT_TOLERANCE_VOLT
+    area = min((difference / std) ** 2, AREA_COST_MAX)
+    common = (shift / SHIFT_SCALE_VOLT) ** 2
+    return area + moved**2 + common + JOIN_COST * (len(reference) + len(other) - 2)
+
+
+def _area(peaks):
+    return sum(peak.area_ampere_hour for peak in peaks)
+
+
+def _centre(peaks):
+    return sum(peak.voltage_volt * peak.area_ampere_hour for peak in peaks) / _area(peaks)
+
+
+def _difference(reference, other):
+    """Of the summed areas, and its standard deviation; inner valleys cancel."""
+    edges = [
+        value
+        for peaks in (reference, other)
+        for value in (peaks[0].left_std_ampere_hour, peaks[-1].right_std_ampere_hour)
+    ]
+    return _area(other) - _area(reference), max(float(np.linalg.norm(edges)), 1e-12)
+
+
+def _match(reference, other, reach, first, stop, low, high):
+    mine, theirs = reference[first:stop], other[low:high]
+    names = ["+".join(str(k + 1) for k in range(*span)) for span in ((first, stop), (low, high))]
+    place = [_centre(peaks) if peaks else np.nan for peaks in (mine, theirs)]
+    area = [_area(peaks) if peaks else np.nan for peaks in (mine, theirs)]
+    difference, std = _difference(mine, theirs) if mine and theirs else (np.nan, np.nan)
+    fate = _fate(len(mine), len(theirs), abs(difference) <= QUANTILE * std)
+    return Match(
+        *names,
+        "cut" if fate == "lost" and place[0] > reach else fate,
+        *place,
+        place[1] - place[0],
+        *area,
+        difference,
+        std,
+    )
+
+
+def _fate(mine, theirs, agree):
+    if not mine or not theirs:
+        return "lost" if mine else "new"
+    if mine == theirs:
+        return "kept" if agree else "changed"
+    if not agree:
+        return "unresolved"
+    return "merged" if mine > theirs else "split"
+
+
+END_SIGMAS = 5.0  # where a curve begins and ends polarisation sets, not the cell
+
+
+class Peak(NamedTuple):
+    """A peak at the common smoothing.
+
+    voltage_volt, height_ampere_hour_per_volt, area_ampere_hour from valley to valley;
+    voltage_std_volt : what smoothing leaves open. left_std_ampere_hour, right_std_ampere_hour :
+    of the area, by the place of either valley.
+    clear : whether both valleys lie below 0.8 of its height.
+    """
+
+    voltage_volt: float
+    voltage_std_volt: float
+    height_ampere_hour_per_volt: float
+    area_ampere_hour: float
+    left_std_ampere_hour: float
+    right_std_ampere_hour: float
+    clear: bool
+
+
+def smoothed(voltage_volt, dq_dv, *, sigma_volt):
+    """dQ/dV (n,) on its uniform grid (n,) [V], smoothed by a Gaussian of that width [V].
+
+    At the ends the Gaussian is cut and scaled up, so that a constant stays itself.
+    """
+    step = (voltage_volt[-1] - voltage_volt[0]) / (len(voltage_volt) - 1)
+    reach = max(int(np.ceil(4 * sigma_volt / step)), 1)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * step / sigma_volt) ** 2)
+    inside = np.convolve(np.ones(len(dq_dv)), kernel)[reach:-reach]
+    return np.convolve(dq_dv, kernel)[reach:-reach] / inside
+
+
+# ASSUME: The edge of a peak's area is uncertain by the smoothing width (five of them at the ends
+# of the curve), its place by how far it moves when smoothed twice as wide.
+def scaled_peaks(voltage_volt, dq_dv, *, sigma_volt=0.01, prominence=0.05):
+    """Peaks of one curve at the common smoothing.
+
+    A chamber that swings prints ripples into dQ/dV that noise of the channel does not explain;
+    curves are smoothed alike before their peaks are held against each other.
+
+    Parameters
+    ----------
+    voltage_volt, dq_dv : (n,) curve of stage `ica_curve` [V], [A h/V].
+    sigma_volt : width of the Gaussian [V]. prominence : least rise of a peak above the higher of
+        its two valleys, as a share of the curve's highest value [1].
+
+    Returns
+    -------
+    list of Peak, from low voltage.
+
+    Raises
+    ------
+    Refusal : a curve shorter than eight widths, or without a peak.
+    """
+    if voltage_volt[-1] - voltage_volt[0] < 8 * sigma_volt:
+        raise Refusal(f"dQ/dV spans less than {8 * sigma_volt:g} V")
+    height = smoothed(voltage_volt, dq_dv, sigma_volt=sigma_volt)
+    wide = smoothed(voltage_volt, dq_dv, sigma_volt=2 * sigma_volt)
+    tops, edges = _tops(height, prominence * height.max())
+    if not len(tops):
+        raise Refusal(f"no peak of dQ/dV stands out at a smoothing of {1e3 * sigma_volt:g} mV")
+    return [
+        _peak(voltage_volt, height, wide, top, left, right, sigma_volt)
+        for top, (left, right) in zip(tops, pairwise(edges), strict=True)
+    ]
+
+
+def _tops(height, least):
+    """Rows of the peaks and of the valleys about them; peaks too low against a valley give way,
+    the lowest rise first."""
+    inner = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
+    tops = list(inner)
+    while tops:
+        valleys = [a + int(height[a : b + 1].argmin()) for a, b in pairwise([0, *tops])][1:]
+        edges = [0, *valleys, len(height) - 1]
+        rises = [
+            height[top] - max(height[_low(height, a, top)], height[_low(height, top, b)])
+            for top, (a, b) in zip(tops, pairwise(edges), strict=True)
+        ]
+        lowest = int(np.argmin(rises))
+        if rises[lowest] >= least:
+            return tops, edges
+        tops.pop(lowest)
+    return [], []
+
+
+def _low(height, first, last):
+    return first + int(height[first : last + 1].argmin())
+
+
+def _peak(voltage, height, wide, top, left, right, sigma):
+    step = voltage[1] - voltage[0]
+    bend = height[top - 1] - 2 * height[top] + height[top + 1]
+    shift = 0.5 * (height[top - 1] - height[top + 1]) / bend if bend else 0.0
+    reach = max(int(2 * sigma / step), 1)
+    near = slice(max(top - reach, 0), top + reach + 1)
+    moved = voltage[near][int(np.argmax(wide[near]))] - voltage[top]
+    inside = height[left : right + 1]
+    return Peak(
+        float(voltage[top] + shift * step),
+        float(np.hypot(0.5 * moved, step / np.sqrt(12))),
+        float(height[top]),
+        float(np.sum((inside[1:] + inside[:-1]) / 2) * step),
+        float(height[left] * sigma * (END_SIGMAS if left == 0 else 1)),
+        float(height[right] * sigma * (END_SIGMAS if right == len(height) - 1 else 1)),
+        bool(max(height[left], height[right]) < 0.8 * height[top]),
+    )
+
+
+SAME_RATE = 1.12
+
+
+class Charge(NamedTuple):
+    """One slow charge: its test, temperature [°C], rate [1/h] and curve, (n,) [V], [A h/V]."""
+
+    test: str
+    temperature_celsius: float
+    c_rate: float
+    voltage_volt: np.ndarray
+    dq_dv_ampere_hour_per_volt: np.ndarray
+
+
+class OverTemperature(NamedTuple):
+    """Rows for three tables: matches, peaks at the common smoothing, curves on it; and notes."""
+
+    matches: list
+    peaks: list
+    curves: dict
+    notes: list
+
+
+def peaks_over_temperature(charges, *, reference_celsius=25.0, sigma_volt=0.01, prominence=0.05):
+    """Match the peaks of slow charges at several temperatures with those at the reference.
+
+    Parameters
+    ----------
+    charges : list of Charge, all of one age. reference_celsius : wanted; the nearest is taken.
+    sigma_volt, prominence : as for `scaled_peaks`.
+
+    Returns
+    -------
+    OverTemperature. Charges at another rate than the reference's (by more than 12 %) are left
+    out: peaks move with the rate as well.
+
+    Raises
+    ------
+    Refusal : fewer than two temperatures with charges of one rate.
+    """
+    notes, mine = [], []
+    first = min(charges, key=lambda one: abs(one.temperature_celsius - reference_celsius))
+    for charge in sorted(charges, key=lambda one: -one.temperature_celsius):
+        ratio = max(charge.c_rate / first.c_rate, first.c_rate / charge.c_rate)
+        if ratio > SAME_RATE:
+            rates = f"{charge.c_rate:.3g}C, the reference {first.test} at {first.c_rate:.3g}C"
+            notes.append(f"{charge.test} was left out: it is at {rates}")
+        else:
+            mine.append(charge)
+    if len({charge.temperature_celsius for charge in mine}) < 2:
+        raise Refusal("charges of one rate are known at one temperature only")
+    peaks = {
+        one.test: scaled_peaks(
+            one.voltage_volt,
+            one.dq_dv_ampere_hour_per_volt,
+            sigma_volt=sigma_volt,
+            prominence=prominence,
+        )
+        for one in mine
+    }
+    unclear = [one.test for one in mine if not all(peak.clear for peak in peaks[one.test])]
+    notes += [f"{test}: not all peaks stand clear of their valleys" for test in unclear]
+    matches = [
+        row
+        for charge in mine
+        if charge.test != first.test
+        for row in _matched(first, charge, peaks, sigma_volt)
+    ]
+    return OverTemperature(matches, _peak_rows(mine, peaks), _curves(mine, sigma_volt), notes)
+
+
+def _matched(first, charge, peaks, sigma):
+    found = match_peaks(
+        peaks[first.test], peaks[charge.test], end_volt=charge.voltage_volt[-1] - sigma
+    )
+    return [
+        {
+            "test": charge.test,
+            "temperature_celsius": charge.temperature_celsius,
+            "reference_celsius": first.temperature_celsius,
+            **match._asdict(),
+        }
+        for match in found
+    ]
+
+
+def _peak_rows(charges, peaks):
+    return [
+        {
+            "test": charge.test,
+            "temperature_celsius": charge.temperature_celsius,
+            "peak": number,
+            **peak._asdict(),
+        }
+        for charge in charges
+        for number, peak in enumerate(peaks[charge.test], 1)
+    ]
+
+
+def _curves(charges, sigma):
+    """Columns of all smoothed curves, one below the other."""
+    parts = [
+        (
+            np.full(len(one.voltage_volt), one.temperature_celsius),
+            one.voltage_volt,
+            smoothed(one.voltage_volt, one.dq_dv_ampere_hour_per_volt, sigma_volt=sigma),
+        )
+        for one in charges
+    ]
+    names = ("temperature_celsius", "voltage_volt", "dq_dv_ampere_hour_per_volt")
+    return dict(zip(names, (np.concatenate(p) for p in zip(*parts, strict=True)), strict=True))

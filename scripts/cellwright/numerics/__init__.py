@@ -1,0 +1,1 @@
+"""One of each numeric tool: arrays in, arrays out, nothing of batteries."""

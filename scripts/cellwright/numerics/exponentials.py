@@ -1,0 +1,432 @@
+"""Separable least squares of exponentials: start on a grid, then Levenberg-Marquardt in ln tau."""
+
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.native import array, count, function
+from cellwright.numerics.lags import lag
+from cellwright.refusal import Refusal
+
+STEP = 1e-30  # of a complex step: its square vanishes beside any real part
+TYPES = (count, count, count, count, *[array] * 4, count, *[array] * 4)
+MOST_LAGS, MOST_FIXED = 24, 6  # what the kernel has room for
+
+
+class Load(NamedTuple):
+    """A record as the linear model y = fixed·a + lags(tau)·r sees it.
+
+    step_second : (n−1,) steps [s]. drive : (n,) current that the lags follow [A]. fixed : (f, n)
+    columns that no time constant enters. target_volt : (n,) what is to be explained [V]. hold : of
+    the drive, see `kernels.lag_weights`.
+    """
+
+    step_second: np.ndarray
+    drive: np.ndarray
+    fixed: np.ndarray
+    target_volt: np.ndarray
+    hold: str
+
+
+class Normal(NamedTuple):
+    """Products of the columns (fixed, lags, derivatives of the lags by ln tau) and the residual.
+
+    gram : (c, c). moment : (c,) columns times residual. power : residual times itself
+    [V²]. near : residual times the one before it [V²].
+    """
+
+    gram: np.ndarray
+    moment: np.ndarray
+    power: float
+    near: float
+
+
+def normal_equations(load, tau_second, linear, *, sloped=True):
+    """Products of all columns of a circuit's linear model, and of its residual, in one pass.
+
+    Parameters
+    ----------
+    load : Load.
+    tau_second : (m,) time constants [s].
+    linear : (f + m,) factors of the fixed columns and of the lags, from which the residual is.
+    sloped : True adds the derivative of each lag by the logarithm of its time constant.
+
+    Returns
+    -------
+    normal : Normal, of f + m + (m where sloped) columns.
+
+    Raises
+    ------
+    Refusal : a time constant that is not positive, an unknown hold, too many columns.
+    """
+    tau, linear = np.ascontiguousarray(tau_second, float), np.ascontiguousarray(linear, float)
+    if len(tau) > MOST_LAGS or len(load.fixed) > MOST_FIXED:
+        found = f"{len(tau)} lags and {len(load.fixed)} fixed columns"
+        raise Refusal(f"{found}; at most {MOST_LAGS} and {MOST_FIXED} fit at once")
+    if not (tau > 0).all():
+        raise Refusal("a time constant is zero, negative or not a number")
+    kernel = function("circuit_products", *TYPES)
+    if kernel is None:
+        return _by_numpy(load, tau, linear, sloped=sloped)
+    size = len(linear) + sloped * len(tau) + 1
+    gram, near = np.zeros((size, size)), np.zeros(1)
+    head = (len(load.drive), len(load.fixed), len(tau), int(sloped))
+    first_order = int(load.hold == "first_order")
+    series = (load.step_second, load.drive, load.fixed, load.target_volt)
+    kernel(*head, *series, first_order, tau, linear, gram, near)
+    return _split(gram, near[0])
+
+
+def columns_of(load, tau_second, *, sloped=True):
+    """The columns themselves: fixed, lags, and (where sloped) their derivatives by ln tau: (c, n).
+
+    Parameters
+    ----------
+    load, tau_second, sloped : as in `normal_equations`.
+    """
+    step = [1j * STEP if sloped else 0.0] * len(tau_second)
+    pairs = zip(tau_second, step, strict=True)
+    lags = [lag(load.step_second, t * (1 + h), load.drive, hold=load.hold) for t, h in pairs]
+    slopes = [one.imag / STEP for one in lags] if sloped else []
+    return np.vstack([load.fixed, *(np.real(one) for one in lags), *slopes])
+
+
+def _by_numpy(load, tau_second, linear, *, sloped):
+    columns = columns_of(load, tau_second, sloped=sloped)
+    residual = load.target_volt - linear @ columns[: len(linear)]
+    columns = np.vstack([columns, residual])
+    return _split(columns @ columns.T, residual[1:] @ residual[:-1])
+
+
+def _split(products, near):
+    return Normal(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), float(near))
+
+
+ROWS = 800  # of the thinned record
+GRID = {1: 24, 2: 14, 3: 8}  # time constants per pair
+
+
+def coarse_start(load, tau_bounds, linear_bounds):
+    """Time constants, and linear parameters for them, near which the best fit lies.
+
+    Parameters
+    ----------
+    load : normal.Load of the whole record.
+    tau_bounds : (m, 2) bounds of each time constant [s].
+    linear_bounds : (lower, upper), (l,) each.
+
+    Returns
+    -------
+    tau_second, linear : (m,) [s] ascending where the bounds are alike, (l,).
+
+    Raises
+    ------
+    Refusal : the bounds hold two time constants at one value.
+    """
+    thin = thinned(load)
+    fixed = len(load.fixed)
+
+    def normal_at(tau):
+        return normal_equations(thin, tau, np.zeros(fixed + len(tau)), sloped=False)
+
+    return best_of_grid(normal_at, fixed, tau_bounds, linear_bounds)
+
+
+def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
+    """Best combination of time constants of a coarse grid, and the linear parameters for it.
+
+    Parameters
+    ----------
+    normal_at : function (k,) time constants → Normal of the fixed columns and one per constant,
+        with the residual taken at zero.
+    fixed : number of columns that no time constant enters.
+    tau_bounds, linear_bounds : as in `coarse_start`.
+    """
+    kinds = list(dict.fromkeys(map(tuple, tau_bounds)))
+    size = max(2, min(GRID.get(len(tau_bounds), 6), MOST_LAGS // len(kinds)))
+    tau = np.concatenate([_inner(lower, upper, size) for lower, upper in kinds])
+    combinations = _places(tuple(kinds.index(tuple(one)) for one in tau_bounds), size)
+    ascending = np.sort(tau[combinations], axis=1)
+    combinations = combinations[(ascending[:, 1:] > ascending[:, :-1]).all(axis=1)]
+    if not len(combinations):
+        raise Refusal("bounds hold two time constants at one value: their pairs are one")
+    normal = normal_at(tau)
+    linear, power = _solved(normal, fixed, combinations)
+    inside = ((linear >= linear_bounds[0]) & (linear <= linear_bounds[1])).all(axis=1)
+    best = int(np.argmin(np.where(inside, power, power + 1e6 * normal.power)))
+    return tau[combinations[best]], linear[best]
+
+
+def thinned(load):
+    """The record on every so-manieth row; between them the lags follow the mean current."""
+    stride = -(-len(load.drive) // ROWS)
+    rows = np.arange(0, len(load.drive), stride)
+    if stride == 1:
+        return load
+    if load.hold == "zero_order":
+        passed = load.step_second * load.drive[:-1]
+    else:
+        passed = load.step_second * (load.drive[:-1] + load.drive[1:]) / 2
+    charge = np.add.reduceat(passed, rows[:-1])
+    step = np.add.reduceat(load.step_second, rows[:-1])
+    charge[-1] = passed[rows[-2] : rows[-1]].sum()
+    step[-1] = load.step_second[rows[-2] : rows[-1]].sum()
+    mean = np.divide(charge, step, out=np.zeros_like(step), where=step > 0)
+    fixed = np.ascontiguousarray(load.fixed[:, rows])
+    return Load(step, np.append(mean, 0.0), fixed, load.target_volt[rows], "zero_order")
+
+
+@cache
+def _places(kinds, size):
+    """Every combination of places in a list of grids, one grid per kind of bounds: (k, m)."""
+    found = np.array(list(product(*(range(kind * size, (kind + 1) * size) for kind in kinds))))
+    alike = np.equal(kinds[1:], kinds[:-1])
+    return found[((found[:, 1:] > found[:, :-1]) | ~alike).all(axis=1)]
+
+
+def _inner(lower, upper, size):
+    """Logarithmic grid inside of two bounds, all one point where they coincide."""
+    return np.exp(np.linspace(np.log(lower), np.log(upper), size + 2)[1:-1])
+
+
+def _solved(normal, fixed, combinations):
+    """Least squares of every combination: (k, l) parameters, (k,) power."""
+    columns = np.hstack([np.tile(np.arange(fixed), (len(combinations), 1)), fixed + combinations])
+    scale = np.sqrt(np.diag(normal.gram))
+    scale = np.where(scale > 0, scale, 1.0)
+    unit = normal.gram / np.outer(scale, scale)
+    gram = unit[columns[:, :, None], columns[:, None, :]]
+    moment = (normal.moment / scale)[columns]
+    ridge = RANK * np.eye(gram.shape[1])
+    found = np.linalg.solve(gram + ridge, moment[:, :, None])[:, :, 0]
+    return found / scale[columns], normal.power - (found * moment).sum(axis=1)
+
+
+RANK = 1e-12  # smallest pivot of a Gram matrix of unit columns that still says something
+# Stop when the next step is this share of the standard deviation of what it moves. That step is
+# still made, without another look at the data, and leaves an error of about its square.
+NEAR = 0.02
+MOST = 200  # passes over the data; a search that takes them all has not arrived
+FARTHEST = 2.0  # of one step, in ln tau
+
+
+class Projected(NamedTuple):
+    """Best linear parameters at given time constants, and the products there.
+
+    log_tau : (m,) of [s]. linear : (l,). gram, moment : (l + m, l + m), (l + m,) products of the
+    sensitivities (by each linear parameter, by each ln tau) with each other and the residual.
+    power : sum of squared residuals [V²]. near : of residuals times the one before [V²].
+    """
+
+    log_tau: np.ndarray
+    linear: np.ndarray
+    gram: np.ndarray
+    moment: np.ndarray
+    power: float
+    near: float
+
+
+def projected(normal, log_tau, linear, lower, upper):
+    """The linear parameters that fit best, within their bounds, and all products at them.
+
+    The residual is linear in them, so that no second pass over the data is needed.
+
+    Parameters
+    ----------
+    normal : `normal.Normal` with the derivatives of the last m linear columns by ln tau behind.
+    log_tau : (m,). linear : (l,) at which the residual of `normal` was taken.
+    lower, upper : (l,) bounds of the linear parameters.
+
+    Returns
+    -------
+    at : Projected.
+
+    Raises
+    ------
+    Refusal : the columns do not tell the linear parameters apart, whatever the bounds.
+    """
+    size, pairs = len(linear), len(log_tau)
+    scale = np.sqrt(normal.gram.diagonal()[:size])
+    if not (scale > 0).all():
+        raise Refusal(f"{int((scale <= 0).sum())} parameter(s) are not excited at all")
+    unit = normal.gram[:size, :size] / (scale[:, None] * scale)
+    moment = normal.moment[:size] / scale
+    move = _bounded(unit, moment, (lower - linear) * scale, (upper - linear) * scale) / scale
+    found = _within(linear + move, lower, upper)
+    power = normal.power - 2 * move @ normal.moment[:size] + move @ normal.gram[:size, :size] @ move
+    moment = normal.moment - normal.gram[:, :size] @ move
+    chain = np.concatenate([np.ones(size), found[size - pairs :]])
+    gram = normal.gram * (chain[:, None] * chain)
+    return Projected(log_tau, found, gram, moment * chain, max(power, 0.0), normal.near)
+
+
+def levenberg(normal_at, log_tau, linear, bounds, *, samples):
+    """Minimise over the time constants, from given ones.
+
+    Parameters
+    ----------
+    normal_at : function (log_tau, linear) → Normal.
+    log_tau, linear : (m,), (l,) where to start; the linear ones only tell where the residual is
+        taken first.
+    bounds : (lower, upper) of log_tau, (lower, upper) of the linear parameters.
+    samples : number of data, for the scatter that the stop refers to.
+
+    Returns
+    -------
+    at, passes : Projected, and how often the data were passed over.
+
+    Source: variable projection by G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, with
+    the step of A. Ruhe, P. Wedin, SIAM Review 22 (1980) 318; damping: D. Marquardt, J. SIAM 11
+    (1963) 431.
+    """
+    (tau_lower, tau_upper), linear_bounds = bounds
+    at = projected(normal_at(log_tau, linear), log_tau, linear, *linear_bounds)
+    damping, passes = 1e-3, 1
+    while passes < MOST:
+        move, gain = _step(at, damping, tau_lower, tau_upper, linear_bounds)
+        there = at.log_tau + move[len(linear) :]
+        guess = _within(at.linear + move[: len(linear)], *linear_bounds)
+        if gain <= NEAR**2 * at.power / max(samples - len(at.gram), 1):
+            # The first pass took its residuals at linear parameters that were only guessed.
+            near = at.near if passes > 1 else normal_at(there, guess).near
+            power = max(at.power - gain, 0.0)
+            return at._replace(log_tau=there, linear=guess, power=power, near=near), passes
+        trial = projected(normal_at(there, guess), there, guess, *linear_bounds)
+        passes += 1
+        better = trial.power < at.power
+        at = trial if better else at
+        damping = max(damping / 30, 1e-9) if better else damping * 10
+        if damping > 1e9:
+            break
+    return at, passes
+
+
+def _step(at, damping, lower, upper, linear_bounds):
+    """Damped step of all parameters, and by how much it should lower the power [V²]."""
+    size, diagonal = len(at.linear), at.gram.diagonal()
+    pull = at.moment[size:]
+    held = ((at.log_tau <= lower) & (pull < 0)) | ((at.log_tau >= upper) & (pull > 0))
+    inside = (at.linear > linear_bounds[0]) & (at.linear < linear_bounds[1])
+    free = np.concatenate([inside, ~held & (lower < upper)]) & (diagonal > 0)
+    move = np.zeros(len(diagonal))
+    if free[size:].any():
+        root = np.where(free, np.sqrt(diagonal), np.inf)
+        unit = at.gram / (root[:, None] * root)
+        # The linear part is projected, not damped: the trace of ridge only guards its rank. What
+        # is not free has a row of zeros, and stays where it is.
+        unit.flat[:: len(move) + 1] += np.where(np.arange(len(move)) < size, RANK, damping) + ~free
+        move = np.linalg.solve(unit, at.moment / root) / root
+    reach = _within(move[size:], -FARTHEST, FARTHEST)
+    move[size:] = _within(at.log_tau + reach, lower, upper) - at.log_tau
+    return move, float(move @ at.moment)
+
+
+def _within(values, lower, upper):
+    """As np.clip, in a third of its time."""
+    return np.minimum(np.maximum(values, lower), upper)
+
+
+def _bounded(unit, moment, lower, upper):
+    """Least squares in scaled moves within bounds: free if that is inside, else every face."""
+    ridge = RANK * np.eye(len(unit))
+    free = np.linalg.solve(unit + ridge, moment)
+    if (free >= lower).all() and (free <= upper).all():
+        return free
+    best, least = None, np.inf
+    ends = zip(np.isfinite(lower), np.isfinite(upper), strict=True)
+    for face in product(*([0] + [1] * bool(low) + [2] * bool(high) for low, high in ends)):
+        found = _on_face(unit + ridge, moment, np.array(face), lower, upper)
+        cost = found @ unit @ found - 2 * found @ moment
+        inside = (found >= lower - 1e-12) & (found <= upper + 1e-12)
+        if inside.all() and cost < least:
+            best, least = found, cost
+    if best is None:
+        raise Refusal("no linear parameters lie within their bounds: the load tells them not apart")
+    return best
+
+
+def _on_face(unit, moment, face, lower, upper):
+    """Solution with parameters marked 1 at their lower, 2 at their upper bound."""
+    found = np.where(face == 1, lower, np.where(face == 2, upper, 0.0))
+    free = face == 0
+    right = moment[free] - unit[np.ix_(free, ~free)] @ found[~free]
+    found[free] = np.linalg.solve(unit[np.ix_(free, free)], right)
+    return found
+
+
+# Relative standard deviation from which a parameter is not told: its 95 % interval, 1.96 times
+# that wide, reaches down to zero.
+NOT_TOLD = 0.51
+# What two parameters form together is told where it is known this many times better than each.
+BETTER = 5.0
+
+
+def verdict(names, values, covariance, lower, upper):
+    """What the data do not tell of a fit's parameters; empty where they tell all.
+
+    A parameter is not told where its 95 % interval, from the covariance, reaches zero (relative
+    standard deviation above 0.51), or where the fit ran to the limit of its search. Of two that
+    are not told, their sum (resistances) or ratio (a pair's R/tau, one over its capacitance) is
+    named where that is known five times better.
+
+    Parameters
+    ----------
+    names, values, covariance, lower, upper : of the parameters, as in `fit.CircuitFit`; the limits
+        of their search in their units.
+
+    Returns
+    -------
+    words : sentences, joined by "; ".
+    """
+    spread = np.sqrt(np.diag(covariance)) / np.abs(values)
+    said = []
+    for index, name in enumerate(names):
+        if lower[index] == upper[index]:
+            continue
+        limit = _at_limit(names, values, lower, upper, index)
+        if limit:
+            said.append(limit)
+        elif spread[index] > NOT_TOLD and not name.startswith("ocv"):
+            said.append(f"{name} cannot be told: it is known within ±{1.96 * spread[index]:.0%}")
+        elif np.isnan(spread[index]) and name.startswith("tau"):
+            said.append(f"{name} cannot be told: its pair has no voltage")
+    return "; ".join([*said, *_together(names, values, covariance, spread)])
+
+
+def _at_limit(names, values, lower, upper, index):
+    name, value = names[index], values[index]
+    tau = name.startswith("tau")
+    if tau and value >= upper[index] * (1 - 1e-9):
+        found = f"the fit runs to the longest that was searched, {value:.3g} s"
+        return f"{name} cannot be told, nor r{name[3]}_ohm: {found}"
+    if tau and value <= lower[index] * (1 + 1e-9):
+        return (
+            f"{name} is no longer than {value:.3g} s, the shortest searched: its pair acts at once"
+        )
+    if value <= lower[index] or value >= upper[index]:
+        return f"{name} lies at the bound of its search, {value:.3g}"
+    return ""
+
+
+def _together(names, values, covariance, spread):
+    """Sums and ratios that are known much better than what they are made of."""
+    lost = [i for i in range(len(names)) if spread[i] > NOT_TOLD and names[i][:3] != "ocv"]
+    for i, j in [(i, j) for i in lost for j in lost if i < j]:
+        kind, gradient = _combined(names[i], names[j], values[[i, j]])
+        part = covariance[np.ix_([i, j], [i, j])]
+        known = np.sqrt(max(gradient @ part @ gradient, 0.0))
+        if kind and known * BETTER < min(spread[i], spread[j]):
+            correlation = part[0, 1] / np.sqrt(part[0, 0] * part[1, 1])
+            words = f"{names[i]} and {names[j]} are told only as their {kind}"
+            yield f"{words} (±{1.96 * known:.0%}; correlation {correlation:.3f})"
+
+
+def _combined(first, second, values):
+    """Name of what two parameters form, and the gradient of its logarithm."""
+    if first[0] == second[0] == "r":
+        return "sum", np.ones(2) / values.sum()
+    if first[0] == "r" and second == f"tau{first[1]}_second":
+        return "ratio", np.array([1.0, -1.0]) / values
+    return "", np.zeros(2)

@@ -1,0 +1,108 @@
+"""The one recurrence that every relaxation runs through, and its weights."""
+
+import numpy as np
+
+from cellwright.native import array, count, function
+from cellwright.refusal import Refusal
+
+HOLDS = ("zero_order", "first_order")
+
+
+def lag_weights(step_second, tau_second, *, hold):
+    """Weights of a first-order lag over each step, exact for the stated hold of its input.
+
+    u[k+1] = decay[k]·u[k] + before[k]·x[k] + after[k]·x[k+1] solves tau·du/dt = x − u.
+
+    Parameters
+    ----------
+    step_second : (n−1,) steps between samples [s]; zero is allowed (an edge: nothing decays).
+    tau_second : scalar or (n−1,) time constant over each step [s].
+    hold : "zero_order" (the input keeps its value until the next sample) or "first_order" (it
+        moves on a straight line to the next sample).
+
+    Returns
+    -------
+    decay, before, after : (n−1,) each [1].
+
+    Raises
+    ------
+    Refusal : unknown hold, or time constants that are not positive.
+    """
+    _check(tau_second, hold)
+    ratio = np.asarray(step_second) / tau_second
+    gain = -np.expm1(-ratio)
+    if hold == "zero_order":
+        return 1.0 - gain, gain, np.zeros_like(gain)
+    mean = np.divide(gain, ratio, out=np.ones_like(ratio), where=np.real(ratio) > 0)
+    return 1.0 - gain, mean + gain - 1.0, 1.0 - mean
+
+
+def lag(step_second, tau_second, drive, *, hold, initial=0.0):
+    """Response of a first-order lag with unit gain to one or many inputs.
+
+    In C where that can be built (`native`), else as a lower bidiagonal system of equations by
+    LAPACK's banded triangular solve: the same recurrence, with a true step and time constant per
+    sample either way.
+
+    Parameters
+    ----------
+    step_second, tau_second, hold : as in `lag_weights`.
+    drive : (n,) or (n, m) inputs, any unit.
+    initial : scalar or (m,) state at the first sample, unit of the input.
+
+    Returns
+    -------
+    state : shape of drive, unit of the input.
+    """
+    types = (count, count, array, array, count, count, array, array)
+    kernel = function("lag", *types)
+    if kernel is None or np.iscomplexobj(drive) or np.iscomplexobj(tau_second):
+        return _lag_by_lapack(step_second, tau_second, drive, hold=hold, initial=initial)
+    _check(tau_second, hold)
+    drive, state = np.ascontiguousarray(drive, float), np.empty(np.shape(drive))
+    state[0] = initial
+    step = np.ascontiguousarray(step_second, float)
+    tau = np.ascontiguousarray(np.atleast_1d(tau_second), float)
+    rows, columns = len(drive), drive.size // len(drive)
+    kernel(rows, columns, step, tau, len(tau) > 1, hold == "first_order", drive, state)
+    return state
+
+
+def lag_by_charge(passed_ampere_hour, charge_ampere_hour, drive):
+    """Response of a lag that moves with the charge passed, to an input that is constant per step.
+
+    Parameters
+    ----------
+    passed_ampere_hour : (n−1,) charge passed in each step, never negative [Ah].
+    charge_ampere_hour : scalar or (n−1,) charge after which 1/e is left [Ah].
+    drive : (n−1,) or (n−1, m) where the state goes to in each step, any unit.
+
+    Returns
+    -------
+    state : (n,) or (n, m), zero at first.
+    """
+    held = np.concatenate([drive, drive[-1:]])
+    return lag(passed_ampere_hour, charge_ampere_hour, held, hold="zero_order")
+
+
+def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
+    """Also for complex inputs or time constants: a complex step asks for a derivative."""
+    from scipy.linalg.lapack import dtbtrs, ztbtrs
+
+    decay, before, after = lag_weights(step_second, tau_second, hold=hold)
+    column = (slice(None),) + (None,) * (drive.ndim - 1)
+    kind = np.result_type(drive, decay)
+    right = np.empty(drive.shape, kind, order="F")
+    right[0] = initial
+    right[1:] = before[column] * drive[:-1] + after[column] * drive[1:]
+    band = np.ones((2, len(drive)), kind, order="F")
+    band[1, :-1] = -decay
+    solve = ztbtrs if kind.kind == "c" else dtbtrs
+    return solve(band, right, uplo="L", overwrite_b=True)[0].reshape(drive.shape)
+
+
+def _check(tau_second, hold):
+    if hold not in HOLDS:
+        raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
+    if not np.all(np.real(tau_second) > 0):
+        raise Refusal("a time constant is zero, negative or not a number")

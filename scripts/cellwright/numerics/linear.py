@@ -1,0 +1,95 @@
+"""Linear least squares of courses over SoC: hat functions, non-negative solve."""
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+
+def hats(soc, knots):
+    """Hat functions of a piecewise linear course over the knots, held flat outside: (n, k)."""
+    return np.column_stack([np.interp(soc, knots, row) for row in np.eye(len(knots))])
+
+
+ROUNDS = 30  # of the active set; it has always settled in fewer than ten
+
+
+def solve(gram, moment, signed, most=None):
+    """Least squares with non-negative resistances, from the normal equations.
+
+    Parameters
+    ----------
+    gram, moment : (p, p), (p,) XᵀX and Xᵀy.
+    signed : number of leading parameters that may have either sign.
+    most : (p,) upper bounds, infinite where there is none; None: none at all.
+
+    Returns
+    -------
+    parameters : (p,); exactly zero, or the upper bound, where a bound holds.
+
+    Raises
+    ------
+    Refusal : the data do not tell the parameters apart.
+    """
+    found = _not_negative(gram, moment, signed)
+    if most is None or np.all(found <= most):
+        return found
+    return _bounded(gram, moment, signed, most, found)
+
+
+def _bounded(gram, moment, signed, most, found):
+    """The same below upper bounds: what exceeds its bound is held there, as long as it pushes."""
+    held = found > most
+    for _ in range(ROUNDS):
+        free = ~held
+        rest = moment[free] - gram[np.ix_(free, held)] @ most[held]
+        found = np.where(held, most, 0.0)
+        found[free] = _not_negative(gram[np.ix_(free, free)], rest, signed)
+        pull = gram @ found - moment
+        wrong = (held & (pull > 0)) | (free & (found > most))
+        if not wrong.any():
+            return found
+        held = held ^ wrong
+    return _by_scipy(gram, moment, signed, most)
+
+
+def _by_scipy(gram, moment, signed, most):
+    """The same by scipy's bounded solver, where the active set takes turns for ever."""
+    from scipy.optimize import lsq_linear
+
+    factor = np.linalg.cholesky(gram)
+    least = np.append(np.full(signed, -np.inf), np.zeros(len(gram) - signed))
+    return lsq_linear(factor.T, np.linalg.solve(factor, moment), bounds=(least, most)).x
+
+
+def _not_negative(gram, moment, signed):
+    """Least squares with parameters of which only the leading ones may be negative."""
+    from scipy.optimize import nnls
+
+    scale = np.sqrt(np.diag(gram))
+    if np.any(scale < 1e-9 * scale.max()):
+        raise Refusal(f"{np.sum(scale < 1e-9 * scale.max())} parameters are not excited at all")
+    unit = gram / np.outer(scale, scale)
+    if np.linalg.eigvalsh(unit)[0] < 1e-11:
+        raise Refusal("the load does not tell OCV, resistance and relaxation apart (rank)")
+    factor = np.linalg.cholesky(unit)
+    both = np.hstack([factor.T, -factor.T[:, :signed]])
+    found = nnls(both, np.linalg.solve(factor, moment / scale))[0]
+    found[:signed] -= found[len(scale) :]
+    return found[: len(scale)] / scale
+
+
+def correlation_factor(residual):
+    """By how much the variance of a mean grows because neighbouring residuals agree.
+
+    1 + 2·Σ of the autocorrelation up to its first zero crossing; 1 for white noise. A model's
+    errors are never white, and without this factor the error bars would be far too small.
+
+    Source: Geyer, Statistical Science 7 (1992) 473, initial positive sequence, simplified.
+    """
+    centred = residual - residual.mean()
+    power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
+    auto = np.fft.irfft(power)[: len(centred)]
+    if auto[0] <= 0:
+        return 1.0
+    crossing = np.argmax(auto <= 0) or len(auto)
+    return float(1.0 + 2.0 * auto[1:crossing].sum() / auto[0])

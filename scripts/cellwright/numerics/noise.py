@@ -1,0 +1,171 @@
+"""Noise of a voltage record: white noise beside a slow Ornstein-Uhlenbeck process, and whitening.
+
+Residuals of a record are correlated over minutes; tests that take them for independent alarm on
+every healthy cell. A scalar Kalman filter turns them into independent ones in one pass, on any
+clock (A. C. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989, 3.4).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.native import array, count, function, real
+
+RATIOS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # variance of the slow part over the white one's
+TIMES_SECOND = (30.0, 100.0, 300.0)
+SMALLEST_VOLT = 1e-5
+LEAST_ROWS = 100  # from which the white part is read
+
+
+class Noise(NamedTuple):
+    """white_volt, slow_volt : standard deviations [V]; slow_second : time constant of the slow."""
+
+    white_volt: float
+    slow_volt: float
+    slow_second: float
+
+    @property
+    def volt(self):
+        """Standard deviation of both together [V]."""
+        return float(np.hypot(self.white_volt, self.slow_volt))
+
+
+FIRST = Noise(2e-3, 1e-3, 200.0)  # of a usual cycler: what a search begins with
+
+
+class Whitening(NamedTuple):
+    """Gains of the filter for one stack of records; `apply` makes rows independent, of unit size.
+
+    keep, gain, scale : (n,) each.
+    log_variance : sum of the logarithms of the innovations' variance.
+    """
+
+    keep: np.ndarray
+    gain: np.ndarray
+    scale: np.ndarray
+
+    @property
+    def log_variance(self):
+        return float(-2.0 * np.log(self.scale).sum())
+
+    def apply(self, rows):
+        """Whitened copy of rows (n,) or (n, m) [V] → [1]."""
+        matrix = np.array(rows, float, order="C")
+        kernel = function("whiten", count, count, array, array, array, array, array)
+        columns = matrix.size // len(matrix)
+        if kernel is None:
+            return _whitened(matrix, *self)
+        kernel(len(matrix), columns, *self, np.zeros(columns), matrix)
+        return matrix
+
+
+def whitening(noise, stack, *, extra_volt=0.0):
+    """Whitening of residuals over a stack of records.
+
+    Parameters
+    ----------
+    noise : Noise.
+    stack : records.Stack; each record starts anew.
+    extra_volt : scalar or (n,) further white error of each row, such as of a steep OCV [V].
+
+    Returns
+    -------
+    whitening : Whitening.
+    """
+    keep = np.exp(-stack.step_second / noise.slow_second) * (1.0 - stack.fresh)
+    white = np.full(len(keep), noise.white_volt**2) + np.square(extra_volt)
+    gain, scale = np.empty(len(keep)), np.empty(len(keep))
+    kernel = function("whitening_gains", count, array, array, real, array, array)
+    if kernel is None:
+        _gains(keep, white, noise.slow_volt**2, gain, scale)
+    else:
+        kernel(len(keep), keep, white, noise.slow_volt**2, gain, scale)
+    return Whitening(keep, gain, scale)
+
+
+def estimated(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_volt=0.0):
+    """Most likely noise of residuals, its slow part within limits.
+
+    The slow part must not grow until it holds a slow effect: hence the limits.
+
+    Parameters
+    ----------
+    residual_volt : (n,) residuals of a model that lacks nothing [V].
+    stack : records.Stack.
+    most_slow_volt, most_slow_second : largest slow part [V], its longest time constant [s].
+    extra_volt : as in `whitening`.
+
+    Returns
+    -------
+    noise : Noise.
+    """
+    size = max(_robust(residual_volt), SMALLEST_VOLT)
+    best, cost = Noise(size, 0.0, TIMES_SECOND[0]), np.inf
+    for ratio, second in _shapes(most_slow_second):
+        tried = Noise(size, size * np.sqrt(ratio), second)
+        for _ in range(2):
+            tried = _grown(tried, residual_volt, stack, extra_volt, most_slow_volt)
+        w = whitening(tried, stack, extra_volt=extra_volt)
+        here = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
+        if here < cost:
+            best, cost = tried, here
+    return best
+
+
+def _shapes(most_slow_second):
+    """Shares of the slow part and its time constants that are tried; without it one is enough."""
+    times = [t for t in TIMES_SECOND if t <= most_slow_second]
+    return [(r, t) for r in RATIOS for t in (times if r else times[:1])]
+
+
+def _grown(tried, residual_volt, stack, extra_volt, most_slow_volt):
+    """The same noise, as large as the residual says."""
+    w = whitening(tried, stack, extra_volt=extra_volt)
+    factor = max(np.sqrt(np.mean(w.apply(residual_volt) ** 2)), 1e-3)
+    slow = min(tried.slow_volt * factor, most_slow_volt)
+    return Noise(max(tried.white_volt * factor, SMALLEST_VOLT), slow, tried.slow_second)
+
+
+def read_volt(residual_volt, stack, *, steady_ampere):
+    """White part of the noise from neighbouring rows of steady current, whatever a model lacks.
+
+    Parameters
+    ----------
+    residual_volt : (n,) [V]. stack : records.Stack.
+    steady_ampere : a current that moves less between two rows is steady [A].
+
+    Returns
+    -------
+    volt : standard deviation [V]; that of the residual where no two rows are neighbours.
+    """
+    moved = np.abs(np.diff(stack.current_ampere)) < steady_ampere
+    near = stack.step_second[1:] <= 1.5 * np.median(stack.step_second[stack.step_second > 0])
+    rows = moved & near & (stack.fresh[1:] == 0)
+    if rows.sum() < LEAST_ROWS:
+        return _robust(residual_volt)
+    return max(_robust(np.diff(residual_volt)[rows]) / np.sqrt(2.0), SMALLEST_VOLT)
+
+
+def _robust(values):
+    """Standard deviation of the bulk: one bad stretch must not call all else quiet."""
+    middle = np.median(values)
+    return 1.4826 * float(np.median(np.abs(values - middle)))
+
+
+def _gains(keep, white, slow, gain, scale):
+    left = slow
+    for k in range(len(keep)):
+        prior = keep[k] ** 2 * left + (1.0 - keep[k] ** 2) * slow
+        total = prior + white[k]
+        gain[k], scale[k] = prior / total, 1.0 / np.sqrt(total)
+        left = (1.0 - gain[k]) * prior
+
+
+def _whitened(matrix, keep, gain, scale):
+    state = np.zeros(matrix.shape[1:])
+    for k in range(len(matrix)):
+        expected = keep[k] * state
+        news = matrix[k] - expected
+        state = expected + gain[k] * news
+        matrix[k] = scale[k] * news
+    return matrix

@@ -1,0 +1,215 @@
+"""How sure a fitted number is: covariance, propagation, intervals, correlated residuals.
+
+A parameter that the data do not determine has NaN for its variance; `why_unknown` says why.
+"""
+
+import numpy as np
+
+
+def covariance_from_jacobian(jacobian, residual):
+    """Covariance of the parameters of a least-squares fit, s² (JᵀJ)⁻¹.
+
+    Parameters
+    ----------
+    jacobian : (n, p) derivative of each residual by each parameter.
+    residual : (n,) residuals at the optimum, weighted as they were fitted.
+
+    Returns
+    -------
+    covariance : (p, p). Rows and columns of a parameter that the data do not determine are NaN;
+        all are NaN where there is no residual left over to estimate the scatter from.
+
+    Source: Seber & Wild, Nonlinear Regression (1989), eq. 2.20; by SVD of the scaled Jacobian,
+    so that the units of the parameters do not matter.
+    """
+    jacobian, residual = np.asarray(jacobian, float), np.asarray(residual, float)
+    rows, parameters = jacobian.shape
+    covariance = np.full((parameters, parameters), np.nan)
+    if rows <= parameters or not (np.isfinite(jacobian).all() and np.isfinite(residual).all()):
+        return covariance
+    scale, singular, directions, kept = _decomposed(jacobian)
+    weights = directions[kept] / singular[kept, None]
+    variance = residual @ residual / (rows - parameters)
+    covariance = variance * (weights.T @ weights) / np.outer(scale, scale)
+    unknown = _undetermined(scale, directions[~kept])
+    covariance[unknown] = covariance[:, unknown] = np.nan
+    return covariance
+
+
+def why_unknown(jacobian, *, names) -> str:
+    """Reason in words for the NaN in a covariance; empty where every parameter is determined.
+
+    Parameters
+    ----------
+    jacobian : (n, p) as given to `covariance_from_jacobian`.
+    names : p names of the parameters.
+    """
+    jacobian = np.asarray(jacobian, float)
+    rows, parameters = jacobian.shape
+    if not np.isfinite(jacobian).all():
+        return "the model is not finite at the optimum"
+    if rows <= parameters:
+        return f"{rows} data for {parameters} parameters leave nothing to estimate a scatter from"
+    scale, _, directions, kept = _decomposed(jacobian)
+    unknown = [names[k] for k in np.flatnonzero(_undetermined(scale, directions[~kept]))]
+    return f"the data do not determine {', '.join(unknown)}" if unknown else ""
+
+
+def _decomposed(jacobian):
+    """Column norms, singular values and right vectors of the scaled Jacobian, and which count."""
+    norm = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(norm > 0, norm, 1.0)
+    _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
+    kept = singular > max(jacobian.shape) * np.finfo(float).eps * singular[0]
+    return scale, singular, directions, kept
+
+
+def _undetermined(scale, null_directions):
+    """Parameters that can be moved without moving the model."""
+    return (np.abs(null_directions) > 1e-6).any(axis=0) if len(null_directions) else scale < 0
+
+
+def standard_deviations(covariance):
+    """Square roots of the diagonal; NaN stays NaN. Shape (p,) from (p, p)."""
+    return np.sqrt(np.diagonal(covariance))
+
+
+def delta_method(function, parameters, covariance):
+    """Value of a function of fitted parameters and its standard deviation.
+
+    Parameters
+    ----------
+    function : takes (p,) and returns a float or an array (m,).
+    parameters : (p,) fitted values.
+    covariance : (p, p).
+
+    Returns
+    -------
+    value, std : float or (m,) each, std = √(g C gᵀ) with the gradient g by central differences.
+    """
+    parameters = np.asarray(parameters, float)
+    value = np.asarray(function(parameters), float)
+    # The cube root of the machine's precision balances truncation against rounding.
+    size = np.fmax(np.abs(parameters), standard_deviations(covariance))
+    steps = np.cbrt(np.finfo(float).eps) * np.where(size > 0, size, 1.0)
+    columns = [
+        (np.asarray(function(parameters + step)) - function(parameters - step)) / (2 * width)
+        for step, width in zip(np.diag(steps), steps, strict=True)
+    ]
+    gradient = np.stack(columns, axis=-1)
+    variance = np.einsum("...i,ij,...j", gradient, covariance, gradient)
+    return value, np.sqrt(np.maximum(variance, 0.0))
+
+
+def t_interval(value, std, degrees_of_freedom, *, level=0.95):
+    """Confidence interval of an estimate whose scatter was itself estimated.
+
+    Parameters
+    ----------
+    value, std : float or (m,) in any one unit.
+    degrees_of_freedom : data minus parameters; below 1 the interval is not known (NaN).
+    level : coverage, 0 to 1.
+
+    Returns
+    -------
+    lower, upper : shaped like `value`.
+    """
+    from scipy.special import stdtrit
+
+    if degrees_of_freedom < 1:
+        unknown = np.full(np.shape(value), np.nan)
+        return unknown, unknown
+    reach = stdtrit(degrees_of_freedom, (1 + level) / 2) * np.asarray(std)
+    return value - reach, value + reach
+
+
+def percentile_interval(draws, *, level=0.95):
+    """Interval that holds the middle share of bootstrap draws.
+
+    Parameters
+    ----------
+    draws : (n, …) replicates along the first axis.
+    level : share inside, 0 to 1.
+
+    Returns
+    -------
+    lower, upper : shaped like one draw.
+    """
+    return tuple(np.quantile(draws, [(1 - level) / 2, (1 + level) / 2], axis=0))
+
+
+WHITE = 3.0  # autocorrelation of neighbours, in its standard deviations, still taken as white
+
+
+def is_white(near, power, samples):
+    """True where neighbouring residuals agree no more than chance lets them (3 of its sigma).
+
+    Parameters
+    ----------
+    near : sum of each residual times the one before it.
+    power : sum of the squared residuals, same unit.
+    samples : number of residuals.
+    """
+    return bool(near <= WHITE * power / np.sqrt(samples))
+
+
+def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=None):
+    """Covariance of least-squares parameters, for white or for coloured residuals.
+
+    White: s²·G⁻¹. Coloured: G⁻¹·M·G⁻¹ with M = Σ γ(k)·Σ J(t)·J(t+k), γ the autocovariance of the
+    residual up to its first zero crossing. So a parameter told by fast changes of the current is
+    widened less by slow errors of the model than one told by slow changes.
+
+    Parameters
+    ----------
+    gram : (p, p) products G = JᵀJ of the sensitivities at the optimum.
+    power : sum of squared residuals.
+    samples : number of data.
+    sensitivity : (p, n) sensitivities J, for coloured residuals.
+    residual : (n,) residuals, for coloured residuals.
+
+    Returns
+    -------
+    covariance : (p, p); NaN for parameters that the data do not tell.
+
+    Source: L. Hansen, Econometrica 50 (1982) 1029, for a stationary error; the cut of the
+    autocovariance after C. Geyer, Statistical Science 7 (1992) 473, simplified.
+    """
+    inverse, unknown = _inverse(gram)
+    freedom = samples - len(gram)
+    if freedom < 1:
+        return np.full(gram.shape, np.nan)
+    if sensitivity is None:
+        covariance = inverse * (power / freedom)
+    else:
+        middle = _middle(sensitivity, residual) * (samples / freedom)
+        covariance = inverse @ middle @ inverse
+    covariance[unknown] = covariance[:, unknown] = np.nan
+    return covariance
+
+
+def _inverse(gram):
+    """Inverse on the directions that the data tell, and which parameters lie in the others."""
+    scale = np.sqrt(np.diag(gram))
+    scale = np.where(scale > 0, scale, 1.0)
+    size, directions = np.linalg.eigh(gram / np.outer(scale, scale))
+    told = size > 1e-11
+    inverse = (directions[:, told] / size[told]) @ directions[:, told].T
+    return inverse / np.outer(scale, scale), (np.abs(directions[:, ~told]) > 1e-4).any(axis=1)
+
+
+def _middle(sensitivity, residual):
+    """Σ γ(k)·Σ J(t)·J(t+k) through the spectra, where it is a product."""
+    count = len(residual)
+    length = 1 << (2 * count - 1).bit_length()
+    power = np.abs(np.fft.rfft(residual, length)) ** 2
+    auto = np.fft.irfft(power, length)[:count] / count
+    crossing = int(np.argmax(auto <= 0)) or count
+    kept = np.zeros(length)
+    kept[:crossing] = auto[:crossing]
+    kept[length - crossing + 1 :] = auto[1:crossing][::-1]
+    # Cut off, the autocovariance need not be one of any process: its spectrum may dip below zero.
+    spectrum = np.maximum(np.fft.rfft(kept).real, 0.0)
+    folded = spectrum * np.where(np.arange(len(spectrum)) % (length // 2) == 0, 1.0, 2.0)
+    waves = np.fft.rfft(sensitivity, length, axis=1)
+    return ((waves * folded) @ waves.conj().T).real / length

@@ -1,0 +1,243 @@
+"""Which points of a spectrum can be trusted: Kramers-Kronig, drift, leads, the thermometer."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+
+class KramersKronig(NamedTuple):
+    """Residual of the measurement model: complex, over the modulus (n,); its RMS; pairs used."""
+
+    relative_residual: np.ndarray
+    rms_relative_residual: float
+    pairs: int
+    fill: float
+
+
+def linear_kramers_kronig(
+    frequency_hertz, impedance_ohm, *, fill=0.85, pairs_per_decade=3, most_pairs=50
+):
+    """Fit a chain of RC pairs, which obeys the Kramers-Kronig relations; what is left does not.
+
+    The time constants lie evenly on a logarithmic axis, so that the fit is linear. Pairs are
+    added until their resistances begin to oscillate in sign: the share of negative resistance
+    says that noise is being fitted.
+
+    Parameters
+    ----------
+    frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
+    pairs_per_decade : pairs that are begun with [1].
+    fill : add pairs while 1 − Σ|negative R|/Σ|positive R| stays above this.
+    most_pairs : limit of the number of pairs.
+
+    Returns
+    -------
+    test : KramersKronig; residuals above about 1 % say drift, nonlinearity or artefacts.
+
+    Raises
+    ------
+    Refusal : fewer than 8 points.
+
+    Source: M. Schönleber, D. Klotz, E. Ivers-Tiffée, Electrochimica Acta 131 (2014) 20,
+    eq. 5 (residuals), 12-13 (time constants), 21 (measure of fill).
+    """
+    frequency, impedance = np.asarray(frequency_hertz, float), np.asarray(impedance_ohm, complex)
+    if len(frequency) < 8:
+        raise Refusal(f"spectrum of {len(frequency)} points; a Kramers-Kronig test needs 8")
+    rates = 2 * np.pi * frequency
+    decades = np.log10(frequency.max() / frequency.min())
+    most = min(most_pairs, len(frequency))
+    # A chain too coarse for a narrow arc oscillates as well: begin where it cannot be that.
+    least = min(max(round(pairs_per_decade * decades), 3), most)
+    for pairs in range(least, most + 1):
+        resistances, residual = _chain(rates, impedance, pairs)
+        negative = -resistances[resistances < 0].sum()
+        measure = 1 - negative / max(resistances[resistances > 0].sum(), np.finfo(float).tiny)
+        if measure <= fill:
+            break
+    return KramersKronig(
+        residual, float(np.sqrt(np.mean(np.abs(residual) ** 2))), pairs, float(measure)
+    )
+
+
+def _chain(rates, impedance, pairs):
+    """Least squares of resistance, inductance, capacitance and RC pairs over the modulus."""
+    taus = np.geomspace(1 / rates.max(), 1 / rates.min(), pairs)
+    relaxing = 1 / (1 + 1j * rates[:, None] * taus)
+    series = np.stack([np.ones(len(rates)), 1j * rates, -1j / rates], axis=1)
+    columns = np.concatenate([relaxing, series], axis=1) / np.abs(impedance)[:, None]
+    size = np.linalg.norm(columns, axis=0)
+    target = impedance / np.abs(impedance)
+    stacked = np.concatenate([columns.real, columns.imag]) / size
+    solution = np.linalg.lstsq(stacked, np.concatenate([target.real, target.imag]), rcond=None)[0]
+    return (solution / size)[:pairs], target - columns @ (solution / size)
+
+
+# Of all points, what may be left out at the slow end before the whole spectrum is in doubt.
+MOST_SHARE = 0.4
+# The slow end breaks the relations where it is this many times worse than the fast end.
+WORSE = 2.0
+
+
+class Trusted(NamedTuple):
+    """keep : (n,) points that a circuit may be fitted to. residual : (n,) complex, relative, of the
+    Kramers–Kronig test of the points above the drift; NaN below. rms : of it. notes : what was left
+    out, and why."""
+
+    keep: np.ndarray
+    residual: np.ndarray
+    rms: float
+    notes: tuple
+
+
+def trusted_points(frequency_hertz, impedance_ohm, *, drift_tolerance, inductance="model"):
+    """Points without drift at the slow end, and without the leads' tail where it is to be cut.
+
+    The slowest point is left out, again and again, while the slowest decade of what is left breaks
+    the Kramers–Kronig relations. Where two fifths of the points are not enough, none is left out:
+    then not the end is at fault but the spectrum.
+
+    Parameters
+    ----------
+    frequency_hertz : (n,) [Hz]. impedance_ohm : (n,) complex [Ω].
+    drift_tolerance : RMS of the relative residual that the slowest decade may have [1].
+    inductance : "model" keeps inductive points, "cut" leaves them out.
+
+    Returns
+    -------
+    trusted : Trusted.
+
+    Raises
+    ------
+    Refusal : fewer than 8 points.
+    """
+    order = np.argsort(frequency_hertz)
+    most = int(MOST_SHARE * len(order))
+    tests = []
+    for dropped in range(most + 1):
+        kept = order[dropped:]
+        test = linear_kramers_kronig(frequency_hertz[kept], impedance_ohm[kept])
+        tests.append(test)
+        if not _breaks(frequency_hertz[kept], test.relative_residual, drift_tolerance):
+            break
+    else:
+        dropped, test = 0, tests[0]
+    keep = np.ones(len(order), bool)
+    keep[order[:dropped]] = False
+    inductive = impedance_ohm.imag > 0
+    if inductance == "cut":
+        keep &= ~inductive
+    notes = _notes(frequency_hertz, order, dropped, inductive & ~keep, tests[0])
+    residual = np.full(len(order), np.nan, complex)
+    residual[order[dropped:]] = test.relative_residual
+    return Trusted(keep, residual, test.rms_relative_residual, tuple(notes))
+
+
+def _breaks(frequency, residual, tolerance):
+    size, decade = np.abs(residual), np.log10(frequency / frequency.min())
+    slow = np.sqrt(np.mean(size[decade <= 1] ** 2))
+    fast = np.sqrt(np.mean(size[decade >= decade.max() - 1] ** 2))
+    return slow > max(tolerance, WORSE * fast)
+
+
+def _notes(frequency, order, dropped, cut, whole):
+    if dropped:
+        count = "1 point" if dropped == 1 else f"{dropped} points"
+        yield (
+            f"{count} below {frequency[order[dropped]]:.3g} Hz left out of the fit: there "
+            f"the spectrum breaks the Kramers-Kronig relations "
+            f"({whole.rms_relative_residual:.1%} RMS with them): the cell drifted"
+        )
+    if cut.any():
+        yield (
+            f"{int(cut.sum())} points above {frequency[cut].min():.3g} Hz left out of the fit: "
+            "inductance of the leads"
+        )
+
+
+RESTED_SECOND = 1800.0
+REST_SHARE = 0.01  # of a record's largest current: what is below is rest
+MATERIAL_KELVIN = 0.5
+
+
+def rested_temperature(test_time_second, current_ampere, temperature_celsius):
+    """What the thermometer of a record reads when the cell has long been at rest [°C].
+
+    Median of all samples at least half an hour after the last current, when the cell's own heat is
+    gone; NaN where a record holds none.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, temperature_celsius : (n,) [s], [A], [°C]; None for the last
+        where it was not recorded.
+    """
+    # ASSUME: After half an hour without current a cell has the temperature of its chamber.
+    if temperature_celsius is None:
+        return np.nan
+    size = np.abs(current_ampere)
+    resting = size <= REST_SHARE * size.max()
+    loaded = np.where(resting, test_time_second[0], test_time_second)
+    rested = resting & (test_time_second - np.maximum.accumulate(loaded) >= RESTED_SECOND)
+    known = temperature_celsius[rested & np.isfinite(temperature_celsius)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
+def temperature_offsets(spectra, records):
+    """Difference of the two thermometers at each chamber temperature at which there are spectra.
+
+    Parameters
+    ----------
+    spectra, records : sequences of (chamber temperature as stated, temperature read), both [°C];
+        None for one that is not stated, NaN where there was nothing to read.
+
+    Returns
+    -------
+    rows : list of dicts: ambient_temperature_celsius, spectra_celsius, spectra (how many were
+        read), records_celsius, records, offset_kelvin, offset_std_kelvin. NaN for what was not
+        read, and for the last where neither was read twice.
+    notes : tuple of at most one sentence; none where the spectra hold no temperature.
+    """
+    stated = sorted({ambient for ambient, _ in spectra} - {None})
+    rows = [_row(ambient, _read(spectra, ambient), _read(records, ambient)) for ambient in stated]
+    return rows, tuple(_thermometer_notes(rows))
+
+
+def _read(pairs, ambient):
+    found = np.array([celsius for stated, celsius in pairs if stated == ambient], float)
+    return found[np.isfinite(found)]
+
+
+def _row(ambient, spectra, records):
+    read = [float(np.median(one)) if len(one) else np.nan for one in (spectra, records)]
+    spread = [np.var(one, ddof=1) / len(one) for one in (spectra, records) if len(one) > 1]
+    return {
+        "ambient_temperature_celsius": ambient,
+        "spectra_celsius": read[0],
+        "spectra": len(spectra),
+        "records_celsius": read[1],
+        "records": len(records),
+        "offset_kelvin": read[0] - read[1],
+        "offset_std_kelvin": float(np.sqrt(sum(spread))) if spread else np.nan,
+    }
+
+
+def _thermometer_notes(rows):
+    known = [row for row in rows if np.isfinite(row["offset_kelvin"])]
+    each = ", ".join(
+        f"{row['offset_kelvin']:+.1f} K at {row['ambient_temperature_celsius']:g} °C"
+        for row in known
+    )
+    if not known and any(row["spectra"] for row in rows):
+        yield (
+            "temperatures in the spectra's files cannot be checked: no other record of the same "
+            "chamber temperature holds one half an hour after its last current"
+        )
+    elif known and max(abs(row["offset_kelvin"]) for row in known) < MATERIAL_KELVIN:
+        yield f"temperatures in the spectra's files agree with those of the other records: {each}"
+    elif known:
+        yield (
+            "temperatures in the spectra's files differ from those of the other records at rest: "
+            f"{each}; curves over temperature must not mix the two (they use the chamber's)"
+        )

@@ -1,0 +1,1 @@
+"""Open-circuit voltage from slow tests, rests and chamber steps."""

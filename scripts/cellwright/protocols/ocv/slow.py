@@ -1,0 +1,397 @@
+"""Open-circuit voltage over SoC from one slow test with a full discharge, a full charge or both.
+
+The protocol, in steps: (1) from full, discharge slowly to the lower cut-off; (2) where the test
+was made cold, take the remainder out at room temperature; (3) from empty, charge slowly to the
+upper cut-off; (4) fill the remainder. Ampere-hours of all four make the SoC; voltages come from
+the slow constant currents of (1) and (3) alone.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+
+def joined(soc, discharge_volt, charge_volt, discharge, charge, way):
+    """OCV over SoC, and where it rests on measurement alone.
+
+    Parameters
+    ----------
+    soc : (n,) [1], evenly from 0 to 1 with a point at 0.5.
+    discharge_volt, charge_volt : (n,) [V], NaN where a branch does not reach.
+    discharge, charge : Leg of each branch, or None.
+    way : "single", "mean" or "equilibrium".
+
+    Returns
+    -------
+    ocv_volt : (n,) [V]. measured : (n,) bool.
+
+    Raises
+    ------
+    Refusal : the branches do not overlap at 50 % SoC.
+    """
+    if way == "single":
+        only = discharge_volt if charge is None else charge_volt
+        known = np.isfinite(only)
+        return np.interp(soc, soc[known], only[known]), known
+    if way == "mean":
+        return _mean(soc, discharge_volt, charge_volt)
+    return from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge)
+
+
+def _mean(soc, discharge_volt, charge_volt):
+    """Mean of the branches where both hold; beyond, one branch moved by half the gap there."""
+    # ASSUME: Where one slow branch has ended or drops into its polarisation knee (half gap above
+    # three times the usual), the OCV is the other branch moved by half the gap at that edge.
+    half, middle = (charge_volt - discharge_volt) / 2, len(soc) // 2
+    if np.isnan(half[middle]):
+        raise Refusal("slow discharge and slow charge do not overlap at 50 % SoC")
+    usual = np.nanmedian(half[(soc > 0.2) & (soc < 0.8)])
+    good = half < 3 * usual
+    first = np.append(-1, np.flatnonzero(~good[:middle]))[-1] + 1
+    last = np.append(np.flatnonzero(~good[middle:]), len(soc) - middle)[0] + middle - 1
+    gap = half[np.clip(np.arange(len(soc)), first, last)]
+    ocv = np.where(soc < soc[first], charge_volt - gap, discharge_volt + gap)
+    both = (soc >= soc[first]) & (soc <= soc[last])
+    return np.where(both, (charge_volt + discharge_volt) / 2, ocv), both
+
+
+def from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge):
+    """Each half from the branch that began there in equilibrium (Plett's processOCV).
+
+    The drop seen as the current starts and stops is taken off each branch, linear in SoC between;
+    the gap that remains at half charge is taken to grow linearly from zero at the branch's start.
+    """
+    # ASSUME: In a four-file OCV test a branch starts in equilibrium and the hysteresis grows
+    # linearly from there to half charge, so the low half of the OCV is the charge branch less
+    # that part of the gap, the high half the discharge branch plus it.
+    twice_in, twice_out = 2 * charge.step_in_volt, 2 * charge.step_out_volt
+    from_full = np.fmin(discharge.step_in_volt, twice_out)
+    to_empty = np.fmin(discharge.step_out_volt, twice_in)
+    from_empty = np.fmin(charge.step_in_volt, 2 * discharge.step_out_volt)
+    to_full = np.fmin(charge.step_out_volt, 2 * discharge.step_in_volt)
+    drops = np.nan_to_num([from_full, to_empty, from_empty, to_full])
+    high = discharge_volt + drops[1] + (drops[0] - drops[1]) * soc
+    low = charge_volt - drops[2] - (drops[3] - drops[2]) * soc
+    middle = len(soc) // 2
+    gap = low[middle] - high[middle]
+    ocv = np.where(soc < 0.5, low - gap * soc, high + gap * (1 - soc))
+    known = np.isfinite(ocv)
+    if not (np.isfinite(gap) and known.any()):
+        raise Refusal("slow discharge and slow charge do not overlap at 50 % SoC")
+    return np.interp(soc, soc[known], ocv[known]), known
+
+
+class Leg(NamedTuple):
+    """From one turning point of the net charge to the next, and its slow steady current in it.
+
+    sign : 1 charge, −1 discharge. first_row, last_row : the turning points.
+    capacity_ampere_hour : between them [Ah]. current_ampere : of the slow part, signed [A].
+    rows : rows of the slow part. end_volt : voltage at its last row [V].
+    step_in_volt, step_out_volt : jump of the voltage as the slow current starts from rest and
+    as it stops [V]; NaN where no row at rest lies next to it.
+    conditioned : True if the leg was completed in another file than its slow part.
+    """
+
+    sign: int
+    first_row: int
+    last_row: int
+    capacity_ampere_hour: float
+    current_ampere: float
+    rows: np.ndarray
+    end_volt: float
+    step_in_volt: float
+    step_out_volt: float
+    conditioned: bool
+
+
+def legs_of(test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index):
+    """Cut a record at the turning points of its charge; pauses and dithers are no turns.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah].
+    file_index : (n,) int, which of the joined files a row is from.
+
+    Returns
+    -------
+    legs : list of Leg in time order.
+    """
+    turns = turning_points(charge_ampere_hour, least=0.05 * np.ptp(charge_ampere_hour))
+    columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index)
+    legs = [_leg(first, last, *columns) for first, last in pairwise(turns)]
+    return [leg for leg in legs if leg is not None]
+
+
+def turning_points(values, *, least):
+    """Rows where a course turns for good: the start, each extremum after a swing, the end.
+
+    Parameters
+    ----------
+    values : (n,), for example the net charge [Ah].
+    least : a smaller swing back is no turn, in the unit of `values`.
+
+    Returns
+    -------
+    rows : ascending; empty without any swing of that size.
+    """
+    slopes = np.sign(np.diff(values))
+    moving = np.flatnonzero(slopes)
+    bends = moving[1:][np.diff(slopes[moving]) != 0]
+    low = high = heading = 0
+    rows = []
+    for row in [*bends, len(values) - 1]:
+        low = row if values[row] <= values[low] else low
+        high = row if values[row] > values[high] else high
+        if heading >= 0 and values[high] - values[row] > least:
+            rows.append(high)
+            heading, low = -1, row
+        elif heading <= 0 and values[row] - values[low] > least:
+            rows.append(low)
+            heading, high = 1, row
+    return np.array([*rows, low if heading < 0 else high] if rows else [], int)
+
+
+def _leg(first, last, time, current, voltage, charge, files):
+    """What happened between two turning points; None if no current was recorded there."""
+    sign = int(np.sign(charge[last] - charge[first]))
+    moved = sign * np.diff(charge[first : last + 1], prepend=charge[first])
+    flowing = np.flatnonzero((sign * current[first : last + 1] > 0) & (moved > 0))
+    if not len(flowing):
+        return None
+    amperes, moved = sign * current[first + flowing], moved[flowing]
+    slow = _steady_current(amperes, moved)
+    steady = np.abs(amperes - slow) < 0.05 * slow
+    share = np.bincount(files[first + flowing], moved * steady)
+    rows = (first + flowing)[steady & (files[first + flowing] == share.argmax())]
+    at_rest = np.abs(current) < 0.05 * slow
+    return Leg(
+        sign=sign,
+        first_row=int(first),
+        last_row=int(last),
+        capacity_ampere_hour=float(abs(charge[last] - charge[first])),
+        current_ampere=float(sign * slow),
+        rows=rows,
+        end_volt=float(voltage[rows[-1]]),
+        step_in_volt=_jump(rows[0], rows[0] - 1, time, voltage, at_rest),
+        step_out_volt=_jump(rows[-1], rows[-1] + 1, time, voltage, at_rest),
+        conditioned=bool(files[last] != share.argmax()),
+    )
+
+
+def _steady_current(amperes, moved):
+    """The current at which most charge flowed, to 10 %; a tapering hold spreads over many."""
+    band = np.floor(np.log(amperes) / np.log(1.1)).astype(int)
+    band -= band.min()
+    flow = np.append(np.bincount(band, moved), 0.0)
+    fullest = (flow[:-1] + flow[1:]).argmax()
+    inside = (band == fullest) | (band == fullest + 1)
+    order = np.argsort(amperes[inside])
+    reached = np.cumsum(moved[inside][order])
+    return amperes[inside][order][np.searchsorted(reached, reached[-1] / 2)]
+
+
+def _jump(row, neighbour, time, voltage, at_rest):
+    """Size of the voltage step between a row under current and a row at rest next to it."""
+    known = 0 <= neighbour < len(time) and at_rest[neighbour]
+    if not known or abs(time[row] - time[neighbour]) > 120:
+        return np.nan
+    return float(abs(voltage[row] - voltage[neighbour]))
+
+
+POINTS = 201
+
+
+class OcvCurve(NamedTuple):
+    """Table over SoC and what it was made from; arrays (201,), NaN where a branch is missing.
+
+    soc : 0 to 1. ocv_volt : rises strictly [V]. discharge_volt, charge_volt : as measured under
+    the slow current [V]. half_gap_volt : half their distance, hysteresis and current times
+    resistance together [V]. capacity_ampere_hour, charge_capacity_ampere_hour : taken out, and
+    put back in [Ah]. branches : "both", "discharge" or "charge", or "rests" (`ocv_rests`).
+    discharge_current_ampere, charge_current_ampere : signed [A]. joined_by : "mean", "equilibrium"
+    or "single".
+    measured_soc : range in which all that `joined_by` needs was measured; beyond it the curve
+    is extended. moved_volt : largest change to a sample or to the table to have them rise [V].
+    note : what is odd, or "".
+    """
+
+    soc: np.ndarray
+    ocv_volt: np.ndarray
+    discharge_volt: np.ndarray
+    charge_volt: np.ndarray
+    half_gap_volt: np.ndarray
+    capacity_ampere_hour: float
+    charge_capacity_ampere_hour: float
+    branches: str
+    discharge_current_ampere: float
+    charge_current_ampere: float
+    joined_by: str
+    measured_soc: tuple
+    moved_volt: float
+    note: str
+
+
+def slow_ocv(
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    charge_ampere_hour,
+    *,
+    file_index=None,
+    lower_cutoff_volt,
+    upper_cutoff_volt,
+    join="auto",
+    least_hour=12.0,
+):
+    """OCV of a slow test from its discharge and its charge branch at equal SoC.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah].
+        Current positive on charge; the net charge carries on across gaps and joined files.
+    file_index : (n,) int, which of the joined files a row is from; None: one file.
+    lower_cutoff_volt, upper_cutoff_volt : where a full discharge and a full charge end [V].
+    join : "mean" of the branches; "equilibrium": below half charge the charge branch, above it
+        the discharge branch, each moved by the gap (`from_equilibrium`); "auto": the latter
+        where files of their own complete both branches, so that each begins in equilibrium.
+    least_hour : a branch is slow if it takes longer than this at its current [h].
+
+    Returns
+    -------
+    curve : OcvCurve.
+
+    Raises
+    ------
+    Refusal : no leg of the record is slow, full and runs to its cut-off.
+
+    Source: joining of four scripts, "equilibrium": G. L. Plett, Battery Management Systems I
+    (2015), ch. 2, function processOCV.
+    """
+    files = np.zeros(len(voltage_volt), int) if file_index is None else np.asarray(file_index, int)
+    columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
+    time, current, voltage, net_charge = (np.asarray(column, float) for column in columns)
+    legs = legs_of(time, current, voltage, net_charge, files)
+    cutoffs = {-1: lower_cutoff_volt, 1: upper_cutoff_volt}
+    discharge, charge = _chosen(legs, cutoffs, least_hour)
+    soc = np.linspace(0.0, 1.0, POINTS)
+    discharge_volt, moved_out = _branch(discharge, voltage, net_charge, soc)
+    charge_volt, moved_back = _branch(charge, voltage, net_charge, soc)
+    joined_by = _way(discharge, charge, join)
+    ocv, measured = joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by)
+    table = rising(ocv)
+    return OcvCurve(
+        soc=soc,
+        ocv_volt=table,
+        discharge_volt=discharge_volt,
+        charge_volt=charge_volt,
+        half_gap_volt=(charge_volt - discharge_volt) / 2,
+        capacity_ampere_hour=(discharge or charge).capacity_ampere_hour,
+        charge_capacity_ampere_hour=charge.capacity_ampere_hour if charge else np.nan,
+        branches="both" if discharge and charge else "discharge" if discharge else "charge",
+        discharge_current_ampere=discharge.current_ampere if discharge else np.nan,
+        charge_current_ampere=charge.current_ampere if charge else np.nan,
+        joined_by=joined_by,
+        measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
+        moved_volt=float(max(moved_out, moved_back, np.abs(table - ocv).max())),
+        note=_balance(discharge, charge),
+    )
+
+
+def _chosen(legs, cutoffs, least_hour):
+    """The first full slow discharge that has a full slow charge after it, or before it."""
+    # ASSUME: An OCV record that starts with a discharge starts full, with a charge starts empty.
+    largest = max((leg.capacity_ampere_hour for leg in legs), default=0.0)
+    nearly = 0.03 * (cutoffs[1] - cutoffs[-1])
+    full = [
+        leg.sign * (leg.end_volt - cutoffs[leg.sign]) > -nearly
+        and leg.capacity_ampere_hour > 0.85 * largest
+        and leg.capacity_ampere_hour > least_hour * abs(leg.current_ampere)
+        for leg in legs
+    ]
+    if not any(full):
+        raise Refusal(_why_none(legs, cutoffs, least_hour))
+    full = [leg if good else None for leg, good in zip(legs, full, strict=True)]
+    neighbours = zip(full, [*full[1:], None], [None, *full[:-1]], strict=True)
+    pairs = [(leg, after or before) for leg, after, before in neighbours if leg and leg.sign < 0]
+    alone = [(None, leg) for leg in full if leg]
+    whole = [pair for pair in pairs if pair[1]]
+    return (whole or pairs or alone)[0]
+
+
+def _why_none(legs, cutoffs, least_hour):
+    """Reason in words, with what was found."""
+    wanted = f"a leg of more than {least_hour:g} h to {cutoffs[-1]:g} V or {cutoffs[1]:g} V"
+    found = [
+        f"{leg.capacity_ampere_hour:.4g} Ah at {leg.current_ampere:.3g} A to {leg.end_volt:.3f} V"
+        for leg in legs
+    ]
+    return f"no slow full branch: found {'; '.join(found) or 'no current'}; wanted {wanted}"
+
+
+def _branch(leg, voltage, net_charge, soc):
+    """Slow voltage of a leg at the table's SoC (NaN beyond its ends); largest change to a row."""
+    # ASSUME: A slow discharge to the lower cut-off ends empty, a slow charge to the upper one
+    # full; each branch is scaled to its own ampere-hours, so that losses do not shift the two.
+    from scipy.optimize import isotonic_regression
+
+    if leg is None:
+        return np.full(len(soc), np.nan), 0.0
+    moved = np.abs(net_charge[leg.rows] - net_charge[leg.first_row]) / leg.capacity_ampere_hour
+    own = moved if leg.sign > 0 else 1 - moved
+    order = np.argsort(own, kind="stable")
+    measured = voltage[leg.rows][order]
+    monotone = isotonic_regression(measured).x
+    inside = np.clip(soc, own.min(), own.max())
+    reached = np.abs(soc - inside) < 0.5 * soc[1]
+    means = _cell_means(own[order], monotone, inside, 0.5 * soc[1])
+    return np.where(reached, means, np.nan), np.abs(monotone - measured).max()
+
+
+def _cell_means(soc, voltage, at, half_width):
+    """Mean of a curve over a cell about each point; cells shrink towards its ends."""
+    area = np.append(0.0, np.cumsum(np.diff(soc) * (voltage[1:] + voltage[:-1]) / 2))
+    half = np.minimum(half_width, np.minimum(at - soc[0], soc[-1] - at))
+    mean = np.diff(np.interp([at - half, at + half], soc, area), axis=0)[0]
+    wide = half > half_width / 10
+    return np.where(wide, mean / np.where(wide, 2 * half, 1.0), np.interp(at, soc, voltage))
+
+
+def _way(discharge, charge, join):
+    if join not in ("auto", "mean", "equilibrium"):
+        raise Refusal(f"OCV branches joined by {join!r}; wanted 'auto', 'mean' or 'equilibrium'")
+    if discharge is None or charge is None:
+        return "single"
+    conditioned = discharge.conditioned and charge.conditioned
+    own_way = "equilibrium" if conditioned else "mean"
+    return own_way if join == "auto" else join
+
+
+def rising(ocv):
+    """The nearest table that rises strictly: a microvolt over the range makes plateaus rise.
+
+    Parameters
+    ----------
+    ocv : (n,) over ascending SoC [V].
+    """
+    from scipy.optimize import isotonic_regression
+
+    return isotonic_regression(ocv).x + 1e-6 * np.linspace(0.0, 1.0, len(ocv))
+
+
+def _balance(discharge, charge):
+    """Words where charge and discharge differ by more than 3 %, and the offset that would do it."""
+    if discharge is None or charge is None:
+        return ""
+    out, back = discharge.capacity_ampere_hour, charge.capacity_ampere_hour
+    if abs(back / out - 1) < 0.03:
+        return ""
+    hours_out, hours_back = -out / discharge.current_ampere, back / charge.current_ampere
+    offset = (out - back) / (hours_out + hours_back)
+    return (
+        f"slow discharge gave {out:.4g} Ah, slow charge took {back:.4g} Ah; an offset of "
+        f"{-1e3 * offset:+.3g} mA in the current reading would explain it (capacity then "
+        f"{out - offset * hours_out:.4g} Ah)"
+    )

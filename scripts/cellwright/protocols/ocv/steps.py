@@ -1,0 +1,288 @@
+"""Open-circuit voltage over temperature from rests in a chamber that steps.
+
+The protocol, in steps: (1) bring the cell to a state of charge and let it rest for hours at the
+first temperature; (2) let the chamber step, the cell still at rest, and stay at each temperature
+until the cell is there; (3) let it come back to the first temperature; (4) go on to the next
+state of charge. What the voltage would have done at the first temperature is extrapolated from
+(1) and, where measured, (3); what it did besides is the shift of the open-circuit voltage.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+BIN_SECOND = 600.0
+
+
+class Plateau(NamedTuple):
+    """Rows first to last (inclusive) of one temperature [degC], and how many bins of 600 s."""
+
+    first: int
+    last: int
+    celsius: float
+    bins: int
+
+
+def joined_rests(steps):
+    """First and last row (inclusive) of each rest, rests without a step between them as one.
+
+    Parameters
+    ----------
+    steps : `series.segments.Steps`.
+    """
+    found = []
+    for kind, first, last in zip(steps.kind, steps.first_row, steps.last_row, strict=True):
+        if kind != "rest":
+            continue
+        if found and found[-1][1] == first - 1:
+            found[-1] = (found[-1][0], int(last))
+        else:
+            found.append((int(first), int(last)))
+    return found
+
+
+def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hour, least_second):
+    """Stretches in which the temperature moves slower than a limit.
+
+    Parameters
+    ----------
+    test_time_second, temperature_celsius : (n,) [s], [degC].
+    settled_kelvin_per_hour : the limit, over 20 minutes [K/h].
+    least_second : a shorter stretch does not count [s].
+
+    Returns
+    -------
+    plateaus : list of Plateau, in order of time.
+    """
+    time = np.asarray(test_time_second, float)
+    celsius = np.asarray(temperature_celsius, float)
+    number = ((time - time[0]) // BIN_SECOND).astype(int)
+    edges = np.append(np.flatnonzero(np.diff(number, prepend=-1)), len(time))
+    if len(edges) < 3:
+        return []
+    means = np.add.reduceat(celsius, edges[:-1]) / np.diff(edges)
+    middle = np.add.reduceat(time, edges[:-1]) / np.diff(edges) / 3600
+    still = np.abs(np.gradient(means, middle)) < settled_kelvin_per_hour
+    turns = np.flatnonzero(np.diff(still.astype(int), prepend=0, append=0))
+    rows = [(edges[a], edges[b] - 1, b - a) for a, b in zip(turns[::2], turns[1::2], strict=True)]
+    return [
+        Plateau(int(a), int(b), float(np.mean(celsius[a : b + 1])), int(bins))
+        for a, b, bins in rows
+        if time[b] - time[a] >= least_second
+    ]
+
+
+FASTEST_HOUR, SLOWEST_RESTS, RATES = 0.5, 10.0, 120
+
+
+class Course(NamedTuple):
+    """Voltage and its standard deviation at the times asked (m,) [V]; scatter of one bin [V]."""
+
+    volt: np.ndarray
+    std_volt: np.ndarray
+    noise_volt: float
+
+
+def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until):
+    """One exponential through the rows used, with every time constant weighted by its likelihood.
+
+    Parameters
+    ----------
+    test_time_second, voltage_volt : (n,) of one rest [s], [V].
+    used : list of (first, last) rows, inclusive, that are at the reference temperature.
+    at_second : (m,) where the voltage is wanted [s].
+    known_until : end of the first stretch; what relaxes afterwards is extrapolated [s].
+
+    Returns
+    -------
+    Course : its deviation holds the scatter, the choice of the time constant, and that in the cold
+        the relaxation may have stood still (rectangular, from nothing to what was extrapolated).
+
+    Source: thesis 3.3 (the dotted lines of fig. 3.9); weighting by likelihood is ours.
+    """
+    time, volt = (np.asarray(column, float) for column in (test_time_second, voltage_volt))
+    seen, means = _binned(time, volt, used)
+    slowest = SLOWEST_RESTS * (time[-1] - time[0])
+    taus = np.geomspace(3600 * FASTEST_HOUR, max(slowest, 7200.0 * FASTEST_HOUR), RATES)
+    wanted = np.append(np.asarray(at_second, float), known_until)
+    fits = [_with(tau, seen - time[0], means, wanted - time[0]) for tau in taus]
+    errors = np.array([error for error, _, _ in fits])
+    # A record without any scatter still does not tell voltages below a microvolt apart.
+    variance = max(errors.min() / max(len(seen) - 3, 1), 1e-12)
+    weights = np.exp(-(errors - errors.min()) / (2 * variance))
+    weights /= weights.sum()
+    values = np.array([value for _, value, _ in fits])
+    mean = weights @ values
+    within = weights @ (variance * np.array([leverage for _, _, leverage in fits]))
+    spread = within + weights @ (values - mean) ** 2
+    later = np.asarray(at_second, float) > known_until
+    # ASSUME: The cold slows a relaxation down, so it lies between its extrapolation and a halt.
+    drift = np.where(later, mean[:-1] - mean[-1], 0.0)
+    std = np.sqrt(spread[:-1] + drift**2 / 3)
+    return Course(mean[:-1], std, float(np.sqrt(variance)))
+
+
+def _binned(time, volt, used):
+    """Means over bins, so that neither many samples nor their correlation count for much."""
+    rows = np.concatenate([np.arange(first, last + 1) for first, last in used])
+    number = ((time[rows] - time[0]) // BIN_SECOND).astype(int)
+    edges = np.flatnonzero(np.diff(number, prepend=-1))
+    counts = np.diff(np.append(edges, len(rows)))
+    return tuple(np.add.reduceat(column[rows], edges) / counts for column in (time, volt))
+
+
+def _with(tau, seen, volt, wanted):
+    """Squared error, values at the times wanted and their leverage for one time constant [s].
+
+    The column is so scaled that a long time constant becomes a straight line, not a constant.
+    """
+    columns, asked = (
+        np.stack([np.ones(len(t)), np.expm1(-(t - seen[0]) / tau)], axis=1) for t in (seen, wanted)
+    )
+    scale = np.abs(columns[:, 1]).max()
+    columns[:, 1] /= scale
+    asked[:, 1] /= scale
+    weights = np.linalg.pinv(columns)
+    found = weights @ volt
+    leverage = np.sum((asked @ weights) ** 2, axis=1)
+    return np.sum((columns @ found - volt) ** 2), asked @ found, leverage
+
+
+SAME_KELVIN = 1.0
+
+
+class StepShifts(NamedTuple):
+    """Rows, one a plateau, for stage `ocv_step`; sentences on rests that were left out."""
+
+    rows: list
+    left_out: list
+
+
+def chamber_shifts(
+    test_time_second,
+    voltage_volt,
+    temperature_celsius,
+    soc,
+    steps,
+    *,
+    settled_kelvin_per_hour=1.0,
+    least_plateau_second=1200.0,
+    skip_second=3600.0,
+    least_reference_second=7200.0,
+):
+    """Shift of the open-circuit voltage at every temperature of every rest.
+
+    Parameters
+    ----------
+    test_time_second, voltage_volt : (n,) [s], [V].
+    temperature_celsius : (n,) of the cell, else of the chamber [degC] (`cell_temperature`).
+    soc : (n,) state of charge [1], NaN where it is not known.
+    steps : `series.segments.Steps` of the record.
+    settled_kelvin_per_hour : the cell has reached a temperature when it moves slower [K/h].
+    least_plateau_second : a shorter plateau does not count [s].
+    skip_second : what of a rest's beginning takes no part in the extrapolation [s].
+    least_reference_second : how much must then be left at the first temperature [s].
+
+    Returns
+    -------
+    StepShifts : rows with rest, soc, temperature_celsius, time_second, voltage_volt,
+        reference_volt (extrapolated for the first temperature), shift_volt, noise_std_volt,
+        relaxation_std_volt, reference_temperature_celsius, returned.
+
+    Raises
+    ------
+    Refusal : no rest in which the temperature steps; each with its reason.
+
+    Source: thesis 3.3 and fig. 3.9.
+    """
+    columns = [np.asarray(c, float) for c in (test_time_second, voltage_volt, temperature_celsius)]
+    soc, rows, left_out = np.asarray(soc, float), [], []
+    for first, last in joined_rests(steps):
+        here = slice(first, last + 1)
+        try:
+            found = _of_rest(
+                *(column[here] for column in columns),
+                settled=settled_kelvin_per_hour,
+                least=least_plateau_second,
+                skip=skip_second,
+                least_reference=least_reference_second,
+            )
+        except Refusal as refusal:
+            left_out.append(f"rest from {columns[0][first] / 3600:.1f} h: {refusal}")
+            continue
+        number = rows[-1]["rest"] + 1 if rows else 1
+        level = float(np.median(soc[here]))
+        rows += [{"rest": number, "soc": level} | row for row in found]
+    if not rows:
+        raise Refusal("; ".join(left_out) or "no rest in the record")
+    return StepShifts(rows, left_out)
+
+
+def cell_temperature(series):
+    """Temperature of the cell along a record [degC]: its surface's, else the chamber's.
+
+    Parameters
+    ----------
+    series : dict of (n,) columns of a clean series.
+
+    Raises
+    ------
+    Refusal : neither was recorded; the stated temperature does not tell when the chamber stepped.
+    """
+    # ASSUME: At rest a cell is as warm inside as on its surface.
+    for name in ("surface_temperature_celsius", "ambient_temperature_celsius"):
+        values = series.get(name)
+        if values is not None and np.isfinite(np.asarray(values, float)).any():
+            return np.asarray(values, float)
+    raise Refusal("no temperature was recorded: found neither the cell's nor the chamber's")
+
+
+def _kept(time, plateaus, skip, least_reference):
+    """First row from which the first plateau tells the relaxation; refuses what cannot tell it."""
+    if all(abs(p.celsius - plateaus[0].celsius) <= SAME_KELVIN for p in plateaus):
+        raise Refusal(f"{len(plateaus)} plateau(s) of temperature, none away from the first")
+    first = plateaus[0]
+    kept = max(first.first, int(np.searchsorted(time, time[0] + skip)))
+    if time[first.last] - time[min(kept, len(time) - 1)] < least_reference:
+        held = (time[first.last] - time[first.first]) / 3600
+        raise Refusal(
+            f"{held:.1f} h at the first temperature; wanted {(skip + least_reference) / 3600:.1f} h"
+        )
+    return kept
+
+
+def _of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
+    plateaus = plateaus_of(time, celsius, settled_kelvin_per_hour=settled, least_second=least)
+    kept = _kept(time, plateaus, skip, least_reference)
+    first = plateaus[0]
+    first = first._replace(first=kept, celsius=float(celsius[kept : first.last + 1].mean()))
+    back = [abs(p.celsius - first.celsius) <= SAME_KELVIN for p in plateaus]
+    used = [(kept, first.last)]
+    used += [(p.first, p.last) for p, same in zip(plateaus[1:], back[1:], strict=True) if same]
+    # Of hours at the first temperature only the end is a plateau of voltage as well.
+    end = int(np.searchsorted(time, time[first.last] - least_reference))
+    plateaus[0] = first._replace(first=end, celsius=float(celsius[end : first.last + 1].mean()))
+    means = np.array([[p.celsius, voltage[p.first : p.last + 1].mean()] for p in plateaus])
+    # The last tenths of a kelvin that a plateau lacks are taken off by the rest's own mean slope.
+    slope = np.polyfit(means[:, 0], means[:, 1], 1)[0]
+    level = voltage - slope * (celsius - first.celsius)
+    middles = [(time[p.first] + time[p.last]) / 2 for p in plateaus]
+    course = extrapolated(time, level, used, np.array(middles), known_until=time[first.last])
+    return [
+        {
+            "temperature_celsius": p.celsius,
+            "time_second": middle,
+            "voltage_volt": float(mean),
+            "reference_volt": float(reference),
+            "shift_volt": float(mean - reference),
+            "noise_std_volt": float(course.noise_volt / np.sqrt(p.bins)),
+            "relaxation_std_volt": float(std),
+            "reference_temperature_celsius": first.celsius,
+            "returned": bool(same and k > 0),
+        }
+        for k, (p, middle, mean, reference, std, same) in enumerate(
+            zip(plateaus, middles, means[:, 1], course.volt, course.std_volt, back, strict=True)
+        )
+    ]

@@ -1,0 +1,313 @@
+"""Relaxation of the voltage after a load: one or two exponentials, or why there are none."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.numerics.exponentials import NOT_TOLD, Normal, best_of_grid, levenberg
+from cellwright.numerics.uncertainty import is_white, parameter_covariance
+from cellwright.refusal import Refusal
+
+FEWEST = 8  # samples of a rest
+EMPTY = 0.6  # share of the rest that may pass between two samples
+DRIFT = 3.0  # difference of two OCVs, in deviations of the less sure one, that is no chance
+SHORTEST = 0.25  # time constant searched, in steps: what decays faster is in one sample only
+BURST = 0.25  # of its age: how close to each other the samples of a burst are kept
+LONGEST = 3.0  # time constant searched, in lengths of the rest
+
+
+class Relaxation(NamedTuple):
+    """V(t) = OCV + Σ a_j·exp(−t/tau_j), t from the first sample; pairs by ascending tau.
+
+    ocv_volt, ocv_std_volt : the end that is extrapolated [V]. amplitude_volt, tau_second : (m,)
+    and their _std; amplitudes are negative where the voltage rises, after a discharge. Deviations
+    are widened where residuals are coloured; NaN where not told. ahead_volt : OCV minus the
+    fitted voltage at the last sample: what is extrapolated [V]. drift_volt : OCV minus the OCV that
+    the first half of the rest alone would give [V]; NaN where that half is too short. sse_volt2,
+    r_squared, rmse_volt : of the fit, the RMSE with the degrees of freedom (as in table 2.2).
+    samples. verdict : what the rest does not tell, in words; empty where it tells two exponentials.
+    """
+
+    ocv_volt: float
+    ocv_std_volt: float
+    amplitude_volt: np.ndarray
+    amplitude_std_volt: np.ndarray
+    tau_second: np.ndarray
+    tau_std_second: np.ndarray
+    ahead_volt: float
+    drift_volt: float
+    sse_volt2: float
+    r_squared: float
+    rmse_volt: float
+    samples: int
+    verdict: str
+
+
+def fit_relaxation(time_second, voltage_volt, *, most=2):
+    """Fit exponentials to the voltage of a rest: two, or one where two cannot be told.
+
+    They are told where every amplitude and every time constant has a 95 % interval that stays away
+    from zero (relative standard deviation up to 0.51) and none lies at a limit of its search: a
+    quarter of the shortest step, and three times the length of the rest. Samples closer than the
+    usual step are averaged first. The OCV's deviation holds only if the rest is exponential to its
+    end: real ones have slower tails, and twice `drift_volt` is the better measure of how far off
+    the OCV may be.
+
+    Parameters
+    ----------
+    time_second : (n,) of a rest at zero current, from its first sample on [s].
+    voltage_volt : (n,) [V].
+    most : exponentials to try; of three, the fastest is charge transfer or what a logger smears.
+
+    Returns
+    -------
+    relaxation : Relaxation.
+
+    Raises
+    ------
+    Refusal : lengths differ, not finite, fewer than 8 samples, time runs back or stands still, a
+        gap (more than 0.6 of the rest between two samples), a voltage that does not move.
+
+    Source: thesis sec. 2.3, table 2.2; (3.16).
+    """
+    # ASSUME: A rest relaxes by at most two or three exponentials; a slower tail is in the OCV.
+    time, voltage = np.asarray(time_second, float), np.asarray(voltage_volt, float)
+    _check(time, voltage)
+    time, voltage = _evened(time - time[0], voltage)
+    whole, half = _best(time, voltage, most), time <= time[-1] / 2
+    if half.sum() < FEWEST or voltage[half].max() == voltage[half].min():
+        return whole
+    part = _best(time[half], voltage[half], most)
+    drift = whole.ocv_volt - part.ocv_volt
+    whole = whole._replace(drift_volt=drift)
+    if not abs(drift) > DRIFT * part.ocv_std_volt:
+        return whole
+    words = f"the first half alone gives an OCV {1e3 * abs(drift):.2f} mV away: a slower tail"
+    return whole._replace(verdict="; ".join(filter(None, [whole.verdict, words])))
+
+
+def relaxed_voltage(relaxation, time_second):
+    """Voltage of a fitted relaxation (n,) [V].
+
+    Parameters
+    ----------
+    relaxation : Relaxation.
+    time_second : (n,) from the first sample of the rest [s].
+    """
+    decays = np.exp(-np.asarray(time_second, float)[:, None] / relaxation.tau_second)
+    return relaxation.ocv_volt + decays @ relaxation.amplitude_volt
+
+
+def _best(time, voltage, most):
+    """As many exponentials as are told; one, and what of it is not, where two are not."""
+    found, lost = _fitted(time, voltage, most)
+    if not lost:
+        return found
+    if most > 2:
+        return _best(time, voltage, most - 1)
+    one, alone = _fitted(time, voltage, 1)
+    words = f"two exponentials cannot be told ({lost}): one is given"
+    also = f"; of that, {alone}" if alone else ""
+    return one._replace(verdict=words + also)
+
+
+def _fitted(time, voltage, pairs):
+    """Fit of a number of exponentials, and in words what of it is not told."""
+    steps = np.diff(time)
+    limits = SHORTEST * float(steps[steps > 0].min()), LONGEST * float(time[-1])
+    anywhere = np.full(1 + pairs, -np.inf), np.full(1 + pairs, np.inf)
+    every = slice(None, None, max(1, len(time) // 800))
+    # Taken from its mean, the voltage keeps all its digits in sums of squares.
+    level = voltage.mean()
+
+    def on_grid(tau):
+        return _normal(_columns(time[every], tau), np.zeros(1 + len(tau)), voltage[every] - level)
+
+    def normal_at(log_tau, linear):
+        columns = _columns(time, np.exp(log_tau), sloped=True)
+        return _normal(columns, linear, voltage - level)
+
+    tau, linear = best_of_grid(on_grid, 1, [limits] * pairs, anywhere)
+    logs = np.log(limits)[:, None] * np.ones(pairs)
+    at, _ = levenberg(normal_at, np.log(tau), linear, (logs, anywhere), samples=len(time))
+    order = np.argsort(at.log_tau)
+    linear, tau = at.linear[[0, *(1 + order)]], np.exp(at.log_tau[order])
+    std, residual = _spread(time, voltage - level, linear, tau)
+    lost = _lost(linear, tau, std, limits)
+    return _result(linear, tau, std, residual, voltage, level, time[-1]), lost
+
+
+def _spread(time, voltage, linear, tau):
+    columns = _columns(time, tau, sloped=True)
+    residual = voltage - linear @ columns[: len(linear)]
+    columns[len(linear) :] *= linear[1:, None] / tau[:, None]
+    gram, power = columns @ columns.T, residual @ residual
+    series = {"sensitivity": columns, "residual": residual}
+    if is_white(residual[1:] @ residual[:-1], power, len(time)):
+        series = {}
+    covariance = parameter_covariance(gram, power, len(time), **series)
+    return np.sqrt(np.diag(covariance)), residual
+
+
+def _lost(linear, tau, std, limits):
+    """Which parameters are not told, in words; empty where all are."""
+    names = [f"amplitude{j + 1}_volt" for j in range(len(tau))]
+    names += [f"tau{j + 1}_second" for j in range(len(tau))]
+    values = np.concatenate([linear[1:], tau])
+    vague = ~(std[1:] <= NOT_TOLD * np.abs(values))
+    said = [f"{name} is not told" for name, lost in zip(names, vague, strict=True) if lost]
+    if tau[-1] >= limits[1] * (1 - 1e-6):
+        said.insert(0, f"tau{len(tau)}_second is longer than the rest tells, {limits[1]:.3g} s")
+    if tau[0] <= limits[0] * (1 + 1e-6):
+        said.insert(0, f"tau1_second is no longer than {limits[0]:.3g} s, a quarter of a step")
+    return ", ".join(said)
+
+
+def _result(linear, tau, std, residual, voltage, level, last):
+    power, freedom = float(residual @ residual), len(voltage) - len(std)
+    moved = voltage - level
+    return Relaxation(
+        ocv_volt=float(level + linear[0]),
+        ocv_std_volt=float(std[0]),
+        amplitude_volt=linear[1:],
+        amplitude_std_volt=std[1 : len(linear)],
+        tau_second=tau,
+        tau_std_second=std[len(linear) :],
+        drift_volt=np.nan,
+        ahead_volt=float(-linear[1:] @ np.exp(-last / tau)),
+        sse_volt2=power,
+        r_squared=1.0 - power / float(moved @ moved),
+        rmse_volt=float(np.sqrt(power / freedom)),
+        samples=len(voltage),
+        verdict="",
+    )
+
+
+def _evened(time, voltage):
+    """Means of samples closer than the usual step, the one that most of the time passes in.
+
+    So a burst of samples after the load does not outvote the hours that tell the OCV; but a few of
+    it stay, each a quarter older than the one before, for only they tell the fast part.
+    """
+    steps = np.diff(time)
+    order = np.argsort(steps, kind="stable")
+    past = np.cumsum(steps[order])
+    usual = steps[order][np.searchsorted(past, past[-1] / 2)]
+    # A quarter of a step keeps samples of a steady clock, whose stamps jitter, each by itself.
+    place = np.floor(time / usual + 0.25).astype(int)
+    # Within the first step a burst keeps a sample in each quarter of its age, for what is fast.
+    early = np.log(np.maximum(time, steps[steps > 0].min()) / usual) / np.log(1 + BURST)
+    place = np.where(place < 1, np.floor(np.minimum(early, -1)).astype(int), place)
+    first = np.flatnonzero(np.diff(place, prepend=place[0] - 1))
+    if len(first) < FEWEST:
+        return time, voltage
+    count = np.diff(np.append(first, len(time)))
+    return np.add.reduceat(time, first) / count, np.add.reduceat(voltage, first) / count
+
+
+def _columns(time, tau, *, sloped=False):
+    ratio = time / tau[:, None]
+    decays = np.exp(-ratio)
+    slopes = [ratio * decays] if sloped else []
+    return np.vstack([np.ones(len(time)), decays, *slopes])
+
+
+def _normal(columns, linear, target):
+    residual = target - linear @ columns[: len(linear)]
+    near = float(residual[1:] @ residual[:-1])
+    return Normal(columns @ columns.T, columns @ residual, float(residual @ residual), near)
+
+
+def _check(time, voltage):
+    if time.shape != voltage.shape or time.ndim != 1:
+        raise Refusal(f"time has shape {time.shape}, voltage {voltage.shape}; both must be (n,)")
+    if len(time) < FEWEST:
+        raise Refusal(f"rest has {len(time)} sample(s); two exponentials take {FEWEST} or more")
+    if not (np.isfinite(time).all() and np.isfinite(voltage).all()):
+        raise Refusal("time or voltage of the rest holds values that are not finite")
+    if np.any(np.diff(time) < 0) or time[-1] <= time[0]:
+        raise Refusal("time of the rest runs back or stands still")
+    longest, whole = np.diff(time).max(), time[-1] - time[0]
+    if longest > EMPTY * whole:
+        raise Refusal(f"{longest:.4g} of the rest's {whole:.4g} s pass between two samples: a gap")
+    if voltage.max() == voltage.min():
+        raise Refusal(f"voltage stays at {voltage[0]:g} V: nothing relaxes")
+
+
+SMALL = 10.0  # noises that a rest must move to show more than one time constant
+COARSE = 20.0  # grains that a rest must move
+AT_NOISE = 1.2  # residual over noise up to which nothing is left to explain
+
+
+def grain_volt(voltage_volt):
+    """Smallest step that the logger shows (n,) → [V]; 0 where the voltage never moves."""
+    moved = np.abs(np.diff(voltage_volt))
+    return float(moved[moved > 1e-7].min(initial=np.inf)) if (moved > 1e-7).any() else 0.0
+
+
+def noise_volt(voltage_volt):
+    """Standard deviation of a sample in the second half of a rest (n,) → [V].
+
+    From second differences, so that a slope is none; not below that of the logger's grain.
+    """
+    late = np.asarray(voltage_volt)[len(voltage_volt) // 2 :]
+    bent = np.diff(late, 2)
+    spread = 1.4826 * float(np.median(np.abs(bent))) / np.sqrt(6) if len(bent) else 0.0
+    return max(spread, grain_volt(voltage_volt) / np.sqrt(12))
+
+
+def why(two, three, voltage_volt, *, limit, grain, noise):
+    """What stands against two exponentials, or holds their R² below the limit.
+
+    Parameters
+    ----------
+    two, three : relaxation.Relaxation, of at most two and three exponentials.
+    voltage_volt : (n,) of the rest [V].
+    limit : R² that is asked for.
+    grain, noise : of the logger, of a sample [V].
+
+    Returns
+    -------
+    words : sentences joined by "; ", the most telling first; empty where nothing stands against.
+    """
+    best = three if len(three.tau_second) == 3 else two
+    short = best.r_squared < limit
+    said = [
+        *_small(voltage_volt, grain, noise, short=short or len(two.tau_second) < 2),
+        *_three(two, three),
+        *([f"two time constants are not told: {two.verdict}"] if len(two.tau_second) < 2 else []),
+        *_short(best, voltage_volt, noise, limit),
+    ]
+    if len(best.tau_second) > 1 and best.verdict:
+        said.append(f"still drifting: {best.verdict}")
+    return "; ".join(said)
+
+
+def _small(voltage, grain, noise, *, short):
+    moved = float(np.ptp(voltage))
+    if short and moved < COARSE * grain and noise < grain:
+        yield f"quantised: {_mv(moved)} in steps of {_mv(grain)}"
+    elif short and moved < SMALL * noise:
+        yield f"too small for the noise: it moves {_mv(moved)}, the noise is {_mv(noise)}"
+
+
+def _three(two, three):
+    if len(three.tau_second) == 3:
+        taus = ", ".join(f"{tau:.3g}" for tau in three.tau_second)
+        better = f"R² {three.r_squared:.4f} against {two.r_squared:.4f} of two"
+        yield f"three time constants are visible ({taus} s): {better}"
+
+
+def _short(best, voltage, noise, limit):
+    if best.r_squared >= limit:
+        return
+    if best.rmse_volt <= AT_NOISE * noise:
+        ceiling = 1 - noise**2 / max(float(np.var(voltage)), noise**2)
+        yield f"the noise of {_mv(noise)} allows no R² above {ceiling:.3f}"
+    else:
+        found = f"{_mv(best.rmse_volt)} are left where the noise is {_mv(noise)}"
+        yield f"more than {len(best.tau_second)} time constants, or a step within: {found}"
+
+
+def _mv(volt):
+    return f"{1e3 * abs(volt):.2g} mV"

@@ -1,0 +1,394 @@
+"""Every rest of a test: its two exponentials, its curve as drawn, its points of an OCV curve."""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.protocols.ocv.rests import RestPoints
+from cellwright.protocols.relaxation import fit_relaxation, grain_volt, noise_volt, why
+from cellwright.refusal import Refusal
+
+STEADY = ("CC", "pulse")  # loads of one current, whose polarisation is proportional to it
+LEAST_C_RATE = 0.02  # of a load; what is less is a leak or noise
+MOVED_KELVIN = 3.0  # from here on the rest is one of the chamber, not of the cell
+EDGE = 3.0  # slopes: a first sample that moves on so much faster than the next is of the edge
+EDGE_NOISES = 6.0  # and by so many noises
+LAST_ROWS = 5  # of a load without one current: their median is the current before the rest
+
+
+class RestRows(NamedTuple):
+    """One entry a rest and number of exponentials told, arrays of shape (rows,).
+
+    rest counts the rests of the test. soc [1] and temperature_celsius at its begin and over it.
+    direction, load (kind of step), current_before_ampere (+ on charge), load_second: of the step
+    before. delay_second : from the last sample under load to the rest's first, t = 0 of
+    V = V∞ + a·exp(−t/tau1) + b·exp(−t/tau2), thesis (3.16) with V∞ = ocv_volt. fast_volt, fast_tau
+    : a third, faster exponential where one is told (exponentials = 3), else NaN. chosen : the
+    larger number told. r1_ohm, r2_ohm : a and b over the current, and over the share of its end
+    value that each reaches within the load. noise_volt : of a sample. reason : why R² is below the
+    limit, or what else stands against two exponentials; empty where nothing does.
+    """
+
+    rest: np.ndarray
+    start_time_second: np.ndarray
+    soc: np.ndarray
+    temperature_celsius: np.ndarray
+    direction: np.ndarray
+    load: np.ndarray
+    current_before_ampere: np.ndarray
+    load_second: np.ndarray
+    rest_second: np.ndarray
+    delay_second: np.ndarray
+    samples: np.ndarray
+    exponentials: np.ndarray
+    chosen: np.ndarray
+    a_volt: np.ndarray
+    a_std_volt: np.ndarray
+    tau1_second: np.ndarray
+    tau1_std_second: np.ndarray
+    b_volt: np.ndarray
+    b_std_volt: np.ndarray
+    tau2_second: np.ndarray
+    tau2_std_second: np.ndarray
+    fast_volt: np.ndarray
+    fast_std_volt: np.ndarray
+    fast_tau_second: np.ndarray
+    fast_tau_std_second: np.ndarray
+    r1_ohm: np.ndarray
+    r2_ohm: np.ndarray
+    ocv_volt: np.ndarray
+    ocv_std_volt: np.ndarray
+    ahead_volt: np.ndarray
+    drift_volt: np.ndarray
+    r_squared: np.ndarray
+    rmse_volt: np.ndarray
+    noise_volt: np.ndarray
+    reason: np.ndarray
+
+
+class Rests(NamedTuple):
+    """The table, and a counted sentence for each reason why a rest is missing from it."""
+
+    rows: RestRows
+    left_out: tuple
+
+
+# ASSUME: The cell had relaxed before the load that a rest follows.
+def rests_of(
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    soc,
+    steps,
+    *,
+    temperature_celsius=None,
+    shortest_rest_second=600.0,
+    r_squared_limit=0.98,
+):
+    """Fit the depolarisation of every rest that follows a load.
+
+    1. A rest counts from `shortest_rest_second` on, where the record has no gap before it and the
+    load was at least 0.02 C; its first sample is left out where it still shows the edge; it ends
+    where the temperature has moved by 3 K. 2. Two exponentials
+    are fitted, or one where two are not told. 3. Where a third, faster one is told as well, it has
+    a row of its own and is chosen. 4. What falls short of the limit says why.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, voltage_volt : (n,) [s], [A] positive on charge, [V].
+    soc : (n,) [1], NaN where not known.
+    steps : series.segments.Steps.
+    temperature_celsius : (n,) of the chamber, else of the cell, or None [°C].
+    shortest_rest_second : [s].
+    r_squared_limit : R² from which a rest needs no reason (thesis 3.3: 0.98).
+
+    Returns
+    -------
+    Rests : without a row where no rest is long enough; `left_out` then says so.
+
+    Source: thesis sec. 3.3, (3.14)–(3.16); dU/dt = −U/tau + i/c, the minus is missing in print.
+    """
+    time, voltage = np.asarray(test_time_second, float), np.asarray(voltage_volt, float)
+    warm = np.full(len(time), np.nan) if temperature_celsius is None else temperature_celsius
+    series = (time, np.asarray(current_ampere, float), voltage, np.asarray(soc, float), warm)
+    found = [k for k in _after_loads(steps) if steps.duration_second[k] >= shortest_rest_second]
+    rows, reasons = [], Counter()
+    for number, step in enumerate(found):
+        try:
+            rows += _rows_of(number, series, steps, step, shortest_rest_second, r_squared_limit)
+        except Refusal as refusal:
+            reasons[str(refusal)] += 1
+    left_out = [f"{count} × {reason}" for reason, count in sorted(reasons.items())]
+    if not found:
+        left_out = [f"no rest after a load lasts {shortest_rest_second:g} s: no depolarisation"]
+    columns = {name: _column([row[name] for row in rows], name) for name in RestRows._fields}
+    return Rests(RestRows(**columns), tuple(left_out))
+
+
+def _column(values, name):
+    """An array of the right type, also where there is no row."""
+    if name in ("direction", "load", "reason"):
+        return np.array(values, dtype=str)
+    whole = {"rest": int, "samples": int, "exponentials": int, "chosen": bool}
+    return np.array(values, dtype=whole.get(name, float))
+
+
+def chamber_or_cell(series):
+    """Temperature that tells when the chamber moves (n,) [°C]: the chamber's, or None.
+
+    Parameters
+    ----------
+    series : dict of columns; the cell's own warms in a load and cools in the rest.
+    """
+    chamber = series.get("ambient_temperature_celsius")
+    return series.get("surface_temperature_celsius") if chamber is None else chamber
+
+
+def _after_loads(steps):
+    """Rests that follow a load without a gap between."""
+    kind = np.asarray(steps.kind)
+    follows = np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
+    return np.flatnonzero((kind == "rest") & follows & (np.roll(kind, 1) != "rest"))
+
+
+def _rows_of(number, series, steps, step, shortest, limit):
+    """Rows of one rest: of two exponentials or one, and of three where they are told."""
+    if steps.c_rate[step - 1] < LEAST_C_RATE:
+        raise Refusal(f"load before the rest is below {LEAST_C_RATE:g} C")
+    time, voltage, warm = series[0], series[2], series[4]
+    rows = _steady_rows(warm, int(steps.first_row[step]), int(steps.last_row[step]))
+    if rows[-1] < steps.last_row[step] and time[rows[-1]] - time[rows[0]] < shortest:
+        raise Refusal(f"temperature moves by {MOVED_KELVIN:g} K within the first {shortest:g} s")
+    rows = rows[_of_the_edge(time[rows], voltage[rows]) :]
+    t, v = time[rows], voltage[rows]
+    two, three = fit_relaxation(t, v), fit_relaxation(t, v, most=3)
+    fits = [two, three] if len(three.tau_second) == 3 else [two]
+    common = _load(series, steps, step, rows) | {"rest": number, "noise_volt": noise_volt(v)}
+    reason = why(two, three, v, limit=limit, grain=grain_volt(v), noise=common["noise_volt"])
+    return [
+        common | _fit(fit, common) | {"chosen": fit is fits[-1], "reason": reason} for fit in fits
+    ]
+
+
+def _steady_rows(warm, first, last):
+    """Rows of a rest until the temperature, where it is known, has moved."""
+    rows = np.arange(first, last + 1)
+    moved = np.abs(warm[rows] - warm[first]) > MOVED_KELVIN
+    return rows[: int(np.argmax(moved))] if moved.any() else rows
+
+
+def _of_the_edge(time, voltage):
+    """1 where the first sample shows what decays between it and the next, else 0.
+
+    No time constant can be told from one sample, but it would draw those of the rest to itself.
+    """
+    if len(time) < 3:
+        return 0
+    moved, passed = np.diff(voltage[:3]), np.diff(time[:3])
+    fast = abs(moved[0]) * passed[1] > EDGE * abs(moved[1]) * passed[0]
+    return int(fast and abs(moved[0]) > EDGE_NOISES * noise_volt(voltage))
+
+
+def _load(series, steps, step, rows):
+    """What of a row does not depend on the number of exponentials."""
+    time, current, _, soc, warm = series
+    load, known = steps.kind[step - 1], np.isfinite(warm[rows])
+    last = current[max(int(steps.last_row[step - 1]) - LAST_ROWS + 1, 0) : rows[0]]
+    before = steps.current_mean_ampere[step - 1] if load in STEADY else float(np.median(last))
+    return {
+        "start_time_second": float(time[rows[0]]),
+        "soc": float(soc[rows[0]]),
+        "temperature_celsius": float(warm[rows][known].mean()) if known.any() else np.nan,
+        "direction": "charge" if steps.current_mean_ampere[step - 1] > 0 else "discharge",
+        "load": str(load),
+        "current_before_ampere": float(before),
+        "load_second": float(steps.duration_second[step - 1]),
+        "rest_second": float(time[rows[-1]] - steps.start_time_second[step]),
+        "delay_second": float(time[rows[0]] - steps.start_time_second[step]),
+        "samples": len(rows),
+    }
+
+
+def _fit(fit, load):
+    """Columns of one fit; the two slowest exponentials are a and b."""
+    count = len(fit.tau_second)
+    place = {"a": max(count - 2, 0), "b": count - 1 if count > 1 else None}
+    place["fast"] = 0 if count == 3 else None
+    tau = {"a": "tau1", "b": "tau2", "fast": "fast_tau"}
+    row = {"exponentials": count}
+    for name, at in place.items():
+        values = [_at(part, at) for part in fit[2:6]]
+        names = (
+            f"{name}_volt",
+            f"{name}_std_volt",
+            f"{tau[name]}_second",
+            f"{tau[name]}_std_second",
+        )
+        row |= dict(zip(names, values, strict=True))
+    for name, volt, second in (
+        ("r1_ohm", "a_volt", "tau1_second"),
+        ("r2_ohm", "b_volt", "tau2_second"),
+    ):
+        row[name] = _resistance(row[volt], row[second], load)
+    same = ("ocv_volt", "ocv_std_volt", "ahead_volt", "drift_volt", "r_squared", "rmse_volt")
+    return row | {name: float(getattr(fit, name)) for name in same}
+
+
+def _at(values, place):
+    return np.nan if place is None else float(values[place])
+
+
+def _resistance(volt, tau, load):
+    """Of an RC pair that reaches `volt` within the load; NaN where that had no one current."""
+    if load["load"] not in STEADY:
+        return np.nan
+    return volt / load["current_before_ampere"] / -np.expm1(-load["load_second"] / tau)
+
+
+MIDDLE_SOC = 0.5
+POINTS = 400  # more than a panel shows
+
+
+class Curve(NamedTuple):
+    """Arrays of shape (n,) from the first sample of the rest on; empty where none was fitted.
+
+    soc : of the rest, the same in each row.
+    """
+
+    time_second: np.ndarray
+    voltage_volt: np.ndarray
+    fitted_volt: np.ndarray
+    soc: np.ndarray
+
+
+def example(rows, test_time_second, voltage_volt):
+    """Course and fit of the chosen fit nearest 50 % SoC, or of the middle rest without SoC.
+
+    Parameters
+    ----------
+    rows : rests.RestRows. test_time_second, voltage_volt : (n,) of the test [s], [V].
+
+    Returns
+    -------
+    Curve
+    """
+    chosen = np.flatnonzero(rows.chosen)
+    if not len(chosen):
+        return Curve(*[np.zeros(0)] * len(Curve._fields))
+    off = np.abs(rows.soc[chosen] - MIDDLE_SOC)
+    k = chosen[np.nanargmin(off)] if np.isfinite(off).any() else chosen[len(chosen) // 2]
+    since = np.asarray(test_time_second, float) - rows.start_time_second[k]
+    inside = np.flatnonzero((since >= 0) & (since <= rows.rest_second[k] - rows.delay_second[k]))
+    # Dense at first, where the voltage moves.
+    kept = inside[np.unique(np.geomspace(1, len(inside), POINTS).astype(int)) - 1]
+    fitted = np.full(len(kept), rows.ocv_volt[k])
+    for volt, tau in (("a_volt", "tau1_second"), ("b_volt", "tau2_second"), _FAST):
+        amplitude = np.nan_to_num(getattr(rows, volt)[k])
+        fitted += amplitude * np.exp(-since[kept] / np.nan_to_num(getattr(rows, tau)[k], nan=1.0))
+    volts = np.asarray(voltage_volt, float)[kept]
+    return Curve(since[kept], volts, fitted, np.full(len(kept), rows.soc[k]))
+
+
+_FAST = ("fast_volt", "fast_tau_second")
+
+
+LEAST_PORTION = 0.003  # of the charge that the record moves: less before a rest is no load
+LATE = 0.02  # of a rest: its end
+PER_LOAD = 10.0  # lengths of the load: a shorter rest counts after so many, before the first one
+
+
+def rest_points(
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    charge_ampere_hour,
+    steps,
+    *,
+    rest_second=600.0,
+):
+    """Rests of at least `rest_second` that follow a load, with what of them is still to relax.
+
+    Before the first of them, where the cell is nearly full, a rest after a discharge counts that is
+    ten times as long as its load: a pulse of seconds leaves little to relax.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A] positive on
+        charge, [V], net charge [Ah].
+    steps : series.segments.Steps.
+    rest_second : [s].
+
+    Returns
+    -------
+    points : protocols.ocv_rests.RestPoints.
+    """
+    time, voltage, charge = (
+        np.asarray(column, float) for column in (test_time_second, voltage_volt, charge_ampere_hour)
+    )
+    series = (time, np.asarray(current_ampere, float), voltage)
+    found = rests_of(
+        *series,
+        np.full(len(time), np.nan),
+        steps,
+        shortest_rest_second=rest_second,
+    ).rows
+    least = LEAST_PORTION * float(np.ptp(charge))
+    rows = [_long(found, k) for k in np.flatnonzero(found.chosen)]
+    rows = [row for row in rows if row.pop("portion") >= least]
+    first = min((row["start"] for row in rows), default=-np.inf)
+    rows = [*_short(steps, before=first), *rows]
+    return _points([row | _ends(time, voltage, charge, row) for row in rows])
+
+
+def _long(found, k):
+    """A rest with its exponentials, used where at least two are told."""
+    told = found.exponentials[k] >= 2 and np.isfinite(found.ocv_std_volt[k])
+    doubt = np.nanmax([2 * abs(found.drift_volt[k]), found.ocv_std_volt[k]])
+    return {
+        "start": found.start_time_second[k],
+        "end": found.start_time_second[k] - found.delay_second[k] + found.rest_second[k],
+        "relaxed_volt": found.ocv_volt[k] if told else np.nan,
+        "doubt_volt": doubt if told else np.nan,
+        "direction": found.direction[k],
+        "current_ampere": found.current_before_ampere[k],
+        "rest_second": found.rest_second[k],
+        "portion": abs(found.current_before_ampere[k]) * found.load_second[k] / 3600,
+    }
+
+
+def _short(steps, *, before):
+    """Rests much longer than the discharge before them, ahead of the first long rest."""
+    kind, last = np.asarray(steps.kind), steps.duration_second
+    for k in np.flatnonzero(kind[1:] == "rest") + 1:
+        joins = steps.start_time_second[k] == steps.end_time_second[k - 1]
+        early = (
+            joins and steps.end_time_second[k] <= before and steps.current_mean_ampere[k - 1] < 0
+        )
+        if early and last[k] >= PER_LOAD * last[k - 1]:
+            yield {
+                "start": steps.start_time_second[k],
+                "end": steps.end_time_second[k],
+                "relaxed_volt": np.nan,
+                "doubt_volt": np.nan,
+                "direction": "discharge",
+                "current_ampere": steps.current_mean_ampere[k - 1],
+                "rest_second": last[k],
+            }
+
+
+def _ends(time, voltage, charge, row):
+    """Voltage and charge at the end of a rest, and what was counted within it."""
+    inside = (time >= row["start"]) & (time <= row["end"])
+    late = inside & (time >= row["end"] - LATE * row["rest_second"])
+    within = charge[inside]
+    return {
+        "charge_ampere_hour": within[-1],
+        "end_volt": voltage[late].mean(),
+        "read_ampere_hour": within[-1] - within[0],
+    }
+
+
+def _points(rows):
+    names = RestPoints._fields
+    return RestPoints(**{name: np.array([row[name] for row in rows]) for name in names})

@@ -1,0 +1,1 @@
+"""A test laid out on the SoC scale."""

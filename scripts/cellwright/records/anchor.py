@@ -1,0 +1,257 @@
+"""Where on the SoC scale the counted charge of a record begins."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+REST_C_RATE = 0.004
+START_C_RATE = 0.02  # of one row: its noise, or a leak that moves the voltage by a millivolt
+SPANNED = 0.9  # of the capacity: a record that moves so much has its place on the scale
+CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
+
+
+class Anchored(NamedTuple):
+    """State of charge (n,) [1], and in words where its zero was taken from."""
+
+    soc: np.ndarray
+    anchor: str
+
+
+# ASSUME: A charge that ends at the upper cut-off voltage with at most C/10 leaves the cell full.
+# ASSUME: Where a record is anchored by its rest voltage, the cell had relaxed when it began.
+# ASSUME: A record without another anchor that moves 90 % of the capacity leaves equal ends unused.
+def soc_series(
+    charge_ampere_hour,
+    current_ampere,
+    voltage_volt,
+    *,
+    capacity_ampere_hour,
+    lower_cutoff_volt,
+    upper_cutoff_volt,
+    soc_at_start=None,
+    ocv_soc=None,
+    ocv_volt=None,
+    full_c_rate=0.1,
+):
+    """State of charge over a record: counted charge over capacity, from the best anchor there is.
+
+    The first that applies: 1. the state of charge at the start, as stated; 2. the record itself
+    reaches full: a charge that ends at the upper cut-off with a current of at most `full_c_rate`;
+    3. the record starts at rest, and its first voltage is looked up in the OCV table;
+    4. the record moves at least 90 % of the capacity: what it leaves is shared by the two ends.
+
+    Parameters
+    ----------
+    charge_ampere_hour : (n,) net charge since the first row, + on charge [Ah].
+    current_ampere : (n,) [A], positive on charge.
+    voltage_volt : (n,) [V].
+    capacity_ampere_hour : what the scale from 0 to 1 refers to [Ah].
+    lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None (not stated).
+    soc_at_start : stated state of charge at the first row, 0 to 1 [1], or None.
+    ocv_soc, ocv_volt : (m,) table of the open-circuit voltage, SoC ascending [1], [V], or None.
+    full_c_rate : largest current over capacity that may end a full charge [1/h].
+
+    Returns
+    -------
+    Anchored : the array may leave 0 to 1 where counting does; it is never clipped.
+
+    Raises
+    ------
+    Refusal : no capacity, a stated SoC outside 0 to 1, or nothing to anchor to.
+    """
+    if not capacity_ampere_hour or not capacity_ampere_hour > 0:
+        raise Refusal(f"capacity is {capacity_ampere_hour}; SoC needs a positive one")
+    counted = np.asarray(charge_ampere_hour, float) / capacity_ampere_hour
+    if soc_at_start is not None:
+        return Anchored(_stated(soc_at_start) + counted - counted[0], "stated at the start")
+    rate = np.asarray(current_ampere, float) / capacity_ampere_hour
+    full = full_row(rate, voltage_volt, upper_cutoff_volt, full_c_rate=full_c_rate)
+    if full is not None:
+        return Anchored(1.0 + counted - counted[full], "end of the full charge in the record")
+    if ocv_soc is not None and abs(rate[0]) <= START_C_RATE:
+        start = _look_up(voltage_volt[0], ocv_soc, ocv_volt)
+        return Anchored(start + counted - counted[0], "rest voltage at the start, by the OCV table")
+    span = float(np.ptp(counted))
+    if span >= SPANNED:
+        top = min((1 + span) / 2, 1.0)
+        words = f"the record moves {span:.1%} of the capacity: its highest SoC is {top:.3f}"
+        return Anchored(top + counted - counted.max(), f"{words} ± {max(1 - span, 0) / 2:.3f}")
+    raise Refusal(_missing(rate[0], upper_cutoff_volt, ocv_soc))
+
+
+def full_row(rate, voltage_volt, upper_cutoff_volt, *, full_c_rate=0.1):
+    """Last row of the first charge that ends full, or None.
+
+    Parameters: rate (n,) current over capacity [1/h], voltage_volt (n,) [V], cut-off [V] or None.
+    """
+    if upper_cutoff_volt is None:
+        return None
+    near = np.asarray(voltage_volt) >= upper_cutoff_volt * (1 - CUTOFF_SHARE)
+    charging = near & (rate > REST_C_RATE)
+    slow = charging & (rate <= full_c_rate)
+    ends = np.flatnonzero(slow & ~np.append(charging[1:], False))
+    return int(ends[0]) if len(ends) else None
+
+
+def _stated(soc):
+    if not 0 <= soc <= 1:
+        raise Refusal(f"stated SoC at the start is {soc}; allowed is 0 to 1")
+    return float(soc)
+
+
+def _look_up(voltage, ocv_soc, ocv_volt):
+    """SoC at a rest voltage [V], 0 or 1 beyond the table; a flat stretch gives its upper end."""
+    rising = np.maximum.accumulate(np.asarray(ocv_volt, float))
+    return float(np.interp(voltage, rising, np.asarray(ocv_soc, float)))
+
+
+def _missing(first_rate, upper_cutoff_volt, ocv_soc):
+    """What stands in the way of each anchor, in one sentence."""
+    full = (
+        "the upper cut-off is not stated, so no full charge can be told"
+        if upper_cutoff_volt is None
+        else f"the record never ends a charge full at {upper_cutoff_volt} V"
+    )
+    table = (
+        "there is no OCV table"
+        if ocv_soc is None
+        else f"the record starts under a load of {abs(first_rate):.3g} C, not at rest"
+    )
+    return f"no state of charge: none is stated at the start, {full}, and {table}"
+
+
+NEARLY = 0.03  # of the voltage window: how near to the upper cut-off a full cell rests
+REACHED = 0.01  # of it: how near to the lower cut-off a discharge ends empty
+LIKE = 1.1  # of the usual current of the portions: the last of them may be short
+OTHERWISE_VOLT = 1.0  # the window where no upper cut-off is stated
+
+
+class Scale(NamedTuple):
+    """SoC = 1 + (charge − full_ampere_hour) / capacity_ampere_hour.
+
+    full_ampere_hour : net charge of the record at which the cell is full [Ah]. first_volt : voltage
+    of its first row where that is at rest, else NaN [V]. source : of the capacity, start : of the
+    full end, both in words.
+    """
+
+    full_ampere_hour: float
+    capacity_ampere_hour: float
+    first_volt: float
+    source: str
+    start: str
+
+
+class _Anchor(NamedTuple):
+    charge_ampere_hour: float
+    soc: float
+    words: str
+
+
+def rest_scale(
+    current_ampere,
+    voltage_volt,
+    charge_ampere_hour,
+    steps,
+    capacities=(),
+    *,
+    ambient_temperature_celsius=None,
+    soc_at_start=None,
+    rated_capacity_ampere_hour=None,
+    lower_cutoff_volt,
+    upper_cutoff_volt=None,
+):
+    """Full end and capacity of a record that discharges a cell in portions.
+
+    SoC is known, by the first that applies, from: the stated one of the first row; the end of a
+    full charge in the record; a first row at rest near the upper cut-off; where no upper cut-off is
+    stated, from a record that moves 90 % of the capacity, which then begins full. The capacity is
+    what the record takes out where a constant current ends at the lower cut-off, else that of the
+    cell's capacity test nearest in temperature (the slowest of them), else the rating; never less
+    than the record takes out.
+
+    Parameters
+    ----------
+    current_ampere, voltage_volt, charge_ampere_hour : (n,) [A] positive on charge, [V], net [Ah].
+    steps : series.segments.Steps of the record.
+    capacities : list of dict, rows of the capacity stage with test and ambient_temperature_celsius.
+    ambient_temperature_celsius : of the record [°C] or None. soc_at_start : stated [1] or None.
+    rated_capacity_ampere_hour : [Ah] or None.
+    lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None.
+
+    Returns
+    -------
+    Scale.
+
+    Raises
+    ------
+    Refusal : no capacity is known, or nothing tells where the record begins.
+    """
+    current, voltage, charge = (
+        np.asarray(column, float) for column in (current_ampere, voltage_volt, charge_ampere_hour)
+    )
+    upper, window = upper_cutoff_volt, OTHERWISE_VOLT
+    if upper is not None:
+        window = upper - lower_cutoff_volt
+    known, source = _known(capacities, ambient_temperature_celsius, rated_capacity_ampere_hour)
+    empty = _ends_empty(steps, lower_cutoff_volt + REACHED * window)
+    rate = current / max(known, float(np.ptp(charge)))
+    first = float(voltage[0]) if abs(rate[0]) <= START_C_RATE else np.nan
+    share = 1.0 if empty or not known else float(np.ptp(charge)) / known
+    if soc_at_start is not None:
+        anchor = _Anchor(charge[0], soc_at_start, f"SoC {soc_at_start:g} is stated at its start")
+    else:
+        anchor = _full(rate, voltage, charge, upper, NEARLY * window, share, first)
+    out = float(anchor.charge_ampere_hour - charge.min())
+    if empty:
+        known, source = out / anchor.soc, "taken out to the lower cut-off, with rests between"
+    elif not known:
+        raise Refusal("no capacity: the record does not end empty, no capacity test and no rating")
+    capacity = max(known, out / anchor.soc)
+    full = anchor.charge_ampere_hour + (1 - anchor.soc) * capacity
+    return Scale(float(full), capacity, first, source, anchor.words)
+
+
+def _known(capacities, celsius, rated):
+    """Capacity of the test nearest in temperature, else the rating; 0 where there is neither."""
+    full = [row for row in capacities if row["direction"] == "discharge"]
+    if not full:
+        return rated or 0.0, "rating"
+
+    def off(row):
+        both = row["ambient_temperature_celsius"], celsius
+        return (0.0 if None in both else abs(both[0] - both[1])), row["c_rate"]
+
+    best = min(full, key=off)
+    return best["capacity_ampere_hour"], f"discharge of {best['test']} at {best['c_rate']:.2g}C"
+
+
+def _ends_empty(steps, limit_volt):
+    """Whether a discharge ends at the lower cut-off; a larger pulse that does leaves charge."""
+    kind, current = np.asarray(steps.kind), steps.current_mean_ampere
+    portions = -current[(kind == "CC") & (current < 0)]
+    usual = np.median(portions) if len(portions) else 0.0
+    down = np.isin(kind, ("CC", "pulse")) & (current < 0) & (-current <= LIKE * usual)
+    return bool((down & (steps.voltage_end_volt <= limit_volt)).any())
+
+
+# ASSUME: A record that begins at rest within 3 % of the voltage window of the upper cut-off begins
+# full; where no upper cut-off is stated, one that moves 90 % of the capacity begins full.
+def _full(rate, voltage, charge, upper, near_volt, share, first_volt):
+    row = full_row(rate, voltage, upper)
+    if row is not None:
+        return _Anchor(charge[row], 1.0, "full at the end of its full charge")
+    if upper is not None and first_volt >= upper - near_volt:
+        words = f"full at its start, {1e3 * (upper - first_volt):.0f} mV below the upper cut-off"
+        return _Anchor(charge[0], 1.0, words)
+    if upper is None and share >= SPANNED:
+        words = "full at its start, taken so for it "
+        words += f"moves {share:.1%} of the capacity" if share < 1 else "moves all of the capacity"
+        return _Anchor(charge[0], 1.0, words)
+    at = "under load" if np.isnan(first_volt) else f"at {first_volt:.4g} V"
+    wanted = f"rest within {near_volt:.2g} V of {upper:g} V" if upper is not None else ""
+    wanted = (
+        wanted or f"{SPANNED:.0%} of the capacity moved (found {share:.1%}), for want of limits"
+    )
+    raise Refusal(f"no SoC at the start: none is stated, it begins {at}; wanted: {wanted}")

@@ -1,0 +1,237 @@
+"""What every state of charge of a cell refers to: its capacity and its open-circuit voltage."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.records.anchor import Anchored, soc_series
+from cellwright.refusal import Refusal
+
+REFERENCE_CELSIUS = 25.0
+SAME_RATE = 0.1
+SAME_CELSIUS = 3.0
+CLOSED = 0.03
+
+
+class Lender(NamedTuple):
+    """A cell of the same type: its name, whether it is marked as reference, curves, capacities."""
+
+    cell: str
+    marked: bool
+    curves: list
+    capacities: list
+
+
+def basis(
+    cell,
+    curves,
+    capacities,
+    lenders,
+    *,
+    rests=(),
+    rated_capacity_ampere_hour=None,
+    lower_cutoff_volt=-np.inf,
+):
+    """Capacity and OCV curves that a cell's SoC, 0 to 1, refers to.
+
+    1. With slow tests of its own, the cell's SoC refers to the capacity of the one nearest 25 °C,
+    the earliest of them. 2. Without, the curves of the reference cell of its type are borrowed (the
+    first marked one, else the largest); the capacity is the cell's own, carried from the rate of
+    its test to the slow rate by the reference cell's ratio where that has a test at both rates.
+    3. Without a lender, the curves are those from the rests of its own pulse tests, one for each
+    temperature, the slowest; the capacity is that of the one nearest 25 °C, and all of them are put
+    on its scale, full at 1. 4. Without any curve the capacity is the cell's own, without a
+    capacity test the rating. What was taken is said in `capacity_source`.
+
+    Parameters
+    ----------
+    cell : name of the cell.
+    curves : list of dict, one a slow test: ambient_temperature_celsius, capacity_ampere_hour,
+        soc, ocv_volt and what else the OCV stage gives.
+    capacities : list of dict, rows of the capacity stage with ambient_temperature_celsius.
+    lenders : list of Lender.
+    rests : list of dict, as `curves`, one a pulse test, with capacity_source besides.
+    rated_capacity_ampere_hour : [Ah] or None.
+    lower_cutoff_volt : a curve from rests is not continued below it [V].
+
+    Returns
+    -------
+    basis : dict with cell, capacity_ampere_hour, capacity_source, borrowed_from, ocv.
+
+    Raises
+    ------
+    Refusal
+        No capacity test, no slow test and no rating.
+    """
+    # ASSUME: A cell without a slow test has the open-circuit voltage curve of its reference cell.
+    found = {"cell": cell, "borrowed_from": None, "ocv": curves}
+    if curves:
+        capacity, source = _slow_capacity(min(curves, key=_first_choice))
+        return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
+    lender = reference_of([one for one in lenders if one.curves], capacity=_largest)
+    if not lender and rests:
+        return found | _from_rests(rests, lower_cutoff_volt)
+    if lender:
+        found |= {"borrowed_from": lender.cell, "ocv": lender.curves}
+    capacity, source = _own_capacity(capacities, lender, rated_capacity_ampere_hour)
+    return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
+
+
+def _off_reference(row):
+    celsius = row["ambient_temperature_celsius"]
+    return abs(REFERENCE_CELSIUS - celsius) if celsius is not None else float("inf")
+
+
+def _celsius(row):
+    # ASSUME: A test without a stated temperature was made at 25 °C.
+    celsius = row["ambient_temperature_celsius"]
+    return REFERENCE_CELSIUS if celsius is None else celsius
+
+
+def _first_choice(row):
+    """Near 25 °C before young, but within 3 K of it age decides."""
+    return max(_off_reference(row), SAME_CELSIUS), row["cycle"] or 0
+
+
+def _largest(lender):
+    return max(curve["capacity_ampere_hour"] for curve in lender.curves)
+
+
+def reference_of(cells, *, capacity):
+    """The reference among cells of one type: the first marked one, else the largest; None of none.
+
+    Parameters
+    ----------
+    cells : list of things with `marked`, in the order of the sheet.
+    capacity : function, cell → its capacity [Ah].
+    """
+    marked = [cell for cell in cells if cell.marked]
+    return marked[0] if marked else max(cells, key=capacity, default=None)
+
+
+def _from_rests(curves, lower_cutoff_volt):
+    """One curve a temperature, all on the scale of the one nearest 25 °C, which stands first."""
+    warmest = sorted(curves, key=lambda c: (*_first_choice(c), -_celsius(c), _load(c)))
+    chosen = []
+    for curve in warmest:
+        same = [c for c in warmest if abs(_celsius(c) - _celsius(curve)) < SAME_CELSIUS]
+        slowest = min(same, key=lambda c: (c["cycle"] or 0, _load(c)))
+        chosen += [slowest] if slowest not in chosen else []
+    capacity, source = (chosen[0][name] for name in ("capacity_ampere_hour", "capacity_source"))
+    if source != "rating":
+        source += f" (rests of {chosen[0]['test']})"
+    scaled = [_on_scale(curve, capacity, lower_cutoff_volt) for curve in chosen]
+    return {"ocv": scaled, "capacity_ampere_hour": capacity, "capacity_source": source}
+
+
+def _load(curve):
+    """Current of the loads between the rests [A], as exactly as tests of one protocol repeat it."""
+    sides = (curve["discharge_current_ampere"], curve["charge_current_ampere"])
+    largest = max((abs(side) for side in sides if side is not None), default=0.0)
+    return float(f"{largest:.2g}")
+
+
+# ASSUME: Tests whose rests make OCV curves begin equally full, and charge from full tells the OCV.
+def _on_scale(curve, capacity, lower_cutoff_volt):
+    """A curve over the SoC of another capacity, continued straight where that one is larger."""
+    soc, volt = (np.asarray(curve[name], float) for name in ("soc", "ocv_volt"))
+    if curve["capacity_ampere_hour"] == capacity:
+        return curve
+    ratio = capacity / curve["capacity_ampere_hour"]
+    own = 1 - (1 - soc) * ratio
+    slope = (np.interp(0.05, soc, volt) - volt[0]) / 0.05
+    floor = min(lower_cutoff_volt, volt[0])
+    below = np.maximum(volt[0] + slope * own, floor) + 1e-6 * soc
+    low, high = curve["measured_soc"]
+    return curve | {
+        "ocv_volt": np.where(own < 0, below, np.interp(own, soc, volt)).tolist(),
+        "measured_soc": [max(1 - (1 - low) / ratio, 0.0), 1 - (1 - high) / ratio],
+    }
+
+
+def _slow_capacity(curve):
+    """Capacity of a slow test; where its two directions part, what an offset cannot have moved."""
+    out, back = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
+    if back is None or abs(out / back - 1) <= CLOSED:
+        return out, f"slow test {curve['test']}"
+    # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an
+    # offset, and the mean of the two is the capacity: the cell itself returns what it took.
+    mean = (out + back) / 2
+    return mean, f"slow test {curve['test']}, mean of {out:.4g} Ah out and {back:.4g} Ah back"
+
+
+def _own_capacity(capacities, lender, rated):
+    full = [row for row in capacities if row["direction"] == "discharge"]
+    if not full:
+        if not rated:
+            raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
+        return rated, "rating"
+    slowest = min(full, key=lambda row: (*_first_choice(row), row["c_rate"]))
+    source = f"discharge of {slowest['test']} at {slowest['c_rate']:.2g}C"
+    ratio = _slow_ratio(slowest, lender) if lender else None
+    if ratio is None:
+        return slowest["capacity_ampere_hour"], source
+    source += f", carried to the slow rate as in {lender.cell} (×{ratio:.4f})"
+    return slowest["capacity_ampere_hour"] * ratio, source
+
+
+# ASSUME: A cell that borrows its OCV loses as much capacity to rate as the lender does.
+def _slow_ratio(row, lender):
+    """The lender's slow capacity over its capacity at the rate and temperature of `row`."""
+    slow, _ = _slow_capacity(min(lender.curves, key=_first_choice))
+    alike = [
+        other
+        for other in lender.capacities
+        if other["direction"] == "discharge"
+        and abs(other["c_rate"] / row["c_rate"] - 1) < SAME_RATE
+        and abs(_celsius(other) - _celsius(row)) < SAME_CELSIUS
+    ]
+    youngest = min(alike, key=lambda other: other["cycle"] or 0, default=None)
+    return slow / youngest["capacity_ampere_hour"] if youngest else None
+
+
+def soc_of(series, basis, test, cell):
+    """State of charge over a record of a cell, on the scale of its basis.
+
+    Parameters
+    ----------
+    series : dict of (n,) columns of a clean series.
+    basis : dict, from `basis`.
+    test : dict with soc (stated at the start, or None) and ambient_temperature_celsius.
+    cell : dict with lower_cutoff_volt and upper_cutoff_volt.
+
+    Returns
+    -------
+    anchored : `series.anchor.Anchored`, soc (n,) and in words what it is counted from.
+
+    Raises
+    ------
+    Refusal
+        As `series.anchor.soc_series`.
+    """
+    celsius = _celsius(test)
+    none = {"soc": None, "ocv_volt": None}
+    curve = min(basis["ocv"], key=lambda one: abs(_celsius(one) - celsius), default=none)
+    return soc_series(
+        series["charge_ampere_hour"],
+        series["current_ampere"],
+        series["voltage_volt"],
+        capacity_ampere_hour=basis["capacity_ampere_hour"],
+        lower_cutoff_volt=cell["lower_cutoff_volt"],
+        upper_cutoff_volt=cell["upper_cutoff_volt"],
+        soc_at_start=test["soc"],
+        ocv_soc=curve["soc"],
+        ocv_volt=curve["ocv_volt"],
+    )
+
+
+def soc_or_unknown(series, basis, test, cell):
+    """As `soc_of`, but NaN with the reason as anchor where no state of charge can be known.
+
+    For what is worth having without it, such as the resistance of a pulse.
+    """
+    try:
+        return soc_of(series, basis, test, cell)
+    except Refusal as refusal:
+        unknown = np.full(len(series["test_time_second"]), np.nan)
+        return Anchored(unknown, f"not known: {refusal}")

@@ -1,0 +1,360 @@
+"""What the current channel reads in rests, and what the cell's voltage says of that reading.
+
+A current in a cell shows in its voltage twice: at once, by the ohmic resistance, and in a rest of
+hours, by the charge it moves. A reading in rests that shows in neither is the sensor's own.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+SIGMAS = 4.0  # beyond which chance is ruled out, with some tens of rests to look at
+AT_ONCE = 0.5  # of the resistance that a step of load shows: there without delay
+LOAD_STEP = 0.2  # of the largest current: a step that shows the resistance
+STEP_SECOND = 2.0  # after a step: later the cell has polarised, and the resistance is another
+TWICE = 2  # rests that must say so: one may be disturbed
+ENOUGH = 0.01  # of the charge that a record moves: a load that the cell relaxes from
+# ASSUME: The open-circuit voltage changes with temperature by half a millivolt a kelvin at most.
+ENTROPIC_VOLT_PER_KELVIN = 5e-4
+FEWEST = 8  # rows in each half of a rest
+
+
+class Evidence(StrEnum):
+    """What a piece of evidence takes the reading for."""
+
+    SENSOR = "sensor"
+    CURRENT = "current"
+    NONE = "none"
+
+
+class Told(NamedTuple):
+    """A verdict, why, and the share of the reading's changes that may be a current, at most."""
+
+    verdict: Evidence
+    why: str
+    share: float = 1.0
+
+
+def free(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """Rests in which the voltage moves by more than its scatter: no charger holds it.
+
+    A small current at a held voltage is a current, though the voltage knows nothing of it.
+
+    Parameters
+    ----------
+    voltage : (n,) array [V]
+    first, stop : (k,) rows of each rest
+
+    Returns
+    -------
+    (k,) array of bool
+    """
+    found = np.zeros(len(first), dtype=bool)
+    for rest, (a, b) in enumerate(zip(first, stop, strict=True)):
+        late = voltage[(a + b) // 2 : b]
+        found[rest] = abs(voltage[a] - late.mean()) > SIGMAS * late.std()
+    return found
+
+
+def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Told:
+    """Whether the voltage answers the changes of the reading in rests as it answers a load.
+
+    From sample to sample a current moves the voltage by its ohmic resistance. Compared is the
+    slope of the voltage's changes over the reading's, in the second halves of the rests, with the
+    resistance that steps of load show within 2 s; also at a lag of one sample to either side.
+
+    Parameters
+    ----------
+    columns : mapping of arrays, as in `rest_reading.rest_reading`
+    first, stop : (k,) rows of each rest
+
+    Returns
+    -------
+    Told
+    """
+    # ASSUME: Of the resistance two seconds after a step of load, at least half is there at once.
+    current, voltage = columns["current_ampere"], columns["voltage_volt"]
+    step, answer = np.diff(current), np.diff(voltage)
+    prompt = np.diff(columns["test_time_second"]) <= STEP_SECOND
+    large = prompt & (np.abs(step) > LOAD_STEP * np.abs(current).max())
+    late = np.zeros(len(step), bool)
+    for a, b in zip((first + stop) // 2, stop, strict=True):
+        late[a + 1 : b - 2] = True
+    power = float(np.sum(step[late] ** 2))
+    at = np.flatnonzero(late)
+    if not large.any() or not power > 0 or not np.any(answer[late]):
+        return Told(Evidence.NONE, "the voltage answers no change that could be compared")
+    load = float(np.median(answer[large] / step[large]))
+    slopes = [float(step[at] @ answer[at + lag]) / power for lag in (-1, 0, 1)]
+    std = float(answer[late].std()) / np.sqrt(power)
+    slope, bound = max(slopes), max(slopes) + SIGMAS * std
+    share = float(np.clip(bound / (AT_ONCE * load), 0.0, 1.0)) if load > 0 else 1.0
+    seen = f"its changes move the voltage by {1e3 * slope:.2g} ± {1e3 * std:.1g} mOhm"
+    why = f"{seen}, where steps of load show {1e3 * load:.3g} mOhm"
+    if slope - SIGMAS * std > AT_ONCE * load:
+        return Told(Evidence.CURRENT, why, share)
+    return Told(Evidence.SENSOR if share < 1.0 else Evidence.NONE, why, share)
+
+
+def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Told:
+    """Whether the voltage of rests moves as the charge of the reading would have moved it.
+
+    Over the second half of a rest a real current moves the voltage by charge times the slope of
+    the open-circuit voltage, taken from the ends of the rests beside, the flattest of them. What
+    had not relaxed adds to that, after a discharge upwards and after a charge downwards, never the
+    other way. So a reading whose charge should have moved the voltage further than it went, that
+    way, is no current; a voltage that turns against its relaxation, where the reading asks for
+    it, proves one. Only rests that follow a load of one sign that moved a hundredth of the
+    record's charge are asked: after a brief pulse nobody knows which way the cell relaxes.
+
+    Parameters
+    ----------
+    columns : mapping of arrays, as in `rest_reading.rest_reading`
+    first, stop : (k,) rows of each rest
+
+    Returns
+    -------
+    Told
+    """
+    voltage, charge = columns["voltage_volt"], columns["charge_ampere_hour"]
+    before = np.r_[0, stop[:-1] - 1]
+    pairs = list(zip(first, stop, strict=True))
+    ends = np.array([np.median(voltage[max(a, b - FEWEST) : b]) for a, b in pairs])
+    unmoved = turned = 0
+    for rest, (a, b) in enumerate(pairs):
+        slope = _flattest(charge[stop - 1], ends, rest, stop - first)
+        relaxes = -_one_way(charge[before[rest] : a + 1], np.ptp(charge))
+        if slope is None or relaxes == 0 or b - a < 4 * FEWEST:
+            continue
+        late = slice((a + b) // 2, b)
+        asked = slope * _change(charge[late])[0]
+        moved, std = _change(voltage[late])
+        std = float(np.hypot(std, ENTROPIC_VOLT_PER_KELVIN * _warmed(columns, late)))
+        asked, moved = relaxes * asked / std, relaxes * moved / std
+        unmoved += asked > SIGMAS and moved < asked - SIGMAS
+        turned += asked < -SIGMAS and moved < -SIGMAS
+    if unmoved >= TWICE and not turned:
+        why = f"in {unmoved} of them its charge would have moved the voltage further than it went"
+        return Told(Evidence.SENSOR, why)
+    if turned >= TWICE and not unmoved:
+        why = f"in {turned} of them the voltage turns against its relaxation, as a load makes it"
+        return Told(Evidence.CURRENT, why)
+    return Told(Evidence.NONE, "the voltage of the rests tells neither")
+
+
+def _one_way(charge: np.ndarray, span: float) -> float:
+    """Sign of a load that moved charge one way only, and enough of it; else 0."""
+    moved = charge[-1] - charge[0]
+    there_and_back = np.abs(np.diff(charge)).sum() - abs(moved)
+    enough = abs(moved) > ENOUGH * span and there_and_back < ENOUGH * abs(moved)
+    return float(np.sign(moved)) if enough else 0.0
+
+
+def _warmed(columns: Mapping, late: slice) -> float:
+    """By how much the cell's temperature changes over a stretch [K], 0 where nobody measured it."""
+    names = ("surface_temperature_celsius", "ambient_temperature_celsius")
+    known = [columns[name][late] for name in names if name in columns]
+    return max((float(np.nan_to_num(abs(_change(c)[0]))) for c in known), default=0.0)
+
+
+def _flattest(charge: np.ndarray, volt: np.ndarray, rest: int, rows: np.ndarray) -> float | None:
+    """Smallest slope [V/Ah] from the end of a rest to those beside it; None where it is not known.
+
+    Rests that are half as long or more tell it, less than a hundredth of the charge away none; no
+    slope is negative.
+    """
+    known = []
+    far = np.abs(charge - charge[rest]) > ENOUGH * np.ptp(charge)
+    for others in (np.arange(rest)[::-1], np.arange(rest + 1, len(charge))):
+        told = others[far[others] & (rows[others] >= rows[rest] / 2)]
+        if told.size:
+            known.append((volt[told[0]] - volt[rest]) / (charge[told[0]] - charge[rest]))
+    return max(min(known), 0.0) if known else None
+
+
+def _change(values: np.ndarray) -> tuple[float, float]:
+    """Change from the first to the last quarter of a stretch, and its standard deviation.
+
+    The scatter about a parabola, widened by how far neighbours agree, with half a digit beside it.
+    """
+    quarter = max(len(values) // 4, 2)
+    at = np.linspace(-1.0, 1.0, len(values))
+    left = values - np.polyval(np.polyfit(at, values, 2), at)
+    power = float(left @ left)
+    lags = np.array([left[k:] @ left[:-k] for k in range(1, max(len(left) // 4, 2))])
+    zero = int(np.argmax(lags <= 0)) if np.any(lags <= 0) else len(lags)
+    widened = 1.0 + 2.0 * lags[:zero].sum() / power if power > 0 else 1.0
+    digit = np.diff(np.unique(values)).min(initial=np.ptp(values) or 0.0)
+    std = np.sqrt(left.var() * widened * 2.0 / quarter + digit**2 / 12.0)
+    return float(values[-quarter:].mean() - values[:quarter].mean()), float(std)
+
+
+NEAR_ZERO = 0.01  # of a record's largest current: what is no step of it, as in `flags.flag`
+REST_SECOND = 60.0
+EXCURSION_SECOND = 10.0  # a longer reading beyond that is a load, as in `runs.rest_rows`
+LEAST_SHARE = 0.003  # of the charge a record moves: as sure as a counted SoC is taken to be
+
+
+class RestReading(NamedTuple):
+    """The reading in the rests of a record.
+
+    first, stop : (k,) rows of each rest, `stop` not in it. mean_ampere : (k,) of each [A].
+    charge_ampere_hour : what all of them would have moved [Ah]. verdict : "none" (too small to
+    matter), "sensor", "current" or "unknown". note : what a person should know, or "".
+    """
+
+    first: np.ndarray
+    stop: np.ndarray
+    mean_ampere: np.ndarray
+    charge_ampere_hour: float
+    verdict: str
+    note: str
+
+
+def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
+    """Find what a record reads in its rests, and whether the cell's voltage knows of it.
+
+    1. A rest is a stretch of a minute or more within 1 % of the record's largest current that a
+    load steps into, and in which the voltage is free to relax. 2. What its readings move must
+    matter: more than 0.3 % of the charge that the record moves. 3. Where the instrument counts
+    ampere-hours itself, its counter decides. 4. Else the reading is the sensor's where it changes,
+    the voltage does not answer, and its mean is no larger than those changes; or where its charge
+    should have moved the voltage, and did not. 5. A reading that the voltage confirms is a current,
+    and of any other it is said that nobody can tell: both are counted.
+
+    Parameters
+    ----------
+    columns : mapping of arrays
+        A clean series: test_time_second [s], current_ampere [A], voltage_volt [V],
+        charge_ampere_hour [Ah], net_capacity_ampere_hour [Ah] where the instrument has a counter.
+
+    Returns
+    -------
+    RestReading
+    """
+    time, current, charge = (
+        columns[name] for name in ("test_time_second", "current_ampere", "charge_ampere_hour")
+    )
+    first, stop = open_circuit(time, current)
+    relaxing = free(columns["voltage_volt"], first, stop)
+    first, stop = first[relaxing], stop[relaxing]
+    means = np.array([current[a:b].mean() for a, b in zip(first, stop, strict=True)])
+    hours = time / 3600.0
+    read = [np.trapezoid(current[a:b], hours[a:b]) for a, b in zip(first, stop, strict=True)]
+    moved = float(np.sum(read))
+    span = float(np.ptp(charge))
+    rests = RestReading(first, stop, means, moved, "none", "")
+    if any(name.startswith("branch_") for name in columns) or not abs(moved) > LEAST_SHARE * span:
+        return rests
+    readings = np.concatenate([current[a:b] for a, b in zip(first, stop, strict=True)])
+    verdict, why = _verdict(columns, rests, readings)
+    seen = (
+        f"in {len(first)} rests the current reads {1e3 * readings.mean():+.3g} mA in the mean "
+        f"(scatter {1e3 * readings.std():.2g} mA), {moved:+.3g} Ah in all, {abs(moved) / span:.1%} "
+        "of the charge that the record moves"
+    )
+    done = "counted"
+    if verdict == "sensor":
+        loaded = readings.mean() * (hours[-1] - hours[0] - _length(hours, rests)) / span
+        done = (
+            f"not counted (if it is there under load too, which no rest tells, {loaded:+.1%} more)"
+        )
+    return rests._replace(verdict=verdict, note=f"{seen}; {done}: {why}")
+
+
+def as_logged(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A clean series as its instrument read it: for whoever searches for faults of the reading.
+
+    Parameters
+    ----------
+    series : mapping of arrays, with logged_current_ampere [A] where that is another
+
+    Returns
+    -------
+    dict of arrays; current_ampere and charge_ampere_hour with the readings in rests.
+    """
+    if "logged_current_ampere" not in series:
+        return dict(series)
+    logged, hours = series["logged_current_ampere"], series["test_time_second"] / 3600.0
+    more = logged - series["current_ampere"]
+    added = np.concatenate([[0.0], np.cumsum((more[1:] + more[:-1]) / 2 * np.diff(hours))])
+    charge = series["charge_ampere_hour"] + added
+    return {**series, "current_ampere": logged, "charge_ampere_hour": charge}
+
+
+def _length(hours: np.ndarray, rests: RestReading) -> float:
+    return float(np.sum(hours[rests.stop - 1] - hours[rests.first]))
+
+
+def open_circuit(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First rows of the rests of a record, and the rows after their last.
+
+    The current must step into a rest, from more than twice what is near zero: the end of a charge
+    at constant voltage fades into smallness, and is a load to the last.
+
+    Parameters
+    ----------
+    time, current : (n,) arrays [s], [A]
+    """
+    limit = NEAR_ZERO * float(np.max(np.abs(current), initial=0.0))
+    low = np.abs(current) <= limit
+    turns = np.flatnonzero(np.diff(np.r_[False, low, False].astype(int)))
+    first, stop = turns[::2], turns[1::2]
+    brief = time[first[1:]] - time[stop[:-1] - 1] <= EXCURSION_SECOND
+    small = [np.abs(current[a:b]).max() <= 5 * limit for a, b in zip(stop, first[1:], strict=False)]
+    parted = ~(brief & np.array(small, dtype=bool))
+    first = first[np.r_[True, parted]] if first.size else first
+    stop = stop[np.r_[parted, True]] if stop.size else stop
+    stepped = np.abs(current[first - 1]) > 2 * limit
+    long = time[stop - 1] - time[first] >= REST_SECOND
+    kept = stepped & long & (first > 0)
+    return first[kept], stop[kept]
+
+
+def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float) -> float:
+    """What a record reads at rest [A] where that is above `rest_ampere`, else 0.
+
+    An offset of the reading larger than what counts as rest would turn every rest into a load.
+
+    Parameters
+    ----------
+    time, current : (n,) arrays [s], [A]
+    rest_ampere : largest reading that counts as rest [A]
+    """
+    rests = list(zip(*open_circuit(time, current), strict=True))
+    level = float(np.median([np.median(current[a:b]) for a, b in rests])) if rests else 0.0
+    return level if abs(level) > rest_ampere else 0.0
+
+
+def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tuple[str, str]:
+    """Whether the reading is the sensor's, a current, or unknown; and why."""
+    by_counter = _counted(columns, rests)
+    if by_counter:
+        return by_counter
+    answer = answered(columns, rests.first, rests.stop)
+    drift = drifted(columns, rests.first, rests.stop)
+    mean = abs(readings.mean())
+    error = readings.std() * np.sqrt(1.0 - answer.share)
+    if answer.verdict == Evidence.CURRENT or drift.verdict == Evidence.CURRENT:
+        told = answer if answer.verdict == Evidence.CURRENT else drift
+        return "current", told.why
+    if drift.verdict == Evidence.SENSOR:
+        return "sensor", drift.why
+    # ASSUME: A tester's output is open between loads, unless its reading or the voltage say else.
+    if answer.verdict == Evidence.SENSOR and mean <= error:
+        return "sensor", answer.why
+    return "unknown", f"nothing tells a small load from an offset of the sensor ({answer.why})"
+
+
+def _counted(columns: Mapping, rests: RestReading) -> tuple[str, str] | None:
+    """What the instrument's own counter says of the rests, None without one."""
+    counter = columns.get("net_capacity_ampere_hour")
+    if counter is None or not np.any(np.diff(counter[np.isfinite(counter)])):
+        return None
+    counted = float(np.nansum(counter[rests.stop - 1] - counter[rests.first]))
+    # ASSUME: A counter that stands still knows that the output is open.
+    if counted == 0.0:
+        return "sensor", "the instrument's own counter stands still in all of them"
+    return "current", f"the instrument's own counter counts {counted:+.3g} Ah in them"

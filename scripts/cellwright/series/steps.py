@@ -1,0 +1,306 @@
+"""A record cut into steps: rest, constant current, held voltage, pulse, dynamic load."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+from cellwright.series.runs import (
+    Record,
+    drop_noise,
+    edge_rows,
+    gap_rows,
+    hold_tolerance,
+    join_transients,
+    rest_rows,
+    runs,
+)
+
+CHAIN_RUNS = 8  # a dynamic load has at least so many direct changes of load …
+CHAIN_LEVELS = 5  # … between so many levels, a tenth of the largest apart
+CHAIN_REST_SECOND = 10.0  # a longer rest at its beginning or end does not belong to it
+STEADY_SHARE = 0.10  # a steady current stays so near to its median, …
+STEADY_C_RATE = 0.02  # … or so near in C, if that is more, …
+STEADY_ROWS = 0.85  # … in so many of its rows; the others are its rise and overshoot
+
+
+def dynamic_chains(record, edges, short_second):
+    """Edges without those inside dynamic loads, and the rows of these loads."""
+    found = runs(record, edges)
+    short = found.span <= short_second
+    pair = (short & ~found.rest) & np.roll(short & ~found.rest, -1)
+    beside = np.roll(pair, -1) | np.roll(pair, 2)  # two equal runs of a chain look like one
+    short |= beside & ~found.rest & (found.span <= 2 * short_second)
+    begins = np.flatnonzero(np.diff(short, prepend=False) | found.gap)
+    ends = np.append(begins[1:], len(short))
+    edges, dynamic = edges.copy(), np.zeros(len(edges), bool)
+    for begin, end in zip(begins, ends, strict=True):
+        begin, end = _trim(found, begin, end)
+        if short[begin] and _many_levels(found.level[begin:end], found.rest[begin:end]):
+            edges[found.first[begin] + 1 : found.last[end - 1] + 1] = False
+            dynamic[found.first[begin] : found.last[end - 1] + 1] = True
+    return edges, dynamic
+
+
+def _trim(found, begin, end):
+    """The chain without the long rests at its two ends."""
+    inside = ~(found.rest[begin:end] & (found.span[begin:end] > CHAIN_REST_SECOND))
+    kept = np.flatnonzero(inside)
+    return (begin + kept[0], begin + kept[-1] + 1) if len(kept) else (begin, begin + 1)
+
+
+def _many_levels(level, rest):
+    """Whether runs (k,) [A] change load directly, often, and between many levels."""
+    direct = np.count_nonzero(~rest[1:] & ~rest[:-1])
+    if direct < CHAIN_RUNS:
+        return False
+    levels = np.unique(np.round(level / (0.1 * np.abs(level).max())))
+    return len(levels) >= CHAIN_LEVELS
+
+
+def run_kinds(record, found, dynamic, tolerance, pulse_max_second, rated):
+    """Kind of each run (runs,) and the row from which its voltage is held (−1: never)."""
+    kind = np.where(found.rest, "rest", "CC").astype("<U7")
+    held = np.full(len(kind), -1)
+    kind[dynamic[found.first]] = "dynamic"
+    for run in np.flatnonzero(kind == "CC"):
+        kind[run], held[run] = _load_kind(
+            record, found.first[run], found.last[run], tolerance, STEADY_C_RATE * rated
+        )
+    brief = (found.span <= pulse_max_second) & ~found.rest & ~dynamic[found.first]
+    kind[brief & (_beside_rest(found) | _on_load(found))] = "pulse"
+    return kind, held
+
+
+def _load_kind(record, first, last, tolerance, slack):
+    """Kind of one load run, and its first row of held voltage."""
+    size = np.abs(record.current[first : last + 1])
+    level = np.median(size)
+    if np.median(size[-3:]) >= 0.9 * level and _steady(size, slack):
+        return "CC", -1
+    voltage = record.voltage[first : last + 1]
+    away = np.flatnonzero(np.abs(voltage - np.median(voltage[-3:])) > tolerance)
+    hold = away[-1] + 1 if len(away) else 0
+    if hold >= len(size) or size[hold:].max() < 1.1 * size[-1]:
+        return ("CC" if _steady(size, slack) else "dynamic"), -1
+    before = size[np.argmax(size >= (1 - STEADY_SHARE) * level) : hold]
+    if hold <= max(2, 0.02 * len(size)):
+        return "CV", first + hold
+    return ("CCCV" if _steady(before, slack) else "dynamic"), first + hold if _steady(
+        before, slack
+    ) else -1
+
+
+def _steady(size, slack):
+    """Whether currents (k,) [A] stay near their median, rise and overshoot aside."""
+    level = np.median(size)
+    near = np.abs(size - level) <= np.maximum(STEADY_SHARE * level, slack)
+    return np.mean(near) >= STEADY_ROWS
+
+
+def _beside_rest(found):
+    """Runs that begin from rest (or with the record or after a gap), or end in one."""
+    return found.gap | np.roll(found.rest, 1) | np.roll(found.rest, -1)
+
+
+def _on_load(found):
+    """Short runs on top of a load that runs on at the same level, much longer than they."""
+    before, after = np.roll(found.level, 1), np.roll(found.level, -1)
+    same = np.abs(before - after) <= STEADY_SHARE * np.abs(before)
+    beside = np.minimum(np.roll(found.span, 1), np.roll(found.span, -1))
+    return same & (found.span <= 0.5 * beside)
+
+
+def join_holds(record, found, kind, held, tolerance):
+    """A load and the held voltage that it ends in as one, though the current there is uneven."""
+    low = np.minimum.reduceat(record.voltage, found.first)
+    high = np.maximum.reduceat(record.voltage, found.first)
+    still = np.maximum(high, np.roll(record.voltage[found.last], 1)) - np.minimum(
+        low, np.roll(record.voltage[found.last], 1)
+    )
+    least = np.minimum.reduceat(record.current, found.first)
+    most = np.maximum.reduceat(record.current, found.first)
+    onward = (least * most > 0) & (found.level * np.roll(found.level, 1) > 0) & ~found.rest
+    falls = np.abs(found.level) < np.abs(np.roll(found.level, 1))
+    again = (still <= 2 * tolerance) & onward & falls & ~found.gap
+    again &= np.isin(np.roll(kind, 1), ("CC", "CV", "CCCV")) | np.roll(again, 1)
+    again[0] = False
+    kind, held = kind.copy(), held.copy()
+    for run in np.flatnonzero(again)[::-1]:
+        before = held[run - 1] if held[run - 1] >= 0 else found.first[run]
+        held[run - 1] = before
+        kind[run - 1] = "CCCV" if kind[run - 1] == "CC" else kind[run - 1]
+    return join(record, found, kind, held, again)
+
+
+def alike(found, kind):
+    """Runs that go on what the run before does: dynamic loads, and rests."""
+    again = (kind == np.roll(kind, 1)) & np.isin(kind, ("dynamic", "rest")) & ~found.gap
+    again[0] = False
+    return again
+
+
+def join(record, found, kind, held, again):
+    """The runs with those marked joined to the one before."""
+    edges = np.zeros(len(record.time), bool)
+    edges[found.first[~again]] = True
+    return runs(record, edges), kind[~again], held[~again]
+
+
+KINDS = ("rest", "CC", "CV", "CCCV", "pulse", "dynamic")
+
+
+class Steps(NamedTuple):
+    """One entry a step, arrays of shape (steps,). Rows count into the record, both inclusive.
+
+    kind is one of KINDS; cv_first_row is −1 where the voltage is never held; c_rate is the size
+    of the mean current over the rating; charge is positive on charge. A step starts at the last
+    sample before it (the edge lies after it), after a gap at its own first sample.
+    """
+
+    step: np.ndarray
+    kind: np.ndarray
+    first_row: np.ndarray
+    last_row: np.ndarray
+    start_time_second: np.ndarray
+    end_time_second: np.ndarray
+    duration_second: np.ndarray
+    current_mean_ampere: np.ndarray
+    voltage_before_volt: np.ndarray
+    voltage_start_volt: np.ndarray
+    voltage_end_volt: np.ndarray
+    voltage_min_volt: np.ndarray
+    voltage_max_volt: np.ndarray
+    charge_ampere_hour: np.ndarray
+    cv_first_row: np.ndarray
+    c_rate: np.ndarray
+
+
+# ASSUME: Without a rating, C-rates and thresholds refer to the charge that the record moves.
+def assumed_rating(current_ampere, charge_ampere_hour):
+    """Rating [Ah] that segmentation uses where none is stated, from the record (n,) [A], [Ah].
+
+    The larger of the charge that the record moves and a third of its largest current times 1 h.
+
+    Returns
+    -------
+    float [Ah].
+
+    Raises
+    ------
+    Refusal : no current flows in the record.
+    """
+    rating = max(np.ptp(charge_ampere_hour), np.abs(current_ampere).max() / 3.0)
+    if not rating > 0:
+        raise Refusal("no rating is stated and no current flows, so none can be assumed")
+    return float(rating)
+
+
+def segment(
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    charge_ampere_hour,
+    *,
+    rated_capacity_ampere_hour=None,
+    file_index=None,
+    rest_c_rate=0.004,
+    pulse_max_second=120.0,
+    gap_second=300.0,
+):
+    """Cut a record into steps by what the current and the voltage do, never by step numbers.
+
+    1. Rest is where |current| stays below `rest_c_rate`. 2. An edge is a step of current that the
+    voltage answers, a change between rest and load, a gap, or the joint of two files. 3. Lone
+    samples of noise and the rise of the tester's output join the run they belong to. 4. Chains
+    of short runs with many levels are one dynamic step. 5. A steady short load next to a rest, or
+    on top of a running load, is a pulse. 6. What is left is CC, CV or CCCV, by whether the
+    current decays while the voltage is held.
+
+    Parameters
+    ----------
+    test_time_second : (n,) [s], not decreasing.
+    current_ampere : (n,) [A], positive on charge.
+    voltage_volt : (n,) [V].
+    charge_ampere_hour : (n,) net charge since the first row [Ah].
+    rated_capacity_ampere_hour : [Ah]; None: `assumed_rating` of the record.
+    file_index : (n,) number of the joined file of each row [1]; None: one file.
+    rest_c_rate : largest current at rest over the rating [1/h].
+    pulse_max_second : longest pulse, and longest run of a dynamic load (with a quarter more) [s].
+    gap_second : shortest hole in the record that ends a step [s].
+
+    Returns
+    -------
+    Steps
+
+    Raises
+    ------
+    Refusal : fewer than three rows, time that runs backwards, or no rating and no current.
+    """
+    time, current = np.asarray(test_time_second, float), np.asarray(current_ampere, float)
+    voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
+    _check(time)
+    rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
+    files = np.zeros(len(time), int) if file_index is None else np.asarray(file_index)
+    gap = gap_rows(time, files, gap_second=gap_second)
+    rest = rest_rows(time, current, threshold=rest_c_rate * rated, rated=rated)
+    record = Record(time, current, voltage, gap, rest)
+    tolerance = hold_tolerance(voltage, record.rest)
+    record, edges = drop_noise(record, edge_rows(record, rated, tolerance), rated)
+    edges = join_transients(record, edges)
+    edges, dynamic = dynamic_chains(record, edges, 1.25 * pulse_max_second)
+    found = runs(record, edges)
+    kind, held = run_kinds(record, found, dynamic, tolerance, pulse_max_second, rated)
+    found, kind, held = join_holds(record, found, kind, held, tolerance)
+    found, kind, held = join(record, found, kind, held, alike(found, kind))
+    return _steps(record, charge, found, kind, held, rated)
+
+
+def _check(time):
+    if len(time) < 3:
+        raise Refusal(f"the record has {len(time)} rows; steps need at least 3")
+    if np.any(np.diff(time) < 0):
+        raise Refusal("test time runs backwards; clean the record first")
+
+
+def _steps(record, charge, found, kind, held, rated):
+    """The table of steps (columns of `Steps`) from the runs and their kinds."""
+    first, last = found.first, found.last
+    begin = np.where(found.gap, first, first - 1)
+    mean = _mean_current(record, charge, found)
+    return Steps(
+        step=np.arange(len(first)),
+        kind=kind,
+        first_row=first,
+        last_row=last,
+        start_time_second=record.time[begin],
+        end_time_second=record.time[last],
+        duration_second=found.span,
+        current_mean_ampere=mean,
+        voltage_before_volt=np.where(first == 0, np.nan, record.voltage[first - 1]),
+        voltage_start_volt=record.voltage[first],
+        voltage_end_volt=record.voltage[last],
+        voltage_min_volt=np.minimum.reduceat(record.voltage, first),
+        voltage_max_volt=np.maximum.reduceat(record.voltage, first),
+        charge_ampere_hour=_charge(charge, found),
+        cv_first_row=held,
+        c_rate=np.abs(mean) / rated,
+    )
+
+
+def _mean_current(record, charge, found):
+    """Mean current of each run over the time between its own samples [A]."""
+    hour = (record.time[found.last] - record.time[found.first]) / 3600
+    moved = charge[found.last] - charge[found.first]
+    some = (hour > 0) & (found.last - found.first > 2)
+    return np.divide(moved, hour, out=found.level.copy(), where=some)
+
+
+def _charge(charge, found):
+    """Net charge of each run [Ah]: an interval between rest and load belongs to the load."""
+    leads_in = ~found.gap & ~(found.rest & ~np.roll(found.rest, 1))
+    begin = charge[np.where(leads_in, found.first - 1, found.first)]
+    rest_follows = np.roll(found.rest & ~found.gap, -1) & ~found.rest
+    rest_follows[-1] = False
+    after = np.minimum(found.last + 1, len(charge) - 1)
+    return charge[np.where(rest_follows, after, found.last)] - begin

@@ -1,7 +1,0 @@
-"""Tell the benchmark's searches which names to do without, and nothing else of the truth."""
-
-import artefact
-from effect_benchmark.left_out import hidden_names
-
-with artefact.Job(snakemake) as job:
-    job.save({"cells": hidden_names(snakemake.params.folder)})

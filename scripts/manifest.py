@@ -1,7 +1,0 @@
-"""Checksums of every artefact."""
-
-from pathlib import Path
-
-import tables
-
-Path(snakemake.output[0]).write_text(tables.manifest(snakemake.input), encoding="utf-8")

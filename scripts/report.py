@@ -1,7 +1,0 @@
-"""Write the report: one self-contained HTML file."""
-
-from pathlib import Path
-
-import page
-
-Path(snakemake.output[0]).write_text(page.render(snakemake), encoding="utf-8")

@@ -1,0 +1,1 @@
+"""What jobs stand on: artefacts, provenance, contract, sheets, settings, tables, page."""

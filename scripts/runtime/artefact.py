@@ -1,0 +1,314 @@
+"""The only place that opens artefacts: load, save with provenance, check against the contract.
+
+An artefact is a Parquet table (columns in the contract, facts in its metadata), a JSON document
+or, for people, a CSV table. What could not be made is an artefact too: no rows, and a reason that
+every later stage passes on, so that one bad file never takes the others down.
+"""
+
+import csv
+import io
+import json
+import sys
+import traceback
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cellwright.refusal import Refusal
+from runtime import contract, provenance
+
+KEY = b"cellwright"
+
+
+def _settle_without_pandas():
+    """Let pyarrow find, once, that there is no pandas.
+
+    It looks for pandas at its first array each way, to recognise pandas' own objects. Nothing
+    here has any, and the import takes most of a second of each of the run's hundreds of jobs.
+    """
+    if "pandas" in sys.modules:
+        return
+    blind = SimpleNamespace(find_spec=_no_pandas)
+    sys.meta_path.insert(0, blind)
+    try:
+        pa.chunked_array([pa.array(np.zeros(1))]).to_numpy()
+    finally:
+        sys.meta_path.remove(blind)
+
+
+def _no_pandas(name, path=None, target=None):
+    if name == "pandas":
+        raise ModuleNotFoundError("pandas is not looked for here")
+
+
+_settle_without_pandas()
+
+
+def columns_of(content) -> dict:
+    """Columns from columns, a NamedTuple of arrays, or a list of rows."""
+    if hasattr(content, "_asdict"):
+        content = content._asdict()
+    if not isinstance(content, dict):
+        content = [row._asdict() if hasattr(row, "_asdict") else row for row in content]
+        names = list(content[0]) if content else []
+        content = {name: [row[name] for row in content] for name in names}
+    return content
+
+
+def stage_of(path) -> str:
+    """The stage an artefact belongs to: the folder below `results`."""
+    parts = Path(path).parts
+    return parts[parts.index("results") + 1]
+
+
+def write(path, content, about):
+    suffix = Path(path).suffix
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    if suffix == ".json":
+        document = plain(content) | {"provenance": about}
+        Path(path).write_text(json.dumps(document, indent=1), encoding="utf-8")
+    elif suffix == ".csv":
+        _write_csv(path, columns_of(content), about)
+    elif suffix == ".svg":
+        Path(path).write_text(_blank_figure(about), encoding="utf-8")
+    else:
+        columns = columns_of(content)
+        if about["reason"] is None and len(columns):
+            contract.check(contract.entry_of(path), columns)
+        table = pa.table({name: _arrow(values) for name, values in columns.items()})
+        text = json.dumps(about, sort_keys=True)
+        pq.write_table(
+            table.replace_schema_metadata({KEY: text}),
+            path,
+            compression="zstd",
+            compression_level=1,
+        )
+
+
+def _arrow(values):
+    ragged = len(values) and isinstance(values[0], list | tuple | np.ndarray)
+    return pa.array([list(row) for row in values] if ragged else np.asarray(values))
+
+
+def _write_csv(path, columns, about):
+    known = contract.stages()[contract.entry_of(path)]["columns"]
+    names = [name for name in known if "<" not in name]
+    stems = tuple(name.split("<")[0] for name in known if "<" in name)
+    names += [name for name in columns if name not in known and name.startswith(stems)]
+    length = len(next(iter(columns.values()), []))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    for row in zip(*(columns.get(name, [None] * length) for name in names), strict=True):
+        writer.writerow([_cell(value) for value in row])
+    Path(path).write_text(text.getvalue(), encoding="utf-8")
+    Path(f"{path}.provenance.json").write_text(json.dumps(about, indent=1, sort_keys=True))
+
+
+def _blank_figure(about) -> str:
+    """A figure that could not be drawn says why."""
+    from xml.sax.saxutils import escape
+
+    return (
+        '<svg xmlns="http://www.w3.org/2000/svg" width="648" height="40" viewBox="0 0 648 40">'
+        f"<desc>{escape(json.dumps(about, sort_keys=True))}</desc>"
+        f'<text x="8" y="24" font-family="sans-serif" font-size="11">{escape(about["reason"])}'
+        "</text></svg>\n"
+    )
+
+
+def _cell(value):
+    """Nine digits are more than any instrument here resolves; not known is an empty cell."""
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return ""
+    return f"{value:.9g}" if isinstance(value, float) else value
+
+
+def plain(value):
+    """Value as JSON knows it; NaN and infinity, which JSON does not know, as null."""
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+class Passed(Refusal):
+    """A refusal that an earlier stage made and this one only passes on."""
+
+    def __init__(self, reason: str, origin: str):
+        super().__init__(reason)
+        self.origin = origin
+
+
+class Job:
+    """One job's way to the disk: `with artefact.Job(snakemake) as job: … job.save(columns)`.
+
+    A refusal inside the block is written as the reason into every output that is not saved yet.
+    So is any other exception, as an internal error with its traceback in the log: a fault in one
+    cell's job must not cost the other cells their report, and the report names it on top.
+    """
+
+    def __init__(self, snakemake):
+        self.snakemake = snakemake
+        self.saved = set()
+        self.notes = []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        if error is None or not isinstance(error, Exception):
+            return False
+        expected = isinstance(error, Refusal)
+        reason = str(error) if expected else f"internal error: {kind.__name__}: {error}"
+        log = "".join(traceback.format_exception(error)) if not expected else reason + "\n"
+        self.log(log)
+        for path in self.snakemake.output:
+            if path not in self.saved:
+                write(path, {}, self.about(reason, getattr(error, "origin", path)))
+        return True
+
+    def load(self, path) -> dict:
+        """Content of an artefact. Raises Passed where the artefact carries a reason."""
+        return load(path)
+
+    def save(self, content, path=None, **facts):
+        """Write `content` (columns, rows or a JSON document) with facts beside it.
+
+        `path` is one of the job's outputs (default: the only one).
+        """
+        path = path or self.snakemake.output[0]
+        write(path, content, self.about() | {"facts": plain(facts)})
+        self.saved.add(path)
+
+    def note(self, *notes):
+        """Sentences for the report about what was done or left out."""
+        self.notes += [str(note) for note in notes]
+        self.log("".join(f"{note}\n" for note in notes))
+
+    def log(self, text: str):
+        """Write to the rule's log file; internal errors go to the terminal as well."""
+        for path in self.snakemake.log:
+            with open(path, "a", encoding="utf-8") as file:
+                file.write(text)
+        if "Traceback" in text:
+            sys.stderr.write(text)
+
+    def about(self, reason=None, origin=None) -> dict:
+        """What an artefact of this job says of itself."""
+        return provenance.record(self.snakemake) | {
+            "reason": reason,
+            "origin": origin,
+            "notes": self.notes,
+            "facts": {},
+        }
+
+
+def load(path) -> dict:
+    """Columns of a Parquet artefact (name → array) or content of a JSON one.
+
+    Raises
+    ------
+    Passed
+        Where the artefact is empty for a reason.
+    """
+    about = read_about(path)
+    if about["reason"] is not None:
+        raise Passed(about["reason"], about["origin"])
+    if Path(path).suffix == ".json":
+        return {key: value for key, value in _read_json(path).items() if key != "provenance"}
+    with pq.ParquetFile(path) as file:
+        table = file.read(use_threads=False)
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def load_all(paths) -> list[tuple[dict, dict]]:
+    """(content, about) of each artefact that is not empty for a reason, in the order given."""
+    abouts = [(path, read_about(path)) for path in paths]
+    return [(load(path), about) for path, about in abouts if about["reason"] is None]
+
+
+def load_first(paths):
+    """Content of the first artefact that is not empty for a reason; None where there is none."""
+    return next((content for content, _ in load_all(paths)), None)
+
+
+def load_some(paths) -> list[tuple[dict, dict]]:
+    """As `load_all`, for where at least one is needed.
+
+    Raises
+    ------
+    Passed
+        With the first artefact's reason, where all are empty for a reason.
+    """
+    found = load_all(paths)
+    if not found:
+        load(paths[0])
+    return found
+
+
+def load_together(pairs) -> list[tuple[dict, dict, dict]]:
+    """(first, second, about of the second) of each pair of artefacts where both have content."""
+    pairs = list(pairs)
+    abouts = [[read_about(path) for path in pair] for pair in pairs]
+    found = [
+        (load(first), load(second), about[1])
+        for (first, second), about in zip(pairs, abouts, strict=True)
+        if all(one["reason"] is None for one in about)
+    ]
+    if not found:
+        for path in (path for pair in pairs for path in pair):
+            load(path)
+    return found
+
+
+def load_table(path) -> list[dict]:
+    """Rows of a CSV table as text, an empty cell for what is not known."""
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+UNITS = {"test_time": "second", "current": "ampere", "voltage": "volt", "charge": "ampere_hour"}
+
+
+def columns(series: dict, *names) -> list[np.ndarray]:
+    """Columns of a series by their quantity, in the order asked: `"voltage"` → voltage_volt."""
+    return [series[f"{name}_{UNITS[name]}"] for name in names]
+
+
+def split(result) -> tuple[dict, dict]:
+    """Columns and facts of a NamedTuple: its arrays, and everything else."""
+    fields = result._asdict()
+    arrays = {name: value for name, value in fields.items() if isinstance(value, np.ndarray)}
+    return arrays, {name: value for name, value in fields.items() if name not in arrays}
+
+
+def rows(columns: dict) -> list[dict]:
+    """Columns as a list of rows of plain Python values."""
+    plain = {name: np.asarray(values).tolist() for name, values in columns.items()}
+    return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
+
+
+def read_about(path) -> dict:
+    """What an artefact says of itself: its provenance, reason, origin, notes and facts."""
+    if Path(path).suffix == ".json":
+        return _read_json(path)["provenance"]
+    return json.loads(pq.read_schema(path).metadata[KEY])
+
+
+@cache
+def _read_json(path) -> dict:
+    return json.loads(Path(path).read_text(encoding="utf-8"))

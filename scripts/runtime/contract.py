@@ -1,0 +1,80 @@
+"""The contract that every artefact is held against: workflow/schemas/artefacts.yaml."""
+
+import hashlib
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+CONTRACT = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "artefacts.yaml"
+
+
+@cache
+def stages() -> dict:
+    """The contract of all artefacts: stage → column → unit, meaning, range."""
+    import yaml
+
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    return yaml.load(CONTRACT.read_text(encoding="utf-8"), Loader=loader)
+
+
+def name_of(stage: str, stem: str) -> str:
+    """Entry of a file: `stage/stem` where the stage's files differ from one another, else stage."""
+    return f"{stage}/{stem}" if f"{stage}/{stem}" in stages() else stage
+
+
+def entry_of(path) -> str | None:
+    """Entry that a file below `results` is held against; None where files of its kind have none."""
+    parts, stem, suffix = Path(path).parts, Path(path).stem, Path(path).suffix
+    if "results" not in parts or suffix not in (".parquet", ".csv"):
+        return None
+    stage = parts[parts.index("results") + 1]
+    if suffix == ".csv":
+        return "summary" if stem == "summary" else f"{stage}/{stem}"
+    return name_of(stage, stem)
+
+
+@cache
+def fingerprint(*paths: str) -> str:
+    """Hash of what files are held against: names, order, ranges and need of their columns.
+
+    Units and meanings are words for people and leave it as it is, and so does every other entry.
+    """
+    entries = [stages().get(entry, {}).get("columns") for entry in map(entry_of, paths) if entry]
+    held = [
+        [(name, spec.get("range"), spec.get("required", True)) for name, spec in one.items()]
+        for one in entries
+        if one
+    ]
+    return hashlib.sha256(json.dumps(held).encode()).hexdigest()[:16] if held else ""
+
+
+def check(stage: str, columns: dict):
+    """Hold columns against the contract of their stage.
+
+    Raises
+    ------
+    ValueError
+        A column that is missing, not in the contract or out of its range: a fault of ours.
+    """
+    known = stages()[stage]["columns"]
+    for name, spec in known.items():
+        if spec.get("required", True) and "<" not in name and name not in columns:
+            raise ValueError(f"{stage}: column {name} is missing; found {sorted(columns)}")
+    families = {name.split("<")[0]: spec for name, spec in known.items() if "<" in name}
+    for name, values in columns.items():
+        family = next((spec for stem, spec in families.items() if name.startswith(stem)), None)
+        spec = known.get(name, family)
+        if spec is None:
+            raise ValueError(f"{stage}: column {name} is not in the contract; known: {list(known)}")
+        if spec.get("range"):
+            _check_range(stage, name, np.asarray(values), *spec["range"])
+
+
+def _check_range(stage, name, values, low, high):
+    low, high = -np.inf if low is None else low, np.inf if high is None else high
+    outside = np.flatnonzero((values < low) | (values > high))
+    if len(outside):
+        row = int(outside[0])
+        raise ValueError(f"{stage}: {name} row {row} is {values[row]}, wanted {low} … {high}")

@@ -1,0 +1,141 @@
+"""The report's page: what is shown of each cell, and the stage's words."""
+
+import base64
+from pathlib import Path
+
+import jinja2
+import yaml
+
+from runtime import artefact
+
+TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
+SHOWN_ROWS = 60
+NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
+PROOFS = [f"effect_{name}" for name in NAMES]
+NO_MODEL = {
+    "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, a "
+    "modelled cell of the same chemistry and rating to borrow from, or branch currents of a group.",
+    "tests": [],
+}
+
+
+def render(job) -> str:
+    """The report as one HTML text, from the inputs and params of rule `report`."""
+    inputs, params = job.input, job.params
+    tables = {Path(path).stem: artefact.load_table(path) for path in inputs.tables}
+    abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
+    known = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
+    owners = [row["cell"] for row in params.cells]
+    effects = {_owner(artefact.read_about(path)): _said(path) for path in inputs.verdicts}
+    cold = {_owner(artefact.read_about(path)): _said(path) for path in inputs.cold}
+    groups = list(dict.fromkeys(row["group"] for row in params.groups))
+    pages = [_page(name, params, tables, abouts, known) for name in owners + groups]
+    for one in pages:
+        one["effect"], one["cold"] = effects.get(one["name"]), cold.get(one["name"])
+        one["verdicts"] = [r for r in tables["missing_effect"] if r["cell"] == one["name"]]
+    template = Path(inputs.template).read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"number": number, "milli": milli, "percent": percent}
+    return environment.from_string(template).render(
+        title=params.title,
+        excluded=tables["excluded"],
+        checks=artefact.load_table(inputs.checks),
+        summary=artefact.load_table(inputs.summary),
+        overview=[_picture(path, known) for path in params.figures["campaign"]],
+        pages=pages,
+        assumptions=params.assumptions,
+        choices=params.choices,
+        environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
+        artefacts=len(abouts),
+    )
+
+
+def milli(text) -> str:
+    """Volts as millivolts; a dash for what is not known."""
+    return f"{1e3 * float(text):.2f}" if text else "–"
+
+
+def percent(text) -> str:
+    """A share as per cent; a dash for what is not known."""
+    return f"{100 * float(text):.0f} %" if text else "–"
+
+
+def _said(path) -> dict:
+    """The paragraph of an analysis that answers in words, or why it says nothing."""
+    reason = artefact.read_about(path)["reason"]
+    return {"text": reason or artefact.load(path)["paragraph"], "reason": reason}
+
+
+def number(text) -> str:
+    """Four significant digits for people; the tables hold more."""
+    try:
+        return f"{float(text):.4g}"
+    except (TypeError, ValueError):
+        return text
+
+
+def _page(name, params, tables, abouts, known) -> dict:
+    facts = next((row for row in params.cells if row["cell"] == name), {})
+    branches = [row for row in params.groups if row["group"] == name]
+    rows = {
+        table: [row for row in tables[table] if row["cell"] == name] for table in TABLES_OF_CELL
+    }
+    pictures = params.figures.get(name, [])
+    unmodelled = facts and name not in params.modelled
+    rows["packs"] = [row for row in tables["packs"] if row["group"] == name]
+    return {
+        "name": name,
+        "facts": {key: value for key, value in facts.items() if value not in (None, "")},
+        "branches": branches,
+        "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
+        "proofs": [_picture(path, known) for path in pictures if Path(path).stem in PROOFS],
+        "pictures": [_picture(path, known) for path in pictures if Path(path).stem not in PROOFS],
+        "choice": _choice([row for row in tables["choice"] if row["cell"] == name]),
+        "tables": {table: _short(found) for table, found in rows.items() if found},
+        "notes": [*([NO_MODEL] if unmodelled else []), *_notes(name, abouts)],
+    }
+
+
+def _choice(rows) -> dict:
+    """Errors of each member by temperature, and why it is the chosen one or not; none: empty."""
+    celsius = list(dict.fromkeys(row["ambient_temperature_celsius"] for row in rows))
+    members = {}
+    for row in rows:
+        about = {"chosen": row["chosen"] == "True", "reason": row["reason"], "errors": []}
+        members.setdefault(row["model"], about)["errors"].append(row)
+    return {"celsius": celsius, "members": members} if rows else {}
+
+
+def _short(rows) -> dict:
+    columns = [name for name in rows[0] if name not in ("cell", "group")]
+    return {"columns": columns, "rows": rows[:SHOWN_ROWS], "more": max(len(rows) - SHOWN_ROWS, 0)}
+
+
+def _test(row, abouts) -> dict:
+    mine = [about for about in abouts.values() if about["wildcards"].get("test") == row["test"]]
+    mine = [about for about in mine if _owner(about) == row["cell"]]
+    reasons = list(dict.fromkeys(about["reason"] for about in mine if about["reason"]))
+    return row | {"reasons": reasons}
+
+
+def _notes(name, abouts) -> list[dict]:
+    notes = {}
+    mine = [about for about in abouts.values() if _owner(about) == name]
+    said = [(note, one["wildcards"].get("test", "")) for one in mine for note in one["notes"]]
+    for note, test in said:
+        notes.setdefault(note, set()).add(test)
+    return [{"text": text, "tests": sorted(tests - {""})} for text, tests in notes.items()]
+
+
+def _owner(about):
+    return about["wildcards"].get("cell") or about["wildcards"].get("group")
+
+
+def _picture(path, known) -> dict:
+    name = Path(path).stem
+    fitting = [kind for kind in known if name == kind or name.startswith(f"{kind}_")]
+    kind = max(fitting, key=len, default=None)
+    caption = known.get(kind, {"title": name, "read": ""})
+    data = base64.b64encode(Path(path).read_bytes()).decode()
+    test = name.removeprefix(f"{kind}_") if kind and name != kind else ""
+    return {"title": caption["title"], "read": caption["read"], "test": test, "data": data}

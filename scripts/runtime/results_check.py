@@ -1,0 +1,46 @@
+"""Run the tests of results (tests/artefacts) on a finished run and say how each ended."""
+
+import contextlib
+import io
+from pathlib import Path
+
+TESTS = Path(__file__).resolve().parents[2] / "tests" / "artefacts"
+
+
+class _Collector:
+    """A pytest plugin that keeps each test's outcome and its first line of documentation."""
+
+    def __init__(self):
+        self.rows = []
+        self.said = {}
+
+    def pytest_collection_modifyitems(self, items):
+        self.said = {item.nodeid: (item.function.__doc__ or item.name) for item in items}
+
+    def pytest_runtest_logreport(self, report):
+        if report.when == "call" or report.outcome != "passed":
+            lines = [x for x in report.longreprtext.splitlines() if x.startswith("E ")]
+            found = lines[0].removeprefix("E ").strip() if report.failed and lines else ""
+            law = self.said[report.nodeid].strip().splitlines()[0]
+            self.rows.append({"check": law, "outcome": report.outcome, "found": found})
+
+
+def outcomes(folder) -> list[dict]:
+    """Rows check, outcome (passed, failed, skipped), found; in the order of the file.
+
+    Parameters
+    ----------
+    folder : where the tables of the run lie.
+    """
+    import pytest
+
+    collector = _Collector()
+    settings = ["-q", "-p", "no:cacheprovider", "--rootdir", str(TESTS), "-c", "/dev/null"]
+    with contextlib.redirect_stdout(io.StringIO()):
+        ended = pytest.main(
+            [*settings, "--import-mode=importlib", "--results", str(folder), str(TESTS)],
+            plugins=[collector],
+        )
+    if ended not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+        raise RuntimeError(f"the checks themselves could not run: pytest ended with {ended}")
+    return collector.rows

@@ -1,0 +1,200 @@
+"""A campaign's choices: held against their schema and completed by its defaults."""
+
+import difflib
+import math
+from pathlib import Path
+
+import yaml
+
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def load(schemas, name: str) -> dict:
+    """The schema `name` (config, cells, tests or groups) in the folder `schemas`."""
+    text = (Path(schemas) / f"{name}.schema.yaml").read_text(encoding="utf-8")
+    return yaml.load(text, Loader=LOADER)
+
+
+def fault(place: str, found, wanted: str, known=()) -> str:
+    """One line: where, what was found, what is wanted, and what was probably meant."""
+    near = difflib.get_close_matches(str(found), map(str, known), n=1)
+    meant = f"; did you mean {near[0]!r}?" if near and near[0] != found else ""
+    shown = repr(found) if len(repr(found)) <= 80 else f"{repr(found)[:77]}…"
+    return f"{place}: found {shown}, wanted {wanted}{meant}"
+
+
+def wanted(spec: dict) -> str:
+    """What the schema of one value allows, in words."""
+    if "enum" in spec:
+        return f"one of {', '.join(map(str, spec['enum']))}"
+    if "wanted" in spec:
+        return spec["wanted"]
+    kind = spec.get("type", "value")
+    if kind == "array":
+        return _wanted_list(spec)
+    names = {"number": "a number", "integer": "a whole number", "boolean": "true or false"}
+    names |= {"string": "a text", "object": "keys with values below it"}
+    return names.get(kind, kind) + _range(spec)
+
+
+def _wanted_list(spec) -> str:
+    joined = f"joined with {spec['separator']}" if "separator" in spec else "as a list [a, b]"
+    unique = ", all different" if spec.get("uniqueItems") else ""
+    return f"one or more values, each {wanted(spec['items'])}, {joined}{unique}"
+
+
+def _range(spec) -> str:
+    low, high = spec.get("minimum"), spec.get("maximum")
+    if low is not None and high is not None:
+        return f" from {low:g} to {high:g}"
+    words = {"minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most"}
+    return "".join(f" {word} {spec[key]:g}" for key, word in words.items() if key in spec)
+
+
+FILE = "config/config.yaml"
+
+
+def read(folder, schema: dict, given: dict) -> tuple[dict, list[str]]:
+    """Settings of a campaign, with all defaults, and what is wrong with them.
+
+    `given` (Snakemake's --config and --configfile) goes before what the file says.
+    """
+    path = Path(folder) / FILE
+    written, lines, faults = _written(path.read_bytes()) if path.is_file() else ({}, {}, [])
+    faults += faults_of(written, schema, lambda path: f"{FILE}, line {_line(lines, path)}")
+    faults += faults_of(given, schema, lambda path: "--config")
+    return ({} if faults else _filled(_merged(written, given), schema)), faults
+
+
+def defaults(schema: dict) -> dict:
+    """The settings of a campaign that chooses nothing."""
+    return _filled({}, schema)
+
+
+def flat(config: dict, path=()) -> dict:
+    """Settings by their dotted keys."""
+    found = {}
+    for name, value in config.items():
+        inner = isinstance(value, dict)
+        found |= flat(value, (*path, name)) if inner else {".".join([*path, name]): value}
+    return found
+
+
+def keys(schema: dict, path=()):
+    """(dotted key, its schema) of every key, sections before what is in them."""
+    for name, spec in schema["properties"].items():
+        yield ".".join([*path, name]), spec
+        if spec["type"] == "object":
+            yield from keys(spec, (*path, name))
+
+
+def _written(data: bytes):
+    """Content of the file, the line of each key, and faults that keep it from being read."""
+    try:
+        text = data.decode("utf-8-sig")
+        node = yaml.compose(text, Loader=LOADER)
+        content = yaml.load(text, Loader=LOADER)
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        return {}, {}, [fault(f"{FILE}, line {line}", data[error.start], "UTF-8")]
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"{FILE}, line {mark.line + 1}" if mark else FILE
+        return {}, {}, [fault(place, getattr(error, "problem", str(error)), "YAML")]
+    if content is None:
+        return {}, {}, []
+    if not isinstance(content, dict):
+        return {}, {}, [fault(f"{FILE}, line 1", content, "keys with values, `key: value`")]
+    lines, faults = {}, []
+    _walk(node, (), lines, faults)
+    return content, lines, faults
+
+
+def _walk(node, path, lines, faults):
+    """Note the line of each key and element; YAML itself lets a key stand twice."""
+    if isinstance(node, yaml.MappingNode):
+        parts = [(key.value, key.start_mark, value) for key, value in node.value]
+    elif isinstance(node, yaml.SequenceNode):
+        parts = [(index, value.start_mark, value) for index, value in enumerate(node.value)]
+    else:
+        return
+    for name, mark, value in parts:
+        if (*path, name) in lines:
+            place = f"{FILE}, line {mark.line + 1}, {'.'.join(map(str, path))}"
+            faults.append(fault(place, name, f"each key once (also line {lines[*path, name]})"))
+        lines[*path, name] = mark.line + 1
+        _walk(value, (*path, name), lines, faults)
+
+
+def _line(lines, path):
+    return lines.get(tuple(path), 1)
+
+
+def _validator(schema):
+    """JSON Schema as it is, but that infinity and NaN are no numbers."""
+    from jsonschema import Draft202012Validator, validators
+
+    types = Draft202012Validator.TYPE_CHECKER.redefine("number", _is_number)
+    return validators.extend(Draft202012Validator, type_checker=types)(schema)
+
+
+def _is_number(checker, value) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def faults_of(content, schema, place=lambda path: "config") -> list[str]:
+    content, faults = _without_blanks(content, schema), []
+    if not content:  # the common case, which need not wait for jsonschema
+        return []
+    for error in _validator(schema).iter_errors(content):
+        path = list(error.absolute_path)
+        if error.validator == "additionalProperties":
+            unknown = [k for k in error.instance if k not in error.schema["properties"]]
+            faults += [
+                _unknown(place([*path, key]), path, key, schema, error.schema) for key in unknown
+            ]
+        else:
+            where = f"{place(path)}, {'.'.join(map(str, path))}"
+            faults.append(fault(where, error.instance, wanted(error.schema) + _hint(error)))
+    return list(dict.fromkeys(faults))
+
+
+def _unknown(place, path, key, schema, section) -> str:
+    known = list(section["properties"])
+    elsewhere = [name for name, _ in keys(schema) if name.split(".")[-1] == str(key)]
+    meant = f"; did you mean {elsewhere[0]!r}?" if elsewhere else ""
+    where = f"key of {'.'.join(map(str, path))}" if path else "key"
+    return fault(place, key, f"a known {where}: {', '.join(known) or 'it has none'}", known) + meant
+
+
+def _hint(error) -> str:
+    """YAML takes 1e-3 for a text: only 1.0e-3 is a number to it."""
+    try:
+        return f"; write {float(error.instance)!r}" if isinstance(error.instance, str) else ""
+    except ValueError:
+        return ""
+
+
+def _without_blanks(content: dict, schema: dict) -> dict:
+    """A section whose keys are all commented out is no fault."""
+    sections = [name for name, spec in schema["properties"].items() if spec["type"] == "object"]
+    return {k: v for k, v in content.items() if v is not None or k not in sections}
+
+
+def _merged(written: dict, given: dict) -> dict:
+    merged = dict(written)
+    for key, value in given.items():
+        both = isinstance(value, dict) and isinstance(written.get(key), dict)
+        merged[key] = _merged(written[key], value) if both else value
+    return merged
+
+
+def _filled(content: dict, schema: dict) -> dict:
+    filled = {}
+    for name, spec in schema["properties"].items():
+        value = content.get(name)
+        if spec["type"] == "object":
+            filled[name] = _filled(value or {}, spec)
+        else:
+            filled[name] = spec.get("default") if name not in content else value
+    return filled

@@ -1,0 +1,292 @@
+"""A campaign's sheets and choices: read, checked and completed before any rule is planned."""
+
+import csv
+import io
+import math
+import posixpath
+import re
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from runtime import settings
+from runtime.settings import fault, wanted
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+COMMA = re.compile(r"[+-]?\d+,\d+")
+
+
+class Sheet(NamedTuple):
+    """What a sheet says: one dict of typed values and one place ("file, row, line") per row."""
+
+    rows: list[dict]
+    places: list[str]
+    faults: list[str]
+
+
+def sheet_rows(folder, name: str, schema: dict) -> Sheet:
+    """Read `config/<name>` of a campaign. A missing sheet or a bad value is a fault, not an error.
+
+    Byte-order marks, any line ends, blank lines, spaces around values, and rows without their
+    last blank cells are all read as what they mean.
+    """
+    path, file = Path(folder) / "config" / name, f"config/{name}"
+    if not path.is_file():
+        found = "a directory" if path.is_dir() else "no such file"
+        return Sheet([], [], [fault(f"{file} in {folder}", found, "a tab-separated sheet")])
+    text, faults = _decoded(path.read_bytes(), file)
+    lines, broken = _lines(text, file)
+    if not lines:
+        return Sheet([], [], faults + broken + [fault(file, "", "a row of column names")])
+    header, wrong = _header(*lines[0], file, schema)
+    faults += broken + wrong
+    places = [f"{file}, row {n} (line {line})" for n, (line, _) in enumerate(lines[1:], 1)]
+    readers = {name: _reader(spec) for name, spec in schema["properties"].items()}
+    rows = []
+    for place, (_, cells) in zip(places, lines[1:], strict=True):
+        rows.append(_row(cells, header, readers, place, faults))
+    return Sheet(_with_defaults(rows, schema), places, faults)
+
+
+def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):  # what spreadsheets call Unicode text
+        return data.decode("utf-16", errors="replace"), []
+    try:
+        return data.decode("utf-8-sig"), []
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        byte = data[error.start : error.start + 1].decode("latin-1")
+        told = fault(f"{file}, line {line}", byte, "UTF-8, not Latin-1; save the sheet as UTF-8")
+        return data.decode("latin-1"), [told]
+
+
+def _lines(text: str, file: str) -> tuple[list, list[str]]:
+    """(line number, cells) of each line that is not blank."""
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter="\t", strict=True)
+    lines, start = [], 1
+    try:
+        for cells in reader:
+            lines.append((start, [cell.strip() for cell in cells]))
+            start = reader.line_num + 1
+    except csv.Error as error:
+        told = [fault(f"{file}, line {start}", str(error), 'each " doubled and closed, or no "')]
+    else:
+        told = []
+    return [(line, cells) for line, cells in lines if any(cells)], told
+
+
+def _header(line, cells, file, schema) -> tuple[list[str], list[str]]:
+    """Column names as they stand, and what is wrong with them."""
+    place, known = f"{file}, line {line}", list(schema["properties"])
+    if len(cells) == 1 and re.search("[,;]", cells[0]):
+        return cells, [fault(place, cells[0], "columns separated by tabs")]
+    columns = f"one of the columns {', '.join(known)}"
+    unknown = [name for name in cells if name and name not in known]
+    twice = sorted({name for name in cells if name and cells.count(name) > 1})
+    missing = [name for name in schema["required"] if name not in cells]
+    faults = [fault(place, name, columns, known) for name in unknown]
+    faults += [fault(place, name, "each column once") for name in twice]
+    faults += [f"{place}: found no column {name!r}, wanted one" for name in missing]
+    return cells, faults
+
+
+def _row(cells, header, readers, place, faults) -> dict:
+    beyond = [cell for cell in cells[len(header) :] if cell]
+    beyond += [cell for name, cell in zip(header, cells, strict=False) if not name and cell]
+    faults += [fault(place, cell, "nothing here, no column has this place") for cell in beyond]
+    texts = dict.fromkeys(header, "") | dict(zip(header, cells, strict=False))
+    row = dict.fromkeys(readers)
+    for name in (name for name in row if name in texts):
+        row[name], unfit = readers[name](texts[name])
+        if unfit:
+            faults.append(fault(f"{place}, {name}", texts[name], *unfit))
+    return row
+
+
+def _reader(spec: dict):
+    """Text → (value, None) or (None, (what is wanted, known values)) for one column."""
+    memory = {}
+
+    def reader(text):
+        if text not in memory:
+            memory[text] = _read_value(text, spec)
+        return memory[text]
+
+    return reader
+
+
+def _read_value(text: str, spec: dict):
+    if not text:
+        return None, (f"a value: {wanted(spec)}",) if spec.get("filled") else None
+    if spec["type"] == "array":
+        parts = [
+            _read_value(part.strip(), spec["items"] | {"filled": True})
+            for part in text.split(spec["separator"])
+        ]
+        bad = any(unfit for _, unfit in parts)
+        return (None, (wanted(spec),)) if bad else ([value for value, _ in parts], None)
+    reader = {"number": _number, "integer": partial(_number, kind=int), "string": _text}
+    return reader[spec["type"]](text, spec)
+
+
+def _text(text, spec):
+    known = spec.get("enum", ())
+    if (known and text not in known) or not re.fullmatch(spec.get("pattern", r"[\s\S]*"), text):
+        return None, (wanted(spec), known)
+    return text, None
+
+
+def _number(text, spec, kind=float):
+    if COMMA.fullmatch(text):
+        return None, (f"{wanted(spec)}, with a point: {text.replace(',', '.')}",)
+    if not (re.fullmatch(r"\d+", text) if kind is int else NUMBER.fullmatch(text)):
+        return None, (wanted(spec),)
+    value = kind(text)
+    low, high = spec.get("minimum", -math.inf), spec.get("maximum", math.inf)
+    inside = low <= value <= high and value > spec.get("exclusiveMinimum", -math.inf)
+    return (value, None) if inside and math.isfinite(value) else (None, (wanted(spec),))
+
+
+def _with_defaults(rows, schema) -> list[dict]:
+    for name, spec in schema["properties"].items():
+        special = spec.get("default_of_kind", {})
+        for row in (row for row in rows if row[name] is None):
+            row[name] = special.get(row.get("kind"), spec.get("default"))
+    return rows
+
+
+class Campaign(NamedTuple):
+    """One laboratory's tests: choices with all defaults, and one dict of typed values per row."""
+
+    config: dict
+    cells: list[dict]
+    tests: list[dict]
+    groups: list[dict]
+
+
+class CampaignError(ValueError):
+    """All faults of a campaign's sheets and config, one per line."""
+
+
+def read(folder, schemas, given=None) -> Campaign:
+    """Read and check a campaign. Whether its raw files are there and sound is not looked at.
+
+    Parameters
+    ----------
+    folder : path
+        The campaign; its sheets lie in `config/`. config.yaml and groups.tsv may be absent.
+    schemas : path
+        Folder of the schemas.
+    given : dict, optional
+        Settings that go before config.yaml (Snakemake's --config).
+
+    Raises
+    ------
+    CampaignError
+        Names every fault with file, row, line, column, what was found and what is wanted.
+    """
+    folder = Path(folder)
+    config, faults = settings.read(folder, settings.load(schemas, "config"), given or {})
+    cells, tests = (_sheet(folder, schemas, name) for name in ("cells", "tests"))
+    groups = Sheet([], [], [])
+    if (folder / "config" / "groups.tsv").exists():
+        groups = _sheet(folder, schemas, "groups")
+    faults += [*cells.faults, *tests.faults, *groups.faults]
+    faults += [*_cells(cells), *_groups(groups, cells), *_tests(tests, cells, groups)]
+    if faults:
+        count = "one fault" if len(faults) == 1 else f"{len(faults)} faults"
+        raise CampaignError("\n".join([f"{count} in the campaign's sheets and config:", *faults]))
+    return Campaign(config, cells.rows, tests.rows, groups.rows)
+
+
+def choices(config: dict, schemas) -> dict:
+    """What a campaign chose otherwise than the defaults: dotted key → value."""
+    standard = settings.flat(settings.defaults(settings.load(schemas, "config")))
+    return {key: value for key, value in settings.flat(config).items() if value != standard[key]}
+
+
+def _sheet(folder, schemas, name):
+    read = sheet_rows(folder, f"{name}.tsv", settings.load(schemas, name))
+    if not read.rows and not read.faults:
+        read.faults.append(f"config/{name}.tsv: found no row below the header, wanted at least one")
+    return read
+
+
+def _repeated(rows: Sheet, *columns):
+    """A fault for each row whose values in `columns` stand in an earlier row."""
+    first = {}
+    for row, place in zip(rows.rows, rows.places, strict=True):
+        key = tuple(row[column] for column in columns)
+        if None in key:
+            continue
+        if key in first:
+            wanted = f"each once within the sheet (also {first[key].split(', ', 1)[1]})"
+            yield fault(f"{place}, {' and '.join(columns)}", " ".join(map(str, key)), wanted)
+        first.setdefault(key, place)
+
+
+def _cells(cells):
+    yield from _repeated(cells, "cell")
+    for row, place in zip(cells.rows, cells.places, strict=True):
+        low, high = row["lower_cutoff_volt"], row["upper_cutoff_volt"]
+        if None not in (low, high) and low >= high:
+            yield fault(
+                f"{place}, upper_cutoff_volt", high, f"more than lower_cutoff_volt, {low:g}"
+            )
+
+
+def _groups(groups, cells):
+    yield from _repeated(groups, "group", "position")
+    yield from _repeated(groups, "group", "cell")
+    known = {row["cell"] for row in cells.rows}
+    for row, place in zip(groups.rows, groups.places, strict=True):
+        if row["cell"] is not None and row["cell"] not in known:
+            yield fault(f"{place}, cell", row["cell"], "a cell of cells.tsv", known)
+        if row["group"] in known and row["group"] is not None:
+            yield fault(f"{place}, group", row["group"], "a name that no cell of cells.tsv has")
+
+
+def _tests(tests, cells, groups):
+    yield from _repeated(tests, "cell", "test")
+    known = {row["cell"] for row in cells.rows}
+    known_groups = {row["group"] for row in groups.rows}
+    for row, place in zip(tests.rows, tests.places, strict=True):
+        group = row["kind"] == "group"
+        owners, sheet_name = (known_groups, "groups.tsv") if group else (known, "cells.tsv")
+        unread = not (group or known)  # no cell at all is one fault, not one for each test
+        if row["cell"] is not None and row["cell"] not in owners and not unread:
+            wanted = f"a {'group' if group else 'cell'} of {sheet_name} (kind {row['kind']})"
+            yield fault(f"{place}, cell", row["cell"], wanted, owners)
+        yield from _files(row, place)
+    yield from _leaks(tests)
+
+
+def _files(row, place):
+    files, sums = row["file"] or [], row["sha256"]
+    for file in files:
+        if re.match(r"[/\\~]|[A-Za-z]:[/\\]", file):
+            yield fault(f"{place}, file", file, "a path relative to the campaign")
+        elif ".." in re.split(r"[/\\]", file):
+            yield fault(f"{place}, file", file, "a path inside the campaign, without ..")
+    for file in sorted({file for file in files if files.count(file) > 1}):
+        yield fault(f"{place}, file", file, "each file of a test once")
+    if files and sums is not None and len(sums) != len(files):
+        wanted = f"one for each file, {len(files)}, joined with ;"
+        yield fault(f"{place}, sha256", f"{len(sums)} checksums", wanted)
+
+
+def _leaks(tests):
+    """What a model was fitted to cannot validate it: by path, and by checksum for copies."""
+    rows = list(zip(tests.rows, tests.places, strict=True))
+    fits = [(row, place) for row, place in rows if row["role"] in ("fit", "split")]
+    fitted = {key: place for row, place in reversed(fits) for key in _identities(row)}
+    for row, place in rows:
+        shared = [key for key in _identities(row) if key in fitted]
+        if row["role"] == "validation" and shared:
+            wanted = f"a file that {fitted[shared[0]].split(', ', 1)[1]} does not use to fit"
+            yield fault(f"{place}, file", ";".join(row["file"]), wanted)
+
+
+def _identities(row):
+    files = [posixpath.normpath(file) for file in row["file"] or []]
+    return [(row["cell"], key) for key in [*files, *map(str.lower, row["sha256"] or [])]]

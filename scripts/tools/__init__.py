@@ -1,0 +1,1 @@
+"""Run by hand: documentation made from schemas, campaigns, scores."""

@@ -1,0 +1,77 @@
+"""Writes config/README.md from the schemas; with --check, fails where it differs from them."""
+
+import json
+import sys
+from pathlib import Path
+
+from runtime import settings
+from runtime.settings import wanted
+
+ROOT = Path(__file__).resolve().parents[2]
+SCHEMAS = ROOT / "workflow" / "schemas"
+README = ROOT / "config" / "README.md"
+INTRODUCTION = """\
+<!-- Made by scripts/tools/config_readme.py from workflow/schemas. Do not edit. -->
+# What a campaign says of itself
+
+Facts stand in tab-separated sheets, choices in `config.yaml`. UTF-8, one header row, columns in
+any order, blank = not known. Unknown columns, ids, kinds and keys are faults; all faults of all
+files are told at once, before anything runs.
+"""
+
+
+def text() -> str:
+    """The whole of config/README.md."""
+    sheets = [_sheet(settings.load(SCHEMAS, name)) for name in ("cells", "tests", "groups")]
+    return "\n".join([INTRODUCTION, *sheets, _config(settings.load(SCHEMAS, "config"))])
+
+
+def _sheet(spec: dict) -> str:
+    rows = []
+    for name, column in spec["properties"].items():
+        needed = "value" if column.get("filled") else "column" if name in spec["required"] else ""
+        rows.append([f"`{name}`", wanted(column), needed, _default(column), *_about(column)])
+    head = ["column", "value", "needed", "default", "unit", "meaning"]
+    return f"## `{spec['title']}`\n\n{spec['description']}\n\n{_table(head, rows)}"
+
+
+def _config(spec: dict) -> str:
+    parts = [f"## `{spec['title']}`\n\n{spec['description']}\n"]
+    head = ["key", "value", "default", "unit", "meaning"]
+    top = {n: s for n, s in spec["properties"].items() if s["type"] != "object"}
+    sections = {n: s for n, s in spec["properties"].items() if s.get("properties")}
+    parts.append(_table(head, [_key(name, key) for name, key in top.items()]))
+    for name, section in sections.items():
+        rows = [_key(key, value) for key, value in settings.keys(section)]
+        parts.append(f"### `{name}`\n\n{section['description']}\n\n{_table(head, rows)}")
+    return "\n".join(parts)
+
+
+def _key(name: str, spec: dict) -> list[str]:
+    return [f"`{name}`", wanted(spec), _default(spec), *_about(spec)]
+
+
+def _default(spec: dict) -> str:
+    if "default" not in spec:
+        return ""
+    special = spec.get("default_of_kind", {})
+    others = "".join(f"; `{value}` for kind `{kind}`" for kind, value in special.items())
+    return f"`{json.dumps(spec['default']).strip(chr(34))}`{others}"
+
+
+def _about(spec: dict) -> list[str]:
+    source = f" Source: {spec['source']}." if "source" in spec else ""
+    return [spec.get("unit", ""), spec["description"] + source]
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    cells = [[cell.replace("|", "\\|") for cell in line] for line in lines]
+    return "".join(f"| {' | '.join(line)} |\n" for line in cells)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--check"]:
+        current = README.read_text(encoding="utf-8") if README.is_file() else ""
+        sys.exit(current != text() and "config/README.md: run scripts/tools/config_readme.py")
+    README.write_text(text(), encoding="utf-8")

@@ -1,0 +1,55 @@
+"""Writes docs/artefacts.md from the contract; with --check, fails where it differs from it."""
+
+import sys
+from pathlib import Path
+
+from runtime import contract
+
+README = Path(__file__).resolve().parents[2] / "docs" / "artefacts.md"
+INTRODUCTION = """\
+<!-- Made by scripts/tools/contract_readme.py from workflow/schemas/artefacts.yaml. Do not edit. -->
+# Every artefact and its columns
+
+An artefact lies in `results/<stage>/<cell or group>/<test>.parquet`; of `parameters` and of stages
+that begin with `temperature` or `resistance_surface` there is one per cell,
+`results/<stage>/<cell>.parquet`. `tables/…` and
+`summary` are CSV, and so are `export/lookup` and `export/over_temperature`,
+`results/export/<cell>/….csv`. The parts of
+`missing_effect/…` lie in `results/missing_effect/<cell>/`. Each is held against these columns and
+ranges as it is written. A column in parentheses may be absent: not every instrument records it. In
+`<k>` and `<model>` stand the number of a branch or pair and a member of the circuit family.
+"""
+
+
+def text() -> str:
+    """The whole of docs/artefacts.md."""
+    return "\n".join([INTRODUCTION, *(_stage(*stage) for stage in contract.stages().items())])
+
+
+def _stage(name: str, spec: dict) -> str:
+    rows = [["column", "unit", "range", "meaning"], ["---"] * 4]
+    rows += [_column(column, about) for column, about in spec["columns"].items()]
+    lines = "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return f"## {name}\n\n{_sentence(spec['meaning'])}\n\n{lines}"
+
+
+def _sentence(words: str) -> str:
+    return f"{words[0].upper()}{words[1:]}."
+
+
+def _column(name: str, spec: dict) -> list[str]:
+    shown = f"`{name}`" if spec.get("required", True) else f"(`{name}`)"
+    return [shown, spec.get("unit", ""), _range(*spec.get("range", (None, None))), spec["meaning"]]
+
+
+def _range(low, high) -> str:
+    if low is None or high is None:
+        return "" if low is high else f"≥ {low:g}" if high is None else f"≤ {high:g}"
+    return f"{low:g} to {high:g}"
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--check"]:
+        current = README.read_text(encoding="utf-8") if README.is_file() else ""
+        sys.exit(current != text() and "docs/artefacts.md: run scripts/tools/contract_readme.py")
+    README.write_text(text(), encoding="utf-8")

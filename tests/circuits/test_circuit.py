@@ -1,0 +1,306 @@
+"""The family of circuits: one set of properties that every kind and every member has to hold."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from cellwright.circuits.circuit import (
+    KINDS,
+    MEMBERS,
+    PLANE_MODES,
+    SPHERE_MODES,
+    THESIS_MEMBERS,
+    Branch,
+    impedance,
+    kinds_of,
+    low_pass,
+    member_circuit,
+    parameter_names,
+    rc_circuit,
+)
+from cellwright.circuits.simulate import OpenCircuit, overpotentials, sensitivities, simulate
+from cellwright.numerics.lags import HOLDS, lag
+from cellwright.refusal import Refusal
+
+SLOPE = 0.8
+EXAMPLES = {
+    "R": {"r_ohm": 0.02},
+    "R_two_way": {"r_charge_ohm": 0.02, "r_discharge_ohm": 0.03},
+    "RC": {"r_ohm": 0.01, "tau_second": 40.0},
+    "kinetic": {"r_ohm": 0.03, "tau_second": 2.0, "scale_volt": 0.05},
+    "charge_transfer": {"r_ohm": 0.03, "exchange_ampere": 0.8},
+    "warburg": {"r_ohm": 0.02, "tau_second": 300.0},
+    "warburg_sphere": {"r_ohm": 0.02, "tau_second": 300.0},
+    "hysteresis": {"m_volt": 0.015, "charge_ampere_hour": 0.05},
+    "switch": {"m_volt": 0.01},
+    "diffusion": {"soc_per_ampere": 0.01, "tau_second": 900.0},
+}
+
+
+def settled(modes):
+    """Step response of a series of lags of unit gain, over time in units of their time constant."""
+    return lambda x: 1.0 - np.exp(-np.divide.outer(x, modes[:, 0])) @ modes[:, 1]
+
+
+PLANE, SPHERE = settled(PLANE_MODES), settled(SPHERE_MODES)
+# Voltage of each kind at a constant current, from its definition: the oracle of the simulation.
+CLOSED = {
+    "R": lambda i, t, r_ohm: r_ohm * i + 0 * t,
+    "R_two_way": lambda i, t, r_charge_ohm, r_discharge_ohm: (
+        (r_charge_ohm if i > 0 else r_discharge_ohm) * i + 0 * t
+    ),
+    "RC": lambda i, t, r_ohm, tau_second: -r_ohm * i * np.expm1(-t / tau_second),
+    "kinetic": lambda i, t, r_ohm, tau_second, scale_volt: (
+        -scale_volt * np.arcsinh(r_ohm * i / scale_volt) * np.expm1(-t / tau_second)
+    ),
+    "charge_transfer": lambda i, t, r_ohm, exchange_ampere: (
+        2 * exchange_ampere * r_ohm * np.arcsinh(i / (2 * exchange_ampere)) + 0 * t
+    ),
+    "warburg": lambda i, t, r_ohm, tau_second: r_ohm * i * PLANE(t / tau_second),
+    "warburg_sphere": lambda i, t, r_ohm, tau_second: r_ohm * i * SPHERE(t / tau_second),
+    "hysteresis": lambda i, t, m_volt, charge_ampere_hour: (
+        -m_volt * np.sign(i) * np.expm1(-abs(i) * t / 3600 / charge_ampere_hour)
+    ),
+    "switch": lambda i, t, m_volt: m_volt * np.sign(i) + 0 * t,
+    "diffusion": lambda i, t, soc_per_ampere, tau_second: (
+        SLOPE * soc_per_ampere * i * SPHERE(t / tau_second)
+    ),
+}
+
+
+def member(kinds):
+    return tuple(Branch(kind, EXAMPLES[kind]) for kind in kinds)
+
+
+SINGLE = {kind: (kind,) for kind in KINDS}
+CIRCUITS = {
+    name: member(kinds) for name, kinds in (SINGLE | MEMBERS | {"everything": tuple(KINDS)}).items()
+}
+LINEAR = [name for name, one in CIRCUITS.items() if all(KINDS[b.kind].linear for b in one)]
+UNSWITCHED = [name for name, one in CIRCUITS.items() if all(b.kind != "switch" for b in one)]
+every_circuit = pytest.mark.parametrize("name", CIRCUITS)
+both_holds = pytest.mark.parametrize("hold", HOLDS)
+
+
+def over(circuit, time, current, hold="first_order", volt_at=lambda soc: 3.0 + SLOPE * soc):
+    """Voltage over each branch, of a cell at half charge."""
+    time = np.asarray(time, float)
+    curve = OpenCircuit(volt_at, np.full(len(time), 0.5))
+    return overpotentials(circuit, time, current, hold=hold, open_circuit=curve)
+
+
+def staircase(rng, levels=12):
+    """Stamps and levels of a current that jumps, each level held over several uneven samples."""
+    current = np.repeat(rng.uniform(-4, 4, levels), 7)
+    current[rng.random(len(current) // 7).repeat(7) < 0.2] = 0.0
+    return np.cumsum(rng.exponential(20.0, len(current))), current
+
+
+def test_every_kind_has_an_example_and_a_closed_form():
+    assert set(EXAMPLES) == set(CLOSED) == set(KINDS)
+    assert all(set(EXAMPLES[kind]) == set(KINDS[kind].parameters) for kind in KINDS)
+
+
+@both_holds
+@pytest.mark.parametrize("current", [2.0, -3.0])
+@every_circuit
+def test_constant_current_is_the_closed_form(name, current, hold):
+    time = np.cumsum(np.random.default_rng(1).exponential(3.0, 500))
+    found = over(CIRCUITS[name], time, np.full(500, current), hold)
+    expected = [CLOSED[b.kind](current, time - time[0], **b.parameters) for b in CIRCUITS[name]]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
+
+
+@settings(deadline=None, max_examples=10)
+@given(
+    current=arrays(float, 30, elements=st.floats(-5, 5)),
+    steps=arrays(float, 29, elements=st.floats(0, 100)),
+    hold=st.sampled_from(HOLDS),
+)
+@every_circuit
+def test_the_other_way_round_is_the_negative(name, current, steps, hold):
+    """A two-way resistor turns into the one with its ways exchanged."""
+    swapped = dict(zip(EXAMPLES["R_two_way"], [*EXAMPLES["R_two_way"].values()][::-1], strict=True))
+    circuit = CIRCUITS[name]
+    mirror = [Branch(b.kind, swapped) if b.kind == "R_two_way" else b for b in circuit]
+    time = np.concatenate([[0.0], np.cumsum(steps)])
+    expected = -over(circuit, time, current, hold)
+    np.testing.assert_allclose(over(mirror, time, -current, hold), expected, atol=1e-14)
+
+
+@settings(deadline=None, max_examples=10)
+@given(
+    currents=arrays(float, (2, 30), elements=st.floats(-5, 5)),
+    steps=arrays(float, 29, elements=st.floats(0, 100)),
+    hold=st.sampled_from(HOLDS),
+)
+@pytest.mark.parametrize("name", LINEAR)
+def test_responses_of_linear_circuits_add_up(name, currents, steps, hold):
+    time = np.concatenate([[0.0], np.cumsum(steps)])
+    first, second, both = (
+        over(CIRCUITS[name], time, current, hold) for current in (*currents, currents.sum(axis=0))
+    )
+    np.testing.assert_allclose(first + second, both, atol=1e-12)
+
+
+@both_holds
+@every_circuit
+def test_a_finer_grid_changes_nothing_while_the_current_is_constant(name, hold):
+    time, current = staircase(np.random.default_rng(2))
+    between = (time[1:] + time[:-1]) / 2
+    steady = current[1:] == current[:-1]
+    place = np.flatnonzero(steady) + 1
+    fine = np.insert(time, place, between[steady])
+    finer = over(CIRCUITS[name], fine, np.insert(current, place, current[1:][steady]), hold)
+    kept = np.delete(finer, place + np.arange(len(place)), axis=1)
+    np.testing.assert_allclose(kept, over(CIRCUITS[name], time, current, hold), atol=1e-13)
+
+
+@every_circuit
+def test_equal_stamps_are_edges(name):
+    """A staircase held until the next sample, and the same one with its edges written out."""
+    time, current = staircase(np.random.default_rng(3))
+    edges = np.repeat(time, 2)[1:]
+    levels = np.repeat(current, 2)[:-1]
+    held = over(CIRCUITS[name], time, current, "zero_order")
+    drawn = over(CIRCUITS[name], edges, levels, "first_order")
+    np.testing.assert_allclose(drawn[:, ::2], held, atol=1e-13)
+
+
+@every_circuit
+def test_parameters_per_sample_that_do_not_move_are_scalars(name):
+    time, current = staircase(np.random.default_rng(4))
+    many = [
+        Branch(b.kind, {key: np.full(len(time), value) for key, value in b.parameters.items()})
+        for b in CIRCUITS[name]
+    ]
+    expected = over(CIRCUITS[name], time, current)
+    np.testing.assert_allclose(over(many, time, current), expected, rtol=1e-12, atol=1e-15)
+
+
+def curved(soc):
+    return 3.2 + 0.8 * soc + 0.1 * np.sin(6 * soc)
+
+
+@both_holds
+@every_circuit
+def test_sensitivities_are_finite_differences(name, hold):
+    time, current = staircase(np.random.default_rng(5))
+    curve = OpenCircuit(curved, np.full(len(time), 0.5))
+    found = sensitivities(CIRCUITS[name], time, current, hold=hold, open_circuit=curve)
+    for (index, key), derivative in found.items():
+        branch = CIRCUITS[name][index]
+        value, step = branch.parameters[key], 1e-5 * branch.parameters[key]
+        low, high = (
+            over(
+                [Branch(branch.kind, branch.parameters | {key: moved})], time, current, hold, curved
+            )
+            for moved in (value - step, value + step)
+        )
+        expected = (high - low)[0] / (2 * step)
+        np.testing.assert_allclose(derivative, expected, atol=1e-7 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", UNSWITCHED)
+def test_a_small_sine_meets_the_impedance(name):
+    """Of all but a switch, which has no limit at small currents."""
+    time = np.arange(0, 3000, 0.05)
+    wave = np.exp(2j * np.pi * 0.02 * time)
+    last = slice(len(time) // 3 * 2, None)
+    run = over(CIRCUITS[name], time, 1e-3 * wave.real).sum(axis=0)[last]
+    measured = 2e3 * np.mean((run - run.mean()) * wave[last].conj())
+    expected = impedance(CIRCUITS[name], [0.02], ocv_slope_volt=SLOPE)[0]
+    assert measured == pytest.approx(expected, rel=2e-3)
+
+
+def test_impedance_of_the_elements_is_that_of_the_books():
+    frequency = np.geomspace(1e-5, 3e-2, 40)
+    root = np.sqrt(2j * np.pi * frequency * 300.0)
+    sheet = impedance(member(["warburg"]), frequency) / 0.02
+    assert np.abs(sheet / (np.tanh(root) / root) - 1).max() < 0.09
+    root = np.sqrt(2j * np.pi * frequency * 900.0)
+    # Surface minus mean of a sphere under an alternating flux: 5·(1/(x·coth x − 1) − 3/x²).
+    ball = impedance(member(["diffusion"]), frequency, ocv_slope_volt=1.0) / 0.01
+    exact = 5 * (1 / (root / np.tanh(root) - 1) - 3 / root**2)
+    assert np.abs(ball / exact - 1).max() < 0.09
+    two = impedance(rc_circuit(0.02, [0.01, 0.03], [5.0, 200.0]), [1e-9, 1e9])
+    np.testing.assert_allclose(two, [0.06, 0.02], atol=1e-6)
+
+
+@pytest.mark.parametrize(("modes", "area"), [(PLANE_MODES, 1 / 3), (SPHERE_MODES, 1 / 35)])
+def test_modes_end_at_one_with_the_right_charge(modes, area):
+    constants, shares = modes.T
+    assert shares.sum() == pytest.approx(1.0, abs=1e-14)
+    assert shares @ constants == pytest.approx(area, rel=1e-14)
+    assert (np.diff(constants) < 0).all()
+
+
+def test_noise_at_rest_turns_no_switch():
+    current = np.array([0.0, -2.0, -2.0, 0.004, -0.003, 0.004, 1.0, 1e-3])
+    run = over(member(["switch"]), np.arange(8.0), current)[0]
+    np.testing.assert_array_equal(run, 0.01 * np.array([0, -1, -1, -1, -1, -1, 1, 1]))
+
+
+def test_hysteresis_forgets_with_charge_not_with_time():
+    time, current = np.array([0.0, 3600.0, 3600.0, 1e6, 1e6, 1e6 + 360]), [1, 1, 0, 0, -1, -1]
+    run = over(member(["hysteresis"]), time, np.array(current, float))[0]
+    full = 0.015 * -np.expm1(-1 / 0.05)
+    assert run[1] == run[3] == pytest.approx(full)
+    assert run[5] == pytest.approx((full + 0.015) * np.exp(-0.1 / 0.05) - 0.015)
+
+
+def test_zero_order_hold_is_scipys_filter_on_a_uniform_grid():
+    from scipy.signal import lfilter
+
+    current = np.random.default_rng(2).normal(size=20_000)
+    time = 0.1 * np.arange(20_000)
+    run = simulate(rc_circuit(0.02, [0.01, 0.03], [5.0, 200.0]), time, current, 3.7, hold=HOLDS[0])
+    expected = 3.7 + 0.02 * current
+    for r, tau in ((0.01, 5.0), (0.03, 200.0)):
+        decay = np.exp(-0.1 / tau)
+        expected = expected + lfilter([0.0, r * (1 - decay)], [1.0, -decay], current)
+    np.testing.assert_allclose(run, expected, rtol=0, atol=1e-12)
+
+
+def test_the_thesis_low_pass_is_an_rc_pair_of_either_sign():
+    current = np.random.default_rng(6).normal(size=400)
+    for gain in (0.003, -0.002):
+        f = np.zeros(400)
+        for k in range(399):
+            f[k + 1] = 0.97 * f[k] - current[k]  # the thesis counts discharge positive
+        found = over(
+            (low_pass(gain, 0.97, step_second=2.0),), 2.0 * np.arange(400), current, HOLDS[0]
+        )
+        np.testing.assert_allclose(found[0], gain * f, atol=1e-13)
+    with pytest.raises(Refusal, match="must lie between 0 and 1"):
+        low_pass(0.1, 1.0, step_second=1.0)
+
+
+def test_members_are_built_by_name():
+    assert len(THESIS_MEMBERS) == 6
+    for name in MEMBERS:
+        names = parameter_names(name)
+        circuit = member_circuit(name, np.arange(1.0, len(names) + 1))
+        assert [branch.kind for branch in circuit] == list(kinds_of(name))
+        flat = [circuit[index].parameters[key] for index, key in names]
+        assert flat == list(range(1, len(names) + 1))
+    with pytest.raises(Refusal, match="'4RC' is unknown; known are simple"):
+        kinds_of("4RC")
+    with pytest.raises(Refusal, match="1RC has 3 parameters, but 2 values"):
+        member_circuit("1RC", [1.0, 2.0])
+
+
+def test_compiled_lag_is_its_twin(monkeypatch):
+    from cellwright.numerics import lags
+
+    rng = np.random.default_rng(7)
+    step = rng.exponential(1.0, 999) * (rng.random(999) < 0.9)
+    for tau in (5.0, rng.uniform(1, 90, 999)):
+        for drive in (rng.normal(size=1000), rng.normal(size=(1000, 3))):
+            runs = [lag(step, tau, drive, hold=hold, initial=0.3) for hold in HOLDS]
+            with monkeypatch.context() as without:
+                without.setattr(lags, "function", lambda *_: None)
+                twins = [lag(step, tau, drive, hold=hold, initial=0.3) for hold in HOLDS]
+            np.testing.assert_allclose(runs, twins, atol=1e-13)

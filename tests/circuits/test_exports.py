@@ -1,0 +1,226 @@
+"""Exports: what is read back runs to the same voltage; what cannot be exported says why.
+
+PyBaMM itself runs the exported set in tests/virtual_lab/test_thevenin.py.
+"""
+
+import csv
+import json
+import runpy
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import truth
+
+from cellwright.circuits.exports import lookup_table, pybamm_document, pybamm_parameters
+from cellwright.circuits.model_file import simulate_model
+from cellwright.refusal import Refusal
+from runtime import artefact
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def family(*more, chosen="2RC"):
+    """The true cell at two temperatures, with further members of these (name, branches)."""
+    model, cold = truth.model(celsius=25.0), truth.model(celsius=0.0, scale=2.5)
+    model["members"][0]["conditions"] += cold["members"][0]["conditions"]
+    for name, branches in more:
+        entry = dict(model["members"][0]["conditions"][0], branches=branches)
+        model["members"].append({"model": name, "conditions": [entry]})
+    return model | {"chosen": chosen}
+
+
+def branch(kind, **parameters):
+    return {"kind": kind} | {name: [value] * 5 for name, value in parameters.items()}
+
+
+UNITS = {"r": "ohm", "tau": "second", "c": "farad"}
+HYSTERESIS = branch("hysteresis", m_volt=0.01, charge_ampere_hour=0.05)
+SWITCH = branch("switch", m_volt=0.01)
+RC = branch("RC", r_ohm=0.01, tau_second=10.0)
+
+
+def read_back(rows, like):
+    """A model file made of nothing but the rows of a look-up table."""
+
+    def column(celsius, name):
+        one = [row for row in rows if float(row["ambient_temperature_celsius"]) == celsius]
+        return [float(row[name]) for row in one]
+
+    known = sorted({float(row["ambient_temperature_celsius"]) for row in rows})
+    pairs = range(1, 1 + sum(name.startswith("tau") for name in rows[0]))
+    conditions, curves = [], []
+    for celsius in known:
+        r = [(column(celsius, f"r{k}_ohm"), column(celsius, f"tau{k}_second")) for k in pairs]
+        about = {"ambient_temperature_celsius": celsius, "soc": column(celsius, "soc")}
+        rcs = [{"r_ohm": one, "tau_second": tau} for one, tau in r]
+        conditions.append(about | {"r0_ohm": column(celsius, "r0_ohm"), "branches": rcs})
+        curves.append(about | {"ocv_volt": column(celsius, "ocv_volt")})
+    return like | {"ocv": curves, "members": [{"model": "2RC", "conditions": conditions}]}
+
+
+@pytest.fixture
+def exported(tmp_path, monkeypatch):
+    """Runs the rule's script on a model; gives the paths of its two outputs."""
+    monkeypatch.chdir(tmp_path)
+    artefact._read_json.cache_clear()
+
+    def run(model):
+        source = Path("results/models/A.json")
+        source.parent.mkdir(parents=True)
+        about = {"reason": None, "origin": None, "notes": [], "facts": {}}
+        source.write_text(json.dumps(model | {"provenance": about}))
+        folder = "results/export/A"
+        outputs = {"pybamm": f"{folder}/pybamm_thevenin.json", "lookup": f"{folder}/lookup.csv"}
+        outputs["temperature"] = f"{folder}/over_temperature.csv"
+        names = ("input", "output", "params", "wildcards", "log")
+        lists = [_Named(), _Named(outputs), _Named(code="x"), _Named(cell="A"), ["job.log"]]
+        lists[0].append(str(source))
+        job = SimpleNamespace(rule="export", **dict(zip(names, lists, strict=True)))
+        runpy.run_path(
+            str(ROOT / "scripts" / "models" / "export.py"), init_globals={"snakemake": job}
+        )
+        return outputs["pybamm"], outputs["lookup"]
+
+    yield run
+    artefact._read_json.cache_clear()
+
+
+class _Named(list):
+    """Values by position and by name, as Snakemake's are."""
+
+    def __init__(self, values=(), **named):
+        named = dict(values, **named)
+        super().__init__(named.values())
+        self.__dict__.update(named)
+
+    def items(self):
+        return self.__dict__.items()
+
+    def get(self, key, default=None):
+        return self.__dict__.get(key, default)
+
+
+@pytest.mark.parametrize("celsius", [25.0, 0.0, 12.0])
+def test_the_table_read_back_runs_to_the_same_voltage(exported, celsius):
+    """At the measured temperatures and between: the file's nine digits are all that is lost."""
+    model = family()
+    model["members"][0]["conditions"][0]["ocv_shift_volt"] = [0.01, 0.0, -0.01, 0.0, 0.005]
+    rows = artefact.load_table(exported(model)[1])
+    time, current = truth.drive(np.random.default_rng(1), 4000)
+    run = (None, time, current, truth.soc_of(time, current, 0.9), celsius)
+    again = simulate_model(read_back(rows, model), *run).voltage_volt
+    # Between two temperatures logarithms run straight, and between two knots they do not.
+    tolerance = 2e-8 if celsius in (0.0, 25.0) else 1e-4
+    np.testing.assert_allclose(again, simulate_model(model, *run).voltage_volt, atol=tolerance)
+
+
+def distribution():
+    """Ten pairs, of which some are nothing at some SoC, and OCV tables read on a scale."""
+    model = family()
+    rng = np.random.default_rng(7)
+    for condition, missing in zip(model["members"][0]["conditions"], (0.0, 0.04), strict=True):
+        r = np.maximum(rng.normal(0.002, 0.003, (10, 5)), 0.0)
+        condition["branches"] = [
+            {"kind": "RC", "r_ohm": one.tolist(), "tau_second": [tau] * 5}
+            for one, tau in zip(r, np.geomspace(0.2, 5e3, 10), strict=True)
+        ]
+        condition["ocv_scale"] = {"missing": missing, "stretch": 0.013}
+    return model
+
+
+@pytest.mark.parametrize("celsius", [25.0, 0.0])
+def test_a_distribution_of_relaxation_times_is_read_back_too(exported, celsius):
+    model = distribution()
+    rows = artefact.load_table(exported(model)[1])
+    time, current = truth.drive(np.random.default_rng(1), 4000)
+    run = (None, time, current, truth.soc_of(time, current), celsius)
+    again = simulate_model(read_back(rows, model), *run).voltage_volt
+    np.testing.assert_allclose(again, simulate_model(model, *run).voltage_volt, atol=5e-8)
+    capacitances = [float(row[f"c{k}_farad"]) for row in rows for k in range(1, 11)]
+    assert np.isfinite(capacitances).all()
+
+
+def test_pybamm_reads_the_ocv_where_the_model_does():
+    """Between its knots too: they are those of the tables, on the scale of the condition."""
+    model, soc = distribution(), np.linspace(0.001, 0.999, 777)
+    found = pybamm_parameters(model, None, 0.0)
+    rested = simulate_model(model, None, 60.0 * np.arange(777), 0 * soc, soc, 0.0).ocv_volt
+    volt = np.interp(soc, found["soc"], found["ocv_volt"])
+    np.testing.assert_allclose(volt, rested, rtol=0, atol=1e-9)
+    assert np.abs(rested - np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT)).max() > 0.01
+    assert min(np.min(one["r_ohm"]) for one in found["elements"]) > 0
+
+
+def test_the_table_holds_units_and_says_where_it_extrapolates(exported):
+    path = exported(family())[1]
+    header = next(csv.reader(Path(path).read_text().splitlines()))
+    assert header[:6] == [
+        *("model", "ambient_temperature_celsius", "soc", "ocv_volt", "extrapolated", "r0_ohm")
+    ]
+    assert header[6:] == [f"{name}{k}_{unit}" for k in (1, 2) for name, unit in UNITS.items()]
+    for row in artefact.load_table(path):
+        outside = not 0.1 <= float(row["soc"]) <= 0.9
+        assert row["extrapolated"] == str(outside)
+        tau = float(row["r2_ohm"]) * float(row["c2_farad"])
+        assert tau == pytest.approx(float(row["tau2_second"]), rel=1e-7)
+
+
+def test_pybamm_tables_are_our_look_up_at_their_knots():
+    found = pybamm_parameters(family(), None, 0.0)
+    soc = found["soc"]
+    np.testing.assert_allclose(found["r0_ohm"], 2.5 * np.interp(soc, truth.KNOTS, truth.R0))
+    np.testing.assert_allclose(
+        found["ocv_volt"], np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT), rtol=1e-12
+    )
+    assert found["identified_soc"] == [0.1, 0.9]
+    assert [one["kind"] for one in found["elements"]] == ["RC", "RC"]
+    np.testing.assert_allclose(found["elements"][1]["tau_second"], 150.0)
+
+
+def test_linear_kinds_become_rc_pairs_with_the_same_impedance():
+    from cellwright.circuits.circuit import Branch, impedance, rc_circuit
+
+    warburg = branch("warburg", r_ohm=0.02, tau_second=300.0)
+    found = pybamm_parameters(family(("w", [RC, warburg])), "w", 25.0)
+    pairs = [(one["r_ohm"][0], one["tau_second"][0]) for one in found["elements"]]
+    frequency = np.geomspace(1e-5, 1e2, 30)
+    circuit = (
+        *rc_circuit(found["r0_ohm"][0], [0.01], [10.0]),
+        Branch("warburg", {"r_ohm": 0.02, "tau_second": 300.0}),
+    )
+    plain = rc_circuit(found["r0_ohm"][0], *zip(*pairs, strict=True))
+    np.testing.assert_allclose(impedance(plain, frequency), impedance(circuit, frequency))
+
+
+def test_what_pybamm_cannot_run_is_named_and_the_others_are_exported(exported):
+    diffusion = branch("diffusion", soc_per_ampere=0.01, tau_second=900.0)
+    more = [("h", [RC, HYSTERESIS]), ("s", [RC, SWITCH]), ("d", [diffusion])]
+    document = artefact.load(exported(family(*more, chosen="s"))[0])
+    assert [member["model"] for member in document["members"]] == ["2RC", "h"]
+    assert [t["temperature_celsius"] for t in document["members"][0]["tables"]] == [0.0, 25.0]
+    assert "remembers at rest" in document["refused"]["s"]
+    assert "plane sheet" in document["refused"]["d"]
+    log = Path("job.log").read_text()
+    assert "s is not exported" in log
+    assert "the look-up table holds 2RC: s is more than RC pairs" in log
+
+
+def test_a_condition_of_unknown_temperature_is_exported_as_such(exported):
+    model = truth.model()
+    for entry in (model["ocv"][0], model["members"][0]["conditions"][0]):
+        entry["ambient_temperature_celsius"] = None
+    document, table = exported(model)
+    assert artefact.load(document)["members"][0]["tables"][0]["temperature_celsius"] is None
+    assert artefact.load_table(table)[0]["ambient_temperature_celsius"] == ""
+
+
+def test_refusals():
+    only = family(("h", [HYSTERESIS]), chosen="h")
+    only["members"] = only["members"][1:]
+    with pytest.raises(Refusal, match="h holds more than RC pairs"):
+        lookup_table(only, "h")
+    with pytest.raises(Refusal, match="cannot run switch: none of its elements remembers"):
+        pybamm_parameters(family(("s", [SWITCH])), "s", 25.0)
+    assert pybamm_document(only)["refused"] == {}

@@ -1,0 +1,113 @@
+"""Simulation of a record: holds, parameters that follow the SoC, many cells, every refusal.
+
+What each kind of branch does is held in test_circuit.py.
+"""
+
+import numpy as np
+import pytest
+import truth
+
+from cellwright.circuits.circuit import Branch, rc_circuit
+from cellwright.circuits.simulate import (
+    OpenCircuit,
+    overpotentials,
+    sensitivities,
+    simulate,
+    simulate_cells,
+)
+from cellwright.numerics.lags import lag
+from cellwright.refusal import Refusal
+
+CIRCUIT = rc_circuit(0.02, [0.01, 0.03], [5.0, 200.0])
+
+
+def test_first_order_hold_is_exact_on_a_ramp():
+    time = np.array([0.0, 1.0, 4.0, 4.5, 30.0])
+    expected = time - 7.0 * -np.expm1(-time / 7.0)
+    np.testing.assert_allclose(
+        lag(np.diff(time), 7.0, time, hold="first_order"), expected, atol=1e-13
+    )
+
+
+def test_parameters_per_sample_follow_the_state_of_charge():
+    time = np.linspace(0, 100, 2001)
+    r = np.linspace(0.01, 0.02, 2001)
+    slow = overpotentials(rc_circuit(0 * r, [r], [1e-3]), time, np.ones(2001), hold="first_order")
+    np.testing.assert_allclose(slow[1, 10:], r[10:], atol=1e-5)
+
+
+def test_a_single_sample_shows_what_acts_at_once():
+    assert simulate(CIRCUIT, [5.0], [2.0], 3.7, hold="first_order") == pytest.approx([3.74])
+    moving = rc_circuit(np.array([0.02]), [np.array([0.01])], [np.array([5.0])])
+    assert simulate(moving, [5.0], [2.0], 3.7, hold="zero_order") == pytest.approx([3.74])
+
+
+@pytest.mark.parametrize("shared_current", [True, False])
+def test_many_cells_are_each_its_own(shared_current):
+    time, first = truth.drive(np.random.default_rng(1), 2000)
+    currents = first if shared_current else np.array([first, 0.5 * first, -first])
+    diffusion = (Branch("R", {"r_ohm": 0.01}), _diffusion())
+    cells = (CIRCUIT, rc_circuit(0.03, [0.02], [9.0]), diffusion)
+    curve = OpenCircuit(lambda soc: 3.0 + soc, np.full(2000, 0.5))
+    run = simulate_cells(cells, time, currents, 3.7, hold="first_order", open_circuits=[curve] * 3)
+    assert run.shape == (3, 2000)
+    for cell, current, row in zip(cells, np.broadcast_to(currents, run.shape), run, strict=True):
+        alone = simulate(cell, time, current, 3.7, hold="first_order", open_circuit=curve)
+        np.testing.assert_array_equal(row, alone)
+
+
+def test_rows_that_do_not_fit_the_cells_are_refused():
+    with pytest.raises(Refusal, match=r"shape \(3, 4\); for 2 circuits it must be \(4,\)"):
+        simulate_cells([CIRCUIT] * 2, np.arange(4.0), np.ones((3, 4)), 3.7, hold="zero_order")
+
+
+def _diffusion():
+    return Branch("diffusion", {"soc_per_ampere": 0.01, "tau_second": 100.0})
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"hold": "second_order"}, "hold of the current is 'second_order'"),
+        ({"test_time_second": [0.0, 2.0, 1.0]}, "time runs back after sample 1"),
+        ({"current_ampere": [0.0, np.nan, 1.0]}, "not finite"),
+        ({"current_ampere": [0.0, 1.0]}, "both must be"),
+        ({"test_time_second": [], "current_ampere": []}, "holds no sample"),
+        (
+            {"circuit": (Branch("CPE", {"q": 1.0}),)},
+            "branch kind 'CPE' is unknown; known are R, R_two_way, RC, ",
+        ),
+        ({"circuit": (Branch("RC", {"r_ohm": 1.0}),)}, "it takes r_ohm, tau_second"),
+        ({"circuit": rc_circuit(0.1, [0.1], [0.0])}, "time constant is zero"),
+        ({"circuit": rc_circuit(np.nan, [], [])}, "r_ohm of branch R is not finite"),
+        (
+            {"circuit": rc_circuit(np.ones(2), [], [])},
+            r"r_ohm of branch R has shape \(2,\); it must be",
+        ),
+        ({"circuit": (_diffusion(),)}, "shifts the SoC, but no OCV"),
+    ],
+)
+def test_refusals(change, reason):
+    given = {
+        "circuit": CIRCUIT,
+        "test_time_second": [0.0, 1.0, 2.0],
+        "current_ampere": [0.0, 1.0, 1.0],
+        "hold": "first_order",
+    } | change
+    hold = given.pop("hold")
+    with pytest.raises(Refusal, match=reason):
+        overpotentials(*given.values(), hold=hold)
+
+
+def test_sensitivities_refuse_what_simulation_refuses():
+    with pytest.raises(Refusal, match="'CPE' is unknown"):
+        sensitivities((Branch("CPE", {}),), [0.0, 1.0], [0.0, 1.0], hold="zero_order")
+
+
+def test_the_true_cell_returns_to_its_ocv():
+    time, current = truth.drive(np.random.default_rng(3), 1500)
+    soc = truth.soc_of(time, current)
+    rest = np.concatenate([time, [time[-1] + 1, time[-1] + 1e5]])
+    soc = np.append(soc, [soc[-1]] * 2)
+    end = truth.voltage(rest, np.append(current, [0.0, 0.0]), soc)[-1]
+    assert end == pytest.approx(np.interp(soc[-1], truth.OCV_SOC, truth.OCV_VOLT), abs=1e-9)

@@ -1,0 +1,95 @@
+"""What a slow test allows as hysteresis, and a fit that stays within it."""
+
+import numpy as np
+import pytest
+from synthetic import data, fit, hysteresis, measured
+
+from cellwright.protocols.ocv.gap import READING_VOLT, largest_hysteresis
+
+KNOTS = np.array([0.0, 0.1, 0.5, 0.9, 1.0])
+
+
+def slow(celsius=25.0, half_gap_volt=0.02, branches="both"):
+    soc = np.linspace(0, 1, 201)
+    gap = np.where((soc > 0.02) & (soc < 0.98), half_gap_volt, np.nan)
+    return {
+        "test": f"ocv_{celsius:g}",
+        "ambient_temperature_celsius": celsius,
+        "branches": branches,
+        "soc": soc.tolist(),
+        "half_gap_volt": [None if np.isnan(volt) else volt for volt in gap],
+    }
+
+
+def basis(*curves, borrowed_from=None):
+    return {"ocv": list(curves), "borrowed_from": borrowed_from}
+
+
+def test_half_the_gap_is_the_most_with_the_reading_of_the_branches():
+    found = largest_hysteresis(basis(slow()), 25.0, KNOTS)
+    np.testing.assert_allclose(found.most_volt, 0.02 + READING_VOLT)
+    assert found.words == "at most half the gap of ocv_25, 23 to 23 mV"
+
+
+def test_a_steep_gap_is_taken_where_it_is_widest_within_the_socs_doubt():
+    curve = slow()
+    curve["half_gap_volt"] = np.linspace(0.1, 0.0, 201).tolist()
+    found = largest_hysteresis(basis(curve), 25.0, np.array([0.5]))
+    np.testing.assert_allclose(found.most_volt, 0.052 + READING_VOLT)
+
+
+@pytest.mark.parametrize(
+    ("celsius", "test"), [(-5.0, "ocv_-5"), (3.0, "ocv_5"), (20.0, "ocv_5"), (25.0, "ocv_25")]
+)
+def test_the_nearest_slow_test_that_was_not_warmer_serves(celsius, test):
+    curves = (slow(25.0), slow(5.0), slow(-5.0, 0.04))
+    assert f" {test}," in largest_hysteresis(basis(*curves), celsius, KNOTS).words
+
+
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        (basis(slow(25.0)), "no slow test both ways at this temperature or below"),
+        (basis(slow(0.0, branches="discharge")), "no slow test both ways"),
+        (basis(slow(0.0), borrowed_from="R1"), "the OCV is that of R1"),
+        (basis(), "no slow test both ways"),
+    ],
+)
+def test_where_no_slow_test_tells_there_is_no_bound(known, words):
+    found = largest_hysteresis(known, 0.0, KNOTS)
+    assert found.most_volt is None
+    assert f"not bounded: {words}" in found.words
+
+
+def sizes(condition):
+    return condition.branches[-1].values["m_volt"]
+
+
+def test_a_hysteresis_below_its_bound_is_found_as_without_one():
+    ready = data(*measured(1, extra=(hysteresis(),)))
+    wide = np.full(len(ready.knots), 0.05)
+    free, bounded = (fit(one, "2RC+H") for one in (ready, ready._replace(most_volt=wide)))
+    np.testing.assert_array_equal(sizes(bounded.condition), sizes(free.condition))
+    np.testing.assert_allclose(sizes(bounded.condition), 0.02, rtol=0.15)
+
+
+def test_a_sink_holds_no_more_than_the_slow_test_allows():
+    ready = data(*measured(1, extra=(hysteresis(0.06),)))
+    most = np.full(len(ready.knots), 0.025)
+    free, bounded = (fit(one, "2RC+H") for one in (ready, ready._replace(most_volt=most)))
+    assert sizes(free.condition).max() > 0.03
+    assert sizes(bounded.condition).max() == 0.025
+    held = [name for name in bounded.condition.at_bound if "slow test allows" in name]
+    assert len(held) == np.count_nonzero(sizes(bounded.condition) == 0.025)
+    assert np.isnan(bounded.condition.branches[-1].stds["m_volt"]).sum() >= len(held)
+
+
+def test_a_bound_is_kept_when_blocks_are_left_out():
+    from cellwright.identification.regression import held_out
+
+    ready = data(*measured(1, extra=(hysteresis(),)))
+    most = np.full(len(ready.knots), 0.005)
+    found = fit(ready._replace(most_volt=most), "2RC+H")
+    fold = np.arange(len(found.solution.residual_volt)) * 4 // len(found.solution.residual_volt)
+    assert np.isfinite(held_out(found.system, found.solution, fold)).all()
+    assert sizes(found.condition).max() <= 0.005

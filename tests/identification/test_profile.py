@@ -1,0 +1,82 @@
+"""Profile likelihood and bootstrap: as the covariance where it may, more where it may not."""
+
+import numpy as np
+import pytest
+from pulse_train import CURRENT, NOISE, TIME, TRUE, noisy, voltage
+
+from cellwright.identification.methods.profile import bootstrap, profile_interval
+from cellwright.identification.methods.pulse import fit_circuit
+from cellwright.numerics.uncertainty import percentile_interval
+from cellwright.refusal import Refusal
+
+HOLD = {"hold": "zero_order"}
+
+
+def short(values, rows, seed, **given):
+    volt = voltage(np.array(values)) + NOISE * np.random.default_rng(seed).normal(size=len(TIME))
+    record = TIME[rows], CURRENT[rows], volt[rows], 3.7
+    return record, fit_circuit(*record, **HOLD, **given)
+
+
+@pytest.mark.parametrize("name", ["r0_ohm", "r2_ohm", "tau1_second", "tau2_second"])
+def test_where_all_is_told_the_profile_is_the_covariance(name):
+    record = TIME, CURRENT, noisy(1), 3.7
+    fit = fit_circuit(*record, **HOLD)
+    found = profile_interval(record, fit, name, **HOLD)
+    index = fit.names.index(name)
+    ends = fit.values[index] + 1.96 * fit.std[index] * np.array([-1, 1])
+    np.testing.assert_allclose([found.lower, found.upper], ends, atol=0.25 * fit.std[index])
+    assert found.told
+
+
+def test_profiles_cover():
+    inside = []
+    for seed in range(60):
+        record, fit = short([0.02, 0.01, 8.0], slice(0, 400), seed, n_rc=1)
+        found = profile_interval(record, fit, "tau1_second", **HOLD)
+        inside.append(found.lower < 8.0 < found.upper)
+    assert np.mean(inside) > 0.87
+
+
+def test_a_time_constant_longer_than_the_rest_is_open_above():
+    """A pulse and its 40 s rest: tau2 of 600 s is told from below only, and the words say so."""
+    limits = {"tau2_second": (5.0, 1e5)}
+    record, fit = short([0.02, 0.01, 0.03, 2.0, 600.0], slice(0, 300), 3, bounds=limits)
+    found = profile_interval(record, fit, "tau2_second", **HOLD, bounds=limits)
+    assert not found.told
+    assert found.open_above
+    assert not found.open_below
+    assert np.isnan(found.upper)
+    assert "tau2_second cannot be told: its profile is open above" in found.words
+
+
+def test_bootstrap_agrees_with_the_covariance_for_white_noise():
+    record = TIME, CURRENT, noisy(4), 3.7
+    fit = fit_circuit(*record, **HOLD)
+    draws = bootstrap(record, fit, **HOLD, block_rows=10, draws=200)
+    np.testing.assert_allclose(draws.std(axis=0), fit.std, rtol=0.25)
+    lower, upper = percentile_interval(draws)
+    assert ((lower < TRUE) & (upper > TRUE)).sum() >= 4
+
+
+def test_bootstrap_agrees_with_the_widened_covariance_for_coloured_noise():
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(5)
+    coloured = lfilter([NOISE], [1.0, -0.9], rng.normal(size=len(TIME)))
+    record = TIME, CURRENT, voltage() + coloured, 3.7
+    fit = fit_circuit(*record, **HOLD)
+    assert (fit.widening[1:] > 1.5).all()
+    draws = bootstrap(record, fit, **HOLD, block_rows=150, draws=150)
+    np.testing.assert_allclose(draws.std(axis=0), fit.std, rtol=0.4)
+
+
+def test_refusals():
+    record = TIME, CURRENT, noisy(6), 3.7
+    fit = fit_circuit(*record, **HOLD)
+    with pytest.raises(Refusal, match="no profile of c1_farad"):
+        profile_interval(record, fit, "c1_farad", **HOLD)
+    with pytest.raises(Refusal, match="blocks of 0 rows"):
+        bootstrap(record, fit, **HOLD, block_rows=0)
+    with pytest.raises(Refusal, match="above zero"):
+        profile_interval(record, fit._replace(values=0 * fit.values), "r1_ohm", **HOLD)

@@ -1,0 +1,214 @@
+"""The linear problem under an identification: its columns, its priors, its deviations."""
+
+import numpy as np
+import pytest
+import truth
+from synthetic import CAPACITY, data, diffusion, hysteresis, measured
+
+from cellwright.circuits.circuit import Branch
+from cellwright.circuits.simulate import overpotentials
+from cellwright.identification.columns import (
+    Held,
+    columns_of,
+    damping,
+    lead,
+    ocv_of,
+    on_table,
+    slope_of,
+)
+from cellwright.identification.regression import Noise, Prior, named, solved, system_of
+from cellwright.numerics.linear import correlation_factor, hats, solve
+from cellwright.refusal import Refusal
+
+HELD = Held((8.0, 150.0), charge_ampere_hour=0.06)
+
+
+@pytest.fixture(scope="module")
+def ready():
+    return data(*measured(1, extra=(hysteresis(),)))
+
+
+@pytest.fixture(scope="module")
+def system(ready):
+    return system_of(columns_of(ready, HELD), ready.knots)
+
+
+def test_each_column_is_what_the_simulator_makes_of_its_branch(ready):
+    (record,) = ready.records
+    columns = dict(columns_of(ready, HELD).resistances)
+    course = np.array([0.04, 0.02, 0.03, 0.01, 0.05])
+    at = np.interp(record.soc, ready.knots, course)
+    branches = {
+        "r0": Branch("R", {"r_ohm": at}),
+        "r1": Branch("RC", {"r_ohm": at, "tau_second": 8.0}),
+        "r2": Branch("RC", {"r_ohm": at, "tau_second": 150.0}),
+        "m": Branch("hysteresis", {"m_volt": at, "charge_ampere_hour": 0.06}),
+    }
+    args = (record.test_time_second, record.current_ampere)
+    for name, branch in branches.items():
+        (volt,) = overpotentials((branch,), *args, hold=ready.hold)
+        np.testing.assert_allclose(columns[name] @ course, volt[record.used], rtol=0, atol=1e-12)
+
+
+def test_the_lead_of_the_surface_is_that_of_the_diffusion_branch(ready):
+    (record,) = ready.records
+    branch = diffusion(2000.0)
+    rate = branch.parameters["soc_per_ampere"] * CAPACITY * 3600.0
+    assert rate == pytest.approx(2000.0 / 15.0)
+    steady = record._replace(
+        test_time_second=np.linspace(0, 2e4, len(record.soc)),
+        current_ampere=np.full(len(record.soc), -1.0),
+    )
+    np.testing.assert_allclose(lead(ready, steady, 2000.0)[-1], -rate / 3600.0 / CAPACITY)
+
+
+def test_the_scale_columns_are_the_change_of_the_ocv(ready):
+    columns, step = columns_of(ready, HELD), 1e-6
+    for index, name in enumerate(("missing", "stretch")):
+        moved = columns_of(ready, HELD._replace(**{name: step}))
+        change = (columns.target_volt - moved.target_volt) / step
+        np.testing.assert_allclose(columns.scale[:, index], change, atol=0.02)
+
+
+def test_an_ocv_goes_on_with_its_slope_outside_its_table(ready):
+    at = np.array([-0.02, 0.0, 0.5, 1.0, 1.03])
+    first, last = np.diff(truth.OCV_VOLT)[[0, -1]] / 0.01
+    expected = truth.ocv_at(at) + [-0.02 * first, 0, 0, 0, 0.03 * last]
+    np.testing.assert_allclose(ocv_of(ready, at), expected)
+    np.testing.assert_allclose(slope_of(ready, at[[0, -1]]), [first, last])
+    held = Held((), missing=0.03, stretch=0.02)
+    np.testing.assert_allclose(on_table(np.array([1.0, 0.0]), held), [0.97, -0.05])
+
+
+def test_kinetics_fall_short_only_of_large_currents(ready):
+    (record,) = ready.records
+    shape = hats(record.soc, ready.knots)
+    held = Held((), scale_volt=0.05, transfer_ohm=np.full(5, 0.04))
+    found = damping(record, shape, held)
+    x = 0.04 * np.abs(record.current_ampere) / 0.05
+    np.testing.assert_allclose(found[x > 0], np.arcsinh(x[x > 0]) / x[x > 0])
+    np.testing.assert_allclose(found[x == 0], 1.0)
+    np.testing.assert_array_equal(damping(record, shape, held._replace(transfer_ohm=None)), 1.0)
+
+
+def test_deviations_are_those_of_repeated_noise(ready, system):
+    """Noise as it is believed, 100 times: the scatter of the answers is the stated deviation."""
+    rng, truth_of = np.random.default_rng(2), solved(system)
+    clean = system.matrix @ truth_of.vector
+    answers = []
+    for _ in range(100):
+        noisy = system._replace(target=clean + 0.3 * rng.normal(size=len(clean)))
+        answers.append(solved(noisy, factor=1 / 0.3**2))
+    for name in ("r0", "r1", "m"):
+        scatter = np.std([one.values[name] for one in answers], axis=0)
+        ratio = scatter / answers[0].stds[name]
+        assert (ratio < 1.3).all()
+        assert np.mean(ratio) > 0.7
+    assert solved(noisy).factor * 0.3**2 == pytest.approx(1.0, rel=0.2)
+
+
+def test_where_data_are_silent_the_prior_goes_on_flat(ready):
+    """Knots that no row touches take the value of their neighbours."""
+    (record,) = ready.records
+    half = ready._replace(records=(record._replace(used=record.used & (record.soc > 0.5)),))
+    found = solved(system_of(columns_of(half, HELD), half.knots))
+    np.testing.assert_allclose(found.values["r0"][2:], truth.R0[2:], rtol=0.05)
+    np.testing.assert_allclose(found.values["r0"][:2], found.values["r0"][2], rtol=0.1)
+    assert found.stds["r0"][0] > 5 * found.stds["r0"][3]
+
+
+def test_a_stronger_prior_pulls_more(ready):
+    columns = columns_of(ready, HELD)
+    bent = [
+        np.ptp(solved(system_of(columns, ready.knots, prior=Prior(walk=walk))).values["r0"])
+        for walk in (1.0, 1e-3)
+    ]
+    assert bent[1] < 0.3 * bent[0]
+    quiet = system_of(columns, ready.knots, noise=Noise(floor_volt=0.1, relative=0.0, soc=0.0))
+    np.testing.assert_allclose(quiet.weight, 10.0)
+
+
+def test_the_cost_is_lowest_at_the_solution(system):
+    found = solved(system)
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        vector = found.vector * (1 + 0.02 * rng.normal(size=len(found.vector)))
+        residual = system.target - system.matrix @ vector
+        cost = found.factor * residual @ residual + vector @ system.prior @ vector
+        assert cost >= found.cost
+    parts = named(system, found.vector)
+    assert list(parts) == ["shift", "scale", "r0", "r1", "r2", "m"]
+    assert sum(len(part) for part in parts.values()) == len(found.vector)
+
+
+def test_a_resistance_at_zero_has_no_deviation(ready):
+    """Where the cell has no slow part, knots of the slow pair end at their bound."""
+    (record,) = ready.records
+    volt = truth.ocv_at(record.soc) + 0.03 * record.current_ampere
+    noise = np.random.default_rng(4).normal(0, 1e-3, len(volt))
+    ohmic = ready._replace(records=(record._replace(voltage_volt=volt + noise),))
+    found = solved(system_of(columns_of(ohmic, Held((8.0,))), ohmic.knots))
+    np.testing.assert_allclose(found.values["r0"], 0.03, rtol=0.03)
+    zero = found.values["r1"] == 0
+    assert zero.any()
+    np.testing.assert_array_equal(np.isnan(found.stds["r1"]), zero)
+
+
+def test_a_current_of_the_wrong_sign_is_refused(ready):
+    (record,) = ready.records
+    turned = ready._replace(records=(record._replace(current_ampere=-record.current_ampere),))
+    with pytest.raises(Refusal, match="against the current's sign"):
+        system_of(columns_of(turned, Held(())), turned.knots)
+
+
+def test_correlation_factor_of_known_noise():
+    rng = np.random.default_rng(12)
+    white = rng.normal(size=20000)
+    assert correlation_factor(white) < 1.1
+    red = np.zeros(20000)
+    for k in range(1, 20000):
+        red[k] = 0.9 * red[k - 1] + white[k]
+    assert correlation_factor(red) == pytest.approx(19.0, rel=0.3)
+    assert correlation_factor(np.zeros(5)) == 1.0
+
+
+def test_refusals(ready):
+    (record,) = ready.records
+    few = ready._replace(records=(record._replace(used=np.arange(len(record.soc)) < 10),))
+    with pytest.raises(Refusal, match="10 rows cannot carry 6 parameters"):
+        system_of(columns_of(few, HELD), few.knots)
+    still = ready._replace(records=(record._replace(current_ampere=0 * record.soc),))
+    with pytest.raises(Refusal, match="nothing in the data excites r0, r1, r2, m"):
+        system_of(columns_of(still, HELD), still.knots)
+    with pytest.raises(Refusal, match="1 parameters are not excited"):
+        solve(np.diag([1.0, 0.0]), np.ones(2), 1)
+    with pytest.raises(Refusal, match=r"apart \(rank\)"):
+        solve(np.ones((2, 2)), np.ones(2), 1)
+
+
+def test_counting_that_ends_below_zero_still_has_a_prior(ready):
+    below = ready._replace(knots=np.array([-0.04, 0.0, 0.3, 0.9]))
+    prior = system_of(columns_of(below, HELD), below.knots).prior
+    assert np.isfinite(prior).all()
+    assert np.linalg.eigvalsh(prior)[0] > 0
+
+
+def test_upper_bounds_give_what_scipys_bounded_solver_gives():
+    from scipy.optimize import lsq_linear
+
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        matrix, target = rng.normal(size=(80, 24)), rng.normal(size=80)
+        most = np.append(np.full(12, np.inf), rng.uniform(0.0, 0.1, 12))
+        least = np.append(np.full(4, -np.inf), np.zeros(20))
+        expected = lsq_linear(matrix, target, (least, most), tol=1e-12).x
+        found = solve(matrix.T @ matrix, matrix.T @ target, 4, most)
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+        assert np.all(found <= most)
+
+
+def test_bounds_that_do_not_bind_change_nothing():
+    rng = np.random.default_rng(5)
+    matrix, target = rng.normal(size=(80, 24)), rng.normal(size=80)
+    normal = (matrix.T @ matrix, matrix.T @ target, 4)
+    np.testing.assert_array_equal(solve(*normal, np.full(24, 10.0)), solve(*normal))

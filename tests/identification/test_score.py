@@ -1,0 +1,102 @@
+"""Scores of a simulation: zero for the truth, and only over what was not fitted."""
+
+import numpy as np
+import pytest
+import truth
+
+from cellwright.identification.validation import scores, validate
+from cellwright.refusal import Refusal
+
+CELL = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.3}
+FACTS = {"role": "validation", "soc": 0.95, "ambient_temperature_celsius": 25.0}
+TIME, CURRENT = truth.drive(np.random.default_rng(5), 6000)
+SOC = truth.soc_of(TIME, CURRENT, 0.95)
+
+
+def series(**change):
+    columns = {
+        "test_time_second": TIME,
+        "current_ampere": CURRENT,
+        "charge_ampere_hour": (SOC - 0.95) * truth.CAPACITY_AMPERE_HOUR,
+        "voltage_volt": truth.voltage(TIME, CURRENT, SOC),
+    }
+    return columns | change
+
+
+def score(facts=FACTS, *, model=None, **change):
+    return validate(model or truth.model(), CELL, facts, series(**change), split_rest_second=120.0)
+
+
+def test_the_truth_has_no_error():
+    found = score()
+    (row,) = found.rows
+    assert row["rmse_volt"] < 1e-12
+    assert (row["model"], row["chosen"], row["samples"]) == ("2RC", True, len(TIME))
+    assert (row["soc_start"], row["soc_anchor"]) == (0.95, "stated at the start")
+    assert found.notes == ("simulated at the chamber's temperature",)
+    np.testing.assert_allclose(found.series["simulated_2RC_volt"], found.series["voltage_volt"])
+
+
+def test_what_lies_outside_the_identified_range_is_counted():
+    (row,) = score().rows
+    outside = (truth.KNOTS[0] > SOC) | (truth.KNOTS[-1] < SOC)
+    assert 0 < row["extrapolated"] == pytest.approx(outside.mean())
+    assert score(FACTS | {"ambient_temperature_celsius": 40.0}).rows[0]["extrapolated"] == 1.0
+
+
+def test_an_offset_is_the_error():
+    (row,) = score(voltage_volt=series()["voltage_volt"] + 0.01).rows
+    found = [row[name] for name in ("rmse_volt", "max_abs_volt", "mean_volt")]
+    np.testing.assert_allclose(found, 0.01, rtol=1e-9)
+
+
+def test_a_split_record_is_scored_on_even_blocks_only():
+    odd = (TIME // 1500) % 2 == 0
+    found = score(FACTS | {"role": "split"}, voltage_volt=series()["voltage_volt"] + odd)
+    np.testing.assert_array_equal(found.series["scored"], ~odd)
+    assert found.rows[0]["samples"] == (~odd).sum()
+    assert found.rows[0]["max_abs_volt"] < 1e-9
+
+
+def two_temperatures():
+    cold = truth.model(celsius=0.0, scale=3.0)
+    warm = truth.model()
+    conditions = [m["members"][0]["conditions"][0] for m in (cold, warm)]
+    member = {"model": "2RC", "conditions": conditions}
+    return warm | {"members": [member], "ocv": cold["ocv"] + warm["ocv"]}
+
+
+def test_it_is_simulated_at_the_measured_surface_else_at_the_chamber():
+    unknown = FACTS | {"ambient_temperature_celsius": None}
+    model, surface = two_temperatures(), {"surface_temperature_celsius": np.full(len(TIME), 0.0)}
+    stated = score(FACTS | {"ambient_temperature_celsius": 0.0}, model=model)
+    for facts in (unknown, FACTS):
+        measured = score(facts, model=model, **surface)
+        assert measured.rows[0]["rmse_volt"] == stated.rows[0]["rmse_volt"] > 0.01
+        assert measured.notes == ("simulated at the surface's measured temperature",)
+    chamber = score(FACTS, model=model)
+    assert chamber.rows[0]["rmse_volt"] < 1e-9
+    neither = score(unknown, model=model)
+    assert neither.rows[0]["rmse_volt"] < 1e-9
+    assert neither.notes == ("simulated at 25 °C, for want of any temperature",)
+    gaps = {"surface_temperature_celsius": np.where(TIME == 5, np.nan, 0.0)}
+    assert score(unknown, model=model, **gaps).notes == neither.notes
+
+
+def test_scores_are_arithmetic():
+    found = scores(np.array([3.0, -1.0, 1.0, -1.0]), np.array([0.01, 0.5, 0.6, 0.95]))
+    assert found["rmse_volt"] == pytest.approx(np.sqrt(3.0))
+    assert found["rmse_volt_soc_5_95"] == 1.0
+    assert (found["max_abs_volt"], found["mean_volt"], found["samples"]) == (3.0, 0.5, 4)
+    assert np.isnan(scores(np.ones(2), np.zeros(2))["rmse_volt_soc_5_95"])
+
+
+def test_refusals():
+    with pytest.raises(Refusal, match="no sample is left"):
+        scores(np.array([]), np.array([]))
+    with pytest.raises(Refusal, match="1 simulated voltages are not finite"):
+        scores(np.array([0.1, np.nan]), np.array([0.5, 0.5]))
+    with pytest.raises(Refusal, match="no rest of 120 s inside"):
+        score(FACTS | {"role": "split"}, current_ampere=CURRENT - 1.5)
+    with pytest.raises(Refusal, match="no state of charge"):
+        score(FACTS | {"soc": None}, current_ampere=CURRENT - 1.5)

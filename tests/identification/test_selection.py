@@ -1,0 +1,138 @@
+"""The chosen member predicts what it was not fitted to, and is the simplest that does."""
+
+import numpy as np
+import pytest
+from synthetic import NOISE_VOLT, data, fit, hysteresis, measured
+
+from cellwright.identification.choice import Score, choose, left_out
+from cellwright.identification.regression import held_out
+from cellwright.records.record import blocks
+from cellwright.refusal import Refusal
+
+
+def scored(ready, name):
+    (record,) = ready.records
+    args = (record.test_time_second, record.current_ampere)
+    return [left_out(fit(ready, name), blocks(*args, rest_ampere=0.01)[record.used])]
+
+
+def choice(ready, *names):
+    return choose({name: scored(ready, name) for name in names})
+
+
+def test_of_one_and_two_pairs_the_true_two():
+    found = choice(data(*measured(7, seconds=9000)), "1RC", "2RC")
+    assert found.name == "2RC"
+    assert "2RC chosen, clearly before 1RC" in found.words
+    assert found.rmse_volt["2RC"] == pytest.approx(NOISE_VOLT, rel=0.1)
+    assert found.rmse_volt["1RC"] > 1.5 * NOISE_VOLT
+
+
+def test_where_two_pairs_are_enough_the_third_is_equal_and_not_chosen():
+    found = choice(data(*measured(8, seconds=9000)), "2RC", "3RC")
+    assert found.name == "2RC"
+    assert "2RC chosen: equal within chance to 3RC, and simpler." in found.words
+
+
+def test_with_hysteresis_the_true_member():
+    ready = data(*measured(9, seconds=9000, extra=(hysteresis(),)))
+    found = choice(ready, "1RC", "2RC", "2RC+H")
+    assert found.name == "2RC+H"
+    assert "clearly before" in found.words
+
+
+def test_rows_are_predicted_from_the_other_folds_only():
+    """Spoiling a fold's voltage moves its own errors by just that, whatever the fit."""
+    ready = data(*measured(10))
+    found = fit(ready, "1RC")
+    rng = np.random.default_rng(1)
+    fold = rng.integers(0, 3, len(found.system.target))
+    clean = held_out(found.system, found.solution, fold)
+    spoiled = found.system._replace(
+        target=found.system.target + np.where(fold == 1, 0.05 * found.system.weight, 0.0)
+    )
+    moved = held_out(spoiled, found.solution, fold) - clean
+    np.testing.assert_allclose(moved[fold == 1], 0.05, atol=1e-9)
+    assert np.abs(moved[fold != 1]).max() > 1e-3
+    assert (held_out(found.system, found.solution, fold - 3) == found.solution.residual_volt).all()
+
+
+def score(*square_volt2, rows=100):
+    return [Score(np.array(square_volt2), np.full(len(square_volt2), rows))]
+
+
+def test_one_block_near_empty_does_not_outvote_the_others():
+    better, worse = [1e-6, 1.1e-6, 0.9e-6] * 5, [4e-6, 4.4e-6, 3.6e-6] * 5
+    found = choose({"1RC": score(*better, 9e-2), "2RC": score(*worse, 2e-2)})
+    assert found.name == "1RC"
+    assert found.rmse_volt["1RC"] > found.rmse_volt["2RC"]
+
+
+def test_of_members_alike_in_most_blocks_the_one_without_a_corner_is_chosen():
+    alike = {"1RC": score(1e-6, 1e-6, 2e-6, 9e-2), "2RC": score(1.1e-6, 0.9e-6, 2.1e-6, 2e-4)}
+    assert choose(alike).name == "2RC"
+
+
+def test_equal_is_a_difference_within_the_scatter_of_blocks():
+    found = choose({"2RC": score(1e-6, 2e-6, 1e-6), "1RC": score(1.3e-6, 1.7e-6, 1.2e-6)})
+    assert found.name == "1RC"
+    assert "1RC chosen: equal within chance to 2RC, and simpler" in found.words
+    clear = choose({"2RC": score(1e-6, 2e-6, 1e-6), "1RC": score(2e-6, 4.2e-6, 2e-6)})
+    assert "2RC chosen, clearly before 1RC" in clear.words
+    assert "the only one left" in choose({"DRT": score(1e-6)}).words
+
+
+def test_what_fails_in_one_corner_is_not_equal():
+    blocks_of = {"2RC": score(1e-6, 2e-6, 1e-6, 1e-6), "1RC": score(0.9e-6, 1.9e-6, 1e-6, 9e-6)}
+    assert choose(blocks_of).name == "2RC"
+
+
+def fitted(**volt):
+    return {name: np.array(values) for name, values in volt.items()}
+
+
+def test_a_member_far_worse_in_use_is_not_chosen_however_well_it_predicts_blocks():
+    scores = {"1RC": score(1e-6, 1e-6, 1e-6) * 2, "2RC": score(4e-6, 5e-6, 4e-6) * 2}
+    there = choose(
+        scores,
+        celsius=[5.0, 25.0],
+        fitted_volt=fitted(**{"1RC": [2e-3, 9e-3], "2RC": [2e-3, 3e-3]}),
+    )
+    assert there.name == "2RC"
+    assert there.reasons["1RC"] == "errs by 9 mV at 25 °C over the records fitted, 2RC by 3 mV"
+    assert "Out of the question over the records fitted: 1RC" in there.words
+    # Twice as much is far only where somebody would notice: here it is a fraction of a millivolt.
+    near = choose(scores, fitted_volt=fitted(**{"1RC": [2e-3, 9e-4], "2RC": [2e-3, 3e-4]}))
+    assert near.name == "1RC"
+    # Where each is bad somewhere, the one that is least bad stays.
+    both = choose(scores, fitted_volt=fitted(**{"1RC": [9e-3, 1e-3], "2RC": [2e-3, 9e-3]}))
+    assert both.name == "1RC"
+    assert "2RC" in both.reasons
+
+
+def test_what_a_search_found_must_be_better_beyond_chance_and_nowhere_worse():
+    spread = np.exp(np.random.default_rng(3).normal(0.0, 0.6, 12))
+    own, chance = score(*4e-6 * spread), score(*4e-6 * np.roll(spread, 1))
+    name, better = "2RC+effects", score(*1e-6 * spread)
+    assert choose({"2RC": own, name: better}, found=[name]).name == name
+    same = choose({"2RC": own, name: chance}, found=[name])
+    assert same.name == "2RC"
+    assert same.reasons[name].startswith("not better than 2RC beyond chance")
+    larger = score(*np.append(1e-6 * spread[:-1], 1.0))
+    assert choose({"2RC": own, name: larger}, found=[name]).name == "2RC"
+    worse_in_the_cold = {"2RC": own * 2, name: [*score(*1.2e-5 * spread), *score(*1e-7 * spread)]}
+    told = choose(worse_in_the_cold, celsius=[-10.0, 25.0], found=[name])
+    assert told.name == "2RC"
+    assert "at some temperature" in told.reasons[name] or "rms" in told.reasons[name]
+
+
+def test_refusals():
+    found = fit(data(*measured(11, seconds=3000)), "0RC")
+    with pytest.raises(Refusal, match="the data are one block"):
+        left_out(found, np.zeros(len(found.system.target), int))
+    with pytest.raises(Refusal, match="no member of the family could be fitted"):
+        choose({})
+    with pytest.raises(Refusal, match="not scored on the same blocks"):
+        choose({"1RC": score(1e-6, 1e-6), "2RC": score(1e-6)})
+    with pytest.raises(Refusal, match="not scored on the same blocks"):
+        choose({"1RC": score(1e-6), "2RC": score(1e-6, rows=99)})

@@ -1,0 +1,33 @@
+"""The pair of `group_plant` as the product knows it, and its records."""
+
+from functools import cache
+
+import group_plant
+import numpy as np
+
+from cellwright.effects.groups.model import Branch
+from cellwright.effects.groups.records import GroupRecord
+
+TABLE = np.array([group_plant.ocv(soc) for soc in np.linspace(0.0, 1.0, 401).tolist()])
+CELLS = [
+    Branch(
+        f"c{b}",
+        group_plant.CAPACITY[b],
+        TABLE,
+        (group_plant.R0[b], group_plant.R1[b], group_plant.R2[b]),
+        (group_plant.TAU1, group_plant.TAU2),
+        group_plant.ENERGY,
+        group_plant.WIRE,
+        True,
+    )
+    for b in range(2)
+]
+
+
+measured = cache(group_plant.measured)
+
+
+def record(name, seed, *, currents=True, celsius=25.0, **hidden):
+    time, total, volt, read = measured(seed, celsius=celsius, **hidden)
+    read = read if currents else None
+    return GroupRecord(name, time, total, volt, np.full(len(time), celsius), read)

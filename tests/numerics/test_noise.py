@@ -1,0 +1,131 @@
+"""Noise: whitening makes rows independent, and no slow effect is taken for noise."""
+
+import numpy as np
+import pytest
+
+from cellwright.effects.records import Record, stacked
+from cellwright.numerics import noise
+from cellwright.numerics.noise import Noise, estimated, read_volt, whitening
+
+LIMITS = {"most_slow_volt": 5e-3, "most_slow_second": 300.0}
+
+
+def stack_of(rows=6000, seed=1, records=2):
+    """Records on a jittered clock, at rest."""
+    random = np.random.default_rng(seed)
+    made = []
+    for k in range(records):
+        clock = np.cumsum(random.uniform(0.5, 2.0, rows // records))
+        blank = np.zeros(len(clock))
+        made.append(Record(f"r{k}", "drive", clock, blank, blank, blank + 25, 0.5))
+    return stacked(made, capacity_ampere_hour=2.0)
+
+
+def drawn(truth, stack, seed=2):
+    """White noise and an Ornstein–Uhlenbeck process that begins anew in each record."""
+    random = np.random.default_rng(seed)
+    slow, state = np.empty(len(stack.file)), 0.0
+    for k, step in enumerate(stack.step_second):
+        kept = 0.0 if stack.fresh[k] else np.exp(-step / truth.slow_second)
+        state = kept * state + truth.slow_volt * np.sqrt(1 - kept**2) * random.normal()
+        slow[k] = state
+    return slow + truth.white_volt * random.normal(size=len(slow))
+
+
+MIXED = Noise(1.5e-3, 0.82e-3, 100.0)
+
+
+def test_whitened_rows_are_independent_and_of_unit_size():
+    stack = stack_of()
+    rows = drawn(MIXED, stack)
+    white = whitening(MIXED, stack).apply(rows)
+    assert np.mean(white**2) == pytest.approx(1.0, abs=0.06)
+    for lag in (1, 2, 5, 20):
+        assert abs(np.mean(white[lag:] * white[:-lag])) < 0.05
+        assert np.mean(rows[lag:] * rows[:-lag]) / np.mean(rows**2) > 0.1
+
+
+def test_an_extra_error_counts_where_it_is():
+    stack = stack_of(2000)
+    extra = np.where(np.arange(2000) < 500, 0.01, 0.0)
+    white = whitening(Noise(1e-3, 0.0, 30.0), stack, extra_volt=extra).apply(np.full(2000, 1e-3))
+    assert white[0] == pytest.approx(1 / np.sqrt(101))
+    assert white[-1] == pytest.approx(1.0)
+
+
+def test_whitening_is_the_cholesky_factor_of_the_covariance():
+    stack = stack_of(60)
+    clock, file = stack.second, stack.file
+    apart = np.abs(np.subtract.outer(clock, clock)) / MIXED.slow_second
+    together = np.equal.outer(file, file) * np.exp(-apart) * MIXED.slow_volt**2
+    root = np.linalg.cholesky(together + MIXED.white_volt**2 * np.eye(60))
+    filters = whitening(MIXED, stack)
+    np.testing.assert_allclose(filters.apply(np.eye(60)), np.linalg.inv(root), atol=1e-6)
+    assert filters.log_variance == pytest.approx(2 * np.log(np.diag(root)).sum())
+
+
+def test_kernel_and_twin_agree(monkeypatch):
+    stack = stack_of(800)
+    rows = np.random.default_rng(3).normal(size=(800, 4))
+    kernel = whitening(MIXED, stack, extra_volt=1e-3)
+    kernel_rows = kernel.apply(rows)
+    monkeypatch.setattr(noise, "function", lambda *_, **__: None)
+    twin = whitening(MIXED, stack, extra_volt=1e-3)
+    for one, other in zip(kernel, twin, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    np.testing.assert_allclose(kernel_rows, twin.apply(rows), rtol=1e-10, atol=1e-10)
+
+
+def test_rows_that_came_in_stay_as_they_were():
+    stack, rows = stack_of(100), np.ones(100)
+    whitening(MIXED, stack).apply(rows)
+    assert (rows == 1).all()
+
+
+def test_white_and_slow_noise_are_found():
+    stack = stack_of()
+    found = estimated(drawn(MIXED, stack), stack, **LIMITS)
+    assert found.white_volt == pytest.approx(1.5e-3, rel=0.1)
+    assert found.slow_volt == pytest.approx(0.82e-3, rel=0.2)
+    assert found.slow_second == 100.0
+    assert found.volt == pytest.approx(MIXED.volt, rel=0.1)
+
+
+def test_noise_beside_the_grid_is_whitened_all_the_same():
+    stack = stack_of()
+    rows = drawn(Noise(1.5e-3, 1e-3, 60.0), stack)
+    white = whitening(estimated(rows, stack, **LIMITS), stack).apply(rows)
+    assert np.mean(white**2) == pytest.approx(1.0, abs=0.06)
+    assert abs(np.mean(white[1:] * white[:-1])) < 0.05
+
+
+def test_white_noise_has_no_slow_part():
+    stack = stack_of()
+    found = estimated(drawn(Noise(2e-3, 0.0, 30.0), stack), stack, **LIMITS)
+    assert found.white_volt == pytest.approx(2e-3, rel=0.05)
+    assert found.slow_volt < 3e-4
+
+
+def test_the_slow_part_stays_within_its_limits():
+    stack = stack_of()
+    rows = drawn(Noise(1e-3, 10e-3, 300.0), stack)
+    assert estimated(rows, stack, **LIMITS | {"most_slow_volt": 1.0}).slow_volt > 2e-3
+    found = estimated(rows, stack, most_slow_volt=1.2e-3, most_slow_second=100.0)
+    assert found.slow_volt <= 1.2e-3
+    assert found.slow_second <= 100.0
+
+
+def test_the_white_part_is_read_beside_a_slow_gap():
+    stack = stack_of()
+    rows = drawn(Noise(1.5e-3, 0.0, 30.0), stack)
+    gap = 0.03 * np.sin(stack.second / 400.0)
+    quiet, loud = (read_volt(r, stack, steady_ampere=0.05) for r in (rows, rows + gap))
+    assert quiet == pytest.approx(1.5e-3, rel=0.05)
+    assert loud == pytest.approx(quiet, rel=0.05)
+
+
+def test_without_neighbours_the_whole_residual_is_read():
+    stack = stack_of(200)
+    stack = stack._replace(current_ampere=np.tile([1.0, -1.0], 100))
+    rows = drawn(Noise(1.5e-3, 0.0, 30.0), stack)
+    assert read_volt(rows, stack, steady_ampere=0.05) == pytest.approx(1.5e-3, rel=0.25)

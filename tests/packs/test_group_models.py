@@ -1,0 +1,115 @@
+"""Cells known only from inside their group: the true ones back, from the charge alone."""
+
+import numpy as np
+import pytest
+
+from cellwright.packs.group import branch_currents, group_models
+from cellwright.packs.parallel import Group, group_of, simulate_parallel
+from cellwright.refusal import Refusal
+
+GRID = np.linspace(0, 1, 201)
+TRUE = Group(
+    ocv_volt=np.array([3.2 + 0.9 * GRID + 0.2 * np.tanh(8 * GRID)] * 2),
+    r0_ohm=np.array([0.30 - 0.1 * GRID, 0.15 + 0.0 * GRID]),
+    r_ohm=np.array([[0.10 + 0 * GRID], [0.05 + 0 * GRID]]),
+    tau_second=np.full((2, 1, 201), 300.0),
+    capacity_ampere_hour=np.array([1.7, 1.9]),
+)
+OFFSET = np.array([0.02, -0.01])
+# Rest, charge at 0.5 A and at a held voltage, rest, discharge, rest: rows of each.
+SPANS = {"rest": 60, "charge": 2700, "rest after": 300, "discharge": 1200, "last rest": 60}
+
+
+def record():
+    """The pair's record and steps; the sensors of the branches have offsets."""
+    ends = np.cumsum(list(SPANS.values()))
+    row = np.arange(ends[-1])
+    charge = 0.5 * np.minimum(1.0, np.exp((2400.0 - row) / 150.0))
+    total = np.select(
+        [row < ends[0], row < ends[1], row < ends[2], row < ends[3]], [0, charge, 0, -0.8], 0.0
+    )
+    time = 10.0 * row
+    run = simulate_parallel(time, total, TRUE, initial_soc=0.0)
+    measured = run.branch_current_ampere + OFFSET
+    series = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
+    series |= {f"branch_{k + 1}_current_ampere": measured[:, k] for k in range(2)}
+    first, last = np.append(0, ends[:-1]), ends - 1
+    steps = {
+        "kind": np.array(["rest", "CCCV", "rest", "CC", "rest"]),
+        "first_row": first,
+        "last_row": last,
+        "current_mean_ampere": np.array(
+            [total[a : b + 1].mean() for a, b in zip(first, last, strict=True)]
+        ),
+        "charge_ampere_hour": np.array(
+            [total[a : b + 1].sum() / 360 for a, b in zip(first, last, strict=True)]
+        ),
+    }
+    return series, steps
+
+
+@pytest.fixture(scope="module")
+def found():
+    return group_models(*record(), ["A", "B"], test="pair", celsius=None)
+
+
+def test_capacities_are_the_charges_received_without_the_offsets_of_the_sensors(found):
+    """Over the 8 h of the charge an offset of 20 mA would be a tenth of the capacity."""
+    series, steps = record()
+    before, after = steps["last_row"][0], steps["last_row"][2]
+    current = branch_currents(series)[before : after + 1] - OFFSET
+    received = (current[1:] + current[:-1]).sum(axis=0) * 10.0 / 7200.0
+    assert list(found) == ["A", "B"]
+    sizes = [model["capacity_ampere_hour"] for model in found.values()]
+    np.testing.assert_allclose(sizes, received, rtol=2e-3)
+
+
+def test_the_models_predict_the_discharge_that_they_have_not_seen(found):
+    series, steps = record()
+    rows = slice(steps["first_row"][3], None)
+    time, total = series["test_time_second"][rows], series["current_ampere"][rows]
+    group = group_of(list(found.values()), temperature_celsius=25.0)
+    run = simulate_parallel(time, total, group, initial_soc=1.0)
+    error = run.branch_current_ampere - (branch_currents(series)[rows] - OFFSET)
+    assert np.sqrt(np.mean(error**2)) < 0.03
+    assert np.sqrt(np.mean((run.voltage_volt - series["voltage_volt"][rows]) ** 2)) < 0.03
+
+
+def test_only_the_charge_between_its_rests_is_seen(found):
+    series, steps = record()
+    for name in series:
+        if name != "test_time_second":
+            series[name] = series[name].copy()
+            series[name][steps["first_row"][3] :] *= 0.7
+    steps["charge_ampere_hour"] = steps["charge_ampere_hour"].copy()
+    assert group_models(series, steps, ["A", "B"], test="pair", celsius=None) == found
+    fitted = found["A"]["fitted"]
+    assert fitted["test"] == "pair"
+    assert fitted["from_second"] == 10.0 * (SPANS["rest"] - 1)
+    assert fitted["to_second"] == 10.0 * (SPANS["rest"] + SPANS["charge"] + SPANS["rest after"] - 1)
+
+
+def test_what_the_models_say_of_themselves(found):
+    model = found["B"]
+    (entry,) = model["members"][0]["conditions"]
+    assert (model["cell"], model["kind"], model["chosen"]) == ("B", "group", "1RC")
+    assert entry["ambient_temperature_celsius"] == 25.0
+    assert len(entry["r0_ohm"]) == len(entry["soc"]) == 21
+    assert "identified inside its group from the charge" in model["notes"][0]
+    cold = group_models(*record(), ["A", "B"], test="pair", celsius=0.0)
+    assert cold["A"]["ocv"][0]["ambient_temperature_celsius"] == 0.0
+
+
+def test_branches_stand_in_the_order_of_their_numbers():
+    series = {f"branch_{k}_current_ampere": np.full(3, float(k)) for k in (10, 2, 1, 11, 3)}
+    np.testing.assert_array_equal(branch_currents(series)[0], [1, 2, 3, 10, 11])
+
+
+def test_refusals():
+    series, steps = record()
+    alone = {name: values for name, values in series.items() if name != "branch_2_current_ampere"}
+    with pytest.raises(Refusal, match="no currents of two or more branches"):
+        group_models(alone, steps, ["A", "B"], test="pair", celsius=25.0)
+    down = steps | {"current_mean_ampere": -np.abs(steps["current_mean_ampere"])}
+    with pytest.raises(Refusal, match="no charge between two rests"):
+        group_models(series, down, ["A", "B"], test="pair", celsius=25.0)

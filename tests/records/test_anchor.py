@@ -1,0 +1,89 @@
+"""Anchors of the state of charge, in their order, and what is refused."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cellwright.records.anchor import full_row, soc_series
+from cellwright.refusal import Refusal
+
+TABLE = {"ocv_soc": np.array([0.0, 0.5, 1.0]), "ocv_volt": np.array([3.0, 3.6, 4.2])}
+LIMITS = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
+
+
+def filled():
+    """A charge to 4.2 V, held to C/50, then half the 2 Ah out: (charge, current, voltage)."""
+    current = np.array([0.0, 1.0, 1.0, 0.4, 0.04, 0.0, -1.0, -1.0])
+    voltage = np.array([3.3, 3.8, 4.2, 4.2, 4.2, 4.18, 3.9, 3.8])
+    charge = np.array([0.0, 0.5, 1.0, 1.2, 1.3, 1.3, 0.8, 0.3])
+    return charge, current, voltage
+
+
+def test_stated_start_comes_first():
+    found = soc_series(*filled(), capacity_ampere_hour=2.0, soc_at_start=0.3, **LIMITS, **TABLE)
+    assert np.allclose(found.soc, 0.3 + filled()[0] / 2)
+    assert found.anchor == "stated at the start"
+
+
+def test_full_charge_in_the_record_is_one():
+    found = soc_series(*filled(), capacity_ampere_hour=2.0, **LIMITS, **TABLE)
+    assert np.isclose(found.soc[4], 1.0)
+    assert np.isclose(found.soc[-1], 0.5)
+
+
+def test_charge_pulse_that_touches_the_limit_is_not_full():
+    rate = np.array([0.0, 0.7, 0.5, 0.0])
+    assert full_row(rate, np.array([4.1, 4.2, 4.2, 4.15]), 4.2) is None
+    assert full_row(rate, np.array([4.1, 4.2, 4.2, 4.15]), None) is None
+
+
+def test_rest_voltage_is_looked_up_and_counting_is_not_clipped():
+    charge, current, voltage = np.array([0.0, 0, -1.9]), np.array([0.0, -1, -1]), [3.9, 3.7, 3.0]
+    found = soc_series(charge, current, voltage, capacity_ampere_hour=2.0, **LIMITS, **TABLE)
+    assert np.allclose(found.soc, [0.75, 0.75, -0.2])
+    assert "rest voltage" in found.anchor
+
+
+@given(st.floats(2.0, 5.0))
+def test_looked_up_start_stays_within_the_scale(volt):
+    still = np.zeros(3)
+    found = soc_series(still, still, still + volt, capacity_ampere_hour=2.0, **LIMITS, **TABLE)
+    assert 0 <= found.soc[0] <= 1
+
+
+def test_flat_table_is_allowed():
+    still, table = np.zeros(3), {"ocv_soc": [0, 0.3, 0.6, 1], "ocv_volt": [3.0, 3.3, 3.3, 3.4]}
+    found = soc_series(still, still, still + 3.35, capacity_ampere_hour=2.0, **LIMITS, **table)
+    assert np.isclose(found.soc[0], 0.8)
+
+
+@pytest.mark.parametrize(("moved", "first"), [(1.9, 0.975), (2.0, 1.0), (2.1, 1.0), (1.79, None)])
+def test_a_record_of_nearly_the_whole_scale_has_its_place(moved, first):
+    """K2's pulse tests: from full, but under load, of a cell without an upper limit or an OCV."""
+    charge = -np.linspace(0, moved, 5)
+    settings = {"capacity_ampere_hour": 2.0, "lower_cutoff_volt": 3.0, "upper_cutoff_volt": None}
+    if first is None:
+        with pytest.raises(Refusal, match="no OCV table"):
+            soc_series(charge, np.full(5, -1.0), np.full(5, 3.7), **settings)
+        return
+    found = soc_series(charge, np.full(5, -1.0), np.full(5, 3.7), **settings)
+    assert np.allclose(found.soc, first + charge / 2)
+    assert "moves" in found.anchor
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"capacity_ampere_hour": None}, "needs a positive one"),
+        ({"soc_at_start": 1.2}, "allowed is 0 to 1"),
+        ({}, "never ends a charge full at 4.2 V, and there is no OCV table"),
+        ({"upper_cutoff_volt": None}, "upper cut-off is not stated"),
+        (TABLE, "starts under a load of 0.5 C"),
+    ],
+)
+def test_refusals_name_what_is_missing(change, reason):
+    load = np.full(3, -1.0)
+    settings = {"capacity_ampere_hour": 2.0, **LIMITS, **change}
+    with pytest.raises(Refusal, match=reason):
+        soc_series(np.zeros(3), load, np.full(3, 3.7), **settings)

@@ -1,0 +1,205 @@
+"""What SoC refers to: a cell's own slow test, else a lender's curve and the cell's own capacity."""
+
+import numpy as np
+import pytest
+
+from cellwright.records.basis import Lender, basis, soc_of, soc_or_unknown
+from cellwright.refusal import Refusal
+
+SOC = np.linspace(0, 1, 201)
+
+
+def curve(celsius=25.0, out=2.0, back=None, test="ocv", cycle=None):
+    return {
+        "test": test,
+        "ambient_temperature_celsius": celsius,
+        "cycle": cycle,
+        "capacity_ampere_hour": out,
+        "charge_capacity_ampere_hour": back,
+        "soc": SOC.tolist(),
+        "ocv_volt": (3 + SOC + 0.001 * (25 if celsius is None else celsius)).tolist(),
+    }
+
+
+def row(size, rate=1.0, celsius=25.0, cycle=None, direction="discharge", test="capacity"):
+    return {
+        "test": test,
+        "ambient_temperature_celsius": celsius,
+        "cycle": cycle,
+        "direction": direction,
+        "c_rate": rate,
+        "capacity_ampere_hour": size,
+    }
+
+
+def test_an_own_slow_test_goes_before_everything():
+    lender = Lender("R", True, [curve(out=9.0)], [])
+    curves = [curve(0, 1.7, test="cold"), curve(23, 1.95), curve(None, 3.0, test="unstated")]
+    found = basis("A", curves, [row(1.8)], [lender], rated_capacity_ampere_hour=2.2)
+    assert found["capacity_ampere_hour"] == 1.95
+    assert found["capacity_source"] == "slow test ocv"
+    assert found["borrowed_from"] is None
+    assert found["ocv"] == curves
+
+
+def test_of_slow_tests_at_one_temperature_the_earliest_counts():
+    curves = [curve(out=1.5, cycle=300), curve(out=2.0), curve(out=1.8, cycle=100)]
+    assert basis("A", curves, [], [])["capacity_ampere_hour"] == 2.0
+
+
+@pytest.mark.parametrize(("back", "capacity"), [(2.05, 2.0), (2.2, 2.1), (1.8, 1.9)])
+def test_slow_directions_that_part_are_averaged(back, capacity):
+    """A sensor's offset adds to one direction what it takes from the other."""
+    found = basis("A", [curve(out=2.0, back=back)], [], [])
+    assert found["capacity_ampere_hour"] == pytest.approx(capacity)
+    assert ("mean of" in found["capacity_source"]) == (capacity != 2.0)
+
+
+def test_the_first_marked_reference_lends_else_the_largest():
+    small, large = Lender("S", True, [curve(out=1.9)], []), Lender("L", False, [curve(out=2.1)], [])
+    without = Lender("W", True, [], [row(2.5)])
+    assert basis("A", [], [row(1.8)], [large, small, without])["borrowed_from"] == "S"
+    both = [small, large._replace(marked=True)]
+    assert basis("A", [], [row(1.8)], both)["borrowed_from"] == "S"  # the first of the sheet
+    plain = small._replace(marked=False)
+    found = basis("A", [], [row(1.8)], [plain, large])
+    assert found["borrowed_from"] == "L"
+    assert found["ocv"] == large.curves
+
+
+def test_own_capacity_is_carried_by_the_lenders_ratio():
+    """The lender gives 2.0 Ah slowly and 1.9 Ah at 1C; the cell 1.71 Ah at 1C, so 1.8 Ah slowly."""
+    lent = [
+        row(1.5, celsius=0.0),
+        row(1.95, rate=0.5),
+        row(1.99, direction="charge"),
+        row(1.9, 1.02),
+    ]
+    found = basis("A", [], [row(1.71)], [Lender("R", True, [curve()], lent)])
+    assert found["capacity_ampere_hour"] == pytest.approx(1.8)
+    assert "carried to the slow rate as in R" in found["capacity_source"]
+
+
+def test_a_lender_measured_as_far_on_the_other_side_of_25_celsius_is_not_alike():
+    lender = Lender("R", True, [curve()], [row(1.9, celsius=40.0)])
+    found = basis("A", [], [row(1.71, celsius=10.0)], [lender])
+    assert found["capacity_ampere_hour"] == 1.71
+
+
+def test_two_tests_without_a_temperature_are_alike():
+    lender = Lender("R", True, [curve()], [row(1.9, celsius=None)])
+    found = basis("A", [], [row(1.71, celsius=None)], [lender])
+    assert found["capacity_ampere_hour"] == pytest.approx(1.8)
+
+
+def test_of_several_capacity_tests_the_nearest_freshest_slowest_counts():
+    rows = [
+        row(1.5, celsius=0),
+        row(1.6, cycle=300),
+        row(1.8),
+        row(1.9, 0.5),
+        row(2.0, 0.5, cycle=9),
+    ]
+    found = basis("A", [], [*rows, row(3.0, 0.01, direction="charge")], [])
+    assert found["capacity_ampere_hour"] == 1.9
+    assert found["capacity_source"] == "discharge of capacity at 0.5C"
+    assert found["ocv"] == []
+
+
+def test_the_rating_serves_last():
+    found = basis("A", [], [], [], rated_capacity_ampere_hour=2.2)
+    assert (found["capacity_ampere_hour"], found["capacity_source"]) == (2.2, "rating")
+    with pytest.raises(Refusal, match="no complete discharge, no slow test and no rating"):
+        basis("A", [], [row(1.9, direction="charge")], [])
+
+
+CELL = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
+
+
+def series(volt, amperes=0.0):
+    time = np.arange(0.0, 3601.0, 60.0)
+    current = np.full(len(time), amperes)
+    charge = amperes * time / 3600
+    return {
+        "charge_ampere_hour": charge,
+        "current_ampere": current,
+        "voltage_volt": volt + 0 * time,
+    }
+
+
+def test_soc_is_looked_up_in_the_curve_nearest_in_temperature():
+    known = basis("A", [curve(0), curve(40), curve(25)], [], [])
+    for celsius in (0, 25, 40):
+        facts = {"soc": None, "ambient_temperature_celsius": celsius}
+        found = soc_of(series(3.5 + 0.001 * celsius), known, facts, CELL)
+        assert found.soc[0] == pytest.approx(0.5, abs=1e-9)
+    unstated = soc_of(series(3.525), known, facts | {"ambient_temperature_celsius": None}, CELL)
+    assert unstated.soc[0] == pytest.approx(0.5, abs=1e-9)
+
+
+def test_soc_is_counted_over_the_capacity_of_the_basis():
+    known = basis("A", [], [row(1.6)], [])
+    facts = {"soc": 0.9, "ambient_temperature_celsius": 25}
+    found = soc_of(series(3.5, -0.8), known, facts, CELL)
+    assert found.soc[-1] == pytest.approx(0.4)
+    with pytest.raises(Refusal, match="there is no OCV table"):
+        soc_of(series(3.5, -0.8), known, facts | {"soc": None}, CELL)
+
+
+def test_without_any_anchor_soc_is_not_known_and_says_why():
+    columns = {
+        name: np.zeros(3)
+        for name in ("test_time_second", "charge_ampere_hour", "current_ampere", "voltage_volt")
+    }
+    facts = {"soc": None, "ambient_temperature_celsius": 25.0}
+    bare = {"capacity_ampere_hour": 2.0, "ocv": []}
+    found = soc_or_unknown(columns, bare, facts, CELL)
+    assert np.isnan(found.soc).all()
+    assert found.anchor.startswith("not known: no state of charge")
+    assert soc_or_unknown(columns, bare, facts | {"soc": 0.5}, CELL).soc[0] == 0.5
+
+
+def rests(celsius, size, load, test, cycle=None):
+    """A curve from rests: straight from 3 to 4 V over its own capacity."""
+    found = curve(celsius, size, test=test, cycle=cycle) | {"branches": "rests"}
+    found |= {"discharge_current_ampere": -load, "charge_current_ampere": None}
+    found |= {"capacity_source": "taken out", "measured_soc": [0.1, 1.0]}
+    return found | {"ocv_volt": (3 + SOC).tolist()}
+
+
+def test_own_rests_go_behind_a_slow_test_and_a_lender():
+    own = [rests(25.0, 1.9, 1.0, "hppc")]
+    assert basis("A", [curve()], [row(1.8)], [], rests=own)["ocv"] == [curve()]
+    lender = Lender("R", True, [curve()], [])
+    assert basis("A", [], [row(1.8)], [lender], rests=own)["borrowed_from"] == "R"
+    found = basis("A", [], [row(1.8)], [Lender("W", True, [], [row(2.5)])], rests=own)
+    assert found["ocv"] == own
+    assert found["borrowed_from"] is None
+    assert found["capacity_ampere_hour"] == 1.9
+    assert found["capacity_source"] == "taken out (rests of hppc)"
+    rated = [own[0] | {"capacity_source": "rating"}]
+    assert basis("A", [], [], [], rests=rated)["capacity_source"] == "rating"
+
+
+def test_of_several_pulse_tests_the_slowest_of_each_temperature_counts():
+    tests = [
+        rests(20.0, 1.8, 1.0, "cold fast"),
+        rests(20.0, 1.85, 0.501, "cold slow"),
+        rests(30.0, 1.9, 0.5, "warm slow"),
+        rests(30.0, 1.95, 0.502, "warm as slow"),
+        rests(30.0, 1.7, 0.3, "warm, aged", cycle=200),
+    ]
+    found = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
+    assert [c["test"] for c in found["ocv"]] == ["warm slow", "cold slow"]
+    assert found["capacity_ampere_hour"] == 1.9
+
+
+def test_curves_from_rests_share_charge_from_full():
+    """1 Ah taken out is the same voltage in both, whatever each record's own capacity is."""
+    tests = [rests(25.0, 2.0, 1.0, "warm"), rests(0.0, 1.6, 1.0, "cold")]
+    found = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
+    cold = found["ocv"][1]
+    assert np.interp(0.5, cold["soc"], cold["ocv_volt"]) == pytest.approx(4 - 1 / 1.6)
+    assert min(cold["ocv_volt"]) == pytest.approx(2.9, abs=1e-5)  # straight on, to the cut-off
+    assert (np.diff(cold["ocv_volt"]) > 0).all()
+    assert cold["measured_soc"] == pytest.approx([0.28, 1.0])

@@ -1,0 +1,148 @@
+"""Tests of a cell by temperature, and how its resistance moves with its own warmth."""
+
+import numpy as np
+import pytest
+import truth
+
+from cellwright.circuits.temperature import warmth
+from cellwright.identification.cell import FitTest
+from cellwright.identification.identify import activation_of, data_of, warmed
+from cellwright.records.record import course_celsius, groups_of
+
+CELL = {"cell": "A", "lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.3}
+TABLE = {"soc": truth.OCV_SOC.tolist(), "ocv_volt": truth.OCV_VOLT.tolist()}
+BASIS = {
+    "capacity_ampere_hour": truth.CAPACITY_AMPERE_HOUR,
+    "ocv": [TABLE | {"ambient_temperature_celsius": 25.0}],
+}
+TIME, CURRENT = truth.drive(np.random.default_rng(1), 3000)
+SOC = truth.soc_of(TIME, CURRENT, 1.0)
+
+
+def made(name, kind="drive", *, celsius=25.0, role="fit", soc=1.0, surface=None, factor=1.0):
+    noise = np.random.default_rng(2).normal(0, 5e-4, len(TIME))
+    series = {
+        "test_time_second": TIME,
+        "current_ampere": CURRENT,
+        "voltage_volt": truth.voltage(TIME, CURRENT, SOC, warmth=factor) + noise,
+        "charge_ampere_hour": (SOC - 1.0) * truth.CAPACITY_AMPERE_HOUR,
+    }
+    series |= {} if surface is None else {"surface_temperature_celsius": surface}
+    facts = {"test": name, "kind": kind, "role": role, "soc": soc}
+    return FitTest(facts | {"ambient_temperature_celsius": celsius}, series)
+
+
+def grouped(*tests):
+    return groups_of(list(tests), BASIS, CELL, split_rest_second=120.0)
+
+
+def test_groups_are_cold_first_and_within_two_kelvin():
+    found, notes = grouped(
+        made("c", celsius=25.0), made("a", celsius=-10.0), made("b", celsius=24.0)
+    )
+    assert [(group.celsius, group.tests) for group in found] == [
+        (-10.0, ("a",)),
+        (24.0, ("b", "c")),
+    ]
+    assert notes == []
+    for group in found:
+        assert [len(course) for course in group.courses] == [len(r.soc) for r in group.records]
+        assert all((record.warmth == 1.0).all() for record in group.records)
+
+
+def test_pulses_displace_drives_and_take_capacity_tests_with_them():
+    (pulsed,), _ = grouped(made("d"), made("h", "hppc"), made("q", "capacity"))
+    assert (set(pulsed.tests), pulsed.pulsed) == ({"h", "q"}, True)
+    (driven,), _ = grouped(made("d"), made("q", "capacity"))
+    assert (driven.tests, driven.pulsed) == (("d",), False)
+    assert grouped(made("q", "capacity")) == ([], [])
+
+
+def test_of_a_split_record_the_even_blocks_are_not_used():
+    (group,), _ = grouped(made("s", role="split"))
+    np.testing.assert_array_equal(group.records[0].used, TIME // 1500 % 2 == 0)
+
+
+def test_what_cannot_be_used_is_said():
+    bad = made("bad")
+    bad.series["voltage_volt"][3] = np.nan
+    (group,), notes = grouped(made("good"), bad)
+    assert group.tests == ("good",)
+    (note,) = notes
+    assert note.startswith("not fitted: bad: ")
+    assert "not finite" in note
+
+
+def test_the_temperature_of_a_cell_is_its_surface_s_else_the_chamber_s():
+    surface = np.linspace(20.0, 30.0, len(TIME))
+    cases = [
+        (made("a", surface=surface), surface, "the surface's measured"),
+        (made("a", celsius=5.0), 5.0, "the chamber's"),
+        (made("a", celsius=None), 25.0, "25 °C, for want of any"),
+        (made("a", surface=np.where(TIME == 5, np.nan, 20.0)), 25.0, "the chamber's"),
+    ]
+    for test, celsius, source in cases:
+        found = course_celsius(test.facts, test.series)
+        np.testing.assert_array_equal(found[0], np.broadcast_to(celsius, len(TIME)))
+        assert found[1] == source
+
+
+def test_a_bridged_gap_has_a_temperature_too():
+    test = made("h", "hppc", surface=np.linspace(20.0, 30.0, len(TIME)))
+    kept = (TIME < 800) | (TIME > 2000)
+    cut = test._replace(series={name: values[kept] for name, values in test.series.items()})
+    (group,), _ = grouped(cut)
+    assert len(group.courses[0]) == len(group.records[0].soc) == kept.sum() + 4
+
+
+def data_for(group):
+    ocv = truth.ocv_at(truth.OCV_SOC)
+    settings = {"capacity_ampere_hour": truth.CAPACITY_AMPERE_HOUR, "spacing": 0.1}
+    return data_of(group.records, truth.OCV_SOC, ocv, **settings)
+
+
+def activation(*tests):
+    found, _ = grouped(*tests)
+    capacity = truth.CAPACITY_AMPERE_HOUR
+    return found, activation_of(found, data_for, capacity_ampere_hour=capacity)
+
+
+def test_the_activation_energy_is_found_between_temperatures():
+    kelvins = {celsius: warmth(celsius, 25.0, 35e3) for celsius in (0.0, 10.0, 25.0)}
+    tests = [made(f"t{c}", celsius=c, factor=factor) for c, factor in kelvins.items()]
+    _, found = activation(*tests)
+    np.testing.assert_allclose(found.joule_per_mole, 35e3, rtol=0.05)
+    assert "0 °C 3" in found.words
+
+
+def test_the_activation_energy_is_found_from_the_cell_s_own_warming():
+    surface = 25.0 + 10.0 * np.sin(TIME / 700.0)
+    factor = warmth(surface, 25.0, 30e3)
+    groups, found = activation(made("a", surface=surface, factor=factor))
+    assert found.joule_per_mole == (30e3,)
+    assert "30 kJ/mol, from the cell's own warming by 19 K" in found.words
+    (record,) = warmed(groups[0], 30e3).records
+    np.testing.assert_allclose(record.warmth, factor)
+    assert groups[0].records[0].warmth.max() == 1.0
+
+
+def test_a_temperature_of_a_few_rows_takes_the_energy_of_its_neighbours():
+    cold, warm = made("a", celsius=0.0, factor=warmth(0.0, 25.0, 35e3)), made("c", celsius=25.0)
+    few = made("b", celsius=10.0)
+    few = few._replace(series={name: values[297:305] for name, values in few.series.items()})
+    _, found = activation(cold, few, warm)
+    _, without = activation(cold, warm)
+    np.testing.assert_allclose(found.joule_per_mole, without.joule_per_mole[0])
+    assert activation(few, cold)[1].joule_per_mole == (0.0, 0.0)
+
+
+def test_a_cell_that_keeps_its_temperature_shows_none():
+    _, found = activation(made("a", surface=np.full(len(TIME), 25.0)))
+    assert found == ((0.0,), "")
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0])
+def test_resistance_that_does_not_fall_with_warmth_has_no_activation_energy(scale):
+    """An energy below zero is an error of the fit, not a property."""
+    _, found = activation(made("a", celsius=0.0, factor=scale), made("b", celsius=25.0))
+    np.testing.assert_allclose(found.joule_per_mole, 0.0, atol=500.0)

@@ -1,0 +1,156 @@
+"""Artefacts: what is saved is loaded, reasons are passed on, the contract is held."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cellwright.refusal import Refusal
+from runtime import artefact, contract
+
+CURVE = {"voltage_volt": np.array([3.0, 3.5]), "dq_dv_ampere_hour_per_volt": np.array([1.0, 2.0])}
+PATH = "results/ica_curve/A/t.parquet"
+
+
+def _saved(snakemake, path=PATH, content=CURVE, **facts):
+    with artefact.Job(snakemake(path)) as job:
+        job.save(content, **facts)
+    return path
+
+
+def _refused(snakemake, path=PATH, reason="no charge in the record"):
+    with artefact.Job(snakemake(path)):
+        raise Refusal(reason)
+    return path
+
+
+def test_columns_come_back_as_they_were(snakemake):
+    loaded = artefact.load(_saved(snakemake, quality=np.float64(0.5)))
+    assert list(loaded) == list(CURVE)
+    assert np.array_equal(loaded["voltage_volt"], CURVE["voltage_volt"])
+    assert artefact.read_about(PATH)["facts"] == {"quality": 0.5}
+
+
+def test_same_content_gives_same_bytes(snakemake):
+    first = Path(_saved(snakemake)).read_bytes()
+    Path(PATH).unlink()
+    assert Path(_saved(snakemake)).read_bytes() == first
+
+
+def test_provenance_holds_inputs_and_no_absolute_path(snakemake, tmp_path):
+    Path("raw.csv").write_text("1")
+    with artefact.Job(snakemake(PATH, inputs=["raw.csv"], delay=10)) as job:
+        job.save(CURVE)
+    about = artefact.read_about(PATH)
+    assert list(about["inputs"]) == ["raw.csv"]
+    assert len(about["inputs"]["raw.csv"]) == 64
+    assert about["params"]["delay"] == 10
+    assert str(tmp_path) not in json.dumps(about)
+
+
+def test_refusal_is_written_and_passed_on_with_its_origin(snakemake):
+    _refused(snakemake)
+    later = "results/ica_curve/A/later.parquet"
+    with artefact.Job(snakemake(later)) as job:
+        job.load(PATH)
+    about = artefact.read_about(later)
+    assert about["reason"] == "no charge in the record"
+    assert about["origin"] == PATH
+    assert Path("job.log").read_text().count("no charge") == 2
+
+
+def test_internal_error_costs_only_its_own_artefact(snakemake, capsys):
+    with artefact.Job(snakemake(PATH)):
+        _ = 1 / 0
+    assert artefact.read_about(PATH)["reason"].startswith("internal error: ZeroDivisionError")
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_interrupt_is_not_swallowed(snakemake):
+    with pytest.raises(KeyboardInterrupt), artefact.Job(snakemake(PATH)):
+        raise KeyboardInterrupt
+
+
+def test_output_saved_before_a_refusal_is_kept(snakemake):
+    second = "results/ica_curve/A/second.parquet"
+    with artefact.Job(snakemake(PATH, second)) as job:
+        job.save(CURVE, PATH)
+        raise Refusal("second part impossible")
+    assert len(artefact.load(PATH)["voltage_volt"]) == 2
+    with pytest.raises(artefact.Passed, match="second part impossible"):
+        artefact.load(second)
+
+
+def test_rows_and_columns_are_the_same_content(snakemake):
+    _saved(snakemake, content=artefact.rows(CURVE))
+    assert np.array_equal(artefact.load(PATH)["voltage_volt"], CURVE["voltage_volt"])
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"voltage_volt": [1.0]}, "dq_dv_ampere_hour_per_volt is missing"),
+        (CURVE | {"volt": [1.0, 2.0]}, "volt is not in the contract"),
+    ],
+)
+def test_contract_is_held(columns, said):
+    with pytest.raises(ValueError, match=said):
+        contract.check("ica_curve", columns)
+
+
+def test_range_of_the_contract_names_the_row():
+    columns = {name: np.zeros(2) for name in contract.stages()["ocv"]["columns"]}
+    columns["soc"] = np.array([0.5, 1.5])
+    with pytest.raises(ValueError, match=r"soc row 1 is 1\.5, wanted 0 … 1"):
+        contract.check("ocv", columns)
+
+
+def test_families_of_columns_are_known():
+    names = contract.stages()["pack_series"]["columns"]
+    columns = {name: np.zeros(1) for name in names if "<" not in name}
+    contract.check("pack_series", columns | {"branch_3_current_ampere": np.zeros(1)})
+    series = {name: np.zeros(1) for name in ("test_time_second", "current_ampere", "voltage_volt")}
+    contract.check("ingest", series | {"surface_temperature_2_celsius": np.zeros(1)})
+
+
+def test_json_documents_carry_their_provenance_inside(snakemake):
+    path = _saved(snakemake, "results/models/A.json", {"cell": "A", "value": np.nan})
+    document = json.loads(Path(path).read_text())
+    assert document["cell"] == "A"
+    assert document["value"] is None
+    assert document["provenance"]["rule"] == "toy"
+    assert artefact.load(path) == {"cell": "A", "value": None}
+
+
+def test_tables_have_the_columns_of_the_contract_even_without_rows(snakemake):
+    path = "results/tables/validation.csv"
+    _saved(snakemake, path, [])
+    header = Path(path).read_text().strip().split(",")
+    assert header == list(contract.stages()["tables/validation"]["columns"])
+    assert artefact.load_table(path) == []
+
+
+def test_cells_of_tables_are_plain(snakemake):
+    path = "results/tables/excluded.csv"
+    row = {"cell": "A", "test": None, "file": "x", "stage": "ocv", "reason": 'says "no", why'}
+    _saved(snakemake, path, [row])
+    assert artefact.load_table(path)[0] == row | {"test": ""}
+
+
+def test_refused_figure_says_why(snakemake):
+    _refused(snakemake, "results/figures/A/ica.svg", "no peaks < 3 V")
+    assert "no peaks &lt; 3 V" in Path("results/figures/A/ica.svg").read_text()
+
+
+def test_load_some_passes_the_reason_on_where_nothing_has_content(snakemake):
+    _refused(snakemake)
+    with pytest.raises(artefact.Passed, match="no charge"):
+        artefact.load_some([PATH])
+
+
+def test_load_together_keeps_pairs(snakemake):
+    _saved(snakemake)
+    bad = _refused(snakemake, "results/ica_curve/A/bad.parquet")
+    found = artefact.load_together([(PATH, bad), (PATH, PATH)])
+    assert len(found) == 1

@@ -1,0 +1,66 @@
+"""What of the contract makes an artefact anew: what it is held against, and nothing else."""
+
+import pytest
+
+from runtime import contract
+
+CAPACITY = "results/capacity/A/C20.parquet"
+TABLE = "results/tables/capacity.csv"
+STAGES = {
+    "capacity": {"columns": {"cell_ampere_hour": {"unit": "Ah", "range": [0, None]}}},
+    "tables/capacity": {"columns": {"cell": {}, "cell_ampere_hour": {"required": False}}},
+    "health": {"columns": {"knee": {}}},
+}
+
+
+@pytest.fixture
+def fingerprint(monkeypatch):
+    """Hash of the files under a contract in which one column of one entry is another."""
+
+    def hashed(*paths, **changed):
+        stages = {stage: {"columns": dict(one["columns"])} for stage, one in STAGES.items()}
+        for stage, columns in changed.items():
+            stages[stage]["columns"].update(columns)
+        monkeypatch.setattr(contract, "stages", lambda: stages)
+        contract.fingerprint.cache_clear()
+        return contract.fingerprint(*paths)
+
+    yield hashed
+    contract.fingerprint.cache_clear()
+
+
+@pytest.mark.parametrize(
+    "column",
+    [
+        {"cell_ampere_hour": {"unit": "Ah", "range": [0, 9]}},
+        {"cell_ampere_hour": {"unit": "Ah", "range": [0, None], "required": False}},
+        {"more": {"unit": "1"}},
+    ],
+)
+def test_a_range_a_column_and_its_need_count(fingerprint, column):
+    assert fingerprint(CAPACITY, capacity=column) != fingerprint(CAPACITY)
+
+
+def test_words_and_other_entries_do_not(fingerprint):
+    words = {"cell_ampere_hour": {"unit": "A h", "meaning": "charge", "range": [0, None]}}
+    assert fingerprint(CAPACITY, capacity=words) == fingerprint(CAPACITY)
+    assert fingerprint(CAPACITY, health={"more": {}}) == fingerprint(CAPACITY)
+    assert fingerprint(CAPACITY) != fingerprint(TABLE)
+
+
+def test_what_has_no_entry_has_no_hash(fingerprint):
+    assert fingerprint("results/models/A.json", "logs/capacity/A.log") == ""
+
+
+@pytest.mark.parametrize(
+    ("path", "entry"),
+    [
+        (CAPACITY, "capacity"),
+        (TABLE, "tables/capacity"),
+        ("results/summary.csv", "summary"),
+        ("results/figures/A.svg", None),
+        ("somewhere/else.csv", None),
+    ],
+)
+def test_the_entry_of_a_file(path, entry):
+    assert contract.entry_of(path) == entry
