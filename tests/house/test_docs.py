@@ -18,7 +18,7 @@ SCHEMAS = ROOT / "workflow" / "schemas"
 
 
 def rules() -> list[str]:
-    files = [*(ROOT / "workflow").rglob("*.smk"), ROOT / "workflow" / "Snakefile"]
+    files = [*(ROOT / "workflow" / "rules").rglob("*.smk"), ROOT / "workflow" / "Snakefile"]
     texts = [path.read_text(encoding="utf-8") for path in files]
     return sorted(
         rule for text in texts for rule in re.findall(r"^(?:rule|checkpoint) (\w+):", text, re.M)
