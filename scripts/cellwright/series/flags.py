@@ -138,7 +138,7 @@ def flag(
     """
     time, current, voltage = (columns[name] for name in SERIES)
     flags = _unreadable(time, current, voltage)
-    step = current_step_fraction * _largest(current, flags)
+    step = current_step_fraction * float(np.max(np.abs(current[flags == 0]), initial=0.0))
     _flag_among(flags, lambda rows: _repeats(time[rows], current[rows], voltage[rows], step))
     _flag_among(flags, lambda rows: _out_of_place(time[rows]))
     _flag_among(flags, lambda rows: _clock_jumps(time[rows], rows, gap_factor))
@@ -178,10 +178,6 @@ def _dead(voltage: np.ndarray) -> np.ndarray:
     """Rows of exactly 0 V between rows of more than 1 V: the instrument did not measure."""
     before, after = np.roll(voltage, 1), np.roll(voltage, -1)
     return (voltage == 0) & (np.abs(before) > 1) & (np.abs(after) > 1)
-
-
-def _largest(current: np.ndarray, flags: np.ndarray) -> float:
-    return float(np.max(np.abs(current[flags == 0]), initial=0.0))
 
 
 def _repeats(time: np.ndarray, current: np.ndarray, voltage: np.ndarray, step: float) -> np.ndarray:

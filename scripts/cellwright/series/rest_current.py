@@ -257,7 +257,11 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
     )
     done = "counted"
     if verdict == "sensor":
-        loaded = readings.mean() * (hours[-1] - hours[0] - _length(hours, rests)) / span
+        loaded = (
+            readings.mean()
+            * (hours[-1] - hours[0] - float(np.sum(hours[rests.stop - 1] - hours[rests.first])))
+            / span
+        )
         done = (
             f"not counted (if it is there under load too, which no rest tells, {loaded:+.1%} more)"
         )
@@ -282,10 +286,6 @@ def as_logged(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     added = np.concatenate([[0.0], np.cumsum((more[1:] + more[:-1]) / 2 * np.diff(hours))])
     charge = series["charge_ampere_hour"] + added
     return {**series, "current_ampere": logged, "charge_ampere_hour": charge}
-
-
-def _length(hours: np.ndarray, rests: RestReading) -> float:
-    return float(np.sum(hours[rests.stop - 1] - hours[rests.first]))
 
 
 def open_circuit(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
