@@ -33,7 +33,7 @@ HEADER_LINES = 100  # a file's two headers have about twenty lines
 
 
 def recognises(head: bytes) -> bool:
-    """The first line says so."""
+    """Whether the first line is that of a LabVIEW measurement file."""
     return line_of(head, 1).startswith(MARK)
 
 
