@@ -38,8 +38,9 @@ rule largest:
 # Its script has a module of its own beside it that bears the name of one of ours.
 SCRIPT = """
 from tables import largest
+cell, names = largest(snakemake.input[0], snakemake.params.column), sorted(snakemake.params.keys())
 with open(snakemake.output[0], "w") as file:
-    print(largest(snakemake.input[0], snakemake.params.column), sorted(snakemake.params.keys()), file=file)
+    print(cell, names, file=file)
 """
 TABLES = """
 import csv

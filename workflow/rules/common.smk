@@ -98,6 +98,12 @@ def everywhere(stage, *kinds, **roles):
     return [path for name in TESTS_OF for path in artefacts(stage, name, *kinds, **roles)]
 
 
+def chamber_temperatures(cell, *kinds):
+    """Stated temperatures of a cell's tests of these kinds that may be fitted [°C]."""
+    rows = tests(cell, *kinds, roles=["fit"])
+    return {row["ambient_temperature_celsius"] for row in rows} - {None}
+
+
 def either(names):
     """Wildcard constraint: one of these names, or nothing at all."""
     return "|".join(sorted(names)) or "(?!)"
@@ -146,6 +152,11 @@ TEST_FACTS = {
     f"{name}/{test}": {key: row[key] for key in ["cycle", "ambient_temperature_celsius", "soc"]}
     for (name, test), row in TESTS.items()
 }
+
+
+def facts_of_own_tests(wildcards):
+    """Of each of a cell's tests what tables say beside its results."""
+    return {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{wildcards.cell}/")}
 
 
 # Snakemake's default limit of 100 jobs a second limits nothing here, and costs: each look for jobs
