@@ -74,12 +74,8 @@ def facts_of(name):
 
 
 def tests(name, *kinds, roles=("fit", "validation", "split")):
-    """Rows of the sheet: tests of a cell or group of these kinds (none named: all) and roles."""
-    return [
-        row
-        for row in TESTS_OF[name]
-        if (not kinds or row["kind"] in kinds) and row["role"] in roles
-    ]
+    """Rows of the sheet: tests of a cell or group of these kinds and roles."""
+    return [row for row in TESTS_OF[name] if row["kind"] in kinds and row["role"] in roles]
 
 
 def artefacts(stage, name, *kinds, roles=("fit", "validation", "split")):
