@@ -1,5 +1,7 @@
 """The workflow as a module of another one: its rules renamed, its sheets and config that one's."""
 
+import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -52,8 +54,10 @@ def largest(path, column):
 
 def snakemake(folder, *arguments):
     program = [sys.executable, "-m", "snakemake", "--cores", "1"]
+    # As in an environment that has the packages, without the launcher `run`.
+    plain = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run(
-        [*program, *arguments], cwd=folder, capture_output=True, text=True, check=False
+        [*program, *arguments], cwd=folder, env=plain, capture_output=True, text=True, check=False
     )
     return done.returncode, done.stdout + done.stderr
 
@@ -135,3 +139,14 @@ def test_without_a_config_of_the_module_the_campaign_s_file_is_read(tmp_path):
     folder = write(tmp_path / "fleet", using)
     (folder / "config/config.yaml").write_text("clean:\n  gap_second: -1\n")
     assert "config/config.yaml, line 2, clean.gap_second: found -1" in snakemake(folder, "-n")[1]
+
+
+def test_a_few_rules_can_be_used_under_their_own_names(tmp_path):
+    start, end = USING.index("use rule *"), USING.index("rule largest")
+    few = "use rule ingest, clean, segment, capacity from cellwright\n\n"
+    folder = write(tmp_path / "fleet", USING[:start] + few + USING[end:])
+    status, said = snakemake(folder, "--dry-run", CAPACITY)
+    assert status == 0, said
+    planned = said.split("Job stats:")[1].split("\ntotal")[0]
+    jobs = re.findall(r"^(\w+) +\d+$", planned, re.M)
+    assert sorted(jobs) == ["capacity", "clean", "ingest", "segment"]

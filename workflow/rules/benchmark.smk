@@ -50,7 +50,7 @@ rule effect_left_out:
         folder=subpath(input.tests, ancestor=2),
         options=OPTIONS,
     message:
-        "Which names the second search of a cell has to do without."
+        "For each cell of the benchmark, the effects that its second search may not use."
     script:
         "../../scripts/benchmark/effect_left_out.py"
 
@@ -76,7 +76,7 @@ rule effect_answers:
             ]
         },
     message:
-        "Search batch {wildcards.batch} of {params.batches} of the hidden campaign, and try the controls."
+        "Search batch {wildcards.batch} of {params.batches} of the hidden campaign, and its controls."
     script:
         "../../scripts/benchmark/effect_answers.py"
 
@@ -98,6 +98,6 @@ rule missing_effect_benchmark:
         folder=subpath(input.tests, ancestor=2),
         options=OPTIONS,
     message:
-        "Set every answer beside what was hidden: {output.page}."
+        "Score every search against the hidden truth: {output.page}."
     script:
         "../../scripts/benchmark/missing_effect_benchmark.py"

@@ -61,7 +61,7 @@ rule compensation:
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
     message:
-        "Which law over temperature predicts what {wildcards.cell} does where it was left out."
+        "Compare laws over temperature of {wildcards.cell}: each temperature predicted from the others."
     script:
         "../../scripts/compensation/compensation.py"
 
@@ -96,6 +96,6 @@ rule figure_compensation:
     log:
         "logs/figures/{cell}_compensation.log",
     message:
-        "Figure: {wildcards.cell} at temperatures that its model was not told."
+        "Figure: model of {wildcards.cell} at temperatures left out of its fit."
     script:
         "../../scripts/figure_compensation.py"

@@ -79,7 +79,7 @@ rule fast_charge:
         test=test_facts,
         cell=cell_facts,
     message:
-        "Fast charge of {wildcards.cell} in {wildcards.test}: what is in after {params.settings[minutes]} min."
+        "Fast charge of {wildcards.cell} in {wildcards.test}: charge accepted in {params.settings[minutes]} min."
     script:
         "../../scripts/loss/fast_charge.py"
 

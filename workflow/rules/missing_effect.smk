@@ -80,7 +80,7 @@ rule effect_search:
         cell=cell_facts,
         references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
     message:
-        "Search for what the model of {wildcards.cell} lacks."
+        "Search for an effect that the model of {wildcards.cell} lacks."
     script:
         "../../scripts/missing_effect/effect_search.py"
 
@@ -103,7 +103,7 @@ rule missing_effect_group:
         branches=lambda w: BRANCHES[w.group],
         lenders=lambda w: {row["cell"]: lender(row["cell"]) for row in BRANCHES[w.group]},
     message:
-        "Search for what one branch of {wildcards.group} has of its own."
+        "Search for an effect in one branch of the parallel group {wildcards.group}."
     script:
         "../../scripts/missing_effect/missing_effect_group.py"
 
@@ -142,7 +142,7 @@ rule figure_missing_effect:
     params:
         gates=config["missing_effect"],
     message:
-        "Figures: what the model of {wildcards.cell} lacks, and how one can see it."
+        "Figures: effect that the model of {wildcards.cell} lacks, and the evidence for it."
     script:
         "../../scripts/figure_missing_effect.py"
 
@@ -162,6 +162,6 @@ rule figure_missing_effect_group:
     params:
         gates=config["missing_effect_group"]["gates"],
     message:
-        "Figures: what one branch of {wildcards.group} has of its own, and how one can see it."
+        "Figures: effect in one branch of {wildcards.group}, and the evidence for it."
     script:
         "../../scripts/figure_missing_effect_group.py"
