@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -150,3 +151,23 @@ def test_a_few_rules_can_be_used_under_their_own_names(tmp_path):
     planned = said.split("Job stats:")[1].split("\ntotal")[0]
     jobs = re.findall(r"^(\w+) +\d+$", planned, re.M)
     assert sorted(jobs) == ["capacity", "clean", "ingest", "segment"]
+
+
+def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
+    page = (ROOT / "docs" / "use-as-module.md").read_text(encoding="utf-8")
+    folder = write(tmp_path / "fleet")
+    (folder / "Snakefile").write_text(page.split("```")[1].replace("path/to/cellwright", str(ROOT)))
+    status, said = snakemake(folder, "--dry-run")
+    assert status == 0, said
+    jobs = dict(
+        re.findall(r"^(\w+) +(\d+)$", said.split("Job stats:")[1].split("\ntotal")[0], re.M)
+    )
+    assert {"everything", "largest", "cellwright_table", "cellwright_ingest"} <= set(jobs)
+
+
+def test_a_workflow_without_its_scripts_says_that_a_clone_is_needed(tmp_path):
+    shutil.copytree(ROOT / "workflow", tmp_path / "fetched" / "workflow")
+    using = USING.replace("{house}", str(tmp_path / "fetched"))
+    status, said = snakemake(write(tmp_path / "fleet", using), "--dry-run")
+    assert status != 0
+    assert "Cellwright runs from a clone on this disk" in said
