@@ -2,7 +2,11 @@
 
 import ast
 import contextlib
+import json
+import os
 import re
+import shutil
+import subprocess
 import sys
 import tomllib
 from fnmatch import fnmatch
@@ -14,7 +18,10 @@ from jsonschema import Draft202012Validator
 from setuptools import Distribution
 from setuptools.config.pyprojecttoml import apply_configuration
 
-from runtime import settings
+sys.path.insert(0, str(Path(__file__).parent))
+import tiny
+
+from runtime import artefact, settings
 
 ROOT = Path(__file__).resolve().parents[2]
 SCHEMAS = ROOT / "workflow" / "schemas"
@@ -74,6 +81,30 @@ def test_the_image_has_every_part_of_the_repository_that_rules_name():
     assert {"scripts", "tests/artefacts", "workflow/report/report"} <= named
     copied = re.findall(r"^COPY (\S+) /cellwright/", RECIPE, re.M)
     assert not [one for one in named if not any(f"{one}/".startswith(f"{c}/") for c in copied)]
+
+
+def test_the_files_of_the_image_are_enough_to_run_its_command(tmp_path):
+    """As the image lays them out, in another place, with the packages of this environment."""
+    image = tmp_path / "cellwright"
+    for source in re.findall(r"^COPY (\S+) /cellwright/", RECIPE, re.M):
+        copy = shutil.copytree if (ROOT / source).is_dir() else shutil.copy
+        (image / source).parent.mkdir(parents=True, exist_ok=True)
+        copy(ROOT / source, image / source)
+    entry = json.loads(re.search(r"^ENTRYPOINT (.*?\])$", RECIPE.replace("\\\n", ""), re.M)[1])
+    command = [word.replace("/cellwright", str(image)) for word in entry[1:]]
+    campaign = tiny.write(tmp_path / "campaign")
+    plain = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    for arguments in (["--dry-run"], ["results/capacity/B/capacity.parquet"]):
+        done = subprocess.run(
+            [sys.executable, "-m", entry[0], *command, "--cores", "1", *arguments],
+            cwd=campaign,
+            env=plain,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert artefact.read_about(campaign / arguments[0])["reason"] is None
 
 
 @pytest.mark.parametrize("name", ["cells", "tests", "groups", "config"])
