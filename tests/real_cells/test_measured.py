@@ -1,4 +1,4 @@
-"""The yardstick reads a finished campaign: which numbers it tells, and where they were measured."""
+"""Numbers of a finished campaign: which there are, and where they were measured."""
 
 import json
 
@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from real_cells import gather, nested, reading, words
+from real_cells import measured, tables
+from real_cells.quantities import KEYS, rate_in_words
 
 CONTENT = {
     "capacity": {
@@ -109,8 +110,8 @@ def _json(path, content, reason=None):
     path.write_text(json.dumps(content | {"provenance": {"reason": reason}}))
 
 
-def told(campaign):
-    rows = gather.numbers(campaign)
+def numbers_of(campaign):
+    rows = tables.of_campaign(campaign)
     keys = rows[["cell", "quantity", "where"]].itertuples(index=False, name=None)
     return dict(zip(keys, rows["value"], strict=True))
 
@@ -146,23 +147,23 @@ EXPECTED = [
 
 
 @pytest.mark.parametrize(("cell", "quantity", "where", "value"), EXPECTED)
-def test_a_number_is_told_with_its_place(campaign, cell, quantity, where, value):
-    assert told(campaign)[cell, quantity, where] == value
+def test_a_number_stands_with_its_place(campaign, cell, quantity, where, value):
+    assert numbers_of(campaign)[cell, quantity, where] == value
 
 
 def test_every_number_stands_once_and_what_is_not_known_not_at_all(campaign):
-    rows = gather.numbers(campaign)
-    assert not rows.duplicated(gather.KEYS).any()
+    rows = tables.of_campaign(campaign)
+    assert not rows.duplicated(KEYS).any()
     assert "spectrum: charge-transfer resistance" not in set(rows["quantity"])
-    assert not [key for key in told(campaign) if "coulomb" in key[2]]
+    assert not [key for key in numbers_of(campaign) if "coulomb" in key[2]]
 
 
-def test_of_many_cells_models_are_told_as_median_and_worst(campaign):
+def test_of_many_cells_models_are_given_as_median_and_worst(campaign):
     path = campaign / "results/tables/validation.csv"
     one = pd.read_csv(path).iloc[:1]
     cells = [one.assign(cell=f"h{k}", rmse_volt_soc_5_95=k / 1e3) for k in range(1, 10)]
     pd.concat(cells).to_csv(path, index=False)
-    found = told(campaign)
+    found = numbers_of(campaign)
     assert found["median of 9 cells", "error of the chosen member", "25 °C"] == "5"
     assert found["worst of 9 cells", "error of the chosen member", "25 °C"] == "9"
     assert found["all", "chosen member", "25 °C"] == "2RC: 9"
@@ -176,7 +177,7 @@ def test_right_verdicts_are_counted_where_the_campaign_says_what_is_hidden(campa
         "effects": [{"effect": "current_offset", "accept": ["current_offset", "leakage"]}],
     }
     (campaign / "truth.json").write_text(json.dumps({"cells": {"A": hidden, "Z": hidden}}))
-    found = told(campaign)
+    found = numbers_of(campaign)
     assert found["all", "right verdicts", "of 2 cells"] == "1"
     assert found["all", "false names and false alarms", "of 2 cells"] == "0"
 
@@ -184,11 +185,11 @@ def test_right_verdicts_are_counted_where_the_campaign_says_what_is_hidden(campa
 def test_a_campaign_without_a_table_is_named(campaign):
     (campaign / "results/tables/soc.csv").unlink()
     with pytest.raises(FileNotFoundError, match=r"soc\.csv: there is no such table"):
-        gather.numbers(campaign)
+        tables.of_campaign(campaign)
 
 
 def test_a_published_number_stands_beside_its_own_and_alone_where_there_is_none(campaign):
-    columns = [*gather.KEYS, "value", "source"]
+    columns = [*KEYS, "value", "source"]
     published = pd.DataFrame(
         [
             ["made_up", "A", "capacity", "25 °C, discharge, 1C", "2.15", "a paper"],
@@ -197,7 +198,7 @@ def test_a_published_number_stands_beside_its_own_and_alone_where_there_is_none(
         ],
         columns=columns,
     )
-    rows = gather.with_published(gather.numbers(campaign), published)
+    rows = tables.with_published(tables.of_campaign(campaign), published)
     rows = rows[rows["published"] != ""]
     assert rows["value"].tolist() == ["2.1", ""]
     assert rows["published"].tolist() == ["2.15", "2.3"]
@@ -208,45 +209,9 @@ def test_a_published_number_stands_beside_its_own_and_alone_where_there_is_none(
     ("c_rate", "word"), [(0.0333, "C/30"), (-1.04, "1C"), (2.06, "2C"), (np.nan, "rate not known")]
 )
 def test_a_rate_has_its_customary_name(c_rate, word):
-    assert words.rate(c_rate) == word
+    assert rate_in_words(c_rate) == word
 
 
 def test_an_artefact_with_a_reason_is_no_document(campaign):
     _json(campaign / "results/missing_effect/B/verdict.json", {}, reason="no test for proof")
-    assert list(reading.documents(campaign, "missing_effect/*/verdict.json")) == ["A"]
-
-
-def test_a_campaign_is_laid_out_and_what_is_gone_there_goes_here(campaign, tmp_path):
-    target = tmp_path / "real" / "made_up"
-    (campaign / "raw").mkdir()
-    (campaign / "raw/a.csv").write_text("1")
-    (campaign / "raw/b.csv").write_text("2")
-    nested.lay_out(campaign, target)
-    assert (target / "raw/b.csv").read_text() == "2"
-    assert not (target / "results").exists()
-    (target / "results").mkdir()
-    (campaign / "raw/a.csv").unlink()
-    nested.lay_out(campaign, target)
-    assert [path.name for path in (target / "raw").iterdir()] == ["b.csv"]
-    assert (target / "results").is_dir()
-
-
-def test_campaigns_that_are_not_there_are_named(campaign, tmp_path):
-    assert nested.wanted(tmp_path, []) == ["made_up"]
-    with pytest.raises(FileNotFoundError, match="found no a124, wanted one of"):
-        nested.wanted(tmp_path, ["a124"])
-    with pytest.raises(FileNotFoundError, match=r"real\.folder"):
-        nested.wanted(tmp_path / "nowhere", [])
-
-
-def test_a_failed_run_says_where_its_log_is(tmp_path):
-    (tmp_path / "bad/config").mkdir(parents=True)
-    (tmp_path / "bad/config/tests.tsv").write_text("cell\n")
-    log = tmp_path / "bad.log"
-    with pytest.raises(RuntimeError, match=r"the run of bad failed; all it said is in .*bad\.log"):
-        nested.run(tmp_path / "bad", whole=False, log=log)
-    assert "cells.tsv" in log.read_text()
-
-
-def test_a_campaign_that_was_never_timed_is_expected_to_take_longest():
-    assert nested.expected_second("weng") < nested.expected_second("never_recorded")
+    assert list(measured.read_documents(campaign, "missing_effect/*/verdict.json")) == ["A"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from real_cells import check, gather, page, record, truth
+from real_cells import page, record, tables
 from real_cells.quantities import QUANTITIES, SIDES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,71 +26,71 @@ def table(changes=None, without=(), **columns):
     """Numbers of a made-up campaign, some of them changed or left out."""
     values = {**dict(ROWS), **(changes or {})}
     rows = [{"quantity": q, "value": v, **PLACE} for q, v in values.items() if q not in without]
-    return gather.finished(pd.DataFrame(rows), "made_up").assign(**columns)
+    return tables.described(pd.DataFrame(rows), "made_up").assign(**columns)
 
 
 def outcomes(changes=None, recorded=None, **options):
     recorded = table() if recorded is None else recorded
-    rows = check.compared(recorded, table(changes, **options))
+    rows = record.compare(recorded, table(changes, **options))
     return dict(zip(rows["quantity"], rows["outcome"], strict=True))
 
 
 def test_the_same_numbers_are_the_same():
-    assert set(outcomes().values()) == {check.SAME}
+    assert set(outcomes().values()) == {record.SAME}
 
 
 @pytest.mark.parametrize(
     ("quantity", "value", "wanted"),
     [
-        ("error of the chosen member", 10.7, check.SAME),  # 5 % + 0.3 mV
-        ("error of the chosen member", 10.9, check.WORSE),
-        ("error of the chosen member", 9.0, check.BETTER),
-        ("gap closed", 77.5, check.SAME),
-        ("gap closed", 76.0, check.WORSE),
-        ("gap closed", 90.0, check.BETTER),
-        ("capacity", 2.003, check.SAME),
-        ("capacity", 2.005, check.WORSE),
-        ("capacity", 1.995, check.WORSE),
-        ("verdict", "named", check.WORSE),
-        ("left out", 4, check.WORSE),
-        ("left out", 2, check.BETTER),
-        ("time of all jobs", 1e6, check.SAME),
+        ("error of the chosen member", 10.7, record.SAME),  # 5 % + 0.3 mV
+        ("error of the chosen member", 10.9, record.WORSE),
+        ("error of the chosen member", 9.0, record.BETTER),
+        ("gap closed", 77.5, record.SAME),
+        ("gap closed", 76.0, record.WORSE),
+        ("gap closed", 90.0, record.BETTER),
+        ("capacity", 2.003, record.SAME),
+        ("capacity", 2.005, record.WORSE),
+        ("capacity", 1.995, record.WORSE),
+        ("verdict", "named", record.WORSE),
+        ("left out", 4, record.WORSE),
+        ("left out", 2, record.BETTER),
+        ("time of all jobs", 1e6, record.SAME),
     ],
 )
 def test_what_counts_as_worse(quantity, value, wanted):
     found = outcomes({quantity: value})
     assert found.pop(quantity) == wanted
-    assert set(found.values()) == {check.SAME}
+    assert set(found.values()) == {record.SAME}
 
 
 def test_a_number_nearer_to_the_published_one_is_better():
     recorded = table().assign(published="2.1")
-    assert outcomes({"capacity": 2.05}, recorded)["capacity"] == check.BETTER
-    assert outcomes({"capacity": 1.95}, recorded)["capacity"] == check.WORSE
+    assert outcomes({"capacity": 2.05}, recorded)["capacity"] == record.BETTER
+    assert outcomes({"capacity": 1.95}, recorded)["capacity"] == record.WORSE
 
 
 def test_missing_and_new_numbers_are_told_and_missing_ones_fail():
-    assert outcomes(without=["capacity"])["capacity"] == check.MISSING
-    assert outcomes(without=["verdict"])["verdict"] == check.MISSING
-    assert outcomes(recorded=table(without=["capacity"]))["capacity"] == check.NEW
-    assert check.MISSING in check.FAILING
-    assert check.NEW not in check.FAILING
+    assert outcomes(without=["capacity"])["capacity"] == record.MISSING
+    assert outcomes(without=["verdict"])["verdict"] == record.MISSING
+    assert outcomes(recorded=table(without=["capacity"]))["capacity"] == record.NEW
+    assert record.MISSING in record.FAILING
+    assert record.NEW not in record.FAILING
 
 
 def test_of_what_is_not_left_out_any_more_there_is_none():
-    assert outcomes(without=["left out"])["left out"] == check.BETTER
+    assert outcomes(without=["left out"])["left out"] == record.BETTER
 
 
 def test_campaigns_that_were_not_run_are_not_missing():
     others = table().assign(campaign="other")
-    rows = check.compared(pd.concat([table(), others]), table())
+    rows = record.compare(pd.concat([table(), others]), table())
     assert set(rows["campaign"]) == {"made_up"}
-    assert check.without_record(others, table())[0].startswith("made_up: measured, and nothing")
+    assert record.not_recorded(others, table())[0].startswith("made_up: measured, and nothing")
 
 
 def test_what_is_worse_is_told_with_place_values_and_tolerance():
-    rows = check.compared(table(), table({"error of the chosen member": 20.0}))
-    said = "\n".join(check.told(rows))
+    rows = record.compare(table(), table({"error of the chosen member": 20.0}))
+    said = "\n".join(record.differences(rows))
     assert "Worse than recorded, beyond the tolerance (1):" in said
     assert (
         "made_up, A, error of the chosen member, 25 °C: recorded 10, found 20 mV, tolerance 0.8"
@@ -105,7 +105,7 @@ def test_a_tolerance_edited_by_hand_stays_and_a_blank_one_is_filled():
     recorded.loc[capacity, "tolerance_relative"] = "0.05"
     recorded.loc[~capacity, "tolerance_relative"] = ""
     new = record.renewed(recorded, table({"capacity": 2.5, "gap closed": 90.0}))
-    assert outcomes({"capacity": 2.6}, new)["capacity"] == check.SAME
+    assert outcomes({"capacity": 2.6}, new)["capacity"] == record.SAME
     new = new.set_index("quantity")
     assert new["tolerance_relative"]["capacity"] == "0.05"
     assert new["tolerance_relative"]["error of the chosen member"] == "0.05"
@@ -128,13 +128,13 @@ def test_a_renewal_says_why_and_what(tmp_path, monkeypatch):
     assert lines[-2].startswith("* recorded: first record of all (made_up: 5 of 5 numbers")
     assert lines[-1].startswith("* recorded: a better counter of charge (made_up: 1 of 5 numbers")
     assert record.last_reason("recorded").startswith("a better counter of charge")
-    assert record.faults(record.read(path)) == []
+    assert record.faults_of(record.read(path)) == []
 
 
 @pytest.mark.parametrize("why", [None, "", "  ", "better"])
 def test_a_renewal_without_a_reason_is_refused(why):
     with pytest.raises(ValueError, match="says why"):
-        record.reasoned(why)
+        record.reason_of_renewal(why)
 
 
 def test_the_command_refuses_without_a_reason_and_writes_nothing():
@@ -149,7 +149,7 @@ def test_the_command_refuses_without_a_reason_and_writes_nothing():
 def test_faults_of_an_edited_record_are_named():
     broken = pd.concat([table(), table().iloc[:1]])
     broken.iloc[0, broken.columns.get_loc("tolerance_absolute")] = "a little"
-    found = record.faults(broken)
+    found = record.faults_of(broken)
     assert found[0] == "line 2, tolerance_absolute: found 'a little', wanted a number from 0"
     assert "stands twice" in found[-1]
 
@@ -176,8 +176,8 @@ def test_errors_against_the_truth_are_numbers_like_the_others():
         ["faults", "spike", "count", "scored", None, 0.5, 1],
         ["health", "soh", "1", "not made by the pipeline yet", None, None, None],
     ]
-    found = list(truth.errors(pd.DataFrame(scored, columns=columns)))
-    rows = gather.finished(
+    found = list(tables.errors_against_truth(pd.DataFrame(scored, columns=columns)))
+    rows = tables.described(
         pd.DataFrame(found, columns=["cell", "quantity", "where", "value", "unit"]), "demo"
     )
     assert rows[["where", "value", "unit", "better"]].values.tolist() == [

@@ -1,4 +1,4 @@
-"""One campaign laid out in a folder of its own and run there by a Snakemake inside Snakemake."""
+"""Campaigns of real cells: which there are, copied to folders of their own, and run there."""
 
 import csv
 import hashlib
@@ -10,13 +10,13 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-GIVEN = ("config", "raw")
-QUICK = ("results/summary.csv", "results/tables/checks.csv")
-TAIL = 15
-NOT_KNOWN_SECOND = 1_000_000
+COPIED = ("config", "raw")
+TABLES_ONLY = ("results/summary.csv", "results/tables/checks.csv")
+SHOWN_LINES = 15  # of the log of a run that failed
+UNKNOWN_SECOND = 1_000_000  # campaigns that were never timed run first
 
 
-def known(folder) -> list[str]:
+def names_in(folder) -> list[str]:
     """Names of the campaigns that lie in a folder.
 
     Raises
@@ -41,7 +41,7 @@ def wanted(folder, names) -> list[str]:
     FileNotFoundError
         Where one of them is not there.
     """
-    there = known(folder)
+    there = names_in(folder)
     missing = [name for name in names if name not in there]
     if missing:
         raise FileNotFoundError(f"{folder}: found no {', '.join(missing)}, wanted one of {there}")
@@ -49,7 +49,7 @@ def wanted(folder, names) -> list[str]:
 
 
 def files(folder, name: str) -> list[Path]:
-    """Everything that lies in a campaign's folder but results, in one order."""
+    """Files of a campaign without its results, sorted."""
     campaign = Path(folder) / name
     paths = [path for path in campaign.rglob("*") if path.is_file()]
     made = {"results", "logs", ".snakemake"}
@@ -58,18 +58,18 @@ def files(folder, name: str) -> list[Path]:
 
 @cache
 def expected_second(name: str) -> int:
-    """How long a campaign took when it was recorded [s]; very long where that is not known."""
+    """Time [s] that a campaign took when it was recorded; very long where that is not known."""
     for table in ("recorded.csv", "before.csv"):
         with open(ROOT / "docs" / "real-cells" / table, encoding="utf-8", newline="") as file:
             rows = [row for row in csv.DictReader(file) if row["campaign"] == name]
         times = [row["value"] for row in rows if row["quantity"] == "time of all jobs"]
         if times:
             return round(float(times[0]))
-    return NOT_KNOWN_SECOND
+    return UNKNOWN_SECOND
 
 
 @cache
-def pipeline() -> str:
+def code_hash() -> str:
     """Hash of all code of the pipeline: rules, schemas, scripts, the lock of its environment."""
     digest = hashlib.sha256()
     endings = {".py", ".c", ".smk", ".yaml", ".j2", ".html", ".md"}
@@ -80,18 +80,18 @@ def pipeline() -> str:
     return digest.hexdigest()[:16]
 
 
-def lay_out(source, target):
-    """Make the campaign in `target` what it is in `source`; results in `target` stay.
+def copy_campaign(source, target):
+    """Copy a campaign to `target`, without files gone from `source`; results in `target` stay.
 
     Copies, so that what artefacts say they were made from is a file of the campaign.
     """
     source, target = Path(source), Path(target)
-    given = {path.relative_to(source): path for path in files(source.parent, source.name)}
-    old = [path for part in GIVEN for path in (target / part).rglob("*") if path.is_file()]
+    copied = {path.relative_to(source): path for path in files(source.parent, source.name)}
+    old = [path for part in COPIED for path in (target / part).rglob("*") if path.is_file()]
     for path in old:
-        if path.relative_to(target) not in given:
+        if path.relative_to(target) not in copied:
             path.unlink()
-    for name, path in given.items():
+    for name, path in copied.items():
         copy = target / name
         if not copy.is_file() or copy.read_bytes() != path.read_bytes():
             copy.parent.mkdir(parents=True, exist_ok=True)
@@ -99,7 +99,7 @@ def lay_out(source, target):
 
 
 def run(folder, *, whole: bool, log):
-    """Run the pipeline on a campaign, one job at a time; what is up to date stays.
+    """Run the pipeline on a campaign in a Snakemake of its own, one job at a time.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def run(folder, *, whole: bool, log):
     RuntimeError
         Where it fails: with the name of the log and its last lines.
     """
-    targets = ["all"] if whole else [*QUICK]
+    targets = ["all"] if whole else [*TABLES_ONLY]
     command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", "--cores", "1"]
     # A job's own settings for Snakemake are not for the one inside it.
     environment = {k: v for k, v in os.environ.items() if not k.startswith("SNAKEMAKE_")}
@@ -125,8 +125,8 @@ def run(folder, *, whole: bool, log):
             check=False,
         )
     if done.returncode:
-        last = Path(log).read_text(encoding="utf-8", errors="replace").splitlines()[-TAIL:]
-        told = "\n".join(f"  {line}" for line in last)
+        last = Path(log).read_text(encoding="utf-8", errors="replace").splitlines()[-SHOWN_LINES:]
+        end = "\n".join(f"  {line}" for line in last)
         raise RuntimeError(
-            f"the run of {Path(folder).name} failed; all it said is in {log}:\n{told}"
+            f"the run of {Path(folder).name} failed; all it said is in {log}:\n{end}"
         )
