@@ -1,9 +1,21 @@
-"""What a cell does in a step of a protocol, before anybody measures it."""
+"""A cell's data sheet, and what the cell does in one step of a protocol before any instrument."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+
+
+class Rating(NamedTuple):
+    """Capacity [Ah] on the data sheet, to which C-rates refer, and the two cut-offs [V]."""
+
+    capacity_ampere_hour: float
+    lower_cutoff_volt: float
+    upper_cutoff_volt: float
+
+    def ampere(self, c_rate: float) -> float:
+        """Current [A] of a C-rate."""
+        return c_rate * self.capacity_ampere_hour
 
 
 class Behaviour(NamedTuple):

@@ -1,4 +1,4 @@
-"""Temperature around a cell over the time of a test."""
+"""Temperature of the climate chamber or the room over the time of a test."""
 
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ def steady(celsius: float) -> Chamber:
     return Chamber(np.zeros(1), np.full(1, float(celsius)))
 
 
-def at(chamber: Chamber, second: np.ndarray) -> np.ndarray:
+def temperature_at(chamber: Chamber, second: np.ndarray) -> np.ndarray:
     """Temperature [°C] at times [s] from the start of the test."""
     return np.interp(second, chamber.second, chamber.celsius)
 
@@ -127,10 +127,12 @@ def stepped(
 def added(first: Chamber, second: Chamber, *, about_celsius: float) -> Chamber:
     """The first chamber with what the second departs from a temperature [°C] added to it."""
     times = np.union1d(first.second, second.second)
-    return Chamber(times, at(first, times) + at(second, times) - about_celsius)
+    return Chamber(
+        times, temperature_at(first, times) + temperature_at(second, times) - about_celsius
+    )
 
 
 def _until(chamber, duration):
     inside = chamber.second < duration
     second = np.append(chamber.second[inside], duration)
-    return Chamber(second, at(chamber, second))
+    return Chamber(second, temperature_at(chamber, second))

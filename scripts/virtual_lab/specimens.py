@@ -1,9 +1,9 @@
-"""What can be put on a channel: cells by physics, by fast equations, groups, a known circuit.
+"""Cells and parallel groups that can be tested, by physics or by the fast generator.
 
 A specimen that is cycled has `run(steps, *, chamber, initial_soc)`, which gives one behaviour per
 step, and `full_ampere_hour`, the charge of the full cell to which SoC refers. One that is measured
-with an analyser has `spectrum(frequency_hertz, *, celsius, soc)`. `facts(name)` gives rows of
-truth tables about the specimen itself.
+with an impedance analyser has `spectrum(frequency_hertz, *, celsius, soc)`. `facts(name)` gives
+rows of truth tables about the specimen itself.
 """
 
 from collections.abc import Callable
@@ -93,35 +93,35 @@ class Physical(NamedTuple):
     @property
     def full_ampere_hour(self) -> float:
         """Charge [Ah] of the cell after a full charge as the laboratory makes it."""
-        from virtual_lab import physics
+        from virtual_lab.physics import porous
 
-        return physics.full_charge_ampere_hour(self.cell)
+        return porous.full_charge_ampere_hour(self.cell)
 
     def run(self, steps, *, chamber: Chamber, initial_soc: float = 1.0):
         """Through a protocol; see `simulate.run`."""
-        from virtual_lab import simulate
+        from virtual_lab.physics import simulate
 
         return simulate.run(steps, self.cell, chamber=chamber, initial_soc=initial_soc)
 
     def spectrum(self, frequency_hertz, *, celsius: float, soc: float):
         """Impedance [ohm] of the physics, linearised at rest."""
-        from virtual_lab import impedance
+        from virtual_lab.physics import simulate
 
         setting = {"ambient_celsius": celsius, "soc": soc}
-        return impedance.spectrum(self.cell, frequency_hertz, **setting)
+        return simulate.spectrum(self.cell, frequency_hertz, **setting)
 
     def circuit(self, *, celsius: float, soc: float) -> dict:
         """Row of the truth table `eis`: the ohmic end is all that physics and circuits share."""
-        from virtual_lab.impedance import OHMIC_FREQUENCY_HERTZ
+        from virtual_lab.physics.simulate import OHMIC_FREQUENCY_HERTZ
 
         end = self.spectrum(np.array([OHMIC_FREQUENCY_HERTZ]), celsius=celsius, soc=soc)[0]
         return {"r_ohmic_ohm": round(float(end.real), 7)}
 
     def facts(self, name: str) -> dict[str, list[dict]]:
         """Open-circuit voltage at 25 °C and what the cell has lost."""
-        from virtual_lab import physics
+        from virtual_lab.physics import porous
 
-        volt = physics.rested_volt(self.cell, CURVE_SOC)
+        volt = porous.rested_volt(self.cell, CURVE_SOC)
         health = {
             "cell": name,
             "cycle": self.cell.cycle,
@@ -197,18 +197,18 @@ class PhysicalPair(NamedTuple):
     @property
     def initial_soc(self) -> tuple[float, ...]:
         """Each cell's SoC, as precise as the sheet says it."""
-        from virtual_lab import physics
+        from virtual_lab.physics import porous
 
-        return tuple(round(physics.soc_at(cell, self.rested_volt), 4) for cell in self.cells)
+        return tuple(round(porous.soc_at(cell, self.rested_volt), 4) for cell in self.cells)
 
     def run(self, steps, *, chamber: Chamber, initial_soc=None):
         """Through a protocol of the pair's current, in a steady chamber; see `parallel.run`."""
-        from virtual_lab import parallel
+        from virtual_lab.physics import simulate
 
         celsius = float(chamber.celsius[0])
         if np.ptp(chamber.celsius) > 0:
             raise ValueError("a pair by physics needs a chamber that holds its temperature")
-        return parallel.run(
+        return simulate.run_pair(
             steps,
             self.cells,
             wire_ohm=self.wire_ohm,

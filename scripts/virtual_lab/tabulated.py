@@ -1,10 +1,10 @@
-"""Spectra of a circuit with the parameters of the thesis' table 3.1 (32 Ah LMO cell).
+"""Impedance spectra of the circuit in the thesis' table 3.1 (32 Ah LMO cell).
 
 Z = Rs + Z_CPE ‖ (Rct + Z_W) with Z_CPE = 1/(T·(j2πf)^P) and Z_W = 1/(Y0·√(j2πf)), equations of
-3.2. The header is read as 20, 10, 5, 0, −10 °C (printed with the signs turned; only so does ln Rct
-fall on a line over 1/T and resistance grow in the cold). Rs at 5 % and −10 °C is lost in print:
-2.75 mΩ goes on along the parabola in °C through the other four of its column (which, done so to
-the other two columns, misses what is printed there by 10 and 5 %).
+section 3.2. The header is read as 20, 10, 5, 0, −10 °C: the signs are printed wrongly, since only
+so ln Rct is a line over 1/T and resistance grows in the cold. Rs at 5 % and −10 °C is unreadable
+in print: ASSUME 2.75 mΩ, on the parabola in °C through the other four of its column (the same
+extrapolation misses the printed values of the other two columns by 10 and 5 %).
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ SOCS = (0.05, 0.5, 1.0)
 REPEATS = 3
 
 
-class Circuit(NamedTuple):
+class TabulatedCircuit(NamedTuple):
     """Parameters by the names of the results contract.
 
     Resistances [ohm]; `cpe_t` [S·s^P] and `cpe_p` [1] of the constant-phase element; `warburg_y0`
@@ -62,16 +62,16 @@ def conditions() -> list[tuple[float, float]]:
     return [(soc, celsius) for soc in SOCS for celsius in TEMPERATURES_CELSIUS]
 
 
-def circuit(soc: float, celsius: float) -> Circuit:
+def circuit_at(soc: float, celsius: float) -> TabulatedCircuit:
     """Parameters at one of the conditions; there are none in between."""
     if soc not in TABLE or celsius not in TEMPERATURES_CELSIUS:
         known = f"SoC {SOCS} and {TEMPERATURES_CELSIUS} °C"
         raise ValueError(f"table 3.1 knows {known}, asked: {soc}, {celsius} °C")
     column = TEMPERATURES_CELSIUS.index(celsius)
-    return Circuit(*(row[column] for row in TABLE[soc]))
+    return TabulatedCircuit(*(row[column] for row in TABLE[soc]))
 
 
-def impedance_ohm(parameters: Circuit, frequency_hertz: np.ndarray) -> np.ndarray:
+def impedance_ohm(parameters: TabulatedCircuit, frequency_hertz: np.ndarray) -> np.ndarray:
     """Complex impedance [ohm] at each frequency [Hz]; capacitive arcs have a negative part."""
     turning = 2j * np.pi * np.asarray(frequency_hertz)
     capacitive = parameters.cpe_t * turning**parameters.cpe_p
@@ -86,11 +86,11 @@ class Tabulated(NamedTuple):
 
     def spectrum(self, frequency_hertz, *, celsius: float, soc: float):
         """Impedance [ohm] at frequencies [Hz], temperature [°C] and state of charge [1]."""
-        return impedance_ohm(circuit(soc, celsius), frequency_hertz)
+        return impedance_ohm(circuit_at(soc, celsius), frequency_hertz)
 
     def circuit(self, *, celsius: float, soc: float) -> dict:
         """Row of the truth table `eis`."""
-        return circuit(soc, celsius)._asdict()
+        return circuit_at(soc, celsius)._asdict()
 
     def facts(self, name: str) -> dict[str, list[dict]]:
         """Nothing is known of the cell beside its spectra."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from virtual_lab import electrodes
-from virtual_lab.half_cells import HALF_CELLS
+from virtual_lab.electrodes import HALF_CELLS
 
 SOC = np.linspace(0.0, 1.0, 2001)
 LOSSES = [

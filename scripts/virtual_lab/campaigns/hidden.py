@@ -1,23 +1,19 @@
 """The campaign of hidden effects: for the benchmark of the missing-effect search.
 
 Every effect of the vocabulary at three strengths, healthy cells, effects outside the vocabulary,
-two effects at once, cells by physics with an effect laid over them, and parallel groups.
+two effects at once, cells by physics with an effect added to their voltage, and parallel groups.
 """
 
 from itertools import product
 
 import numpy as np
 
+from virtual_lab.campaigns import Cell, Plan, Test, seed_of
 from virtual_lab.chamber import wobbling
-from virtual_lab.hidden.group_specimen import HiddenGroup, branches, group_tasks
-from virtual_lab.hidden.groups import GROUP_EFFECTS
-from virtual_lab.hidden.outside import OUTSIDE
-from virtual_lab.hidden.over_physics import HiddenPhysics
-from virtual_lab.hidden.protocols import slow_task, tasks
-from virtual_lab.hidden.setup import CHEMISTRY, RATING
-from virtual_lab.hidden.specimen import HiddenCell
-from virtual_lab.hidden.vocabulary import EFFECTS, INVISIBLE
-from virtual_lab.plan import Cell, Plan, Test, seed_of
+from virtual_lab.hidden.groups import GROUP_EFFECTS, HiddenGroup, branches, group_tasks
+from virtual_lab.hidden.setup import CHEMISTRY, RATING, slow_task, tasks
+from virtual_lab.hidden.specimens import HiddenCell, HiddenPhysics
+from virtual_lab.hidden.vocabulary import EFFECTS, INVISIBLE, OUTSIDE
 
 STRENGTHS_VOLT = (1e-3, 2.5e-3, 6e-3)
 STRONG_VOLT = STRENGTHS_VOLT[1:]

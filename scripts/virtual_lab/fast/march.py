@@ -1,7 +1,7 @@
-"""A protocol's step walked through in internal steps, until its time or a limit ends it.
+"""A protocol's step solved in internal steps, until its time or a limit ends it.
 
-Internal steps begin small after a jump of the current and grow in proportion to the time since;
-so any sum of exponentials is followed, whatever their time constants.
+Internal steps are small after a jump of the current and grow in proportion to the time since; so
+any sum of exponentials is followed, whatever their time constants.
 """
 
 import math
@@ -9,9 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from virtual_lab.fast.compiled import njit
-from virtual_lab.fast.group import advance, take
-from virtual_lab.fast.kernel import around, unrest
+from virtual_lab.fast.kernel import advance, around, njit, take, unrest
 
 RUNNING, ENDED, LOST = 0, 1, 2
 # What is noted at each instant, then the current of each branch.

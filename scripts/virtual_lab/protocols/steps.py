@@ -1,10 +1,10 @@
-"""A step of a protocol, and the few that all protocols are put together from."""
+"""A step of a protocol, and the few kinds of step that all protocols consist of."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from virtual_lab.rating import Rating
+from virtual_lab.behaviour import Rating
 
 HOUR = 3600.0
 MINUTE = 60.0

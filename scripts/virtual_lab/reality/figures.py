@@ -1,4 +1,4 @@
-"""Four figures: each source a colour, simulated ones warm and thick, real ones cool and thin."""
+"""Four figures of records: simulated ones in thick warm colours, real ones in thin cool ones."""
 
 from collections import defaultdict
 

@@ -1,4 +1,4 @@
-"""Noise, resolution and clock of an instrument, from rests and constant currents.
+"""Noise, resolution and sampling clock of an instrument, from rests and constant currents.
 
 White noise of standard deviation s leaves second differences of 6 s² (variances 1, 4 and 1 added),
 whatever straight drift lies under it; a slow drift leaves almost none.
@@ -7,7 +7,7 @@ whatever straight drift lies under it; a slow drift leaves almost none.
 import numpy as np
 from scipy import signal
 
-from virtual_lab.reality.findings import Curve, numbers
+from virtual_lab.reality.records import Curve, number_rows
 
 FEWEST = 48
 REGULAR = 0.3
@@ -147,18 +147,18 @@ def _celsius(record):
     return record.columns.get("surface_temperature_celsius", unknown)
 
 
-def look(record):
+def look_at_noise(record):
     """Numbers and curves of a record's quiet stretches."""
     found, curves = [], []
     about = (record.source.name, record.cell, record.test)
     quiet = list(steady_rows(record))
     if quiet:
         all_rows = np.concatenate([rows for _, _, rows in quiet])
-        found += numbers(record, -1, "noise", "whole record", grids(record, all_rows))
+        found += number_rows(record, -1, "noise", "whole record", grids(record, all_rows))
     for step, condition, rows in quiet:
         second = record.second[rows]
-        found += numbers(record, step, "noise", condition, channels(record, rows))
-        found += numbers(record, step, "clock", condition, clock(second))
+        found += number_rows(record, step, "noise", condition, channels(record, rows))
+        found += number_rows(record, step, "clock", condition, clock(second))
         hertz, density = spectrum(1e3 * record.volt[rows], float(np.median(np.diff(second))))
         curves.append(Curve(*about, f"spectrum {condition}", hertz, density))
         curves.append(Curve(*about, f"trace {condition}", *_trace(second, record.volt[rows])))

@@ -1,9 +1,13 @@
-"""Campaigns, real or simulated, as records cut into steps."""
+"""Campaigns, real or simulated, as records cut into steps; numbers and curves found in a record."""
 
 import csv
+import io
+import re
+import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -12,7 +16,43 @@ from cellwright.refusal import Refusal
 from cellwright.series.charge import net_charge
 from cellwright.series.runs import gap_rows
 from cellwright.series.segments import Steps, segment
-from virtual_lab.reality import workbook
+
+
+class Number(NamedTuple):
+    """One number of one step (−1: the whole record); `condition`: what the cell was doing."""
+
+    source: str
+    real: bool
+    cell: str
+    test: str
+    step: int
+    subject: str  # noise, clock, relaxation, pulse, peaks
+    condition: str
+    quantity: str
+    value: float
+    unit: str
+
+
+class Curve(NamedTuple):
+    """One line of a figure; the panel says which."""
+
+    source: str
+    cell: str
+    test: str
+    panel: str
+    x: np.ndarray
+    y: np.ndarray
+
+
+def number_rows(record, step: int, subject: str, condition: str, found: dict) -> list[Number]:
+    """Rows for what was found in one step: {quantity: (value, unit)}; what is NaN is left out."""
+    about = (record.source.name, record.source.real, record.cell, record.test, int(step))
+    return [
+        Number(*about, subject, condition, quantity, float(value), unit)
+        for quantity, (value, unit) in found.items()
+        if np.isfinite(value)
+    ]
+
 
 KINDS = {
     *("capacity", "hppc", "pulse_resistance", "ocv", "ica", "relaxation", "drive", "ageing"),
@@ -113,7 +153,7 @@ def _loaded(source: Source, test: dict, cell: dict) -> Record | Skipped:
 def _contents(folder: Path, files: Iterable[str]) -> Iterator[tuple[str, bytes]]:
     for file in files:
         content = (folder / file).read_bytes()
-        yield file, workbook.channel_csv(content) if file.endswith(".xlsx") else content
+        yield file, channel_csv(content) if file.endswith(".xlsx") else content
 
 
 def _record(source, test, cell, columns) -> Record:
@@ -133,3 +173,57 @@ def _record(source, test, cell, columns) -> Record:
     )
     about = (source, test["cell"], test["test"], test["kind"], cell.get("chemistry") or "")
     return Record(*about, rating, second, ampere, columns["voltage_volt"], charge, steps, columns)
+
+
+MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
+RELATION = "{http://schemas.openxmlformats.org/officeDocument/2006/relationships}id"
+
+
+def channel_csv(content: bytes) -> bytes:
+    """The sheet whose name begins with `Channel`, numbers as they stand in the file.
+
+    Office Open XML (ECMA-376, part 1, 18.3): rows of cells, texts in a table of their own.
+    """
+    book = zipfile.ZipFile(io.BytesIO(content))
+    with book.open(_channel_path(book)) as sheet:
+        lines = list(_lines(sheet, _texts(book)))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _channel_path(book: zipfile.ZipFile) -> str:
+    sheets = ElementTree.fromstring(book.read("xl/workbook.xml")).iter(f"{MAIN}sheet")
+    wanted = next(s.get(RELATION) for s in sheets if s.get("name", "").startswith("Channel"))
+    links = ElementTree.fromstring(book.read("xl/_rels/workbook.xml.rels"))
+    target = next(link.get("Target") for link in links if link.get("Id") == wanted)
+    return target.lstrip("/") if target.startswith("/") else f"xl/{target}"
+
+
+def _texts(book: zipfile.ZipFile) -> list[str]:
+    if "xl/sharedStrings.xml" not in book.namelist():
+        return []
+    table = ElementTree.fromstring(book.read("xl/sharedStrings.xml"))
+    return ["".join(part.text or "" for part in text.iter(f"{MAIN}t")) for text in table]
+
+
+def _lines(sheet, texts):
+    """One line a row; cells that the file leaves out stay blank."""
+    for _, row in ElementTree.iterparse(sheet):
+        if row.tag != f"{MAIN}row":
+            continue
+        cells = {_column(cell.get("r")): _value(cell, texts) for cell in row}
+        if cells:
+            yield ",".join(cells.get(number, "") for number in range(1, max(cells) + 1))
+        row.clear()
+
+
+def _column(reference: str) -> int:
+    """Number of a column from a cell's address: A1 → 1, AB7 → 28."""
+    number = 0
+    for letter in re.match("[A-Z]+", reference)[0]:
+        number = 26 * number + ord(letter) - ord("A") + 1
+    return number
+
+
+def _value(cell, texts) -> str:
+    value = cell.findtext(f"{MAIN}v") or ""
+    return texts[int(value)] if cell.get("t") == "s" and value else value

@@ -1,9 +1,9 @@
-"""Curves and series of the results beside the truth: open-circuit voltage, SoC."""
+"""Curves, series and circuits compared with the truth: OCV, SoC, resistances, parallel branches."""
 
 import numpy as np
 import pandas as pd
 
-from virtual_lab.score import comparison, expected, files
+from virtual_lab.score import comparison, files, missing
 from virtual_lab.score.comparison import errors
 
 INNER_SOC = (0.05, 0.95)
@@ -19,18 +19,18 @@ def ocv(place: files.Campaign) -> pd.DataFrame:
         return comparison.nothing()
     found = files.with_columns(files.found(place, "ocv"), ["cell", "test", CONDITION[1]])
     tests = dict(list(found.drop_duplicates(["cell", "test"]).groupby("cell")))
-    slow = expected.temperatures(place, ("ocv",))
+    slow = missing.temperatures(place, ("ocv",))
     parts = []
     for (cell, celsius), curve in true.groupby(CONDITION, dropna=False):
         rows = curve.assign(at=[f"SoC {soc:.3g}" for soc in curve["soc"]], true=curve["ocv_volt"])
         mine = tests.get(cell, found[:0])
-        mine = mine[(mine[CONDITION[1]] - celsius).abs() <= expected.TEMPERATURE_TOLERANCE_KELVIN]
-        word = None if expected.is_near(celsius, slow.get(cell, [])) else "untested"
+        mine = mine[(mine[CONDITION[1]] - celsius).abs() <= missing.TEMPERATURE_TOLERANCE_KELVIN]
+        word = None if missing.is_near(celsius, slow.get(cell, [])) else "untested"
         if not len(mine):
             parts.append(rows.assign(test="", found=np.nan, word=word))
         for test in mine["test"]:
             curve = files.artefact(place, "ocv", cell, test)
-            parts.append(rows.assign(test=test, word=None, found=_read_off(curve, rows["soc"])))
+            parts.append(rows.assign(test=test, word=None, found=_ocv_at(curve, rows["soc"])))
     rows = pd.concat(parts, ignore_index=True)
     inner = rows["soc"].round(6).between(*INNER_SOC)
     return comparison.gathered(
@@ -41,7 +41,7 @@ def ocv(place: files.Campaign) -> pd.DataFrame:
     )
 
 
-def _read_off(curve, soc):
+def _ocv_at(curve, soc):
     if curve is None:
         return np.nan
     return np.interp(soc, curve["soc"], curve["ocv_volt"], left=np.nan, right=np.nan)
@@ -53,14 +53,17 @@ def soc(place: files.Campaign) -> pd.DataFrame:
     if true is None or not len(true):
         return comparison.nothing()
     true = files.with_columns(true, ["soc_begin", "soc_end", "capacity_ampere_hour"])
-    rows = [row for one in true.to_dict("records") for row in _states(place, one)]
+    rows = [row for one in true.to_dict("records") for row in _state_rows(place, one)]
     states = pd.DataFrame(rows).groupby("quantity", sort=False)
     return comparison.gathered(
-        [*(errors("soc", name, "1", part) for name, part in states), _capacities(place, true)]
+        [
+            *(errors("soc", name, "1", part) for name, part in states),
+            _filter_capacities(place, true),
+        ]
     )
 
 
-def _states(place, one):
+def _state_rows(place, one):
     series = files.artefact(place, "soc_series", one["cell"], one["test"])
     who = {"cell": one["cell"], "test": one["test"]}
     for state, row in STATES.items():
@@ -75,7 +78,7 @@ def _states(place, one):
         yield {**who, **known, **dict(zip(("found", "std"), found, strict=True))}
 
 
-def _capacities(place, true):
+def _filter_capacities(place, true):
     wanted = ["cell", "test", "filter", "scenario", "capacity_ampere_hour"]
     found = files.with_columns(files.found(place, "soc"), [*wanted, "capacity_std_ampere_hour"])
     # The first run without a fault starts with the smallest wrong SoC.
@@ -96,3 +99,188 @@ def _capacities(place, true):
     )
     rows = rows[rows["true"].notna()]
     return errors("soc", "capacity_ampere_hour, dual", "Ah", rows.assign(at="end"))
+
+
+AFTER_SECOND = {"r0": 0.01, "r_10s": 10.0, "r_total": np.inf}
+MODELLED_KINDS = ("hppc", "pulse_resistance", "drive", "capacity")
+LITTLE_OF_BRANCHES = 0.01
+CONDITION = ["cell", "ambient_temperature_celsius"]
+MODEL_COLUMNS = ["cell", "model", "ambient_temperature_celsius", "soc", "parameter", "value", "std"]
+
+
+def circuits(place: files.Campaign) -> pd.DataFrame:
+    """The resistance that the chosen model of a cell has 10 ms, 10 s and long after a step.
+
+    R(t) = R0 + Σ R_k (1 − exp(−t/τ_k)) on the model's own knots, straight lines between them;
+    diffusion in the particles is part of the voltage of rest there, and not of R. Where the truth
+    has a column `current_ampere`, kinetics are taken at that current, else at a small one.
+    """
+    true = files.true(place, "models")
+    if true is None or not len(true):
+        return comparison.nothing()
+    true = files.with_columns(true, ["current_ampere"]).fillna({"current_ampere": 0.0})
+    found = _chosen(place, files.with_columns(files.found(place, "models"), MODEL_COLUMNS))
+    knots = {key: _parameter_tables(part) for key, part in found.groupby(CONDITION, dropna=False)}
+    tests = missing.temperatures(place, MODELLED_KINDS)
+    parts = [
+        _model_resistances(_nearest(knots, cell, celsius), rows, celsius).assign(
+            word=None if missing.is_near(celsius, tests.get(cell, [celsius])) else "untested"
+        )
+        for (cell, celsius), rows in true.groupby(CONDITION, dropna=False)
+    ]
+    quantities = pd.concat(parts).assign(test="").groupby("parameter", sort=False)
+    return comparison.gathered(errors("models", name, "Ohm", rows) for name, rows in quantities)
+
+
+def _chosen(place, models):
+    """Rows of the model that the pipeline uses; of a cell with one model, of that."""
+    summary = files.with_columns(
+        files.read_table(place.results / "summary.csv"), ["cell", "best_model"]
+    )
+    best = summary.dropna(subset=["best_model"]).set_index("cell")["best_model"].to_dict()
+    first = models.drop_duplicates("cell").set_index("cell")["model"].to_dict()
+    return models[models["model"] == models["cell"].map(first | best)]
+
+
+def _parameter_tables(part):
+    """Values and standard deviations, knots × parameters."""
+    part = part.dropna(subset=["soc"])
+    return [part.pivot_table(index="soc", columns="parameter", values=v) for v in ("value", "std")]
+
+
+def _nearest(knots, cell, celsius):
+    near = {abs(key[1] - celsius): key for key in knots if key[0] == cell}
+    best = min(near, default=np.inf)
+    return knots[near[best]] if best <= missing.TEMPERATURE_TOLERANCE_KELVIN else None
+
+
+def _model_resistances(matrix, rows, celsius):
+    at = [f"{celsius:g} °C, SoC {soc:.3g}" for soc in rows["soc"]]
+    rows = rows.assign(true=rows["value"], at=at, found=np.nan, std=np.nan, reason=None)
+    if matrix is None or "r0" not in matrix[0]:
+        return rows.assign(reason="no model at this temperature")
+    for (name, ampere), mine in rows.groupby(["parameter", "current_ampere"]):
+        options = {"after_second": AFTER_SECOND[name], "current_ampere": ampere}
+        for column, values in zip(("found", "std"), resistance(*matrix, **options), strict=True):
+            read = np.interp(mine["soc"], matrix[0].index, values, left=np.nan, right=np.nan)
+            rows.loc[mine.index, column] = read
+    outside = rows["found"].isna()
+    return rows.assign(reason=np.where(outside, "SoC outside what was identified", None))
+
+
+def resistance(values, std, *, after_second, current_ampere=0.0):
+    """Resistance [ohm] of a circuit that long after a step, and its deviation, (knots,).
+
+    Parameters
+    ----------
+    values, std : knots × parameters [ohm, s, V]: r0, r1 and tau1, r2 and tau2, …, rct and tauct;
+        scale1, … of those that follow the Butler–Volmer equation, V = scale asinh(R I / scale).
+    after_second : time [s]; infinite for all of it.
+    current_ampere : size of the step [A]; 0 for a small one.
+
+    The deviation is not known where more than 1 % comes from the branches: theirs hang together.
+    """
+    r0 = values["r0"].to_numpy(float)
+    names = [name[1:] for name in values if name[0] == "r" and f"tau{name[1:]}" in values]
+    ohm = np.array([values[f"r{name}"].fillna(0.0) for name in names]).reshape(len(names), len(r0))
+    tau = np.array([values[f"tau{name}"].fillna(1.0) for name in names]).reshape(
+        len(names), len(r0)
+    )
+    kinetic = [f"scale{name}" in values for name in names]
+    scales = values.filter(regex="^scale")
+    if scales.shape[1] and current_ampere:
+        # ASSUME: All kinetic branches of a cell follow one asinh with one scale.
+        x = ohm[kinetic].sum(axis=0) * abs(current_ampere) / scales.mean(axis=1).to_numpy()
+        ohm[kinetic] *= np.where(x > 0, np.arcsinh(x) / np.where(x > 0, x, 1.0), 1.0)
+    branches = np.sum(ohm * -np.expm1(-after_second / tau), axis=0)
+    alone = branches <= LITTLE_OF_BRANCHES * r0
+    known = std["r0"].reindex(values.index).to_numpy(float) if "r0" in std else np.nan
+    return r0 + branches, np.where(alone, known, np.nan)
+
+
+BRANCH_KEYS = ["group", "test", "branch"]
+BRANCH_UNITS = {
+    "group_capacity_ampere_hour": "Ah",
+    "charge_ampere_hour": "Ah",
+    "current_max_ampere": "A",
+}
+LEAST_DISCHARGE = 0.02
+
+
+def packs(place: files.Campaign) -> pd.DataFrame:
+    """Each branch as simulated: charge given in all discharges together, and largest current.
+
+    Beside them the group's capacity, its largest discharge, as counted in the record.
+    """
+    true = files.true(place, "packs")
+    if true is None or not len(true):
+        return comparison.nothing()
+    shares = pd.concat(
+        [_branch_shares(place, *test) for test in _group_tests(true)], ignore_index=True
+    )
+    options = {"keys": BRANCH_KEYS, "columns": list(BRANCH_UNITS)}
+    rows = comparison.side_by_side(shares, true, **options)
+    rows = rows.assign(cell=rows["group"], at=[f"branch {number}" for number in rows["branch"]])
+    wanted = [name for name in BRANCH_UNITS if name in true and true[name].notna().any()]
+    return comparison.gathered(_branch_quantity(rows, name) for name in wanted)
+
+
+def _group_tests(true):
+    return true[["group", "test"]].drop_duplicates().itertuples(index=False)
+
+
+def _branch_quantity(rows, name):
+    rows = rows.rename(columns={name: "true", f"{name}_found": "found"})
+    if name != "group_capacity_ampere_hour":
+        return errors("packs", name, BRANCH_UNITS[name], rows)
+    # The group has one, whatever its branch.
+    rows = rows.drop_duplicates(["group", "test"]).assign(at="the group")
+    return errors("packs", name, BRANCH_UNITS[name], rows)
+
+
+def _branch_shares(place, group, test) -> pd.DataFrame:
+    """What each branch of a test was found to have done; no rows without a simulation."""
+    series = files.artefact(place, "pack_series", group, test)
+    if series is None:
+        return pd.DataFrame(columns=[*BRANCH_KEYS, *BRANCH_UNITS])
+    hour = series["test_time_second"].to_numpy(float) / 3600
+    total = counted(hour, series["current_ampere"].to_numpy(float))
+    runs = discharges(total, least=LEAST_DISCHARGE * np.ptp(total))
+    given = [total[first] - total[last] for first, last in runs]
+    rows, branch = [], 1
+    while (name := f"simulated_branch_{branch}_current_ampere") in series:
+        ampere = series[name].to_numpy(float)
+        flowed = counted(hour, ampere)
+        row = {"group": group, "test": test, "branch": branch}
+        row |= {"group_capacity_ampere_hour": max(given, default=np.nan)}
+        row |= {"charge_ampere_hour": sum(flowed[first] - flowed[last] for first, last in runs)}
+        rows.append(row | {"current_max_ampere": np.nanmax(np.abs(ampere))})
+        branch += 1
+    return pd.DataFrame(rows)
+
+
+def counted(hour, ampere) -> np.ndarray:
+    """Charge [Ah] that has flowed since the first sample; times [h], currents [A], all (n,)."""
+    steps = 0.5 * (ampere[1:] + ampere[:-1]) * np.diff(hour)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def discharges(charge, *, least) -> list[tuple[int, int]]:
+    """First and last sample of each stretch in which the charge falls.
+
+    Parameters
+    ----------
+    charge : flowed in since the first sample [Ah], shape (n,).
+    least : a rise or fall [Ah] that is smaller belongs to the stretch around it (recuperation).
+    """
+    runs, high, low, falls = [], 0, 0, False
+    for now, flowed in enumerate(charge):
+        if falls and flowed < charge[low]:
+            low = now
+        elif falls and flowed > charge[low] + least:
+            runs, high, falls = [*runs, (high, low)], now, False
+        elif not falls and flowed >= charge[high]:
+            high = now
+        elif not falls and flowed < charge[high] - least:
+            low, falls = now, True
+    return [*runs, (high, low)] if falls else runs

@@ -1,4 +1,4 @@
-"""Results and truth of a campaign as they lie on the disk."""
+"""Results, truth and sheets of a campaign as tables read from disk."""
 
 import json
 from pathlib import Path

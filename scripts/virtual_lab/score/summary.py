@@ -1,10 +1,12 @@
-"""From comparisons to one line a quantity: errors, coverage, and what could not be compared."""
+"""The score of a campaign: one line a quantity, with errors, coverage and what is missing."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from virtual_lab.score import files, verdicts
-from virtual_lab.score.spoiled import COUNTED
+from virtual_lab.score import comparison, curves, files, missing, tables, verdicts
+from virtual_lab.score.missing import COUNTED
 
 # The contract's tables, and of each what could be known; numbers that only the truth can tell.
 QUANTITIES = {
@@ -149,3 +151,25 @@ def wilson(hits: int, of: int) -> tuple[float, float]:
     half = z * np.sqrt(share * (1 - share) / of + z**2 / (4 * of**2))
     low, high = ((middle + side * half) / (1 + z**2 / of) for side in (-1, 1))
     return max(float(low), 0.0), min(float(high), 1.0)
+
+
+class Score(NamedTuple):
+    """errors: one row a comparison; summary: one row a quantity; verdicts: one row a cell."""
+
+    errors: pd.DataFrame
+    summary: pd.DataFrame
+    verdicts: pd.DataFrame
+
+
+def score(place: files.Campaign) -> Score:
+    """Everything that can be said of a campaign's results."""
+    parts = [tables.compare(place, name) for name in tables.SPECS]
+    parts += [curves.ocv(place), curves.circuits(place), curves.soc(place), curves.packs(place)]
+    parts += [
+        verdicts.parameters(place),
+        missing.refused_files(place),
+        missing.flagged_samples(place),
+    ]
+    compared = missing.mark(place, comparison.gathered(parts))
+    judged = verdicts.compare(place)
+    return Score(compared, summarise(place, compared, judged), judged)

@@ -1,4 +1,4 @@
-"""The tables of the results contract that stand row by row beside a table of the truth."""
+"""Tables of the results contract that are compared row by row with a table of the truth."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 
 from virtual_lab.score import comparison, files
-from virtual_lab.score.comparison import errors, side_by_side
-from virtual_lab.score.matching import snapped
+from virtual_lab.score.comparison import errors, side_by_side, snapped
 
 RATE_TOLERANCE = 0.25  # of the logarithm of the rate
 START_TOLERANCE_SECOND = 5.0

@@ -1,4 +1,4 @@
-"""Missing-effect verdicts beside what was hidden in the cells."""
+"""Missing-effect verdicts compared with what was hidden in the cells."""
 
 import numpy as np
 import pandas as pd

@@ -1,0 +1,160 @@
+"""Why rows of the truth are missing from the results: spoiled on purpose, refused, untested."""
+
+import numpy as np
+import pandas as pd
+
+from virtual_lab.score import comparison, files
+from virtual_lab.score.comparison import errors
+
+# Kinds of tests that the pipeline makes a table from.
+KINDS = {
+    "capacity": ("capacity", "ocv"),
+    "resistance": ("hppc", "pulse_resistance"),
+    "eis": ("eis",),
+    "ica": ("ica",),
+    "packs": ("group",),
+}
+TEMPERATURE_TOLERANCE_KELVIN = 2.5
+VALIDATION_ROLES = ("validation", "split")
+NOT_MARKED = ("excluded", "faults")
+
+
+def mark(place: files.Campaign, compared: pd.DataFrame) -> pd.DataFrame:
+    """The same comparisons; what is missing is `spoiled`, `untested`, or has the stated reason.
+
+    A table that was not made at all stays missing where a test of the right kind is there.
+    """
+    lost = (compared["status"] == "missing") & ~compared["table"].isin(NOT_MARKED)
+    who = pd.Series(list(zip(compared["cell"], compared["test"], strict=True)), dtype=object)
+    who.index = compared.index
+    unasked = _unasked(place)
+    wrong = [(table, *one) in unasked for table, one in zip(compared["table"], who, strict=True)]
+    meant = who.isin(_spoiled(place)).to_numpy(bool)
+    status = np.select([lost & meant, lost & np.array(wrong, bool)], ["spoiled", "untested"], "")
+    reason = compared["reason"].where(compared["reason"].notna() | ~lost, who.map(_reasons(place)))
+    return compared.assign(status=compared["status"].where(status == "", status), reason=reason)
+
+
+def temperatures(place: files.Campaign, kinds) -> dict[str, np.ndarray]:
+    """Chamber temperatures [°C] of each cell's tests of these kinds; empty without a sheet."""
+    names = ["cell", "kind", "ambient_temperature_celsius"]
+    tests = files.with_columns(files.read_table(place.config / "tests.tsv"), names)
+    mine = tests[tests["kind"].isin(kinds)]
+    return {cell: rows[names[2]].to_numpy(float) for cell, rows in mine.groupby("cell")}
+
+
+def is_near(celsius, others) -> bool:
+    """Whether one of the other temperatures [°C] is the same within the chamber's trueness."""
+    gap = np.abs(np.asarray(others, dtype=float) - celsius)
+    return bool((gap <= TEMPERATURE_TOLERANCE_KELVIN).any())
+
+
+def _unasked(place) -> set:
+    """(table, cell, test) of tests whose kind or role gives no such table."""
+    tests = files.with_columns(
+        files.read_table(place.config / "tests.tsv"), ["cell", "test", "kind", "role"]
+    )
+    usual = np.where(tests["kind"] == "drive", "validation", "fit")
+    role = tests["role"].where(tests["role"].notna(), usual)
+    rows = list(zip(tests["cell"], tests["test"], tests["kind"], role, strict=True))
+    others = {
+        (table, cell, test)
+        for table, kinds in KINDS.items()
+        for cell, test, kind, _ in rows
+        if kind not in kinds
+    }
+    return others | {("soc", *row[:2]) for row in rows if row[3] not in VALIDATION_ROLES}
+
+
+def _spoiled(place) -> set:
+    true = files.with_columns(files.true(place, "excluded"), ["cell", "test"])
+    return set(zip(true["cell"], true["test"], strict=True))
+
+
+def refusals(place: files.Campaign) -> pd.DataFrame:
+    """Cell, test and reason of what the pipeline refused, each test once."""
+    found = files.with_columns(files.found(place, "excluded"), ["cell", "test", "reason"])
+    return found.drop_duplicates(["cell", "test"])
+
+
+def _reasons(place) -> dict:
+    found = refusals(place)
+    who = zip(found["cell"], found["test"], strict=True)
+    return dict(zip(who, found["reason"], strict=True))
+
+
+ROW_TOLERANCE = 1.0
+COUNTED = "count"
+
+
+def refused_files(place: files.Campaign) -> pd.DataFrame:
+    """Files beyond use that the pipeline refused, took for good (missing), or refused as well.
+
+    What is refused of a cell as a whole, because a file of it could not be used, is not counted.
+    """
+    true = files.true(place, "excluded")
+    if true is None:
+        return comparison.nothing()
+    keys = ["cell", "test"]
+    found = files.with_columns(files.found(place, "excluded"), [*keys, "stage", "reason"])
+    found = found[~(found["test"].isna() & found["cell"].isin(true["cell"]))]
+    said = [
+        f"{stage}: {reason}" for stage, reason in zip(found["stage"], found["reason"], strict=True)
+    ]
+    found = found.assign(found=1.0, said=said).drop_duplicates(keys)
+    true = true.drop_duplicates(keys).rename(columns={"reason": "spoiled"}).assign(true=1.0)
+    rows = comparison.side_by_side(found, true, keys=keys, columns=["found", "said"])
+    rows = rows.assign(at=rows["spoiled"], found=rows["found_found"], reason=rows["said_found"])
+    return errors("excluded", "file refused", COUNTED, rows)
+
+
+def flagged_samples(place: files.Campaign) -> pd.DataFrame:
+    """Samples spoiled on purpose: flagged, not seen (missing), or good ones flagged (extra).
+
+    Of a test that was refused nothing is taken for good.
+    """
+    true = files.true(place, "faults")
+    if true is None:
+        return comparison.nothing()
+    true = _one_of_a_swapped_pair(true.assign(row=pd.to_numeric(true["row"]), true=1.0))
+    found = _flags(place).assign(found=1.0)
+    rows = comparison.side_by_side(
+        found,
+        true,
+        keys=["cell", "test"],
+        columns=["found", "flag"],
+        near="row",
+        tolerance=ROW_TOLERANCE,
+    )
+    name = rows["fault"].where(rows["fault"].notna(), [f"flag {f}" for f in rows["flag_found"]])
+    rows = rows.assign(quantity=name, found=rows["found_found"], reason=rows["flag_found"])
+    given_up = rows["found"].isna() & _is_refused(place, rows)
+    rows["found"] = rows["found"].mask(given_up, 1.0)
+    rows["reason"] = rows["reason"].mask(given_up, "the test was refused")
+    rows["at"] = [f"row {row:.0f}" if np.isfinite(row) else "" for row in rows["row"]]
+    kinds = rows.groupby("quantity", sort=True)
+    return comparison.gathered(errors("faults", kind, COUNTED, part) for kind, part in kinds)
+
+
+def _one_of_a_swapped_pair(true):
+    """Of two rows in the wrong order one is out of place, whichever: the first stands for both."""
+    order = true.sort_values(["cell", "test", "fault", "row"])
+    follows = order.groupby(["cell", "test", "fault"])["row"].diff() == 1
+    return order[~(follows & (order["fault"] == "swapped"))].reset_index(drop=True)
+
+
+def _is_refused(place, rows):
+    found = refusals(place)
+    known = set(zip(found["cell"], found["test"], strict=True))
+    who = zip(rows["cell"], rows["test"], strict=True)
+    return np.array([one in known for one in who], dtype=bool)
+
+
+def _flags(place):
+    """Flags of every test, with their cell."""
+    parts = [pd.DataFrame({"cell": [], "test": [], "row": [], "flag": []})]
+    for path in sorted((place.results / "flags").glob("*/*.parquet")):
+        flags = files.artefact(place, "flags", path.parent.name, path.stem)
+        if flags is not None:
+            parts.append(flags[["row", "flag"]].assign(cell=path.parent.name, test=path.stem))
+    return pd.concat([part for part in parts if len(part)] or parts, ignore_index=True)
