@@ -20,7 +20,7 @@ from virtual_lab.instruments import faults
 from virtual_lab.instruments.chain import CHAIN
 from virtual_lab.protocols import Step, discharge, rest
 from virtual_lab.specimens import Behavioural, BehaviouralGroup
-from virtual_lab.tabulated import Tabulated, circuit_at
+from virtual_lab.thesis_cells import Tabulated, circuit_at
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
 RATING = Rating(1.0, 3.0, 4.0)

@@ -7,7 +7,7 @@ T2 is the circuit of the thesis' table 3.1 (S5). Some files have faults.
 from functools import partial
 from typing import NamedTuple
 
-from virtual_lab import cell_types, fast, protocols, tabulated
+from virtual_lab import fast, protocols, thesis_cells
 from virtual_lab.campaigns import Cell, Plan, Test
 from virtual_lab.chamber import room, steady
 from virtual_lab.instruments import faults
@@ -164,7 +164,7 @@ def _tests_of_c4() -> list[Test]:
 
 
 T1, T1_TYPE = "T1", "D"
-T1_SHEET = cell_types.CELL_TYPES[T1_TYPE]
+T1_SHEET = thesis_cells.CELL_TYPES[T1_TYPE]
 T1_RATING = T1_SHEET.rating
 PULSE_CELSIUS = (25, 10, 0, -10)
 DISCHARGE_CELSIUS = (25, 0, -10)
@@ -178,7 +178,7 @@ STEP_SOC = (0.9, 0.7, 0.5, 0.3, 0.1)
 REST_SHARE = 0.18  # five rests from full to a tenth
 FIRST_SAMPLE = "resistance at 50 % SoC, first sample"
 
-T2, T2_RATING = "T2", cell_types.CELL_TYPES["E"].rating
+T2, T2_RATING = "T2", thesis_cells.CELL_TYPES["E"].rating
 
 ROOM_CYCLES, ROOM_CELSIUS, ROOM_SWING_KELVIN, ROOM_DRIFT_KELVIN = 29, 24.0, 4.0, 0.3
 LITHIUM_LOST_PER_CYCLE = 3e-4
@@ -190,11 +190,11 @@ class CellInRoom(NamedTuple):
 
     rating = T1_RATING
     full_ampere_hour = property(lambda self: self.at(0).capacity_ampere_hour)
-    capacity_per_kelvin = cell_types.CIRCUITS[T1_TYPE].capacity_per_kelvin
+    capacity_per_kelvin = thesis_cells.CIRCUITS[T1_TYPE].capacity_per_kelvin
 
     def at(self, cycle: int) -> fast.Cell:
         """The cell after so many cycles."""
-        return cell_types.cell(T1_TYPE, lli=LITHIUM_LOST_PER_CYCLE * cycle)
+        return thesis_cells.cell(T1_TYPE, lli=LITHIUM_LOST_PER_CYCLE * cycle)
 
     def run(self, steps, *, chamber, initial_soc=1.0):
         """Through a first rest and its cycles, of as many steps each."""
@@ -207,14 +207,14 @@ class CellInRoom(NamedTuple):
 
 def cells_over_temperature() -> tuple[list[Cell], list[Test]]:
     """Rows of the sheets; a job for each of the two cells."""
-    specimen = Behavioural(partial(cell_types.cell, T1_TYPE), _all_celsius(), _known_of_t1)
+    specimen = Behavioural(partial(thesis_cells.cell, T1_TYPE), _all_celsius(), _known_of_t1)
     cells = [
         Cell(T1, T1_SHEET.chemistry, T1_RATING, specimen, note="over temperature"),
         Cell(
             T2,
             "LMO",
             T2_RATING,
-            tabulated.Tabulated(),
+            thesis_cells.Tabulated(),
             note="spectra of the thesis' table 3.1",
         ),
     ]
@@ -347,11 +347,11 @@ def _tabulated_spectra() -> list[Test]:
             "eis",
             celsius,
             "eis",
-            tabulated.Tabulated(),
+            thesis_cells.Tabulated(),
             soc=soc,
             initial_soc=soc,
         )
-        for soc, celsius in tabulated.conditions()
+        for soc, celsius in thesis_cells.conditions()
     ]
 
 
@@ -360,7 +360,7 @@ def _known_of_t1():
     whole = round(CellInRoom().full_ampere_hour, 5)
     losses = {"lli": 0.0, "lam_negative": 0.0, "lam_positive": 0.0}
     energy = {"law": "arrhenius", "parameter": "activation_energy", "unit": "J/mol"}
-    ohmic = {"quantity": FIRST_SAMPLE, **energy, "value": cell_types.CIRCUITS[T1_TYPE].ohmic}
+    ohmic = {"quantity": FIRST_SAMPLE, **energy, "value": thesis_cells.CIRCUITS[T1_TYPE].ohmic}
     return {
         "health": [{"cycle": None, "capacity_ampere_hour": whole, **losses}],
         "temperature": [ohmic, _slope()],

@@ -4,12 +4,12 @@ from functools import partial
 
 import numpy as np
 
-from virtual_lab import cell_types, protocols
+from virtual_lab import protocols, thesis_cells
 from virtual_lab.campaigns import Cell, Plan, Test, seed_of
 from virtual_lab.specimens import Behavioural
 
 KIND = "D"
-RATING = cell_types.CELL_TYPES[KIND].rating
+RATING = thesis_cells.CELL_TYPES[KIND].rating
 CELLS_PER_JOB = 50
 SPREAD = 0.05
 PULSE_SOC = (1.0, 0.8, 0.6, 0.4, 0.2)
@@ -46,7 +46,7 @@ def plan(*, seed: int, cells: int) -> Plan:
 def _specimen(number, seed):
     random = np.random.default_rng(seed_of(f"scale {number}", seed))
     loss, resistance = (abs(random.normal(0.0, SPREAD, 2)) if number else np.zeros(2)).tolist()
-    return Behavioural(partial(cell_types.cell, KIND, lli=loss, resistance=1 + 2 * resistance))
+    return Behavioural(partial(thesis_cells.cell, KIND, lli=loss, resistance=1 + 2 * resistance))
 
 
 def _tests(name, specimen, seed, batch):

@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from virtual_lab import cell_types, fast, physics, protocols
+from virtual_lab import fast, physics, protocols, thesis_cells
 from virtual_lab.campaigns import Cell, Plan, Test, seed_of
 from virtual_lab.campaigns.thesis_packs import CHAIN, group_part, group_specimens, pack_part
 from virtual_lab.chamber import room, steady
 from virtual_lab.protocols.pulses import THESIS_CELSIUS
 from virtual_lab.specimens import Behavioural, Physical
-from virtual_lab.tabulated import REPEATS, Tabulated, conditions
+from virtual_lab.thesis_cells import REPEATS, Tabulated, conditions
 
 CONFIG = """# The thesis' own circuits: with all nine members a run would take many hours.
 title: The thesis' campaign, from the virtual laboratory
@@ -42,7 +42,7 @@ def plan(*, seed: int) -> Plan:
 
 
 COLD_KIND = "E"
-COLD_RATING = cell_types.CELL_TYPES[COLD_KIND].rating
+COLD_RATING = thesis_cells.CELL_TYPES[COLD_KIND].rating
 CAPACITY_CELSIUS = (25, 10, 0, -10, -20)
 PULSE_CELSIUS = (20, 10, 0, -10, -20)
 SLOW_CELSIUS = (20, 0, -20)
@@ -56,14 +56,14 @@ def temperature_part(seed: int) -> tuple[list[Cell], list[Test]]:
     """E3 by the fast equations, E4 by physics, C6 in the room."""
     behavioural = _behavioural()
     physical = Physical(_fresh_porous_cell())
-    in_room = Behavioural(partial(cell_types.cell, ROOM_KIND))
+    in_room = Behavioural(partial(thesis_cells.cell, ROOM_KIND))
     rows = [
         Cell("E3", "LMO", COLD_RATING, behavioural, reference=True, note="temperature"),
         Cell("E4", "LMO", COLD_RATING, physical, note="temperature, slow charges by physics"),
         Cell(
             "C6",
             "NMC",
-            cell_types.CELL_TYPES[ROOM_KIND].rating,
+            thesis_cells.CELL_TYPES[ROOM_KIND].rating,
             in_room,
             note="29 cycles in a room",
         ),
@@ -73,16 +73,16 @@ def temperature_part(seed: int) -> tuple[list[Cell], list[Test]]:
 
 
 def _behavioural():
-    circuit = cell_types.CIRCUITS[COLD_KIND]
+    circuit = thesis_cells.CIRCUITS[COLD_KIND]
     energy = {"parameter": "activation_energy", "law": "arrhenius", "unit": "J/mol"}
     first = "resistance at 50 % SoC, first sample"
     known = {"temperature": [{"quantity": first, **energy, "value": circuit.ohmic}]}
     temperatures = tuple(float(celsius) for celsius in PULSE_CELSIUS)
-    return Behavioural(partial(cell_types.cell, COLD_KIND), temperatures, lambda: known)
+    return Behavioural(partial(thesis_cells.cell, COLD_KIND), temperatures, lambda: known)
 
 
 def _fresh_porous_cell():
-    sheet = cell_types.CELL_TYPES[COLD_KIND]
+    sheet = thesis_cells.CELL_TYPES[COLD_KIND]
     return physics.Cell(
         lli=0.0,
         lam_negative=0.0,
@@ -111,7 +111,7 @@ def _test_of(name, specimen, seed):
 
 
 def _of_fast_cell(specimen, seed):
-    at, full = _test_of("E3", specimen, seed), cell_types.CELL_TYPES[COLD_KIND].fresh_ampere_hour
+    at, full = _test_of("E3", specimen, seed), thesis_cells.CELL_TYPES[COLD_KIND].fresh_ampere_hour
     rests, chamber = protocols.temperature_steps(COLD_RATING, full, soc=STEP_SOC)
     found = [
         at("ocv_25C", "ocv", 25.0, steps=protocols.slow_ocv(COLD_RATING, period_second=60.0)),
@@ -163,7 +163,7 @@ def _slow_charges(specimen, seed):
 
 
 def _room_test(specimen, seed):
-    rating = cell_types.CELL_TYPES[ROOM_KIND].rating
+    rating = thesis_cells.CELL_TYPES[ROOM_KIND].rating
     steps = protocols.ageing_cycles(rating, "standard", cycles=ROOM_CYCLES, period_second=20.0)
     around = room(
         ROOM_CELSIUS,
@@ -184,7 +184,7 @@ def spectra_part(seed: int) -> tuple[list[Cell], list[Test]]:
     cell = Cell(
         SPECTRA_CELL,
         "LMO",
-        cell_types.CELL_TYPES["E"].rating,
+        thesis_cells.CELL_TYPES["E"].rating,
         Tabulated(),
         note="circuit of table 3.1",
     )
@@ -231,26 +231,26 @@ class Life(NamedTuple):
     @property
     def rating(self):
         """Data sheet."""
-        return cell_types.CELL_TYPES[self.kind].rating
+        return thesis_cells.CELL_TYPES[self.kind].rating
 
     @property
     def full_ampere_hour(self) -> float:
         """Charge [Ah] of the fresh cell."""
-        return cell_types.cell(self.kind).capacity_ampere_hour
+        return thesis_cells.cell(self.kind).capacity_ampere_hour
 
     @property
     def cycles(self) -> int:
         """How many it lives."""
-        return int(cell_types.last_cycle(self.kind, self.protocol) / self.spread)
+        return int(thesis_cells.last_cycle(self.kind, self.protocol) / self.spread)
 
     def at(self, cycle: float) -> fast.Cell:
         """The cell after so many cycles."""
-        return cell_types.aged(self.kind, self.protocol, cycle * self.spread)
+        return thesis_cells.aged(self.kind, self.protocol, cycle * self.spread)
 
     def told_ampere_hour(self, cycle: float) -> float:
         """Capacity [Ah] that the laboratory has measured after so many cycles."""
-        share = cell_types.capacity_share(self.kind, self.protocol, cycle * self.spread)
-        return share * cell_types.CELL_TYPES[self.kind].fresh_ampere_hour
+        share = thesis_cells.capacity_share(self.kind, self.protocol, cycle * self.spread)
+        return share * thesis_cells.CELL_TYPES[self.kind].fresh_ampere_hour
 
     def run(self, steps, *, chamber, initial_soc=1.0):
         """Through its ageing test: a first rest, then cycles of as many steps each."""
@@ -263,14 +263,16 @@ class Life(NamedTuple):
 
     def facts(self, name: str) -> dict[str, list[dict]]:
         """Losses at the check-ups, and the knee."""
-        knee = cell_types.knee_cycle(self.kind, self.protocol)
+        knee = thesis_cells.knee_cycle(self.kind, self.protocol)
         fresh = self.full_ampere_hour
         rows = []
         for cycle in check_up_cycles(self):
-            state = cell_types.ageing_state(self.kind, self.protocol, cycle * self.spread)
+            state = thesis_cells.ageing_state(self.kind, self.protocol, cycle * self.spread)
             left = self.at(cycle).capacity_ampere_hour
             told = {"cell": name, "cycle": cycle, "capacity_ampere_hour": round(left, 5)}
-            losses = {loss: round(value, 6) for loss, value in cell_types.losses_of(state).items()}
+            losses = {
+                loss: round(value, 6) for loss, value in thesis_cells.losses_of(state).items()
+            }
             knees = {"knee_cycle": round(knee / self.spread) if knee else None}
             rows.append(told | {"soh": round(left / fresh, 5)} | losses | knees)
         return {"health": rows}
@@ -295,7 +297,7 @@ def ageing_part(seed: int) -> tuple[list[Cell], list[Test]]:
     """Rows of the sheet; the life of each cell in one file, and its check-ups."""
     rows, tests = [], []
     for name, life in lives(seed).items():
-        chemistry = cell_types.CELL_TYPES[life.kind].chemistry
+        chemistry = thesis_cells.CELL_TYPES[life.kind].chemistry
         rows.append(Cell(name, chemistry, life.rating, life, note=f"{life.protocol} ageing"))
         tests.append(_life_test(name, life, seed))
         for cycle in check_up_cycles(life):
@@ -350,10 +352,10 @@ def _check_up_tests(name, life, cycle, seed):
 
 def _aged_porous_cell(life, cycle):
     """The same state as a porous-electrode cell."""
-    sheet = cell_types.CELL_TYPES[life.kind]
-    state = cell_types.ageing_state(life.kind, life.protocol, cycle * life.spread)
+    sheet = thesis_cells.CELL_TYPES[life.kind]
+    state = thesis_cells.ageing_state(life.kind, life.protocol, cycle * life.spread)
     return physics.Cell(
-        **cell_types.losses_of(state),
+        **thesis_cells.losses_of(state),
         contact_resistance_ohm=0.3 * sheet.fresh_ohm * state.resistance_factor,
         kinetics=KINETICS.get(life.kind, 1.0) * state.kinetics,
         capacity_ampere_hour=life.told_ampere_hour(cycle),

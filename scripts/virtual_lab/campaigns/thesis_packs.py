@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from virtual_lab import cell_types, protocols
+from virtual_lab import protocols, thesis_cells
 from virtual_lab.behaviour import Rating
 from virtual_lab.campaigns import Cell, Test, seed_of
 from virtual_lab.chamber import wobbling
@@ -15,7 +15,7 @@ from virtual_lab.specimens import Behavioural, BehaviouralGroup
 
 KIND = "D"
 PACK_CELLS = 50
-RATING = cell_types.CELL_TYPES[KIND].rating
+RATING = thesis_cells.CELL_TYPES[KIND].rating
 # The worst of 50 used cells have lost a third (figure 4.23).
 LEAST_AMPERE_HOUR, MOST_AMPERE_HOUR = 20.5, 29.5
 # Resistance grows as capacity falls, in a line, with a scatter of a few percent (S14).
@@ -87,12 +87,12 @@ def used_cell(name: str, capacity: float, random: np.random.Generator) -> UsedCe
 
 
 def _worn(capacity, lam_positive, resistance):
-    losses = cell_types.worn(KIND, capacity, lam_positive=lam_positive)
-    return cell_types.cell(KIND, resistance=resistance, **losses)
+    losses = thesis_cells.worn(KIND, capacity, lam_positive=lam_positive)
+    return thesis_cells.cell(KIND, resistance=resistance, **losses)
 
 
 def _losses(capacity, lam_positive):
-    losses = cell_types.worn(KIND, capacity, lam_positive=lam_positive)
+    losses = thesis_cells.worn(KIND, capacity, lam_positive=lam_positive)
     shown = {loss: round(losses.get(loss, 0.0), 6) for loss in LOSSES}
     return {"health": [{"capacity_ampere_hour": round(capacity, 4), **shown}]}
 
