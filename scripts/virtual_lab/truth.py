@@ -391,10 +391,7 @@ def rows(test, behaviours: list) -> dict[str, list[dict]]:
     """
     if test.kind == "group":
         return {"packs": _pack_rows(test, behaviours)}
-    full = {
-        "capacity_ampere_hour": _full_ampere_hour(test),
-        "initial_soc": test.initial_soc,
-    }
+    full = {"capacity_ampere_hour": _full_ampere_hour(test), "initial_soc": test.initial_soc}
     found = {"soc": soc_rows(behaviours, **full)}
     if test.kind in PULSED:
         found["resistance"] = resistance_rows(test.steps, behaviours, **full)

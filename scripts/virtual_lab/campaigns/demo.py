@@ -211,11 +211,7 @@ def cells_over_temperature() -> tuple[list[Cell], list[Test]]:
     cells = [
         Cell(T1, T1_SHEET.chemistry, T1_RATING, specimen, note="over temperature"),
         Cell(
-            T2,
-            "LMO",
-            T2_RATING,
-            thesis_cells.Tabulated(),
-            note="spectra of the thesis' table 3.1",
+            T2, "LMO", T2_RATING, thesis_cells.Tabulated(), note="spectra of the thesis' table 3.1"
         ),
     ]
     at = partial(Test, T1, instrument="bdf", specimen=specimen)

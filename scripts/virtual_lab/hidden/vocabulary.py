@@ -170,10 +170,7 @@ EFFECTS = {
         _drawn_rate,
     ),
     "resistance_asymmetry": Effect(
-        "charge_resistance_excess_relative",
-        0.2,
-        2.0,
-        _in_cell("charge_asymmetry"),
+        "charge_resistance_excess_relative", 0.2, 2.0, _in_cell("charge_asymmetry")
     ),
     "resistance_soc": Effect("amount_relative", 0.3, 4.0, _resistance_soc, _shape),
     "polarisation_soc": Effect("amount_relative", 0.3, 4.0, _polarisation_soc, _shape),

@@ -24,14 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from virtual_lab.behaviour import Rating
-from virtual_lab.protocols.steps import (
-    HOUR,
-    LONG_PERIOD,
-    MINUTE,
-    Step,
-    draw,
-    rest,
-)
+from virtual_lab.protocols.steps import HOUR, LONG_PERIOD, MINUTE, Step, draw, rest
 
 AIR_DENSITY = 1.2
 GRAVITY = 9.81
@@ -207,12 +200,7 @@ def _stairs(durations, levels) -> np.ndarray:
 
 
 def random_load(
-    style: str,
-    rating: Rating,
-    *,
-    seed: int,
-    ampere_hour: float,
-    duration_second: int | None = None,
+    style: str, rating: Rating, *, seed: int, ampere_hour: float, duration_second: int | None = None
 ) -> np.ndarray:
     """A load drawn from a seeded generator: stretches of driving, recuperation, pauses.
 
