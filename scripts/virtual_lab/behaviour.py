@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Rating(NamedTuple):
-    """Capacity [Ah] on the data sheet, to which C-rates refer, and the two cut-offs [V]."""
+    """Capacity [Ah] of the data sheet, to which C-rates refer, and the two cut-offs [V]."""
 
     capacity_ampere_hour: float
     lower_cutoff_volt: float
@@ -19,12 +19,12 @@ class Rating(NamedTuple):
 
 
 class Behaviour(NamedTuple):
-    """What a cell really did in one step; times are counted from the start of the step.
+    """True current, voltage and temperature of a cell in one step, as functions of time.
 
-    The functions take times [s] and give a current [A] positive on charge, a voltage [V] and a
-    temperature [°C]; of cells in parallel also the current [A] of each branch. Where the generator
-    knows them: `charge`, what has flowed in since the start of the step [Ah], and `soc`, the true
-    state of charge [1] (of cells in parallel, those of the first).
+    Times [s] are counted from the start of the step. The current [A] is positive on charge; of
+    cells in parallel `branches` are the currents of each. Where the generator knows them:
+    `charge`, the charge [Ah] since the start of the step, and `soc`, the true state of charge [1]
+    (of cells in parallel, that of the first).
     """
 
     duration_second: float

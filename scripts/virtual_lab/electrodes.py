@@ -15,7 +15,7 @@ from virtual_lab.behaviour import Rating
 
 
 class HalfCell(NamedTuple):
-    """A material: two functions of lithiation [1], between whose limits they may be used."""
+    """An electrode material: potential [V] and dU/dT [V/K] over lithiation [1], and its range."""
 
     potential_volt: Callable
     entropic_volt_per_kelvin: Callable
@@ -37,8 +37,8 @@ def graphite_siox_volt(x):
 def graphite_volt(x):
     """Graphite with sharp stages; Mohtat et al., J. Electrochem. Soc. 167 (2020), 110561.
 
-    The last term is ours: the published fit ends at 0.95 V, where no cell reaches its lower cut-off
-    by emptying its graphite. It is below 0.1 mV from x = 0.01 on.
+    The last term is ours: the published fit ends at 0.95 V, and no cell would reach its lower
+    cut-off when the graphite is empty. It is below 0.1 mV from x = 0.01 on.
     """
     return (
         0.063
@@ -94,10 +94,11 @@ def lmo_volt(y):
 
 
 def lmo_entropy(y):
-    """LiMn2O4 [V/K]: own form, so that a cell moves with temperature as the thesis measured (S6).
+    """LiMn2O4 [V/K]: own form, for the change of OCV with temperature that the thesis measured
+    (S6).
 
     A spinel cell gained up to 30 mV at −15 °C below 40 % SoC, lost up to 10 mV above 60 % and
-    crossed zero near 50 %; the part of graphite is taken off.
+    crossed zero near 50 %; the part of graphite is subtracted.
     """
     emptier_cell = 0.5 * (1 + np.tanh((y - 0.6) / 0.06))
     return 1e-3 * (0.22 - 0.72 * emptier_cell)
@@ -133,7 +134,7 @@ def nca_volt(y):
 
 
 def no_entropy(sto):
-    """No entropic coefficient [V/K] is given by the source: taken as zero."""
+    """Zero entropic coefficient [V/K], for materials whose source gives none."""
     return 0.0 * sto
 
 
@@ -150,10 +151,10 @@ HALF_CELLS = {
 
 
 class Chemistry(NamedTuple):
-    """Materials of a cell and how its maker balanced them.
+    """The two materials of a cell and the ratio of its electrodes.
 
     `x` and `y`: lithiation [1] of the negative and positive electrode at any two states (emptier
-    first); only what they say of the ratio of the electrodes and of the lithium is used.
+    first); only the ratio of the electrodes and the cyclable lithium are taken from them.
     `rest_per_rated`: charge [1] between the cut-offs at rest over that of the data sheet.
     """
 
@@ -176,10 +177,10 @@ class Chemistry(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Lithiation [1] of both electrodes at 0 and 100 % and the charges [Ah] that belong to it.
+    """Lithiation [1] of both electrodes at 0 and 100 % SoC, and their charges [Ah].
 
     `capacity_ampere_hour` lies between the cut-offs at rest; `negative_ampere_hour` and
-    `positive_ampere_hour` are what the electrodes would hold from 0 to 1.
+    `positive_ampere_hour` are the electrodes' capacities from lithiation 0 to 1.
     """
 
     x_0: float
@@ -216,13 +217,13 @@ def window(
     lam_negative: float = 0.0,
     lam_positive: float = 0.0,
 ) -> Window:
-    """Where the electrodes of a cell stand at both cut-offs at rest, at 25 °C.
+    """Lithiation of both electrodes at the two cut-offs at rest, at 25 °C.
 
     Parameters
     ----------
     chemistry : a name of CHEMISTRIES.
     rating : its capacity sizes the fresh cell's electrodes, its cut-offs bound the window.
-    lli : share [1] of the fresh cell's cyclable lithium that is lost.
+    lli : loss of lithium inventory, a share [1] of the fresh cell's cyclable lithium.
     lam_negative, lam_positive : share [1] of each active material that is lost, with no lithium
         in it (delithiated): only `lli` takes lithium away.
 
@@ -230,27 +231,35 @@ def window(
     ------
     ValueError : when the electrodes cannot reach a cut-off.
     """
-    made, fresh = CHEMISTRIES[chemistry], _fresh(chemistry, rating)
+    design = CHEMISTRIES[chemistry]
+    # The fresh cell is scaled to the data sheet: without losses all charges are proportional.
+    unit = _solved(
+        chemistry, rating, design.negative_per_positive, 1.0, design.lithium_per_positive
+    )
+    scale = design.rest_per_rated * rating.capacity_ampere_hour / unit.capacity_ampere_hour
+    fresh = Window(*unit[:4], *(scale * charge for charge in unit[4:]))
     negative = fresh.negative_ampere_hour * (1 - lam_negative)
     positive = fresh.positive_ampere_hour * (1 - lam_positive)
-    lithium = made.lithium_per_positive * fresh.positive_ampere_hour * (1 - lli)
+    lithium = design.lithium_per_positive * fresh.positive_ampere_hour * (1 - lli)
     return _solved(chemistry, rating, negative, positive, lithium)
 
 
 def open_circuit_volt(chemistry: str, window: Window, soc):
     """Equilibrium voltage [V] at 25 °C over the window's state of charge [1]."""
-    made = CHEMISTRIES[chemistry]
-    x, y = lithiation(window, soc)
-    positive, negative = HALF_CELLS[made.positive], HALF_CELLS[made.negative]
+    negative, positive, x, y = _electrodes_at(chemistry, window, soc)
     return positive.potential_volt(y) - negative.potential_volt(x)
 
 
 def entropic_volt_per_kelvin(chemistry: str, window: Window, soc):
     """Entropic coefficient dOCV/dT [V/K] over the window's state of charge [1]."""
-    made = CHEMISTRIES[chemistry]
-    x, y = lithiation(window, soc)
-    positive, negative = HALF_CELLS[made.positive], HALF_CELLS[made.negative]
+    negative, positive, x, y = _electrodes_at(chemistry, window, soc)
     return positive.entropic_volt_per_kelvin(y) - negative.entropic_volt_per_kelvin(x)
+
+
+def _electrodes_at(chemistry, window, soc):
+    """Materials of the negative and positive electrode, and their lithiation [1]."""
+    design = CHEMISTRIES[chemistry]
+    return HALF_CELLS[design.negative], HALF_CELLS[design.positive], *lithiation(window, soc)
 
 
 def lithiation(window: Window, soc):
@@ -262,16 +271,8 @@ def lithiation(window: Window, soc):
 
 
 def rating_of(chemistry: str, capacity_ampere_hour: float) -> Rating:
-    """A data sheet of a capacity [Ah] with the chemistry's usual cut-offs."""
+    """A data sheet of a capacity [Ah] with the chemistry's usual cut-offs [V]."""
     return Rating(capacity_ampere_hour, *CHEMISTRIES[chemistry].cutoffs_volt)
-
-
-def _fresh(chemistry, rating):
-    """The window scaled to the data sheet: without losses everything is proportional."""
-    made = CHEMISTRIES[chemistry]
-    unit = _solved(chemistry, rating, made.negative_per_positive, 1.0, made.lithium_per_positive)
-    scale = made.rest_per_rated * rating.capacity_ampere_hour / unit.capacity_ampere_hour
-    return Window(*unit[:4], *(scale * charge for charge in unit[4:]))
 
 
 def _solved(chemistry, rating, negative, positive, lithium):
@@ -283,9 +284,9 @@ def _solved(chemistry, rating, negative, positive, lithium):
     return Window(x_0, x_100, y_0, y_100, negative * (x_100 - x_0), negative, positive)
 
 
-def _negative_at(made, volt, negative, positive, lithium):
-    """Lithiation of the negative electrode at which the rested cell shows a voltage."""
-    of_negative, of_positive = HALF_CELLS[made.negative], HALF_CELLS[made.positive]
+def _negative_at(design, volt, negative, positive, lithium):
+    """Lithiation [1] of the negative electrode at which the rested cell has a voltage [V]."""
+    of_negative, of_positive = HALF_CELLS[design.negative], HALF_CELLS[design.positive]
 
     def excess(x):
         y = (lithium - x * negative) / positive

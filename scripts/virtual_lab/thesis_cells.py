@@ -7,11 +7,11 @@ peaks of dQ/dV move as they must. A cell may gain capacity at first (0.5 % in 20
 lithium that comes back from the negative electrode's overhang, a negative `lli`.
 
 Spectra are those of the circuit in table 3.1 (32 Ah LMO cell): Z = Rs + Z_CPE ‖ (Rct + Z_W) with
-Z_CPE = 1/(T·(j2πf)^P) and Z_W = 1/(Y0·√(j2πf)), equations of section 3.2. The table's header is read
-as 20, 10, 5, 0, −10 °C: its signs are misprinted, since only so ln Rct is a line over 1/T and
-resistance grows in the cold. Rs at 5 % and −10 °C is lost in print: ASSUME 2.75 mΩ, on the parabola in
-°C through the other four of its column (the same extrapolation misses the printed values of the
-other two columns by 10 and 5 %).
+Z_CPE = 1/(T·(j2πf)^P) and Z_W = 1/(Y0·√(j2πf)), equations of section 3.2. The table's header is
+read as 20, 10, 5, 0, −10 °C: its signs are misprinted, since only so ln Rct is a line over 1/T and
+resistance grows in the cold. Rs at 5 % and −10 °C is lost in print: ASSUME 2.75 mΩ, on the
+parabola in °C through the other four of its column (the same extrapolation misses the printed
+values of the other two columns by 10 and 5 %).
 """
 
 from functools import cache
@@ -24,12 +24,13 @@ from scipy.optimize import brentq
 from virtual_lab import electrodes, fast
 from virtual_lab.behaviour import Rating
 
-AGEING_PROTOCOLS = ("standard", "high_power", "fast_charge")
-
 
 class AgeingState(NamedTuple):
-    """State of a cell: losses [1] of the fresh cell's lithium and materials, as `electrodes.window`
-    takes them; factors [1] on its ohmic resistance and on its exchange-current densities."""
+    """State of an aged cell: what it has lost, and how its resistance and kinetics changed.
+
+    Losses are shares [1] of the fresh cell's lithium and materials, as `electrodes.window` takes
+    them; factors [1] multiply its ohmic resistance and its exchange-current densities.
+    """
 
     lli: float
     lam_negative: float
@@ -39,9 +40,10 @@ class AgeingState(NamedTuple):
 
 
 class CellType(NamedTuple):
-    """A type of cell: data sheet, what a fresh one gave [Ah], its ohmic resistance, its losses.
+    """A type of cell: data sheet, capacity when fresh [Ah], ohmic resistance [ohm], losses.
 
-    Material lost per capacity lost [1], beginning at a first loss of capacity `lam_after` [1].
+    `lam_*_per_loss`: material lost per capacity lost [1], once the capacity loss exceeds
+    `lam_after` [1].
     """
 
     chemistry: str
@@ -66,9 +68,10 @@ CELL_TYPES = {
 
 
 class AgeingLaw(NamedTuple):
-    """Points of a life: cycle, capacity and resistance over the fresh one's [1]; the knee, if any.
+    """Capacity and resistance over the life of a cell, and the knee, if any.
 
-    Between the points nothing is known; after the last one the cell was taken off.
+    Points are cycle, capacity [1] and resistance [1] over those of the fresh cell. Between the
+    points nothing is known; at the last one the test ended.
     """
 
     points: tuple[tuple[float, float, float], ...]
@@ -123,22 +126,25 @@ PACE_OF_PROTOCOL = {"standard": 1.0, "high_power": 1.0, "fast_charge": 0.25}
 
 
 def ageing_state(kind: str, protocol: str, cycle: float) -> AgeingState:
-    """State of a cell of a type (A to E) after so many equivalent full cycles of a protocol."""
+    """State of a cell of a type (A to E) after a number of equivalent full cycles of a protocol."""
     share = capacity_share(kind, protocol, cycle)
-    made = CELL_TYPES[kind]
-    lost = max(0.0, 1 - share - made.lam_after)
+    cell_type = CELL_TYPES[kind]
+    lost = max(0.0, 1 - share - cell_type.lam_after)
     lams = {
-        "lam_negative": made.lam_negative_per_loss * lost,
-        "lam_positive": made.lam_positive_per_loss * lost,
+        "lam_negative": cell_type.lam_negative_per_loss * lost,
+        "lam_positive": cell_type.lam_positive_per_loss * lost,
     }
     factor = _law_value(kind, protocol, cycle, column=2)
     # ASSUME: charge transfer slows with the root of the ohmic growth.
-    return AgeingState(_lithium_lost(made, share, **lams), **lams, resistance_factor=factor,
-                  kinetics=factor**-0.5)  # fmt: skip
+    limits = {"between": (-0.02, 0.7), "xtol": 1e-10}
+    lli, miss = _lithium_loss(cell_type.chemistry, cell_type.rating, share, **limits, **lams)
+    if abs(miss) > 1e-6:
+        raise ValueError(f"the material lost alone leaves less than {share:.3f} of the capacity")
+    return AgeingState(lli, **lams, resistance_factor=factor, kinetics=factor**-0.5)
 
 
 def capacity_share(kind: str, protocol: str, cycle: float) -> float:
-    """Capacity [1] after so many cycles over that of the fresh cell."""
+    """Capacity [1] over that of the fresh cell after a number of cycles."""
     return _law_value(kind, protocol, cycle, column=1)
 
 
@@ -148,17 +154,17 @@ def knee_cycle(kind: str, protocol: str) -> float | None:
 
 
 def last_cycle(kind: str, protocol: str) -> float:
-    """Cycle at which the cell was taken off; there is no state beyond."""
+    """Cycle at which the test ended; there is no state beyond."""
     return ageing_law(kind, protocol).points[-1][0]
 
 
 def ageing_law(kind: str, protocol: str) -> AgeingLaw:
-    """What is told of a type under a protocol, or its standard law at the protocol's pace."""
+    """The thesis' ageing of a type and protocol; else its standard law at the protocol's pace."""
     if (kind, protocol) in AGEING_LAWS:
         return AGEING_LAWS[kind, protocol]
-    pace, told = PACE_OF_PROTOCOL[protocol], AGEING_LAWS[kind, "standard"]
-    points = tuple((pace * cycle, *rest) for cycle, *rest in told.points)
-    return AgeingLaw(points, None if told.knee_cycle is None else pace * told.knee_cycle)
+    pace, standard = PACE_OF_PROTOCOL[protocol], AGEING_LAWS[kind, "standard"]
+    points = tuple((pace * cycle, *rest) for cycle, *rest in standard.points)
+    return AgeingLaw(points, None if standard.knee_cycle is None else pace * standard.knee_cycle)
 
 
 def _law_value(kind, protocol, cycle, *, column) -> float:
@@ -174,20 +180,19 @@ def _law_curve(kind, protocol, column):
     return PchipInterpolator(points[:, 0], points[:, column])
 
 
-def _lithium_lost(made, share, **lams) -> float:
-    fresh = electrodes.window(made.chemistry, made.rating).capacity_ampere_hour
+def _lithium_loss(chemistry, rating, share, *, between, xtol, **lams):
+    """Lithium lost [1] at which a share [1] of the fresh capacity remains, and its error."""
+    fresh = electrodes.window(chemistry, rating).capacity_ampere_hour
 
     def excess(lli):
         try:
-            left = electrodes.window(made.chemistry, made.rating, lli=lli, **lams)
-        except ValueError:  # more lithium than the rest of the graphite takes: too little lost
-            return 1.0
-        return left.capacity_ampere_hour / fresh - share
+            aged = electrodes.window(chemistry, rating, lli=lli, **lams)
+        except ValueError:  # more lithium than the remaining graphite takes, or hardly any
+            return 1.0 if lli < 0.1 else -1.0
+        return aged.capacity_ampere_hour / fresh - share
 
-    found = float(brentq(excess, -0.02, 0.7, xtol=1e-10))
-    if abs(excess(found)) > 1e-6:
-        raise ValueError(f"the material lost alone takes more than leaves {share:.3f} of capacity")
-    return found
+    lli = float(brentq(excess, *between, xtol=xtol))
+    return lli, excess(lli)
 
 
 SOC = np.linspace(0.0, 1.0, 2001)
@@ -205,7 +210,7 @@ TRANSFER_PAIRS = 1  # of these, the first
 
 
 class Circuit(NamedTuple):
-    """How a type's resistances move with temperature, and its hysteresis.
+    """Temperature dependence of a type's resistances, and its hysteresis.
 
     Activation energies [J/mol] of the ohmic part, of charge transfer and of diffusion; half of the
     gap between charge and discharge at rest [V]; loss of capacity in the cold [1/K].
@@ -243,19 +248,19 @@ def cell(kind: str, *, resistance: float = 1.0, size: float = 1.0, **losses: flo
     -------
     fast.Cell, whose state of charge is that of the window between the cut-offs at rest.
     """
-    sheet, circuit = CELL_TYPES[kind], CIRCUITS[kind]
-    window = electrodes.window(sheet.chemistry, _sized(sheet), **losses)
-    r0 = resistance * sheet.fresh_ohm
-    per_ampere_hour = 1 / sheet.rating.capacity_ampere_hour
+    cell_type, circuit = CELL_TYPES[kind], CIRCUITS[kind]
+    window = electrodes.window(cell_type.chemistry, _sized_rating(cell_type), **losses)
+    r0 = resistance * cell_type.fresh_ohm
+    per_ampere_hour = 1 / cell_type.rating.capacity_ampere_hour
     slower = len(PAIRS) - TRANSFER_PAIRS
     energies = (circuit.transfer,) * TRANSFER_PAIRS + (circuit.diffusion,) * slower
     return fast.Cell(
-        rating=sheet.rating,
-        ocv_volt=electrodes.open_circuit_volt(sheet.chemistry, window, SOC),
+        rating=cell_type.rating,
+        ocv_volt=electrodes.open_circuit_volt(cell_type.chemistry, window, SOC),
         capacity_ampere_hour=size * window.capacity_ampere_hour,
         capacity_per_kelvin=circuit.capacity_per_kelvin,
         entropic_volt_per_kelvin=electrodes.entropic_volt_per_kelvin(
-            sheet.chemistry, window, FACTOR_SOC
+            cell_type.chemistry, window, FACTOR_SOC
         ),
         r0_ohm=r0,
         r0_factor=towards_the_ends(low=0.35, high=0.10),
@@ -280,54 +285,50 @@ def aged(kind: str, protocol: str, cycle: float) -> fast.Cell:
 
 
 def losses_of(state: AgeingState) -> dict[str, float]:
-    """What a state has lost, as `electrodes.window` takes it."""
+    """Losses [1] of a state, as arguments of `electrodes.window` and `cell`."""
     return {name: getattr(state, name) for name in ("lli", "lam_negative", "lam_positive")}
 
 
 def worn(kind: str, measured_ampere_hour: float, *, lam_positive: float) -> dict[str, float]:
-    """Losses and size of a cell that gives a capacity [Ah] at C/2, for `cell`.
+    """Losses and size of a cell with a given capacity [Ah] at C/2, for `cell`.
 
-    The positive material's loss is given [1], the negative one loses half as much; lithium what is
-    missing then. A cell that gives more than its type does when fresh is a larger one.
+    The loss of positive material is given [1], the negative one loses half as much; the rest of
+    the capacity loss is lithium. A cell with more capacity than its type when fresh is a larger
+    one.
     """
-    sheet = CELL_TYPES[kind]
-    share = measured_ampere_hour / sheet.fresh_ampere_hour
+    cell_type = CELL_TYPES[kind]
+    share = measured_ampere_hour / cell_type.fresh_ampere_hour
     if share >= 1:
         return {"size": share}
     lams = {"lam_positive": lam_positive, "lam_negative": 0.5 * lam_positive}
-    rating = _sized(sheet)
-    fresh = electrodes.window(sheet.chemistry, rating).capacity_ampere_hour
-
-    def excess(lli):
-        try:
-            left = electrodes.window(sheet.chemistry, rating, lli=lli, **lams)
-        except ValueError:  # more lithium than the rest of the graphite takes, or hardly any left
-            return 1.0 if lli < 0.1 else -1.0
-        return left.capacity_ampere_hour / fresh - share
-
-    return {"lli": brentq(excess, 0.0, 0.6, xtol=1e-9), **lams}
+    limits = {"between": (0.0, 0.6), "xtol": 1e-9}
+    rating = _sized_rating(cell_type)
+    lli, _ = _lithium_loss(cell_type.chemistry, rating, share, **limits, **lams)
+    return {"lli": lli, **lams}
 
 
-def _sized(sheet):
-    """Data sheet of a cell whose electrodes hold what the thesis' fresh cell has given at C/2."""
-    rest = sheet.fresh_ampere_hour / HALF_RATE_SHARE
-    made = electrodes.CHEMISTRIES[sheet.chemistry].rest_per_rated
-    return sheet.rating._replace(capacity_ampere_hour=rest / made)
+def _sized_rating(cell_type):
+    """Rating of a cell whose electrodes have the capacity at C/2 that the thesis measured fresh."""
+    rest = cell_type.fresh_ampere_hour / HALF_RATE_SHARE
+    rated = rest / electrodes.CHEMISTRIES[cell_type.chemistry].rest_per_rated
+    return cell_type.rating._replace(capacity_ampere_hour=rated)
 
 
 def towards_the_ends(*, low: float, high: float) -> np.ndarray:
-    """Factor of a resistance over SoC: flat, but for the ends (thesis figure 3.11)."""
+    """Factor [1] of a resistance over SoC: flat in the middle, rising at both ends (thesis figure
+    3.11).
+    """
     return 1 + low * np.exp(-FACTOR_SOC / 0.06) + high * np.exp(-(1 - FACTOR_SOC) / 0.04)
 
 
-FREQUENCY_HERTZ = np.logspace(3, -2, 51)
+TABLE_FREQUENCY_HERTZ = np.logspace(3, -2, 51)
 TEMPERATURES_CELSIUS = (20.0, 10.0, 5.0, 0.0, -10.0)
 SOCS = (0.05, 0.5, 1.0)
 REPEATS = 3
 
 
 class TabulatedCircuit(NamedTuple):
-    """Parameters by the names of the results contract.
+    """Parameters of the circuit by the names of the results contract.
 
     Resistances [ohm]; `cpe_t` [S·s^P] and `cpe_p` [1] of the constant-phase element; `warburg_y0`
     [S·s^½].
@@ -367,31 +368,31 @@ TABLE = {
 
 
 def conditions() -> list[tuple[float, float]]:
-    """The fifteen conditions: state of charge [1], temperature [°C]."""
+    """The table's fifteen conditions: state of charge [1], temperature [°C]."""
     return [(soc, celsius) for soc in SOCS for celsius in TEMPERATURES_CELSIUS]
 
 
 def circuit_at(soc: float, celsius: float) -> TabulatedCircuit:
-    """Parameters at one of the conditions; there are none in between."""
+    """Parameters of the circuit at one of the table's conditions; there are none in between."""
     if soc not in TABLE or celsius not in TEMPERATURES_CELSIUS:
-        known = f"SoC {SOCS} and {TEMPERATURES_CELSIUS} °C"
-        raise ValueError(f"table 3.1 knows {known}, asked: {soc}, {celsius} °C")
+        allowed = f"SoC {SOCS} and {TEMPERATURES_CELSIUS} °C"
+        raise ValueError(f"table 3.1 knows {allowed}, asked: {soc}, {celsius} °C")
     column = TEMPERATURES_CELSIUS.index(celsius)
     return TabulatedCircuit(*(row[column] for row in TABLE[soc]))
 
 
 def impedance_ohm(parameters: TabulatedCircuit, frequency_hertz: np.ndarray) -> np.ndarray:
     """Complex impedance [ohm] at each frequency [Hz]; capacitive arcs have a negative part."""
-    turning = 2j * np.pi * np.asarray(frequency_hertz)
-    capacitive = parameters.cpe_t * turning**parameters.cpe_p
-    faradaic = parameters.r_charge_transfer_ohm + 1 / (parameters.warburg_y0 * np.sqrt(turning))
+    j_omega = 2j * np.pi * np.asarray(frequency_hertz)
+    capacitive = parameters.cpe_t * j_omega**parameters.cpe_p
+    faradaic = parameters.r_charge_transfer_ohm + 1 / (parameters.warburg_y0 * np.sqrt(j_omega))
     return parameters.r_ohmic_ohm + 1 / (capacitive + 1 / faradaic)
 
 
 class Tabulated(NamedTuple):
-    """The cell of the table, as a specimen on the analyser."""
+    """The 32 Ah LMO cell of table 3.1, as a specimen on an impedance analyser."""
 
-    frequency_hertz = FREQUENCY_HERTZ
+    frequency_hertz = TABLE_FREQUENCY_HERTZ
 
     def spectrum(self, frequency_hertz, *, celsius: float, soc: float):
         """Impedance [ohm] at frequencies [Hz], temperature [°C] and state of charge [1]."""
@@ -402,5 +403,5 @@ class Tabulated(NamedTuple):
         return circuit_at(soc, celsius)._asdict()
 
     def facts(self, name: str) -> dict[str, list[dict]]:
-        """Nothing is known of the cell beside its spectra."""
+        """No truth is known of the cell beside its spectra."""
         return {}

@@ -22,7 +22,7 @@ SHORTEST_SECOND = 0.1
 
 
 class Swing(NamedTuple):
-    """A complete discharge (sign -1) or charge (+1): size of its current [A], charge, energy."""
+    """A complete discharge (sign −1) or charge (+1): current [A], charge [Ah], energy [Wh]."""
 
     sign: int
     ampere: float
@@ -31,9 +31,9 @@ class Swing(NamedTuple):
 
 
 def capacity_rows(steps: list, behaviours: list, *, rating: Rating, initial_soc=1.0) -> list[dict]:
-    """Capacity and energy of each direction and rate, means over the complete repeats.
+    """Capacity and energy of each direction and rate: means over the complete repeats.
 
-    Complete is a discharge of constant current from full to the lower cut-off, a charge from empty
+    Complete is a constant-current discharge from full to the lower cut-off, or a charge from empty
     to the upper one; a hold right after it belongs to it. Full is a cell whose last load ended at
     the upper cut-off, or that began so by `initial_soc`; empty likewise.
 
@@ -47,12 +47,15 @@ def capacity_rows(steps: list, behaviours: list, *, rating: Rating, initial_soc=
     -------
     Rows of capacity.csv without cell and test; charges first.
     """
-    found: list[list[Swing]] = []
-    for swing in sorted(_swings(steps, behaviours, rating, initial_soc), key=_swing_order):
-        last = found[-1][-1] if found else None
-        alike = last and last.sign == swing.sign and swing.ampere <= SAME_RATE * last.ampere
-        found = [*found[:-1], [*found[-1], swing]] if alike else [*found, [swing]]
-    return [_capacity_row(alike, rating) for alike in found]
+    repeats: list[list[Swing]] = []
+    swings = _swings(steps, behaviours, rating, initial_soc)
+    for swing in sorted(swings, key=lambda swing: (-swing.sign, swing.ampere)):
+        last = repeats[-1][-1] if repeats else None
+        if last and last.sign == swing.sign and swing.ampere <= SAME_RATE * last.ampere:
+            repeats[-1].append(swing)
+        else:
+            repeats.append([swing])
+    return [_capacity_row(alike, rating) for alike in repeats]
 
 
 def cycle_rows(steps: list, behaviours: list, *, rating: Rating, initial_soc=1.0) -> list[dict]:
@@ -71,10 +74,6 @@ def cycle_rows(steps: list, behaviours: list, *, rating: Rating, initial_soc=1.0
     ]
 
 
-def _swing_order(swing):
-    return (-swing.sign, swing.ampere)
-
-
 def _capacity_row(swings, rating) -> dict:
     return {
         "direction": "charge" if swings[0].sign > 0 else "discharge",
@@ -86,34 +85,23 @@ def _capacity_row(swings, rating) -> dict:
 
 
 def _swings(steps, behaviours, rating, initial_soc) -> list[Swing]:
-    """The complete ones, in time order."""
+    """Complete charges and discharges of a test, in time order."""
     end = 1 if initial_soc > 1 - NEAR_FULL else -1 if initial_soc < NEAR_FULL else 0
     limits = {1: rating.upper_cutoff_volt, -1: rating.lower_cutoff_volt}
     swings, follower = [], 0
     for k, (step, behaviour) in enumerate(zip(steps, behaviours, strict=True)):
-        if k < follower or behaviour.duration_second < SHORTEST_SECOND or _rests(step):
+        rests = step.kind == "current" and step.value == 0.0
+        if k < follower or behaviour.duration_second < SHORTEST_SECOND or rests:
             continue
-        sign, follower = _direction(behaviour), k + 1
+        sign, follower = 1 if flowed(behaviour) > 0 else -1, k + 1
         met = abs(float(behaviour.voltage(behaviour.duration_second)) - limits[sign]) < NEAR_VOLT
         if step.kind == "current" and met:
             follower += follower < len(steps) and steps[follower].kind == "hold"
-            swings += [_swing(sign, step, behaviours[k:follower])] if end == -sign else []
+            parts = behaviours[k:follower]
+            charge, energy = (abs(sum(map(each, parts))) for each in (flowed, _energy))
+            swings += [Swing(sign, abs(step.value), charge, energy)] if end == -sign else []
         end = sign if met else 0
     return swings
-
-
-def _rests(step) -> bool:
-    return step.kind == "current" and step.value == 0.0
-
-
-def _direction(behaviour) -> int:
-    return 1 if flowed(behaviour) > 0 else -1
-
-
-def _swing(sign, step, behaviours) -> Swing:
-    charge = sum(flowed(behaviour) for behaviour in behaviours)
-    energy = sum(_energy(behaviour) for behaviour in behaviours)
-    return Swing(sign, abs(step.value), abs(charge), abs(energy))
 
 
 def flowed(behaviour) -> float:
@@ -124,9 +112,9 @@ def flowed(behaviour) -> float:
 
 
 def instants(duration_second: float) -> np.ndarray:
-    """Instants of a step [s]: dense after its begin, then every quarter of a second.
+    """Times [s] at which a step is integrated: dense after its begin, then every quarter second.
 
-    Steps of more than 5,000 s: 20,000 instants.
+    Steps of more than 5,000 s: 20,000 times.
     """
     every = max(GRID_SECOND, duration_second / MOST_INSTANTS)
     regular = np.arange(0.0, duration_second, every)
@@ -135,6 +123,7 @@ def instants(duration_second: float) -> np.ndarray:
 
 
 def _energy(behaviour) -> float:
+    """Energy [Wh] put into the cell in a step."""
     return _integral(
         lambda s: behaviour.current(s) * behaviour.voltage(s), behaviour.duration_second
     )
@@ -168,9 +157,9 @@ def soc_rows(
 
 
 def soc_at_begins(behaviours: list, capacity_ampere_hour: float, initial_soc: float) -> np.ndarray:
-    """State of charge [1] where each step begins, and at the end of the last (steps + 1,).
+    """State of charge [1] where each step begins, and at the end of the last, (steps + 1,).
 
-    As the generator knows it; else from what has flowed.
+    As the generator knows it; else by the charge that has flowed.
     """
     if behaviours[0].soc is not None:
         begins = [float(behaviour.soc(0.0)) for behaviour in behaviours]
@@ -219,7 +208,7 @@ def resistance_rows(
 
 
 def is_pulse(before, step) -> bool:
-    """Whether a step is a pulse after the step before it."""
+    """Whether a step is a pulse: short, of a constant current larger than that before."""
     constant = step.kind == before.kind == "current"
     short = step.duration_second <= LONGEST_SECOND
     return constant and short and abs(step.value) > abs(before.value)
@@ -255,13 +244,13 @@ LEAST_SHARE = 0.3  # of the rating: a shorter charge shows no whole curve
 def ica_rows(
     steps: list, behaviours: list, *, rating: Rating, prominence: float = PROMINENCE
 ) -> list[dict]:
-    """Peaks of every long charge of constant current, by rising voltage.
+    """Peaks of dQ/dV of every long constant-current charge, by rising voltage.
 
     Parameters
     ----------
     steps, behaviours : what was asked and what happened.
     rating : to which the C-rates refer.
-    prominence : how far a peak stands out at least, as a share of the highest dQ/dV [1].
+    prominence : least prominence of a peak as a share of the highest dQ/dV [1].
 
     Returns
     -------
@@ -288,10 +277,10 @@ def ica_rows(
 
 
 def incremental_capacity(behaviour, current_ampere: float) -> tuple[np.ndarray, np.ndarray]:
-    """Voltage [V] and dQ/dV [Ah/V] of a charge with constant current, shape (n,) each.
+    """Voltage [V] and dQ/dV [Ah/V] of a constant-current charge, shape (n,) each.
 
-    Even steps of charge, so that a flat plateau has as many points as it has charge. Where the
-    voltage falls while the cell is charged there is no dQ/dV: such points are left out.
+    Even steps of charge, so that a flat plateau has as many points as it has charge. Points where
+    the voltage falls during the charge have no dQ/dV and are left out.
     """
     second = np.linspace(0.0, behaviour.duration_second, PEAK_POINTS)
     volt = behaviour.voltage(second)
@@ -305,7 +294,7 @@ def incremental_capacity(behaviour, current_ampere: float) -> tuple[np.ndarray, 
 
 
 def peak_indices(height: np.ndarray, prominence: float) -> np.ndarray:
-    """Indices of peaks that stand out by so large a share of the highest point."""
+    """Indices of peaks whose prominence is at least a share [1] of the highest point."""
     return find_peaks(height, prominence=prominence * height.max())[0]
 
 
@@ -316,7 +305,7 @@ def group_rows(
     names: Sequence[str],
     capacities_ampere_hour: Sequence[float | None],
 ) -> list[dict]:
-    """Shares of a group's branches; rows of packs.csv without group and test.
+    """Charge and largest current of each branch; rows of packs.csv without group and test.
 
     Parameters
     ----------
@@ -326,19 +315,21 @@ def group_rows(
 
     Returns
     -------
-    One row a branch: `capacity_ampere_hour` of its cell; `charge_ampere_hour`, what flowed out of
-    it, net, while the group was discharged; `current_max_ampere`, its largest current of either
-    direction; `group_capacity_ampere_hour`, what the whole group gave in a discharge of constant
-    current to its cut-off (the largest; blank where there was none).
+    One row a branch: `capacity_ampere_hour` of its cell; `charge_ampere_hour`, the net charge it
+    gave while the group was discharged; `current_max_ampere`, its largest current of either
+    direction; `group_capacity_ampere_hour`, the charge of the whole group in a constant-current
+    discharge to its cut-off (the largest; blank where there was none).
     """
-    nets = [_net(behaviour.current, behaviour) for behaviour in behaviours]
-    down = [b for b, net in zip(behaviours, nets, strict=True) if net < -1e-6]
+    nets = [_integral(behaviour.current, behaviour.duration_second) for behaviour in behaviours]
+    discharged = [b for b, net in zip(behaviours, nets, strict=True) if net < -1e-6]
     whole = zip(steps, behaviours, nets, strict=True)
-    group = [-net for step, b, net in whole if net < 0 and _ended_empty(step, b)]
+    complete = [-net for step, b, net in whole if net < 0 and _ended_empty(step, b)]
     rows = []
     for branch, (name, capacity) in enumerate(zip(names, capacities_ampere_hour, strict=True)):
-        charge = sum(-_net(behaviour.branches[branch], behaviour) for behaviour in down)
-        largest = max(_largest(behaviour, branch) for behaviour in behaviours)
+        charge = sum(-_integral(b.branches[branch], b.duration_second) for b in discharged)
+        largest = max(
+            float(np.abs(b.branches[branch](instants(b.duration_second))).max()) for b in behaviours
+        )
         rows.append(
             {
                 "branch": branch + 1,
@@ -346,7 +337,7 @@ def group_rows(
                 "capacity_ampere_hour": None if capacity is None else round(float(capacity), 6),
                 "charge_ampere_hour": round(charge, 6),
                 "current_max_ampere": round(largest, 6),
-                "group_capacity_ampere_hour": round(max(group), 6) if group else None,
+                "group_capacity_ampere_hour": round(max(complete), 6) if complete else None,
             }
         )
     return rows
@@ -359,28 +350,18 @@ def _ended_empty(step, behaviour) -> bool:
     return abs(end - step.until_volt) < NEAR_VOLT
 
 
-def _net(current, behaviour) -> float:
-    """Charge [Ah] of a current over a step."""
-    second = instants(behaviour.duration_second)
-    return float(np.trapezoid(current(second), second) / 3600)
-
-
-def _largest(behaviour, branch) -> float:
-    return float(np.abs(behaviour.branches[branch](instants(behaviour.duration_second))).max())
-
-
 PULSED = ("hppc", "pulse_resistance")
 REFERENCE_CELSIUS = 25.0
 CYCLED = ("capacity", "ocv", "fast_charge")
 
 
 def rows(test, behaviours: list) -> dict[str, list[dict]]:
-    """Rows of truth tables about a test, without the keys cell and test.
+    """Rows of the truth tables about a test, without the columns cell and test.
 
     Parameters
     ----------
-    test : with `kind`, `steps`, `initial_soc` and a `specimen`, as in `plan.Test`. The specimen
-        says its `full_ampere_hour` and its `rating` (or that of its `cell`); that of a group the
+    test : with `kind`, `steps`, `initial_soc` and a `specimen`, as in `campaigns.Test`. The
+        specimen has a `full_ampere_hour` and a `rating` (or its `cell` has); that of a group the
         `names` of its cells and their `capacities_ampere_hour`.
     behaviours : one per step.
 
@@ -389,27 +370,31 @@ def rows(test, behaviours: list) -> dict[str, list[dict]]:
     Tables by name: packs for a group; else soc and, by the kind, capacity, resistance and ica; of
     an ageing test cycles, since a mean over a life says nothing.
     """
+    specimen = test.specimen
     if test.kind == "group":
-        return {"packs": _pack_rows(test, behaviours)}
-    full = {"capacity_ampere_hour": _full_ampere_hour(test), "initial_soc": test.initial_soc}
-    found = {"soc": soc_rows(behaviours, **full)}
-    if test.kind in PULSED:
-        found["resistance"] = resistance_rows(test.steps, behaviours, **full)
-    if test.kind in CYCLED:
-        found["capacity"] = capacity_rows(test.steps, behaviours, **_rated(test))
-    if test.kind == "ageing":
-        found["cycles"] = cycle_rows(test.steps, behaviours, **_rated(test))
-    if test.kind == "ica":
-        rating = rating_of(test.specimen)
-        found["ica"] = ica_rows(test.steps, behaviours, rating=rating)
-    return found
-
-
-def _full_ampere_hour(test):
-    """Charge of the full cell at the temperature of the test."""
-    per_kelvin = getattr(test.specimen, "capacity_per_kelvin", 0.0)
+        of_cells = {
+            "names": specimen.names,
+            "capacities_ampere_hour": specimen.capacities_ampere_hour,
+        }
+        branches = group_rows(test.steps, behaviours, **of_cells)
+        return {"packs": [{"group": test.cell, **row} for row in branches]}
+    # Of the full cell at the temperature of the test.
     warmer = test.ambient_celsius - REFERENCE_CELSIUS
-    return test.specimen.full_ampere_hour * (1 + per_kelvin * warmer)
+    growth = 1 + getattr(specimen, "capacity_per_kelvin", 0.0) * warmer
+    full = {
+        "capacity_ampere_hour": specimen.full_ampere_hour * growth,
+        "initial_soc": test.initial_soc,
+    }
+    tables = {"soc": soc_rows(behaviours, **full)}
+    if test.kind in PULSED:
+        tables["resistance"] = resistance_rows(test.steps, behaviours, **full)
+    if test.kind in CYCLED:
+        tables["capacity"] = capacity_rows(test.steps, behaviours, **_rated(test))
+    if test.kind == "ageing":
+        tables["cycles"] = cycle_rows(test.steps, behaviours, **_rated(test))
+    if test.kind == "ica":
+        tables["ica"] = ica_rows(test.steps, behaviours, rating=rating_of(specimen))
+    return tables
 
 
 def _rated(test):
@@ -417,7 +402,7 @@ def _rated(test):
 
 
 def rating_of(specimen) -> Rating:
-    """Data sheet of a specimen, its own or that of its cell.
+    """Data sheet of a specimen or of its cell.
 
     Raises
     ------
@@ -427,9 +412,3 @@ def rating_of(specimen) -> Rating:
         if isinstance(rating := getattr(holder, "rating", None), Rating):
             return rating
     raise ValueError(f"{type(specimen).__name__} has no rating, to which C-rates could refer")
-
-
-def _pack_rows(test, behaviours):
-    names, capacities = test.specimen.names, test.specimen.capacities_ampere_hour
-    shown = group_rows(test.steps, behaviours, names=names, capacities_ampere_hour=capacities)
-    return [{"group": test.cell, **row} for row in shown]

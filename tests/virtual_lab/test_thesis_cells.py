@@ -9,11 +9,7 @@ from virtual_lab.electrodes import HALF_CELLS
 from virtual_lab.protocols import Step
 from virtual_lab.thesis_cells import TabulatedCircuit, circuit_at, impedance_ohm
 
-LIVES = [
-    (kind, protocol)
-    for kind in thesis_cells.CELL_TYPES
-    for protocol in thesis_cells.AGEING_PROTOCOLS
-]
+LIVES = [(kind, protocol) for kind in thesis_cells.CELL_TYPES for protocol in protocols.AGEING]
 CHECK_UPS = np.linspace(0.0, 1.0, 26)
 
 
@@ -283,7 +279,7 @@ def test_limits(soc, celsius):
 def test_fifteen_conditions_of_finite_capacitive_spectra():
     assert len(set(thesis_cells.conditions())) == 15
     for soc, celsius in thesis_cells.conditions():
-        found = impedance_ohm(circuit_at(soc, celsius), thesis_cells.FREQUENCY_HERTZ)
+        found = impedance_ohm(circuit_at(soc, celsius), thesis_cells.TABLE_FREQUENCY_HERTZ)
         assert (found.imag < 0).all()
         assert (np.diff(found.real) > 0).all()
 
