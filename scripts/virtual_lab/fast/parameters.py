@@ -1,4 +1,20 @@
-"""Parameters of a cell of the fast generator, and the arrays that its compiled kernel works on."""
+"""Parameters of a cell of the fast generator, and the arrays that its compiled kernel works on.
+
+Diffusion in a particle is a chain of exponentials. A flux i enters at the surface of a body of
+length L and diffusivity D; tau = L²/D, x = sqrt(s·tau). The lead of the surface concentration over
+the mean of the body is, up to scale,
+
+    plate (closed at the back)   coth(x)/x - 1/x²            = sum of 2 / (x² + (n·pi)²)
+    sphere                       tanh(x)/(x - tanh(x)) - 3/x² = sum of 2 / (x² + y_n²), tan y = y
+
+for Laplace's s (Mittag-Leffler expansions; the term in 1/x² is the mean itself, which is the state
+of charge). Each summand is an RC pair with tau_n = tau/y_n² and a resistance in proportion to
+1/y_n². All resistances together, the response to a steady current, are 1/3 and 1/5: so r_n is
+6/y_n² (plate) or 10/y_n² (sphere) of the whole.
+
+The chain is cut after a number of pairs. The rest becomes one pair more, which has the rest's
+resistance and its mean time constant: the steady state and the charge that settles stay exact.
+"""
 
 from typing import NamedTuple
 
@@ -15,7 +31,7 @@ Table = np.ndarray | float
 class Cell(NamedTuple):
     """Parameters at 25 °C; tables over the state of charge (0 … 1, evenly spaced; or one number).
 
-    With the defaults a cell is an open-circuit voltage, an ohmic resistance and RC pairs, the same
+    With the defaults it is an open-circuit voltage, an ohmic resistance and RC pairs, the same
     at every temperature and as warm as its chamber. U is the open-circuit voltage, I the current
     (positive on charge), T the temperature of the core.
 
@@ -43,7 +59,7 @@ class Cell(NamedTuple):
         pair_r_ohm, pair_tau_second, pair_factor : r [ohm], tau [s], table of r over charge [1].
         pair_activation_joule_per_mole, pair_tau_activation_joule_per_mole : of r and of tau.
 
-    Solid diffusion (see `diffusion`)
+    Solid diffusion (see the top of this module)
         warburg_r_ohm : its resistance to a steady current [ohm], 0: none.
         warburg_tau_second : length² over diffusivity [s].
         warburg_shape : "spherical" or "planar".
@@ -107,7 +123,7 @@ DIFFUSION_SUMS = {"planar": (1 / 6, 1 / 90), "spherical": (1 / 10, 1 / 350)}
 
 
 def diffusion_chain(shape: str) -> tuple[np.ndarray, np.ndarray]:
-    """Shares of the resistance and of tau, shape (10,) each, slowest pair first."""
+    """Shares of the diffusion resistance and of tau, shape (10,) each, slowest pair first."""
     y = _roots(shape)
     whole, moment = DIFFUSION_SUMS[shape]
     r = 1 / y**2 / whole
@@ -117,7 +133,7 @@ def diffusion_chain(shape: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _roots(shape):
-    """The first roots y: of sin y = 0 for a plate, of tan y = y for a sphere; none is zero."""
+    """The first roots y > 0: of sin y = 0 for a plate, of tan y = y for a sphere."""
     n = np.arange(1, DIFFUSION_PAIRS + 1)
     if shape == "planar":
         return n * np.pi
@@ -129,7 +145,6 @@ def _roots(shape):
 
 TABLE_POINTS = 1001
 DIRECTION_C_RATE = 0.01
-NOTHING = 1e-12
 
 
 class Pack(NamedTuple):
@@ -174,9 +189,11 @@ class Pack(NamedTuple):
 
 
 class State(NamedTuple):
-    """What n cells remember: state of charge, hysteresis h, sign of the last current, temperature
-    [°C] of the core and its hidden rise [K], heat of all but the ohmic element [W], current [A],
-    voltage of each exponential.
+    """State of n cells.
+
+    State of charge, hysteresis h, sign of the last current, temperature [°C] of the core and its
+    hidden rise [K], heat of all but the ohmic element [W], current [A], voltage of each
+    exponential.
     """
 
     soc: np.ndarray
@@ -190,10 +207,11 @@ class State(NamedTuple):
 
 
 class Work(NamedTuple):
-    """What is tried for the end of an internal step, and coefficients that hold within it.
+    """State tried for the end of an internal step, and coefficients that hold within it.
 
-    `r`, `tau`: as they are at this temperature (and charge); `decay`, `old`, `new`: of v at the
-    end = decay·v + r·(old·current before + new·current after).
+    `r`, `tau`: at this temperature (and charge); `decay`, `old`, `new`: the voltage of an
+    exponential at the end is decay·v + r·(old·current before + new·current after); `carried`,
+    `gain`: their sums.
     """
 
     current: np.ndarray
@@ -207,7 +225,7 @@ class Work(NamedTuple):
     coulomb: np.ndarray
     r0_warm: np.ndarray
     r0: np.ndarray
-    kept: np.ndarray
+    carried: np.ndarray
     gain: np.ndarray
     r_warm: np.ndarray
     r: np.ndarray
@@ -218,7 +236,7 @@ class Work(NamedTuple):
 
 
 def packed_cells(cells: list[Cell], wire_ohm: list[float], chambers: list[Chamber]) -> Pack:
-    """Arrays of a group of cells, each with the wire [ohm] and the chamber of its own."""
+    """Arrays of a group of cells, each with its own wire [ohm] and chamber."""
     for number, cell in enumerate(cells, 1):
         _check(cell, number)
     singles = [cell_arrays(cell) for cell in cells]
@@ -234,7 +252,7 @@ def packed_cells(cells: list[Cell], wire_ohm: list[float], chambers: list[Chambe
 
 
 def rested_state(packed: Pack, soc: list[float], hysteresis: float, begin_second: float) -> State:
-    """Cells at rest, as warm as their chambers."""
+    """Cells at rest, at the temperatures of their chambers."""
     n, elements = packed.r.shape
     core = [np.interp(begin_second, packed.chamber_second, row) for row in packed.chamber_celsius]
     return State(
@@ -250,7 +268,7 @@ def rested_state(packed: Pack, soc: list[float], hysteresis: float, begin_second
 
 
 def work_arrays(packed: Pack) -> Work:
-    """Room to work in; no temperature and no step known yet, which NaN says."""
+    """Empty work arrays; NaN says that no temperature and no step are known yet."""
     n, elements = packed.r.shape
     singles = {name: np.zeros(n) for name in Work._fields[:13]}
     singles |= {name: np.full(n, np.nan) for name in ("celsius", "second")}
@@ -272,8 +290,12 @@ def _check(cell, number):
 
 def cell_arrays(cell: Cell) -> dict:
     """Arrays of one cell, by the names of `Pack`; without its wire and chamber."""
-    factor = np.array([_table(t) for t in (cell.r0_factor, *_factors(cell))])
-    value, slope = _open_circuit(cell.ocv_volt)
+    pairs = cell.pair_factor or (1.0,) * len(cell.pair_r_ohm)
+    chained = diffusion_chain(cell.warburg_shape)[0].size if cell.warburg_r_ohm else 0
+    tables = (cell.r0_factor, *pairs, *[cell.warburg_factor] * chained)
+    factor = np.array([_table(table) for table in tables])
+    ocv = np.asarray(cell.ocv_volt, float)
+    curve, soc = CubicSpline(np.linspace(0.0, 1.0, ocv.size), ocv), np.linspace(0, 1, TABLE_POINTS)
     coulomb = 3600.0 * cell.capacity_ampere_hour
     return {
         "coulomb": coulomb,
@@ -282,8 +304,8 @@ def cell_arrays(cell: Cell) -> dict:
         "threshold": cell.rating.ampere(DIRECTION_C_RATE),
         "leak": cell.leak_ampere,
         "efficiency": cell.coulombic_efficiency,
-        "ocv": value,
-        "ocv_slope": slope,
+        "ocv": curve(soc),
+        "ocv_slope": curve(soc, 1),
         "entropic": _table(cell.entropic_volt_per_kelvin),
         "r0": cell.r0_ohm,
         "r0_energy": cell.r0_activation_joule_per_mole,
@@ -330,14 +352,8 @@ def exponentials(cell: Cell) -> dict:
     }
 
 
-def _factors(cell):
-    pairs = cell.pair_factor or (1.0,) * len(cell.pair_r_ohm)
-    chained = diffusion_chain(cell.warburg_shape)[0].size if cell.warburg_r_ohm else 0
-    return [*pairs, *[cell.warburg_factor] * chained]
-
-
 def _padded(single, most) -> dict:
-    """Exponentials that are nothing, so that all cells have as many."""
+    """Exponentials of zero resistance added, so that all cells have as many."""
     missing = most - single["r"].size
     filled = {"r": 0.0, "tau": 1.0, "r_energy": 0.0, "tau_energy": 0.0, "flat": True}
     padded = {
@@ -351,11 +367,3 @@ def _table(values) -> np.ndarray:
     values = np.atleast_1d(np.asarray(values, float))
     own = np.linspace(0.0, 1.0, values.size)
     return np.interp(np.linspace(0.0, 1.0, TABLE_POINTS), own, values)
-
-
-def _open_circuit(ocv_volt):
-    """Table and slopes [V] on the kernel's grid, by a spline through the points given."""
-    values = np.asarray(ocv_volt, float)
-    spline = CubicSpline(np.linspace(0.0, 1.0, values.size), values)
-    soc = np.linspace(0.0, 1.0, TABLE_POINTS)
-    return spline(soc), spline(soc, 1)

@@ -9,7 +9,7 @@ from virtual_lab.behaviour import Behaviour
 from virtual_lab.chamber import Chamber
 from virtual_lab.fast import parameters
 from virtual_lab.fast.kernel import REFERENCE_CELSIUS, arrhenius, smooth, straight
-from virtual_lab.fast.march import COLUMNS, LOST, NOTED, RUNNING, Order, Place, march
+from virtual_lab.fast.march import COLUMNS, LOST, NOTED, RUNNING, Order, Progress, march
 from virtual_lab.fast.parameters import Cell, Pack
 from virtual_lab.protocols import Step
 
@@ -17,12 +17,14 @@ ROWS = 4096
 
 
 class Grid(NamedTuple):
-    """Internal steps: the first after a jump [s]; then so large a share of the time since; at most
-    so long [s]; at most so much state of charge; so short that interpolation between them misses
-    no exponential by more than so much [V]; the same for the sharing of currents in a group; at
-    most so large a share of the shortest thermal time constant; in a group
-    of cells that are not linear, at most so much current (C-rate), and so short [s]
-    where the current of an asymmetric one changes its sign."""
+    """Bounds of the internal steps.
+
+    The first after a jump [s]; growth as a share of the time since; longest [s]; most state of
+    charge; most error of the interpolation of exponentials between steps [V], and of the sharing
+    of currents in a group [V]; largest share of the shortest thermal time constant; in a group of
+    cells that are not linear, most current (C-rate), and longest [s] where the current of an
+    asymmetric cell changes its sign.
+    """
 
     first_second: float = 0.001
     growth: float = 0.25
@@ -53,7 +55,7 @@ def run(
     Parameters
     ----------
     steps : what the cycler is told to do.
-    cell : what it is made of.
+    cell : its parameters.
     chamber : temperature around it over the time of the test.
     initial_soc : state of charge at the start [1]; 1 is full by the cell's table.
     begin_second : the clock of the test at the first step [s], for chamber and drift.
@@ -107,8 +109,8 @@ def run_group(
     if not len(cells) == len(wire_ohm) == len(initial_soc) == len(chambers) > 0:
         raise ValueError("cells, wires, states of charge and chambers differ in number")
     packed = parameters.packed_cells(cells, wire_ohm, chambers)
-    kept = parameters.rested_state(packed, initial_soc, initial_hysteresis, begin_second)
-    return _run_steps(steps, packed, kept, begin_second, grid)
+    state = parameters.rested_state(packed, initial_soc, initial_hysteresis, begin_second)
+    return _run_steps(steps, packed, state, begin_second, grid)
 
 
 def run_changing(
@@ -123,7 +125,7 @@ def run_changing(
 
     Parameters
     ----------
-    parts : steps, and what the cell is made of during them; with as many exponentials each time.
+    parts : steps, and the cell's parameters during them; with as many exponentials each time.
     chamber, initial_soc, initial_hysteresis, grid : as for one cell.
 
     Returns
@@ -131,23 +133,23 @@ def run_changing(
     One behaviour per step. State of charge, heat, polarisation and hysteresis go on from part to
     part.
     """
-    behaviours, kept, begin = [], None, 0.0
+    behaviours, state, begin = [], None, 0.0
     for steps, cell in parts:
         packed = parameters.packed_cells([cell], [0.0], [chamber])
-        kept = kept or parameters.rested_state(packed, [initial_soc], initial_hysteresis, begin)
-        done = _run_steps(steps, packed, kept, begin, grid)
+        state = state or parameters.rested_state(packed, [initial_soc], initial_hysteresis, begin)
+        done = _run_steps(steps, packed, state, begin, grid)
         begin += sum(behaviour.duration_second for behaviour in done)
         behaviours += [behaviour._replace(branches=()) for behaviour in done]
     return behaviours
 
 
-def _run_steps(steps, packed, kept, begin_second, grid):
-    """Behaviours of all steps; `kept` is the cells' state, which each step moves on."""
-    room, rows = parameters.work_arrays(packed), np.empty((ROWS, COLUMNS + packed.r0.size))
+def _run_steps(steps, packed, state, begin_second, grid):
+    """Behaviours of all steps; each step updates `state`."""
+    work, rows = parameters.work_arrays(packed), np.empty((ROWS, COLUMNS + packed.r0.size))
     behaviours, begin = [], float(begin_second)
     for step in steps:
         order = _order(step, begin, packed)
-        noted = _run_step(packed, kept, room, order, grid, rows)
+        noted = _run_step(packed, state, work, order, grid, rows)
         behaviours.append(behaviour_of(noted, packed, held=order.hold))
         begin += noted[-1, 0]
     return behaviours
@@ -173,7 +175,7 @@ def _order(step, begin, packed) -> Order:
 
 
 def _current_points(step, packed):
-    """Points of a step from its begin to its end, straight between them."""
+    """Points of a step from its begin to its end, with straight lines between them."""
     end = float(step.duration_second)
     if step.kind != "profile":
         return np.array([0.0, end]), np.full(2, float(step.value))
@@ -182,36 +184,33 @@ def _current_points(step, packed):
     ends = np.interp([0.0, end], second, value)
     second = np.concatenate([[0.0], second[inside], [end]])
     value = np.concatenate([ends[:1], value[inside], ends[1:]])
-    # The first cell's charge and hysteresis have a kink where its current changes its sign.
-    return _with_crossings(second, value, float(packed.leak[0]) * packed.r0.size)
-
-
-def _with_crossings(second, value, level):
-    """Points added where the current crosses a level."""
+    # A point is added where the first cell's current changes its sign: charge and hysteresis have
+    # a kink there.
+    level = float(packed.leak[0]) * packed.r0.size
     before, after = value[:-1] - level, value[1:] - level
     k = np.flatnonzero(before * after < 0)
     crossing = second[k] - before[k] * (second[k + 1] - second[k]) / (value[k + 1] - value[k])
     return np.insert(second, k + 1, crossing), np.insert(value, k + 1, level)
 
 
-def _run_step(packed, kept, room, order, grid, rows) -> np.ndarray:
-    """What was noted in a step, shape (instants, columns)."""
+def _run_step(packed, state, work, order, grid, rows) -> np.ndarray:
+    """Rows written in a step, shape (instants, columns); see `march.NOTED`."""
     integer = np.array([-1])
-    place = Place(np.zeros(1), integer, *(np.zeros(1) for _ in Place._fields[2:]))
+    progress = Progress(np.zeros(1), integer, *(np.zeros(1) for _ in Progress._fields[2:]))
     parts, status = [], RUNNING
     while status == RUNNING:
-        count, status = march(packed, kept, room, order, place, grid, rows)
+        count, status = march(packed, state, work, order, progress, grid, rows)
         parts.append(rows[:count].copy())
     if status == LOST:
         raise ValueError(
-            f"no currents found that give all branches one voltage, {place.second[0]:.3f} s into "
-            f"a step; the state of charge of the first cell is {kept.soc[0]:.4f}"
+            f"no currents found that give all branches one voltage, {progress.second[0]:.3f} s "
+            f"into a step; the state of charge of the first cell is {state.soc[0]:.4f}"
         )
     return np.concatenate(parts)
 
 
 def behaviour_of(noted: np.ndarray, packed: Pack, *, held: bool) -> Behaviour:
-    """One step; `noted` has shape (instants, columns), see `march.NOTED`; held: at a voltage."""
+    """Behaviour in one step from the rows (instants, columns) of the kernel; held: at a voltage."""
     column = dict(zip(NOTED, noted.T.copy(), strict=False))
     branches = tuple(noted[:, COLUMNS:].T.copy())
     straight = {
@@ -238,7 +237,7 @@ def behaviour_of(noted: np.ndarray, packed: Pack, *, held: bool) -> Behaviour:
 
 
 def _ohmic(ampere, r0, first):
-    """Voltage over the ohmic element of the first cell, as the kernel has it."""
+    """Voltage [V] over the ohmic element of the first cell, by the kernel's law."""
     leak, asymmetry, share, scale = first
     through = ampere - leak
     volt = np.where(through > 0.0, 1.0 + asymmetry, 1.0) * r0 * through
@@ -248,7 +247,7 @@ def _ohmic(ampere, r0, first):
 
 
 def _interval(second, grid):
-    """Number of the interval that each instant lies in, its length [s], the share of it passed."""
+    """Number of the interval of each instant, its length [s], and the share of it passed."""
     second = np.clip(second, 0.0, grid[-1])
     k = np.clip(np.searchsorted(grid, second, side="right") - 1, 0, grid.size - 2)
     length = grid[k + 1] - grid[k]
@@ -256,8 +255,11 @@ def _interval(second, grid):
 
 
 def _voltage(second, column, first):
-    """Open circuit, exponentials and hysteresis by a cubic, for their rates are known; the ohmic
-    element by its law, for the current is known; what is left by a straight line."""
+    """Voltage [V] between instants.
+
+    Open circuit, exponentials and hysteresis by a cubic, for their rates are known; the ohmic
+    element by its law, for the current is known; the rest by a straight line.
+    """
     k, length, u = _interval(second, column["second"])
 
     def between(name):
@@ -271,7 +273,7 @@ def _voltage(second, column, first):
 
 
 def _charge(second, column):
-    """Charge [Ah]; the current runs straight between instants."""
+    """Charge [Ah] between instants, where the current runs straight."""
     k, length, u = _interval(second, column["second"])
     current = column["current"]
     mean = current[k] + 0.5 * u * (current[k + 1] - current[k])
@@ -298,19 +300,19 @@ def resistances(cell: Cell, soc: np.ndarray, *, celsius: float) -> dict[str, np.
 
     Returns
     -------
-    r0: at once; r_10s: after 10 s; r_total: in the long run, the OCV's own change left out.
+    r0: at once; r_10s: after 10 s; r_total: in the long run, without the change of the OCV.
     """
     one = parameters.cell_arrays(cell)
     names = ("r", "tau", "r_energy", "tau_energy")
     elements = list(zip(*(one[name] for name in names), one["factor"][1:], strict=True))
     r0 = one["r0"] * arrhenius(one["r0_energy"], celsius) * _table_values(one["factor"][0], soc)
-    found = {"r0": r0, "r_10s": r0, "r_total": r0}
+    totals = {"r0": r0, "r_10s": r0, "r_total": r0}
     for r, tau, of_r, of_tau, factor in elements:
         whole = r * arrhenius(of_r, celsius) * _table_values(factor, soc)
         share = 1 - np.exp(-PULSE_SECOND / (tau * arrhenius(of_tau, celsius)))
-        found["r_10s"] = found["r_10s"] + share * whole
-        found["r_total"] = found["r_total"] + whole
-    return found
+        totals["r_10s"] = totals["r_10s"] + share * whole
+        totals["r_total"] = totals["r_total"] + whole
+    return totals
 
 
 def _table_values(table, soc):
@@ -318,11 +320,11 @@ def _table_values(table, soc):
 
 
 def impedance(cell: Cell, frequency_hertz: np.ndarray, *, soc: float, celsius: float) -> np.ndarray:
-    """Complex impedance of a cell at rest.
+    """Complex impedance of a cell at rest: the same parameters, linearised.
 
     Parameters
     ----------
-    cell : what it is made of.
+    cell : its parameters.
     frequency_hertz : frequencies [Hz].
     soc : state of charge [1].
     celsius : temperature of the cell [°C].
@@ -331,7 +333,7 @@ def impedance(cell: Cell, frequency_hertz: np.ndarray, *, soc: float, celsius: f
     -------
     impedance [ohm] at each frequency; capacitive arcs have a negative imaginary part. It is the
     ohmic resistance (where charge and discharge differ, the mean of both), the exponentials, and
-    the capacitance of the open-circuit curve, slope / (j·2·pi·f·Q). Hysteresis does not answer to
+    the capacitance of the open-circuit curve, slope / (j·2·pi·f·Q). Hysteresis does not respond to
     currents that move no charge.
     """
     omega = 1j * 2 * np.pi * np.asarray(frequency_hertz, float)
