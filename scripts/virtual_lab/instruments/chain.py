@@ -12,14 +12,14 @@ import numpy as np
 
 
 class Chain(NamedTuple):
-    """Channels of an instrument; all but resolution and white noise is neutral by default.
+    """Settings of an instrument's channels; by default only resolution and white noise.
 
     Noise: standard deviations; slow noise is an Ornstein–Uhlenbeck process with its correlation
-    time [s]. A gain is relative: shown = (1 + gain) × true + offset, in the counters too. A lag is
-    the time constant [s] of a first-order low-pass. What is shown of the voltage at t was there at
-    t − `voltage_delay_second`. `branch_*`: of the branches' own sensors, in their order.
-    `rest_is_open`: the relay opens at rest and the current shown is exactly zero.
-    `clock`: see `clock.sample_times`.
+    time [s]. A gain is relative: shown = (1 + gain) × true + offset, in the charge counters too. A
+    lag is the time constant [s] of a first-order low-pass. The voltage shown at t is that at t −
+    `voltage_delay_second`. `branch_*`: of the branches' own sensors, in their order.
+    `rest_is_open`: the relay opens at rest and the current shown is exactly zero. `clock`: see
+    `sample_times`.
     """
 
     voltage_resolution_volt: float = 0.0003
@@ -100,8 +100,8 @@ def sample_times(
 ) -> np.ndarray:
     """Instants [s] from the start of a step at which the instrument takes a sample.
 
-    The last one is the end of the step. `period_second` [s] is what was asked; `clock` is "late",
-    "jittery" or "steady".
+    The last one is the end of the step. `period_second` [s] is the sampling period asked for;
+    `clock` is "late", "jittery" or "steady".
     """
     times = {"late": _late, "jittery": _jittery, "steady": _steady}[clock]
     inside = times(duration_second, period_second, random)
@@ -109,7 +109,7 @@ def sample_times(
 
 
 def _late(duration, period, random):
-    """Dense right after the step began, then late by 10 to 80 ms each time."""
+    """Dense right after the step began, then each sample late by 10 to 80 ms."""
     early = np.array([s for s in EARLY_SECOND if s < 0.99 * min(period, duration)])
     most = int(duration / period) + 1
     waits = period + random.uniform(*LATE_SECOND, most)
@@ -118,16 +118,13 @@ def _late(duration, period, random):
 
 
 def _jittery(duration, period, random):
-    """Around a regular grid, the first soon after the step began."""
+    """Beside a regular grid by up to 80 ms, and one soon after the step began."""
     first = min(FIRST_SECOND, MOST_OF_A_PERIOD * min(period, duration))
-    return np.append(first, _beside_grid(duration, period, random, JITTER_SECOND))
+    return np.append(first, _steady(duration, period, random, JITTER_SECOND))
 
 
-def _steady(duration, period, random):
-    return _beside_grid(duration, period, random, STEADY_SECOND)
-
-
-def _beside_grid(duration, period, random, most):
+def _steady(duration, period, random, most=STEADY_SECOND):
+    """Beside a regular grid by at most so much [s]."""
     place = np.arange(1, int(duration / period) + 1) * period
     most = min(most, MOST_OF_A_PERIOD * period)
     regular = place + random.uniform(-most, most, place.size)

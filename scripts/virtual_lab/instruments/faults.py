@@ -18,9 +18,6 @@ from virtual_lab.instruments.measurement import Columns
 
 Spoiled = tuple[Columns, list[dict]]
 Fault = Callable[[Columns], Spoiled]
-# What instruments write where they have no value: the end of a 16-bit count of 0.1 K, the open
-# thermocouple of type K, a word of nines, the end of a single-precision number.
-NO_VALUE = (3276.7, 1372.0, 9999.0, -999.0, 3.4e38)
 MARGIN_ROWS = 100
 
 
@@ -29,24 +26,21 @@ def spoiled(columns: Columns, faults: Iterable[Fault]) -> Spoiled:
 
     Returns
     -------
-    The columns, and all that was done; rows are counted in the columns given back. What a later
-    fault took out of the file is not listed.
+    The columns, and a row for each fault done; rows are counted in the columns given back. Rows
+    that a later fault removed from the file are not listed.
     """
-    ticket = np.arange(columns["time_second"].size)
-    marked, done = columns | {"ticket": ticket}, []
+    # Each row has a number that stays with it; a row written twice gets one of its own.
+    number = np.arange(columns["time_second"].size)
+    marked, done = columns | {"number": number}, []
     for fault in faults:
         marked, did = fault(marked)
-        ticket = _tickets(marked["ticket"], ticket.max() + 1)
-        marked["ticket"] = ticket
-        done += [row | {"row": int(ticket[row["row"]])} for row in did]
-    place = {int(number): row for row, number in enumerate(marked.pop("ticket"))}
+        moved, free = marked["number"], number.max() + 1
+        again = np.append(False, moved[1:] == moved[:-1]) if moved.size else np.zeros(0, bool)
+        number = np.where(again, free + np.cumsum(again), moved)
+        marked["number"] = number
+        done += [row | {"row": int(number[row["row"]])} for row in did]
+    place = {int(one): row for row, one in enumerate(marked.pop("number"))}
     return marked, [row | {"row": place[row["row"]]} for row in done if row["row"] in place]
-
-
-def _tickets(ticket, free):
-    """A number for each row that stays with it; a row written twice gets one of its own."""
-    again = np.append(False, ticket[1:] == ticket[:-1]) if ticket.size else np.zeros(0, bool)
-    return np.where(again, free + np.cumsum(again), ticket)
 
 
 def spikes(
@@ -94,9 +88,9 @@ def repeats(columns: Columns, *, seed: int, count: int = 4) -> Spoiled:
 
 
 def gap(columns: Columns, *, begin_second: float, end_second: float) -> Spoiled:
-    """Nothing written for a while, the test going on.
+    """A gap in the record while the test goes on.
 
-    Listed is the first row after it, with how long [s] nothing was written.
+    Listed is the first row after it, with the length of the gap [s].
     """
     time = columns["time_second"]
     kept = (time < begin_second) | (time > end_second)
@@ -108,7 +102,7 @@ def gap(columns: Columns, *, begin_second: float, end_second: float) -> Spoiled:
 
 
 def lost_records(columns: Columns, *, seed: int, share: float = 0.01) -> Spoiled:
-    """Single rows never written, here and there; listed is the row that follows, with its wait."""
+    """Single rows missing here and there; listed is the row that follows, with the gap [s]."""
     random = np.random.default_rng(seed)
     kept = random.uniform(size=columns["step"].size) >= share
     kept[[0, -1]] = True
@@ -122,9 +116,10 @@ def lost_records(columns: Columns, *, seed: int, share: float = 0.01) -> Spoiled
 def no_values(
     columns: Columns, *, seed: int, channel: str, count: int = 3, value: float = 3276.7
 ) -> Spoiled:
-    """Single samples without a value: NaN, written as an empty field, or what stands for none.
+    """Single samples without a value: NaN (an empty field), or an instrument's code for none.
 
-    See `NO_VALUE` for what instruments write.
+    Such codes are 3276.7 (the end of a 16-bit count of 0.1 K), 1372 (an open thermocouple of type
+    K), 9999, -999 and 3.4e38 (the end of a single-precision number).
     """
     random = np.random.default_rng(seed)
     inside = np.arange(MARGIN_ROWS, columns[channel].size - MARGIN_ROWS)
@@ -137,7 +132,7 @@ def no_values(
 def frozen(
     columns: Columns, *, channel: str, begin_second: float, end_second: float = np.inf
 ) -> Spoiled:
-    """A channel that goes on showing the value it had at `begin_second`; all later rows listed."""
+    """A channel that stays at the value it had at `begin_second`; all later rows are listed."""
     time = columns["time_second"]
     rows = np.flatnonzero((time >= begin_second) & (time < end_second))
     if rows.size < 2:
@@ -154,7 +149,7 @@ def dead(columns: Columns, *, channel: str, value: float = 0.0) -> Spoiled:
 
 
 def clock_reset(columns: Columns, *, at_second: float) -> Spoiled:
-    """The instrument's clock begins again at zero; listed is the first row after, with its time."""
+    """A clock that starts again at zero; listed is the first row after, with its time [s]."""
     time = columns["time_second"]
     row = int(np.searchsorted(time, at_second))
     if not 0 < row < time.size:
@@ -165,7 +160,7 @@ def clock_reset(columns: Columns, *, at_second: float) -> Spoiled:
 
 
 def swapped_rows(columns: Columns, *, seed: int, count: int = 2) -> Spoiled:
-    """Neighbouring rows written in the wrong order; both of each pair are listed, with times."""
+    """Neighbouring rows in the wrong order; both of each pair are listed, with their times [s]."""
     random = np.random.default_rng(seed)
     first = _apart(random, columns["step"].size, count=count, length=2)
     order = np.arange(columns["step"].size)
@@ -176,7 +171,7 @@ def swapped_rows(columns: Columns, *, seed: int, count: int = 2) -> Spoiled:
 
 
 def _apart(random, rows, *, count, length):
-    """Begins of pieces that do not touch one another or the ends of the record."""
+    """First rows of pieces that do not touch one another or the ends of the record."""
     free = (rows - 2 * MARGIN_ROWS) // (2 * length)
     return MARGIN_ROWS + 2 * length * np.sort(random.choice(free, count, replace=False))
 
@@ -195,9 +190,9 @@ SpoiledFile = tuple[bytes, list[dict]]
 
 
 def cut_off(content: bytes, *, share: float = 0.6) -> SpoiledFile:
-    """A file whose copying ended early; listed is how many bytes are left."""
-    left = int(share * len(content))
-    return content[:left], _file_row("cut_off", left)
+    """A file whose copying ended early; listed is how many bytes remain."""
+    size = int(share * len(content))
+    return content[:size], _file_row("cut_off", size)
 
 
 def emptied(content: bytes) -> SpoiledFile:
@@ -206,13 +201,13 @@ def emptied(content: bytes) -> SpoiledFile:
 
 
 def header_only(content: bytes, *, lines: int = 1) -> SpoiledFile:
-    """A test that never began: the first lines and no row; listed is how many lines are left."""
+    """A test that never began: only the header lines; listed is how many lines remain."""
     text = _unpacked(content).splitlines(keepends=True)[:lines]
     return _as_before(content, b"".join(text)), _file_row("header_only", len(text))
 
 
 def damaged(content: bytes, *, seed: int, count: int = 8) -> SpoiledFile:
-    """Single bytes changed in the last half, as a failing disk does; listed is the first place."""
+    """Single bytes changed in the second half, as by a failing disk; listed is the first place."""
     random = np.random.default_rng(seed)
     places = len(content) // 2 + random.choice(len(content) // 2, count, replace=False)
     changed = np.frombuffer(content, np.uint8).copy()
@@ -221,7 +216,7 @@ def damaged(content: bytes, *, seed: int, count: int = 8) -> SpoiledFile:
 
 
 def torn_row(content: bytes, *, seed: int) -> SpoiledFile:
-    """A row of text that ends in the middle, the next one following; listed is its line from 1."""
+    """A row of text that is cut in the middle; listed is its line number, from 1."""
     random = np.random.default_rng(seed)
     lines = _unpacked(content).splitlines(keepends=True)
     number = int(random.integers(min(HEADER_LINES, len(lines) // 2), len(lines) - 1))
@@ -234,7 +229,7 @@ def _unpacked(content):
 
 
 def _as_before(content, changed):
-    """Packed again where it was packed."""
+    """Compressed again if it was compressed."""
     return gzip.compress(changed, mtime=0) if content.startswith(GZIP) else changed
 
 

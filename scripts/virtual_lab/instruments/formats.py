@@ -21,7 +21,7 @@ from virtual_lab.instruments.text import (
 
 
 def arbin_csv(columns: Columns, *, discharge_positive: bool = False) -> bytes:
-    """An Arbin channel sheet, gzipped; energies and impedance were not logged and stay zero."""
+    """An Arbin channel sheet (csv), gzipped; energies and impedance were not logged: zero."""
     time, step = columns["time_second"], columns["step"]
     point, nothing = np.arange(1, time.size + 1), same(0, time.size)
     sheet = [
@@ -54,7 +54,12 @@ IDLE_AMPERE = 0.02
 def bitrode_csv(
     columns: Columns, *, discharge_positive: bool = False, header: bool = True
 ) -> bytes:
-    """A Bitrode record, gzipped, with or without the line of names."""
+    """A Bitrode record (csv), gzipped, with or without the header line.
+
+    Ampere-hours and watt-hours begin again with each step of current. Real files (Nissan Leaf,
+    ORNL) have a coarser resolution (0.1 s, 10 mA, 1 mV); short pulses need the digits written
+    here.
+    """
     time, step, rows = columns["time_second"], columns["step"], columns["step"].size
     current = signed(columns["current_ampere"], discharge_positive)
     one, begin = same(1, rows), step_begins(step)
@@ -76,15 +81,15 @@ def bitrode_csv(
         Written("Capacity(Ah)", _counted_within_step(charge, begin, loaded), 4),
         Written("Energy(Wh)", _counted_within_step(energy_watt_hour(columns), begin, loaded), 4),
         Written("Mode", mode),
-        Written("Data", _bitrode_step_ends(begin)),
+        Written("Data", np.where(np.append(np.diff(begin) > 0, True), "S", " ")),  # S: step ends
     ]
     return packed((labels_of(sheet) if header else b"") + rows_of(sheet))
 
 
 def _bitrode_modes(current, begin):
-    """What the cycler was doing: by the sign of the step's whole charge.
+    """Mode of each row's step: charge or discharge by the sign of its charge.
 
-    REST where the mean is no more than what the ammeter shows of nothing.
+    REST where the mean current is no more than the ammeter's offset.
     """
     first = np.unique(begin)
     flowed = np.add.reduceat(np.nan_to_num(current), first)
@@ -95,23 +100,18 @@ def _bitrode_modes(current, begin):
 
 
 def _counted_within_step(counter, begin, loaded):
-    """Counted since the row before the step; a rest goes on showing the last of the step before."""
+    """A counter since the row before the step; a rest shows the last value of the step before."""
     before = counter[np.maximum(begin - 1, 0)]
     within = counter - np.where(begin > 0, before, 0.0)
     last = np.maximum.accumulate(np.where(loaded, np.arange(loaded.size), -1))
     return np.where(last < 0, 0.0, within[np.maximum(last, 0)]) + 0.0
 
 
-def _bitrode_step_ends(begin):
-    """S marks the last row of a step."""
-    last = np.append(np.diff(begin) > 0, True)
-    return np.where(last, "S", " ")
-
-
 def plett_csv(columns: Columns, *, discharge_positive: bool = True) -> bytes:
-    """`time, step, current, voltage, chgAh, disAh`, each with four decimals, gzipped.
+    """A dynamic record in the form of G. L. Plett's ESC toolbox (csv), gzipped.
 
-    The toolbox is MATLAB's, which writes a missing number as NaN.
+    `time, step, current, voltage, chgAh, disAh`, each with four decimals; current positive on
+    discharge. The toolbox is MATLAB's, which writes a missing number as NaN.
     """
     sheet = [
         Written("time", columns["time_second"], 4),
@@ -158,13 +158,13 @@ def bdf_parquet(columns: Columns, *, discharge_positive: bool = False) -> bytes:
 
 
 def _discharge_positive(columns) -> Columns:
-    """All currents positive on discharge."""
+    """All currents with the sign of discharge positive."""
     currents = [name for name in columns if name.endswith("current_ampere")]
     return columns | {name: 0.0 - columns[name] for name in currents}
 
 
 def _bdf_columns(columns) -> list[Written]:
-    """What the record has; currents of branches come last."""
+    """The columns that the record has; currents of branches come last."""
     branches = [name for name in columns if name.startswith("branch_")]
     labels = BDF_COLUMNS | {
         name: (f"Branch {name.split('_')[1]} Current / A", 3) for name in branches
@@ -217,22 +217,28 @@ DIGATRON_UNITS = {
 
 
 def digatron_csv(columns: Columns, *, discharge_positive: bool = False) -> bytes:
-    """A series as an English Digatron writes it, gzipped; `Capacity` is its signed counter."""
+    """A series as an English Digatron writes it, gzipped; `Capacity` is its signed counter.
+
+    Lines about the test, a line of names, one of units, then rows, ended by carriage return and
+    line feed. English files have commas and a twelve-hour clock, German ones semicolons and
+    dd.mm.yyyy.
+    """
     return _digatron_series(columns, discharge_positive, DIGATRON_ENGLISH, ",")
 
 
 def digatron_german_csv(columns: Columns, *, discharge_positive: bool = False) -> bytes:
-    """The same of a German one."""
+    """A series as a German Digatron writes it, gzipped; see `digatron_csv`."""
     return _digatron_series(columns, discharge_positive, DIGATRON_GERMAN, ";")
 
 
 def _digatron_series(columns, discharge_positive, form, delimiter) -> bytes:
     time, step, rows = columns["time_second"], columns["step"], columns["step"].size
     net = columns["charged_ampere_hour"] - columns["discharged_ampere_hour"]
+    ampere = np.nan_to_num(columns["current_ampere"])
     sheet = [
         Written("Time Stamp", date_texts(time, **form)),
         Written("Step", step),
-        Written("Status", _digatron_status(columns["current_ampere"])),
+        Written("Status", np.where(ampere > 0, "CHA", np.where(ampere < 0, "DCH", "PAU"))),
         Written("Prog Time", _elapsed_texts(time)),
         Written("Step Time", _elapsed_texts(time - time[step_begins(step)])),
         Written("Cycle", cycles(columns)),
@@ -251,7 +257,7 @@ def _digatron_series(columns, discharge_positive, form, delimiter) -> bytes:
 def _digatron_file(
     sheet: list[Written], units: dict[str, str], *, section: str, delimiter: str
 ) -> bytes:
-    """Lines on the test, names, units and rows; the first column holds the dates."""
+    """Lines about the test, names, units and rows; the first column holds the dates."""
     dates = sheet[0].values
     about = DIGATRON_ABOUT.format(d=delimiter, start=dates[0], end=dates[-1], section=section)
     shown = [f"[{units[column.label]}]" if column.label in units else "" for column in sheet]
@@ -273,11 +279,6 @@ def _elapsed_texts(time: np.ndarray):
     ]
     clock = pc.binary_join_element_wise(*texts[:3], ":")
     return pc.binary_join_element_wise(clock, texts[3], ".")
-
-
-def _digatron_status(current):
-    shown = np.nan_to_num(current)
-    return np.where(shown > 0, "CHA", np.where(shown < 0, "DCH", "PAU"))
 
 
 BDF_SPECTRUM_COLUMNS = {

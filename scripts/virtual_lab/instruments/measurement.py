@@ -29,12 +29,12 @@ def record(
     chamber: Chamber,
     chain: Chain = CHAIN,
 ) -> Columns:
-    """What an instrument without noise and of endless resolution would note down.
+    """Columns of an instrument without noise and with unlimited resolution.
 
     Parameters
     ----------
     behaviours : one per step (see `behaviour.Behaviour`).
-    periods_second : sampling period [s] asked in each step.
+    periods_second : sampling period [s] asked for in each step.
     seed : of the clock.
     chamber : temperature around the cell over the time of the test.
     chain : of the instrument.
@@ -53,17 +53,14 @@ def record(
     own = [np.minimum(t, b.duration_second) for t, b in zip(times, behaviours, strict=True)]
     durations = np.array([b.duration_second for b in behaviours])
     step = np.repeat(np.arange(1, len(own) + 1), [second.size for second in own])
-    columns = {"step": step, "time_second": _stamps(own, durations)}
+    # The instrument adds up its steps, each rounded to a millisecond.
+    starts = accumulate(durations[:-1], lambda t, d: round(t + d, 3), initial=0.0)
+    stamps = [np.round(start + s, 3) for start, s in zip(starts, own, strict=True)]
+    columns = {"step": step, "time_second": np.concatenate(stamps)}
     columns |= _sensors(behaviours, durations, own, chain)
     columns |= _counters(behaviours, own, chain)
     celsius = temperature_at(chamber, columns["time_second"]) + chain.chamber_offset_celsius
     return columns | {"ambient_celsius": celsius}
-
-
-def _stamps(own, durations):
-    """Time of the test, as the instrument adds up its steps."""
-    begins = [0.0, *accumulate(durations[:-1], lambda t, d: round(t + d, 3), initial=0.0)][1:]
-    return np.concatenate([np.round(t + s, 3) for t, s in zip(begins, own, strict=True)])
 
 
 def _sensors(behaviours, durations, own, chain) -> Columns:
@@ -121,7 +118,7 @@ def _by_ammeter(true, lagged, gain, offset, chain):
 
 
 def _counters(behaviours, own, chain) -> Columns:
-    """Both counters run on over the steps, and count what the ammeter shows."""
+    """Charge counters that run on over the steps; they integrate the current shown."""
     long = sum(b.duration_second for b in behaviours) > LONGEST_GRID_SECOND
     parts = [_counted(b, second, chain, long) for b, second in zip(behaviours, own, strict=True)]
     counters = {}
@@ -159,7 +156,7 @@ def _charge(second, current):
 
 
 def measured(columns: Columns, *, seed: int, chain: Chain = CHAIN) -> Columns:
-    """The columns as the instrument shows them: noise added, then rounded to its steps.
+    """Columns as the instrument shows them: noise added, then rounded to its resolution.
 
     Where the relay is open at rest, the current shown stays exactly zero.
     """
@@ -214,7 +211,9 @@ def reading(
     lag_second: float = 0.0,
     delay_second: float = 0.0,
 ) -> np.ndarray:
-    """What a sensor shows of a quantity.
+    """A quantity as a sensor shows it: delayed and low-passed.
+
+    The quantity is known at any instant, so no samples are shifted or filtered.
 
     Parameters
     ----------
@@ -223,7 +222,7 @@ def reading(
     second : instants from the start of the test, ascending, shape (m,); one that falls on the end
         of a step belongs to it, not to the next.
     lag_second : time constant of a first-order low-pass, y' = (x − y)/τ; 0: none.
-    delay_second : what is shown at t was there at t − delay; negative: it is shown early.
+    delay_second : the value shown at t is that at t − delay; negative: shown early.
 
     Returns
     -------
@@ -239,7 +238,7 @@ def reading(
 
 
 def _at(pieces, begins, second):
-    """The quantity itself, at ascending instants."""
+    """The quantity itself at ascending instants."""
     inside = np.clip(second, 0.0, begins[-1])
     rows = np.searchsorted(inside, begins[1:], side="right")
     rows = np.concatenate([[0], rows])
@@ -251,7 +250,7 @@ def _at(pieces, begins, second):
 
 
 def _low_passed(pieces, begins, second, tau):
-    """Low-pass of what is left when the jumps between steps are taken out, and of the jumps.
+    """Low-pass of the quantity without its jumps between steps, and of the jumps.
 
     Without its jumps the quantity is all but straight between neighbouring ages; a jump J answers
     with J (1 − exp(−t/τ)), whatever the sampling.
@@ -271,14 +270,14 @@ def _low_passed(pieces, begins, second, tau):
 
 
 def _jumps(pieces, durations):
-    """Step up of the quantity where one step follows another."""
+    """Jumps of the quantity where one step follows another."""
     ends = [float(p(np.array([d]))[0]) for p, d in zip(pieces[:-1], durations[:-1], strict=True)]
     starts = [float(piece(np.zeros(1))[0]) for piece in pieces[1:]]
     return np.array(starts) - np.array(ends)
 
 
 def _pending(jump, edge, tau):
-    """What the low-pass still lacks right after each edge; nothing before the first."""
+    """Difference between a jump and its low-pass right after each edge; none before the first."""
     lacking = [0.0]
     waits = np.diff(edge, prepend=edge[:1])
     for rise, kept in zip(jump, np.exp(-waits / tau), strict=True):
@@ -287,10 +286,10 @@ def _pending(jump, edge, tau):
 
 
 def _weights():
-    """Integral of exp(−age) over the hat of each age; they sum to one."""
-    left, right = AGE[:-1], AGE[1:]
-    whole = np.exp(-left) - np.exp(-right)
-    late = whole / (right - left) - np.exp(-right)
+    """Integral of exp(−age) over the hat function of each age; they sum to one."""
+    low, high = AGE[:-1], AGE[1:]
+    whole = np.exp(-low) - np.exp(-high)
+    late = whole / (high - low) - np.exp(-high)
     weights = np.append(whole - late, 0.0) + np.append(0.0, late)
     weights[-1] += np.exp(-AGE[-1])
     return weights
@@ -308,7 +307,7 @@ def measured_spectrum(
     frequency_hertz: np.ndarray = FREQUENCY_HERTZ,
     relative_noise: float = RELATIVE_NOISE,
 ) -> Columns:
-    """The analyser's table: noise in proportion to the modulus on both parts.
+    """Columns of an impedance analyser: noise in proportion to the modulus on both parts.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ TIGHTLY_PACKED_BYTES = 2_000_000
 
 
 class Written(NamedTuple):
-    """A column of a file. `decimals` after the point; None: whole numbers, or text as it is.
+    """A column of a file: label, values, and decimals; None: whole numbers, or text as it is.
 
     Numbers with decimals that are NaN are written as `missing`.
     """
@@ -37,44 +37,44 @@ def rows_of(columns: list[Written], *, delimiter: str = ",") -> bytes:
 
 
 def labels_of(columns: list[Written], *, delimiter: str = ",") -> bytes:
-    """The line of names above them."""
+    """The header line with the columns' labels."""
     return (delimiter.join(column.label for column in columns) + "\n").encode()
 
 
 def packed(content: bytes) -> bytes:
     """Gzipped without name and time, so that equal content gives equal bytes.
 
-    Large files are packed less tightly: a sixth larger, and ten times as fast.
+    Large files are compressed less: a sixth larger, and ten times as fast.
     """
     level = 9 if len(content) <= TIGHTLY_PACKED_BYTES else 4
     return gzip.compress(content, compresslevel=level, mtime=0)
 
 
 def same(value, rows: int) -> np.ndarray:
-    """A column that says the same throughout."""
+    """A column of one value."""
     return np.full(rows, value)
 
 
 def signed(current_ampere: np.ndarray, discharge_positive: bool) -> np.ndarray:
-    """The current in the file's sign; adding zero turns -0.0, to be written "-0.000", into 0.0."""
+    """The current in the file's sign; adding zero turns -0.0, written as "-0.000", into 0.0."""
     return (-current_ampere if discharge_positive else current_ampere) + 0.0
 
 
 def step_begins(step: np.ndarray) -> np.ndarray:
-    """For each row, the row with which its step began."""
+    """For each row, the first row of its step."""
     first = np.concatenate([[True], step[1:] != step[:-1]])
     return np.flatnonzero(first)[np.cumsum(first) - 1]
 
 
 def energy_watt_hour(columns) -> np.ndarray:
-    """Net energy [Wh] put in since the first row, by the trapezoid rule on what is shown."""
+    """Net energy [Wh] since the first row, by the trapezoid rule on the values shown."""
     power = np.nan_to_num(columns["voltage_volt"] * columns["current_ampere"])
     pieces = 0.5 * (power[1:] + power[:-1]) * np.diff(columns["time_second"])
     return np.concatenate([[0.0], np.cumsum(pieces)]) / 3600
 
 
 def cycles(columns) -> np.ndarray:
-    """Number of the cycle where the record has one, else 1."""
+    """Cycle number where the record has one, else 1."""
     return columns.get("cycle", same(1, columns["step"].size))
 
 
@@ -105,7 +105,7 @@ def _fixed(values: np.ndarray, decimals: int, nothing: str):
 
 
 def _patched(shown, texts: dict):
-    """The numbers as text, with other text where a mask says so."""
+    """The numbers as text, with other text where a mask is true."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -116,7 +116,7 @@ def _patched(shown, texts: dict):
 
 
 def _scaled(values, decimals):
-    """Value × 10^decimals, rounded; what lies all but halfway is left to Python's own rounding."""
+    """Value × 10^decimals, rounded; values nearly halfway are rounded by Python itself."""
     if np.abs(values).max(initial=0.0) * 10**decimals > 9e17:
         raise ValueError(f"{np.abs(values).max():g} has too many digits for a fixed-point column")
     scaled = values * 10.0**decimals

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from virtual_lab.behaviour import Rating
 
-# Before any module here loads PyBaMM: nothing is sent anywhere.
+# PyBaMM must not send telemetry; the modules of this folder, which load it, come after this.
 os.environ["PYBAMM_DISABLE_TELEMETRY"] = "true"
 
 RATED_CAPACITY_AMPERE_HOUR = 5.0
@@ -21,14 +21,14 @@ DEMO_RATING = Rating(RATED_CAPACITY_AMPERE_HOUR, LOWER_CUTOFF_VOLT, UPPER_CUTOFF
 
 
 class Cell(NamedTuple):
-    """What sets one cell apart from a fresh one of its type.
+    """Differences of a cell from a fresh one of its type.
 
     Losses are fractions of the fresh cell's lithium inventory (`lli`) and active material
     (`lam_negative`, `lam_positive`). `kinetics` multiplies both exchange-current densities.
     `capacity_ampere_hour` is what the laboratory takes for the cell's capacity when it sets the
-    charge between two pulses; `cycle` is the number of equivalent full cycles behind the cell.
-    `chemistry` is one of `electrodes.CHEMISTRIES`, `rating` its data sheet. `entropy` is the share
-    of the published entropic coefficients that the cell has: those of the demo have none.
+    charge between two pulses; `cycle` is the number of equivalent full cycles that the cell has
+    made. `chemistry` is one of `electrodes.CHEMISTRIES`, `rating` its data sheet. `entropy` is the
+    share of the published entropic coefficients that the cell has: those of the demo have none.
     `equations` names PyBaMM's model: SPM, SPMe or DFN.
     """
 

@@ -44,7 +44,7 @@ DOUBLE_LAYER = 0.2 * 3 * 0.665 / 5.22e-6
 
 
 class Material(NamedTuple):
-    """A porous electrode; energies [J/mol] by Arrhenius from 25 °C.
+    """A porous electrode; activation energies [J/mol] by Arrhenius from 25 °C.
 
     `rate` [A/m² (m³/mol)^1.5] times √(c_e·c_s·(c_max − c_s)) is the exchange-current density.
     """
@@ -100,7 +100,7 @@ def fresh_parameters(chemistry: str, rating: Rating) -> pybamm.ParameterValues:
     values.update(
         {
             "Nominal cell capacity [A.h]": rating.capacity_ampere_hour,
-            # The cut-offs are the protocols' business; these are the ends of the model's world.
+            # The protocols end at the cut-offs; beyond these limits the model is not valid.
             "Lower voltage cut-off [V]": round(rating.lower_cutoff_volt - 0.5, 3),
             "Upper voltage cut-off [V]": round(rating.upper_cutoff_volt + 0.4, 3),
             "Open-circuit voltage at 0% SOC [V]": rating.lower_cutoff_volt,
@@ -117,21 +117,20 @@ def fresh_parameters(chemistry: str, rating: Rating) -> pybamm.ParameterValues:
 
 def entropic(chemistry: str, share: float) -> dict:
     """Entropic coefficients of both electrodes, as PyBaMM takes them, times a share [1]."""
-    made = electrodes.CHEMISTRIES[chemistry]
-    sides = {"Negative": HALF_CELLS[made.negative], "Positive": HALF_CELLS[made.positive]}
+
+    def shared(material):
+        return lambda sto: share * HALF_CELLS[material].entropic_volt_per_kelvin(sto)
+
+    design = electrodes.CHEMISTRIES[chemistry]
     return {
-        f"{side} electrode OCP entropic change [V.K-1]": _shared(half, share)
-        for side, half in sides.items()
+        "Negative electrode OCP entropic change [V.K-1]": shared(design.negative),
+        "Positive electrode OCP entropic change [V.K-1]": shared(design.positive),
     }
 
 
 def scaled(function, factor: float):
     """An exchange-current density times a factor [1]."""
     return lambda c_e, c_s, c_max, T: factor * function(c_e, c_s, c_max, T)
-
-
-def _shared(half_cell, share):
-    return lambda sto: share * half_cell.entropic_volt_per_kelvin(sto)
 
 
 def _lg_m50():
@@ -149,19 +148,19 @@ def _arrhenius(energy, temperature):
 
 
 def _steeper(function, energy):
-    """The same function of (…, temperature) with an activation energy [J/mol] on top."""
+    """The same function of (…, temperature) with an activation energy [J/mol] added."""
     if function.__code__.co_argcount == 2:
         return lambda sto, T: function(sto, T) * _arrhenius(energy, T)
     return lambda c_e, c_s, c_max, T: function(c_e, c_s, c_max, T) * _arrhenius(energy, T)
 
 
 def _put_materials(values, chemistry):
-    made = electrodes.CHEMISTRIES[chemistry]
+    design = electrodes.CHEMISTRIES[chemistry]
     negative, positive, thickness_metre = MATERIALS[chemistry]
     values["Positive electrode thickness [m]"] = thickness_metre
     for side, name, material in (
-        ("Negative", made.negative, negative),
-        ("Positive", made.positive, positive),
+        ("Negative", design.negative, negative),
+        ("Positive", design.positive, positive),
     ):
         values[f"{side} electrode OCP [V]"] = HALF_CELLS[name].potential_volt
         values.update(_by_pybamm_names(side, material))
@@ -190,7 +189,9 @@ def _by_pybamm_names(side, material):
 
 
 def _put_size(values, chemistry, rating):
-    """Area by the positive electrode's charge, thickness of the negative by its own."""
+    """Set the area by the positive electrode's charge, and the negative one's thickness by its
+    own.
+    """
     window = electrodes.window(chemistry, rating)
     scale = window.positive_ampere_hour / _ampere_hour(values, "Positive")
     # The demo's cell keeps its very numbers: the balance was solved from them.
@@ -218,9 +219,9 @@ def _ampere_hour(values, side):
 
 
 def _put_hysteresis(values):
-    """LFP's two branches 20 mV apart, as Dreyer et al. found (Nature Materials 9, 2010, 448).
+    """Two OCV branches of LFP 20 mV apart (Dreyer et al., Nature Materials 9, 2010, 448).
 
-    ASSUME: a turn is two thirds done after a twentieth of the capacity.
+    ASSUME: a change of branch is two thirds done after a twentieth of the capacity.
     """
     middle = values["Positive electrode OCP [V]"]
     new = {
@@ -233,7 +234,7 @@ def _put_hysteresis(values):
     values.update(new, check_already_exists=False)
 
 
-# A note on an older PyBaMM, of no meaning here, told for every LFP cell.
+# A note about an older PyBaMM that does not apply here; it would appear for every LFP cell.
 warnings.filterwarnings("ignore", message="The definition of the hysteresis decay rate")
 
 ZERO_CELSIUS_KELVIN = 273.15
@@ -242,40 +243,37 @@ HYSTERESIS = {"open-circuit potential": ("single", "one-state hysteresis")}
 
 
 def model(cell: physics.Cell, *, hysteresis: bool = True):
-    """The physics of a cell, with double layers (charge transfer takes time).
+    """PyBaMM's model of a cell, with double layers (charge transfer takes time).
 
-    `cell.equations`: SPM (single particles), SPMe (with the electrolyte) or DFN (whole electrodes).
-    `hysteresis`: of LFP; small signals about rest stay on one branch, so spectra go without.
+    `cell.equations`: SPM (single particles), SPMe (with the electrolyte) or DFN (whole
+    electrodes). `hysteresis`: of LFP; small signals about rest stay on one branch, so spectra go
+    without.
     """
     branches = HYSTERESIS if hysteresis and cell.chemistry == "LFP" else {}
     return getattr(pybamm.lithium_ion, cell.equations)(OPTIONS | branches)
 
 
 def parameters(cell: physics.Cell, *, ambient_celsius: float) -> pybamm.ParameterValues:
-    """Parameters of a cell in a chamber; it begins rested at the upper cut-off.
-
-    Parameters
-    ----------
-    cell : what sets the cell apart.
-    ambient_celsius : chamber temperature [°C].
-
-    Returns
-    -------
-    PyBaMM parameter values.
-    """
-    values = _aged(cell)
+    """PyBaMM's parameters of a cell in a chamber [°C]; it begins rested at the upper cut-off."""
+    values = _with_losses(cell)
+    ends = _balance(values, cell)
+    for side, lithiation in (("negative", ends["x_100"]), ("positive", ends["y_100"])):
+        most = values[f"Maximum concentration in {side} electrode [mol.m-3]"]
+        values[f"Initial concentration in {side} electrode [mol.m-3]"] = lithiation * most
     kelvin = ambient_celsius + ZERO_CELSIUS_KELVIN
     values.update({"Ambient temperature [K]": kelvin, "Initial temperature [K]": kelvin})
     return values
 
 
 def stoichiometry(cell: physics.Cell) -> dict[str, float]:
-    """Electrode state at both ends of the voltage window: x_0, x_100, y_0, y_100, Q and others."""
+    """Lithiation at both ends of the voltage window, x_0, x_100, y_0, y_100, and charges as Q
+    [Ah].
+    """
     return _balance(_with_losses(cell), cell)
 
 
 def open_circuit_volt(cell: physics.Cell, discharged_ampere_hour: np.ndarray) -> np.ndarray:
-    """Equilibrium voltage [V] at 25 °C after a charge [Ah] has been taken from the full cell."""
+    """Equilibrium voltage [V] at 25 °C after a discharge [Ah] of the full cell."""
     values, ends = _with_losses(cell), stoichiometry(cell)
     x = ends["x_100"] - discharged_ampere_hour / ends["Q_n"]
     y = ends["y_100"] + discharged_ampere_hour / ends["Q_p"]
@@ -302,18 +300,18 @@ def full_charge_ampere_hour(cell: physics.Cell) -> float:
 
 
 def window_soc(cell: physics.Cell, soc: float) -> float:
-    """State of charge of the window between the cut-offs at rest, from the laboratory's."""
+    """State of charge [1] of the window between the cut-offs at rest, from the laboratory's SoC."""
     return soc * full_charge_ampere_hour(cell) / stoichiometry(cell)["Q"]
 
 
 def rested_volt(cell: physics.Cell, soc: np.ndarray) -> np.ndarray:
     """Open-circuit voltage [V] at 25 °C over the laboratory's state of charge [1]."""
-    left = np.asarray(soc) * full_charge_ampere_hour(cell)
-    return open_circuit_volt(cell, stoichiometry(cell)["Q"] - left)
+    remaining = np.asarray(soc) * full_charge_ampere_hour(cell)
+    return open_circuit_volt(cell, stoichiometry(cell)["Q"] - remaining)
 
 
 def soc_at(cell: physics.Cell, volt: float) -> float:
-    """State of charge [1] of a rested cell that shows a voltage [V] at 25 °C."""
+    """State of charge [1] at which a rested cell has a voltage [V] at 25 °C."""
     soc = np.linspace(0.0, 1.0, 2001)
     return float(np.interp(volt, rested_volt(cell, soc), soc))
 
@@ -332,22 +330,13 @@ def _with_losses(cell):
 
 
 def _balance(values, cell):
-    """Where the two electrodes stand against each other with a part of the lithium lost."""
+    """Lithiation of the two electrodes at both cut-offs with a part of the lithium lost."""
     symbols = pybamm.LithiumIonParameters()
     fresh = fresh_parameters(cell.chemistry, cell.rating)
-    known = {
+    charges = {
         "Q_Li": fresh.evaluate(symbols.Q_Li_particles_init) * (1 - cell.lli),
         "Q_n": values.evaluate(symbols.n.Q_init),
         "Q_p": values.evaluate(symbols.p.Q_init),
     }
     solver = pybamm.lithium_ion.ElectrodeSOHSolver(values, symbols)
-    return {name: float(value) for name, value in solver.solve(known).items()}
-
-
-def _aged(cell):
-    values = _with_losses(cell)
-    ends = _balance(values, cell)
-    for side, fraction in (("negative", ends["x_100"]), ("positive", ends["y_100"])):
-        most = values[f"Maximum concentration in {side} electrode [mol.m-3]"]
-        values[f"Initial concentration in {side} electrode [mol.m-3]"] = fraction * most
-    return values
+    return {name: float(value) for name, value in solver.solve(charges).items()}

@@ -32,12 +32,12 @@ def run(
     ambient_celsius: float | None = None,
     initial_soc: float = 1.0,
 ) -> list[Behaviour]:
-    """Take a rested cell through a protocol.
+    """Simulate a rested cell in a protocol.
 
     Parameters
     ----------
     steps : what the cycler is told to do.
-    cell : whose physics.
+    cell : its parameters.
     chamber : temperature around the cell; it begins at that of the first instant.
     ambient_celsius : of a chamber that holds its temperature [°C], in place of `chamber`.
     initial_soc : state of charge at the start [1]; 1 is after a CCCV charge.
@@ -54,40 +54,39 @@ def run(
         solver=pybamm.IDAKLUSolver(rtol=TOLERANCE, atol=TOLERANCE, options=_solver_options(around)),
     )
     solution = simulation.solve()
-    full = porous.full_charge_ampere_hour(cell)
-    return _behaviours([cycle.steps[0] for cycle in solution.cycles], initial_soc, full)
+    full, drawn, behaviours = porous.full_charge_ampere_hour(cell), 0.0, []
+    for cycle in solution.cycles:
+        behaviours.append(_behaviour(cycle.steps[0], drawn, initial_soc, full))
+        drawn = float(cycle.steps[0]["Discharge capacity [A.h]"].data[-1])
+    return behaviours
 
 
 def _parameters(cell, chamber, initial_soc):
     celsius = float(temperature_at(chamber, 0.0))
     values = porous.parameters(cell, ambient_celsius=celsius)
-    # Set here and not by solve: that would count the soc between the branches of a hysteresis.
+    # Not by solve(initial_soc=…): that would take the SoC between the branches of a hysteresis.
     values.set_initial_state(porous.window_soc(cell, initial_soc))
     if chamber.second.size > 1:
-        kelvin = chamber.celsius + porous.ZERO_CELSIUS_KELVIN
-        values["Ambient temperature [K]"] = _function_of_time(chamber.second, kelvin)
+        # PyBaMM would go on along the last line; a chamber stays where it is.
+        first, last = chamber.second[0] - FOREVER_SECOND, chamber.second[-1] + FOREVER_SECOND
+        second = np.concatenate([[first], chamber.second, [last]])
+        kelvin = np.pad(chamber.celsius + porous.ZERO_CELSIUS_KELVIN, 1, mode="edge")
+        values["Ambient temperature [K]"] = lambda y, z, t: pybamm.Interpolant(second, kelvin, t)
     # A cell set to a state of charge got there by a discharge from full.
     if cell.chemistry == "LFP" and initial_soc < 1:
         values["Initial hysteresis state in positive electrode"] = -1.0
     return values
 
 
-def _function_of_time(second, kelvin):
-    # PyBaMM would go on along the last line; a chamber stays where it is.
-    second = np.concatenate([[second[0] - FOREVER_SECOND], second, [second[-1] + FOREVER_SECOND]])
-    kelvin = np.concatenate([kelvin[:1], kelvin, kelvin[-1:]])
-    return lambda y, z, t: pybamm.Interpolant(second, kelvin, t)
-
-
 def _solver_options(chamber) -> dict:
-    """A rested cell lets the solver stride far: never over a line of the chamber unseen."""
+    """Longest internal step: at rest the solver would step over changes of the chamber."""
     if chamber.second.size == 1:
         return {}
     return {"dt_max": max(float(np.diff(chamber.second).min()) / 2, SHORTEST_STRIDE_SECOND)}
 
 
 def _instruction(step: Step):
-    """PyBaMM's step; its current is positive on discharge."""
+    """A step as PyBaMM takes it; its current is positive on discharge."""
     ends = []
     if step.until_volt is not None:
         # Only of a profile PyBaMM cannot tell from the current's sign which cut-off is meant.
@@ -107,23 +106,15 @@ def _instruction(step: Step):
     return pybamm.step.current(value, **common)
 
 
-def _behaviours(solutions, initial_soc, full_ampere_hour):
-    drawn_before, behaviours = 0.0, []
-    for solution in solutions:
-        behaviours.append(_behaviour(solution, drawn_before, initial_soc, full_ampere_hour))
-        drawn_before = float(solution["Discharge capacity [A.h]"].data[-1])
-    return behaviours
-
-
 def _behaviour(solution, drawn_before, initial_soc, full_ampere_hour) -> Behaviour:
     begin, end = solution.t[0], solution.t[-1]
 
     def quantity(name, sign=1.0, shift=0.0):
-        found = solution[name]
+        variable = solution[name]
 
         def at(second):
-            # PyBaMM gives a number where it is asked for an array of one.
-            shown = found(np.minimum(begin + np.asarray(second), end))
+            # PyBaMM gives a number for an array of one.
+            shown = variable(np.minimum(begin + np.asarray(second), end))
             return sign * np.reshape(shown, np.shape(second)) + shift
 
         return at
@@ -147,7 +138,7 @@ IDAS = {"abstol": TOLERANCE, "reltol": TOLERANCE, "max_num_steps": 100_000}
 
 
 class Branch(NamedTuple):
-    """Equations of one cell with its wire; its current is positive on discharge, as in PyBaMM.
+    """Equations of one cell with its wire; the current is positive on discharge, as in PyBaMM.
 
     `x`, `z`: differential and algebraic states; `x_begin`, `z_begin`: their values at rest.
     """
@@ -171,7 +162,7 @@ def run_pair(
     initial_soc: tuple[float, float],
     ambient_celsius: float,
 ) -> list[Behaviour]:
-    """Take two cells in parallel through a protocol of set currents.
+    """Simulate two cells in parallel in a protocol of set currents.
 
     Parameters
     ----------
@@ -224,7 +215,7 @@ def _branch(cell, wire_ohm, soc, *, ambient_celsius) -> Branch:
 
 
 def _pair_grid(step):
-    """Grid of one step: its edge, then dense, then by the sampling period or the profile."""
+    """Times [s] of one step at which it is solved, and its currents [A] there."""
     if step.kind == "profile":
         second, ampere = step.value.T
         return np.append(EDGE_SECOND, second[1:]), ampere
@@ -235,9 +226,9 @@ def _pair_grid(step):
 
 
 def _system(branches) -> dict:
-    """Both cells' equations joined by Kirchhoff's laws; `u` is the slope of the group's current.
+    """Equations of both cells joined by Kirchhoff's laws; `u` is the slope of the group's current.
 
-    That current and the first branch's are states: all is positive on discharge.
+    That current and the first branch's are states; all are positive on discharge.
     """
     first, second = branches
     group, slope = casadi.MX.sym("group"), casadi.MX.sym("slope")
@@ -256,21 +247,21 @@ def _system(branches) -> dict:
 
 
 def _solve(branches, time, current) -> Columns:
-    """Channels at time[1:] [s]; the current [A], positive on charge, runs straight in between."""
+    """Channels at time[1:] [s]; the current [A], positive on charge, is linear between points."""
     first, second = branches
     system = _system(branches)
     balance = {"x": system["z"], "p": system["x"], "g": system["alg"]}
     begin = np.concatenate([first.x_begin, second.x_begin, [0.0]])
     guess = np.concatenate([first.z_begin, second.z_begin, [0.0]])
     march = casadi.integrator("march", "idas", system, time[0], time[1:].tolist(), IDAS)
-    found = march(
+    solution = march(
         x0=begin,
         z0=casadi.rootfinder("balance", "newton", balance)(guess, begin),
         u=-(np.diff(current) / np.diff(time))[None, :],
     )
     read = casadi.Function("read", [system["x"], system["z"]], [first.voltage, first.temperature])
-    voltage, temperature = read.map(time.size - 1)(found["xf"], found["zf"])
-    branch = -np.ravel(found["zf"][-1, :])
+    voltage, temperature = read.map(time.size - 1)(solution["xf"], solution["zf"])
+    branch = -np.ravel(solution["zf"][-1, :])
     return {
         "current": current[1:],
         "voltage": np.ravel(voltage),
@@ -300,5 +291,5 @@ def spectrum(cell: Cell, frequency_hertz: np.ndarray, *, ambient_celsius: float,
         porous.model(cell, hysteresis=False),
         parameter_values=porous.parameters(cell, ambient_celsius=ambient_celsius),
     )
-    found = simulation.solve(frequency_hertz, initial_soc=porous.window_soc(cell, soc))
-    return np.asarray(found.impedance)
+    solution = simulation.solve(frequency_hertz, initial_soc=porous.window_soc(cell, soc))
+    return np.asarray(solution.impedance)

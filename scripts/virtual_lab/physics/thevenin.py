@@ -16,27 +16,30 @@ TINY_AMPERE = 1e-6  # smooths |I| at zero
 
 
 def load(path, *, member: str | None = None, celsius: float) -> dict:
-    """Tables of one member (None: the chosen one, where exported) at one of its temperatures."""
+    """Tables of one model (None: the chosen one, where exported) at one of its temperatures."""
     document = json.loads(Path(path).read_text(encoding="utf-8"))
     name = member or document["chosen"]
     if name in document["refused"]:
         raise ValueError(f"{name} was not exported: {document['refused'][name]}")
     tables = next(one["tables"] for one in document["members"] if one["model"] == name)
-    known = {one["temperature_celsius"]: one for one in tables}
-    if celsius not in known:
-        raise ValueError(f"{name} is known at {sorted(known)} °C, not at {celsius}")
-    return known[celsius]
+    by_temperature = {one["temperature_celsius"]: one for one in tables}
+    if celsius not in by_temperature:
+        raise ValueError(f"{name} is known at {sorted(by_temperature)} °C, not at {celsius}")
+    return by_temperature[celsius]
 
 
 def thevenin(tables: dict):
-    """Model and parameter values; what is left to set are current and initial SoC.
+    """PyBaMM's Thevenin model and its parameter values; current and initial SoC are left to be
+    set.
 
     The cell stays at the temperature of its tables: they do not depend on PyBaMM's thermal state,
     whose parameters keep PyBaMM's defaults. The voltage cut-offs are opened wide.
     """
     resistors = [one for one in tables["elements"] if one["kind"] == "R_two_way"]
     pairs = [one for one in tables["elements"] if one["kind"] != "R_two_way"]
-    pairs = pairs or [_nothing(tables)]
+    # PyBaMM asks for one element at least: this one has no effect.
+    points = len(tables["soc"])
+    pairs = pairs or [{"kind": "RC", "r_ohm": [1e-12] * points, "tau_second": [1.0] * points}]
     model = pybamm.equivalent_circuit.Thevenin(options={"number of rc elements": len(pairs)})
     values = model.default_parameter_values
     celsius = tables["temperature_celsius"]
@@ -62,12 +65,6 @@ def thevenin(tables: dict):
 
 def _table(tables, values, soc):
     return pybamm.Interpolant(np.array(tables["soc"]), np.array(values), soc)
-
-
-def _nothing(tables):
-    """An element that PyBaMM asks for, of no consequence."""
-    points = len(tables["soc"])
-    return {"kind": "RC", "r_ohm": [1e-12] * points, "tau_second": [1.0] * points}
 
 
 def _resistance(tables, two_way):

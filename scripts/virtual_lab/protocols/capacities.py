@@ -69,7 +69,7 @@ Run = Callable[[list[Step]], list[Behaviour]]
 
 
 class Ageing(NamedTuple):
-    """C-rates of an ageing protocol [1/h]; whether the charge ends with a hold."""
+    """C-rates of an ageing protocol [1/h]; `held`: the charge ends with a hold (CV)."""
 
     discharge_c_rate: float
     charge_c_rate: float
@@ -111,13 +111,8 @@ def ageing_cycle(
 
 
 def ageing_cycles(rating: Rating, protocol: str, *, cycles: int, **options) -> list[Step]:
-    """So many cycles as one test; `options` are those of `ageing_cycle`."""
+    """An ageing test of several cycles; `options` are those of `ageing_cycle`."""
     return [rest(MINUTE, period_second=5.0), *ageing_cycle(rating, protocol, **options) * cycles]
-
-
-def check_up(rating: Rating, *, period_second: float = 10.0) -> list[Step]:
-    """What ageing is judged by: one capacity at C/2 from full to full, CCCV to C/20."""
-    return capacity(rating, repeats=1, period_second=period_second)
 
 
 def fast_charge(
@@ -128,15 +123,15 @@ def fast_charge(
     longest_second: float = 0.5 * HOUR,
     period_second: float = 1.0,
 ) -> list[Step]:
-    """From empty: 2C to the upper cut-off, which is then held; 30 min in all (thesis 3.3: S10).
+    """2C charge from empty to the upper cut-off, then a hold; 30 min in all (thesis 3.3: S10).
 
     A full cell is emptied first, at C/2 and then at C/20, and rests for an hour.
 
     Parameters
     ----------
     rating : of the cell.
-    run : takes the cell through steps. A cycler counts constant current and hold together; here
-        the charge is tried first, so that the hold lasts for what is left. Without it no hold.
+    run : simulates the cell in steps. A cycler counts constant current and hold together; here the
+        charge is simulated first to learn how long the hold may last. Without it no hold.
     c_rate : of the charge [1/h].
     longest_second : of the charge [s].
     period_second : between its samples [s].
@@ -149,9 +144,9 @@ def fast_charge(
         rest(HOUR),
         constant._replace(duration_second=longest_second),
     ]
-    left = longest_second - run(steps)[-1].duration_second if run else 0.0
-    if left >= 1.0:
-        period = {"longest_second": round(left, 3), "period_second": period_second}
+    remaining = longest_second - run(steps)[-1].duration_second if run else 0.0
+    if remaining >= 1.0:
+        period = {"longest_second": round(remaining, 3), "period_second": period_second}
         steps.append(hold(rating, **period))
     return [*steps, rest(30 * MINUTE)]
 
@@ -159,9 +154,10 @@ def fast_charge(
 def group_capacity(
     rating: Rating, *, c_rate: float = 1.0, charge_c_rate: float = 0.5, period_second: float = 5.0
 ) -> list[Step]:
-    """CC discharge to the group's cut-off, rest, CCCV charge, rest (thesis 5.2: 1C and 2C).
+    """CC discharge of a parallel group, rest, CCCV charge, rest (thesis 5.2: 1C and 2C).
 
-    In the rests the cells go on exchanging charge.
+    `rating` is that of the group: the sum of its cells' capacities, one cell's cut-offs. In the
+    rests the cells go on exchanging charge.
     """
     still = rest(HOUR, period_second=period_second)
     return [

@@ -35,9 +35,9 @@ SHORTEST_SECOND = 30  # a shorter rest of a schedule is left out
 
 
 class ScheduleStyle(NamedTuple):
-    """What a schedule is drawn from: speeds [km/h], acceleration [m/s²], times [s].
+    """What a driving schedule is drawn from: speeds [km/h], acceleration [m/s²], times [s].
 
-    The schedule comes out up to 2 % longer than `duration_second`: trips take what they need.
+    The schedule comes out up to 2 % longer than `duration_second`.
     """
 
     seed: int
@@ -50,8 +50,11 @@ class ScheduleStyle(NamedTuple):
 
 
 class Vehicle(NamedTuple):
-    """Mass [kg], drag coefficient times front area [m²], rolling resistance [1], share of the
-    braking power that comes back [1]."""
+    """A vehicle by what its power depends on.
+
+    Mass [kg], drag coefficient times front area [m²], rolling resistance [1], share of the braking
+    power that is regenerated [1].
+    """
 
     mass_kilogram: float
     drag_area_square_metre: float
@@ -87,13 +90,13 @@ def speed_profile(style: ScheduleStyle) -> np.ndarray:
 
 
 def _trip(top, duration, style, random) -> np.ndarray:
-    """Accelerate, cruise with a driver's unrest, brake."""
+    """Speed of one trip: accelerate, cruise with small random changes, brake."""
     second = np.arange(max(duration, 2.5 * top / style.acceleration) + 1)
-    hurry = style.acceleration * random.uniform(0.7, 1.0)
-    braking = hurry * random.uniform(0.8, 1.1)
-    unrest = np.convolve(random.normal(0.0, 0.06, second.size), np.ones(8) / 8**0.5, "same")
-    cruise = top * (0.95 + unrest).clip(0.5, 1.0)
-    up, down = hurry * second, braking * (second[-1] - second)
+    acceleration = style.acceleration * random.uniform(0.7, 1.0)
+    braking = acceleration * random.uniform(0.8, 1.1)
+    variation = np.convolve(random.normal(0.0, 0.06, second.size), np.ones(8) / 8**0.5, "same")
+    cruise = top * (0.95 + variation).clip(0.5, 1.0)
+    up, down = acceleration * second, braking * (second[-1] - second)
     return np.minimum(np.minimum(up, down), cruise)
 
 
@@ -107,19 +110,16 @@ def wheel_power(speed: np.ndarray, vehicle: Vehicle = CAR) -> np.ndarray:
 
 
 def repeated(profile: np.ndarray, *, ampere_hour: float) -> list[np.ndarray]:
-    """The profile as often as a charge allows; the last one is cut short where it is used up."""
+    """A profile as often as a charge [Ah] allows; the last one is cut short where it is used up."""
     time, current = profile.T
     drawn = -np.cumsum(0.5 * (current[1:] + current[:-1]) * np.diff(time)) / 3600
     whole = int(ampere_hour // drawn[-1])
-    left = ampere_hour - whole * drawn[-1]
-    end = int(np.searchsorted(np.maximum.accumulate(drawn), left))
-    parts = [profile] * whole
-    return parts if time[end] < SHORTEST_SECOND else [*parts, _stopped(profile[: end + 1])]
-
-
-def _stopped(profile: np.ndarray) -> np.ndarray:
-    """Ends at zero current, one second after the last point."""
-    return np.vstack([profile, [profile[-1, 0] + 1.0, 0.0]])
+    remaining = ampere_hour - whole * drawn[-1]
+    end = int(np.searchsorted(np.maximum.accumulate(drawn), remaining))
+    if time[end] < SHORTEST_SECOND:
+        return [profile] * whole
+    # The current is zero one second after the last point.
+    return [profile] * whole + [np.vstack([profile[: end + 1], [time[end] + 1.0, 0.0]])]
 
 
 PEAK_C_RATE = 2.8
@@ -142,15 +142,17 @@ simplified FUDS of 20 steps whose mean is an eighth of its peak.
 
 
 class RandomStyle(NamedTuple):
-    """A random load: lengths [s] of it all, of a stretch of driving and of a pause (from, to); how
-    long an unrest of the current lasts [s], its size as a share of the current; largest currents
-    [1/h]."""
+    """A random load.
+
+    Lengths [s] of it all, of a stretch of driving and of a pause (from, to); correlation time of
+    the current [s] and its variation as a share of the current; largest currents [1/h].
+    """
 
     duration_second: int
     stretch_second: tuple[int, int]
     pause_second: tuple[int, int]
-    unrest_second: float
-    unrest: float
+    variation_second: float
+    variation: float
     discharge_c_rate: float = 2.5
     charge_c_rate: float = 1.2
 
@@ -159,7 +161,7 @@ RANDOM_STYLES = {
     "soft": RandomStyle(3840, (100, 300), (10, 55), 7.0, 0.7),
     "harsh": RandomStyle(3200, (100, 300), (8, 50), 4.0, 0.9),
 }
-FULL_SHARE = 0.1  # of what is taken out: until then nothing is recuperated
+FULL_SHARE = 0.1  # of the charge: until so much is discharged nothing is recuperated
 
 
 def current_profile(schedule: str, rating: Rating, *, scale: float = 1.0) -> np.ndarray:
@@ -190,7 +192,7 @@ def current_profile(schedule: str, rating: Rating, *, scale: float = 1.0) -> np.
 
 
 def _stairs(durations, levels) -> np.ndarray:
-    """Constant levels, each entered within 10 ms; from zero current to zero current."""
+    """A profile of constant levels, each entered within 10 ms; from zero to zero current."""
     ends = np.cumsum(durations)
     begins = ends - durations
     second = np.column_stack([begins + EDGE_SECOND, ends]).ravel()
@@ -206,68 +208,69 @@ def random_load(
 
     Parameters
     ----------
-    style : a name of STYLES.
+    style : a name of RANDOM_STYLES.
     rating : of the cell; discharge stays within 2.5C and charge within 1.2C.
     seed : of the generator.
-    ampere_hour : taken out in all [Ah].
+    ampere_hour : discharged in all [Ah].
     duration_second : if not that of the style.
 
     Returns
     -------
     array [s, A], positive on charge, a point a second, from zero to zero current.
     """
-    kind = RANDOM_STYLES[style]
-    duration = duration_second or kind.duration_second
-    wish = _wishes(kind, duration, np.random.default_rng([seed, len(style)]))
-    taken = np.cumsum(wish.clip(min=0))
-    wish[(wish < 0) & (taken < FULL_SHARE * taken[-1])] = 0.0
-    asked = ampere_hour * 3600 / rating.capacity_ampere_hour
-    factor = _load_factor(wish, kind, asked)
-    current = -rating.capacity_ampere_hour * _limited(factor * wish, kind)
+    chosen = RANDOM_STYLES[style]
+    duration = duration_second or chosen.duration_second
+    load = _unscaled_load(chosen, duration, np.random.default_rng([seed, len(style)]))
+    drawn = np.cumsum(load.clip(min=0))
+    load[(load < 0) & (drawn < FULL_SHARE * drawn[-1])] = 0.0
+    factor = _load_factor(load, chosen, ampere_hour * 3600 / rating.capacity_ampere_hour)
+    current = -rating.capacity_ampere_hour * _limited(factor * load, chosen)
     return np.column_stack([np.arange(current.size, dtype=float), np.round(current, 4)])
 
 
-def _wishes(kind, duration, random) -> np.ndarray:
-    """What the driver asks for at each second, discharge positive, in no unit yet."""
+def _unscaled_load(style, duration, random) -> np.ndarray:
+    """Load at each second in no unit yet, discharge positive."""
     parts, length = [np.zeros(1)], 1
     while length < duration:
-        stretch = _stretch(random.integers(*kind.stretch_second), kind, random)
-        parts += [stretch, np.zeros(random.integers(*kind.pause_second))]
+        stretch = _stretch(random.integers(*style.stretch_second), style, random)
+        parts += [stretch, np.zeros(random.integers(*style.pause_second))]
         length += stretch.size + parts[-1].size
-    wish = np.concatenate(parts)[: duration + 1]
-    wish[-1] = 0.0
-    return wish
+    load = np.concatenate(parts)[: duration + 1]
+    load[-1] = 0.0
+    return load
 
 
-def _stretch(length, kind, random) -> np.ndarray:
-    """Restless driving about one level, then a brake."""
-    reach = int(4 * kind.unrest_second)
-    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / kind.unrest_second) ** 2)
-    unrest = np.convolve(
+def _stretch(length, style, random) -> np.ndarray:
+    """A stretch of driving: random changes about one level, then a brake."""
+    reach = int(4 * style.variation_second)
+    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / style.variation_second) ** 2)
+    variation = np.convolve(
         random.normal(size=length + 2 * reach), bell / np.sqrt(bell @ bell), "valid"
     )
     level = random.gamma(8.0, 1 / 8)
     brake = np.sin(np.linspace(0, np.pi, random.integers(5, 14)))[1:-1]
-    return np.concatenate([level * (1 + kind.unrest * unrest), -random.uniform(0.3, 1.2) * brake])
+    return np.concatenate(
+        [level * (1 + style.variation * variation), -random.uniform(0.3, 1.2) * brake]
+    )
 
 
-def _limited(wish, kind) -> np.ndarray:
-    return wish.clip(-kind.charge_c_rate, kind.discharge_c_rate)
+def _limited(load, style) -> np.ndarray:
+    return load.clip(-style.charge_c_rate, style.discharge_c_rate)
 
 
-def _load_factor(wish, kind, asked) -> float:
-    """Factor that makes the limited load [1/h] take out what is asked [s/h], by bisection.
+def _load_factor(load, style, wanted) -> float:
+    """Factor with which the limited load [1/h] has a wanted charge [s/h], by bisection.
 
     Raises
     ------
-    ValueError : so much cannot be taken out in the time.
+    ValueError : so much cannot be discharged in the time.
     """
     low, high = 0.0, 100.0
-    if np.trapezoid(_limited(high * wish, kind)) < asked:
+    if np.trapezoid(_limited(high * load, style)) < wanted:
         raise ValueError("the load is too short for the charge that it is to take out")
     for _ in range(60):
         middle = 0.5 * (low + high)
-        enough = np.trapezoid(_limited(middle * wish, kind)) >= asked
+        enough = np.trapezoid(_limited(middle * load, style)) >= wanted
         low, high = (low, middle) if enough else (middle, high)
     return high
 
@@ -285,15 +288,15 @@ def drive(
     taken_first: float = 0.1,
     deepest_soc: float = DEEPEST_DRIVE_SOC,
 ) -> list[Step]:
-    """5 min rest, a tenth taken out at C/2, then schedules with pauses down to 10 % SoC.
+    """5 min rest, a tenth discharged at C/2, then schedules with pauses down to 10 % SoC.
 
     Parameters
     ----------
     rating : of the cell.
     capacity_ampere_hour : what the laboratory takes for the cell's capacity [Ah].
-    schedule : a name of `loads.SCHEDULES`.
+    schedule : a name of SCHEDULES.
     scale : factor on the current, 1 at 25 °C.
-    taken_first : share of the capacity taken out before the first schedule; 0 starts from full.
+    taken_first : share of the capacity discharged before the first schedule; 0 starts from full.
     deepest_soc : where the last schedule is cut short.
     """
     pause = rest(5 * MINUTE, period_second=5.0)
@@ -321,7 +324,7 @@ def dynamic_load(
     Parameters
     ----------
     rating : of the cell: currents are multiples of its capacity, whatever the cell has left.
-    style : "soft" (3840 s) or "harsh" (3200 s), see `loads.STYLES`.
+    style : "soft" (3840 s) or "harsh" (3200 s), see RANDOM_STYLES.
     seed : of the load: the same for every cell gives the same load.
     ampere_hour : taken out in all [Ah]; 80 % of the rating if not given.
     duration_second : of the load, if not that of the style.
@@ -340,12 +343,12 @@ def dynamic_load(
 def series_drive(
     rating: Rating, *, schedule: str, ampere_hour: float, scale: float = 1.0
 ) -> list[Step]:
-    """The load of a string: the same current for each of its cells, ended by time alone.
+    """The drive of cells in series: the same current for each cell, ended by time alone.
 
     Parameters
     ----------
     rating : to which the schedule's current refers.
-    schedule : a name of `loads.SCHEDULES`.
+    schedule : a name of SCHEDULES.
     ampere_hour : taken out in all [Ah]: less than the weakest cell holds.
     scale : factor on the current.
     """
@@ -364,14 +367,14 @@ def _driven(profile, until_volt) -> Step:
 def group_drive(
     rating: Rating, capacity_ampere_hour: float, *, schedule: str, scale: float = 1.0
 ) -> list[Step]:
-    """A drive from full down to a tenth; see `drive`."""
+    """A drive of a parallel group from full down to a tenth, by the group's rating; see `drive`."""
     return drive(rating, capacity_ampere_hour, schedule=schedule, scale=scale, taken_first=0.0)
 
 
 def pair(rating: Rating, capacity_ampere_hour: float) -> list[Step]:
     """For two cells in parallel, from a tenth: CC charge, rest, dynamic discharge, rest.
 
-    `rating` is that of one cell. Each step is ended by time.
+    `rating` is that of one cell. Each step is ended by time, as `physics.simulate.run_pair` needs.
     """
     profile = current_profile("us06", rating, scale=2.0)
     second = 0.73 * capacity_ampere_hour / rating.ampere(1.0) * HOUR

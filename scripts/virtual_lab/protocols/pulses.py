@@ -59,8 +59,8 @@ def hybrid_pulses_below_full(
 ) -> list[Step]:
     """C/3 to each point and 40 min rest, then 10 s at 1.5C, 40 s, 10 s of charge at 1C, 40 s.
 
-    The charge pulse of the first point is a gentle one. The other parameters are those of
-    `hybrid_pulses`; `period_second` is that of the C/3 parts and of the long rests.
+    The charge pulse of the first point is smaller (`first_charge_c_rate`). The other parameters
+    are those of `hybrid_pulses`; `period_second` is that of the C/3 parts and of the long rests.
     """
     steps, up = [rest(10 * MINUTE, period_second=5.0)], first_charge_c_rate
     for before, after in pairwise([1.0, *points]):
@@ -113,7 +113,7 @@ def pulses_at_rest(
     pulse_second: float = 10.0,
     rest_second: float = HOUR,
 ) -> list[Step]:
-    """Single discharge pulses from rest: C/2 to each point, a long rest, one pulse, 5 min rest."""
+    """Discharge pulses from rest: C/2 to each point, a long rest, one pulse, 5 min rest."""
     pulse = Step(
         "current", -rating.ampere(c_rate), pulse_second, PULSE_PERIOD, rating.lower_cutoff_volt
     )
@@ -126,7 +126,7 @@ def pulses_at_rest(
 
 
 def _pulse_pair(rating, discharge_c_rate, charge_c_rate, *, period_second=PULSE_PERIOD):
-    """10 s discharge, 40 s rest, 10 s charge, 40 s rest; without the charge where it is None."""
+    """10 s discharge, 40 s rest, 10 s charge, 40 s rest; without the charge if its rate is None."""
     lower, upper = rating.lower_cutoff_volt, rating.upper_cutoff_volt
     pause = rest(40.0, period_second=period_second)
     down = Step("current", -rating.ampere(discharge_c_rate), 10.0, period_second, lower)
@@ -140,7 +140,7 @@ THESIS_CELSIUS = (20.0, 15.0, 10.0, 5.0, 0.0, -5.0, -10.0, -15.0, -20.0)
 
 
 def slow_ocv(rating: Rating, *, c_rate: float = 1 / 25, period_second: float = 40.0) -> list[Step]:
-    """Slow discharge, rest, slow charge, rest."""
+    """Discharge, rest, charge, rest, so slow that the voltage is nearly the OCV."""
     period = {"period_second": period_second}
     return [
         rest(10 * MINUTE),
@@ -161,7 +161,7 @@ def relaxations(
     rest_second: float = 40 * MINUTE,
     period_second: float = 5.0,
 ) -> list[Step]:
-    """From full, a share taken out and a rest, until little is left (thesis 3.3: S8)."""
+    """Discharges of a share of the capacity, each with a rest, from full (thesis 3.3: S8)."""
     count = round((1 - lowest_soc) / share)
     down = draw(rating, share * capacity_ampere_hour, c_rate=c_rate, period_second=period_second)
     pause = rest(rest_second, period_second=period_second)
@@ -178,7 +178,7 @@ def temperature_steps(
     dwell_second: float = 2 * HOUR,
     kelvin_per_minute: float = 1.0,
 ) -> tuple[list[Step], Chamber]:
-    """Long rest at a state of charge, then the chamber steps and goes back (thesis 3.3: S6).
+    """Long rest at a state of charge, then the chamber steps through temperatures and back (S6).
 
     Parameters
     ----------
@@ -186,14 +186,14 @@ def temperature_steps(
     capacity_ampere_hour : of the cell at the first temperature [Ah].
     soc : states of charge from high to low, each below 1 by a discharge at C/2.
     celsius : temperatures of the chamber in turn [°C]; it begins at the first.
-    long_rest_second, dwell_second : at the first temperature and at each other one, the way
-        there included [s].
-    kelvin_per_minute : how fast the chamber moves.
+    long_rest_second, dwell_second : at the first temperature and at each other one, the ramp
+        included [s].
+    kelvin_per_minute : heating and cooling rate of the chamber.
 
     Returns
     -------
-    The steps, and the chamber over the time of the test. A draw that meets the lower cut-off ends
-    early and leaves the chamber late: keep away from an empty cell.
+    The steps, and the chamber over the time of the test. A discharge that meets the lower cut-off
+    ends early, so that the chamber changes too late: the cell must not be nearly empty.
     """
     turn = stepped(
         (*celsius, celsius[0]),
