@@ -25,7 +25,7 @@ SUFFIX = {
 
 
 class Cell(NamedTuple):
-    """A row of cells.tsv and the specimen behind it (see `specimens`)."""
+    """A row of cells.tsv, and the specimen (see `specimens`) that it stands for."""
 
     name: str
     chemistry: str
@@ -36,11 +36,12 @@ class Cell(NamedTuple):
 
 
 class Test(NamedTuple):
-    """One test; `steps` is None for spectra, a function where they depend on what the cell does.
+    """One test of a cell or group.
 
-    `current_sign` is what the sheet says; `discharge_positive` what the file really holds.
-    `soc` is what the sheet says of the start, `initial_soc` what is true. `faults` spoil the
-    record as instruments do, `damage` the file beyond use; without a `chain` the specimen has one.
+    `steps` is None for spectra, a function where they depend on the cell's response.
+    `current_sign` is what the sheet says; `discharge_positive` what the file really holds. `soc`
+    is the SoC at the start by the sheet, `initial_soc` the true one. `faults` spoil the record as
+    instruments do, `damage` the file beyond use; without a `chain` that of the specimen is taken.
     `batch` names the job that makes the test, `folder` where its file goes. Blank (None) stays
     blank in the sheet.
     """
@@ -74,7 +75,7 @@ class Test(NamedTuple):
 
     @property
     def around(self) -> Chamber:
-        """The chamber: what was given, or one that holds the sheet's temperature."""
+        """The chamber of the test; without one, a chamber that holds the sheet's temperature."""
         return self.chamber or steady(self.ambient_celsius)
 
     @property
@@ -84,10 +85,11 @@ class Test(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """All that a campaign is. `groups` holds the specimen of each parallel group by name.
+    """A campaign as planned: cells, tests, groups, and the texts that go with them.
 
-    `config` is the text of config.yaml, `about` that of a README beside the truth, which goes to
-    the folder `truth` of the campaign.
+    `groups` holds the specimen of each parallel group by name. `config` is the text of
+    config.yaml, `about` that of a README beside the truth, which goes to the folder `truth` of the
+    campaign.
     """
 
     cells: tuple[Cell, ...]
@@ -99,16 +101,16 @@ class Plan(NamedTuple):
 
     def batches(self) -> dict[str, list[Test]]:
         """Tests by the job that makes them, in the plan's order."""
-        found: dict[str, list[Test]] = {}
+        batches: dict[str, list[Test]] = {}
         for test in self.tests:
-            found.setdefault(test.batch, []).append(test)
-        return found
+            batches.setdefault(test.batch, []).append(test)
+        return batches
 
 
 def seed_of(name: str, campaign: int = 0) -> int:
-    """A seed for whatever has a name; seed 0 of a campaign is that of the name alone."""
-    told = f"{name}@{campaign}" if campaign else name
-    return int.from_bytes(hashlib.sha256(told.encode()).digest()[:4], "big")
+    """A random seed for a name; seed 0 of a campaign gives that of the name alone."""
+    text = f"{name}@{campaign}" if campaign else name
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:4], "big")
 
 
 def cells_sheet(plan: Plan) -> list[dict]:
@@ -180,24 +182,24 @@ def options(name: str, given: dict[str, Any]) -> dict[str, Any]:
 
     Raises
     ------
-    ValueError : no such campaign, no such option, or a value that is not of the default's kind.
+    ValueError : no such campaign, no such option, or a value of another type than the default.
     """
     if name not in OPTIONS:
         raise ValueError(f"no campaign {name!r}; there are {', '.join(OPTIONS)}")
-    found = dict(OPTIONS[name])
-    if unknown := sorted(given.keys() - found.keys() - OF_THE_WORKFLOW):
-        known = ", ".join(found) or "none"
-        raise ValueError(f"{name} has no option {', '.join(unknown)}; it has {known}")
-    for key in found.keys() & given.keys():
-        kind = type(found[key])
+    chosen = dict(OPTIONS[name])
+    if unknown := sorted(given.keys() - chosen.keys() - OF_THE_WORKFLOW):
+        allowed = ", ".join(chosen) or "none"
+        raise ValueError(f"{name} has no option {', '.join(unknown)}; it has {allowed}")
+    for key in chosen.keys() & given.keys():
+        kind = type(chosen[key])
         try:
-            found[key] = kind(given[key])
+            chosen[key] = kind(given[key])
         except (TypeError, ValueError):
             raise ValueError(f"option {key}: {given[key]!r} is not {kind.__name__}") from None
-    return found
+    return chosen
 
 
 def plan(name: str, **chosen: Any) -> Plan:
-    """All tests of a campaign on paper."""
+    """The plan of a campaign: all its cells and tests."""
     full = options(name, chosen)
     return import_module(f"virtual_lab.campaigns.{name}").plan(**full)

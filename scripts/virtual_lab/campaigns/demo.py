@@ -35,7 +35,7 @@ cycle in the room (cycles) and what it would be at a steady 24 °C (steady_cycle
 
 
 def plan() -> Plan:
-    """All tests; a job for each, and one for each cell over temperature."""
+    """The plan: a job for each test, and one for each cell over temperature."""
     cells = [
         Cell(name, "NMC", DEMO_RATING, Physical(cell), reference=name == "C1", note=cell.note)
         for name, cell in DEMO_CELLS.items()
@@ -59,7 +59,7 @@ def plan() -> Plan:
 
 
 def check_up(name: str, instrument: str) -> list[Test]:
-    """The tests at 25 °C that every pulsed cell goes through."""
+    """The tests at 25 °C of every pulsed cell."""
     full, at = DEMO_CELLS[name].capacity_ampere_hour, _at(name, 25, instrument)
     return [
         at("capacity_25C", "capacity", steps=protocols.capacity(DEMO_RATING)),
@@ -77,7 +77,7 @@ def check_up(name: str, instrument: str) -> list[Test]:
 
 
 def other_climate(name: str, ambient_celsius: int, *, scale: float, pulse_soc: float) -> list[Test]:
-    """The tests of a cell at another chamber temperature."""
+    """The tests of a cell at another chamber temperature [°C]."""
     full, at = DEMO_CELLS[name].capacity_ampere_hour, _at(name, ambient_celsius, "bdf")
     pulses = protocols.hybrid_pulses(DEMO_RATING, full, highest_charge_pulse_soc=pulse_soc)
     drive = protocols.drive(DEMO_RATING, full, schedule="us06", scale=scale)
@@ -144,7 +144,7 @@ def _with_oddities_of_c2(test: Test) -> Test:
 
 
 def _with_oddities_of_c3(test: Test) -> Test:
-    """Signs turned, with and without a word of it; rows twice and ten minutes missing."""
+    """Current signs reversed, with and without a note of it; repeated rows; ten minutes missing."""
     if test.test == "hppc_25C":
         return test._replace(discharge_positive=True, current_sign="discharge_positive")
     if test.test == "us06_25C":
@@ -186,18 +186,18 @@ LONGEST_CYCLE_SECOND = 5 * 3600.0
 
 
 class CellInRoom(NamedTuple):
-    """The cell as it loses lithium from cycle to cycle: each begins as the one before left it."""
+    """T1 losing lithium cycle by cycle; each begins in the state the last one ended in."""
 
     rating = T1_RATING
     full_ampere_hour = property(lambda self: self.at(0).capacity_ampere_hour)
     capacity_per_kelvin = thesis_cells.CIRCUITS[T1_TYPE].capacity_per_kelvin
 
     def at(self, cycle: int) -> fast.Cell:
-        """The cell after so many cycles."""
+        """The cell after a number of cycles."""
         return thesis_cells.cell(T1_TYPE, lli=LITHIUM_LOST_PER_CYCLE * cycle)
 
     def run(self, steps, *, chamber, initial_soc=1.0):
-        """Through a first rest and its cycles, of as many steps each."""
+        """Simulate a first rest and the cycles, each of as many steps."""
         of_one = len(_cycles(1)) - 1
         starts = range(1, len(steps), of_one)
         cycles = [(steps[k : k + of_one], self.at(n)) for n, k in enumerate(starts)]
@@ -206,8 +206,10 @@ class CellInRoom(NamedTuple):
 
 
 def cells_over_temperature() -> tuple[list[Cell], list[Test]]:
-    """Rows of the sheets; a job for each of the two cells."""
-    specimen = Behavioural(partial(thesis_cells.cell, T1_TYPE), _all_celsius(), _known_of_t1)
+    """Cells T1 and T2 and their tests; a job for each of the two."""
+    celsius = {*PULSE_CELSIUS, *CAPACITY_CELSIUS, *SLOW_CELSIUS, *DRIVE_CELSIUS}
+    temperatures = tuple(float(one) for one in sorted(celsius, reverse=True))
+    specimen = Behavioural(partial(thesis_cells.cell, T1_TYPE), temperatures, _known_of_t1)
     cells = [
         Cell(T1, T1_SHEET.chemistry, T1_RATING, specimen, note="over temperature"),
         Cell(
@@ -225,13 +227,8 @@ def cells_over_temperature() -> tuple[list[Cell], list[Test]]:
     return cells, [*tests, *_tabulated_spectra()]
 
 
-def _all_celsius():
-    found = {*PULSE_CELSIUS, *CAPACITY_CELSIUS, *SLOW_CELSIUS, *DRIVE_CELSIUS}
-    return tuple(float(celsius) for celsius in sorted(found, reverse=True))
-
-
-def _measured_ampere_hour(celsius):
-    """What the laboratory has measured as capacity [Ah] at a temperature."""
+def _capacity_at(celsius):
+    """Capacity [Ah] as the laboratory has measured it at a temperature [°C]."""
     share = 1 + CellInRoom.capacity_per_kelvin * (celsius - 25.0)
     return share * T1_SHEET.fresh_ampere_hour
 
@@ -239,24 +236,16 @@ def _measured_ampere_hour(celsius):
 def _pulse_tests(at) -> list[Test]:
     """HPPC, and short pulses once a minute on a C/3 discharge."""
     hybrid = partial(protocols.hybrid_pulses, highest_charge_pulse_soc=0.6, points=PULSE_SOC)
+    short = partial(protocols.pulses_on_discharge, every_second=60.0)
     return [
-        at(
-            f"hppc_{celsius}C",
-            "hppc",
-            celsius,
-            steps=hybrid(T1_RATING, _measured_ampere_hour(celsius)),
-        )
-        for celsius in PULSE_CELSIUS
-    ] + [
-        at(
-            f"pulses_{celsius}C",
-            "pulse_resistance",
-            celsius,
-            steps=protocols.pulses_on_discharge(
-                T1_RATING, _measured_ampere_hour(celsius), every_second=60.0
-            ),
-        )
-        for celsius in DISCHARGE_CELSIUS
+        *[
+            at(f"hppc_{t}C", "hppc", t, steps=hybrid(T1_RATING, _capacity_at(t)))
+            for t in PULSE_CELSIUS
+        ],
+        *[
+            at(f"pulses_{t}C", "pulse_resistance", t, steps=short(T1_RATING, _capacity_at(t)))
+            for t in DISCHARGE_CELSIUS
+        ],
     ]
 
 
@@ -285,35 +274,23 @@ def _fast_charge(specimen, celsius):
 
 
 def _rest_tests(at) -> list[Test]:
-    """Relaxations at each temperature, and rests in a chamber that steps."""
-    rests, chamber = protocols.temperature_steps(
-        T1_RATING, _measured_ampere_hour(THESIS_CELSIUS[0]), soc=STEP_SOC
-    )
-    found = [
-        at(
-            f"rests_{celsius}C",
-            "relaxation",
-            celsius,
-            steps=protocols.relaxations(
-                T1_RATING, _measured_ampere_hour(celsius), share=REST_SHARE
-            ),
-        )
-        for celsius in PULSE_CELSIUS
-    ]
+    """Relaxations at each temperature, and rests during steps of the chamber temperature."""
     first = THESIS_CELSIUS[0]
-    return [*found, at("ocv_steps", "ocv_temperature", first, steps=rests, chamber=chamber)]
+    rests, chamber = protocols.temperature_steps(T1_RATING, _capacity_at(first), soc=STEP_SOC)
+    relaxations = partial(protocols.relaxations, share=REST_SHARE)
+    return [
+        *[
+            at(f"rests_{t}C", "relaxation", t, steps=relaxations(T1_RATING, _capacity_at(t)))
+            for t in PULSE_CELSIUS
+        ],
+        at("ocv_steps", "ocv_temperature", first, steps=rests, chamber=chamber),
+    ]
 
 
 def _drive_tests(at) -> list[Test]:
     load = partial(protocols.drive, schedule="udds", scale=0.75, deepest_soc=0.2)
     return [
-        at(
-            f"udds_{celsius}C",
-            "drive",
-            celsius,
-            steps=load(T1_RATING, _measured_ampere_hour(celsius)),
-        )
-        for celsius in DRIVE_CELSIUS
+        at(f"udds_{t}C", "drive", t, steps=load(T1_RATING, _capacity_at(t))) for t in DRIVE_CELSIUS
     ]
 
 
@@ -352,7 +329,9 @@ def _tabulated_spectra() -> list[Test]:
 
 
 def _known_of_t1():
-    """Rows of truth tables: the fresh cell, activation energies, what a cycle gives at 24 °C."""
+    """Truth of T1: the fresh cell, activation energies, capacities of the cycles at a steady 24
+    °C.
+    """
     whole = round(CellInRoom().full_ampere_hour, 5)
     losses = {"lli": 0.0, "lam_negative": 0.0, "lam_positive": 0.0}
     energy = {"law": "arrhenius", "parameter": "activation_energy", "unit": "J/mol"}
@@ -365,18 +344,18 @@ def _known_of_t1():
 
 
 def _slope():
-    """By what share a fresh cell's 1C discharge grows with the room's temperature."""
+    """Relative growth of a fresh cell's 1C discharge with the room's temperature [%/K]."""
     colder, mean, warmer = (
         _in_steady_room(ROOM_CELSIUS + kelvin, cycles=2)[-1]["capacity_ampere_hour"]
         for kelvin in (-1.0, 0.0, 1.0)
     )
     value = round(100 * (warmer - colder) / 2 / mean, 5)
-    told = {"quantity": "capacity in room", "law": "linear", "parameter": "slope"}
-    return {**told, "unit": "%/K", "value": value}
+    law = {"quantity": "capacity in room", "law": "linear", "parameter": "slope"}
+    return {**law, "unit": "%/K", "value": value}
 
 
 def _in_steady_room(celsius, cycles=ROOM_CYCLES):
-    """The same cycles where the temperature stays."""
+    """Capacities of the same cycles at one constant temperature [°C]."""
     steps = _cycles(cycles)
     behaviours = CellInRoom().run(steps, chamber=steady(celsius))
     return cycle_rows(steps, behaviours, rating=T1_RATING)

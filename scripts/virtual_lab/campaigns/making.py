@@ -15,7 +15,7 @@ PARTS = ".virtual_lab"
 
 
 def make_batch(plan: Plan, batch: str, folder: Path) -> None:
-    """Simulate and measure the tests of one job; write their files, and what is true about them."""
+    """Simulate and measure the tests of one job; write their files, and a part of the truth."""
     tests = plan.batches()[batch]
     parts: list[dict] = []
     checksums = {}
@@ -24,25 +24,29 @@ def make_batch(plan: Plan, batch: str, folder: Path) -> None:
         checksums[test.file] = hashlib.sha256(content).hexdigest()
         _write(folder / test.file, content)
         parts.append(rows)
-    parts += [specimen.facts(name) for name, specimen in _first_seen(plan, tests)]
+    # Facts about a specimen come with its first test of all.
+    specimens = {cell.name: cell.specimen for cell in plan.cells} | plan.groups
+    first = {test.cell: test for test in reversed(plan.tests)}
+    names = [name for name in dict.fromkeys(test.cell for test in tests) if first[name] in tests]
+    parts += [specimens[name].facts(name) for name in names]
     _write(folder / PARTS / f"{batch}.json", _json({"files": checksums, "truth": _merged(parts)}))
 
 
 def make_sheets(plan: Plan, folder: Path) -> None:
-    """Write the campaign's sheets and its truth from what the jobs have left."""
+    """Write the campaign's sheets and its truth from the parts that the jobs have written."""
     parts = [
         json.loads((folder / PARTS / f"{batch}.json").read_text(encoding="utf-8"))
         for batch in plan.batches()
     ]
     checksums = {file: digest for part in parts for file, digest in part["files"].items()}
-    known = _merged(part["truth"] for part in parts)
-    groups = known.pop("groups", [])
+    truth_tables = _merged(part["truth"] for part in parts)
+    groups = truth_tables.pop("groups", [])
     sheets = {"cells": cells_sheet(plan), "tests": tests_sheet(plan, checksums)}
     sheets |= {"groups": groups} if groups else {}
     for name, rows in sheets.items():
         _write(folder / "config" / f"{name}.tsv", as_table(rows, separator="\t").encode())
     _write(folder / "config" / "config.yaml", plan.config.encode())
-    for name, rows in known.items():
+    for name, rows in truth_tables.items():
         nested = any(isinstance(value, list | dict) for row in rows for value in row.values())
         suffix, content = ("json", _json(rows)) if nested else ("csv", _csv(rows))
         _write(folder / plan.truth / f"{name}.{suffix}", content)
@@ -53,25 +57,20 @@ def made(test: Test) -> tuple[bytes, dict[str, list[dict]]]:
     """One test's file, as its instrument writes it, and rows of truth tables about it."""
     if callable(test.steps):
         test = test._replace(steps=test.steps())
-    how = _spectrum if test.steps is None else _record
-    columns, rows = how(test)
+    columns, rows = _spectrum(test) if test.steps is None else _record(test)
     columns, spoiled = faults.spoiled(columns, test.faults) if test.faults else (columns, [])
     options = {"discharge_positive": True} if test.discharge_positive else {}
     content = instruments.WRITERS[test.instrument](columns, **options)
-    named = {"cell": test.cell, "test": test.test}
-    rows |= {"faults": [_shortened(row) for row in spoiled]} if spoiled else {}
+    if spoiled:
+        rows["faults"] = [
+            {k: float(f"{v:.9g}") if isinstance(v, float) else v for k, v in row.items()}
+            for row in spoiled
+        ]
     if test.damage:
         content, did = test.damage(content)
         rows = {"excluded": [{"file": test.file, "reason": did[0]["fault"]}]}
-    return content, {table: [named | row for row in found] for table, found in rows.items()}
-
-
-def _shortened(row):
-    """Nine digits of each number that is no count."""
-    return {
-        name: float(f"{value:.9g}") if isinstance(value, float) else value
-        for name, value in row.items()
-    }
+    named = {"cell": test.cell, "test": test.test}
+    return content, {table: [named | row for row in of_test] for table, of_test in rows.items()}
 
 
 def _record(test):
@@ -99,17 +98,8 @@ def _spectrum(test):
     return columns, {"eis": [test.specimen.circuit(**setting)]}
 
 
-def _first_seen(plan, tests):
-    """Specimens of cells and groups whose first test of all is one of these."""
-    specimens = {cell.name: cell.specimen for cell in plan.cells} | plan.groups
-    first = {}
-    for test in plan.tests:
-        first.setdefault(test.cell, test)
-    return [(name, specimens[name]) for name in first if first[name] in tests]
-
-
 def _merged(parts: Iterable[dict[str, list[dict]]]) -> dict[str, list[dict]]:
-    """Tables of several parts, one after the other."""
+    """Tables of several parts, one below the other."""
     tables: dict[str, list[dict]] = {}
     for part in parts:
         for name, rows in part.items():

@@ -28,7 +28,9 @@ Cells of one type: lithium lost |N(0, 5 %)|, resistance grown by 2·|N(0, 5 %)|;
 
 
 def plan(*, seed: int, cells: int) -> Plan:
-    """A capacity test, a pulse train and a drive for each cell; the first has a slow curve too."""
+    """The plan: a capacity test, a pulse train and a drive for each cell; the first has a slow
+    OCV.
+    """
     specimens = [_specimen(k, seed) for k in range(cells)]
     names = [f"S{k:05d}" for k in range(1, cells + 1)]
     rows = [
@@ -62,13 +64,13 @@ def _tests(name, specimen, seed, batch):
     rated = RATING.capacity_ampere_hour
     pulses = protocols.hybrid_pulses(RATING, 0.9 * rated, points=PULSE_SOC)
     slow = at("ocv_25C", "ocv", steps=protocols.slow_ocv(RATING, period_second=120.0))
-    found = [
-        at("capacity_25C", "capacity", steps=_short_capacity()),
+    tests = [
+        at(
+            "capacity_25C",
+            "capacity",
+            steps=protocols.capacity(RATING, repeats=1, period_second=30.0),
+        ),
         at("hppc_25C", "hppc", steps=pulses),
         at("drive_25C", "drive", steps=protocols.dynamic_load(RATING, style="harsh", seed=1)),
     ]
-    return [slow, *found] if name == "S00001" else found
-
-
-def _short_capacity():
-    return protocols.capacity(RATING, repeats=1, period_second=30.0)
+    return [slow, *tests] if name == "S00001" else tests

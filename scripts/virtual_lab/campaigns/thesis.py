@@ -33,11 +33,11 @@ circuit of table 3.1. C6: 29 cycles in a room with a daily swing (S4).
 
 
 def plan(*, seed: int) -> Plan:
-    """All tests."""
+    """The plan of all parts."""
     parts = [pack_part(seed), group_part(seed), ageing_part(seed), temperature_part(seed)]
     parts.append(spectra_part(seed))
-    cells = tuple(cell for found, _ in parts for cell in found)
-    tests = tuple(test for _, found in parts for test in found)
+    cells = tuple(cell for of_part, _ in parts for cell in of_part)
+    tests = tuple(test for _, of_part in parts for test in of_part)
     return Plan(cells, tests, group_specimens(seed), CONFIG, ABOUT)
 
 
@@ -53,7 +53,10 @@ REFERENCE_CELSIUS = 25.0
 
 
 def temperature_part(seed: int) -> tuple[list[Cell], list[Test]]:
-    """E3 by the fast equations, E4 by physics, C6 in the room."""
+    """One 32 Ah LMO cell from 25 to −20 °C (S6 to S10), and 29 cycles in a room (S4).
+
+    E3 by the fast generator, E4 by physics, C6 in the room.
+    """
     behavioural = _behavioural()
     physical = Physical(_fresh_porous_cell())
     in_room = Behavioural(partial(thesis_cells.cell, ROOM_KIND))
@@ -76,9 +79,9 @@ def _behavioural():
     circuit = thesis_cells.CIRCUITS[COLD_KIND]
     energy = {"parameter": "activation_energy", "law": "arrhenius", "unit": "J/mol"}
     first = "resistance at 50 % SoC, first sample"
-    known = {"temperature": [{"quantity": first, **energy, "value": circuit.ohmic}]}
+    truth_tables = {"temperature": [{"quantity": first, **energy, "value": circuit.ohmic}]}
     temperatures = tuple(float(celsius) for celsius in PULSE_CELSIUS)
-    return Behavioural(partial(thesis_cells.cell, COLD_KIND), temperatures, lambda: known)
+    return Behavioural(partial(thesis_cells.cell, COLD_KIND), temperatures, lambda: truth_tables)
 
 
 def _fresh_porous_cell():
@@ -113,21 +116,21 @@ def _test_of(name, specimen, seed):
 def _of_fast_cell(specimen, seed):
     at, full = _test_of("E3", specimen, seed), thesis_cells.CELL_TYPES[COLD_KIND].fresh_ampere_hour
     rests, chamber = protocols.temperature_steps(COLD_RATING, full, soc=STEP_SOC)
-    found = [
+    tests = [
         at("ocv_25C", "ocv", 25.0, steps=protocols.slow_ocv(COLD_RATING, period_second=60.0)),
         at("ocv_steps", "ocv_temperature", THESIS_CELSIUS[0], steps=rests, chamber=chamber),
     ]
     for celsius in CAPACITY_CELSIUS:
         half = protocols.capacity(COLD_RATING, repeats=1)
         quick = partial(_fast_charge, specimen, celsius)
-        found += [
+        tests += [
             at(f"capacity_{celsius}C", "capacity", celsius, steps=half),
             at(f"fast_charge_{celsius}C", "fast_charge", celsius, steps=quick),
         ]
     for celsius in PULSE_CELSIUS:
         on_discharge = protocols.pulses_on_discharge(COLD_RATING, COLD_SHARE * full)
         pulses = protocols.hybrid_pulses(COLD_RATING, full, highest_charge_pulse_soc=0.6)
-        found += [
+        tests += [
             at(f"pulses_{celsius}C", "pulse_resistance", celsius, steps=on_discharge),
             at(f"hppc_{celsius}C", "hppc", celsius, steps=pulses),
             at(
@@ -136,9 +139,16 @@ def _of_fast_cell(specimen, seed):
                 celsius,
                 steps=protocols.relaxations(COLD_RATING, full),
             ),
-            at(f"udds_{celsius}C", "drive", celsius, steps=_drive(full)),
+            at(
+                f"udds_{celsius}C",
+                "drive",
+                celsius,
+                steps=protocols.drive(
+                    COLD_RATING, full, schedule="udds", scale=0.5, deepest_soc=0.2
+                ),
+            ),
         ]
-    return found
+    return tests
 
 
 def _fast_charge(specimen, celsius):
@@ -146,12 +156,8 @@ def _fast_charge(specimen, celsius):
     return protocols.fast_charge(COLD_RATING, run=partial(specimen.run, chamber=steady(celsius)))
 
 
-def _drive(full):
-    return protocols.drive(COLD_RATING, full, schedule="udds", scale=0.5, deepest_soc=0.2)
-
-
 def _slow_charges(specimen, seed):
-    """C/30, at which what is missing in the cold is truly missing (S9)."""
+    """Charges at C/30, at which the capacity missing in the cold is a true loss (S9)."""
     at = _test_of("E4", specimen, seed)
     steps = protocols.incremental_capacity(
         COLD_RATING, c_rate=1 / 30, emptying_c_rate=1 / 30, period_second=30.0
@@ -180,7 +186,7 @@ SPECTRA_CELL = "E5"
 
 
 def spectra_part(seed: int) -> tuple[list[Cell], list[Test]]:
-    """The cell and its spectra, every third in an analyser's own format."""
+    """45 spectra of the circuit of table 3.1; every third in an analyser's own format."""
     cell = Cell(
         SPECTRA_CELL,
         "LMO",
@@ -217,16 +223,16 @@ LIVES = {
 BY_PHYSICS = ("B1", "C3", "E2")  # whose slow charges are solved as porous electrodes
 CHECK_UPS = 5
 KINETICS = {"C": 3.0}  # a 20 Ah NCM cell has 2 mohm; the set scaled to its size has thrice as much
-STRIDE = 5  # cycles over which a cell is taken to stay what it is
+STRIDE = 5  # cycles between changes of the cell's parameters
 RESTED = {"rest_second": 600.0, "period_second": 60.0}
 
 
 class Life(NamedTuple):
-    """A cell over all its cycles: each begins as the one before has left it, warm and polarised."""
+    """A cell over all its ageing cycles; each begins in the state the last one ended in."""
 
     kind: str
     protocol: str
-    spread: float  # of its pace: it ages so many times faster than its type
+    spread: float  # it ages this many times faster than its type
 
     @property
     def rating(self):
@@ -240,20 +246,20 @@ class Life(NamedTuple):
 
     @property
     def cycles(self) -> int:
-        """How many it lives."""
+        """Number of cycles until the end of the test."""
         return int(thesis_cells.last_cycle(self.kind, self.protocol) / self.spread)
 
     def at(self, cycle: float) -> fast.Cell:
-        """The cell after so many cycles."""
+        """The cell after a number of cycles."""
         return thesis_cells.aged(self.kind, self.protocol, cycle * self.spread)
 
-    def told_ampere_hour(self, cycle: float) -> float:
-        """Capacity [Ah] that the laboratory has measured after so many cycles."""
+    def measured_ampere_hour(self, cycle: float) -> float:
+        """Capacity [Ah] that the laboratory has measured after a number of cycles."""
         share = thesis_cells.capacity_share(self.kind, self.protocol, cycle * self.spread)
         return share * thesis_cells.CELL_TYPES[self.kind].fresh_ampere_hour
 
     def run(self, steps, *, chamber, initial_soc=1.0):
-        """Through its ageing test: a first rest, then cycles of as many steps each."""
+        """Simulate the ageing test: a first rest, then cycles of as many steps each."""
         of_one = (len(steps) - 1) // self.cycles
         parts = [(steps[:1], self.at(0))]
         for cycle in range(0, self.cycles, STRIDE):
@@ -262,29 +268,28 @@ class Life(NamedTuple):
         return fast.run_changing(parts, chamber=chamber, initial_soc=initial_soc)
 
     def facts(self, name: str) -> dict[str, list[dict]]:
-        """Losses at the check-ups, and the knee."""
+        """Truth: losses at the check-ups, and the knee."""
         knee = thesis_cells.knee_cycle(self.kind, self.protocol)
         fresh = self.full_ampere_hour
         rows = []
         for cycle in check_up_cycles(self):
             state = thesis_cells.ageing_state(self.kind, self.protocol, cycle * self.spread)
-            left = self.at(cycle).capacity_ampere_hour
-            told = {"cell": name, "cycle": cycle, "capacity_ampere_hour": round(left, 5)}
-            losses = {
-                loss: round(value, 6) for loss, value in thesis_cells.losses_of(state).items()
-            }
-            knees = {"knee_cycle": round(knee / self.spread) if knee else None}
-            rows.append(told | {"soh": round(left / fresh, 5)} | losses | knees)
+            capacity = self.at(cycle).capacity_ampere_hour
+            row = {"cell": name, "cycle": cycle, "capacity_ampere_hour": round(capacity, 5)}
+            row |= {"soh": round(capacity / fresh, 5)}
+            losses = thesis_cells.losses_of(state)
+            row |= {loss: round(value, 6) for loss, value in losses.items()}
+            rows.append(row | {"knee_cycle": round(knee / self.spread) if knee else None})
         return {"health": rows}
 
 
 def check_up_cycles(life: Life) -> list[int]:
-    """Cycles of the check-ups: the first and last of life, and between."""
+    """Cycles of the check-ups, evenly spaced from the first to the last."""
     return [int(c) for c in np.linspace(0, life.cycles, CHECK_UPS).round()]
 
 
 def lives(seed: int) -> dict[str, Life]:
-    """Cells by name; two of a type under one protocol do not age quite alike."""
+    """Ageing cells by name; two of a type under one protocol differ in pace."""
     return {name: Life(*what, spread=_spread(name, seed)) for name, what in LIVES.items()}
 
 
@@ -294,7 +299,7 @@ def _spread(name, seed):
 
 
 def ageing_part(seed: int) -> tuple[list[Cell], list[Test]]:
-    """Rows of the sheet; the life of each cell in one file, and its check-ups."""
+    """Five types of cell aged under three protocols, with check-ups (S12, S13, S16)."""
     rows, tests = [], []
     for name, life in lives(seed).items():
         chemistry = thesis_cells.CELL_TYPES[life.kind].chemistry
@@ -324,7 +329,7 @@ def _life_test(name, life, seed):
 
 
 def _check_up_tests(name, life, cycle, seed):
-    full, rating = life.told_ampere_hour(cycle), life.rating
+    full, rating = life.measured_ampere_hour(cycle), life.rating
     at = partial(
         Test,
         name,
@@ -338,7 +343,7 @@ def _check_up_tests(name, life, cycle, seed):
     )
     quick = protocols.incremental_capacity(rating, c_rate=1 / 2, period_second=2.0)
     slow = protocols.incremental_capacity(rating, c_rate=1 / 20)
-    found = [
+    tests = [
         at(f"capacity_{cycle}", "capacity", steps=protocols.capacity(rating, repeats=1)),
         at(f"hppc_{cycle}", "hppc", steps=protocols.hybrid_pulses(rating, full)),
         at(f"ica_c2_{cycle}", "ica", steps=quick),
@@ -346,19 +351,19 @@ def _check_up_tests(name, life, cycle, seed):
     ]
     if name in BY_PHYSICS:
         physical = Physical(_aged_porous_cell(life, cycle))
-        found[-1] = found[-1]._replace(specimen=physical, batch=f"{name}_physics_{cycle}")
-    return found
+        tests[-1] = tests[-1]._replace(specimen=physical, batch=f"{name}_physics_{cycle}")
+    return tests
 
 
 def _aged_porous_cell(life, cycle):
-    """The same state as a porous-electrode cell."""
+    """The same state of the cell as a porous-electrode cell."""
     sheet = thesis_cells.CELL_TYPES[life.kind]
     state = thesis_cells.ageing_state(life.kind, life.protocol, cycle * life.spread)
     return physics.Cell(
         **thesis_cells.losses_of(state),
         contact_resistance_ohm=0.3 * sheet.fresh_ohm * state.resistance_factor,
         kinetics=KINETICS.get(life.kind, 1.0) * state.kinetics,
-        capacity_ampere_hour=life.told_ampere_hour(cycle),
+        capacity_ampere_hour=life.measured_ampere_hour(cycle),
         cycle=cycle or None,
         note=f"{life.protocol} ageing",
         chemistry=sheet.chemistry,

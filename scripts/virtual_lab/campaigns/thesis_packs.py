@@ -57,7 +57,7 @@ DAMAGED = {
 
 
 class UsedCell(NamedTuple):
-    """A used cell, and the capacity [Ah] that it gives at C/2."""
+    """A used cell, and its capacity [Ah] at C/2."""
 
     name: str
     capacity_ampere_hour: float
@@ -66,7 +66,7 @@ class UsedCell(NamedTuple):
 
 @cache
 def pack_cells(seed: int) -> tuple[UsedCell, ...]:
-    """All fifty; the first is fresh."""
+    """The fifty cells of a used pack; the first is fresh."""
     random = np.random.default_rng(seed_of("pack", seed))
     capacities = np.append(
         MOST_AMPERE_HOUR,
@@ -76,29 +76,24 @@ def pack_cells(seed: int) -> tuple[UsedCell, ...]:
 
 
 def used_cell(name: str, capacity: float, random: np.random.Generator) -> UsedCell:
-    """A cell of a capacity [Ah], its losses and its resistance drawn."""
+    """A cell of a given capacity [Ah]; its losses and its resistance are drawn."""
     lost = max(0.0, 1 - capacity / MOST_AMPERE_HOUR)
     lam_positive = lost * float(random.uniform(0.3, 0.7))
     resistance = (1 + GROWTH_PER_LOSS * lost) * float(np.exp(random.normal(0.0, SCATTER)))
-    make = partial(_worn, capacity, lam_positive, resistance)
-    return UsedCell(
-        name, capacity, Behavioural(make, known=partial(_losses, capacity, lam_positive))
-    )
+    losses = partial(thesis_cells.worn, KIND, capacity, lam_positive=lam_positive)
 
+    def make():
+        return thesis_cells.cell(KIND, resistance=resistance, **losses())
 
-def _worn(capacity, lam_positive, resistance):
-    losses = thesis_cells.worn(KIND, capacity, lam_positive=lam_positive)
-    return thesis_cells.cell(KIND, resistance=resistance, **losses)
+    def known():
+        shown = {loss: round(losses().get(loss, 0.0), 6) for loss in LOSSES}
+        return {"health": [{"capacity_ampere_hour": round(capacity, 4), **shown}]}
 
-
-def _losses(capacity, lam_positive):
-    losses = thesis_cells.worn(KIND, capacity, lam_positive=lam_positive)
-    shown = {loss: round(losses.get(loss, 0.0), 6) for loss in LOSSES}
-    return {"health": [{"capacity_ampere_hour": round(capacity, 4), **shown}]}
+    return UsedCell(name, capacity, Behavioural(make, known=known))
 
 
 def pack_part(seed: int) -> tuple[list[Cell], list[Test]]:
-    """Rows of the sheet and all tests."""
+    """Fifty cells of one used pack, each by itself and all of them in series (S14, S17, S18)."""
     rows = [
         Cell(one.name, "NMC", RATING, one.specimen, one.name == REFERENCE, "of a used pack")
         for one in pack_cells(seed)
@@ -127,28 +122,25 @@ def _pack_cell_tests(one, number, seed, string):
         batch=one.name,
         seed_of_campaign=seed,
     )
-    found = [
+    # At C/2, as in a vehicle, sampled twice a second (thesis 4.4).
+    charge = protocols.incremental_capacity(RATING, c_rate=1 / 2, period_second=0.5)
+    tests = [
         at("capacity_25C", "capacity", steps=protocols.capacity(RATING)),
         at("pulses_25C", "pulse_resistance", steps=protocols.pulses_on_discharge(RATING, full)),
         at("hppc_25C", "hppc", steps=protocols.hybrid_pulses(RATING, full)),
-        at("ica_25C", "ica", steps=_charge_for_peaks()),
+        at("ica_25C", "ica", steps=charge),
         at("series_fuds_25C", "drive", steps=string, note="all fifty cells in series"),
         at(f"{schedule}_25C", "drive", steps=protocols.drive(RATING, full, schedule=schedule)),
     ]
-    found += [_spoiled(at, one.name, full)] if one.name in SPOILED | DAMAGED else []
+    tests += [_spoiled(at, one.name, full)] if one.name in SPOILED | DAMAGED else []
     slow = at("ocv_25C", "ocv", steps=protocols.slow_ocv(RATING, period_second=60.0))
-    return [*found, slow] if one.name == REFERENCE else found
+    return [*tests, slow] if one.name == REFERENCE else tests
 
 
 def _spoiled(at, name, full):
-    """One more drive, on a bad day."""
+    """One more drive, with faults in its file."""
     test = at("udds_25C", "drive", steps=protocols.drive(RATING, full, schedule="udds"))
     return test._replace(faults=SPOILED.get(name, ()), damage=DAMAGED.get(name))
-
-
-def _charge_for_peaks():
-    """At C/2, as a vehicle would, twice a second (thesis 4.4)."""
-    return protocols.incremental_capacity(RATING, c_rate=1 / 2, period_second=0.5)
 
 
 GROUP_CELLS, GROUPS = 34, 27
@@ -167,13 +159,14 @@ OTHERS_AMPERE_HOUR = (22.0, 31.0)
 
 @cache
 def group_cells(seed: int) -> tuple[UsedCell, ...]:
-    """All 34."""
+    """The 34 cells of the parallel groups."""
     random = np.random.default_rng(seed_of("parallel cells", seed))
-    found = []
+    cells = []
     for number in range(1, GROUP_CELLS + 1):
         drawn = round(float(random.uniform(*OTHERS_AMPERE_HOUR)), 1)
-        found.append(used_cell(_name(number), TABLE_5_2_AMPERE_HOUR.get(number, drawn), random))
-    return tuple(found)
+        capacity = TABLE_5_2_AMPERE_HOUR.get(number, drawn)
+        cells.append(used_cell(_name(number), capacity, random))
+    return tuple(cells)
 
 
 @cache
@@ -184,9 +177,9 @@ def group_members(seed: int) -> dict[str, tuple[UsedCell, ...]]:
     while len(chosen) < GROUPS:
         size = int(random.integers(2, 5))
         chosen.append(tuple(sorted((random.permutation(GROUP_CELLS)[:size] + 1).tolist())))
-    known = {one.name: one for one in group_cells(seed)}
+    by_name = {one.name: one for one in group_cells(seed)}
     return {
-        f"group{k:02d}": tuple(known[_name(number)] for number in numbers)
+        f"group{k:02d}": tuple(by_name[_name(number)] for number in numbers)
         for k, numbers in enumerate(chosen, 1)
     }
 
@@ -196,7 +189,7 @@ def _name(number):
 
 
 def group_specimens(seed: int) -> dict[str, BehaviouralGroup]:
-    """Specimens by name: all cells full, behind alike wires."""
+    """Parallel groups by name: all cells full, behind wires of one resistance."""
     return {name: _group(cells) for name, cells in group_members(seed).items()}
 
 
@@ -207,7 +200,7 @@ def _group(cells):
 
 
 def group_part(seed: int) -> tuple[list[Cell], list[Test]]:
-    """Rows of the sheet and all tests: of each cell first, then of the groups."""
+    """27 groups of two to four cells (S20, S21; 1 to 8 are of table 5.2), and each cell alone."""
     rows = [
         Cell(one.name, "NMC", RATING, one.specimen, note="for groups") for one in group_cells(seed)
     ]
@@ -238,7 +231,7 @@ def _alone(one, seed):
 
 
 def _together(name, group, full, seed):
-    """Discharges at 1C (of pairs at 2C too) to the cut-off, and a drive; all to be predicted."""
+    """Discharges at 1C (of pairs at 2C too) to the cut-off, and a drive; all for validation."""
     rating = Rating(len(group.names) * RATING.capacity_ampere_hour, *RATING[1:])
     at = partial(
         Test,
