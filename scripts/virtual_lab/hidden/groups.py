@@ -24,7 +24,7 @@ TOLERANCE, TRIES = 0.02, 8
 
 
 class GroupSetup(NamedTuple):
-    """Cells in parallel as they truly are; `warmer_kelvin` is of each cell above the chamber."""
+    """Cells in parallel with their wires; `warmer_kelvin`: of each cell above the chamber."""
 
     cells: tuple[fast.Cell, ...]
     wire_ohm: tuple[float, ...]
@@ -33,20 +33,20 @@ class GroupSetup(NamedTuple):
     chain: Chain = CHAIN
 
     def run(self, steps, *, chamber: Chamber):
-        """Through a protocol of the group's current."""
+        """Simulate the group in a protocol of its total current."""
         around = [Chamber(chamber.second, chamber.celsius + k) for k in self.warmer_kelvin]
-        found = fast.run_group(
+        behaviours = fast.run_group(
             steps,
             self.cells,
             wire_ohm=self.wire_ohm,
             initial_soc=self.initial_soc,
             chambers=tuple(around),
         )
-        # The sensor hangs beside the cells: one on a cell would tell which of them is warm.
-        begins = np.cumsum([0.0, *[b.duration_second for b in found[:-1]]])
+        # The sensor is beside the cells: one on a cell would show which of them is warm.
+        begins = np.cumsum([0.0, *[b.duration_second for b in behaviours[:-1]]])
         return [
             b._replace(temperature=partial(_around, chamber, begin))
-            for b, begin in zip(found, begins, strict=True)
+            for b, begin in zip(behaviours, begins, strict=True)
         ]
 
 
@@ -55,7 +55,7 @@ def _around(chamber, begin, second):
 
 
 class GroupEffect(NamedTuple):
-    """One effect: its size with unit, where its search begins, the most that is plausible."""
+    """One effect: its size with unit, the first size tried, the largest plausible one."""
 
     parameter: str
     first: float
@@ -115,7 +115,9 @@ GROUP_EFFECTS = {
 
 
 def healthy_group(random: np.random.Generator, branches: int, soc: float = 0.95) -> GroupSetup:
-    """Healthy cells whose resistance moves with temperature, behind alike wires, equally full."""
+    """Healthy cells, equally full, behind wires of one resistance; resistance falls with
+    temperature.
+    """
     cells = []
     for _ in range(branches):
         cell = healthy(random).cell
@@ -137,33 +139,34 @@ def with_group_effect(
     files: list[File],
     random: np.random.Generator,
 ) -> tuple[GroupSetup, dict[str, Any], float]:
-    """One branch with an effect of a strength [V]; the setup, its parameters, its true strength."""
-    made = GROUP_EFFECTS[effect]
+    """One branch with an effect of a strength [V]: the setup, its parameters, its true strength."""
+    chosen = GROUP_EFFECTS[effect]
     branch = int(random.integers(len(plain.cells)))
-    sign = float(random.choice([-1.0, 1.0])) if made.either_sign else np.sign(made.first)
-    size = abs(made.first)
+    sign = float(random.choice([-1.0, 1.0])) if chosen.either_sign else np.sign(chosen.first)
+    size = abs(chosen.first)
     for _ in range(TRIES):
-        found = deviation(made.act(plain, branch, sign * size), plain, files)
-        ratio = strength_volt / max(found, 1e-9)
-        if abs(ratio - 1) < TOLERANCE or (size >= made.most and ratio > 1):
+        volt = deviation(chosen.act(plain, branch, sign * size), plain, files)
+        ratio = strength_volt / max(volt, 1e-9)
+        if abs(ratio - 1) < TOLERANCE or (size >= chosen.most and ratio > 1):
             break
-        size = min(size * np.clip(ratio, 0.1, 10.0), made.most)
-    setup = made.act(plain, branch, sign * size)
-    told = {made.parameter: float(f"{sign * size:.6g}"), "branch": branch + 1}
-    return setup, told, deviation(setup, plain, files)
+        size = min(size * np.clip(ratio, 0.1, 10.0), chosen.most)
+    setup = chosen.act(plain, branch, sign * size)
+    parameters = {chosen.parameter: float(f"{sign * size:.6g}"), "branch": branch + 1}
+    return setup, parameters, deviation(setup, plain, files)
 
 
 def deviation(setup: GroupSetup, plain: GroupSetup, files: list[File]) -> float:
-    """How much the branch currents shown differ from those of a healthy group, as a voltage."""
+    """Deviation of the branch currents shown from those of a healthy group, as a voltage [V]."""
     squares = [_deviations(setup, plain, file) for file in files]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
 def _deviations(setup, plain, file):
-    found = setup.run(file.steps, chamber=steady(file.celsius))
-    sound = plain.run(file.steps, chamber=steady(file.celsius))
+    """Squares of these deviations [V²] in one file."""
+    behaviours = setup.run(file.steps, chamber=steady(file.celsius))
+    healthy = plain.run(file.steps, chamber=steady(file.celsius))
     parts = []
-    for one, other in zip(found, sound, strict=True):
+    for one, other in zip(behaviours, healthy, strict=True):
         second = np.linspace(0.0, min(one.duration_second, other.duration_second), 400)
         for k, cell in enumerate(plain.cells):
             excess = _shown_ampere(setup.chain, k, one.branches[k](second)) - other.branches[k](
@@ -180,13 +183,13 @@ def _shown_ampere(chain, branch, ampere):
 
 
 SIZES = (2, 3, 4)
-# What noise of a branch's ammeter amounts to, as a voltage over its cell's resistance.
+# Noise of a branch's ammeter, as a voltage over its cell's resistance.
 FLOOR_VOLT = CHAIN.current_noise_ampere * 0.02
 KEPT = 16
 
 
 class HiddenGroup(NamedTuple):
-    """Cells in parallel, one branch not as the sheets say (`effect`; None: all as they say)."""
+    """Cells in parallel with an effect in one branch (`effect` None: a healthy group)."""
 
     name: str
     seed: int
@@ -200,12 +203,12 @@ class HiddenGroup(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many cells."""
+        """Number of cells."""
         return SIZES[seed_of(f"size of {self.name}", self.seed) % len(SIZES)]
 
     @property
     def capacities_ampere_hour(self) -> list[float]:
-        """Charge [Ah] of each full cell, as it truly is."""
+        """True charge [Ah] of each full cell."""
         return [cell.capacity_ampere_hour for cell in _group_setups(self)[1].cells]
 
     @property
@@ -215,36 +218,36 @@ class HiddenGroup(NamedTuple):
 
     @property
     def chain(self):
-        """The channel, with the faults of a branch's sensor."""
+        """The channel, with the errors of a branch's sensor."""
         return _group_setups(self)[1].chain
 
     def run(self, steps, *, chamber, initial_soc=None):
-        """Through a protocol of the group's current."""
+        """Take the group through a protocol of its total current."""
         return _group_setups(self)[1].run(steps, chamber=chamber)
 
     def facts(self, name: str) -> dict[str, list[dict]]:
-        """Rows of groups.tsv as the laboratory believes, and what is hidden."""
-        plain, _, parameters, found = _group_setups(self)
+        """Truth: rows of groups.tsv as the laboratory assumes them, and what is hidden."""
+        plain, _, parameters, strength = _group_setups(self)
         effect = {
             "effect": self.effect,
             "parameters": parameters,
-            "visible_gap_millivolt": round(1e3 * found, 3),
+            "visible_gap_millivolt": round(1e3 * strength, 3),
             "accept": [self.effect],
         }
         row = {
             "cell": name,
             "kind": "single" if self.effect else "none",
-            "visible": bool(found > FLOOR_VOLT),
-            "none_acceptable": bool(found <= FLOOR_VOLT),
+            "visible": bool(strength > FLOOR_VOLT),
+            "none_acceptable": bool(strength <= FLOOR_VOLT),
             "floor_volt": round(FLOOR_VOLT, 7),
             "effects": [effect] if self.effect else [],
         }
-        told = branch_rows(name, self.names, plain.wire_ohm, plain.initial_soc)
-        return {"groups": told, "missing_effect": [row]}
+        wiring = branch_rows(name, self.names, plain.wire_ohm, plain.initial_soc)
+        return {"groups": wiring, "missing_effect": [row]}
 
 
 class BranchCell(NamedTuple):
-    """A cell of a group by itself, as it was characterised before."""
+    """A cell of a group by itself, as it was tested before."""
 
     group: HiddenGroup
     position: int
@@ -281,11 +284,11 @@ class BranchCell(NamedTuple):
         return _group_setups(self.group)[0].cells[self.position]
 
     def run(self, steps, *, chamber, initial_soc=1.0):
-        """Through a protocol."""
+        """Take the cell through a protocol."""
         return fast.run(steps, self._cell, chamber=chamber, initial_soc=initial_soc)
 
     def facts(self, name: str) -> dict[str, list[dict]]:
-        """Nothing is known of it that its group does not say."""
+        """No truth of its own; the group has it."""
         return {}
 
 
@@ -306,7 +309,7 @@ def group_tasks(size: int) -> tuple[Task, ...]:
 
 @lru_cache(maxsize=KEPT)
 def _group_setups(group: HiddenGroup) -> tuple[GroupSetup, GroupSetup, dict[str, Any], float]:
-    """The group as the laboratory believes, as it is, the effect's parameters and strength [V]."""
+    """The group as assumed, as it is, the effect's parameters, and its strength [V]."""
     random = np.random.default_rng(seed_of(group.name, group.seed))
     plain = healthy_group(random, group.size)
     if not group.effect:

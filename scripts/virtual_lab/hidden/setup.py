@@ -15,7 +15,7 @@ from virtual_lab.protocols import Step
 RATING = Rating(5.0, 2.5, 4.2)
 CHEMISTRY = "NMC"
 SOC = np.linspace(0.0, 1.0, 1001)
-# As the study of missing-effect.md had it: noise of the voltage and spread between healthy cells.
+# Noise and spread between healthy cells as in the study of missing-effect.md.
 CHAIN = Chain(
     voltage_noise_volt=1.5e-3,
     voltage_slow_noise_volt=0.5e-3,
@@ -35,10 +35,10 @@ TIME_SPREAD = 0.2
 
 
 class Setup(NamedTuple):
-    """A cell and its channel.
+    """A cell and its measuring channel.
 
-    `at_capacity_test` is the cell as it was then, where it was not as later. `disturbance` adds to
-    the voltage [V] at times [s] and currents [A] of a record.
+    `at_capacity_test` is the cell during the capacity test, where it differs from later.
+    `disturbance` adds to the voltage [V] at times [s] and currents [A] of a record.
     """
 
     cell: fast.Cell
@@ -47,19 +47,19 @@ class Setup(NamedTuple):
     disturbance: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
 
     def with_cell(self, **changes) -> "Setup":
-        """The cell changed."""
+        """The setup with other parameters of the cell."""
         return self._replace(cell=self.cell._replace(**changes))
 
     def with_chain(self, **changes) -> "Setup":
-        """The channel changed."""
+        """The setup with other settings of the channel."""
         return self._replace(chain=self.chain._replace(**changes))
 
 
 def healthy(random: np.random.Generator) -> Setup:
-    """A healthy cell: an OCV, an ohmic resistance and two RC pairs, the same everywhere.
+    """A healthy cell: an OCV, an ohmic resistance and two RC pairs, constant over SoC.
 
-    Capacity, resistances and time constants differ from cell to cell, and so does the OCV, smoothly
-    over SoC, by 1 mV (root mean square).
+    Capacity, resistances and time constants differ from cell to cell, and so does the OCV,
+    smoothly over SoC, by 1 mV (root mean square). Nothing depends on temperature.
     """
     window = electrodes.window(CHEMISTRY, RATING)
     ocv = electrodes.open_circuit_volt(CHEMISTRY, window, SOC) + ocv_error(random)
@@ -79,7 +79,7 @@ def healthy(random: np.random.Generator) -> Setup:
 
 
 def ocv_error(random: np.random.Generator) -> np.ndarray:
-    """What a cell's OCV [V] has of its own: five waves over SoC, weaker the shorter they are."""
+    """Deviation of a cell's OCV [V] from its type's: five cosines over SoC, weaker the shorter."""
     wave = np.arange(1, 6)
     size = random.normal(0.0, 1 / wave)
     error = size @ np.cos(np.pi * np.outer(wave, SOC) + random.uniform(0, 2 * np.pi, (5, 1)))
@@ -92,7 +92,7 @@ LONGEST_SECOND = 30.0
 
 
 class File(NamedTuple):
-    """One test of a cell, as far as gaps are concerned."""
+    """One test of a cell: protocol, temperature [°C], kind, and whether it is for validation."""
 
     steps: list[Step]
     celsius: float
@@ -103,7 +103,7 @@ class File(NamedTuple):
 class Record(NamedTuple):
     """Noise-free record: per step times [s] from its start and currents [A]; all voltages [V].
 
-    Instants at edges are there to say what the current did; only `sampled` ones were measured.
+    Instants at edges are there to describe the current; only `sampled` ones were measured.
     """
 
     steps: list[tuple[np.ndarray, np.ndarray]]
@@ -112,19 +112,21 @@ class Record(NamedTuple):
 
 
 def noise_free_record(file: File, setup: Setup) -> Record:
-    """What a perfect instrument but for the setup's faults would show of a test."""
-    cell = (setup.at_capacity_test if file.kind == "capacity" else None) or setup.cell
-    behaviours = fast.run(file.steps, cell, chamber=steady(file.celsius))
+    """Noise-free record of a test, with the systematic errors of the setup's channel."""
+    behaviours = fast.run(file.steps, _cell_in(setup, file), chamber=steady(file.celsius))
     pairs = list(zip(behaviours, file.steps, strict=True))
-    both = [_samples(behaviour.duration_second, step) for behaviour, step in pairs]
-    times = [second for _, second in both]
+    measured = [_sampled(behaviour.duration_second, step) for behaviour, step in pairs]
+    times = [
+        np.union1d(second, current_corners(behaviour.duration_second, step))
+        for second, (behaviour, step) in zip(measured, pairs, strict=True)
+    ]
     chain = setup.chain
     currents = [
         b.current(second) * (1 + chain.current_gain) + chain.current_offset_ampere
         for b, second in zip(behaviours, times, strict=True)
     ]
     volt = _shown_volt(behaviours, times, currents, setup)
-    sampled = np.concatenate([np.isin(second, measured) for measured, second in both])
+    sampled = np.concatenate([np.isin(t, own) for own, t in zip(measured, times, strict=True)])
     return Record(list(zip(times, currents, strict=True)), volt, sampled)
 
 
@@ -132,15 +134,17 @@ def replayed_volt(
     record: Record, file: File, setup: Setup, *, initial_soc: float = 1.0
 ) -> np.ndarray:
     """Voltage [V] that a setup would show if its instrument had shown the record's current."""
-    chain = setup.chain
-    cell = (setup.at_capacity_test if file.kind == "capacity" else None) or setup.cell
-    truly = [
-        (second, (ampere - chain.current_offset_ampere) / (1 + chain.current_gain))
-        for second, ampere in record.steps
-    ]
-    behaviours = driven_by(truly, cell, steady(file.celsius), initial_soc=initial_soc)
+    offset, gain = setup.chain.current_offset_ampere, setup.chain.current_gain
+    true = [(second, (ampere - offset) / (1 + gain)) for second, ampere in record.steps]
+    around = steady(file.celsius)
+    behaviours = driven_by(true, _cell_in(setup, file), around, initial_soc=initial_soc)
     times, currents = zip(*record.steps, strict=True)
     return _shown_volt(behaviours, times, currents, setup)
+
+
+def _cell_in(setup, file):
+    """The cell during a test: before its capacity has changed, or after."""
+    return (setup.at_capacity_test if file.kind == "capacity" else None) or setup.cell
 
 
 def driven_by(
@@ -150,7 +154,7 @@ def driven_by(
     *,
     initial_soc: float = 1.0,
 ) -> list[Behaviour]:
-    """Behaviours of a cell under currents [A] at times [s] of each step."""
+    """Behaviours of a cell for currents [A] at times [s] of each step."""
     steps = [Step("profile", np.column_stack(pair), pair[0][-1], np.inf) for pair in currents]
     return fast.run(steps, cell, chamber=chamber, initial_soc=initial_soc)
 
@@ -163,7 +167,7 @@ def soc_of(record: Record, file: File, setup: Setup) -> np.ndarray:
 
 
 def current_corners(duration_second: float, step: Step) -> np.ndarray:
-    """Instants [s] of a step between which its current runs nearly straight."""
+    """Instants [s] of a step between which its current is nearly linear."""
     regular = np.arange(0.0, duration_second, min(step.period_second, LONGEST_SECOND))
     ends = [0.0, EDGE_SECOND, duration_second]
     if step.kind == "profile":
@@ -171,14 +175,14 @@ def current_corners(duration_second: float, step: Step) -> np.ndarray:
     return np.union1d(regular, ends)
 
 
-def _samples(duration, step):
-    """Instants [s] of a step at which a sample is taken, and those with the current's corners."""
+def _sampled(duration, step):
+    """Instants [s] of a step at which a sample is taken."""
     random = np.random.default_rng(0)
-    sampled = sample_times(duration, period_second=step.period_second, random=random, clock=CLOCK)
-    return sampled, np.union1d(sampled, current_corners(duration, step))
+    return sample_times(duration, period_second=step.period_second, random=random, clock=CLOCK)
 
 
 def _shown_volt(behaviours, times, currents, setup):
+    """Voltage [V] of a test as the channel shows it, without noise."""
     chain = setup.chain
     begins = np.cumsum([0.0, *[b.duration_second for b in behaviours]])
     second = np.concatenate([begin + t for begin, t in zip(begins, times, strict=False)])
@@ -190,7 +194,7 @@ def _shown_volt(behaviours, times, currents, setup):
 
 
 def _delayed_volt(behaviours, times, begins, delay):
-    """Voltage [V] of the whole test, each sample that of an instant earlier by a delay [s]."""
+    """Voltage [V] of the whole test, each sample taken from an instant earlier by a delay [s]."""
     if delay == 0.0:
         return np.concatenate([b.voltage(t) for b, t in zip(behaviours, times, strict=True)])
     second = np.concatenate([begin + t for begin, t in zip(begins, times, strict=False)])
@@ -207,7 +211,7 @@ SOFT_SEED, HARSH_SEED = 11, 29
 
 
 class Task(NamedTuple):
-    """A test by name; `role` blank as in the sheet."""
+    """A test of the campaign by name; `role` as in the sheet."""
 
     test: str
     kind: str
@@ -218,7 +222,7 @@ class Task(NamedTuple):
 
 @cache
 def tasks() -> tuple[Task, ...]:
-    """Capacity, pulses and three drives to fit; two harsher drives to validate."""
+    """Tests of every cell: capacity, HPPC, three drives to fit, two harsher ones to validate."""
     rated = RATING.capacity_ampere_hour
     full = protocols.capacity(
         RATING, repeats=1, c_rate=1 / 3, until_c_rate=1 / 50, hold_empty=True, period_second=20.0
@@ -238,14 +242,14 @@ def tasks() -> tuple[Task, ...]:
 
 
 def slow_task() -> Task:
-    """C/20 both ways, which only reference cells have."""
+    """C/20 discharge and charge, which only reference cells have."""
     steps = protocols.slow_ocv(RATING, c_rate=1 / 20, period_second=60.0)
     return Task("ocv_C20_25C", "ocv", 25.0, steps, "fit")
 
 
 @cache
 def gap_files() -> list[File]:
-    """The same tests as gaps are measured on."""
+    """The same tests as files on which gaps are measured."""
     return [
         File(task.steps, task.celsius, task.kind, task.role == "validation") for task in tasks()
     ]

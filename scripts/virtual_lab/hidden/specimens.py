@@ -31,8 +31,8 @@ KEPT = 64  # more than the cells of one job
 class HiddenCell(NamedTuple):
     """A healthy cell into which effects have been put, each with a strength [V].
 
-    `kind` is what the truth says: reference, none, single, two, unknown. `at_capacity_test`: the
-    cell as it was then.
+    `kind` is that of the truth: reference, none, single, two, unknown. `at_capacity_test`: the
+    cell during the capacity test.
     """
 
     name: str
@@ -44,12 +44,12 @@ class HiddenCell(NamedTuple):
 
     @property
     def setup(self) -> Setup:
-        """The cell and its channel, all effects in."""
+        """The cell and its channel with all effects."""
         return hidden_in(self).setup
 
     @property
     def chain(self):
-        """The channel's faults are those of the effects."""
+        """The channel, with the errors of the effects."""
         return self.setup.chain
 
     @property
@@ -64,7 +64,7 @@ class HiddenCell(NamedTuple):
 
     @property
     def capacity_per_kelvin(self) -> float:
-        """By what share that charge grows with temperature [1/K]."""
+        """Relative growth of that charge with temperature [1/K]."""
         return self._cell.capacity_per_kelvin
 
     @property
@@ -73,7 +73,7 @@ class HiddenCell(NamedTuple):
         return (setup.at_capacity_test if self.at_capacity_test else None) or setup.cell
 
     def run(self, steps, *, chamber, initial_soc=1.0):
-        """Through a protocol, disturbances in the voltage."""
+        """Take the cell through a protocol; disturbances are added to the voltage."""
         behaviours = fast.run(steps, self._cell, chamber=chamber, initial_soc=initial_soc)
         if not self.setup.disturbance:
             return behaviours
@@ -100,7 +100,7 @@ class HiddenEffects(NamedTuple):
 
 
 def hidden_in(cell) -> HiddenEffects:
-    """What a specimen with name, seed, effects and strength is, found once."""
+    """Effects of a specimen with name, seed, effects and strength, computed once."""
     return _hidden_in(cell.name, cell.seed, cell.effects, cell.strength_volt)
 
 
@@ -119,7 +119,7 @@ def _hidden_in(name, seed, effects, strength_volt) -> HiddenEffects:
 
 
 def truth_row(cell, name: str) -> dict:
-    """Row of the truth: what was hidden, how much of it shows, which names are right."""
+    """Row of missing_effect.json: what was hidden, how much of it is visible, accepted names."""
     known = hidden_in(cell)
     effects = [
         {
@@ -154,7 +154,7 @@ SPREAD = {"contact": 0.1, "kinetics": 0.05, "loss": 0.01}
 
 
 class HiddenPhysics(HiddenCell):
-    """A healthy cell by physics; effects and channel as of the fast cell of the same name."""
+    """A healthy cell by physics; effects and channel of the fast cell of the same name."""
 
     __slots__ = ()
 
@@ -168,7 +168,7 @@ class HiddenPhysics(HiddenCell):
         return Physical(_healthy_porous_cell(self.name, self.seed))
 
     def run(self, steps, *, chamber, initial_soc=1.0):
-        """Through a protocol, the effects laid over the voltage."""
+        """Take the cell through a protocol; the effects are added to the voltage."""
         behaviours = self._physical.run(steps, chamber=chamber, initial_soc=initial_soc)
         plain, setup = hidden_in(self).plain, self.setup
         if setup.cell is plain.cell:  # only the channel is changed
@@ -187,14 +187,14 @@ class HiddenPhysics(HiddenCell):
         ]
 
     def facts(self, name: str) -> dict[str, list[dict]]:
-        """What was hidden, and the open-circuit voltage."""
+        """Truth: what was hidden, and the open-circuit voltage."""
         curve = self._physical.facts(name)["ocv"]
         return {"missing_effect": [truth_row(self, name)], "ocv": curve}
 
 
 @lru_cache(maxsize=32)
 def _healthy_porous_cell(name, seed) -> physics.Cell:
-    """A healthy cell: a little of everything differs from cell to cell."""
+    """A healthy cell; its parameters differ a little from cell to cell."""
     random = np.random.default_rng(seed_of(f"porous {name}", seed))
     lli, lam_negative, lam_positive = (SPREAD["loss"] * random.random(3)).tolist()
     return physics.Cell(

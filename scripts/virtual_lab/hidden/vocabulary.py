@@ -29,7 +29,8 @@ class Effect(NamedTuple):
     searched, `most`: the largest that is still a cell or an instrument. `act(setup, size, drawn)`
     gives the setup with the effect in it. `draw(random)` gives the further parameters; where the
     sign is free (`either_sign`) it is already in the size that `act` receives. `on_drives`: its
-    strength is measured on drives only, for at the sharp edges of pulses it depends on the clock.
+    strength is measured on drives only, since at the sharp edges of pulses it depends on the
+    clock.
     """
 
     parameter: str
@@ -72,7 +73,7 @@ def _slow_diffusion(setup, size, drawn):
     cell = setup.cell
     more = {"pair_r_ohm": size, "pair_tau_second": second, "pair_factor": 1.0}
     more["pair_activation_joule_per_mole"] = cell.r0_activation_joule_per_mole
-    # A table that is empty says the same of every pair, and of one more.
+    # An empty table holds for every pair, and so for one more.
     longer = {
         name: (*getattr(cell, name), one) for name, one in more.items() if getattr(cell, name)
     }
@@ -98,7 +99,7 @@ def _entropic(setup, size, drawn):
 
 
 def _self_heating(setup, size, drawn):
-    """Resistances feel the cell's own heat; the chamber's temperature does nothing to them."""
+    """Resistances follow the cell's own heat; the chamber's temperature does not change them."""
     return setup.with_cell(
         rise_kelvin_per_watt=size,
         rise_tau_second=drawn["time_constant_second"],
@@ -114,14 +115,14 @@ def _heating_draws(random):
 
 
 def _capacity_error(setup, size, _):
-    """The cell has gained or lost capacity since its capacity test."""
+    """The cell's capacity has changed since its capacity test."""
     then = setup.cell
     now = setup.with_cell(capacity_ampere_hour=then.capacity_ampere_hour * (1 + size))
     return now._replace(at_capacity_test=then)
 
 
 def _ocv_shift(setup, size, drawn):
-    """Electrodes that have moved against each other; capacity falls as they say."""
+    """Losses shift the electrodes against each other; the capacity falls accordingly."""
     fresh = electrodes.window(CHEMISTRY, RATING)
     aged = electrodes.window(CHEMISTRY, RATING, **{drawn["loss"]: size})
     moved = electrodes.open_circuit_volt(CHEMISTRY, aged, SOC)
@@ -175,7 +176,7 @@ EFFECTS = {
     "resistance_soc": Effect("amount_relative", 0.3, 4.0, _resistance_soc, _shape),
     "polarisation_soc": Effect("amount_relative", 0.3, 4.0, _polarisation_soc, _shape),
     "slow_diffusion": Effect("resistance_ohm", 4e-3, 0.05, _slow_diffusion, _slow_form),
-    # Beyond 1.1 /A the gap shrinks again: what is left of the share is too little to be missed.
+    # Beyond 1.1 /A the gap shrinks again: too little of the resistance remains.
     "charge_transfer_nonlinearity": Effect(
         "per_exchange_current_per_ampere", 0.15, 1.1, _kinetics, _drawn_share
     ),
@@ -241,18 +242,18 @@ EFFECTS = {
         lambda setup, size, _: setup.with_cell(r0_ohm=setup.cell.r0_ohm + size),
     ),
 }
-# What no instrument can tell from a healthy cell with other parameters: no strength to search.
+# Effects that leave no gap, for a healthy cell with other parameters gives the same record; sizes.
 INVISIBLE = {"lead_resistance": 4e-3, "current_gain": 0.01}
 
 
 def _ripple(setup, size, drawn):
-    """Interference: a slow wave on the voltage."""
+    """Interference: a slow sine on the voltage."""
     turn = 2 * np.pi / drawn["period_second"]
     return setup._replace(disturbance=lambda second, _: size * np.sin(turn * second))
 
 
 def _contact(setup, size, drawn):
-    """A contact that is now and then worse, for minutes."""
+    """A contact whose resistance rises for minutes now and then."""
     random = np.random.default_rng(drawn["seed"])
     change = np.cumsum(random.exponential(drawn["mean_second"], 2000))
 
@@ -263,7 +264,7 @@ def _contact(setup, size, drawn):
 
 
 def _ocv_bump(setup, size, drawn):
-    """A step of the OCV up and down again, in a place where no electrode has one."""
+    """A bump of the OCV where no electrode has one."""
     bump = size * np.exp(-(((SOC - drawn["soc"]) / drawn["width_soc"]) ** 2))
     return setup.with_cell(ocv_volt=setup.cell.ocv_volt + bump)
 
@@ -277,12 +278,7 @@ def _contact_draws(random):
 
 
 OUTSIDE = {
-    "resistance_drift": Effect(
-        "relative_per_hour",
-        0.05,
-        2.0,
-        lambda setup, size, _: setup.with_cell(r0_drift_per_hour=size),
-    ),
+    "resistance_drift": Effect("relative_per_hour", 0.05, 2.0, _in_cell("r0_drift_per_hour")),
     "ripple": Effect(
         "amplitude_volt", 4e-3, 0.05, _ripple, _uniform_draws(period_second=(60.0, 300.0))
     ),
