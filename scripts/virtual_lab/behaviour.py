@@ -1,4 +1,4 @@
-"""A cell's data sheet, and what the cell does in one step of a protocol before any instrument."""
+"""A cell's data sheet, its behaviour in one step of a protocol, and running integrals over time."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -34,3 +34,9 @@ class Behaviour(NamedTuple):
     branches: tuple[Callable[[np.ndarray], np.ndarray], ...] = ()
     charge: Callable[[np.ndarray], np.ndarray] | None = None
     soc: Callable[[np.ndarray], np.ndarray] | None = None
+
+
+def running_integral(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Integral of values over time from the first sample on, by the trapezoid rule, (n,)."""
+    pieces = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
+    return np.concatenate([[0.0], np.cumsum(pieces)])

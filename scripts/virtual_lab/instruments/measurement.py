@@ -9,7 +9,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from virtual_lab.behaviour import Behaviour
+from virtual_lab.behaviour import Behaviour, running_integral
 from virtual_lab.chamber import Chamber, temperature_at
 from virtual_lab.instruments.chain import CHAIN, Chain, sample_times
 
@@ -147,12 +147,7 @@ def _counted(behaviour, second, chain, long):
     current = _by_ammeter(true, true, gain, offset, chain)
     rows = np.searchsorted(grid, second)
     ways = (current.clip(min=0), (-current).clip(min=0))
-    return tuple(_charge(grid, ampere)[rows] for ampere in ways)
-
-
-def _charge(second, current):
-    pieces = 0.5 * (current[1:] + current[:-1]) * np.diff(second)
-    return np.concatenate([[0.0], np.cumsum(pieces)]) / 3600
+    return tuple((running_integral(grid, ampere) / 3600)[rows] for ampere in ways)
 
 
 def measured(columns: Columns, *, seed: int, chain: Chain = CHAIN) -> Columns:

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from virtual_lab.behaviour import running_integral
+
 TIGHTLY_PACKED_BYTES = 2_000_000
 
 
@@ -69,8 +71,7 @@ def step_begins(step: np.ndarray) -> np.ndarray:
 def energy_watt_hour(columns) -> np.ndarray:
     """Net energy [Wh] since the first row, by the trapezoid rule on the values shown."""
     power = np.nan_to_num(columns["voltage_volt"] * columns["current_ampere"])
-    pieces = 0.5 * (power[1:] + power[:-1]) * np.diff(columns["time_second"])
-    return np.concatenate([[0.0], np.cumsum(pieces)]) / 3600
+    return running_integral(columns["time_second"], power) / 3600
 
 
 def cycles(columns) -> np.ndarray:

@@ -7,7 +7,7 @@ import pandas as pd
 
 
 class Pairs(NamedTuple):
-    """Row numbers: `found[i]` belongs to `true[i]`; the rest has no partner."""
+    """Row numbers: `found[i]` belongs to `true[i]`; `extra` and `missing` have no partner."""
 
     found: np.ndarray
     true: np.ndarray
@@ -25,13 +25,16 @@ def pair(found: pd.DataFrame, true: pd.DataFrame, *, keys, near=None, tolerance=
     near : column of numbers: of several rows with equal keys those are paired that are each
         other's nearest, and no further apart than `tolerance`. None: the k-th goes with the k-th.
     """
-    group_found, group_true = _groups(found, true, keys)
+    keys_found, keys_true = _key_numbers(found, true, keys)
     if near is None:
-        place_found, place_true = _order(group_found), _order(group_true)
+        place_found, place_true = (
+            pd.Series(group).groupby(group).cumcount().to_numpy(float)
+            for group in (keys_found, keys_true)
+        )
     else:
         place_found, place_true = (table[near].to_numpy(float) for table in (found, true))
-    partner = _nearest(group_true, place_true, group_found, place_found, tolerance)
-    back = _nearest(group_found, place_found, group_true, place_true, tolerance)
+    partner = _nearest(keys_true, place_true, keys_found, place_found, tolerance)
+    back = _nearest(keys_found, place_found, keys_true, place_true, tolerance)
     mutual = np.flatnonzero(partner >= 0)
     mutual = mutual[back[partner[mutual]] == mutual]
     return Pairs(
@@ -51,14 +54,14 @@ def snapped(found: pd.DataFrame, true: pd.DataFrame, *, keys, near, tolerance) -
     keys : columns that must be equal.
     near, tolerance : the column, and how far its logarithm may differ; beyond, the value stays.
     """
-    groups = _groups(found, true, keys)
+    key_numbers = _key_numbers(found, true, keys)
     places = [np.log(table[near].where(table[near] > 0).to_numpy(float)) for table in (found, true)]
-    partner = _nearest(groups[0], places[0], groups[1], places[1], tolerance)
+    partner = _nearest(key_numbers[0], places[0], key_numbers[1], places[1], tolerance)
     values = np.append(true[near].to_numpy(float), np.nan)[partner]
     return found[near].where(partner < 0, values)
 
 
-def _groups(found, true, keys):
+def _key_numbers(found, true, keys):
     """A number for each combination of keys, the same in both tables."""
     keys = list(keys)
     both = pd.concat([found[keys], true[keys]], ignore_index=True)
@@ -68,29 +71,25 @@ def _groups(found, true, keys):
     return numbers[: len(found)], numbers[len(found) :]
 
 
-def _order(group):
-    return pd.Series(group).groupby(group).cumcount().to_numpy(float)
+def _nearest(key, place, other_key, other_place, tolerance):
+    """For each row the nearest row of the other table with the same key; −1 where none is near.
 
-
-def _nearest(group, place, other_group, other_place, tolerance):
-    """For each row the nearest row of the other table in the same group; −1 where none is near.
-
-    Groups are laid one behind the other on one line, further apart than the tolerance reaches.
+    The rows of all keys lie on one line, those of different keys further apart than the tolerance.
     """
-    known = np.flatnonzero(np.isfinite(other_place))
-    if not len(known) or not len(group):
-        return np.full(len(group), -1)
-    values = np.concatenate([place[np.isfinite(place)], other_place[known]])
+    numbered = np.flatnonzero(np.isfinite(other_place))
+    if not len(numbered) or not len(key):
+        return np.full(len(key), -1)
+    values = np.concatenate([place[np.isfinite(place)], other_place[numbered]])
     low, span = values.min(), np.ptp(values) + 2 * tolerance + 1
-    here = group * span + (place - low)
-    there = other_group[known] * span + (other_place[known] - low)
+    here = key * span + (place - low)
+    there = other_key[numbered] * span + (other_place[numbered] - low)
     order = np.argsort(there, kind="stable")
     behind = np.clip(np.searchsorted(there[order], here), 0, len(order) - 1)
     before = np.clip(behind - 1, 0, len(order) - 1)
     gap = np.abs(there[order][np.stack([before, behind])] - here)
     best = np.where(gap[0] <= gap[1], before, behind)
-    near = np.min(gap, axis=0) <= tolerance + 1e-9 * span * (group.max() + 1)
-    return np.where(near & np.isfinite(place), known[order[best]], -1)
+    near = np.min(gap, axis=0) <= tolerance + 1e-9 * span * (key.max() + 1)
+    return np.where(near & np.isfinite(place), numbered[order[best]], -1)
 
 
 NORMAL_95 = 1.959964
@@ -101,7 +100,7 @@ COLUMNS = [
 
 
 def nothing() -> pd.DataFrame:
-    """No comparison at all."""
+    """An empty table of comparisons."""
     return pd.DataFrame({name: pd.Series(dtype=object) for name in COLUMNS})
 
 
@@ -128,13 +127,15 @@ def errors(table, quantity, unit, rows) -> pd.DataFrame:
     numbers = {name: pd.to_numeric(rows[name], errors="coerce") for name in ("found", "true")}
     std = pd.to_numeric(rows["std"], errors="coerce") if "std" in rows else np.nan
     reach = rows["reach"].fillna(NORMAL_95) if "reach" in rows else NORMAL_95
-    made = pd.DataFrame(
+    is_found, is_true = numbers["found"].notna(), numbers["true"].notna()
+    either = [is_found & is_true, ~is_found & is_true, is_found]
+    comparisons = pd.DataFrame(
         {
             "table": table,
             "quantity": quantity,
             "unit": unit,
             **{name: rows[name] for name in ("cell", "test", "at")},
-            "status": _status(**numbers),
+            "status": np.select(either, ["compared", "missing", "extra"], default=""),
             **numbers,
             "error": numbers["found"] - numbers["true"],
             "std": std,
@@ -142,20 +143,17 @@ def errors(table, quantity, unit, rows) -> pd.DataFrame:
         }
     )
     if "paired" in rows:
-        untold = (made["status"] == "extra") & rows["paired"].astype(bool)
-        made["status"] = made["status"].mask(untold, "no truth")
+        untold = (comparisons["status"] == "extra") & rows["paired"].astype(bool)
+        comparisons["status"] = comparisons["status"].mask(untold, "no truth")
     if "word" in rows:
-        lonely = made["status"].isin(["missing", "extra"]) & rows["word"].notna()
-        made["status"] = made["status"].mask(lonely, rows["word"])
-    made["std"] = made["std"].astype(float).where(lambda value: value > 0)
-    inside = (np.abs(made["error"]) <= reach * made["std"]).astype(object)
-    made["inside_95"] = inside.where(made["std"].notna() & made["error"].notna(), None)
-    return made[made["status"] != ""][COLUMNS]
-
-
-def _status(found, true):
-    known = [found.notna() & true.notna(), found.isna() & true.notna(), found.notna()]
-    return np.select(known, ["compared", "missing", "extra"], default="")
+        lonely = comparisons["status"].isin(["missing", "extra"]) & rows["word"].notna()
+        comparisons["status"] = comparisons["status"].mask(lonely, rows["word"])
+    comparisons["std"] = comparisons["std"].astype(float).where(lambda value: value > 0)
+    inside = (np.abs(comparisons["error"]) <= reach * comparisons["std"]).astype(object)
+    comparisons["inside_95"] = inside.where(
+        comparisons["std"].notna() & comparisons["error"].notna(), None
+    )
+    return comparisons[comparisons["status"] != ""][COLUMNS]
 
 
 def side_by_side(found, true, *, keys, columns, near=None, tolerance=0.0) -> pd.DataFrame:
@@ -165,7 +163,7 @@ def side_by_side(found, true, *, keys, columns, near=None, tolerance=0.0) -> pd.
     ----------
     found, true : tables with the columns `keys` and `near`.
     columns : names that are wanted of `found`; they come as `<name>_found`.
-    keys, near, tolerance : as of `matching.pair`.
+    keys, near, tolerance : as of `pair`.
 
     Column `paired` says which rows have a partner.
     """

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from virtual_lab.behaviour import running_integral
 from virtual_lab.score import comparison, files, missing
 from virtual_lab.score.comparison import errors
 
@@ -13,7 +14,7 @@ STATES = {"soc_begin": 0, "soc_end": -1}
 
 
 def ocv(place: files.Campaign) -> pd.DataFrame:
-    """Open-circuit voltage at each SoC of the truth: 5–95 %, and the two ends by themselves."""
+    """OCV at each SoC of the truth, 5–95 %, and the two ends as quantities of their own."""
     true = files.true(place, "ocv")
     if true is None or not len(true):
         return comparison.nothing()
@@ -29,8 +30,8 @@ def ocv(place: files.Campaign) -> pd.DataFrame:
         if not len(mine):
             parts.append(rows.assign(test="", found=np.nan, word=word))
         for test in mine["test"]:
-            curve = files.artefact(place, "ocv", cell, test)
-            parts.append(rows.assign(test=test, word=None, found=_ocv_at(curve, rows["soc"])))
+            measured = files.artefact(place, "ocv", cell, test)
+            parts.append(rows.assign(test=test, word=None, found=_ocv_at(measured, rows["soc"])))
     rows = pd.concat(parts, ignore_index=True)
     inner = rows["soc"].round(6).between(*INNER_SOC)
     return comparison.gathered(
@@ -42,13 +43,14 @@ def ocv(place: files.Campaign) -> pd.DataFrame:
 
 
 def _ocv_at(curve, soc):
+    """OCV [V] of a measured curve at some SoC; NaN outside of it, or without a curve."""
     if curve is None:
         return np.nan
     return np.interp(soc, curve["soc"], curve["ocv_volt"], left=np.nan, right=np.nan)
 
 
 def soc(place: files.Campaign) -> pd.DataFrame:
-    """The counted and the filters' SoC at the ends of a test, and the filters' capacity."""
+    """SoC at the ends of a test by counting and by the filters, and the filters' capacity."""
     true = files.true(place, "soc")
     if true is None or not len(true):
         return comparison.nothing()
@@ -63,40 +65,33 @@ def soc(place: files.Campaign) -> pd.DataFrame:
     )
 
 
-def _state_rows(place, one):
-    series = files.artefact(place, "soc_series", one["cell"], one["test"])
-    who = {"cell": one["cell"], "test": one["test"]}
+def _state_rows(place, true):
+    """Rows of `errors`: the SoC of one test by counting and by each filter."""
+    series = files.artefact(place, "soc_series", true["cell"], true["test"])
+    who = {"cell": true["cell"], "test": true["test"]}
     for state, row in STATES.items():
         found = np.nan if series is None else series["soc"].iloc[row]
-        known = {"at": state.removeprefix("soc_"), "true": one[state], "found": found}
-        yield {**who, **known, "quantity": f"{state}, counted", "std": np.nan}
+        about = {"at": state.removeprefix("soc_"), "true": true[state], "found": found}
+        yield {**who, **about, "quantity": f"{state}, counted", "std": np.nan}
     for name in FILTERS:
-        known = {"at": "end", "true": one["soc_end"], "quantity": f"soc_end, {name}"}
+        about = {"at": "end", "true": true["soc_end"], "quantity": f"soc_end, {name}"}
         columns = [f"{word}_{name}_soc" for word in ("estimated", "std")]
         there = series is not None and columns[0] in series
         found = series[columns].iloc[-1] if there else (np.nan, np.nan)
-        yield {**who, **known, **dict(zip(("found", "std"), found, strict=True))}
+        yield {**who, **about, **dict(zip(("found", "std"), found, strict=True))}
 
 
 def _filter_capacities(place, true):
+    """Capacity [Ah] that the dual filter estimates, beside the true one."""
     wanted = ["cell", "test", "filter", "scenario", "capacity_ampere_hour"]
     found = files.with_columns(files.found(place, "soc"), [*wanted, "capacity_std_ampere_hour"])
     # The first run without a fault starts with the smallest wrong SoC.
     found = found[(found["filter"] == "dual") & (found["scenario"] == "nominal")]
     found = found.drop_duplicates(["cell", "test"])
-    rows = comparison.side_by_side(
-        found,
-        true,
-        keys=["cell", "test"],
-        columns=["capacity_ampere_hour", "capacity_std_ampere_hour"],
-    )
-    rows = rows.rename(
-        columns={
-            "capacity_ampere_hour": "true",
-            "capacity_ampere_hour_found": "found",
-            "capacity_std_ampere_hour_found": "std",
-        }
-    )
+    columns = ["capacity_ampere_hour", "capacity_std_ampere_hour"]
+    rows = comparison.side_by_side(found, true, keys=["cell", "test"], columns=columns)
+    names = {f"{columns[0]}_found": "found", f"{columns[1]}_found": "std", columns[0]: "true"}
+    rows = rows.rename(columns=names)
     rows = rows[rows["true"].notna()]
     return errors("soc", "capacity_ampere_hour, dual", "Ah", rows.assign(at="end"))
 
@@ -104,15 +99,14 @@ def _filter_capacities(place, true):
 AFTER_SECOND = {"r0": 0.01, "r_10s": 10.0, "r_total": np.inf}
 MODELLED_KINDS = ("hppc", "pulse_resistance", "drive", "capacity")
 LITTLE_OF_BRANCHES = 0.01
-CONDITION = ["cell", "ambient_temperature_celsius"]
 MODEL_COLUMNS = ["cell", "model", "ambient_temperature_celsius", "soc", "parameter", "value", "std"]
 
 
 def circuits(place: files.Campaign) -> pd.DataFrame:
-    """The resistance that the chosen model of a cell has 10 ms, 10 s and long after a step.
+    """Resistance of a cell's chosen model 10 ms, 10 s and long after a step of the current.
 
-    R(t) = R0 + Σ R_k (1 − exp(−t/τ_k)) on the model's own knots, straight lines between them;
-    diffusion in the particles is part of the voltage of rest there, and not of R. Where the truth
+    R(t) = R0 + Σ R_k (1 − exp(−t/τ_k)) on the model's own SoC knots, straight lines between them;
+    diffusion in the particles belongs to the voltage of rest there, and not to R. Where the truth
     has a column `current_ampere`, kinetics are taken at that current, else at a small one.
     """
     true = files.true(place, "models")
@@ -149,12 +143,16 @@ def _parameter_tables(part):
 
 
 def _nearest(knots, cell, celsius):
+    """Parameter tables of a cell at the nearest temperature [°C]; None if none is near enough."""
     near = {abs(key[1] - celsius): key for key in knots if key[0] == cell}
     best = min(near, default=np.inf)
     return knots[near[best]] if best <= missing.TEMPERATURE_TOLERANCE_KELVIN else None
 
 
 def _model_resistances(matrix, rows, celsius):
+    """The truth's rows with the model's resistance at the same SoC, or the reason why there is
+    none.
+    """
     at = [f"{celsius:g} °C, SoC {soc:.3g}" for soc in rows["soc"]]
     rows = rows.assign(true=rows["value"], at=at, found=np.nan, std=np.nan, reason=None)
     if matrix is None or "r0" not in matrix[0]:
@@ -169,16 +167,17 @@ def _model_resistances(matrix, rows, celsius):
 
 
 def resistance(values, std, *, after_second, current_ampere=0.0):
-    """Resistance [ohm] of a circuit that long after a step, and its deviation, (knots,).
+    """Resistance [ohm] of a circuit at a time after a step, and its standard deviation, (knots,).
 
     Parameters
     ----------
     values, std : knots × parameters [ohm, s, V]: r0, r1 and tau1, r2 and tau2, …, rct and tauct;
         scale1, … of those that follow the Butler–Volmer equation, V = scale asinh(R I / scale).
-    after_second : time [s]; infinite for all of it.
+    after_second : time [s]; infinite for the whole resistance.
     current_ampere : size of the step [A]; 0 for a small one.
 
-    The deviation is not known where more than 1 % comes from the branches: theirs hang together.
+    The deviation is not known where more than 1 % comes from the branches, whose deviations are
+    correlated.
     """
     r0 = values["r0"].to_numpy(float)
     names = [name[1:] for name in values if name[0] == "r" and f"tau{name[1:]}" in values]
@@ -194,8 +193,8 @@ def resistance(values, std, *, after_second, current_ampere=0.0):
         ohm[kinetic] *= np.where(x > 0, np.arcsinh(x) / np.where(x > 0, x, 1.0), 1.0)
     branches = np.sum(ohm * -np.expm1(-after_second / tau), axis=0)
     alone = branches <= LITTLE_OF_BRANCHES * r0
-    known = std["r0"].reindex(values.index).to_numpy(float) if "r0" in std else np.nan
-    return r0 + branches, np.where(alone, known, np.nan)
+    r0_std = std["r0"].reindex(values.index).to_numpy(float) if "r0" in std else np.nan
+    return r0 + branches, np.where(alone, r0_std, np.nan)
 
 
 BRANCH_KEYS = ["group", "test", "branch"]
@@ -208,61 +207,49 @@ LEAST_DISCHARGE = 0.02
 
 
 def packs(place: files.Campaign) -> pd.DataFrame:
-    """Each branch as simulated: charge given in all discharges together, and largest current.
+    """Charge and largest current of each branch as simulated by the pipeline.
 
-    Beside them the group's capacity, its largest discharge, as counted in the record.
+    The charge is that of all discharges together. Beside them the group's capacity, its largest
+    discharge, as counted in the record.
     """
     true = files.true(place, "packs")
     if true is None or not len(true):
         return comparison.nothing()
-    shares = pd.concat(
-        [_branch_shares(place, *test) for test in _group_tests(true)], ignore_index=True
-    )
-    options = {"keys": BRANCH_KEYS, "columns": list(BRANCH_UNITS)}
-    rows = comparison.side_by_side(shares, true, **options)
+    tests = true[["group", "test"]].drop_duplicates().itertuples(index=False)
+    shares = pd.concat([_branch_shares(place, *test) for test in tests], ignore_index=True)
+    columns = list(BRANCH_UNITS)
+    rows = comparison.side_by_side(shares, true, keys=BRANCH_KEYS, columns=columns)
     rows = rows.assign(cell=rows["group"], at=[f"branch {number}" for number in rows["branch"]])
     wanted = [name for name in BRANCH_UNITS if name in true and true[name].notna().any()]
     return comparison.gathered(_branch_quantity(rows, name) for name in wanted)
 
 
-def _group_tests(true):
-    return true[["group", "test"]].drop_duplicates().itertuples(index=False)
-
-
 def _branch_quantity(rows, name):
     rows = rows.rename(columns={name: "true", f"{name}_found": "found"})
-    if name != "group_capacity_ampere_hour":
-        return errors("packs", name, BRANCH_UNITS[name], rows)
-    # The group has one, whatever its branch.
-    rows = rows.drop_duplicates(["group", "test"]).assign(at="the group")
+    if name == "group_capacity_ampere_hour":  # the group has one, whatever its branch
+        rows = rows.drop_duplicates(["group", "test"]).assign(at="the group")
     return errors("packs", name, BRANCH_UNITS[name], rows)
 
 
 def _branch_shares(place, group, test) -> pd.DataFrame:
-    """What each branch of a test was found to have done; no rows without a simulation."""
+    """Charge and largest current of each branch in a test's simulation; no rows without one."""
     series = files.artefact(place, "pack_series", group, test)
     if series is None:
         return pd.DataFrame(columns=[*BRANCH_KEYS, *BRANCH_UNITS])
     hour = series["test_time_second"].to_numpy(float) / 3600
-    total = counted(hour, series["current_ampere"].to_numpy(float))
+    total = running_integral(hour, series["current_ampere"].to_numpy(float))
     runs = discharges(total, least=LEAST_DISCHARGE * np.ptp(total))
     given = [total[first] - total[last] for first, last in runs]
     rows, branch = [], 1
     while (name := f"simulated_branch_{branch}_current_ampere") in series:
         ampere = series[name].to_numpy(float)
-        flowed = counted(hour, ampere)
+        flowed = running_integral(hour, ampere)
         row = {"group": group, "test": test, "branch": branch}
         row |= {"group_capacity_ampere_hour": max(given, default=np.nan)}
         row |= {"charge_ampere_hour": sum(flowed[first] - flowed[last] for first, last in runs)}
         rows.append(row | {"current_max_ampere": np.nanmax(np.abs(ampere))})
         branch += 1
     return pd.DataFrame(rows)
-
-
-def counted(hour, ampere) -> np.ndarray:
-    """Charge [Ah] that has flowed since the first sample; times [h], currents [A], all (n,)."""
-    steps = 0.5 * (ampere[1:] + ampere[:-1]) * np.diff(hour)
-    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def discharges(charge, *, least) -> list[tuple[int, int]]:

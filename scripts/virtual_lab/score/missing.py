@@ -20,18 +20,27 @@ NOT_MARKED = ("excluded", "faults")
 
 
 def mark(place: files.Campaign, compared: pd.DataFrame) -> pd.DataFrame:
-    """The same comparisons; what is missing is `spoiled`, `untested`, or has the stated reason.
+    """The comparisons with the reason of missing rows: `spoiled`, `untested`, or the one stated.
 
     A table that was not made at all stays missing where a test of the right kind is there.
     """
     lost = (compared["status"] == "missing") & ~compared["table"].isin(NOT_MARKED)
-    who = pd.Series(list(zip(compared["cell"], compared["test"], strict=True)), dtype=object)
-    who.index = compared.index
+    tests_of_rows = pd.Series(
+        list(zip(compared["cell"], compared["test"], strict=True)), dtype=object
+    )
+    tests_of_rows.index = compared.index
     unasked = _unasked(place)
-    wrong = [(table, *one) in unasked for table, one in zip(compared["table"], who, strict=True)]
-    meant = who.isin(_spoiled(place)).to_numpy(bool)
-    status = np.select([lost & meant, lost & np.array(wrong, bool)], ["spoiled", "untested"], "")
-    reason = compared["reason"].where(compared["reason"].notna() | ~lost, who.map(_reasons(place)))
+    unasked_rows = [
+        (table, *one) in unasked
+        for table, one in zip(compared["table"], tests_of_rows, strict=True)
+    ]
+    spoiled_rows = tests_of_rows.isin(_spoiled(place)).to_numpy(bool)
+    status = np.select(
+        [lost & spoiled_rows, lost & np.array(unasked_rows, bool)], ["spoiled", "untested"], ""
+    )
+    reason = compared["reason"].where(
+        compared["reason"].notna() | ~lost, tests_of_rows.map(_reasons(place))
+    )
     return compared.assign(status=compared["status"].where(status == "", status), reason=reason)
 
 
@@ -44,13 +53,13 @@ def temperatures(place: files.Campaign, kinds) -> dict[str, np.ndarray]:
 
 
 def is_near(celsius, others) -> bool:
-    """Whether one of the other temperatures [°C] is the same within the chamber's trueness."""
+    """Whether one of the other temperatures [°C] is the same within the chamber's accuracy."""
     gap = np.abs(np.asarray(others, dtype=float) - celsius)
     return bool((gap <= TEMPERATURE_TOLERANCE_KELVIN).any())
 
 
 def _unasked(place) -> set:
-    """(table, cell, test) of tests whose kind or role gives no such table."""
+    """(table, cell, test) of tests whose kind or role does not give such a table."""
     tests = files.with_columns(
         files.read_table(place.config / "tests.tsv"), ["cell", "test", "kind", "role"]
     )
@@ -88,7 +97,8 @@ COUNTED = "count"
 
 
 def refused_files(place: files.Campaign) -> pd.DataFrame:
-    """Files beyond use that the pipeline refused, took for good (missing), or refused as well.
+    """Files spoiled beyond use: refused by the pipeline, or accepted (missing); and other
+    refusals.
 
     What is refused of a cell as a whole, because a file of it could not be used, is not counted.
     """
@@ -109,9 +119,9 @@ def refused_files(place: files.Campaign) -> pd.DataFrame:
 
 
 def flagged_samples(place: files.Campaign) -> pd.DataFrame:
-    """Samples spoiled on purpose: flagged, not seen (missing), or good ones flagged (extra).
+    """Samples spoiled on purpose: flagged, not flagged (missing), or good ones flagged (extra).
 
-    Of a test that was refused nothing is taken for good.
+    Samples of a test that was refused count as flagged.
     """
     true = files.true(place, "faults")
     if true is None:
@@ -137,7 +147,7 @@ def flagged_samples(place: files.Campaign) -> pd.DataFrame:
 
 
 def _one_of_a_swapped_pair(true):
-    """Of two rows in the wrong order one is out of place, whichever: the first stands for both."""
+    """The first of two swapped rows stands for both, since either may be called out of place."""
     order = true.sort_values(["cell", "test", "fault", "row"])
     follows = order.groupby(["cell", "test", "fault"])["row"].diff() == 1
     return order[~(follows & (order["fault"] == "swapped"))].reset_index(drop=True)
