@@ -51,7 +51,7 @@ def short_number(value) -> str:
 
 
 def with_unit(value, unit) -> str:
-    """An error in the unit in which it reads well."""
+    """An error in a unit in which it is easy to read."""
     factor, name = shown_unit(unit)
     if not short_number(value):
         return ""
@@ -65,7 +65,7 @@ def percent(value) -> str:
 
 def summary_line(row: dict) -> dict:
     """One row of the summary for people: every statistic as text with its unit."""
-    known = {
+    counts = {
         f"n_{name}": short_number(row[f"n_{name}"]) for name in ("compared", "missing", "extra")
     }
     worst = [row[name] for name in ("worst_cell", "worst_test", "worst_at")]
@@ -73,7 +73,7 @@ def summary_line(row: dict) -> dict:
         "table": row["table"],
         "quantity": plain_name(row["quantity"]),
         "state": row["state"],
-        **known,
+        **counts,
         **{name: with_unit(row[name], row["unit"]) for name in STATISTICS},
         "relative_rms": percent(row["relative_rms"]),
         "share": _between(row, "share", "share") or _between(row, "coverage_95", "coverage"),
@@ -90,7 +90,7 @@ def _between(row, name, stem):
 
 
 def remark(row: dict) -> str:
-    """What a reader must see: intervals that are not what they say, and what is missing."""
+    """Warnings for the reader: intervals that do not hold, and rows that are missing on purpose."""
     said = []
     if short_number(row["coverage_95"]) and row["n_interval"] >= SMALL_SAMPLE:
         said += ["intervals too narrow"] if row["coverage_high"] < 0.95 else []
@@ -147,7 +147,7 @@ def _colours(rows):
 
 
 def _draw_errors(axes, part):
-    """Errors of each cell, its missing rows as a cross below."""
+    """Errors of each cell; its missing rows are a cross below."""
     sizes = part.assign(size=part["error"].abs()).groupby("cell")["size"].max()
     names = sorted(sizes.sort_values(ascending=False, na_position="first").index[:MOST_CELLS])
     place = {name: number for number, name in enumerate(names)}
@@ -169,14 +169,14 @@ def _draw_errors(axes, part):
 
 
 def _spread(rows):
-    """Points of one cell beside each other, in the order of the rows."""
+    """Horizontal offsets that put the points of one cell beside each other."""
     number = rows.groupby("cell").cumcount()
     of = rows.groupby("cell")["cell"].transform("size")
     return (0.6 * ((number + 0.5) / of - 0.5)).to_numpy(float)
 
 
 def coverage_picture(summary) -> str | None:
-    """Share of 95 % intervals that hold the truth, each with its own interval."""
+    """Share of 95 % intervals that hold the truth, each share with its own interval."""
     rows = summary[summary["coverage_95"].notna()]
     if not len(rows):
         return None
@@ -269,17 +269,20 @@ ABOUT = {
 
 
 def render(scored, *, title: str) -> str:
-    """The page as one HTML text, from a `work.Score`."""
+    """The page as one HTML text, from a `summary.Score`."""
     settings = {"autoescape": True, "trim_blocks": True, "lstrip_blocks": True}
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, **settings)
     environment.filters |= {"number": short_number, "percent": percent, "plain": plain_name}
     lines = [summary_line(row) for row in scored.summary.to_dict("records")]
+    # Rows of the truth are lost only where the pipeline has made the table.
+    made = scored.summary.loc[scored.summary["state"] == "scored", "table"]
+    in_made_tables = scored.errors["table"].isin(made)
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         title=title,
         tables=[_page_table(scored, name, lines) for name in QUANTITIES],
         lines=lines,
         titles=TITLES,
-        lost=_lost(scored),
+        lost=int(((scored.errors["status"] == "missing") & in_made_tables).sum()),
         counts=scored.errors["status"].value_counts().to_dict(),
         coverage=_embedded(coverage_picture(scored.summary)),
         verdicts=_verdict_tables(scored.verdicts),
@@ -306,15 +309,8 @@ def _page_table(scored, name, lines) -> dict:
     }
 
 
-def _lost(scored) -> int:
-    """Rows of the truth that were not found in tables that were made."""
-    made = scored.summary.loc[scored.summary["state"] == "scored", "table"]
-    errors = scored.errors
-    return int(((errors["status"] == "missing") & errors["table"].isin(made)).sum())
-
-
 def _unscored(lines) -> dict:
-    """What could not be scored, by the reason."""
+    """Quantities that could not be scored, by the reason."""
     rest = {}
     for row in lines:
         if row["state"] != "scored":
@@ -325,7 +321,7 @@ def _unscored(lines) -> dict:
 
 
 def _worst(rows) -> list[dict]:
-    """Of each quantity the largest error, then by how it compares with the others of its kind."""
+    """The largest error of each quantity first, then by size relative to others of the quantity."""
     rows = rows[rows["status"] == "compared"]
     size = rows["error"].abs()
     usual = rows.groupby("quantity")["error"].transform(lambda error: (error**2).mean() ** 0.5)
@@ -368,7 +364,7 @@ def _embedded(svg) -> str | None:
 
 
 def markdown(scored) -> str:
-    """The summary as a Markdown table, ready for a page of the documents."""
+    """The summary as a Markdown table."""
     lines = [summary_line(row) for row in scored.summary.to_dict("records")]
     rows = [row for row in lines if row["state"] == "scored"]
     shown = [name for name in MARKDOWN if any(row[name] for row in rows)]

@@ -8,7 +8,7 @@ import pandas as pd
 from virtual_lab.score import comparison, curves, files, missing, tables, verdicts
 from virtual_lab.score.missing import COUNTED
 
-# The contract's tables, and of each what could be known; numbers that only the truth can tell.
+# The contract's tables, and the quantities of each that could be scored.
 QUANTITIES = {
     "capacity": ("capacity_ampere_hour", "energy_watt_hour", "coulombic_efficiency"),
     "resistance": ("resistance_ohm", "soc"),
@@ -44,18 +44,21 @@ COLUMNS = [
 
 
 def summarise(place: files.Campaign, compared: pd.DataFrame, judged: pd.DataFrame) -> pd.DataFrame:
-    """One row a quantity, all tables of the contract among them."""
+    """One row a quantity, for all tables of the contract."""
     rows = []
-    for table, known in QUANTITIES.items():
+    for table, quantities in QUANTITIES.items():
         state = _state(place, table)
         mine = compared[compared["table"] == table].groupby(["quantity", "unit"], sort=False)
         made = [_row(table, *names, state, part) for names, part in mine]
         if table == "missing_effect":
             made = [*_shares(judged, state), *made]
         scored = [row["quantity"] for row in made]
-        left = [name for name in known if not any(one.startswith(name) for one in scored)]
+        unscored = [name for name in quantities if not any(one.startswith(name) for one in scored)]
         without = "no truth" if state == "scored" else state
-        rows += [*made, *({"table": table, "quantity": name, "state": without} for name in left)]
+        rows += [
+            *made,
+            *({"table": table, "quantity": name, "state": without} for name in unscored),
+        ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -83,6 +86,7 @@ def _is_known(place, table) -> bool:
 
 
 def _row(table, quantity, unit, state, part) -> dict:
+    """Row of the summary: one quantity."""
     counts = part["status"].value_counts()
     row = {"table": table, "quantity": quantity, "unit": unit, "state": state}
     names = ("compared", "missing", "extra", "spoiled", "untested", "no truth")
@@ -117,6 +121,7 @@ def _errors(part) -> dict:
 
 
 def _shares(judged, state) -> list[dict]:
+    """Rows of the summary: shares of verdicts by their outcome, and closed gaps."""
     row = {"table": "missing_effect", "unit": COUNTED, "state": state}
     given = int(judged["verdict"].notna().sum())
     rates = [("verdict given", given, len(judged)), *verdicts.rates(judged)]
@@ -154,7 +159,7 @@ def wilson(hits: int, of: int) -> tuple[float, float]:
 
 
 class Score(NamedTuple):
-    """errors: one row a comparison; summary: one row a quantity; verdicts: one row a cell."""
+    """Tables of a score: errors (one row a comparison), summary (a quantity), verdicts (a cell)."""
 
     errors: pd.DataFrame
     summary: pd.DataFrame
@@ -162,7 +167,7 @@ class Score(NamedTuple):
 
 
 def score(place: files.Campaign) -> Score:
-    """Everything that can be said of a campaign's results."""
+    """Compare all tables of a campaign's results with its truth."""
     parts = [tables.compare(place, name) for name in tables.SPECS]
     parts += [curves.ocv(place), curves.circuits(place), curves.soc(place), curves.packs(place)]
     parts += [
