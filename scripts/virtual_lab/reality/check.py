@@ -10,7 +10,7 @@ import numpy as np
 from virtual_lab.reality import figures, noise, records, responses
 from virtual_lab.reality.records import Number, Skipped, Source
 
-# What can be compared between cells of different kind and size; the rest is told, not judged.
+# Quantities that are comparable between cells of different kind and size; others are only listed.
 COMPARED = {
     *("white noise of voltage", "samples that repeat the voltage"),
     *("slow scatter of voltage over white", "step of voltage", "noise of current over rating"),
@@ -25,7 +25,7 @@ NEAR = 0.1
 
 
 class ComparisonRow(NamedTuple):
-    """One quantity: medians by source, and for each laboratory how it lies to the real ones."""
+    """One quantity: medians by source, and a verdict on each simulated source."""
 
     subject: str
     condition: str
@@ -35,31 +35,26 @@ class ComparisonRow(NamedTuple):
     verdicts: dict[str, str]
 
 
-def comparison_rows(found: list[Number]) -> list[ComparisonRow]:
-    """Rows in the order in which their subjects and conditions were met."""
-    groups, real = defaultdict(lambda: defaultdict(list)), {}
-    for number in found:
+def comparison_rows(numbers: list[Number]) -> list[ComparisonRow]:
+    """One row a quantity, sorted by subject and condition."""
+    values, real = defaultdict(lambda: defaultdict(list)), {}
+    for number in numbers:
         key = (number.subject, number.condition, number.quantity, number.unit)
-        groups[key][number.source].append(number.value)
+        values[key][number.source].append(number.value)
         real[number.source] = number.real
-    return [
-        _comparison_row(key, sources, real) for key, sources in sorted(groups.items(), key=_order)
-    ]
-
-
-def _order(item):
-    (subject, condition, quantity, _), _ = item
-    return ("noise", "clock", "relaxation", "pulse", "peaks").index(subject), condition, quantity
+    subjects = ("noise", "clock", "relaxation", "pulse", "peaks")
+    keys = sorted(values, key=lambda key: (subjects.index(key[0]), key[1], key[2]))
+    return [_comparison_row(key, values[key], real) for key in keys]
 
 
 def _comparison_row(key, sources, real) -> ComparisonRow:
     medians = {source: float(np.median(values)) for source, values in sources.items()}
-    known = [value for source, value in medians.items() if real[source]]
+    of_real = [value for source, value in medians.items() if real[source]]
     judged = is_compared(key[2], key[1])
     verdicts = {
-        source: verdict(value, known)
+        source: verdict(value, of_real)
         for source, value in medians.items()
-        if not real[source] and judged and known
+        if not real[source] and judged and of_real
     }
     return ComparisonRow(*key, medians, verdicts)
 
@@ -67,20 +62,20 @@ def _comparison_row(key, sources, real) -> ComparisonRow:
 def is_compared(quantity: str, condition: str) -> bool:
     """Whether a quantity means the same for any cell.
 
-    Of a relaxation the shares of one way are enough: 40 s after a pulse, else 600 s and 3500 s. A
-    dynamic load ends with any current, so nothing can be said after it.
+    Of a relaxation the shares until one end are enough: 40 s after a pulse, else 600 s and 3500 s.
+    A dynamic load ends with any current, so nothing can be compared after it.
     """
     if condition == "after a dynamic load":
         return False
     if quantity.startswith("share of "):
         ends = ("40 s",) if condition.endswith("pulse") else ("600 s", "3500 s")
         return quantity.split(" by ")[0].removeprefix("share of ") in ends
-    known = quantity in COMPARED or quantity.startswith(COMPARED_STARTS)
-    return known and (quantity, condition) not in NOT_JUDGED
+    comparable = quantity in COMPARED or quantity.startswith(COMPARED_STARTS)
+    return comparable and (quantity, condition) not in NOT_JUDGED
 
 
 def verdict(value: float, real: list[float]) -> str:
-    """Within what real records show (a tenth off allowed), or above or below and by how much."""
+    """Within the range of real records (a tenth off allowed), or above or below and by how much."""
     low, high = min(real), max(real)
     slack = NEAR * max(abs(low), abs(high))
     if low - slack <= value <= high + slack:
@@ -119,20 +114,23 @@ METHODS = {
 
 
 def page_text(rows: list[ComparisonRow], sources, skipped, *, pictures: set[str]) -> str:
-    """Markdown; `pictures` are the subjects that have a figure beside it."""
+    """The page as Markdown; `pictures` are the subjects that have a figure."""
     parts = ["# The laboratory beside reality", _opening(sources), "## Where it differs"]
     parts += [_differences(rows)]
     for subject, title in SUBJECT_TITLES.items():
-        chosen = [row for row in rows if row.subject == subject and _is_told(row)]
+        chosen = [row for row in rows if row.subject == subject and _is_on_page(row)]
         parts += [f"## {title}", METHODS[subject]]
         parts += [f"![{title}]({subject}.png)"] if subject in pictures else []
         parts += [_markdown_table(chosen, sources)]
-    parts += ["## Not looked at", _skipped(skipped)]
+    lines = [f"- {one.source} {one.test}: {one.reason}" for one in skipped]
+    parts += ["## Not looked at", "\n".join(lines) or "Nothing that was asked for is missing."]
     return "\n\n".join(parts) + "\n"
 
 
-def _is_told(row) -> bool:
-    """Single peaks and ways to other ends are in reality.csv; the page would drown in them."""
+def _is_on_page(row) -> bool:
+    """Whether the page shows a quantity; single peaks and other relaxations are only in
+    reality.csv.
+    """
     if row.quantity.startswith(("share of ", "way of ")):
         share = row.quantity.replace("way of", "share of")
         return is_compared(share, row.condition)
@@ -152,23 +150,19 @@ def _opening(sources) -> str:
 
 
 def _differences(rows) -> str:
-    lines = [
-        f"- {source}, {row.condition}: {row.quantity} is {_number(row.medians[source])}"
-        f"{_unit(row.unit)}: {verdict} (real: {_reals(row)})."
-        for row in rows
-        for source, verdict in row.verdicts.items()
-        if verdict != "within"
-    ]
-    inside = sum(v == "within" for row in rows for v in row.verdicts.values())
+    lines, inside = [], 0
+    for row in rows:
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        of_real = {s: value for s, value in row.medians.items() if s not in row.verdicts}
+        real = ", ".join(f"{source} {_number(value)}" for source, value in of_real.items())
+        for source, said in row.verdicts.items():
+            inside += said == "within"
+            number = f"{_number(row.medians[source])}{unit}"
+            line = (
+                f"- {source}, {row.condition}: {row.quantity} is {number}: {said} (real: {real})."
+            )
+            lines += [line] if said != "within" else []
     return "\n".join([*lines, f"- Within what real records span: {inside} further comparisons."])
-
-
-def _reals(row) -> str:
-    return ", ".join(
-        f"{source} {_number(value)}"
-        for source, value in row.medians.items()
-        if source not in row.verdicts
-    )
 
 
 def _markdown_table(rows, sources) -> str:
@@ -184,17 +178,8 @@ def _markdown_table(rows, sources) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _skipped(skipped) -> str:
-    lines = [f"- {s.source} {s.test}: {s.reason}" for s in skipped]
-    return "\n".join(lines) or "Nothing that was asked for is missing."
-
-
 def _number(value: float) -> str:
     return f"{value:.3g}"
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
 
 
 SUBJECTS = {
@@ -207,7 +192,7 @@ DOTS_PER_INCH = 130
 
 
 class Findings(NamedTuple):
-    """Numbers of all records, curves by subject, and what was left out."""
+    """Numbers of all records, curves by subject, and skipped tests."""
 
     numbers: list[Number]
     curves: dict[str, list]
@@ -215,36 +200,40 @@ class Findings(NamedTuple):
 
 
 def look(sources: list[Source], *, celsius: float = 25.0, most_cells: int = 8) -> Findings:
-    """Everything found in the campaigns' records near one temperature [°C]."""
-    found = Findings([], {subject: [] for subject in SUBJECTS}, [])
+    """Numbers and curves of the campaigns' records near one temperature [°C]."""
+    findings = Findings([], {subject: [] for subject in SUBJECTS}, [])
     for source in sources:
         for record in records.load(source, celsius=celsius, most_cells=most_cells):
-            _add(found, record)
-    return found
+            _add(findings, record)
+    return findings
 
 
-def _add(found, record):
+def _add(findings, record):
     if isinstance(record, Skipped):
-        found.skipped.append(record)
+        findings.skipped.append(record)
         return
     for subject, look_at in SUBJECTS.items():
         numbers, curves = look_at(record)
-        found.numbers.extend(numbers)
-        found.curves[subject].extend(curves)
+        findings.numbers.extend(numbers)
+        findings.curves[subject].extend(curves)
 
 
-def write(found: Findings, sources: list[Source], folder: Path) -> None:
+def write(findings: Findings, sources: list[Source], folder: Path) -> None:
     """reality.csv, reality.md and up to four pictures (of real curves: not to be published)."""
     folder.mkdir(parents=True, exist_ok=True)
-    pictures = {subject for subject in SUBJECTS if found.curves[subject]}
+    pictures = {subject for subject in SUBJECTS if findings.curves[subject]}
     for subject in sorted(pictures):
-        drawing = getattr(figures, subject)(found.curves[subject], sources)
+        drawing = getattr(figures, subject)(findings.curves[subject], sources)
         drawing.savefig(folder / f"{subject}.png", dpi=DOTS_PER_INCH, metadata={"Software": None})
     with (folder / "reality.csv").open("w", encoding="utf-8", newline="") as lines:
         writer = csv.writer(lines, lineterminator="\n")
         writer.writerow(Number._fields)
-        writer.writerows(number._replace(value=f"{number.value:.6g}") for number in found.numbers)
-    rows = comparison_rows(found.numbers)
-    met = {number.source for number in found.numbers}
-    text = page_text(rows, [s for s in sources if s.name in met], found.skipped, pictures=pictures)
+        writer.writerows(
+            number._replace(value=f"{number.value:.6g}") for number in findings.numbers
+        )
+    rows = comparison_rows(findings.numbers)
+    met = {number.source for number in findings.numbers}
+    text = page_text(
+        rows, [s for s in sources if s.name in met], findings.skipped, pictures=pictures
+    )
     (folder / "reality.md").write_text(text, encoding="utf-8")

@@ -19,7 +19,7 @@ from cellwright.series.segments import Steps, segment
 
 
 class Number(NamedTuple):
-    """One number of one step (−1: the whole record); `condition`: what the cell was doing."""
+    """One number of one step (−1: the whole record); `condition`: the load at that time."""
 
     source: str
     real: bool
@@ -34,7 +34,7 @@ class Number(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """One line of a figure; the panel says which."""
+    """One line of a figure; `panel` says in which."""
 
     source: str
     cell: str
@@ -44,12 +44,12 @@ class Curve(NamedTuple):
     y: np.ndarray
 
 
-def number_rows(record, step: int, subject: str, condition: str, found: dict) -> list[Number]:
-    """Rows for what was found in one step: {quantity: (value, unit)}; what is NaN is left out."""
+def number_rows(record, step: int, subject: str, condition: str, values: dict) -> list[Number]:
+    """Rows for the numbers of one step, {quantity: (value, unit)}; NaN is left out."""
     about = (record.source.name, record.source.real, record.cell, record.test, int(step))
     return [
         Number(*about, subject, condition, quantity, float(value), unit)
-        for quantity, (value, unit) in found.items()
+        for quantity, (value, unit) in values.items()
         if np.isfinite(value)
     ]
 
@@ -63,7 +63,7 @@ GAP_SECOND = 300.0
 
 
 class Source(NamedTuple):
-    """A campaign's name on figures, its folder, and whether real cells stand behind it."""
+    """A campaign: its name in figures, its folder, and whether its cells are real."""
 
     name: str
     folder: Path
@@ -92,7 +92,7 @@ class Record(NamedTuple):
 
 
 class Skipped(NamedTuple):
-    """What was not looked at, and why."""
+    """A test that could not be used, and why."""
 
     source: str
     test: str
@@ -100,7 +100,7 @@ class Skipped(NamedTuple):
 
 
 def named(text: str, *, real: bool) -> Source:
-    """A campaign from `folder` or `name=folder`."""
+    """A source from `folder` or `name=folder`."""
     name, _, folder = text.rpartition("=")
     return Source(name or Path(folder).resolve().name, Path(folder), real)
 
@@ -180,9 +180,10 @@ RELATION = "{http://schemas.openxmlformats.org/officeDocument/2006/relationships
 
 
 def channel_csv(content: bytes) -> bytes:
-    """The sheet whose name begins with `Channel`, numbers as they stand in the file.
+    """Text of the sheet `Channel…` of an Arbin workbook (.xlsx), for the reader of Arbin's CSV.
 
-    Office Open XML (ECMA-376, part 1, 18.3): rows of cells, texts in a table of their own.
+    Numbers as they stand in the file. Office Open XML (ECMA-376, part 1, 18.3): rows of cells,
+    texts in a table of their own.
     """
     book = zipfile.ZipFile(io.BytesIO(content))
     with book.open(_channel_path(book)) as sheet:
@@ -206,7 +207,7 @@ def _texts(book: zipfile.ZipFile) -> list[str]:
 
 
 def _lines(sheet, texts):
-    """One line a row; cells that the file leaves out stay blank."""
+    """One line a row; cells that the file leaves out are blank."""
     for _, row in ElementTree.iterparse(sheet):
         if row.tag != f"{MAIN}row":
             continue

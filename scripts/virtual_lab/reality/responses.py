@@ -19,13 +19,13 @@ LEAST_VOLT, LEAST_OVER_NOISE = 0.002, 20.0
 
 
 def shares(second: np.ndarray, volt: np.ndarray, *, until_second: float) -> dict[float, float]:
-    """Share [1] of the change from the last loaded sample to `until_second`, at 1, 10, … s.
+    """Share [1] of the voltage change until `until_second` that is done after 1, 10, … s.
 
     Parameters
     ----------
     second : (n,) [s] since the load ended; the first one is the last loaded sample, at 0.
     volt : (n,) [V].
-    until_second : where the way is taken to end [s].
+    until_second : end of the change that counts as whole [s].
 
     Between samples the line is straight in log t; a time is left out where no sample lies within a
     tenth of it and the one after it is more than three times later than the one before.
@@ -47,10 +47,10 @@ def _is_seen(second, time) -> bool:
 
 
 def stretched(second: np.ndarray, volt: np.ndarray) -> tuple[float, float, float]:
-    """Exponent [1], time constant [s] and rest of a fit of V∞ − A·exp(−(t/τ)^β).
+    """Exponent [1], time constant [s] and residual [1] of a fit of V∞ − A·exp(−(t/τ)^β).
 
-    The rest is the RMS error over A. Samples are thinned to be even in log t, so that early and
-    late times weigh alike. (Kohlrausch's law; β = 1 is one RC pair, 0.5 many of them.)
+    The residual is the RMS error over A. Samples are thinned to be even in log t, so that early
+    and late times weigh alike. (Kohlrausch's law; β = 1 is one RC pair, 0.5 many of them.)
     """
     usable = second > 0
     at = np.geomspace(second[usable][0], second[-1], 60)
@@ -73,7 +73,7 @@ def stretched(second: np.ndarray, volt: np.ndarray) -> tuple[float, float, float
 
 
 def rests(record):
-    """(step, condition, second, volt) of each rest after a load, rests in a row taken as one."""
+    """(step, condition, second, volt) of each rest after a load; rests in a row count as one."""
     steps = record.steps
     for index in np.flatnonzero(steps.kind == "rest"):
         before = index - 1
@@ -88,7 +88,7 @@ def rests(record):
 
 
 def _unbroken(second, rows):
-    """Up to the first hole, and one sample for each instant."""
+    """The samples up to the first gap, one for each instant."""
     hole = np.flatnonzero(np.diff(second) > LONGEST_INTERVAL)
     stop = hole[0] + 1 if hole.size else second.size
     second, rows = second[:stop], rows[:stop]
@@ -97,13 +97,13 @@ def _unbroken(second, rows):
 
 
 def _begins_densely(second) -> bool:
-    """Begun at once, and with enough early samples to draw a line."""
+    """Whether sampling begins at once, with enough early samples to draw a line."""
     early = second[1:] <= EARLY_SECOND
     return np.sum(early) >= FEWEST_EARLY and second[1] <= SLOWEST_FIRST_SAMPLE
 
 
 def _is_large_enough(second, volt, end_second) -> bool:
-    """The rest lasts that long, and its voltage moves by more than an instrument's doubts."""
+    """Whether the rest lasts that long, and its voltage changes by clearly more than noise."""
     moved = np.interp(end_second, second, volt) - volt[0]
     return second[-1] >= 0.95 * end_second and abs(moved) > _least_change(volt)
 
@@ -114,7 +114,7 @@ def _least_change(volt) -> float:
 
 
 def _load_before(steps, before) -> str:
-    """What went before, in words."""
+    """The load before a rest, in words."""
     kind = steps.kind[before]
     way = "charge" if steps.current_mean_ampere[before] > 0 else "discharge"
     if kind == "dynamic":
@@ -132,24 +132,27 @@ def _load_before(steps, before) -> str:
 
 def look_at_rests(record):
     """Numbers and curves of a record's rests."""
-    found, curves = [], []
+    numbers, curves = [], []
     for step, condition, second, volt in rests(record):
         row = {}
         for end in (e for e in ENDS_SECOND if _is_large_enough(second, volt, e)):
             row |= _voltage_shares(second, volt, min(end, second[-1]), f"{end:g} s")
-            curves.append(_remaining_curve(record, f"{condition}, to {end:g} s", second, volt, end))
+            about = (record.source.name, record.cell, record.test, f"{condition}, to {end:g} s")
+            curves.append(Curve(*about, *_remaining(second, volt, end)))
         row |= _stretched_fit(second, volt)
-        found += number_rows(record, step, "relaxation", condition, row)
-    return found, curves
+        numbers += number_rows(record, step, "relaxation", condition, row)
+    return numbers, curves
 
 
 def _voltage_shares(second, volt, until, name) -> dict:
+    """Numbers about the voltage change until a time [s]."""
     part = shares(second, volt, until_second=until)
     row = {f"share of {name} by {time:g} s": (value, "1") for time, value in part.items()}
     return row | {f"way of {name}": (1e3 * (np.interp(until, second, volt) - volt[0]), "mV")}
 
 
 def _stretched_fit(second, volt) -> dict:
+    """Numbers of the stretched exponential over the first ten minutes."""
     inside = (second >= 1.0) & (second <= 1.5 * FIT_SECOND)
     whole = volt[inside][[0, -1]]
     if second[-1] < 0.95 * FIT_SECOND or abs(np.diff(whole)[0]) < _least_change(volt):
@@ -162,11 +165,11 @@ def _stretched_fit(second, volt) -> dict:
     }
 
 
-def _remaining_curve(record, panel, second, volt, until):
+def _remaining(second, volt, until):
+    """Times [s] up to an end, and the share [1] of the voltage change that is still to come."""
     at = second[(second > 0) & (second <= until)]
     whole = np.interp(until, second, volt) - volt[0]
-    left = 1 - (np.interp(at, second, volt) - volt[0]) / whole
-    return Curve(record.source.name, record.cell, record.test, panel, at, left)
+    return at, 1 - (np.interp(at, second, volt) - volt[0]) / whole
 
 
 FINEST_SECOND = 1.1
@@ -182,7 +185,7 @@ def pulse_response(record, step: int) -> tuple[np.ndarray, np.ndarray]:
 
     The edge lies between the last sample at rest and the first under load, not further back than
     the next interval is long; its middle is taken. The current of each sample divides. The voltage
-    at rest is that of the three last samples which lies furthest from the load's, for with some
+    at rest is that of the last three samples that is furthest from the load's, since with some
     instruments it drops a sample before the current shows.
     """
     first, last = record.steps.first_row[step], record.steps.last_row[step]
@@ -190,17 +193,12 @@ def pulse_response(record, step: int) -> tuple[np.ndarray, np.ndarray]:
     furthest = np.min if record.steps.current_mean_ampere[step] > 0 else np.max
     level = furthest(record.volt[max(first - 3, 0) : first])
     rows = rows[np.abs(record.ampere[rows]) > 0.5 * abs(record.steps.current_mean_ampere[step])]
-    begin = record.second[first] - 0.5 * _edge_doubt(record.second, first)
+    begin = record.second[first] - 0.5 * np.diff(record.second[first - 1 : first + 2]).min()
     return record.second[rows] - begin, (record.volt[rows] - level) / record.ampere[rows]
 
 
-def _edge_doubt(second, first) -> float:
-    """Length [s] of the time in which the edge may lie."""
-    return float(np.diff(second[first - 1 : first + 2]).min())
-
-
 def pulse_steps(record):
-    """Steps of one current that begin out of a rest, dense enough to see 10 s."""
+    """Steps of constant current that begin after a rest, sampled densely for 10 s."""
     steps = record.steps
     for index in np.flatnonzero(np.isin(steps.kind, ("pulse", "CC"))):
         first, last = steps.first_row[index], steps.last_row[index]
@@ -215,28 +213,23 @@ def pulse_steps(record):
 
 
 def describe_pulse(second: np.ndarray, ohm: np.ndarray, *, rating_ampere_hour: float) -> dict:
-    """Resistance after 0.1, 1 and 3 s over that after 10 s, and that one's size.
+    """Resistance after 0.1, 1 and 3 s over that after 10 s, and the size of that one.
 
     Times before the first sample are left out.
     """
     whole = float(np.interp(min(WHOLE_SECOND, second[-1]), second, ohm))
     times = [time for time in PULSE_SECOND if second[0] <= time]
-    found = {
-        f"resistance after {time:g} s over that after 10 s": (
-            np.interp(time, second, ohm) / whole,
-            "1",
-        )
-        for time in times
-    }
-    return found | {
+    name = "resistance after {:g} s over that after 10 s"
+    ratios = {name.format(time): (np.interp(time, second, ohm) / whole, "1") for time in times}
+    return ratios | {
         "resistance after 10 s": (1e3 * whole, "mohm"),
         "resistance after 10 s times rating": (1e3 * whole * rating_ampere_hour, "mohm·Ah"),
     }
 
 
 def look_at_pulses(record):
-    """Numbers and curves of a record's loads out of a rest."""
-    found, curves = [], []
+    """Numbers and curves of a record's loads after a rest."""
+    numbers, curves = [], []
     about = (record.source.name, record.cell, record.test)
     for step in pulse_steps(record):
         second, ohm = pulse_response(record, step)
@@ -247,11 +240,11 @@ def look_at_pulses(record):
             "C-rate": (c_rate, "1/h"),
             "time to full current": (_rise_millisecond(record, step), "ms"),
         }
-        found += number_rows(record, step, "pulse", f"{way} out of a rest", row)
+        numbers += number_rows(record, step, "pulse", f"{way} out of a rest", row)
         inside = (second > 0) & (second <= 1.02 * WHOLE_SECOND)
         whole = row["resistance after 10 s"][0] / 1e3
         curves.append(Curve(*about, way, second[inside], ohm[inside] / whole))
-    return found, curves
+    return numbers, curves
 
 
 def _rise_millisecond(record, step) -> float:
@@ -275,6 +268,9 @@ def incremental_capacity(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Voltages [V] at the middle of bins of 1 mV and dQ/dV [Ah/V] of a charge.
 
+    Charge is counted into narrow bins of voltage, which noise does not upset as it upsets a
+    quotient of differences, and smoothed by a Gaussian; the same for every record.
+
     Parameters
     ----------
     volt, ampere_hour : (n,) [V], [Ah], in the order of time.
@@ -293,7 +289,7 @@ def incremental_capacity(
 def found_peaks(volt: np.ndarray, per_volt: np.ndarray) -> list[tuple[float, float, float]]:
     """(voltage [V], height, width [V] at half prominence) of each peak.
 
-    A peak stands out by 5 % of the highest value or more.
+    The prominence of a peak is 5 % of the highest value or more.
     """
     least = PROMINENCE * per_volt.max()
     at, about = signal.find_peaks(per_volt, prominence=least, width=1, rel_height=0.5)
@@ -305,7 +301,7 @@ def found_peaks(volt: np.ndarray, per_volt: np.ndarray) -> list[tuple[float, flo
 
 
 def slow_charges(record):
-    """(step, rows) of charges at constant current through most of the charge, up to 0.6C."""
+    """(step, rows) of constant-current charges up to 0.6C through most of the charge."""
     steps = record.steps
     for index in np.flatnonzero(np.isin(steps.kind, ("CC", "CCCV"))):
         first, last = steps.first_row[index], steps.last_row[index]
@@ -321,21 +317,17 @@ def slow_charges(record):
             yield index, rows
 
 
-def describe_peaks(found: list[tuple[float, float, float]]) -> dict:
+def describe_peaks(peaks: list[tuple[float, float, float]]) -> dict:
     """Number of peaks, the narrowest and the highest, and each by rising voltage."""
-    row = {"peaks": (len(found), "1")}
-    if found:
-        row["narrowest peak, width"] = (1e3 * min(width for _, _, width in found), "mV")
-        row["highest peak, height over capacity"] = (max(height for _, height, _ in found), "1/V")
-    for number, (place, height, width) in enumerate(found, 1):
+    row = {"peaks": (len(peaks), "1")}
+    if peaks:
+        row["narrowest peak, width"] = (1e3 * min(width for _, _, width in peaks), "mV")
+        row["highest peak, height over capacity"] = (max(height for _, height, _ in peaks), "1/V")
+    for number, (place, height, width) in enumerate(peaks, 1):
         row[f"peak {number}, voltage"] = (place, "V")
         row[f"peak {number}, height over capacity"] = (height, "1/V")
         row[f"peak {number}, width"] = (1e3 * width, "mV")
     return row
-
-
-def _interval(record, rows) -> float:
-    return float(np.median(np.diff(record.second[rows])))
 
 
 def _c_rate(record, rows) -> float:
@@ -344,7 +336,7 @@ def _c_rate(record, rows) -> float:
 
 def look_at_charges(record):
     """Numbers and curves of a record's slow charges, heights over the charge that went in."""
-    found, curves = [], []
+    numbers, curves = [], []
     smooth = SMOOTH_VOLT.get(record.chemistry, USUAL_SMOOTH_VOLT)
     for step, rows in slow_charges(record):
         c_rate = _c_rate(record, rows)
@@ -352,11 +344,14 @@ def look_at_charges(record):
         volt, per_volt = incremental_capacity(
             record.volt[rows], record.ampere_hour[rows] / moved, smooth_volt=smooth
         )
-        row = {"C-rate": (c_rate, "1/h"), "interval": (_interval(record, rows), "s")}
+        row = {
+            "C-rate": (c_rate, "1/h"),
+            "interval": (np.median(np.diff(record.second[rows])), "s"),
+        }
         row |= describe_peaks(found_peaks(volt, per_volt))
         condition = "slow charge" if c_rate < SLOW_C_RATE else "charge"
-        found += number_rows(record, step, "peaks", condition, row)
+        numbers += number_rows(record, step, "peaks", condition, row)
         panel = f"{record.chemistry} {condition} at C/{1 / c_rate:.0f}"
         about = (record.source.name, record.cell, record.test, panel)
         curves.append(Curve(*about, volt, per_volt))
-    return found, curves
+    return numbers, curves
