@@ -270,7 +270,7 @@ def lithiation(window: Window, soc):
     return x, y
 
 
-def rating_of(chemistry: str, capacity_ampere_hour: float) -> Rating:
+def usual_rating(chemistry: str, capacity_ampere_hour: float) -> Rating:
     """A data sheet of a capacity [Ah] with the chemistry's usual cut-offs [V]."""
     return Rating(capacity_ampere_hour, *CHEMISTRIES[chemistry].cutoffs_volt)
 

@@ -80,7 +80,7 @@ MILLIVOLT = 1e-3
 
 
 def cell_of(chemistry, capacity_ampere_hour=5.0, *, entropy=0.0, lli=0.0):
-    rating = electrodes.rating_of(chemistry, capacity_ampere_hour)
+    rating = electrodes.usual_rating(chemistry, capacity_ampere_hour)
     return physics.Cell(
         lli, 0.0, 0.0, 0.001, 1.0, capacity_ampere_hour, None, "", chemistry, rating, entropy
     )

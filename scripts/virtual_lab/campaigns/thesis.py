@@ -49,7 +49,6 @@ SLOW_CELSIUS = (20, 0, -20)
 STEP_SOC = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
 ROOM_KIND, ROOM_CYCLES, ROOM_CELSIUS, ROOM_SWING_KELVIN = "C", 29, 24.0, 4.0
 COLD_SHARE = 0.75  # of the capacity is pulsed: in the cold a discharge at C/3 ends early
-REFERENCE_CELSIUS = 25.0
 
 
 def temperature_part(seed: int) -> tuple[list[Cell], list[Test]]:

@@ -108,19 +108,19 @@ def hidden_in(cell) -> HiddenEffects:
 def _hidden_in(name, seed, effects, strength_volt) -> HiddenEffects:
     random = np.random.default_rng(seed_of(name, seed))
     plain = setup = healthy(random)
-    found, accept = [], []
+    effects_found, accept = [], []
     for effect in effects:
         hidden = with_effect(setup, effect, strength_volt, gap_files(), random)
-        known = effect not in OUTSIDE
-        accept.append(accepted(hidden, setup, int(random.integers(2**31))) if known else [])
-        found.append(hidden)
+        in_vocabulary = effect not in OUTSIDE
+        accept.append(accepted(hidden, setup, int(random.integers(2**31))) if in_vocabulary else [])
+        effects_found.append(hidden)
         setup = hidden.setup
-    return HiddenEffects(plain, setup, found, accept)
+    return HiddenEffects(plain, setup, effects_found, accept)
 
 
 def truth_row(cell, name: str) -> dict:
     """Row of missing_effect.json: what was hidden, how much of it is visible, accepted names."""
-    known = hidden_in(cell)
+    hidden = hidden_in(cell)
     effects = [
         {
             "effect": one.effect,
@@ -131,9 +131,9 @@ def truth_row(cell, name: str) -> dict:
             "validation_gap_millivolt": round(1e3 * one.gap.validation_volt, 3),
             "accept": names,
         }
-        for one, names in zip(known.found, known.accept, strict=True)
+        for one, names in zip(hidden.found, hidden.accept, strict=True)
     ]
-    visible = any(one.visible for one in known.found)
+    visible = any(one.visible for one in hidden.found)
     return {
         "cell": name,
         "kind": cell.kind,

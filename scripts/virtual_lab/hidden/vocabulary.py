@@ -43,10 +43,12 @@ class Effect(NamedTuple):
 
 
 def _shape(random):
+    """A drawn shape of a table over SoC."""
     return {"shape": str(random.choice(sorted(SHAPES)))}
 
 
 def _factor(size, drawn):
+    """Table over SoC [1] of a drawn shape and a size, positive everywhere."""
     return np.maximum(1 + size * SHAPES[drawn["shape"]], 0.1)
 
 
@@ -100,11 +102,9 @@ def _entropic(setup, size, drawn):
 
 def _self_heating(setup, size, drawn):
     """Resistances follow the cell's own heat; the chamber's temperature does not change them."""
-    return setup.with_cell(
-        rise_kelvin_per_watt=size,
-        rise_tau_second=drawn["time_constant_second"],
-        rise_activation_joule_per_mole=drawn["activation_energy_joule_per_mole"],
-    )
+    energy, second = drawn["activation_energy_joule_per_mole"], drawn["time_constant_second"]
+    rise = {"rise_kelvin_per_watt": size, "rise_tau_second": second}
+    return setup.with_cell(**rise, rise_activation_joule_per_mole=energy)
 
 
 def _heating_draws(random):
@@ -140,23 +140,22 @@ def _ocv_edge(setup, size, drawn):
 
 
 def _in_cell(field):
+    """An action that sets one parameter of the cell to the size."""
     return lambda setup, size, _: setup.with_cell(**{field: size})
 
 
 def _in_chain(field):
+    """An action that sets one setting of the channel to the size."""
     return lambda setup, size, _: setup.with_chain(**{field: size})
+
+
+def _uniform_draws(**limits):
+    """A draw of numbers, each uniform between its limits."""
+    return lambda random: {name: float(random.uniform(*ends)) for name, ends in limits.items()}
 
 
 def _choice(name, *values):
     return lambda random: {name: str(random.choice(values))}
-
-
-def _drawn_rate(random):
-    return {"rate_per_soc": float(random.uniform(10.0, 30.0))}
-
-
-def _drawn_share(random):
-    return {"share_of_resistance": float(random.uniform(0.6, 0.8))}
 
 
 EFFECTS = {
@@ -168,7 +167,7 @@ EFFECTS = {
         lambda setup, size, drawn: setup.with_cell(
             hysteresis_volt=size, hysteresis_per_soc=drawn["rate_per_soc"]
         ),
-        _drawn_rate,
+        _uniform_draws(rate_per_soc=(10.0, 30.0)),
     ),
     "resistance_asymmetry": Effect(
         "charge_resistance_excess_relative", 0.2, 2.0, _in_cell("charge_asymmetry")
@@ -178,7 +177,11 @@ EFFECTS = {
     "slow_diffusion": Effect("resistance_ohm", 4e-3, 0.05, _slow_diffusion, _slow_form),
     # Beyond 1.1 /A the gap shrinks again: too little of the resistance remains.
     "charge_transfer_nonlinearity": Effect(
-        "per_exchange_current_per_ampere", 0.15, 1.1, _kinetics, _drawn_share
+        "per_exchange_current_per_ampere",
+        0.15,
+        1.1,
+        _kinetics,
+        _uniform_draws(share_of_resistance=(0.6, 0.8)),
     ),
     "resistance_temperature": Effect(
         "activation_energy_joule_per_mole", 5e3, 60e3, _resistance_temperature
@@ -267,10 +270,6 @@ def _ocv_bump(setup, size, drawn):
     """A bump of the OCV where no electrode has one."""
     bump = size * np.exp(-(((SOC - drawn["soc"]) / drawn["width_soc"]) ** 2))
     return setup.with_cell(ocv_volt=setup.cell.ocv_volt + bump)
-
-
-def _uniform_draws(**limits):
-    return lambda random: {name: float(random.uniform(*ends)) for name, ends in limits.items()}
 
 
 def _contact_draws(random):

@@ -179,5 +179,5 @@ def side_by_side(found, true, *, keys, columns, near=None, tolerance=0.0) -> pd.
     return together.reindex(columns=[*true.columns, *beside.columns, "paired"])
 
 
-def _zipped(left, right):
-    return pd.concat([left.reset_index(drop=True), right.reset_index(drop=True)], axis=1)
+def _zipped(first, second):
+    return pd.concat([one.reset_index(drop=True) for one in (first, second)], axis=1)

@@ -155,9 +155,9 @@ def _one_of_a_swapped_pair(true):
 
 def _is_refused(place, rows):
     found = refusals(place)
-    known = set(zip(found["cell"], found["test"], strict=True))
+    refused = set(zip(found["cell"], found["test"], strict=True))
     who = zip(rows["cell"], rows["test"], strict=True)
-    return np.array([one in known for one in who], dtype=bool)
+    return np.array([one in refused for one in who], dtype=bool)
 
 
 def _flags(place):

@@ -142,8 +142,8 @@ def _draw_against_truth(axes, name, part):
 
 def _colours(rows):
     inside = rows["inside_95"]
-    known = [inside.isna(), inside.isin([True])]
-    return np.select(known, [NO_INTERVAL, INSIDE], default=OUTSIDE)
+    classes = [inside.isna(), inside.isin([True])]
+    return np.select(classes, [NO_INTERVAL, INSIDE], default=OUTSIDE)
 
 
 def _draw_errors(axes, part):

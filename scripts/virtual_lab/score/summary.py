@@ -49,40 +49,33 @@ def summarise(place: files.Campaign, compared: pd.DataFrame, judged: pd.DataFram
     for table, quantities in QUANTITIES.items():
         state = _state(place, table)
         mine = compared[compared["table"] == table].groupby(["quantity", "unit"], sort=False)
-        made = [_row(table, *names, state, part) for names, part in mine]
+        table_rows = [_row(table, *names, state, part) for names, part in mine]
         if table == "missing_effect":
-            made = [*_shares(judged, state), *made]
-        scored = [row["quantity"] for row in made]
+            table_rows = [*_shares(judged, state), *table_rows]
+        scored = [row["quantity"] for row in table_rows]
         unscored = [name for name in quantities if not any(one.startswith(name) for one in scored)]
         without = "no truth" if state == "scored" else state
         rows += [
-            *made,
+            *table_rows,
             *({"table": table, "quantity": name, "state": without} for name in unscored),
         ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _state(place, table) -> str:
-    made, known = _is_made(place, table), _is_known(place, table)
-    if made and known:
+    """Whether the pipeline has made a table, and whether its truth is known, in words."""
+    if table == "missing_effect":
+        made = (place.results / table).is_dir()
+        has_truth = (place.truth / "missing_effect.json").is_file()
+    else:
+        flags = (place.results / "flags").is_dir()
+        made = flags if table == "faults" else files.found(place, table) is not None
+        has_truth = files.true(place, table) is not None
+    if made and has_truth:
         return "scored"
-    if known:
+    if has_truth:
         return "not made by the pipeline yet"
     return "no truth" if made else "no truth, and not made by the pipeline yet"
-
-
-def _is_made(place, table) -> bool:
-    if table == "faults":
-        return (place.results / "flags").is_dir()
-    folder = place.results / table
-    found = files.found(place, table)
-    return folder.is_dir() if table == "missing_effect" else found is not None
-
-
-def _is_known(place, table) -> bool:
-    if table == "missing_effect":
-        return (place.truth / "missing_effect.json").is_file()
-    return files.true(place, table) is not None
 
 
 def _row(table, quantity, unit, state, part) -> dict:
@@ -151,7 +144,7 @@ def wilson(hits: int, of: int) -> tuple[float, float]:
     """95 % interval of a share (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927, 209)."""
     if not of:
         return np.nan, np.nan
-    z, share = 1.959964, hits / of
+    z, share = comparison.NORMAL_95, hits / of
     middle = share + z**2 / (2 * of)
     half = z * np.sqrt(share * (1 - share) / of + z**2 / (4 * of**2))
     low, high = ((middle + side * half) / (1 + z**2 / of) for side in (-1, 1))

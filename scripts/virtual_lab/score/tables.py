@@ -222,6 +222,6 @@ def _of_the_mean(rows, repeats):
 
 def _one_knee(table):
     """A knee belongs to a cell, not to each of its rows: it is kept in the last row that has it."""
-    known = table[table["knee_cycle"].notna()]
-    last = known.sort_values("cycle").groupby(["cell", "method"], dropna=False).tail(1).index
+    with_knee = table[table["knee_cycle"].notna()]
+    last = with_knee.sort_values("cycle").groupby(["cell", "method"], dropna=False).tail(1).index
     return table.assign(knee_cycle=table["knee_cycle"].where(table.index.isin(last)))

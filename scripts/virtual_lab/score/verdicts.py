@@ -16,8 +16,8 @@ COLUMNS = [
 
 def compare(place: files.Campaign) -> pd.DataFrame:
     """One row a cell: what was hidden, the verdict, and the outcome; empty without truth."""
-    known = sorted(_hidden(place).items())
-    rows = [_judged(cell, hidden, _verdict(place, cell)) for cell, hidden in known]
+    hidden_by_cell = sorted(_hidden(place).items())
+    rows = [_judged(cell, hidden, _verdict(place, cell)) for cell, hidden in hidden_by_cell]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -25,10 +25,10 @@ def _hidden(place) -> dict:
     """What was hidden, by cell; the truth is such a document, or its entry "cells", or a list of
     rows.
     """
-    known = files.read_json(place.truth / "missing_effect.json") or {}
-    if isinstance(known, list):
-        return {row["cell"]: row for row in known}
-    return known.get("cells", known)
+    document = files.read_json(place.truth / "missing_effect.json") or {}
+    if isinstance(document, list):
+        return {row["cell"]: row for row in document}
+    return document.get("cells", document)
 
 
 def _verdict(place, cell):
