@@ -94,8 +94,7 @@ def lmo_volt(y):
 
 
 def lmo_entropy(y):
-    """LiMn2O4 [V/K]: own form, for the change of OCV with temperature that the thesis measured
-    (S6).
+    """LiMn2O4 [V/K]: own form, by the change of OCV with temperature in the thesis (S6).
 
     A spinel cell gained up to 30 mV at −15 °C below 40 % SoC, lost up to 10 mV above 60 % and
     crossed zero near 50 %; the part of graphite is subtracted.

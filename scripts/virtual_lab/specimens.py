@@ -20,8 +20,7 @@ MODEL_SOC = np.round(np.arange(0.1, 0.95, 0.1), 2)
 
 
 class Behavioural(NamedTuple):
-    """A cell of the fast generator, built when it is first needed, so that plans are quick to
-    write.
+    """A cell of the fast generator, built when it is first needed (plans have thousands).
 
     `known` gives rows of truth tables about it.
     """

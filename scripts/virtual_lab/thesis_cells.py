@@ -315,9 +315,7 @@ def _sized_rating(cell_type):
 
 
 def towards_the_ends(*, low: float, high: float) -> np.ndarray:
-    """Factor [1] of a resistance over SoC: flat in the middle, rising at both ends (thesis figure
-    3.11).
-    """
+    """Factor [1] of a resistance over SoC: flat, but rising at both ends (thesis figure 3.11)."""
     return 1 + low * np.exp(-FACTOR_SOC / 0.06) + high * np.exp(-(1 - FACTOR_SOC) / 0.04)
 
 

@@ -329,9 +329,7 @@ def _tabulated_spectra() -> list[Test]:
 
 
 def _known_of_t1():
-    """Truth of T1: the fresh cell, activation energies, capacities of the cycles at a steady 24
-    °C.
-    """
+    """Truth of T1: the fresh cell, activation energies, capacities of cycles at steady 24 °C."""
     whole = round(CellInRoom().full_ampere_hour, 5)
     losses = {"lli": 0.0, "lam_negative": 0.0, "lam_positive": 0.0}
     energy = {"law": "arrhenius", "parameter": "activation_energy", "unit": "J/mol"}

@@ -65,11 +65,12 @@ its `floor_volt` the ammeter's noise told in the same way.
 
 def plan(*, seed, cells, healthy, unknown, two, physics, groups) -> Plan:
     """The plan; options are numbers of cells, `cells` and `groups` per effect and strength."""
+    outside = list(OUTSIDE)
     wanted = [
         *[("reference", (), 0.0)] * REFERENCES,
         *[("none", (), 0.0)] * healthy,
         *_single(cells),
-        *[("unknown", names, STRONG_VOLT[1]) for names in _outside(unknown)],
+        *[("unknown", (outside[k % len(outside)],), STRONG_VOLT[1]) for k in range(unknown)],
         *[("two", names, STRONG_VOLT[1]) for names in _pairs(seed, two)],
     ]
     behavioural = [HiddenCell(name, seed, *what) for name, what in _shuffled("h", wanted, seed)]
@@ -100,11 +101,6 @@ def _single(cells):
     wanted = list(product(visible, STRENGTHS_VOLT, range(cells)))
     wanted += list(product(INVISIBLE, STRONG_VOLT[:1], range(min(cells, INVISIBLE_CELLS))))
     return [("single", (effect,), strength) for effect, strength, _ in wanted]
-
-
-def _outside(count):
-    names = list(OUTSIDE)
-    return [(names[k % len(names)],) for k in range(count)]
 
 
 def _pairs(seed, count):

@@ -28,9 +28,7 @@ Cells of one type: lithium lost |N(0, 5 %)|, resistance grown by 2·|N(0, 5 %)|;
 
 
 def plan(*, seed: int, cells: int) -> Plan:
-    """The plan: a capacity test, a pulse train and a drive for each cell; the first has a slow
-    OCV.
-    """
+    """The plan: capacity test, pulses and a drive for each cell; the first has a slow OCV too."""
     specimens = [_specimen(k, seed) for k in range(cells)]
     names = [f"S{k:05d}" for k in range(1, cells + 1)]
     rows = [

@@ -289,12 +289,11 @@ def check_up_cycles(life: Life) -> list[int]:
 
 def lives(seed: int) -> dict[str, Life]:
     """Ageing cells by name; two of a type under one protocol differ in pace."""
-    return {name: Life(*what, spread=_spread(name, seed)) for name, what in LIVES.items()}
-
-
-def _spread(name, seed):
-    random = np.random.default_rng(seed_of(f"pace of {name}", seed))
-    return float(1 + 0.04 * random.uniform(0.0, 1.0))
+    ageing_cells = {}
+    for name, what in LIVES.items():
+        random = np.random.default_rng(seed_of(f"pace of {name}", seed))
+        ageing_cells[name] = Life(*what, spread=float(1 + 0.04 * random.uniform(0.0, 1.0)))
+    return ageing_cells
 
 
 def ageing_part(seed: int) -> tuple[list[Cell], list[Test]]:

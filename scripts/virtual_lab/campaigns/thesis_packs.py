@@ -132,15 +132,12 @@ def _pack_cell_tests(one, number, seed, string):
         at("series_fuds_25C", "drive", steps=string, note="all fifty cells in series"),
         at(f"{schedule}_25C", "drive", steps=protocols.drive(RATING, full, schedule=schedule)),
     ]
-    tests += [_spoiled(at, one.name, full)] if one.name in SPOILED | DAMAGED else []
+    if one.name in SPOILED | DAMAGED:  # one more drive, with faults in its file
+        test = at("udds_25C", "drive", steps=protocols.drive(RATING, full, schedule="udds"))
+        faulty = {"faults": SPOILED.get(one.name, ()), "damage": DAMAGED.get(one.name)}
+        tests.append(test._replace(**faulty))
     slow = at("ocv_25C", "ocv", steps=protocols.slow_ocv(RATING, period_second=60.0))
     return [*tests, slow] if one.name == REFERENCE else tests
-
-
-def _spoiled(at, name, full):
-    """One more drive, with faults in its file."""
-    test = at("udds_25C", "drive", steps=protocols.drive(RATING, full, schedule="udds"))
-    return test._replace(faults=SPOILED.get(name, ()), damage=DAMAGED.get(name))
 
 
 GROUP_CELLS, GROUPS = 34, 27
@@ -190,13 +187,14 @@ def _name(number):
 
 def group_specimens(seed: int) -> dict[str, BehaviouralGroup]:
     """Parallel groups by name: all cells full, behind wires of one resistance."""
-    return {name: _group(cells) for name, cells in group_members(seed).items()}
-
-
-def _group(cells):
-    names, specimens = (tuple(one.name for one in cells), tuple(one.specimen for one in cells))
-    same = [(value,) * len(names) for value in (WIRE_OHM, 1.0)]
-    return BehaviouralGroup(names, specimens, *same)
+    groups = {}
+    for name, cells in group_members(seed).items():
+        names, specimens = (
+            tuple(getattr(c, field) for c in cells) for field in ("name", "specimen")
+        )
+        same = [(value,) * len(cells) for value in (WIRE_OHM, 1.0)]
+        groups[name] = BehaviouralGroup(names, specimens, *same)
+    return groups
 
 
 def group_part(seed: int) -> tuple[list[Cell], list[Test]]:

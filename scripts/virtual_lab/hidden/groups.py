@@ -115,8 +115,9 @@ GROUP_EFFECTS = {
 
 
 def healthy_group(random: np.random.Generator, branches: int, soc: float = 0.95) -> GroupSetup:
-    """Healthy cells, equally full, behind wires of one resistance; resistance falls with
-    temperature.
+    """Healthy cells, equally full, behind wires of one resistance.
+
+    Their resistances depend on temperature, so that a warm cell has another share of the current.
     """
     cells = []
     for _ in range(branches):

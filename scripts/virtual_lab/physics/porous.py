@@ -189,12 +189,11 @@ def _by_pybamm_names(side, material):
 
 
 def _put_size(values, chemistry, rating):
-    """Set the area by the positive electrode's charge, and the negative one's thickness by its
-    own.
-    """
+    """Set area and thickness of the electrodes by the charges that they must hold."""
     window = electrodes.window(chemistry, rating)
+    # The area follows from the positive electrode, the thickness of the negative one from its own.
     scale = window.positive_ampere_hour / _ampere_hour(values, "Positive")
-    # The demo's cell keeps its very numbers: the balance was solved from them.
+    # The demo's cell keeps PyBaMM's own numbers: the balance was solved from them.
     if abs(scale - 1) < 1e-9:
         return
     for side, share in (("negative", window.x_100), ("positive", window.y_100)):
@@ -266,9 +265,7 @@ def parameters(cell: physics.Cell, *, ambient_celsius: float) -> pybamm.Paramete
 
 
 def stoichiometry(cell: physics.Cell) -> dict[str, float]:
-    """Lithiation at both ends of the voltage window, x_0, x_100, y_0, y_100, and charges as Q
-    [Ah].
-    """
+    """Lithiation x, y at both ends of the voltage window (x_0, x_100, …), and charges [Ah]."""
     return _balance(_with_losses(cell), cell)
 
 

@@ -29,8 +29,7 @@ def load(path, *, member: str | None = None, celsius: float) -> dict:
 
 
 def thevenin(tables: dict):
-    """PyBaMM's Thevenin model and its parameter values; current and initial SoC are left to be
-    set.
+    """PyBaMM's Thevenin model and its parameter values, but for current and initial SoC.
 
     The cell stays at the temperature of its tables: they do not depend on PyBaMM's thermal state,
     whose parameters keep PyBaMM's defaults. The voltage cut-offs are opened wide.

@@ -128,9 +128,7 @@ def page_text(rows: list[ComparisonRow], sources, skipped, *, pictures: set[str]
 
 
 def _is_on_page(row) -> bool:
-    """Whether the page shows a quantity; single peaks and other relaxations are only in
-    reality.csv.
-    """
+    """Whether the page shows a quantity; single peaks and other times are in reality.csv only."""
     if row.quantity.startswith(("share of ", "way of ")):
         share = row.quantity.replace("way of", "share of")
         return is_compared(share, row.condition)

@@ -4,7 +4,7 @@ import csv
 import io
 import re
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -121,7 +121,10 @@ def load(
         yield Skipped(source.name, "", f"no campaign there: {sheet} is missing")
         return
     cells = {row["cell"]: row for row in _rows(source.folder / "config" / "cells.tsv")}
-    tests = [t for t in _rows(sheet) if t["kind"] in KINDS and _is_near(t, celsius)]
+    tests = [test for test in _rows(sheet) if test["kind"] in KINDS]
+    stated = [test["ambient_temperature_celsius"] or celsius for test in tests]
+    near = [abs(float(value) - celsius) <= WITHIN_KELVIN for value in stated]
+    tests = [test for test, is_near in zip(tests, near, strict=True) if is_near]
     wanted = list(dict.fromkeys(test["cell"] for test in tests))[:most_cells]
     for test in (test for test in tests if test["cell"] in wanted):
         yield _loaded(source, test, cells[test["cell"]])
@@ -132,28 +135,19 @@ def _rows(sheet: Path) -> list[dict]:
         return list(csv.DictReader(lines, delimiter="\t"))
 
 
-def _is_near(test: dict, celsius: float) -> bool:
-    stated = test["ambient_temperature_celsius"]
-    return not stated or abs(float(stated) - celsius) <= WITHIN_KELVIN
-
-
 def _loaded(source: Source, test: dict, cell: dict) -> Record | Skipped:
     try:
-        readings = [
-            formats.read(content, name=name, instrument=test.get("instrument") or None)
-            for name, content in _contents(source.folder, test["file"].split(";"))
-        ]
+        readings = []
+        for file in test["file"].split(";"):
+            content = (source.folder / file).read_bytes()
+            content = channel_csv(content) if file.endswith(".xlsx") else content
+            instrument = test.get("instrument") or None
+            readings.append(formats.read(content, name=file, instrument=instrument))
         sign = test.get("current_sign") or None
         columns = series.assemble(readings, stated_sign=sign).columns
         return _record(source, test, cell, columns)
     except (Refusal, OSError) as reason:
         return Skipped(source.name, f"{test['cell']}/{test['test']}", str(reason))
-
-
-def _contents(folder: Path, files: Iterable[str]) -> Iterator[tuple[str, bytes]]:
-    for file in files:
-        content = (folder / file).read_bytes()
-        yield file, channel_csv(content) if file.endswith(".xlsx") else content
 
 
 def _record(source, test, cell, columns) -> Record:

@@ -150,9 +150,7 @@ def _nearest(knots, cell, celsius):
 
 
 def _model_resistances(matrix, rows, celsius):
-    """The truth's rows with the model's resistance at the same SoC, or the reason why there is
-    none.
-    """
+    """The truth's rows with the model's resistance at the same SoC, or why there is none."""
     at = [f"{celsius:g} °C, SoC {soc:.3g}" for soc in rows["soc"]]
     rows = rows.assign(true=rows["value"], at=at, found=np.nan, std=np.nan, reason=None)
     if matrix is None or "r0" not in matrix[0]:

@@ -39,7 +39,7 @@ def mark(place: files.Campaign, compared: pd.DataFrame) -> pd.DataFrame:
         [lost & spoiled_rows, lost & np.array(unasked_rows, bool)], ["spoiled", "untested"], ""
     )
     reason = compared["reason"].where(
-        compared["reason"].notna() | ~lost, tests_of_rows.map(_reasons(place))
+        compared["reason"].notna() | ~lost, tests_of_rows.map(refusals(place))
     )
     return compared.assign(status=compared["status"].where(status == "", status), reason=reason)
 
@@ -80,16 +80,12 @@ def _spoiled(place) -> set:
     return set(zip(true["cell"], true["test"], strict=True))
 
 
-def refusals(place: files.Campaign) -> pd.DataFrame:
-    """Cell, test and reason of what the pipeline refused, each test once."""
+def refusals(place: files.Campaign) -> dict[tuple[str, str], str]:
+    """First reason for which the pipeline refused a test, by cell and test."""
     found = files.with_columns(files.found(place, "excluded"), ["cell", "test", "reason"])
-    return found.drop_duplicates(["cell", "test"])
-
-
-def _reasons(place) -> dict:
-    found = refusals(place)
-    who = zip(found["cell"], found["test"], strict=True)
-    return dict(zip(who, found["reason"], strict=True))
+    found = found.drop_duplicates(["cell", "test"])
+    tests = zip(found["cell"], found["test"], strict=True)
+    return dict(zip(tests, found["reason"], strict=True))
 
 
 ROW_TOLERANCE = 1.0
@@ -97,8 +93,7 @@ COUNTED = "count"
 
 
 def refused_files(place: files.Campaign) -> pd.DataFrame:
-    """Files spoiled beyond use: refused by the pipeline, or accepted (missing); and other
-    refusals.
+    """Files spoiled beyond use: refused by the pipeline, or accepted (missing); other refusals.
 
     What is refused of a cell as a whole, because a file of it could not be used, is not counted.
     """
@@ -138,7 +133,8 @@ def flagged_samples(place: files.Campaign) -> pd.DataFrame:
     )
     name = rows["fault"].where(rows["fault"].notna(), [f"flag {f}" for f in rows["flag_found"]])
     rows = rows.assign(quantity=name, found=rows["found_found"], reason=rows["flag_found"])
-    given_up = rows["found"].isna() & _is_refused(place, rows)
+    refused, tests = refusals(place), zip(rows["cell"], rows["test"], strict=True)
+    given_up = rows["found"].isna() & np.array([one in refused for one in tests], dtype=bool)
     rows["found"] = rows["found"].mask(given_up, 1.0)
     rows["reason"] = rows["reason"].mask(given_up, "the test was refused")
     rows["at"] = [f"row {row:.0f}" if np.isfinite(row) else "" for row in rows["row"]]
@@ -151,13 +147,6 @@ def _one_of_a_swapped_pair(true):
     order = true.sort_values(["cell", "test", "fault", "row"])
     follows = order.groupby(["cell", "test", "fault"])["row"].diff() == 1
     return order[~(follows & (order["fault"] == "swapped"))].reset_index(drop=True)
-
-
-def _is_refused(place, rows):
-    found = refusals(place)
-    refused = set(zip(found["cell"], found["test"], strict=True))
-    who = zip(rows["cell"], rows["test"], strict=True)
-    return np.array([one in refused for one in who], dtype=bool)
 
 
 def _flags(place):

@@ -22,8 +22,9 @@ def compare(place: files.Campaign) -> pd.DataFrame:
 
 
 def _hidden(place) -> dict:
-    """What was hidden, by cell; the truth is such a document, or its entry "cells", or a list of
-    rows.
+    """What was hidden, by cell.
+
+    The truth is such a document, or its entry "cells", or a list of rows.
     """
     document = files.read_json(place.truth / "missing_effect.json") or {}
     if isinstance(document, list):
