@@ -9,7 +9,7 @@ import pandas as pd
 from real_cells import record
 from real_cells.measured import MEASUREMENTS, PERCENT
 from real_cells.quantities import COLUMNS, KEYS, MODEL, QUANTITIES, SEARCH
-from virtual_lab.score import files, work
+from virtual_lab.score import files, summary
 
 ROOT = Path(__file__).resolve().parents[2]
 LAST_RUN = ROOT / "real" / "numbers.csv"
@@ -113,7 +113,7 @@ def of_demo(repository) -> pd.DataFrame:
     """
     folders = (Path(repository, part) for part in ("results", "tests/truth", "config"))
     scored = pd.DataFrame(
-        list(errors_against_truth(work.score(files.Campaign(*folders)).summary)),
+        list(errors_against_truth(summary.score(files.Campaign(*folders)).summary)),
         columns=["cell", "quantity", "where", "value", "unit"],
     )
     measured = of_campaign(repository, name="demo")
@@ -122,9 +122,9 @@ def of_demo(repository) -> pd.DataFrame:
     return pd.concat([measured, described(scored, "demo")], ignore_index=True)
 
 
-def errors_against_truth(summary: pd.DataFrame):
+def errors_against_truth(scores: pd.DataFrame):
     """One row a scored quantity: root mean square error, share, rows that are missing."""
-    for row in summary[summary["state"] == "scored"].to_dict("records"):
+    for row in scores[scores["state"] == "scored"].to_dict("records"):
         where = ", ".join(name for name in (row["table"], row["quantity"]) if name)
         if pd.notna(row["rms_error"]):
             unit = "" if row["unit"] == "1" else row["unit"]
