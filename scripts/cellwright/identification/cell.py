@@ -6,26 +6,26 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
-from cellwright.circuits.temperature import ocv_at, warmth
+from cellwright.circuits.temperature import ocv_at, resistance_factor
 from cellwright.identification.choice import choose, left_out
-from cellwright.identification.identify import activation_of, data_of, identify, limits_of, warmed
+from cellwright.identification.identify import (
+    activation_of,
+    at_activation_energy,
+    data_of,
+    identify,
+    limits_of,
+)
 from cellwright.identification.search import ABSENT_SECOND
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import REFERENCE_CELSIUS
-from cellwright.records.record import blocks_of_used, groups_of
+from cellwright.records.facts import of_first_checkup
+from cellwright.records.record import blocks_of_used, records_by_temperature
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-model/2"
 GRID = np.linspace(0.0, 1.0, 201)
 PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
-
-
-class FitTest(NamedTuple):
-    """A test that a model may be fitted to: its row of the sheet and its clean series."""
-
-    facts: dict
-    series: dict
 
 
 class Identified(NamedTuple):
@@ -57,9 +57,9 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
 
     Parameters
     ----------
-    cell : dict, the cell's row of the sheet.
+    cell : CellFacts.
     basis : dict, from `basis.basis`.
-    tests : list of FitTest, roles fit or split.
+    tests : list of MeasuredTest, roles fit or split.
     members : names of the members of the family.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
 
@@ -76,8 +76,8 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         raise Refusal(
             "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
         )
-    young, later = _by_age(tests)
-    groups, notes = groups_of(young, basis, cell, split_rest_second=split_rest_second)
+    young, later = of_first_checkup(tests)
+    groups, notes = records_by_temperature(young, basis, cell, split_rest_second=split_rest_second)
     if later:
         notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
     found, energies = _identified(groups, basis, members, split_rest_second, notes)
@@ -87,7 +87,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     choice = choose(scores)
     return {
         "schema": SCHEMA,
-        "cell": cell["cell"],
+        "cell": cell.cell,
         "capacity_ampere_hour": basis["capacity_ampere_hour"],
         "borrowed_from": basis["borrowed_from"],
         "ocv": [one.ocv for one in found],
@@ -128,7 +128,7 @@ def _identified(groups, basis, members, split_rest_second, notes):
     found, diffusion = {}, Diffusion(None, None, float(np.mean(activation.joule_per_mole)))
     for group in sorted(usable, key=lambda g: abs(g.celsius - REFERENCE_CELSIUS)):
         energy = energies[group.celsius]
-        ready = warmed(group, energy)
+        ready = at_activation_energy(group, energy)
         one = _condition(ready, energy, basis, members, split_rest_second, diffusion, limits)
         notes += one.notes
         if one.entries:
@@ -157,22 +157,15 @@ def _diffusion_at(diffusion, celsius):
     # ASSUME: Diffusion in the particles slows in the cold by the factor by which resistance grows.
     if diffusion.second is None:
         return None
-    return diffusion.second * warmth(celsius, diffusion.celsius, diffusion.joule_per_mole)
+    return diffusion.second * resistance_factor(
+        celsius, diffusion.celsius, diffusion.joule_per_mole
+    )
 
 
 def _common(scores):
     """Scores of the members that could be fitted and scored at every temperature."""
     names = [name for name in scores[0] if all(name in one for one in scores)]
     return {name: [one[name] for one in scores] for name in names}
-
-
-def _by_age(tests):
-    """Tests of the earliest check-up, and the names of the others."""
-    cycles = [test.facts["cycle"] or 0 for test in tests]
-    first = min(cycles, default=0)
-    pairs = list(zip(tests, cycles, strict=True))
-    young = [test for test, cycle in pairs if cycle == first]
-    return young, [test.facts["test"] for test, cycle in pairs if cycle > first]
 
 
 def _data(group, basis):
@@ -210,8 +203,10 @@ def _condition(group, energy, basis, members, split_rest_second, diffusion, limi
         except Refusal as refusal:
             notes.append(f"{name} not identified at {group.celsius:g} °C: {refusal}")
             continue
-        about = {"ambient_temperature_celsius": group.celsius, "tests": list(group.tests)}
-        entry = condition_entry(fitted.condition, **about)
+        tests = [record.test for record in group.records]
+        entry = condition_entry(
+            fitted.condition, ambient_temperature_celsius=group.celsius, tests=tests
+        )
         entries[name] = entry | {"activation_energy_joule_per_mole": energy}
     return Identified(_table(group.celsius, data, curve), entries, scores, notes)
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import member_named
-from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, warmth
+from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
 from cellwright.identification.columns import Data, Held, columns_of
 from cellwright.identification.regression import SCALES, pull_of, solved, system_of
 from cellwright.identification.search import (
@@ -24,7 +24,7 @@ from cellwright.identification.search import (
     settled,
 )
 from cellwright.numerics.linear import solve
-from cellwright.records.record import edges, thin, without_edges
+from cellwright.records.thinning import edges, thin, without_edges
 from cellwright.refusal import Refusal
 
 PER_DECADE = 2  # time constants of a distribution in each decade
@@ -266,7 +266,7 @@ def activation_of(groups, data_of_group, *, capacity_ampere_hour):
 
     Parameters
     ----------
-    groups : list of groups.Group, ascending in temperature.
+    groups : list of FitRecords, ascending in temperature.
     data_of_group : function (group) → design.Data.
     capacity_ampere_hour : [Ah].
 
@@ -283,7 +283,7 @@ def activation_of(groups, data_of_group, *, capacity_ampere_hour):
         return Activation(
             tuple(energies), f"activation energy of the resistance [kJ/mol]: {listed}"
         )
-    varied = max(np.ptp(course) for course in groups[0].courses)
+    varied = max(np.ptp(record.celsius) for record in groups[0].records)
     if varied < VARIED_KELVIN:
         return Activation((0.0,), "")
     try:
@@ -297,17 +297,19 @@ def activation_of(groups, data_of_group, *, capacity_ampere_hour):
     return Activation((best,), words)
 
 
-def warmed(group, joule_per_mole):
-    """The group with the warmth of its records at an activation energy.
+def at_activation_energy(group, joule_per_mole):
+    """The records of a temperature with the factor on their resistances at an activation energy.
 
     Parameters
     ----------
-    group : groups.Group.
+    group : FitRecords.
     joule_per_mole : activation energy [J/mol].
     """
     records = tuple(
-        record._replace(warmth=warmth(course, group.celsius, joule_per_mole))
-        for record, course in zip(group.records, group.courses, strict=True)
+        record._replace(
+            resistance_factor=resistance_factor(record.celsius, group.celsius, joule_per_mole)
+        )
+        for record in group.records
     )
     return group._replace(records=records)
 
@@ -343,7 +345,7 @@ def _neighbours(celsius, resistance):
 def _costs(group, data_of_group, capacity):
     costs, factor = [], None
     for energy in TRIED_JOULE_PER_MOLE:
-        data = data_of_group(warmed(group, energy))
+        data = data_of_group(at_activation_energy(group, energy))
         found = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=group.celsius)
         factor = factor or found.solution.factor
         costs.append(cost_of(data, found.held, factor))
