@@ -21,6 +21,7 @@ KINDS = ("capacity", "hppc", "pulse_resistance", "drive")
 GRID = np.linspace(0.0, 1.0, 1001)
 EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
 RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
+JUDGING = ("validation", "split")  # roles of tests that judge
 HOLDS = ("zero_order", "first_order")
 
 
@@ -80,10 +81,10 @@ def _sides(cell, basis, tests, settings):
     young, later = of_first_checkup(tests)
     fitted, judging, notes = [], [], [f"not used, of a later check-up: {n}" for n in later]
     for test in young:
-        sides = {"split": (fitted, judging), "validation": (judging,)}
+        role, given = test.facts.role, (test, basis, cell, settings)
         try:
-            for side in sides.get(test.facts.role, (fitted,)):
-                side.append(_record(test, basis, cell, side is judging, settings))
+            fitted += [] if role == "validation" else [_record(*given)]
+            judging += [_record(*given, proof=True)] if role in JUDGING else []
         except Refusal as refusal:
             notes.append(f"not used: {test.facts.test}: {refusal}")
     if not judging and len(fitted) >= 3:
@@ -98,7 +99,7 @@ def _sides(cell, basis, tests, settings):
     return fitted, judging, notes
 
 
-def _record(test, basis, cell, proof, settings):
+def _record(test, basis, cell, settings, *, proof=False):
     # What the instrument read, with what cleaning did not count: an offset is one of the effects.
     cut = {"split_rest_second": settings["split_rest_second"]}
     return laid_out_to_fit(test, basis, cell, proof=proof, as_read=True, **cut)
@@ -116,7 +117,7 @@ def _nearest(basis):
 
 def _stand_in(tests, judging):
     """Said where the sheet has no test for validation, and others served for it."""
-    if not any(test.facts.role in ("validation", "split") for test in tests):
+    if not any(test.facts.role in JUDGING for test in tests):
         names = ", ".join(record.test for record in judging)
         yield f"No test of this cell is for validation: {names} judged, unfitted; that is no proof."
 

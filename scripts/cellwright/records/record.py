@@ -355,20 +355,26 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     conditions : list of FitRecords. notes : list of str, what was left out and why.
     """
     conditions, notes = [], []
+    settings = {"split_rest_second": split_rest_second}
     for celsius, members in _by_temperature(tests):
-        records = []
-        for test in members:
-            try:
-                made = laid_out_to_fit(test, basis, cell, split_rest_second=split_rest_second)
-            except Refusal as refusal:
-                notes.append(f"not fitted: {test.facts.test}: {refusal}")
-                continue
-            records.append(made)
-            notes += [f"{made.test}: SoC by {made.anchor}"] if test.facts.soc is None else []
+        tried = [_tried(test, basis, cell, settings, notes) for test in members]
+        records = tuple(record for record in tried if record is not None)
         if records:
             pulsed = any(test.facts.kind == "hppc" for test in members)
-            conditions.append(FitRecords(celsius, tuple(records), pulsed))
+            conditions.append(FitRecords(celsius, records, pulsed))
     return conditions, notes
+
+
+def _tried(test, basis, cell, settings, notes):
+    """Record of a test, None with a note where it cannot be fitted."""
+    try:
+        record = laid_out_to_fit(test, basis, cell, **settings)
+    except Refusal as refusal:
+        notes.append(f"not fitted: {test.facts.test}: {refusal}")
+        return None
+    if test.facts.soc is None:
+        notes.append(f"{record.test}: SoC by {record.anchor}")
+    return record
 
 
 def _by_temperature(tests):
