@@ -99,7 +99,7 @@ def test_a_stretched_table_is_read_as_the_simulator_reads_it():
     np.testing.assert_allclose(1.08 * bank.elements[-1].gain, plain.elements[-1].gain)
 
 
-def test_warmth_is_the_models_own_resistance_along_the_course():
+def test_the_factor_is_of_the_models_own_resistance_along_the_course():
     model = stated()
     cold = truth.model(celsius=0.0, scale=2.0)["members"][0]["conditions"][0]
     model["members"][0]["conditions"].append(cold | {"fit_rmse_volt": 0.01})

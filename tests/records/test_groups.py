@@ -149,7 +149,7 @@ def test_a_cell_that_keeps_its_temperature_shows_none():
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0])
-def test_resistance_that_does_not_fall_with_warmth_has_no_activation_energy(scale):
+def test_resistance_that_does_not_fall_with_temperature_has_no_activation_energy(scale):
     """An energy below zero is an error of the fit, not a property."""
     _, found = activation(made("a", celsius=0.0, factor=scale), made("b", celsius=25.0))
     np.testing.assert_allclose(found.joule_per_mole, 0.0, atol=500.0)

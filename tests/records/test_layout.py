@@ -83,9 +83,13 @@ def test_the_temperature_is_the_surface_s_else_the_chamber_s(
 ):
     names = ("surface_temperature_celsius", "ambient_temperature_celsius")
     given = {n: v for n, v in zip(names, (surface, chamber), strict=True) if v is not None}
-    record = laid(made(celsius=stated, **given))
+    test = made(celsius=stated, **given)
+    record = laid(test, as_read=True)
     np.testing.assert_array_equal(record.celsius, celsius)
     assert record.temperature_source == source
+    if source == "the chamber's measured":
+        np.testing.assert_array_equal(laid(test).celsius, stated)
+        assert laid(test).temperature_source == "the chamber's"
 
 
 @pytest.mark.parametrize("proof", [False, True])

@@ -51,7 +51,7 @@ def group_record(test, branches):
         series["test_time_second"],
         series["current_ampere"],
         series["voltage_volt"],
-        cell_temperature(facts, series)[0],
+        cell_temperature(facts, series, as_read=True)[0],
         currents,
         None if None in initial_soc else np.array(initial_soc, float),
     )

@@ -128,8 +128,9 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
     cell : CellFacts.
     split_rest_second : shortest rest that cuts a test of role `split` [s].
     proof : compare what a fit leaves of a test of role `split`.
-    as_read : take the current as the instrument read it, with what cleaning did not count; the
-        blocks are cut by the cleaned one all the same.
+    as_read : take the current as the instrument read it, with what cleaning did not count, and the
+        chamber's temperature as it was measured; the blocks are cut by the cleaned current all the
+        same.
 
     Returns
     -------
@@ -145,7 +146,7 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
     if len(time) < 2:
         raise Refusal(f"record has {len(time)} sample(s); a model needs a course of time")
     anchored = soc_of(columns, basis, facts, cell)
-    celsius, source = cell_temperature(facts, columns)
+    celsius, source = cell_temperature(facts, columns, as_read=as_read)
     used = np.ones(len(time), bool)
     if facts.role == "split":
         rest = REST_C_RATE * basis["capacity_ampere_hour"]
@@ -190,12 +191,17 @@ def laid_out_to_fit(test, basis, cell, **settings):
     return bridged(record, capacity_ampere_hour=basis["capacity_ampere_hour"])
 
 
-def cell_temperature(facts, series):
+def cell_temperature(facts, series, *, as_read=False):
     """Temperature of a cell along a test: its measured surface, else the chamber, else 25 °C.
+
+    The chamber's is the stated one, at which a model has its conditions: air that swings by tenths
+    of a kelvin within minutes tells less of a cell. A search for effects, which asks what a reading
+    is worth, takes the measured one where there is one.
 
     Parameters
     ----------
     facts : TestFacts. series : dict of (n,) columns.
+    as_read : take the measured temperature of the chamber before the stated one.
 
     Returns
     -------
@@ -203,10 +209,9 @@ def cell_temperature(facts, series):
     """
     # ASSUME: A model's temperature is that of the cell's surface where it was measured, else the
     # chamber's: the core of a loaded cell is warmer.
-    measured = {
-        "the surface's measured": series.get("surface_temperature_celsius"),
-        "the chamber's measured": series.get("ambient_temperature_celsius"),
-    }
+    measured = {"the surface's measured": series.get("surface_temperature_celsius")}
+    if as_read:
+        measured["the chamber's measured"] = series.get("ambient_temperature_celsius")
     for source, celsius in measured.items():
         if celsius is not None and np.isfinite(celsius).all():
             return np.asarray(celsius, float), source
