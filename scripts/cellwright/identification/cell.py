@@ -77,10 +77,12 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
             "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
         )
     young, later = of_first_checkup(tests)
-    groups, notes = records_by_temperature(young, basis, cell, split_rest_second=split_rest_second)
+    by_temperature, notes = records_by_temperature(
+        young, basis, cell, split_rest_second=split_rest_second
+    )
     if later:
         notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
-    found, energies = _identified(groups, basis, members, split_rest_second, notes)
+    found, energies = _identified(by_temperature, basis, members, split_rest_second, notes)
     if not found:
         raise Refusal("; ".join(notes) or "no test can be fitted")
     scores = _common([one.scores for one in found])
@@ -106,34 +108,34 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
             }
             for one in found
         ],
-        "kind": "hppc" if any(group.pulsed for group in groups) else "drive",
+        "kind": "hppc" if any(fit_records.pulsed for fit_records in by_temperature) else "drive",
         "notes": [*notes, *filter(None, [energies])],
     }
 
 
-def _identified(groups, basis, members, split_rest_second, notes):
+def _identified(by_temperature, basis, members, split_rest_second, notes):
     """(one Identified a temperature, what is said of the activation energies)."""
     capacity, usable = basis["capacity_ampere_hour"], []
-    for group in groups:
+    for fit_records in by_temperature:
         try:
-            _data(group, basis)
-            usable.append(group)
+            _data(fit_records, basis)
+            usable.append(fit_records)
         except Refusal as refusal:
-            notes.append(f"not identified at {group.celsius:g} °C: {refusal}")
+            notes.append(f"not identified at {fit_records.celsius:g} °C: {refusal}")
     if not usable:
         return [], ""
-    activation = activation_of(usable, lambda g: _data(g, basis), capacity_ampere_hour=capacity)
-    limits = _limits([limits_of(_data(group, basis)) for group in usable])
-    energies = dict(zip((g.celsius for g in usable), activation.joule_per_mole, strict=True))
+    activation = activation_of(usable, lambda one: _data(one, basis), capacity_ampere_hour=capacity)
+    limits = _limits([limits_of(_data(fit_records, basis)) for fit_records in usable])
+    energies = dict(zip((one.celsius for one in usable), activation.joule_per_mole, strict=True))
     found, diffusion = {}, Diffusion(None, None, float(np.mean(activation.joule_per_mole)))
-    for group in sorted(usable, key=lambda g: abs(g.celsius - REFERENCE_CELSIUS)):
-        energy = energies[group.celsius]
-        ready = at_activation_energy(group, energy)
+    for fit_records in sorted(usable, key=lambda one: abs(one.celsius - REFERENCE_CELSIUS)):
+        energy = energies[fit_records.celsius]
+        ready = at_activation_energy(fit_records, energy)
         one = _condition(ready, energy, basis, members, split_rest_second, diffusion, limits)
         notes += one.notes
         if one.entries:
-            found[group.celsius] = one
-            diffusion = _first_diffusion(diffusion, one, group.celsius)
+            found[fit_records.celsius] = one
+            diffusion = _first_diffusion(diffusion, one, fit_records.celsius)
     return [found[celsius] for celsius in sorted(found)], activation.words
 
 
@@ -168,25 +170,25 @@ def _common(scores):
     return {name: [one[name] for one in scores] for name in names}
 
 
-def _data(group, basis):
+def _data(fit_records, basis):
     return data_of(
-        group.records,
+        fit_records.records,
         GRID,
-        ocv_at(_dated(basis["ocv"]), GRID, group.celsius),
+        ocv_at(_dated(basis["ocv"]), GRID, fit_records.celsius),
         capacity_ampere_hour=basis["capacity_ampere_hour"],
-        spacing=PULSED_SPACING if group.pulsed else DRIVEN_SPACING,
+        spacing=PULSED_SPACING if fit_records.pulsed else DRIVEN_SPACING,
     )
 
 
-def _condition(group, energy, basis, members, split_rest_second, diffusion, limits):
+def _condition(fit_records, energy, basis, members, split_rest_second, diffusion, limits):
     """Every member at one temperature; one that cannot be fitted costs the others nothing."""
-    capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], group.celsius)
-    settings = {"capacity_ampere_hour": capacity, "celsius": group.celsius}
-    data, notes = _data(group, basis), []
-    allowed = largest_hysteresis(basis, group.celsius, data.knots)
+    capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], fit_records.celsius)
+    settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
+    data, notes = _data(fit_records, basis), []
+    allowed = largest_hysteresis(basis, fit_records.celsius, data.knots)
     data = data._replace(most_volt=allowed.most_volt)
     if any("+H" in name for name in members):
-        notes.append(f"hysteresis at {group.celsius:g} °C {allowed.words}")
+        notes.append(f"hysteresis at {fit_records.celsius:g} °C {allowed.words}")
     if curve["branches"] in ("discharge", "charge"):
         slow = curve[f"{curve['branches']}_current_ampere"]
         first = identify(data, member_named("DRT"), **settings).condition
@@ -196,19 +198,19 @@ def _condition(group, energy, basis, members, split_rest_second, diffusion, limi
     entries, scores = {}, {}
     for name in members:
         try:
-            held = {"diffusion_second": _diffusion_at(diffusion, group.celsius)}
+            held = {"diffusion_second": _diffusion_at(diffusion, fit_records.celsius)}
             held["limits_second"] = limits if member_named(name).pairs is None else None
             fitted = identify(data, member_named(name), **held, **settings)
             scores[name] = left_out(fitted, block)
         except Refusal as refusal:
-            notes.append(f"{name} not identified at {group.celsius:g} °C: {refusal}")
+            notes.append(f"{name} not identified at {fit_records.celsius:g} °C: {refusal}")
             continue
-        tests = [record.test for record in group.records]
+        tests = [record.test for record in fit_records.records]
         entry = condition_entry(
-            fitted.condition, ambient_temperature_celsius=group.celsius, tests=tests
+            fitted.condition, ambient_temperature_celsius=fit_records.celsius, tests=tests
         )
         entries[name] = entry | {"activation_energy_joule_per_mole": energy}
-    return Identified(_table(group.celsius, data, curve), entries, scores, notes)
+    return Identified(_table(fit_records.celsius, data, curve), entries, scores, notes)
 
 
 def _table(celsius, data, curve):

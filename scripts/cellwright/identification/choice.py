@@ -278,16 +278,18 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
     names = [name for entry in entries for name in entry["tests"]]
     known = [test for test in tests if test.facts.test in names]
     known = sorted(known, key=lambda test: names.index(test.facts.test))
-    groups, _ = records_by_temperature(known, basis, cell, split_rest_second=split_rest_second)
+    by_temperature, _ = records_by_temperature(
+        known, basis, cell, split_rest_second=split_rest_second
+    )
     rest = {"rest_second": split_rest_second}
     rest["rest_ampere"] = REST_C_RATE * basis["capacity_ampere_hour"]
-    by_names = {tuple(record.test for record in group.records): group for group in groups}
+    by_names = {tuple(record.test for record in one.records): one for one in by_temperature}
     conditions = []
     for entry in entries:
-        group = by_names.get(tuple(entry["tests"]))
-        if group is None:
+        fit_records = by_names.get(tuple(entry["tests"]))
+        if fit_records is None:
             raise Refusal(f"not to be compared: {', '.join(entry['tests'])} cannot be read again")
-        ready = ready_records(group.records)
+        ready = ready_records(fit_records.records)
         pairs = zip(ready, blocks_of_used(ready, **rest), strict=True)
         conditions.append([FittedRecord(*pair) for pair in pairs])
     return conditions
