@@ -6,7 +6,7 @@ from sheets_facts import cell_facts, measured_test
 
 from cellwright.circuits.exports import pybamm_document
 from cellwright.circuits.instrument import words_of
-from cellwright.circuits.model_file import is_plain, parameter_rows, simulate_model
+from cellwright.circuits.model_file import is_plain, member_of, parameter_rows, simulate_model
 from cellwright.effects import base
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.member import (
@@ -19,10 +19,10 @@ from cellwright.effects.member import (
 )
 from cellwright.effects.records import stacked
 from cellwright.filters.bank import bank_of
-from cellwright.filters.evaluate import _record
+from cellwright.filters.evaluate import _as_it_was
 from cellwright.identification.cell import cell_model
 from cellwright.identification.choice import fitted_records
-from cellwright.records.record import record_of
+from cellwright.records.record import laid_out, record_of
 from cellwright.refusal import Refusal
 
 CAPACITY = 2.0
@@ -339,12 +339,13 @@ def test_a_filter_sees_the_true_current_and_voltage():
     given = found("current_offset", "voltage_offset", "voltage_gain", "capacity_error")
     tests = series_of(given)
     model = holding(given)
-    record = _record(model | {"chosen": NAME}, SHEET, *tests[0], 300.0)
+    read = laid_out(tests[0], model, SHEET, split_rest_second=300.0)
+    record = _as_it_was(model, member_of(model, NAME), read)
     true = tests[0].series["current_ampere"] - 0.02
     np.testing.assert_allclose(record.current_ampere, true)
     volt = tests[0].series["voltage_volt"] / 1.003 - 0.01
     np.testing.assert_allclose(record.voltage_volt, volt)
     moved = np.sum(true[:-1]) / 3600.0 / (CAPACITY * 1.02 * 1.002)
-    assert record.reference_soc[-1] - record.reference_soc[0] == pytest.approx(moved, rel=1e-6)
+    assert record.soc[-1] - record.soc[0] == pytest.approx(moved, rel=1e-6)
     bank = bank_of(model, NAME, 25.0)
     assert bank.capacity_ampere_hour == pytest.approx(CAPACITY * 1.02 * 1.002)
