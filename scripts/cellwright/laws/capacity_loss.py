@@ -142,7 +142,8 @@ def repeatability(points, reference, *, assumed_share, slow_c_rate):
 def _warm(point, deficit):
     return (
         f"{point.direction} at {point.temperature_celsius:g} °C gives {100 * deficit:.1f} % less "
-        "than at the reference, which warmth cannot do: age or an unequal start, counted as scatter"
+        "than at the reference, which temperature cannot do: age or an unequal start, counted as "
+        "scatter"
     )
 
 
