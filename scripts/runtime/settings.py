@@ -52,15 +52,18 @@ def _range(spec) -> str:
     return "".join(f" {word} {spec[key]:g}" for key, word in words.items() if key in spec)
 
 
-def read(folder, schema: dict, given: dict) -> tuple[dict, list[str]]:
+def read(folder, schema: dict, given: dict, *, alone=False) -> tuple[dict, list[str]]:
     """Settings of a campaign, with all defaults, and what is wrong with them.
 
-    `given` (Snakemake's --config and --configfile) goes before what the file says.
+    `given` (Snakemake's --config and --configfile) goes before what the file says. Where it is
+    `alone` (the `config:` of a module), the file is not looked at.
     """
     path = Path(folder) / FILE
-    written, lines, faults = _written(path.read_bytes()) if path.is_file() else ({}, {}, [])
+    there = path.is_file() and not alone
+    written, lines, faults = _written(path.read_bytes()) if there else ({}, {}, [])
     faults += faults_of(written, schema, lambda path: f"{FILE}, line {lines.get(tuple(path), 1)}")
-    faults += faults_of(given, schema, lambda path: "--config")
+    source = "config of the module" if alone else "--config"
+    faults += faults_of(given, schema, lambda path: source)
     return ({} if faults else _filled(_merged(written, given), schema)), faults
 
 

@@ -168,7 +168,7 @@ class CampaignError(ValueError):
     """All faults of a campaign's sheets and config, one per line."""
 
 
-def read(folder, schemas, given=None) -> Campaign:
+def read(folder, schemas, given=None, *, alone=False) -> Campaign:
     """Read and check a campaign. Whether its raw files are there and sound is not looked at.
 
     Parameters
@@ -179,6 +179,8 @@ def read(folder, schemas, given=None) -> Campaign:
         Folder of the schemas.
     given : dict, optional
         Settings that go before config.yaml (Snakemake's --config).
+    alone : bool
+        Whether `given` stands for config.yaml (the `config:` of a module), which is not read.
 
     Raises
     ------
@@ -186,7 +188,9 @@ def read(folder, schemas, given=None) -> Campaign:
         Names every fault with file, row, line, column, what was found and what is wanted.
     """
     folder = Path(folder)
-    config, faults = settings.read(folder, settings.load(schemas, "config"), given or {})
+    config, faults = settings.read(
+        folder, settings.load(schemas, "config"), given or {}, alone=alone
+    )
     cells, tests = (_sheet(folder, schemas, name) for name in ("cells", "tests"))
     groups = Sheet([], [], [])
     if (folder / "config" / "groups.tsv").exists():

@@ -26,6 +26,7 @@ SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in ("cells", "tests
 def test_a_rule_says_what_it_does_logs_and_runs_the_script_of_its_name(rule, body):
     for needed in ("message:", "log:"):
         assert needed in body, f"rule {rule} has no {needed}"
+    assert ("shell:" in body) is (rule in COMMANDS), f"rule {rule}: a script, or named here"
     if rule in COMMANDS:
         return
     script = re.search(r"scripts/(\w+)/(\w+)\.py", body)

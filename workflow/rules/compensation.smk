@@ -61,7 +61,7 @@ rule compensation:
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
     message:
-        "Which law over temperature predicts what {wildcards.cell} does where it was left out."
+        "Compare laws over temperature of {wildcards.cell}: each temperature predicted from the others."
     script:
         "../../scripts/compensation/compensation.py"
 

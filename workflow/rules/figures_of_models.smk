@@ -65,7 +65,7 @@ rule figure_compensation:
     log:
         "logs/figures/{cell}_compensation.log",
     message:
-        "Figure: {wildcards.cell} at temperatures that its model was not told."
+        "Figure: model of {wildcards.cell} at temperatures left out of its fit."
     script:
         "../../scripts/figures_of_models/figure_compensation.py"
 
@@ -91,7 +91,7 @@ rule figure_missing_effect:
     params:
         gates={name: config["missing_effect"][name] for name in ("bic", "validation_chi_square")},
     message:
-        "Figures: what the model of {wildcards.cell} lacks, and how one can see it."
+        "Figures: effect that the model of {wildcards.cell} lacks, and the evidence for it."
     script:
         "../../scripts/figures_of_models/figure_missing_effect.py"
 
@@ -111,6 +111,6 @@ rule figure_missing_effect_group:
     params:
         gates=config["missing_effect_group"]["gates"],
     message:
-        "Figures: what one branch of {wildcards.group} has of its own, and how one can see it."
+        "Figures: effect in one branch of {wildcards.group}, and the evidence for it."
     script:
         "../../scripts/figures_of_models/figure_missing_effect_group.py"

@@ -75,7 +75,7 @@ rule figure_impedance_fit:
     log:
         "logs/figures/{cell}_impedance_fit.log",
     message:
-        "Figure: what the circuit leaves of the spectra of {wildcards.cell}."
+        "Figure: residuals of the circuit fitted to the spectra of {wildcards.cell}."
     script:
         "../../scripts/figures_of_tests/figure_impedance_fit.py"
 

@@ -80,7 +80,7 @@ rule effect_search:
         cell=cell_facts,
         references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
     message:
-        "Search for what the model of {wildcards.cell} lacks."
+        "Search for an effect that the model of {wildcards.cell} lacks."
     script:
         "../../scripts/missing_effect/effect_search.py"
 
@@ -103,7 +103,7 @@ rule missing_effect_group:
         branches=lambda w: BRANCHES[w.group],
         lenders=lambda w: {row["cell"]: lender(row["cell"]) for row in BRANCHES[w.group]},
     message:
-        "Search for what one branch of {wildcards.group} has of its own."
+        "Search for an effect in one branch of the parallel group {wildcards.group}."
     script:
         "../../scripts/missing_effect/missing_effect_group.py"
 

@@ -1,11 +1,13 @@
 # The results contract: plain CSV tables, the summary, what was left out, the manifest.
 
-SCORES = [
-    f"results/validation/{cell}/{row['test']}.parquet"
-    for cell, rows in SCORED.items()
-    for row in rows
-]
-FILTERED = [path.replace("/validation/", "/soc/", 1) for path in SCORES]
+SCORES, FILTERED = (
+    [
+        f"results/{stage}/{cell}/{row['test']}.parquet"
+        for cell, rows in SCORED.items()
+        for row in rows
+    ]
+    for stage in ("validation", "soc")
+)
 MODELS = [f"results/models/{cell}.json" for cell in MODELLED]
 TABLE_INPUTS = {
     "capacity": [*everywhere("capacity", *CAPACITY_KINDS), *everywhere("ageing_cycles", "ageing")],
