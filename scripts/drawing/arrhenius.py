@@ -4,7 +4,8 @@ import matplotlib
 import numpy as np
 
 import figure
-from cellwright.laws.temperature import LAWS, ZERO_CELSIUS, stretches
+from cellwright.laws.temperature import LAWS, stretches
+from cellwright.numerics.arrhenius import ZERO_CELSIUS_KELVIN
 
 ACROSS = 3  # families beside each other
 MOST_LEVELS = 5  # states of charge drawn of each, evenly chosen
@@ -98,4 +99,4 @@ def _course(axes, celsius, ohm, style):
 
 def _axis(celsius):
     """Minus 1000/T [1/K]: linear for Arrhenius, and the warm side on the right."""
-    return -1000 / (np.asarray(celsius, float) + ZERO_CELSIUS)
+    return -1000 / (np.asarray(celsius, float) + ZERO_CELSIUS_KELVIN)

@@ -4,8 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.temperature import law_row
 from cellwright.numerics.lines import coloured_line
 from cellwright.numerics.periods import daily_sine, periods
+from cellwright.numerics.scores import rms
 from cellwright.numerics.uncertainty import t_interval
 from cellwright.refusal import Refusal
 
@@ -59,8 +61,8 @@ def reading_noise(hour, celsius):
         near = [k + step for step in (-2, -1, 1, 2)]
         # Weights of the neighbours in the cubic's value here, from its value at 0.
         weights = np.linalg.inv(np.vander(hour[near] - hour[k]))[-1]
-        errors.append((celsius[k] - weights @ celsius[near]) ** 2 / (1 + weights @ weights))
-    return float(np.sqrt(np.mean(errors))) if errors else np.nan
+        errors.append((celsius[k] - weights @ celsius[near]) / np.sqrt(1 + weights @ weights))
+    return rms(errors)
 
 
 LEAST_CYCLES = 8
@@ -386,32 +388,31 @@ def _daily(found, capacity):
 
 
 def law_rows(summary, *, test):
-    """Rows of the table of laws over temperature: slope, start, loss and daily cycle."""
-    capacity, percent = summary["capacity_start_ampere_hour"], "%"
-    entries = [
-        ("capacity_at_start", capacity, np.nan, "Ah"),
-        (
-            "temperature_slope",
-            summary["slope_percent_per_kelvin"],
-            summary["slope_std_percent_per_kelvin"],
-            "%/degC",
-        ),
-        ("reference_temperature", summary["reference_celsius"], np.nan, "degC"),
-        ("loss_over_record", summary["loss_percent"], summary["loss_std_percent"], percent),
-        ("daily_amplitude", summary["daily_percent"], summary["daily_std_percent"], percent),
-    ]
+    """Rows of the table of laws over temperature: slope, start, loss and daily cycle.
+
+    Parameters
+    ----------
+    summary : of a `CycleFit`. test : name of the record.
+    """
+    entries = (
+        ("capacity_at_start", "Ah", "capacity_start_ampere_hour", ""),
+        ("temperature_slope", "%/degC", "slope_percent_per_kelvin", "slope_std_percent_per_kelvin"),
+        ("reference_temperature", "degC", "reference_celsius", ""),
+        ("loss_over_record", "%", "loss_percent", "loss_std_percent"),
+        ("daily_amplitude", "%", "daily_percent", "daily_std_percent"),
+    )
+    quantity, law = f"discharge capacity over the cycles of {test}", "fade and temperature"
+    r_squared = summary["explained"]
     return [
-        {
-            "quantity": f"discharge capacity over the cycles of {test}",
-            "law": "fade and temperature",
-            "parameter": name,
-            "value": float(value),
-            "std": float(std),
-            "unit": unit,
-            "r_squared": summary["explained"],
-            "cross_validation_rmse": np.nan,
-            "chosen": True,
-        }
-        for name, value, std, unit in entries
-        if np.isfinite(value)
+        law_row(
+            quantity,
+            law,
+            name,
+            summary[value],
+            summary.get(std, np.nan),
+            unit=unit,
+            r_squared=r_squared,
+        )
+        for name, unit, value, std in entries
+        if np.isfinite(summary[value])
     ]

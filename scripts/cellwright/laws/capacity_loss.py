@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import fresh
+from cellwright.laws.temperature import law_row
 from cellwright.refusal import Refusal
 
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
@@ -154,17 +155,14 @@ def law_rows(losses):
         rates[loss.direction] = max(rates.get(loss.direction, 0.0), loss.slow_c_rate)
     names = {name: f"{name} at up to {rate:.2g}C" for name, rate in rates.items()}
     rows = [
-        {
-            "quantity": f"true capacity loss, {names[loss.direction]}",
-            "law": "split",
-            "parameter": f"at {loss.temperature_celsius:g} degC",
-            "value": loss.true_percent,
-            "std": loss.true_std_percent,
-            "unit": "%",
-            "r_squared": np.nan,
-            "cross_validation_rmse": np.nan,
-            "chosen": True,
-        }
+        law_row(
+            f"true capacity loss, {names[loss.direction]}",
+            "split",
+            f"at {loss.temperature_celsius:g} degC",
+            loss.true_percent,
+            loss.true_std_percent,
+            unit="%",
+        )
         for loss in slow
     ]
     if not rows:

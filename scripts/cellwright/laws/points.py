@@ -137,12 +137,26 @@ def one_a_temperature(points):
     ]
 
 
+def by_quantity(points):
+    """Points of each quantity, in the order in which quantities first appear.
+
+    Parameters
+    ----------
+    points : list of Point.
+    """
+    groups = {}
+    for point in points:
+        groups.setdefault(point.quantity, []).append(point)
+    return groups
+
+
 def enough(points, *, temperatures=3):
     """Points of the quantities that have at least so many temperatures."""
-    seen = {}
-    for point in points:
-        seen.setdefault(point.quantity, set()).add(point.temperature_celsius)
-    return [point for point in points if len(seen[point.quantity]) >= temperatures]
+    tested = {
+        quantity: len({point.temperature_celsius for point in group})
+        for quantity, group in by_quantity(points).items()
+    }
+    return [point for point in points if tested[point.quantity] >= temperatures]
 
 
 REACH_SOC = 0.12  # how far the pulses on either side of a state of charge may lie

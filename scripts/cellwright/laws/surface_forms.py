@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.temperature import inverse_temperature
+from cellwright.numerics.arrhenius import inverse_temperature
+from cellwright.numerics.separable import best_logarithms
 from cellwright.numerics.uncertainty import covariance_from_jacobian, standard_deviations
 from cellwright.refusal import Refusal
 
@@ -147,8 +148,6 @@ def _polished(form, soc, celsius, target, rates):
     """Rates refined from the grid's best, within its range."""
     if not _free(rates):
         return rates
-    from scipy.optimize import least_squares
-
     split = len(rates[0])
     start = np.log([rate for end in rates for rate in end if rate])
     held = [rate for end in rates for rate in end]
@@ -160,12 +159,12 @@ def _polished(form, soc, celsius, target, rates):
 
     scale = np.abs(target).max()
     bounds = np.log([RATES[0] / 4, RATES[-1] * 4])
-    found = least_squares(
+    logs = best_logarithms(
         lambda logs: _residual(form, soc, celsius, target, whole(logs)) / scale,
-        start,
+        [start],
         bounds=tuple(bounds),
     )
-    return whole(found.x)
+    return whole(logs)
 
 
 def _errors(design, residual, celsius, over_temperature):

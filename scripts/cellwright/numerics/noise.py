@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.native import array, count, function, real
+from cellwright.numerics.scores import rms
 
 RATIOS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # variance of the slow part over the white one's
 TIMES_SECOND = (30.0, 100.0, 300.0)
@@ -121,7 +122,7 @@ def _shapes(most_slow_second):
 def _grown(tried, residual_volt, stack, extra_volt, most_slow_volt):
     """The same noise, as large as the residual says."""
     w = whitening(tried, stack, extra_volt=extra_volt)
-    factor = max(np.sqrt(np.mean(w.apply(residual_volt) ** 2)), 1e-3)
+    factor = max(rms(w.apply(residual_volt)), 1e-3)
     slow = min(tried.slow_volt * factor, most_slow_volt)
     return Noise(max(tried.white_volt * factor, SMALLEST_VOLT), slow, tried.slow_second)
 

@@ -2,8 +2,11 @@
 
 import numpy as np
 
-from cellwright.laws.ocv.entropy import generalised, zero_crossings
+from cellwright.laws.ocv.entropy import zero_crossings
 from cellwright.laws.ocv.surface import nodes, tested
+from cellwright.laws.temperature import law_row
+from cellwright.numerics.lines import generalised_line
+from cellwright.numerics.scores import rms
 
 LAW_SOC = np.arange(1, 10) / 10
 STRAIGHT_P = 0.05
@@ -162,19 +165,14 @@ def crossings(found, *, certain=True):
 
 
 def _crossing_row(one, certain):
-    return {
-        "quantity": "zero crossing of dOCV/dT"
-        + (", rising" if one.sign_above > 0 else ", falling"),
-        "law": "linear",
-        "parameter": "soc",
-        "value": one.soc,
-        # Nothing says where in the range between two certain signs it lies: rectangular.
-        "std": (one.upper_soc - one.lower_soc) / np.sqrt(12),
-        "unit": "1",
-        "r_squared": float("nan"),
-        "cross_validation_rmse": float("nan"),
-        "chosen": certain,
-    }
+    way = "rising" if one.sign_above > 0 else "falling"
+    # Nothing says where in the range between two certain signs it lies: rectangular.
+    std = (one.upper_soc - one.lower_soc) / np.sqrt(12)
+    quantity = f"zero crossing of dOCV/dT, {way}"
+    return law_row(quantity, "linear", "soc", one.soc, std, unit="1", chosen=certain)
+
+
+PARAMETERS = (("ocv", "V"), ("entropic_coefficient", "V/K"), ("bend", "V/K^2"))
 
 
 def _law(found, k, soc, *, degree, law, chosen):
@@ -185,48 +183,36 @@ def _law(found, k, soc, *, degree, law, chosen):
         getattr(readings, name)[k][known]
         for name in ("celsius", "ocv_volt", "std_volt", "common_volt")
     )
-    columns = np.vander(celsius - reference, degree + 1, increasing=True)
-    covariance = np.diag(std**2) + np.outer(common, common)
     if len(volt) <= degree:
         return []
-    values, deviations, _ = generalised(columns, volt, covariance)
-    r_squared = _explained(columns, volt, covariance)
-    error = _left_out(columns, volt, covariance)
+    columns = np.vander(celsius - reference, degree + 1, increasing=True)
+    covariance = np.diag(std**2) + np.outer(common, common)
+    line = generalised_line(columns, volt, covariance)
+    scores = {
+        "r_squared": _explained(line, volt, covariance),
+        "cross_validation_rmse": _left_out_rmse(columns, volt, covariance),
+    }
+    quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
+    fitted = zip(PARAMETERS, line.values, line.std, strict=False)
     return [
-        {
-            "quantity": f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC",
-            "law": law,
-            "parameter": name,
-            "value": float(value),
-            "std": float(deviation),
-            "unit": unit,
-            "r_squared": r_squared,
-            "cross_validation_rmse": error,
-            "chosen": chosen,
-        }
-        for name, unit, value, deviation in zip(
-            ("ocv", "entropic_coefficient", "bend"),
-            ("V", "V/K", "V/K^2"),
-            values,
-            deviations,
-            strict=False,
-        )
+        law_row(quantity, law, name, value, deviation, unit=unit, chosen=chosen, **scores)
+        for (name, unit), value, deviation in fitted
     ]
 
 
-def _explained(columns, volt, covariance):
+def _explained(line, volt, covariance):
     """R² in units of the standard deviations, the common error among them."""
-    flat, whole = (generalised(columns[:, :q], volt, covariance)[2] for q in (1, columns.shape[1]))
-    freedom = [max(len(volt) - q, 0) for q in (1, columns.shape[1])]
-    return float(1 - whole * freedom[1] / (flat * freedom[0])) if flat > 0 else float("nan")
+    flat = generalised_line(np.ones((len(volt), 1)), volt, covariance)
+    whole, rest = (one.reduced_chi_square * max(one.degrees_of_freedom, 0) for one in (flat, line))
+    return 1 - rest / whole if flat.reduced_chi_square > 0 else np.nan
 
 
-def _left_out(columns, volt, covariance):
+def _left_out_rmse(columns, volt, covariance):
     if len(volt) <= columns.shape[1]:
-        return float("nan")
+        return np.nan
     errors = []
     for out in range(len(volt)):
         rest = np.arange(len(volt)) != out
-        values = generalised(columns[rest], volt[rest], covariance[np.ix_(rest, rest)])[0]
-        errors.append(columns[out] @ values - volt[out])
-    return float(np.sqrt(np.mean(np.square(errors))))
+        line = generalised_line(columns[rest], volt[rest], covariance[np.ix_(rest, rest)])
+        errors.append(columns[out] @ line.values - volt[out])
+    return rms(errors)

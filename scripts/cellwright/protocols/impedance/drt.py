@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.scores import rms
+
 # Weakest and strongest smoothing, powers of ten relative to the data's own weight.
 STRENGTHS = (-8.0, 2.0)
 HALVINGS = 7
@@ -65,7 +67,7 @@ def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
         inductance_henry=float(found[-2]),
         capacitance_farad=float(1 / found[-1]) if found[-1] > 0 else np.inf,
         strength=float(strength),
-        rms_relative_residual=float(np.sqrt(2 * np.mean(error**2))),
+        rms_relative_residual=np.sqrt(2) * rms(error),
     )
 
 
