@@ -49,7 +49,9 @@ _settle_without_pandas()
 
 
 def columns_of(content) -> dict:
-    """Columns from columns, a NamedTuple of arrays, or a list of rows."""
+    """Columns from columns, a NamedTuple of arrays, a DataFrame, or a list of rows."""
+    if hasattr(content, "to_dict"):
+        return content.to_dict("list")
     if hasattr(content, "_asdict"):
         content = content._asdict()
     if not isinstance(content, dict):
