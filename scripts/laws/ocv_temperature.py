@@ -2,11 +2,12 @@
 
 from cellwright.laws.ocv import rows
 from cellwright.laws.ocv.over_temperature import over_temperature
-from runtime import artefact, lending, tables
+from runtime import artefact, lean, lending, tables
 
 with artefact.Job(snakemake) as job:
     inputs, output = snakemake.input, snakemake.output
     steps = tables.rows_of(inputs.steps, {})
+    lean.import_lmfit()
     found = over_temperature(lending.curves(inputs.curves), steps, **snakemake.params.settings)
     job.note(*found.notes)
     job.save(rows.map_rows(found), output.map)

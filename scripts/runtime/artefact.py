@@ -12,14 +12,13 @@ import sys
 import traceback
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cellwright.refusal import Refusal
-from runtime import contract, provenance
+from runtime import contract, lean, provenance
 
 KEY = b"cellwright"
 
@@ -30,19 +29,8 @@ def _settle_without_pandas():
     It looks for pandas at its first array each way, to recognise pandas' own objects. Nothing
     here has any, and the import takes most of a second of each of the run's hundreds of jobs.
     """
-    if "pandas" in sys.modules:
-        return
-    blind = SimpleNamespace(find_spec=_no_pandas)
-    sys.meta_path.insert(0, blind)
-    try:
+    with lean.without("pandas"):
         pa.chunked_array([pa.array(np.zeros(1))]).to_numpy()
-    finally:
-        sys.meta_path.remove(blind)
-
-
-def _no_pandas(name, path=None, target=None):
-    if name == "pandas":
-        raise ModuleNotFoundError("pandas is not looked for here")
 
 
 _settle_without_pandas()

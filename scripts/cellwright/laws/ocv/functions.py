@@ -44,8 +44,8 @@ def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, nea
 
 def _powers(celsius, reference_celsius, degree):
     """Powers of the temperature, by the ten kelvin: columns of a fit are then of one size."""
-    above = (celsius - reference_celsius) / TEN_KELVIN
-    return np.vander(above, degree + 1, increasing=True)
+    powers = np.vander(celsius - reference_celsius, degree + 1, increasing=True)
+    return powers / TEN_KELVIN ** np.arange(degree + 1)
 
 
 def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius):
