@@ -5,7 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import DELAYS, fresh, name_of, rate_classes
+from cellwright.laws.points import (
+    DELAYS,
+    fresh,
+    grouped,
+    name_of,
+    preferred_rate,
+    rate_classes,
+)
 from cellwright.laws.surface_forms import (
     OVER_TEMPERATURE,
     fit_form,
@@ -224,29 +231,26 @@ def pulses_of(rows, *, direction, delay_second, c_rate=1.0):
     mine = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
     mine = [row for row in mine if row["delay_second"] == delay_second]
     mine = [r for r in mine if not r["resistance_std_ohm"] > VAGUE * r["resistance_ohm"]]
-    classes = {rate: _full_courses(found) for rate, found in rate_classes(mine).items()}
+    classes = {rate: _full_courses(own) for rate, own in rate_classes(mine).items()}
     quantity = ", ".join(name_of(direction, delay_second))
-    nearest = sorted(classes, key=lambda rate: abs(np.log(rate / c_rate)))
-    best = max(nearest, key=lambda rate: len(classes[rate]), default=None)
-    count = len(classes[best]) if classes else 0
+    best = classes[preferred_rate(classes, c_rate)] if classes else {}
+    count = len(best)
     if count < 3:
         raise Refusal(
             f"{quantity}: pulses of one rate at {LEAST_LEVELS} states of charge at {count} "
             "temperature(s); a surface needs three"
         )
-    chosen = [row for celsius in sorted(classes[best]) for row in classes[best][celsius]]
+    chosen = [row for celsius in sorted(best) for row in best[celsius]]
     columns = ("soc", "ambient_temperature_celsius", "resistance_ohm")
     return Pulses(quantity, *(np.array([row[c] for row in chosen], float) for c in columns))
 
 
 def _full_courses(rows):
     """Temperature → rows by SoC, where there are enough levels of SoC."""
-    found = {}
-    for row in sorted(rows, key=lambda row: row["soc"]):
-        found.setdefault(row["ambient_temperature_celsius"], []).append(row)
+    rows = sorted(rows, key=lambda row: row["soc"])
     return {
         celsius: mine
-        for celsius, mine in found.items()
+        for celsius, mine in grouped(rows, lambda row: row["ambient_temperature_celsius"]).items()
         if levels_of([row["soc"] for row in mine]) >= LEAST_LEVELS
     }
 
@@ -268,12 +272,8 @@ def fit_surfaces(pulses):
     found = [_fit(form, pulses) for form in FORMS]
     tested = np.min(pulses.temperature_celsius), np.max(pulses.temperature_celsius)
     offered = [np.isfinite(f.temperature_rmse) and falls(f.valid_celsius, tested) for f in found]
-    best = int(
-        np.argmin(
-            [f.temperature_rmse if o else np.inf for f, o in zip(found, offered, strict=True)]
-        )
-    )
-    return tuple(one._replace(chosen=k == best) for k, one in enumerate(found))
+    errors = np.where(offered, [one.temperature_rmse for one in found], np.inf)
+    return tuple(one._replace(chosen=k == errors.argmin()) for k, one in enumerate(found))
 
 
 def _fit(form, pulses):

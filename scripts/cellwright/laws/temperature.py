@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import by_quantity
+from cellwright.laws.points import grouped
 from cellwright.numerics.arrhenius import (
     REFERENCE_KELVIN,
     ZERO_CELSIUS_KELVIN,
@@ -117,23 +117,29 @@ def words_of_turns(families):
         turned = [law for law in laws if not falls(law.valid_celsius, law.tested_celsius)]
         if not turned:
             continue
-        where = {}
-        for law in turned:
-            how, celsius = _turn(law.values, law.valid_celsius, law.tested_celsius)
-            where.setdefault(how, []).append(celsius)
-        count = f"{len(turned)} of {len(laws)}"
+        ends = [_turn(law.values, law.valid_celsius, law.tested_celsius) for law in turned]
+        where = [
+            how.format(f"{span_of([c for _, c in group], '.0f')} °C")
+            for how, group in grouped(ends, lambda end: end[0]).items()
+        ]
         found.append(
-            f"{family}: the quadratic of {count} is not offered as a law, for a resistance falls "
-            f"as it warms: it {', '.join(how.format(_span(at)) for how, at in where.items())}, "
-            f"less than {REACH_KELVIN:g} K beyond the tests or among them (certain at 95 % in "
+            f"{family}: the quadratic of {len(turned)} of {len(laws)} is not offered as a law, for "
+            f"a resistance falls as it warms: it {', '.join(where)}, less than {REACH_KELVIN:g} K "
+            f"beyond the tests or among them (certain at 95 % in "
             f"{sum(law.rises_surely for law in turned)})"
         )
     return found
 
 
-def _span(celsius):
-    low, high = f"{min(celsius):.0f}", f"{max(celsius):.0f}"
-    return f"{low} °C" if low == high else f"{low} to {high} °C"
+def span_of(values, digits):
+    """Least and largest of some numbers in words, one number where they read the same.
+
+    Parameters
+    ----------
+    values : sequence of numbers. digits : format of each, such as ".3g".
+    """
+    low, high = f"{min(values):{digits}}", f"{max(values):{digits}}"
+    return low if low == high else f"{low} to {high}"
 
 
 class Law(NamedTuple):
@@ -292,7 +298,7 @@ def law_rows(points):
     """
     # ASSUME: What is in ohm falls as it warms; capacities and times may have a maximum.
     rows, reasons, quadratics = [], [], {}
-    for quantity, mine in by_quantity(points).items():
+    for quantity, mine in grouped(points, lambda point: point.quantity).items():
         try:
             laws = fit_laws(
                 [point.temperature_celsius for point in mine],
