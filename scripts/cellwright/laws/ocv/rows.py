@@ -1,4 +1,4 @@
-"""Rows of the artefacts on the open-circuit voltage over temperature."""
+"""Tables of the open-circuit voltage over temperature: coefficient, map, functions, laws."""
 
 import numpy as np
 
@@ -12,68 +12,62 @@ LAW_SOC = np.arange(1, 10) / 10
 STRAIGHT_P = 0.05
 
 
-def entropic_rows(found):
-    """The entropic coefficient over SoC, one row a source and SoC.
+def entropic_columns(found):
+    """The entropic coefficient over SoC, one row a source and SoC: dict of columns.
 
     Parameters
     ----------
     found : `ocv_temperature.OverTemperature`.
     """
-    return [
-        {
+    parts = []
+    for source, one in sorted(found.entropic.items()):
+        known = np.isfinite(one.slope)
+        columns = {
             "source": source,
             "used": source == found.used,
-            "soc": float(one.soc[k]),
-            "ocv_volt": float(one.ocv_volt[k]),
-            "entropic_millivolt_per_kelvin": 1e3 * float(one.slope[k]),
-            "std_millivolt_per_kelvin": 1e3 * float(one.slope_std[k]),
-            "lower_millivolt_per_kelvin": 1e3 * float(one.slope_lower[k]),
-            "upper_millivolt_per_kelvin": 1e3 * float(one.slope_upper[k]),
-            "bend_microvolt_per_kelvin_squared": 1e6 * float(one.bend[k]),
-            "bend_std_microvolt_per_kelvin_squared": 1e6 * float(one.bend_std[k]),
-            "bend_p": float(one.bend_p[k]),
-            "shared_error": float(one.shared[k]),
-            "temperatures": int(one.temperatures[k]),
+            "soc": one.soc[known],
+            "ocv_volt": one.ocv_volt[known],
+            "entropic_millivolt_per_kelvin": 1e3 * one.slope[known],
+            "std_millivolt_per_kelvin": 1e3 * one.slope_std[known],
+            "lower_millivolt_per_kelvin": 1e3 * one.slope_lower[known],
+            "upper_millivolt_per_kelvin": 1e3 * one.slope_upper[known],
+            "bend_microvolt_per_kelvin_squared": 1e6 * one.bend[known],
+            "bend_std_microvolt_per_kelvin_squared": 1e6 * one.bend_std[known],
+            "bend_p": one.bend_p[known],
+            "shared_error": one.shared[known],
+            "temperatures": one.temperatures[known].astype(int),
             "reference_celsius": one.reference_celsius,
         }
-        for source, one in sorted(found.entropic.items())
-        for k in np.flatnonzero(np.isfinite(one.slope))
-    ]
+        parts.append(_filled(columns))
+    return _stacked(parts)
 
 
-def map_rows(found, *, every=2):
-    """Curve and bias at each tested temperature, one row a temperature and SoC.
+def map_columns(found, *, every=2):
+    """Curve and bias at each tested temperature, one row a temperature and SoC: dict of columns.
 
     Parameters
     ----------
     found : `ocv_temperature.OverTemperature`. every : of the grid's points.
     """
-    surface, readings = found.surface, found.readings
-    base = nodes(surface, surface.reference_celsius)[0]
-    rows = []
+    surface, readings, fitted = found.surface, found.readings, found.fitted
+    base, parts = nodes(surface, surface.reference_celsius)[0], []
     for column, celsius in enumerate(np.nanmean(readings.celsius, axis=0)):
         volt, moves = nodes(surface, celsius)
-        bias = volt - base
-        std = found.fitted.slope_std * abs(celsius - surface.reference_celsius)
-        measured = readings.ocv_volt[:, column] - found.fitted.ocv_volt
-        inside = tested(surface, surface.soc, celsius)
-        rows += [
-            {
-                "temperature_celsius": float(celsius),
-                "soc": float(surface.soc[k]),
-                "ocv_volt": float(volt[k]),
-                "bias_volt": float(bias[k]),
-                "bias_std_volt": float(std[k]),
-                "measured_bias_volt": float(measured[k]),
-                "entropic_volt_per_kelvin": float(moves[k]),
-                "tested": bool(inside[k]),
-            }
-            for k in range(0, len(surface.soc), every)
-        ]
-    return rows
+        columns = {
+            "temperature_celsius": celsius,
+            "soc": surface.soc,
+            "ocv_volt": volt,
+            "bias_volt": volt - base,
+            "bias_std_volt": fitted.slope_std * abs(celsius - surface.reference_celsius),
+            "measured_bias_volt": readings.ocv_volt[:, column] - fitted.ocv_volt,
+            "entropic_volt_per_kelvin": moves,
+            "tested": tested(surface, surface.soc, celsius),
+        }
+        parts.append({name: values[::every] for name, values in _filled(columns).items()})
+    return _stacked(parts)
 
 
-def surface_rows(found):
+def function_rows(found):
     """One row a function over SoC and temperature; parameters row by row, K0 first.
 
     Parameters
@@ -98,8 +92,8 @@ def surface_rows(found):
     ]
 
 
-def table_rows(found):
-    """The surface itself, one row a SoC.
+def surface_columns(found):
+    """The surface itself, one row a SoC: dict of columns.
 
     Parameters
     ----------
@@ -107,20 +101,28 @@ def table_rows(found):
     """
     surface = found.surface
     cold, warm = surface.tested_celsius
-    inside = tested(surface, surface.soc, warm)
-    return [
+    return _filled(
         {
-            "soc": float(surface.soc[k]),
-            "ocv_volt": float(surface.ocv_volt[k]),
-            "slope_volt_per_kelvin": float(surface.slope[k]),
-            "bend_volt_per_kelvin_squared": float(surface.bend[k]),
+            "soc": surface.soc,
+            "ocv_volt": surface.ocv_volt,
+            "slope_volt_per_kelvin": surface.slope,
+            "bend_volt_per_kelvin_squared": surface.bend,
             "reference_celsius": surface.reference_celsius,
-            "tested": bool(inside[k]),
+            "tested": tested(surface, surface.soc, warm),
             "tested_from_celsius": cold,
             "tested_to_celsius": warm,
         }
-        for k in range(len(surface.soc))
-    ]
+    )
+
+
+def _filled(columns):
+    """Columns of one length, a single value repeated."""
+    return dict(zip(columns, np.broadcast_arrays(*columns.values()), strict=True))
+
+
+def _stacked(parts):
+    """Columns of several tables, one below the other."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def law_rows(found):
