@@ -55,11 +55,14 @@ def points_of_type(rows, *, delay_second=DELAYS, c_rate=1.0, soc=(0.5,)):
         kept, note = _one_class(mine, c_rate)
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
         for cell, own in grouped(kept, lambda row: row["cell"]).items():
-            for point in resistance_points(
-                own, delay_second=(delay,), c_rate=c_rate, soc=soc
-            ).points:
-                names = {n: f"{getattr(point, n)}, across cells" for n in ("quantity", "family")}
-                found.append(CellPoint(cell, *point._replace(std=np.nan, **names)))
+            points = resistance_points(own, delay_second=(delay,), c_rate=c_rate, soc=soc).points
+            found += [
+                CellPoint(cell, *point._replace(quantity=quantity, std=np.nan, family=family))
+                for point in points
+                for quantity, family in [
+                    (f"{name}, across cells" for name in (point.quantity, point.family))
+                ]
+            ]
     return Points(found, notes)
 
 

@@ -172,7 +172,11 @@ def compared(rows):
         return Compared([], NOTHING, 0, np.zeros(0))
     groups = _groups(told)
     best = max(groups, key=lambda group: (len(_celsius(group)), len(_rests(group))))
-    kept = _of_one_number(best)
+    two, three = ([row for row in best if row["exponentials"] == n] for n in (2, 3))
+    enough = len(three) >= MOST_OF * len(_rests(best)) and len(_celsius(three)) == len(
+        _celsius(best)
+    )
+    kept = three if enough else two or three
     points = [point for row in kept for point in _points(row)]
     r_squared = np.array([row["r_squared"] for row in kept])
     return Compared(points, _protocol(kept), kept[0]["exponentials"], r_squared)
@@ -216,7 +220,9 @@ def laws_of(points):
         _try(laws, reasons, name, temperature_lines, celsius, value, QUANTITIES[quantity])
     for quantity in ("a", "b"):
         for celsius in sorted({p.temperature_celsius for p in points}):
-            soc, value = _below_half(points, quantity, celsius)
+            mine = [p for p in points if (p.quantity, p.temperature_celsius) == (quantity, celsius)]
+            below = sorted((p.soc, p.value) for p in mine if p.soc <= HALF)
+            soc, value = np.array(below).reshape(-1, 2).T
             name = f"polarisation {quantity} below 50 % SoC at {celsius:g} °C"
             _try(laws, reasons, name, soc_lines, soc, value, QUANTITIES[quantity])
     return laws, reasons
@@ -232,12 +238,6 @@ def _try(laws, reasons, name, fit, axis, value, unit):
         laws[name] = fit(axis, value, unit=unit)
     except Refusal as refusal:
         reasons.append(f"{name}: {refusal}")
-
-
-def _below_half(points, quantity, celsius):
-    mine = [p for p in points if p.quantity == quantity and p.temperature_celsius == celsius]
-    mine = sorted((p.soc, p.value) for p in mine if p.soc <= HALF)
-    return np.array(mine).reshape(-1, 2).T
 
 
 def _groups(rows):
@@ -256,13 +256,6 @@ def _alike(one, other):
     if (one["direction"], one["load"]) != (other["direction"], other["load"]):
         return False
     return all(abs(np.log(one[name] / other[name])) <= reach for name, reach in ALIKE.items())
-
-
-def _of_one_number(group):
-    """The fits of three exponentials, or those of two."""
-    two, three = ([row for row in group if row["exponentials"] == n] for n in (2, 3))
-    enough = len(three) >= MOST_OF * len(_rests(group))
-    return three if enough and len(_celsius(three)) == len(_celsius(group)) else two or three
 
 
 def _celsius(rows):

@@ -79,6 +79,16 @@ def fit_line(columns, target, target_std=None):
     return Line(values, standard_deviations(covariance), degrees, excess_std=excess_std)
 
 
+def residuals(columns, target):
+    """What ordinary least squares on the columns leaves of a target.
+
+    Parameters
+    ----------
+    columns : (n, p). target : (n,) or (n, m).
+    """
+    return target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]
+
+
 def _weighted(columns, target, variance):
     """Solution, weighted residual and weighted design; points without any error weigh the same."""
     root = 1 / np.sqrt(variance) if (variance > 0).all() else np.ones(len(target))
