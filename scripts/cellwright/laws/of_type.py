@@ -56,14 +56,13 @@ def points_of_type(rows, *, delay_second=DELAYS, c_rate=1.0, soc=(0.5,)):
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
         for cell, own in grouped(kept, lambda row: row["cell"]).items():
             points = resistance_points(own, delay_second=(delay,), c_rate=c_rate, soc=soc).points
-            found += [
-                CellPoint(cell, *point._replace(quantity=quantity, std=np.nan, family=family))
-                for point in points
-                for quantity, family in [
-                    (f"{name}, across cells" for name in (point.quantity, point.family))
-                ]
-            ]
-    return Points(found, notes)
+            found += [CellPoint(cell, *point._replace(std=np.nan)) for point in points]
+    return Points([_across_cells(point) for point in found], notes)
+
+
+def _across_cells(point):
+    names = {name: f"{getattr(point, name)}, across cells" for name in ("quantity", "family")}
+    return point._replace(**names)
 
 
 def _one_class(rows, c_rate):
