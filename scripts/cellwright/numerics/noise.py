@@ -1,8 +1,9 @@
 """Noise of a voltage record: white noise beside a slow Ornstein-Uhlenbeck process, and whitening.
 
-Residuals of a record are correlated over minutes; tests that take them for independent alarm on
-every healthy cell. A scalar Kalman filter turns them into independent ones in one pass, on any
-clock (A. C. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989, 3.4).
+Residuals of a record are correlated over minutes; a test that takes them for independent finds an
+effect in every healthy cell. A scalar Kalman filter turns them into independent ones in one pass,
+on any clock (A. C. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989,
+3.4).
 """
 
 from typing import NamedTuple
@@ -148,18 +149,18 @@ def read_volt(residual_volt, stack, *, steady_ampere):
 
 
 def _robust(values):
-    """Standard deviation of the bulk: one bad stretch must not call all else quiet."""
+    """Standard deviation by the median of absolute deviations: a few bad rows count little."""
     middle = np.median(values)
     return 1.4826 * float(np.median(np.abs(values - middle)))
 
 
 def _gains(keep, white, slow, gain, scale):
-    left = slow
+    variance = slow
     for k in range(len(keep)):
-        prior = keep[k] ** 2 * left + (1.0 - keep[k] ** 2) * slow
+        prior = keep[k] ** 2 * variance + (1.0 - keep[k] ** 2) * slow
         total = prior + white[k]
         gain[k], scale[k] = prior / total, 1.0 / np.sqrt(total)
-        left = (1.0 - gain[k]) * prior
+        variance = (1.0 - gain[k]) * prior
 
 
 def _whitened(matrix, keep, gain, scale):
