@@ -275,7 +275,7 @@ def analyse(
     preferred = best(compared, criterion="bic" if choose == "circuit" else choose)
     fit = given if choose == "circuit" else preferred.fit
     distribution = relaxation_times(*points)
-    row = _row(fit, frequency, impedance, trusted, preferred) | _warmth(temperature_celsius)
+    row = _row(fit, frequency, impedance, trusted, preferred) | _temperature(temperature_celsius)
     return Analysis(
         row=row,
         curve=_curve(fit, frequency, impedance, trusted),
@@ -309,7 +309,7 @@ def _row(fit, frequency, impedance, trusted, preferred):
     }
 
 
-def _warmth(celsius):
+def _temperature(celsius):
     known = celsius is not None and np.isfinite(celsius).any()
     span = np.nanmax(celsius) - np.nanmin(celsius) if known else np.nan
     return {

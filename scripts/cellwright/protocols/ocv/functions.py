@@ -42,10 +42,6 @@ class OcvFunction(NamedTuple):
     chosen: bool
 
 
-def _saturating(z, rate):
-    return 1 - np.exp(-rate * z)
-
-
 def _near_full(z, rate):
     return np.exp(-rate / (1 - z))
 
@@ -63,7 +59,7 @@ FORMS = {
     ),
     # K0 + K1 z + K2 (1 − exp(−K3 z)) + K4 (1 − exp(−K5 / (1 − z)))
     "two_exponentials": Form(
-        lambda z, k: _stack(1.0, z, _saturating(z, k[0]), 1 - _near_full(z, k[1])),
+        lambda z, k: _stack(1.0, z, 1 - np.exp(-k[0] * z), 1 - _near_full(z, k[1])),
         lambda z, k: _stack(
             0.0, 1.0, k[0] * np.exp(-k[0] * z), k[1] / (1 - z) ** 2 * _near_full(z, k[1])
         ),
