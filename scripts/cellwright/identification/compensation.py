@@ -19,6 +19,7 @@ from cellwright.circuits.model_file import (
     simulate_model,
 )
 from cellwright.circuits.temperature import LAWS, Laws, celsius_of
+from cellwright.numerics.scores import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import soc_of
 from cellwright.records.record import SAME_CELSIUS, course_celsius, fit_mask
@@ -231,7 +232,7 @@ def _near(facts, celsius):
 
 
 def _rms(error):
-    return float(np.sqrt(np.mean(error**2))) if len(error) else np.nan
+    return rms(error)
 
 
 def _log(volt):
