@@ -3,7 +3,8 @@
 import matplotlib
 import numpy as np
 
-from cellwright.laws.temperature import LAWS, ZERO_CELSIUS, stretches, turn_of
+from cellwright.laws.temperature import LAWS, stretches, turn_of
+from cellwright.numerics.arrhenius import ZERO_CELSIUS_KELVIN
 from figures import style
 from figures.columns import evenly_spread
 
@@ -142,4 +143,4 @@ def _level(upper, lower, points, laws, colour):
 
 def _inverse(celsius):
     """Minus 1000/T [1/K]: linear for Arrhenius, and the warm side on the right."""
-    return -1000 / (np.asarray(celsius, float) + ZERO_CELSIUS)
+    return -1000 / (np.asarray(celsius, float) + ZERO_CELSIUS_KELVIN)

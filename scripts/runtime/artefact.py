@@ -12,14 +12,13 @@ import sys
 import traceback
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cellwright.refusal import Refusal
-from runtime import contract, provenance
+from runtime import contract, lean, provenance
 
 KEY = b"cellwright"
 
@@ -30,26 +29,17 @@ def _keep_pyarrow_from_importing_pandas():
     At its first array each way it imports pandas, to recognise pandas' own objects. Nothing here
     has any, and the import takes most of a second of each of the run's hundreds of jobs.
     """
-    if "pandas" in sys.modules:
-        return
-    finder = SimpleNamespace(find_spec=_no_pandas)
-    sys.meta_path.insert(0, finder)
-    try:
+    with lean.without("pandas"):
         pa.chunked_array([pa.array(np.zeros(1))]).to_numpy()
-    finally:
-        sys.meta_path.remove(finder)
-
-
-def _no_pandas(name, path=None, target=None):
-    if name == "pandas":
-        raise ModuleNotFoundError("pandas is not looked for here")
 
 
 _keep_pyarrow_from_importing_pandas()
 
 
 def columns_of(content) -> dict:
-    """Columns from columns, a NamedTuple of arrays, or a list of rows."""
+    """Columns from columns, a NamedTuple of arrays, a DataFrame, or a list of rows."""
+    if hasattr(content, "to_dict"):
+        return content.to_dict("list")
     if hasattr(content, "_asdict"):
         content = content._asdict()
     if not isinstance(content, dict):

@@ -1,4 +1,9 @@
-"""Separable least squares of exponentials: start on a grid, then Levenberg-Marquardt in ln tau."""
+"""Separable least squares of exponentials: start on a grid, then Levenberg-Marquardt in ln tau.
+
+The search is our own, not lmfit's, for it is the hot loop of identification: it needs the products
+of the columns only, which a compiled kernel makes in one pass over the record, and stops at a share
+of the parameters' own standard deviations. lmfit asks for the residual of every row at each step.
+"""
 
 from functools import cache
 from itertools import product
@@ -20,7 +25,7 @@ class Load(NamedTuple):
 
     step_second : (n−1,) steps [s]. drive : (n,) current that the lags follow [A]. fixed : (f, n)
     columns that no time constant enters. target_volt : (n,) what is to be explained [V]. hold : of
-    the drive, see `kernels.lag_weights`.
+    the drive, see `lags.lag_weights`.
     """
 
     step_second: np.ndarray
@@ -113,7 +118,7 @@ def coarse_start(load, tau_bounds, linear_bounds):
 
     Parameters
     ----------
-    load : normal.Load of the whole record.
+    load : Load of the whole record.
     tau_bounds : (m, 2) bounds of each time constant [s].
     linear_bounds : (lower, upper), (l,) each.
 
@@ -160,7 +165,12 @@ def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
 
 
 def thinned(load):
-    """The record on every so-manieth row; between them the lags follow the mean current."""
+    """The record on every k-th row, at most ROWS; between them the lags follow the mean current.
+
+    Parameters
+    ----------
+    load : Load.
+    """
     stride = -(-len(load.drive) // ROWS)
     rows = np.arange(0, len(load.drive), stride)
     if stride == 1:
@@ -235,7 +245,7 @@ def projected(normal, log_tau, linear, lower, upper):
 
     Parameters
     ----------
-    normal : `normal.Normal` with the derivatives of the last m linear columns by ln tau behind.
+    normal : `Normal` with the derivatives of the last m linear columns by ln tau behind.
     log_tau : (m,). linear : (l,) at which the residual of `normal` was taken.
     lower, upper : (l,) bounds of the linear parameters.
 
@@ -373,8 +383,8 @@ def verdict(names, values, covariance, lower, upper):
 
     Parameters
     ----------
-    names, values, covariance, lower, upper : of the parameters, as in `fit.CircuitFit`; the limits
-        of their search in their units.
+    names, values, covariance, lower, upper : of the parameters (p,), (p, p); the limits of their
+        search in their units.
 
     Returns
     -------
