@@ -23,6 +23,7 @@ for cell in CELLS:
         ("relaxation", cell in RELAXED),
         ("polarisation", cell in RELAXED),
         ("parameters", cell in MODELLED),
+        ("identification_methods", cell in COMPARED),
         ("compensation", cell in COMPENSATED),
         *[(f"effect_{name}", cell in SEARCHED) for name in EFFECT_FIGURES],
     ]
