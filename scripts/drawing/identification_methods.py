@@ -34,7 +34,8 @@ def draw(rows):
     _spread(next(panels), known)
     _work(next(panels), known)
     axes[0, 0].set_title(f"R0 at {figure.temperature_label(celsius)}")
-    figure.legend_once(error)
+    handles, labels = error.get_legend_handles_labels()
+    canvas.legend(handles, labels, loc="outside lower center", ncols=len(METHODS))
     return canvas
 
 
@@ -86,6 +87,8 @@ def _spread(axes, rows):
         at = np.arange(len(NAMES)) + 0.16 * (place - 2)
         axes.plot(at, shares, MARKS[method], color=COLOURS[method], markersize=4)
     axes.set(ylabel="[% of the value]", title="scatter about the neighbours in SoC", yscale="log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_xticks(range(len(NAMES)), ["R0", "R1", "R2", "τ1", "τ2"])
 
 
