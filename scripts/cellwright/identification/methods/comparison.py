@@ -51,8 +51,9 @@ class MethodRows(NamedTuple):
     tell the parameter. …_spread : standard deviation about the straight line between the pulses of
     the same test next in SoC, from this and those two. tau2_lower_second, tau2_upper_second : 95 %
     by profile likelihood, of method "separable" only, NaN where open. pulse_resistance_ohm : of the
-    circuit, from the rest to the pulse's end. rmse_volt : of the circuit over pulse and rest.
-    evaluations : passes over the samples of the pulse. reason : why parameters are missing.
+    circuit, from the rest to the pulse's end, with what the OCV moves by the pulse's charge.
+    rmse_volt : of the circuit over pulse and rest. evaluations : passes over the samples of the
+    pulse. reason : why parameters are missing.
     """
 
     test: np.ndarray
@@ -167,7 +168,7 @@ def _autoregressive(record):
     try:
         return _by_recurrence(step, current, voltage, PAIRS, "")
     except Refusal as refusal:
-        return _by_recurrence(step, current, voltage, 1, f"one pair, since of two the {refusal}")
+        return _by_recurrence(step, current, voltage, 1, f"one pair is given; of two, {refusal}")
 
 
 def _rest_exponentials(record):
@@ -256,6 +257,7 @@ def _by_recurrence(step, current, voltage, pairs, reason):
     both = [
         _filled(one[0], one[1 : 1 + pairs][order], one[1 + pairs :][order]) for one in (values, std)
     ]
+    _check_positive(both[0])
     return Identified(*both, 1, (np.nan, np.nan), reason)
 
 
@@ -333,7 +335,7 @@ def _number(value):
 
 
 def _quality(record, values, pulse):
-    """Error of the circuit over the record, and its resistance from the rest to the pulse's end."""
+    """Error of the circuit over the record, and resistance from the rest to the pulse's end."""
     if not np.isfinite(values[0]):
         return {"rmse_volt": np.nan, "pulse_resistance_ohm": np.nan}
     told = np.isfinite(values[1 : 1 + PAIRS])
@@ -341,9 +343,10 @@ def _quality(record, values, pulse):
     circuit = rc_circuit(values[0], r, tau)
     time, current, voltage, ocv = _columns(record)
     error = simulate(circuit, time, current, ocv, hold=HOLD) - voltage
+    moved = (ocv[record.edge] - ocv[0]) / record.level_ampere
     return {
         "rmse_volt": float(np.sqrt(np.mean(error[1:] ** 2))),
-        "pulse_resistance_ohm": float(values[0] + r @ -np.expm1(-pulse / tau)),
+        "pulse_resistance_ohm": float(values[0] + r @ -np.expm1(-pulse / tau) + moved),
     }
 
 
