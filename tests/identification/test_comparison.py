@@ -13,7 +13,6 @@ from cellwright.identification.methods.comparison import (
     local_spread,
 )
 from cellwright.identification.methods.pulse_records import PulseTest, pulse_records
-from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
 
 TRUE = np.array([0.020, 0.010, 0.015, 3.0, 40.0])
@@ -197,9 +196,12 @@ def test_the_curve_of_the_test_temperature_is_taken_also_at_zero_celsius():
     assert moved == pytest.approx(-1.2 * 50 / 3600 / CAPACITY, rel=1e-6)
 
 
-def test_a_cell_without_such_pulses_is_refused():
-    with pytest.raises(Refusal, match="hppc: no pulse of 4 samples with a rest before and after"):
-        compare_methods([pulse_test(((-5.0, 600.0), (0.0, 900.0)))], BASIS, FULL, **SETTINGS)
+def test_a_cell_without_such_pulses_has_no_row_and_the_reason():
+    found = compare_methods([pulse_test(((-5.0, 600.0), (0.0, 900.0)))], BASIS, FULL, **SETTINGS)
+    assert {len(column) for column in found.rows} == {0}
+    assert found.rows.method.dtype.kind == "U"
+    (reason,) = found.left_out
+    assert reason.startswith("hppc: no pulse of 4 samples with a rest after it and, before it,")
 
 
 def test_the_spread_of_a_straight_line_is_zero_and_of_noise_its_deviation():

@@ -284,15 +284,13 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
     (tau_lower, tau_upper), linear_bounds = bounds
     at = projected(normal_at(log_tau, linear), log_tau, linear, *linear_bounds)
     damping, passes = 1e-3, 1
-    while passes < MOST:
+    while passes < MOST and damping <= 1e9:
         move, gain = _step(at, damping, tau_lower, tau_upper, linear_bounds)
         there = at.log_tau + move[len(linear) :]
         guess = _within(at.linear + move[: len(linear)], *linear_bounds)
         if gain < 0.0:
             # A bound has turned the step uphill: a shorter one keeps more of its direction.
             damping *= 10
-            if damping > 1e9:
-                break
             continue
         if gain <= NEAR**2 * at.power / max(samples - len(at.gram), 1):
             # The first pass took its residuals at linear parameters that were only guessed.
@@ -304,8 +302,6 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
         better = trial.power < at.power
         at = trial if better else at
         damping = max(damping / 30, 1e-9) if better else damping * 10
-        if damping > 1e9:
-            break
     return at, passes
 
 

@@ -22,6 +22,8 @@ from cellwright.refusal import Refusal
 PAIRS = 2
 HOLD = "zero_order"  # the current of a pulse stays until the next sample
 NAMES = names_of(PAIRS, ())
+TYPES = dict.fromkeys(("test", "direction", "method", "reason"), str)
+TYPES |= {"samples": int, "evaluations": int}
 RESISTANCE_SHARES = 1e-3, 2.0  # of the largest polarisation over the current: bounds of a search
 MOST_STEPS = 500  # of the uniform steps that the autoregressive form is given
 LONGEST = 3.0  # lengths of the record: a time constant that is searched
@@ -105,11 +107,8 @@ def compare_methods(tests, basis, cell, **settings):
 
     Returns
     -------
-    comparison : Comparison; a pulse that a method cannot identify has a row with the reason.
-
-    Raises
-    ------
-    Refusal : no test has a pulse that counts.
+    comparison : Comparison; a pulse that a method cannot identify has a row with the reason, and
+        without any pulse that counts there is no row, for which `left_out` has the reasons.
     """
     records, left_out = pulse_records(tests, basis, cell, **settings)
     found = [(one, method, identify_pulse(one, method)) for one in records for method in METHODS]
@@ -118,7 +117,7 @@ def compare_methods(tests, basis, cell, **settings):
         row = _row(record, method, identified)
         for name in columns:
             columns[name].append(row[name])
-    arrays = {name: np.array(values) for name, values in columns.items()}
+    arrays = {name: np.array(v, dtype=TYPES.get(name, float)) for name, v in columns.items()}
     return Comparison(MethodRows(**arrays, **_spreads(arrays)), left_out)
 
 

@@ -5,11 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.records.basis import REFERENCE_CELSIUS, soc_or_unknown
-from cellwright.refusal import Refusal
 
 RELAXED_SECOND = 600.0  # a rest so long before a pulse leaves nothing to relax in it …
 RELAXED_LOADS = 10.0  # … nor does one of so many lengths of the load before it
 FEWEST = 4  # samples of a pulse
+NONE = (
+    f"no pulse of {FEWEST} samples with a rest after it and, before it, a rest of "
+    f"{RELAXED_SECOND:g} s or of {RELAXED_LOADS:g} lengths of the load before"
+)
 SAME_RATE = 0.1  # relative difference of currents that count as one rate
 
 
@@ -71,27 +74,21 @@ def pulse_records(tests, basis, cell, *, pulses_per_cell, samples, rest_lengths)
 
     Returns
     -------
-    records : PulseRecords.
-
-    Raises
-    ------
-    Refusal : no test has a pulse that counts.
+    records : PulseRecords; none where no test has a pulse that counts, and `left_out` says so.
     """
     found, left_out = [], []
     for test in tests:
         name, steps = test.facts["test"], _relaxed_pulses(test.steps)
         if not len(steps):
-            left_out.append(f"{name}: no pulse of {FEWEST} samples with a rest before and after it")
+            left_out.append(f"{name}: {NONE}")
             continue
         chosen = _of_one_rate(test.steps, steps)
         found.append((test, chosen, soc_or_unknown(test.series, basis, test.facts, cell).soc))
         if len(chosen) < len(steps):
             rate = float(np.median(test.steps.c_rate[chosen]))
             left_out.append(f"{name}: {len(chosen)} pulses at {rate:.2g}C of {len(steps)} in all")
-    if not found:
-        raise Refusal("; ".join(left_out) or "no test with pulses")
     taken = [found[k] for k in _evenly(np.arange(len(found)), pulses_per_cell)]
-    share = max(pulses_per_cell // len(found), 1)
+    share = max(pulses_per_cell // max(len(found), 1), 1)
     records = [
         _record(test, step, soc, basis, samples=samples, rest_lengths=rest_lengths)
         for test, steps, soc in taken
