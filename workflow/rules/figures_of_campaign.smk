@@ -27,6 +27,7 @@ def figures_of_cell(cell):
         "relaxation": cell in RELAXED,
         "polarisation": cell in RELAXED,
         "parameters": cell in MODELLED,
+        "identification_methods": cell in COMPARED,
         "compensation": cell in COMPENSATED,
         **{f"effect_{name}": cell in SEARCHED for name in EFFECT_FIGURES},
         **{f"validation_{test}": True for test in scored},

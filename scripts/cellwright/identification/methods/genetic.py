@@ -1,18 +1,18 @@
-"""Global searches for the same optimum: the checks of the gradient, not its rivals in speed."""
+"""Genetic algorithm of the thesis for the parameters of a circuit: the check of the gradient."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.identification.methods.pulse import load_of, names_of
-from cellwright.numerics.exponentials import normal_equations
+from cellwright.numerics.lags import lag_weights
 from cellwright.refusal import Refusal
 
 
-class GlobalFit(NamedTuple):
-    """Best individual of a global search.
+class GeneticFit(NamedTuple):
+    """Best individual of a genetic search.
 
-    names, values : of the parameters, as in `fit.CircuitFit`. mean_square_volt2 : cost (2.20).
+    names, values : of the parameters, as in `pulse.CircuitFit`. mean_square_volt2 : cost (2.20).
     course : (generations + 1,) best cost after each. evaluations : simulations of the record.
     """
 
@@ -24,58 +24,31 @@ class GlobalFit(NamedTuple):
 
 
 def cost_function(record, *, hold, n_rc=2):
-    """Mean squared voltage error (thesis 2.20) as a function of the logarithms of the parameters.
+    """Mean squared voltage error (thesis 2.20) of many circuits at once.
 
     Parameters
     ----------
-    record : (test_time_second, current_ampere, voltage_volt, ocv_volt) as for `fit.fit_circuit`.
+    record : (test_time_second, current_ampere, voltage_volt, ocv_volt) as for `pulse.fit_circuit`.
     hold, n_rc : as there.
 
     Returns
     -------
-    cost : function (p,) → float [V²], of ln R0, ln R_j, ln tau_j.
+    cost : function (k, p) → (k,) [V²], of ln R0, ln R_j, ln tau_j of k circuits.
     """
     load = load_of(*record, hold, ())
 
     def cost(logs):
         values = np.exp(logs)
-        linear, tau = values[: n_rc + 1], values[n_rc + 1 :]
-        return normal_equations(load, tau, linear, sloped=False).power / len(load.drive)
+        r0, r, tau = values[:, 0], values[:, 1 : n_rc + 1], values[:, n_rc + 1 :]
+        decay, before, after = lag_weights(load.step_second[:, None, None], tau, hold=hold)
+        pushed = before * load.drive[:-1, None, None] + after * load.drive[1:, None, None]
+        state, power = np.zeros(tau.shape), (load.target_volt[0] - r0 * load.drive[0]) ** 2
+        for k, target in enumerate(load.target_volt[1:]):
+            state = decay[k] * state + pushed[k]
+            power += (target - r0 * load.drive[k + 1] - (r * state).sum(axis=1)) ** 2
+        return power / len(load.drive)
 
     return cost
-
-
-def evolve(record, bounds, *, hold, n_rc=2, generations=100, population=15, seed=0):
-    """Differential evolution (scipy), in the logarithms of the parameters.
-
-    Parameters
-    ----------
-    record, hold, n_rc : as in `cost_function`.
-    bounds : dict, name → (lower, upper), for every parameter, above zero.
-    generations : at most. population : individuals per parameter. seed : of the draws.
-
-    Returns
-    -------
-    found : GlobalFit.
-
-    Source: R. Storn, K. Price, Journal of Global Optimization 11 (1997) 341.
-    """
-    from scipy.optimize import differential_evolution
-
-    names, logs = names_of(n_rc, ()), _logs(bounds, names_of(n_rc, ()))
-    course = []
-    result = differential_evolution(
-        cost_function(record, hold=hold, n_rc=n_rc),
-        list(map(tuple, logs)),
-        maxiter=generations,
-        popsize=population,
-        rng=np.random.default_rng(seed),
-        tol=1e-8,
-        polish=False,
-        callback=lambda intermediate_result: course.append(intermediate_result.fun),
-    )
-    values, cost = np.exp(result.x), float(result.fun)
-    return GlobalFit(names, values, cost, np.array(course), int(result.nfev))
 
 
 def evolve_by_genes(
@@ -108,7 +81,7 @@ def evolve_by_genes(
 
     Returns
     -------
-    found : GlobalFit.
+    fit : GeneticFit.
 
     Source: thesis 2.3; it prints neither its operators nor its rates. Blend crossover: L. Eshelman,
     J. Schaffer, Foundations of Genetic Algorithms 2 (1993) 187.
@@ -117,7 +90,7 @@ def evolve_by_genes(
     logs, cost = _logs(bounds, names), cost_function(record, hold=hold, n_rc=n_rc)
     rng, width = np.random.default_rng(seed), np.diff(logs, axis=1)[:, 0]
     people = rng.uniform(*logs.T, size=(population, len(names)))
-    costs = np.array([cost(one) for one in people])
+    costs = cost(people)
     course = [costs.min()]
     for generation in range(generations):
         best = people[np.argsort(costs, kind="stable")[:elite]]
@@ -127,11 +100,11 @@ def evolve_by_genes(
         children = children + moved * step * rng.normal(size=children.shape)
         people = np.vstack([best, np.clip(children, *logs.T)])
         kept = np.sort(costs, kind="stable")[:elite]
-        costs = np.concatenate([kept, [cost(one) for one in people[elite:]]])
+        costs = np.concatenate([kept, cost(people[elite:])])
         course.append(costs.min())
     values = np.exp(people[np.argmin(costs)])
     evaluations = population + generations * (population - elite)
-    return GlobalFit(names, values, float(costs.min()), np.array(course), evaluations)
+    return GeneticFit(names, values, float(costs.min()), np.array(course), evaluations)
 
 
 def _children(rng, people, costs, wanted):
@@ -145,8 +118,8 @@ def _children(rng, people, costs, wanted):
 def _logs(bounds, names):
     missing = [name for name in names if name not in bounds]
     if missing:
-        raise Refusal(f"a global search needs bounds; none for {', '.join(missing)}")
+        raise Refusal(f"the genetic algorithm needs bounds; none for {', '.join(missing)}")
     pairs = np.array([bounds[name] for name in names], float)
     if not ((pairs[:, 0] > 0) & (pairs[:, 1] > pairs[:, 0])).all():
-        raise Refusal("bounds of a global search must ascend and lie above zero")
+        raise Refusal("bounds of the genetic algorithm must ascend and lie above zero")
     return np.log(pairs)
