@@ -50,7 +50,7 @@ def _closure(path: Path, seen: frozenset) -> frozenset:
 @cache
 def _imports(path: Path) -> frozenset:
     package = path.parent.relative_to(SCRIPTS).parts
-    found = set()
+    files = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -61,8 +61,8 @@ def _imports(path: Path) -> frozenset:
         else:
             continue
         for name in names:
-            found |= _files_of(name)
-    return frozenset(found)
+            files |= _files_of(name)
+    return frozenset(files)
 
 
 def _files_of(name: str) -> set[Path]:
@@ -119,10 +119,10 @@ def record(job) -> dict:
 
 def assumptions() -> list[dict]:
     """Every `# ASSUME:` of the code: where it stands and what it says."""
-    found = []
+    sentences = []
     for path in sorted(SCRIPTS.glob("cellwright/**/*.py")):
         text = path.read_text(encoding="utf-8")
         for match in re.finditer(r"# ASSUME: (.+(?:\n\s*# (?!ASSUME).+)*)", text):
             sentence = re.sub(r"\s*\n\s*# ", " ", match.group(1)).strip()
-            found.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
-    return found
+            sentences.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
+    return sentences

@@ -85,17 +85,3 @@ rule temperature_prediction:
         "Predict {wildcards.cell} at temperatures that took no part in the fit."
     script:
         "../../scripts/compensation/temperature_prediction.py"
-
-
-rule figure_compensation:
-    input:
-        laws="results/compensation/{cell}.parquet",
-        proof="results/temperature_prediction/{cell}.parquet",
-    output:
-        "results/figures/{cell}/compensation.svg",
-    log:
-        "logs/figures/{cell}_compensation.log",
-    message:
-        "Figure: model of {wildcards.cell} at temperatures left out of its fit."
-    script:
-        "../../scripts/figure_compensation.py"

@@ -34,6 +34,9 @@ TABLE_INPUTS = {
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
+    "identification_methods": [
+        f"results/identification_methods/{cell}.parquet" for cell in COMPARED
+    ],
     "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
     "soc": FILTERED,
