@@ -16,11 +16,13 @@ ALWAYS = {"table", "excluded", "summary", "checks", "report", "manifest", "figur
 ALWAYS |= {"missing_effect"}
 SERIES = {"ingest", "clean", "segment"}
 CAPACITY = SERIES | {"capacity", "basis", "relaxation", "figure_records", "figure_capacity"}
+METHODS = {"identification_methods", "figure_identification_methods"}
 # Of each campaign the other rules, among them the search, which says what it would need.
 PLANNED = {
     "bad_file_only": CAPACITY | {"effect_search"},
     "capacity_only": CAPACITY | {"effect_search"},
     "ocv_pulses_drive": CAPACITY
+    | METHODS
     | {"ocv", "resistance", "polarisation", "identify", "model", "export", "validate", "soc"}
     | {"effect_search", "figure_missing_effect", "figure_ocv", "figure_resistance"}
     | {"figure_relaxation", "figure_polarisation", "figure_parameters", "figure_validation"}
@@ -29,6 +31,7 @@ PLANNED = {
     | {"figure_impedance", "figure_impedance_fit", "figure_drt", "figure_arrhenius"}
     | {"figure_temperature"},
     "pulses_over_temperature": CAPACITY
+    | METHODS
     | {"resistance", "temperature", "resistance_surface", "cold_limit", "effect_search"}
     | {"figure_missing_effect", "figure_resistance", "figure_surface", "figure_arrhenius"}
     | {"figure_temperature"},
