@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.arrhenius import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.refusal import Refusal
 
-ZERO_CELSIUS_KELVIN = 273.15
-GAS_CONSTANT = 8.314462618
 SMALLEST = 1e-9  # of any parameter: the logarithm of none would be −∞
 
 

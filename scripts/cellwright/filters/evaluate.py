@@ -9,6 +9,7 @@ from cellwright.circuits.model_file import member_of
 from cellwright.filters.bank import bank_of, resistance_factor_of
 from cellwright.filters.estimate import Start, estimate
 from cellwright.filters.plant import Noise
+from cellwright.numerics.scores import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import laid_out
 from cellwright.records.thinning import rows_of
@@ -136,7 +137,7 @@ def scores(test_time_second, estimate, reference_soc, scored, *, band, hold_seco
     covered = np.abs(error) <= NORMAL_95 * estimate.std
     tests = innovation_tests(estimate.innovation_volt[scored], estimate.innovation_std_volt[scored])
     return {
-        "rmse_soc": float(np.sqrt(np.mean(error[late] ** 2))),
+        "rmse_soc": rms(error[late]),
         "max_abs_soc": float(np.abs(error[late]).max()),
         "convergence_second": converged,
         "capacity_ampere_hour": float(estimate.capacity_ampere_hour[-1]),

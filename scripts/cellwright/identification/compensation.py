@@ -19,6 +19,7 @@ from cellwright.circuits.model_file import (
     simulate_model,
 )
 from cellwright.circuits.temperature import LAWS, Laws, celsius_of
+from cellwright.numerics.scores import rms
 from cellwright.records.record import SAME_CELSIUS, laid_out
 from cellwright.refusal import Refusal
 
@@ -229,7 +230,7 @@ def _near(stated, celsius):
 
 
 def _rms(error):
-    return float(np.sqrt(np.mean(error**2))) if len(error) else np.nan
+    return rms(error)
 
 
 def _log(volt):

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
+from cellwright.numerics.scores import rms
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
@@ -73,8 +74,8 @@ def scores(error_volt, soc):
         raise Refusal(f"{np.sum(~np.isfinite(error_volt))} simulated voltages are not finite")
     inner = error_volt[(soc >= 0.05) & (soc <= 0.95)]
     return {
-        "rmse_volt": float(np.sqrt(np.mean(error_volt**2))),
-        "rmse_volt_soc_5_95": float(np.sqrt(np.mean(inner**2))) if len(inner) else np.nan,
+        "rmse_volt": rms(error_volt),
+        "rmse_volt_soc_5_95": rms(inner),
         "max_abs_volt": float(np.abs(error_volt).max()),
         "mean_volt": float(error_volt.mean()),
         "samples": len(error_volt),

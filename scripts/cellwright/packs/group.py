@@ -7,6 +7,7 @@ import numpy as np
 
 from cellwright.circuits.model_file import plain_member
 from cellwright.identification.cell import SCHEMA
+from cellwright.numerics.scores import rms
 from cellwright.packs.branches import identify_branches, rest_offset
 from cellwright.packs.parallel import group_of, simulate_parallel
 from cellwright.records.basis import REFERENCE_CELSIUS
@@ -238,9 +239,9 @@ def _rows(record, run, scored, branches, members, group):
             {
                 "branch": branch.position,
                 "cell": branch.cell,
-                "current_rmse_ampere": float(np.sqrt(np.mean(error**2))),
+                "current_rmse_ampere": rms(error),
                 "current_max_ampere": float(np.abs(error).max()),
-                "voltage_rmse_volt": float(np.sqrt(np.mean(voltage_error**2))),
+                "voltage_rmse_volt": rms(voltage_error),
                 "capacity_ampere_hour": float(group.capacity_ampere_hour[k]),
                 "kcl_residual_ampere": float(np.abs(total).max()),
                 "samples": int(scored.sum()),

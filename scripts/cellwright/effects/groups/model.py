@@ -205,7 +205,7 @@ def _twin(fields, stack, factor):
     lags = lag_weights(stack.step_second[:, None, None], fields.tau, hold="first_order")
     charge = stack.step_second[:, None] / (3600.0 * fields.capacity) / 2.0
     held = stack.current_ampere if stack.hold == "first_order" else np.roll(stack.current_ampere, 1)
-    pair = np.zeros((cells, 2))
+    pair, here = np.zeros((cells, 2)), np.zeros(cells)
     for k in range(rows):
         pairs = factor[k][:, None] * fields.r[:, 1:]
         if stack.fresh[k]:

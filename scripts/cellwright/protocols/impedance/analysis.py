@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.scores import rms
 from cellwright.protocols.impedance.circuits import (
     PARALLEL,
     SERIES,
@@ -204,8 +205,8 @@ def _left_out(frequency, impedance, fit):
             frequency[rest], impedance[rest], circuit=fit.circuit, starts=1, start=start
         )
         guess = circuit_impedance(fit.circuit, frequency[out], found.values)
-        errors.append(np.abs(guess / impedance[out] - 1) ** 2)
-    return float(np.sqrt(np.mean(np.concatenate(errors))))
+        errors.append(np.abs(guess / impedance[out] - 1))
+    return rms(np.concatenate(errors))
 
 
 # A valid spectrum leaves its noise, some tenths of a per cent; a drifting cell leaves per cents.
