@@ -133,8 +133,8 @@ def repeatability(points, reference, *, assumed_share, slow_c_rate):
         if deficit > assumed_share:
             warm.append(
                 f"{point.direction} at {point.temperature_celsius:g} °C gives "
-                f"{100 * deficit:.1f} % less than at the reference, which warmth cannot do: age or "
-                "an unequal start, counted as scatter"
+                f"{100 * deficit:.1f} % less than at the reference, which temperature cannot do: "
+                "age or an unequal start, counted as scatter"
             )
     freedom = sum(count for _, count in squares)
     share = np.sqrt(sum(s * count for s, count in squares) / freedom) if freedom else 0.0

@@ -294,10 +294,14 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
     (tau_lower, tau_upper), linear_bounds = bounds
     at = projected(normal_at(log_tau, linear), log_tau, linear, *linear_bounds)
     damping, passes = 1e-3, 1
-    while passes < MOST:
+    while passes < MOST and damping <= 1e9:
         move, gain = _step(at, damping, tau_lower, tau_upper, linear_bounds)
         there = at.log_tau + move[len(linear) :]
         guess = _within(at.linear + move[: len(linear)], *linear_bounds)
+        if gain < 0.0:
+            # A bound has turned the step uphill: a shorter one keeps more of its direction.
+            damping *= 10
+            continue
         if gain <= NEAR**2 * at.power / max(samples - len(at.gram), 1):
             # The first pass took its residuals at linear parameters that were only guessed.
             near = at.near if passes > 1 else normal_at(there, guess).near
@@ -308,8 +312,6 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
         better = trial.power < at.power
         at = trial if better else at
         damping = max(damping / 30, 1e-9) if better else damping * 10
-        if damping > 1e9:
-            break
     return at, passes
 
 
@@ -329,8 +331,23 @@ def _step(at, damping, lower, upper, linear_bounds):
         unit.flat[:: len(move) + 1] += np.where(np.arange(len(move)) < size, RANK, damping) + ~free
         move = np.linalg.solve(unit, at.moment / root) / root
     reach = _within(move[size:], -FARTHEST, FARTHEST)
-    move[size:] = _within(at.log_tau + reach, lower, upper) - at.log_tau
+    allowed = _within(at.log_tau + reach, lower, upper) - at.log_tau
+    if (allowed != move[size:]).any():
+        move[:size] = _following(at, free[:size], allowed)
+    move[size:] = allowed
     return move, float(move @ at.moment)
+
+
+def _following(at, free, log_tau_move):
+    """Step of the linear parameters for a step of the time constants that bounds have shortened."""
+    size = len(at.linear)
+    root = np.where(free, np.sqrt(at.gram.diagonal()[:size]), np.inf)
+    unit = at.gram[:size, :size] / (root[:, None] * root)
+    unit.flat[:: size + 1] += RANK + ~free
+    return (
+        np.linalg.solve(unit, (at.moment[:size] - at.gram[:size, size:] @ log_tau_move) / root)
+        / root
+    )
 
 
 def _within(values, lower, upper):

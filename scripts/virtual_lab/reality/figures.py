@@ -1,10 +1,10 @@
-"""Four figures: each source a colour, simulated ones warm and thick, real ones cool and thin."""
+"""Four figures of records: simulated ones in thick warm colours, real ones in thin cool ones."""
 
 from collections import defaultdict
 
 import numpy as np
 
-import figure
+from figures import style
 
 REAL = ("#0b6fb8", "#2a9d5c", "#8e4ec6", "#00868b", "#5d6d7e", "#3d5a80", "#7a9e3f", "#1d2733")
 SIMULATED = ("#e07b00", "#c0392b", "#b8860b")
@@ -27,8 +27,8 @@ def colours(sources) -> dict:
 
 
 def noise(curves, sources):
-    """Sixty neighbouring samples of each source above one another, and spectra below."""
-    drawing, axes = figure.canvas(2, 2, width=11.0, height=8.0)
+    """Sixty neighbouring samples of each source above one another, and noise spectra below."""
+    drawing, axes = style.subplots(2, 2, width=11.0, height=8.0)
     for column, condition in enumerate(("at rest", "under constant current")):
         _traces(axes[0, column], curves, sources, f"trace {condition}")
         axes[0, column].set_title(f"Voltage {condition}, its drift taken out")
@@ -38,12 +38,12 @@ def noise(curves, sources):
         axes[1, column].set_ylabel("density [mV/√Hz]")
         axes[1, column].set_title(f"Spectrum of the voltage {condition}")
     axes[1, 0].set_ylim(top=20 * axes[1, 0].get_ylim()[1])
-    figure.legend_once(axes[1, 0], ncols=2, loc="upper right")
+    style.legend_once(axes[1, 0], ncols=2, loc="upper right")
     return drawing
 
 
 def _traces(axes, curves, sources, panel):
-    """The trace of median scatter of each source, source over source."""
+    """The trace of median scatter of each source, one source above the other."""
     colour, names = colours(sources), []
     for source in sources:
         chosen = [c for c in curves if c.panel == panel and c.source == source.name]
@@ -57,14 +57,14 @@ def _traces(axes, curves, sources, panel):
 
 
 def relaxation(curves, sources):
-    """What is left of the way from the last loaded sample, against time."""
-    drawing, axes = figure.canvas(2, 2, width=11.0, height=8.0)
+    """Share of the voltage change that is still to come, against time."""
+    drawing, axes = style.subplots(2, 2, width=11.0, height=8.0)
     for axis, panel in zip(axes.flat, RELAXATIONS, strict=True):
         _bands(axis, [c for c in curves if c.panel == panel], sources)
         axis.set(xscale="log", xlim=(0.05, None), ylim=(-0.05, 1.0))
         axis.set_xlabel("time since the load ended [s]")
         axis.set_title(panel[0].upper() + panel[1:])
-        figure.legend_once(axis)
+        style.legend_once(axis)
     for axis in axes[:, 0]:
         axis.set_ylabel("share of the way still to go")
     return drawing
@@ -72,24 +72,24 @@ def relaxation(curves, sources):
 
 def pulse(curves, sources):
     """Resistance against time over that after 10 s."""
-    drawing, axes = figure.canvas(1, 2, width=11.0, height=4.4, sharey=True)
+    drawing, axes = style.subplots(1, 2, width=11.0, height=4.4, sharey=True)
     for axis, way in zip(axes[0], ("discharge", "charge"), strict=True):
         _bands(axis, [c for c in curves if c.panel == way], sources)
         axis.set(xscale="log", xlim=(0.01, 10.5), ylim=(0.0, 1.1))
         axis.set_xlabel("time since the current began [s]")
         axis.set_title(f"A {way} out of a rest")
-        figure.legend_once(axis)
+        style.legend_once(axis)
     axes[0, 0].set_ylabel("(V(t) − V(0)) / I, over that after 10 s")
     return drawing
 
 
 def peaks(curves, sources):
-    """dQ/dV over capacity, a panel a source: its slowest charges, and dotted its fastest."""
+    """dQ/dV over capacity, a panel for each source: its slowest charges, and dotted its fastest."""
     colour = colours(sources)
     by_source = {s.name: [c for c in curves if c.source == s.name] for s in sources}
     shown = [source for source in sources if by_source[source.name]]
     rows = max(-(-len(shown) // 2), 1)
-    drawing, axes = figure.canvas(rows, 2, width=11.0, height=2.6 * rows)
+    drawing, axes = style.subplots(rows, 2, width=11.0, height=2.6 * rows)
     for axis, source in zip(axes.flat, shown, strict=False):
         _rates(axis, by_source[source.name], colour[source.name])
         axis.set_title(source.name)
@@ -103,12 +103,12 @@ def _rates(axes, curves, colour):
     """At most eight curves of the slowest and of the fastest rate, spread over those there are."""
     panels = sorted({curve.panel for curve in curves}, key=lambda panel: -int(panel.split("C/")[1]))
     ends = dict(zip(dict.fromkeys([panels[0], panels[-1]]), ("-", ":"), strict=False))
-    for panel, style in ends.items():
+    for panel, line_style in ends.items():
         chosen = [curve for curve in curves if curve.panel == panel]
         for row in np.unique(np.linspace(0, len(chosen) - 1, MOST_CURVES).astype(int)):
-            line = {"color": colour, "ls": style, "lw": 1.0, "alpha": 0.8, "label": panel}
+            line = {"color": colour, "ls": line_style, "lw": 1.0, "alpha": 0.8, "label": panel}
             axes.plot(chosen[row].x, chosen[row].y, **line)
-    figure.legend_once(axes)
+    style.legend_once(axes)
 
 
 def _bands(axes, curves, sources, *, logarithmic=False):
@@ -129,7 +129,7 @@ def _bands(axes, curves, sources, *, logarithmic=False):
 def _on_one_grid(curves):
     """Times or frequencies (m,), even in their logarithm, and values (curves, m), NaN outside.
 
-    A value far from any sample is none; where fewer than half of the curves reach, none is shown.
+    Values far from any sample are left out, and places that fewer than half of the curves reach.
     """
     begin, end = min(c.x[0] for c in curves), max(c.x[-1] for c in curves)
     at = np.geomspace(begin, end, GRID_POINTS)
