@@ -206,7 +206,7 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
     maybe = ["model", "export", "pack", "figure_pack", "figure_parameters"]
-    once = dict.fromkeys([*on_the_way, *maybe, *together, "all"], 1)
+    once = dict.fromkeys([*on_the_way, *maybe, *together, "campaign"], 1)
     assert jobs(planned) == once | {"table": 5}  # choice, models, packs, soc and validation
     assert "Read B drive" in planned
 
