@@ -1,12 +1,16 @@
 """Identify the equivalent circuits of one cell from its own tests."""
 
-from cellwright.identification.cell import cell_model
+import cellwright as cw
 from runtime import artefact, lending
 
 with artefact.Job(snakemake) as job:
-    tests = lending.tests(snakemake.input.series)
-    basis = job.load(snakemake.input.basis)
-    settings = {name: snakemake.params.settings[name] for name in ("members", "split_rest_second")}
-    model = cell_model(snakemake.params.cell, basis, tests, **settings)
-    job.note(*model["notes"])
-    job.save(model)
+    params = snakemake.params
+    found = cw.identify(
+        params.cell,
+        job.load(snakemake.input.basis),
+        lending.tests(snakemake.input.series),
+        members=params.members,
+        split_rest_second=params.split_rest_second,
+    )
+    job.note(*found.notes)
+    job.save(found.content)

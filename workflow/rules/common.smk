@@ -15,7 +15,7 @@ sys.path.insert(0, SCRIPTS)
 known = os.environ.get("PYTHONPATH", "").split(os.pathsep)
 os.environ["PYTHONPATH"] = os.pathsep.join([SCRIPTS, *[p for p in known if p and p != SCRIPTS]])
 
-from runtime import contract, run_log, sheets, stale_lock
+from runtime import contract, run_log, settings, sheets, stale_lock
 from runtime.provenance import code_of
 
 # One job, one core: linear algebra that takes all cores in each of several jobs slows them all
@@ -113,6 +113,12 @@ def held_against(outputs):
         return contract.fingerprint(*filled)
 
     return contract_of
+
+
+def of_analysis(section):
+    """Settings of a section that reach an analysis; the others decide which jobs there are."""
+    keys = settings.load(SCHEMAS, "config")["properties"][section]["properties"]
+    return {name: config[section][name] for name, spec in keys.items() if not spec.get("plans")}
 
 
 CAPACITY_KINDS = ("capacity", "ocv")
