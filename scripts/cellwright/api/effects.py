@@ -43,7 +43,7 @@ def missing_effect(
     from cellwright.effects.library import LIBRARY
 
     found = searched(
-        given.cell_row(cell),
+        given.cell_facts(cell)._asdict(),
         given.content(basis),
         given.tests(tests),
         LIBRARY if library is None else library,
@@ -79,8 +79,9 @@ def prepared_case(
     plain = _search(settings, split_rest_second, changes)
     gates, tolerance = settings_of(plain)
     options = {"tolerance": tolerance, "gates": gates, "settings": plain}
-    mine = [one for one in given.tests(tests) if one.facts["kind"] in prepare.KINDS]
-    return prepare.prepared(given.cell_row(cell), given.content(basis), mine, **options).case
+    mine = [one for one in given.tests(tests) if one.facts.kind in prepare.KINDS]
+    facts = given.cell_facts(cell)._asdict()
+    return prepare.prepared(facts, given.content(basis), mine, **options).case
 
 
 def _search(settings, split_rest_second, changes) -> dict:
@@ -96,7 +97,7 @@ def _reference(one):
     from cellwright.effects.finding import Reference
 
     cell, basis, tests = one
-    return Reference(given.cell_row(cell), given.content(basis), given.tests(tests))
+    return Reference(given.cell_facts(cell)._asdict(), given.content(basis), given.tests(tests))
 
 
 def missing_group_effect(group, branches, known, tests, settings=None, **changes):
@@ -157,13 +158,13 @@ def identify_branches(series, steps, cells, test):
     from cellwright.circuits.model_file import parameter_rows
     from cellwright.packs.group import group_models
 
-    facts = given.test_row(test)
+    facts = given.test_facts(test)
     models = group_models(
         given.columns(series, *given.NAMES),
         given.steps(steps)._asdict(),
         cells,
-        test=facts["test"],
-        celsius=facts["ambient_temperature_celsius"],
+        test=facts.test,
+        celsius=facts.ambient_temperature_celsius,
     )
     rows = [{"cell": cell} | row for cell, one in models.items() for row in parameter_rows(one)]
     return results.Document({"models": models}, (), rows)
@@ -236,12 +237,12 @@ def validate_group(models, branches, series, test):
     from cellwright.api import given, results
     from cellwright.packs.group import validate_group as validated
 
-    facts = given.test_row(test)
+    facts = given.test_facts(test)
     found = validated(
         [given.content(model) for model in models],
         branches,
         given.columns(series, *given.NAMES),
-        test=facts["test"],
-        celsius=facts["ambient_temperature_celsius"],
+        test=facts.test,
+        celsius=facts.ambient_temperature_celsius,
     )
     return results.Scored(found.rows, found.series, tuple(found.notes))

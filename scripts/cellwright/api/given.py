@@ -72,33 +72,36 @@ def rows(table) -> list[dict]:
     return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
 
 
-def cell_row(cell) -> dict:
-    """What the sheet says of a cell, of a CellFacts or a mapping with more or fewer keys."""
+def cell_facts(cell):
+    """CellFacts, of the same or of a mapping with more or fewer keys."""
     from cellwright.records.facts import CellFacts
 
     return _facts(CellFacts, cell)
 
 
-def test_row(test) -> dict:
-    """What the sheet says of a test, of a TestFacts or a mapping; `test` and `role` may lack."""
+def test_facts(test):
+    """TestFacts, of the same or of a mapping with more or fewer keys."""
     from cellwright.records.facts import TestFacts
 
-    return _facts(TestFacts, test if hasattr(test, "_asdict") else {"test": "", **test})
+    return _facts(TestFacts, {"test": "", **test} if isinstance(test, Mapping) else test)
 
 
-def _facts(kind, given) -> dict:
-    given = given._asdict() if hasattr(given, "_asdict") else given
+def _facts(kind, given):
+    if isinstance(given, kind):
+        return given
     lacking = [n for n in kind._fields if n not in given and n not in kind._field_defaults]
     if lacking:
         raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(given)}")
-    return kind(**{name: given[name] for name in kind._fields if name in given})._asdict()
+    return kind(**{name: given[name] for name in kind._fields if name in given})
 
 
 def tests(pairs) -> list:
     """Tests with their clean series: pairs (TestFacts or mapping, series)."""
     from cellwright.identification.cell import FitTest
 
-    return [FitTest(test_row(facts), columns(series, *COUNTED)) for facts, series in pairs]
+    return [
+        FitTest(test_facts(facts)._asdict(), columns(series, *COUNTED)) for facts, series in pairs
+    ]
 
 
 def content(document):
@@ -119,9 +122,11 @@ def entries(pairs, fields=None) -> list[dict]:
         if isinstance(one, Mapping):
             found.append(one)
             continue
-        facts, result = test_row(one[0]), one[1]
+        facts, result = test_facts(one[0]), one[1]
         names = ("test", "ambient_temperature_celsius", "cycle")
-        found += [{name: facts[name] for name in names} | row for row in (fields or rows)(result)]
+        found += [
+            {name: getattr(facts, name) for name in names} | row for row in (fields or rows)(result)
+        ]
     return found
 
 

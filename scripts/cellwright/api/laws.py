@@ -293,10 +293,10 @@ def _charge(one):
 
     if isinstance(one, Charge):
         return one
-    test, ica = given.test_row(one[0]), one[1]
+    test, ica = given.test_facts(one[0]), one[1]
     names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
     curve = [getattr(ica.curve, name) for name in names]
-    return Charge(test["test"], test["ambient_temperature_celsius"], ica.c_rate, *curve)
+    return Charge(test.test, test.ambient_temperature_celsius, ica.c_rate, *curve)
 
 
 def ageing_over_temperature(cycles, test, settings=None, **changes):
@@ -326,6 +326,6 @@ def ageing_over_temperature(cycles, test, settings=None, **changes):
     if not isinstance(table, AgeingCycles):
         table = AgeingCycles(**given.columns(table, *AgeingCycles._fields))
     found = cycle_temperature(table, **given.chosen(Ageing, settings, changes)._asdict())
-    rows = law_rows(found.summary, test=given.test_row(test)["test"])
+    rows = law_rows(found.summary, test=given.test_facts(test).test)
     notes = tuple(filter(None, [found.summary["reason"]]))
     return results.AgeingLaws(found.summary, rows, found.cycles, found.periodogram, notes)

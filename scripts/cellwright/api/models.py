@@ -31,15 +31,15 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
     from cellwright.api import given, results
     from cellwright.records.basis import basis as basis_of
 
-    facts = given.cell_row(cell)
+    facts = given.cell_facts(cell)
     found = basis_of(
-        facts["cell"],
+        facts.cell,
         given.entries(curves, _curves),
         given.entries(capacities),
         lenders,
         rests=given.entries(rests, _curves),
-        rated_capacity_ampere_hour=facts["rated_capacity_ampere_hour"],
-        lower_cutoff_volt=facts["lower_cutoff_volt"],
+        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        lower_cutoff_volt=facts.lower_cutoff_volt,
     )
     return results.Document(found, tuple(_basis_notes(found)), _curve_rows(found["ocv"]))
 
@@ -92,7 +92,11 @@ def state_of_charge(series, basis, test, cell):
     from cellwright.api import given
     from cellwright.records.basis import soc_or_unknown
 
-    about = (given.content(basis), given.test_row(test), given.cell_row(cell))
+    about = (
+        given.content(basis),
+        given.test_facts(test)._asdict(),
+        given.cell_facts(cell)._asdict(),
+    )
     return soc_or_unknown(given.columns(series, *given.COUNTED), *about)
 
 
@@ -123,7 +127,7 @@ def identify(
     from cellwright.api import given
     from cellwright.identification.cell import cell_model
 
-    about = (given.cell_row(cell), given.content(basis), given.tests(tests))
+    about = (given.cell_facts(cell)._asdict(), given.content(basis), given.tests(tests))
     return _model(cell_model(*about, members=members, split_rest_second=split_rest_second))
 
 
@@ -163,7 +167,7 @@ def identify_without(
 
     rest = without(given.content(basis), given.tests(tests), celsius=celsius)
     members = [given.content(whole)["chosen"]]
-    facts = given.cell_row(cell)
+    facts = given.cell_facts(cell)._asdict()
     return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
 
 
@@ -194,7 +198,7 @@ def compare_temperature_laws(
 
     whole = given.content(whole)
     models = {celsius: given.content(model) for celsius, model in reduced.items()}
-    about = (whole, models, given.cell_row(cell), given.tests(tests))
+    about = (whole, models, given.cell_facts(cell)._asdict(), given.tests(tests))
     rows, notes = predicted(*about, split_rest_second=split_rest_second)
     offered, refused = laws_beyond(whole)
     choice = choose_laws(rows, beyond=offered)
@@ -220,7 +224,7 @@ def predict_left_out(
     from cellwright.identification.compensation import laws_kept, predicted
 
     models = {celsius: given.content(model) for celsius, model in reduced.items()}
-    about = (given.content(whole), models, given.cell_row(cell), given.tests(tests))
+    about = (given.content(whole), models, given.cell_facts(cell)._asdict(), given.tests(tests))
     settings = {"laws": laws_kept(given.rows(laws)), "proof": True}
     rows, notes = predicted(*about, **settings, split_rest_second=split_rest_second)
     return results.Table(rows, tuple(notes))
@@ -260,7 +264,7 @@ def finish_model(
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
 
-    facts = given.cell_row(cell)
+    facts = given.cell_facts(cell)._asdict()
     content = model_of(given.content(model), facts["cell"])
     for law in laws:
         content = with_laws(content, laws_kept(given.rows(law)))
@@ -389,7 +393,11 @@ def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_s
     from cellwright.api import given, results
     from cellwright.identification.validation import validate as validated
 
-    about = (given.content(model), given.cell_row(cell), given.test_row(test))
+    about = (
+        given.content(model),
+        given.cell_facts(cell)._asdict(),
+        given.test_facts(test)._asdict(),
+    )
     columns = given.columns(series, *given.COUNTED)
     found = validated(*about, columns, split_rest_second=split_rest_second)
     return results.Scored(found.rows, found.series, tuple(found.notes))
@@ -429,8 +437,8 @@ def estimate_soc(
 
     found = soc_runs(
         given.content(model),
-        given.cell_row(cell),
-        given.test_row(test),
+        given.cell_facts(cell)._asdict(),
+        given.test_facts(test)._asdict(),
         given.columns(series, *given.COUNTED),
         settings=given.chosen(Soc, settings, changes),
         split_rest_second=split_rest_second,

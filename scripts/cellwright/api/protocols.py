@@ -31,13 +31,13 @@ def capacity(series, steps, cell, *, whole_swing=False):
     from cellwright.api import given, results
     from cellwright.protocols.capacity import capacity as capacities
 
-    columns, facts = given.columns(series, *given.COUNTED), given.cell_row(cell)
+    columns, facts = given.columns(series, *given.COUNTED), given.cell_facts(cell)
     found = capacities(
         *given.quantities(columns, given.COUNTED),
         given.steps(steps),
-        rated_capacity_ampere_hour=facts["rated_capacity_ampere_hour"],
-        lower_cutoff_volt=facts["lower_cutoff_volt"],
-        upper_cutoff_volt=facts["upper_cutoff_volt"],
+        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+        upper_cutoff_volt=facts.upper_cutoff_volt,
         surface_temperature_celsius=columns.get("surface_temperature_celsius"),
         whole_swing=whole_swing,
     )
@@ -68,12 +68,12 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
     from cellwright.protocols.ocv.functions import fit_functions
     from cellwright.protocols.ocv.slow import slow_ocv
 
-    columns, facts = given.columns(series, *given.COUNTED), given.cell_row(cell)
+    columns, facts = given.columns(series, *given.COUNTED), given.cell_facts(cell)
     curve = slow_ocv(
         *given.quantities(columns, given.COUNTED),
         file_index=columns.get("file_index"),
-        lower_cutoff_volt=facts["lower_cutoff_volt"],
-        upper_cutoff_volt=facts["upper_cutoff_volt"],
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+        upper_cutoff_volt=facts.upper_cutoff_volt,
         least_hour=least_hour,
     )
     notes = tuple(filter(None, [curve.note]))
@@ -106,17 +106,17 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
     from cellwright.protocols.rests import rest_points
     from cellwright.records.anchor import rest_scale
 
-    cell, test, steps = given.cell_row(cell), given.test_row(test), given.steps(steps)
+    cell, test, steps = given.cell_facts(cell), given.test_facts(test), given.steps(steps)
     columns = given.quantities(series, given.COUNTED)
     scale = rest_scale(
         *columns[1:],
         steps,
         given.entries(capacities),
-        rated_capacity_ampere_hour=cell["rated_capacity_ampere_hour"],
-        lower_cutoff_volt=cell["lower_cutoff_volt"],
-        upper_cutoff_volt=cell["upper_cutoff_volt"],
-        ambient_temperature_celsius=test["ambient_temperature_celsius"],
-        soc_at_start=test["soc"],
+        rated_capacity_ampere_hour=cell.rated_capacity_ampere_hour,
+        lower_cutoff_volt=cell.lower_cutoff_volt,
+        upper_cutoff_volt=cell.upper_cutoff_volt,
+        ambient_temperature_celsius=test.ambient_temperature_celsius,
+        soc_at_start=test.soc,
     )
     points = rest_points(*columns, steps, rest_second=rest_second)
     limits = {name: cell[name] for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
@@ -353,7 +353,7 @@ def thermometer(spectra, series):
         for test, one in series
     ]
     pairs = [
-        [(given.test_row(test)["ambient_temperature_celsius"], celsius) for test, celsius in one]
+        [(given.test_facts(test).ambient_temperature_celsius, celsius) for test, celsius in one]
         for one in (read, at_rest)
     ]
     rows, notes = temperature_offsets(*pairs)
@@ -384,14 +384,14 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
     from cellwright.api import given, results
     from cellwright.protocols.fast_charge import fast_charge as charged
 
-    facts = given.cell_row(cell)
+    facts = given.cell_facts(cell)
     found, notes = charged(
         given.columns(series, *given.COUNTED),
         given.steps(steps),
         capacity_ampere_hour=given.content(basis)["capacity_ampere_hour"],
-        rated_capacity_ampere_hour=facts["rated_capacity_ampere_hour"],
-        lower_cutoff_volt=facts["lower_cutoff_volt"],
-        upper_cutoff_volt=facts["upper_cutoff_volt"],
+        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+        upper_cutoff_volt=facts.upper_cutoff_volt,
         **given.chosen(FastCharge, settings, changes)._asdict(),
     )
     return results.Table([found], tuple(notes))
@@ -419,13 +419,13 @@ def ageing_cycles(series, steps, test, cell):
     from cellwright.api import given, results
     from cellwright.protocols.ageing import ageing_cycles as cycles
 
-    facts = given.cell_row(cell)
+    facts = given.cell_facts(cell)
     found = cycles(
         given.columns(series, *given.COUNTED),
         given.steps(steps),
-        first_cycle=given.test_row(test)["cycle"] or 0.0,
-        rated_capacity_ampere_hour=facts["rated_capacity_ampere_hour"],
-        lower_cutoff_volt=facts["lower_cutoff_volt"],
-        upper_cutoff_volt=facts["upper_cutoff_volt"],
+        first_cycle=given.test_facts(test).cycle or 0.0,
+        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+        upper_cutoff_volt=facts.upper_cutoff_volt,
     )
     return results.Table(found.rows, tuple(found.left_out))

@@ -111,7 +111,7 @@ def segment(series, cell=None, settings=None, **changes):
     from cellwright.series.steps import segment as segmented
 
     columns = given.columns(series, *given.COUNTED)
-    rated = given.cell_row(cell)["rated_capacity_ampere_hour"] if cell else None
+    rated = given.cell_facts(cell).rated_capacity_ampere_hour if cell else None
     steps = segmented(
         *given.quantities(columns, given.COUNTED),
         file_index=columns.get("file_index"),
