@@ -11,6 +11,7 @@ from cellwright.filters.evaluate import chi_square, convergence_second, innovati
 from cellwright.filters.plant import Noise
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
+from cellwright.settings import Soc
 
 ERROR, SECOND, SPAN = 0.01, 300.0, 0.3
 BANK = bank_of(stated(), None, 25.0)
@@ -255,9 +256,9 @@ def test_refusals(change, reason):
 
 
 SETTINGS = {
-    "filters": list(METHODS),
-    "initial_soc_error": [-0.3],
-    "initial_soc": [0.0],
+    "filters": tuple(METHODS),
+    "initial_soc_error": (-0.3,),
+    "initial_soc": (0.0,),
     "initial_soc_std": 0.5,
     "scenarios": ["current_offset", "voltage_bias", "capacity_high", "capacity_low", "mid_drive"],
     "current_offset_c_rate": 0.01,
@@ -288,7 +289,7 @@ def test_a_test_is_run_by_every_filter_start_and_scenario():
     facts = {"role": "validation", "soc": 0.95, "ambient_temperature_celsius": 25.0}
     cell = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
     model = stated()
-    found = soc_runs(model, cell, facts, series, settings=SETTINGS, split_rest_second=120.0)
+    found = soc_runs(model, cell, facts, series, settings=Soc(**SETTINGS), split_rest_second=120.0)
     assert len(found.rows) == len(METHODS) * (2 + 5)
     nominal = {row["filter"]: row for row in found.rows if row["scenario"] == "nominal"}
     assert nominal["coulomb"]["reason"] == "counting keeps the error of its start"

@@ -1,7 +1,5 @@
 """From an instrument's files to one clean series and its steps."""
 
-from os import PathLike
-
 from cellwright.refusal import Refusal
 from cellwright.settings import Clean, Segment
 
@@ -49,7 +47,7 @@ def _named_bytes(part, name):
     """(what it is called, its bytes)."""
     if isinstance(part, bytes):
         return name, part
-    if not isinstance(part, str | PathLike):
+    if isinstance(part, tuple):
         return part
     try:
         with open(part, "rb") as file:

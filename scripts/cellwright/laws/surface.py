@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import DELAYS, fresh, name_of, rate_classes
+from cellwright.laws.points import fresh, name_of, rate_classes
 from cellwright.laws.surface_forms import (
     OVER_TEMPERATURE,
     fit_form,
@@ -16,6 +16,9 @@ from cellwright.laws.surface_forms import (
 from cellwright.laws.temperature import NO_LIMIT, falls, turn_of, turning
 from cellwright.numerics.uncertainty import t_interval
 from cellwright.refusal import Refusal
+from cellwright.settings import Temperature
+
+TEMPERATURE = Temperature()
 
 REJECTED = 0.05
 
@@ -224,7 +227,7 @@ class Fitted(NamedTuple):
     valid_celsius: tuple = NO_LIMIT
 
 
-def pulses_of(rows, *, direction, delay_second, c_rate=1.0):
+def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
     """Pulses of one rate at all temperatures that have it, each known to 5 % or better.
 
     Parameters
@@ -334,7 +337,7 @@ def _errors(predicted, ohm):
     return tuple(float(np.sqrt(np.mean(e**2))) for e in (error, error / ohm))
 
 
-def surfaces(rows, *, delay_second=DELAYS, c_rate=1.0):
+def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate):
     """Every surface that a cell's pulses bear, with its test of separability.
 
     Parameters
