@@ -44,6 +44,24 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
     return results.Document(found, tuple(_basis_notes(found)), _curve_rows(found["ocv"]))
 
 
+def lender(cell, curves, capacities, *, marked=False):
+    """A cell that others of its type may borrow from.
+
+    Parameters
+    ----------
+    cell, curves, capacities : as of `basis`. marked : whether it is a reference of its type.
+
+    Returns
+    -------
+    lender : `records.basis.Lender`.
+    """
+    from cellwright.api import given
+    from cellwright.records.basis import Lender
+
+    shown = (given.entries(curves, _curves), given.entries(capacities))
+    return Lender(given.cell_facts(cell).cell, marked, *shown)
+
+
 def _curves(result):
     """One curve as plain lists; of rests with where its capacity is from."""
     from cellwright.api import given
