@@ -79,7 +79,8 @@ def prepared_case(
     plain = _search(settings, split_rest_second, changes)
     gates, tolerance = settings_of(plain)
     options = {"tolerance": tolerance, "gates": gates, "settings": plain}
-    mine = [one for one in given.tests(tests) if one.facts.kind in prepare.KINDS]
+    known = [(given.test_facts(facts), series) for facts, series in tests]
+    mine = given.tests([one for one in known if one[0].kind in prepare.KINDS])
     facts = given.cell_facts(cell)._asdict()
     return prepare.prepared(facts, given.content(basis), mine, **options).case
 
