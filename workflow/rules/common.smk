@@ -115,9 +115,12 @@ def held_against(outputs):
     return contract_of
 
 
+SECTIONS = settings.load(SCHEMAS, "config")["properties"]
+
+
 def of_analysis(section):
     """Settings of a section that reach an analysis; the others decide which jobs there are."""
-    keys = settings.load(SCHEMAS, "config")["properties"][section]["properties"]
+    keys = SECTIONS[section]["properties"]
     return {name: config[section][name] for name, spec in keys.items() if not spec.get("plans")}
 
 
