@@ -1,7 +1,7 @@
 """Identify the chosen member of a cell's model anew, without the tests of one temperature."""
 
 import cellwright as cw
-from runtime import artefact, lending
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
     params, inputs = snakemake.params, snakemake.input
@@ -9,7 +9,7 @@ with artefact.Job(snakemake) as job:
         params.cell,
         job.load(inputs.whole),
         job.load(inputs.basis),
-        lending.tests(inputs.series),
+        facts.tests(inputs.series),
         celsius=float(snakemake.wildcards.celsius),
         split_rest_second=params.split_rest_second,
     )

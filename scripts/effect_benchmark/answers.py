@@ -76,7 +76,7 @@ def of_group(group: str, branches, cells, tests, settings) -> list[tuple]:
 
     Parameters
     ----------
-    group : name. branches : its rows of groups.tsv. cells : list of KnownCell. tests : (TestFacts,
+    group : name. branches : list of BranchFacts. cells : list of KnownCell. tests : (TestFacts,
     columns) each. settings : section missing_effect_group of the config.
     """
     ways = {SEARCH: tests, ONE_TEMPERATURE: _at_one(tests), BLIND: [_blind(t) for t in tests]}

@@ -91,7 +91,7 @@ def _case(work, cell):
 def _group_rows(work, group):
     """A group beside what its cells are by themselves, in each way to look at it."""
     branches = work.place.branches[group]
-    cells = [answers.known(row["cell"], _case(work, row["cell"])) for row in branches]
+    cells = [answers.known(row.cell, _case(work, row.cell)) for row in branches]
     tests = campaign.tests_of(work.place, group, work.steps)
     return [
         _row(group, method, said, rounds=len(said["effects"]) + 1 if said else 0, **cost)

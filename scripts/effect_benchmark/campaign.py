@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import cellwright as cw
+from cellwright.api import given
 from cellwright.records.basis import Lender
 from runtime import raw_files, sheets
 
@@ -43,13 +44,13 @@ def place(folder) -> Place:
     for row in read.tests:
         tests.setdefault(row["cell"], []).append(row)
     for row in sorted(read.groups, key=lambda row: row["position"]):
-        branches.setdefault(row["group"], []).append(row)
+        branches.setdefault(row["group"], []).append(given.branch_facts(row))
     return Place(Path(folder), {row["cell"]: row for row in read.cells}, tests, branches)
 
 
 def searched(place: Place) -> list[str]:
     """Cells and groups that a search is for: no reference, and no branch of a group."""
-    inside = {row["cell"] for rows in place.branches.values() for row in rows}
+    inside = {row.cell for rows in place.branches.values() for row in rows}
     cells = [c for c, row in place.cells.items() if row["reference"] != "yes" and c not in inside]
     return sorted([*cells, *place.branches])
 

@@ -1,16 +1,16 @@
 """Search for what the model of one cell lacks, and prove it on tests that took no part."""
 
 import cellwright as cw
-from runtime import artefact, lending
+from runtime import artefact, facts, known
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
     found = cw.missing_effect(
         params.cell,
         job.load(inputs.basis),
-        lending.tests(inputs.series),
+        facts.tests(inputs.series),
         params.settings,
-        references=lending.references(params.references, inputs.lent_basis, inputs.lent_series),
+        references=known.references(params.references, inputs.lent_basis, inputs.lent_series),
         split_rest_second=params.split_rest_second,
     )
     job.note(*found.notes)

@@ -1,7 +1,7 @@
 """A cell's model as the rest of the pipeline uses it, and why its chosen member was chosen."""
 
 import cellwright as cw
-from runtime import artefact, lending
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
@@ -9,7 +9,7 @@ with artefact.Job(snakemake) as job:
         params.cell,
         job.load(inputs.source),
         artefact.load_first(inputs.basis),
-        lending.tests(inputs.series),
+        facts.tests(inputs.series),
         laws=[tried for tried, _ in artefact.load_all(inputs.law)],
         effects=artefact.load_first(inputs.effects),
         split_rest_second=params.split_rest_second,

@@ -43,7 +43,7 @@ def missing_effect(
     from cellwright.effects.library import LIBRARY
 
     found = searched(
-        given.cell_facts(cell)._asdict(),
+        given.cell_facts(cell),
         given.content(basis),
         given.tests(tests),
         LIBRARY if library is None else library,
@@ -81,7 +81,7 @@ def prepared_case(
     options = {"tolerance": tolerance, "gates": gates, "settings": plain}
     known = [(given.test_facts(facts), series) for facts, series in tests]
     mine = given.tests([one for one in known if one[0].kind in prepare.KINDS])
-    facts = given.cell_facts(cell)._asdict()
+    facts = given.cell_facts(cell)
     return prepare.prepared(facts, given.content(basis), mine, **options).case
 
 
@@ -98,7 +98,7 @@ def _reference(one):
     from cellwright.effects.finding import Reference
 
     cell, basis, tests = one
-    return Reference(given.cell_facts(cell)._asdict(), given.content(basis), given.tests(tests))
+    return Reference(given.cell_facts(cell), given.content(basis), given.tests(tests))
 
 
 def missing_group_effect(group, branches, known, tests, settings=None, **changes):
@@ -130,7 +130,8 @@ def missing_group_effect(group, branches, known, tests, settings=None, **changes
         name: value._asdict() if hasattr(value, "_asdict") else value
         for name, value in chosen._asdict().items()
     }
-    found = searched(group, branches, known, given.tests(tests), settings=plain)
+    rows = [given.branch_facts(branch) for branch in branches]
+    found = searched(group, rows, known, given.tests(tests), settings=plain)
     empty = {key: {} for key in ("residual_map", "evidence", "confounding", "menu")}
     return results.MissingEffect(**empty, **found._asdict())
 
@@ -158,15 +159,10 @@ def identify_branches(series, steps, cells, test):
     from cellwright.api import given, results
     from cellwright.circuits.model_file import parameter_rows
     from cellwright.packs.group import group_models
+    from cellwright.records.facts import MeasuredTest
 
-    facts = given.test_facts(test)
-    models = group_models(
-        given.columns(series, *given.NAMES),
-        given.steps(steps)._asdict(),
-        cells,
-        test=facts.test,
-        celsius=facts.ambient_temperature_celsius,
-    )
+    measured = MeasuredTest(given.test_facts(test), given.columns(series, *given.NAMES))
+    models = group_models(measured, given.steps(steps)._asdict(), cells)
     rows = [{"cell": cell} | row for cell, one in models.items() for row in parameter_rows(one)]
     return results.Document({"models": models}, (), rows)
 
@@ -237,13 +233,9 @@ def validate_group(models, branches, series, test):
     """
     from cellwright.api import given, results
     from cellwright.packs.group import validate_group as validated
+    from cellwright.records.facts import MeasuredTest
 
-    facts = given.test_facts(test)
-    found = validated(
-        [given.content(model) for model in models],
-        branches,
-        given.columns(series, *given.NAMES),
-        test=facts.test,
-        celsius=facts.ambient_temperature_celsius,
-    )
+    measured = MeasuredTest(given.test_facts(test), given.columns(series, *given.NAMES))
+    rows = [given.branch_facts(branch) for branch in branches]
+    found = validated([given.content(model) for model in models], rows, measured)
     return results.Scored(found.rows, found.series, tuple(found.notes))

@@ -86,6 +86,13 @@ def test_facts(test):
     return _facts(TestFacts, {"test": "", **test} if isinstance(test, Mapping) else test)
 
 
+def branch_facts(branch):
+    """BranchFacts, of the same or of a row of groups.tsv."""
+    from cellwright.records.facts import BranchFacts
+
+    return _facts(BranchFacts, branch)
+
+
 def _facts(kind, given):
     if isinstance(given, kind):
         return given
@@ -96,12 +103,10 @@ def _facts(kind, given):
 
 
 def tests(pairs) -> list:
-    """Tests with their clean series: pairs (TestFacts or mapping, series)."""
-    from cellwright.identification.cell import FitTest
+    """MeasuredTest of pairs (TestFacts or mapping, series)."""
+    from cellwright.records.facts import MeasuredTest
 
-    return [
-        FitTest(test_facts(facts)._asdict(), columns(series, *COUNTED)) for facts, series in pairs
-    ]
+    return [MeasuredTest(test_facts(facts), columns(series, *COUNTED)) for facts, series in pairs]
 
 
 def content(document):

@@ -112,8 +112,8 @@ def state_of_charge(series, basis, test, cell):
 
     about = (
         given.content(basis),
-        given.test_facts(test)._asdict(),
-        given.cell_facts(cell)._asdict(),
+        given.test_facts(test),
+        given.cell_facts(cell),
     )
     return soc_or_unknown(given.columns(series, *given.COUNTED), *about)
 
@@ -145,7 +145,7 @@ def identify(
     from cellwright.api import given
     from cellwright.identification.cell import cell_model
 
-    about = (given.cell_facts(cell)._asdict(), given.content(basis), given.tests(tests))
+    about = (given.cell_facts(cell), given.content(basis), given.tests(tests))
     return _model(cell_model(*about, members=members, split_rest_second=split_rest_second))
 
 
@@ -185,7 +185,7 @@ def identify_without(
 
     rest = without(given.content(basis), given.tests(tests), celsius=celsius)
     members = [given.content(whole)["chosen"]]
-    facts = given.cell_facts(cell)._asdict()
+    facts = given.cell_facts(cell)
     return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
 
 
@@ -216,7 +216,7 @@ def compare_temperature_laws(
 
     whole = given.content(whole)
     models = {celsius: given.content(model) for celsius, model in reduced.items()}
-    about = (whole, models, given.cell_facts(cell)._asdict(), given.tests(tests))
+    about = (whole, models, given.cell_facts(cell), given.tests(tests))
     rows, notes = predicted(*about, split_rest_second=split_rest_second)
     offered, refused = laws_beyond(whole)
     choice = choose_laws(rows, beyond=offered)
@@ -242,7 +242,7 @@ def predict_left_out(
     from cellwright.identification.compensation import laws_kept, predicted
 
     models = {celsius: given.content(model) for celsius, model in reduced.items()}
-    about = (given.content(whole), models, given.cell_facts(cell)._asdict(), given.tests(tests))
+    about = (given.content(whole), models, given.cell_facts(cell), given.tests(tests))
     settings = {"laws": laws_kept(given.rows(laws)), "proof": True}
     rows, notes = predicted(*about, **settings, split_rest_second=split_rest_second)
     return results.Table(rows, tuple(notes))
@@ -282,8 +282,8 @@ def finish_model(
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
 
-    facts = given.cell_facts(cell)._asdict()
-    content = model_of(given.content(model), facts["cell"])
+    facts = given.cell_facts(cell)
+    content = model_of(given.content(model), facts.cell)
     for law in laws:
         content = with_laws(content, laws_kept(given.rows(law)))
     about = (given.content(basis), facts, given.tests(tests), effects)
@@ -411,13 +411,9 @@ def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_s
     from cellwright.api import given, results
     from cellwright.identification.validation import validate as validated
 
-    about = (
-        given.content(model),
-        given.cell_facts(cell)._asdict(),
-        given.test_facts(test)._asdict(),
-    )
-    columns = given.columns(series, *given.COUNTED)
-    found = validated(*about, columns, split_rest_second=split_rest_second)
+    (measured,) = given.tests([(test, series)])
+    about = (given.content(model), given.cell_facts(cell), measured)
+    found = validated(*about, split_rest_second=split_rest_second)
     return results.Scored(found.rows, found.series, tuple(found.notes))
 
 
@@ -453,11 +449,11 @@ def estimate_soc(
     from cellwright.api import given, results
     from cellwright.filters.evaluate import soc_runs
 
+    (measured,) = given.tests([(test, series)])
     found = soc_runs(
         given.content(model),
-        given.cell_facts(cell)._asdict(),
-        given.test_facts(test)._asdict(),
-        given.columns(series, *given.COUNTED),
+        given.cell_facts(cell),
+        measured,
         settings=given.chosen(Soc, settings, changes),
         split_rest_second=split_rest_second,
     )

@@ -1,6 +1,6 @@
 """Effects of temperature, measured or not."""
 
-from cellwright.circuits.temperature import warmth
+from cellwright.circuits.temperature import resistance_factor
 from cellwright.effects.base import REFERENCE_CELSIUS, relaxed, slow_volt
 from cellwright.effects.effect import Effect, Parameter
 
@@ -15,7 +15,7 @@ def _warmed(fields, factor):
 
 def _resistance(fields, stack, p):
     energy = p["activation_energy_joule_per_mole"]
-    return _warmed(fields, warmth(fields.celsius, REFERENCE_CELSIUS, energy))
+    return _warmed(fields, resistance_factor(fields.celsius, REFERENCE_CELSIUS, energy))
 
 
 def _self_heating(fields, stack, p):
@@ -23,7 +23,7 @@ def _self_heating(fields, stack, p):
     heat = fields.current * (fields.r0 * fields.current + slow_volt(stack, fields))
     rise = p["thermal_resistance_kelvin_per_watt"] * relaxed(stack, heat, p["time_constant_second"])
     inside = fields.celsius + rise
-    return _warmed(fields, warmth(inside, fields.celsius, OWN_HEAT_JOULE_PER_MOLE))
+    return _warmed(fields, resistance_factor(inside, fields.celsius, OWN_HEAT_JOULE_PER_MOLE))
 
 
 def _entropic(fields, stack, p):
