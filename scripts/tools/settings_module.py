@@ -19,7 +19,10 @@ FILES = {
             *("fast_charge", "ageing", "impedance"),
         ],
     ),
-    "models.py": ("Settings of equivalent circuits and of filters.", ["models", "soc"]),
+    "models.py": (
+        "Settings of equivalent circuits, of the methods that find them, and of filters.",
+        ["models", "identification_methods", "soc"],
+    ),
     "effects.py": (
         "Settings of the search for missing effects.",
         ["missing_effect", "missing_effect_group"],

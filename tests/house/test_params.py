@@ -20,7 +20,13 @@ SECTIONS = {
     for name in names
 }
 # Rules that call no step of the interface: the benchmark and figures say themselves what they use.
-OF_THEIR_OWN = ("effect_campaign", "effect_left_out", "effect_answers", "missing_effect_benchmark")
+OF_THEIR_OWN = (
+    "effect_campaign",
+    "effect_left_out",
+    "effect_answers",
+    "missing_effect_benchmark",
+    "identification_methods",
+)
 
 
 def whole(section) -> set[str]:

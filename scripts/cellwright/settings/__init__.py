@@ -9,6 +9,7 @@ from cellwright.settings.effects import (
     MissingEffectGroup,
 )
 from cellwright.settings.models import (
+    IdentificationMethods,
     Models,
     Soc,
 )
@@ -36,6 +37,7 @@ __all__ = [
     "FastCharge",
     "Ica",
     "IcaTemperature",
+    "IdentificationMethods",
     "Impedance",
     "MissingEffect",
     "MissingEffectGroup",

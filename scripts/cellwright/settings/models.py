@@ -1,4 +1,4 @@
-"""Settings of equivalent circuits and of filters.
+"""Settings of equivalent circuits, of the methods that find them, and of filters.
 
 Made by scripts/tools/settings_module.py from workflow/schemas/config.schema.yaml.
 Do not edit.
@@ -29,6 +29,20 @@ class Models(NamedTuple):
         "DRT+H+K+D",
     )
     split_rest_second: float = 120.0
+
+
+class IdentificationMethods(NamedTuple):
+    """Pulses on which identification methods are compared (thesis 2.3).
+
+    pulses_per_cell : At most so many pulses of a cell, evenly over its tests and in each over
+        SoC.
+    samples : Each pulse with its rest is thinned to so many samples, dense at their beginnings.
+    rest_lengths [1] : The rest after a pulse counts up to so many lengths of the pulse.
+    """
+
+    pulses_per_cell: int = 16
+    samples: int = 200
+    rest_lengths: float = 30.0
 
 
 class Soc(NamedTuple):
