@@ -1,17 +1,17 @@
 """Identify the chosen member of a cell's model anew, without the tests of one temperature."""
 
-from cellwright.identification.cell import cell_model
-from cellwright.identification.compensation import without
-from cellwright.records.facts import CellFacts
+import cellwright as cw
 from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    tests = facts.tests(snakemake.input.series)
-    whole, basis = job.load(snakemake.input.whole), job.load(snakemake.input.basis)
-    rest = without(basis, tests, celsius=float(snakemake.wildcards.celsius))
-    settings = {"split_rest_second": snakemake.params.split_rest_second}
-    model = cell_model(
-        CellFacts(**snakemake.params.cell), *rest, members=[whole["chosen"]], **settings
+    params, inputs = snakemake.params, snakemake.input
+    found = cw.identify_without(
+        params.cell,
+        job.load(inputs.whole),
+        job.load(inputs.basis),
+        facts.tests(inputs.series),
+        celsius=float(snakemake.wildcards.celsius),
+        split_rest_second=params.split_rest_second,
     )
-    job.note(*model["notes"])
-    job.save(model)
+    job.note(*found.notes)
+    job.save(found.content)

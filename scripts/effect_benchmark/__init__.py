@@ -1,5 +1,5 @@
 """How well missing effects are found, measured on hidden campaigns of the virtual laboratory.
 
-`loading`, `answers`, `controls` and `batch` see raw files and sheets alone; `scoring` and what
-follows it see the truth.
+`campaign`, `answers`, `controls` and `batch` see raw files and sheets alone; `truth`, `scoring`
+and `page` see the truth.
 """

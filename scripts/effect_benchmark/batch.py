@@ -6,34 +6,34 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import prepare, search
-from cellwright.effects.finding import settings_of
+import cellwright as cw
+from cellwright.effects import search
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
 from cellwright.effects.search import matters, significant
 from cellwright.refusal import Refusal
-from effect_benchmark import answers, controls, groups, loading
-from effect_benchmark.methods import BIC, EXTRA, LEFT_OUT, PERMUTED, RANDOM, SEARCH, VALIDATION
+from effect_benchmark import answers, campaign, controls
+from effect_benchmark.answers import BIC, EXTRA, LEFT_OUT, PERMUTED, RANDOM, SEARCH, VALIDATION
 from runtime.artefact import plain
 
-SETTLED = ("clean", "segment", "ocv")
 NAN = float("nan")
-MOST_ROWS = 40_000  # where the config says nothing
 
 
 class Task(NamedTuple):
     """What a batch works on: a campaign, the stages' settings, what cells borrow, and choices.
 
-    settings : of the search, as `finding.missing_effect` takes them. left_out : ids that the second
-    search of a cell does without, by cell. paired_chemistry : of cells that are held against their
-    references. seed : of the controls. control_every : which part of the cells has second search
-    and controls. of_groups : settings of the search in groups.
+    settings : of the search, section missing_effect of the config. split_rest_second : shortest
+    rest that cuts a test of role split [s]. left_out : ids that the second search of a cell does
+    without, by cell. paired_chemistry : of cells that are held against their references. seed : of
+    the controls. control_every : which part of the cells has second search and controls.
+    of_groups : settings of the search in groups, section missing_effect_group.
     """
 
-    place: loading.Place
-    steps: loading.Steps
+    place: campaign.Place
+    steps: campaign.Steps
     known: dict
     settings: dict
+    split_rest_second: float
     left_out: dict
     paired_chemistry: str
     seed: int
@@ -50,20 +50,21 @@ def task(folder, left_out: dict, config: dict) -> Task:
     config : sections clean, segment, ocv, models, missing_effect, missing_effect_group and
     benchmark.
     """
-    place, chosen = loading.place(folder), config["benchmark"]
-    steps = loading.Steps(*(config[name] for name in SETTLED))
-    known = loading.lenders(place, steps)
-    split = {"split_rest_second": config["models"]["split_rest_second"]}
-    settings = {"most_rows": MOST_ROWS} | config["missing_effect"] | split
+    place, chosen = campaign.place(folder), config["benchmark"]
+    steps = campaign.Steps(config["clean"], config["segment"], config["ocv"]["least_hour"])
+    known = campaign.lenders(place, steps)
+    settings = {k: v for k, v in config["missing_effect"].items() if k != "enabled"}
+    rest = config["models"]["split_rest_second"]
     names = ("paired_chemistry", "seed", "control_every")
     choices = (left_out, *(chosen[name] for name in names))
-    return Task(place, steps, known, settings, *choices, config["missing_effect_group"])
+    of_groups = config["missing_effect_group"]
+    return Task(place, steps, known, settings, rest, *choices, of_groups)
 
 
 def answered(work: Task, number: int, of: int) -> list[dict]:
     """Rows of every `of`-th cell of a campaign, from the one with this number: one row a method."""
     rows = []
-    for place, cell in list(enumerate(loading.searched(work.place)))[number::of]:
+    for place, cell in list(enumerate(campaign.searched(work.place)))[number::of]:
         try:
             rows += _rows(work, cell, place % work.control_every == 0)
         except Refusal as refusal:
@@ -81,22 +82,20 @@ def _rows(work, cell, controlled):
 
 
 def _case(work, cell):
-    """As `finding.missing_effect` lays it out."""
-    row, basis, tests = loading.loaded(work.place, cell, work.known, work.steps)
-    mine = [test for test in tests if test.facts.kind in prepare.KINDS]
-    gates, tolerance = settings_of(work.settings)
-    options = {"tolerance": tolerance, "gates": gates, "settings": work.settings}
-    return prepare.prepared(row, basis, mine, **options).case
+    """As `cw.missing_effect` lays it out."""
+    found = campaign.loaded(work.place, cell, work.known, work.steps)
+    rest = work.split_rest_second
+    return cw.prepared_case(*found, work.settings, split_rest_second=rest)
 
 
 def _group_rows(work, group):
     """A group beside what its cells are by themselves, in each way to look at it."""
     branches = work.place.branches[group]
-    cells = [groups.known(row.cell, _case(work, row.cell)) for row in branches]
-    tests = loading.tests_of(work.place, group, work.steps)
+    cells = [answers.known(row.cell, _case(work, row.cell)) for row in branches]
+    tests = campaign.tests_of(work.place, group, work.steps)
     return [
         _row(group, method, said, rounds=len(said["effects"]) + 1 if said else 0, **cost)
-        for method, said, cost in groups.answers(group, branches, cells, tests, work.of_groups)
+        for method, said, cost in answers.of_group(group, branches, cells, tests, work.of_groups)
     ]
 
 

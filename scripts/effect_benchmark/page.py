@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
-from effect_benchmark import scoring, tables
+import numpy as np
+
+from effect_benchmark import scoring
+from figures import style
 
 WORDS = {
     "search": "the search",
@@ -45,23 +48,24 @@ def markdown(table, options: str) -> str:
     parts = [
         INTRODUCTION.format(options=options, cells=len(mine), silent=silent),
         "## Goals\n\n" + _goals(scoring.goals(table)),
-        "## Power\n\n![Power against strength](effect-power.svg)\n\n" + _power(tables.power(table)),
+        "## Power\n\n![Power against strength](effect-power.svg)\n\n"
+        + _power(scoring.power(table)),
         "## Confusion\n\n![Hidden against answered](effect-confusion.svg)\n",
         "## The true class left out of the library\n\n"
         "The right answer is unknown; at 1 mV, silence often is, too.\n\n"
-        + _shares(tables.left_out(table)),
-        "## Other ways of ranking, on the same cells\n\n" + _rankings(tables.rankings(table)),
+        + _shares(scoring.left_out(table)),
+        "## Other ways of ranking, on the same cells\n\n" + _rankings(scoring.rankings(table)),
         "## Terms that must not help\n\n"
         "Each refitted beside the plain model, with the noise of the search's first round, and\n"
         "held against the same gates. Charge that passed is the same in any order: of effects\n"
         "that follow it (leakage, efficiency, capacity), much survives another order.\n\n"
-        + _controls(tables.controls(table)),
+        + _controls(scoring.controls(table)),
         "## Parallel groups\n\n"
         "Each group is held against models of its cells by themselves. The strength is what a\n"
         "branch current has of its own, times that cell's resistance. Without branch currents\n"
         "a verdict is at best ambiguous, and its first name a guess.\n\n"
-        + _groups(tables.groups(table)),
-        "## Where it is wrong\n\n" + _misses(tables.misses(table)),
+        + _groups(scoring.groups(table)),
+        "## Where it is wrong\n\n" + _misses(scoring.misses(table)),
     ]
     return "\n".join(parts)
 
@@ -174,3 +178,77 @@ def _misses(rows):
     header = ["cell", "hidden", "mV", "verdict", "said", "outcome", "reason"]
     names = ["cell", "hidden", "strength_millivolt", "verdict", "said", "outcome", "reason"]
     return lines(header, [[row[name] for name in names] for row in rows])
+
+
+STRENGTHS = (1.0, 2.5, 6.0)
+PANEL_WORDS = {"right": "named right", "content": "named right, or rightly silent"}
+ACROSS = 5  # panels beside each other
+
+
+def confusion(table):
+    """Counts of cells: hidden class (rows) against the first answer (columns)."""
+    counts = scoring.confusion(table)
+    rows, columns = counts.shape
+    drawn, axes = style.subplots(width=2.6 + 0.31 * columns, height=2.3 + 0.27 * rows)
+    axes = axes[0, 0]
+    shares = counts.to_numpy(float) / counts.sum(axis=1).to_numpy(float)[:, None]
+    axes.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    for (row, column), number in np.ndenumerate(counts.to_numpy()):
+        if number:
+            ink = "white" if shares[row, column] > 0.6 else style.INK
+            look = {"ha": "center", "va": "center", "fontsize": 7.5, "color": ink}
+            axes.text(column, row, str(number), **look)
+    axes.set_xticks(range(columns), _plain(counts.columns), rotation=90)
+    axes.set_yticks(range(rows), _plain(counts.index))
+    axes.grid(False)
+    axes.set(xlabel="first answer", ylabel="hidden", title="Cells by what was hidden and said")
+    return drawn
+
+
+def power(table):
+    """Share of cells named right over the strength, one panel an effect, 95 % Wilson bars."""
+    rows = scoring.power(table)
+    names = list(dict.fromkeys(row["effect"] for row in rows))
+    down = max(-(-len(names) // ACROSS), 1)
+    drawn, axes = style.subplots(
+        down, ACROSS, width=10.5, height=1.9 * down, sharex=True, sharey=True
+    )
+    for panel, name in zip(axes.flat, names, strict=False):
+        _panel(panel, name, [row for row in rows if row["effect"] == name])
+    for panel in axes.flat[len(names) :]:
+        panel.set_visible(False)
+    known = drawn.axes[0].get_legend_handles_labels()
+    drawn.legend(*known, loc="outside upper right", ncols=2)
+    for panel in axes[:, 0]:
+        panel.set_ylabel("share [%]")
+    for panel in axes[-1]:
+        panel.set_xlabel("strength [mV]")
+    return drawn
+
+
+def _panel(axes, name, rows):
+    """All cells, and the open marks: right or rightly silent."""
+    for key, colour, mark, shift in (
+        ("content", style.QUIET, "o", 1.06),
+        ("right", "#0b6fb8", "s", 1),
+    ):
+        shares = [row[key] for row in rows]
+        at = np.array([row["strength_millivolt"] for row in rows]) * shift
+        value = np.array([100 * one.share for one in shares])
+        low, high = 100 * np.array([one.interval for one in shares]).T
+        reach = [np.maximum(value - low, 0), np.maximum(high - value, 0)]
+        open_mark = {"markerfacecolor": "white"} if key == "content" else {}
+        look = {"color": colour, "capsize": 2, "label": PANEL_WORDS[key]} | open_mark
+        axes.errorbar(at, value, yerr=reach, fmt=mark, **look)
+    dynamic = rows[0]["dynamic"]
+    axes.set_title(
+        name.replace("_", " "), fontsize=7.5, color=style.INK if dynamic else style.QUIET
+    )
+    axes.set_xscale("log")
+    axes.set_xticks(STRENGTHS, [f"{s:g}" for s in STRENGTHS])
+    axes.minorticks_off()
+    axes.set(ylim=(-4, 104), xlim=(0.7, 9))
+
+
+def _plain(names):
+    return [str(name).replace("_", " ") for name in names]

@@ -1,4 +1,6 @@
-"""What was hidden in a cell or group, in the terms of the scores."""
+"""What was hidden in a cell or group, in the terms of the scores; what a second search lacks."""
+
+from virtual_lab.score import files
 
 STRENGTHS = (1.0, 2.5, 6.0)
 
@@ -22,3 +24,15 @@ def branch_right(hidden: dict, said: dict | None) -> bool:
 def first(table):
     """The first name said is the one hidden, alternatives not counted."""
     return table["said"].str.split(" + ", regex=False).str[0] == table["hidden"]
+
+
+def hidden_names(folder) -> dict[str, list[str]]:
+    """Names that would be right, by cell, of cells with one visible effect. Nothing more is told.
+
+    Parameters
+    ----------
+    folder : of the campaign with its truth.
+    """
+    known = files.read_json(files.campaign(folder).truth / "missing_effect.json")
+    single = [row for row in known if row["kind"] == "single" and row["visible"]]
+    return {row["cell"]: sorted(row["effects"][0]["accept"]) for row in single}

@@ -1,11 +1,10 @@
 """Flag what is corrupt in a series, remove or repair it, and keep a list of what was done."""
 
-from cellwright import series
+import cellwright as cw
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    raw = job.load(snakemake.input.series)
-    found = series.clean(raw, **snakemake.params.settings)
+    found = cw.clean(job.load(snakemake.input.series), snakemake.params.settings)
     job.note(*found.notes)
     job.save(found.columns, snakemake.output.series)
     job.save(found.actions, snakemake.output.flags)

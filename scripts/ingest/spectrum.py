@@ -1,10 +1,10 @@
 """Read one impedance spectrum."""
 
-from cellwright import formats
+import cellwright as cw
 from runtime import artefact, raw_files
 
 with artefact.Job(snakemake) as job:
     said = snakemake.params.reading
-    name, data = raw_files.single(said["file"], said["sha256"])
-    reading = formats.read(data, name=name, instrument=said["instrument"])
-    job.save(reading.columns, instrument=reading.instrument)
+    file = raw_files.single(said["file"], said["sha256"])
+    found = cw.read(file, kind="impedance", instrument=said["instrument"])
+    job.save(found.columns, instrument=found.instrument[0])

@@ -1,10 +1,8 @@
 """What limits one cell in the cold, in words."""
 
-from cellwright.laws.cold import cold_limit
-from cellwright.laws.points import Point
+import cellwright as cw
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    points = [Point(**row) for row in artefact.rows(job.load(snakemake.input.points))]
-    laws = artefact.rows(job.load(snakemake.input.laws))
-    job.save(cold_limit(points, laws))
+    laws, points = job.load(snakemake.input.laws), job.load(snakemake.input.points)
+    job.save(cw.cold_limit(laws, points).content)

@@ -1,20 +1,11 @@
 """Shift of the open-circuit voltage in rests of one test in a chamber that steps."""
 
-from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
-from cellwright.records.basis import soc_or_unknown
-from cellwright.series.steps import Steps
-from runtime import artefact, facts
+import cellwright as cw
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    series, basis = job.load(snakemake.input.series), job.load(snakemake.input.basis)
-    anchored = soc_or_unknown(series, basis, *facts.of_job(snakemake))
-    job.note(f"SoC: {anchored.anchor}")
-    found = chamber_shifts(
-        *artefact.columns(series, "test_time", "voltage"),
-        cell_temperature(series),
-        anchored.soc,
-        Steps(**job.load(snakemake.input.steps)),
-        **snakemake.params.settings,
-    )
-    job.note(*found.left_out)
+    inputs, params = snakemake.input, snakemake.params
+    record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.basis)]
+    found = cw.chamber_steps(*record, params.test, params.cell, params.settings)
+    job.note(*found.notes)
     job.save(found.rows)

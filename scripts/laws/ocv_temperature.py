@@ -1,17 +1,16 @@
 """The open-circuit voltage of one cell over SoC and temperature."""
 
-from cellwright.laws.ocv import rows
-from cellwright.laws.ocv.over_temperature import over_temperature
-from runtime import artefact, lean, lending, tables
+import cellwright as cw
+from runtime import artefact, lending, tables
 
 with artefact.Job(snakemake) as job:
     inputs, output = snakemake.input, snakemake.output
     steps = tables.rows_of(inputs.steps, {})
-    lean.import_lmfit()
-    found = over_temperature(lending.curves(inputs.curves), steps, **snakemake.params.settings)
+    curves = lending.curves(inputs.curves)
+    found = cw.ocv_over_temperature(curves, steps, snakemake.params.settings)
     job.note(*found.notes)
-    job.save(rows.map_columns(found), output.map)
-    job.save(rows.entropic_columns(found), output.entropic)
-    job.save(rows.surface_columns(found), output.surface)
-    job.save(rows.function_rows(found), output.functions)
-    job.save(rows.law_rows(found), output.laws)
+    job.save(found.map, output.map)
+    job.save(found.entropic, output.entropic)
+    job.save(found.surface, output.surface)
+    job.save(found.functions, output.functions)
+    job.save(found.rows, output.laws)

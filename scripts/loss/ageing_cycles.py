@@ -1,16 +1,11 @@
 """Complete cycles of one ageing record: capacity, energy, efficiency, temperature."""
 
-from cellwright.protocols.ageing import ageing_cycles
-from cellwright.series.steps import Steps
+import cellwright as cw
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    cell = {k: v for k, v in snakemake.params.cell.items() if k != "cell"}
-    found = ageing_cycles(
-        job.load(snakemake.input.series),
-        Steps(**job.load(snakemake.input.steps)),
-        first_cycle=snakemake.params.test["cycle"] or 0.0,
-        **cell,
-    )
-    job.note(*found.left_out)
+    params = snakemake.params
+    record = job.load(snakemake.input.series), job.load(snakemake.input.steps)
+    found = cw.ageing_cycles(*record, params.test, params.cell)
+    job.note(*found.notes)
     job.save(found.rows)

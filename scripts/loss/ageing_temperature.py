@@ -1,14 +1,14 @@
 """Fade, temperature and daily cycle of the capacities of one ageing record."""
 
-from cellwright.laws.ageing import cycle_temperature, law_rows
-from cellwright.protocols.ageing import AgeingCycles
+import cellwright as cw
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    rows = AgeingCycles(**job.load(snakemake.input[0]))
-    found = cycle_temperature(rows, **snakemake.params.settings)
-    job.note(*filter(None, [found.summary["reason"]]))
+    test = {"test": snakemake.wildcards.test, "kind": "ageing"}
+    cycles = job.load(snakemake.input[0])
+    found = cw.ageing_over_temperature(cycles, test, snakemake.params.settings)
+    job.note(*found.notes)
     job.save([found.summary], snakemake.output.summary)
-    job.save(law_rows(found.summary, test=snakemake.wildcards.test), snakemake.output.laws)
+    job.save(found.rows, snakemake.output.laws)
     job.save(found.cycles, snakemake.output.cycles)
     job.save(found.periodogram, snakemake.output.periodogram)

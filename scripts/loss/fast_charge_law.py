@@ -1,12 +1,10 @@
 """Fast charge of one cell over temperature."""
 
-from cellwright.laws.points import enough, fast_charge_points
-from cellwright.laws.temperature import law_rows
+import cellwright as cw
 from runtime import artefact, tables
 
 with artefact.Job(snakemake) as job:
-    points = fast_charge_points(tables.rows_of(snakemake.input, snakemake.params.tests))
-    rows, reasons = law_rows(enough(points))
-    job.note(*reasons)
-    job.save(rows, snakemake.output.laws)
-    job.save(points, snakemake.output.points)
+    found = cw.fast_charge_laws(tables.rows_of(snakemake.input, snakemake.params.tests))
+    job.note(*found.notes)
+    job.save(found.rows, snakemake.output.laws)
+    job.save(found.points, snakemake.output.points)

@@ -1,19 +1,17 @@
 """Search for what the model of one cell lacks, and prove it on tests that took no part."""
 
-from cellwright.effects.finding import missing_effect
-from cellwright.effects.library import LIBRARY
-from cellwright.records.facts import CellFacts
+import cellwright as cw
 from runtime import artefact, facts, known
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
-    found = missing_effect(
-        CellFacts(**params.cell),
+    found = cw.missing_effect(
+        params.cell,
         job.load(inputs.basis),
         facts.tests(inputs.series),
-        LIBRARY,
-        settings=params.settings,
+        params.settings,
         references=known.references(params.references, inputs.lent_basis, inputs.lent_series),
+        split_rest_second=params.split_rest_second,
     )
     job.note(*found.notes)
     for name, path in snakemake.output.items():

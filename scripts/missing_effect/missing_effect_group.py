@@ -1,18 +1,13 @@
 """Search for what one branch of a parallel group has of its own, and prove it on other tests."""
 
-from cellwright.effects.groups.finding import missing_group_effect
+import cellwright as cw
 from runtime import artefact, facts, known
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
-    branches = facts.branches(params.branches)
-    found = missing_group_effect(
-        snakemake.wildcards.group,
-        branches,
-        known.known_cells(branches, params.lenders, inputs.models),
-        facts.tests(inputs.series),
-        settings=params.settings,
-    )
+    cells = known.known_cells(facts.branches(params.branches), params.lenders, inputs.models)
+    tests, group = facts.tests(inputs.series), snakemake.wildcards.group
+    found = cw.missing_group_effect(group, params.branches, cells, tests, params.settings)
     job.note(*found.notes)
     for name, path in snakemake.output.items():
         job.save(getattr(found, name), path)

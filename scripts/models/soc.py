@@ -1,16 +1,16 @@
 """Estimate the SoC of one test that took no part in the fit by every filter, and score it."""
 
-from cellwright.filters.evaluate import soc_runs
-from cellwright.records.facts import CellFacts
-from runtime import artefact, facts
+import cellwright as cw
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    params = snakemake.params
-    found = soc_runs(
-        job.load(snakemake.input.model),
-        CellFacts(**params.cell),
-        facts.test(snakemake),
-        settings=params.settings,
+    params, inputs = snakemake.params, snakemake.input
+    found = cw.estimate_soc(
+        job.load(inputs.model),
+        job.load(inputs.series),
+        params.test,
+        params.cell,
+        params.settings,
         split_rest_second=params.split_rest_second,
     )
     job.note(*found.notes)

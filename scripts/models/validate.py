@@ -1,17 +1,12 @@
 """Simulate one test that took no part in the fit, and score the simulation."""
 
-from cellwright.identification.validation import validate
-from cellwright.records.facts import CellFacts
-from runtime import artefact, facts
+import cellwright as cw
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    params = snakemake.params
-    found = validate(
-        job.load(snakemake.input.model),
-        CellFacts(**params.cell),
-        facts.test(snakemake),
-        split_rest_second=params.settings["split_rest_second"],
-    )
+    params, inputs = snakemake.params, snakemake.input
+    about = (job.load(inputs.model), job.load(inputs.series), params.test, params.cell)
+    found = cw.validate(*about, split_rest_second=params.split_rest_second)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.scores)
     job.save(found.series, snakemake.output.series)

@@ -1,14 +1,13 @@
 """Simulate a parallel group and score its branch currents."""
 
-from cellwright.packs.group import validate_group
-from runtime import artefact, facts
+import cellwright as cw
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    found = validate_group(
-        [job.load(path) for path in snakemake.input.models],
-        facts.branches(snakemake.params.branches),
-        facts.test(snakemake),
-    )
+    models = [job.load(path) for path in snakemake.input.models]
+    test = snakemake.params.test | {"test": snakemake.wildcards.test}
+    record = job.load(snakemake.input.series)
+    found = cw.validate_group(models, snakemake.params.branches, record, test)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.scores)
     job.save(found.series, snakemake.output.series)

@@ -1,20 +1,13 @@
 """Incremental capacity of the constant-current charge in one test, and its peaks."""
 
-from cellwright.protocols.ica import charge_peaks, constant_current_charge, incremental_capacity
+import cellwright as cw
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    series, settings = job.load(snakemake.input.series), snakemake.params.settings
-    steps = job.load(snakemake.input.steps)
-    first, last, step = constant_current_charge(steps, series["charge_ampere_hour"])
-    voltage, charge = artefact.columns(series, "voltage", "charge")
-    curve = incremental_capacity(
-        voltage[first : last + 1],
-        charge[first : last + 1],
-        bin_volt=settings["bin_volt"],
-        smooth_volt=settings["smooth_volt"],
-    )
-    arrays, facts = artefact.split(curve)
+    params = snakemake.params
+    record = job.load(snakemake.input.series), job.load(snakemake.input.steps)
+    found = cw.ica(*record, bin_volt=params.bin_volt, smooth_volt=params.smooth_volt)
+    arrays, facts = artefact.split(found.curve)
     job.save(arrays, snakemake.output.curve, **facts)
-    found = charge_peaks(curve, c_rate=steps["c_rate"][step], prominence=settings["prominence"])
-    job.save(found, snakemake.output.peaks)
+    peaks = cw.ica_peaks(found, prominence=params.prominence)
+    job.save(peaks.rows, snakemake.output.peaks)

@@ -1,14 +1,11 @@
 """Fit a circuit to one spectrum, test the spectrum itself, and find its relaxation times."""
 
-from cellwright.protocols.impedance import analyse
+import cellwright as cw
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    spectrum, output = job.load(snakemake.input.spectrum), snakemake.output
-    measured = spectrum["impedance_real_ohm"] + 1j * spectrum["impedance_imaginary_ohm"]
-    celsius = spectrum.get("surface_temperature_celsius")
-    settings = snakemake.params.settings
-    found = analyse(spectrum["frequency_hertz"], measured, temperature_celsius=celsius, **settings)
+    output = snakemake.output
+    found = cw.impedance(job.load(snakemake.input.spectrum), snakemake.params.settings)
     job.note(*found.notes)
     job.save([found.row], output.fit)
     job.save(found.curve, output.curve)

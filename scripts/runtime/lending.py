@@ -3,6 +3,7 @@
 from statistics import median
 
 from cellwright.identification.borrowed import Shown
+from cellwright.laws.peaks import Charge
 from cellwright.records.basis import Lender
 from runtime import artefact, facts
 
@@ -27,15 +28,6 @@ def _dated(about) -> dict:
     return {n: getattr(known, n) for n in ("test", "ambient_temperature_celsius", "cycle")}
 
 
-def limits(params) -> dict:
-    """Of the sheets what places a pulse test on the SoC scale: its start, rating and cut-offs."""
-    names = ("rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
-    return {name: params.cell[name] for name in names} | {
-        "ambient_temperature_celsius": params.test["ambient_temperature_celsius"],
-        "soc_at_start": params.test["soc"],
-    }
-
-
 def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
     """The cells that the artefacts belong to, as lenders."""
     owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in ocv_paths}
@@ -51,17 +43,20 @@ def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
     ]
 
 
-def sentences(basis) -> list[str]:
-    """What a reader must know of where capacity and OCV come from."""
-    said = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
-    if basis["borrowed_from"]:
-        said.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
-    elif not basis["ocv"]:
-        said.append("no OCV: no slow test of its own, and no cell of its type has one")
-    tests = [curve["test"] for curve in basis["ocv"] if curve["branches"] == "rests"]
-    if tests and not basis["borrowed_from"]:
-        said.append(f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type")
-    return said
+def left_out(paths) -> dict:
+    """Models that were identified without one temperature, by that temperature [°C]."""
+    found = artefact.load_all(paths)
+    return {float(about["wildcards"]["celsius"]): model for model, about in found}
+
+
+def charges(pairs, celsius) -> list[Charge]:
+    """Charges for dQ/dV from their curves and peaks; `celsius`: chamber temperature, by test."""
+    names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
+    return [
+        Charge(test, celsius[test], peaks["c_rate"][0], *[curve[name] for name in names])
+        for curve, peaks, about in artefact.load_together(pairs)
+        for test in [about["wildcards"]["test"]]
+    ]
 
 
 FULL_SOC = 0.95

@@ -1,11 +1,13 @@
 """What an artefact was made from: hashes of files, of code, of the environment."""
 
 import ast
+import copy
 import hashlib
 import json
 import re
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 SCRIPTS = Path(__file__).resolve().parents[1]
 LOCK = SCRIPTS.parent / "environment.lock"
@@ -18,20 +20,45 @@ def sha256_of(path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+class Piece(NamedTuple):
+    """A module that a script runs, or of a module of independent entries the one that it uses."""
+
+    path: Path
+    name: str = ""
+
+
+# Modules whose entries have nothing to do with each other: each counts for itself.
+PARTED = ("cellwright/api", "cellwright/settings")
+# Names of a package's `__init__` that it takes, when asked for, from the module named here.
+LAZY = "MODULE_OF"
+
+
 @cache
 def code_of(script: str) -> str:
     """Hash of the code that `scripts/<script>.py` runs: itself and all it imports from here.
 
     Hashed is the syntax tree without docstrings, so that comments, layout and documentation
-    change nothing, and a changed formula in any imported module changes the hash.
+    change nothing, and a changed formula in any imported module changes the hash. Of the public
+    interface and of the settings only the functions and classes that are used count.
     """
     digest = hashlib.sha256()
-    for path in sorted(_closure(SCRIPTS / f"{script}.py", frozenset())):
-        digest.update(path.relative_to(SCRIPTS).as_posix().encode())
-        digest.update(_tree_dump(path).encode())
-        for source in _compiled_by(path):
+    for piece in sorted(pieces_of(script)):
+        digest.update(f"{piece.path.relative_to(SCRIPTS).as_posix()}:{piece.name}".encode())
+        digest.update(_tree_dump(piece).encode())
+        for source in _compiled_by(piece.path):
             digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def pieces_of(script: str) -> set[Piece]:
+    """The pieces of code that `scripts/<script>.py` runs, itself among them."""
+    found, waiting = set(), [Piece(SCRIPTS / f"{script}.py")]
+    while waiting:
+        piece = waiting.pop()
+        if piece not in found:
+            found.add(piece)
+            waiting += _needs(piece)
+    return found
 
 
 def _compiled_by(path: Path) -> list[Path]:
@@ -39,43 +66,107 @@ def _compiled_by(path: Path) -> list[Path]:
     return sorted(path.parent.glob("*.c")) if path.name == "__init__.py" else []
 
 
-def _closure(path: Path, seen: frozenset) -> frozenset:
-    seen = seen | {path}
-    for imported in _imports(path) - seen:
-        if imported not in seen:
-            seen = _closure(imported, seen)
-    return seen
+@cache
+def _parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def _parted(path: Path) -> bool:
+    return path.parent.relative_to(SCRIPTS).as_posix() in PARTED
 
 
 @cache
-def _imports(path: Path) -> frozenset:
-    package = path.parent.relative_to(SCRIPTS).parts
-    files = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            base = list(package[: len(package) - node.level + 1]) if node.level else []
-            stem = ".".join([*base, *([node.module] if node.module else [])])
-            names = [stem, *(f"{stem}.{alias.name}" for alias in node.names)]
-        else:
-            continue
-        for name in names:
-            files |= _files_of(name)
-    return frozenset(files)
+def _entries(path: Path) -> dict:
+    """Of a module each name at its top level, with the statement that makes it."""
+    found = {}
+    for node in _parsed(path).body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            found |= {alias.asname or alias.name: _only(node, alias) for alias in node.names}
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found[node.name] = node
+        elif isinstance(node, ast.Assign):
+            found |= {target.id: node for target in node.targets if isinstance(target, ast.Name)}
+    if LAZY in found:
+        for name, module in ast.literal_eval(found[LAZY].value).items():
+            found[name] = ast.ImportFrom(module, [ast.alias(name)], 0)
+    return found
 
 
-def _files_of(name: str) -> set[Path]:
-    """The module's file and the `__init__` of each package on the way, where they are ours."""
+def _only(node, alias):
+    """An import of several names as if it were of one."""
+    if isinstance(node, ast.ImportFrom):
+        return ast.ImportFrom(node.module, [alias], node.level)
+    return ast.Import([alias])
+
+
+def _tree(piece: Piece) -> ast.AST:
+    return _entries(piece.path)[piece.name] if piece.name else _parsed(piece.path)
+
+
+@cache
+def _needs(piece: Piece) -> frozenset:
+    """The pieces that a piece imports or, within its own module, uses."""
+    nodes = list(ast.walk(_tree(piece)))
+    package = piece.path.parent.relative_to(SCRIPTS).parts
+    names = [name for node in nodes for name in _imported(node, package)]
+    names += [name for whole in _packages(nodes) for name in _attributes(nodes, *whole)]
+    found = {one for name in names for one in _pieces_named(name)}
+    if piece.name:
+        used = {node.id for node in nodes if isinstance(node, ast.Name)} & set(_entries(piece.path))
+        found |= {Piece(piece.path, name) for name in used}
+    return frozenset(found - {piece})
+
+
+def _imported(node, package) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if not isinstance(node, ast.ImportFrom):
+        return []
+    base = list(package[: len(package) - node.level + 1]) if node.level else []
+    stem = ".".join([*base, *([node.module] if node.module else [])])
+    return [stem, *(f"{stem}.{alias.name}" for alias in node.names)]
+
+
+def _packages(nodes) -> list[tuple[str, str]]:
+    """(what it is called here, its name) of each package or module imported as a whole."""
+    imports = [node for node in nodes if isinstance(node, ast.Import)]
+    aliases = [alias for node in imports for alias in node.names]
+    return [(alias.asname or alias.name, alias.name) for alias in aliases]
+
+
+def _attributes(nodes, called: str, name: str) -> list[str]:
+    """Dotted names of what is taken from a package that is imported as a whole."""
+    attributes = [node for node in nodes if isinstance(node, ast.Attribute)]
+    taken = [one for one in attributes if isinstance(one.value, ast.Name)]
+    return [f"{name}.{one.attr}" for one in taken if one.value.id == called]
+
+
+def _pieces_named(name: str) -> set[Piece]:
+    """The module of a dotted name and each package on the way, where they are ours."""
     parts = name.split(".")
     stems = [SCRIPTS.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
     files = [stem / "__init__.py" for stem in stems] + [stems[-1].with_suffix(".py")]
-    return {file for file in files if file.is_file()}
+    found = {Piece(file) for file in files if file.is_file() and not _gives_names(file)}
+    holder = next((f for f in _files_at(stems[:-1]) if _gives_names(f)), None)
+    if holder and parts[-1] in _entries(holder):
+        found.add(Piece(holder, parts[-1]))
+    return found
+
+
+def _gives_names(file: Path) -> bool:
+    """Whether names are taken from this file one by one."""
+    return _parted(file) or LAZY in _entries(file)
+
+
+def _files_at(stems) -> list[Path]:
+    """The module or package that a dotted name ends in."""
+    places = [stems[-1].with_suffix(".py"), stems[-1] / "__init__.py"] if stems else []
+    return [place for place in places if place.is_file()]
 
 
 @cache
-def _tree_dump(path: Path) -> str:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+def _tree_dump(piece: Piece) -> str:
+    tree = copy.deepcopy(_tree(piece))
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
         if isinstance(body, list) and body and _is_docstring(body[0]):
@@ -101,13 +192,11 @@ def _name(path: str) -> str:
 def record(job) -> dict:
     """The provenance block of what this job writes: no date, host or absolute path in it.
 
-    `job` is Snakemake's script object. The same inputs give the same block on any machine, and in
-    a workflow that uses this one as a module under other names of rules (`params.rule`).
+    `job` is Snakemake's script object. The same inputs give the same block on any machine.
     """
-    own = ("code", "contract", "rule")
-    params = {k: value for k, value in job.params.items() if k not in own}
+    params = {k: value for k, value in job.params.items() if k not in ("code", "contract")}
     return {
-        "rule": job.params.get("rule", job.rule),
+        "rule": job.rule,
         "wildcards": dict(job.wildcards.items()),
         "params": json.loads(json.dumps(params, default=str, sort_keys=True)),
         "inputs": {_name(path): sha256_of(path) for path in sorted(set(map(str, job.input)))},
@@ -119,10 +208,10 @@ def record(job) -> dict:
 
 def assumptions() -> list[dict]:
     """Every `# ASSUME:` of the code: where it stands and what it says."""
-    sentences = []
+    found = []
     for path in sorted(SCRIPTS.glob("cellwright/**/*.py")):
         text = path.read_text(encoding="utf-8")
         for match in re.finditer(r"# ASSUME: (.+(?:\n\s*# (?!ASSUME).+)*)", text):
             sentence = re.sub(r"\s*\n\s*# ", " ", match.group(1)).strip()
-            sentences.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
-    return sentences
+            found.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
+    return found

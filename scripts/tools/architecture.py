@@ -15,7 +15,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 PICTURE = ROOT / "docs" / "pictures" / "architecture.svg"
 BEGIN, END = "<!-- rooms: made by scripts/tools/architecture.py -->", "<!-- end of rooms -->"
 WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 176, 72, 30, 40, 20
-BESIDE = {"native"}  # serves every room: no arrows are drawn to it
+BESIDE = {"native", "settings"}  # serve every room: no arrows are drawn to them
 
 
 def rooms() -> dict[str, str]:

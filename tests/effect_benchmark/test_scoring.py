@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from effect_benchmark import methods, page, pictures, scoring, tables
+from effect_benchmark import answers as methods
+from effect_benchmark import page, scoring
 
 NAMES = ("effects", "gap_closed", "floor_volt", "validation_before_volt", "validation_after_volt")
 
@@ -78,19 +79,19 @@ def test_goals_count_what_they_say(table):
 
 
 def test_without_its_class_unknown_is_right(table):
-    found = {one.name: one.hits for one in tables.left_out(table)}
+    found = {one.name: one.hits for one in scoring.left_out(table)}
     assert found["called unknown"] == 1
     assert found["another name"] == 1
 
 
 def test_a_cell_without_an_answer_counts_as_not_right(table):
-    rows = {row["effect"]: row["right"] for row in tables.power(table)}
+    rows = {row["effect"]: row["right"] for row in scoring.power(table)}
     assert (rows["voltage_gain"].hits, rows["voltage_gain"].of) == (0, 1)
-    assert [row["cell"] for row in tables.misses(table)] == ["h0002", "h0004", "h0007"]
+    assert [row["cell"] for row in scoring.misses(table)] == ["h0002", "h0004", "h0007"]
 
 
 def test_confusion_counts_every_answer_once(table):
-    assert tables.confusion(table).to_numpy().sum() == 6
+    assert scoring.confusion(table).to_numpy().sum() == 6
 
 
 def test_columns_have_no_gaps_in_their_texts(table):
@@ -107,8 +108,8 @@ def test_the_page_says_every_goal_and_marks_what_was_missed(table):
 
 
 def test_figures_are_drawn(table):
-    assert len(pictures.power(table).axes) >= 4
-    assert pictures.confusion(table).axes[0].get_xlabel() == "first answer"
+    assert len(page.power(table).axes) >= 4
+    assert page.confusion(table).axes[0].get_xlabel() == "first answer"
 
 
 BRANCH = {"branch": 2}
@@ -141,7 +142,7 @@ def test_groups_are_told_by_what_was_logged(tmp_path):
     (tmp_path / "truth").mkdir()
     (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(GROUP_TRUTH))
     table = scoring.judged(tmp_path, GROUP_ANSWERS)
-    logged, one_temperature, blind = tables.groups(table)
+    logged, one_temperature, blind = scoring.groups(table)
     counts = {name: (logged[name].hits, logged[name].of) for name in ("first", "branch", "alarms")}
     assert counts == {"first": (2, 2), "branch": (1, 2), "alarms": (0, 1)}
     assert one_temperature["first"].of == 0

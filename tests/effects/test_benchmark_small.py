@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from effect_benchmark import batch, left_out, methods, scoring
+from effect_benchmark import answers as methods
+from effect_benchmark import batch, scoring, truth
 from runtime import settings
 from virtual_lab import campaigns
 from virtual_lab.campaigns import making
@@ -48,7 +49,7 @@ def table(tmp_path_factory):
     making.make_sheets(plan, folder)
     config = settings.defaults(settings.load(SCHEMAS, "config"))
     config["benchmark"] |= {"control_every": 1}
-    work = batch.task(folder, left_out.hidden_names(folder), config)
+    work = batch.task(folder, truth.hidden_names(folder), config)
     return scoring.judged(folder, batch.answered(work, 0, 1))
 
 

@@ -12,6 +12,7 @@ from cellwright.filters.evaluate import chi_square, convergence_second, innovati
 from cellwright.filters.plant import Noise
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
+from cellwright.settings import Soc
 
 ERROR, SECOND, SPAN = 0.01, 300.0, 0.3
 BANK = bank_of(stated(), None, 25.0)
@@ -256,7 +257,7 @@ def test_refusals(change, reason):
 
 
 SETTINGS = {
-    "filters": list(METHODS),
+    "filters": tuple(METHODS),
     "initial_soc_error": [-0.3],
     "initial_soc": [0.0],
     "initial_soc_std": 0.5,
@@ -288,7 +289,7 @@ def test_a_test_is_run_by_every_filter_start_and_scenario():
     series = dict(zip(names, (time, current, voltage, charge), strict=True))
     test = measured_test(series, soc=0.95, role="validation")
     found = soc_runs(
-        stated(), cell_facts(3.0, 4.2), test, settings=SETTINGS, split_rest_second=120.0
+        stated(), cell_facts(3.0, 4.2), test, settings=Soc(**SETTINGS), split_rest_second=120.0
     )
     assert len(found.rows) == len(METHODS) * (2 + 5)
     nominal = {row["filter"]: row for row in found.rows if row["scenario"] == "nominal"}

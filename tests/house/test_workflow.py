@@ -6,7 +6,7 @@ import pytest
 from tree import ROOT, SCRIPTS
 
 from runtime import settings
-from tools import config_readme
+from tools import config_readme, settings_module
 
 WORKFLOW = ROOT / "workflow"
 FILES = sorted((WORKFLOW / "rules").glob("*.smk"))
@@ -94,8 +94,35 @@ def test_the_search_in_groups_has_one_set_of_defaults():
     }
 
 
+@pytest.mark.parametrize("file", settings_module.files())
+def test_typed_settings_are_what_the_schema_says(file):
+    written = (settings_module.FOLDER / file).read_text(encoding="utf-8")
+    assert written == settings_module.files()[file], "run `scripts/tools/settings_module.py`"
+
+
+def test_every_section_of_the_science_has_typed_settings_with_its_defaults():
+    """A library user has the defaults of a campaign; a section is not forgotten by the tool."""
+    from cellwright import settings as typed
+
+    chosen = settings.defaults(CONFIG)
+    named = {name for _, names in settings_module.FILES.values() for name in names}
+    workflow = {"title", "strict", "pack", "benchmark", "real"}
+    assert named == set(CONFIG["properties"]) - workflow
+    for section in named:
+        value = getattr(typed, settings_module.class_name(section))()
+        keys = settings_module.of_science(CONFIG["properties"][section])
+        plain = {name: as_config(getattr(value, name)) for name in value._fields}
+        assert plain == {name: chosen[section][name] for name in keys}
+
+
+def as_config(value):
+    if hasattr(value, "_asdict"):
+        return value._asdict()
+    return list(value) if isinstance(value, tuple) else value
+
+
 def test_rules_and_schema_know_the_same_sections():
-    used = set(re.findall(r'config\["(\w+)"\]', TEXT))
+    used = set(re.findall(r'(?:config\[|of_analysis\()"(\w+)"[\])]', TEXT))
     known = set(CONFIG["properties"])
     filled = {name for name, spec in CONFIG["properties"].items() if spec.get("properties") != {}}
     assert not used - known, f"rules use config keys that no schema has: {sorted(used - known)}"

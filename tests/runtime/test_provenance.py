@@ -12,25 +12,51 @@ SOURCES = {
     "room/deeper.py": "ONE = 1\n",
     "other.py": "TWO = 2\n",
 }
+# A job that calls one function of the public interface, of which each counts for itself.
+PUBLIC = SOURCES | {
+    "job.py": "import cellwright as cw\nprint(cw.first(1))\n",
+    "cellwright/__init__.py": (
+        "MODULE_OF = {'first': 'cellwright.api.steps', 'second': 'cellwright.api.steps'}\n"
+    ),
+    "cellwright/api/__init__.py": "",
+    "cellwright/api/steps.py": (
+        "from cellwright.settings import One, Two\nONE = One()\n"
+        "def shared(x):\n    return x\n"
+        "def first(x, *, size=ONE.size):\n    from room import deep\n    return shared(deep.g(x))\n"
+        "def second(x):\n    import other\n    return x, Two()\n"
+    ),
+    "cellwright/settings/__init__.py": "from cellwright.settings.all import One, Two\n",
+    "cellwright/settings/all.py": "class One:\n    size = 1\nclass Two:\n    size = 2\n",
+}
+
+
+def file_of(key):
+    """`room__deeper` as room/deeper."""
+    return "/__init__".join(part.replace("__", "/") for part in key.split("____init__"))
+
+
+def forget():
+    """Files are read anew."""
+    names = ("code_of", "_parsed", "_entries", "_needs", "_tree_dump")
+    for name in names:
+        getattr(provenance, name).cache_clear()
 
 
 @pytest.fixture
 def code(tmp_path, monkeypatch):
     """Hash of job.py after some of its sources were replaced."""
 
-    def hashed(**changes):
-        for name, text in (SOURCES | {k.replace("__", "/"): v for k, v in changes.items()}).items():
+    def hashed(sources=SOURCES, **changes):
+        for name, text in (sources | {file_of(k): v for k, v in changes.items()}).items():
             path = tmp_path / (name if name.endswith(".py") else f"{name}.py")
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
-        for function in (provenance.code_of, provenance._imports, provenance._tree_dump):
-            function.cache_clear()
+        forget()
         return provenance.code_of("job")
 
     monkeypatch.setattr(provenance, "SCRIPTS", tmp_path)
     yield hashed
-    for function in (provenance.code_of, provenance._imports, provenance._tree_dump):
-        function.cache_clear()
+    forget()
 
 
 def test_comments_and_docstrings_change_nothing(code):
@@ -51,3 +77,35 @@ def test_every_assumption_is_found_with_its_place():
     found = provenance.assumptions()
     assert found
     assert all(one["text"] and one["module"].startswith("cellwright/") for one in found)
+
+
+STEPS = PUBLIC["cellwright/api/steps.py"]
+SETTINGS = PUBLIC["cellwright/settings/all.py"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"cellwright__api__steps": STEPS.replace("shared(deep", "abs(deep")},
+        {"cellwright__api__steps": STEPS.replace("return x\n", "return -x\n")},
+        {"cellwright__settings__all": SETTINGS.replace("size = 1", "size = 3")},
+        {"room__deeper": "ONE = 2\n"},
+    ],
+    ids=["the function", "its helper", "its settings", "the science below"],
+)
+def test_what_a_used_function_of_the_interface_runs_counts(code, change):
+    assert code(PUBLIC, **change) != code(PUBLIC)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"cellwright__api__steps": STEPS.replace("return x, Two()", "return x, Two(), 1")},
+        {"cellwright__settings__all": SETTINGS.replace("size = 2", "size = 3")},
+        {"other": "TWO = 3\n"},
+        {"cellwright____init__": PUBLIC["cellwright/__init__.py"].replace("second", "third")},
+    ],
+    ids=["another function", "settings of another", "the science of another", "a public name"],
+)
+def test_what_other_functions_of_the_interface_run_does_not_count(code, change):
+    assert code(PUBLIC, **change) == code(PUBLIC)

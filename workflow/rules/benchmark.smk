@@ -69,11 +69,15 @@ rule effect_answers:
         folder=subpath(input.tests, ancestor=2),
         batches=BENCHMARK["batches"],
         settings={
-            name: config[name]
-            for name in [
-                *["clean", "segment", "ocv", "models"],
-                *["missing_effect", "missing_effect_group", "benchmark"],
-            ]
+            "clean": config["clean"],
+            "segment": config["segment"],
+            "ocv": {"least_hour": config["ocv"]["least_hour"]},
+            "models": {"split_rest_second": config["models"]["split_rest_second"]},
+            "missing_effect": of_analysis("missing_effect"),
+            "missing_effect_group": config["missing_effect_group"],
+            "benchmark": {
+                name: BENCHMARK[name] for name in ["paired_chemistry", "seed", "control_every"]
+            },
         },
     message:
         "Search batch {wildcards.batch} of {params.batches} of the hidden campaign, and its controls."

@@ -24,7 +24,7 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
-from runtime import contract, job_environment, run_log, sheets, stale_lock
+from runtime import contract, job_environment, run_log, settings, sheets, stale_lock
 from runtime.provenance import code_of
 
 job_environment.prepare(SCRIPTS)
@@ -137,6 +137,15 @@ def held_against(outputs):
         return contract.fingerprint(*filled)
 
     return contract_of
+
+
+SECTIONS = settings.load(SCHEMAS, "config")["properties"]
+
+
+def of_analysis(section):
+    """Settings of a section that reach an analysis; the others decide which jobs there are."""
+    keys = SECTIONS[section]["properties"]
+    return {name: config[section][name] for name, spec in keys.items() if not spec.get("plans")}
 
 
 CAPACITY_KINDS = ("capacity", "ocv")

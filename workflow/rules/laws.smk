@@ -76,7 +76,8 @@ rule resistance_surface:
         cell=either(PULSED),
     params:
         tests=facts_of_tests_of_type,
-        settings={k: v for k, v in config["temperature"].items() if k != "soc"},
+        delay_second=config["temperature"]["delay_second"],
+        c_rate=config["temperature"]["c_rate"],
     message:
         "Resistance of {wildcards.cell} over SoC and temperature: three forms, tested."
     script:

@@ -41,7 +41,6 @@ def group_searchable(group):
 GROUPS_SEARCHED = [group for group in GROUPS_ASKED if group_searchable(group)]
 VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in ASKED + GROUPS_ASKED]
 GROUP_PARTS = ["ranking.parquet", "series.parquet", "model.json"]
-SPLIT = {"split_rest_second": config["models"]["split_rest_second"]}
 EFFECT_PARTS = [
     *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
     *["confounding.parquet", "menu.parquet", "model.json"],
@@ -76,7 +75,8 @@ rule effect_search:
     wildcard_constraints:
         cell=either(ASKED),
     params:
-        settings=config["missing_effect"] | SPLIT,
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
         references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
     message:

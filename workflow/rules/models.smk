@@ -111,10 +111,11 @@ rule identify:
     wildcard_constraints:
         cell=either(IDENTIFIED),
     params:
-        settings=config["models"],
+        members=config["models"]["members"],
+        split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
     message:
-        "Identify the equivalent circuits of {wildcards.cell} ({params.settings[members]})."
+        "Identify the equivalent circuits of {wildcards.cell} ({params.members})."
     script:
         "../../scripts/models/identify.py"
 
@@ -254,7 +255,7 @@ rule validate:
     wildcard_constraints:
         cell=either(MODELLED),
     params:
-        settings=config["models"],
+        split_rest_second=config["models"]["split_rest_second"],
         test=test_facts,
         cell=cell_facts,
     message:

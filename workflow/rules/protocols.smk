@@ -28,7 +28,7 @@ rule ocv:
     log:
         "logs/ocv/{cell}/{test}.log",
     params:
-        settings={k: v for k, v in config["ocv"].items() if k != "rest_second"},
+        least_hour=config["ocv"]["least_hour"],
         test=test_facts,
         cell=cell_facts,
     message:
@@ -87,7 +87,7 @@ rule relaxation:
     log:
         "logs/relaxation/{cell}/{test}.log",
     params:
-        settings={k: v for k, v in config["relaxation"].items() if k != "kinds"},
+        settings=of_analysis("relaxation"),
         test=test_facts,
         cell=cell_facts,
     message:
@@ -106,7 +106,9 @@ rule ica:
     log:
         "logs/ica/{cell}/{test}.log",
     params:
-        settings=config["ica"],
+        bin_volt=config["ica"]["bin_volt"],
+        smooth_volt=config["ica"]["smooth_volt"],
+        prominence=config["ica"]["prominence"],
         test=test_facts,
         cell=cell_facts,
     message:

@@ -170,7 +170,7 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
     ----------
     model : dict of schema cellwright-model/2.
     cell : CellFacts. test : MeasuredTest.
-    settings : dict, section `soc` of the config.
+    settings : `settings.Soc`.
     split_rest_second : shortest rest that cuts a test of role `split` [s]; its even blocks count.
 
     Returns
@@ -185,7 +185,7 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
     record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=True)
     celsius = _loaded_mean(model, record)
     bank, own = bank_of(model, None, celsius), member_of(model, None)
-    settings = settings | {"hold": hold_of(own, record.current_ampere)}
+    hold = hold_of(own, record.current_ampere)
     record = _as_it_was(model, own, record)._replace(
         resistance_factor=resistance_factor_of(model, None, record.celsius, celsius)
     )
@@ -196,10 +196,10 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
     noise = noise_of(settings, record.test_time_second)
     first, *others = _starts(settings, record.soc[0])
     plans = [("nominal", start) for start in (first, *others)]
-    plans += [(scenario, first) for scenario in settings["scenarios"]]
+    plans += [(scenario, first) for scenario in settings.scenarios]
     rows, columns = [], {}
-    for method in settings["filters"]:
-        found = [_one(method, plan, record, bank, noise, settings) for plan in plans]
+    for method in settings.filters:
+        found = [_one(method, plan, record, bank, noise, hold, settings) for plan in plans]
         rows += [row for row, _ in found]
         columns |= _columns(method, found[0][1])
     rows = [row | {"model": model["chosen"]} for row in rows]
@@ -215,25 +215,25 @@ def noise_of(settings, test_time_second):
 
     Parameters
     ----------
-    settings : dict, section `soc` of the config.
+    settings : `settings.Soc`.
     test_time_second : (n,) [s], for the length of the window in samples.
     """
     # ASSUME: An offset of the current sensor acts like a random walk of the SoC that is as large
     # after one hour.
-    walk = settings["current_error_c_rate"] ** 2 / 3600.0
+    walk = settings.current_error_c_rate**2 / 3600.0
     step = np.median(np.diff(test_time_second)) if len(test_time_second) > 1 else 1.0
-    samples = settings["window_second"] / max(step, 1e-3)
+    samples = settings.window_second / max(step, 1e-3)
     return Noise(
-        sensor_volt=settings["sensor_volt"],
-        resistance_error=settings["resistance_error"],
-        error_factor=settings["model_error_factor"],
-        least_error_volt=settings["model_error_volt"],
-        fast_second=settings["resistance_error_second"],
-        error_second=settings["model_error_second"],
-        error_soc=settings["model_error_soc"],
+        sensor_volt=settings.sensor_volt,
+        resistance_error=settings.resistance_error,
+        error_factor=settings.model_error_factor,
+        least_error_volt=settings.model_error_volt,
+        fast_second=settings.resistance_error_second,
+        error_second=settings.model_error_second,
+        error_soc=settings.model_error_soc,
         soc_walk=(walk, WALK_RATIO * walk),
-        skew_second=settings["skew_second"],
-        slope_window_soc=settings["slope_window_soc"],
+        skew_second=settings.skew_second,
+        slope_window_soc=settings.slope_window_soc,
         window=int(np.clip(samples, FEWEST, MOST)),
     )
 
@@ -260,22 +260,23 @@ def _loaded_mean(model, record):
 
 def _starts(settings, soc):
     """Wrong starts, kept within 0…1."""
-    stated = [soc + error for error in settings["initial_soc_error"]] + settings["initial_soc"]
+    stated = [soc + error for error in settings.initial_soc_error]
+    stated += settings.initial_soc
     kept = [float(np.clip(value, 0.0, 1.0)) for value in stated]
-    return [Start(value, soc_std=settings["initial_soc_std"]) for value in dict.fromkeys(kept)]
+    return [Start(value, soc_std=settings.initial_soc_std) for value in dict.fromkeys(kept)]
 
 
 def _disturbed(scenario, record, bank, start, settings):
     """Record, bank and start of a scenario."""
     if scenario == "current_offset":
-        offset = settings["current_offset_c_rate"] * bank.capacity_ampere_hour
+        offset = settings.current_offset_c_rate * bank.capacity_ampere_hour
         return record._replace(current_ampere=record.current_ampere + offset), bank, start
     if scenario == "voltage_bias":
-        biased = record.voltage_volt + settings["voltage_bias_volt"]
+        biased = record.voltage_volt + settings.voltage_bias_volt
         return record._replace(voltage_volt=biased), bank, start
     if scenario in ("capacity_high", "capacity_low"):
         sign = 1.0 if scenario == "capacity_high" else -1.0
-        size = bank.capacity_ampere_hour * (1.0 + sign * settings["capacity_error"])
+        size = bank.capacity_ampere_hour * (1.0 + sign * settings.capacity_error)
         return record, bank._replace(capacity_ampere_hour=size), start
     if scenario == "mid_drive":
         kept = rows_of(record, slice(len(record.used) // 3, None))
@@ -284,13 +285,13 @@ def _disturbed(scenario, record, bank, start, settings):
     return record, bank, start
 
 
-def _one(method, plan, record, bank, noise, settings):
+def _one(method, plan, record, bank, noise, hold, settings):
     """Row and estimate of one filter, scenario and start."""
     scenario, start = plan
     given, bank, start = _disturbed(scenario, record, bank, start, settings)
-    tracked = settings["track_resistance"]
+    tracked = settings.track_resistance
     known = {"noise": noise, "resistance_factor": given.resistance_factor}
-    known |= {"track_ohmic": tracked, "hold": settings["hold"]}
+    known |= {"track_ohmic": tracked, "hold": hold}
     columns = (given.test_time_second, given.current_ampere, given.voltage_volt)
     found = estimate(bank, *columns, start, method=method, **known)
     error = float(start.soc - given.soc[0])
@@ -305,8 +306,8 @@ def _scored(given, found, settings):
         found,
         given.soc,
         given.used,
-        band=settings["convergence_band"],
-        hold_second=settings["convergence_hold_second"],
+        band=settings.convergence_band,
+        hold_second=settings.convergence_hold_second,
     )
 
 
@@ -316,7 +317,7 @@ def _reason(row, bank, given, noise, settings):
         return ""
     if row["filter"] == "coulomb":
         return "counting keeps the error of its start"
-    band, hold = settings["convergence_band"], settings["convergence_hold_second"]
+    band, hold = settings.convergence_band, settings.convergence_hold_second
     visited = np.clip(given.soc, 0.0, 1.0)
     total = bank.ocv_volt + bank.shift_volt
     ends = [np.interp(np.clip(visited + side, 0, 1), bank.soc, total) for side in (-0.05, 0.05)]

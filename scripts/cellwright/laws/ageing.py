@@ -10,6 +10,9 @@ from cellwright.numerics.periods import daily_sine, periods
 from cellwright.numerics.scores import rms
 from cellwright.numerics.uncertainty import t_interval
 from cellwright.refusal import Refusal
+from cellwright.settings import Ageing
+
+AGEING = Ageing()
 
 LAGS_HOUR = np.array([*np.arange(11) / 10, 1.25, 1.5, 2.0, 2.5, 3.0])
 NEIGHBOURS = 4  # through which a cubic says what the reading between them should be
@@ -90,7 +93,7 @@ class CycleFit(NamedTuple):
     periodogram: dict
 
 
-def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
+def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.level):
     """Fade, temperature slope and daily cycle of the discharge capacities of one record.
 
     ln capacity = fade(cycle) + slope · (T − mean T) [+ bend · (T − mean T)²] + noise: a cell that

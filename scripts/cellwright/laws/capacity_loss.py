@@ -7,6 +7,9 @@ import numpy as np
 from cellwright.laws.points import fresh
 from cellwright.laws.temperature import law_row
 from cellwright.refusal import Refusal
+from cellwright.settings import CapacityLoss
+
+CAPACITY_LOSS = CapacityLoss()
 
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
 SAME_RATE = 1.12  # rates this near are one (a C/20 is 0.047 to 0.051 over real currents)
@@ -30,7 +33,9 @@ class Reached(NamedTuple):
 
 # ASSUME: What is reached at a temperature is what its constant current moves to the cut-off; what
 # a held voltage adds is reached slowly.
-def reached(rows, *, mismatch_kelvin=5.0, slow_c_rate=0.06):
+def reached(
+    rows, *, mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin, slow_c_rate=CAPACITY_LOSS.slow_c_rate
+):
     """Capacities of one cell, comparable ones only, repeats joined.
 
     1. Only the earliest check-up: age must not pass for temperature. 2. A row whose cell was
@@ -243,10 +248,10 @@ class Loss(NamedTuple):
 def capacity_losses(
     rows,
     *,
-    reference_celsius=25.0,
-    slow_c_rate=0.06,
-    assumed_share=0.003,
-    mismatch_kelvin=5.0,
+    reference_celsius=CAPACITY_LOSS.reference_celsius,
+    slow_c_rate=CAPACITY_LOSS.slow_c_rate,
+    assumed_share=CAPACITY_LOSS.assumed_share,
+    mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin,
 ):
     """Split the loss of capacity at each temperature and rate into true and false.
 

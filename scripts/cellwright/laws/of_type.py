@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import (
-    DELAYS,
     Points,
     fresh,
     grouped,
@@ -15,6 +14,9 @@ from cellwright.laws.points import (
     resistance_points,
 )
 from cellwright.laws.temperature import fit_laws
+from cellwright.settings import Temperature
+
+TEMPERATURE = Temperature()
 
 OUTLIER = 4.0  # robust standard deviations from the law
 
@@ -32,7 +34,9 @@ class CellPoint(NamedTuple):
     soc: float
 
 
-def points_of_type(rows, *, delay_second=DELAYS, c_rate=1.0, soc=(0.5,)):
+def points_of_type(
+    rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate, soc=TEMPERATURE.soc
+):
     """One point a cell and temperature, all of one rate.
 
     Cells of a type differ by more than a pulse errs: the scatter of the law is that between cells,

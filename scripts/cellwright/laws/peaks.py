@@ -6,6 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.refusal import Refusal
+from cellwright.settings import IcaTemperature
+
+ICA_TEMPERATURE = IcaTemperature()
 
 QUANTILE = 1.959964  # of the normal distribution, for 95 %
 MOST_JOINED = 3
@@ -187,7 +190,13 @@ def smoothed(voltage_volt, dq_dv, *, sigma_volt):
 
 # ASSUME: The edge of a peak's area is uncertain by the smoothing width (five of them at the ends
 # of the curve), its place by how far it moves when smoothed twice as wide.
-def scaled_peaks(voltage_volt, dq_dv, *, sigma_volt=0.01, prominence=0.05):
+def scaled_peaks(
+    voltage_volt,
+    dq_dv,
+    *,
+    sigma_volt=ICA_TEMPERATURE.sigma_volt,
+    prominence=ICA_TEMPERATURE.prominence,
+):
     """Peaks of one curve at the common smoothing.
 
     A chamber that swings prints ripples into dQ/dV that noise of the channel does not explain;
@@ -284,7 +293,13 @@ class OverTemperature(NamedTuple):
     notes: list
 
 
-def peaks_over_temperature(charges, *, reference_celsius=25.0, sigma_volt=0.01, prominence=0.05):
+def peaks_over_temperature(
+    charges,
+    *,
+    reference_celsius=ICA_TEMPERATURE.reference_celsius,
+    sigma_volt=ICA_TEMPERATURE.sigma_volt,
+    prominence=ICA_TEMPERATURE.prominence,
+):
     """Match the peaks of slow charges at several temperatures with those at the reference.
 
     Parameters

@@ -5,6 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.settings import Temperature
+
+TEMPERATURE = Temperature()
+
 SAME_RATE = 0.1
 
 
@@ -170,10 +174,11 @@ def enough(points, *, temperatures=3):
 
 REACH_SOC = 0.12  # how far the pulses on either side of a state of charge may lie
 NEAR_SOC = 0.05  # how far a single pulse may lie
-DELAYS = (0.0, 10.0)
 
 
-def resistance_points(rows, *, delay_second=DELAYS, c_rate=1.0, soc=(0.5,)):
+def resistance_points(
+    rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate, soc=TEMPERATURE.soc
+):
     """Pulse resistance at stated SoC and each temperature, discharge and charge apart.
 
     Resistance depends on the current where charge transfer is slow, in the cold most of all. So

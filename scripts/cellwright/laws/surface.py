@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import (
-    DELAYS,
     fresh,
     grouped,
     name_of,
@@ -24,6 +23,9 @@ from cellwright.laws.temperature import NO_LIMIT, falls, law_row, ranges, turn_o
 from cellwright.numerics.scores import r_squared, rms
 from cellwright.numerics.uncertainty import t_interval
 from cellwright.refusal import Refusal
+from cellwright.settings import Temperature
+
+TEMPERATURE = Temperature()
 
 REJECTED = 0.05
 
@@ -211,7 +213,7 @@ class Fitted(NamedTuple):
     valid_celsius: tuple = NO_LIMIT
 
 
-def pulses_of(rows, *, direction, delay_second, c_rate=1.0):
+def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
     """Pulses of one rate at all temperatures that have it, each known to 5 % or better.
 
     Parameters
@@ -307,7 +309,7 @@ def _left_out(form, pulses, group):
     return found
 
 
-def surfaces(rows, *, delay_second=DELAYS, c_rate=1.0):
+def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate):
     """Every surface that a cell's pulses bear, with its test of separability.
 
     Parameters

@@ -6,6 +6,9 @@ import numpy as np
 
 from cellwright.protocols.capacity import FULL_SHARE, NEAR_VOLT, TURN_SHARE, turns
 from cellwright.refusal import Refusal
+from cellwright.settings import FastCharge
+
+FAST_CHARGE = FastCharge()
 
 
 class FastCharge(NamedTuple):
@@ -46,7 +49,7 @@ def fast_charge(
     rated_capacity_ampere_hour,
     lower_cutoff_volt,
     upper_cutoff_volt,
-    minutes=30.0,
+    minutes=FAST_CHARGE.minutes,
 ):
     """Charge put in over time at the limits of current and voltage.
 

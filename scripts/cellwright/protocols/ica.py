@@ -8,6 +8,9 @@ import numpy as np
 from cellwright.native import array, count, function
 from cellwright.numerics.savitzky_golay import ORDER, weights
 from cellwright.refusal import Refusal
+from cellwright.settings import Ica
+
+ICA = Ica()
 
 ROOM = 32768  # levels; half of the slots in ica.c
 
@@ -90,7 +93,7 @@ class Peaks(NamedTuple):
     area_ampere_hour: np.ndarray
 
 
-def peaks(curve, *, prominence=0.05, noise_factor=5.0):
+def peaks(curve, *, prominence=ICA.prominence, noise_factor=5.0):
     """Peaks of dQ/dV that stand out of their surroundings and of the noise.
 
     Parameters
@@ -207,8 +210,8 @@ def incremental_capacity(
     voltage_volt,
     charge_ampere_hour,
     *,
-    bin_volt=1e-3,
-    smooth_volt=0.039,
+    bin_volt=ICA.bin_volt,
+    smooth_volt=ICA.smooth_volt,
     densest_share=0.8,
     slope_noise=0.02,
 ):

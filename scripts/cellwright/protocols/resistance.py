@@ -7,6 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.refusal import Refusal
+from cellwright.settings import Resistance
+
+RESISTANCE = Resistance()
 
 ARRIVED = 0.9  # of the step of the current: from here on a sample belongs to the pulse
 HELD = 0.1  # of the step of the current: how far a sample may stray from the pulse's level
@@ -60,7 +63,7 @@ def pulse_resistance(
     steps,
     *,
     rated_capacity_ampere_hour,
-    delay_second=(0.0, 1.0, 10.0, 30.0),
+    delay_second=RESISTANCE.delay_second,
 ):
     """Resistance of every pulse of a record at the delays asked for.
 

@@ -8,6 +8,10 @@ import numpy as np
 from cellwright.protocols.ocv.rests import RestPoints
 from cellwright.protocols.relaxation import fit_relaxation, grain_volt, noise_volt, why
 from cellwright.refusal import Refusal
+from cellwright.settings import Ocv, Relaxation
+
+OCV = Ocv()
+RELAXATION = Relaxation()
 
 STEADY = ("CC", "pulse")  # loads of one current, whose polarisation is proportional to it
 LEAST_C_RATE = 0.02  # of a load; what is less is a leak or noise
@@ -83,8 +87,8 @@ def rests_of(
     steps,
     *,
     temperature_celsius=None,
-    shortest_rest_second=600.0,
-    r_squared_limit=0.98,
+    shortest_rest_second=RELAXATION.shortest_rest_second,
+    r_squared_limit=RELAXATION.r_squared_limit,
 ):
     """Fit the depolarisation of every rest that follows a load.
 
@@ -293,7 +297,7 @@ def rest_points(
     charge_ampere_hour,
     steps,
     *,
-    rest_second=600.0,
+    rest_second=OCV.rest_second,
 ):
     """Rests of at least `rest_second` that follow a load, with what of them is still to relax.
 

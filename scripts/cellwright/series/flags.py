@@ -5,13 +5,17 @@ from enum import IntFlag
 
 import numpy as np
 
+from cellwright.settings import Clean
+
+CLEAN = Clean()
+
 
 def spike_rows(
     current_ampere: np.ndarray,
     voltage_volt: np.ndarray,
     *,
-    limit_volt: float = 0.01,
-    noise_factor: float = 8.0,
+    limit_volt: float = CLEAN.spike_limit_volt,
+    noise_factor: float = CLEAN.spike_noise_factor,
     current_step_ampere: float,
 ) -> np.ndarray:
     """Rows of the voltage that are spikes.
@@ -109,11 +113,11 @@ REMOVED = Flag.NAN | Flag.SENTINEL | Flag.REPEAT | Flag.OUT_OF_PLACE
 def flag(
     columns: Mapping[str, np.ndarray],
     *,
-    spike_limit_volt: float = 0.01,
-    spike_noise_factor: float = 8.0,
-    current_step_fraction: float = 0.01,
-    gap_second: float = 120.0,
-    gap_factor: float = 5.0,
+    spike_limit_volt: float = CLEAN.spike_limit_volt,
+    spike_noise_factor: float = CLEAN.spike_noise_factor,
+    current_step_fraction: float = CLEAN.current_step_fraction,
+    gap_second: float = CLEAN.gap_second,
+    gap_factor: float = CLEAN.gap_factor,
 ) -> np.ndarray:
     """Mark each row of a series with what is wrong with it.
 

@@ -15,6 +15,9 @@ from cellwright.series.runs import (
     rest_rows,
     runs,
 )
+from cellwright.settings import Segment
+
+SEGMENT = Segment()
 
 CHAIN_RUNS = 8  # a dynamic load has at least so many direct changes of load …
 CHAIN_LEVELS = 5  # … between so many levels, a tenth of the largest apart
@@ -206,9 +209,9 @@ def segment(
     *,
     rated_capacity_ampere_hour=None,
     file_index=None,
-    rest_c_rate=0.004,
-    pulse_max_second=120.0,
-    gap_second=300.0,
+    rest_c_rate=SEGMENT.rest_c_rate,
+    pulse_max_second=SEGMENT.pulse_max_second,
+    gap_second=SEGMENT.gap_second,
 ):
     """Cut a record into steps by what the current and the voltage do, never by step numbers.
 

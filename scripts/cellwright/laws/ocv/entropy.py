@@ -7,6 +7,9 @@ import numpy as np
 
 from cellwright.laws.ocv.readings import LEAST_TEMPERATURES
 from cellwright.numerics.lines import generalised_line
+from cellwright.settings import OcvTemperature
+
+OCV_TEMPERATURE = OcvTemperature()
 
 _COLUMNS = ("celsius", "ocv_volt", "std_volt", "common_volt")
 
@@ -49,7 +52,7 @@ class Crossing(NamedTuple):
     sign_above: int
 
 
-def fit_entropic(readings, *, reference_celsius=25.0, level=0.95):
+def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsius, level=0.95):
     """Line and parabola over temperature at every state of charge.
 
     Generalised least squares with C = diag(std²) + c·cᵀ, c the common error: overpotential that

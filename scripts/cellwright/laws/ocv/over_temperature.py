@@ -10,6 +10,9 @@ from cellwright.laws.ocv.readings import on_curve, slow_readings, step_readings
 from cellwright.laws.ocv.surface import surface_from
 from cellwright.laws.points import fresh
 from cellwright.refusal import Refusal
+from cellwright.settings import OcvTemperature
+
+OCV_TEMPERATURE = OcvTemperature()
 
 
 class OverTemperature(NamedTuple):
@@ -33,10 +36,10 @@ def over_temperature(
     curves,
     step_rows,
     *,
-    reference_celsius=25.0,
-    largest_std_volt=0.02,
-    voltage_std_volt=1e-3,
-    step_std_volt=1e-4,
+    reference_celsius=OCV_TEMPERATURE.reference_celsius,
+    largest_std_volt=OCV_TEMPERATURE.largest_std_volt,
+    voltage_std_volt=OCV_TEMPERATURE.voltage_std_volt,
+    step_std_volt=OCV_TEMPERATURE.step_std_volt,
 ):
     """Entropic coefficient, functions and surface of a cell.
 

@@ -9,6 +9,9 @@ import numpy as np
 
 from cellwright.laws.points import fresh
 from cellwright.refusal import Refusal
+from cellwright.settings import OcvTemperature
+
+OCV_TEMPERATURE = OcvTemperature()
 
 LEAST_TEMPERATURES = 3
 COMPLETED = "equilibrium"
@@ -38,7 +41,12 @@ class Readings(NamedTuple):
     notes: tuple
 
 
-def slow_readings(curves, *, voltage_std_volt=1e-3, reference_celsius=25.0):
+def slow_readings(
+    curves,
+    *,
+    voltage_std_volt=OCV_TEMPERATURE.voltage_std_volt,
+    reference_celsius=OCV_TEMPERATURE.reference_celsius,
+):
     """Curves of slow tests at several temperatures, at equal charge below full.
 
     1. Tests that completed both branches at room temperature keep the SoC of their own
@@ -94,7 +102,7 @@ def slow_readings(curves, *, voltage_std_volt=1e-3, reference_celsius=25.0):
     )
 
 
-def step_readings(rows, *, voltage_std_volt=1e-4):
+def step_readings(rows, *, voltage_std_volt=OCV_TEMPERATURE.step_std_volt):
     """Readings of rests in a stepping chamber, one a state of charge.
 
     Parameters

@@ -24,6 +24,9 @@ from cellwright.protocols.impedance.fit import (
 )
 from cellwright.protocols.impedance.trust import trusted_points
 from cellwright.refusal import Refusal
+from cellwright.settings import Impedance
+
+IMPEDANCE = Impedance()
 
 CAPACITIVE = {SYMBOLS["CPE"], SYMBOLS["C"]}
 DIFFUSION = {SYMBOLS["W"], SYMBOLS["FLW"], SYMBOLS["FSW"], SYMBOLS["G"]}
@@ -236,10 +239,10 @@ def analyse(
     temperature_celsius=None,
     circuit=THESIS,
     candidates=(),
-    choose="circuit",
-    inductance="model",
-    drift_tolerance=0.01,
-    starts=8,
+    choose=IMPEDANCE.choose,
+    inductance=IMPEDANCE.inductance,
+    drift_tolerance=IMPEDANCE.drift_tolerance,
+    starts=IMPEDANCE.starts,
     constraints=(),
 ):
     """Test a spectrum, fit a circuit to what can be trusted of it, and find its relaxation times.

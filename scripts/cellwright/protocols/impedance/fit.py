@@ -10,6 +10,9 @@ from cellwright.numerics.uncertainty import covariance_from_jacobian
 from cellwright.protocols.impedance.circuits import SERIES, SYMBOLS, THESIS, parse
 from cellwright.protocols.impedance.levenberg import SAME, Problem, search
 from cellwright.refusal import Refusal
+from cellwright.settings import Impedance
+
+IMPEDANCE = Impedance()
 
 NUMBER = r"\d+\.?\d*(?:[eE][+-]?\d+)?"
 FORM = re.compile(rf"(\w+)\s*=\s*(?:({NUMBER})\s*\*\s*)?({NUMBER}|[A-Za-z]\w*)")
@@ -220,7 +223,7 @@ def fit_circuit(
     impedance_ohm,
     *,
     circuit=THESIS,
-    starts=8,
+    starts=IMPEDANCE.starts,
     enough=None,
     start=None,
     bounds=None,

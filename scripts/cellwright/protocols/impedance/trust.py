@@ -6,6 +6,9 @@ import numpy as np
 
 from cellwright.numerics.scores import rms
 from cellwright.refusal import Refusal
+from cellwright.settings import Impedance
+
+IMPEDANCE = Impedance()
 
 
 class KramersKronig(NamedTuple):
@@ -91,7 +94,9 @@ class Trusted(NamedTuple):
     notes: tuple
 
 
-def trusted_points(frequency_hertz, impedance_ohm, *, drift_tolerance, inductance="model"):
+def trusted_points(
+    frequency_hertz, impedance_ohm, *, drift_tolerance, inductance=IMPEDANCE.inductance
+):
     """Points without drift at the slow end, and without the leads' tail where it is to be cut.
 
     The slowest point is left out, again and again, while the slowest decade of what is left breaks

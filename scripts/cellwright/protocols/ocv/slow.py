@@ -12,6 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.refusal import Refusal
+from cellwright.settings import Ocv
+
+OCV = Ocv()
 
 
 def joined(soc, discharge_volt, charge_volt, discharge, charge, way):
@@ -244,7 +247,7 @@ def slow_ocv(
     lower_cutoff_volt,
     upper_cutoff_volt,
     join="auto",
-    least_hour=12.0,
+    least_hour=OCV.least_hour,
 ):
     """OCV of a slow test from its discharge and its charge branch at equal SoC.
 

@@ -12,6 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.refusal import Refusal
+from cellwright.settings import OcvStep
+
+OCV_STEP = OcvStep()
 
 BIN_SECOND = 600.0
 
@@ -167,10 +170,10 @@ def chamber_shifts(
     soc,
     steps,
     *,
-    settled_kelvin_per_hour=1.0,
-    least_plateau_second=1200.0,
-    skip_second=3600.0,
-    least_reference_second=7200.0,
+    settled_kelvin_per_hour=OCV_STEP.settled_kelvin_per_hour,
+    least_plateau_second=OCV_STEP.least_plateau_second,
+    skip_second=OCV_STEP.skip_second,
+    least_reference_second=OCV_STEP.least_reference_second,
 ):
     """Shift of the open-circuit voltage at every temperature of every rest.
 

@@ -1,0 +1,180 @@
+"""What callers hand over, as the science takes it: columns, rows, facts of the sheets, settings."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+NAMES = ("test_time_second", "current_ampere", "voltage_volt")
+COUNTED = (*NAMES, "charge_ampere_hour")
+
+
+def columns(series, *needed) -> dict:
+    """Columns by name, (n,) arrays, of a DataFrame, a mapping, or a result with columns.
+
+    Parameters
+    ----------
+    series : pandas DataFrame, mapping of name → (n,), or result of another step.
+    needed : names that must be among them.
+
+    Raises
+    ------
+    Refusal
+        A column that is needed is not there, or columns are of different lengths.
+    """
+    found = {str(name): np.asarray(values) for name, values in _named(series).items()}
+    lacking = [name for name in needed if name not in found]
+    if lacking:
+        hint = "; `clean` adds it" if lacking == ["charge_ampere_hour"] else ""
+        raise Refusal(f"no column {', '.join(lacking)}{hint}; there are {', '.join(found)}")
+    sizes = {name: len(values) for name, values in found.items() if values.ndim}
+    if len(set(sizes.values())) > 1:
+        raise Refusal(f"columns of different lengths: {sizes}")
+    return found
+
+
+def _named(series):
+    if isinstance(series, Mapping):
+        return series
+    inner = getattr(series, "columns", None)
+    if isinstance(inner, Mapping):
+        return inner
+    if hasattr(series, "_asdict"):
+        return series._asdict()
+    if hasattr(series, "to_numpy"):  # a DataFrame, told without loading pandas
+        return {name: series[name].to_numpy() for name in inner}
+    raise Refusal(f"{type(series).__name__} is no DataFrame and no mapping of columns")
+
+
+def quantities(series, names=NAMES) -> list:
+    """The named columns in this order, (n,) each."""
+    found = columns(series, *names)
+    return [found[name] for name in names]
+
+
+def steps(table):
+    """Steps of a record from the result of `segment`, a DataFrame or a mapping of its columns."""
+    from cellwright.series.steps import Steps
+
+    table = getattr(table, "rows", table)
+    return table if isinstance(table, Steps) else Steps(**columns(table, *Steps._fields))
+
+
+def rows(table) -> list[dict]:
+    """Rows as dicts of plain values: of a list of rows, a result, a DataFrame or columns."""
+    if isinstance(table, list | tuple) and not hasattr(table, "_asdict"):
+        return [row._asdict() if hasattr(row, "_asdict") else row for row in table]
+    inner = getattr(table, "rows", None)
+    if inner is not None:
+        return rows(inner)
+    plain = {name: values.tolist() for name, values in columns(table).items()}
+    return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
+
+
+def cell_facts(cell):
+    """CellFacts, of the same or of a mapping with more or fewer keys."""
+    from cellwright.records.facts import CellFacts
+
+    return _facts(CellFacts, cell)
+
+
+def test_facts(test):
+    """TestFacts, of the same or of a mapping with more or fewer keys."""
+    from cellwright.records.facts import TestFacts
+
+    return _facts(TestFacts, {"test": "", **test} if isinstance(test, Mapping) else test)
+
+
+def branch_facts(branch):
+    """BranchFacts, of the same or of a row of groups.tsv."""
+    from cellwright.records.facts import BranchFacts
+
+    return _facts(BranchFacts, branch)
+
+
+def _facts(kind, given):
+    if isinstance(given, kind):
+        return given
+    lacking = [n for n in kind._fields if n not in given and n not in kind._field_defaults]
+    if lacking:
+        raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(given)}")
+    return kind(**{name: given[name] for name in kind._fields if name in given})
+
+
+def tests(pairs) -> list:
+    """MeasuredTest of pairs (TestFacts or mapping, series)."""
+    from cellwright.records.facts import MeasuredTest
+
+    return [MeasuredTest(test_facts(facts), columns(series, *COUNTED)) for facts, series in pairs]
+
+
+def content(document):
+    """The plain document of a result, of a mapping as it is, and None of None."""
+    return getattr(document, "content", document)
+
+
+def entries(pairs, fields=None) -> list[dict]:
+    """Results of tests as dicts with the test's name, temperature and cycle beside them.
+
+    Parameters
+    ----------
+    pairs : (TestFacts or mapping, result) each; what is a dict already is taken as it is.
+    fields : function, result → list of dicts of plain values.
+    """
+    found = []
+    for one in pairs:
+        if isinstance(one, Mapping):
+            found.append(one)
+            continue
+        facts, result = test_facts(one[0]), one[1]
+        names = ("test", "ambient_temperature_celsius", "cycle")
+        found += [
+            {name: getattr(facts, name) for name in names} | row for row in (fields or rows)(result)
+        ]
+    return found
+
+
+def plain(values: dict) -> dict:
+    """The same with arrays as lists."""
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+
+
+def chosen(kind, settings, changes):
+    """Settings of a step: its defaults, those given, or a campaign's; then what is changed of them.
+
+    Parameters
+    ----------
+    kind : class of `cellwright.settings`.
+    settings : None, a value of `kind`, or a mapping that names each of its keys.
+    changes : dict of single keys.
+
+    Raises
+    ------
+    Refusal
+        A key that is not known, or a mapping that lacks one: what a campaign chose must not be
+        replaced by a default unseen.
+    """
+    if isinstance(settings, Mapping):
+        lacking = [name for name in kind._fields if name not in settings]
+        if lacking:
+            raise Refusal(f"settings {kind.__name__} lack {', '.join(lacking)}")
+        settings = _changed(kind, kind(), settings)
+    if settings is not None and not isinstance(settings, kind):
+        raise Refusal(f"settings are {type(settings).__name__}, wanted {kind.__name__}")
+    return _changed(kind, settings or kind(), changes)
+
+
+def _changed(kind, value, changes):
+    unknown = [name for name in changes if name not in kind._fields]
+    if unknown:
+        known = ", ".join(kind._fields)
+        raise Refusal(f"{kind.__name__} has no setting {', '.join(unknown)}; it has {known}")
+    return value._replace(**{k: _typed(getattr(value, k), v) for k, v in changes.items()})
+
+
+def _typed(before, value):
+    """A value as the settings hold it: lists as tuples, mappings as the section in their place."""
+    if hasattr(before, "_fields") and isinstance(value, Mapping):
+        return chosen(type(before), value, {})
+    return tuple(value) if isinstance(value, list) else value

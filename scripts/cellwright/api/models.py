@@ -1,0 +1,460 @@
+"""Equivalent circuits and state of charge: what SoC refers to, identification, validation."""
+
+from cellwright.settings import Models, Soc
+
+MODELS = Models()
+
+
+def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
+    """What the state of charge of a cell refers to: capacity and OCV curves, own or borrowed.
+
+    Parameters
+    ----------
+    cell : CellFacts or mapping.
+    curves : (test, result of `ocv`) each.
+    capacities : (test, result of `capacity`) each.
+    lenders : `records.basis.Lender` of cells of the same type.
+    rests : (test, result of `ocv_from_rests`) each.
+
+    Returns
+    -------
+    basis : Document; content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from and
+        ocv, the curves over SoC [1]; its table: one row a curve and SoC.
+
+    Raises
+    ------
+    Refusal
+        No capacity test, no slow test and no rating.
+
+    Source: docs/state-of-charge.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.records.basis import basis as basis_of
+
+    facts = given.cell_facts(cell)
+    found = basis_of(
+        facts.cell,
+        given.entries(curves, _curves),
+        given.entries(capacities),
+        lenders,
+        rests=given.entries(rests, _curves),
+        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+    )
+    return results.Document(found, tuple(_basis_notes(found)), _curve_rows(found["ocv"]))
+
+
+def lender(cell, curves, capacities, *, marked=False):
+    """A cell that others of its type may borrow from.
+
+    Parameters
+    ----------
+    cell, curves, capacities : as of `basis`. marked : whether it is a reference of its type.
+
+    Returns
+    -------
+    lender : `records.basis.Lender`.
+    """
+    from cellwright.api import given
+    from cellwright.records.basis import Lender
+
+    shown = (given.entries(curves, _curves), given.entries(capacities))
+    return Lender(given.cell_facts(cell).cell, marked, *shown)
+
+
+def _curves(result):
+    """One curve as plain lists; of rests with where its capacity is from."""
+    from cellwright.api import given
+
+    source = getattr(result, "capacity_source", None)
+    about = {} if source is None else {"capacity_source": source}
+    return [given.plain(result.curve._asdict()) | about]
+
+
+def _curve_rows(curves):
+    names = ("test", "ambient_temperature_celsius")
+    return [
+        {name: curve[name] for name in names} | {"soc": soc, "ocv_volt": volt}
+        for curve in curves
+        for soc, volt in zip(curve["soc"], curve["ocv_volt"], strict=True)
+    ]
+
+
+def _basis_notes(basis):
+    """What a reader must know of where capacity and OCV come from."""
+    said = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
+    if basis["borrowed_from"]:
+        said.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
+    elif not basis["ocv"]:
+        said.append("no OCV: no slow test of its own, and no cell of its type has one")
+    tests = [curve["test"] for curve in basis["ocv"] if curve["branches"] == "rests"]
+    if tests and not basis["borrowed_from"]:
+        said.append(f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type")
+    return said
+
+
+def state_of_charge(series, basis, test, cell):
+    """State of charge over a record of a cell.
+
+    Parameters
+    ----------
+    series : DataFrame or columns of a clean series, (n,) each.
+    basis : result of `basis`, or a model.
+    test, cell : TestFacts, CellFacts or mappings.
+
+    Returns
+    -------
+    anchored : `records.anchor.Anchored`: soc (n,) [1], NaN where it cannot be known, and in words
+        what it is counted from.
+    """
+    from cellwright.api import given
+    from cellwright.records.basis import soc_or_unknown
+
+    about = (
+        given.content(basis),
+        given.test_facts(test),
+        given.cell_facts(cell),
+    )
+    return soc_or_unknown(given.columns(series, *given.COUNTED), *about)
+
+
+def identify(
+    cell, basis, tests, *, members=MODELS.members, split_rest_second=MODELS.split_rest_second
+):
+    """Equivalent circuits of a cell from its own tests, at every temperature it was tested at.
+
+    Parameters
+    ----------
+    cell : CellFacts or mapping.
+    basis : result of `basis`.
+    tests : (test, clean series) each, roles fit or split.
+    members : of the family that are identified, such as "2RC" or "DRT+H".
+    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+
+    Returns
+    -------
+    model : Document; content: schema cellwright-model/2; its table: one row a parameter.
+
+    Raises
+    ------
+    Refusal
+        No OCV, or no test that can be fitted; the reasons are named.
+
+    Source: docs/models.md, docs/identification.md.
+    """
+    from cellwright.api import given
+    from cellwright.identification.cell import cell_model
+
+    about = (given.cell_facts(cell), given.content(basis), given.tests(tests))
+    return _model(cell_model(*about, members=members, split_rest_second=split_rest_second))
+
+
+def _model(content):
+    from cellwright.api import results
+    from cellwright.circuits.model_file import parameter_rows
+
+    return results.Document(content, tuple(content["notes"]), parameter_rows(content))
+
+
+def identify_without(
+    cell, whole, basis, tests, *, celsius, split_rest_second=MODELS.split_rest_second
+):
+    """The chosen member of a model identified anew, without the tests of one temperature.
+
+    Parameters
+    ----------
+    cell, basis, tests : as of `identify`.
+    whole : the model of all temperatures.
+    celsius : temperature that is left out [°C].
+    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+
+    Returns
+    -------
+    model : Document, as of `identify`.
+
+    Raises
+    ------
+    Refusal
+        No test is left, or none that can be fitted.
+
+    Source: docs/compensation.md.
+    """
+    from cellwright.api import given
+    from cellwright.identification.cell import cell_model
+    from cellwright.identification.compensation import without
+
+    rest = without(given.content(basis), given.tests(tests), celsius=celsius)
+    members = [given.content(whole)["chosen"]]
+    facts = given.cell_facts(cell)
+    return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
+
+
+def compare_temperature_laws(
+    cell, whole, reduced, tests, *, split_rest_second=MODELS.split_rest_second
+):
+    """Which law over temperature predicts best the temperatures that were left out of the fit.
+
+    Parameters
+    ----------
+    cell, tests : as of `identify`.
+    whole : the model of all temperatures. reduced : temperature [°C] → model without it.
+    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+
+    Returns
+    -------
+    laws : Table; one row a test and law: errors [V], chosen.
+
+    Raises
+    ------
+    Refusal
+        Nothing was predicted.
+
+    Source: docs/compensation.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.identification.compensation import choose_laws, laws_beyond, predicted
+
+    whole = given.content(whole)
+    models = {celsius: given.content(model) for celsius, model in reduced.items()}
+    about = (whole, models, given.cell_facts(cell), given.tests(tests))
+    rows, notes = predicted(*about, split_rest_second=split_rest_second)
+    offered, refused = laws_beyond(whole)
+    choice = choose_laws(rows, beyond=offered)
+    marked = [row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows]
+    return results.Table(marked, (choice.words, *filter(None, [refused]), *notes))
+
+
+def predict_left_out(
+    cell, whole, reduced, laws, tests, *, split_rest_second=MODELS.split_rest_second
+):
+    """Tests for validation at temperatures that the model which predicts them does not know.
+
+    Parameters
+    ----------
+    cell, whole, reduced, split_rest_second : as of `compare_temperature_laws`.
+    laws : its result, which law is kept. tests : (test, clean series) each, for validation.
+
+    Returns
+    -------
+    predictions : Table; one row a test: errors [V].
+    """
+    from cellwright.api import given, results
+    from cellwright.identification.compensation import laws_kept, predicted
+
+    models = {celsius: given.content(model) for celsius, model in reduced.items()}
+    about = (given.content(whole), models, given.cell_facts(cell), given.tests(tests))
+    settings = {"laws": laws_kept(given.rows(laws)), "proof": True}
+    rows, notes = predicted(*about, **settings, split_rest_second=split_rest_second)
+    return results.Table(rows, tuple(notes))
+
+
+def finish_model(
+    cell,
+    model,
+    basis=None,
+    tests=(),
+    *,
+    laws=(),
+    effects=None,
+    split_rest_second=MODELS.split_rest_second,
+):
+    """A model as it is to be used: its law over temperature, effects found, its member chosen.
+
+    Parameters
+    ----------
+    cell, basis, tests : as of `identify`; basis and tests only for a model of the cell's own tests.
+    model : result of `identify`, of `borrow_model` or of `identify_branches`.
+    laws : results of `compare_temperature_laws`.
+    effects : `model` of the result of `missing_effect`, or None.
+    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+
+    Returns
+    -------
+    model : FinishedModel; content: schema cellwright-model/2.
+
+    Raises
+    ------
+    Refusal
+        A group's document that has no model of the cell.
+    """
+    from cellwright.api import given, results
+    from cellwright.circuits.model_file import model_of, parameter_rows
+    from cellwright.effects.member import finished
+    from cellwright.identification.compensation import laws_kept, with_laws
+
+    facts = given.cell_facts(cell)
+    content = model_of(given.content(model), facts.cell)
+    for law in laws:
+        content = with_laws(content, laws_kept(given.rows(law)))
+    about = (given.content(basis), facts, given.tests(tests), effects)
+    content, choice = finished(content, *about, split_rest_second=split_rest_second)
+    notes = (content["choice"],) if choice else ()
+    return results.FinishedModel(content, parameter_rows(content), choice, notes)
+
+
+def borrow_model(own, peers):
+    """Model of a cell without pulses from the reference cell of its type.
+
+    Parameters
+    ----------
+    own : `identification.borrowed.Shown`, what the cell shows. peers : the same of cells with one.
+
+    Returns
+    -------
+    model : Document, as of `identify`.
+
+    Raises
+    ------
+    Refusal
+        No peer has a model, or the cell shows too little.
+
+    Source: thesis 4.5; docs/bias.md.
+    """
+    from cellwright.identification.borrowed import borrowed_model
+
+    return _model(borrowed_model(own, peers))
+
+
+def export_model(model):
+    """A model for other tools: PyBaMM's Thevenin model, a look-up table, one over temperature.
+
+    Parameters
+    ----------
+    model : result of `identify` or `finish_model`.
+
+    Returns
+    -------
+    exported : Exported.
+
+    Source: docs/exports.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.circuits.exports import lookup_table, pybamm_document
+    from cellwright.circuits.instrument import words_of
+    from cellwright.circuits.model_file import plain_member
+    from cellwright.identification.compensation import temperature_table
+
+    model = given.content(model)
+    document, member = pybamm_document(model), plain_member(model)
+    notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
+    for one in model["members"]:
+        notes += [f"{one['model']}, not exported: {told}" for told in words_of(one)]
+    if member != model["chosen"]:
+        notes.append(f"the look-up table holds {member}: {model['chosen']} is more than RC pairs")
+    tables = (lookup_table(model, member), temperature_table(model, None))
+    return results.Exported(document, *tables, tuple(notes))
+
+
+def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=None):
+    """Terminal voltage of a model under a current.
+
+    Parameters
+    ----------
+    model : result of `identify` or `finish_model`.
+    current : DataFrame or columns: test_time_second [s], current_ampere [A], positive on charge.
+    initial_soc : state of charge at the first sample [1].
+    temperature_celsius : of the cell, scalar or (n,) [°C].
+    member : of the family; None: the chosen one.
+
+    Returns
+    -------
+    simulation : Simulation; (n,) columns: soc [1], ocv_volt, voltage_volt [V].
+
+    Raises
+    ------
+    Refusal
+        The model has no such member, or the SoC at the start is not within 0 to 1.
+
+    Source: docs/circuits.md.
+    """
+    import numpy as np
+
+    from cellwright.api import given, results
+    from cellwright.circuits.model_file import member_of, simulate_model
+    from cellwright.refusal import Refusal
+    from cellwright.series.cleaning import net_charge
+
+    model = given.content(model)
+    if not 0.0 <= initial_soc <= 1.0:
+        raise Refusal(f"SoC {initial_soc:g} at the start; wanted 0 to 1")
+    time, ampere = given.quantities(current, ("test_time_second", "current_ampere"))
+    charge = net_charge(time, ampere)
+    soc = initial_soc + (charge - charge[0]) / model["capacity_ampere_hour"]
+    celsius = np.broadcast_to(np.asarray(temperature_celsius, float), time.shape)
+    run = simulate_model(model, member, time, ampere, soc, celsius)
+    columns = {"test_time_second": time, "current_ampere": ampere, "soc": soc}
+    columns |= {"ocv_volt": run.ocv_volt, "voltage_volt": run.voltage_volt}
+    return results.Simulation(columns, member_of(model, member)["model"])
+
+
+def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_second):
+    """Every member of a model simulated through a test that took no part in its fit, and scored.
+
+    Parameters
+    ----------
+    model : result of `identify` or `finish_model`.
+    series : DataFrame or columns of a clean series, (n,) each.
+    test, cell : TestFacts, CellFacts or mappings.
+    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+
+    Returns
+    -------
+    validation : Scored; one row a member: rmse_volt, max_abs_volt [V] and others.
+
+    Raises
+    ------
+    Refusal
+        No SoC at the start can be known, or nothing is left to score.
+
+    Source: docs/models.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.identification.validation import validate as validated
+
+    (measured,) = given.tests([(test, series)])
+    about = (given.content(model), given.cell_facts(cell), measured)
+    found = validated(*about, split_rest_second=split_rest_second)
+    return results.Scored(found.rows, found.series, tuple(found.notes))
+
+
+def estimate_soc(
+    model,
+    series,
+    test,
+    cell,
+    settings=None,
+    *,
+    split_rest_second=MODELS.split_rest_second,
+    **changes,
+):
+    """State of charge over a test by every filter, from wrong starts, held against counting.
+
+    Parameters
+    ----------
+    model, series, test, cell, split_rest_second : as of `validate`.
+    settings : `settings.Soc`, or its keys as keywords, such as filters and initial_soc_error.
+
+    Returns
+    -------
+    estimates : Scored; one row a filter, start and scenario: rmse_soc, max_abs_soc [1],
+        convergence_second [s]; series: (n,) estimates of the first start.
+
+    Raises
+    ------
+    Refusal
+        No SoC at the start can be known, nothing is left to score, or an unknown filter.
+
+    Source: thesis 2.4; docs/soc-filters.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.filters.evaluate import soc_runs
+
+    (measured,) = given.tests([(test, series)])
+    found = soc_runs(
+        given.content(model),
+        given.cell_facts(cell),
+        measured,
+        settings=given.chosen(Soc, settings, changes),
+        split_rest_second=split_rest_second,
+    )
+    return results.Scored(found.rows, found.series, tuple(found.notes))

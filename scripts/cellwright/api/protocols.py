@@ -1,0 +1,431 @@
+"""What one test tells: capacity, open-circuit voltage, pulses, rests, dQ/dV, impedance, ageing."""
+
+from cellwright.settings import FastCharge, Ica, Impedance, Ocv, OcvStep, Relaxation, Resistance
+
+OCV = Ocv()
+ICA = Ica()
+
+
+def capacity(series, steps, cell, *, whole_swing=False):
+    """Capacities of the complete charges and discharges of one test.
+
+    Parameters
+    ----------
+    series : DataFrame or columns of a clean series, (n,) each.
+    steps : result of `segment`, or a table of its columns.
+    cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
+    whole_swing : also a half cycle that ends short of the cut-off counts, as in slow OCV tests.
+
+    Returns
+    -------
+    capacities : Table; rows: `protocols.capacity.CapacityRows`, (k,): charge [Ah], energy [Wh],
+        rate [1/h], efficiency [1]. What was left out is in the notes.
+
+    Raises
+    ------
+    Refusal
+        No complete charge or discharge.
+
+    Source: docs/capacity.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.protocols.capacity import capacity as capacities
+
+    columns, facts = given.columns(series, *given.COUNTED), given.cell_facts(cell)
+    found = capacities(
+        *given.quantities(columns, given.COUNTED),
+        given.steps(steps),
+        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+        upper_cutoff_volt=facts.upper_cutoff_volt,
+        surface_temperature_celsius=columns.get("surface_temperature_celsius"),
+        whole_swing=whole_swing,
+    )
+    return results.Table(found.rows, tuple(found.left_out))
+
+
+def ocv(series, cell, *, least_hour=OCV.least_hour):
+    """Open-circuit voltage of one slow test, as a table over SoC and as analytic functions.
+
+    Parameters
+    ----------
+    series : DataFrame or columns of a clean series, (n,) each.
+    cell : CellFacts or mapping: cut-offs [V].
+    least_hour : a charge or discharge that takes longer is slow enough [h].
+
+    Returns
+    -------
+    ocv : Ocv; curve: `protocols.ocv.slow.OcvCurve` over SoC, functions: list of OcvFunction.
+
+    Raises
+    ------
+    Refusal
+        No charge or discharge is slow enough or complete.
+
+    Source: docs/ocv.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.protocols.ocv.functions import fit_functions
+    from cellwright.protocols.ocv.slow import slow_ocv
+
+    columns, facts = given.columns(series, *given.COUNTED), given.cell_facts(cell)
+    curve = slow_ocv(
+        *given.quantities(columns, given.COUNTED),
+        file_index=columns.get("file_index"),
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+        upper_cutoff_volt=facts.upper_cutoff_volt,
+        least_hour=least_hour,
+    )
+    notes = tuple(filter(None, [curve.note]))
+    return results.Ocv(curve, fit_functions(curve.soc, curve.ocv_volt), notes)
+
+
+def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.rest_second):
+    """Open-circuit voltage of a cell without a slow test, from the rests of a pulse test.
+
+    Parameters
+    ----------
+    series, steps : clean series, (n,) columns, and its steps.
+    cell, test : CellFacts, TestFacts or mappings.
+    capacities : (test, result of `capacity`) each, or rows with their test's facts.
+    rest_second : shortest rest that is a point of the curve [s].
+
+    Returns
+    -------
+    ocv : RestOcv; curve over SoC as of `ocv`, points: dict of (k,) columns, one entry a rest.
+
+    Raises
+    ------
+    Refusal
+        No capacity, or too few rests.
+
+    Source: docs/ocv.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.protocols.ocv.rests import ocv_of_rests, soc_at
+    from cellwright.protocols.rests import rest_points
+    from cellwright.records.anchor import rest_scale
+
+    cell, test, steps = given.cell_facts(cell), given.test_facts(test), given.steps(steps)
+    columns = given.quantities(series, given.COUNTED)
+    scale = rest_scale(
+        *columns[1:],
+        steps,
+        given.entries(capacities),
+        rated_capacity_ampere_hour=cell.rated_capacity_ampere_hour,
+        lower_cutoff_volt=cell.lower_cutoff_volt,
+        upper_cutoff_volt=cell.upper_cutoff_volt,
+        ambient_temperature_celsius=test.ambient_temperature_celsius,
+        soc_at_start=test.soc,
+    )
+    points = rest_points(*columns, steps, rest_second=rest_second)
+    limits = {name: cell[name] for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
+    curve = ocv_of_rests(points, scale, **limits)
+    table = points._asdict() | {"soc": soc_at(points, scale)}
+    return results.RestOcv(curve, table, scale.source, (curve.note,))
+
+
+def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
+    """Shift of the open-circuit voltage in rests of one test in a chamber that steps.
+
+    Parameters
+    ----------
+    series, steps : clean series with surface temperature, (n,) columns, and its steps.
+    basis : result of `basis`.
+    test, cell : TestFacts, CellFacts or mappings.
+    settings : `settings.OcvStep`, or its keys as keywords.
+
+    Returns
+    -------
+    shifts : Table; one row a plateau: shift [V] and its uncertainty, temperatures [°C], SoC [1].
+
+    Raises
+    ------
+    Refusal
+        No rest with two steady temperatures.
+
+    Source: thesis 3.3; docs/ocv-temperature.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.api.models import state_of_charge
+    from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
+
+    columns, anchored = given.columns(series), state_of_charge(series, basis, test, cell)
+    found = chamber_shifts(
+        *given.quantities(columns, ("test_time_second", "voltage_volt")),
+        cell_temperature(columns),
+        anchored.soc,
+        given.steps(steps),
+        **given.chosen(OcvStep, settings, changes)._asdict(),
+    )
+    return results.Table(found.rows, (f"SoC: {anchored.anchor}", *found.left_out))
+
+
+def resistance(series, steps, basis, test, cell, settings=None, **changes):
+    """Resistance at stated delays into each pulse of one test.
+
+    Parameters
+    ----------
+    series, steps : clean series, (n,) columns, and its steps.
+    basis : result of `basis`.
+    test, cell : TestFacts, CellFacts or mappings.
+    settings : `settings.Resistance`, or its key as keyword: delay_second [s].
+
+    Returns
+    -------
+    resistances : Table; rows: `protocols.resistance.ResistanceRows`, (k,): resistance_ohm and
+        resistance_std_ohm [ohm] by SoC [1], direction and delay [s]; SoC is NaN where not known.
+
+    Raises
+    ------
+    Refusal
+        The record has no pulse from a rest, or none that can be read.
+
+    Source: docs/resistance.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.api.models import state_of_charge
+    from cellwright.protocols.resistance import pulse_resistance
+
+    anchored = state_of_charge(series, basis, test, cell)
+    found = pulse_resistance(
+        *given.quantities(series),
+        anchored.soc,
+        given.steps(steps),
+        rated_capacity_ampere_hour=given.content(basis)["capacity_ampere_hour"],
+        **given.chosen(Resistance, settings, changes)._asdict(),
+    )
+    return results.Table(found.rows, (f"SoC: {anchored.anchor}", *found.left_out))
+
+
+def relaxation(series, steps, basis, test, cell, settings=None, **changes):
+    """Depolarisation in the rests of one test: two exponentials each, or why not.
+
+    Parameters
+    ----------
+    series, steps : clean series, (n,) columns, and its steps.
+    basis : result of `basis`.
+    test, cell : TestFacts, CellFacts or mappings.
+    settings : `settings.Relaxation`, or its keys as keywords.
+
+    Returns
+    -------
+    relaxation : Relaxation; rows: `protocols.rests.RestRows`, (k,): amplitudes [V], time constants
+        [s] and their uncertainty; curve: the course of one rest.
+
+    Raises
+    ------
+    Refusal
+        No rest after a load is long enough.
+
+    Source: thesis 3.3; docs/relaxation.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.api.models import state_of_charge
+    from cellwright.protocols.rests import chamber_or_cell, example, rests_of
+
+    columns = given.columns(series, *given.NAMES)
+    time, current, voltage = given.quantities(columns)
+    found = rests_of(
+        time,
+        current,
+        voltage,
+        state_of_charge(columns, basis, test, cell).soc,
+        given.steps(steps),
+        temperature_celsius=chamber_or_cell(columns),
+        **given.chosen(Relaxation, settings, changes)._asdict(),
+    )
+    shown = example(found.rows, time, voltage)
+    return results.Relaxation(found.rows, shown, tuple(found.left_out))
+
+
+def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
+    """Incremental capacity dQ/dV of the constant-current charge in one test.
+
+    Parameters
+    ----------
+    series, steps : clean series, (n,) columns, and its steps.
+    bin_volt, smooth_volt : widths of the bins and of the smoothing window [V].
+
+    Returns
+    -------
+    ica : Ica; curve: `protocols.ica.IncrementalCapacity` [Ah/V] over voltage [V].
+
+    Raises
+    ------
+    Refusal
+        No constant-current charge, or one over too small a voltage.
+
+    Source: docs/ica.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.protocols.ica import constant_current_charge, incremental_capacity
+
+    steps = given.steps(steps)._asdict()
+    voltage, charge = given.quantities(series, ("voltage_volt", "charge_ampere_hour"))
+    first, last, step = constant_current_charge(steps, charge)
+    rows = slice(first, last + 1)
+    widths = {"bin_volt": bin_volt, "smooth_volt": smooth_volt}
+    curve = incremental_capacity(voltage[rows], charge[rows], **widths)
+    return results.Ica(curve, steps["c_rate"][step])
+
+
+def ica_peaks(ica, *, prominence=ICA.prominence):
+    """Peaks of the incremental capacity of one charge.
+
+    Parameters
+    ----------
+    ica : result of `ica`.
+    prominence : least rise of a peak, as a share of the highest dQ/dV [1].
+
+    Returns
+    -------
+    peaks : Table; (k,) columns: voltage [V], height [Ah/V], area [Ah], their uncertainty.
+
+    Raises
+    ------
+    Refusal
+        No peaks.
+    """
+    from cellwright.api import results
+    from cellwright.protocols.ica import charge_peaks
+
+    return results.Table(charge_peaks(ica.curve, c_rate=ica.c_rate, prominence=prominence))
+
+
+def impedance(spectrum, settings=None, **changes):
+    """A circuit fitted to one spectrum, the spectrum tested, its relaxation times found.
+
+    Parameters
+    ----------
+    spectrum : DataFrame or columns: frequency_hertz [Hz], impedance_real_ohm and
+        impedance_imaginary_ohm [ohm], (n,) each.
+    settings : `settings.Impedance`, or its keys as keywords.
+
+    Returns
+    -------
+    impedance : Impedance.
+
+    Raises
+    ------
+    Refusal
+        An unknown circuit, too few points, or none that can be trusted.
+
+    Source: thesis 3.2; docs/impedance.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.protocols.impedance import analyse
+
+    names = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
+    columns = given.columns(spectrum, *names)
+    found = analyse(
+        columns[names[0]],
+        columns[names[1]] + 1j * columns[names[2]],
+        temperature_celsius=columns.get("surface_temperature_celsius"),
+        **given.chosen(Impedance, settings, changes)._asdict(),
+    )
+    return results.Impedance(**found._asdict())
+
+
+def thermometer(spectra, series):
+    """The temperature in a cell's spectra beside that of its other records at rest.
+
+    Parameters
+    ----------
+    spectra : (test, result of `impedance`, or its row) each. series : (test, clean series) each.
+
+    Returns
+    -------
+    offsets : Table; one row a chamber temperature: the offset [K].
+
+    Raises
+    ------
+    Refusal
+        Nothing to compare.
+    """
+    from cellwright.api import given, results
+    from cellwright.protocols.impedance.trust import rested_temperature, temperature_offsets
+
+    names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
+    read = [(test, getattr(one, "row", one)["temperature_celsius"]) for test, one in spectra]
+    at_rest = [
+        (test, rested_temperature(*[given.columns(one).get(name) for name in names]))
+        for test, one in series
+    ]
+    pairs = [
+        [(given.test_facts(test).ambient_temperature_celsius, celsius) for test, celsius in one]
+        for one in (read, at_rest)
+    ]
+    rows, notes = temperature_offsets(*pairs)
+    return results.Table(rows, tuple(notes))
+
+
+def fast_charge(series, steps, basis, cell, settings=None, **changes):
+    """How much a fast charge puts in, and what limits it.
+
+    Parameters
+    ----------
+    series, steps : clean series, (n,) columns, and its steps.
+    basis : result of `basis`.
+    cell : CellFacts or mapping.
+    settings : `settings.FastCharge`, or its key as keyword: minutes [min].
+
+    Returns
+    -------
+    charge : Table with one row, `protocols.fast_charge.FastCharge`: charge [Ah], shares [1].
+
+    Raises
+    ------
+    Refusal
+        No charge of the record is worth the name.
+
+    Source: docs/fast-charge.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.protocols.fast_charge import fast_charge as charged
+
+    facts = given.cell_facts(cell)
+    found, notes = charged(
+        given.columns(series, *given.COUNTED),
+        given.steps(steps),
+        capacity_ampere_hour=given.content(basis)["capacity_ampere_hour"],
+        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+        upper_cutoff_volt=facts.upper_cutoff_volt,
+        **given.chosen(FastCharge, settings, changes)._asdict(),
+    )
+    return results.Table([found], tuple(notes))
+
+
+def ageing_cycles(series, steps, test, cell):
+    """Complete cycles of one ageing record: capacity, energy, efficiency, temperature.
+
+    Parameters
+    ----------
+    series, steps : clean series, (n,) columns, and its steps.
+    test, cell : TestFacts (its `cycle` is that of the first), CellFacts or mappings.
+
+    Returns
+    -------
+    cycles : Table; rows: `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C].
+
+    Raises
+    ------
+    Refusal
+        No complete cycle.
+
+    Source: docs/ageing.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.protocols.ageing import ageing_cycles as cycles
+
+    facts = given.cell_facts(cell)
+    found = cycles(
+        given.columns(series, *given.COUNTED),
+        given.steps(steps),
+        first_cycle=given.test_facts(test).cycle or 0.0,
+        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+        upper_cutoff_volt=facts.upper_cutoff_volt,
+    )
+    return results.Table(found.rows, tuple(found.left_out))

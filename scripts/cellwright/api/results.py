@@ -1,0 +1,275 @@
+"""What the steps of the public interface give: named parts, and each as a DataFrame."""
+
+from typing import NamedTuple
+
+
+def frame(table):
+    """A pandas DataFrame of columns, of rows, or of a NamedTuple of arrays.
+
+    Facts of one value each are repeated in every row; what has neither rows nor columns is one row.
+    """
+    import numpy as np
+    import pandas as pd
+
+    if hasattr(table, "_asdict"):
+        table = table._asdict()
+    if not isinstance(table, dict):
+        rows = [row._asdict() if hasattr(row, "_asdict") else row for row in table]
+        return pd.DataFrame(rows)
+    sizes = {len(v) for v in table.values() if isinstance(v, np.ndarray | list) and len(v)}
+    if len(sizes) != 1:
+        return pd.DataFrame([table])
+    (size,) = sizes
+    fits = {k: v for k, v in table.items() if not hasattr(v, "__len__") or isinstance(v, str)}
+    fits |= {k: v for k, v in table.items() if hasattr(v, "__len__") and len(v) == size}
+    return pd.DataFrame(fits, index=range(size))
+
+
+class Raw(NamedTuple):
+    """A record as its files hold it, current positive on charge.
+
+    columns : (n,) by name. kind : "series" or "impedance". instrument : the reader of each file.
+    """
+
+    columns: dict
+    kind: str
+    instrument: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row a sample."""
+        return frame(self.columns)
+
+
+class CleanSeries(NamedTuple):
+    """A clean series with charge_ampere_hour, and what was done to it, one entry a flagged row."""
+
+    columns: dict
+    actions: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row a sample."""
+        return frame(self.columns)
+
+
+class Table(NamedTuple):
+    """Rows of one analysis, as a NamedTuple of (k,) columns or a list of rows, and what to know."""
+
+    rows: object
+    notes: tuple = ()
+
+    def to_frame(self):
+        """One row each."""
+        return frame(self.rows)
+
+
+class Document(NamedTuple):
+    """A plain document, such as it stands in a JSON file, its table, and what to know of it."""
+
+    content: dict
+    notes: tuple = ()
+    table: object = ()
+
+    def to_frame(self):
+        """The document's table: OCV curves of a basis, parameters of a model."""
+        return frame(self.table or self.content)
+
+
+class Ocv(NamedTuple):
+    """Open-circuit voltage of one slow test.
+
+    curve : `protocols.ocv.slow.OcvCurve`. functions : analytic functions fitted to it.
+    """
+
+    curve: object
+    functions: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row a SoC."""
+        return frame(self.curve)
+
+
+class RestOcv(NamedTuple):
+    """Open-circuit voltage from the rests of a pulse test: the curve, the rests, their scale."""
+
+    curve: object
+    points: dict
+    capacity_source: str
+    notes: tuple
+
+    def to_frame(self):
+        """One row a SoC."""
+        return frame(self.curve)
+
+
+class Relaxation(NamedTuple):
+    """Depolarisation in rests: one row a rest, and the course of one of them."""
+
+    rows: object
+    curve: object
+    notes: tuple
+
+    def to_frame(self):
+        """One row a rest."""
+        return frame(self.rows)
+
+
+class Ica(NamedTuple):
+    """Incremental capacity of a charge: the curve dQ/dV, and the rate of the charge [1/h]."""
+
+    curve: object
+    c_rate: float
+
+    def to_frame(self):
+        """One row a voltage."""
+        return frame(self.curve)
+
+
+class Impedance(NamedTuple):
+    """A spectrum analysed.
+
+    row : the circuit's values and how well it fits. curve : (n,) measured and fitted. parameters,
+    candidates, processes : rows. distribution : of relaxation times.
+    """
+
+    row: dict
+    curve: dict
+    parameters: list
+    candidates: list
+    distribution: dict
+    processes: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row: the circuit and its values."""
+        return frame([self.row])
+
+
+class Laws(NamedTuple):
+    """Laws over temperature: rows of the laws, the points that they were fitted to."""
+
+    rows: list
+    points: object
+    notes: tuple
+
+    def to_frame(self):
+        """One row a parameter of a law."""
+        return frame(self.rows)
+
+
+class OcvMap(NamedTuple):
+    """Open-circuit voltage over SoC and temperature: rows of the laws and of what they say."""
+
+    rows: list
+    map: object
+    entropic: object
+    surface: object
+    functions: object
+    notes: tuple
+
+    def to_frame(self):
+        """One row a parameter of a law."""
+        return frame(self.rows)
+
+
+class PeakMatches(NamedTuple):
+    """Peaks of dQ/dV across temperatures: matches, the peaks themselves, the smoothed curves."""
+
+    rows: list
+    peaks: object
+    curves: object
+    notes: tuple
+
+    def to_frame(self):
+        """One row a match."""
+        return frame(self.rows)
+
+
+class AgeingLaws(NamedTuple):
+    """Temperature in the capacities of an ageing record."""
+
+    summary: dict
+    rows: list
+    cycles: dict
+    periodogram: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row a cycle."""
+        return frame(self.cycles)
+
+
+class Simulation(NamedTuple):
+    """A model simulated: test_time_second, current_ampere, soc, ocv_volt, voltage_volt, (n,) each.
+
+    member : of the family that was run.
+    """
+
+    columns: dict
+    member: str
+
+    def to_frame(self):
+        """One row a sample."""
+        return frame(self.columns)
+
+
+class Scored(NamedTuple):
+    """A model or a filter held against a test: rows of scores, and the series they are taken of."""
+
+    rows: list
+    series: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row a member of the family, a filter and start, or a branch."""
+        return frame(self.rows)
+
+
+class FinishedModel(NamedTuple):
+    """A model as it is used: its document, the rows of its parameters, and of the choice."""
+
+    content: dict
+    parameters: list
+    choice: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row a parameter, SoC and temperature."""
+        return frame(self.parameters)
+
+
+class Exported(NamedTuple):
+    """A model for other tools: PyBaMM's document, a look-up table, parameters over temperature."""
+
+    pybamm: dict
+    lookup: object
+    temperature: object
+    notes: tuple
+
+    def to_frame(self):
+        """The look-up table."""
+        return frame(self.lookup)
+
+
+class MissingEffect(NamedTuple):
+    """What a search for a missing effect found.
+
+    verdict : dict of the verdict file. ranking, residual_map, evidence, series, confounding, menu :
+    columns, of a group only ranking and series. model : dict, the plain model and its effects.
+    """
+
+    verdict: dict
+    ranking: dict
+    residual_map: dict
+    evidence: dict
+    series: dict
+    confounding: dict
+    menu: dict
+    model: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row an effect that was tried."""
+        return frame(self.ranking)

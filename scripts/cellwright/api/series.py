@@ -1,0 +1,119 @@
+"""From an instrument's files to one clean series and its steps."""
+
+from cellwright.refusal import Refusal
+from cellwright.settings import Clean, Segment
+
+
+def read(source, *, kind="series", name=None, instrument=None, current_sign=None):
+    """A record from the files of an instrument.
+
+    Parameters
+    ----------
+    source : a path, bytes, (name, bytes), or a list of them: the files of one test in time order.
+    kind : what the files must hold, "series" or "impedance".
+    name : what messages call the file, where bytes are given.
+    instrument : its reader; None finds it from the content.
+    current_sign : "charge_positive" or "discharge_positive"; None finds it from the data.
+
+    Returns
+    -------
+    raw : Raw. Of a series test_time_second [s], current_ampere [A], positive on charge,
+        voltage_volt [V], file_index [1] and what else there is; of a spectrum frequency_hertz [Hz],
+        impedance_real_ohm, impedance_imaginary_ohm [ohm].
+
+    Raises
+    ------
+    Refusal
+        No such file, no reader for it, a broken file, or a sign that cannot be known.
+    """
+    from cellwright import formats
+    from cellwright.api.results import Raw
+    from cellwright.series.joining import assemble
+
+    parts = source if isinstance(source, list) else [source]
+    files = [_named_bytes(part, name or "the file") for part in parts]
+    readings = [formats.read(data, name=called, instrument=instrument) for called, data in files]
+    instruments = [reading.instrument for reading in readings]
+    if kind == "series":
+        found = assemble(readings, stated_sign=current_sign)
+        return Raw(found.columns, kind, instruments, tuple(found.notes))
+    if len(readings) != 1 or readings[0].kind != kind:
+        held = ", ".join(reading.kind for reading in readings)
+        raise Refusal(f"the files hold {held or 'nothing'}, wanted one of {kind}")
+    return Raw(readings[0].columns, kind, instruments, ())
+
+
+def _named_bytes(part, name):
+    """(what it is called, its bytes)."""
+    if isinstance(part, bytes):
+        return name, part
+    if isinstance(part, tuple):
+        return part
+    try:
+        with open(part, "rb") as file:
+            return str(part), file.read()
+    except OSError as error:
+        raise Refusal(f"{part}: cannot be read: {error.strerror}") from None
+
+
+def clean(series, settings=None, **changes):
+    """A series without corrupt samples, its charge counted, and a list of what was done.
+
+    Parameters
+    ----------
+    series : DataFrame or columns: test_time_second [s], current_ampere [A], positive on charge,
+        voltage_volt [V], (n,) each, and what else is to be kept.
+    settings : `settings.Clean`, or its keys as keywords.
+
+    Returns
+    -------
+    series : CleanSeries; charge_ampere_hour [Ah] is added.
+
+    Raises
+    ------
+    Refusal
+        Fewer than two samples are left.
+
+    Source: thesis ch. 5.2 and table 5.1; docs/cleaning.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.series.cleaning import clean as cleaned
+
+    chosen = given.chosen(Clean, settings, changes)
+    found = cleaned(given.columns(series, *given.NAMES), **chosen._asdict())
+    return results.CleanSeries(found.columns, found.actions, tuple(found.notes))
+
+
+def segment(series, cell=None, settings=None, **changes):
+    """Steps of a clean series: rest, constant current, held voltage, pulse, dynamic load.
+
+    Parameters
+    ----------
+    series : DataFrame or columns of a clean series, (n,) each.
+    cell : CellFacts or mapping; its rating is what a C-rate refers to, None: the charge moved.
+    settings : `settings.Segment`, or its keys as keywords.
+
+    Returns
+    -------
+    steps : Table; rows: `series.steps.Steps`, (k,) columns with rows, times [s], mean current [A],
+        voltages [V], charge [Ah] and rate [1/h] of each step.
+
+    Raises
+    ------
+    Refusal
+        As `series.steps.segment`: a record without two samples.
+
+    Source: docs/segmentation.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.series.steps import segment as segmented
+
+    columns = given.columns(series, *given.COUNTED)
+    rated = given.cell_facts(cell).rated_capacity_ampere_hour if cell else None
+    steps = segmented(
+        *given.quantities(columns, given.COUNTED),
+        file_index=columns.get("file_index"),
+        rated_capacity_ampere_hour=rated,
+        **given.chosen(Segment, settings, changes)._asdict(),
+    )
+    return results.Table(steps)

@@ -1,0 +1,53 @@
+"""Settings of every step as typed values: units, meanings, defaults of a campaign.
+
+Made by scripts/tools/settings_module.py from workflow/schemas/config.schema.yaml.
+Do not edit.
+"""
+
+from cellwright.settings.effects import (
+    MissingEffect,
+    MissingEffectGroup,
+)
+from cellwright.settings.models import (
+    IdentificationMethods,
+    Models,
+    Soc,
+)
+from cellwright.settings.tests import (
+    Ageing,
+    CapacityLoss,
+    Clean,
+    FastCharge,
+    Ica,
+    IcaTemperature,
+    Impedance,
+    Ocv,
+    OcvStep,
+    OcvTemperature,
+    Relaxation,
+    Resistance,
+    Segment,
+    Temperature,
+)
+
+__all__ = [
+    "Ageing",
+    "CapacityLoss",
+    "Clean",
+    "FastCharge",
+    "Ica",
+    "IcaTemperature",
+    "IdentificationMethods",
+    "Impedance",
+    "MissingEffect",
+    "MissingEffectGroup",
+    "Models",
+    "Ocv",
+    "OcvStep",
+    "OcvTemperature",
+    "Relaxation",
+    "Resistance",
+    "Segment",
+    "Soc",
+    "Temperature",
+]

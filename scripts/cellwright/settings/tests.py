@@ -1,0 +1,230 @@
+"""Settings of what is read from the tests of a cell, and of the laws over them.
+
+Made by scripts/tools/settings_module.py from workflow/schemas/config.schema.yaml.
+Do not edit.
+"""
+
+from typing import NamedTuple
+
+
+class Clean(NamedTuple):
+    """What counts as a corrupt sample.
+
+    spike_limit_volt [V] : A sample whose voltage lies further than this from both neighbours, on
+        the same side, may be a spike.
+    spike_noise_factor : It must also lie further off than this many typical steps of the voltage
+        nearby.
+    current_step_fraction : A change of the current by more than this part of its largest
+        magnitude explains a step of the voltage; such a step is never touched.
+    gap_second [s] : An interval between two samples may be a gap if it is longer than this.
+    gap_factor : A gap is also longer than this many times the interval before and the one after.
+    """
+
+    spike_limit_volt: float = 0.01
+    spike_noise_factor: float = 8.0
+    current_step_fraction: float = 0.01
+    gap_second: float = 120.0
+    gap_factor: float = 5.0
+
+
+class Segment(NamedTuple):
+    """How steps are found.
+
+    rest_c_rate [1/h] : Currents below this rate count as rest.
+    pulse_max_second [s] : A constant-current step that is not longer than this is a pulse.
+    gap_second [s] : A step ends where no sample was recorded for longer than this.
+    """
+
+    rest_c_rate: float = 0.004
+    pulse_max_second: float = 120.0
+    gap_second: float = 300.0
+
+
+class Ocv(NamedTuple):
+    """Open-circuit voltage from slow tests, else from rests.
+
+    least_hour [h] : A charge or discharge is slow enough to stand for the open-circuit voltage
+        if it takes longer than this.
+    rest_second [s] : A rest of a pulse test counts as a point of an open-circuit voltage from
+        this length on, where a cell has no slow test.
+    """
+
+    least_hour: float = 12.0
+    rest_second: float = 600.0
+
+
+class OcvStep(NamedTuple):
+    """Rests in a chamber that steps (kind `ocv_temperature`).
+
+    settled_kelvin_per_hour [K/h] : The cell has reached a temperature when it moves slower than
+        this, over 20 minutes.
+    least_plateau_second [s] : A shorter stretch of steady temperature is not read.
+    skip_second [s] : What of a rest's beginning takes no part in the extrapolation of its
+        relaxation; faster processes have ended by then.
+    least_reference_second [s] : How long the rest must last at the first temperature after that,
+        for its relaxation to be carried on (thesis 3.3 rests 10 h).
+    """
+
+    settled_kelvin_per_hour: float = 1.0
+    least_plateau_second: float = 1200.0
+    skip_second: float = 3600.0
+    least_reference_second: float = 7200.0
+
+
+class OcvTemperature(NamedTuple):
+    """Open-circuit voltage over temperature.
+
+    reference_celsius [°C] : Curves are compared with the one at the tested temperature nearest
+        to this.
+    largest_std_volt [V] : Readings less certain than this take part neither in the functions
+        over temperature nor in the choice among them; where the coldest or warmest bias is, the
+        surface takes that of the nearest SoC.
+    voltage_std_volt [V] : How well voltages of slow tests made weeks apart compare (typical
+        accuracy of a 5 V cycler channel).
+    step_std_volt [V] : The same for two plateaus of one rest, beside their noise.
+    """
+
+    reference_celsius: float = 25.0
+    largest_std_volt: float = 0.02
+    voltage_std_volt: float = 0.001
+    step_std_volt: float = 0.0001
+
+
+class Resistance(NamedTuple):
+    """Pulse resistance.
+
+    delay_second [s] : Times after the edge of a pulse at which its resistance is read; 0 is the
+        first sample of the pulse.
+    """
+
+    delay_second: tuple[float, ...] = (0.0, 1.0, 10.0, 30.0)
+
+
+class Temperature(NamedTuple):
+    """Which pulse resistances are followed over temperature.
+
+    soc [1] : States of charge at which pulse resistances are compared; interpolated between
+        pulses.
+    delay_second [s] : Delays into the pulse that are followed; each must be one of
+        resistance.delay_second.
+    c_rate [1/h] : Rate of the pulses that is preferred where several rates reach as many
+        temperatures.
+    """
+
+    soc: tuple[float, ...] = (0.2, 0.5, 0.8)
+    delay_second: tuple[float, ...] = (0.0, 10.0)
+    c_rate: float = 1.0
+
+
+class Relaxation(NamedTuple):
+    """Depolarisation in rests (thesis 3.3).
+
+    shortest_rest_second [s] : A rest counts from this length on; the thesis rests 40 min.
+    r_squared_limit : A fit with less R² says why (thesis 3.3, every rest above 0.98).
+    """
+
+    shortest_rest_second: float = 600.0
+    r_squared_limit: float = 0.98
+
+
+class Ica(NamedTuple):
+    """Incremental capacity of constant-current charges.
+
+    bin_volt [V] : Width of the voltage bins over which the charge is averaged.
+    smooth_volt [V] : Width of the smoothing window.
+    prominence : A peak must rise out of its surroundings by this part of the curve's maximum.
+    """
+
+    bin_volt: float = 0.003
+    smooth_volt: float = 0.039
+    prominence: float = 0.05
+
+
+class CapacityLoss(NamedTuple):
+    """Capacity lost to temperature and rate, split into true and false.
+
+    reference_celsius [°C] : Losses are counted from the slowest capacity at the temperature
+        nearest this one.
+    slow_c_rate [1/h] : What a test at up to this rate does not reach is truly lost (thesis C/30;
+        a C/20 with its tolerance).
+    assumed_share : Least standard deviation of a capacity from test to test, as a part of it;
+        repeats that scatter more raise it.
+    mismatch_kelvin [K] : A test whose cell was this much colder than stated is left out; a slow
+        one also where it was this much warmer.
+    """
+
+    reference_celsius: float = 25.0
+    slow_c_rate: float = 0.06
+    assumed_share: float = 0.003
+    mismatch_kelvin: float = 5.0
+
+
+class IcaTemperature(NamedTuple):
+    """Peaks of the incremental capacity matched across temperatures.
+
+    reference_celsius [°C] : Peaks are matched with those at the temperature nearest this one.
+    sigma_volt [V] : Width of the Gaussian that all curves are smoothed by alike, against the
+        ripples of a chamber that swings.
+    prominence : A peak must rise out of its valleys by this part of the curve's maximum.
+    """
+
+    reference_celsius: float = 25.0
+    sigma_volt: float = 0.01
+    prominence: float = 0.05
+
+
+class FastCharge(NamedTuple):
+    """Fast charge.
+
+    minutes [min] : Time after which the charge put in is read (thesis 30 min).
+    """
+
+    minutes: float = 30.0
+
+
+class Ageing(NamedTuple):
+    """Temperature in the capacities of ageing records.
+
+    least_kelvin [K] : The temperature must move by this RMS beside the fade, or no slope is
+        told.
+    level : Coverage of the slope's interval.
+    """
+
+    least_kelvin: float = 0.3
+    level: float = 0.95
+
+
+class Impedance(NamedTuple):
+    """Impedance spectra.
+
+    circuit : Circuit that is fitted: `-` in series, `|` in parallel; R, C, L, CPE, W
+        (semi-infinite Warburg), FLW and FSW (finite-length and finite-space Warburg), G
+        (Gerischer). `L-` is put in front where a spectrum shows inductance. Source: thesis sec.
+        3.2.
+    candidates : Circuits that are compared with it.
+    choose : `circuit` keeps the one above; the others take the candidate that does best by the
+        Bayesian information criterion, or on points left out of its fit.
+    constraints : Parameters of `circuit` that are not free: `cpe_p = 0.8` fixes one, `r3_ohm = 2
+        * r2_ohm` ties one to another.
+    inductance : What becomes of inductive points (positive imaginary part); `model` adds an
+        inductance to the circuit, `cut` leaves them out of the fit.
+    drift_tolerance : Slow points are left out of the fit while the slowest decade misses the
+        Kramers-Kronig relations by more than this, RMS, relative to the modulus. Source:
+        Schönleber et al. 2014, doi:10.1016/j.electacta.2014.01.034, residuals of valid spectra.
+    starts : Starts of a fit for each capacitive element of the circuit; where there is one,
+        three that lead to the same best are enough.
+    """
+
+    circuit: str = "R-(CPE|(R-W))"
+    candidates: tuple[str, ...] = (
+        "R-(CPE|(R-W))",
+        "R-(CPE|(R-FSW))",
+        "R-(CPE|R)-(CPE|(R-W))",
+        "R-(CPE|R)-(CPE|R)-W",
+        "R-(CPE|R)-(CPE|R)-CPE",
+    )
+    choose: str = "circuit"
+    constraints: tuple[str, ...] = ()
+    inductance: str = "model"
+    drift_tolerance: float = 0.01
+    starts: int = 8

@@ -1,0 +1,137 @@
+"""Writes scripts/cellwright/settings from the schema; with --check, fails where it differs."""
+
+import sys
+import textwrap
+from pathlib import Path
+
+from runtime import settings
+
+ROOT = Path(__file__).resolve().parents[2]
+SCHEMAS = ROOT / "workflow" / "schemas"
+FOLDER = ROOT / "scripts" / "cellwright" / "settings"
+MADE = "Made by scripts/tools/settings_module.py from workflow/schemas/config.schema.yaml."
+FILES = {
+    "tests.py": (
+        "Settings of what is read from the tests of a cell, and of the laws over them.",
+        [
+            *("clean", "segment", "ocv", "ocv_step", "ocv_temperature", "resistance"),
+            *("temperature", "relaxation", "ica", "capacity_loss", "ica_temperature"),
+            *("fast_charge", "ageing", "impedance"),
+        ],
+    ),
+    "models.py": (
+        "Settings of equivalent circuits, of the methods that find them, and of filters.",
+        ["models", "identification_methods", "soc"],
+    ),
+    "effects.py": (
+        "Settings of the search for missing effects.",
+        ["missing_effect", "missing_effect_group"],
+    ),
+}
+TYPES = {"number": "float", "integer": "int", "boolean": "bool", "string": "str"}
+
+
+def files() -> dict[str, str]:
+    """The text of each file of the package, by its name."""
+    sections = settings.load(SCHEMAS, "config")["properties"]
+    found = {"__init__.py": _package()}
+    for file, (about, names) in FILES.items():
+        classes = [one for name in names for one in _classes(class_name(name), sections[name])]
+        head = f'"""{about}\n\n{MADE}\nDo not edit.\n"""\n\nfrom typing import NamedTuple\n'
+        found[file] = "\n\n".join([head, *classes])
+    return found
+
+
+def class_name(section: str) -> str:
+    """What the class of a section is called: `ocv_step` → OcvStep."""
+    return "".join(word.capitalize() for word in section.split("_"))
+
+
+def of_science(spec: dict) -> dict:
+    """Keys of a section that reach an analysis, with their schemas."""
+    return {name: one for name, one in spec["properties"].items() if not one.get("plans")}
+
+
+def _package() -> str:
+    about = "Settings of every step as typed values: units, meanings, defaults of a campaign."
+    lines = [f'"""{about}\n\n{MADE}\nDo not edit.\n"""\n']
+    names = []
+    for file, (_, sections) in sorted(FILES.items()):
+        mine = sorted(class_name(section) for section in sections)
+        names += mine
+        module = file.removesuffix(".py")
+        joined = "".join(f"    {name},\n" for name in mine)
+        lines.append(f"from cellwright.settings.{module} import (\n{joined})")
+    every = "".join(f'    "{name}",\n' for name in sorted(names))
+    return "\n".join(lines) + f"\n\n__all__ = [\n{every}]\n"
+
+
+def _classes(name: str, spec: dict) -> list[str]:
+    """The class of a section, after those of the sections in it."""
+    keys = of_science(spec)
+    inner = {key: name + class_name(key) for key, one in keys.items() if one["type"] == "object"}
+    parts = [text for key, inside in inner.items() for text in _classes(inside, keys[key])]
+    about = [*_wrapped(spec["description"]), ""]
+    about += [line for key, one in keys.items() for line in _wrapped(_meaning(key, one), "    ")]
+    fields = [
+        f"{key}: {inner[key]} = {inner[key]}()"
+        if key in inner
+        else f"{key}: {_type(one)} = {_value(one)}"
+        for key, one in keys.items()
+    ]
+    about[0] = f'    """{about[0].strip()}'
+    body = "\n".join([*about, '    """', "", *(_short(field) for field in fields)])
+    return [*parts, f"class {name}(NamedTuple):\n{body}\n"]
+
+
+def _meaning(key: str, spec: dict) -> str:
+    unit = f" [{spec['unit']}]" if "unit" in spec else ""
+    source = f" Source: {spec['source']}." if "source" in spec else ""
+    return f"{key}{unit} : {spec['description']}{source}"
+
+
+def _wrapped(text: str, indent: str = "") -> list[str]:
+    first, others = "    ", "    " + indent
+    return textwrap.wrap(
+        text, 97, initial_indent=first, subsequent_indent=others, break_on_hyphens=False
+    )
+
+
+def _type(spec: dict) -> str:
+    if spec["type"] == "array":
+        return f"tuple[{TYPES[spec['items']['type']]}, ...]"
+    return TYPES[spec["type"]]
+
+
+def _value(spec: dict) -> str:
+    if spec["type"] == "array":
+        values = [_literal(value, spec["items"]) for value in spec["default"]]
+        return f"({', '.join(values)}{',' if len(values) == 1 else ''})"
+    return _literal(spec["default"], spec)
+
+
+def _literal(value, spec) -> str:
+    if spec["type"] == "number":
+        return repr(float(value))
+    return f'"{value}"' if spec["type"] == "string" else repr(value)
+
+
+def _short(field: str) -> str:
+    """A field on one line, or its values on a line each where they are too many for one."""
+    if len(field) <= 96:
+        return f"    {field}"
+    head, _, values = field.partition(" = (")
+    inside = "".join(f"        {value},\n" for value in values.rstrip(")").split(", "))
+    return f"    {head} = (\n{inside}    )"
+
+
+if __name__ == "__main__":
+    for name, text in files().items():
+        path = FOLDER / name
+        if sys.argv[1:] == ["--check"]:
+            current = path.read_text(encoding="utf-8") if path.is_file() else ""
+            if current != text:
+                sys.exit(f"{path.relative_to(ROOT)}: run scripts/tools/settings_module.py")
+            continue
+        FOLDER.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")

@@ -1,0 +1,31 @@
+"""docs/api.md: its blocks run one after the other on the demo's files, and it names every step."""
+
+import re
+from pathlib import Path
+
+import cellwright as cw
+
+ROOT = Path(__file__).resolve().parents[2]
+TEXT = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```python\n(.*?)^```", TEXT, re.M | re.S)
+
+
+def test_the_page_runs_from_a_raw_file_to_a_verdict(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    assert len(BLOCKS) >= 8
+    names = {}
+    for number, block in enumerate(BLOCKS):
+        exec(compile(block, f"docs/api.md, block {number}", "exec"), names)
+    assert names["found"].verdict["verdict"] in ("none", "named", "ambiguous", "unknown")
+    assert 4.0 < names["basis"].content["capacity_ampere_hour"] < 5.0
+    case = cw.prepared_case(names["cell"], names["basis"], names["tests"])
+    assert [case.fit.tests, case.validation.tests] == [("hppc_25C",), ("us06_25C",)]
+
+
+def test_every_public_name_is_on_the_page():
+    assert not [name for name in cw.MODULE_OF if f"`{name}`" not in TEXT]
+
+
+def test_every_example_calls_what_exists():
+    called = set(re.findall(r"\bcw\.(\w+)", "".join(BLOCKS)))
+    assert called <= {*cw.MODULE_OF, "settings"}
