@@ -9,8 +9,8 @@ import numpy as np
 
 from cellwright.effects import base, plain, search
 from cellwright.effects.case import filters_of, steep
-from cellwright.effects.effect import Effect, Parameter
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.screen import candidates, scored
 
 EXTRA_RC = "slow_diffusion"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.effects.effect import Effect, Parameter
+from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.screen import Candidate, candidates, neutral, scored
 
 RANDOM = np.random.default_rng(11)

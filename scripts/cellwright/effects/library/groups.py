@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from cellwright.effects.effect import Effect, Parameter
+from cellwright.effects.library.vocabulary import Effect, Parameter
 
 
 def _put(fields, name, branch, value):
