@@ -8,7 +8,7 @@ from tree import ROOT
 
 from real_cells import page, record
 from runtime import contract, settings
-from tools import contract_readme
+from tools import architecture, contract_readme
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TEXTS = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
@@ -34,6 +34,17 @@ def anchors(text: str) -> set[str]:
 def test_artefacts_page_is_what_the_contract_says():
     written = contract_readme.README.read_text(encoding="utf-8")
     assert written == contract_readme.text(), "run `python scripts/tools/contract_readme.py`"
+
+
+def test_page_and_picture_of_the_rooms_are_what_the_code_says():
+    made = {
+        architecture.PAGE: architecture.page(),
+        architecture.PICTURE: architecture.picture(),
+    }
+    for path, text in made.items():
+        assert path.read_text(encoding="utf-8") == text, (
+            "run `python scripts/tools/architecture.py`"
+        )
 
 
 def test_page_of_real_cells_is_what_the_record_says():

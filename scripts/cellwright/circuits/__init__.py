@@ -1,1 +1,1 @@
-"""A circuit as data: simulated, over temperature, as a model file."""
+"""Equivalent circuits as data: their simulation, temperature, model files."""

@@ -112,7 +112,7 @@ def lookup_table(model, member):
     if not is_plain(found):
         raise Refusal(f"{member} holds more than RC pairs; a look-up table has no column for it")
     known = _temperatures(found)
-    soc = _apart(np.concatenate([_knots(model, member, celsius) for celsius in known]))
+    soc = _distinct(np.concatenate([_knots(model, member, celsius) for celsius in known]))
     blocks = [_lookup_block(model, found, soc, celsius) for celsius in known]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
@@ -128,7 +128,7 @@ def _lookup_block(model, member, soc, celsius):
         "r0_ohm": found.circuit[0].parameters["r_ohm"],
     }
     for k, branch in enumerate(found.circuit[1:], 1):
-        r, tau = _some(branch.parameters["r_ohm"]), branch.parameters["tau_second"]
+        r, tau = _positive(branch.parameters["r_ohm"]), branch.parameters["tau_second"]
         columns |= {f"r{k}_ohm": r, f"tau{k}_second": tau, f"c{k}_farad": tau / r}
     return columns
 
@@ -143,7 +143,7 @@ def _knots(model, member, celsius):
     tables = _tables_at(model["ocv"], celsius)
     read = [_counted(one, np.asarray(table["soc"])) for one in conditions for table in tables]
     soc = np.concatenate([[0.0, 1.0], *(one["soc"] for one in conditions), *read])
-    return _apart(np.clip(soc, 0.0, 1.0))
+    return _distinct(np.clip(soc, 0.0, 1.0))
 
 
 def _tables_at(tables, celsius):
@@ -155,19 +155,19 @@ def _tables_at(tables, celsius):
 
 
 def _counted(condition, table_soc):
-    """Counted SoC at which an OCV table is read at its own knots, see `lookup.circuit_at`."""
+    """Counted SoC at which an OCV table is read at its own knots, see `circuit_at`."""
     scale = condition.get("ocv_scale", {"missing": 0.0, "stretch": 0.0})
     return (table_soc + scale["missing"] + scale["stretch"]) / (1.0 + scale["stretch"])
 
 
-def _apart(soc):
+def _distinct(soc):
     """Ascending, without those that differ by rounding only."""
     soc = np.unique(soc)
     return soc[np.append(True, np.diff(soc) > SAME_SOC)]
 
 
-def _some(values):
-    """Nothing as a little, which makes a capacitance finite."""
+def _positive(values):
+    """Values with a small one for zero, so that a capacitance is finite."""
     return np.where(np.abs(values) < NONE, NONE, values)
 
 
@@ -180,13 +180,13 @@ def _elements(branch, points):
     """Resistance that acts at once (n,), and the elements, of one branch on a grid of SoC."""
     kind, parameters = KINDS[branch.kind], branch.parameters
     if branch.kind in OVER_CURRENT:
-        sizes = {name: _some(parameters[name]) for name in DIVIDED & parameters.keys()}
+        sizes = {name: _positive(parameters[name]) for name in DIVIDED & parameters.keys()}
         return np.zeros(points), [{"kind": branch.kind} | parameters | sizes]
     if not kind.linear or kind.output != "volt":
         reason = NO_ELEMENT.get(branch.kind, "it has no such element")
         raise Refusal(f"PyBaMM's Thevenin model cannot run {branch.kind}: {reason}")
     gain, lags = kind.drive(np.ones(points), **parameters), kind.lags(**parameters)
     direct = 1.0 - sum(lag.share for lag in lags)
-    pairs = [(_some(lag.share * gain), lag.constant + np.zeros(points)) for lag in lags]
+    pairs = [(_positive(lag.share * gain), lag.constant + np.zeros(points)) for lag in lags]
     elements = [{"kind": "RC", "r_ohm": r, "tau_second": tau} for r, tau in pairs]
     return direct * gain, elements

@@ -217,7 +217,7 @@ def _bounded(condition, name, flag, soc):
 SAME_KELVIN = 5.0
 
 
-class Parameters(NamedTuple):
+class SampledParameters(NamedTuple):
     """Look-up of the plain RC part of a member at every sample; r, tau: (branches, n)."""
 
     r0_ohm: np.ndarray
@@ -228,7 +228,7 @@ class Parameters(NamedTuple):
     outside_temperature: np.ndarray
 
 
-class Found(NamedTuple):
+class SampledCircuit(NamedTuple):
     """A member's circuit with one value per sample, and where it was never measured; (n,) each.
 
     table_soc : SoC at which the model's OCV tables are to be read.
@@ -269,7 +269,7 @@ def circuit_at(conditions, soc, temperature_celsius):
 
     Returns
     -------
-    found : Found; its first branch is the ohmic resistance, the others in the member's order.
+    sampled : SampledCircuit; its first branch is the ohmic resistance, then the member's.
 
     Raises
     ------
@@ -316,7 +316,7 @@ def circuit_at(conditions, soc, temperature_celsius):
     outside = mixed_by(weights, far) > 0
     circuit = with_shared_scale(circuit)
     scaled = scaled_soc(conditions, weights, soc)
-    return Found(circuit, scaled, shift, outside, _outside(known, here))
+    return SampledCircuit(circuit, scaled, shift, outside, _outside(known, here))
 
 
 def parameters_at(conditions, soc, temperature_celsius):
@@ -328,13 +328,13 @@ def parameters_at(conditions, soc, temperature_celsius):
 
     Returns
     -------
-    parameters : Parameters.
+    parameters : SampledParameters.
     """
-    found = circuit_at(conditions, soc, temperature_celsius)
-    pairs = [branch.parameters for branch in found.circuit if branch.kind == "RC"]
+    at = circuit_at(conditions, soc, temperature_celsius)
+    pairs = [branch.parameters for branch in at.circuit if branch.kind == "RC"]
     values = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
     r, tau = (np.reshape(one, (-1, len(soc))) for one in values)
-    return Parameters(found.circuit[0].parameters["r_ohm"], r, tau, *found[2:])
+    return SampledParameters(at.circuit[0].parameters["r_ohm"], r, tau, *at[2:])
 
 
 def open_circuit_volt(model, found, temperature_celsius):
@@ -342,7 +342,7 @@ def open_circuit_volt(model, found, temperature_celsius):
 
     Parameters
     ----------
-    model : dict of a model file. found : Found, from `circuit_at`.
+    model : dict of a model file. found : SampledCircuit, from `circuit_at`.
     temperature_celsius : scalar or (n,) [degC], as in `circuit_at`.
 
     Returns

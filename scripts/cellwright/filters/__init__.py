@@ -1,1 +1,1 @@
-"""State of charge online."""
+"""State of charge online: Kalman filters on a cell's model, and their scores."""

@@ -145,7 +145,7 @@ def warmth_of(model, member, temperature_celsius, reference_celsius):
 
 
 def _there(branch, soc, capacity):
-    """Whether a branch does anything: a member has the same ones at every temperature."""
+    """Whether a branch has any parameter but zero; a member has the same branches everywhere."""
     one = np.full(len(soc), capacity)
     return np.abs(kind_of(branch).drive(one, **branch.parameters)).max() > NOTHING
 

@@ -215,7 +215,9 @@ def plant_of(
         soc_spacing=float(bank.soc[1] - bank.soc[0]),
         shifts_soc=np.array([e.output == "soc" for e in bank.elements], np.int64),
         direct=np.array([e.direct for e in bank.elements]),
-        source=np.array([_place(k, curved) for k in range(len(bank.elements))], np.int64),
+        source=np.array(
+            [(curved.index(k) if k in curved else -1) for k in range(len(bank.elements))], np.int64
+        ),
         by_charge=by_charge,
         drives=np.ascontiguousarray(np.reshape(rows, (-1, len(time), len(NODES)))),
         element=np.array([one.element for one in bank.lags], np.int64),
@@ -238,10 +240,6 @@ def _variances(bank, levels, noise):
         "fast_variance": fast,
         "slow_variance": (noise.resistance_error * float(levels.sum())) ** 2 + load**2,
     }
-
-
-def _place(index, curved):
-    return curved.index(index) if index in curved else -1
 
 
 def _layout(bank, noise, track_capacity, track_ohmic):

@@ -32,7 +32,7 @@ def acquire(plant, start, noise):
     ends = start.soc + WIDTH * start.soc_std * np.array([-1.0, 1.0])
     soc = np.linspace(*np.clip(ends, 0.0, 1.0), POINTS)
     volt, jacobian = _predicted(plant, soc)
-    doubt, stated = _doubt(plant, start, soc)
+    doubt, stated = _prior_variances(plant, start, soc)
     variance = np.sum(jacobian**2 * doubt, axis=1) + plant.white_variance
     variance += plant.edge_variance[0]
     variance += 0.0 if plant.error >= 0 else stated
@@ -42,10 +42,10 @@ def acquire(plant, start, noise):
     before = _normal(prior)
     expected = before @ missed
     spread = before @ (missed - expected) ** 2 + before @ variance
-    return _begun(plant, start, noise, soc, weight), expected, spread
+    return _start_state(plant, start, noise, soc, weight), expected, spread
 
 
-def _begun(plant, start, noise, soc, weight):
+def _start_state(plant, start, noise, soc, weight):
     """State whose SoC has the posterior's mean and variance; all else follows on the slopes that
     the filter will go on with. Any other slopes, were they nearer the truth, would differ from its
     own, and the difference pass for a measurement.
@@ -54,7 +54,7 @@ def _begun(plant, start, noise, soc, weight):
     variance = weight @ (soc - middle) ** 2 + (soc[1] - soc[0]) ** 2 / 12.0
     here = np.array([middle])
     volt, rest = _predicted(plant, here)
-    doubt, stated = (values[0] for values in _doubt(plant, start, here))
+    doubt, stated = (values[0] for values in _prior_variances(plant, start, here))
     slope = np.append(slope_at(plant, middle, variance, noise)[0], rest[0])
     white = plant.white_variance + plant.edge_variance[0]
     white += 0.0 if plant.error >= 0 else stated
@@ -90,7 +90,7 @@ def _predicted(plant, soc):
     return volt, jacobian[:, 1:]
 
 
-def _doubt(plant, start, soc):
+def _prior_variances(plant, start, soc):
     """Variances of the states but the SoC before any voltage (p, s−1), and of the error (p,).
 
     At rest nothing is over the circuit that a model could be wrong about but its OCV.
@@ -100,7 +100,7 @@ def _doubt(plant, start, soc):
     stated = curve + plant.slow_variance
     found = np.zeros((len(soc), plant.size))
     for j, e in enumerate(plant.element):
-        found[:, 1 + j] = _settled(plant, e, start.c_rate) ** 2
+        found[:, 1 + j] = _steady_lag(plant, e, start.c_rate) ** 2
     for spot, variance in (
         (plant.error, curve + loaded * plant.slow_variance),
         (plant.fast, loaded * plant.fast_variance),
@@ -118,7 +118,7 @@ def _stated(plant, soc):
 
 
 # ASSUME: A lag that moves with charge (hysteresis) may start anywhere within its limits.
-def _settled(plant, e, c_rate):
+def _steady_lag(plant, e, c_rate):
     """What a lag of element e may hold at the start: what a steady current would have left."""
     current = c_rate * plant.capacity_ampere_hour
     inside = np.clip(_grid(plant), 0.0, 1.0) == _grid(plant)

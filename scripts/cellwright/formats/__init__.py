@@ -1,4 +1,4 @@
-"""Bytes of an instrument's file → columns with the house's names and units.
+"""An instrument's file as columns with standard names and units.
 
 The caller hands the bytes: nothing here opens a file. The sign of the current is the file's own;
 series.sign turns it.

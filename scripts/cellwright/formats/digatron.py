@@ -73,7 +73,10 @@ def _without_messages(data: bytes) -> bytes:
 
 
 def _series(data: bytes, layout: Layout, units: dict[str, str]) -> dict[str, np.ndarray]:
-    fields = known_fields(layout.labels, lambda label: _meaning(label, units))
+    fields = known_fields(
+        layout.labels,
+        lambda label: Field(label, *MEANING[label], units[label]) if label in MEANING else None,
+    )
     fields = [Field(CLOCK, "test_time_second", "time", "s"), *fields]
     require(fields, SERIES, SPELT)
     labels = [field.label for field in fields[1:]]
@@ -82,10 +85,6 @@ def _series(data: bytes, layout: Layout, units: dict[str, str]) -> dict[str, np.
     found[CLOCK] = clock_second(found[CLOCK])
     dated = {} if seconds is None else {"unix_time_second": seconds}
     return converted(found, fields) | dated
-
-
-def _meaning(label: str, units: dict[str, str]) -> Field | None:
-    return Field(label, *MEANING[label], units[label]) if label in MEANING else None
 
 
 def _spectrum(data: bytes, layout: Layout, units: dict[str, str]) -> dict[str, np.ndarray]:

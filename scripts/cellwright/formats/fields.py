@@ -58,7 +58,7 @@ def net_capacity(charge_counter: np.ndarray, discharge_counter: np.ndarray) -> n
 
 
 def _without_resets(counter: np.ndarray) -> np.ndarray:
-    """Some instruments count discharge downwards: the magnitude is what grows."""
+    """The magnitude of a counter, continued over its resets; some instruments count downwards."""
     magnitude = np.abs(counter)
     step = np.diff(magnitude, prepend=magnitude[:1])
     # A counter that falls to less than half began again from zero: what it shows was counted since.

@@ -33,7 +33,7 @@ HEADER_LINES = 100  # a file's two headers have about twenty lines
 
 
 def recognises(head: bytes) -> bool:
-    """The first line says so."""
+    """Whether the first line is that of a LabVIEW measurement file."""
     return line_of(head, 1).startswith(MARK)
 
 
@@ -87,16 +87,16 @@ def _layout(data: bytes, header: dict[str, str], line: int) -> Layout:
     first_line = line + has_names
     while first_line < line + HEADER_LINES and not line_of(data, first_line).strip():
         first_line += 1
-    labels = names if has_names and not _untitled(names) else _described(header)
+    labels = (
+        names
+        if has_names and not any(name.startswith("Untitled") for name in names)
+        else _described(header)
+    )
     width = line_of(data, first_line).count("\t") + 1
     labels = [label for label in labels if label != "Comment" or len(labels) == width]
     if len(labels) != width and line_of(data, first_line).strip():
         raise Refusal(f"line {first_line}: {width} columns, where the header names {len(labels)}")
     return Layout(tuple(labels), "\t", first_line)
-
-
-def _untitled(names: list[str]) -> bool:
-    return any(name.startswith("Untitled") for name in names)
 
 
 def _described(header: dict[str, str]) -> list[str]:

@@ -67,7 +67,7 @@ def _refuse_empty(columns: dict[str, np.ndarray], required: tuple[str, ...]) -> 
 
 
 def _refuse_voltage(voltage: np.ndarray) -> None:
-    """Limits are wide: they catch a wrong unit or a dead channel, not an unusual cell."""
+    """Refuse a voltage that no cell has; wide limits, for a wrong unit or a dead channel."""
     middle = float(np.nanmedian(np.abs(voltage)))
     if middle == 0:
         raise Refusal("voltage is 0 V in most rows: the sense leads were not connected")
@@ -76,7 +76,7 @@ def _refuse_voltage(voltage: np.ndarray) -> None:
 
 
 def _refuse_clock(time: np.ndarray, current: np.ndarray, counter: np.ndarray) -> None:
-    """Charge by clock and ammeter against charge by the instrument's counter."""
+    """Refuse a record whose charge by clock and current contradicts its counter."""
     ratio = clock_to_counter_ratio(time, current, counter)
     for suspicion, meaning in SUSPICIONS.items():
         if abs(ratio / suspicion - 1) < 0.1:
@@ -103,7 +103,7 @@ def clock_to_counter_ratio(time: np.ndarray, current: np.ndarray, counter: np.nd
 
 
 def _without_dead_channel(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """A chamber that reads 0 degC throughout beside a warm cell was not connected."""
+    """The columns without a chamber channel that reads 0 degC beside a warm cell: unconnected."""
     chamber = columns.get("ambient_temperature_celsius", np.ones(1))
     surface = columns.get("surface_temperature_celsius", np.zeros(1))
     if np.any(chamber) or abs(np.nanmedian(surface)) < 10:

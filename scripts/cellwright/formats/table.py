@@ -55,7 +55,7 @@ def layout_of(data: bytes, *, header_line: int = 1, units_lines: int = 0) -> Lay
 
 
 def _with_trailing_delimiter(data: bytes, layout: Layout) -> Layout:
-    """The same with one more, nameless field where the rows, not the header, end in a delimiter."""
+    """The layout with one more, nameless field where rows end in a delimiter, the header not."""
     row = line_of(data, layout.first_line).split(layout.delimiter)
     if len(row) == len(layout.labels) + 1 and not row[-1].strip():
         return layout._replace(labels=(*layout.labels, ""))

@@ -1,1 +1,1 @@
-"""How quantities move with temperature, cycle and fleet."""
+"""How quantities change with temperature, with cycles and across cells of a type."""

@@ -1,1 +1,1 @@
-"""What each test protocol tells: steps in, tables out."""
+"""What one test tells: capacity, resistance, relaxation, dQ/dV, OCV, impedance."""

@@ -1,1 +1,1 @@
-"""A test laid out on the SoC scale."""
+"""A test laid out on the SoC scale: what SoC refers to, and the rows a fit may use."""

@@ -1,4 +1,4 @@
-"""A record → one series → a clean series → steps."""
+"""One clean series from the readings of a test, and its steps."""
 
 from cellwright.series.cleaning import Cleaned, clean, remove
 from cellwright.series.flags import Flag, counts, flag

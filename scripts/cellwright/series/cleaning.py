@@ -43,14 +43,14 @@ def net_charge(
     counted = np.full(moved.size, np.nan)
     if counter_ampere_hour is not None:
         counted = np.diff(counter_ampere_hour)
-    better = _knows_better(before, after, counted)
+    better = _counter_is_surer(before, after, counted)
     moved[better] = counted[better]
     if gap_rows is not None and gap_rows.size:
         moved[gap_rows - 1] = _across_gaps(before, after, counted, gap_rows - 1)
     return np.concatenate([[0.0], np.cumsum(moved)])
 
 
-def _knows_better(before: np.ndarray, after: np.ndarray, counted: np.ndarray) -> np.ndarray:
+def _counter_is_surer(before: np.ndarray, after: np.ndarray, counted: np.ndarray) -> np.ndarray:
     """Intervals in which the counter is surer than the trapezoid, and can be right."""
     if not np.any(counted[np.isfinite(counted)]):
         return np.zeros(counted.size, dtype=bool)
@@ -159,7 +159,7 @@ def _at_open_circuit(columns: Mapping[str, np.ndarray], rests: RestReading) -> d
 
 
 def _blanked(column: np.ndarray) -> np.ndarray:
-    """Marks for "no reading" in the other channels become NaN: their row stays."""
+    """A column with NaN for its marks of "no reading"; the row stays."""
     if not np.issubdtype(column.dtype, np.floating) or not (np.abs(column) > NO_READING).any():
         return column
     return np.where(np.abs(column) > NO_READING, np.nan, column)

@@ -138,7 +138,7 @@ def flag(
     """
     time, current, voltage = (columns[name] for name in SERIES)
     flags = _unreadable(time, current, voltage)
-    step = current_step_fraction * _largest(current, flags)
+    step = current_step_fraction * float(np.max(np.abs(current[flags == 0]), initial=0.0))
     _flag_among(flags, lambda rows: _repeats(time[rows], current[rows], voltage[rows], step))
     _flag_among(flags, lambda rows: _out_of_place(time[rows]))
     _flag_among(flags, lambda rows: _clock_jumps(time[rows], rows, gap_factor))
@@ -180,19 +180,15 @@ def _dead(voltage: np.ndarray) -> np.ndarray:
     return (voltage == 0) & (np.abs(before) > 1) & (np.abs(after) > 1)
 
 
-def _largest(current: np.ndarray, flags: np.ndarray) -> float:
-    return float(np.max(np.abs(current[flags == 0]), initial=0.0))
-
-
 def _repeats(time: np.ndarray, current: np.ndarray, voltage: np.ndarray, step: float) -> np.ndarray:
-    """A stamp may stand twice only where the current steps: the edge is kept, for it is sharp."""
+    """Rows whose time stands twice; where the current steps there, the edge is kept."""
     same_time = np.diff(time, prepend=np.nan) == 0
     steps = np.abs(np.diff(current, prepend=np.inf)) > step
     return np.where(same_time & ~steps, Flag.REPEAT, 0).astype(np.int16)
 
 
 def _out_of_place(time: np.ndarray) -> np.ndarray:
-    """One row that lies behind, while the next is ahead of the row before; or one too far ahead."""
+    """Single rows out of order in time: behind the row before, or too far ahead of the next."""
     flags = np.zeros(time.size, dtype=np.int16)
     for row in np.flatnonzero(np.diff(time) < 0) + 1:
         resumes = row + 1 >= time.size or time[row + 1] > time[row - 1]
@@ -230,7 +226,7 @@ def _gaps(time: np.ndarray, gap_second: float, gap_factor: float) -> np.ndarray:
 
 
 def _file_starts(file_index: np.ndarray) -> np.ndarray:
-    """What the cell did between two files is not in the record."""
+    """First rows of files: what the cell did before them is not in the record."""
     return np.where(np.diff(file_index, prepend=file_index[0]) != 0, Flag.GAP, 0).astype(np.int16)
 
 

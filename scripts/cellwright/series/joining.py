@@ -49,13 +49,17 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Joined:
         part, note = _continued(parts[-1], following, number)
         parts.append(part)
         notes.append(note)
-    joined = {name: np.concatenate([_column(part, name) for part in parts]) for name in names}
+    joined = {
+        name: np.concatenate(
+            [
+                (part[name] if name in part else np.full(part["test_time_second"].size, np.nan))
+                for part in parts
+            ]
+        )
+        for name in names
+    }
     sizes = [part["test_time_second"].size for part in parts]
     return Joined({**joined, "file_index": np.repeat(np.arange(len(parts)), sizes)}, tuple(notes))
-
-
-def _column(part: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-    return part[name] if name in part else np.full(part["test_time_second"].size, np.nan)
 
 
 def _continued(before: Mapping, after: Mapping, number: int) -> tuple[dict, str]:

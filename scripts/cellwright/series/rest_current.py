@@ -29,7 +29,7 @@ class Evidence(StrEnum):
     NONE = "none"
 
 
-class Told(NamedTuple):
+class Judgement(NamedTuple):
     """A verdict, why, and the share of the reading's changes that may be a current, at most."""
 
     verdict: Evidence
@@ -58,7 +58,7 @@ def free(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray
     return found
 
 
-def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Told:
+def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Judgement:
     """Whether the voltage answers the changes of the reading in rests as it answers a load.
 
     From sample to sample a current moves the voltage by its ohmic resistance. Compared is the
@@ -72,7 +72,7 @@ def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndar
 
     Returns
     -------
-    Told
+    Judgement
     """
     # ASSUME: Of the resistance two seconds after a step of load, at least half is there at once.
     current, voltage = columns["current_ampere"], columns["voltage_volt"]
@@ -85,7 +85,7 @@ def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndar
     power = float(np.sum(step[late] ** 2))
     at = np.flatnonzero(late)
     if not large.any() or not power > 0 or not np.any(answer[late]):
-        return Told(Evidence.NONE, "the voltage answers no change that could be compared")
+        return Judgement(Evidence.NONE, "the voltage answers no change that could be compared")
     load = float(np.median(answer[large] / step[large]))
     slopes = [float(step[at] @ answer[at + lag]) / power for lag in (-1, 0, 1)]
     std = float(answer[late].std()) / np.sqrt(power)
@@ -94,11 +94,11 @@ def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndar
     seen = f"its changes move the voltage by {1e3 * slope:.2g} ± {1e3 * std:.1g} mOhm"
     why = f"{seen}, where steps of load show {1e3 * load:.3g} mOhm"
     if slope - SIGMAS * std > AT_ONCE * load:
-        return Told(Evidence.CURRENT, why, share)
-    return Told(Evidence.SENSOR if share < 1.0 else Evidence.NONE, why, share)
+        return Judgement(Evidence.CURRENT, why, share)
+    return Judgement(Evidence.SENSOR if share < 1.0 else Evidence.NONE, why, share)
 
 
-def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Told:
+def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Judgement:
     """Whether the voltage of rests moves as the charge of the reading would have moved it.
 
     Over the second half of a rest a real current moves the voltage by charge times the slope of
@@ -116,7 +116,7 @@ def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarr
 
     Returns
     -------
-    Told
+    Judgement
     """
     voltage, charge = columns["voltage_volt"], columns["charge_ampere_hour"]
     before = np.r_[0, stop[:-1] - 1]
@@ -137,11 +137,11 @@ def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarr
         turned += asked < -SIGMAS and moved < -SIGMAS
     if unmoved >= TWICE and not turned:
         why = f"in {unmoved} of them its charge would have moved the voltage further than it went"
-        return Told(Evidence.SENSOR, why)
+        return Judgement(Evidence.SENSOR, why)
     if turned >= TWICE and not unmoved:
         why = f"in {turned} of them the voltage turns against its relaxation, as a load makes it"
-        return Told(Evidence.CURRENT, why)
-    return Told(Evidence.NONE, "the voltage of the rests tells neither")
+        return Judgement(Evidence.CURRENT, why)
+    return Judgement(Evidence.NONE, "the voltage of the rests tells neither")
 
 
 def _one_way(charge: np.ndarray, span: float) -> float:
@@ -257,7 +257,11 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
     )
     done = "counted"
     if verdict == "sensor":
-        loaded = readings.mean() * (hours[-1] - hours[0] - _length(hours, rests)) / span
+        loaded = (
+            readings.mean()
+            * (hours[-1] - hours[0] - float(np.sum(hours[rests.stop - 1] - hours[rests.first])))
+            / span
+        )
         done = (
             f"not counted (if it is there under load too, which no rest tells, {loaded:+.1%} more)"
         )
@@ -282,10 +286,6 @@ def as_logged(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     added = np.concatenate([[0.0], np.cumsum((more[1:] + more[:-1]) / 2 * np.diff(hours))])
     charge = series["charge_ampere_hour"] + added
     return {**series, "current_ampere": logged, "charge_ampere_hour": charge}
-
-
-def _length(hours: np.ndarray, rests: RestReading) -> float:
-    return float(np.sum(hours[rests.stop - 1] - hours[rests.first]))
 
 
 def open_circuit(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

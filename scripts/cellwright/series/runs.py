@@ -121,68 +121,76 @@ def drop_noise(record, edges, rated):
     """Edges without those that stray samples made, and the record with its rests mended."""
     for _ in range(3):
         record, edges = _drop_specks(record, edges, rated)
-        found = runs(record, edges)
-        before = np.roll(found.level, 1)
+        stretches = runs(record, edges)
+        before = np.roll(stretches.level, 1)
         bar = np.maximum(EDGE_C_RATE[0] * rated, EDGE_SHARE * np.abs(before))
-        equal = (np.abs(found.level - before) < bar) & (found.rest == np.roll(found.rest, 1))
-        edges[found.first[equal & ~found.gap]] = False
+        equal = (np.abs(stretches.level - before) < bar) & (
+            stretches.rest == np.roll(stretches.rest, 1)
+        )
+        edges[stretches.first[equal & ~stretches.gap]] = False
     return record, edges
 
 
 def _drop_specks(record, edges, rated):
     """Join one or two stray samples with the equal levels beside them, or with a rest."""
-    found = runs(record, edges)
-    before, after = np.roll(found.level, 1), np.roll(found.level, -1)
+    stretches = runs(record, edges)
+    before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
     bar = np.maximum(SPECK_C_RATE * rated, SPECK_SHARE * np.abs(before))
-    few = (found.last - found.first < 2) & (np.arange(len(bar)) < len(bar) - 1)
-    joined = ~found.gap & ~np.roll(found.gap, -1)
-    speck = few & joined & (np.abs(found.level - before) < bar) & (np.abs(before - after) < bar / 2)
-    faint = few & ~found.rest & (np.abs(found.level) < SPECK_C_RATE * rated) & ~speck
-    faint &= np.maximum(np.abs(before), np.abs(after)) > 5 * np.abs(found.level)
-    onset = faint & np.where(found.first == 0, ~np.roll(found.rest, -1), False)
-    trail = faint & np.roll(found.rest & ~found.gap, -1)
-    lead = faint & np.roll(found.rest, 1) & ~found.gap & ~trail
+    few = (stretches.last - stretches.first < 2) & (np.arange(len(bar)) < len(bar) - 1)
+    joined = ~stretches.gap & ~np.roll(stretches.gap, -1)
+    speck = (
+        few & joined & (np.abs(stretches.level - before) < bar) & (np.abs(before - after) < bar / 2)
+    )
+    faint = few & ~stretches.rest & (np.abs(stretches.level) < SPECK_C_RATE * rated) & ~speck
+    faint &= np.maximum(np.abs(before), np.abs(after)) > 5 * np.abs(stretches.level)
+    onset = faint & np.where(stretches.first == 0, ~np.roll(stretches.rest, -1), False)
+    trail = faint & np.roll(stretches.rest & ~stretches.gap, -1)
+    lead = faint & np.roll(stretches.rest, 1) & ~stretches.gap & ~trail
     edges, rest = edges.copy(), record.rest.copy()
-    edges[found.first[speck | lead]] = edges[found.first[np.roll(speck | trail, 1)]] = False
-    mended = np.where(speck, np.roll(found.rest, 1), True)
+    edges[stretches.first[speck | lead]] = edges[stretches.first[np.roll(speck | trail, 1)]] = False
+    mended = np.where(speck, np.roll(stretches.rest, 1), True)
     chosen = speck | onset | trail | lead
-    rest[_rows(found, chosen)] = np.repeat(mended[chosen], _count(found)[chosen])
+    rest[_rows(stretches, chosen)] = np.repeat(mended[chosen], _count(stretches)[chosen])
     return record._replace(rest=rest), edges
 
 
 def join_transients(record, edges):
     """Join the samples of a rising or falling output with the run that they lead to or end."""
     for _ in range(8):
-        found = runs(record, edges)
-        onward, backward = _transients(found)
+        stretches = runs(record, edges)
+        onward, backward = _transients(stretches)
         edges = edges.copy()
-        edges[found.first[np.roll(onward, 1)]] = edges[found.first[backward]] = False
+        edges[stretches.first[np.roll(onward, 1)]] = edges[stretches.first[backward]] = False
         if not (onward.any() or backward.any()):
             return edges
     return edges
 
 
-def _transients(found):
+def _transients(stretches):
     """Which runs are the rise of the next run, and which the fall of the one before."""
-    before, after = np.roll(found.level, 1), np.roll(found.level, -1)
-    longer = np.roll(found.span, -1), np.roll(found.span, 1)
-    between = (found.level - before) * (after - found.level) >= 0
-    rise = between | (np.roll(found.rest, 1) & (found.level * after > 0))
-    brief = ~found.rest & ~found.gap & (found.span <= TRANSIENT_SECOND)
-    few = ~found.rest & ~found.gap & (found.last - found.first < 2)
-    onward = rise & ~np.roll(found.rest | found.gap, -1)
-    onward &= (brief & (longer[0] >= 5 * found.span)) | (few & (longer[0] >= 20 * found.span))
-    backward = between & np.roll(found.rest, -1) & ~np.roll(found.rest, 1) & ~onward
-    backward &= (brief & (longer[1] >= 5 * found.span)) | (few & (longer[1] >= 20 * found.span))
+    before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
+    longer = np.roll(stretches.span, -1), np.roll(stretches.span, 1)
+    between = (stretches.level - before) * (after - stretches.level) >= 0
+    rise = between | (np.roll(stretches.rest, 1) & (stretches.level * after > 0))
+    brief = ~stretches.rest & ~stretches.gap & (stretches.span <= TRANSIENT_SECOND)
+    few = ~stretches.rest & ~stretches.gap & (stretches.last - stretches.first < 2)
+    onward = rise & ~np.roll(stretches.rest | stretches.gap, -1)
+    onward &= (brief & (longer[0] >= 5 * stretches.span)) | (
+        few & (longer[0] >= 20 * stretches.span)
+    )
+    backward = between & np.roll(stretches.rest, -1) & ~np.roll(stretches.rest, 1) & ~onward
+    backward &= (brief & (longer[1] >= 5 * stretches.span)) | (
+        few & (longer[1] >= 20 * stretches.span)
+    )
     onward[[0, -1]] = backward[[0, -1]] = False
     return onward, backward
 
 
-def _count(found):
-    return found.last - found.first + 1
+def _count(stretches):
+    return stretches.last - stretches.first + 1
 
 
-def _rows(found, chosen):
+def _rows(stretches, chosen):
     """Rows of the chosen runs, in order."""
-    count = _count(found)
+    count = _count(stretches)
     return np.flatnonzero(np.repeat(chosen, count))

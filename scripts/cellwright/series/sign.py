@@ -72,7 +72,7 @@ def _magnitudes(current: np.ndarray) -> bool:
 
 
 def _verdict(step: float, trend: float, clear: float) -> Sign:
-    """NaN is an abstention."""
+    """The sign that the votes agree on; a vote of NaN does not count."""
     said = f"steps {step:+.2f}, trend {trend:+.2f}".replace("+nan", "none")
     if np.isnan(step) and np.isnan(trend):
         return Sign(0, 0.0, "the current neither steps nor moves the voltage")

@@ -26,25 +26,25 @@ STEADY_ROWS = 0.85  # … in so many of its rows; the others are its rise and ov
 
 def dynamic_chains(record, edges, short_second):
     """Edges without those inside dynamic loads, and the rows of these loads."""
-    found = runs(record, edges)
-    short = found.span <= short_second
-    pair = (short & ~found.rest) & np.roll(short & ~found.rest, -1)
+    stretches = runs(record, edges)
+    short = stretches.span <= short_second
+    pair = (short & ~stretches.rest) & np.roll(short & ~stretches.rest, -1)
     beside = np.roll(pair, -1) | np.roll(pair, 2)  # two equal runs of a chain look like one
-    short |= beside & ~found.rest & (found.span <= 2 * short_second)
-    begins = np.flatnonzero(np.diff(short, prepend=False) | found.gap)
+    short |= beside & ~stretches.rest & (stretches.span <= 2 * short_second)
+    begins = np.flatnonzero(np.diff(short, prepend=False) | stretches.gap)
     ends = np.append(begins[1:], len(short))
     edges, dynamic = edges.copy(), np.zeros(len(edges), bool)
     for begin, end in zip(begins, ends, strict=True):
-        begin, end = _trim(found, begin, end)
-        if short[begin] and _many_levels(found.level[begin:end], found.rest[begin:end]):
-            edges[found.first[begin] + 1 : found.last[end - 1] + 1] = False
-            dynamic[found.first[begin] : found.last[end - 1] + 1] = True
+        begin, end = _trim(stretches, begin, end)
+        if short[begin] and _many_levels(stretches.level[begin:end], stretches.rest[begin:end]):
+            edges[stretches.first[begin] + 1 : stretches.last[end - 1] + 1] = False
+            dynamic[stretches.first[begin] : stretches.last[end - 1] + 1] = True
     return edges, dynamic
 
 
-def _trim(found, begin, end):
+def _trim(stretches, begin, end):
     """The chain without the long rests at its two ends."""
-    inside = ~(found.rest[begin:end] & (found.span[begin:end] > CHAIN_REST_SECOND))
+    inside = ~(stretches.rest[begin:end] & (stretches.span[begin:end] > CHAIN_REST_SECOND))
     kept = np.flatnonzero(inside)
     return (begin + kept[0], begin + kept[-1] + 1) if len(kept) else (begin, begin + 1)
 
@@ -58,17 +58,17 @@ def _many_levels(level, rest):
     return len(levels) >= CHAIN_LEVELS
 
 
-def run_kinds(record, found, dynamic, tolerance, pulse_max_second, rated):
+def run_kinds(record, stretches, dynamic, tolerance, pulse_max_second, rated):
     """Kind of each run (runs,) and the row from which its voltage is held (−1: never)."""
-    kind = np.where(found.rest, "rest", "CC").astype("<U7")
+    kind = np.where(stretches.rest, "rest", "CC").astype("<U7")
     held = np.full(len(kind), -1)
-    kind[dynamic[found.first]] = "dynamic"
+    kind[dynamic[stretches.first]] = "dynamic"
     for run in np.flatnonzero(kind == "CC"):
         kind[run], held[run] = _load_kind(
-            record, found.first[run], found.last[run], tolerance, STEADY_C_RATE * rated
+            record, stretches.first[run], stretches.last[run], tolerance, STEADY_C_RATE * rated
         )
-    brief = (found.span <= pulse_max_second) & ~found.rest & ~dynamic[found.first]
-    kind[brief & (_beside_rest(found) | _on_load(found))] = "pulse"
+    brief = (stretches.span <= pulse_max_second) & ~stretches.rest & ~dynamic[stretches.first]
+    kind[brief & (_beside_rest(stretches) | _on_load(stretches))] = "pulse"
     return kind, held
 
 
@@ -98,52 +98,54 @@ def _steady(size, slack):
     return np.mean(near) >= STEADY_ROWS
 
 
-def _beside_rest(found):
+def _beside_rest(stretches):
     """Runs that begin from rest (or with the record or after a gap), or end in one."""
-    return found.gap | np.roll(found.rest, 1) | np.roll(found.rest, -1)
+    return stretches.gap | np.roll(stretches.rest, 1) | np.roll(stretches.rest, -1)
 
 
-def _on_load(found):
+def _on_load(stretches):
     """Short runs on top of a load that runs on at the same level, much longer than they."""
-    before, after = np.roll(found.level, 1), np.roll(found.level, -1)
+    before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
     same = np.abs(before - after) <= STEADY_SHARE * np.abs(before)
-    beside = np.minimum(np.roll(found.span, 1), np.roll(found.span, -1))
-    return same & (found.span <= 0.5 * beside)
+    beside = np.minimum(np.roll(stretches.span, 1), np.roll(stretches.span, -1))
+    return same & (stretches.span <= 0.5 * beside)
 
 
-def join_holds(record, found, kind, held, tolerance):
+def join_holds(record, stretches, kind, held, tolerance):
     """A load and the held voltage that it ends in as one, though the current there is uneven."""
-    low = np.minimum.reduceat(record.voltage, found.first)
-    high = np.maximum.reduceat(record.voltage, found.first)
-    still = np.maximum(high, np.roll(record.voltage[found.last], 1)) - np.minimum(
-        low, np.roll(record.voltage[found.last], 1)
+    low = np.minimum.reduceat(record.voltage, stretches.first)
+    high = np.maximum.reduceat(record.voltage, stretches.first)
+    still = np.maximum(high, np.roll(record.voltage[stretches.last], 1)) - np.minimum(
+        low, np.roll(record.voltage[stretches.last], 1)
     )
-    least = np.minimum.reduceat(record.current, found.first)
-    most = np.maximum.reduceat(record.current, found.first)
-    onward = (least * most > 0) & (found.level * np.roll(found.level, 1) > 0) & ~found.rest
-    falls = np.abs(found.level) < np.abs(np.roll(found.level, 1))
-    again = (still <= 2 * tolerance) & onward & falls & ~found.gap
+    least = np.minimum.reduceat(record.current, stretches.first)
+    most = np.maximum.reduceat(record.current, stretches.first)
+    onward = (
+        (least * most > 0) & (stretches.level * np.roll(stretches.level, 1) > 0) & ~stretches.rest
+    )
+    falls = np.abs(stretches.level) < np.abs(np.roll(stretches.level, 1))
+    again = (still <= 2 * tolerance) & onward & falls & ~stretches.gap
     again &= np.isin(np.roll(kind, 1), ("CC", "CV", "CCCV")) | np.roll(again, 1)
     again[0] = False
     kind, held = kind.copy(), held.copy()
     for run in np.flatnonzero(again)[::-1]:
-        before = held[run - 1] if held[run - 1] >= 0 else found.first[run]
+        before = held[run - 1] if held[run - 1] >= 0 else stretches.first[run]
         held[run - 1] = before
         kind[run - 1] = "CCCV" if kind[run - 1] == "CC" else kind[run - 1]
-    return join(record, found, kind, held, again)
+    return join(record, stretches, kind, held, again)
 
 
-def alike(found, kind):
+def alike(stretches, kind):
     """Runs that go on what the run before does: dynamic loads, and rests."""
-    again = (kind == np.roll(kind, 1)) & np.isin(kind, ("dynamic", "rest")) & ~found.gap
+    again = (kind == np.roll(kind, 1)) & np.isin(kind, ("dynamic", "rest")) & ~stretches.gap
     again[0] = False
     return again
 
 
-def join(record, found, kind, held, again):
+def join(record, stretches, kind, held, again):
     """The runs with those marked joined to the one before."""
     edges = np.zeros(len(record.time), bool)
-    edges[found.first[~again]] = True
+    edges[stretches.first[~again]] = True
     return runs(record, edges), kind[~again], held[~again]
 
 
@@ -249,11 +251,11 @@ def segment(
     record, edges = drop_noise(record, edge_rows(record, rated, tolerance), rated)
     edges = join_transients(record, edges)
     edges, dynamic = dynamic_chains(record, edges, 1.25 * pulse_max_second)
-    found = runs(record, edges)
-    kind, held = run_kinds(record, found, dynamic, tolerance, pulse_max_second, rated)
-    found, kind, held = join_holds(record, found, kind, held, tolerance)
-    found, kind, held = join(record, found, kind, held, alike(found, kind))
-    return _steps(record, charge, found, kind, held, rated)
+    stretches = runs(record, edges)
+    kind, held = run_kinds(record, stretches, dynamic, tolerance, pulse_max_second, rated)
+    stretches, kind, held = join_holds(record, stretches, kind, held, tolerance)
+    stretches, kind, held = join(record, stretches, kind, held, alike(stretches, kind))
+    return _steps(record, charge, stretches, kind, held, rated)
 
 
 def _check(time):
@@ -263,11 +265,11 @@ def _check(time):
         raise Refusal("test time runs backwards; clean the record first")
 
 
-def _steps(record, charge, found, kind, held, rated):
+def _steps(record, charge, stretches, kind, held, rated):
     """The table of steps (columns of `Steps`) from the runs and their kinds."""
-    first, last = found.first, found.last
-    begin = np.where(found.gap, first, first - 1)
-    mean = _mean_current(record, charge, found)
+    first, last = stretches.first, stretches.last
+    begin = np.where(stretches.gap, first, first - 1)
+    mean = _mean_current(record, charge, stretches)
     return Steps(
         step=np.arange(len(first)),
         kind=kind,
@@ -275,32 +277,32 @@ def _steps(record, charge, found, kind, held, rated):
         last_row=last,
         start_time_second=record.time[begin],
         end_time_second=record.time[last],
-        duration_second=found.span,
+        duration_second=stretches.span,
         current_mean_ampere=mean,
         voltage_before_volt=np.where(first == 0, np.nan, record.voltage[first - 1]),
         voltage_start_volt=record.voltage[first],
         voltage_end_volt=record.voltage[last],
         voltage_min_volt=np.minimum.reduceat(record.voltage, first),
         voltage_max_volt=np.maximum.reduceat(record.voltage, first),
-        charge_ampere_hour=_charge(charge, found),
+        charge_ampere_hour=_charge(charge, stretches),
         cv_first_row=held,
         c_rate=np.abs(mean) / rated,
     )
 
 
-def _mean_current(record, charge, found):
+def _mean_current(record, charge, stretches):
     """Mean current of each run over the time between its own samples [A]."""
-    hour = (record.time[found.last] - record.time[found.first]) / 3600
-    moved = charge[found.last] - charge[found.first]
-    some = (hour > 0) & (found.last - found.first > 2)
-    return np.divide(moved, hour, out=found.level.copy(), where=some)
+    hour = (record.time[stretches.last] - record.time[stretches.first]) / 3600
+    moved = charge[stretches.last] - charge[stretches.first]
+    some = (hour > 0) & (stretches.last - stretches.first > 2)
+    return np.divide(moved, hour, out=stretches.level.copy(), where=some)
 
 
-def _charge(charge, found):
+def _charge(charge, stretches):
     """Net charge of each run [Ah]: an interval between rest and load belongs to the load."""
-    leads_in = ~found.gap & ~(found.rest & ~np.roll(found.rest, 1))
-    begin = charge[np.where(leads_in, found.first - 1, found.first)]
-    rest_follows = np.roll(found.rest & ~found.gap, -1) & ~found.rest
+    leads_in = ~stretches.gap & ~(stretches.rest & ~np.roll(stretches.rest, 1))
+    begin = charge[np.where(leads_in, stretches.first - 1, stretches.first)]
+    rest_follows = np.roll(stretches.rest & ~stretches.gap, -1) & ~stretches.rest
     rest_follows[-1] = False
-    after = np.minimum(found.last + 1, len(charge) - 1)
-    return charge[np.where(rest_follows, after, found.last)] - begin
+    after = np.minimum(stretches.last + 1, len(charge) - 1)
+    return charge[np.where(rest_follows, after, stretches.last)] - begin
