@@ -42,6 +42,7 @@ class Effect(NamedTuple):
     One without either, of stage "resistance" or "ocv", is in the courses of a model file over SoC
     and temperature; of any other stage it has no place there.
     position : of an effect of a parallel group, number of its branch, from 0; of a cell's, None.
+    replaces : names of the parameters of a healthy branch whose place it takes in a group.
     """
 
     id: str
@@ -58,6 +59,7 @@ class Effect(NamedTuple):
     circuit: Callable | None = None
     blocks: Callable | None = None
     position: int | None = None
+    replaces: tuple = ()
 
     @property
     def key(self):
