@@ -12,7 +12,7 @@ from cellwright.effects.screen import candidates, screened
 from cellwright.effects.search import State, frees_of
 from cellwright.effects.ties import offset_or_leak, rest_current, tie_of, with_partners
 from cellwright.numerics import noise
-from cellwright.numerics.least_squares import Problem, stds
+from cellwright.numerics.least_squares import SETTLED, Problem, stds
 from cellwright.protocols.ocv.gap import HYSTERESIS, SlowGap, shows_hysteresis
 
 UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it tells nothing
@@ -77,6 +77,8 @@ class Case(NamedTuple):
     gates: Gates = Gates()
     gap: SlowGap = SlowGap()
     polish_share: float = 0.3  # of the best J, from which a misled trial is refitted
+    settled: float = SETTLED
+    keeps_derivatives: bool = True
 
     def possible(self, library):
         """Effects that the records excite and that current and voltage could ever show."""

@@ -16,6 +16,8 @@ Each says by the same methods what only it can know:
 `floor_volt(residual, filters, earlier)` : noise that no model can explain.
 `denied(trials)`, `ties(chosen, tied, denied, possible)` : what is known beside the records.
 `gates`, `polish_share`, `misled(before, trial)` : when an effect counts; which trials go on.
+`settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
+    serve its refit to another noise.
 """
 
 from typing import NamedTuple
@@ -106,7 +108,7 @@ def search(case, library):
     possible = case.possible(library)
     free, values, filters = case.begun()
     effects, rounds = (), []
-    solution = fit(case.problem(effects, free, filters), values)
+    solution = fit(case.problem(effects, free, filters), values, settled=case.settled)
     for _ in range(case.gates.rounds + 1):
         one, filters = _round(case, possible, effects, free, solution, filters, rounds)
         rounds.append(one)
@@ -115,7 +117,8 @@ def search(case, library):
         effects = one.chosen.state.effects
         free = case.with_effect(free, one.chosen.effect)
         problem = case.problem(effects, free, filters)
-        solution = fit(problem, one.chosen.state.solution.values, steps=POLISH_STEPS)
+        values = one.chosen.state.solution.values
+        solution = fit(problem, values, steps=POLISH_STEPS, settled=case.settled)
     return rounds
 
 
@@ -146,7 +149,9 @@ def _round(case, possible, effects, free, solution, filters, earlier):
 def _tested(case, possible, effects, free, solution, filters, candidates):
     """A Round without a choice: refit to the noise, screen, try the best."""
     problem = case.problem(effects, free, filters)
-    solution = fit(problem, solution.values, columns=solution.columns, steps=NOISE_STEPS)
+    columns = solution.columns if case.keeps_derivatives else None
+    steps = {"steps": NOISE_STEPS, "settled": case.settled}
+    solution = fit(problem, solution.values, columns=columns, **steps)
     before = case.state(effects, solution, filters)
     scores, hidden = case.screened(candidates, before, free, possible, filters)
     trials = [

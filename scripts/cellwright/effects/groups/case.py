@@ -112,6 +112,8 @@ class GroupCase(NamedTuple):
     shared: Shared = Shared()
     gates: GroupGates = GroupGates()
     polish_share: float = 0.8  # of the best J, from which a trial is refitted as its rival
+    settled: float = 1.0
+    keeps_derivatives: bool = False
 
     @property
     def sensors(self):
