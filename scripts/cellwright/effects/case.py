@@ -210,17 +210,18 @@ def state_of(case, effects, solution, filters):
     rests = rests_of(case.cell, case.fit, solution)
     values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs, rests)
     volt = base.voltage(case.cell, stack, values, effects)
-    left, about = stack.voltage_volt - volt, (case.cell, stack, values, effects, case.tolerance)
-    white = filters.validation.apply(left)
+    error = stack.voltage_volt - volt
+    about = case.cell, stack, values, effects, case.tolerance
+    white = filters.validation.apply(error)
     explained = by_starts(*about, volt, filters.validation, pairs)
     return State(
         effects,
         solution,
         values,
-        left,
+        error,
         float(white @ white) - explained,
         rms(solution.residual[filters.fit_rows]),
-        rms(left[filters.validation_rows]),
+        rms(error[filters.validation_rows]),
     )
 
 

@@ -200,7 +200,7 @@ def _named(verdict, library, phrases):
     text = " Then: ".join(_step(one, library) for one in verdict["effects"])
     changes = [library[one["effect"]].consequence for one in verdict["effects"]]
     return (
-        f"{text[0].upper()}{text[1:]} All in all the error {phrases.where} fell from "
+        f"{text[0].upper()}{text[1:]} Overall the error {phrases.where} fell from "
         f"{millivolt(both['before'])} to {millivolt(both['after'])}; the noise is "
         f"{millivolt(verdict['floor_volt'])}. "
         f"What it changes: {'; '.join(dict.fromkeys(filter(None, changes)))}."
