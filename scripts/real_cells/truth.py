@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from real_cells import gather
-from virtual_lab.score import files, work
+from virtual_lab.score import files, summary
 
 PERCENT = 1e2
 
@@ -21,7 +21,7 @@ def numbers(repository) -> pd.DataFrame:
         *(Path(repository, part) for part in ("results", "tests/truth", "config"))
     )
     scored = pd.DataFrame(
-        list(errors(work.score(place).summary)),
+        list(errors(summary.score(place).summary)),
         columns=["cell", "quantity", "where", "value", "unit"],
     )
     measured = gather.numbers(repository, name="demo")

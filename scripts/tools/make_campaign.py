@@ -8,7 +8,8 @@ import json
 import sys
 from pathlib import Path
 
-from virtual_lab import campaigns, making
+from virtual_lab import campaigns
+from virtual_lab.campaigns import making
 
 if __name__ == "__main__":
     campaign, folder, options, *batch = sys.argv[1:]

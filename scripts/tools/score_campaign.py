@@ -7,7 +7,7 @@ verdicts.csv (one row a cell) and score.html.
 import argparse
 from pathlib import Path
 
-from virtual_lab.score import files, page, work
+from virtual_lab.score import files, page
 
 if __name__ == "__main__":
     asked = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -18,7 +18,7 @@ if __name__ == "__main__":
     given = asked.parse_args()
     place = files.campaign(given.campaign)
     place = place._replace(truth=given.truth) if given.truth else place
-    scored = work.write(place, title=given.title)
+    scored = page.write(place, title=given.title)
     if given.markdown:
         given.markdown.write_text(page.markdown(scored), encoding="utf-8")
     print(f"{place.results / 'score' / 'score.html'}: {len(scored.errors)} comparisons")

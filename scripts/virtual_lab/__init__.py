@@ -1,5 +1,5 @@
-"""A virtual laboratory: physics-based cells, test protocols, a measurement chain, instrument files.
+"""A virtual laboratory: simulated cells, protocols, instruments, campaigns of known truth.
 
-It makes campaigns whose truth is known, for the pipeline to be tested on. The cells are porous-
-electrode models solved by PyBaMM; nothing in here is shared with the models of `cellwright`.
+The pipeline is tested on these campaigns. Nothing in here is shared with the models of
+`cellwright`.
 """

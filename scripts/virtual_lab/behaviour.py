@@ -1,4 +1,4 @@
-"""What a cell does in a step of a protocol, before anybody measures it."""
+"""A cell's data sheet, its behaviour in one step of a protocol, and running integrals over time."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -6,13 +6,25 @@ from typing import NamedTuple
 import numpy as np
 
 
-class Behaviour(NamedTuple):
-    """What a cell really did in one step; times are counted from the start of the step.
+class Rating(NamedTuple):
+    """Capacity [Ah] of the data sheet, to which C-rates refer, and the two cut-offs [V]."""
 
-    The functions take times [s] and give a current [A] positive on charge, a voltage [V] and a
-    temperature [°C]; of cells in parallel also the current [A] of each branch. Where the generator
-    knows them: `charge`, what has flowed in since the start of the step [Ah], and `soc`, the true
-    state of charge [1] (of cells in parallel, those of the first).
+    capacity_ampere_hour: float
+    lower_cutoff_volt: float
+    upper_cutoff_volt: float
+
+    def ampere(self, c_rate: float) -> float:
+        """Current [A] of a C-rate."""
+        return c_rate * self.capacity_ampere_hour
+
+
+class Behaviour(NamedTuple):
+    """True current, voltage and temperature of a cell in one step, as functions of time.
+
+    Times [s] are counted from the start of the step. The current [A] is positive on charge; of
+    cells in parallel `branches` are the currents of each. Where the generator knows them:
+    `charge`, the charge [Ah] since the start of the step, and `soc`, the true state of charge [1]
+    (of cells in parallel, that of the first).
     """
 
     duration_second: float
@@ -22,3 +34,9 @@ class Behaviour(NamedTuple):
     branches: tuple[Callable[[np.ndarray], np.ndarray], ...] = ()
     charge: Callable[[np.ndarray], np.ndarray] | None = None
     soc: Callable[[np.ndarray], np.ndarray] | None = None
+
+
+def running_integral(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Integral of values over time from the first sample on, by the trapezoid rule, (n,)."""
+    pieces = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
+    return np.concatenate([[0.0], np.cumsum(pieces)])

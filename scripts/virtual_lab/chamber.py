@@ -1,4 +1,4 @@
-"""Temperature around a cell over the time of a test."""
+"""Temperature of the climate chamber or the room over the time of a test."""
 
 from typing import NamedTuple
 
@@ -9,9 +9,9 @@ HALF_HOUR_SECOND = 1800.0
 
 
 class Chamber(NamedTuple):
-    """Straight lines between points: times [s] from the start of the test, temperatures [°C].
+    """Chamber temperature: times [s] from the start of the test, temperatures [°C], lines between.
 
-    Before the first and after the last point the temperature stays what it is there.
+    Before the first and after the last point the temperature is that of the point.
     """
 
     second: np.ndarray
@@ -19,17 +19,17 @@ class Chamber(NamedTuple):
 
 
 def steady(celsius: float) -> Chamber:
-    """A chamber that holds its temperature [°C]."""
+    """A chamber at one constant temperature [°C]."""
     return Chamber(np.zeros(1), np.full(1, float(celsius)))
 
 
-def at(chamber: Chamber, second: np.ndarray) -> np.ndarray:
-    """Temperature [°C] at times [s] from the start of the test."""
+def temperature_at(chamber: Chamber, second: np.ndarray) -> np.ndarray:
+    """Chamber temperature [°C] at times [s] from the start of the test."""
     return np.interp(second, chamber.second, chamber.celsius)
 
 
 def later(chamber: Chamber, second: float) -> Chamber:
-    """The same chamber for a test that begins so many seconds after the clock of this one."""
+    """The chamber for a test that begins `second` [s] after the start of the given time axis."""
     return Chamber(chamber.second - second, chamber.celsius)
 
 
@@ -41,13 +41,13 @@ def wobbling(
     duration_second: float,
     seed: int,
 ) -> Chamber:
-    """A chamber whose controller hunts around its set point [°C].
+    """Chamber temperature that oscillates around the set point [°C], as a controller makes it.
 
     Parameters
     ----------
-    amplitude_kelvin : of the swing about the set point [K].
-    period_second : of one swing; each takes up to a fifth longer or shorter.
-    duration_second : how long it goes on; after that the last temperature stays.
+    amplitude_kelvin : largest deviation from the set point [K].
+    period_second : of one swing [s]; each takes up to a fifth longer or shorter.
+    duration_second : how long it goes on [s]; after that the last temperature stays.
     seed : of the swings' lengths and heights.
 
     Returns
@@ -61,8 +61,9 @@ def wobbling(
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     second = np.interp(phase - phase[0], np.arange(most + 1), ends)
     height = np.interp(phase - phase[0], np.arange(most + 1), random.uniform(0.6, 1.0, most + 1))
-    shown = celsius + amplitude_kelvin * height * np.sin(2 * np.pi * phase)
-    return _until(Chamber(second, shown), duration_second)
+    swings = Chamber(second, celsius + amplitude_kelvin * height * np.sin(2 * np.pi * phase))
+    kept = np.append(second[second < duration_second], duration_second)
+    return Chamber(kept, temperature_at(swings, kept))
 
 
 def room(
@@ -75,14 +76,14 @@ def room(
     drift_kelvin: float = 0.0,
     seed: int | None = None,
 ) -> Chamber:
-    """A room with an air conditioning that goes by the time of day (thesis 3.1: 24 h, 4 K).
+    """Temperature of an air-conditioned room over the day (thesis 3.1: 24 h, 4 K).
 
     Parameters
     ----------
     celsius : mean [°C].
     swing_kelvin : from the coldest to the warmest of a day [K].
-    duration_second : how long it goes on.
-    warmest_hour, begin_hour : time of day, when it is warmest and when the test begins [h].
+    duration_second : how long it goes on [s].
+    warmest_hour, begin_hour : time of day at which it is warmest, and at which the test begins [h].
     drift_kelvin : standard deviation of the daily means [K]; needs a `seed`.
 
     Returns
@@ -106,14 +107,14 @@ def stepped(
     hold_second: float,
     kelvin_per_minute: float = 1.0,
 ) -> Chamber:
-    """A chamber that holds one temperature after the other, as in thesis 3.3 (20 → −20 °C by 5).
+    """A chamber that holds one temperature after the other (thesis 3.3: 20 → −20 °C by 5).
 
     Parameters
     ----------
     celsius : set points in order [°C].
-    rest_second : how long it stays at the first.
+    rest_second : how long it stays at the first [s].
     hold_second : from one change of the set point to the next [s], the ramp included.
-    kelvin_per_minute : how fast a real chamber gets there [K/min].
+    kelvin_per_minute : heating and cooling rate of the chamber [K/min].
     """
     starts = rest_second + hold_second * np.arange(len(celsius) - 1)
     ramps = 60 * np.abs(np.diff(celsius)) / kelvin_per_minute
@@ -125,12 +126,8 @@ def stepped(
 
 
 def added(first: Chamber, second: Chamber, *, about_celsius: float) -> Chamber:
-    """The first chamber with what the second departs from a temperature [°C] added to it."""
+    """A chamber plus the deviations of a second one from a temperature [°C]."""
     times = np.union1d(first.second, second.second)
-    return Chamber(times, at(first, times) + at(second, times) - about_celsius)
-
-
-def _until(chamber, duration):
-    inside = chamber.second < duration
-    second = np.append(chamber.second[inside], duration)
-    return Chamber(second, at(chamber, second))
+    return Chamber(
+        times, temperature_at(first, times) + temperature_at(second, times) - about_celsius
+    )

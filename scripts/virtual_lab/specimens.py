@@ -1,9 +1,9 @@
-"""What can be put on a channel: cells by physics, by fast equations, groups, a known circuit.
+"""Cells and parallel groups that can be tested, by physics or by the fast generator.
 
 A specimen that is cycled has `run(steps, *, chamber, initial_soc)`, which gives one behaviour per
 step, and `full_ampere_hour`, the charge of the full cell to which SoC refers. One that is measured
-with an analyser has `spectrum(frequency_hertz, *, celsius, soc)`. `facts(name)` gives rows of
-truth tables about the specimen itself.
+with an impedance analyser has `spectrum(frequency_hertz, *, celsius, soc)`. `facts(name)` gives
+rows of truth tables about the specimen itself.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ MODEL_SOC = np.round(np.arange(0.1, 0.95, 0.1), 2)
 
 
 class Behavioural(NamedTuple):
-    """A cell of the fast generator, made when it is first needed: plans are written in no time.
+    """A cell of the fast generator, built when it is first needed (plans have thousands).
 
     `known` gives rows of truth tables about it.
     """
@@ -31,7 +31,7 @@ class Behavioural(NamedTuple):
 
     @property
     def cell(self) -> fast.Cell:
-        """The cell itself."""
+        """The cell's parameters."""
         return _built(self.make)
 
     @property
@@ -41,11 +41,11 @@ class Behavioural(NamedTuple):
 
     @property
     def capacity_per_kelvin(self) -> float:
-        """By what share that charge grows with temperature [1/K]."""
+        """Relative growth of that charge with temperature [1/K]."""
         return self.cell.capacity_per_kelvin
 
     def run(self, steps, *, chamber: Chamber, initial_soc: float = 1.0):
-        """Through a protocol; see `fast.run`."""
+        """Take the cell through a protocol; see `fast.run`."""
         return fast.run(steps, self.cell, chamber=chamber, initial_soc=initial_soc)
 
     def spectrum(self, frequency_hertz, *, celsius: float, soc: float):
@@ -53,25 +53,25 @@ class Behavioural(NamedTuple):
         return fast.impedance(self.cell, frequency_hertz, soc=soc, celsius=celsius)
 
     def circuit(self, *, celsius: float, soc: float) -> dict:
-        """Row of the truth table `eis`: the ohmic end."""
-        found = fast.resistances(self.cell, np.array([soc]), celsius=celsius)
-        return {"r_ohmic_ohm": round(float(found["r0"][0]), 7)}
+        """Row of the truth table `eis`: the ohmic resistance."""
+        ohmic = fast.resistances(self.cell, np.array([soc]), celsius=celsius)["r0"][0]
+        return {"r_ohmic_ohm": round(float(ohmic), 7)}
 
     def facts(self, name: str) -> dict[str, list[dict]]:
-        """Open-circuit voltage and resistances over SoC at the temperatures of its tests."""
-        told = self.known() if self.known else {}
+        """Truth: open-circuit voltage and resistances over SoC at the temperatures of its tests."""
+        temperatures, more = self.temperatures_celsius, self.known() if self.known else {}
+        curves = [
+            curve_rows(name, t, fast.rested_volt(self.cell, CURVE_SOC, celsius=t))
+            for t in temperatures
+        ]
         return {
-            "ocv": [row for t in self.temperatures_celsius for row in self._curve(name, t)],
-            "models": [row for t in self.temperatures_celsius for row in self._circuit(name, t)],
-            **{table: [{"cell": name, **row} for row in rows] for table, rows in told.items()},
+            "ocv": [row for curve in curves for row in curve],
+            "models": [row for t in temperatures for row in self._resistance_rows(name, t)],
+            **{table: [{"cell": name, **row} for row in rows] for table, rows in more.items()},
         }
 
-    def _curve(self, name, celsius):
-        volt = fast.rested_volt(self.cell, CURVE_SOC, celsius=celsius)
-        return curve_rows(name, celsius, volt)
-
-    def _circuit(self, name, celsius):
-        found = fast.resistances(self.cell, MODEL_SOC, celsius=celsius)
+    def _resistance_rows(self, name, celsius):
+        resistances = fast.resistances(self.cell, MODEL_SOC, celsius=celsius)
         return [
             {
                 "cell": name,
@@ -80,48 +80,48 @@ class Behavioural(NamedTuple):
                 "parameter": parameter,
                 "value": float(f"{value:.6g}"),
             }
-            for parameter, values in found.items()
+            for parameter, values in resistances.items()
             for soc, value in zip(MODEL_SOC, values, strict=True)
         ]
 
 
 class Physical(NamedTuple):
-    """A porous-electrode cell (PyBaMM)."""
+    """A porous-electrode cell, solved by PyBaMM."""
 
     cell: object
 
     @property
     def full_ampere_hour(self) -> float:
-        """Charge [Ah] of the cell after a full charge as the laboratory makes it."""
-        from virtual_lab import physics
+        """Charge [Ah] of the cell after a full CCCV charge."""
+        from virtual_lab.physics import porous
 
-        return physics.full_charge_ampere_hour(self.cell)
+        return porous.full_charge_ampere_hour(self.cell)
 
     def run(self, steps, *, chamber: Chamber, initial_soc: float = 1.0):
-        """Through a protocol; see `simulate.run`."""
-        from virtual_lab import simulate
+        """Take the cell through a protocol; see `physics.simulate.run`."""
+        from virtual_lab.physics import simulate
 
         return simulate.run(steps, self.cell, chamber=chamber, initial_soc=initial_soc)
 
     def spectrum(self, frequency_hertz, *, celsius: float, soc: float):
-        """Impedance [ohm] of the physics, linearised at rest."""
-        from virtual_lab import impedance
+        """Impedance [ohm] of the model, linearised at rest."""
+        from virtual_lab.physics import simulate
 
         setting = {"ambient_celsius": celsius, "soc": soc}
-        return impedance.spectrum(self.cell, frequency_hertz, **setting)
+        return simulate.spectrum(self.cell, frequency_hertz, **setting)
 
     def circuit(self, *, celsius: float, soc: float) -> dict:
-        """Row of the truth table `eis`: the ohmic end is all that physics and circuits share."""
-        from virtual_lab.impedance import OHMIC_FREQUENCY_HERTZ
+        """Row of the truth table `eis`: the ohmic resistance, which physics and circuits share."""
+        from virtual_lab.physics.simulate import OHMIC_FREQUENCY_HERTZ
 
         end = self.spectrum(np.array([OHMIC_FREQUENCY_HERTZ]), celsius=celsius, soc=soc)[0]
         return {"r_ohmic_ohm": round(float(end.real), 7)}
 
     def facts(self, name: str) -> dict[str, list[dict]]:
-        """Open-circuit voltage at 25 °C and what the cell has lost."""
-        from virtual_lab import physics
+        """Truth: open-circuit voltage at 25 °C, and the losses of the cell."""
+        from virtual_lab.physics import porous
 
-        volt = physics.rested_volt(self.cell, CURVE_SOC)
+        volt = porous.rested_volt(self.cell, CURVE_SOC)
         health = {
             "cell": name,
             "cycle": self.cell.cycle,
@@ -134,7 +134,7 @@ class Physical(NamedTuple):
 
 
 class BehaviouralGroup(NamedTuple):
-    """Cells of the fast generator in parallel, each behind its wire."""
+    """Cells of the fast generator in parallel, each in series with its wire."""
 
     names: tuple[str, ...]
     members: tuple[Behavioural, ...]
@@ -143,7 +143,7 @@ class BehaviouralGroup(NamedTuple):
 
     @property
     def cells(self) -> tuple[fast.Cell, ...]:
-        """The cells themselves."""
+        """Parameters of each cell."""
         return tuple(member.cell for member in self.members)
 
     @property
@@ -157,7 +157,7 @@ class BehaviouralGroup(NamedTuple):
         return sum(self.capacities_ampere_hour)
 
     def run(self, steps, *, chamber: Chamber, initial_soc=None):
-        """Through a protocol of the group's current; each cell begins at its own SoC."""
+        """Take the group through a protocol of its current; each cell begins at its own SoC."""
         return fast.run_group(
             steps,
             self.cells,
@@ -177,7 +177,7 @@ def _built(make):
 
 
 class PhysicalPair(NamedTuple):
-    """Two porous-electrode cells in parallel that rested at one voltage [V]."""
+    """Two porous-electrode cells in parallel, each rested at one voltage [V] before."""
 
     names: tuple[str, str]
     cells: tuple[object, object]
@@ -196,19 +196,19 @@ class PhysicalPair(NamedTuple):
 
     @property
     def initial_soc(self) -> tuple[float, ...]:
-        """Each cell's SoC, as precise as the sheet says it."""
-        from virtual_lab import physics
+        """SoC [1] of each cell, rounded as in the sheet."""
+        from virtual_lab.physics import porous
 
-        return tuple(round(physics.soc_at(cell, self.rested_volt), 4) for cell in self.cells)
+        return tuple(round(porous.soc_at(cell, self.rested_volt), 4) for cell in self.cells)
 
     def run(self, steps, *, chamber: Chamber, initial_soc=None):
-        """Through a protocol of the pair's current, in a steady chamber; see `parallel.run`."""
-        from virtual_lab import parallel
+        """Take the pair through a protocol of its total current at one temperature."""
+        from virtual_lab.physics import simulate
 
         celsius = float(chamber.celsius[0])
         if np.ptp(chamber.celsius) > 0:
             raise ValueError("a pair by physics needs a chamber that holds its temperature")
-        return parallel.run(
+        return simulate.run_pair(
             steps,
             self.cells,
             wire_ohm=self.wire_ohm,
@@ -222,7 +222,7 @@ class PhysicalPair(NamedTuple):
 
 
 def curve_rows(name: str, celsius: float, volt: np.ndarray) -> list[dict]:
-    """Rows of the truth's open-circuit voltage [V] over CURVE_SOC."""
+    """Rows of the truth table of open-circuit voltage [V] over CURVE_SOC."""
     return [
         {
             "cell": name,
@@ -235,7 +235,7 @@ def curve_rows(name: str, celsius: float, volt: np.ndarray) -> list[dict]:
 
 
 def branch_rows(group: str, names, wire_ohm, initial_soc) -> list[dict]:
-    """Rows of groups.tsv: wires [ohm] and initial SoC [1] as the laboratory believes."""
+    """Rows of groups.tsv: wires [ohm] and initial SoC [1], as the laboratory assumes them."""
     return [
         {
             "group": group,

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("numba", reason="the virtual laboratory runs in its own environment: --lab")
-
 from effect_benchmark import batch, left_out, methods, scoring
 from runtime import settings
-from virtual_lab import campaigns, making
+from virtual_lab import campaigns
+from virtual_lab.campaigns import making
+
+pytest.importorskip("numba", reason="the virtual laboratory runs in its own environment: --lab")
+
 
 SEED = 4711
 STRONG_VOLT = 6e-3

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from cellwright import formats
-from virtual_lab import campaigns, measurement
+from virtual_lab import campaigns
 from virtual_lab.behaviour import Behaviour
 from virtual_lab.chamber import steady
+from virtual_lab.instruments import measurement
 
 
 def constant(current_ampere, duration_second):

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from virtual_lab import campaigns
-from virtual_lab import plan as plans
-from virtual_lab.measurement import CHAIN
+from virtual_lab.instruments.chain import CHAIN
 from virtual_lab.specimens import branch_rows
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -42,12 +41,12 @@ def test_sheets_are_the_plan(plan, sheet):
     (pair,) = plan.groups.values()
     believed = [float(row["initial_soc"]) for row in _rows(ROOT / "config" / "groups.tsv", "\t")]
     made = {
-        "cells": plans.cells_sheet(plan),
-        "tests": plans.tests_sheet(plan, checksums),
+        "cells": campaigns.cells_sheet(plan),
+        "tests": campaigns.tests_sheet(plan, checksums),
         "groups": branch_rows("pair", pair.names, pair.wire_ohm, believed),
     }
     for name, rows in made.items():
-        text = plans.as_table(rows, separator="\t")
+        text = campaigns.as_table(rows, separator="\t")
         assert (ROOT / "config" / f"{name}.tsv").read_text(encoding="utf-8") == text, name
     assert (ROOT / "config" / "config.yaml").read_text(encoding="utf-8") == plan.config
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from virtual_lab import electrodes
-from virtual_lab.half_cells import HALF_CELLS
+from virtual_lab.electrodes import HALF_CELLS
 
 SOC = np.linspace(0.0, 1.0, 2001)
 LOSSES = [
@@ -17,7 +17,7 @@ LOSSES = [
 
 
 def of(chemistry, **losses):
-    return electrodes.window(chemistry, electrodes.rating_of(chemistry, 5.0), **losses)
+    return electrodes.window(chemistry, electrodes.usual_rating(chemistry, 5.0), **losses)
 
 
 @pytest.mark.parametrize("losses", LOSSES)
@@ -44,7 +44,8 @@ def test_lithium_is_only_lost_as_stated(chemistry, losses):
 
 def test_size_is_the_data_sheets():
     small, large = (
-        electrodes.window("LFP", electrodes.rating_of("LFP", capacity)) for capacity in (1.2, 60.0)
+        electrodes.window("LFP", electrodes.usual_rating("LFP", capacity))
+        for capacity in (1.2, 60.0)
     )
     assert large.capacity_ampere_hour == pytest.approx(50 * small.capacity_ampere_hour)
     assert large.x_100 == pytest.approx(small.x_100)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from virtual_lab import fast
+from virtual_lab.behaviour import Rating
 from virtual_lab.chamber import Chamber, steady
-from virtual_lab.fast.diffusion import chain
+from virtual_lab.fast.parameters import diffusion_chain
 from virtual_lab.protocols import Step
-from virtual_lab.rating import Rating
 
 RATING = Rating(5.0, 2.5, 4.2)
 LOW, RISE = 3.2, 0.9
@@ -303,7 +303,7 @@ def test_same_again():
 
 @pytest.mark.parametrize("shape", ["planar", "spherical"])
 def test_chain_is_diffusion(shape):
-    share, tau = chain(shape)
+    share, tau = diffusion_chain(shape)
     assert share.sum() == pytest.approx(1.0, abs=1e-12)
     omega = np.geomspace(1e-2, 300, 50)
     x = np.sqrt(1j * omega)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from virtual_lab import fast
+from virtual_lab.behaviour import Rating
 from virtual_lab.chamber import steady
 from virtual_lab.protocols import Step
-from virtual_lab.rating import Rating
 
 SOC = np.linspace(0, 1, 101)
 OCV = 3.3 + 0.7 * SOC - 0.3 * np.exp(-20 * SOC) + 0.05 * np.tanh(10 * (SOC - 0.5))

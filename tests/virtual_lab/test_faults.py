@@ -1,11 +1,14 @@
-"""Faults do what they say, say what they did, and leave the columns handed in alone."""
+"""Faults put into records and into whole files."""
 
 from functools import partial
 
 import numpy as np
 import pytest
 
-from virtual_lab import faults
+from cellwright import formats
+from cellwright.refusal import Refusal
+from virtual_lab import instruments
+from virtual_lab.instruments import faults, measurement
 
 FAULTS = {
     "spikes": partial(faults.spikes, seed=4),
@@ -126,3 +129,47 @@ def test_what_was_lost_later_is_not_listed(ideal):
 def test_gap_outside_the_record_is_refused(ideal):
     with pytest.raises(ValueError, match="not within"):
         faults.gap(ideal, begin_second=1e6, end_second=2e6)
+
+
+SERIES = sorted(name for name in instruments.WRITERS if not name.endswith("eis"))
+FILE_FAULTS = {
+    faults.cut_off: "cut off|damaged",
+    faults.emptied: "the file is empty",
+    partial(faults.damaged, seed=1): "damaged|cut off",
+    partial(faults.torn_row, seed=1): "line [0-9]+: .*cut off|time",
+}
+
+
+@pytest.fixture
+def shown(ideal):
+    return measurement.measured(ideal, seed=5)
+
+
+@pytest.mark.parametrize("name", SERIES)
+@pytest.mark.parametrize("fault", FILE_FAULTS)
+def test_a_spoiled_file_is_refused_with_its_reason(shown, name, fault):
+    if name == "parquet" and "torn" in str(fault):
+        pytest.skip("Parquet has no rows of text")
+    left, done = fault(instruments.WRITERS[name](shown))
+    assert done
+    with pytest.raises(Refusal, match=FILE_FAULTS[fault]):
+        formats.read(left, name="file")
+
+
+def test_a_torn_row_is_named_by_its_line(shown):
+    left, done = faults.torn_row(instruments.bdf_csv(shown), seed=2)
+    with pytest.raises(Refusal, match=f"line {done[0]['value']}:"):
+        formats.read(left, name="file")
+
+
+@pytest.mark.parametrize(("name", "lines"), [("arbin", 1), ("bdf", 1), ("digatron", 30)])
+def test_a_header_without_rows_is_refused(shown, name, lines):
+    left, _ = faults.header_only(instruments.WRITERS[name](shown), lines=lines)
+    with pytest.raises(Refusal, match="no row"):
+        formats.read(left, name="file")
+
+
+def test_spoiling_is_the_same_each_time(shown):
+    content = instruments.bdf_csv(shown)
+    for fault in FILE_FAULTS:
+        assert fault(content) == fault(content)

@@ -13,16 +13,12 @@ from scipy.optimize import least_squares
 
 from virtual_lab import fast
 from virtual_lab.chamber import steady
-from virtual_lab.hidden import over_physics, specimen
-from virtual_lab.hidden.gap import gap, seen
+from virtual_lab.hidden import specimens
 from virtual_lab.hidden.groups import GROUP_EFFECTS, deviation, healthy_group, with_group_effect
-from virtual_lab.hidden.outside import OUTSIDE
-from virtual_lab.hidden.over_physics import HiddenPhysics
-from virtual_lab.hidden.replay import File, shown
-from virtual_lab.hidden.setup import NOISE_VOLT, RATING, healthy
-from virtual_lab.hidden.specimen import HiddenCell
-from virtual_lab.hidden.strength import accepted, with_effect
-from virtual_lab.hidden.vocabulary import EFFECTS, INVISIBLE
+from virtual_lab.hidden.setup import NOISE_VOLT, RATING, File, healthy, noise_free_record
+from virtual_lab.hidden.specimens import HiddenCell, HiddenPhysics
+from virtual_lab.hidden.strength import accepted, file_gaps, gap, with_effect
+from virtual_lab.hidden.vocabulary import EFFECTS, INVISIBLE, OUTSIDE
 from virtual_lab.protocols import Step, rest
 
 # The closed vocabulary of the contract.
@@ -79,7 +75,7 @@ def test_vocabulary_is_that_of_the_contract():
 
 
 def test_a_healthy_cell_leaves_no_gap(plain):
-    found = gap(seen(plain, plain, WARM_AND_COLD))
+    found = gap(file_gaps(plain, plain, WARM_AND_COLD))
     assert found.visible_volt < 1e-6
     assert found.base_volt < 1e-6
 
@@ -97,7 +93,7 @@ def test_a_healthy_cell_with_other_parameters_leaves_none_either(plain, other):
         **{field: tuple(value) for field in ("pair_r_ohm", "pair_tau_second")
            if np.ndim(value := getattr(changed.cell, field))}
     )  # fmt: skip
-    assert gap(seen(changed, plain, SHORT)).visible_volt < INVISIBLE_VOLT
+    assert gap(file_gaps(changed, plain, SHORT)).visible_volt < INVISIBLE_VOLT
 
 
 def _two_pairs(second, ampere, parameters, ocv, capacity):
@@ -129,7 +125,7 @@ def _two_pairs(second, ampere, parameters, ocv, capacity):
 def test_gap_is_what_a_whole_refit_leaves(plain, change):
     """Nonlinear least squares of another implementation of the circuit, to 3 %."""
     changed, (file,), cell = plain.with_cell(**change), SHORT, plain.cell
-    record, sound = shown(file, changed), shown(file, plain)
+    record, sound = noise_free_record(file, changed), noise_free_record(file, plain)
     begins = np.cumsum([0.0, *[times[-1] for times, _ in record.steps]])
     parts = [begin + times for begin, (times, _) in zip(begins, record.steps, strict=False)]
     second, ampere = np.concatenate(parts), np.concatenate([a for _, a in record.steps])
@@ -145,7 +141,7 @@ def test_gap_is_what_a_whole_refit_leaves(plain, change):
     assert np.abs(left(start, sound)).max() < 5e-6
     best = least_squares(left, start, x_scale=0.1)
     rms = np.sqrt(np.mean(best.fun**2))
-    assert gap(seen(changed, plain, SHORT)).visible_volt == pytest.approx(rms, rel=0.03)
+    assert gap(file_gaps(changed, plain, SHORT)).visible_volt == pytest.approx(rms, rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +158,7 @@ def test_strength_is_what_was_asked(effect, volt):
     files = WARM_AND_COLD if effect == "resistance_temperature" else SHORT
     hidden = _hidden(effect, volt, files)
     assert hidden.gap.visible_volt == pytest.approx(volt, rel=0.02)
-    again = gap(seen(hidden.setup, _plain(), files)).visible_volt
+    again = gap(file_gaps(hidden.setup, _plain(), files)).visible_volt
     assert again == pytest.approx(hidden.gap.visible_volt, rel=1e-9)
 
 
@@ -177,8 +173,8 @@ def test_effects_of_temperature_show_only_between_temperatures():
     """At 25 °C alone there is nothing to see (structural ties of the contract)."""
     changed = EFFECTS["entropic_ocv"].act(_plain(), 5e-4, {"shape": "changing_sign"})
     changed = EFFECTS["resistance_temperature"].act(changed, 20e3, {})
-    assert gap(seen(changed, _plain(), SHORT)).visible_volt < 1e-6
-    assert gap(seen(changed, _plain(), WARM_AND_COLD)).visible_volt > 1e-3
+    assert gap(file_gaps(changed, _plain(), SHORT)).visible_volt < 1e-6
+    assert gap(file_gaps(changed, _plain(), WARM_AND_COLD)).visible_volt > 1e-3
 
 
 @pytest.mark.parametrize("effect", INVISIBLE)
@@ -205,7 +201,7 @@ def test_a_leak_and_an_offset_are_one():
 @pytest.mark.parametrize("delay_second", [-0.3, 0.3])
 def test_skewed_voltage_is_that_of_another_instant(plain, delay_second):
     (file,) = SHORT
-    late = shown(file, plain.with_chain(voltage_delay_second=delay_second))
+    late = noise_free_record(file, plain.with_chain(voltage_delay_second=delay_second))
     behaviours = fast.run(file.steps, plain.cell, chamber=steady(25.0))
     times, begin = late.steps[1][0], behaviours[0].duration_second
     inside = (times > 1.0) & (times < times[-1] - 1.0)
@@ -226,7 +222,7 @@ def test_two_effects_are_both_there_each_as_strong_as_asked():
     assert cell.hysteresis_instant_volt == pytest.approx(instant, rel=1e-5)
     assert second.gap.visible_volt == pytest.approx(3e-3, rel=0.02)
     # Both at once leave more than either, before the plain cell.
-    assert gap(seen(second.setup, _plain(), SHORT)).visible_volt > 3.5e-3
+    assert gap(file_gaps(second.setup, _plain(), SHORT)).visible_volt > 3.5e-3
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -313,7 +309,7 @@ def test_healthy_cells_differ_as_stated():
 
 def test_a_name_and_a_seed_are_one_cell():
     def parameters(name, seed):
-        specimen._made.cache_clear()
+        specimens._hidden_in.cache_clear()
         cell = HiddenCell(name, seed, "none", (), 0.0).setup.cell
         return (cell.capacity_ampere_hour, cell.r0_ohm, *cell.pair_tau_second, *cell.ocv_volt)
 
@@ -337,12 +333,12 @@ def test_nothing_is_told_about_a_healthy_cell():
 
 
 def _stub(monkeypatch, module, plain, setup):
-    monkeypatch.setattr(module, "made", lambda _: SimpleNamespace(plain=plain, setup=setup))
+    monkeypatch.setattr(module, "hidden_in", lambda _: SimpleNamespace(plain=plain, setup=setup))
 
 
 def test_a_disturbance_goes_by_the_clock_of_the_test(monkeypatch, plain):
     ripple = OUTSIDE["ripple"].act(plain, 0.01, {"period_second": 90.0})
-    _stub(monkeypatch, specimen, plain, ripple)
+    _stub(monkeypatch, specimens, plain, ripple)
     cell = HiddenCell("u", 0, "unknown", ("ripple",), 6e-3)
     with_it = cell.run(_load(1), chamber=steady(25.0))
     without = fast.run(_load(1), plain.cell, chamber=steady(25.0))
@@ -359,7 +355,9 @@ def test_the_cell_of_the_capacity_test_is_the_one_of_then(plain):
     assert changed.at_capacity_test.capacity_ampere_hour == SMALL_AMPERE_HOUR
     assert changed.cell.capacity_ampere_hour == pytest.approx(0.9 * SMALL_AMPERE_HOUR)
     full = [Step("current", -0.35, 7200.0, 20.0, until_volt=RATING.lower_cutoff_volt)]
-    then, now = (shown(File(full, 25.0, kind), changed) for kind in ("capacity", "drive"))
+    then, now = (
+        noise_free_record(File(full, 25.0, kind), changed) for kind in ("capacity", "drive")
+    )
     taken = [record.steps[0][0][-1] for record in (then, now)]
     assert taken[1] / taken[0] == pytest.approx(0.9, rel=0.01)
 
@@ -367,7 +365,7 @@ def test_the_cell_of_the_capacity_test_is_the_one_of_then(plain):
 def test_an_effect_laid_over_a_healthy_cell_is_the_cell_with_the_effect(monkeypatch, plain):
     """Where the cell below is the plain one itself, the sum must be the cell with the effect."""
     changed = plain.with_cell(charge_asymmetry=0.3, hysteresis_instant_volt=0.003)
-    for module in (over_physics, specimen):  # what it does itself, and what it has from HiddenCell
+    for module in (specimens, specimens):  # what it does itself, and what it has from HiddenCell
         _stub(monkeypatch, module, plain, changed)
     below = SimpleNamespace(run=partial(_run_plain, plain.cell))
     monkeypatch.setattr(HiddenPhysics, "_physical", property(lambda _: below))

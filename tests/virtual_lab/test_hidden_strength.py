@@ -5,21 +5,20 @@ import pytest
 
 pytest.importorskip("numba", reason="without machine code a cell takes minutes")
 
-from virtual_lab.hidden import specimen
-from virtual_lab.hidden.gap import gap, seen
-from virtual_lab.hidden.protocols import files
-from virtual_lab.hidden.setup import NOISE_VOLT, healthy
-from virtual_lab.hidden.specimen import HiddenCell
+from virtual_lab.hidden import specimens
+from virtual_lab.hidden.setup import NOISE_VOLT, gap_files, healthy
+from virtual_lab.hidden.specimens import HiddenCell
+from virtual_lab.hidden.strength import file_gaps, gap
 
 
 def _told(kind, effects, volt, name="s0001"):
     cell = HiddenCell(name, 0, kind, effects, volt)
-    return specimen.told(cell, name)
+    return specimens.truth_row(cell, name)
 
 
 def test_a_healthy_cell_leaves_no_gap_on_any_file():
     plain = healthy(np.random.default_rng(1))
-    found = seen(plain, plain, files())
+    found = file_gaps(plain, plain, gap_files())
     assert sum(one.file.is_validation for one in found) == 2
     for one in found:
         # Holds of a capacity test are played again as straight lines between samples.
@@ -74,5 +73,5 @@ def test_what_is_unknown_is_visible_and_has_no_right_name():
 
 def test_a_name_is_one_cell_whenever_it_is_made():
     first = _told("single", ("voltage_offset",), 2.5e-3)
-    specimen._made.cache_clear()
+    specimens._hidden_in.cache_clear()
     assert _told("single", ("voltage_offset",), 2.5e-3) == first

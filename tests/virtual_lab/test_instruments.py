@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from cellwright import formats
-from virtual_lab import faults, instruments, measurement
+from virtual_lab import instruments
+from virtual_lab.instruments import faults, measurement
 from virtual_lab.instruments.text import Written, rows_of
 
 # Reader, and what the file holds beside time, current and voltage.

@@ -12,14 +12,15 @@ import pytest
 
 from cellwright import formats
 from cellwright.refusal import Refusal
-from runtime import settings, sheets
-from virtual_lab import fast, faults, file_faults, making
-from virtual_lab import plan as paper
-from virtual_lab.measurement import CHAIN
+from runtime import sheets as campaign
+from virtual_lab import campaigns, fast
+from virtual_lab.behaviour import Rating
+from virtual_lab.campaigns import making
+from virtual_lab.instruments import faults
+from virtual_lab.instruments.chain import CHAIN
 from virtual_lab.protocols import Step, discharge, rest
-from virtual_lab.rating import Rating
 from virtual_lab.specimens import Behavioural, BehaviouralGroup
-from virtual_lab.tabulated import Tabulated, circuit
+from virtual_lab.thesis_cells import Tabulated, circuit_at
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
 RATING = Rating(1.0, 3.0, 4.0)
@@ -40,13 +41,13 @@ PAIR = BehaviouralGroup(("A", "B"), (GOOD, WORSE), (0.001, 0.001), (1.0, 1.0))
 @pytest.fixture(scope="module")
 def plan():
     cells = (
-        paper.Cell("A", "NMC", RATING, GOOD, reference=True),
-        paper.Cell("B", "NMC", RATING, WORSE, note="resistive"),
-        paper.Cell("Z", "LMO", Rating(32.0, 2.5, 4.2), Tabulated()),
+        campaigns.Cell("A", "NMC", RATING, GOOD, reference=True),
+        campaigns.Cell("B", "NMC", RATING, WORSE, note="resistive"),
+        campaigns.Cell("Z", "LMO", Rating(32.0, 2.5, 4.2), Tabulated()),
     )
-    a = partial(paper.Test, "A", ambient_celsius=25.0, specimen=GOOD, batch="A")
+    a = partial(campaigns.Test, "A", ambient_celsius=25.0, specimen=GOOD, batch="A")
     b = partial(
-        paper.Test, "B", ambient_celsius=25.0, specimen=WORSE, batch="B", seed_of_campaign=1
+        campaigns.Test, "B", ambient_celsius=25.0, specimen=WORSE, batch="B", seed_of_campaign=1
     )
     empty = [discharge(RATING, 2.0, period_second=20.0), rest(60.0)]
     tests = (
@@ -55,13 +56,13 @@ def plan():
         a("spiked", "drive", instrument="arbin", steps=LOAD,
           faults=(partial(faults.spikes, seed=3, count=4),)),
         b("capacity", "capacity", instrument="digatron", steps=empty),
-        b("torn", "drive", instrument="parquet", steps=LOAD, damage=file_faults.cut_off),
-        paper.Test("Z", "eis", "eis", 20.0, "eis", Tabulated(), soc=0.5, initial_soc=0.5,
+        b("torn", "drive", instrument="parquet", steps=LOAD, damage=faults.cut_off),
+        campaigns.Test("Z", "eis", "eis", 20.0, "eis", Tabulated(), soc=0.5, initial_soc=0.5,
                    batch="Z"),
-        paper.Test("pair", "both", "group", 25.0, "bdf", PAIR, steps=LOAD, soc=None,
+        campaigns.Test("pair", "both", "group", 25.0, "bdf", PAIR, steps=LOAD, soc=None,
                    initial_soc=None, batch="pair"),
     )  # fmt: skip
-    return paper.Plan(cells, tests, {"pair": PAIR}, "title: Small\n", "# About\n")
+    return campaigns.Plan(cells, tests, {"pair": PAIR}, "title: Small\n", "# About\n")
 
 
 def _make(plan, folder, order=None):
@@ -119,7 +120,7 @@ def test_all_files_are_there_with_their_checksums(plan, made):
 
 
 def test_the_pipeline_takes_the_campaign(made):
-    read = sheets.read(made, SCHEMAS)
+    read = campaign.read(made, SCHEMAS)
     assert [row["cell"] for row in read.cells] == ["A", "B", "Z"]
     assert [row["reference"] for row in read.cells] == ["yes", None, None]
     assert [row["kind"] for row in read.tests][-2:] == ["eis", "group"]
@@ -130,7 +131,7 @@ def test_the_pipeline_takes_the_campaign(made):
 
 def test_columns_stand_as_the_contract_lists_them(made):
     for name in ("cells", "tests", "groups"):
-        known = settings.load(SCHEMAS, name)["properties"]
+        known = campaign.settings.load(SCHEMAS, name)["properties"]
         header = (made / "config" / f"{name}.tsv").read_text().splitlines()[0].split("\t")
         assert header == [column for column in known if column in header], name
 
@@ -187,7 +188,7 @@ def test_truth_about_cells_is_told_once(made):
         parameters = _true(made, "models", cell=name, parameter="r0")
         assert {float(row["value"]) for row in parameters} == {r_ohm}
     (row,) = _true(made, "eis")
-    assert float(row["r_charge_transfer_ohm"]) == circuit(0.5, 20.0).r_charge_transfer_ohm
+    assert float(row["r_charge_transfer_ohm"]) == circuit_at(0.5, 20.0).r_charge_transfer_ohm
 
 
 def test_branches_share_the_current_as_their_resistances_say(made):

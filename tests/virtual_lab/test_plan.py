@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from runtime import settings
-from runtime import sheets as campaign_sheets
-from virtual_lab import campaigns, instruments, plan
-from virtual_lab.campaigns.thesis import parallel
-from virtual_lab.chamber import at
+from runtime import sheets as campaign
+from virtual_lab import campaigns, instruments
+from virtual_lab.campaigns import thesis_packs
+from virtual_lab.chamber import temperature_at
 from virtual_lab.hidden.groups import GROUP_EFFECTS
 from virtual_lab.hidden.vocabulary import EFFECTS, INVISIBLE
 from virtual_lab.specimens import branch_rows
@@ -29,7 +29,7 @@ def plans():
 
 
 def _test(**changes):
-    return plan.Test("A", "t", "drive", 25.0, "bdf", None)._replace(**changes)
+    return campaigns.Test("A", "t", "drive", 25.0, "bdf", None)._replace(**changes)
 
 
 def _branches(specimens):
@@ -65,7 +65,9 @@ def test_a_test_is_what_it_is_however_many_there_are(name, fewer, more):
         same = known[test.cell, test.test]
         assert (same.seed, same.initial_soc) == (test.seed, test.initial_soc)
         second = np.arange(0.0, 9000.0, 7.0)
-        np.testing.assert_array_equal(at(same.around, second), at(test.around, second))
+        np.testing.assert_array_equal(
+            temperature_at(same.around, second), temperature_at(test.around, second)
+        )
 
 
 def test_another_seed_is_another_campaign(plans):
@@ -103,7 +105,10 @@ def test_options_are_read_from_text_and_the_workflows_own_are_left():
 def test_sheets_have_the_columns_of_the_contract(plans, name):
     found = plans[name]
     checksums = {test.file: _stand_in(test.file) for test in found.tests}
-    sheets = {"cells": plan.cells_sheet(found), "tests": plan.tests_sheet(found, checksums)}
+    sheets = {
+        "cells": campaigns.cells_sheet(found),
+        "tests": campaigns.tests_sheet(found, checksums),
+    }
     if found.groups:
         sheets["groups"] = _branches(found.groups)
     for sheet, rows in sheets.items():
@@ -119,13 +124,16 @@ def test_the_pipeline_takes_the_campaign(plans, name, tmp_path):
     found = plans[name]
     (tmp_path / "config").mkdir()
     checksums = {test.file: _stand_in(test.file) for test in found.tests}
-    sheets = {"cells": plan.cells_sheet(found), "tests": plan.tests_sheet(found, checksums)}
+    sheets = {
+        "cells": campaigns.cells_sheet(found),
+        "tests": campaigns.tests_sheet(found, checksums),
+    }
     sheets |= {"groups": _branches(found.groups)} if found.groups else {}
     for sheet, rows in sheets.items():
-        text = plan.as_table(rows, separator="\t")
+        text = campaigns.as_table(rows, separator="\t")
         (tmp_path / "config" / f"{sheet}.tsv").write_text(text, encoding="utf-8")
     (tmp_path / "config" / "config.yaml").write_text(found.config, encoding="utf-8")
-    read = campaign_sheets.read(tmp_path, SCHEMAS)
+    read = campaign.read(tmp_path, SCHEMAS)
     assert [row["cell"] for row in read.cells] == [cell.name for cell in found.cells]
     assert [(r["cell"], r["test"]) for r in read.tests] == [(t.cell, t.test) for t in found.tests]
     assert [row["sha256"] for row in read.tests] == [[_stand_in(t.file)] for t in found.tests]
@@ -142,7 +150,7 @@ def test_files_have_names_of_their_own(plans, name):
 @every_campaign
 def test_instruments_are_known(plans, name):
     used = {test.instrument for test in plans[name].tests}
-    assert used <= set(plan.SUFFIX)
+    assert used <= set(campaigns.SUFFIX)
     assert used <= set(instruments.WRITERS)
     for test in plans[name].tests:
         assert (test.instrument in ("eis", "digatron_eis")) == (test.kind == "eis"), test.file
@@ -187,13 +195,13 @@ def test_steps_end_and_stay_within_the_data_sheet(plans, name):
 
 def test_sheet_leaves_out_what_was_not_made():
     tests = (_test(), _test(test="u", steps=[]))
-    rows = plan.tests_sheet(plan.Plan((), tests, {}, "", ""), {tests[1].file: "0" * 64})
+    rows = campaigns.tests_sheet(campaigns.Plan((), tests, {}, "", ""), {tests[1].file: "0" * 64})
     assert [row["test"] for row in rows] == ["u"]
 
 
 def test_table_has_the_columns_in_order_and_blanks_where_nothing_is_known():
     rows = [{"b": 1, "a": None}, {"b": 2.5, "c": "x"}]
-    assert plan.as_table(rows, separator=";") == "b;a;c\n1;;\n2.5;;x\n"
+    assert campaigns.as_table(rows, separator=";") == "b;a;c\n1;;\n2.5;;x\n"
 
 
 def test_thesis_has_the_cells_of_the_thesis(plans):
@@ -230,7 +238,7 @@ def test_first_eight_groups_are_those_of_table_5_2(plans):
         {14: 29.7, 15: 31.7, 16: 30.2, 31: 30.1},
         {2: 24.9, 3: 29.8, 18: 29.4, 26: 29.4},
     ]
-    told = {one.name: one.capacity_ampere_hour for one in parallel.cells(0)}
+    told = {one.name: one.capacity_ampere_hour for one in thesis_packs.group_cells(0)}
     for group, cells in zip(plans["thesis"].groups.values(), table, strict=False):
         assert {int(name[1:]): told[name] for name in group.names} == cells
     assert min(told.values()) == 18.7

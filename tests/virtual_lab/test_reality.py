@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from virtual_lab.reality import check, comparison, noise, peaks, pulse, relaxation, workbook
-from virtual_lab.reality.findings import Number
-from virtual_lab.reality.records import Record, Skipped, Source, load, named
+from virtual_lab.reality import check, noise, records, responses
+from virtual_lab.reality.records import Number, Record, Skipped, Source, load, named
 
 SIGMA = 0.0004
 
@@ -88,7 +87,7 @@ def test_clocks_that_keep_to_a_grid_are_told_from_those_that_do_not():
 def test_stretched_exponent_is_found(beta, tau):
     second = np.geomspace(1.0, 3600.0, 400)
     volt = 3.6 - 0.05 * np.exp(-((second / tau) ** beta))
-    found = relaxation.stretched(second, volt)
+    found = responses.stretched(second, volt)
     assert found[0] == pytest.approx(beta, abs=0.01)
     assert found[1] == pytest.approx(tau, rel=0.02)
     assert found[2] < 1e-3
@@ -97,10 +96,10 @@ def test_stretched_exponent_is_found(beta, tau):
 def test_rest_after_a_load_is_measured_from_the_last_loaded_sample(tmp_path):
     source = campaign(tmp_path, {"step": ("relaxation", loaded_then_rest())})
     (record,) = load(source)
-    (rest,) = relaxation.rests(record)
+    (rest,) = responses.rests(record)
     _, condition, second, volt = rest
     assert condition == "after a discharge step"
-    share = relaxation.shares(second, volt, until_second=600.0)
+    share = responses.shares(second, volt, until_second=600.0)
     for time in (1.0, 10.0, 100.0):
         way = 0.02 + 0.03 * (1 - np.exp(-time / 60))
         assert share[time] == pytest.approx(way / 0.05, abs=0.003)
@@ -109,8 +108,8 @@ def test_rest_after_a_load_is_measured_from_the_last_loaded_sample(tmp_path):
 def test_response_to_a_step_of_current_is_that_of_the_circuit(tmp_path):
     source = campaign(tmp_path, {"step": ("relaxation", loaded_then_rest())})
     (record,) = load(source)
-    (step,) = pulse.edges(record)
-    second, ohm = pulse.response(record, step)
+    (step,) = responses.pulse_steps(record)
+    second, ohm = responses.pulse_response(record, step)
     wanted = 0.02 + 0.03 * (1 - np.exp(-(second + 0.5) / 60))
     np.testing.assert_allclose(ohm, wanted, atol=2e-5)
 
@@ -121,7 +120,7 @@ def test_peaks_of_a_known_curve_are_found():
     volt = np.linspace(3.2, 4.2, 4000)
     charge = sum(1 / (1 + np.exp(-(volt - c) / s)) for c, s in zip(centres, scale, strict=True))
     noisy = volt + np.random.default_rng(7).normal(0, 0.0003, volt.size)
-    found = peaks.find(*peaks.incremental_capacity(noisy, charge, smooth_volt=0.005))
+    found = responses.found_peaks(*responses.incremental_capacity(noisy, charge, smooth_volt=0.005))
     assert [place for place, _, _ in found] == pytest.approx(centres, abs=0.004)
     assert [width for _, _, width in found] == pytest.approx(3.53 * scale, rel=0.1)
     assert [height for _, height, _ in found] == pytest.approx(1 / (4 * scale), rel=0.06)
@@ -129,7 +128,7 @@ def test_peaks_of_a_known_curve_are_found():
 
 def test_incremental_capacity_gives_the_charge_back():
     volt, charge = np.linspace(3.0, 4.2, 500), np.linspace(0, 5.0, 500)
-    middle, per_volt = peaks.incremental_capacity(volt, charge, smooth_volt=0.005)
+    middle, per_volt = responses.incremental_capacity(volt, charge, smooth_volt=0.005)
     assert per_volt.sum() * (middle[1] - middle[0]) == pytest.approx(5.0, rel=1e-6)
     assert np.median(per_volt) == pytest.approx(5.0 / 1.2, rel=1e-3)
 
@@ -139,7 +138,7 @@ def test_incremental_capacity_gives_the_charge_back():
     [(1.05, "within"), (3.0, "above, 3 times"), (0.1, "below, 5 times"), (-1, "below, 1.5 off")],
 )
 def test_verdict_says_where_and_by_how_much(value, said):
-    assert comparison.verdict(value, [0.5, 1.0]) == said
+    assert check.verdict(value, [0.5, 1.0]) == said
 
 
 def test_a_laboratory_is_judged_by_real_sources_only():
@@ -148,7 +147,7 @@ def test_a_laboratory_is_judged_by_real_sources_only():
         return Number(source, real, *about)
 
     found = [number("lab", False, 0.9), number("other lab", False, 9.0), number("r", True, 0.3)]
-    (row,) = comparison.table(found)
+    (row,) = check.comparison_rows(found)
     assert row.verdicts == {"lab": "above, 3 times", "other lab": "above, 30 times"}
 
 
@@ -188,7 +187,7 @@ def test_workbook_becomes_the_text_of_its_channel():
     with zipfile.ZipFile(content, "w") as book:
         for name, text in parts.items():
             book.writestr(name, text)
-    assert workbook.channel_csv(content.getvalue()) == b"Time,,Volt\n0.5,,-1.25E-2\n"
+    assert records.channel_csv(content.getvalue()) == b"Time,,Volt\n0.5,,-1.25E-2\n"
 
 
 def test_all_of_it_is_written(tmp_path):
@@ -214,7 +213,7 @@ def test_the_demo_can_be_looked_at():
     root = Path(__file__).resolve().parents[2]
     records = load(Source("demo", root, False), most_cells=1)
     record = next(r for r in records if isinstance(r, Record) and r.test == "capacity_25C")
-    found = {(n.condition, n.quantity): n.value for n in noise.look(record)[0]}
+    found = {(n.condition, n.quantity): n.value for n in noise.look_at_noise(record)[0]}
     assert found["whole record", "step of voltage"] == pytest.approx(0.3, rel=1e-3)
     wanted = np.hypot(0.3, 0.3 / 12**0.5)
     assert found["at rest", "white noise of voltage"] == pytest.approx(wanted, rel=0.25)
@@ -223,5 +222,5 @@ def test_the_demo_can_be_looked_at():
 
 def test_a_time_far_from_any_sample_is_left_out():
     second = np.array([0.0, 0.04, 5.0, 35.0, 65.0, 95.0, 110.0, 700.0])
-    found = relaxation.shares(second, np.linspace(3.5, 3.6, 8), until_second=600.0)
+    found = responses.shares(second, np.linspace(3.5, 3.6, 8), until_second=600.0)
     assert list(found) == [100.0]

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from virtual_lab.score import comparison, matching, summary, words
+from virtual_lab.score import comparison, page, summary
 
 
 def table(**columns):
@@ -19,7 +19,7 @@ def test_partners_are_each_others_nearest_in_their_group(seed):
     found, true = (
         table(cell=random.choice(["a", "b", "c"], n), at=random.uniform(0, 100, n)) for n in sizes
     )
-    pairs = matching.pair(found, true, keys=["cell"], near="at", tolerance=2.0)
+    pairs = comparison.pair(found, true, keys=["cell"], near="at", tolerance=2.0)
     gap = np.abs(found["at"].to_numpy()[:, None] - true["at"].to_numpy())
     gap[found["cell"].to_numpy()[:, None] != true["cell"].to_numpy()] = np.inf
     mutual = (gap == gap.min(axis=0)) & (gap == gap.min(axis=1)[:, None]) & (gap <= 2.0)
@@ -33,7 +33,7 @@ def test_partners_are_each_others_nearest_in_their_group(seed):
 def test_without_a_distance_the_kth_goes_with_the_kth_and_blank_equals_blank():
     found = table(cell=["a", "a", None], test=["x", "x", "y"])
     true = table(cell=["a", None, "b"], test=["x", "y", "z"])
-    pairs = matching.pair(found, true, keys=["cell", "test"])
+    pairs = comparison.pair(found, true, keys=["cell", "test"])
     assert set(zip(pairs.found, pairs.true, strict=True)) == {(0, 0), (2, 1)}
     assert pairs.extra.tolist() == [1]
     assert pairs.missing.tolist() == [2]
@@ -41,13 +41,13 @@ def test_without_a_distance_the_kth_goes_with_the_kth_and_blank_equals_blank():
 
 def test_a_row_without_a_place_has_no_partner():
     found, true = table(cell=["a"], at=[np.nan]), table(cell=["a"], at=[1.0])
-    assert not len(matching.pair(found, true, keys=["cell"], near="at", tolerance=1e9).true)
+    assert not len(comparison.pair(found, true, keys=["cell"], near="at", tolerance=1e9).true)
 
 
 def test_measured_rates_become_those_asked_for():
     found = table(cell=["a", "a", "b"], c_rate=[0.0499, 0.34, 0.05])
     true = table(cell=["a", "a"], c_rate=[0.05, 1 / 3])
-    rates = matching.snapped(found, true, keys=["cell"], near="c_rate", tolerance=0.25)
+    rates = comparison.snapped(found, true, keys=["cell"], near="c_rate", tolerance=0.25)
     assert rates.tolist() == [0.05, 1 / 3, 0.05]
 
 
@@ -92,7 +92,7 @@ def test_coverage_sees_intervals_that_are_too_narrow_or_too_wide(stated, remark)
     # 95 %, and what lies within half and twice 1.96 standard deviations.
     expected = {1.0: 0.95, 0.5: 0.673, 2.0: 0.9999}[stated]
     assert row["coverage_low"] <= expected <= row["coverage_high"] + 1e-3
-    said = words.remark({**dict.fromkeys(summary.COLUMNS, 0), **row})
+    said = page.remark({**dict.fromkeys(summary.COLUMNS, 0), **row})
     assert remark in said
     assert bool(said) == bool(remark)
 
@@ -134,9 +134,9 @@ def test_a_deviation_of_nothing_is_no_interval():
     ],
 )
 def test_errors_are_shown_in_units_that_read_well(value, unit, text):
-    assert words.with_unit(value, unit) == text
+    assert page.with_unit(value, unit) == text
 
 
 def test_names_lose_their_units_and_underscores():
-    assert words.plain("resistance_ohm, 10 s") == "resistance, 10 s"
-    assert words.plain("height_ampere_hour_per_volt") == "height"
+    assert page.plain_name("resistance_ohm, 10 s") == "resistance, 10 s"
+    assert page.plain_name("height_ampere_hour_per_volt") == "height"

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from virtual_lab.score import circuits, curves, expected, files, groups, spoiled, tables
+from virtual_lab.score import curves, files, missing, tables
 
 
 @pytest.fixture
@@ -208,7 +208,7 @@ def test_shares_of_a_group_are_integrals_of_its_simulated_branches(place):
         place.results / "pack_series/g/t.parquet",
         series | {"simulated_branch_1_current_ampere": ampere},
     )
-    rows = groups.compare(place)
+    rows = curves.packs(place)
     assert one(rows, "charge_ampere_hour")["found"] == pytest.approx(4.0, abs=0.02)
     assert one(rows, "current_max_ampere")["error"] == pytest.approx(1.0)
     assert one(rows, "group_capacity_ampere_hour")["found"] == pytest.approx(4.0, abs=0.02)
@@ -216,7 +216,7 @@ def test_shares_of_a_group_are_integrals_of_its_simulated_branches(place):
 
 def test_recuperation_belongs_to_the_discharge_around_it():
     charge = np.array([0.0, 0.0, -1.0, -0.9, -2.0, -2.0, 1.0, 1.0, 0.5, 0.6])
-    assert groups.discharges(charge, least=0.3) == [(1, 4), (7, 8)]
+    assert curves.discharges(charge, least=0.3) == [(1, 4), (7, 8)]
 
 
 def knots(**parameters):
@@ -226,7 +226,7 @@ def knots(**parameters):
 @pytest.mark.parametrize("after", [0.01, 10.0, np.inf])
 def test_resistance_of_a_circuit_is_its_step_response(after):
     values = knots(r0=0.02, r1=0.01, tau1=5.0, rct=0.03, tauct=1e-3)
-    found, _ = circuits.resistance(values, knots(r0=0.001), after_second=after)
+    found, _ = curves.resistance(values, knots(r0=0.001), after_second=after)
     arrived = [1 - np.exp(-after / tau) for tau in (5.0, 1e-3)]
     assert found == pytest.approx(0.02 + 0.01 * arrived[0] + 0.03 * arrived[1])
 
@@ -235,9 +235,7 @@ def test_kinetics_share_one_asinh():
     """V = s asinh((R1 + R2) I / s) in all, once it has arrived."""
     scale, current = 0.0514, 10.0
     values = knots(r0=0.0, r1=0.01, tau1=1.0, scale1=scale, r2=0.02, tau2=2.0, scale2=scale)
-    found, _ = circuits.resistance(
-        values, knots(r0=0.0), after_second=np.inf, current_ampere=current
-    )
+    found, _ = curves.resistance(values, knots(r0=0.0), after_second=np.inf, current_ampere=current)
     assert found * current == pytest.approx(scale * np.arcsinh(0.03 * current / scale))
 
 
@@ -251,7 +249,7 @@ def test_the_chosen_model_is_scored_and_only_where_it_was_identified(place):
     true = [{**name, "soc": s, "parameter": "r0", "value": 0.02} for s in (0.1, 0.5)]
     put_both(place, "models", found, true)
     put(place.results / "summary.csv", [{"cell": "a", "best_model": "2RC"}])
-    rows = circuits.compare(place).set_index("at")
+    rows = curves.circuits(place).set_index("at")
     assert rows["status"].tolist() == ["missing", "compared"]
     assert rows["error"].iloc[1] == pytest.approx(0.001)
     assert rows["inside_95"].iloc[1] == True  # noqa: E712
@@ -263,7 +261,7 @@ def test_a_model_is_not_missed_at_a_temperature_without_tests(place):
     put_both(place, "models", [], true)
     drive = {"cell": "a", "test": "t", "kind": "drive", "ambient_temperature_celsius": 24}
     put(place.config / "tests.tsv", [drive])
-    rows = circuits.compare(place).set_index("at")["status"]
+    rows = curves.circuits(place).set_index("at")["status"]
     assert rows.to_dict() == {"0 °C, SoC 0.5": "untested", "25 °C, SoC 0.5": "missing"}
 
 
@@ -274,7 +272,7 @@ def test_spoiled_files_are_refused_taken_or_refused_besides(place):
     true = [{"cell": "a", "test": t, "file": "f", "reason": "cut off"} for t in ("t", "u")]
     found = [refusal("a", "t"), refusal("b", "good"), refusal("a", None)]
     put_both(place, "excluded", found, true)
-    rows = spoiled.refused(place).set_index(["cell", "test"])["status"].to_dict()
+    rows = missing.refused_files(place).set_index(["cell", "test"])["status"].to_dict()
     assert rows == {("a", "t"): "compared", ("a", "u"): "missing", ("b", "good"): "extra"}
 
 
@@ -286,7 +284,7 @@ def test_what_is_missing_of_a_spoiled_file_is_not_held_against_the_pipeline(plac
         [{"cell": "a", "test": "t", "file": "f", "stage": "ingest", "reason": "no voltage"}],
         [{"cell": "a", "test": "t", "file": "f", "reason": "cut off"}],
     )
-    rows = expected.mark(place, tables.compare(place, "capacity")).set_index("test")
+    rows = missing.mark(place, tables.compare(place, "capacity")).set_index("test")
     assert rows["status"].to_dict() == {"t": "spoiled", "u": "missing"}
     assert rows.loc["t", "reason"] == "no voltage"
 
@@ -296,7 +294,7 @@ def test_spoiled_samples_are_flagged_within_a_row(place):
     put(place.truth / "faults.csv", [fault | {"row": row} for row in (10, 50)])
     put(place.results / "flags/a/t.parquet", {"row": [11, 70], "flag": ["spike", "gap"]})
     put(place.results / "flags/b/t.parquet", {"row": [10], "flag": ["spike"]})
-    rows = spoiled.flagged(place)
+    rows = missing.flagged_samples(place)
     found = rows.groupby(["quantity", "status"]).size().to_dict()
     assert found == {
         ("spike", "compared"): 1,
@@ -310,7 +308,7 @@ def test_nothing_of_a_refused_test_is_taken_for_good(place):
     put(place.truth / "faults.csv", [{"cell": "a", "test": "t", "fault": "frozen", "row": 9}])
     refusal = {"cell": "a", "test": "t", "file": "f", "stage": "clean", "reason": "voltage frozen"}
     put(place.results / "tables/excluded.csv", [refusal])
-    row = spoiled.flagged(place).iloc[0]
+    row = missing.flagged_samples(place).iloc[0]
     assert (row["status"], row["reason"]) == ("compared", "the test was refused")
 
 
@@ -319,7 +317,7 @@ def test_one_flag_answers_for_two_swapped_rows(place):
     put(place.truth / "faults.csv", [swapped | {"row": row} for row in (20, 21, 40, 41)])
     flags = {"row": [21, 40], "flag": ["out_of_place", "out_of_place"]}
     put(place.results / "flags/a/t.parquet", flags)
-    assert spoiled.flagged(place)["status"].tolist() == ["compared", "compared"]
+    assert missing.flagged_samples(place)["status"].tolist() == ["compared", "compared"]
 
 
 def test_what_no_table_is_made_from_is_untested_not_missing(place):
@@ -329,7 +327,7 @@ def test_what_no_table_is_made_from_is_untested_not_missing(place):
         {"cell": "a", "test": t, "kind": k} for t, k in (("cap", "capacity"), ("drive", "drive"))
     ]
     put(place.config / "tests.tsv", kinds)
-    rows = expected.mark(place, tables.compare(place, "capacity")).set_index("test")["status"]
+    rows = missing.mark(place, tables.compare(place, "capacity")).set_index("test")["status"]
     assert rows.to_dict() == {"cap": "missing", "drive": "untested", "unlisted": "missing"}
 
 
@@ -339,5 +337,5 @@ def test_filters_are_asked_of_validation_tests_only(place):
     kinds = {"drive": ("drive", None), "fit": ("drive", "fit"), "cap": ("capacity", None)}
     sheet = [{"cell": "a", "test": t, "kind": k, "role": r} for t, (k, r) in kinds.items()]
     put(place.config / "tests.tsv", sheet)
-    rows = expected.mark(place, curves.soc(place)).groupby("test")["status"].unique().map(list)
+    rows = missing.mark(place, curves.soc(place)).groupby("test")["status"].unique().map(list)
     assert rows.to_dict() == {"drive": ["missing"], "fit": ["untested"], "cap": ["untested"]}

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from runtime import contract
-from virtual_lab.score import files, page, summary, verdicts, work
+from virtual_lab.score import files, page, summary, verdicts
 
 
 def hidden(kind, *effects, visible=True, silent=False, accept=()):
@@ -109,7 +109,7 @@ def test_truth_as_rows_and_under_cells_is_the_same(place):
 
 def test_every_table_of_the_contract_is_scored_or_said_not_to_be(place):
     made = {stage.removeprefix("tables/") for stage in contract.stages() if "tables/" in stage}
-    known = set(work.score(place).summary["table"])
+    known = set(summary.score(place).summary["table"])
     assert made - {"checks"} <= known
     assert known == set(summary.QUANTITIES) == set(page.TITLES) == set(page.ABOUT)
 
@@ -120,17 +120,17 @@ def test_a_table_without_truth_or_results_says_so(place):
     (place.results / "tables").mkdir()
     rows.to_csv(place.truth / "capacity.csv", index=False)
     rows.assign(peak=1).to_csv(place.results / "tables" / "ica.csv", index=False)
-    states = work.score(place).summary.groupby("table")["state"].unique().map(list)
+    states = summary.score(place).summary.groupby("table")["state"].unique().map(list)
     assert states["capacity"] == ["not made by the pipeline yet"]
     assert states["ica"] == ["no truth"]
     assert states["packs"] == ["no truth, and not made by the pipeline yet"]
 
 
 def test_the_page_is_whole_by_itself_and_the_same_each_time(place):
-    work.write(place, title="A score & more")
+    page.write(place, title="A score & more")
     folder = place.results / "score"
     first = {path.name: path.read_bytes() for path in folder.iterdir()}
-    work.write(place, title="A score & more")
+    page.write(place, title="A score & more")
     assert first == {path.name: path.read_bytes() for path in folder.iterdir()}
     assert set(first) == {"score.csv", "errors.csv", "verdicts.csv", "score.html"}
     text = first["score.html"].decode()
@@ -141,6 +141,6 @@ def test_the_page_is_whole_by_itself_and_the_same_each_time(place):
 
 
 def test_markdown_has_the_same_cells_in_every_row(place):
-    lines = [line for line in page.markdown(work.score(place)).splitlines() if line[:1] == "|"]
+    lines = [line for line in page.markdown(summary.score(place)).splitlines() if line[:1] == "|"]
     assert len({line.count("|") for line in lines}) == 1
     assert len(lines) > 5

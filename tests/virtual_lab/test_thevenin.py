@@ -14,7 +14,7 @@ from cellwright.circuits.exports import pybamm_document
 from cellwright.circuits.model_file import simulate_model
 from cellwright.circuits.simulate import simulate
 from runtime.artefact import plain
-from virtual_lab.thevenin import load, thevenin
+from virtual_lab.physics.thevenin import load, thevenin
 
 CAPACITY, R0, R, TAU = 2.9, 0.025, (0.012, 0.02), (8.0, 180.0)
 

@@ -1,29 +1,25 @@
 """The campaign of hidden effects: for the benchmark of the missing-effect search.
 
 Every effect of the vocabulary at three strengths, healthy cells, effects outside the vocabulary,
-two effects at once, cells by physics with an effect laid over them, and parallel groups.
+two effects at once, cells by physics with an effect added to their voltage, and parallel groups.
 """
 
 from itertools import product
 
 import numpy as np
 
+from virtual_lab.campaigns import Cell, Plan, Test, seed_of
 from virtual_lab.chamber import wobbling
-from virtual_lab.hidden.group_specimen import HiddenGroup, branches, group_tasks
-from virtual_lab.hidden.groups import GROUP_EFFECTS
-from virtual_lab.hidden.outside import OUTSIDE
-from virtual_lab.hidden.over_physics import HiddenPhysics
-from virtual_lab.hidden.protocols import slow_task, tasks
-from virtual_lab.hidden.setup import CHEMISTRY, RATING
-from virtual_lab.hidden.specimen import HiddenCell
-from virtual_lab.hidden.vocabulary import EFFECTS, INVISIBLE
-from virtual_lab.plan import Cell, Plan, Test, seed_of
+from virtual_lab.hidden.groups import GROUP_EFFECTS, HiddenGroup, branches, group_tasks
+from virtual_lab.hidden.setup import CHEMISTRY, RATING, slow_task, tasks
+from virtual_lab.hidden.specimens import HiddenCell, HiddenPhysics
+from virtual_lab.hidden.vocabulary import EFFECTS, INVISIBLE, OUTSIDE
 
 STRENGTHS_VOLT = (1e-3, 2.5e-3, 6e-3)
 STRONG_VOLT = STRENGTHS_VOLT[1:]
 INVISIBLE_CELLS = 2
 REFERENCES = 3
-# Effects that are told apart by dynamics, two of which may sit in one cell.
+# Effects that can be told apart by dynamics; two of them may be in one cell.
 DYNAMIC = (
     "hysteresis_instant",
     "resistance_asymmetry",
@@ -36,7 +32,7 @@ DYNAMIC = (
     "current_offset",
     "time_skew",
 )
-# What can be laid over the voltage of a cell by physics without touching the cell.
+# Effects that can be added to the voltage of a cell by physics.
 OVER_PHYSICS = (
     "hysteresis_instant",
     "resistance_asymmetry",
@@ -46,7 +42,7 @@ OVER_PHYSICS = (
     "current_offset",
     "time_skew",
 )
-PHYSICS_CHEMISTRY = "NMC811"  # a type of its own, so that it lends to and borrows from its like
+PHYSICS_CHEMISTRY = "NMC811"  # a type of its own: healthy cells are compared within a type
 FULL_WITHIN = 0.01
 CELLS_PER_JOB = 10
 WOBBLE_KELVIN, WOBBLE_SECOND = 0.4, 1200.0
@@ -68,57 +64,53 @@ its `floor_volt` the ammeter's noise told in the same way.
 
 
 def plan(*, seed, cells, healthy, unknown, two, physics, groups) -> Plan:
-    """All tests; the options are numbers of cells, `cells` and `groups` per effect and strength."""
+    """The plan; options are numbers of cells, `cells` and `groups` per effect and strength."""
+    outside = list(OUTSIDE)
     wanted = [
         *[("reference", (), 0.0)] * REFERENCES,
         *[("none", (), 0.0)] * healthy,
         *_single(cells),
-        *[("unknown", names, STRONG_VOLT[1]) for names in _outside(unknown)],
+        *[("unknown", (outside[k % len(outside)],), STRONG_VOLT[1]) for k in range(unknown)],
         *[("two", names, STRONG_VOLT[1]) for names in _pairs(seed, two)],
     ]
     behavioural = [HiddenCell(name, seed, *what) for name, what in _shuffled("h", wanted, seed)]
     overlaid = _shuffled("p", _by_physics(physics), seed)
     physical = [HiddenPhysics(name, seed, *what) for name, what in overlaid]
-    bundles = [
+    parallel = [
         HiddenGroup(name, seed, *what) for name, what in _shuffled("g", _groups(groups), seed)
     ]
     jobs = [behavioural[k : k + CELLS_PER_JOB] for k in range(0, len(behavioural), CELLS_PER_JOB)]
     tests = [t for k, job in enumerate(jobs) for one in job for t in _tests(one, f"cells_{k:03d}")]
     tests += [t for one in physical for t in _tests(one, f"physics_{one.name}")]
-    tests += [t for group in bundles for t in _group_tests(group)]
+    tests += [t for group in parallel for t in _group_tests(group)]
     rows = [_row(one, CHEMISTRY) for one in behavioural]
     rows += [_row(one, PHYSICS_CHEMISTRY) for one in physical]
-    rows += [_row(one, CHEMISTRY) for group in bundles for one in branches(group)]
-    return Plan(tuple(rows), tuple(tests), {g.name: g for g in bundles}, CONFIG, ABOUT)
+    rows += [_row(one, CHEMISTRY) for group in parallel for one in branches(group)]
+    return Plan(tuple(rows), tuple(tests), {g.name: g for g in parallel}, CONFIG, ABOUT)
 
 
 def _shuffled(letter, wanted, seed):
-    """Names for what is wanted, in an order that tells nothing."""
+    """Names for the wanted cells, in an order that does not show what they have."""
     order = np.random.default_rng(seed_of(f"names {letter}", seed)).permutation(len(wanted))
     return [(f"{letter}{k:04d}", wanted[place]) for k, place in enumerate(order, 1)]
 
 
 def _single(cells):
-    """Every effect at every strength; those that cannot show, a few times."""
+    """Cells with one effect, at every strength; of effects that leave no gap only a few."""
     visible = [effect for effect in EFFECTS if effect not in INVISIBLE]
     wanted = list(product(visible, STRENGTHS_VOLT, range(cells)))
     wanted += list(product(INVISIBLE, STRONG_VOLT[:1], range(min(cells, INVISIBLE_CELLS))))
     return [("single", (effect,), strength) for effect, strength, _ in wanted]
 
 
-def _outside(count):
-    names = list(OUTSIDE)
-    return [(names[k % len(names)],) for k in range(count)]
-
-
 def _pairs(seed, count):
-    """Two different effects, drawn."""
+    """Pairs of different effects, drawn."""
     random = np.random.default_rng(seed_of("pairs", seed))
     return [tuple(random.choice(DYNAMIC, 2, replace=False).tolist()) for _ in range(count)]
 
 
 def _by_physics(count):
-    """References, half as many healthy cells as cells with an effect, and these."""
+    """Cells by physics: references, cells with an effect, and half as many healthy ones."""
     if not count:
         return []
     effects = [(OVER_PHYSICS[k % len(OVER_PHYSICS)],) for k in range(count)]

@@ -1,6 +1,7 @@
-"""How each effect of the vocabulary acts on a cell or its channel (ids as in the contract).
+"""How each hidden effect acts on a cell or its measuring channel (ids as in the contract).
 
-An effect has one size, by which its strength is set, and further parameters that are drawn.
+An effect has one size, by which its strength is set, and further parameters that are drawn. Those
+of OUTSIDE are in no vocabulary: a search must say "unknown" and where the gap is.
 """
 
 from collections.abc import Callable
@@ -28,7 +29,8 @@ class Effect(NamedTuple):
     searched, `most`: the largest that is still a cell or an instrument. `act(setup, size, drawn)`
     gives the setup with the effect in it. `draw(random)` gives the further parameters; where the
     sign is free (`either_sign`) it is already in the size that `act` receives. `on_drives`: its
-    strength is measured on drives only, for at the sharp edges of pulses it depends on the clock.
+    strength is measured on drives only, since at the sharp edges of pulses it depends on the
+    clock.
     """
 
     parameter: str
@@ -41,10 +43,12 @@ class Effect(NamedTuple):
 
 
 def _shape(random):
+    """A drawn shape of a table over SoC."""
     return {"shape": str(random.choice(sorted(SHAPES)))}
 
 
 def _factor(size, drawn):
+    """Table over SoC [1] of a drawn shape and a size, positive everywhere."""
     return np.maximum(1 + size * SHAPES[drawn["shape"]], 0.1)
 
 
@@ -71,7 +75,7 @@ def _slow_diffusion(setup, size, drawn):
     cell = setup.cell
     more = {"pair_r_ohm": size, "pair_tau_second": second, "pair_factor": 1.0}
     more["pair_activation_joule_per_mole"] = cell.r0_activation_joule_per_mole
-    # A table that is empty says the same of every pair, and of one more.
+    # An empty table holds for every pair, and so for one more.
     longer = {
         name: (*getattr(cell, name), one) for name, one in more.items() if getattr(cell, name)
     }
@@ -97,12 +101,10 @@ def _entropic(setup, size, drawn):
 
 
 def _self_heating(setup, size, drawn):
-    """Resistances feel the cell's own heat; the chamber's temperature does nothing to them."""
-    return setup.with_cell(
-        rise_kelvin_per_watt=size,
-        rise_tau_second=drawn["time_constant_second"],
-        rise_activation_joule_per_mole=drawn["activation_energy_joule_per_mole"],
-    )
+    """Resistances follow the cell's own heat; the chamber's temperature does not change them."""
+    energy, second = drawn["activation_energy_joule_per_mole"], drawn["time_constant_second"]
+    rise = {"rise_kelvin_per_watt": size, "rise_tau_second": second}
+    return setup.with_cell(**rise, rise_activation_joule_per_mole=energy)
 
 
 def _heating_draws(random):
@@ -113,14 +115,14 @@ def _heating_draws(random):
 
 
 def _capacity_error(setup, size, _):
-    """The cell has gained or lost capacity since its capacity test."""
+    """The cell's capacity has changed since its capacity test."""
     then = setup.cell
     now = setup.with_cell(capacity_ampere_hour=then.capacity_ampere_hour * (1 + size))
     return now._replace(at_capacity_test=then)
 
 
 def _ocv_shift(setup, size, drawn):
-    """Electrodes that have moved against each other; capacity falls as they say."""
+    """Losses shift the electrodes against each other; the capacity falls accordingly."""
     fresh = electrodes.window(CHEMISTRY, RATING)
     aged = electrodes.window(CHEMISTRY, RATING, **{drawn["loss"]: size})
     moved = electrodes.open_circuit_volt(CHEMISTRY, aged, SOC)
@@ -138,23 +140,22 @@ def _ocv_edge(setup, size, drawn):
 
 
 def _in_cell(field):
+    """An action that sets one parameter of the cell to the size."""
     return lambda setup, size, _: setup.with_cell(**{field: size})
 
 
 def _in_chain(field):
+    """An action that sets one setting of the channel to the size."""
     return lambda setup, size, _: setup.with_chain(**{field: size})
+
+
+def _uniform_draws(**limits):
+    """A draw of numbers, each uniform between its limits."""
+    return lambda random: {name: float(random.uniform(*ends)) for name, ends in limits.items()}
 
 
 def _choice(name, *values):
     return lambda random: {name: str(random.choice(values))}
-
-
-def _drawn_rate(random):
-    return {"rate_per_soc": float(random.uniform(10.0, 30.0))}
-
-
-def _drawn_share(random):
-    return {"share_of_resistance": float(random.uniform(0.6, 0.8))}
 
 
 EFFECTS = {
@@ -166,20 +167,21 @@ EFFECTS = {
         lambda setup, size, drawn: setup.with_cell(
             hysteresis_volt=size, hysteresis_per_soc=drawn["rate_per_soc"]
         ),
-        _drawn_rate,
+        _uniform_draws(rate_per_soc=(10.0, 30.0)),
     ),
     "resistance_asymmetry": Effect(
-        "charge_resistance_excess_relative",
-        0.2,
-        2.0,
-        _in_cell("charge_asymmetry"),
+        "charge_resistance_excess_relative", 0.2, 2.0, _in_cell("charge_asymmetry")
     ),
     "resistance_soc": Effect("amount_relative", 0.3, 4.0, _resistance_soc, _shape),
     "polarisation_soc": Effect("amount_relative", 0.3, 4.0, _polarisation_soc, _shape),
     "slow_diffusion": Effect("resistance_ohm", 4e-3, 0.05, _slow_diffusion, _slow_form),
-    # Beyond 1.1 /A the gap shrinks again: what is left of the share is too little to be missed.
+    # Beyond 1.1 /A the gap shrinks again: too little of the resistance remains.
     "charge_transfer_nonlinearity": Effect(
-        "per_exchange_current_per_ampere", 0.15, 1.1, _kinetics, _drawn_share
+        "per_exchange_current_per_ampere",
+        0.15,
+        1.1,
+        _kinetics,
+        _uniform_draws(share_of_resistance=(0.6, 0.8)),
     ),
     "resistance_temperature": Effect(
         "activation_energy_joule_per_mole", 5e3, 60e3, _resistance_temperature
@@ -243,5 +245,48 @@ EFFECTS = {
         lambda setup, size, _: setup.with_cell(r0_ohm=setup.cell.r0_ohm + size),
     ),
 }
-# What no instrument can tell from a healthy cell with other parameters: no strength to search.
+# Effects that leave no gap, for a healthy cell with other parameters gives the same record; sizes.
 INVISIBLE = {"lead_resistance": 4e-3, "current_gain": 0.01}
+
+
+def _ripple(setup, size, drawn):
+    """Interference: a slow sine on the voltage."""
+    turn = 2 * np.pi / drawn["period_second"]
+    return setup._replace(disturbance=lambda second, _: size * np.sin(turn * second))
+
+
+def _contact(setup, size, drawn):
+    """A contact whose resistance rises for minutes now and then."""
+    random = np.random.default_rng(drawn["seed"])
+    change = np.cumsum(random.exponential(drawn["mean_second"], 2000))
+
+    def disturbance(second, ampere):
+        return size * ampere * (np.searchsorted(change, second) % 2)
+
+    return setup._replace(disturbance=disturbance)
+
+
+def _ocv_bump(setup, size, drawn):
+    """A bump of the OCV where no electrode has one."""
+    bump = size * np.exp(-(((SOC - drawn["soc"]) / drawn["width_soc"]) ** 2))
+    return setup.with_cell(ocv_volt=setup.cell.ocv_volt + bump)
+
+
+def _contact_draws(random):
+    return {"mean_second": float(random.uniform(100, 400)), "seed": int(random.integers(2**31))}
+
+
+OUTSIDE = {
+    "resistance_drift": Effect("relative_per_hour", 0.05, 2.0, _in_cell("r0_drift_per_hour")),
+    "ripple": Effect(
+        "amplitude_volt", 4e-3, 0.05, _ripple, _uniform_draws(period_second=(60.0, 300.0))
+    ),
+    "contact": Effect("resistance_ohm", 4e-3, 0.1, _contact, _contact_draws),
+    "ocv_bump": Effect(
+        "amplitude_volt",
+        0.02,
+        0.2,
+        _ocv_bump,
+        _uniform_draws(soc=(0.3, 0.8), width_soc=(0.012, 0.025)),
+    ),
+}

@@ -1,16 +1,21 @@
-"""Files as instruments write them, and the same bytes each time.
+"""Instruments: how a cell's behaviour is sampled, measured, spoiled and written to files.
 
-A writer takes the columns of `measurement.measured` (or of a spectrum) and gives bytes; with
-`discharge_positive` the file's current is positive on discharge.
+A writer takes the columns of `measurement.measured` (or of a spectrum) and gives bytes, the same
+each time; with `discharge_positive` the file's current is positive on discharge.
 """
 
-from virtual_lab.instruments.arbin import arbin_csv
-from virtual_lab.instruments.bdf import bdf_csv, bdf_parquet
-from virtual_lab.instruments.bitrode import bitrode_csv
-from virtual_lab.instruments.digatron import digatron_csv, digatron_german_csv
-from virtual_lab.instruments.plett import plett_csv
-from virtual_lab.instruments.spectra import digatron_spectrum_csv, spectrum_csv
-from virtual_lab.instruments.start import START, UNIX_START_SECOND
+from virtual_lab.instruments.formats import (
+    arbin_csv,
+    bdf_csv,
+    bdf_parquet,
+    bitrode_csv,
+    digatron_csv,
+    digatron_german_csv,
+    digatron_spectrum_csv,
+    plett_csv,
+    spectrum_csv,
+)
+from virtual_lab.instruments.text import START, UNIX_START_SECOND
 
 __all__ = ["START", "UNIX_START_SECOND", "WRITERS", "arbin_csv", "bdf_csv", "bdf_parquet",
            "bitrode_csv", "digatron_csv", "digatron_german_csv", "digatron_spectrum_csv",

@@ -1,16 +1,20 @@
-"""Columns of numbers → the rows of a text file, quickly and to the last digit as Python would."""
+"""Columns of numbers and dates as rows of a text file, with the digits that Python gives."""
 
 import gzip
 import io
+from datetime import datetime
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+
+from virtual_lab.behaviour import running_integral
 
 TIGHTLY_PACKED_BYTES = 2_000_000
 
 
 class Written(NamedTuple):
-    """A column of a file. `decimals` after the point; None: whole numbers, or text as it is.
+    """A column of a file: label, values, and decimals; None: whole numbers, or text as it is.
 
     Numbers with decimals that are NaN are written as `missing`.
     """
@@ -35,44 +39,43 @@ def rows_of(columns: list[Written], *, delimiter: str = ",") -> bytes:
 
 
 def labels_of(columns: list[Written], *, delimiter: str = ",") -> bytes:
-    """The line of names above them."""
+    """The header line with the columns' labels."""
     return (delimiter.join(column.label for column in columns) + "\n").encode()
 
 
 def packed(content: bytes) -> bytes:
     """Gzipped without name and time, so that equal content gives equal bytes.
 
-    Large files are packed less tightly: a sixth larger, and ten times as fast.
+    Large files are compressed less: a sixth larger, and ten times as fast.
     """
     level = 9 if len(content) <= TIGHTLY_PACKED_BYTES else 4
     return gzip.compress(content, compresslevel=level, mtime=0)
 
 
 def same(value, rows: int) -> np.ndarray:
-    """A column that says the same throughout."""
+    """A column of one value."""
     return np.full(rows, value)
 
 
 def signed(current_ampere: np.ndarray, discharge_positive: bool) -> np.ndarray:
-    """The current in the file's sign; adding zero turns -0.0, to be written "-0.000", into 0.0."""
+    """The current in the file's sign; adding zero turns -0.0, written as "-0.000", into 0.0."""
     return (-current_ampere if discharge_positive else current_ampere) + 0.0
 
 
 def step_begins(step: np.ndarray) -> np.ndarray:
-    """For each row, the row with which its step began."""
+    """For each row, the first row of its step."""
     first = np.concatenate([[True], step[1:] != step[:-1]])
     return np.flatnonzero(first)[np.cumsum(first) - 1]
 
 
 def energy_watt_hour(columns) -> np.ndarray:
-    """Net energy [Wh] put in since the first row, by the trapezoid rule on what is shown."""
+    """Net energy [Wh] since the first row, by the trapezoid rule on the values shown."""
     power = np.nan_to_num(columns["voltage_volt"] * columns["current_ampere"])
-    pieces = 0.5 * (power[1:] + power[:-1]) * np.diff(columns["time_second"])
-    return np.concatenate([[0.0], np.cumsum(pieces)]) / 3600
+    return running_integral(columns["time_second"], power) / 3600
 
 
 def cycles(columns) -> np.ndarray:
-    """Number of the cycle where the record has one, else 1."""
+    """Cycle number where the record has one, else 1."""
     return columns.get("cycle", same(1, columns["step"].size))
 
 
@@ -103,7 +106,7 @@ def _fixed(values: np.ndarray, decimals: int, nothing: str):
 
 
 def _patched(shown, texts: dict):
-    """The numbers as text, with other text where a mask says so."""
+    """The numbers as text, with other text where a mask is true."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -114,7 +117,7 @@ def _patched(shown, texts: dict):
 
 
 def _scaled(values, decimals):
-    """Value × 10^decimals, rounded; what lies all but halfway is left to Python's own rounding."""
+    """Value × 10^decimals, rounded; values nearly halfway are rounded by Python itself."""
     if np.abs(values).max(initial=0.0) * 10**decimals > 9e17:
         raise ValueError(f"{np.abs(values).max():g} has too many digits for a fixed-point column")
     scaled = values * 10.0**decimals
@@ -123,3 +126,39 @@ def _scaled(values, decimals):
     for row in doubtful:
         whole[row] = int(f"{values[row]:.{decimals}f}".replace(".", ""))
     return whole
+
+
+START = datetime(2024, 3, 4, 8, 0, 0)
+UNIX_START_SECOND = 1_709_539_200.0
+DAY_SECOND = 86_400
+
+
+def date_texts(time_second: np.ndarray, *, day: str, clock: str):
+    """Date of each row, to the whole second, as a pyarrow array of texts.
+
+    Parameters
+    ----------
+    time_second : since the start of the test [s].
+    day, clock : forms of strftime; an hour in the form %-I has no leading zero, as in Windows.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    start = START - datetime(START.year, START.month, START.day)
+    since = np.floor(np.asarray(time_second)).astype(np.int64) + int(start.total_seconds())
+    days, which = np.unique(since // DAY_SECOND, return_inverse=True)
+    first = np.datetime64(START, "D")
+    texts = pc.strftime(pa.array((first + days).astype("datetime64[s]")), format=day)
+    clocks = _clock_texts(clock).take(pa.array(since % DAY_SECOND))
+    return pc.binary_join_element_wise(texts.take(pa.array(which)), clocks, " ")
+
+
+@cache
+def _clock_texts(form):
+    """Every second of a day."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    seconds = pa.array(np.arange(DAY_SECOND).astype("datetime64[s]"))
+    texts = pc.strftime(seconds, format=form.replace("%-I", "%I"))
+    return pc.replace_substring_regex(texts, "^0", "") if "%-I" in form else texts

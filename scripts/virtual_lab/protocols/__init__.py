@@ -1,26 +1,24 @@
-"""What the cycler is told to do: every protocol is a list of steps. Current positive on charge.
+"""Test protocols: lists of steps that a cycler is told to do. Current positive on charge.
 
 C-rates refer to the rating of the data sheet; where a protocol takes out a share of the charge, it
 is of the capacity that the laboratory has measured, which the caller gives.
 """
 
-from virtual_lab.protocols.ageing import (
+from virtual_lab.protocols.capacities import (
     AGEING,
     ageing_cycle,
     ageing_cycles,
-    check_up,
+    capacity,
     fast_charge,
+    group_capacity,
+    incremental_capacity,
 )
-from virtual_lab.protocols.capacities import capacity, incremental_capacity
-from virtual_lab.protocols.drives import drive, dynamic_load, series_drive
-from virtual_lab.protocols.groups import group_capacity, group_drive, pair
+from virtual_lab.protocols.drives import drive, dynamic_load, group_drive, pair, series_drive
 from virtual_lab.protocols.pulses import (
     hybrid_pulses,
     hybrid_pulses_below_full,
     pulses_at_rest,
     pulses_on_discharge,
-)
-from virtual_lab.protocols.rests import (
     relaxations,
     slow_ocv,
     temperature_steps,
@@ -36,7 +34,6 @@ __all__ = [
     "ageing_cycles",
     "capacity",
     "charge",
-    "check_up",
     "discharge",
     "draw",
     "drive",

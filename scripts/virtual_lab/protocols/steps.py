@@ -1,10 +1,10 @@
-"""A step of a protocol, and the few that all protocols are put together from."""
+"""A step of a protocol, and the few kinds of step that all protocols consist of."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from virtual_lab.rating import Rating
+from virtual_lab.behaviour import Rating
 
 HOUR = 3600.0
 MINUTE = 60.0
@@ -17,7 +17,7 @@ class Step(NamedTuple):
 
     `kind` is "current" (value [A]), "hold" (value [V]) or "profile" (value: array [s, A], straight
     lines between its points). It ends after `duration_second`, or earlier when the voltage [V]
-    passes `until_volt` or the current falls to `until_ampere`. A sample is asked for every
+    passes `until_volt` or the current [A] falls to `until_ampere`. A sample is asked for every
     `period_second`.
     """
 
@@ -30,7 +30,7 @@ class Step(NamedTuple):
 
 
 def rest(second: float, *, period_second: float = REST_PERIOD) -> Step:
-    """No current."""
+    """No current for a time [s]."""
     return Step("current", 0.0, second, period_second)
 
 
@@ -54,7 +54,7 @@ def hold(
     longest_second: float = 10 * HOUR,
     period_second: float = REST_PERIOD,
 ) -> Step:
-    """Upper cut-off (or the lower one) held until the current is small."""
+    """Upper cut-off voltage (or the lower one) held until the current falls to a C-rate."""
     volt = rating.lower_cutoff_volt if empty else rating.upper_cutoff_volt
     small = rating.ampere(until_c_rate)
     return Step("hold", volt, longest_second, period_second, until_ampere=small)
@@ -63,7 +63,7 @@ def hold(
 def draw(
     rating: Rating, ampere_hour: float, *, c_rate: float = 0.5, period_second: float = LONG_PERIOD
 ) -> Step:
-    """So much charge [Ah] taken out, or less if the lower cut-off comes first."""
+    """Discharge of a given charge [Ah], or less if the lower cut-off comes first."""
     second = ampere_hour / rating.ampere(c_rate) * HOUR
     down = discharge(rating, c_rate, period_second=period_second)
     return down._replace(duration_second=round(second, 1))

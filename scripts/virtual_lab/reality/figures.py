@@ -1,4 +1,4 @@
-"""Four figures: each source a colour, simulated ones warm and thick, real ones cool and thin."""
+"""Four figures of records: simulated ones in thick warm colours, real ones in thin cool ones."""
 
 from collections import defaultdict
 
@@ -27,7 +27,7 @@ def colours(sources) -> dict:
 
 
 def noise(curves, sources):
-    """Sixty neighbouring samples of each source above one another, and spectra below."""
+    """Sixty neighbouring samples of each source above one another, and noise spectra below."""
     drawing, axes = figure.canvas(2, 2, width=11.0, height=8.0)
     for column, condition in enumerate(("at rest", "under constant current")):
         _traces(axes[0, column], curves, sources, f"trace {condition}")
@@ -43,7 +43,7 @@ def noise(curves, sources):
 
 
 def _traces(axes, curves, sources, panel):
-    """The trace of median scatter of each source, source over source."""
+    """The trace of median scatter of each source, one source above the other."""
     colour, names = colours(sources), []
     for source in sources:
         chosen = [c for c in curves if c.panel == panel and c.source == source.name]
@@ -57,7 +57,7 @@ def _traces(axes, curves, sources, panel):
 
 
 def relaxation(curves, sources):
-    """What is left of the way from the last loaded sample, against time."""
+    """Share of the voltage change that is still to come, against time."""
     drawing, axes = figure.canvas(2, 2, width=11.0, height=8.0)
     for axis, panel in zip(axes.flat, RELAXATIONS, strict=True):
         _bands(axis, [c for c in curves if c.panel == panel], sources)
@@ -84,7 +84,7 @@ def pulse(curves, sources):
 
 
 def peaks(curves, sources):
-    """dQ/dV over capacity, a panel a source: its slowest charges, and dotted its fastest."""
+    """dQ/dV over capacity, a panel for each source: its slowest charges, and dotted its fastest."""
     colour = colours(sources)
     by_source = {s.name: [c for c in curves if c.source == s.name] for s in sources}
     shown = [source for source in sources if by_source[source.name]]
@@ -129,7 +129,7 @@ def _bands(axes, curves, sources, *, logarithmic=False):
 def _on_one_grid(curves):
     """Times or frequencies (m,), even in their logarithm, and values (curves, m), NaN outside.
 
-    A value far from any sample is none; where fewer than half of the curves reach, none is shown.
+    Values far from any sample are left out, and places that fewer than half of the curves reach.
     """
     begin, end = min(c.x[0] for c in curves), max(c.x[-1] for c in curves)
     at = np.geomspace(begin, end, GRID_POINTS)

@@ -1,4 +1,4 @@
-"""Noise, resolution and clock of an instrument, from rests and constant currents.
+"""Noise, resolution and sampling clock of an instrument, from rests and constant currents.
 
 White noise of standard deviation s leaves second differences of 6 s² (variances 1, 4 and 1 added),
 whatever straight drift lies under it; a slow drift leaves almost none.
@@ -7,7 +7,7 @@ whatever straight drift lies under it; a slow drift leaves almost none.
 import numpy as np
 from scipy import signal
 
-from virtual_lab.reality.findings import Curve, numbers
+from virtual_lab.reality.records import Curve, number_rows
 
 FEWEST = 48
 REGULAR = 0.3
@@ -19,7 +19,7 @@ BLOCK = 8
 
 
 def white_level(values: np.ndarray) -> float:
-    """Standard deviation of what changes from sample to sample, of values (n,), in their unit."""
+    """Standard deviation of the white noise of values (n,), in their unit."""
     return float(np.sqrt(np.mean(np.diff(values, 2) ** 2) / 6))
 
 
@@ -53,13 +53,13 @@ def spectrum(values: np.ndarray, period_second: float) -> tuple[np.ndarray, np.n
     parts = [values[start : start + width] for start in starts]
     flat = [part - np.polyval(np.polyfit(centred, part, 2), centred) for part in parts]
     settings = {"fs": 1 / period_second, "window": "hann", "detrend": False}
-    found = [signal.periodogram(part, **settings) for part in flat]
-    density = np.sqrt(np.mean([power for _, power in found], axis=0))
-    return found[0][0][3:], density[3:]
+    spectra = [signal.periodogram(part, **settings) for part in flat]
+    density = np.sqrt(np.mean([power for _, power in spectra], axis=0))
+    return spectra[0][0][3:], density[3:]
 
 
 def slow_share(values: np.ndarray) -> float:
-    """Scatter of eight-sample means about a parabola, over what white noise would leave, [1].
+    """Scatter of eight-sample means about a parabola over that of white noise, [1].
 
     1: the noise is white. The scatter of neighbouring samples gives the white part.
     """
@@ -75,8 +75,8 @@ def slow_share(values: np.ndarray) -> float:
 def steady_rows(record):
     """(step, condition, rows) of the quiet part of each rest and constant current.
 
-    Of a rest the second half; of a load the middle half. Rows are the longest stretch in which
-    the interval stays within 30 % of the usual one.
+    Of a rest the second half; of a load the middle half. Rows are the longest stretch in which the
+    interval stays within 30 % of the usual one.
     """
     steps = record.steps
     for index, kind in enumerate(steps.kind):
@@ -102,7 +102,7 @@ def _regular(rows, second):
 
 
 def clock(second: np.ndarray) -> dict:
-    """How samples lie in time, from stamps (n,) [s] that ask for one interval.
+    """Numbers about the sampling times (n,) [s] of a stretch with one interval.
 
     The lag correlation of successive intervals tells a clock that is late each time anew (0) from
     one that keeps to a grid and misses it a little (−0.5).
@@ -122,7 +122,7 @@ def clock(second: np.ndarray) -> dict:
 def channels(record, rows) -> dict:
     """Noise of voltage, current and surface temperature in some rows."""
     volt, ampere = record.volt[rows], record.ampere[rows]
-    found = {
+    numbers = {
         "white noise of voltage": (1e3 * white_level(volt), "mV"),
         "slow scatter of voltage over white": (slow_share(volt), "1"),
         "samples that repeat the voltage": (np.mean(np.diff(volt) == 0), "1"),
@@ -130,11 +130,11 @@ def channels(record, rows) -> dict:
         "noise of current over rating": (1e6 * ampere.std() / record.rating_ampere_hour, "ppm"),
         "mean current": (1e3 * ampere.mean(), "mA"),
     }
-    return found | {"white noise of temperature": (white_level(_celsius(record)[rows]), "K")}
+    return numbers | {"white noise of temperature": (white_level(_celsius(record)[rows]), "K")}
 
 
 def grids(record, rows) -> dict:
-    """Smallest step of each channel, from all quiet rows of a record."""
+    """Resolution of each channel, from all quiet rows of a record."""
     return {
         "step of voltage": (1e3 * resolution(record.volt[rows]), "mV"),
         "step of current": (1e3 * resolution(record.ampere[rows]), "mA"),
@@ -147,26 +147,26 @@ def _celsius(record):
     return record.columns.get("surface_temperature_celsius", unknown)
 
 
-def look(record):
+def look_at_noise(record):
     """Numbers and curves of a record's quiet stretches."""
-    found, curves = [], []
+    numbers, curves = [], []
     about = (record.source.name, record.cell, record.test)
     quiet = list(steady_rows(record))
     if quiet:
         all_rows = np.concatenate([rows for _, _, rows in quiet])
-        found += numbers(record, -1, "noise", "whole record", grids(record, all_rows))
+        numbers += number_rows(record, -1, "noise", "whole record", grids(record, all_rows))
     for step, condition, rows in quiet:
         second = record.second[rows]
-        found += numbers(record, step, "noise", condition, channels(record, rows))
-        found += numbers(record, step, "clock", condition, clock(second))
+        numbers += number_rows(record, step, "noise", condition, channels(record, rows))
+        numbers += number_rows(record, step, "clock", condition, clock(second))
         hertz, density = spectrum(1e3 * record.volt[rows], float(np.median(np.diff(second))))
         curves.append(Curve(*about, f"spectrum {condition}", hertz, density))
         curves.append(Curve(*about, f"trace {condition}", *_trace(second, record.volt[rows])))
-    return found, curves
+    return numbers, curves
 
 
 def _trace(second, volt):
-    """Sixty samples without their parabola: number of the sample, and rest [mV]."""
+    """Sixty samples minus their parabola: number of the sample, and voltage [mV]."""
     rows = slice(0, 60)
     place = np.linspace(-1, 1, len(second[rows]))
     flat = volt[rows] - np.polyval(np.polyfit(place, volt[rows], 2), place)

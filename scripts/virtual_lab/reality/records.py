@@ -1,9 +1,13 @@
-"""Campaigns, real or simulated, as records cut into steps."""
+"""Campaigns, real or simulated, as records cut into steps; numbers and curves found in a record."""
 
 import csv
-from collections.abc import Iterable, Iterator
+import io
+import re
+import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -12,7 +16,43 @@ from cellwright.refusal import Refusal
 from cellwright.series.cleaning import net_charge
 from cellwright.series.runs import gap_rows
 from cellwright.series.steps import Steps, segment
-from virtual_lab.reality import workbook
+
+
+class Number(NamedTuple):
+    """One number of one step (−1: the whole record); `condition`: the load at that time."""
+
+    source: str
+    real: bool
+    cell: str
+    test: str
+    step: int
+    subject: str  # noise, clock, relaxation, pulse, peaks
+    condition: str
+    quantity: str
+    value: float
+    unit: str
+
+
+class Curve(NamedTuple):
+    """One line of a figure; `panel` says in which."""
+
+    source: str
+    cell: str
+    test: str
+    panel: str
+    x: np.ndarray
+    y: np.ndarray
+
+
+def number_rows(record, step: int, subject: str, condition: str, values: dict) -> list[Number]:
+    """Rows for the numbers of one step, {quantity: (value, unit)}; NaN is left out."""
+    about = (record.source.name, record.source.real, record.cell, record.test, int(step))
+    return [
+        Number(*about, subject, condition, quantity, float(value), unit)
+        for quantity, (value, unit) in values.items()
+        if np.isfinite(value)
+    ]
+
 
 KINDS = {
     *("capacity", "hppc", "pulse_resistance", "ocv", "ica", "relaxation", "drive", "ageing"),
@@ -23,7 +63,7 @@ GAP_SECOND = 300.0
 
 
 class Source(NamedTuple):
-    """A campaign's name on figures, its folder, and whether real cells stand behind it."""
+    """A campaign: its name in figures, its folder, and whether its cells are real."""
 
     name: str
     folder: Path
@@ -52,7 +92,7 @@ class Record(NamedTuple):
 
 
 class Skipped(NamedTuple):
-    """What was not looked at, and why."""
+    """A test that could not be used, and why."""
 
     source: str
     test: str
@@ -60,7 +100,7 @@ class Skipped(NamedTuple):
 
 
 def named(text: str, *, real: bool) -> Source:
-    """A campaign from `folder` or `name=folder`."""
+    """A source from `folder` or `name=folder`."""
     name, _, folder = text.rpartition("=")
     return Source(name or Path(folder).resolve().name, Path(folder), real)
 
@@ -81,7 +121,10 @@ def load(
         yield Skipped(source.name, "", f"no campaign there: {sheet} is missing")
         return
     cells = {row["cell"]: row for row in _rows(source.folder / "config" / "cells.tsv")}
-    tests = [t for t in _rows(sheet) if t["kind"] in KINDS and _is_near(t, celsius)]
+    tests = [test for test in _rows(sheet) if test["kind"] in KINDS]
+    stated = [test["ambient_temperature_celsius"] or celsius for test in tests]
+    near = [abs(float(value) - celsius) <= WITHIN_KELVIN for value in stated]
+    tests = [test for test, is_near in zip(tests, near, strict=True) if is_near]
     wanted = list(dict.fromkeys(test["cell"] for test in tests))[:most_cells]
     for test in (test for test in tests if test["cell"] in wanted):
         yield _loaded(source, test, cells[test["cell"]])
@@ -92,28 +135,19 @@ def _rows(sheet: Path) -> list[dict]:
         return list(csv.DictReader(lines, delimiter="\t"))
 
 
-def _is_near(test: dict, celsius: float) -> bool:
-    stated = test["ambient_temperature_celsius"]
-    return not stated or abs(float(stated) - celsius) <= WITHIN_KELVIN
-
-
 def _loaded(source: Source, test: dict, cell: dict) -> Record | Skipped:
     try:
-        readings = [
-            formats.read(content, name=name, instrument=test.get("instrument") or None)
-            for name, content in _contents(source.folder, test["file"].split(";"))
-        ]
+        readings = []
+        for file in test["file"].split(";"):
+            content = (source.folder / file).read_bytes()
+            content = channel_csv(content) if file.endswith(".xlsx") else content
+            instrument = test.get("instrument") or None
+            readings.append(formats.read(content, name=file, instrument=instrument))
         sign = test.get("current_sign") or None
         columns = series.assemble(readings, stated_sign=sign).columns
         return _record(source, test, cell, columns)
     except (Refusal, OSError) as reason:
         return Skipped(source.name, f"{test['cell']}/{test['test']}", str(reason))
-
-
-def _contents(folder: Path, files: Iterable[str]) -> Iterator[tuple[str, bytes]]:
-    for file in files:
-        content = (folder / file).read_bytes()
-        yield file, workbook.channel_csv(content) if file.endswith(".xlsx") else content
 
 
 def _record(source, test, cell, columns) -> Record:
@@ -133,3 +167,58 @@ def _record(source, test, cell, columns) -> Record:
     )
     about = (source, test["cell"], test["test"], test["kind"], cell.get("chemistry") or "")
     return Record(*about, rating, second, ampere, columns["voltage_volt"], charge, steps, columns)
+
+
+MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
+RELATION = "{http://schemas.openxmlformats.org/officeDocument/2006/relationships}id"
+
+
+def channel_csv(content: bytes) -> bytes:
+    """Text of the sheet `Channel…` of an Arbin workbook (.xlsx), for the reader of Arbin's CSV.
+
+    Numbers as they stand in the file. Office Open XML (ECMA-376, part 1, 18.3): rows of cells,
+    texts in a table of their own.
+    """
+    book = zipfile.ZipFile(io.BytesIO(content))
+    with book.open(_channel_path(book)) as sheet:
+        lines = list(_lines(sheet, _texts(book)))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _channel_path(book: zipfile.ZipFile) -> str:
+    sheets = ElementTree.fromstring(book.read("xl/workbook.xml")).iter(f"{MAIN}sheet")
+    wanted = next(s.get(RELATION) for s in sheets if s.get("name", "").startswith("Channel"))
+    links = ElementTree.fromstring(book.read("xl/_rels/workbook.xml.rels"))
+    target = next(link.get("Target") for link in links if link.get("Id") == wanted)
+    return target.lstrip("/") if target.startswith("/") else f"xl/{target}"
+
+
+def _texts(book: zipfile.ZipFile) -> list[str]:
+    if "xl/sharedStrings.xml" not in book.namelist():
+        return []
+    table = ElementTree.fromstring(book.read("xl/sharedStrings.xml"))
+    return ["".join(part.text or "" for part in text.iter(f"{MAIN}t")) for text in table]
+
+
+def _lines(sheet, texts):
+    """One line a row; cells that the file leaves out are blank."""
+    for _, row in ElementTree.iterparse(sheet):
+        if row.tag != f"{MAIN}row":
+            continue
+        cells = {_column(cell.get("r")): _value(cell, texts) for cell in row}
+        if cells:
+            yield ",".join(cells.get(number, "") for number in range(1, max(cells) + 1))
+        row.clear()
+
+
+def _column(reference: str) -> int:
+    """Number of a column from a cell's address: A1 → 1, AB7 → 28."""
+    number = 0
+    for letter in re.match("[A-Z]+", reference)[0]:
+        number = 26 * number + ord(letter) - ord("A") + 1
+    return number
+
+
+def _value(cell, texts) -> str:
+    value = cell.findtext(f"{MAIN}v") or ""
+    return texts[int(value)] if cell.get("t") == "s" and value else value

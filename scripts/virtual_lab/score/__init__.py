@@ -1,4 +1,4 @@
-"""What a campaign's results are worth: the pipeline's tables held against what is true.
+"""Scores of a campaign's results: the pipeline's tables compared with what is true.
 
 Reads plain files only, `<campaign>/results/` and `<campaign>/truth/`; runs without any generator.
 """

@@ -1,9 +1,96 @@
-"""Rows of errors: what was found beside what is true, one row a comparison."""
+"""Results compared with the truth: which rows belong together, and the error of each pair."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from virtual_lab.score.matching import pair
+
+class Pairs(NamedTuple):
+    """Row numbers: `found[i]` belongs to `true[i]`; `extra` and `missing` have no partner."""
+
+    found: np.ndarray
+    true: np.ndarray
+    extra: np.ndarray
+    missing: np.ndarray
+
+
+def pair(found: pd.DataFrame, true: pd.DataFrame, *, keys, near=None, tolerance=0.0) -> Pairs:
+    """Pair rows with equal keys; each row at most once.
+
+    Parameters
+    ----------
+    found, true : tables with the columns `keys` and, where given, `near`.
+    keys : columns that must be equal; blank equals blank.
+    near : column of numbers: of several rows with equal keys those are paired that are each
+        other's nearest, and no further apart than `tolerance`. None: the k-th goes with the k-th.
+    """
+    keys_found, keys_true = _key_numbers(found, true, keys)
+    if near is None:
+        place_found, place_true = (
+            pd.Series(group).groupby(group).cumcount().to_numpy(float)
+            for group in (keys_found, keys_true)
+        )
+    else:
+        place_found, place_true = (table[near].to_numpy(float) for table in (found, true))
+    partner = _nearest(keys_true, place_true, keys_found, place_found, tolerance)
+    back = _nearest(keys_found, place_found, keys_true, place_true, tolerance)
+    mutual = np.flatnonzero(partner >= 0)
+    mutual = mutual[back[partner[mutual]] == mutual]
+    return Pairs(
+        found=partner[mutual],
+        true=mutual,
+        extra=np.setdiff1d(np.arange(len(found)), partner[mutual]),
+        missing=np.setdiff1d(np.arange(len(true)), mutual),
+    )
+
+
+def snapped(found: pd.DataFrame, true: pd.DataFrame, *, keys, near, tolerance) -> pd.Series:
+    """Values of the column `near` of the results, each replaced by the truth's nearest.
+
+    Parameters
+    ----------
+    found, true : tables with the columns `keys` and `near`.
+    keys : columns that must be equal.
+    near, tolerance : the column, and how far its logarithm may differ; beyond, the value stays.
+    """
+    key_numbers = _key_numbers(found, true, keys)
+    places = [np.log(table[near].where(table[near] > 0).to_numpy(float)) for table in (found, true)]
+    partner = _nearest(key_numbers[0], places[0], key_numbers[1], places[1], tolerance)
+    values = np.append(true[near].to_numpy(float), np.nan)[partner]
+    return found[near].where(partner < 0, values)
+
+
+def _key_numbers(found, true, keys):
+    """A number for each combination of keys, the same in both tables."""
+    keys = list(keys)
+    both = pd.concat([found[keys], true[keys]], ignore_index=True)
+    if not len(both):
+        return np.zeros(0, int), np.zeros(0, int)
+    numbers = both.groupby(keys, dropna=False, sort=False).ngroup().to_numpy()
+    return numbers[: len(found)], numbers[len(found) :]
+
+
+def _nearest(key, place, other_key, other_place, tolerance):
+    """For each row the nearest row of the other table with the same key; −1 where none is near.
+
+    The rows of all keys lie on one line, those of different keys further apart than the tolerance.
+    """
+    numbered = np.flatnonzero(np.isfinite(other_place))
+    if not len(numbered) or not len(key):
+        return np.full(len(key), -1)
+    values = np.concatenate([place[np.isfinite(place)], other_place[numbered]])
+    low, span = values.min(), np.ptp(values) + 2 * tolerance + 1
+    here = key * span + (place - low)
+    there = other_key[numbered] * span + (other_place[numbered] - low)
+    order = np.argsort(there, kind="stable")
+    behind = np.clip(np.searchsorted(there[order], here), 0, len(order) - 1)
+    before = np.clip(behind - 1, 0, len(order) - 1)
+    gap = np.abs(there[order][np.stack([before, behind])] - here)
+    best = np.where(gap[0] <= gap[1], before, behind)
+    near = np.min(gap, axis=0) <= tolerance + 1e-9 * span * (key.max() + 1)
+    return np.where(near & np.isfinite(place), numbered[order[best]], -1)
+
 
 NORMAL_95 = 1.959964
 COLUMNS = [
@@ -13,7 +100,7 @@ COLUMNS = [
 
 
 def nothing() -> pd.DataFrame:
-    """No comparison at all."""
+    """An empty table of comparisons."""
     return pd.DataFrame({name: pd.Series(dtype=object) for name in COLUMNS})
 
 
@@ -40,13 +127,15 @@ def errors(table, quantity, unit, rows) -> pd.DataFrame:
     numbers = {name: pd.to_numeric(rows[name], errors="coerce") for name in ("found", "true")}
     std = pd.to_numeric(rows["std"], errors="coerce") if "std" in rows else np.nan
     reach = rows["reach"].fillna(NORMAL_95) if "reach" in rows else NORMAL_95
-    made = pd.DataFrame(
+    is_found, is_true = numbers["found"].notna(), numbers["true"].notna()
+    either = [is_found & is_true, ~is_found & is_true, is_found]
+    comparisons = pd.DataFrame(
         {
             "table": table,
             "quantity": quantity,
             "unit": unit,
             **{name: rows[name] for name in ("cell", "test", "at")},
-            "status": _status(**numbers),
+            "status": np.select(either, ["compared", "missing", "extra"], default=""),
             **numbers,
             "error": numbers["found"] - numbers["true"],
             "std": std,
@@ -54,20 +143,17 @@ def errors(table, quantity, unit, rows) -> pd.DataFrame:
         }
     )
     if "paired" in rows:
-        untold = (made["status"] == "extra") & rows["paired"].astype(bool)
-        made["status"] = made["status"].mask(untold, "no truth")
+        untold = (comparisons["status"] == "extra") & rows["paired"].astype(bool)
+        comparisons["status"] = comparisons["status"].mask(untold, "no truth")
     if "word" in rows:
-        lonely = made["status"].isin(["missing", "extra"]) & rows["word"].notna()
-        made["status"] = made["status"].mask(lonely, rows["word"])
-    made["std"] = made["std"].astype(float).where(lambda value: value > 0)
-    inside = (np.abs(made["error"]) <= reach * made["std"]).astype(object)
-    made["inside_95"] = inside.where(made["std"].notna() & made["error"].notna(), None)
-    return made[made["status"] != ""][COLUMNS]
-
-
-def _status(found, true):
-    known = [found.notna() & true.notna(), found.isna() & true.notna(), found.notna()]
-    return np.select(known, ["compared", "missing", "extra"], default="")
+        lonely = comparisons["status"].isin(["missing", "extra"]) & rows["word"].notna()
+        comparisons["status"] = comparisons["status"].mask(lonely, rows["word"])
+    comparisons["std"] = comparisons["std"].astype(float).where(lambda value: value > 0)
+    inside = (np.abs(comparisons["error"]) <= reach * comparisons["std"]).astype(object)
+    comparisons["inside_95"] = inside.where(
+        comparisons["std"].notna() & comparisons["error"].notna(), None
+    )
+    return comparisons[comparisons["status"] != ""][COLUMNS]
 
 
 def side_by_side(found, true, *, keys, columns, near=None, tolerance=0.0) -> pd.DataFrame:
@@ -77,7 +163,7 @@ def side_by_side(found, true, *, keys, columns, near=None, tolerance=0.0) -> pd.
     ----------
     found, true : tables with the columns `keys` and `near`.
     columns : names that are wanted of `found`; they come as `<name>_found`.
-    keys, near, tolerance : as of `matching.pair`.
+    keys, near, tolerance : as of `pair`.
 
     Column `paired` says which rows have a partner.
     """
@@ -93,5 +179,5 @@ def side_by_side(found, true, *, keys, columns, near=None, tolerance=0.0) -> pd.
     return together.reindex(columns=[*true.columns, *beside.columns, "paired"])
 
 
-def _zipped(left, right):
-    return pd.concat([left.reset_index(drop=True), right.reset_index(drop=True)], axis=1)
+def _zipped(first, second):
+    return pd.concat([one.reset_index(drop=True) for one in (first, second)], axis=1)

@@ -1,4 +1,4 @@
-"""Results and truth of a campaign as they lie on the disk."""
+"""Results, truth and sheets of a campaign as tables read from disk."""
 
 import json
 from pathlib import Path
@@ -27,7 +27,7 @@ def campaign(folder) -> Campaign:
 def read_table(path) -> pd.DataFrame | None:
     """A CSV table, blank as not known, names as text.
 
-    None where there is no file, no rows and no columns where there is nothing in it.
+    None where there is no file; no rows and no columns where the file is empty.
     """
     if not Path(path).is_file():
         return None
@@ -40,7 +40,7 @@ def read_table(path) -> pd.DataFrame | None:
 
 
 def found(place: Campaign, table: str) -> pd.DataFrame | None:
-    """A table of the results contract."""
+    """A table of the pipeline's results."""
     return read_table(place.results / "tables" / f"{table}.csv")
 
 

@@ -1,12 +1,14 @@
-"""From comparisons to one line a quantity: errors, coverage, and what could not be compared."""
+"""The score of a campaign: one line a quantity, with errors, coverage and what is missing."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from virtual_lab.score import files, verdicts
-from virtual_lab.score.spoiled import COUNTED
+from virtual_lab.score import comparison, curves, files, missing, tables, verdicts
+from virtual_lab.score.missing import COUNTED
 
-# The contract's tables, and of each what could be known; numbers that only the truth can tell.
+# The contract's tables, and the quantities of each that could be scored.
 QUANTITIES = {
     "capacity": ("capacity_ampere_hour", "energy_watt_hour", "coulombic_efficiency"),
     "resistance": ("resistance_ohm", "soc"),
@@ -42,45 +44,42 @@ COLUMNS = [
 
 
 def summarise(place: files.Campaign, compared: pd.DataFrame, judged: pd.DataFrame) -> pd.DataFrame:
-    """One row a quantity, all tables of the contract among them."""
+    """One row a quantity, for all tables of the contract."""
     rows = []
-    for table, known in QUANTITIES.items():
+    for table, quantities in QUANTITIES.items():
         state = _state(place, table)
         mine = compared[compared["table"] == table].groupby(["quantity", "unit"], sort=False)
-        made = [_row(table, *names, state, part) for names, part in mine]
+        table_rows = [_row(table, *names, state, part) for names, part in mine]
         if table == "missing_effect":
-            made = [*_shares(judged, state), *made]
-        scored = [row["quantity"] for row in made]
-        left = [name for name in known if not any(one.startswith(name) for one in scored)]
+            table_rows = [*_shares(judged, state), *table_rows]
+        scored = [row["quantity"] for row in table_rows]
+        unscored = [name for name in quantities if not any(one.startswith(name) for one in scored)]
         without = "no truth" if state == "scored" else state
-        rows += [*made, *({"table": table, "quantity": name, "state": without} for name in left)]
+        rows += [
+            *table_rows,
+            *({"table": table, "quantity": name, "state": without} for name in unscored),
+        ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _state(place, table) -> str:
-    made, known = _is_made(place, table), _is_known(place, table)
-    if made and known:
+    """Whether the pipeline has made a table, and whether its truth is known, in words."""
+    if table == "missing_effect":
+        made = (place.results / table).is_dir()
+        has_truth = (place.truth / "missing_effect.json").is_file()
+    else:
+        flags = (place.results / "flags").is_dir()
+        made = flags if table == "faults" else files.found(place, table) is not None
+        has_truth = files.true(place, table) is not None
+    if made and has_truth:
         return "scored"
-    if known:
+    if has_truth:
         return "not made by the pipeline yet"
     return "no truth" if made else "no truth, and not made by the pipeline yet"
 
 
-def _is_made(place, table) -> bool:
-    if table == "faults":
-        return (place.results / "flags").is_dir()
-    folder = place.results / table
-    found = files.found(place, table)
-    return folder.is_dir() if table == "missing_effect" else found is not None
-
-
-def _is_known(place, table) -> bool:
-    if table == "missing_effect":
-        return (place.truth / "missing_effect.json").is_file()
-    return files.true(place, table) is not None
-
-
 def _row(table, quantity, unit, state, part) -> dict:
+    """Row of the summary: one quantity."""
     counts = part["status"].value_counts()
     row = {"table": table, "quantity": quantity, "unit": unit, "state": state}
     names = ("compared", "missing", "extra", "spoiled", "untested", "no truth")
@@ -115,6 +114,7 @@ def _errors(part) -> dict:
 
 
 def _shares(judged, state) -> list[dict]:
+    """Rows of the summary: shares of verdicts by their outcome, and closed gaps."""
     row = {"table": "missing_effect", "unit": COUNTED, "state": state}
     given = int(judged["verdict"].notna().sum())
     rates = [("verdict given", given, len(judged)), *verdicts.rates(judged)]
@@ -144,8 +144,30 @@ def wilson(hits: int, of: int) -> tuple[float, float]:
     """95 % interval of a share (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927, 209)."""
     if not of:
         return np.nan, np.nan
-    z, share = 1.959964, hits / of
+    z, share = comparison.NORMAL_95, hits / of
     middle = share + z**2 / (2 * of)
     half = z * np.sqrt(share * (1 - share) / of + z**2 / (4 * of**2))
     low, high = ((middle + side * half) / (1 + z**2 / of) for side in (-1, 1))
     return max(float(low), 0.0), min(float(high), 1.0)
+
+
+class Score(NamedTuple):
+    """Tables of a score: errors (one row a comparison), summary (a quantity), verdicts (a cell)."""
+
+    errors: pd.DataFrame
+    summary: pd.DataFrame
+    verdicts: pd.DataFrame
+
+
+def score(place: files.Campaign) -> Score:
+    """Compare all tables of a campaign's results with its truth."""
+    parts = [tables.compare(place, name) for name in tables.SPECS]
+    parts += [curves.ocv(place), curves.circuits(place), curves.soc(place), curves.packs(place)]
+    parts += [
+        verdicts.parameters(place),
+        missing.refused_files(place),
+        missing.flagged_samples(place),
+    ]
+    compared = missing.mark(place, comparison.gathered(parts))
+    judged = verdicts.compare(place)
+    return Score(compared, summarise(place, compared, judged), judged)

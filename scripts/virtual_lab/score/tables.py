@@ -1,4 +1,4 @@
-"""The tables of the results contract that stand row by row beside a table of the truth."""
+"""Tables of the results contract that are compared row by row with a table of the truth."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 
 from virtual_lab.score import comparison, files
-from virtual_lab.score.comparison import errors, side_by_side
-from virtual_lab.score.matching import snapped
+from virtual_lab.score.comparison import errors, side_by_side, snapped
 
 RATE_TOLERANCE = 0.25  # of the logarithm of the rate
 START_TOLERANCE_SECOND = 5.0
@@ -126,7 +125,7 @@ SPECS = {
 
 
 def compare(place: files.Campaign, table: str) -> pd.DataFrame:
-    """Comparisons of one table; empty where there is no truth."""
+    """Comparisons of one table of the results with its truth; empty where there is no truth."""
     spec, true = SPECS[table], files.true(place, table)
     if true is None or not len(true):
         return comparison.nothing()
@@ -135,17 +134,20 @@ def compare(place: files.Campaign, table: str) -> pd.DataFrame:
     found = files.with_columns(files.found(place, table), [*names, *stds])
     true = files.with_columns(true, names)
     if table == "health":
-        found, true = _one_knee(found), _every_method(_one_knee(true), found)
+        # The truth once for each method that was used, or once where none was.
+        methods = sorted(found["method"].dropna().unique()) or [NO_METHOD]
+        found, true = _one_knee(found), _one_knee(true)
+        true = pd.concat([true.assign(method=one) for one in methods], ignore_index=True)
     if spec.snap:
         options = {"keys": spec.scope, "near": spec.snap, "tolerance": RATE_TOLERANCE}
         found = found.assign(**{spec.snap: snapped(found, true, **options)})
-    found, true = (one.assign(near=_place(spec, one)) for one in (found, true))
+    found, true = (one.assign(near=_near_values(spec, one)) for one in (found, true))
     wanted = [*spec.quantities, *stds, *spec.beside, *([spec.repeats] if spec.repeats else [])]
     found = files.with_columns(found, wanted)
     options = {"near": "near" if spec.near else None, "tolerance": spec.tolerance}
     rows = side_by_side(found, true, keys=list(spec.keys), columns=wanted, **options)
-    rows = files.with_columns(rows, ["test"]).assign(word=_word(spec, rows, true))
-    rows["at"] = spec.at(_located(rows, spec))
+    rows = files.with_columns(rows, ["test"]).assign(word=_status_word(spec, rows, true))
+    rows["at"] = spec.at(_with_place(rows, spec))
     if table == "resistance":
         # What a late first sample shows is not what the truth has after 10 ms.
         after = rows["actual_delay_second_found"].astype(float)
@@ -153,21 +155,23 @@ def compare(place: files.Campaign, table: str) -> pd.DataFrame:
     return comparison.gathered(_quantities(table, spec, rows))
 
 
-def _place(spec, table):
+def _near_values(spec, table):
+    """Numbers by which rows with equal keys are paired."""
     if spec.near is None:
         return 0.0
     values = pd.to_numeric(table[spec.near], errors="coerce").astype(float)
     return np.log(values.where(values > 0)) if spec.logarithm else values
 
 
-def _word(spec, rows, true):
-    known = true[list(spec.scope)].drop_duplicates().assign(word=1)
-    covered = rows[list(spec.scope)].merge(known, on=list(spec.scope), how="left")["word"]
-    return np.where(covered.notna(), None, "no truth")
+def _status_word(spec, rows, true):
+    """The words "no truth" for rows outside the scope of the truth, else None."""
+    scope = list(spec.scope)
+    covered = rows[scope].merge(true[scope].drop_duplicates().assign(word=1), on=scope, how="left")
+    return np.where(covered["word"].notna(), None, "no truth")
 
 
-def _located(rows, spec):
-    """Extra rows have no column of the truth but the keys and where they lie."""
+def _with_place(rows, spec):
+    """Rows with the column `near` filled for extra rows, which have no columns of the truth."""
     if spec.near is None:
         return rows
     place = np.exp(rows["near"]) if spec.logarithm else rows["near"]
@@ -175,6 +179,7 @@ def _located(rows, spec):
 
 
 def _quantities(table, spec, rows):
+    """Errors of each quantity of a table, by the parts of `split`."""
     for name, (unit, std) in spec.quantities.items():
         if rows[name].isna().all():
             continue
@@ -197,16 +202,16 @@ def _parts(spec, name, rows):
 
 
 def _label(spec, name, values) -> str:
-    known = dict(zip(spec.split, values, strict=True))
-    if "delay_second" in known:
-        return f"{name}, {known['delay_second']:g} s{', late sample' if known['late'] else ''}"
-    if "method" in known:
-        return f"{name}, {known['method']}" if known["method"] != NO_METHOD else name
-    return f"{known['quantity']}: {known['parameter']}"
+    part = dict(zip(spec.split, values, strict=True))
+    if "delay_second" in part:
+        return f"{name}, {part['delay_second']:g} s{', late sample' if part['late'] else ''}"
+    if "method" in part:
+        return f"{name}, {part['method']}" if part["method"] != NO_METHOD else name
+    return f"{part['quantity']}: {part['parameter']}"
 
 
 def _of_the_mean(rows, repeats):
-    """The deviation and the 95 % reach of a mean from the scatter of few repeats (Student)."""
+    """Standard deviation and 95 % reach of a mean from the scatter of few repeats (Student)."""
     from scipy.stats import t
 
     repeats = pd.to_numeric(repeats, errors="coerce")
@@ -216,13 +221,7 @@ def _of_the_mean(rows, repeats):
 
 
 def _one_knee(table):
-    """A knee belongs to a cell, not to each of its rows: kept in the last row that knows it."""
-    known = table[table["knee_cycle"].notna()]
-    last = known.sort_values("cycle").groupby(["cell", "method"], dropna=False).tail(1).index
+    """A knee belongs to a cell, not to each of its rows: it is kept in the last row that has it."""
+    with_knee = table[table["knee_cycle"].notna()]
+    last = with_knee.sort_values("cycle").groupby(["cell", "method"], dropna=False).tail(1).index
     return table.assign(knee_cycle=table["knee_cycle"].where(table.index.isin(last)))
-
-
-def _every_method(true, found):
-    """The truth once for each method that was used, or once where none was."""
-    methods = sorted(found["method"].dropna().unique()) or [NO_METHOD]
-    return pd.concat([true.assign(method=method) for method in methods], ignore_index=True)

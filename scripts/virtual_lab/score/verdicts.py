@@ -1,4 +1,4 @@
-"""Missing-effect verdicts beside what was hidden in the cells."""
+"""Missing-effect verdicts compared with what was hidden in the cells."""
 
 import numpy as np
 import pandas as pd
@@ -15,18 +15,21 @@ COLUMNS = [
 
 
 def compare(place: files.Campaign) -> pd.DataFrame:
-    """One row a cell: what was hidden, what was said, and what came of it; empty without truth."""
-    known = sorted(_hidden(place).items())
-    rows = [_judged(cell, hidden, _verdict(place, cell)) for cell, hidden in known]
+    """One row a cell: what was hidden, the verdict, and the outcome; empty without truth."""
+    hidden_by_cell = sorted(_hidden(place).items())
+    rows = [_judged(cell, hidden, _verdict(place, cell)) for cell, hidden in hidden_by_cell]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _hidden(place) -> dict:
-    """What was hidden, by cell: the truth is one, or its entry "cells", or a list of rows."""
-    known = files.read_json(place.truth / "missing_effect.json") or {}
-    if isinstance(known, list):
-        return {row["cell"]: row for row in known}
-    return known.get("cells", known)
+    """What was hidden, by cell.
+
+    The truth is such a document, or its entry "cells", or a list of rows.
+    """
+    document = files.read_json(place.truth / "missing_effect.json") or {}
+    if isinstance(document, list):
+        return {row["cell"]: row for row in document}
+    return document.get("cells", document)
 
 
 def _verdict(place, cell):
@@ -50,7 +53,7 @@ def _judged(cell, hidden, verdict) -> dict:
 
 
 def outcome(hidden: dict, verdict: dict | None) -> str:
-    """What a verdict is worth, in words.
+    """Outcome of a verdict, in words.
 
     Parameters
     ----------
@@ -81,7 +84,7 @@ def _named(hidden, verdict) -> str:
 
 
 def _partners(accepts, said) -> dict:
-    """Which hidden effect each said effect names: number said → number hidden, each once."""
+    """Which hidden effect each named effect means: number named → number hidden, each once."""
     taken = {}
     for number, one in enumerate(said):
         names = {one["effect"], *one.get("alternatives", [])}
@@ -93,12 +96,12 @@ def _partners(accepts, said) -> dict:
 
 
 def confusion(judged: pd.DataFrame) -> pd.DataFrame:
-    """Numbers of cells: what was hidden (rows) against what came of it (columns)."""
+    """Numbers of cells: what was hidden (rows) against the outcome (columns)."""
     return pd.crosstab(_classes(judged), judged["outcome"])
 
 
 def answers(judged: pd.DataFrame) -> pd.DataFrame:
-    """Numbers of cells: what was hidden (rows) against the first name that was said (columns)."""
+    """Numbers of cells: what was hidden (rows) against the first effect named (columns)."""
     first = judged["said"].str.split(" + ", regex=False).str[0]
     first = first.where(first != "", judged["verdict"].fillna("no verdict"))
     return pd.crosstab(_classes(judged), first.rename("said"))
@@ -112,7 +115,7 @@ def _classes(judged):
 
 
 def rates(judged: pd.DataFrame) -> list[tuple[str, int, int]]:
-    """Name, how many, of how many: the shares that a search for missing effects is judged by."""
+    """Name, hits, number of cases: the shares by which a search for missing effects is judged."""
     given = judged[judged["verdict"].notna()]
     kind, right = given["kind"], given["outcome"].isin(NAMED)
     content = right | (given["outcome"] == "rightly silent")
@@ -132,7 +135,7 @@ def rates(judged: pd.DataFrame) -> list[tuple[str, int, int]]:
 
 
 def gaps(judged: pd.DataFrame) -> list[tuple[str, float, int]]:
-    """Median and lowest tenth of the gap closed on validation data, of rightly named effects."""
+    """Median and lowest tenth of the closed gap on validation data, of rightly named effects."""
     mine = judged[judged["outcome"].isin(NAMED) & judged["kind"].isin(["single", "two"])]
     closed = pd.to_numeric(mine["gap_closed"], errors="coerce").dropna().to_numpy()
     levels = {"gap closed, median": 50, "gap closed, lowest tenth": 10} if len(closed) else {}
@@ -140,7 +143,7 @@ def gaps(judged: pd.DataFrame) -> list[tuple[str, float, int]]:
 
 
 def parameters(place: files.Campaign) -> pd.DataFrame:
-    """Comparisons of the parameters of rightly named effects that both sides call the same."""
+    """Errors of the parameters of rightly named effects, where both sides have the parameter."""
     rows = [row for named in _rightly_named(place) for row in _beside(*named)]
     parts = pd.DataFrame(rows).groupby(["quantity", "unit"]) if rows else []
     return comparison.gathered(
@@ -149,7 +152,7 @@ def parameters(place: files.Campaign) -> pd.DataFrame:
 
 
 def _rightly_named(place):
-    """Cell, hidden effect and said effect, where the name is the very one that was hidden."""
+    """Cell, hidden effect and named effect, where the two are the same."""
     for cell, hidden in sorted(_hidden(place).items()):
         said = (_verdict(place, cell) or {"effects": []})["effects"]
         partners = _partners([{one["effect"]} for one in hidden["effects"]], said)
@@ -158,6 +161,7 @@ def _rightly_named(place):
 
 
 def _beside(cell, hidden, said):
+    """Rows of `errors`: parameters of one effect, hidden and estimated."""
     for name, true in hidden.get("parameters", {}).items():
         found = said.get("parameters", {}).get(name)
         if found is None or not isinstance(true, int | float):
