@@ -3,7 +3,6 @@ include: "workflow/Snakefile"
 
 
 rule campaign:
-    default_target: True
     input:
         rules.all.input,
     message:

@@ -1,8 +1,9 @@
-"""What several test rooms share: the measured campaigns, where they lie beside the repository."""
+"""What several test rooms share: measured campaigns, and a stand-in for a job's `snakemake`."""
 
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,3 +22,35 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("measured data (../shared) are not on this machine")
     return SHARED
+
+
+class Named(list):
+    """Values that can be reached by position and by name, as Snakemake's are."""
+
+    def __init__(self, values=(), **named):
+        super().__init__([*values, *named.values()])
+        self.__dict__.update(named)
+
+    def items(self):
+        return self.__dict__.items()
+
+    def get(self, key, default=None):
+        return self.__dict__.get(key, default)
+
+
+@pytest.fixture
+def snakemake(tmp_path, monkeypatch):
+    """Factory of script objects that write below a temporary campaign, the working directory."""
+    monkeypatch.chdir(tmp_path)
+
+    def make(*outputs, inputs=(), wildcards=None, **params):
+        return SimpleNamespace(
+            rule="toy",
+            input=Named(inputs),
+            output=Named(outputs),
+            params=Named(**params, code="abc"),
+            wildcards=Named(**(wildcards or {"cell": "A", "test": "t"})),
+            log=["job.log"],
+        )
+
+    return make

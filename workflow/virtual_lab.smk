@@ -10,22 +10,23 @@
 
 import hashlib
 import json
-import os
 import sys
 from pathlib import Path
 
 SCRIPTS = Path(workflow.basedir).parent / "scripts"
 sys.path.insert(0, str(SCRIPTS))
-os.environ["PYTHONPATH"] = os.pathsep.join([str(SCRIPTS), *filter(None, [os.environ.get("PYTHONPATH")])])
 
+from runtime import job_environment
 from virtual_lab import campaigns
 
+job_environment.prepare(str(SCRIPTS))
 CAMPAIGN = config.get("campaign", "demo")
 OPTIONS = campaigns.options(CAMPAIGN, config)
 FOLDER = Path(config.get("folder", campaigns.FOLDERS[CAMPAIGN]))
 PLAN = campaigns.plan(CAMPAIGN, **OPTIONS)
 MAKE = f"python scripts/tools/make_campaign.py {CAMPAIGN} {FOLDER} '{json.dumps(OPTIONS)}'"
 REAL = ["a123", "panasonic", "cs2_35"]
+LOGS = FOLDER / "logs" / "virtual_lab"
 SHEETS = ["cells", "tests", *(["groups"] if PLAN.groups else [])]
 # An edit of the laboratory makes its campaigns anew, as an edit of the science does for results.
 CODE = hashlib.sha256(
@@ -50,14 +51,17 @@ for batch, tests in PLAN.batches().items():
         output:
             raw=[FOLDER / test.file for test in tests],
             truth=FOLDER / ".virtual_lab" / f"{batch}.json",
+        log:
+            LOGS / f"{batch}.log",
         params:
+            make=MAKE,
             batch=batch,
             options=OPTIONS,
             code=CODE,
         message:
             f"Simulate and measure {', '.join(dict.fromkeys(test.cell for test in tests))}."
         shell:
-            "{MAKE} {params.batch}"
+            "{params.make} {params.batch} > {log} 2>&1"
 
 
 rule sheets:
@@ -67,13 +71,16 @@ rule sheets:
         sheets=[FOLDER / "config" / f"{sheet}.tsv" for sheet in SHEETS],
         choices=FOLDER / "config" / "config.yaml",
         truth=FOLDER / PLAN.truth / "README.md",
+    log:
+        LOGS / "sheets.log",
     params:
+        make=MAKE,
         options=OPTIONS,
         code=CODE,
     message:
         "Write the campaign's sheets, with the checksum of each raw file, and gather its truth."
     shell:
-        "{MAKE}"
+        "{params.make} > {log} 2>&1"
 
 
 rule score:
@@ -83,23 +90,31 @@ rule score:
         page=FOLDER / "results" / "score" / "score.html",
         table=FOLDER / "results" / "score" / "score.csv",
         markdown=FOLDER / "results" / "score" / "score.md",
+    log:
+        LOGS / "score.log",
     params:
         code=CODE,
+        folder=FOLDER,
+        title=f"Scores: {CAMPAIGN}",
         truth=FOLDER / PLAN.truth,
     message:
         "Compare what the pipeline found with what is true."
     shell:
-        "python scripts/tools/score_campaign.py {FOLDER} --truth {params.truth} --title 'Scores: {CAMPAIGN}'"
-        " --markdown {output.markdown}"
+        "python scripts/tools/score_campaign.py {params.folder} --truth {params.truth}"
+        " --title {params.title:q} --markdown {output.markdown} > {log} 2>&1"
 
 
 rule reality:
     output:
         "virtual/reality/reality.md",
+    log:
+        "logs/virtual_lab/reality.log",
     params:
+        folder=FOLDER,
         real=[Path(config.get("real", "real")) / name for name in REAL],
         code=CODE,
     message:
         "Set the laboratory's records beside real ones."
     shell:
-        "python scripts/tools/check_reality.py virtual/reality {FOLDER} --real {params.real}"
+        "python scripts/tools/check_reality.py virtual/reality {params.folder} --real {params.real}"
+        " > {log} 2>&1"

@@ -1,7 +1,7 @@
 """Set the answers of the benchmark beside what was hidden: page, figures, tables."""
 
-import figure
 from effect_benchmark import page, pictures, scoring
+from figures import style
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
@@ -9,8 +9,8 @@ with artefact.Job(snakemake) as job:
     batches = artefact.load_all(snakemake.input.answers)
     answers = [row for columns, _ in batches for row in artefact.rows(columns)]
     table = scoring.judged(params.folder, answers)
-    figure.save(pictures.confusion(table), job, out.confusion)
-    figure.save(pictures.power(table), job, out.power)
+    style.save(pictures.confusion(table), job, out.confusion)
+    style.save(pictures.power(table), job, out.power)
     job.save(scoring.flat(table), out.cells)
     job.save(scoring.goal_rows(table), out.goals)
     page.save(table, params.options, job, out.page)

@@ -83,7 +83,7 @@ def _rows(work, cell, controlled):
 def _case(work, cell):
     """As `finding.missing_effect` lays it out."""
     row, basis, tests = loading.loaded(work.place, cell, work.known, work.steps)
-    mine = [test for test in tests if test.facts["kind"] in prepare.KINDS]
+    mine = [test for test in tests if test.facts.kind in prepare.KINDS]
     gates, tolerance = settings_of(work.settings)
     options = {"tolerance": tolerance, "gates": gates, "settings": work.settings}
     return prepare.prepared(row, basis, mine, **options).case
@@ -92,7 +92,7 @@ def _case(work, cell):
 def _group_rows(work, group):
     """A group beside what its cells are by themselves, in each way to look at it."""
     branches = work.place.branches[group]
-    cells = [groups.known(row["cell"], _case(work, row["cell"])) for row in branches]
+    cells = [groups.known(row.cell, _case(work, row.cell)) for row in branches]
     tests = loading.tests_of(work.place, group, work.steps)
     return [
         _row(group, method, said, rounds=len(said["effects"]) + 1 if said else 0, **cost)

@@ -32,8 +32,8 @@ def answers(group: str, branches, cells, tests, settings) -> list[tuple]:
 
     Parameters
     ----------
-    group : name. branches : its rows of groups.tsv. cells : list of KnownCell. tests : list of
-    FitTest. settings : section missing_effect_group of the config.
+    group : name. branches : list of BranchFacts. cells : list of KnownCell. tests : list of
+    MeasuredTest. settings : section missing_effect_group of the config.
     """
     ways = {SEARCH: tests, ONE_TEMPERATURE: _at_one(tests), BLIND: [_blind(t) for t in tests]}
     return [
@@ -55,7 +55,7 @@ def _at_one(tests):
     return [
         test
         for test in tests
-        if abs(test.facts["ambient_temperature_celsius"] - REFERENCE_CELSIUS) <= SAME_CELSIUS
+        if abs(test.facts.ambient_temperature_celsius - REFERENCE_CELSIUS) <= SAME_CELSIUS
     ]
 
 

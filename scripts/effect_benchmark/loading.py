@@ -4,16 +4,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cellwright import formats, series
-from cellwright.identification.cell import FitTest
 from cellwright.protocols.capacity import capacity
 from cellwright.protocols.ocv.slow import slow_ocv
 from cellwright.records.basis import Lender, basis
+from cellwright.records.facts import BranchFacts, CellFacts, MeasuredTest, TestFacts
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
 from runtime import raw_files, sheets
 
 SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
-FACTS = ("test", "kind", "ambient_temperature_celsius", "cycle", "soc", "role")
 CUTOFFS = ("rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
 COUNTED = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 
@@ -28,9 +27,9 @@ class Place(NamedTuple):
 
 
 class Loaded(NamedTuple):
-    """One cell: its row of the sheet, basis (`cellwright.records.basis`), and tests (FitTest)."""
+    """One cell: its facts, basis (`cellwright.records.basis`), and tests (MeasuredTest)."""
 
-    cell: dict
+    cell: CellFacts
     basis: dict
     tests: list
 
@@ -50,13 +49,14 @@ def place(folder) -> Place:
     for row in read.tests:
         tests.setdefault(row["cell"], []).append(row)
     for row in sorted(read.groups, key=lambda row: row["position"]):
-        branches.setdefault(row["group"], []).append(row)
+        facts = BranchFacts(*(row[name] for name in BranchFacts._fields))
+        branches.setdefault(row["group"], []).append(facts)
     return Place(Path(folder), {row["cell"]: row for row in read.cells}, tests, branches)
 
 
 def searched(place: Place) -> list[str]:
     """Cells and groups that a search is for: no reference, and no branch of a group."""
-    inside = {row["cell"] for rows in place.branches.values() for row in rows}
+    inside = {row.cell for rows in place.branches.values() for row in rows}
     cells = [c for c, row in place.cells.items() if row["reference"] != "yes" and c not in inside]
     return sorted([*cells, *place.branches])
 
@@ -87,13 +87,16 @@ def loaded(place: Place, cell: str, known: dict[str, list[Lender]], steps: Steps
         [one for one in known.get(row["chemistry"], []) if one.cell != cell],
         rated_capacity_ampere_hour=row["rated_capacity_ampere_hour"],
     )
-    return Loaded(row, found, records)
+    facts = CellFacts(*(row[name] for name in CellFacts._fields))
+    return Loaded(facts, found, records)
 
 
-def tests_of(place: Place, cell: str, steps: Steps) -> list[FitTest]:
+def tests_of(place: Place, cell: str, steps: Steps) -> list[MeasuredTest]:
     """The cleaned tests of a cell or group."""
     return [
-        FitTest({name: row[name] for name in FACTS}, _series(place, row, steps))
+        MeasuredTest(
+            TestFacts(*(row[name] for name in TestFacts._fields)), _series(place, row, steps)
+        )
         for row in place.tests[cell]
     ]
 
@@ -109,13 +112,14 @@ def _series(place, row, steps):
 
 
 def _who(facts):
-    return {name: facts[name] for name in ("test", "ambient_temperature_celsius", "cycle")}
+    names = ("test", "ambient_temperature_celsius", "cycle")
+    return {name: getattr(facts, name) for name in names}
 
 
 def _curves(records, row, steps):
     found = []
     for facts, columns in records:
-        if facts["kind"] == "ocv" and facts["role"] == "fit":
+        if facts.kind == "ocv" and facts.role == "fit":
             curve = slow_ocv(
                 *(columns[name] for name in COUNTED),
                 file_index=columns["file_index"],
@@ -129,7 +133,7 @@ def _curves(records, row, steps):
 
 def _capacities(records, row, steps):
     kinds = ("capacity", "ocv")
-    mine = [one for one in records if one.facts["kind"] in kinds and one.facts["role"] == "fit"]
+    mine = [one for one in records if one.facts.kind in kinds and one.facts.role == "fit"]
     return [_who(one.facts) | found for one in mine for found in _capacity_rows(one, row, steps)]
 
 
@@ -145,7 +149,7 @@ def _capacity_rows(one, row, steps):
             **steps.segment,
         )
         limits = {name: row[name] for name in CUTOFFS}
-        rows = capacity(*counted, cut, whole_swing=facts["kind"] == "ocv", **limits).rows
+        rows = capacity(*counted, cut, whole_swing=facts.kind == "ocv", **limits).rows
     except Refusal:
         return []  # as in the workflow: a test without a complete charge gives no capacity
     lists = {name: _plain(values) for name, values in rows._asdict().items()}

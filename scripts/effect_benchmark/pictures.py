@@ -2,8 +2,8 @@
 
 import numpy as np
 
-import figure
 from effect_benchmark import tables
+from figures import style
 
 STRENGTHS = (1.0, 2.5, 6.0)
 WORDS = {"right": "named right", "content": "named right, or rightly silent"}
@@ -14,15 +14,15 @@ def confusion(table):
     """Counts of cells: hidden class (rows) against the first answer (columns)."""
     counts = tables.confusion(table)
     rows, columns = counts.shape
-    drawn, axes = figure.canvas(width=2.6 + 0.31 * columns, height=2.3 + 0.27 * rows)
+    drawn, axes = style.subplots(width=2.6 + 0.31 * columns, height=2.3 + 0.27 * rows)
     axes = axes[0, 0]
     shares = counts.to_numpy(float) / counts.sum(axis=1).to_numpy(float)[:, None]
     axes.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for (row, column), number in np.ndenumerate(counts.to_numpy()):
         if number:
-            ink = "white" if shares[row, column] > 0.6 else figure.INK
-            style = {"ha": "center", "va": "center", "fontsize": 7.5, "color": ink}
-            axes.text(column, row, str(number), **style)
+            ink = "white" if shares[row, column] > 0.6 else style.INK
+            look = {"ha": "center", "va": "center", "fontsize": 7.5, "color": ink}
+            axes.text(column, row, str(number), **look)
     axes.set_xticks(range(columns), _plain(counts.columns), rotation=90)
     axes.set_yticks(range(rows), _plain(counts.index))
     axes.grid(False)
@@ -35,7 +35,7 @@ def power(table):
     rows = tables.power(table)
     names = list(dict.fromkeys(row["effect"] for row in rows))
     down = max(-(-len(names) // ACROSS), 1)
-    drawn, axes = figure.canvas(
+    drawn, axes = style.subplots(
         down, ACROSS, width=10.5, height=1.9 * down, sharex=True, sharey=True
     )
     for panel, name in zip(axes.flat, names, strict=False):
@@ -54,7 +54,7 @@ def power(table):
 def _panel(axes, name, rows):
     """All cells, and the open marks: right or rightly silent."""
     for key, colour, mark, shift in (
-        ("content", figure.QUIET, "o", 1.06),
+        ("content", style.QUIET, "o", 1.06),
         ("right", "#0b6fb8", "s", 1),
     ):
         shares = [row[key] for row in rows]
@@ -63,11 +63,11 @@ def _panel(axes, name, rows):
         low, high = 100 * np.array([one.interval for one in shares]).T
         reach = [np.maximum(value - low, 0), np.maximum(high - value, 0)]
         open_mark = {"markerfacecolor": "white"} if key == "content" else {}
-        style = {"color": colour, "capsize": 2, "label": WORDS[key]} | open_mark
-        axes.errorbar(at, value, yerr=reach, fmt=mark, **style)
+        look = {"color": colour, "capsize": 2, "label": WORDS[key]} | open_mark
+        axes.errorbar(at, value, yerr=reach, fmt=mark, **look)
     dynamic = rows[0]["dynamic"]
     axes.set_title(
-        name.replace("_", " "), fontsize=7.5, color=figure.INK if dynamic else figure.QUIET
+        name.replace("_", " "), fontsize=7.5, color=style.INK if dynamic else style.QUIET
     )
     axes.set_xscale("log")
     axes.set_xticks(STRENGTHS, [f"{s:g}" for s in STRENGTHS])

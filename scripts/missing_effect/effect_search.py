@@ -2,17 +2,18 @@
 
 from cellwright.effects.finding import missing_effect
 from cellwright.effects.library import LIBRARY
-from runtime import artefact, lending
+from cellwright.records.facts import CellFacts
+from runtime import artefact, facts, known
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
     found = missing_effect(
-        params.cell,
+        CellFacts(**params.cell),
         job.load(inputs.basis),
-        lending.tests(inputs.series),
+        facts.tests(inputs.series),
         LIBRARY,
         settings=params.settings,
-        references=lending.references(params.references, inputs.lent_basis, inputs.lent_series),
+        references=known.references(params.references, inputs.lent_basis, inputs.lent_series),
     )
     job.note(*found.notes)
     for name, path in snakemake.output.items():

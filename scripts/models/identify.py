@@ -1,12 +1,13 @@
 """Identify the equivalent circuits of one cell from its own tests."""
 
 from cellwright.identification.cell import cell_model
-from runtime import artefact, lending
+from cellwright.records.facts import CellFacts
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    tests = lending.tests(snakemake.input.series)
+    tests = facts.tests(snakemake.input.series)
     basis = job.load(snakemake.input.basis)
     settings = {name: snakemake.params.settings[name] for name in ("members", "split_rest_second")}
-    model = cell_model(snakemake.params.cell, basis, tests, **settings)
+    model = cell_model(CellFacts(**snakemake.params.cell), basis, tests, **settings)
     job.note(*model["notes"])
     job.save(model)

@@ -3,7 +3,8 @@
 from cellwright.circuits.model_file import model_of, parameter_rows
 from cellwright.effects.member import finished
 from cellwright.identification.compensation import laws_kept, with_laws
-from runtime import artefact, lending
+from cellwright.records.facts import CellFacts
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
@@ -11,7 +12,7 @@ with artefact.Job(snakemake) as job:
     for tried, _ in artefact.load_all(inputs.law):
         model = with_laws(model, laws_kept(artefact.rows(tried)))
     basis, found = artefact.load_first(inputs.basis), artefact.load_first(inputs.effects)
-    about = (basis, params.cell, lending.tests(inputs.series), found)
+    about = (basis, CellFacts(**params.cell), facts.tests(inputs.series), found)
     model, choice = finished(model, *about, split_rest_second=params.split_rest_second)
     job.note(*([model["choice"]] if choice else []))
     job.save(model, snakemake.output.model)

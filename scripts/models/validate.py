@@ -1,15 +1,15 @@
 """Simulate one test that took no part in the fit, and score the simulation."""
 
 from cellwright.identification.validation import validate
-from runtime import artefact
+from cellwright.records.facts import CellFacts
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
     params = snakemake.params
     found = validate(
         job.load(snakemake.input.model),
-        params.cell,
-        params.test,
-        job.load(snakemake.input.series),
+        CellFacts(**params.cell),
+        facts.test(snakemake),
         split_rest_second=params.settings["split_rest_second"],
     )
     job.note(*found.notes)

@@ -1,16 +1,12 @@
 """Models of a group's cells from the group's own branch currents."""
 
 from cellwright.packs.group import group_models
-from runtime import artefact
+from cellwright.records.facts import MeasuredTest
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
     pairs = zip(snakemake.input.series, snakemake.input.steps, strict=True)
     series, steps, about = artefact.load_together(pairs)[0]
-    models = group_models(
-        series,
-        steps,
-        [row["cell"] for row in snakemake.params.branches],
-        test=about["wildcards"]["test"],
-        celsius=about["params"]["test"]["ambient_temperature_celsius"],
-    )
+    cells = [row.cell for row in facts.branches(snakemake.params.branches)]
+    models = group_models(MeasuredTest(facts.of_artefact(about), series), steps, cells)
     job.save({"group": snakemake.wildcards.group, "models": models})

@@ -2,7 +2,7 @@
 
 from cellwright.protocols.ocv.functions import fit_functions
 from cellwright.protocols.ocv.slow import slow_ocv
-from runtime import artefact
+from runtime import artefact, lean
 
 with artefact.Job(snakemake) as job:
     series, cell = job.load(snakemake.input.series), snakemake.params.cell
@@ -16,4 +16,5 @@ with artefact.Job(snakemake) as job:
     job.note(*filter(None, [curve.note]))
     arrays, facts = artefact.split(curve)
     job.save(arrays, snakemake.output.curve, **facts)
+    lean.import_lmfit()
     job.save(fit_functions(curve.soc, curve.ocv_volt), snakemake.output.functions)

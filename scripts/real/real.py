@@ -2,11 +2,11 @@
 
 import pandas as pd
 
-from real_cells import gather, page, record
+from real_cells import page, record, tables
 
-tables = [record.read(path) for path in snakemake.input.numbers]
-measured = pd.concat(tables, ignore_index=True)
-measured = gather.with_published(measured, record.read(snakemake.input.published))
+campaigns = [record.read(path) for path in snakemake.input.numbers]
+measured = pd.concat(campaigns, ignore_index=True)
+measured = tables.with_published(measured, record.read(snakemake.input.published))
 record.write(measured, snakemake.output.numbers)
 text = page.text(measured, record.read(snakemake.input.before), recorded=False)
 page.write(text, snakemake.output.page)

@@ -3,12 +3,12 @@
 import sys
 from pathlib import Path
 
-from real_cells import gather, nested, record
+from real_cells import campaigns, record, tables
 
 out, params, log = Path(snakemake.output[0]), snakemake.params, snakemake.log[0]
-nested.lay_out(params.campaign, out.parent)
+campaigns.copy_campaign(params.campaign, out.parent)
 try:
-    nested.run(out.parent, whole=params.whole, log=log)
+    campaigns.run(out.parent, whole=params.whole, log=log)
 except RuntimeError as failure:
     sys.exit(str(failure))
-record.write(gather.numbers(out.parent), out)
+record.write(tables.of_campaign(out.parent), out)

@@ -1,4 +1,4 @@
-"""The page of the yardstick: numbers by temperature, beside published and earlier ones."""
+"""The page of real cells: numbers by temperature, beside published and earlier ones."""
 
 import re
 from pathlib import Path
@@ -6,8 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from real_cells import record
-from real_cells.gather import KEYS
-from real_cells.quantities import QUANTITIES, topics
+from real_cells.quantities import KEYS, QUANTITIES, topics
 
 ABOUT = """\
 <!-- Made by scripts/tools/real_record.py from real-cells/*.csv. Do not edit. -->
@@ -80,9 +79,9 @@ def text(numbers: pd.DataFrame, before: pd.DataFrame, *, recorded: bool = True) 
 def committed() -> str:
     """The page as it belongs into the repository: of the record, with why it was renewed."""
     reasons = {name: record.last_reason(name) for name in ("recorded", "before")}
-    told = [f"* **{WORDS[name]}**: {reason}\n" for name, reason in reasons.items() if reason]
+    lines = [f"* **{WORDS[name]}**: {reason}\n" for name, reason in reasons.items() if reason]
     whole = text(record.read(record.RECORDED), record.read(record.BEFORE))
-    return whole.replace("\n## At a glance", "".join(told) + "\n## At a glance", 1)
+    return whole.replace("\n## At a glance", "".join(lines) + "\n## At a glance", 1)
 
 
 def write(content: str, path):
@@ -94,9 +93,9 @@ def _glance(rows) -> str:
     """One line a campaign: the range over its cells and temperatures."""
     lines = []
     for name, group in rows.groupby("campaign"):
-        # A place further in, such as "worst test" or a stage, is told below.
+        # Places with a detail, such as "worst test" or a stage, stand below.
         group = group[(group["rest"] == "") | group["quantity"].eq("right verdicts")]
-        lines.append([name, *(_range(group[group["quantity"] == known]) for known in GLANCE)])
+        lines.append([name, *(_range(group[group["quantity"] == quantity]) for quantity in GLANCE)])
     head = ["campaign", *GLANCE.values()]
     about = "From the lowest to the highest over cells and temperatures."
     return f"## At a glance\n\n{about}\n\n{_table(head, lines)}"
@@ -117,9 +116,9 @@ def _campaign(name, rows) -> str:
         if len(mine):
             parts.append(f"### {topic} of {name}\n\n{_topic(mine)}")
     sources = rows.loc[rows["published_source"] != "", ["quantity", "published_source"]]
-    told = [f"* {quantity}: {source}" for quantity, source in sources.drop_duplicates().values]
-    if told:
-        parts.append("Sources of the published numbers:\n\n" + "\n".join(told) + "\n")
+    lines = [f"* {quantity}: {source}" for quantity, source in sources.drop_duplicates().values]
+    if lines:
+        parts.append("Sources of the published numbers:\n\n" + "\n".join(lines) + "\n")
     return "\n".join(parts)
 
 

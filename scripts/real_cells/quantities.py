@@ -1,8 +1,18 @@
-"""The one list of measured quantities: unit, which side is better, and how much may change."""
+"""Measured quantities: unit, which side is better, how much may change, and words for places."""
 
+import math
 from typing import NamedTuple
 
+# Columns of a table of numbers: what it is a number of, and what is to be known of it.
+KEYS = ["campaign", "cell", "quantity", "where"]
+COLUMNS = [*KEYS, "value", "unit", "better", "tolerance_absolute", "tolerance_relative"]
+COLUMNS += ["published", "published_source"]
 SIDES = ("lower", "higher", "near", "equal", "shown")
+
+C_RATES = {
+    **{f"C/{k}": 1 / k for k in (100, 50, 40, 30, 25, 20, 15, 10, 8, 5, 4, 3, 2)},
+    **{f"{k:g}C": k for k in (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15, 20)},
+}
 
 
 class Quantity(NamedTuple):
@@ -71,3 +81,26 @@ QUANTITIES = {
 def topics() -> list[str]:
     """Headings below which the quantities stand, in the order of the list."""
     return list(dict.fromkeys(one.topic for one in QUANTITIES.values()))
+
+
+def rate_in_words(c_rate: float) -> str:
+    """The customary rate next to this one: C/20, 1C.
+
+    Parameters
+    ----------
+    c_rate : float [1/h]
+        Current over rated capacity, of either sign.
+    """
+    if not c_rate or math.isnan(c_rate):
+        return "rate not known"
+    return min(C_RATES, key=lambda name: abs(math.log(abs(c_rate) / C_RATES[name])))
+
+
+def celsius_in_words(temperature: float) -> str:
+    """A chamber temperature [°C] with its unit, or that it is not known."""
+    return "temperature not known" if math.isnan(temperature) else f"{temperature:g} °C"
+
+
+def place(*parts: str) -> str:
+    """Where a number was measured, out of several parts; empty parts are left out."""
+    return ", ".join(part for part in parts if part)

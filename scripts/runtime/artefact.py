@@ -12,44 +12,34 @@ import sys
 import traceback
 from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cellwright.refusal import Refusal
-from runtime import contract, provenance
+from runtime import contract, lean, provenance
 
 KEY = b"cellwright"
 
 
-def _settle_without_pandas():
-    """Let pyarrow find, once, that there is no pandas.
+def _keep_pyarrow_from_importing_pandas():
+    """Let pyarrow convert its first array while pandas cannot be imported.
 
-    It looks for pandas at its first array each way, to recognise pandas' own objects. Nothing
-    here has any, and the import takes most of a second of each of the run's hundreds of jobs.
+    At its first array each way it imports pandas, to recognise pandas' own objects. Nothing here
+    has any, and the import takes most of a second of each of the run's hundreds of jobs.
     """
-    if "pandas" in sys.modules:
-        return
-    blind = SimpleNamespace(find_spec=_no_pandas)
-    sys.meta_path.insert(0, blind)
-    try:
+    with lean.without("pandas"):
         pa.chunked_array([pa.array(np.zeros(1))]).to_numpy()
-    finally:
-        sys.meta_path.remove(blind)
 
 
-def _no_pandas(name, path=None, target=None):
-    if name == "pandas":
-        raise ModuleNotFoundError("pandas is not looked for here")
-
-
-_settle_without_pandas()
+_keep_pyarrow_from_importing_pandas()
 
 
 def columns_of(content) -> dict:
-    """Columns from columns, a NamedTuple of arrays, or a list of rows."""
+    """Columns from columns, a NamedTuple of arrays, a DataFrame, or a list of rows."""
+    if hasattr(content, "to_dict"):
+        return content.to_dict("list")
     if hasattr(content, "_asdict"):
         content = content._asdict()
     if not isinstance(content, dict):
@@ -154,7 +144,7 @@ class Passed(Refusal):
 
 
 class Job:
-    """One job's way to the disk: `with artefact.Job(snakemake) as job: … job.save(columns)`.
+    """What a script loads and saves: `with artefact.Job(snakemake) as job: … job.save(columns)`.
 
     A refusal inside the block is written as the reason into every output that is not saved yet.
     So is any other exception, as an internal error with its traceback in the log: a fault in one
@@ -254,25 +244,31 @@ def load_some(paths) -> list[tuple[dict, dict]]:
     Passed
         With the first artefact's reason, where all are empty for a reason.
     """
-    found = load_all(paths)
-    if not found:
+    loaded = load_all(paths)
+    if not loaded:
         load(paths[0])
-    return found
+    return loaded
 
 
 def load_together(pairs) -> list[tuple[dict, dict, dict]]:
-    """(first, second, about of the second) of each pair of artefacts where both have content."""
+    """(first, second, about of the second) of each pair of artefacts where both have content.
+
+    Raises
+    ------
+    Passed
+        With the first reason, where no pair has content.
+    """
     pairs = list(pairs)
     abouts = [[read_about(path) for path in pair] for pair in pairs]
-    found = [
+    loaded = [
         (load(first), load(second), about[1])
         for (first, second), about in zip(pairs, abouts, strict=True)
         if all(one["reason"] is None for one in about)
     ]
-    if not found:
+    if not loaded:
         for path in (path for pair in pairs for path in pair):
             load(path)
-    return found
+    return loaded
 
 
 def load_table(path) -> list[dict]:
@@ -298,8 +294,8 @@ def split(result) -> tuple[dict, dict]:
 
 def rows(columns: dict) -> list[dict]:
     """Columns as a list of rows of plain Python values."""
-    plain = {name: np.asarray(values).tolist() for name, values in columns.items()}
-    return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
+    lists = {name: np.asarray(values).tolist() for name, values in columns.items()}
+    return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)]
 
 
 def read_about(path) -> dict:

@@ -1,36 +1,30 @@
-"""What one cell lends another: basis, models, references, and what each cell of a type shows."""
+"""What one cell lends another: OCV curves, capacities, and what each cell of a type shows."""
 
 from statistics import median
 
-from cellwright.effects.finding import Reference
-from cellwright.effects.groups.finding import KnownCell
 from cellwright.identification.borrowed import Shown
-from cellwright.identification.cell import FitTest
 from cellwright.records.basis import Lender
-from runtime import artefact
+from runtime import artefact, facts
 
 
 def curves(paths) -> list[dict]:
     """OCV curves of stage `ocv` or `ocv_rests` as plain lists with their facts and test."""
-    found = []
-    for columns, about in artefact.load_all(paths):
-        facts = about["params"]["test"]
-        lists = {name: values.tolist() for name, values in columns.items()}
-        names = ("ambient_temperature_celsius", "cycle")
-        who = {"test": about["wildcards"]["test"], **{name: facts[name] for name in names}}
-        found.append(who | about["facts"] | lists)
-    return found
+    return [
+        _dated(about) | about["facts"] | {name: values.tolist() for name, values in columns.items()}
+        for columns, about in artefact.load_all(paths)
+    ]
 
 
 def capacities(paths) -> list[dict]:
     """Rows of stage `capacity` with test, temperature and cycle."""
-    found = []
-    for columns, about in artefact.load_all(paths):
-        facts = about["params"]["test"]
-        names = ("ambient_temperature_celsius", "cycle")
-        who = {"test": about["wildcards"]["test"], **{name: facts[name] for name in names}}
-        found += [who | row for row in artefact.rows(columns)]
-    return found
+    loaded = artefact.load_all(paths)
+    return [_dated(about) | row for columns, about in loaded for row in artefact.rows(columns)]
+
+
+def _dated(about) -> dict:
+    """Name, temperature and cycle of the test that an artefact is of."""
+    known = facts.of_artefact(about)
+    return {n: getattr(known, n) for n in ("test", "ambient_temperature_celsius", "cycle")}
 
 
 def limits(params) -> dict:
@@ -54,34 +48,6 @@ def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
             capacities([path for path in capacity_paths if owner[path] == cell]),
         )
         for cell in dict.fromkeys(owner.values())
-    ]
-
-
-def tests(paths) -> list[FitTest]:
-    """Clean series with the sheet's row of each test."""
-    return [
-        FitTest(about["params"]["test"] | {"test": about["wildcards"]["test"]}, series)
-        for series, about in artefact.load_all(paths)
-    ]
-
-
-def known_cells(branches, lenders, paths) -> list[KnownCell]:
-    """What each branch of a group is known by; `lenders`: whose model it is, by cell."""
-    models = {about["wildcards"]["cell"]: model for model, about in artefact.load_all(paths)}
-    sources = [lenders.get(row["cell"], row["cell"]) for row in branches]
-    return [KnownCell(models.get(source), source) for source in sources]
-
-
-def references(rows, basis_paths, series_paths) -> list[Reference]:
-    """Healthy cells of the type, each with its row of the sheet, its basis and its tests."""
-    owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in series_paths}
-    bases = {basis["cell"]: basis for basis, _ in artefact.load_all(basis_paths)}
-    return [
-        Reference(
-            row, bases[row["cell"]], tests([p for p in series_paths if owner[p] == row["cell"]])
-        )
-        for row in rows
-        if row["cell"] in bases
     ]
 
 

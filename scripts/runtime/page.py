@@ -4,6 +4,7 @@ import base64
 from pathlib import Path
 
 import jinja2
+import pandas as pd
 import yaml
 
 from runtime import artefact
@@ -22,7 +23,7 @@ NO_MODEL = {
 def render(job) -> str:
     """The report as one HTML text, from the inputs and params of rule `report`."""
     inputs, params = job.input, job.params
-    tables = {Path(path).stem: artefact.load_table(path) for path in inputs.tables}
+    tables = {Path(path).stem: _text(path) for path in inputs.tables}
     abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
     known = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
@@ -32,15 +33,15 @@ def render(job) -> str:
     pages = [_page(name, params, tables, abouts, known) for name in owners + groups]
     for one in pages:
         one["effect"], one["cold"] = effects.get(one["name"]), cold.get(one["name"])
-        one["verdicts"] = [r for r in tables["missing_effect"] if r["cell"] == one["name"]]
+        one["verdicts"] = _of(tables["missing_effect"], one["name"]).to_dict("records")
     template = Path(inputs.template).read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"number": number, "milli": milli, "percent": percent}
     return environment.from_string(template).render(
         title=params.title,
-        excluded=tables["excluded"],
-        checks=artefact.load_table(inputs.checks),
-        summary=artefact.load_table(inputs.summary),
+        excluded=tables["excluded"].to_dict("records"),
+        checks=_text(inputs.checks).to_dict("records"),
+        summary=_text(inputs.summary).to_dict("records"),
         overview=[_picture(path, known) for path in params.figures["campaign"]],
         pages=pages,
         assumptions=params.assumptions,
@@ -48,6 +49,15 @@ def render(job) -> str:
         environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
         artefacts=len(abouts),
     )
+
+
+def _text(path) -> pd.DataFrame:
+    """A CSV table as it is written, for people: every cell text."""
+    return pd.read_csv(path, dtype=str, keep_default_na=False)
+
+
+def _of(table, name, column="cell") -> pd.DataFrame:
+    return table[table[column] == name]
 
 
 def milli(text) -> str:
@@ -77,12 +87,10 @@ def number(text) -> str:
 def _page(name, params, tables, abouts, known) -> dict:
     facts = next((row for row in params.cells if row["cell"] == name), {})
     branches = [row for row in params.groups if row["group"] == name]
-    rows = {
-        table: [row for row in tables[table] if row["cell"] == name] for table in TABLES_OF_CELL
-    }
+    shown = {table: _of(tables[table], name) for table in TABLES_OF_CELL}
+    shown["packs"] = _of(tables["packs"], name, "group")
     pictures = params.figures.get(name, [])
     unmodelled = facts and name not in params.modelled
-    rows["packs"] = [row for row in tables["packs"] if row["group"] == name]
     return {
         "name": name,
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
@@ -90,25 +98,30 @@ def _page(name, params, tables, abouts, known) -> dict:
         "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
         "proofs": [_picture(path, known) for path in pictures if Path(path).stem in PROOFS],
         "pictures": [_picture(path, known) for path in pictures if Path(path).stem not in PROOFS],
-        "choice": _choice([row for row in tables["choice"] if row["cell"] == name]),
-        "tables": {table: _short(found) for table, found in rows.items() if found},
+        "choice": _choice(_of(tables["choice"], name)),
+        "tables": {table: _short(rows) for table, rows in shown.items() if len(rows)},
         "notes": [*([NO_MODEL] if unmodelled else []), *_notes(name, abouts)],
     }
 
 
 def _choice(rows) -> dict:
     """Errors of each member by temperature, and why it is the chosen one or not; none: empty."""
-    celsius = list(dict.fromkeys(row["ambient_temperature_celsius"] for row in rows))
-    members = {}
-    for row in rows:
-        about = {"chosen": row["chosen"] == "True", "reason": row["reason"], "errors": []}
-        members.setdefault(row["model"], about)["errors"].append(row)
-    return {"celsius": celsius, "members": members} if rows else {}
+    members = {
+        model: {
+            "chosen": own["chosen"].iloc[0] == "True",
+            "reason": own["reason"].iloc[0],
+            "errors": own.to_dict("records"),
+        }
+        for model, own in rows.groupby("model", sort=False)
+    }
+    celsius = rows["ambient_temperature_celsius"].unique().tolist()
+    return {"celsius": celsius, "members": members} if members else {}
 
 
 def _short(rows) -> dict:
-    columns = [name for name in rows[0] if name not in ("cell", "group")]
-    return {"columns": columns, "rows": rows[:SHOWN_ROWS], "more": max(len(rows) - SHOWN_ROWS, 0)}
+    columns = rows.columns.drop(["cell", "group"], errors="ignore").tolist()
+    more = max(len(rows) - SHOWN_ROWS, 0)
+    return {"columns": columns, "rows": rows.head(SHOWN_ROWS).to_dict("records"), "more": more}
 
 
 def _test(row, abouts) -> dict:

@@ -50,7 +50,7 @@ def _closure(path: Path, seen: frozenset) -> frozenset:
 @cache
 def _imports(path: Path) -> frozenset:
     package = path.parent.relative_to(SCRIPTS).parts
-    found = set()
+    files = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -61,8 +61,8 @@ def _imports(path: Path) -> frozenset:
         else:
             continue
         for name in names:
-            found |= _files_of(name)
-    return frozenset(found)
+            files |= _files_of(name)
+    return frozenset(files)
 
 
 def _files_of(name: str) -> set[Path]:
@@ -101,11 +101,13 @@ def _name(path: str) -> str:
 def record(job) -> dict:
     """The provenance block of what this job writes: no date, host or absolute path in it.
 
-    `job` is Snakemake's script object. The same inputs give the same block on any machine.
+    `job` is Snakemake's script object. The same inputs give the same block on any machine, and in
+    a workflow that uses this one as a module under other names of rules (`params.rule`).
     """
-    params = {k: value for k, value in job.params.items() if k not in ("code", "contract")}
+    own = ("code", "contract", "rule")
+    params = {k: value for k, value in job.params.items() if k not in own}
     return {
-        "rule": job.rule,
+        "rule": job.params.get("rule", job.rule),
         "wildcards": dict(job.wildcards.items()),
         "params": json.loads(json.dumps(params, default=str, sort_keys=True)),
         "inputs": {_name(path): sha256_of(path) for path in sorted(set(map(str, job.input)))},
@@ -117,10 +119,10 @@ def record(job) -> dict:
 
 def assumptions() -> list[dict]:
     """Every `# ASSUME:` of the code: where it stands and what it says."""
-    found = []
+    sentences = []
     for path in sorted(SCRIPTS.glob("cellwright/**/*.py")):
         text = path.read_text(encoding="utf-8")
         for match in re.finditer(r"# ASSUME: (.+(?:\n\s*# (?!ASSUME).+)*)", text):
             sentence = re.sub(r"\s*\n\s*# ", " ", match.group(1)).strip()
-            found.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
-    return found
+            sentences.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
+    return sentences

@@ -1,4 +1,4 @@
-"""The instruments' files as they lie in the campaign: there, whole, the ones that were meant."""
+"""Raw files of a test: read whole, held against the checksums of the sheet."""
 
 import hashlib
 from pathlib import Path
@@ -33,10 +33,10 @@ def single(files, sha256) -> tuple[str, bytes]:
     Refusal
         As `contents`, and where the sheet joins several files.
     """
-    found = contents(files, sha256)
-    if len(found) > 1:
-        raise Refusal(f"{len(found)} files are joined ({';'.join(files)}); a spectrum is one file")
-    return found[0]
+    several = contents(files, sha256)
+    if len(several) > 1:
+        raise Refusal(f"{len(files)} files are joined ({';'.join(files)}); a spectrum is one file")
+    return several[0]
 
 
 def _bytes(file, wanted) -> bytes:

@@ -12,16 +12,16 @@ class _Collector:
 
     def __init__(self):
         self.rows = []
-        self.said = {}
+        self.documented = {}
 
     def pytest_collection_modifyitems(self, items):
-        self.said = {item.nodeid: (item.function.__doc__ or item.name) for item in items}
+        self.documented = {item.nodeid: (item.function.__doc__ or item.name) for item in items}
 
     def pytest_runtest_logreport(self, report):
         if report.when == "call" or report.outcome != "passed":
             lines = [x for x in report.longreprtext.splitlines() if x.startswith("E ")]
             found = lines[0].removeprefix("E ").strip() if report.failed and lines else ""
-            law = self.said[report.nodeid].strip().splitlines()[0]
+            law = self.documented[report.nodeid].strip().splitlines()[0]
             self.rows.append({"check": law, "outcome": report.outcome, "found": found})
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import yaml
 
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+FILE = "config/config.yaml"
 
 
 def load(schemas, name: str) -> dict:
@@ -51,18 +52,18 @@ def _range(spec) -> str:
     return "".join(f" {word} {spec[key]:g}" for key, word in words.items() if key in spec)
 
 
-FILE = "config/config.yaml"
-
-
-def read(folder, schema: dict, given: dict) -> tuple[dict, list[str]]:
+def read(folder, schema: dict, given: dict, *, alone=False) -> tuple[dict, list[str]]:
     """Settings of a campaign, with all defaults, and what is wrong with them.
 
-    `given` (Snakemake's --config and --configfile) goes before what the file says.
+    `given` (Snakemake's --config and --configfile) goes before what the file says. Where it is
+    `alone` (the `config:` of a module), the file is not looked at.
     """
     path = Path(folder) / FILE
-    written, lines, faults = _written(path.read_bytes()) if path.is_file() else ({}, {}, [])
-    faults += faults_of(written, schema, lambda path: f"{FILE}, line {_line(lines, path)}")
-    faults += faults_of(given, schema, lambda path: "--config")
+    there = path.is_file() and not alone
+    written, lines, faults = _written(path.read_bytes()) if there else ({}, {}, [])
+    faults += faults_of(written, schema, lambda path: f"{FILE}, line {lines.get(tuple(path), 1)}")
+    source = "config of the module" if alone else "--config"
+    faults += faults_of(given, schema, lambda path: source)
     return ({} if faults else _filled(_merged(written, given), schema)), faults
 
 
@@ -73,11 +74,11 @@ def defaults(schema: dict) -> dict:
 
 def flat(config: dict, path=()) -> dict:
     """Settings by their dotted keys."""
-    found = {}
+    dotted = {}
     for name, value in config.items():
-        inner = isinstance(value, dict)
-        found |= flat(value, (*path, name)) if inner else {".".join([*path, name]): value}
-    return found
+        section = isinstance(value, dict)
+        dotted |= flat(value, (*path, name)) if section else {".".join([*path, name]): value}
+    return dotted
 
 
 def keys(schema: dict, path=()):
@@ -126,12 +127,8 @@ def _walk(node, path, lines, faults):
         _walk(value, (*path, name), lines, faults)
 
 
-def _line(lines, path):
-    return lines.get(tuple(path), 1)
-
-
 def _validator(schema):
-    """JSON Schema as it is, but that infinity and NaN are no numbers."""
+    """A validator of JSON Schema to which infinity and NaN are no numbers."""
     from jsonschema import Draft202012Validator, validators
 
     types = Draft202012Validator.TYPE_CHECKER.redefine("number", _is_number)
@@ -143,6 +140,7 @@ def _is_number(checker, value) -> bool:
 
 
 def faults_of(content, schema, place=lambda path: "config") -> list[str]:
+    """What is wrong with settings, one line a fault; `place` names the place of a path of keys."""
     content, faults = _without_blanks(content, schema), []
     if not content:  # the common case, which need not wait for jsonschema
         return []

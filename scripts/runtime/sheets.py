@@ -56,23 +56,23 @@ def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = data[error.start : error.start + 1].decode("latin-1")
-        told = fault(f"{file}, line {line}", byte, "UTF-8, not Latin-1; save the sheet as UTF-8")
-        return data.decode("latin-1"), [told]
+        wrong = fault(f"{file}, line {line}", byte, "UTF-8, not Latin-1; save the sheet as UTF-8")
+        return data.decode("latin-1"), [wrong]
 
 
 def _lines(text: str, file: str) -> tuple[list, list[str]]:
     """(line number, cells) of each line that is not blank."""
     reader = csv.reader(io.StringIO(text, newline=""), delimiter="\t", strict=True)
-    lines, start = [], 1
+    lines, faults, start = [], [], 1
     try:
         for cells in reader:
             lines.append((start, [cell.strip() for cell in cells]))
             start = reader.line_num + 1
     except csv.Error as error:
-        told = [fault(f"{file}, line {start}", str(error), 'each " doubled and closed, or no "')]
-    else:
-        told = []
-    return [(line, cells) for line, cells in lines if any(cells)], told
+        faults.append(
+            fault(f"{file}, line {start}", str(error), 'each " doubled and closed, or no "')
+        )
+    return [(line, cells) for line, cells in lines if any(cells)], faults
 
 
 def _header(line, cells, file, schema) -> tuple[list[str], list[str]]:
@@ -168,7 +168,7 @@ class CampaignError(ValueError):
     """All faults of a campaign's sheets and config, one per line."""
 
 
-def read(folder, schemas, given=None) -> Campaign:
+def read(folder, schemas, given=None, *, alone=False) -> Campaign:
     """Read and check a campaign. Whether its raw files are there and sound is not looked at.
 
     Parameters
@@ -179,6 +179,8 @@ def read(folder, schemas, given=None) -> Campaign:
         Folder of the schemas.
     given : dict, optional
         Settings that go before config.yaml (Snakemake's --config).
+    alone : bool
+        Whether `given` stands for config.yaml (the `config:` of a module), which is not read.
 
     Raises
     ------
@@ -186,7 +188,9 @@ def read(folder, schemas, given=None) -> Campaign:
         Names every fault with file, row, line, column, what was found and what is wanted.
     """
     folder = Path(folder)
-    config, faults = settings.read(folder, settings.load(schemas, "config"), given or {})
+    config, faults = settings.read(
+        folder, settings.load(schemas, "config"), given or {}, alone=alone
+    )
     cells, tests = (_sheet(folder, schemas, name) for name in ("cells", "tests"))
     groups = Sheet([], [], [])
     if (folder / "config" / "groups.tsv").exists():
@@ -253,12 +257,12 @@ def _tests(tests, cells, groups):
     for row, place in zip(tests.rows, tests.places, strict=True):
         group = row["kind"] == "group"
         owners, sheet_name = (known_groups, "groups.tsv") if group else (known, "cells.tsv")
-        unread = not (group or known)  # no cell at all is one fault, not one for each test
-        if row["cell"] is not None and row["cell"] not in owners and not unread:
+        no_cells = not (group or known)  # one fault, not one for each test
+        if row["cell"] is not None and row["cell"] not in owners and not no_cells:
             wanted = f"a {'group' if group else 'cell'} of {sheet_name} (kind {row['kind']})"
             yield fault(f"{place}, cell", row["cell"], wanted, owners)
         yield from _files(row, place)
-    yield from _leaks(tests)
+    yield from _validated_by_what_was_fitted(tests)
 
 
 def _files(row, place):
@@ -275,8 +279,8 @@ def _files(row, place):
         yield fault(f"{place}, sha256", f"{len(sums)} checksums", wanted)
 
 
-def _leaks(tests):
-    """What a model was fitted to cannot validate it: by path, and by checksum for copies."""
+def _validated_by_what_was_fitted(tests):
+    """A fault for each validation test whose file, or a copy of it, a model is fitted to."""
     rows = list(zip(tests.rows, tests.places, strict=True))
     fits = [(row, place) for row, place in rows if row["role"] in ("fit", "split")]
     fitted = {key: place for row, place in reversed(fits) for key in _identities(row)}

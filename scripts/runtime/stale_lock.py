@@ -1,4 +1,4 @@
-"""A killed run leaves Snakemake's lock behind; the next start clears it, if nobody else runs."""
+"""Locks of Snakemake that a killed run left: the next start removes them, if nobody else runs."""
 
 import shutil
 import socket
@@ -6,16 +6,16 @@ from pathlib import Path
 
 import psutil
 
-# Clocks are corrected while processes run; a process number comes back much later than this.
-SAME_BIRTH_SECOND = 60.0
+# Clocks are corrected while processes run; a process number is used again much later than this.
+SAME_START_SECOND = 60.0
 
 
 def clear(folder):
-    """Write this process down as working in `folder`; free the folder of dead processes' locks.
+    """Remove the locks of processes that have ended, and note that this one works in `folder`.
 
-    Every start writes `.snakemake/starts/<process>@<machine>` with the time of its birth. Locks
-    go only where a start is found whose process is gone and none whose process may still live: a
-    process on another machine may. Two starts at once see each other, and neither clears.
+    Every start writes `.snakemake/starts/<process>@<machine>` with the start time of its process.
+    Locks are removed only where some noted process has ended and all others have too; one on
+    another machine counts as running. Two starts at once see each other, and neither removes any.
     """
     own = Path(folder) / ".snakemake"
     starts = own / "starts"
@@ -24,19 +24,20 @@ def clear(folder):
     mine = starts / f"{me.pid}@{socket.gethostname()}"
     mine.write_text(str(me.create_time()), encoding="utf-8")
     others = [start for start in starts.iterdir() if start != mine]
-    if others and all(_is_gone(start) for start in others):
+    if others and all(_has_ended(start) for start in others):
         shutil.rmtree(own / "locks", ignore_errors=True)
         for start in others:
             start.unlink(missing_ok=True)
 
 
-def _is_gone(start: Path) -> bool:
+def _has_ended(start: Path) -> bool:
+    """Whether the process of a noted start has ended."""
     number, machine = start.name.split("@", 1)
     if machine != socket.gethostname():
         return False
     try:
-        born = psutil.Process(int(number)).create_time()
-        return abs(born - float(start.read_text(encoding="utf-8"))) > SAME_BIRTH_SECOND
+        started = psutil.Process(int(number)).create_time()
+        return abs(started - float(start.read_text(encoding="utf-8"))) > SAME_START_SECOND
     except psutil.NoSuchProcess:
         return True
     except (OSError, ValueError):  # another start is just writing or removing it

@@ -1,9 +1,15 @@
 """Tables of the results contract from artefacts: rows of all tests under one header."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from runtime import artefact
 from runtime.artefact import stage_of
+
+if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
+    from pandas import DataFrame
 
 # What a row that is from several tests, in a table with others that are from one, says of its own.
 OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
@@ -22,31 +28,25 @@ def rows_of(paths, tests) -> list[dict]:
     return [dict.fromkeys(names) | row for row in found]
 
 
-def excluded(paths, files) -> list[dict]:
+def excluded(paths, files) -> "DataFrame":
     """What was refused, once, at the stage where it arose; never where it was passed on.
 
     A job of several outputs refuses all of them for one reason: the first one tells it.
     """
-    found, told = [], set()
+    from pandas import DataFrame
+
+    rows = []
     for path in paths:
         about = artefact.read_about(path)
         if about["reason"] is None or about["origin"] != path:
             continue
         who = about["wildcards"]
         name, test = who.get("cell") or who.get("group"), who.get("test", "")
-        if (name, test, about["rule"], about["reason"]) in told:
-            continue
-        told.add((name, test, about["rule"], about["reason"]))
-        found.append(
-            {
-                "cell": name,
-                "test": test,
-                "file": ";".join(files.get(f"{name}/{test}", [])),
-                "stage": stage_of(path),
-                "reason": about["reason"],
-            }
-        )
-    return found
+        file = ";".join(files.get(f"{name}/{test}", []))
+        rows.append((name, test, file, stage_of(path), about["reason"], about["rule"]))
+    told = ["cell", "test", "reason", "rule"]
+    table = DataFrame(rows, columns=["cell", "test", "file", "stage", "reason", "rule"])
+    return table.drop_duplicates(told).drop(columns="rule")
 
 
 def verdicts(found) -> list[dict]:
@@ -74,79 +74,80 @@ def _verdict_row(verdict, effect) -> dict:
     }
 
 
-def summary(cells, tables, models) -> list[dict]:
-    """One row per cell from the tables (name → rows of text) and the models (cell → document)."""
-    return [_summary_row(row, tables, models.get(row["cell"], {})) for row in cells]
+def load_frame(path) -> "DataFrame":
+    """A CSV table with its numbers as numbers; cells and tests stay text, unknown is NaN."""
+    from pandas import read_csv
+
+    # Only an empty cell is unknown: a test may be called NA.
+    settings = {"keep_default_na": False, "na_values": [""]}
+    return read_csv(path, dtype={"cell": str, "test": str}, **settings)
 
 
-def _summary_row(facts, tables, model) -> dict:
-    cell = facts["cell"]
-    mine = {name: [r for r in rows if r.get("cell") == cell] for name, rows in tables.items()}
+def summary(cells, tables, models) -> "DataFrame":
+    """One row per cell from the tables (name → DataFrame) and the models (cell → document)."""
+    from pandas import DataFrame
+
+    rows = []
+    for facts in cells:
+        mine = {name: frame[frame["cell"] == facts["cell"]] for name, frame in tables.items()}
+        rows.append(_summary_row(facts, mine, models.get(facts["cell"], {})))
+    return DataFrame(rows, dtype=object)
+
+
+def _summary_row(facts, mine, model) -> dict:
     capacity = model.get("capacity_ampere_hour") or _slowest(mine["capacity"])
-    rated = facts["rated_capacity_ampere_hour"]
-    missing = mine.get("missing_effect", [])
-    scored = [row for row in mine["validation"] if row["chosen"] == "True"]
+    rated, scored = facts["rated_capacity_ampere_hour"], mine["validation"]
+    missing, filtered = mine["missing_effect"], mine["soc"]
+    scored = scored[scored["chosen"].eq(True)]
+    filtered = filtered[filtered["filter"].eq("aekf") & filtered["scenario"].eq("nominal")]
     return {
-        "cell": cell,
+        "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
         "soh": capacity / rated if capacity and rated else None,
         "r0_50_25_ohm": _resistance(mine["resistance"]),
         "best_model": model.get("chosen"),
-        "validation_rmse_volt": _pooled_rmse(scored),
-        "soc_rmse": _filter_rmse(mine.get("soc", [])),
-        "verdict": next((row["verdict"] for row in missing), None),
-        "missing_effect": ";".join(row["effect"] for row in missing),
+        "validation_rmse_volt": _pooled(scored["rmse_volt"], scored["samples"]),
+        # Every test and start of the adaptive filter alike, without the faulty ones.
+        "soc_rmse": _pooled(filtered["rmse_soc"], np.ones(len(filtered))),
+        "verdict": next(iter(missing["verdict"]), None),
+        "missing_effect": ";".join(missing["effect"].dropna()),
         "exclusions": len(mine["excluded"]),
         "notes": "; ".join(model.get("notes", [])),
     }
 
 
 def _slowest(rows):
-    full = [row for row in rows if row["direction"] == "discharge"] or rows
-    rates = [float(row["c_rate"]) for row in full]
+    """Capacity of the slowest discharge, of the earliest cycle."""
+    full = rows[rows["direction"] == "discharge"]
+    full = rows if full.empty else full
+    if full.empty:
+        return None
     # Cycles of one ageing test differ in the last digits of their rate: the first of them counts.
-    alike = [row for row, rate in zip(full, rates, strict=True) if rate <= 1.05 * min(rates)]
-    slow = min(alike, key=lambda row: float(row.get("cycle") or 0), default=None)
-    return float(slow["capacity_ampere_hour"]) if slow else None
+    alike = full[full["c_rate"] <= 1.05 * full["c_rate"].min()]
+    return float(alike.loc[alike["cycle"].fillna(0).idxmin(), "capacity_ampere_hour"])
 
 
 def _resistance(rows):
     """First-sample resistance of the discharge pulse nearest 50 % SoC within 10 %, at 20–30 °C."""
-    near = [
-        row
-        for row in rows
-        if row["direction"] == "discharge"
-        and row["soc"]
-        and float(row["delay_second"]) == 0
-        and row["ambient_temperature_celsius"]
-        and abs(float(row["ambient_temperature_celsius"]) - 25) <= 5
-        and abs(float(row["soc"]) - 0.5) <= 0.1
-    ]
-    best = min(
-        near,
-        key=lambda row: (
-            float(row.get("cycle") or 0),
-            abs(float(row["soc"]) - 0.5),
-            abs(float(row["c_rate"]) - 1),
-        ),
-        default=None,
-    )
-    return float(best["resistance_ohm"]) if best else None
-
-
-def _pooled_rmse(rows):
-    samples = sum(int(row["samples"]) for row in rows)
-    if not samples:
+    rows = rows[rows["direction"].eq("discharge") & rows["delay_second"].eq(0)]
+    if rows.empty:
         return None
-    squares = sum(int(row["samples"]) * float(row["rmse_volt"]) ** 2 for row in rows)
-    return (squares / samples) ** 0.5
+    rows = rows.assign(
+        cycle=rows["cycle"].fillna(0),
+        from_half=(rows["soc"] - 0.5).abs(),
+        from_1c=(rows["c_rate"] - 1).abs(),
+    )
+    warm = (rows["ambient_temperature_celsius"] - 25).abs() <= 5
+    near = rows[warm & (rows["from_half"] <= 0.1)]
+    best = near.sort_values(["cycle", "from_half", "from_1c"], kind="stable").head(1)
+    return next(iter(best["resistance_ohm"]), None)
 
 
-def _filter_rmse(rows):
-    """Root mean square of the adaptive filter's errors: every test and start alike, no fault."""
-    mine = [r for r in rows if (r["filter"], r["scenario"]) == ("aekf", "nominal")]
-    squares = [float(row["rmse_soc"]) ** 2 for row in mine]
-    return (sum(squares) / len(squares)) ** 0.5 if squares else None
+def _pooled(errors, weights):
+    """Root mean square of errors, each counted by its weight; None where there are none."""
+    if not weights.sum():
+        return None
+    return float(np.average(errors**2, weights=weights) ** 0.5)
 
 
 def manifest(paths) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 from runtime import artefact, tables
 
 with artefact.Job(snakemake) as job:
-    found = {Path(path).stem: artefact.load_table(path) for path in snakemake.input.tables}
+    found = {Path(path).stem: tables.load_frame(path) for path in snakemake.input.tables}
     models = {
         Path(path).stem: model
         for path in snakemake.input.models

@@ -6,18 +6,18 @@ against its truth, --from takes a folder of finished campaigns.
 
 import sys
 
-from real_cells import asked, check, record
+from real_cells import record, tables
 
 if __name__ == "__main__":
-    given = asked.options(__doc__.partition("\n")[0]).parse_args()
+    given = tables.command_line(__doc__.partition("\n")[0]).parse_args()
     recorded = record.read(record.RECORDED)
-    if faults := record.faults(recorded):
+    if faults := record.faults_of(recorded):
         sys.exit("\n".join([f"{record.RECORDED.name}:", *faults]))
     try:
-        measured = asked.measured(given)
+        measured = tables.of_command_line(given)
     except FileNotFoundError as missing:
         sys.exit(str(missing))
-    rows = check.compared(recorded, measured)
-    lacking = check.without_record(recorded, measured)
-    print("\n".join([*check.told(rows), *lacking]))
-    sys.exit(bool(lacking) or bool(rows["outcome"].isin(check.FAILING).any()))
+    rows = record.compare(recorded, measured)
+    lacking = record.not_recorded(recorded, measured)
+    print("\n".join([*record.differences(rows), *lacking]))
+    sys.exit(bool(lacking) or bool(rows["outcome"].isin(record.FAILING).any()))

@@ -7,20 +7,20 @@ measured and only the page is made again.
 
 import sys
 
-from real_cells import asked, nested, page, record
+from real_cells import campaigns, page, record, tables
 
 if __name__ == "__main__":
-    options = asked.options(__doc__.partition("\n")[0])
+    options = tables.command_line(__doc__.partition("\n")[0])
     options.add_argument("--why", help="a sentence for the list of renewals")
     options.add_argument("--before", action="store_true", help="write before.csv instead")
     options.add_argument("--page", action="store_true", help="only make the page again")
     given = options.parse_args()
     try:
-        reason = "" if given.page else record.reasoned(given.why)
-        measured = None if given.page else asked.measured(given)
+        reason = "" if given.page else record.reason_of_renewal(given.why)
+        measured = None if given.page else tables.of_command_line(given)
     except (ValueError, FileNotFoundError) as fault:
         sys.exit(str(fault))
     if measured is not None:
         table = record.BEFORE if given.before else record.RECORDED
-        record.renew(measured, reason, table, code="" if given.folder else nested.pipeline())
+        record.renew(measured, reason, table, code="" if given.folder else campaigns.code_hash())
     page.write(page.committed(), record.PAGE)

@@ -4,6 +4,7 @@ import numpy as np
 
 from cellwright.effects import base, records
 from cellwright.effects.library import LIBRARY
+from cellwright.records.record import record_of
 from effect_benchmark import controls
 from runtime import provenance
 
@@ -13,8 +14,8 @@ CELL = base.Cell(5.0, np.linspace(3.0, 4.2, 101))
 def stack():
     time = np.arange(2000.0)
     current = np.where((time // 300) % 2 == 0, -2.0, 1.0)
-    volt, celsius = np.full(2000, 3.7), np.full(2000, 25.0)
-    pair = [records.Record(n, "drive", time, current, volt, celsius, 0.8) for n in "ab"]
+    volt = np.full(2000, 3.7)
+    pair = [record_of(time, current, volt, 0.8, test=name) for name in "ab"]
     return records.stacked(pair, capacity_ampere_hour=5.0)
 
 

@@ -3,18 +3,15 @@
 import numpy as np
 import pytest
 from group_pair import CELLS, TABLE
+from sheets_facts import branch_facts, measured_test
 
 from cellwright.effects.groups import finding
 from cellwright.effects.groups.finding import GroupFinding, KnownCell, missing_group_effect
 from cellwright.effects.groups.model import Shared, Spread, group_frees
-from cellwright.identification.cell import FitTest
 from cellwright.refusal import Refusal
 
 SETTINGS = {"most_rows": 1000} | {n: k()._asdict() for n, k in finding.SECTIONS.items()}
-BRANCHES = [
-    {"group": "pair", "position": k, "cell": f"c{k}", "wire_resistance_ohm": None, "initial_soc": s}
-    for k, s in ((1, 0.9), (2, 0.8))
-]
+BRANCHES = branch_facts(["c1", "c2"], [0.9, 0.8])
 VALUES = {"log_r0": -4.0, "log_r1": -5.0, "log_r2": -5.0, "log_tau1": 2.0, "log_tau2": 5.0}
 VALUES |= {"capacity": 0.0} | {f"ocv[{k}]": 0.0 for k in range(16)}
 MODEL = {"capacity_ampere_hour": 5.0, "ocv_volt": TABLE.tolist(), "values": VALUES}
@@ -27,8 +24,7 @@ def a_test(name, role, *, soc=None, branches=2, first=0.0, second=0.5):
     series["voltage_volt"] = np.full(len(time), 3.9)
     for k in range(branches):
         series[f"branch_{k + 1}_current_ampere"] = series["current_ampere"] / branches
-    facts = {"test": name, "role": role, "soc": soc, "kind": "group", "cycle": None}
-    return FitTest(facts | {"ambient_temperature_celsius": 25.0}, series)
+    return measured_test(series, name, "group", soc=soc, role=role)
 
 
 @pytest.fixture
@@ -97,7 +93,7 @@ def test_what_cannot_be_searched_has_a_reason(asked, words):
 
 
 def test_a_start_under_load_must_be_stated():
-    branches = [row | {"initial_soc": None} for row in BRANCHES]
+    branches = [row._replace(initial_soc=None) for row in BRANCHES]
     tests = [a_test("a", "fit", first=-4.0), a_test("b", "validation")]
     with pytest.raises(Refusal, match="a begins under load"):
         missing_group_effect("pair", branches, KNOWN, tests, settings=SETTINGS)

@@ -4,10 +4,11 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from sheets_facts import cell_facts, measured_test
 
 from cellwright.circuits.exports import pybamm_document
 from cellwright.circuits.instrument import words_of
-from cellwright.circuits.model_file import is_plain, parameter_rows, simulate_model
+from cellwright.circuits.model_file import is_plain, member_of, parameter_rows, simulate_model
 from cellwright.effects import base
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
@@ -19,11 +20,12 @@ from cellwright.effects.member import (
     temperatures,
     with_effects,
 )
-from cellwright.effects.records import Record, stacked
+from cellwright.effects.records import stacked
 from cellwright.filters.bank import bank_of
-from cellwright.filters.evaluate import _record
-from cellwright.identification.cell import FitTest, cell_model
+from cellwright.filters.evaluate import _as_it_was
+from cellwright.identification.cell import cell_model
 from cellwright.identification.choice import fitted_records
+from cellwright.records.record import laid_out, record_of
 from cellwright.refusal import Refusal
 
 CAPACITY = 2.0
@@ -82,7 +84,7 @@ def records(given, celsius, soc=0.95, kind="drive", seed=1):
     """(stack of one record by the found model's own voltage, the SoC counted from what is read)."""
     time, current = drive(seed=seed)
     course = celsius + 2.0 * np.sin(time / 900.0)
-    record = Record("t", kind, time, current, 0.0 * time, course, soc)
+    record = record_of(time, current, 0.0 * time, soc, test="t", kind=kind, celsius=course)
     stack = stacked([record], capacity_ampere_hour=CAPACITY, hold=given["hold"])
     effects = in_order([LIBRARY[name] for name in given["effects"]], LIBRARY)
     volt = base.voltage(CELL, stack, given["values"] | {"soc0[0]": soc}, effects)
@@ -194,8 +196,6 @@ def series_of(given):
     made = []
     for celsius in CELSIUS:
         stack, soc = records(given, celsius, seed=int(celsius))
-        facts = {"test": f"D{celsius:g}", "kind": "drive", "role": "fit", "soc": 0.95}
-        facts |= {"ambient_temperature_celsius": celsius, "cycle": None}
         series = {
             "test_time_second": stack.second,
             "current_ampere": stack.current_ampere,
@@ -203,11 +203,11 @@ def series_of(given):
             "surface_temperature_celsius": stack.celsius,
             "charge_ampere_hour": (soc - soc[0]) * CAPACITY,
         }
-        made.append(FitTest(facts, series))
+        made.append(measured_test(series, f"D{celsius:g}", celsius=celsius, soc=0.95))
     return made
 
 
-SHEET = {"cell": "A", "lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.4}
+SHEET = cell_facts(2.5, 4.4)
 
 
 BASIS = {"capacity_ampere_hour": CAPACITY, "borrowed_from": None}
@@ -295,8 +295,7 @@ def test_each_block_is_predicted_by_the_model_fitted_without_it():
 def test_a_record_begins_at_the_soc_that_was_found_with_the_rest_of_it():
     given = found("resistance_asymmetry")
     tests = series_of(given)
-    for test in tests:
-        test.facts["soc"] = 0.94
+    tests = [test._replace(facts=test.facts._replace(soc=0.94)) for test in tests]
     model = family_of(tests)
     conditions = fitted_records(model, BASIS, SHEET, tests, split_rest_second=200.0)
     _, judged = with_effects(model, searched(given, folds_of(given)), tests, conditions)
@@ -357,12 +356,13 @@ def test_a_filter_sees_the_true_current_and_voltage():
     given = found("current_offset", "voltage_offset", "voltage_gain", "capacity_error")
     tests = series_of(given)
     model = holding(given)
-    record = _record(model | {"chosen": NAME}, SHEET, *tests[0], 300.0)
+    read = laid_out(tests[0], model, SHEET, split_rest_second=300.0)
+    record = _as_it_was(model, member_of(model, NAME), read)
     true = tests[0].series["current_ampere"] - 0.02
     np.testing.assert_allclose(record.current_ampere, true)
     volt = tests[0].series["voltage_volt"] / 1.003 - 0.01
     np.testing.assert_allclose(record.voltage_volt, volt)
     moved = np.sum(true[:-1]) / 3600.0 / (CAPACITY * 1.02 * 1.002)
-    assert record.reference_soc[-1] - record.reference_soc[0] == pytest.approx(moved, rel=1e-6)
+    assert record.soc[-1] - record.soc[0] == pytest.approx(moved, rel=1e-6)
     bank = bank_of(model, NAME, 25.0)
     assert bank.capacity_ampere_hour == pytest.approx(CAPACITY * 1.02 * 1.002)

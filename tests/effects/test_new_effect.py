@@ -14,7 +14,8 @@ from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.member import NAME, effect_member
-from cellwright.effects.records import Record, stacked
+from cellwright.effects.records import stacked
+from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 OHM = 0.04
@@ -57,7 +58,7 @@ def measured(seed):
     second = np.arange(float(len(current)))
     current[(second % 1800 > 1150) | (second < 60)] = 0.0
     blank = np.zeros(len(current))
-    record = Record(f"drive_{seed}", "drive", second, current, blank, blank + 25.0, 0.7)
+    record = record_of(second, current, blank, 0.7, celsius=25.0, test=f"drive_{seed}")
     stack = stacked([record], capacity_ampere_hour=CELL.capacity_ampere_hour)
     values = dict.fromkeys(base.base_names(1), 0.0) | LOGS | {"soc0[0]": 0.7, NEW.names[0]: OHM}
     volt = base.voltage(CELL, stack, values, (NEW,))

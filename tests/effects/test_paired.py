@@ -9,6 +9,7 @@ from cellwright.effects import base, records, search
 from cellwright.effects.case import Case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import Pairing, counterpart_second, paired, part
+from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 CAPACITY = 5.0
@@ -40,9 +41,7 @@ def record(test, current, seed, hidden=(), warm=25.0, jitter=0.0):
     """A record of one cell; `seed` also draws what is its own."""
     random = np.random.default_rng(seed)
     clock = np.arange(len(current), dtype=float)
-    empty = records.Record(
-        test, "drive", clock, current, np.zeros(len(clock)), 0 * clock + warm, 1.0
-    )
+    empty = record_of(clock, current, np.zeros(len(clock)), 1.0, test=test, celsius=warm)
     stack = records.stacked([empty], capacity_ampere_hour=CAPACITY)
     names = {name.split(".")[0] for name in (*COMMON, *hidden)}
     effects = [LIBRARY[name] for name in LIBRARY if name in names]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cellwright.effects.prepare import _thinned
-from cellwright.effects.records import Record, stacked
+from cellwright.effects.records import stacked
+from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 CAPACITY = 2.0
@@ -13,7 +14,7 @@ CAPACITY = 2.0
 def record(current, *, test="one", soc=0.5, every=2.0, **changes):
     blank = np.zeros(len(current))
     clock = every * np.arange(len(current))
-    made = Record(test, "drive", clock, np.array(current, float), blank + 3.7, blank + 25.0, soc)
+    made = record_of(clock, current, blank + 3.7, soc, test=test)
     return made._replace(**changes)
 
 
@@ -68,14 +69,13 @@ def test_a_current_that_falls_while_the_voltage_is_held_is_counted_right(hold, e
 def test_between_rows_that_were_thinned_out_the_counter_counts():
     clock, current = falling(1.0)
     counted = np.r_[0, np.cumsum(np.diff(clock) * (current[1:] + current[:-1]) / 2)] / 7200.0
-    every = np.ones(len(clock), bool)
-    fine = record(current, test_time_second=clock, counted_soc=counted, used=every)
+    fine = record(current, test_time_second=clock, soc=counted)
     (thin,) = _thinned([fine], 20_000, CAPACITY)
     stack = laid(thin)
     moved = np.cumsum(stack.held_ampere * stack.step_second / 3600.0)
     assert len(moved) < len(clock) / 20
     falls = (thin.test_time_second > 700) & (thin.test_time_second < 7500)
-    known = (thin.counted_soc - thin.counted_soc[falls][0])[falls] * CAPACITY
+    known = (thin.soc - thin.soc[falls][0])[falls] * CAPACITY
     assert moved[falls] - moved[falls][0] == pytest.approx(known, abs=1e-6)
     assert not stack.unseen_ampere_hour.any()
 

@@ -26,6 +26,7 @@ from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import lacking, stacked
 from cellwright.effects.search import best_of, search
 from cellwright.effects.verdict import outcome
+from cellwright.records.thinning import rows_of
 
 HYSTERESIS = Truth(hysteresis=0.012)
 GATES = Gates()
@@ -146,8 +147,8 @@ def test_edges_that_are_sampled_coarsely_show_no_skew(late):
 
 
 def thinned(record, late):
-    columns = ("test_time_second", "current_ampere", "voltage_volt", "celsius")
-    return record._replace(**{n: getattr(record, n)[late::5] for n in columns})
+    few = rows_of(record, slice(late, None, 5))
+    return few._replace(soc=np.append(record.soc[0], few.soc[1:]))
 
 
 def test_a_start_from_an_unrelaxed_rest_is_no_effect():
@@ -172,10 +173,9 @@ def fitted(truth=HEALTHY):
 def cut(record, row):
     """What is left of a record from a row on, within a rest whose load ended 40 s before."""
     moved = np.sum(record.current_ampere[:row]) * plant.ROW_SECOND / 3600 / CAPACITY
-    rows = {n: getattr(record, n)[row:] for n in ("current_ampere", "voltage_volt", "celsius")}
-    clock = record.test_time_second[row:] - record.test_time_second[row]
-    soc = record.soc_at_start + moved
-    return record._replace(**rows, test_time_second=clock, soc_at_start=soc)
+    left = rows_of(record, slice(row, None))
+    soc = np.append(record.soc[0] + moved, left.soc[1:])
+    return left._replace(test_time_second=left.test_time_second - left.test_time_second[0], soc=soc)
 
 
 def changed(records, **factors):

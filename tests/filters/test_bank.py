@@ -7,7 +7,7 @@ from truth import VALUES, stated, with_branch
 
 from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.simulate import overpotentials
-from cellwright.filters.bank import BEYOND, NODES, UNSEEN, bank_of, drives, warmth_of
+from cellwright.filters.bank import BEYOND, NODES, UNSEEN, bank_of, drives, resistance_factor_of
 from cellwright.refusal import Refusal
 
 
@@ -99,14 +99,16 @@ def test_a_stretched_table_is_read_as_the_simulator_reads_it():
     np.testing.assert_allclose(1.08 * bank.elements[-1].gain, plain.elements[-1].gain)
 
 
-def test_warmth_is_the_models_own_resistance_along_the_course():
+def test_the_factor_is_of_the_models_own_resistance_along_the_course():
     model = stated()
     cold = truth.model(celsius=0.0, scale=2.0)["members"][0]["conditions"][0]
     model["members"][0]["conditions"].append(cold | {"fit_rmse_volt": 0.01})
-    found = warmth_of(model, None, np.array([0.0, 25.0, 12.0]), 25.0)
+    found = resistance_factor_of(model, None, np.array([0.0, 25.0, 12.0]), 25.0)
     assert found[:2] == pytest.approx([2.0, 1.0])
     assert 1.3 < found[2] < 1.6
-    np.testing.assert_allclose(warmth_of(stated(), None, np.array([0.0, 40.0]), 25.0), 1.0)
+    np.testing.assert_allclose(
+        resistance_factor_of(stated(), None, np.array([0.0, 40.0]), 25.0), 1.0
+    )
 
 
 def test_overpotential_of_the_bank_is_that_of_the_simulator():

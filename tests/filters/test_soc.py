@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import truth
+from sheets_facts import cell_facts, measured_test
 from truth import stated
 
 from cellwright.filters.bank import bank_of
@@ -157,14 +158,14 @@ def test_a_voltage_that_is_read_late_does_not_kick_the_soc():
 
 def test_resistances_follow_the_temperature_along_a_record():
     time, current, voltage, soc = world(11)
-    warmth = np.linspace(1.6, 0.8, len(time))
-    more = (warmth - 1.0) * (
+    resistance_factor = np.linspace(1.6, 0.8, len(time))
+    more = (resistance_factor - 1.0) * (
         truth.voltage(time, current, soc) - np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT)
     )
     data = time, current, voltage + more, soc
     off = [
         run(data, "aekf", Start(0.65), Noise(), **given).soc - soc
-        for given in ({"warmth": warmth}, {})
+        for given in ({"resistance_factor": resistance_factor}, {})
     ]
     followed, not_followed = (np.sqrt(np.mean(o[300:] ** 2)) for o in off)
     assert followed < 0.02
@@ -285,10 +286,10 @@ def test_a_test_is_run_by_every_filter_start_and_scenario():
     charge = (soc - soc[0]) * truth.CAPACITY_AMPERE_HOUR
     names = ["test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour"]
     series = dict(zip(names, (time, current, voltage, charge), strict=True))
-    facts = {"role": "validation", "soc": 0.95, "ambient_temperature_celsius": 25.0}
-    cell = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
-    model = stated()
-    found = soc_runs(model, cell, facts, series, settings=SETTINGS, split_rest_second=120.0)
+    test = measured_test(series, soc=0.95, role="validation")
+    found = soc_runs(
+        stated(), cell_facts(3.0, 4.2), test, settings=SETTINGS, split_rest_second=120.0
+    )
     assert len(found.rows) == len(METHODS) * (2 + 5)
     nominal = {row["filter"]: row for row in found.rows if row["scenario"] == "nominal"}
     assert nominal["coulomb"]["reason"] == "counting keeps the error of its start"

@@ -53,7 +53,7 @@ def test_page_of_real_cells_is_what_the_record_says():
 
 
 def test_record_of_real_cells_is_sound():
-    assert record.faults(record.read(record.RECORDED)) == []
+    assert record.faults_of(record.read(record.RECORDED)) == []
 
 
 def test_every_published_number_has_a_value_and_a_source():

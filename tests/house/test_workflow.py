@@ -15,6 +15,10 @@ TEXT = "\n".join(path.read_text(encoding="utf-8") for path in [*FILES, WORKFLOW 
 BLOCKS = re.findall(r"^(?:rule|checkpoint) (\w+):\n((?:[ \t]+.*\n|\n)*)", TEXT + "\n", re.M)
 RULES = [(rule, body) for rule, body in BLOCKS if rule != "all"]
 CONFIG = settings.load(WORKFLOW / "schemas", "config")
+# Rules that run a command and no script of ours, and why.
+COMMANDS = {
+    "effect_campaign": "the virtual laboratory is a workflow of its own, in its own environment",
+}
 SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in ("cells", "tests", "groups")]
 
 
@@ -22,12 +26,20 @@ SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in ("cells", "tests
 def test_a_rule_says_what_it_does_logs_and_runs_the_script_of_its_name(rule, body):
     for needed in ("message:", "log:"):
         assert needed in body, f"rule {rule} has no {needed}"
+    assert ("shell:" in body) is (rule in COMMANDS), f"rule {rule}: a script, or named here"
+    if rule in COMMANDS:
+        return
     script = re.search(r"scripts/(\w+)/(\w+)\.py", body)
     assert script, f"rule {rule} runs no script"
     assert (SCRIPTS / script[1] / f"{script[2]}.py").is_file(), f"{script[0]} is missing"
     assert script[2] == rule, f"rule {rule} runs {script[0]}"
     smk = next(path for path in FILES if re.search(rf"^rule {rule}:", path.read_text(), re.M))
     assert smk.stem == script[1], f"rule {rule} of {smk.name} runs {script[0]}"
+
+
+def test_only_rules_with_a_reason_run_a_command():
+    commands = {rule for rule, body in RULES if re.search(r"^ +(shell|run):", body, re.M)}
+    assert commands == set(COMMANDS)
 
 
 def test_all_rules_were_found():

@@ -5,13 +5,14 @@ import json
 import numpy as np
 import pytest
 import truth
+from sheets_facts import cell_facts, measured_test
 from synthetic import diffusion
 
-from cellwright.circuits.temperature import warmth
-from cellwright.identification.cell import FitTest, cell_model
+from cellwright.circuits.temperature import resistance_factor
+from cellwright.identification.cell import cell_model
 from cellwright.refusal import Refusal
 
-CELL = {"cell": "A", "lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.3}
+CELL = cell_facts()
 SETTINGS = {"members": ["1RC", "2RC"], "split_rest_second": 120.0}
 
 
@@ -56,11 +57,9 @@ def fit_test(
     noise = np.random.default_rng(1).normal(0, 2e-4, len(time))
     volt = ocv + scale * (truth.voltage(time, current, soc, extra=branches) - ocv) + noise
     charge = (soc - soc[0]) * truth.CAPACITY_AMPERE_HOUR
-    facts = {"test": name, "kind": kind, "role": role, "soc": 1.0, "cycle": cycle}
     series = {"test_time_second": time, "current_ampere": current, "voltage_volt": volt}
-    return FitTest(
-        facts | {"ambient_temperature_celsius": celsius}, series | {"charge_ampere_hour": charge}
-    )
+    facts = {"celsius": celsius, "soc": 1.0, "role": role, "cycle": cycle}
+    return measured_test(series | {"charge_ampere_hour": charge}, name, kind, **facts)
 
 
 def drive(name="drive", **change):
@@ -99,7 +98,7 @@ def test_where_the_soc_is_counted_from_is_said_unless_stated(hppc):
     """The record starts at rest, full: its first voltage tells by the OCV table."""
     assert hppc["notes"] == []
     test = fit_test()
-    unstated = test._replace(facts=test.facts | {"soc": None})
+    unstated = test._replace(facts=test.facts._replace(soc=None))
     model = cell_model(CELL, basis(), [unstated], **SETTINGS | {"members": ["1RC"]})
     assert model["notes"][0] == "hppc: SoC by rest voltage at the start, by the OCV table"
 
@@ -121,7 +120,7 @@ def test_of_a_split_drive_only_odd_blocks_are_fitted():
     spoiled = clean._replace(series=clean.series | {"voltage_volt": volt})
     first, second = (cell_model(CELL, basis(), [test], **settings) for test in (clean, spoiled))
     assert json.dumps(first) == json.dumps(second)
-    whole = spoiled._replace(facts=spoiled.facts | {"role": "fit"})
+    whole = spoiled._replace(facts=spoiled.facts._replace(role="fit"))
     assert cell_model(CELL, basis(), [whole], **settings)["members"] != first["members"]
 
 
@@ -243,7 +242,7 @@ def test_every_member_has_the_same_branches_at_every_temperature():
         for entry in (cold, warm)
     ]
     if times[1] > 1.0:
-        assert times[0] / times[1] == pytest.approx(warmth(0.0, 25.0, energy), rel=0.01)
+        assert times[0] / times[1] == pytest.approx(resistance_factor(0.0, 25.0, energy), rel=0.01)
 
 
 def test_without_an_ocv_there_is_no_model():

@@ -5,10 +5,11 @@ import copy
 import numpy as np
 import pytest
 import truth
+from sheets_facts import cell_facts, measured_test
 
 from cellwright.circuits.model_file import circuit_at
-from cellwright.circuits.temperature import LAWS, Laws, law_weights, warmth
-from cellwright.identification.cell import FitTest, cell_model
+from cellwright.circuits.temperature import LAWS, Laws, law_weights, resistance_factor
+from cellwright.identification.cell import cell_model
 from cellwright.identification.compensation import (
     choose_laws,
     laws_kept,
@@ -18,14 +19,14 @@ from cellwright.identification.compensation import (
 )
 from cellwright.refusal import Refusal
 
-CELL = {"cell": "A", "lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.3}
+CELL = cell_facts()
 KNOWN = np.array([-20.0, 0.0, 25.0, 45.0])
 ENERGY = 35e3
 
 
-def facts(celsius, role="fit", name=None):
-    about = {"ambient_temperature_celsius": celsius, "soc": 0.95, "cycle": None, "kind": "drive"}
-    return about | {"role": role, "test": name or f"drive_{celsius:g}"}
+def a_test(series, celsius, role="fit", name=None, soc=0.95):
+    name = name or f"drive_{celsius:g}"
+    return measured_test(series, name, celsius=celsius, soc=soc, role=role)
 
 
 def record(celsius, seed=1, curved=0.0):
@@ -33,8 +34,12 @@ def record(celsius, seed=1, curved=0.0):
     rng = np.random.default_rng(seed)
     time, current = truth.drive(rng, seconds=4500)
     soc = truth.soc_of(time, current, 0.95)
-    scale = warmth(celsius, 25.0, ENERGY) * np.exp(curved * ((celsius - 25.0) / 20.0) ** 2)
-    volt = truth.voltage(time, current, soc, warmth=scale) + 3e-4 * rng.standard_normal(len(time))
+    scale = resistance_factor(celsius, 25.0, ENERGY) * np.exp(
+        curved * ((celsius - 25.0) / 20.0) ** 2
+    )
+    volt = truth.voltage(time, current, soc, resistance_factor=scale) + 3e-4 * rng.standard_normal(
+        len(time)
+    )
     charge = (soc - soc[0]) * truth.CAPACITY_AMPERE_HOUR
     names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
     return dict(zip(names, (time, current, volt, charge), strict=True))
@@ -53,7 +58,7 @@ def model_of(basis, tests):
 @pytest.fixture(scope="module")
 def arrhenius():
     """Tests at four temperatures, the model of all, and those without each."""
-    tests = [FitTest(facts(t), record(t, seed=n)) for n, t in enumerate(KNOWN)]
+    tests = [a_test(record(t, seed=n), t) for n, t in enumerate(KNOWN)]
     whole = model_of(basis(25.0), tests)
     return tests, whole, {t: model_of(*without(basis(25.0), tests, celsius=t)) for t in KNOWN}
 
@@ -96,7 +101,10 @@ def entry(celsius, ohmic, kinetic):
 
 
 def test_each_kind_of_resistance_keeps_its_own_activation_energy():
-    of = lambda t: entry(t, 0.02 * warmth(t, 25.0, 12e3), 0.02 * warmth(t, 25.0, 60e3))  # noqa: E731
+    def of(celsius):
+        ohms = [0.02 * resistance_factor(celsius, 25.0, energy) for energy in (12e3, 60e3)]
+        return entry(celsius, *ohms)
+
     found = circuit_at([of(0.0), of(40.0)], np.array([0.5]), 20.0).circuit
     assert found[0].parameters["r_ohm"][0] == pytest.approx(of(20.0)["r0_ohm"][0], rel=1e-9)
     kinetic = of(20.0)["branches"][0]["r_ohm"][0]
@@ -110,9 +118,9 @@ def test_a_kind_that_is_nothing_somewhere_joins_the_others():
 
 
 def test_tests_and_ocv_of_a_temperature_go_and_the_last_ocv_stays():
-    tests = [FitTest(facts(t), {}) for t in (0.0, 1.5, 25.0)]
+    tests = [a_test({}, t) for t in (0.0, 1.5, 25.0)]
     left = without(basis(0.0, 25.0), tests, celsius=0.0)
-    assert [t.facts["ambient_temperature_celsius"] for t in left.tests] == [25.0]
+    assert [t.facts.ambient_temperature_celsius for t in left.tests] == [25.0]
     assert [c["ambient_temperature_celsius"] for c in left.basis["ocv"]] == [25.0]
     assert len(without(basis(0.0), tests, celsius=0.0).basis["ocv"]) == 1
     with pytest.raises(Refusal, match="no test is left without those at 25 °C"):
@@ -158,7 +166,7 @@ def test_beyond_the_range_another_law_may_go_on_and_meets_the_edge():
 
 def test_what_takes_no_part_in_fits_is_scored_only_as_proof(arrhenius):
     _, whole, reduced = arrhenius
-    unseen = [FitTest(facts(0.0, "validation", "unseen"), record(0.0, seed=9))]
+    unseen = [a_test(record(0.0, seed=9), 0.0, "validation", "unseen")]
     settings = {"laws": Laws(), "proof": True, "split_rest_second": 120.0}
     (row,), _ = predicted(whole, reduced, CELL, unseen, **settings)
     assert row["predicted_test"] == "unseen"
@@ -169,7 +177,7 @@ def test_halves_of_a_split_record_are_scored_apart(arrhenius):
     _, whole, reduced = arrhenius
     spoiled = record(0.0, seed=1)
     spoiled["voltage_volt"][1600:2900] += 0.02  # the second block, which proves
-    test = [FitTest(facts(0.0, "split"), spoiled)]
+    test = [a_test(spoiled, 0.0, "split")]
     settings = {"laws": Laws(), "split_rest_second": 120.0}
     fit, proof = (
         predicted(whole, reduced, CELL, test, proof=proof, **settings)[0][0]["rmse_volt"]
@@ -184,9 +192,8 @@ def test_a_test_whose_soc_cannot_be_known_is_named(arrhenius):
     series = copy.deepcopy(tests[1].series)
     series["current_ampere"][:] = -1.0
     series["charge_ampere_hour"][:] = np.nan
-    rows, notes = predicted(
-        whole, reduced, CELL, [FitTest(facts(0.0) | {"soc": None}, series)], split_rest_second=120.0
-    )
+    unknown = a_test(series, 0.0, soc=None)
+    rows, notes = predicted(whole, reduced, CELL, [unknown], split_rest_second=120.0)
     assert not rows
     assert "not predicted: drive_0" in notes[0]
     with pytest.raises(Refusal, match="no temperature could be left out"):

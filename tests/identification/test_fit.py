@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pulse_train import CURRENT, NOISE, TIME, TRUE, fitted, noisy, voltage
 
-from cellwright.circuits.simulate import simulate
-from cellwright.identification.methods.pulse import circuit_of, fit_circuit, load_of
+from cellwright.identification.methods.pulse import fit_circuit, load_of
 from cellwright.native import function
 from cellwright.numerics import exponentials
 from cellwright.numerics.lags import HOLDS
@@ -26,8 +25,7 @@ def distance(fit, other):
 def test_without_noise_the_circuit_is_found(hold, values):
     fit = fitted(voltage(values, hold), hold=hold, n_rc=(len(values) - 1) // 2)
     np.testing.assert_allclose(fit.values, values, rtol=1e-6)
-    run = simulate(circuit_of(fit), TIME, CURRENT, 3.7, hold=hold)
-    np.testing.assert_allclose(run, voltage(values, hold), atol=1e-8)
+    np.testing.assert_allclose(voltage(fit.values, hold), voltage(values, hold), atol=1e-8)
 
 
 def test_three_pairs_are_found():
@@ -208,3 +206,32 @@ def test_refusals(change, message):
     record = [columns.pop(name) for name in ("time", "current", "volt", "ocv")]
     with pytest.raises(Refusal, match=message):
         fit_circuit(*record, **({"hold": "zero_order"} | columns))
+
+
+def test_a_time_constant_at_its_bound_is_no_place_to_stop():
+    """A step that a bound shortens must neither end the search nor leave the resistances behind."""
+    from lmfit import Parameters, minimize
+
+    time = np.concatenate([np.arange(0, 10, 0.5), 10 + np.arange(0, 40, 0.5)])
+    current = np.where(time < 10, -5.0, 0.0)
+    current[0] = 0.0
+    names, limits = ("r0", "r1", "r2", "tau1", "tau2"), {"tau1_second": (0.2, 150.0)}
+    limits["tau2_second"] = limits["tau1_second"]
+    for slow in (60.0, 300.0, 3000.0):
+        truth = np.array([0.031, 0.004, 0.0002 * slow, 15.0, slow])
+        noise = 5e-4 * np.random.default_rng(int(slow)).normal(size=len(time))
+        volt = voltage(truth, time=time, current=current) + noise
+        fit = fit_circuit(time, current, volt, 3.7, hold="zero_order", bounds=limits)
+
+        def residual(now, volt=volt):
+            values = [now[name].value for name in names]
+            return voltage(np.array(values), time=time, current=current) - volt
+
+        start = Parameters()
+        for name, value in zip(names, (0.03, 0.005, 0.02, 5.0, 100.0), strict=True):
+            high = 150.0 if name.startswith("tau") else 1.0
+            start.add(name, value, min=0.2 if name.startswith("tau") else 0.0, max=high)
+        rmse = np.sqrt(np.mean(minimize(residual, start).residual ** 2))
+        own = np.sqrt(np.mean((voltage(fit.values, time=time, current=current) - volt) ** 2))
+        assert own == pytest.approx(fit.rmse_volt, rel=1e-3)
+        assert own <= rmse * (1 + 1e-4)

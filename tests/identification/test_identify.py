@@ -18,7 +18,7 @@ from synthetic import (
 )
 
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch, simulate_model
-from cellwright.circuits.temperature import warmth
+from cellwright.circuits.temperature import resistance_factor
 from cellwright.identification.columns import columns_of, ocv_of, on_table
 from cellwright.identification.identify import data_of, limits_of
 from cellwright.records.record import bridged, fit_mask, record_of
@@ -27,7 +27,7 @@ from cellwright.refusal import Refusal
 THERMAL_VOLT = 2 * 8.314462618 * 298.15 / 96485.33212
 ENERGY = 30e3
 COURSE = 25.0 + 6.0 * np.sin(np.arange(4000.0) / 900.0)
-WARMTH = warmth(COURSE, 25.0, ENERGY)
+FACTOR = resistance_factor(COURSE, 25.0, ENERGY)
 
 
 def pulls(condition):
@@ -171,11 +171,11 @@ def model_file(name, condition):
 @pytest.fixture(scope="module")
 def warmed():
     """All effects at once, the cell's temperature moving; ready for either hold."""
-    extra = (hysteresis(), diffusion(2000.0, WARMTH), transfer(THERMAL_VOLT, 0.04 * WARMTH))
+    extra = (hysteresis(), diffusion(2000.0, FACTOR), transfer(THERMAL_VOLT, 0.04 * FACTOR))
     columns = {}
     for hold in ("first_order", "zero_order"):
-        run = harsh(5, extra=extra, warmth=WARMTH, hold=hold)
-        columns[hold] = data(*run, warmth=WARMTH, hold=hold, knots=None)
+        run = harsh(5, extra=extra, resistance_factor=FACTOR, hold=hold)
+        columns[hold] = data(*run, resistance_factor=FACTOR, hold=hold, knots=None)
     return columns
 
 

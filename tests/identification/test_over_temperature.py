@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import truth
 
-from cellwright.circuits.temperature import warmth
+from cellwright.circuits.temperature import resistance_factor
 from cellwright.identification.compensation import laws_beyond, temperature_table
 
 ENERGY = 30e3
@@ -14,7 +14,9 @@ ENERGY = 30e3
 
 @pytest.fixture
 def model():
-    one, cold = (truth.model(celsius=t, scale=warmth(t, 25.0, ENERGY)) for t in (25.0, 2.0))
+    one, cold = (
+        truth.model(celsius=t, scale=resistance_factor(t, 25.0, ENERGY)) for t in (25.0, 2.0)
+    )
     one["members"][0]["conditions"] += cold["members"][0]["conditions"]
     for condition in one["members"][0]["conditions"]:
         condition["activation_energy_joule_per_mole"] = ENERGY
@@ -26,9 +28,9 @@ def test_tested_temperatures_are_there_and_others_follow_the_law(model):
     celsius = np.unique(table["temperature_celsius"])
     assert celsius.tolist() == [-5, 0, 2, 5, 10, 15, 20, 25, 30, 35]
     middle = table["soc"] == 0.5
-    expected = truth.R0[2] * warmth(celsius, 25.0, ENERGY)
+    expected = truth.R0[2] * resistance_factor(celsius, 25.0, ENERGY)
     np.testing.assert_allclose(table["r_ohmic_ohm"][middle], expected, rtol=1e-9)
-    relaxing = truth.R[:, 2].sum() * warmth(celsius, 25.0, ENERGY)
+    relaxing = truth.R[:, 2].sum() * resistance_factor(celsius, 25.0, ENERGY)
     np.testing.assert_allclose(table["r_relaxing_ohm"][middle], relaxing, rtol=1e-9)
     assert not table["r_kinetic_ohm"].any()
 
@@ -48,7 +50,7 @@ def test_a_parabola_that_turns_in_the_heat_may_not_go_on_there():
     offered, words = laws_beyond(identified([3.0, 1.1, 1.0]))
     assert offered == ("between", "arrhenius")
     assert "quadratic is not offered beyond the tested temperatures" in words
-    arrhenius = [warmth(celsius, 25.0, ENERGY) for celsius in (0.0, 15.0, 30.0)]
+    arrhenius = [resistance_factor(celsius, 25.0, ENERGY) for celsius in (0.0, 15.0, 30.0)]
     assert laws_beyond(identified(arrhenius)) == (("between", "arrhenius", "quadratic"), "")
 
 

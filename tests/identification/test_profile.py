@@ -1,12 +1,11 @@
-"""Profile likelihood and bootstrap: as the covariance where it may, more where it may not."""
+"""Profile likelihood: as the covariance where all is told, open where the data do not end it."""
 
 import numpy as np
 import pytest
-from pulse_train import CURRENT, NOISE, TIME, TRUE, noisy, voltage
+from pulse_train import CURRENT, NOISE, TIME, noisy, voltage
 
-from cellwright.identification.methods.profile import bootstrap, profile_interval
+from cellwright.identification.methods.profile import profile_interval
 from cellwright.identification.methods.pulse import fit_circuit
-from cellwright.numerics.uncertainty import percentile_interval
 from cellwright.refusal import Refusal
 
 HOLD = {"hold": "zero_order"}
@@ -50,33 +49,10 @@ def test_a_time_constant_longer_than_the_rest_is_open_above():
     assert "tau2_second cannot be told: its profile is open above" in found.words
 
 
-def test_bootstrap_agrees_with_the_covariance_for_white_noise():
-    record = TIME, CURRENT, noisy(4), 3.7
-    fit = fit_circuit(*record, **HOLD)
-    draws = bootstrap(record, fit, **HOLD, block_rows=10, draws=200)
-    np.testing.assert_allclose(draws.std(axis=0), fit.std, rtol=0.25)
-    lower, upper = percentile_interval(draws)
-    assert ((lower < TRUE) & (upper > TRUE)).sum() >= 4
-
-
-def test_bootstrap_agrees_with_the_widened_covariance_for_coloured_noise():
-    from scipy.signal import lfilter
-
-    rng = np.random.default_rng(5)
-    coloured = lfilter([NOISE], [1.0, -0.9], rng.normal(size=len(TIME)))
-    record = TIME, CURRENT, voltage() + coloured, 3.7
-    fit = fit_circuit(*record, **HOLD)
-    assert (fit.widening[1:] > 1.5).all()
-    draws = bootstrap(record, fit, **HOLD, block_rows=150, draws=150)
-    np.testing.assert_allclose(draws.std(axis=0), fit.std, rtol=0.4)
-
-
 def test_refusals():
     record = TIME, CURRENT, noisy(6), 3.7
     fit = fit_circuit(*record, **HOLD)
     with pytest.raises(Refusal, match="no profile of c1_farad"):
         profile_interval(record, fit, "c1_farad", **HOLD)
-    with pytest.raises(Refusal, match="blocks of 0 rows"):
-        bootstrap(record, fit, **HOLD, block_rows=0)
     with pytest.raises(Refusal, match="above zero"):
         profile_interval(record, fit._replace(values=0 * fit.values), "r1_ohm", **HOLD)

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 import truth
+from sheets_facts import cell_facts, facts_of
 
 from cellwright.identification.validation import scores, validate
+from cellwright.records.facts import MeasuredTest
 from cellwright.refusal import Refusal
 
-CELL = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.3}
-FACTS = {"role": "validation", "soc": 0.95, "ambient_temperature_celsius": 25.0}
+CELL = cell_facts()
+FACTS = facts_of(soc=0.95, role="validation")
 TIME, CURRENT = truth.drive(np.random.default_rng(5), 6000)
 SOC = truth.soc_of(TIME, CURRENT, 0.95)
 
@@ -24,7 +26,8 @@ def series(**change):
 
 
 def score(facts=FACTS, *, model=None, **change):
-    return validate(model or truth.model(), CELL, facts, series(**change), split_rest_second=120.0)
+    test = MeasuredTest(facts, series(**change))
+    return validate(model or truth.model(), CELL, test, split_rest_second=120.0)
 
 
 def test_the_truth_has_no_error():
@@ -41,7 +44,7 @@ def test_what_lies_outside_the_identified_range_is_counted():
     (row,) = score().rows
     outside = (truth.KNOTS[0] > SOC) | (truth.KNOTS[-1] < SOC)
     assert 0 < row["extrapolated"] == pytest.approx(outside.mean())
-    assert score(FACTS | {"ambient_temperature_celsius": 40.0}).rows[0]["extrapolated"] == 1.0
+    assert score(FACTS._replace(ambient_temperature_celsius=40.0)).rows[0]["extrapolated"] == 1.0
 
 
 def test_an_offset_is_the_error():
@@ -52,7 +55,7 @@ def test_an_offset_is_the_error():
 
 def test_a_split_record_is_scored_on_even_blocks_only():
     odd = (TIME // 1500) % 2 == 0
-    found = score(FACTS | {"role": "split"}, voltage_volt=series()["voltage_volt"] + odd)
+    found = score(FACTS._replace(role="split"), voltage_volt=series()["voltage_volt"] + odd)
     np.testing.assert_array_equal(found.series["scored"], ~odd)
     assert found.rows[0]["samples"] == (~odd).sum()
     assert found.rows[0]["max_abs_volt"] < 1e-9
@@ -67,9 +70,9 @@ def two_temperatures():
 
 
 def test_it_is_simulated_at_the_measured_surface_else_at_the_chamber():
-    unknown = FACTS | {"ambient_temperature_celsius": None}
+    unknown = FACTS._replace(ambient_temperature_celsius=None)
     model, surface = two_temperatures(), {"surface_temperature_celsius": np.full(len(TIME), 0.0)}
-    stated = score(FACTS | {"ambient_temperature_celsius": 0.0}, model=model)
+    stated = score(FACTS._replace(ambient_temperature_celsius=0.0), model=model)
     for facts in (unknown, FACTS):
         measured = score(facts, model=model, **surface)
         assert measured.rows[0]["rmse_volt"] == stated.rows[0]["rmse_volt"] > 0.01
@@ -97,6 +100,6 @@ def test_refusals():
     with pytest.raises(Refusal, match="1 simulated voltages are not finite"):
         scores(np.array([0.1, np.nan]), np.array([0.5, 0.5]))
     with pytest.raises(Refusal, match="no rest of 120 s inside"):
-        score(FACTS | {"role": "split"}, current_ampere=CURRENT - 1.5)
+        score(FACTS._replace(role="split"), current_ampere=CURRENT - 1.5)
     with pytest.raises(Refusal, match="no state of charge"):
-        score(FACTS | {"soc": None}, current_ampere=CURRENT - 1.5)
+        score(FACTS._replace(soc=None), current_ampere=CURRENT - 1.5)

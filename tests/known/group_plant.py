@@ -50,7 +50,7 @@ CAPACITY, R0, R1, R2 = (
 WIRE, TAU1, TAU2, ENERGY = 0.002, 8.0, 120.0, 30e3
 
 
-def warmth(celsius):
+def resistance_factor(celsius):
     """Factor on the cells' resistances."""
     return np.exp(ENERGY / 8.314462618 * (1.0 / (celsius + 273.15) - 1.0 / 298.15))
 
@@ -70,7 +70,7 @@ def measured(
 ):
     """Time, total, voltage, branch currents of a pair with something about one branch."""
     own = np.arange(2) == branch
-    factor = warmth(celsius + warmer * own) * (1.0 + resistance * own)
+    factor = resistance_factor(celsius + warmer * own) * (1.0 + resistance * own)
     total = load(seed)
     current, volt = plant(
         total,

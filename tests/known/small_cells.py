@@ -4,8 +4,9 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.case import Case
-from cellwright.effects.records import Record, stacked
+from cellwright.effects.records import stacked
 from cellwright.effects.sensitivity import Model
+from cellwright.records.record import record_of
 
 CAPACITY = 2.5
 SOC = np.linspace(0.0, 1.0, 201)
@@ -19,7 +20,7 @@ def record(test, current, *, every=1.0, celsius=25.0, soc=1.0, kind="drive"):
     """A record of a current [A], a row every so many seconds."""
     time = every * np.arange(len(current))
     blank = np.zeros(len(current))
-    return Record(test, kind, time, np.asarray(current, float), blank, blank + celsius, soc)
+    return record_of(time, current, blank, soc, test=test, kind=kind, celsius=celsius)
 
 
 def drive(test="drive", *, seed=1, seconds=5400, celsius=25.0, soc=0.95):

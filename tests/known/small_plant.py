@@ -11,8 +11,9 @@ import numpy as np
 from cellwright.effects import base
 from cellwright.effects.case import Case
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.records import Record, stacked
+from cellwright.effects.records import stacked
 from cellwright.effects.search import search
+from cellwright.records.record import record_of
 
 CAPACITY = 2.5  # [Ah]
 FINE_SECOND, ROW_SECOND = 0.5, 2.0
@@ -85,7 +86,8 @@ def measured(test, rows, celsius, soc, truth=None, *, seed, kind="drive", every=
     at = np.maximum(fine * np.arange(len(rows)) - round(truth.delay / FINE_SECOND), 0)
     read = volts[at] + NOISE_VOLT * random.normal(size=len(rows))
     clock = every * np.arange(len(rows))
-    return Record(test, kind, clock, rows + truth.offset, read, warm, soc)
+    told = {"test": test, "kind": kind, "celsius": warm}
+    return record_of(clock, rows + truth.offset, read, soc, **told)
 
 
 def drive(seed, *, rows=1300, highest=1.2):

@@ -32,9 +32,9 @@ def ocv_at(soc):
     return np.interp(soc, OCV_SOC, OCV_VOLT)
 
 
-def voltage(time, current, soc, shift=0.0, hold="first_order", extra=(), warmth=1.0):
+def voltage(time, current, soc, shift=0.0, hold="first_order", extra=(), resistance_factor=1.0):
     """Terminal voltage of the true cell, with any further branches beside its own."""
-    at = [warmth * np.interp(soc, KNOTS, values) for values in (R0, *R)]
+    at = [resistance_factor * np.interp(soc, KNOTS, values) for values in (R0, *R)]
     circuit = (*rc_circuit(at[0], at[1:], TAU), *extra)
     curve = OpenCircuit(ocv_at, soc)
     return simulate(circuit, time, current, ocv_at(soc) + shift, hold=hold, open_circuit=curve)

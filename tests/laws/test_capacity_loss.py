@@ -89,12 +89,12 @@ def test_repeats_set_the_scatter():
     assert cold.std_ampere_hour == pytest.approx(0.4 / np.sqrt(3), rel=0.1)
 
 
-def test_a_deficit_in_the_warmth_counts_as_scatter_not_as_temperature():
+def test_a_deficit_above_the_reference_counts_as_scatter_not_as_temperature():
     """As LG HG2's: at 40 °C 3.3 % less than at 25 °C, so that −20 °C cannot be told to 1 %."""
     warm = [row(2.7788, 25), row(2.6868, 40), row(2.4919, -20)]
     losses, notes = capacity_losses(warm)
     assert losses[-1].true_std_percent > 2.5
-    assert any("warmth cannot do" in note for note in notes)
+    assert any("temperature cannot do" in note for note in notes)
 
 
 def test_a_test_at_another_temperature_than_stated_is_left_out():

@@ -182,23 +182,18 @@ def test_rows_hold_what_tables_want(rested):
     assert line["value"] == pytest.approx(entropic(0.3), abs=1e-5)
     assert line["chosen"]
     assert line["r_squared"] > 0.99
-    bias = rows.map_rows(found)
-    inside = [row for row in bias if row["tested"]]
-    assert {row["tested"] for row in bias if row["soc"] < 0.09} == {False}
-    error = [
-        row["bias_volt"] - entropic(row["soc"]) * (row["temperature_celsius"] - 20)
-        for row in inside
-    ]
-    assert np.abs(error).max() < 1e-3
-    table = rows.table_rows(found)
-    again = surface_of({name: np.array([row[name] for row in table]) for name in table[0]})
+    bias = rows.map_columns(found)
+    assert not bias["tested"][bias["soc"] < 0.09].any()
+    expected = entropic(bias["soc"]) * (bias["temperature_celsius"] - 20)
+    assert np.abs(bias["bias_volt"] - expected)[bias["tested"]].max() < 1e-3
+    again = surface_of(rows.surface_columns(found))
     assert surface_ocv(again, 0.3, -7.0) == surface_ocv(found.surface, 0.3, -7.0)
     assert (again.tested_soc, again.tested_celsius) == (
         found.surface.tested_soc,
         found.surface.tested_celsius,
     )
-    assert all(row["tested_to_celsius"] == 20.0 for row in rows.surface_rows(found))
-    assert {row["source"] for row in rows.entropic_rows(found)} == {"steps"}
+    assert all(row["tested_to_celsius"] == 20.0 for row in rows.function_rows(found))
+    assert set(rows.entropic_columns(found)["source"]) == {"steps"}
 
 
 def a123(folder, name, celsius):

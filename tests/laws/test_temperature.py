@@ -102,7 +102,8 @@ def test_scatter_beyond_the_stated_errors_is_found(excess, stated):
     for _ in range(400):
         noise = np.hypot(excess, std) * rng.standard_normal(6)
         line = fit_line(columns, 1 + 2 * x + noise, std)
-        inside.append(line.lower[1] <= 2 <= line.upper[1])
+        lower, upper = line.interval()
+        inside.append(lower[1] <= 2 <= upper[1])
         found.append(line.excess_std)
     assert 0.92 <= np.mean(inside) <= 1
     assert np.median(found) == pytest.approx(excess, abs=0.05)

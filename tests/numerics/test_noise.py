@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from cellwright.effects.records import Record, stacked
+from cellwright.effects.records import stacked
 from cellwright.numerics import noise
 from cellwright.numerics.noise import Noise, estimated, read_volt, whitening
+from cellwright.records.record import record_of
 
 LIMITS = {"most_slow_volt": 5e-3, "most_slow_second": 300.0}
 
@@ -17,7 +18,7 @@ def stack_of(rows=6000, seed=1, records=2):
     for k in range(records):
         clock = np.cumsum(random.uniform(0.5, 2.0, rows // records))
         blank = np.zeros(len(clock))
-        made.append(Record(f"r{k}", "drive", clock, blank, blank, blank + 25, 0.5))
+        made.append(record_of(clock, blank, blank, 0.5, test=f"r{k}"))
     return stacked(made, capacity_ampere_hour=2.0)
 
 

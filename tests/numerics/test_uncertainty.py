@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from cellwright.numerics.uncertainty import (
     covariance_from_jacobian,
     delta_method,
-    percentile_interval,
     standard_deviations,
     t_interval,
     why_unknown,
@@ -84,8 +83,3 @@ def test_t_interval_covers_as_often_as_it_says():
 
 def test_t_interval_without_degrees_of_freedom_is_unknown():
     assert np.isnan(t_interval(np.ones(2), np.ones(2), 0)).all()
-
-
-def test_percentiles_hold_the_middle():
-    lower, upper = percentile_interval(np.arange(1001.0), level=0.9)
-    assert (lower, upper) == pytest.approx((50, 950))

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from sheets_facts import measured_test
 
-from cellwright.packs.group import branch_currents, group_models
+from cellwright.packs.group import group_models
 from cellwright.packs.parallel import Group, group_of, simulate_parallel
+from cellwright.records.group import branch_currents
 from cellwright.refusal import Refusal
 
 GRID = np.linspace(0, 1, 201)
@@ -20,7 +22,7 @@ OFFSET = np.array([0.02, -0.01])
 SPANS = {"rest": 60, "charge": 2700, "rest after": 300, "discharge": 1200, "last rest": 60}
 
 
-def record():
+def record(celsius=None):
     """The pair's record and steps; the sensors of the branches have offsets."""
     ends = np.cumsum(list(SPANS.values()))
     row = np.arange(ends[-1])
@@ -45,17 +47,18 @@ def record():
             [total[a : b + 1].sum() / 360 for a, b in zip(first, last, strict=True)]
         ),
     }
-    return series, steps
+    return measured_test(series, "pair", "group", celsius=celsius), steps
 
 
 @pytest.fixture(scope="module")
 def found():
-    return group_models(*record(), ["A", "B"], test="pair", celsius=None)
+    return group_models(*record(), ["A", "B"])
 
 
 def test_capacities_are_the_charges_received_without_the_offsets_of_the_sensors(found):
     """Over the 8 h of the charge an offset of 20 mA would be a tenth of the capacity."""
-    series, steps = record()
+    test, steps = record()
+    series = test.series
     before, after = steps["last_row"][0], steps["last_row"][2]
     current = branch_currents(series)[before : after + 1] - OFFSET
     received = (current[1:] + current[:-1]).sum(axis=0) * 10.0 / 7200.0
@@ -65,7 +68,8 @@ def test_capacities_are_the_charges_received_without_the_offsets_of_the_sensors(
 
 
 def test_the_models_predict_the_discharge_that_they_have_not_seen(found):
-    series, steps = record()
+    test, steps = record()
+    series = test.series
     rows = slice(steps["first_row"][3], None)
     time, total = series["test_time_second"][rows], series["current_ampere"][rows]
     group = group_of(list(found.values()), temperature_celsius=25.0)
@@ -76,13 +80,14 @@ def test_the_models_predict_the_discharge_that_they_have_not_seen(found):
 
 
 def test_only_the_charge_between_its_rests_is_seen(found):
-    series, steps = record()
+    test, steps = record()
+    series = test.series
     for name in series:
         if name != "test_time_second":
             series[name] = series[name].copy()
             series[name][steps["first_row"][3] :] *= 0.7
     steps["charge_ampere_hour"] = steps["charge_ampere_hour"].copy()
-    assert group_models(series, steps, ["A", "B"], test="pair", celsius=None) == found
+    assert group_models(test, steps, ["A", "B"]) == found
     fitted = found["A"]["fitted"]
     assert fitted["test"] == "pair"
     assert fitted["from_second"] == 10.0 * (SPANS["rest"] - 1)
@@ -96,20 +101,16 @@ def test_what_the_models_say_of_themselves(found):
     assert entry["ambient_temperature_celsius"] == 25.0
     assert len(entry["r0_ohm"]) == len(entry["soc"]) == 21
     assert "identified inside its group from the charge" in model["notes"][0]
-    cold = group_models(*record(), ["A", "B"], test="pair", celsius=0.0)
+    cold = group_models(*record(0.0), ["A", "B"])
     assert cold["A"]["ocv"][0]["ambient_temperature_celsius"] == 0.0
 
 
-def test_branches_stand_in_the_order_of_their_numbers():
-    series = {f"branch_{k}_current_ampere": np.full(3, float(k)) for k in (10, 2, 1, 11, 3)}
-    np.testing.assert_array_equal(branch_currents(series)[0], [1, 2, 3, 10, 11])
-
-
 def test_refusals():
-    series, steps = record()
+    test, steps = record()
+    series = test.series
     alone = {name: values for name, values in series.items() if name != "branch_2_current_ampere"}
     with pytest.raises(Refusal, match="no currents of two or more branches"):
-        group_models(alone, steps, ["A", "B"], test="pair", celsius=25.0)
+        group_models(test._replace(series=alone), steps, ["A", "B"])
     down = steps | {"current_mean_ampere": -np.abs(steps["current_mean_ampere"])}
     with pytest.raises(Refusal, match="no charge between two rests"):
-        group_models(series, down, ["A", "B"], test="pair", celsius=25.0)
+        group_models(test, down, ["A", "B"])

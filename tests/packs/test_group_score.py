@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import truth
+from sheets_facts import branch_facts, measured_test
 
 from cellwright.identification.borrowed import scaled_reference
 from cellwright.packs.group import validate_group
@@ -19,11 +20,7 @@ SOC, WIRE = [0.9, 0.9], [0.01, 0.0]
 
 
 def branches(soc=SOC, wire=WIRE):
-    facts = zip("AB", soc, wire, strict=True)
-    return [
-        {"position": k, "cell": cell, "initial_soc": s, "wire_resistance_ohm": w}
-        for k, (cell, s, w) in enumerate(facts, 1)
-    ]
+    return branch_facts("AB", soc, wire)
 
 
 def record(soc=SOC, wire=WIRE):
@@ -34,8 +31,9 @@ def record(soc=SOC, wire=WIRE):
     return series | measured
 
 
-def score(series, rows=None, models=MODELS, celsius=25.0):
-    return validate_group(models, rows or branches(), series, test="pair", celsius=celsius)
+def score(series, rows=None, models=MODELS, **facts):
+    test = measured_test(series, "pair", "group", **facts)
+    return validate_group(models, rows or branches(), test)
 
 
 def test_the_truth_has_no_error_and_currents_sum_to_the_total():

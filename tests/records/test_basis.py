@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sheets_facts import cell_facts, facts_of
 
 from cellwright.records.basis import Lender, basis, soc_of, soc_or_unknown
 from cellwright.refusal import Refusal
@@ -113,7 +114,7 @@ def test_the_rating_serves_last():
         basis("A", [], [row(1.9, direction="charge")], [])
 
 
-CELL = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
+CELL = cell_facts()
 
 
 def series(volt, amperes=0.0):
@@ -130,20 +131,20 @@ def series(volt, amperes=0.0):
 def test_soc_is_looked_up_in_the_curve_nearest_in_temperature():
     known = basis("A", [curve(0), curve(40), curve(25)], [], [])
     for celsius in (0, 25, 40):
-        facts = {"soc": None, "ambient_temperature_celsius": celsius}
+        facts = facts_of(soc=None, celsius=celsius)
         found = soc_of(series(3.5 + 0.001 * celsius), known, facts, CELL)
         assert found.soc[0] == pytest.approx(0.5, abs=1e-9)
-    unstated = soc_of(series(3.525), known, facts | {"ambient_temperature_celsius": None}, CELL)
+    unstated = soc_of(series(3.525), known, facts._replace(ambient_temperature_celsius=None), CELL)
     assert unstated.soc[0] == pytest.approx(0.5, abs=1e-9)
 
 
 def test_soc_is_counted_over_the_capacity_of_the_basis():
     known = basis("A", [], [row(1.6)], [])
-    facts = {"soc": 0.9, "ambient_temperature_celsius": 25}
+    facts = facts_of(soc=0.9, celsius=25)
     found = soc_of(series(3.5, -0.8), known, facts, CELL)
     assert found.soc[-1] == pytest.approx(0.4)
     with pytest.raises(Refusal, match="there is no OCV table"):
-        soc_of(series(3.5, -0.8), known, facts | {"soc": None}, CELL)
+        soc_of(series(3.5, -0.8), known, facts._replace(soc=None), CELL)
 
 
 def test_without_any_anchor_soc_is_not_known_and_says_why():
@@ -151,12 +152,12 @@ def test_without_any_anchor_soc_is_not_known_and_says_why():
         name: np.zeros(3)
         for name in ("test_time_second", "charge_ampere_hour", "current_ampere", "voltage_volt")
     }
-    facts = {"soc": None, "ambient_temperature_celsius": 25.0}
+    facts = facts_of(soc=None, celsius=25.0)
     bare = {"capacity_ampere_hour": 2.0, "ocv": []}
     found = soc_or_unknown(columns, bare, facts, CELL)
     assert np.isnan(found.soc).all()
     assert found.anchor.startswith("not known: no state of charge")
-    assert soc_or_unknown(columns, bare, facts | {"soc": 0.5}, CELL).soc[0] == 0.5
+    assert soc_or_unknown(columns, bare, facts._replace(soc=0.5), CELL).soc[0] == 0.5
 
 
 def rests(celsius, size, load, test, cycle=None):

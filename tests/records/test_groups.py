@@ -1,15 +1,15 @@
-"""Tests of a cell by temperature, and how its resistance moves with its own warmth."""
+"""Tests of a cell by temperature, and how its resistance moves with temperature."""
 
 import numpy as np
 import pytest
 import truth
+from sheets_facts import cell_facts, measured_test
 
-from cellwright.circuits.temperature import warmth
-from cellwright.identification.cell import FitTest
-from cellwright.identification.identify import activation_of, data_of, warmed
-from cellwright.records.record import course_celsius, groups_of
+from cellwright.circuits.temperature import resistance_factor
+from cellwright.identification.identify import activation_of, at_activation_energy, data_of
+from cellwright.records.record import cell_temperature, records_by_temperature
 
-CELL = {"cell": "A", "lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.3}
+CELL = cell_facts()
 TABLE = {"soc": truth.OCV_SOC.tolist(), "ocv_volt": truth.OCV_VOLT.tolist()}
 BASIS = {
     "capacity_ampere_hour": truth.CAPACITY_AMPERE_HOUR,
@@ -24,37 +24,39 @@ def made(name, kind="drive", *, celsius=25.0, role="fit", soc=1.0, surface=None,
     series = {
         "test_time_second": TIME,
         "current_ampere": CURRENT,
-        "voltage_volt": truth.voltage(TIME, CURRENT, SOC, warmth=factor) + noise,
+        "voltage_volt": truth.voltage(TIME, CURRENT, SOC, resistance_factor=factor) + noise,
         "charge_ampere_hour": (SOC - 1.0) * truth.CAPACITY_AMPERE_HOUR,
     }
     series |= {} if surface is None else {"surface_temperature_celsius": surface}
-    facts = {"test": name, "kind": kind, "role": role, "soc": soc}
-    return FitTest(facts | {"ambient_temperature_celsius": celsius}, series)
+    return measured_test(series, name, kind, celsius=celsius, role=role, soc=soc)
 
 
 def grouped(*tests):
-    return groups_of(list(tests), BASIS, CELL, split_rest_second=120.0)
+    return records_by_temperature(list(tests), BASIS, CELL, split_rest_second=120.0)
+
+
+def names_of(group):
+    return tuple(record.test for record in group.records)
 
 
 def test_groups_are_cold_first_and_within_two_kelvin():
     found, notes = grouped(
         made("c", celsius=25.0), made("a", celsius=-10.0), made("b", celsius=24.0)
     )
-    assert [(group.celsius, group.tests) for group in found] == [
+    assert [(one.celsius, names_of(one)) for one in found] == [
         (-10.0, ("a",)),
         (24.0, ("b", "c")),
     ]
     assert notes == []
     for group in found:
-        assert [len(course) for course in group.courses] == [len(r.soc) for r in group.records]
-        assert all((record.warmth == 1.0).all() for record in group.records)
+        assert all((record.resistance_factor == 1.0).all() for record in group.records)
 
 
 def test_pulses_displace_drives_and_take_capacity_tests_with_them():
     (pulsed,), _ = grouped(made("d"), made("h", "hppc"), made("q", "capacity"))
-    assert (set(pulsed.tests), pulsed.pulsed) == ({"h", "q"}, True)
+    assert (set(names_of(pulsed)), pulsed.pulsed) == ({"h", "q"}, True)
     (driven,), _ = grouped(made("d"), made("q", "capacity"))
-    assert (driven.tests, driven.pulsed) == (("d",), False)
+    assert (names_of(driven), driven.pulsed) == (("d",), False)
     assert grouped(made("q", "capacity")) == ([], [])
 
 
@@ -67,10 +69,10 @@ def test_what_cannot_be_used_is_said():
     bad = made("bad")
     bad.series["voltage_volt"][3] = np.nan
     (group,), notes = grouped(made("good"), bad)
-    assert group.tests == ("good",)
+    assert names_of(group) == ("good",)
     (note,) = notes
     assert note.startswith("not fitted: bad: ")
-    assert "not finite" in note
+    assert "row 3 of voltage_volt is nan" in note
 
 
 def test_the_temperature_of_a_cell_is_its_surface_s_else_the_chamber_s():
@@ -82,7 +84,7 @@ def test_the_temperature_of_a_cell_is_its_surface_s_else_the_chamber_s():
         (made("a", surface=np.where(TIME == 5, np.nan, 20.0)), 25.0, "the chamber's"),
     ]
     for test, celsius, source in cases:
-        found = course_celsius(test.facts, test.series)
+        found = cell_temperature(test.facts, test.series)
         np.testing.assert_array_equal(found[0], np.broadcast_to(celsius, len(TIME)))
         assert found[1] == source
 
@@ -92,7 +94,9 @@ def test_a_bridged_gap_has_a_temperature_too():
     kept = (TIME < 800) | (TIME > 2000)
     cut = test._replace(series={name: values[kept] for name, values in test.series.items()})
     (group,), _ = grouped(cut)
-    assert len(group.courses[0]) == len(group.records[0].soc) == kept.sum() + 4
+    (record,) = group.records
+    assert len(record.celsius) == len(record.soc) == kept.sum() + 4
+    assert (record.celsius[800:804] == record.celsius[799]).all()
 
 
 def data_for(group):
@@ -108,7 +112,7 @@ def activation(*tests):
 
 
 def test_the_activation_energy_is_found_between_temperatures():
-    kelvins = {celsius: warmth(celsius, 25.0, 35e3) for celsius in (0.0, 10.0, 25.0)}
+    kelvins = {celsius: resistance_factor(celsius, 25.0, 35e3) for celsius in (0.0, 10.0, 25.0)}
     tests = [made(f"t{c}", celsius=c, factor=factor) for c, factor in kelvins.items()]
     _, found = activation(*tests)
     np.testing.assert_allclose(found.joule_per_mole, 35e3, rtol=0.05)
@@ -117,17 +121,20 @@ def test_the_activation_energy_is_found_between_temperatures():
 
 def test_the_activation_energy_is_found_from_the_cell_s_own_warming():
     surface = 25.0 + 10.0 * np.sin(TIME / 700.0)
-    factor = warmth(surface, 25.0, 30e3)
+    factor = resistance_factor(surface, 25.0, 30e3)
     groups, found = activation(made("a", surface=surface, factor=factor))
     assert found.joule_per_mole == (30e3,)
     assert "30 kJ/mol, from the cell's own warming by 19 K" in found.words
-    (record,) = warmed(groups[0], 30e3).records
-    np.testing.assert_allclose(record.warmth, factor)
-    assert groups[0].records[0].warmth.max() == 1.0
+    (record,) = at_activation_energy(groups[0], 30e3).records
+    np.testing.assert_allclose(record.resistance_factor, factor)
+    assert groups[0].records[0].resistance_factor.max() == 1.0
 
 
 def test_a_temperature_of_a_few_rows_takes_the_energy_of_its_neighbours():
-    cold, warm = made("a", celsius=0.0, factor=warmth(0.0, 25.0, 35e3)), made("c", celsius=25.0)
+    cold, warm = (
+        made("a", celsius=0.0, factor=resistance_factor(0.0, 25.0, 35e3)),
+        made("c", celsius=25.0),
+    )
     few = made("b", celsius=10.0)
     few = few._replace(series={name: values[297:305] for name, values in few.series.items()})
     _, found = activation(cold, few, warm)
@@ -142,7 +149,7 @@ def test_a_cell_that_keeps_its_temperature_shows_none():
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0])
-def test_resistance_that_does_not_fall_with_warmth_has_no_activation_energy(scale):
+def test_resistance_that_does_not_fall_with_temperature_has_no_activation_energy(scale):
     """An energy below zero is an error of the fit, not a property."""
     _, found = activation(made("a", celsius=0.0, factor=scale), made("b", celsius=25.0))
     np.testing.assert_allclose(found.joule_per_mole, 0.0, atol=500.0)

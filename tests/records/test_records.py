@@ -1,92 +1,59 @@
-"""Records: what is kept of a measurement, what is filled in, and what is refused."""
+"""Records: what a column must be, what is filled into gaps, where a record may be cut."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
-from cellwright.records.record import (
-    blocks,
-    bridged,
-    edges,
-    fit_mask,
-    record_of,
-    thin,
-    without_edges,
-)
+from cellwright.records.record import blocks, bridged, checked, fit_mask, record_of
 from cellwright.refusal import Refusal
 
 TIME = np.arange(3000.0)
 
 
-def record(current, **change):
-    columns = {"test_time_second": np.arange(float(len(current))), "current_ampere": current}
-    columns |= {"voltage_volt": np.full(len(current), 3.7), "soc": np.full(len(current), 0.5)}
+def record(rows=100, **change):
+    columns = {"test_time_second": np.arange(float(rows)), "current_ampere": np.zeros(rows)}
+    columns |= {"voltage_volt": np.full(rows, 3.7), "soc": np.full(rows, 0.5)}
     return record_of(**columns | change)
 
 
-def pulses():
-    return np.where((TIME % 1000 >= 100) & (TIME % 1000 < 130), -2.0, 0.0)
-
-
-def test_all_rows_are_used_and_not_warmed_unless_said():
-    made = record(pulses())
+def test_all_rows_are_used_at_25_degrees_and_no_resistance_moved_unless_said():
+    made = record()
     assert made.used.all()
-    np.testing.assert_array_equal(made.warmth, 1.0)
+    assert not made.thinned.any()
+    np.testing.assert_array_equal(made.celsius, 25.0)
+    np.testing.assert_array_equal(made.resistance_factor, 1.0)
+    assert (made.test, made.kind, made.role) == ("", "drive", "fit")
+
+
+def test_where_nothing_was_counted_only_the_first_soc_is_known():
+    made = record(rows=3, soc=0.7)
+    np.testing.assert_array_equal(made.soc, [0.7, np.nan, np.nan])
+    assert checked(made) is made
+
+
+def broken(value, row=7):
+    return np.where(np.arange(100) == row, value, 3.0)
 
 
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"test_time_second": np.arange(100.0)[::-1]}, "time runs back"),
-        ({"voltage_volt": np.full(100, np.nan)}, "not finite"),
-        ({"current_ampere": np.full(100, np.inf)}, "not finite"),
-        ({"soc": np.linspace(1.3, 0.9, 100)}, "SoC of the record runs from 0.900 to 1.300"),
-        ({"soc": np.linspace(-0.2, 0.9, 100)}, "outside −0.1 to 1.1"),
+        ({"test_time_second": np.arange(100.0)[::-1]}, "the clock runs back after row 0"),
+        ({"voltage_volt": broken(np.nan)}, "row 7 of voltage_volt is nan, not a number"),
+        ({"current_ampere": broken(np.inf)}, "row 7 of current_ampere is inf"),
+        ({"celsius": broken(np.nan)}, "row 7 of celsius is nan"),
+        ({"test_time_second": np.append(np.arange(99.0), np.nan)}, "row 99 of test_time_second"),
     ],
 )
-def test_records_refuse(change, reason):
+def test_a_column_that_cannot_be_used_is_refused_with_its_row(change, reason):
     with pytest.raises(Refusal, match=reason):
-        record(np.zeros(100), **change)
-
-
-def test_one_sample_is_no_record():
-    with pytest.raises(Refusal, match=r"record has 1 sample\(s\)"):
-        record(np.zeros(1))
-
-
-def test_thinning_keeps_edges_and_a_row_of_each_tenth_of_growth():
-    small = thin(record(pulses()), step_ampere=0.1)
-    assert len(small.soc) < 300
-    assert {99.0, 100.0, 129.0, 130.0, 2130.0} <= set(small.test_time_second)
-    rest = small.test_time_second[(small.test_time_second > 130) & (small.test_time_second < 1100)]
-    # A row of each tenth of growth, as far as rows of one second can have it.
-    assert (np.diff(rest - 130) <= np.maximum(1.0, 0.25 * (rest[1:] - 130))).all()
-
-
-@settings(deadline=None, max_examples=30)
-@given(arrays(float, 60, elements=st.floats(-5, 5)))
-def test_a_drive_that_steps_at_every_row_is_kept_whole(current):
-    made = record(np.cumsum(np.abs(current) + 0.2) * (-1.0) ** np.arange(60))
-    assert len(thin(made, step_ampere=0.1).soc) == 60
-    # Only the step into the last row stands alone: after it nothing is known.
-    assert without_edges(made, step_ampere=0.1).used[:-1].all()
-
-
-def test_the_row_of_a_lone_edge_is_left_out():
-    made = without_edges(record(pulses()), step_ampere=0.1)
-    np.testing.assert_array_equal(np.flatnonzero(~made.used) % 1000, [100, 130] * 3)
-    np.testing.assert_array_equal(edges(made, step_ampere=0.1) % 1000, [100, 130] * 3)
-    before = record(pulses(), used=TIME >= 500)
-    assert not without_edges(before, step_ampere=0.1).used[:500].any()
+        checked(record(**change))
 
 
 def with_gap():
     time = np.r_[np.arange(100.0), np.arange(8000.0, 8100.0)]
     soc = np.where(time < 1000, 0.9, 0.8)
-    warmth = np.where(time < 1000, 1.2, 0.9)
-    return record_of(time, 0 * time, 0 * time + 3.7, soc, warmth=warmth)
+    celsius = np.where(time < 1000, 12.0, 9.0)
+    return record_of(time, 0 * time, 0 * time + 3.7, soc, celsius=celsius)
 
 
 def test_a_gap_is_bridged_by_the_charge_that_passed_in_it():
@@ -98,7 +65,7 @@ def test_a_gap_is_bridged_by_the_charge_that_passed_in_it():
     np.testing.assert_allclose(full.current_ampere[new], [-2.0, -2.0, -2.0, 0.0])
     np.testing.assert_allclose(full.test_time_second[new], [99.0, 279.0, 459.0, 459.0])
     np.testing.assert_allclose(full.soc[new], [0.9, 0.85, 0.8, 0.8])
-    np.testing.assert_array_equal(full.warmth[new], 1.2)
+    np.testing.assert_array_equal(full.celsius[new], 12.0)
     between = (full.current_ampere[1:] + full.current_ampere[:-1]) / 2
     passed = between @ np.diff(full.test_time_second) / 3600.0 / 2.0
     assert passed == pytest.approx(full.soc[-1] - full.soc[0])

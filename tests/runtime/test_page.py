@@ -4,6 +4,7 @@ import base64
 from pathlib import Path
 from types import SimpleNamespace
 
+import pandas as pd
 import pytest
 
 from cellwright.refusal import Refusal
@@ -191,7 +192,8 @@ def test_report_is_one_file_with_its_pictures_inside(job):
 
 def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     abouts = {path: artefact.read_about(path) for path in job.input.artefacts}
-    tables = {name: [] for name in TABLES}
+    columns = ["cell", "group", "model", "ambient_temperature_celsius"]
+    tables = {name: pd.DataFrame(columns=columns, dtype=str) for name in TABLES}
     found = page._page("A", job.params, tables, abouts, {"validation": {"title": "V", "read": "r"}})
     assert [row["reasons"] for row in found["tests"]] == [["time & <i>space</i>"], []]
     assert found["notes"] == [{"text": "sign found from the data", "tests": ["bad", "good"]}]

@@ -1,5 +1,6 @@
 """Tables from artefacts: who, facts, rows; what was left out; the summary; the manifest."""
 
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -46,43 +47,88 @@ def test_a_row_of_several_tests_has_blanks_where_others_have_their_test(snakemak
 
 
 def test_excluded_names_each_refusal_once_where_it_arose(campaign):
-    rows = tables.excluded([GOOD, BAD, AFTER], {"A/bad": ["raw/bad.csv"]})
-    assert rows == [
+    table = tables.excluded([GOOD, BAD, AFTER], {"A/bad": ["raw/bad.csv"]})
+    assert table.to_dict("records") == [
         {"cell": "A", "test": "bad", "file": "raw/bad.csv", "stage": "ica", "reason": "empty file"}
     ]
 
 
-def test_summary_pools_the_error_over_samples():
-    found = {
-        "capacity": [
-            {"cell": "A", "direction": "discharge", "c_rate": "0.5", "capacity_ampere_hour": "4"}
-        ],
-        "resistance": [],
-        "validation": [
-            {"cell": "A", "chosen": "True", "samples": "3", "rmse_volt": "0.01"},
-            {"cell": "A", "chosen": "True", "samples": "1", "rmse_volt": "0.03"},
-            {"cell": "A", "chosen": "False", "samples": "9", "rmse_volt": "9"},
-        ],
-        "excluded": [{"cell": "A"}, {"cell": "B"}],
+COLUMNS = {
+    "capacity": "cell direction c_rate cycle capacity_ampere_hour",
+    "resistance": "cell direction delay_second soc c_rate cycle ambient_temperature_celsius "
+    "resistance_ohm",
+    "validation": "cell chosen samples rmse_volt",
+    "soc": "cell filter scenario rmse_soc",
+    "missing_effect": "cell verdict effect",
+    "excluded": "cell",
+}
+
+
+def frames(**text):
+    """Tables as they are read: those named from rows of text, the others without a row."""
+    return {
+        name: tables.load_frame(
+            StringIO("\n".join([",".join(columns.split()), *text.get(name, [])]))
+        )
+        for name, columns in COLUMNS.items()
     }
+
+
+def summary_of_a(**text):
     facts = {"cell": "A", "rated_capacity_ampere_hour": 5.0}
-    row = tables.summary([facts], found, {})[0]
+    return tables.summary([facts], frames(**text), {}).to_dict("records")[0]
+
+
+def test_summary_pools_the_error_over_samples():
+    row = summary_of_a(
+        capacity=["A,discharge,0.5,,4"],
+        validation=["A,True,3,0.01", "A,True,1,0.03", "A,False,9,9"],
+        soc=["A,aekf,nominal,0.03", "A,aekf,nominal,0.04", "A,aekf,offset,9", "A,ekf,nominal,9"],
+        excluded=["A", "B"],
+    )
     assert row["soh"] == pytest.approx(0.8)
     assert row["validation_rmse_volt"] == pytest.approx((3e-4 / 4 + 9e-4 / 4) ** 0.5)
+    assert row["soc_rmse"] == pytest.approx((0.0025 / 2) ** 0.5)
     assert row["exclusions"] == 1
 
 
+def test_the_capacity_of_a_cell_is_that_of_its_slowest_discharge_of_the_first_cycle():
+    rows = ["A,charge,0.1,,9", "A,discharge,0.5,40,3.5", "A,discharge,0.51,,4", "A,discharge,1,,3"]
+    assert summary_of_a(capacity=rows)["capacity_ampere_hour"] == 4
+
+
+def test_the_resistance_of_a_cell_is_that_near_half_charge_at_room_temperature():
+    rows = [
+        "A,charge,0,0.5,1,,25,1",
+        "A,discharge,10,0.5,1,,25,2",
+        "A,discharge,0,0.5,1,,0,3",
+        "A,discharge,0,0.58,1,,25,4",
+        "A,discharge,0,0.52,3,,25,5",
+        "A,discharge,0,0.52,1.5,,25,6",
+        "A,discharge,0,0.5,1,90,25,7",
+        "A,discharge,0,,1,,25,8",
+    ]
+    assert summary_of_a(resistance=rows)["r0_50_25_ohm"] == 6
+
+
 def test_the_summary_says_what_is_missing():
-    found = dict.fromkeys(["capacity", "resistance", "validation", "excluded"], ())
-    rows = [{"cell": "A", "verdict": "named", "effect": name} for name in ("leakage", "time_skew")]
-    found["missing_effect"] = [*rows, {"cell": "B", "verdict": "none", "effect": ""}]
+    found = frames(missing_effect=["A,named,leakage", "A,named,time_skew", "B,none,"])
     facts = [{"cell": cell, "rated_capacity_ampere_hour": None} for cell in "ABC"]
-    summary = tables.summary(facts, found, {})
+    summary = tables.summary(facts, found, {}).to_dict("records")
     assert [(row["verdict"], row["missing_effect"]) for row in summary] == [
         ("named", "leakage;time_skew"),
         ("none", ""),
         (None, ""),
     ]
+    assert summary[2]["validation_rmse_volt"] is None
+    assert summary[2]["r0_50_25_ohm"] is None
+
+
+def test_names_that_look_like_numbers_or_like_nothing_stay_names():
+    frame = tables.load_frame(StringIO("cell,test,soc\n007,NA,\n8,x,0.5"))
+    assert frame["cell"].tolist() == ["007", "8"]
+    assert frame["test"].tolist() == ["NA", "x"]
+    assert frame["soc"].isna().tolist() == [True, False]
 
 
 def test_a_verdict_has_a_row_for_each_effect_and_one_where_there_is_none(snakemake):

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -61,6 +62,23 @@ def jobs(said):
 
 def report_of(folder):
     return (folder / "results/report.html").read_bytes()
+
+
+def test_pulses_are_identified_by_every_method(first):
+    """Of A, the cell with a pulse test; the one pair of its truth is told whatever the method."""
+    rows = table(first, "identification_methods")
+    truth = tiny.TRUTH["A"].r0_ohm, tiny.R1_OHM * -np.expm1(-10 / tiny.TAU_SECOND)
+    assert {(row["cell"], row["test"]) for row in rows} == {("A", "hppc")}
+    for method in ("genetic", "autoregressive", "rest_exponentials", "lmfit", "separable"):
+        mine = [row for row in rows if row["method"] == method]
+        assert len(mine) == 9
+        told = [row for row in mine if row["r0_ohm"]]
+        assert len(told) >= 5 or all(row["reason"] for row in mine)
+        end = [float(row["pulse_resistance_ohm"]) for row in told]
+        assert np.median(end) == pytest.approx(sum(truth), rel=0.05)
+    fitted = [float(row["r0_ohm"]) for row in rows if row["method"] == "separable"]
+    assert np.median(fitted) == pytest.approx(truth[0], rel=0.02)
+    assert (first.folder / "results/figures/A/identification_methods.svg").is_file()
 
 
 def test_bad_files_do_not_end_the_run(first):

@@ -25,14 +25,17 @@ rule effect_campaign:
     threads: workflow.cores
     # Its jobs run scripts/tools/make_campaign.py in the laboratory's own environment.
     params:
+        # Derived, as Snakemake sees it: a clone that was moved makes no campaign anew.
+        pipeline=lambda w, output: PIPELINE,
+        folder=subpath(output.tests, ancestor=2),
         options=OPTIONS,
         laboratory=laboratory,
     message:
         "The virtual laboratory hides effects in cells: {params.options}."
     shell:
-        "{PIPELINE}/run --lab snakemake -s {PIPELINE}/workflow/virtual_lab.smk"
-        " --directory {PIPELINE} --cores {threads} --config campaign=hidden"
-        " folder=$PWD/{HIDDEN} {params.options} > {log} 2>&1"
+        "{params.pipeline}/run --lab snakemake -s {params.pipeline}/workflow/virtual_lab.smk"
+        " --directory {params.pipeline} --cores {threads} --config campaign=hidden"
+        " folder=$PWD/{params.folder} {params.options} > {log} 2>&1"
 
 
 rule effect_left_out:
@@ -44,10 +47,10 @@ rule effect_left_out:
     log:
         "logs/effect_left_out.log",
     params:
-        folder=HIDDEN,
+        folder=subpath(input.tests, ancestor=2),
         options=OPTIONS,
     message:
-        "Which names the second search of a cell has to do without."
+        "For each cell of the benchmark, the effects that its second search may not use."
     script:
         "../../scripts/benchmark/effect_left_out.py"
 
@@ -63,7 +66,7 @@ rule effect_answers:
     wildcard_constraints:
         batch=r"\d+",
     params:
-        folder=HIDDEN,
+        folder=subpath(input.tests, ancestor=2),
         batches=BENCHMARK["batches"],
         settings={
             name: config[name]
@@ -73,13 +76,14 @@ rule effect_answers:
             ]
         },
     message:
-        "Search batch {wildcards.batch} of {params.batches} of the hidden campaign, and try the controls."
+        "Search batch {wildcards.batch} of {params.batches} of the hidden campaign, and its controls."
     script:
         "../../scripts/benchmark/effect_answers.py"
 
 
 rule missing_effect_benchmark:
     input:
+        tests=rules.effect_campaign.output.tests,
         truth=rules.effect_campaign.output.truth,
         answers=expand(rules.effect_answers.output[0], batch=range(BENCHMARK["batches"])),
     output:
@@ -91,9 +95,9 @@ rule missing_effect_benchmark:
     log:
         "logs/missing_effect_benchmark.log",
     params:
-        folder=HIDDEN,
+        folder=subpath(input.tests, ancestor=2),
         options=OPTIONS,
     message:
-        "Set every answer beside what was hidden: {output.page}."
+        "Score every search against the hidden truth: {output.page}."
     script:
         "../../scripts/benchmark/missing_effect_benchmark.py"

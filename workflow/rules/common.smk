@@ -1,33 +1,42 @@
 # What all rules share: the campaign's sheets, which artefact exists for whom, the code's hash.
 
-import os
 import re
 import sys
 import time
 from pathlib import Path
 
+from snakemake.exceptions import WorkflowError
+
 # Where the pipeline lies, which is not where a workflow lies that uses it as a module.
 PIPELINE = Path(workflow.current_basedir.get_path_or_uri(secret_free=True)).resolve().parents[1]
 SCRIPTS = str(PIPELINE / "scripts")
 SCHEMAS = PIPELINE / "workflow" / "schemas"
-# Found by this process, and by those of the jobs.
+if not Path(SCRIPTS, "runtime").is_dir():
+    raise WorkflowError(
+        f"Cellwright runs from a clone on this disk: found no scripts/runtime in {PIPELINE}, "
+        "wanted the path of workflow/Snakefile in a clone as `snakefile:` of the module"
+    )
+if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.modifies_prefixes:
+    raise WorkflowError(
+        "Cellwright as a module: found `prefix:` or `replace_prefix:`, wanted neither; sheets, raw "
+        "files and results of a campaign lie in one folder, and each campaign is a run of its own "
+        "(`snakemake --directory CAMPAIGN`)"
+    )
 sys.path.insert(0, SCRIPTS)
-known = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-os.environ["PYTHONPATH"] = os.pathsep.join([SCRIPTS, *[p for p in known if p and p != SCRIPTS]])
 
-from runtime import contract, run_log, sheets, stale_lock
+from runtime import contract, job_environment, run_log, sheets, stale_lock
 from runtime.provenance import code_of
 
-# One job, one core: linear algebra that takes all cores in each of several jobs slows them all
-# down, and its sums would depend on how many there are.
-for library in ("OMP", "OPENBLAS", "MKL"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-
+job_environment.prepare(SCRIPTS)
 STARTED = time.time()
 if workflow.is_main_process:
     stale_lock.clear(Path.cwd())
 
-CAMPAIGN = sheets.read(Path.cwd(), SCHEMAS, config)
+# The `config:` of a module stands for config/config.yaml, which is then the using workflow's own.
+AS_MODULE = not workflow.modifier.is_main_snakefile()
+CAMPAIGN = sheets.read(
+    Path.cwd(), SCHEMAS, config, alone=AS_MODULE and workflow.modifier.skip_configfile
+)
 config = CAMPAIGN.config
 CHOICES = sheets.choices(config, SCHEMAS)
 CELLS = {row["cell"]: row for row in CAMPAIGN.cells}
@@ -65,12 +74,8 @@ def facts_of(name):
 
 
 def tests(name, *kinds, roles=("fit", "validation", "split")):
-    """Rows of the sheet: tests of a cell or group of these kinds (none named: all) and roles."""
-    return [
-        row
-        for row in TESTS_OF[name]
-        if (not kinds or row["kind"] in kinds) and row["role"] in roles
-    ]
+    """Rows of the sheet: tests of a cell or group of these kinds and roles."""
+    return [row for row in TESTS_OF[name] if row["kind"] in kinds and row["role"] in roles]
 
 
 def artefacts(stage, name, *kinds, roles=("fit", "validation", "split")):
@@ -89,6 +94,12 @@ def everywhere(stage, *kinds, **roles):
     return [path for name in TESTS_OF for path in artefacts(stage, name, *kinds, **roles)]
 
 
+def chamber_temperatures(cell, *kinds):
+    """Stated temperatures of a cell's tests of these kinds that may be fitted [°C]."""
+    rows = tests(cell, *kinds, roles=["fit"])
+    return {row["ambient_temperature_celsius"] for row in rows} - {None}
+
+
 def either(names):
     """Wildcard constraint: one of these names, or nothing at all."""
     return "|".join(sorted(names)) or "(?!)"
@@ -99,6 +110,19 @@ def script_of(rule):
     path = rule.script and Path(str(rule.basedir.get_path_or_uri(secret_free=True)), rule.script)
     inside = path and path.resolve().is_relative_to(SCRIPTS)
     return path.resolve().relative_to(SCRIPTS).with_suffix("").as_posix() if inside else None
+
+
+def own_parameters(rule):
+    """Parameters of a rule that decide, beside its own, whether it runs again.
+
+    `code` is the hash of its script and of all that this imports, `contract` that of what its
+    files are held against. A rule that the using workflow renamed keeps its own name in the
+    provenance of what it makes, so that the same inputs give the same bytes.
+    """
+    script = script_of(rule)
+    own_name = script.rpartition("/")[2]
+    renamed = {"rule": own_name} if rule.name != own_name else {}
+    return {"code": code_of(script), "contract": held_against(rule.output), **renamed}
 
 
 def held_against(outputs):
@@ -124,6 +148,11 @@ TEST_FACTS = {
     f"{name}/{test}": {key: row[key] for key in ["cycle", "ambient_temperature_celsius", "soc"]}
     for (name, test), row in TESTS.items()
 }
+
+
+def facts_of_own_tests(wildcards):
+    """Of each of a cell's tests what tables say beside its results."""
+    return {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{wildcards.cell}/")}
 
 
 # Snakemake's default limit of 100 jobs a second limits nothing here, and costs: each look for jobs

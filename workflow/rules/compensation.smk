@@ -61,7 +61,7 @@ rule compensation:
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
     message:
-        "Which law over temperature predicts what {wildcards.cell} does where it was left out."
+        "Compare laws over temperature of {wildcards.cell}: each temperature predicted from the others."
     script:
         "../../scripts/compensation/compensation.py"
 
@@ -85,17 +85,3 @@ rule temperature_prediction:
         "Predict {wildcards.cell} at temperatures that took no part in the fit."
     script:
         "../../scripts/compensation/temperature_prediction.py"
-
-
-rule figure_compensation:
-    input:
-        laws="results/compensation/{cell}.parquet",
-        proof="results/temperature_prediction/{cell}.parquet",
-    output:
-        "results/figures/{cell}/compensation.svg",
-    log:
-        "logs/figures/{cell}_compensation.log",
-    message:
-        "Figure: {wildcards.cell} at temperatures that its model was not told."
-    script:
-        "../../scripts/figure_compensation.py"

@@ -1,29 +1,27 @@
 # How quantities move with temperature, the open-circuit voltage among them.
 
 
-def temperatures(cell, *kinds):
-    """Chamber temperatures at which a cell was tested so, for its fits."""
-    rows = tests(cell, *kinds, roles=["fit"])
-    return {row["ambient_temperature_celsius"] for row in rows} - {None}
-
-
-VARIED = [c for c in CELLS if len(temperatures(c, *CAPACITY_KINDS, *PULSE_KINDS, "eis")) >= 3]
-PULSED = [cell for cell in VARIED if len(temperatures(cell, *PULSE_KINDS)) >= 3]
-CHILLED = [c for c in VARIED if max(len(temperatures(c, k)) for k in [*PULSE_KINDS, "eis"]) >= 3]
+VARIED = [
+    c for c in CELLS if len(chamber_temperatures(c, *CAPACITY_KINDS, *PULSE_KINDS, "eis")) >= 3
+]
+PULSED = [cell for cell in VARIED if len(chamber_temperatures(cell, *PULSE_KINDS)) >= 3]
+CHILLED = [
+    c for c in VARIED if max(len(chamber_temperatures(c, k)) for k in [*PULSE_KINDS, "eis"]) >= 3
+]
 
 # Cells of one type that were pulsed at few temperatures each, many together; by the first of them.
 KINDRED = {}
 for cell, row in CELLS.items():
-    if temperatures(cell, *PULSE_KINDS) and cell not in PULSED and row["chemistry"]:
+    if chamber_temperatures(cell, *PULSE_KINDS) and cell not in PULSED and row["chemistry"]:
         KINDRED.setdefault((row["chemistry"], row["rated_capacity_ampere_hour"]), []).append(cell)
 KINDRED = {
     cells[0]: cells
     for cells in KINDRED.values()
-    if len(set().union(*(temperatures(cell, *PULSE_KINDS) for cell in cells))) >= 3
+    if len(set().union(*(chamber_temperatures(cell, *PULSE_KINDS) for cell in cells))) >= 3
 }
 
 
-def facts_of_tests(wildcards):
+def facts_of_tests_of_type(wildcards):
     """What the sheet says of each test of a cell, and of its kindred."""
     names = {wildcards.cell, *KINDRED.get(wildcards.cell, [])}
     return {k: v for k, v in TEST_FACTS.items() if k.partition("/")[0] in names}
@@ -42,7 +40,7 @@ rule temperature:
     wildcard_constraints:
         cell=either(VARIED),
     params:
-        tests=facts_of_tests,
+        tests=facts_of_tests_of_type,
         settings=config["temperature"],
     message:
         "Resistance and capacity of {wildcards.cell} over temperature: quadratic and Arrhenius."
@@ -77,7 +75,7 @@ rule resistance_surface:
     wildcard_constraints:
         cell=either(PULSED),
     params:
-        tests=facts_of_tests,
+        tests=facts_of_tests_of_type,
         settings={k: v for k, v in config["temperature"].items() if k != "soc"},
     message:
         "Resistance of {wildcards.cell} over SoC and temperature: three forms, tested."
@@ -98,7 +96,7 @@ rule temperature_of_type:
     wildcard_constraints:
         cell=either(KINDRED),
     params:
-        tests=facts_of_tests,
+        tests=facts_of_tests_of_type,
         settings=config["temperature"],
     message:
         "Resistance over temperature across the cells of the type of {wildcards.cell}."
@@ -110,7 +108,7 @@ rule temperature_of_type:
 STEPPED = [
     cell
     for cell in CELLS
-    if tests(cell, "ocv_temperature", roles=["fit"]) or len(temperatures(cell, "ocv")) >= 3
+    if tests(cell, "ocv_temperature", roles=["fit"]) or len(chamber_temperatures(cell, "ocv")) >= 3
 ]
 
 
@@ -173,7 +171,7 @@ rule polarisation:
     wildcard_constraints:
         cell=either(RELAXED),
     params:
-        tests=lambda w: {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{w.cell}/")},
+        tests=facts_of_own_tests,
     message:
         "Polarisation of {wildcards.cell} over SoC and temperature, and its laws."
     script:

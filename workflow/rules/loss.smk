@@ -3,25 +3,14 @@
 SLOW_KINDS = (*CAPACITY_KINDS, "ica")
 
 
-def chambers(cell, *kinds):
-    """Chamber temperatures of a cell's tests that may be fitted, of these kinds."""
-    rows = tests(cell, *kinds, roles=["fit"])
-    return {row["ambient_temperature_celsius"] for row in rows} - {None}
-
-
-COLD = [cell for cell in CELLS if len(chambers(cell, *SLOW_KINDS)) >= 2]
-COLD_PEAKS = [cell for cell in CELLS if len(chambers(cell, "ica")) >= 2]
-COLD_FAST = [cell for cell in CELLS if len(chambers(cell, "fast_charge")) >= 3]
+COLD = [cell for cell in CELLS if len(chamber_temperatures(cell, *SLOW_KINDS)) >= 2]
+COLD_PEAKS = [cell for cell in CELLS if len(chamber_temperatures(cell, "ica")) >= 2]
+COLD_FAST = [cell for cell in CELLS if len(chamber_temperatures(cell, "fast_charge")) >= 3]
 LOSS_LAWS = [
     *[f"results/capacity_loss_laws/{cell}.parquet" for cell in COLD],
     *[f"results/fast_charge_laws/{cell}.parquet" for cell in COLD_FAST],
     *everywhere("ageing_temperature_laws", "ageing"),
 ]
-
-
-def facts_of_tests(wildcards):
-    """Of each of a cell's tests what tables say beside its results."""
-    return {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{wildcards.cell}/")}
 
 
 def fresh_peaks(cell):
@@ -48,7 +37,7 @@ rule capacity_loss:
         cell=either(COLD),
     params:
         settings=config["capacity_loss"],
-        tests=facts_of_tests,
+        tests=facts_of_own_tests,
     message:
         "Capacity of {wildcards.cell} lost to temperature and rate: true and false."
     script:
@@ -90,7 +79,7 @@ rule fast_charge:
         test=test_facts,
         cell=cell_facts,
     message:
-        "Fast charge of {wildcards.cell} in {wildcards.test}: what is in after {params.settings[minutes]} min."
+        "Fast charge of {wildcards.cell} in {wildcards.test}: charge accepted in {params.settings[minutes]} min."
     script:
         "../../scripts/loss/fast_charge.py"
 
@@ -106,7 +95,7 @@ rule fast_charge_law:
     wildcard_constraints:
         cell=either(COLD_FAST),
     params:
-        tests=facts_of_tests,
+        tests=facts_of_own_tests,
     message:
         "Fast charge of {wildcards.cell} over temperature."
     script:

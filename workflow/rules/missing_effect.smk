@@ -80,7 +80,7 @@ rule effect_search:
         cell=cell_facts,
         references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
     message:
-        "Search for what the model of {wildcards.cell} lacks."
+        "Search for an effect that the model of {wildcards.cell} lacks."
     script:
         "../../scripts/missing_effect/effect_search.py"
 
@@ -103,7 +103,7 @@ rule missing_effect_group:
         branches=lambda w: BRANCHES[w.group],
         lenders=lambda w: {row["cell"]: lender(row["cell"]) for row in BRANCHES[w.group]},
     message:
-        "Search for what one branch of {wildcards.group} has of its own."
+        "Search for an effect in one branch of the parallel group {wildcards.group}."
     script:
         "../../scripts/missing_effect/missing_effect_group.py"
 
@@ -119,49 +119,3 @@ rule missing_effect:
         "Verdicts of the whole campaign: what the models of its cells and groups lack."
     script:
         "../../scripts/missing_effect/missing_effect.py"
-
-
-rule figure_missing_effect:
-    input:
-        verdict="results/missing_effect/{cell}/verdict.json",
-        ranking="results/missing_effect/{cell}/ranking.parquet",
-        map="results/missing_effect/{cell}/map.parquet",
-        evidence="results/missing_effect/{cell}/evidence.parquet",
-        series="results/missing_effect/{cell}/series.parquet",
-        confounding="results/missing_effect/{cell}/confounding.parquet",
-    output:
-        validation="results/figures/{cell}/effect_validation.svg",
-        map="results/figures/{cell}/effect_map.svg",
-        evidence="results/figures/{cell}/effect_evidence.svg",
-        ranking="results/figures/{cell}/effect_ranking.svg",
-        confounding="results/figures/{cell}/effect_confounding.svg",
-    log:
-        "logs/figures/{cell}_missing_effect.log",
-    wildcard_constraints:
-        cell=either(ASKED),
-    params:
-        gates=config["missing_effect"],
-    message:
-        "Figures: what the model of {wildcards.cell} lacks, and how one can see it."
-    script:
-        "../../scripts/figure_missing_effect.py"
-
-
-rule figure_missing_effect_group:
-    input:
-        verdict="results/missing_effect/{group}/verdict.json",
-        ranking="results/missing_effect/{group}/ranking.parquet",
-        series="results/missing_effect/{group}/series.parquet",
-    output:
-        branches="results/figures/{group}/effect_branches.svg",
-        ranking="results/figures/{group}/effect_ranking.svg",
-    log:
-        "logs/figures/{group}_missing_effect.log",
-    wildcard_constraints:
-        group=either(GROUPS_ASKED),
-    params:
-        gates=config["missing_effect_group"]["gates"],
-    message:
-        "Figures: what one branch of {wildcards.group} has of its own, and how one can see it."
-    script:
-        "../../scripts/figure_missing_effect_group.py"

@@ -1,18 +1,18 @@
-# The yardstick: every campaign of real cells run whole, its numbers in one table and on one page.
+# Every campaign of real cells run whole, its numbers in one table and on one page.
 # No part of the main job: `snakemake real`.
 
-from real_cells import nested
+from real_cells import campaigns
 
 REAL = config["real"]
 REAL_FOLDER = Path(PIPELINE, REAL["folder"]).resolve()
 DOCS_OF_REAL = PIPELINE / "docs" / "real-cells"
 
 
-# What the run inside does is decided there, by content; this one asks it again whenever a file of
-# the campaign or any code of the pipeline has changed.
+# A run of the pipeline inside this one: it is called whenever a file of the campaign or any code of
+# the pipeline has changed, and decides itself, by content, which of its jobs run again.
 rule real_campaign:
     input:
-        campaign=lambda w: nested.files(REAL_FOLDER, w.campaign),
+        campaign=lambda w: campaigns.files(REAL_FOLDER, w.campaign),
     output:
         "real/{campaign}/numbers.csv",
     log:
@@ -20,13 +20,13 @@ rule real_campaign:
     wildcard_constraints:
         campaign="[A-Za-z0-9_-]+",
     # Long ones begin first, so that none is left over at the end.
-    priority: lambda w: nested.expected_second(w.campaign)
+    priority: lambda w: campaigns.expected_second(w.campaign)
     retries: 0
     threads: 1
     params:
         campaign=lambda w: str(REAL_FOLDER / w.campaign),
         whole=REAL["to"] == "report",
-        pipeline=lambda w: nested.pipeline(),
+        pipeline=lambda w: campaigns.code_hash(),
     message:
         "Run the real cells of {wildcards.campaign}, minutes; what it says: {log}."
     script:
@@ -36,7 +36,7 @@ rule real_campaign:
 rule real:
     input:
         numbers=lambda w: [
-            f"real/{name}/numbers.csv" for name in nested.wanted(REAL_FOLDER, REAL["names"])
+            f"real/{name}/numbers.csv" for name in campaigns.wanted(REAL_FOLDER, REAL["names"])
         ],
         published=DOCS_OF_REAL / "published.csv",
         before=DOCS_OF_REAL / "before.csv",

@@ -1,11 +1,13 @@
 # The results contract: plain CSV tables, the summary, what was left out, the manifest.
 
-SCORES = [
-    f"results/validation/{cell}/{row['test']}.parquet"
-    for cell, rows in SCORED.items()
-    for row in rows
-]
-FILTERED = [path.replace("/validation/", "/soc/", 1) for path in SCORES]
+SCORES, FILTERED = (
+    [
+        f"results/{stage}/{cell}/{row['test']}.parquet"
+        for cell, rows in SCORED.items()
+        for row in rows
+    ]
+    for stage in ("validation", "soc")
+)
 MODELS = [f"results/models/{cell}.json" for cell in MODELLED]
 TABLE_INPUTS = {
     "capacity": [*everywhere("capacity", *CAPACITY_KINDS), *everywhere("ageing_cycles", "ageing")],
@@ -32,6 +34,9 @@ TABLE_INPUTS = {
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
+    "identification_methods": [
+        f"results/identification_methods/{cell}.parquet" for cell in COMPARED
+    ],
     "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
     "soc": FILTERED,

@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
-from cellwright.circuits.temperature import warmth
+from cellwright.circuits.temperature import resistance_factor
 from cellwright.numerics.lags import lag, lag_by_charge
 from cellwright.records.basis import REFERENCE_CELSIUS
-from cellwright.records.record import driven
+from cellwright.records.thinning import driven
 
 ABOUT = {
     "reading": "what the instrument reads is off",
@@ -261,7 +261,7 @@ def warmed_within(member, circuit, heat_watt, step_second, celsius, *, hold):
     own = member["own_heat"]
     rise = lag(step_second, own["time_constant_second"], heat_watt, hold=hold)
     inside = celsius + own["thermal_resistance_kelvin_per_watt"] * rise
-    factor = warmth(inside, celsius, own["activation_energy_joule_per_mole"])
+    factor = resistance_factor(inside, celsius, own["activation_energy_joule_per_mole"])
 
     def warmed(parameters):
         return {name: v * factor if name in WARMED else v for name, v in parameters.items()}

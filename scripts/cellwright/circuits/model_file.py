@@ -11,13 +11,13 @@ from cellwright.circuits.temperature import (
     SMALLEST,
     celsius_of,
     continued_ocv_at,
+    factor_beyond,
     law_weights,
     laws_of,
     mixed_by,
     mixed_resistances,
     scaled_soc,
     temperature_weights,
-    warmth_beyond,
 )
 from cellwright.refusal import Refusal
 
@@ -283,7 +283,7 @@ def circuit_at(conditions, soc, temperature_celsius):
     weights = temperature_weights(known, here)
     elements = [_elements(condition) for condition in conditions]
     by_law = law_weights(known, here, laws_of(conditions))
-    beyond = warmth_beyond(conditions, known, here)
+    beyond = factor_beyond(conditions, known, here)
 
     def courses(index, name):
         pairs = zip(conditions, elements, strict=True)

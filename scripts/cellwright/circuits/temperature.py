@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.arrhenius import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.refusal import Refusal
 
-ZERO_CELSIUS_KELVIN = 273.15
-GAS_CONSTANT = 8.314462618
 SMALLEST = 1e-9  # of any parameter: the logarithm of none would be −∞
 
 
@@ -73,18 +72,15 @@ def scaled_soc(conditions, weights, soc):
     return table_soc(soc, *(mixed_by(weights, [one[name] for one in scales]) for name in names))
 
 
-def warmth(temperature_celsius, reference_celsius, activation_joule_per_mole):
+def resistance_factor(celsius, reference_celsius, activation_joule_per_mole):
     """Factor on resistances at a temperature, 1 at the reference (Arrhenius law).
 
     Parameters
     ----------
-    temperature_celsius : scalar or (n,) [degC]. reference_celsius : scalar or (n,) [degC].
+    celsius : scalar or (n,) [degC]. reference_celsius : scalar or (n,) [degC].
     activation_joule_per_mole : activation energy [J/mol].
     """
-    inverse = [
-        1.0 / (np.asarray(t) + ZERO_CELSIUS_KELVIN)
-        for t in (temperature_celsius, reference_celsius)
-    ]
+    inverse = [1.0 / (np.asarray(t) + ZERO_CELSIUS_KELVIN) for t in (celsius, reference_celsius)]
     return np.exp(activation_joule_per_mole / GAS_CONSTANT * (inverse[0] - inverse[1]))
 
 
@@ -232,10 +228,11 @@ def _by_origin(courses, origins):
     return groups
 
 
-def warmth_beyond(conditions, known, here):
-    """Beyond the measured temperatures resistances follow the activation energy of the nearest.
+def factor_beyond(conditions, known, here):
+    """Factor on resistances beyond the measured temperatures, 1 between them.
 
-    Where they follow a law over all temperatures, that law goes on instead: the factor is 1.
+    There they follow the activation energy of the nearest. Where they follow a law over all
+    temperatures, that law goes on instead: the factor is 1.
 
     Parameters
     ----------
@@ -247,7 +244,7 @@ def warmth_beyond(conditions, known, here):
         return 1.0
     nearest = np.clip(here, known[0], known[-1])
     energy = np.where(here < known[0], energies[0], energies[-1])
-    return np.where(np.isnan(here), 1.0, warmth(here, nearest, energy))
+    return np.where(np.isnan(here), 1.0, resistance_factor(here, nearest, energy))
 
 
 def laws_of(conditions):

@@ -16,6 +16,7 @@ from cellwright.effects.search import frees_of, search
 from cellwright.effects.ties import tie_of
 from cellwright.effects.verdict import outcome, paragraph, verdict_of
 from cellwright.numerics.least_squares import stds
+from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
 
 KEPT = ("named", "ambiguous")  # verdicts whose effects go into the model
@@ -40,9 +41,9 @@ class Finding(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """A healthy cell of the type: its row of the sheet, its basis, its tests."""
+    """A healthy cell of the type: CellFacts, its basis, a list of MeasuredTest."""
 
-    cell: dict
+    cell: CellFacts
     basis: dict
     tests: list
 
@@ -52,8 +53,8 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
 
     Parameters
     ----------
-    cell : dict, the cell's row of the sheet. basis : dict, from `models.basis.basis`.
-    tests : list of models.cell.FitTest. library : dict of Effect by id.
+    cell : CellFacts. basis : dict, from `basis.basis`.
+    tests : list of MeasuredTest. library : dict of Effect by id.
     settings : dict: those of `settings_of`, most_rows and split_rest_second.
     references : sequence of Reference. Where three or more ran the same protocol, and the plain
     model fails them by far more than noise, the cell is held against them (paired mode).
@@ -70,7 +71,7 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
     ready = prepared(cell, basis, tests, **options)
     case, beside, note = _beside(ready.case, references, options)
-    found = of_case(cell["cell"], case, library, split_rest_second=settings["split_rest_second"])
+    found = of_case(cell.cell, case, library, split_rest_second=settings["split_rest_second"])
     said = " ".join([found.verdict["paragraph"], *ready.caveats])
     verdict = found.verdict | {"references": beside, "paragraph": said}
     return found._replace(verdict=verdict, notes=(*ready.notes, *note, *found.notes))
@@ -81,7 +82,7 @@ def _beside(case, references, options):
     if len(references) < Pairing().references:
         return case, [], ()
     try:
-        others = {one.cell["cell"]: prepared(*one, **options).case for one in references}
+        others = {one.cell.cell: prepared(*one, **options).case for one in references}
         pair = paired(case, others)
     except Refusal as refusal:
         return case, [], (f"searched alone, not beside the references: {refusal}",)

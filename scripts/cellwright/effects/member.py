@@ -16,7 +16,7 @@ from cellwright.effects.case import filters_of, problem_of, steep
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.overpotential import DIFFUSION_KINDS
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.records import NEAR_END, Record, stacked
+from cellwright.effects.records import NEAR_END, stacked
 from cellwright.effects.search import POLISH_STEPS, frees_of
 from cellwright.identification.choice import (
     FOLDS,
@@ -29,7 +29,7 @@ from cellwright.identification.choice import (
 )
 from cellwright.numerics.least_squares import fit
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.record import blocks, course_celsius
+from cellwright.records.record import blocks, cell_temperature, record_of
 from cellwright.refusal import Refusal
 
 NAME = "2RC+effects"
@@ -154,10 +154,7 @@ def _probed(cell, found, effects, celsius, sign):
     """Fields of the found model at every knot, at rest but for the sign of the current."""
     capacity = cell.capacity_ampere_hour
     current = sign * 1e-3 * capacity
-    rows = [
-        Record("", "drive", *(np.full(1, x) for x in (0.0, current, 0.0, celsius)), soc)
-        for soc in KNOTS
-    ]
+    rows = [record_of([0.0], [current], [0.0], soc, celsius=celsius) for soc in KNOTS]
     stack = stacked(rows, capacity_ampere_hour=capacity, hold=found["hold"])
     starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(KNOTS)}
     held = [effect for effect in effects if effect.stage in PROBED]
@@ -275,8 +272,8 @@ def finished(model, basis, cell, tests, found, *, split_rest_second):
     Parameters
     ----------
     model : dict of schema cellwright-model/2, from whatever source.
-    basis : dict, from `models.basis.basis`. cell : dict, the cell's row of the sheet.
-    tests : list of models.cell.FitTest: those fitted, and those that effects were searched in.
+    basis : dict, from `basis.basis`. cell : CellFacts.
+    tests : list of MeasuredTest: those fitted, and those that effects were searched in.
     found : dict, see `with_effects`, or None where nothing was searched.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
 
@@ -309,7 +306,7 @@ def with_effects(model, found, tests, conditions):
     model : dict of schema cellwright-model/2.
     found : dict, see `model.effect_member`, with `tests` (of the search's fit) and `folds`
         (`left_out.folds`).
-    tests : list of models.cell.FitTest, whose temperatures the member is to hold.
+    tests : list of MeasuredTest, whose temperatures the member is to hold.
     conditions : list of lists of choice.FittedRecord, one a condition of the model.
 
     Returns
@@ -321,8 +318,8 @@ def with_effects(model, found, tests, conditions):
     ------
     Refusal : as `effect_member`.
     """
-    courses = [course_celsius(test.facts, test.series)[0] for test in tests]
-    stated = [test.facts["ambient_temperature_celsius"] for test in tests]
+    courses = [cell_temperature(*test)[0] for test in tests]
+    stated = [test.facts.ambient_temperature_celsius for test in tests]
     known = temperatures(courses, stated, found["effects"])
     fits = [found, *(found | {"values": one["values"]} for one in found["folds"])]
     models = [_with(model, effect_member(one, model, known)) for one in fits]
@@ -331,7 +328,7 @@ def with_effects(model, found, tests, conditions):
     whole = np.concatenate([one[0] for part in errors for one in part])
     fitted = {"fit_rmse_volt": float(np.sqrt(np.mean(whole**2))), "samples": len(whole)}
     for condition in member["conditions"]:
-        condition |= fitted | {"tests": [one.test for part in conditions for one in part]}
+        condition |= fitted | {"tests": [one.record.test for part in conditions for one in part]}
     pairs = list(zip(conditions, errors, strict=True))
     judged = Judged(
         [_score(part, of_part, found["folds"]) for part, of_part in pairs],
@@ -350,7 +347,7 @@ def _errors(one, models, fits):
     soc, found = one.record.soc, []
     for model, fitted in zip(models, fits, strict=True):
         names = {test: f"soc0[{k}]" for k, test in enumerate(fitted["tests"])}
-        start = fitted["values"].get(names.get(one.test), soc[0])
+        start = fitted["values"].get(names.get(one.record.test), soc[0])
         moved = one._replace(record=one.record._replace(soc=soc + (start - soc[0])))
         found.append(errors_of(model, NAME, moved))
     return np.array(found)
@@ -360,7 +357,8 @@ def _score(records, errors, folds):
     """Error of each block of one condition, each row by the model that was fitted without it."""
     unseen = []
     for one, by_fit in zip(records, errors, strict=True):
-        fold = _fold_of(one.test, one.record.test_time_second[one.record.used], folds)
+        record = one.record
+        fold = _fold_of(record.test, record.test_time_second[record.used], folds)
         unseen.append(by_fit[fold + 1, np.arange(len(fold))])
     _, at = np.unique(np.concatenate([one.block for one in records]), return_inverse=True)
     rows = np.bincount(at)

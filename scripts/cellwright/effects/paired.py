@@ -90,7 +90,7 @@ def counterpart_second(mine, other, limits=None):
     known = np.flatnonzero(np.isfinite(found))
     row, apart = _nearest(mine, other, found, known)
     _same_currents(mine, known, apart, limits)
-    _same_warmth(mine, other, limits)
+    _same_temperature(mine, other, limits)
     steps = _steps(other, found[known], mine.capacity_ampere_hour)
     found[known[steps]] = other.second[row[steps]]
     return found
@@ -162,7 +162,7 @@ def _same_currents(mine, known, apart, limits):
         )
 
 
-def _same_warmth(mine, other, limits):
+def _same_temperature(mine, other, limits):
     own, its = float(np.mean(mine.celsius)), float(np.mean(other.celsius))
     if abs(own - its) > limits.celsius:
         raise Refusal(

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.base import STAGES
-from cellwright.effects.records import Record, stacked
+from cellwright.effects.records import stacked
 from cellwright.effects.sensitivity import USUAL_NOISE, Model, at_starts_of, information, projected
 from cellwright.effects.ties import tie_of
+from cellwright.records.record import Record, record_of
 from cellwright.refusal import Refusal
 
 FIRST_SECOND, GROWTH = 1.0, 1.25  # rows after a step: the first gap, and how gaps grow
@@ -119,7 +120,8 @@ def _planned(one, words, steps, capacity, celsius):
     current = np.repeat([s.c_rate * capacity for s in steps], [len(g) for g in gaps])
     current = np.append(current, current[-1])
     blank = np.zeros(len(second))
-    return Planned(one, words, Record(one, one, second, current, blank, blank + celsius, 1.0))
+    told = {"test": one, "kind": one, "celsius": celsius}
+    return Planned(one, words, record_of(second, current, blank, 1.0, **told))
 
 
 def _gaps(step):
@@ -334,9 +336,10 @@ def _drive_of(stack):
         return None
     k = max(found, key=lambda k: np.sum(stack.file == k))
     rows = stack.file == k
-    columns = (stack.second, stack.current_ampere, stack.voltage_volt, stack.celsius)
-    told = (column[rows] for column in columns)
-    return Record(stack.tests[k], "drive", *told, float(stack.soc_at_start[k]))
+    columns = (stack.second, stack.current_ampere, stack.voltage_volt)
+    read = (column[rows] for column in columns)
+    told = {"test": stack.tests[k], "celsius": stack.celsius[rows]}
+    return record_of(*read, float(stack.soc_at_start[k]), **told)
 
 
 def _advice(question, library, tests, left, now):

@@ -5,37 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.instrument import LOADED_C_RATE, load_direction
-from cellwright.records.record import driven
+from cellwright.records.record import checked
+from cellwright.records.thinning import driven
 from cellwright.refusal import Refusal
 
 GAP_SECOND = 30.0  # between two rows, for the counter to be asked what passed meanwhile
 UNSEEN_SOC = 2e-3  # between two rows: less is how the current is read, more is a gap
 ALIKE = 5.0  # ratio of changes of the current in two rows, up to which it goes on the same way
 NEAR_END = 0.1  # of the SoC: a record that starts there was filled or emptied before
-
-
-class Record(NamedTuple):
-    """One test of a cell.
-
-    test, kind : name and kind, as in the sheet.
-    celsius : (n,) measured temperature of the surface, else of the chamber [degC].
-    soc_at_start : best knowledge of the SoC at the first row [1].
-    used : (n,) bool, rows that are compared; the others only drive the states. None: all.
-    counted_soc : (n,) SoC by the instrument's own counter [1], which also knows what passed while
-        nothing was recorded. None: by the current alone.
-    thinned : (n,) bool, rows before which others were left out, for nothing stepped. None: none.
-    """
-
-    test: str
-    kind: str
-    test_time_second: np.ndarray
-    current_ampere: np.ndarray
-    voltage_volt: np.ndarray
-    celsius: np.ndarray
-    soc_at_start: float
-    used: np.ndarray | None = None
-    counted_soc: np.ndarray | None = None
-    thinned: np.ndarray | None = None
 
 
 class Stack(NamedTuple):
@@ -106,7 +83,6 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     for record in records:
         _check(record)
     sizes = [len(r.test_time_second) for r in records]
-    pairs = list(zip(records, sizes, strict=True))
     first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     file = np.repeat(np.arange(len(records)), sizes)
     fresh = np.zeros(len(file))
@@ -118,9 +94,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     held = np.where(linear, (before + current) / 2, before)
     held = held * (1.0 - fresh)
     least = {"least_ampere": LOADED_C_RATE * capacity_ampere_hour, "near_end_soc": NEAR_END}
-    loads = [
-        load_direction(r.current_ampere, soc_at_start=r.soc_at_start, **least) for r in records
-    ]
+    loads = [load_direction(r.current_ampere, soc_at_start=r.soc[0], **least) for r in records]
     held, unseen = _counted(records, held, step, linear, capacity_ampere_hour)
     return Stack(
         tuple(r.test for r in records),
@@ -135,11 +109,11 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         np.concatenate(loads),
         _joined(records, "voltage_volt"),
         _joined(records, "celsius"),
-        np.array([r.soc_at_start for r in records]),
+        np.array([r.soc[0] for r in records]),
         hold,
         linear * (1.0 - fresh),
         np.zeros(len(file)),
-        np.concatenate([np.ones(n, bool) if r.used is None else r.used for r, n in pairs]),
+        np.concatenate([r.used for r in records]),
         unseen,
         {},
     )
@@ -156,7 +130,7 @@ def _linear(record, hold):
     voltage is held. Taken for held there, it would count up to a percent of a charge too much.
     """
     moved = np.diff(record.current_ampere, prepend=record.current_ampere[:1])
-    thinned = _thinned(record)
+    thinned = record.thinned
     if driven(np.cumsum(np.where(thinned, 0.0, moved))):
         return np.full(len(moved), hold == "first_order")
     size = np.abs(moved)
@@ -169,39 +143,26 @@ def _linear(record, hold):
     return gradual
 
 
-def _thinned(record):
-    none = np.zeros(len(record.current_ampere), bool)
-    return none if record.thinned is None else record.thinned
-
-
 def _counted(records, held, step, linear, capacity):
     """Currents between rows as the counter has them, and charge that no current explains [Ah].
 
     The counter knows what passed between rows that were thinned out, where the current has not
     jumped; across a gap of the record it alone knows, where that is more than rounding.
     """
-    counts = [
-        np.full(len(r.current_ampere), np.nan) if r.counted_soc is None else r.counted_soc
-        for r in records
-    ]
-    passed = np.concatenate([np.diff(c, prepend=c[:1]) for c in counts]) * capacity
+    passed = np.concatenate([np.diff(r.soc, prepend=r.soc[:1]) for r in records]) * capacity
     beyond = np.nan_to_num(passed - held * step / 3600.0)
     unseen = np.where((step > GAP_SECOND) & (np.abs(beyond) > UNSEEN_SOC * capacity), beyond, 0.0)
-    thinned = np.concatenate([_thinned(r) for r in records])
+    thinned = np.concatenate([r.thinned for r in records])
     gradual = thinned & linear & (step > 0) & (unseen == 0)
     more = np.divide(3600.0 * beyond, step, out=np.zeros(len(step)), where=gradual)
     return held + more, unseen
 
 
 def _check(record):
-    for name in ("test_time_second", "current_ampere", "voltage_volt", "celsius"):
-        wrong = np.flatnonzero(~np.isfinite(getattr(record, name)))
-        if len(wrong):
-            found = getattr(record, name)[wrong[0]]
-            raise Refusal(f"{record.test}: row {wrong[0]} of {name} is {found}, not a number")
-    back = np.flatnonzero(np.diff(record.test_time_second) < 0)
-    if len(back):
-        raise Refusal(f"{record.test}: the clock runs back after row {back[0]}")
+    try:
+        checked(record)
+    except Refusal as refusal:
+        raise Refusal(f"{record.test}: {refusal}") from refusal
 
 
 KELVIN = 5.0

@@ -122,20 +122,20 @@ def drives(element, current_ampere):
     return np.array(rows).T
 
 
-def warmth_of(model, member, temperature_celsius, reference_celsius):
+def resistance_factor_of(model, member, celsius, reference_celsius):
     """Resistance of a cell along a course of its temperature, over that at one temperature.
 
     Parameters
     ----------
     model, member : as in `bank_of`.
-    temperature_celsius : (n,) [degC]. reference_celsius : scalar [degC].
+    celsius : (n,) [degC]. reference_celsius : scalar [degC].
 
     Returns
     -------
-    warmth : (n,) of the sum of all resistances at half charge [1]; one where the model has no
-        temperature.
+    resistance_factor : (n,) of the sum of all resistances at half charge [1]; one where the model
+        has no temperature.
     """
-    course = np.append(np.asarray(temperature_celsius, float), reference_celsius)
+    course = np.append(np.asarray(celsius, float), reference_celsius)
     grid = np.linspace(course.min(), course.max(), 101)
     conditions = member_of(model, member)["conditions"]
     circuit = circuit_at(conditions, np.full(len(grid), 0.5), grid).circuit

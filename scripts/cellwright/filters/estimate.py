@@ -62,7 +62,7 @@ def estimate(
     method,
     noise=None,
     hold="first_order",
-    warmth=1.0,
+    resistance_factor=1.0,
     track_ohmic=True,
 ):
     """State of charge over a record, from a start that may be wrong.
@@ -81,7 +81,7 @@ def estimate(
     method : one of `METHODS`.
     noise : Noise; None takes its defaults.
     hold : how the current runs between two samples.
-    warmth : scalar or (n,) resistance of the cell at each sample over the bank's [1].
+    resistance_factor : scalar or (n,) resistance of the cell at each sample over the bank's [1].
     track_ohmic : estimate a scale of the ohmic resistance as well; without, an error of it is taken
         for one of the SoC.
 
@@ -106,7 +106,7 @@ def estimate(
     noise = (noise or Noise())._replace(adaptive=method in ("aekf", "dual"))
     dual = method == "dual"
     record = (test_time_second, current_ampere, voltage_volt)
-    settings = {"hold": hold, "warmth": warmth}
+    settings = {"hold": hold, "resistance_factor": resistance_factor}
     plant = plant_of(bank, *record, noise, **settings, track_capacity=dual, track_ohmic=track_ohmic)
     if method == "coulomb":
         return _plain(*_counted(plant, start, noise))

@@ -6,12 +6,13 @@ import numpy as np
 
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
 from cellwright.circuits.model_file import member_of
-from cellwright.filters.bank import bank_of, warmth_of
+from cellwright.filters.bank import bank_of, resistance_factor_of
 from cellwright.filters.estimate import Start, estimate
 from cellwright.filters.plant import Noise
+from cellwright.numerics.scores import rms
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.basis import soc_of
-from cellwright.records.record import course_celsius, fit_mask
+from cellwright.records.record import laid_out
+from cellwright.records.thinning import rows_of
 from cellwright.refusal import Refusal
 
 NORMAL_95 = 1.959963985
@@ -136,7 +137,7 @@ def scores(test_time_second, estimate, reference_soc, scored, *, band, hold_seco
     covered = np.abs(error) <= NORMAL_95 * estimate.std
     tests = innovation_tests(estimate.innovation_volt[scored], estimate.innovation_std_volt[scored])
     return {
-        "rmse_soc": float(np.sqrt(np.mean(error[late] ** 2))),
+        "rmse_soc": rms(error[late]),
         "max_abs_soc": float(np.abs(error[late]).max()),
         "convergence_second": converged,
         "capacity_ampere_hour": float(estimate.capacity_ampere_hour[-1]),
@@ -151,17 +152,6 @@ FEWEST, MOST = 20, 20000  # samples of the window of the adaptive law
 WALK_RATIO = 10.0  # of the largest to the smallest variance that the current sensor adds
 
 
-class Record(NamedTuple):
-    """What a filter is given, and what it is scored against; (n,) each."""
-
-    test_time_second: np.ndarray
-    current_ampere: np.ndarray
-    voltage_volt: np.ndarray
-    reference_soc: np.ndarray
-    scored: np.ndarray
-    warmth: np.ndarray
-
-
 class SocRuns(NamedTuple):
     """Rows of scores, one a filter, start and scenario, and the series of the first of them."""
 
@@ -170,7 +160,7 @@ class SocRuns(NamedTuple):
     notes: tuple
 
 
-def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
+def soc_runs(model, cell, test, *, settings, split_rest_second):
     """Run every filter through a test and score it against the counted SoC.
 
     The first stated error of the start is run with every scenario; further errors and starts
@@ -179,8 +169,7 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
     Parameters
     ----------
     model : dict of schema cellwright-model/2.
-    cell, facts : dicts, the rows of the cell and of the test.
-    series : dict of (n,) columns, clean.
+    cell : CellFacts. test : MeasuredTest.
     settings : dict, section `soc` of the config.
     split_rest_second : shortest rest that cuts a test of role `split` [s]; its even blocks count.
 
@@ -191,20 +180,21 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
     Raises
     ------
     Refusal
-        No SoC at the start can be known, nothing is left to score, or as `soc.estimate`.
+        The test cannot be laid out, nothing is left to score, or as `estimate.estimate`.
     """
-    course, source = course_celsius(facts, series)
-    celsius = _loaded_mean(model, series, course)
-    bank = bank_of(model, None, celsius)
-    record = _record(model, cell, facts, series, split_rest_second)
-    record = record._replace(warmth=warmth_of(model, None, course, celsius))
-    own = member_of(model, None)
+    record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=True)
+    celsius = _loaded_mean(model, record)
+    bank, own = bank_of(model, None, celsius), member_of(model, None)
+    settings = settings | {"hold": hold_of(own, record.current_ampere)}
+    record = _as_it_was(model, own, record)._replace(
+        resistance_factor=resistance_factor_of(model, None, record.celsius, celsius)
+    )
+    source = record.temperature_source
     notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
     seen = ("reading", "counting")
     notes += [f"filters and their reference know that {told}" for told in words_of(own, seen)]
-    settings = settings | {"hold": hold_of(own, series["current_ampere"])}
     noise = noise_of(settings, record.test_time_second)
-    first, *others = _starts(settings, record.reference_soc[0])
+    first, *others = _starts(settings, record.soc[0])
     plans = [("nominal", start) for start in (first, *others)]
     plans += [(scenario, first) for scenario in settings["scenarios"]]
     rows, columns = [], {}
@@ -213,8 +203,8 @@ def soc_runs(model, cell, facts, series, *, settings, split_rest_second):
         rows += [row for row, _ in found]
         columns |= _columns(method, found[0][1])
     rows = [row | {"model": model["chosen"]} for row in rows]
-    shown = {"test_time_second": record.test_time_second, "soc": record.reference_soc}
-    return SocRuns(rows, shown | {"scored": record.scored} | columns, tuple(notes))
+    shown = {"test_time_second": record.test_time_second, "soc": record.soc}
+    return SocRuns(rows, shown | {"scored": record.used} | columns, tuple(notes))
 
 
 def noise_of(settings, test_time_second):
@@ -248,26 +238,24 @@ def noise_of(settings, test_time_second):
     )
 
 
-def _record(model, cell, facts, series, split_rest_second):
-    time, current = series["test_time_second"], series["current_ampere"]
-    scored = np.ones(len(time), bool)
-    if facts["role"] == "split":
-        rest = REST_C_RATE * model["capacity_ampere_hour"]
-        scored = ~fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
-    own, reference = member_of(model, None), soc_of(series, model, facts, cell).soc
-    capacity, celsius = model["capacity_ampere_hour"], course_celsius(facts, series)[0]
-    true = corrected(own, capacity, time, current, reference, celsius, kind=facts.get("kind"))
-    volt = true_volt(own, series["voltage_volt"])
-    return Record(time, true.charging_ampere, volt, true.soc, scored, np.ones(len(time)))
+def _as_it_was(model, member, record):
+    """A record without the faults of the instrument that a member knows: filters are given it."""
+    read = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
+    true = corrected(member, model["capacity_ampere_hour"], *read, kind=record.kind)
+    return record._replace(
+        current_ampere=true.charging_ampere,
+        voltage_volt=true_volt(member, record.voltage_volt),
+        soc=true.soc,
+    )
 
 
-def _loaded_mean(model, series, course):
+def _loaded_mean(model, record):
     """One temperature for the tables of the whole record: where the load is, not the rests."""
     # ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under
     # load; resistances follow the temperature.
     limit = REST_C_RATE * model["capacity_ampere_hour"]
-    loaded = np.abs(series["current_ampere"]) > limit
-    return float(np.mean(course[loaded])) if loaded.any() else float(np.mean(course))
+    loaded = np.abs(record.current_ampere) > limit
+    return float(np.mean(record.celsius[loaded] if loaded.any() else record.celsius))
 
 
 def _starts(settings, soc):
@@ -290,9 +278,8 @@ def _disturbed(scenario, record, bank, start, settings):
         size = bank.capacity_ampere_hour * (1.0 + sign * settings["capacity_error"])
         return record, bank._replace(capacity_ampere_hour=size), start
     if scenario == "mid_drive":
-        late = slice(len(record.scored) // 3, None)
-        kept = Record(*[column[late] for column in record])
-        moved = kept.reference_soc[0] + start.soc - record.reference_soc[0]
+        kept = rows_of(record, slice(len(record.used) // 3, None))
+        moved = kept.soc[0] + start.soc - record.soc[0]
         return kept, bank, start._replace(soc=float(np.clip(moved, 0.0, 1.0)), c_rate=1.0)
     return record, bank, start
 
@@ -302,10 +289,11 @@ def _one(method, plan, record, bank, noise, settings):
     scenario, start = plan
     given, bank, start = _disturbed(scenario, record, bank, start, settings)
     tracked = settings["track_resistance"]
-    known = {"noise": noise, "warmth": given.warmth, "track_ohmic": tracked}
-    known["hold"] = settings["hold"]
-    found = estimate(bank, *given[:3], start, method=method, **known)
-    error = float(start.soc - given.reference_soc[0])
+    known = {"noise": noise, "resistance_factor": given.resistance_factor}
+    known |= {"track_ohmic": tracked, "hold": settings["hold"]}
+    columns = (given.test_time_second, given.current_ampere, given.voltage_volt)
+    found = estimate(bank, *columns, start, method=method, **known)
+    error = float(start.soc - given.soc[0])
     row = {"filter": method, "scenario": scenario, "initial_soc_error": error}
     row |= _scored(given, found, settings)
     return row | {"reason": _reason(row, bank, given, noise, settings)}, found
@@ -315,8 +303,8 @@ def _scored(given, found, settings):
     return scores(
         given.test_time_second,
         found,
-        given.reference_soc,
-        given.scored,
+        given.soc,
+        given.used,
         band=settings["convergence_band"],
         hold_second=settings["convergence_hold_second"],
     )
@@ -329,7 +317,7 @@ def _reason(row, bank, given, noise, settings):
     if row["filter"] == "coulomb":
         return "counting keeps the error of its start"
     band, hold = settings["convergence_band"], settings["convergence_hold_second"]
-    visited = np.clip(given.reference_soc, 0.0, 1.0)
+    visited = np.clip(given.soc, 0.0, 1.0)
     total = bank.ocv_volt + bank.shift_volt
     ends = [np.interp(np.clip(visited + side, 0, 1), bank.soc, total) for side in (-0.05, 0.05)]
     slope = float(np.median(ends[1] - ends[0]))

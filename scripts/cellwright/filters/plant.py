@@ -112,7 +112,7 @@ class Plant(NamedTuple):
     step_second, charge_ampere_hour, passed_ampere_hour : (n,) over the step that ends at a sample;
         charge is net, passed counts both ways.
     current_ampere, between_ampere : (n,) at a sample and over the step before it, by which drives
-        go: warmth is in them.
+        go: the factor on the resistances is in them.
     voltage_volt, edge_variance : (n,); what a step of the current leaves unknown [V²].
     tables : (m, 4 + E + L): OCV, OCV with shift, its slope, model error, gains, constants of lags.
     soc_first, soc_spacing : their uniform grid.
@@ -164,7 +164,7 @@ def plant_of(
     noise,
     *,
     hold,
-    warmth=1.0,
+    resistance_factor=1.0,
     track_capacity=False,
     track_ohmic=False,
 ):
@@ -176,7 +176,7 @@ def plant_of(
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A] positive on charge, [V].
     noise : Noise.
     hold : "first_order" or "zero_order", how the current runs between two samples.
-    warmth : scalar or (n,) resistance of the cell at each sample over that at the bank's
+    resistance_factor : scalar or (n,) resistance of the cell at each sample over that at the bank's
         temperature [1].
     track_capacity, track_ohmic : whether capacity and a scale of the ohmic resistance are states.
 
@@ -195,10 +195,10 @@ def plant_of(
     by_charge = _clocks(bank)
     # ASSUME: Along a record all resistances move by one factor; what is linear or kinetic takes it
     # as a factor on the current, what follows the sign of the current does not feel it.
-    warm = warmth * current, warmth * between
+    driving = resistance_factor * current, resistance_factor * between
     curved = [k for k, e in enumerate(bank.elements) if e.gain is None]
-    rows = [drives(bank.elements[k], warm[by_charge[k]]) for k in curved]
-    levels = levels_of(bank, warm[0], dict(zip(curved, rows, strict=True)))
+    rows = [drives(bank.elements[k], driving[by_charge[k]]) for k in curved]
+    levels = levels_of(bank, driving[0], dict(zip(curved, rows, strict=True)))
     constants = [one.constant for one in bank.lags]
     spots = _layout(bank, noise, track_capacity, track_ohmic)
     skew = noise.skew_second
@@ -206,10 +206,10 @@ def plant_of(
         step_second=step,
         charge_ampere_hour=between * step / 3600.0,
         passed_ampere_hour=np.abs(between) * step / 3600.0,
-        current_ampere=np.ascontiguousarray(warm[0]),
-        between_ampere=np.ascontiguousarray(warm[1]),
+        current_ampere=np.ascontiguousarray(driving[0]),
+        between_ampere=np.ascontiguousarray(driving[1]),
         voltage_volt=voltage,
-        edge_variance=edges_of(bank, levels, step, warm[0], skew, hold=hold),
+        edge_variance=edges_of(bank, levels, step, driving[0], skew, hold=hold),
         tables=_tables(bank, noise, constants),
         soc_first=float(bank.soc[0]),
         soc_spacing=float(bank.soc[1] - bank.soc[0]),

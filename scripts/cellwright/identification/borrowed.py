@@ -10,6 +10,7 @@ import numpy as np
 
 from cellwright.circuits.model_file import circuit_at, member_of, open_circuit_volt
 from cellwright.identification.columns import FAST_SECOND
+from cellwright.numerics.scores import rms
 from cellwright.records.basis import REFERENCE_CELSIUS, reference_of
 from cellwright.refusal import Refusal
 
@@ -296,7 +297,7 @@ def _fitted(columns, change):
         part = np.linalg.lstsq(columns[others].reshape(-1, width), change[others].ravel())[0]
         errors.append(columns[left] @ part - change[left])
     fit = np.linalg.lstsq(columns.reshape(-1, width), change.ravel())[0]
-    return fit, float(np.sqrt(np.mean(np.square(errors))))
+    return fit, rms(errors)
 
 
 SAME_RATE = 0.1

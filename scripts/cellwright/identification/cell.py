@@ -6,26 +6,26 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch
-from cellwright.circuits.temperature import ocv_at, warmth
+from cellwright.circuits.temperature import ocv_at, resistance_factor
 from cellwright.identification.choice import choose, left_out
-from cellwright.identification.identify import activation_of, data_of, identify, limits_of, warmed
+from cellwright.identification.identify import (
+    activation_of,
+    at_activation_energy,
+    data_of,
+    identify,
+    limits_of,
+)
 from cellwright.identification.search import ABSENT_SECOND
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import REFERENCE_CELSIUS
-from cellwright.records.record import blocks_of_used, groups_of
+from cellwright.records.facts import of_first_checkup
+from cellwright.records.record import blocks_of_used, records_by_temperature
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-model/2"
 GRID = np.linspace(0.0, 1.0, 201)
 PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
-
-
-class FitTest(NamedTuple):
-    """A test that a model may be fitted to: its row of the sheet and its clean series."""
-
-    facts: dict
-    series: dict
 
 
 class Identified(NamedTuple):
@@ -57,9 +57,9 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
 
     Parameters
     ----------
-    cell : dict, the cell's row of the sheet.
+    cell : CellFacts.
     basis : dict, from `basis.basis`.
-    tests : list of FitTest, roles fit or split.
+    tests : list of MeasuredTest, roles fit or split.
     members : names of the members of the family.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
 
@@ -76,18 +76,20 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         raise Refusal(
             "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
         )
-    young, later = _by_age(tests)
-    groups, notes = groups_of(young, basis, cell, split_rest_second=split_rest_second)
+    young, later = of_first_checkup(tests)
+    by_temperature, notes = records_by_temperature(
+        young, basis, cell, split_rest_second=split_rest_second
+    )
     if later:
         notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
-    found, energies = _identified(groups, basis, members, split_rest_second, notes)
+    found, energies = _identified(by_temperature, basis, members, split_rest_second, notes)
     if not found:
         raise Refusal("; ".join(notes) or "no test can be fitted")
     scores = _common([one.scores for one in found])
     choice = choose(scores)
     return {
         "schema": SCHEMA,
-        "cell": cell["cell"],
+        "cell": cell.cell,
         "capacity_ampere_hour": basis["capacity_ampere_hour"],
         "borrowed_from": basis["borrowed_from"],
         "ocv": [one.ocv for one in found],
@@ -106,34 +108,34 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
             }
             for one in found
         ],
-        "kind": "hppc" if any(group.pulsed for group in groups) else "drive",
+        "kind": "hppc" if any(fit_records.pulsed for fit_records in by_temperature) else "drive",
         "notes": [*notes, *filter(None, [energies])],
     }
 
 
-def _identified(groups, basis, members, split_rest_second, notes):
+def _identified(by_temperature, basis, members, split_rest_second, notes):
     """(one Identified a temperature, what is said of the activation energies)."""
     capacity, usable = basis["capacity_ampere_hour"], []
-    for group in groups:
+    for fit_records in by_temperature:
         try:
-            _data(group, basis)
-            usable.append(group)
+            _data(fit_records, basis)
+            usable.append(fit_records)
         except Refusal as refusal:
-            notes.append(f"not identified at {group.celsius:g} °C: {refusal}")
+            notes.append(f"not identified at {fit_records.celsius:g} °C: {refusal}")
     if not usable:
         return [], ""
-    activation = activation_of(usable, lambda g: _data(g, basis), capacity_ampere_hour=capacity)
-    limits = _limits([limits_of(_data(group, basis)) for group in usable])
-    energies = dict(zip((g.celsius for g in usable), activation.joule_per_mole, strict=True))
+    activation = activation_of(usable, lambda one: _data(one, basis), capacity_ampere_hour=capacity)
+    limits = _limits([limits_of(_data(fit_records, basis)) for fit_records in usable])
+    energies = dict(zip((one.celsius for one in usable), activation.joule_per_mole, strict=True))
     found, diffusion = {}, Diffusion(None, None, float(np.mean(activation.joule_per_mole)))
-    for group in sorted(usable, key=lambda g: abs(g.celsius - REFERENCE_CELSIUS)):
-        energy = energies[group.celsius]
-        ready = warmed(group, energy)
+    for fit_records in sorted(usable, key=lambda one: abs(one.celsius - REFERENCE_CELSIUS)):
+        energy = energies[fit_records.celsius]
+        ready = at_activation_energy(fit_records, energy)
         one = _condition(ready, energy, basis, members, split_rest_second, diffusion, limits)
         notes += one.notes
         if one.entries:
-            found[group.celsius] = one
-            diffusion = _first_diffusion(diffusion, one, group.celsius)
+            found[fit_records.celsius] = one
+            diffusion = _first_diffusion(diffusion, one, fit_records.celsius)
     return [found[celsius] for celsius in sorted(found)], activation.words
 
 
@@ -157,7 +159,9 @@ def _diffusion_at(diffusion, celsius):
     # ASSUME: Diffusion in the particles slows in the cold by the factor by which resistance grows.
     if diffusion.second is None:
         return None
-    return diffusion.second * warmth(celsius, diffusion.celsius, diffusion.joule_per_mole)
+    return diffusion.second * resistance_factor(
+        celsius, diffusion.celsius, diffusion.joule_per_mole
+    )
 
 
 def _common(scores):
@@ -166,34 +170,25 @@ def _common(scores):
     return {name: [one[name] for one in scores] for name in names}
 
 
-def _by_age(tests):
-    """Tests of the earliest check-up, and the names of the others."""
-    cycles = [test.facts["cycle"] or 0 for test in tests]
-    first = min(cycles, default=0)
-    pairs = list(zip(tests, cycles, strict=True))
-    young = [test for test, cycle in pairs if cycle == first]
-    return young, [test.facts["test"] for test, cycle in pairs if cycle > first]
-
-
-def _data(group, basis):
+def _data(fit_records, basis):
     return data_of(
-        group.records,
+        fit_records.records,
         GRID,
-        ocv_at(_dated(basis["ocv"]), GRID, group.celsius),
+        ocv_at(_dated(basis["ocv"]), GRID, fit_records.celsius),
         capacity_ampere_hour=basis["capacity_ampere_hour"],
-        spacing=PULSED_SPACING if group.pulsed else DRIVEN_SPACING,
+        spacing=PULSED_SPACING if fit_records.pulsed else DRIVEN_SPACING,
     )
 
 
-def _condition(group, energy, basis, members, split_rest_second, diffusion, limits):
+def _condition(fit_records, energy, basis, members, split_rest_second, diffusion, limits):
     """Every member at one temperature; one that cannot be fitted costs the others nothing."""
-    capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], group.celsius)
-    settings = {"capacity_ampere_hour": capacity, "celsius": group.celsius}
-    data, notes = _data(group, basis), []
-    allowed = largest_hysteresis(basis, group.celsius, data.knots)
+    capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], fit_records.celsius)
+    settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
+    data, notes = _data(fit_records, basis), []
+    allowed = largest_hysteresis(basis, fit_records.celsius, data.knots)
     data = data._replace(most_volt=allowed.most_volt)
     if any("+H" in name for name in members):
-        notes.append(f"hysteresis at {group.celsius:g} °C {allowed.words}")
+        notes.append(f"hysteresis at {fit_records.celsius:g} °C {allowed.words}")
     if curve["branches"] in ("discharge", "charge"):
         slow = curve[f"{curve['branches']}_current_ampere"]
         first = identify(data, member_named("DRT"), **settings).condition
@@ -203,17 +198,19 @@ def _condition(group, energy, basis, members, split_rest_second, diffusion, limi
     entries, scores = {}, {}
     for name in members:
         try:
-            held = {"diffusion_second": _diffusion_at(diffusion, group.celsius)}
+            held = {"diffusion_second": _diffusion_at(diffusion, fit_records.celsius)}
             held["limits_second"] = limits if member_named(name).pairs is None else None
             fitted = identify(data, member_named(name), **held, **settings)
             scores[name] = left_out(fitted, block)
         except Refusal as refusal:
-            notes.append(f"{name} not identified at {group.celsius:g} °C: {refusal}")
+            notes.append(f"{name} not identified at {fit_records.celsius:g} °C: {refusal}")
             continue
-        about = {"ambient_temperature_celsius": group.celsius, "tests": list(group.tests)}
-        entry = condition_entry(fitted.condition, **about)
+        tests = [record.test for record in fit_records.records]
+        entry = condition_entry(
+            fitted.condition, ambient_temperature_celsius=fit_records.celsius, tests=tests
+        )
         entries[name] = entry | {"activation_energy_joule_per_mole": energy}
-    return Identified(_table(group.celsius, data, curve), entries, scores, notes)
+    return Identified(_table(fit_records.celsius, data, curve), entries, scores, notes)
 
 
 def _table(celsius, data, curve):

@@ -14,7 +14,7 @@ from cellwright.circuits.model_file import simulate_model
 from cellwright.identification.identify import ready_records
 from cellwright.identification.regression import held_out
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.record import Record, blocks_of_used, groups_of
+from cellwright.records.record import Record, blocks_of_used, records_by_temperature
 from cellwright.refusal import Refusal
 
 FOLDS = 4
@@ -238,15 +238,11 @@ INNER_SOC = (0.05, 0.95)  # the range over which validation is told, too
 class FittedRecord(NamedTuple):
     """A record that the members were fitted to, thinned as in their fit.
 
-    test, kind : name and kind, as in the sheet. record : records.Record (n,), whose used rows
-    count. celsius : (n,) temperature of the cell [degC]. block : (used rows,) number of the block
-    of each, counted over the records of its temperature.
+    record : Record (n,), whose used rows count. block : (used rows,) number of the block of each,
+    counted over the records of its temperature.
     """
 
-    test: str
-    kind: str
     record: Record
-    celsius: np.ndarray
     block: np.ndarray
 
 
@@ -266,8 +262,8 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
     Parameters
     ----------
     model : dict of schema cellwright-model/2, from `cell.cell_model`.
-    basis : dict, from `basis.basis`. cell : dict, the cell's row of the sheet.
-    tests : list of cell.FitTest, at least those fitted; others are passed over.
+    basis : dict, from `basis.basis`. cell : CellFacts.
+    tests : list of MeasuredTest, at least those fitted; others are passed over.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
 
     Returns
@@ -280,31 +276,23 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
     """
     entries = model["members"][0]["conditions"]
     names = [name for entry in entries for name in entry["tests"]]
-    known = [test for test in tests if test.facts["test"] in names]
-    known = sorted(known, key=lambda test: names.index(test.facts["test"]))
-    groups, _ = groups_of(known, basis, cell, split_rest_second=split_rest_second)
-    kinds = {test.facts["test"]: test.facts["kind"] for test in known}
+    known = [test for test in tests if test.facts.test in names]
+    known = sorted(known, key=lambda test: names.index(test.facts.test))
+    by_temperature, _ = records_by_temperature(
+        known, basis, cell, split_rest_second=split_rest_second
+    )
     rest = {"rest_second": split_rest_second}
     rest["rest_ampere"] = REST_C_RATE * basis["capacity_ampere_hour"]
-    by_names = {group.tests: group for group in groups}
-    found = []
+    by_names = {tuple(record.test for record in one.records): one for one in by_temperature}
+    conditions = []
     for entry in entries:
-        group = by_names.get(tuple(entry["tests"]))
-        if group is None:
+        fit_records = by_names.get(tuple(entry["tests"]))
+        if fit_records is None:
             raise Refusal(f"not to be compared: {', '.join(entry['tests'])} cannot be read again")
-        found.append(_records(group, kinds, rest))
-    return found
-
-
-def _records(group, kinds, rest):
-    ready = ready_records(group.records)
-    blocks = blocks_of_used(ready, **rest)
-    courses = [
-        np.interp(thin.test_time_second, full.test_time_second, course)
-        for thin, full, course in zip(ready, group.records, group.courses, strict=True)
-    ]
-    parts = zip(group.tests, ready, courses, blocks, strict=True)
-    return [FittedRecord(test, kinds[test], *rest_of) for test, *rest_of in parts]
+        ready = ready_records(fit_records.records)
+        pairs = zip(ready, blocks_of_used(ready, **rest), strict=True)
+        conditions.append([FittedRecord(*pair) for pair in pairs])
+    return conditions
 
 
 def errors_of(model, name, one):
@@ -316,7 +304,7 @@ def errors_of(model, name, one):
     """
     record = one.record
     read = (record.test_time_second, record.current_ampere, record.soc)
-    run = simulate_model(model, name, *read, one.celsius, kind=one.kind)
+    run = simulate_model(model, name, *read, record.celsius, kind=record.kind)
     return (record.voltage_volt - run.voltage_volt)[record.used]
 
 

@@ -138,7 +138,7 @@ def columns_of(data, held):
 def _of_record(data, record, held):
     """(name, (n, k)) of each resistance and of the hysteresis, over all rows of a record."""
     shape = hats(record.soc, data.knots)
-    ohmic = shape * (record.current_ampere * record.warmth)[:, None]
+    ohmic = shape * (record.current_ampere * record.resistance_factor)[:, None]
     damped = ohmic if held.scale_volt is None else ohmic * damping(record, shape, held)[:, None]
     found = [("r0", ohmic)]
     step = np.diff(record.test_time_second)
@@ -159,7 +159,7 @@ def lead(data, record, diffusion_second):
     """
     step = np.diff(record.test_time_second)
     gain = diffusion_second / 15.0 / 3600.0 / data.capacity_ampere_hour
-    drive = gain * record.current_ampere * record.warmth
+    drive = gain * record.current_ampere * record.resistance_factor
     return sum(
         share * lag(step, diffusion_second * constant, drive, hold=data.hold)
         for constant, share in SPHERE_MODES
@@ -170,7 +170,7 @@ def damping(record, shape, held):
     """asinh(x)/x with x = r·I/scale: by how much kinetics fall short of their small-current law."""
     if held.transfer_ohm is None:
         return np.ones(len(record.soc))
-    over = np.abs(shape @ held.transfer_ohm * record.current_ampere * record.warmth)
+    over = np.abs(shape @ held.transfer_ohm * record.current_ampere * record.resistance_factor)
     x = np.maximum(over / held.scale_volt, 1e-6)
     return np.arcsinh(x) / x
 

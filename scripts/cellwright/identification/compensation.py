@@ -19,9 +19,8 @@ from cellwright.circuits.model_file import (
     simulate_model,
 )
 from cellwright.circuits.temperature import LAWS, Laws, celsius_of
-from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.basis import soc_of
-from cellwright.records.record import SAME_CELSIUS, course_celsius, fit_mask
+from cellwright.numerics.scores import rms
+from cellwright.records.record import SAME_CELSIUS, laid_out
 from cellwright.refusal import Refusal
 
 SMALLEST_VOLT = 1e-6
@@ -39,7 +38,7 @@ def without(basis, tests, *, celsius):
 
     Parameters
     ----------
-    basis : dict, from `basis.basis`. tests : list of cell.FitTest.
+    basis : dict, from `basis.basis`. tests : list of MeasuredTest.
     celsius : the temperature to leave out [degC]; what lies within 2 °C goes with it.
 
     Returns
@@ -51,10 +50,11 @@ def without(basis, tests, *, celsius):
     ------
     Refusal : no test is left.
     """
-    kept = [test for test in tests if not _near(test.facts, celsius)]
+    kept = [t for t in tests if not _near(t.facts.ambient_temperature_celsius, celsius)]
     if not kept:
         raise Refusal(f"no test is left without those at {celsius:g} °C")
-    curves = [curve for curve in basis["ocv"] if not _near(curve, celsius)]
+    stated = "ambient_temperature_celsius"
+    curves = [curve for curve in basis["ocv"] if not _near(curve[stated], celsius)]
     return Reduced(basis | {"ocv": curves or basis["ocv"]}, kept)
 
 
@@ -80,7 +80,7 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
     ----------
     whole : dict of the model of all temperatures. reduced : dict temperature [degC] → model
         identified without it.
-    cell : dict, the cell's row. tests : list of cell.FitTest, any temperature.
+    cell : CellFacts. tests : list of MeasuredTest, any temperature.
     laws : temperature_laws.Laws that are asked, or None: all are tried.
     proof : score what took no part in fits (roles validation, split), else what did (fit, split).
     split_rest_second : shortest rest that cuts a test of role `split` [s].
@@ -95,12 +95,17 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
     """
     rows, notes = [], []
     settings = {"name": whole["chosen"], "proof": proof, "split_rest_second": split_rest_second}
-    there = [(t, test) for t in reduced for test in tests if _near(test.facts, t)]
+    there = [
+        (t, test)
+        for t in reduced
+        for test in tests
+        if _near(test.facts.ambient_temperature_celsius, t)
+    ]
     for celsius, test in there:
         try:
             rows += _rows(celsius, (whole, reduced[celsius]), cell, test, laws, settings)
         except Refusal as refusal:
-            notes.append(f"not predicted: {test.facts['test']}: {refusal}")
+            notes.append(f"not predicted: {test.facts.test}: {refusal}")
     return rows, notes
 
 
@@ -113,7 +118,7 @@ def _rows(celsius, models, cell, test, laws, settings):
     found = [_errors(with_laws(other, Laws(law, law)), cell, test, **settings) for law in tried]
     about = {
         "left_out_celsius": float(celsius),
-        "predicted_test": test.facts["test"],
+        "predicted_test": test.facts.test,
         "model": settings["name"],
         "beyond": beyond,
     }
@@ -193,18 +198,13 @@ class Errors(NamedTuple):
 
 
 def _errors(model, cell, test, *, name, proof, split_rest_second):
-    facts, series = test
-    time, current = series["test_time_second"], series["current_ampere"]
-    soc = soc_of(series, model, facts, cell).soc
-    celsius, _ = course_celsius(facts, series)
-    run = simulate_model(model, name, time, current, soc, celsius, kind=facts.get("kind"))
-    used = np.ones(len(time), bool)
-    if facts["role"] == "split":
-        rest = REST_C_RATE * model["capacity_ampere_hour"]
-        used = fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest) ^ proof
-    error = series["voltage_volt"] - run.voltage_volt
+    record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=proof)
+    given = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
+    run = simulate_model(model, name, *given, kind=record.kind)
+    used = record.used
+    error = record.voltage_volt - run.voltage_volt
     outside = (run.extrapolated | run.outside_temperature)[used]
-    inner = used & (soc >= 0.05) & (soc <= 0.95)
+    inner = used & (record.soc >= 0.05) & (record.soc <= 0.95)
     return Errors(_rms(error[used]), _rms(error[inner]), float(outside.mean()))
 
 
@@ -225,13 +225,12 @@ def _beyond(reduced, celsius):
     return not min(known) - SAME_KELVIN < celsius < max(known) + SAME_KELVIN
 
 
-def _near(facts, celsius):
-    stated = facts["ambient_temperature_celsius"]
+def _near(stated, celsius):
     return stated is not None and abs(stated - celsius) <= SAME_CELSIUS
 
 
 def _rms(error):
-    return float(np.sqrt(np.mean(error**2))) if len(error) else np.nan
+    return rms(error)
 
 
 def _log(volt):

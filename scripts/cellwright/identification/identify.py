@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import member_named
-from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, warmth
+from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
 from cellwright.identification.columns import Data, Held, columns_of
 from cellwright.identification.regression import SCALES, pull_of, solved, system_of
 from cellwright.identification.search import (
@@ -24,7 +24,7 @@ from cellwright.identification.search import (
     settled,
 )
 from cellwright.numerics.linear import solve
-from cellwright.records.record import edges, thin, without_edges
+from cellwright.records.thinning import edges, thin, without_edges
 from cellwright.refusal import Refusal
 
 PER_DECADE = 2  # time constants of a distribution in each decade
@@ -69,7 +69,7 @@ def data_of(
 
     Returns
     -------
-    data : design.Data.
+    data : columns.Data.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def identify(
 
     Parameters
     ----------
-    data : design.Data, from `data_of`.
+    data : columns.Data, from `data_of`.
     member : members.Member.
     capacity_ampere_hour : of the cell; sets the charge constants that are tried [Ah].
     celsius : temperature of the condition, for the scale of the kinetics [degC].
@@ -182,7 +182,7 @@ def limits_of(data):
 
     Parameters
     ----------
-    data : design.Data.
+    data : columns.Data.
 
     Returns
     -------
@@ -251,13 +251,13 @@ TRIED_JOULE_PER_MOLE = (0.0, 10e3, 20e3, 30e3, 40e3, 50e3)
 
 
 class Activation(NamedTuple):
-    """Activation energy of the resistance of each group [J/mol], and what is said of it."""
+    """Activation energy of the resistance at each temperature [J/mol], and what is said of it."""
 
     joule_per_mole: tuple
     words: str
 
 
-def activation_of(groups, data_of_group, *, capacity_ampere_hour):
+def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
     """Activation energy of the resistances at each temperature.
 
     With several temperatures the slope of ln R over 1/T to the neighbours, R being what relaxes
@@ -266,28 +266,31 @@ def activation_of(groups, data_of_group, *, capacity_ampere_hour):
 
     Parameters
     ----------
-    groups : list of groups.Group, ascending in temperature.
-    data_of_group : function (group) → design.Data.
+    by_temperature : list of FitRecords, ascending in temperature.
+    data_of_records : function (FitRecords) → columns.Data.
     capacity_ampere_hour : [Ah].
 
     Returns
     -------
     activation : Activation.
     """
-    if len(groups) > 1:
-        resistance = [_resistance(data_of_group(g), g, capacity_ampere_hour) for g in groups]
-        energies = _neighbours([g.celsius for g in groups], resistance)
+    if len(by_temperature) > 1:
+        resistance = [
+            _resistance(data_of_records(one), one, capacity_ampere_hour) for one in by_temperature
+        ]
+        energies = _neighbours([one.celsius for one in by_temperature], resistance)
         listed = ", ".join(
-            f"{g.celsius:g} °C {e / 1e3:.0f}" for g, e in zip(groups, energies, strict=True)
+            f"{one.celsius:g} °C {e / 1e3:.0f}"
+            for one, e in zip(by_temperature, energies, strict=True)
         )
         return Activation(
             tuple(energies), f"activation energy of the resistance [kJ/mol]: {listed}"
         )
-    varied = max(np.ptp(course) for course in groups[0].courses)
+    varied = max(np.ptp(record.celsius) for record in by_temperature[0].records)
     if varied < VARIED_KELVIN:
         return Activation((0.0,), "")
     try:
-        costs = _costs(groups[0], data_of_group, capacity_ampere_hour)
+        costs = _costs(by_temperature[0], data_of_records, capacity_ampere_hour)
     except Refusal as refusal:
         return Activation((0.0,), f"activation energy not known, taken as 0: {refusal}")
     best = TRIED_JOULE_PER_MOLE[int(np.argmin(costs))]
@@ -297,25 +300,27 @@ def activation_of(groups, data_of_group, *, capacity_ampere_hour):
     return Activation((best,), words)
 
 
-def warmed(group, joule_per_mole):
-    """The group with the warmth of its records at an activation energy.
+def at_activation_energy(fit_records, joule_per_mole):
+    """The records of a temperature with the factor on their resistances at an activation energy.
 
     Parameters
     ----------
-    group : groups.Group.
+    fit_records : FitRecords.
     joule_per_mole : activation energy [J/mol].
     """
     records = tuple(
-        record._replace(warmth=warmth(course, group.celsius, joule_per_mole))
-        for record, course in zip(group.records, group.courses, strict=True)
+        record._replace(
+            resistance_factor=resistance_factor(record.celsius, fit_records.celsius, joule_per_mole)
+        )
+        for record in fit_records.records
     )
-    return group._replace(records=records)
+    return fit_records._replace(records=records)
 
 
-def _resistance(data, group, capacity):
+def _resistance(data, fit_records, capacity):
     """Resistance at half charge [ohm], NaN where too little was measured to fit one."""
     try:
-        fitted = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=group.celsius)
+        fitted = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=fit_records.celsius)
     except Refusal:
         return np.nan
     found = fitted.condition
@@ -340,11 +345,11 @@ def _neighbours(celsius, resistance):
     return np.interp(celsius, at, means).tolist()
 
 
-def _costs(group, data_of_group, capacity):
+def _costs(fit_records, data_of_records, capacity):
     costs, factor = [], None
     for energy in TRIED_JOULE_PER_MOLE:
-        data = data_of_group(warmed(group, energy))
-        found = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=group.celsius)
+        data = data_of_records(at_activation_energy(fit_records, energy))
+        found = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=fit_records.celsius)
         factor = factor or found.solution.factor
         costs.append(cost_of(data, found.held, factor))
     return costs

@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.circuits.circuit import UNRESOLVED_SECOND
 from cellwright.identification.columns import FAST_SECOND, columns_of
 from cellwright.identification.regression import SCALES, named, solved, system_of
+from cellwright.numerics.scores import rms
 
 WIDEST = 0.1  # change of the SoC's scale that is believed
 SETTLED = 2e-4  # change of the SoC's scale that is small enough
@@ -285,7 +286,7 @@ def condition_of(data, member, held, system, solution, bounds):
         held.missing,
         held.stretch,
         (*at_bound, *zero),
-        float(np.sqrt(np.mean(solution.residual_volt**2))),
+        rms(solution.residual_volt),
         len(solution.residual_volt),
     )
 

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
-from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.basis import soc_of
-from cellwright.records.record import course_celsius, fit_mask
+from cellwright.numerics.scores import rms
+from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
 
@@ -19,14 +18,13 @@ class Validation(NamedTuple):
     notes: tuple
 
 
-def validate(model, cell, facts, series, *, split_rest_second):
+def validate(model, cell, test, *, split_rest_second):
     """Simulate every member of a model through a test that took no part in its fit.
 
     Parameters
     ----------
     model : dict of schema cellwright-model/2.
-    cell, facts : dicts, the rows of the cell and of the test.
-    series : dict of (n,) columns, clean.
+    cell : CellFacts. test : MeasuredTest.
     split_rest_second : shortest rest that cuts a test of role `split` [s]; its even blocks count.
 
     Returns
@@ -36,33 +34,26 @@ def validate(model, cell, facts, series, *, split_rest_second):
     Raises
     ------
     Refusal
-        No SoC at the start can be known, or nothing is left to score.
+        The test cannot be laid out (see `record.laid_out`), or nothing is left to score.
     """
-    time, current = series["test_time_second"], series["current_ampere"]
-    anchored = soc_of(series, model, facts, cell)
-    celsius, source = course_celsius(facts, series)
-    scored = np.ones(len(time), bool)
-    if facts["role"] == "split":
-        rest = REST_C_RATE * model["capacity_ampere_hour"]
-        scored = ~fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
-    rows, columns = [], {}
+    record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=True)
+    given = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
+    scored, rows, columns = record.used, [], {}
     for member in model["members"]:
         name = member["model"]
-        run = simulate_model(
-            model, name, time, current, anchored.soc, celsius, kind=facts.get("kind")
-        )
+        run = simulate_model(model, name, *given, kind=record.kind)
         columns[f"simulated_{name}_volt"] = run.voltage_volt
-        error = series["voltage_volt"] - run.voltage_volt
-        row = scores(error[scored], anchored.soc[scored])
+        error = record.voltage_volt - run.voltage_volt
+        row = scores(error[scored], record.soc[scored])
         outside = (run.extrapolated | run.outside_temperature)[scored]
         rows.append(
             {"model": name, **row, "extrapolated": float(outside.mean())}
             | {"chosen": name == model["chosen"]}
-            | {"soc_start": float(anchored.soc[0]), "soc_anchor": anchored.anchor}
+            | {"soc_start": float(record.soc[0]), "soc_anchor": record.anchor}
         )
-    kept = {name: series[name] for name in ("test_time_second", "current_ampere", "voltage_volt")}
-    columns = kept | {"soc": anchored.soc, "scored": scored} | columns
-    return Validation(rows, columns, (f"simulated at {source} temperature",))
+    shown = ("test_time_second", "current_ampere", "voltage_volt", "soc")
+    columns = {name: getattr(record, name) for name in shown} | {"scored": scored} | columns
+    return Validation(rows, columns, (f"simulated at {record.temperature_source} temperature",))
 
 
 def scores(error_volt, soc):
@@ -83,8 +74,8 @@ def scores(error_volt, soc):
         raise Refusal(f"{np.sum(~np.isfinite(error_volt))} simulated voltages are not finite")
     inner = error_volt[(soc >= 0.05) & (soc <= 0.95)]
     return {
-        "rmse_volt": float(np.sqrt(np.mean(error_volt**2))),
-        "rmse_volt_soc_5_95": float(np.sqrt(np.mean(inner**2))) if len(inner) else np.nan,
+        "rmse_volt": rms(error_volt),
+        "rmse_volt_soc_5_95": rms(inner),
         "max_abs_volt": float(np.abs(error_volt).max()),
         "mean_volt": float(error_volt.mean()),
         "samples": len(error_volt),

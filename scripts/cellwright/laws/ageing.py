@@ -4,8 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.lines import coloured_line
+from cellwright.laws.temperature import law_row
+from cellwright.numerics.lines import coloured_line, residuals
 from cellwright.numerics.periods import daily_sine, periods
+from cellwright.numerics.scores import rms
 from cellwright.numerics.uncertainty import t_interval
 from cellwright.refusal import Refusal
 
@@ -59,8 +61,8 @@ def reading_noise(hour, celsius):
         near = [k + step for step in (-2, -1, 1, 2)]
         # Weights of the neighbours in the cubic's value here, from its value at 0.
         weights = np.linalg.inv(np.vander(hour[near] - hour[k]))[-1]
-        errors.append((celsius[k] - weights @ celsius[near]) ** 2 / (1 + weights @ weights))
-    return float(np.sqrt(np.mean(errors))) if errors else np.nan
+        errors.append((celsius[k] - weights @ celsius[near]) / np.sqrt(1 + weights @ weights))
+    return rms(errors)
 
 
 LEAST_CYCLES = 8
@@ -132,6 +134,13 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
     # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
     trend = _basis(record.cycle, used, _highest_degree(used))[used]
     found = periods(record.hour[used], record.capacity[used], trend)
+    percent, explained, daily_rest = 100 / start, np.nan, np.nan
+    if not reason:
+        explained = _explained(record.capacity, shift, fade, used)
+    if not (reason or found.reason):
+        rest = (record.capacity - shift)[used]
+        swing = daily_sine(rest, fade[used], record.place, record.hour[used])[0]
+        daily_rest = 100 * swing / float(rest[0])
     summary = {
         "temperature_source": record.source,
         "cycles": int(used.sum()),
@@ -141,13 +150,18 @@ def cycle_temperature(rows, *, least_kelvin=0.3, level=0.95):
         "moved_kelvin": moved,
         **_slope([] if reason else models, line.degrees_of_freedom, level, record.noise / moved),
         "capacity_start_ampere_hour": start,
-        **_loss(line, plain),
-        "explained": np.nan if reason else _explained(record.capacity, fade, shift, used),
+        "loss_percent": float(-100 * np.expm1(line.values[1])),
+        "loss_std_percent": float(100 * np.exp(line.values[1]) * line.std[1]),
+        "plain_loss_percent": float(-100 * np.expm1(plain.values[1])),
+        "explained": explained,
         "correlation": line.correlation,
-        **_daily(found, start),
-        "daily_left_percent": _left(record, fade, shift)
-        if not (reason or found.reason)
-        else np.nan,
+        "best_period_hour": found.best_period_hour,
+        "false_alarm": found.false_alarm,
+        "daily_percent": found.daily_amplitude * percent,
+        "daily_std_percent": found.daily_std * percent,
+        "daily_peak_hour": found.daily_peak_hour,
+        "daily_false_alarm": found.daily_false_alarm,
+        "daily_left_percent": daily_rest,
         "reason": "; ".join(dict.fromkeys(filter(None, [reason, found.reason]))),
     }
     table = {
@@ -302,8 +316,7 @@ def _moved(record, fade, least):
     """RMS of the temperature beside the fade, and why no slope can be told ("" where it can)."""
     if not record.source:
         return np.nan, "no temperature was recorded, so its slope is not knowable"
-    columns, celsius = fade[record.used], record.celsius[record.used]
-    moved = float(np.std(celsius - columns @ np.linalg.lstsq(columns, celsius, rcond=None)[0]))
+    moved = float(np.std(residuals(fade[record.used], record.celsius[record.used])))
     if moved**2 - record.noise**2 < least**2:
         blurred = f", read to {record.noise:.2g} K" if record.noise > 0.5 * least else ""
         return moved, (
@@ -349,69 +362,40 @@ def _unshrunk(slope, std, noise_share):
     return slope * (1 + factor) / 2, np.hypot(std * factor, spread)
 
 
-def _loss(line, plain):
-    return {
-        "loss_percent": float(-100 * np.expm1(line.values[1])),
-        "loss_std_percent": float(100 * np.exp(line.values[1]) * line.std[1]),
-        "plain_loss_percent": float(-100 * np.expm1(plain.values[1])),
-    }
-
-
-def _explained(capacity, fade, shift, used):
+def _explained(capacity, shift, fade, used):
     """Share of the variance beside the fade that goes with the temperature."""
-    both = np.column_stack([capacity, capacity - shift])[used]
-    beside = both - fade[used] @ np.linalg.lstsq(fade[used], both, rcond=None)[0]
-    whole, left = np.sum(beside**2, axis=0)
-    return float(1 - left / whole) if whole > 0 else np.nan
-
-
-def _left(record, fade, shift):
-    """Amplitude of the daily cycle once the temperature is out [%]."""
-    used = record.used
-    rest = (record.capacity - shift)[used]
-    amplitude = daily_sine(rest, fade[used], record.place, record.hour[used])[0]
-    return 100 * amplitude / float(rest[0])
-
-
-def _daily(found, capacity):
-    scale = 100 / capacity
-    return {
-        "best_period_hour": found.best_period_hour,
-        "false_alarm": found.false_alarm,
-        "daily_percent": found.daily_amplitude * scale,
-        "daily_std_percent": found.daily_std * scale,
-        "daily_peak_hour": found.daily_peak_hour,
-        "daily_false_alarm": found.daily_false_alarm,
-    }
+    whole, rest = np.sum(
+        residuals(fade[used], np.column_stack([capacity, capacity - shift])[used]) ** 2, axis=0
+    )
+    return float(1 - rest / whole) if whole > 0 else np.nan
 
 
 def law_rows(summary, *, test):
-    """Rows of the table of laws over temperature: slope, start, loss and daily cycle."""
-    capacity, percent = summary["capacity_start_ampere_hour"], "%"
-    entries = [
-        ("capacity_at_start", capacity, np.nan, "Ah"),
-        (
-            "temperature_slope",
-            summary["slope_percent_per_kelvin"],
-            summary["slope_std_percent_per_kelvin"],
-            "%/degC",
-        ),
-        ("reference_temperature", summary["reference_celsius"], np.nan, "degC"),
-        ("loss_over_record", summary["loss_percent"], summary["loss_std_percent"], percent),
-        ("daily_amplitude", summary["daily_percent"], summary["daily_std_percent"], percent),
-    ]
+    """Rows of the table of laws over temperature: slope, start, loss and daily cycle.
+
+    Parameters
+    ----------
+    summary : of a `CycleFit`. test : name of the record.
+    """
+    entries = (
+        ("capacity_at_start", "Ah", "capacity_start_ampere_hour", ""),
+        ("temperature_slope", "%/degC", "slope_percent_per_kelvin", "slope_std_percent_per_kelvin"),
+        ("reference_temperature", "degC", "reference_celsius", ""),
+        ("loss_over_record", "%", "loss_percent", "loss_std_percent"),
+        ("daily_amplitude", "%", "daily_percent", "daily_std_percent"),
+    )
+    quantity, law = f"discharge capacity over the cycles of {test}", "fade and temperature"
+    r_squared = summary["explained"]
     return [
-        {
-            "quantity": f"discharge capacity over the cycles of {test}",
-            "law": "fade and temperature",
-            "parameter": name,
-            "value": float(value),
-            "std": float(std),
-            "unit": unit,
-            "r_squared": summary["explained"],
-            "cross_validation_rmse": np.nan,
-            "chosen": True,
-        }
-        for name, value, std, unit in entries
-        if np.isfinite(value)
+        law_row(
+            quantity,
+            law,
+            name,
+            summary[value],
+            summary.get(std, np.nan),
+            unit=unit,
+            r_squared=r_squared,
+        )
+        for name, unit, value, std in entries
+        if np.isfinite(summary[value])
     ]

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import fresh
+from cellwright.laws.temperature import law_row
 from cellwright.refusal import Refusal
 
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
@@ -49,22 +50,17 @@ def reached(rows, *, mismatch_kelvin=5.0, slow_c_rate=0.06):
     """
     found, left_out, seen = {}, [], set()
     for row in sorted(fresh(rows), key=lambda r: r["ambient_temperature_celsius"]):
-        fault = _fault(row, mismatch_kelvin, slow_c_rate)
-        if fault:
-            left_out.append(f"{row['test']}, {row['direction']}: {fault}")
+        stated, measured = row["ambient_temperature_celsius"], row["temperature_mean_celsius"]
+        warmer, slow = measured - stated, row["c_rate"] <= slow_c_rate
+        if warmer < -mismatch_kelvin or (warmer > mismatch_kelvin and slow):
+            where = f"stated {stated:g} °C, the cell was at {measured:.1f} °C"
+            left_out.append(f"{row['test']}, {row['direction']}: {where}")
             continue
         same = (row["direction"], round(row["capacity_ampere_hour"], 9), row["c_rate"])
         if same not in seen:
             seen.add(same)
             found.setdefault(_key(row, found), []).append(row)
     return [_point(key, mine) for key, mine in found.items()], left_out
-
-
-def _fault(row, mismatch, slow):
-    stated, measured = row["ambient_temperature_celsius"], row["temperature_mean_celsius"]
-    off = measured - stated
-    wrong = off < -mismatch or (off > mismatch and row["c_rate"] <= slow)
-    return f"stated {stated:g} °C, the cell was at {measured:.1f} °C" if wrong else ""
 
 
 def _key(row, found):
@@ -131,40 +127,45 @@ def repeatability(points, reference, *, assumed_share, slow_c_rate):
             squares.append((one**2 * count, count - 1))
         deficit = 1 - point.capacity_ampere_hour / reference.capacity_ampere_hour
         warmer = point.temperature_celsius > reference.temperature_celsius + SAME_CELSIUS
-        if warmer and point.c_rate <= slow_c_rate:
-            squares.append((max(deficit, 0.0) ** 2 / 2, 1))
-            warm += [_warm(point, deficit)] if deficit > assumed_share else []
+        if not warmer or point.c_rate > slow_c_rate:
+            continue
+        squares.append((max(deficit, 0.0) ** 2 / 2, 1))
+        if deficit > assumed_share:
+            warm.append(
+                f"{point.direction} at {point.temperature_celsius:g} °C gives "
+                f"{100 * deficit:.1f} % less than at the reference, which temperature cannot do: "
+                "age or an unequal start, counted as scatter"
+            )
     freedom = sum(count for _, count in squares)
     share = np.sqrt(sum(s * count for s, count in squares) / freedom) if freedom else 0.0
     return max(float(share), assumed_share), "; ".join(warm)
 
 
-def _warm(point, deficit):
-    return (
-        f"{point.direction} at {point.temperature_celsius:g} °C gives {100 * deficit:.1f} % less "
-        "than at the reference, which warmth cannot do: age or an unequal start, counted as scatter"
-    )
-
-
 def law_rows(losses):
-    """Rows of the table of laws over temperature: the true loss of each temperature."""
+    """Rows of the table of laws over temperature: the true loss of each temperature.
+
+    Parameters
+    ----------
+    losses : list of Loss.
+
+    Raises
+    ------
+    Refusal : no slow test at any temperature.
+    """
     slow = [loss for loss in losses if loss.known and loss.c_rate == loss.slow_c_rate]
     rates = {}
     for loss in slow:
         rates[loss.direction] = max(rates.get(loss.direction, 0.0), loss.slow_c_rate)
     names = {name: f"{name} at up to {rate:.2g}C" for name, rate in rates.items()}
     rows = [
-        {
-            "quantity": f"true capacity loss, {names[loss.direction]}",
-            "law": "split",
-            "parameter": f"at {loss.temperature_celsius:g} degC",
-            "value": loss.true_percent,
-            "std": loss.true_std_percent,
-            "unit": "%",
-            "r_squared": np.nan,
-            "cross_validation_rmse": np.nan,
-            "chosen": True,
-        }
+        law_row(
+            f"true capacity loss, {names[loss.direction]}",
+            "split",
+            f"at {loss.temperature_celsius:g} degC",
+            loss.true_percent,
+            loss.true_std_percent,
+            unit="%",
+        )
         for loss in slow
     ]
     if not rows:
@@ -173,21 +174,27 @@ def law_rows(losses):
 
 
 def with_left_in(losses):
-    """Losses (list of Loss), each charge with what a discharge of its test had left in the cell."""
+    """Losses, each charge with what the discharge of its test had left in the cell.
+
+    Parameters
+    ----------
+    losses : list of Loss. Of the charge's reference counts what that discharge, and what was drawn
+        after it, lack of the whole: of the slowest discharge at the reference temperature.
+    """
     drawn = {one.tests: one for one in losses if one.direction == "discharge" and one.known}
-    slow = {one.tests: one for one in drawn.values() if one.total_percent == 0}
-    whole = next((one.reference_ampere_hour + one.held_ampere_hour for one in slow.values()), None)
-    return [
-        one._replace(left_in_percent=_left(drawn[one.tests], whole, one.reference_ampere_hour))
-        if one.direction == "charge" and one.tests in drawn and whole
-        else one
-        for one in losses
-    ]
-
-
-def _left(discharge, whole, reference):
-    """Share of a charge's reference that a discharge and what was drawn after it left [%]."""
-    return 100 * (whole - discharge.capacity_ampere_hour - discharge.held_ampere_hour) / reference
+    references = (one for one in drawn.values() if one.total_percent == 0)
+    slowest = next(references, None)
+    if slowest is None:
+        return losses
+    whole = slowest.reference_ampere_hour + slowest.held_ampere_hour
+    found = []
+    for one in losses:
+        before = drawn.get(one.tests) if one.direction == "charge" else None
+        if before:
+            stayed = whole - before.capacity_ampere_hour - before.held_ampere_hour
+            one = one._replace(left_in_percent=100 * stayed / one.reference_ampere_hour)
+        found.append(one)
+    return found
 
 
 QUANTILE = 1.959964  # of the normal distribution, for 95 %

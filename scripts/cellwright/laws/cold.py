@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.temperature import LAWS
+from cellwright.laws.points import grouped, one_a_temperature
+from cellwright.laws.temperature import LAWS, span_of
 from cellwright.refusal import Refusal
 
 SURE = 1.96  # standard deviations: 95 % of a normal distribution
@@ -71,18 +72,13 @@ def cold_limit(points, laws):
 
     Source: thesis section 3.2 (Rct grows 26-fold to −20 °C, Rs less than twofold).
     """
-    for source, pairs in (("impedance", _spectra(points)), ("pulses", _pulses(points))):
+    kinds = ("ohmic", "charge-transfer")
+    both = [_of_family(points, f"{kind} resistance, impedance") for kind in kinds]
+    spectra = {soc: tuple(one[soc] for one in both) for soc in both[0] if _shared(both, soc)}
+    for source, pairs in (("impedance", spectra), ("pulses", _pulses(points))):
         if pairs:
             return _judged(source, pairs, points, laws)
     raise Refusal("neither spectra nor pulses show two parts of the resistance over temperature")
-
-
-def _spectra(points):
-    both = [_of_family(points, f"{kind} resistance, impedance") for kind in ("ohmic", KIND)]
-    return {soc: (both[0][soc], both[1][soc]) for soc in both[0] if _shared(both, soc)}
-
-
-KIND = "charge-transfer"
 
 
 def _pulses(points):
@@ -94,31 +90,23 @@ def _pulses(points):
     pairs = {}
     for soc in (soc for soc in both[0] if _shared(both, soc)):
         first, whole = both[0][soc], both[1][soc]
-        rise = {c: _minus(whole[c], first[c]) for c in whole if c in first}
+        rise = {
+            c: (whole[c][0] - first[c][0], float(np.hypot(whole[c][1], first[c][1])))
+            for c in whole
+            if c in first
+        }
         if min(value for value, _ in rise.values()) > 0:
             pairs[soc] = first, rise
     return pairs
 
 
-def _minus(whole, part):
-    return whole[0] - part[0], float(np.hypot(whole[1], part[1]))
-
-
 def _of_family(points, family):
     """SoC → temperature → (value, std); the mean of what was measured more than once."""
-    found = {}
-    for point in (point for point in points if point.family == family):
-        course = found.setdefault(point.soc, {})
-        course.setdefault(point.temperature_celsius, []).append((point.value, point.std))
-    return {
-        soc: {celsius: _mean(values) for celsius, values in course.items()}
-        for soc, course in found.items()
-    }
-
-
-def _mean(values):
-    value, std = np.transpose(values)
-    return float(value.mean()), float(np.sqrt(np.sum(std**2)) / len(std))
+    courses = {}
+    for point in one_a_temperature(point for point in points if point.family == family):
+        course = courses.setdefault(point.soc, {})
+        course[point.temperature_celsius] = (point.value, point.std)
+    return courses
 
 
 def _shared(both, soc):
@@ -130,36 +118,31 @@ def _judged(source, pairs, points, laws):
     spans = [_span(pair) for pair in pairs.values()]
     warm, cold = max(spans, key=lambda span: (spans.count(span), span[0] - span[1]))
     kept = {soc: pair for soc, pair in pairs.items() if _span(pair) == (warm, cold)}
-    growth = [
-        Growth(source, part, soc, one[warm][0], one[cold][0], _log_std(one[warm], one[cold]))
-        for soc, pair in sorted(kept.items())
-        for part, one in zip(PARTS[source], pair, strict=True)
-    ]
-    fast, slow = growth[::2], growth[1::2]
-    slower = [
-        b.cold_ohm - b.warm_ohm > a.cold_ohm - a.warm_ohm for a, b in zip(fast, slow, strict=True)
-    ]
+    growth = []
+    for soc, pair in sorted(kept.items()):
+        for part, one in zip(PARTS[source], pair, strict=True):
+            (warm_ohm, warm_std), (cold_ohm, cold_std) = one[warm], one[cold]
+            log_std = float(np.hypot(warm_std / warm_ohm, cold_std / cold_ohm))
+            growth.append(Growth(source, part, soc, warm_ohm, cold_ohm, log_std))
+    parts = list(zip(growth[::2], growth[1::2], strict=True))
+    slower = [b.cold_ohm - b.warm_ohm > a.cold_ohm - a.warm_ohm for a, b in parts]
     limit = PARTS[source][int(np.mean(slower) > 0.5)]
     sign = 1 if limit == PARTS[source][1] else -1
-    sure = [sign * _distance(a, b) > SURE for a, b in zip(fast, slow, strict=True)]
+    # A growth factor without a standard deviation compares as not sure.
+    sure = [
+        sign * (np.log(b.cold_ohm / b.warm_ohm) - np.log(a.cold_ohm / a.warm_ohm))
+        > SURE * np.hypot(a.log_std, b.log_std)
+        for a, b in parts
+    ]
     agreeing = slower.count(sign > 0)
     found = ColdLimit(source, limit, agreeing, sum(sure), len(kept), warm, cold, growth, "")
     return found._replace(paragraph=paragraph(found, PARTS[source], points, laws))
 
 
 def _span(pair):
+    """Warmest and coldest temperature that both parts share [°C]."""
     shared = pair[0].keys() & pair[1].keys()
     return max(shared), min(shared)
-
-
-def _log_std(warm, cold):
-    return float(np.hypot(warm[1] / warm[0], cold[1] / cold[0]))
-
-
-def _distance(fast, slow):
-    """By how many standard deviations the second part grows more; NaN compares as not sure."""
-    more = np.log(slow.cold_ohm / slow.warm_ohm) - np.log(fast.cold_ohm / fast.warm_ohm)
-    return more / np.hypot(fast.log_std, slow.log_std)
 
 
 FURTHER = 10.0  # K below the coldest test: how far the words look ahead
@@ -218,12 +201,7 @@ _LIMITS = {
 
 
 def _factor(growth):
-    return f"{_range([one.cold_ohm / one.warm_ohm for one in growth])} times"
-
-
-def _range(values):
-    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
-    return low if low == high else f"{low} to {high}"
+    return f"{span_of([one.cold_ohm / one.warm_ohm for one in growth], '.3g')} times"
 
 
 def _how_sure(found):
@@ -254,8 +232,7 @@ def _pulses_too(found, points):
     """Beside spectra: what the pulses say, at the state of charge nearest the middle."""
     mine = [p for p in points if found.source == "impedance" and p.family.startswith("resistance,")]
     told = []
-    for family in dict.fromkeys(point.family for point in mine):
-        here = [point for point in mine if point.family == family]
+    for family, here in grouped(mine, lambda point: point.family).items():
         middle = min((point.soc for point in here), key=lambda soc: abs(soc - 0.5))
         course = {p.temperature_celsius: p.value for p in here if p.soc == middle}
         factor = course[min(course)] / course[max(course)]
@@ -280,7 +257,7 @@ def _beyond(found, laws):
         return f"{text}."
     return (
         f"{text}: by the laws a further {FURTHER:g} K would multiply the {quantity} by "
-        f"{_range(answers)}, an extrapolation."
+        f"{span_of(answers, '.3g')}, an extrapolation."
     )
 
 

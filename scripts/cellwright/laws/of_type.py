@@ -5,7 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import DELAYS, Points, fresh, rate_classes, resistance_points
+from cellwright.laws.points import (
+    DELAYS,
+    Points,
+    fresh,
+    grouped,
+    preferred_rate,
+    rate_classes,
+    resistance_points,
+)
 from cellwright.laws.temperature import fit_laws
 
 OUTLIER = 4.0  # robust standard deviations from the law
@@ -46,11 +54,15 @@ def points_of_type(rows, *, delay_second=DELAYS, c_rate=1.0, soc=(0.5,)):
         mine = [row for row in mine if row["delay_second"] == delay]
         kept, note = _one_class(mine, c_rate)
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
-        for cell in dict.fromkeys(row["cell"] for row in kept):
-            own = [row for row in kept if row["cell"] == cell]
+        for cell, own in grouped(kept, lambda row: row["cell"]).items():
             points = resistance_points(own, delay_second=(delay,), c_rate=c_rate, soc=soc).points
-            found += [_of_cell(cell, point) for point in points]
-    return Points(found, notes)
+            found += [CellPoint(cell, *point._replace(std=np.nan)) for point in points]
+    return Points([_across_cells(point) for point in found], notes)
+
+
+def _across_cells(point):
+    names = {name: f"{getattr(point, name)}, across cells" for name in ("quantity", "family")}
+    return point._replace(**names)
 
 
 def _one_class(rows, c_rate):
@@ -59,8 +71,7 @@ def _one_class(rows, c_rate):
     if not classes:
         return [], ""
     reached = {rate: _temperatures(mine) for rate, mine in classes.items()}
-    nearest = sorted(classes, key=lambda rate: abs(np.log(rate / c_rate)))
-    rate = max(nearest, key=lambda rate: len(reached[rate]))
+    rate = preferred_rate(reached, c_rate)
     missing = sorted(_temperatures(rows) - reached[rate])
     where = ", ".join(f"{celsius:g}" for celsius in missing)
     return classes[rate], f"no pulse at {rate:.2g}C at {where} °C, left out" if missing else ""
@@ -68,12 +79,6 @@ def _one_class(rows, c_rate):
 
 def _temperatures(rows):
     return {row["ambient_temperature_celsius"] for row in rows}
-
-
-def _of_cell(cell, point):
-    quantity = f"{point.quantity}, across cells"
-    own = point._replace(quantity=quantity, std=np.nan, family=f"{point.family}, across cells")
-    return CellPoint(cell, *own)
 
 
 def sentences_of_type(points):
@@ -87,10 +92,7 @@ def sentences_of_type(points):
     -------
     text : list of str, one a quantity.
     """
-    found = []
-    for quantity in dict.fromkeys(point.quantity for point in points):
-        found.append(_sentence(quantity, [p for p in points if p.quantity == quantity]))
-    return found
+    return [_sentence(*group) for group in grouped(points, lambda p: p.quantity).items()]
 
 
 def _sentence(quantity, points):

@@ -46,12 +46,18 @@ def capacity_points(rows):
     for row in sorted(fresh(rows), key=lambda r: (r["ambient_temperature_celsius"], r["c_rate"])):
         if row["direction"] != "discharge":
             continue
-        near = [rate for rate in rates if abs(row["c_rate"] / rate - 1) < SAME_RATE]
-        rates += [] if near else [row["c_rate"]]
-        rate = near[0] if near else row["c_rate"]
+        rate = _first_alike(row["c_rate"], rates, lambda ratio: abs(ratio - 1) < SAME_RATE)
         celsius, value = row["ambient_temperature_celsius"], row["capacity_ampere_hour"]
         found.append(Point(f"capacity at {rate:.2g}C", "Ah", celsius, value, family="capacity"))
     return found
+
+
+def _first_alike(rate, rates, alike):
+    """The first of the rates seen so far whose ratio to a rate is `alike`; a new one joins them."""
+    known = next((one for one in rates if alike(rate / one)), None)
+    if known is None:
+        rates.append(rate)
+    return known or rate
 
 
 def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
@@ -70,39 +76,37 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
     found : Points, each with the standard deviation of its fit; what was left out.
     """
     known = [row for row in fresh(rows) if row["soc"] is not None and np.isfinite(row["soc"])]
-    groups = together([row["soc"] for row in known], apart=soc_tolerance)
-    points, notes = [], []
     known.sort(key=lambda row: (row["soc"], row["ambient_temperature_celsius"]))
+    level = together([row["soc"] for row in known], apart=soc_tolerance)
+    points, notes = [], []
     for kind, column in (("ohmic", "r_ohmic_ohm"), ("charge-transfer", "r_charge_transfer_ohm")):
-        told = [row for row in known if _determined(row, column, most_relative_std)]
-        points += [_of_spectrum(kind, column, row, groups[row["soc"]]) for row in told]
+        # Charge transfer must also be told from diffusion.
+        told = [
+            row
+            for row in known
+            if (column == "r_ohmic_ohm" or row.get("charge_transfer_told", True))
+            and row[column] > 0
+            and row[f"{column}_std"] <= most_relative_std * row[column]
+        ]
+        what, how = f"{kind} resistance", "impedance"
+        for row in told:
+            soc, celsius = level[row["soc"]], row["ambient_temperature_celsius"]
+            quantity = f"{what} at {100 * soc:.0f} % SoC, {how}"
+            value, std = row[column], row[f"{column}_std"]
+            points.append(Point(quantity, "Ohm", celsius, value, std, f"{what}, {how}", soc))
         vague = len(known) - len(told)
-        family = f"{kind} resistance, impedance"
         count = f"{vague} of {len(known)} spectra"
-        notes += [f"{family}: {count} do not determine it"] if vague else []
+        notes += [f"{what}, {how}: {count} do not determine it"] if vague else []
     return Points(points, notes)
 
 
-def _determined(row, column, most_relative_std):
-    """Whether the fit tells the resistance, and can tell charge transfer from diffusion."""
-    told = column == "r_ohmic_ohm" or row.get("charge_transfer_told", True)
-    return told and row[column] > 0 and row[f"{column}_std"] <= most_relative_std * row[column]
-
-
-def _of_spectrum(kind, column, row, soc):
-    return Point(
-        f"{kind} resistance at {100 * soc:.0f} % SoC, impedance",
-        "Ohm",
-        row["ambient_temperature_celsius"],
-        row[column],
-        row[f"{column}_std"],
-        f"{kind} resistance, impedance",
-        soc,
-    )
-
-
 def together(values, *, apart):
-    """What each value is called: the mean of the run of values that lie no further `apart`."""
+    """The mean of the run of values that lie no further apart, for each value: dict.
+
+    Parameters
+    ----------
+    values : sequence of numbers. apart : largest distance from the first of a run.
+    """
     runs = []
     for value in sorted(set(values)):
         if runs and value - runs[-1][0] <= apart:
@@ -113,7 +117,12 @@ def together(values, *, apart):
 
 
 def fresh(rows):
-    """Rows of known temperature from the earliest check-up: age must not pass for temperature."""
+    """Rows of known temperature from the earliest check-up: age must not pass for temperature.
+
+    Parameters
+    ----------
+    rows : list of dict with ambient_temperature_celsius and cycle.
+    """
     known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
     first = min((row["cycle"] or 0 for row in known), default=0)
     return [row for row in known if (row["cycle"] or 0) == first]
@@ -124,10 +133,12 @@ def one_a_temperature(points):
 
     Three spectra at one temperature are three witnesses of the resistance there, not of how it
     moves with temperature: a chamber that is off and a law that bends move all three at once.
+
+    Parameters
+    ----------
+    points : list of Point.
     """
-    runs = {}
-    for point in points:
-        runs.setdefault((point.quantity, point.temperature_celsius), []).append(point)
+    runs = grouped(points, lambda point: (point.quantity, point.temperature_celsius))
     return [
         run[0]._replace(
             value=float(np.mean([point.value for point in run])),
@@ -137,12 +148,24 @@ def one_a_temperature(points):
     ]
 
 
+def grouped(items, key):
+    """Items by what a function says of each, in the order in which that first appears: dict.
+
+    Parameters
+    ----------
+    items : sequence. key : function (item) → the name of its group.
+    """
+    groups = {}
+    for item in items:
+        groups.setdefault(key(item), []).append(item)
+    return groups
+
+
 def enough(points, *, temperatures=3):
     """Points of the quantities that have at least so many temperatures."""
-    seen = {}
-    for point in points:
-        seen.setdefault(point.quantity, set()).add(point.temperature_celsius)
-    return [point for point in points if len(seen[point.quantity]) >= temperatures]
+    groups = grouped(points, lambda point: point.quantity)
+    tested = {name: len({one.temperature_celsius for one in own}) for name, own in groups.items()}
+    return [point for point in points if tested[point.quantity] >= temperatures]
 
 
 REACH_SOC = 0.12  # how far the pulses on either side of a state of charge may lie
@@ -174,9 +197,11 @@ def resistance_points(rows, *, delay_second=DELAYS, c_rate=1.0, soc=(0.5,)):
     points, notes = [], []
     for direction, delay, level in product(("discharge", "charge"), delay_second, soc):
         mine = [r for r in known if r["direction"] == direction and r["delay_second"] == delay]
-        courses = _courses(mine, level)
+        courses = {rate: _course(own, level) for rate, own in rate_classes(mine).items()}
+        courses = {rate: course for rate, course in courses.items() if course}
         chosen, note = _one_rate(courses, c_rate)
-        quantity, family = _names(direction, delay, level)
+        what, when = name_of(direction, delay)
+        quantity, family = f"{what} at {100 * level:.0f} % SoC, {when}", f"{what}, {when}"
         points += [
             Point(quantity, "Ohm", celsius, *chosen[celsius], family, level)
             for celsius in sorted(chosen)
@@ -203,22 +228,24 @@ def rate_classes(rows):
     return {float(np.median([row["c_rate"] for row in one])): one for one in classes}
 
 
-def _names(direction, delay, level):
-    what, when = name_of(direction, delay)
-    return f"{what} at {100 * level:.0f} % SoC, {when}", f"{what}, {when}"
+def preferred_rate(reached, c_rate):
+    """The rate that reaches the most, of equals the nearest to `c_rate`.
+
+    Parameters
+    ----------
+    reached : dict, rate → collection, such as its temperatures; not empty. c_rate : [1/h].
+    """
+    return max(_by_distance(reached, c_rate), key=lambda rate: len(reached[rate]))
 
 
-def _courses(rows, level):
-    """Rate → temperature → (resistance, std), where pulses lie around the level."""
-    courses = {rate: _course(mine, level) for rate, mine in rate_classes(rows).items()}
-    return {rate: course for rate, course in courses.items() if course}
+def _by_distance(rates, c_rate):
+    return sorted(rates, key=lambda rate: abs(np.log(rate / c_rate)))
 
 
 def _course(rows, level):
-    by_temperature = {}
-    for row in rows:
-        by_temperature.setdefault(row["ambient_temperature_celsius"], []).append(row)
-    found = {celsius: _interpolated(here, level) for celsius, here in by_temperature.items()}
+    """Temperature → (resistance, std) where pulses lie around a state of charge."""
+    groups = grouped(rows, lambda row: row["ambient_temperature_celsius"])
+    found = {celsius: _interpolated(here, level) for celsius, here in groups.items()}
     return {celsius: value for celsius, value in found.items() if value is not None}
 
 
@@ -227,14 +254,14 @@ def _one_rate(courses, c_rate):
     if not courses:
         return {}, ""
     everywhere = sorted({celsius for course in courses.values() for celsius in course})
-    nearest = sorted(courses, key=lambda rate: abs(np.log(rate / c_rate)))
-    rate = max(nearest, key=lambda rate: len(courses[rate]))
+    rate = preferred_rate(courses, c_rate)
     missing = [celsius for celsius in everywhere if celsius not in courses[rate]]
     if not missing:
         return courses[rate], ""
     if len(courses[rate]) >= 3:
         where = ", ".join(f"{celsius:g}" for celsius in missing)
         return courses[rate], f"no pulse at {rate:.2g}C at {where} °C, left out"
+    nearest = _by_distance(courses, c_rate)
     used = {c: next(rate for rate in nearest if c in courses[rate]) for c in everywhere}
     rates = f"{min(used.values()):.2g}C to {max(used.values()):.2g}C"
     mixed = {celsius: courses[rate][celsius] for celsius, rate in used.items()}
@@ -248,21 +275,21 @@ def _interpolated(rows, level):
     below = [row for row in rows if level - REACH_SOC <= row["soc"] <= level]
     above = [row for row in rows if level <= row["soc"] <= level + REACH_SOC]
     if below and above:
-        return _between(below[-1], above[0], level)
+        low, high = below[-1], above[0]
+        width = high["soc"] - low["soc"]
+        share = (level - low["soc"]) / width if width > 0 else 0.5
+        (ohm, std), (more, other) = (
+            [part * row[name] for name in RESISTANCE]
+            for part, row in ((1 - share, low), (share, high))
+        )
+        return float(ohm + more), float(np.hypot(std, other))
     nearest = min(rows, key=lambda row: abs(row["soc"] - level))
     if abs(nearest["soc"] - level) > NEAR_SOC:
         return None
-    return nearest["resistance_ohm"], nearest["resistance_std_ohm"]
+    return tuple(nearest[name] for name in RESISTANCE)
 
 
-def _between(low, high, level):
-    width = high["soc"] - low["soc"]
-    share = (level - low["soc"]) / width if width > 0 else 0.5
-    values = (1 - share) * low["resistance_ohm"] + share * high["resistance_ohm"]
-    std = np.hypot((1 - share) * low["resistance_std_ohm"], share * high["resistance_std_ohm"])
-    return float(values), float(std)
-
-
+RESISTANCE = ("resistance_ohm", "resistance_std_ohm")
 SAME_LIMIT_RATE = 1.1
 
 
@@ -288,9 +315,7 @@ def fast_charge_points(rows):
     rates, found = [], []
     for row in mine:
         # The set current shows at warm temperatures; in the cold the voltage cuts it at once.
-        near = [rate for rate in rates if row["c_rate"] <= SAME_LIMIT_RATE * rate]
-        rates += [] if near else [row["c_rate"]]
-        rate = near[0] if near else row["c_rate"]
+        rate = _first_alike(row["c_rate"], rates, lambda ratio: ratio <= SAME_LIMIT_RATE)
         found += [
             Point(f"{name} at up to {rate:.2g}C", unit, row["ambient_temperature_celsius"], value)
             for name, unit, value in _quantities(row)

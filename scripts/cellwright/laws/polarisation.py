@@ -5,13 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import fresh
-from cellwright.laws.temperature import REFERENCE, ZERO_CELSIUS, Law, inverse_temperature, rows_of
-from cellwright.numerics.lines import r_squared
-from cellwright.numerics.uncertainty import (
-    covariance_from_jacobian,
-    standard_deviations,
-    t_interval,
-)
+from cellwright.laws.temperature import Law, fit_laws, rows_of
+from cellwright.numerics.lines import fit_line
+from cellwright.numerics.scores import r_squared, rms
 from cellwright.refusal import Refusal
 
 FEWEST_TEMPERATURES = 3
@@ -37,22 +33,10 @@ def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
 
     Source: thesis sec. 3.3 (tau1, tau2 about linear in T); Arrhenius: thesis (3.5).
     """
-    celsius, value = np.asarray(temperature_celsius, float), np.asarray(value, float)
-    if len(np.unique(celsius)) < FEWEST_TEMPERATURES:
-        found = len(np.unique(celsius))
-        raise Refusal(f"{found} temperature(s); a law over temperature needs three")
-    if not (np.isfinite(value) & (value > 0)).all():
-        raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
-    near = celsius + ZERO_CELSIUS - REFERENCE
-    inverse = inverse_temperature(celsius)
-    columns = np.stack([near, np.ones(len(near))], axis=1)
-    linear = _with_p(_line(columns, value, level), len(value) - 2)._replace(law="linear")
-    names, units = ("slope", "value_at_25_celsius", "slope_p_value"), (f"{unit}/K", unit, "1")
-    linear = linear._replace(names=names, units=units)
-    names, units = ("value_at_25_celsius", "activation_energy"), (unit, "J/mol")
-    arrhenius = _arrhenius(inverse, value, level)._replace(names=names, units=units)
-    tested = (float(celsius.min()), float(celsius.max()))
-    return tuple(law._replace(tested_celsius=tested) for law in _chosen(linear, arrhenius))
+    linear, arrhenius = fit_laws(
+        temperature_celsius, value, unit=unit, level=level, names=("linear", "arrhenius")
+    )
+    return _with_p(linear, len(value) - 2), arrhenius
 
 
 def soc_lines(soc, value, *, unit, level=0.95):
@@ -77,86 +61,56 @@ def soc_lines(soc, value, *, unit, level=0.95):
     soc, value = np.asarray(soc, float), np.asarray(value, float)
     if len(soc) < FEWEST_SOC or np.ptp(soc) == 0:
         raise Refusal(f"{len(soc)} value(s) over SoC; a line that is tested needs {FEWEST_SOC}")
-    free = _line(np.stack([soc, np.ones(len(soc))], axis=1), value, level)
-    tied = _line(soc[:, None], value, level)
+    names = ("slope", "value_at_soc_0"), ("slope",)
+    free = _over_soc("linear over SoC", names[0], unit, soc, value, level)
+    tied = _over_soc("proportional to SoC", names[1], unit, soc, value, level)
     zero_p = _p_value(free.values[1], free.std[1], len(soc) - 2)
-    names = ("slope", "value_at_soc_0", "slope_p_value", "zero_p_value")
-    free = _with_p(free, len(soc) - 2, zero_p)._replace(
-        law="linear over SoC", names=names, units=(unit, unit, "1", "1")
-    )
-    tied = tied._replace(law="proportional to SoC", names=("slope",), units=(unit,))
-    return _chosen(free, tied)
+    free = _with_p(free, len(soc) - 2, zero_p_value=zero_p)
+    chosen = free.cross_validation_rmse <= tied.cross_validation_rmse
+    return free._replace(chosen=chosen), tied._replace(chosen=not chosen)
 
 
-def _arrhenius(inverse, value, level):
-    """Fitted as a line through ln value; errors and R² on the scale of the value."""
-    columns = np.stack([np.ones(len(inverse)), inverse], axis=1)
-    line = _line(columns, np.log(value), level)
-    scale = np.array([np.exp(line.values[0]), 1.0])
-    ends = [np.array([np.exp(end[0]), end[1]]) for end in (line.values, line.lower, line.upper)]
-    left = [_without(k, columns, np.log(value)) for k in range(len(value))]
-    return line._replace(
-        law="arrhenius",
-        values=ends[0],
-        std=line.std * scale,
-        lower=ends[1],
-        upper=ends[2],
-        r_squared=r_squared(value, np.exp(columns @ line.values)),
-        cross_validation_rmse=_rms(np.exp(left) - value),
-    )
-
-
-def _line(columns, value, level):
-    """Least squares with interval, R² and the error of values left out in turn."""
-    values = np.linalg.lstsq(columns, value, rcond=None)[0]
-    residual = value - columns @ values
-    freedom = len(value) - columns.shape[1]
-    std = standard_deviations(covariance_from_jacobian(columns, residual))
-    left = [_without(k, columns, value) for k in range(len(value))]
+def _over_soc(law, names, unit, soc, value, level):
+    """A line over SoC, through zero where it has no offset, with the error of values left out."""
+    columns = np.vander(soc, 2)[:, : len(names)]
+    line, errors = fit_line(columns, value), []
+    for k in range(len(value)):
+        kept = np.arange(len(value)) != k
+        errors.append(columns[k] @ fit_line(columns[kept], value[kept]).values - value[k])
     return Law(
-        "",
-        (),
-        (),
-        values,
-        std,
-        *t_interval(values, std, freedom, level=level),
-        r_squared(value, columns @ values),
-        _rms(left - value),
-        False,
-        "",
+        law,
+        names,
+        (unit,) * len(names),
+        line.values,
+        line.std,
+        *line.interval(level=level),
+        r_squared=r_squared(value, columns @ line.values),
+        cross_validation_rmse=rms(errors),
+        chosen=False,
+        reason="",
     )
 
 
-def _with_p(law, freedom, *more):
+def _with_p(law, degrees_of_freedom, **more):
     """The law with the p-value of its slope, and others, as further parameters."""
-    extra = np.array([_p_value(law.values[0], law.std[0], freedom), *more])
-    none = np.full(len(extra), np.nan)
-    parts = {name: np.append(getattr(law, name), none) for name in ("std", "lower", "upper")}
-    return law._replace(values=np.append(law.values, extra), **parts)
+    extra = {"slope_p_value": _p_value(law.values[0], law.std[0], degrees_of_freedom), **more}
+    unknown = np.full(len(extra), np.nan)
+    parts = {name: np.append(getattr(law, name), unknown) for name in ("std", "lower", "upper")}
+    return law._replace(
+        names=(*law.names, *extra),
+        units=(*law.units, *["1"] * len(extra)),
+        values=np.append(law.values, list(extra.values())),
+        **parts,
+    )
 
 
-def _p_value(value, std, freedom):
+def _p_value(value, std, degrees_of_freedom):
     """Two-sided, of Student's t; NaN where the scatter is not known."""
     from scipy.special import stdtr
 
-    if freedom < 1 or not std > 0:
+    if degrees_of_freedom < 1 or not std > 0:
         return np.nan
-    return float(2 * stdtr(freedom, -abs(value / std)))
-
-
-def _without(place, columns, value):
-    """What a line through all values but one says of that one."""
-    kept = np.arange(len(value)) != place
-    return columns[place] @ np.linalg.lstsq(columns[kept], value[kept], rcond=None)[0]
-
-
-def _chosen(first, second):
-    better = first.cross_validation_rmse <= second.cross_validation_rmse
-    return first._replace(chosen=better), second._replace(chosen=not better)
-
-
-def _rms(error):
-    return float(np.sqrt(np.mean(np.square(error))))
+    return float(2 * stdtr(degrees_of_freedom, -abs(value / std)))
 
 
 QUANTITIES = {"a": "V", "b": "V", "tau1": "s", "tau2": "s"}
@@ -218,7 +172,11 @@ def compared(rows):
         return Compared([], NOTHING, 0, np.zeros(0))
     groups = _groups(told)
     best = max(groups, key=lambda group: (len(_celsius(group)), len(_rests(group))))
-    kept = _of_one_number(best)
+    two, three = ([row for row in best if row["exponentials"] == n] for n in (2, 3))
+    enough = len(three) >= MOST_OF * len(_rests(best)) and len(_celsius(three)) == len(
+        _celsius(best)
+    )
+    kept = three if enough else two or three
     points = [point for row in kept for point in _points(row)]
     r_squared = np.array([row["r_squared"] for row in kept])
     return Compared(points, _protocol(kept), kept[0]["exponentials"], r_squared)
@@ -262,7 +220,9 @@ def laws_of(points):
         _try(laws, reasons, name, temperature_lines, celsius, value, QUANTITIES[quantity])
     for quantity in ("a", "b"):
         for celsius in sorted({p.temperature_celsius for p in points}):
-            soc, value = _below_half(points, quantity, celsius)
+            mine = [p for p in points if (p.quantity, p.temperature_celsius) == (quantity, celsius)]
+            below = sorted((p.soc, p.value) for p in mine if p.soc <= HALF)
+            soc, value = np.array(below).reshape(-1, 2).T
             name = f"polarisation {quantity} below 50 % SoC at {celsius:g} °C"
             _try(laws, reasons, name, soc_lines, soc, value, QUANTITIES[quantity])
     return laws, reasons
@@ -278,12 +238,6 @@ def _try(laws, reasons, name, fit, axis, value, unit):
         laws[name] = fit(axis, value, unit=unit)
     except Refusal as refusal:
         reasons.append(f"{name}: {refusal}")
-
-
-def _below_half(points, quantity, celsius):
-    mine = [p for p in points if p.quantity == quantity and p.temperature_celsius == celsius]
-    mine = sorted((p.soc, p.value) for p in mine if p.soc <= HALF)
-    return np.array(mine).reshape(-1, 2).T
 
 
 def _groups(rows):
@@ -302,13 +256,6 @@ def _alike(one, other):
     if (one["direction"], one["load"]) != (other["direction"], other["load"]):
         return False
     return all(abs(np.log(one[name] / other[name])) <= reach for name, reach in ALIKE.items())
-
-
-def _of_one_number(group):
-    """The fits of three exponentials, or those of two."""
-    two, three = ([row for row in group if row["exponentials"] == n] for n in (2, 3))
-    enough = len(three) >= MOST_OF * len(_rests(group))
-    return three if enough and len(_celsius(three)) == len(_celsius(group)) else two or three
 
 
 def _celsius(rows):

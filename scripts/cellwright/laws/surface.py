@@ -5,7 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import DELAYS, fresh, name_of, rate_classes
+from cellwright.laws.points import (
+    DELAYS,
+    fresh,
+    grouped,
+    name_of,
+    preferred_rate,
+    rate_classes,
+)
 from cellwright.laws.surface_forms import (
     OVER_TEMPERATURE,
     fit_form,
@@ -13,7 +20,8 @@ from cellwright.laws.surface_forms import (
     predict,
     separability,
 )
-from cellwright.laws.temperature import NO_LIMIT, falls, turn_of, turning
+from cellwright.laws.temperature import NO_LIMIT, falls, law_row, ranges, turn_of, turning
+from cellwright.numerics.scores import r_squared, rms
 from cellwright.numerics.uncertainty import t_interval
 from cellwright.refusal import Refusal
 
@@ -128,63 +136,42 @@ def _best(fitted, pulses):
 
 
 def _form_rows(pulses, fitted):
-    surface = fitted.surface
+    surface, celsius = fitted.surface, pulses.temperature_celsius
     own = OVER_TEMPERATURE.get(surface.form, 0)
-    spare = len(np.unique(pulses.temperature_celsius)) - own
+    spare = len(np.unique(celsius)) - own
     rest = len(pulses.soc) - len(surface.values)
-    numbers = zip(surface.names, surface.units, surface.values, surface.std, strict=True)
-    for k, (name, unit, value, std) in enumerate(numbers):
-        limits = t_interval(value, std, spare if k < own else rest)
-        yield _row(pulses, fitted, name, unit, (value, std, *limits))
+    law = {
+        "r_squared": fitted.r_squared,
+        "cross_validation_rmse": fitted.temperature_rmse,
+        "chosen": fitted.chosen,
+    }
+    columns = zip(surface.names, surface.units, surface.values, surface.std, strict=True)
+    entries = [
+        (name, unit, value, std, t_interval(value, std, spare if k < own else rest))
+        for k, (name, unit, value, std) in enumerate(columns)
+    ]
     scores = (
         ("left_out_soc_rmse", "Ohm", fitted.soc_rmse),
         ("left_out_soc_share", "1", fitted.soc_relative),
         ("left_out_temperature_share", "1", fitted.temperature_relative),
     )
-    for name, unit, value in scores:
-        yield _row(pulses, fitted, name, unit, (value, np.nan, np.nan, np.nan))
+    entries += [(*score, np.nan, UNKNOWN) for score in scores]
+    for name, unit, value, std, interval in entries:
+        limits = ranges(interval, (celsius.min(), celsius.max()), fitted.valid_celsius)
+        head = surface_name(pulses), surface.form, name
+        yield law_row(*head, value, std, unit=unit, **law, **limits)
 
 
-def _row(pulses, fitted, name, unit, numbers):
-    law = {
-        "law": fitted.surface.form,
-        "r_squared": fitted.r_squared,
-        "cross_validation_rmse": fitted.temperature_rmse,
-        "chosen": fitted.chosen,
-        "valid_from_celsius": fitted.valid_celsius[0],
-        "valid_to_celsius": fitted.valid_celsius[1],
-    }
-    return _whole(pulses, law, name, unit, numbers)
+UNKNOWN = (np.nan, np.nan)
+TESTED = ("f_statistic", "p_value", "interaction", "interaction_net", "scatter")
 
 
 def _test_rows(pulses, test):
-    nothing = np.nan, np.nan, np.nan
-    law = {
-        "law": f"separability of {test.scale}",
-        "r_squared": np.nan,
-        "cross_validation_rmse": np.nan,
-        "chosen": False,
-        "valid_from_celsius": NO_LIMIT[0],
-        "valid_to_celsius": NO_LIMIT[1],
-    }
-    for name in ("f_statistic", "p_value", "interaction", "interaction_net", "scatter"):
-        yield _whole(pulses, law, name, "1", (getattr(test, name), *nothing))
-
-
-def _whole(pulses, law, parameter, unit, numbers):
-    value, std, lower, upper = map(float, numbers)
-    return {
-        "quantity": surface_name(pulses),
-        **law,
-        "parameter": parameter,
-        "value": value,
-        "std": std,
-        "lower": lower,
-        "upper": upper,
-        "unit": unit,
-        "tested_from_celsius": float(pulses.temperature_celsius.min()),
-        "tested_to_celsius": float(pulses.temperature_celsius.max()),
-    }
+    celsius = pulses.temperature_celsius
+    limits = ranges(UNKNOWN, (celsius.min(), celsius.max()))
+    for name in TESTED:
+        head = surface_name(pulses), f"separability of {test.scale}", name
+        yield law_row(*head, getattr(test, name), unit="1", chosen=False, **limits)
 
 
 FORMS = ("additive", "multiplicative", "table")
@@ -244,29 +231,26 @@ def pulses_of(rows, *, direction, delay_second, c_rate=1.0):
     mine = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
     mine = [row for row in mine if row["delay_second"] == delay_second]
     mine = [r for r in mine if not r["resistance_std_ohm"] > VAGUE * r["resistance_ohm"]]
-    classes = {rate: _full_courses(found) for rate, found in rate_classes(mine).items()}
+    classes = {rate: _full_courses(own) for rate, own in rate_classes(mine).items()}
     quantity = ", ".join(name_of(direction, delay_second))
-    nearest = sorted(classes, key=lambda rate: abs(np.log(rate / c_rate)))
-    best = max(nearest, key=lambda rate: len(classes[rate]), default=None)
-    count = len(classes[best]) if classes else 0
+    best = classes[preferred_rate(classes, c_rate)] if classes else {}
+    count = len(best)
     if count < 3:
         raise Refusal(
             f"{quantity}: pulses of one rate at {LEAST_LEVELS} states of charge at {count} "
             "temperature(s); a surface needs three"
         )
-    chosen = [row for celsius in sorted(classes[best]) for row in classes[best][celsius]]
+    chosen = [row for celsius in sorted(best) for row in best[celsius]]
     columns = ("soc", "ambient_temperature_celsius", "resistance_ohm")
     return Pulses(quantity, *(np.array([row[c] for row in chosen], float) for c in columns))
 
 
 def _full_courses(rows):
     """Temperature → rows by SoC, where there are enough levels of SoC."""
-    found = {}
-    for row in sorted(rows, key=lambda row: row["soc"]):
-        found.setdefault(row["ambient_temperature_celsius"], []).append(row)
+    rows = sorted(rows, key=lambda row: row["soc"])
     return {
         celsius: mine
-        for celsius, mine in found.items()
+        for celsius, mine in grouped(rows, lambda row: row["ambient_temperature_celsius"]).items()
         if levels_of([row["soc"] for row in mine]) >= LEAST_LEVELS
     }
 
@@ -288,12 +272,8 @@ def fit_surfaces(pulses):
     found = [_fit(form, pulses) for form in FORMS]
     tested = np.min(pulses.temperature_celsius), np.max(pulses.temperature_celsius)
     offered = [np.isfinite(f.temperature_rmse) and falls(f.valid_celsius, tested) for f in found]
-    best = int(
-        np.argmin(
-            [f.temperature_rmse if o else np.inf for f, o in zip(found, offered, strict=True)]
-        )
-    )
-    return tuple(one._replace(chosen=k == best) for k, one in enumerate(found))
+    errors = np.where(offered, [one.temperature_rmse for one in found], np.inf)
+    return tuple(one._replace(chosen=k == errors.argmin()) for k, one in enumerate(found))
 
 
 def _fit(form, pulses):
@@ -303,14 +283,13 @@ def _fit(form, pulses):
     left_out = _left_out(form, pulses, celsius)
     blocks = np.quantile(soc, np.linspace(0, 1, BLOCKS + 1)[1:-1])
     by_soc = _left_out(form, pulses, np.searchsorted(blocks, soc))
-    spread = np.sum((ohm - ohm.mean()) ** 2)
     return Fitted(
         surface,
         fitted,
         left_out,
-        float(1 - np.sum((ohm - fitted) ** 2) / spread),
-        *_errors(left_out, ohm),
-        *_errors(by_soc, ohm),
+        r_squared(ohm, fitted),
+        *(rms(error) for error in (left_out - ohm, (left_out - ohm) / ohm)),
+        *(rms(error) for error in (by_soc - ohm, (by_soc - ohm) / ohm)),
         chosen=False,
         valid_celsius=turning(*surface.values[:3]) if form == "additive" else NO_LIMIT,
     )
@@ -326,12 +305,6 @@ def _left_out(form, pulses, group):
         rest = fit_form(form, soc[~out], celsius[~out], ohm[~out], polish=False)
         found[out] = predict(rest, soc[out], celsius[out])
     return found
-
-
-def _errors(predicted, ohm):
-    """RMSE [ohm] and as a share of each resistance [1]."""
-    error = predicted - ohm
-    return tuple(float(np.sqrt(np.mean(e**2))) for e in (error, error / ohm))
 
 
 def surfaces(rows, *, delay_second=DELAYS, c_rate=1.0):

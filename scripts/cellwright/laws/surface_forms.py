@@ -5,7 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.temperature import inverse_temperature
+from cellwright.numerics.arrhenius import inverse_temperature
+from cellwright.numerics.lines import residuals
+from cellwright.numerics.separable import best_logarithms
 from cellwright.numerics.uncertainty import covariance_from_jacobian, standard_deviations
 from cellwright.refusal import Refusal
 
@@ -70,8 +72,9 @@ def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
     """
     soc, celsius, ohm = (np.asarray(a, float) for a in (soc, temperature_celsius, resistance_ohm))
     if form == "table":
-        nodes = tuple(_nodes(soc, celsius, ohm))
-        empty = np.empty(0)
+        order, empty = np.argsort(soc, kind="stable"), np.empty(0)
+        at = [(float(level), order[celsius[order] == level]) for level in np.unique(celsius)]
+        nodes = tuple((level, soc[rows], ohm[rows]) for level, rows in at)
         return Surface(form, (), (), empty, empty, ((), ()), nodes)
     # ASSUME: On a resistance surface the additive form errs by the same ohms everywhere, the
     # multiplicative one by the same share.
@@ -105,13 +108,12 @@ def _columns(form, soc, celsius, rates):
     )
     middle = np.clip(soc, LOW_JOINT, HIGH_JOINT)[..., None]
     beyond = np.maximum(LOW_JOINT - soc, 0), np.maximum(soc - HIGH_JOINT, 0)
-    ends = [_end(d, rate) for d, end in zip(beyond, rates, strict=True) for rate in end]
+    ends = [
+        np.expm1(rate * d) / np.expm1(rate * LOW_JOINT) if rate else d / LOW_JOINT
+        for d, own in zip(beyond, rates, strict=True)
+        for rate in own
+    ]
     return np.concatenate([over_temperature, middle, *[end[..., None] for end in ends]], axis=-1)
-
-
-def _end(distance, rate):
-    reach = LOW_JOINT
-    return distance / reach if rate == 0 else np.expm1(rate * distance) / np.expm1(rate * reach)
 
 
 def _choices(soc):
@@ -128,27 +130,19 @@ def _search(form, soc, celsius, target):
     best = [options[len(options) // 2] for options in choices]
     for end in (0, 1) * SWEEPS:
         trials = [[*best[:end], option, *best[end + 1 :]] for option in choices[end]]
-        errors = [_squares(form, soc, celsius, target, trial) for trial in trials]
+        errors = [np.sum(_residual(form, soc, celsius, target, trial) ** 2) for trial in trials]
         best = trials[int(np.argmin(errors))]
     return tuple(best)
 
 
-def _squares(form, soc, celsius, target, rates):
-    residual = _residual(form, soc, celsius, target, rates)
-    return residual @ residual
-
-
 def _residual(form, soc, celsius, target, rates):
-    columns = _columns(form, soc, celsius, rates)
-    return target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]
+    return residuals(_columns(form, soc, celsius, rates), target)
 
 
 def _polished(form, soc, celsius, target, rates):
     """Rates refined from the grid's best, within its range."""
     if not _free(rates):
         return rates
-    from scipy.optimize import least_squares
-
     split = len(rates[0])
     start = np.log([rate for end in rates for rate in end if rate])
     held = [rate for end in rates for rate in end]
@@ -160,12 +154,12 @@ def _polished(form, soc, celsius, target, rates):
 
     scale = np.abs(target).max()
     bounds = np.log([RATES[0] / 4, RATES[-1] * 4])
-    found = least_squares(
+    logs = best_logarithms(
         lambda logs: _residual(form, soc, celsius, target, whole(logs)) / scale,
-        start,
+        [start],
         bounds=tuple(bounds),
     )
-    return whole(found.x)
+    return whole(logs)
 
 
 def _errors(design, residual, celsius, over_temperature):
@@ -193,17 +187,13 @@ def _rate_slopes(form, soc, celsius, rates, linear):
     """Derivative of the prediction by each rate, by central differences."""
     slopes = []
     for end, k in ((e, k) for e in (0, 1) for k, rate in enumerate(rates[e]) if rate):
-        step = 1e-4 * rates[end][k]
-        moved = [_moved(rates, end, k, sign * step) for sign in (1, -1)]
-        up, down = (_columns(form, soc, celsius, one) @ linear for one in moved)
-        slopes.append((up - down) / (2 * step))
+        step, moved = 1e-4 * rates[end][k], []
+        for sign in (1, -1):
+            there = [list(one) for one in rates]
+            there[end][k] += sign * step
+            moved.append(_columns(form, soc, celsius, there) @ linear)
+        slopes.append((moved[0] - moved[1]) / (2 * step))
     return np.stack(slopes, axis=1) if slopes else np.empty((len(soc), 0))
-
-
-def _moved(rates, end, k, step):
-    moved = [list(one) for one in rates]
-    moved[end][k] += step
-    return tuple(map(tuple, moved))
 
 
 def _names(form, rates):
@@ -217,13 +207,6 @@ def _names(form, rates):
     curved = [name for name, rate in zip(ends, [r for e in rates for r in e], strict=True) if rate]
     names += ["a3", *[f"rise_{name}" for name in ends], *[f"rate_{name}" for name in curved]]
     return tuple(names), (*units, unit, *[unit] * len(ends), *["1"] * len(curved))
-
-
-def _nodes(soc, celsius, ohm):
-    for level in np.unique(celsius):
-        here = celsius == level
-        order = np.argsort(soc[here], kind="stable")
-        yield float(level), soc[here][order], ohm[here][order]
 
 
 def _from_nodes(nodes, soc, celsius):

@@ -1,11 +1,20 @@
 """A quantity over temperature: the thesis' quadratic and two forms of Arrhenius, side by side."""
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.lines import fit_line, r_squared
+from cellwright.laws.points import grouped
+from cellwright.numerics.arrhenius import (
+    REFERENCE_KELVIN,
+    ZERO_CELSIUS_KELVIN,
+    arrhenius_law,
+    fit_arrhenius,
+)
+from cellwright.numerics.lines import fit_line
+from cellwright.numerics.scores import r_squared, rms
 from cellwright.refusal import Refusal
 
 NO_LIMIT = (-np.inf, np.inf)
@@ -108,38 +117,39 @@ def words_of_turns(families):
         turned = [law for law in laws if not falls(law.valid_celsius, law.tested_celsius)]
         if not turned:
             continue
-        where = {}
-        for law in turned:
-            how, celsius = _turn(law.values, law.valid_celsius, law.tested_celsius)
-            where.setdefault(how, []).append(celsius)
-        count = f"{len(turned)} of {len(laws)}"
+        ends = [_turn(law.values, law.valid_celsius, law.tested_celsius) for law in turned]
+        where = [
+            how.format(f"{span_of([c for _, c in group], '.0f')} °C")
+            for how, group in grouped(ends, lambda end: end[0]).items()
+        ]
         found.append(
-            f"{family}: the quadratic of {count} is not offered as a law, for a resistance falls "
-            f"as it warms: it {', '.join(how.format(_span(at)) for how, at in where.items())}, "
-            f"less than {REACH_KELVIN:g} K beyond the tests or among them (certain at 95 % in "
+            f"{family}: the quadratic of {len(turned)} of {len(laws)} is not offered as a law, for "
+            f"a resistance falls as it warms: it {', '.join(where)}, less than {REACH_KELVIN:g} K "
+            f"beyond the tests or among them (certain at 95 % in "
             f"{sum(law.rises_surely for law in turned)})"
         )
     return found
 
 
-def _span(celsius):
-    low, high = f"{min(celsius):.0f}", f"{max(celsius):.0f}"
-    return f"{low} °C" if low == high else f"{low} to {high} °C"
+def span_of(values, digits):
+    """Least and largest of some numbers in words, one number where they read the same.
 
-
-GAS_CONSTANT = 8.314462618  # J/(mol K)
-ZERO_CELSIUS = 273.15  # K
-REFERENCE = 298.15  # K
+    Parameters
+    ----------
+    values : sequence of numbers. digits : format of each, such as ".3g".
+    """
+    low, high = f"{min(values):{digits}}", f"{max(values):{digits}}"
+    return low if low == high else f"{low} to {high}"
 
 
 class Law(NamedTuple):
     """One fitted law; the arrays hold one number per parameter, in the order the law takes them.
 
-    law : a key of `LAWS`. names, units : of the parameters. values, std, lower, upper : estimate,
-    standard deviation, confidence limits; NaN where not known. r_squared : on the scale of the
-    quantity, for all laws. line_r_squared : on the scale on which the law is a straight fit (ln x
-    over 1/T for Arrhenius). cross_validation_rmse : error of the prediction at temperatures left
-    out in turn, NaN where too few remain. excess_std : scatter of the points beyond their own
+    law : its name, see `FORMS`. names, units : of the parameters. values, std, lower, upper :
+    estimate, standard deviation, confidence limits; NaN where not known. r_squared : on the scale
+    of the quantity, for all laws. line_r_squared : on the scale on which the law is a straight fit
+    (ln x over 1/T for Arrhenius). cross_validation_rmse : error of the prediction at temperatures
+    left out in turn, NaN where too few remain. excess_std : scatter of the points beyond their own
     errors, on the scale of the fit. tested_celsius : lowest and highest temperature; beyond them
     the law is an extrapolation. valid_celsius : where the law may be read at all: a resistance's
     quadratic only as far as it falls. rises_surely : such a quadratic rises within its use, beyond
@@ -169,11 +179,10 @@ def quadratic_law(temperature_celsius, b1, b2, b3):
     return (b1 * temperature_celsius + b2) * temperature_celsius + b3
 
 
-def arrhenius_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
-    """Value at 25 °C times exp(Ea/R (1/T − 1/298.15 K)): falls with temperature for Ea > 0."""
-    return value_at_25_celsius * np.exp(
-        activation_energy_joule_per_mole * inverse_temperature(temperature_celsius)
-    )
+def linear_law(temperature_celsius, slope, value_at_25_celsius):
+    """Value at 25 °C plus the slope per kelvin times the temperature above it."""
+    above = temperature_celsius + ZERO_CELSIUS_KELVIN - REFERENCE_KELVIN
+    return value_at_25_celsius + slope * above
 
 
 def conductivity_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
@@ -181,14 +190,39 @@ def conductivity_law(temperature_celsius, value_at_25_celsius, activation_energy
 
     Its activation energy is higher than that of the plain law by R·T, 2.3 kJ/mol near 5 °C.
     """
-    kelvin = np.asarray(temperature_celsius, float) + ZERO_CELSIUS
+    kelvin = np.asarray(temperature_celsius, float) + ZERO_CELSIUS_KELVIN
     plain = arrhenius_law(
         temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole
     )
-    return plain * kelvin / REFERENCE
+    return plain * kelvin / REFERENCE_KELVIN
 
 
-def fit_laws(temperature_celsius, value, *, unit, std=None, level=0.95, falling=False):
+class Form(NamedTuple):
+    """A law over temperature as data: its function and the names and units of its parameters.
+
+    function : (temperature [°C], *parameters) → value. units : with {} for that of the value.
+    fewest : temperatures that determine it.
+    """
+
+    function: Callable
+    names: tuple
+    units: tuple
+    fewest: int
+
+
+ENERGY = ("value_at_25_celsius", "activation_energy"), ("{}", "J/mol"), 2
+FORMS = {
+    "linear": Form(linear_law, ("slope", "value_at_25_celsius"), ("{}/K", "{}"), 2),
+    "quadratic": Form(quadratic_law, ("b1", "b2", "b3"), ("{}/degC^2", "{}/degC", "{}"), 3),
+    "arrhenius": Form(arrhenius_law, *ENERGY),
+    "arrhenius_t": Form(conductivity_law, *ENERGY),
+}
+LAWS = {name: FORMS[name].function for name in ("quadratic", "arrhenius", "arrhenius_t")}
+
+
+def fit_laws(
+    temperature_celsius, value, *, unit, std=None, level=0.95, falling=False, names=tuple(LAWS)
+):
     """Fit the laws and choose one by cross-validation.
 
     Parameters
@@ -196,15 +230,16 @@ def fit_laws(temperature_celsius, value, *, unit, std=None, level=0.95, falling=
     temperature_celsius, value : (n,) one measured value per row [°C], [any unit].
     unit : of the value, for the units of the parameters.
     std : (n,) standard deviation of each value, or None; weights the points beside the scatter
-        that is found (`line.fit_line`). Where one is not known, none is used.
+        that is found (`lines.fit_line`). Where one is not known, none is used.
     level : coverage of the confidence intervals.
     falling : the quantity is a resistance, which falls as it warms. A quadratic that rises
         somewhere from 5 K below the tested temperatures to 5 K above is then not chosen.
+    names : of the laws, see `FORMS`.
 
     Returns
     -------
-    laws : tuple of Law: quadratic, Arrhenius, Arrhenius with the factor T; exactly one is chosen:
-        the one that predicts left-out temperatures best. What cannot be tested so is not chosen.
+    laws : tuple of Law in the order of `names`; exactly one is chosen: the one that predicts
+        left-out temperatures best. What cannot be tested so is not chosen.
 
     Raises
     ------
@@ -223,25 +258,23 @@ def fit_laws(temperature_celsius, value, *, unit, std=None, level=0.95, falling=
         raise Refusal(f"{count} temperature(s); a law over temperature needs three")
     if not (np.isfinite(value) & (value > 0)).all():
         raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
-    errors = {name: _left_out(name, celsius, value, std) for name in LAWS}
-    found = [_FITS[name](celsius, value, std, unit, level) for name in LAWS]
+    laws = [_fitted(name, celsius, value, std, unit=unit, level=level) for name in names]
     if falling:
-        found[0] = _limited(found[0], celsius, value, std, level)
-    offered = [law.law for law in found if falls(law.valid_celsius, law.tested_celsius)]
-    best = min(offered, key=lambda name: np.nan_to_num(errors[name], nan=np.inf))
-    return tuple(
-        law._replace(cross_validation_rmse=errors[law.law], chosen=law.law == best) for law in found
-    )
+        laws = [_limited(one, celsius, value, std, level) for one in laws]
+    offered = [one for one in laws if falls(one.valid_celsius, one.tested_celsius)]
+    best = min(offered, key=lambda one: np.nan_to_num(one.cross_validation_rmse, nan=np.inf))
+    return tuple(one._replace(chosen=one is best) for one in laws)
 
 
 def _limited(law, celsius, value, std, level):
     """A resistance's quadratic with where it falls, and whether its turn is beyond its error."""
+    if law.law != "quadratic":
+        return law
     ends = law.tested_celsius[0] - REACH_KELVIN, law.tested_celsius[1] + REACH_KELVIN
     # With T counted from an end of the range b2 is the slope there, with its own interval.
-    slopes = [fit_line(np.vander(celsius - end, 3), value, std, level=level) for end in ends]
-    return law._replace(
-        valid_celsius=turning(*law.values), rises_surely=any(one.lower[1] > 0 for one in slopes)
-    )
+    slopes = [fit_line(np.vander(celsius - end, 3), value, std) for end in ends]
+    rises = any(one.interval(level=level)[0][1] > 0 for one in slopes)
+    return law._replace(valid_celsius=turning(*law.values), rises_surely=rises)
 
 
 def law_rows(points):
@@ -265,8 +298,7 @@ def law_rows(points):
     """
     # ASSUME: What is in ohm falls as it warms; capacities and times may have a maximum.
     rows, reasons, quadratics = [], [], {}
-    for quantity in dict.fromkeys(point.quantity for point in points):
-        mine = [point for point in points if point.quantity == quantity]
+    for quantity, mine in grouped(points, lambda point: point.quantity).items():
         try:
             laws = fit_laws(
                 [point.temperature_celsius for point in mine],
@@ -289,78 +321,94 @@ def law_rows(points):
 def rows_of(quantity, law):
     """Rows of one law; `lower` and `upper` bound 95 %, beyond the tested range it is a guess."""
     numbers = zip(law.values, law.std, law.lower, law.upper, strict=True)
-    for name, unit, (value, std, lower, upper) in zip(law.names, law.units, numbers, strict=True):
-        yield {
-            "quantity": quantity,
-            "law": law.law,
-            "parameter": name,
-            "value": float(value),
-            "std": float(std),
-            "lower": float(lower),
-            "upper": float(upper),
-            "unit": unit,
-            "r_squared": law.r_squared,
-            "cross_validation_rmse": law.cross_validation_rmse,
-            "chosen": law.chosen,
-            "tested_from_celsius": law.tested_celsius[0],
-            "tested_to_celsius": law.tested_celsius[1],
-            "valid_from_celsius": law.valid_celsius[0],
-            "valid_to_celsius": law.valid_celsius[1],
-        }
+    return [
+        law_row(
+            quantity,
+            law.law,
+            name,
+            value,
+            std,
+            unit=unit,
+            r_squared=law.r_squared,
+            cross_validation_rmse=law.cross_validation_rmse,
+            chosen=law.chosen,
+            **ranges((lower, upper), law.tested_celsius, law.valid_celsius),
+        )
+        for name, unit, (value, std, lower, upper) in zip(
+            law.names, law.units, numbers, strict=True
+        )
+    ]
 
 
-def inverse_temperature(celsius):
-    """(1/T − 1/298.15 K)/R [mol/J], the axis on which ln of an Arrhenius law is a line."""
-    kelvin = np.asarray(celsius, float) + ZERO_CELSIUS
-    return (1 / kelvin - 1 / REFERENCE) / GAS_CONSTANT
+def law_row(
+    quantity,
+    law,
+    parameter,
+    value,
+    std=np.nan,
+    *,
+    unit,
+    r_squared=np.nan,
+    cross_validation_rmse=np.nan,
+    chosen=True,
+    **more,
+):
+    """One row of the table of laws; what is not known is NaN.
 
-
-def _quadratic(celsius, value, std, unit, level):
-    columns = np.vander(celsius, 3)
-    line = fit_line(columns, value, std, level=level)
-    units = (f"{unit}/degC^2", f"{unit}/degC", unit)
-    return _law("quadratic", ("b1", "b2", "b3"), units, line, celsius, value, value)
-
-
-def _arrhenius(celsius, value, std, unit, level, *, law="arrhenius", factor=1.0):
-    """A line through ln(value/factor); its offset is the logarithm of the value at 25 °C."""
-    columns = np.stack([np.ones(len(celsius)), inverse_temperature(celsius)], axis=1)
-    target = np.log(value / factor)
-    line = fit_line(columns, target, std / value, level=level)
-    limits = {
-        name: np.array([np.exp(getattr(line, name)[0]), getattr(line, name)[1]])
-        for name in ("values", "lower", "upper")
+    Parameters
+    ----------
+    quantity, law, parameter, value, std, unit : of one parameter of one law.
+    r_squared, cross_validation_rmse, chosen : of the law.
+    more : further columns, such as those of `ranges`.
+    """
+    return {
+        "quantity": quantity,
+        "law": law,
+        "parameter": parameter,
+        "value": float(value),
+        "std": float(std),
+        "unit": unit,
+        "r_squared": float(r_squared),
+        "cross_validation_rmse": float(cross_validation_rmse),
+        "chosen": chosen,
+        **more,
     }
-    line = line._replace(std=line.std * np.array([limits["values"][0], 1.0]), **limits)
-    names = ("value_at_25_celsius", "activation_energy")
-    return _law(law, names, (unit, "J/mol"), line, celsius, value, target)
 
 
-def _conductivity(celsius, value, std, unit, level):
-    factor = (celsius + ZERO_CELSIUS) / REFERENCE
-    return _arrhenius(celsius, value, std, unit, level, law="arrhenius_t", factor=factor)
+def ranges(interval, tested_celsius, valid_celsius=NO_LIMIT):
+    """Columns of the table of laws on an interval and on where a law holds.
+
+    Parameters
+    ----------
+    interval : (lower, upper) of the parameter. tested_celsius, valid_celsius : as in `Law`.
+    """
+    names = ("lower", "upper", "tested_from_celsius", "tested_to_celsius")
+    names += ("valid_from_celsius", "valid_to_celsius")
+    return dict(zip(names, map(float, (*interval, *tested_celsius, *valid_celsius)), strict=True))
 
 
-LAWS = {
-    "quadratic": quadratic_law,
-    "arrhenius": arrhenius_law,
-    "arrhenius_t": conductivity_law,
-}
-_FITS = {"quadratic": _quadratic, "arrhenius": _arrhenius, "arrhenius_t": _conductivity}
-
-
-def _law(law, names, units, line, celsius, value, target):
-    predicted = LAWS[law](celsius, *line.values)
-    on_line = target + (predicted - value if law == "quadratic" else np.log(predicted / value))
+def _fitted(name, celsius, value, std, *, unit, level):
+    """One law with its scores; the errors of an Arrhenius law are those of its logarithm."""
+    form, (line, values) = FORMS[name], _coefficients(name, celsius, value, std)
+    (lower, upper), deviations = line.interval(level=level), line.std
+    predicted = form.function(celsius, *values)
+    target, on_line = value, predicted
+    if name.startswith("arrhenius"):
+        lower, upper = (np.array([np.exp(end[0]), end[1]]) for end in (lower, upper))
+        deviations = deviations * np.array([values[0], 1.0])
+        target, on_line = (np.log(one / _factor(name, celsius)) for one in (value, predicted))
     unproven = line.degrees_of_freedom < 1
     return Law(
-        law=law,
-        names=names,
-        units=units,
-        **{name: getattr(line, name) for name in ("values", "std", "lower", "upper")},
+        law=name,
+        names=form.names,
+        units=tuple(one.format(unit) for one in form.units),
+        values=values,
+        std=deviations,
+        lower=lower,
+        upper=upper,
         r_squared=r_squared(value, predicted),
         line_r_squared=r_squared(target, on_line),
-        cross_validation_rmse=np.nan,
+        cross_validation_rmse=_left_out_rmse(name, celsius, value, std),
         excess_std=line.excess_std,
         tested_celsius=(float(celsius.min()), float(celsius.max())),
         chosen=False,
@@ -368,16 +416,31 @@ def _law(law, names, units, line, celsius, value, target):
     )
 
 
-def _left_out(name, celsius, value, std):
+def _coefficients(name, celsius, value, std):
+    """The line that is fitted, and the parameters of the law that it stands for."""
+    if name.startswith("arrhenius"):
+        factor = _factor(name, celsius)
+        line = fit_arrhenius(celsius, value / factor, std / factor)
+        return line, np.array([np.exp(line.values[0]), line.values[1]])
+    if name == "linear":
+        above = celsius + ZERO_CELSIUS_KELVIN - REFERENCE_KELVIN
+        line = fit_line(np.stack([above, np.ones(len(above))], axis=1), value, std)
+    else:
+        line = fit_line(np.vander(celsius, 3), value, std)
+    return line, line.values
+
+
+def _factor(name, celsius):
+    """What of a value does not follow the plain Arrhenius law: T over 298.15 K, or nothing."""
+    return (celsius + ZERO_CELSIUS_KELVIN) / REFERENCE_KELVIN if name == "arrhenius_t" else 1.0
+
+
+def _left_out_rmse(name, celsius, value, std):
     """RMSE at temperatures left out in turn; NaN where the rest would determine no law."""
-    levels = np.unique(celsius)
-    if len(levels) <= (3 if name == "quadratic" else 2):
+    levels, form, errors = np.unique(celsius), FORMS[name], []
+    if len(levels) <= form.fewest:
         return np.nan
-    errors = [
-        LAWS[name](
-            celsius[out], *_FITS[name](celsius[~out], value[~out], std[~out], "", 0.95).values
-        )
-        - value[out]
-        for out in (celsius == level for level in levels)
-    ]
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    for out in (celsius == level for level in levels):
+        values = _coefficients(name, celsius[~out], value[~out], std[~out])[1]
+        errors.append(form.function(celsius[out], *values) - value[out])
+    return rms(np.concatenate(errors))

@@ -46,17 +46,17 @@ static double meet(branch *b, int64_t cells, double total) {
     return volt;
 }
 
-/* r is (cells, 3): ohmic and both pairs; warmth (n, cells) multiplies it; tau is (cells, 2). */
+/* r is (cells, 3): ohmic and both pairs; resistance_factor (n, cells) multiplies it; tau is (cells, 2). */
 void group_run(int64_t n, int64_t cells, int64_t points, int64_t first_order, const double *step,
                const double *fresh, const double *total, const double *ocv, const double *r,
                const double *tau, const double *wire, const double *ampere_second,
-               const double *warmth, const double *soc_at_start, double *current, double *voltage,
-               double *soc) {
+               const double *resistance_factor, const double *soc_at_start, double *current,
+               double *voltage, double *soc) {
     branch b[MOST];
     int64_t record = -1;
     for (int64_t c = 0; c < cells; c++) b[c].weighed = -1.0;
     for (int64_t k = 0; k < n; k++) {
-        const double *warm = warmth + k * cells;
+        const double *factor = resistance_factor + k * cells;
         if (fresh[k] > 0.0) {
             record++;
             for (int64_t c = 0; c < cells; c++) {
@@ -70,11 +70,11 @@ void group_run(int64_t n, int64_t cells, int64_t points, int64_t first_order, co
                 from[c] = b[c].ampere;
                 look(&b[c], ocv + c * points, points, b[c].soc + share * from[c]);
                 weigh(&b[c], tau + 2 * c, step[k]);
-                double source = b[c].ocv, ohm = warm[c] * r[3 * c] + wire[c];
+                double source = b[c].ocv, ohm = factor[c] * r[3 * c] + wire[c];
                 const double steep = b[c].rise > 0.0 ? b[c].rise : 0.0;
                 ohm += steep * share;
                 for (int j = 0; j < PAIRS; j++) {
-                    const double pair = warm[c] * r[3 * c + 1 + j];
+                    const double pair = factor[c] * r[3 * c + 1 + j];
                     source += b[c].decay[j] * b[c].volt[j] + pair * b[c].before[j] * from[c];
                     ohm += pair * b[c].after[j];
                 }
@@ -87,14 +87,14 @@ void group_run(int64_t n, int64_t cells, int64_t points, int64_t first_order, co
                 b[c].soc += share * (from[c] + b[c].ampere);
                 for (int j = 0; j < PAIRS; j++)
                     b[c].volt[j] = b[c].decay[j] * b[c].volt[j]
-                                   + warm[c] * r[3 * c + 1 + j]
+                                   + factor[c] * r[3 * c + 1 + j]
                                          * (b[c].before[j] * from[c] + b[c].after[j] * b[c].ampere);
             }
         }
         for (int64_t c = 0; c < cells; c++) {
             look(&b[c], ocv + c * points, points, b[c].soc);
             b[c].source = b[c].ocv + b[c].volt[0] + b[c].volt[1];
-            b[c].conductance = 1.0 / (warm[c] * r[3 * c] + wire[c]);
+            b[c].conductance = 1.0 / (factor[c] * r[3 * c] + wire[c]);
         }
         voltage[k] = meet(b, cells, total[k]);
         for (int64_t c = 0; c < cells; c++) {

@@ -1,4 +1,9 @@
-"""Separable least squares of exponentials: start on a grid, then Levenberg-Marquardt in ln tau."""
+"""Separable least squares of exponentials: start on a grid, then Levenberg-Marquardt in ln tau.
+
+The search is our own, not lmfit's, for it is the hot loop of identification: it needs the products
+of the columns only, which a compiled kernel makes in one pass over the record, and stops at a share
+of the parameters' own standard deviations. lmfit asks for the residual of every row at each step.
+"""
 
 from functools import cache
 from itertools import product
@@ -20,7 +25,7 @@ class Load(NamedTuple):
 
     step_second : (n−1,) steps [s]. drive : (n,) current that the lags follow [A]. fixed : (f, n)
     columns that no time constant enters. target_volt : (n,) what is to be explained [V]. hold : of
-    the drive, see `kernels.lag_weights`.
+    the drive, see `lags.lag_weights`.
     """
 
     step_second: np.ndarray
@@ -113,7 +118,7 @@ def coarse_start(load, tau_bounds, linear_bounds):
 
     Parameters
     ----------
-    load : normal.Load of the whole record.
+    load : Load of the whole record.
     tau_bounds : (m, 2) bounds of each time constant [s].
     linear_bounds : (lower, upper), (l,) each.
 
@@ -160,7 +165,12 @@ def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
 
 
 def thinned(load):
-    """The record on every so-manieth row; between them the lags follow the mean current."""
+    """The record on every k-th row, at most ROWS; between them the lags follow the mean current.
+
+    Parameters
+    ----------
+    load : Load.
+    """
     stride = -(-len(load.drive) // ROWS)
     rows = np.arange(0, len(load.drive), stride)
     if stride == 1:
@@ -235,7 +245,7 @@ def projected(normal, log_tau, linear, lower, upper):
 
     Parameters
     ----------
-    normal : `normal.Normal` with the derivatives of the last m linear columns by ln tau behind.
+    normal : `Normal` with the derivatives of the last m linear columns by ln tau behind.
     log_tau : (m,). linear : (l,) at which the residual of `normal` was taken.
     lower, upper : (l,) bounds of the linear parameters.
 
@@ -284,10 +294,14 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
     (tau_lower, tau_upper), linear_bounds = bounds
     at = projected(normal_at(log_tau, linear), log_tau, linear, *linear_bounds)
     damping, passes = 1e-3, 1
-    while passes < MOST:
+    while passes < MOST and damping <= 1e9:
         move, gain = _step(at, damping, tau_lower, tau_upper, linear_bounds)
         there = at.log_tau + move[len(linear) :]
         guess = _within(at.linear + move[: len(linear)], *linear_bounds)
+        if gain < 0.0:
+            # A bound has turned the step uphill: a shorter one keeps more of its direction.
+            damping *= 10
+            continue
         if gain <= NEAR**2 * at.power / max(samples - len(at.gram), 1):
             # The first pass took its residuals at linear parameters that were only guessed.
             near = at.near if passes > 1 else normal_at(there, guess).near
@@ -298,8 +312,6 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
         better = trial.power < at.power
         at = trial if better else at
         damping = max(damping / 30, 1e-9) if better else damping * 10
-        if damping > 1e9:
-            break
     return at, passes
 
 
@@ -319,8 +331,23 @@ def _step(at, damping, lower, upper, linear_bounds):
         unit.flat[:: len(move) + 1] += np.where(np.arange(len(move)) < size, RANK, damping) + ~free
         move = np.linalg.solve(unit, at.moment / root) / root
     reach = _within(move[size:], -FARTHEST, FARTHEST)
-    move[size:] = _within(at.log_tau + reach, lower, upper) - at.log_tau
+    allowed = _within(at.log_tau + reach, lower, upper) - at.log_tau
+    if (allowed != move[size:]).any():
+        move[:size] = _following(at, free[:size], allowed)
+    move[size:] = allowed
     return move, float(move @ at.moment)
+
+
+def _following(at, free, log_tau_move):
+    """Step of the linear parameters for a step of the time constants that bounds have shortened."""
+    size = len(at.linear)
+    root = np.where(free, np.sqrt(at.gram.diagonal()[:size]), np.inf)
+    unit = at.gram[:size, :size] / (root[:, None] * root)
+    unit.flat[:: size + 1] += RANK + ~free
+    return (
+        np.linalg.solve(unit, (at.moment[:size] - at.gram[:size, size:] @ log_tau_move) / root)
+        / root
+    )
 
 
 def _within(values, lower, upper):
@@ -373,8 +400,8 @@ def verdict(names, values, covariance, lower, upper):
 
     Parameters
     ----------
-    names, values, covariance, lower, upper : of the parameters, as in `fit.CircuitFit`; the limits
-        of their search in their units.
+    names, values, covariance, lower, upper : of the parameters (p,), (p, p); the limits of their
+        search in their units.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The one recurrence that every relaxation runs through, and its weights."""
+"""First-order lag of an input on uneven time steps, exact for its hold: recursion and weights."""
 
 import numpy as np
 

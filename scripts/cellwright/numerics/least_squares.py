@@ -1,7 +1,11 @@
 """Damped least squares of many parameters with priors: values, derivatives, steps.
 
-A problem knows how to predict and what is known beforehand; `fit` walks to the most likely values
-by Gauss–Newton steps with damping. Cells and groups of cells are both such problems.
+A problem knows how to predict and what is known beforehand; `fit` goes to the most likely values
+by damped Gauss–Newton steps. Cells and groups of cells are both such problems.
+
+The search is our own, not lmfit's, for it is the hot loop of the search for missing effects: a
+prediction simulates hours of record, so derivatives are kept from step to step (chord method) or
+made for many parameters in one simulation, and priors with couplings enter the normal equations.
 """
 
 from collections.abc import Callable
@@ -10,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 STEPS = 12
-SETTLED = 0.02  # a fall of the cost below this ends the walk
+SETTLED = 0.02  # a fall of the cost below this ends the search
 TINY = 1e-9
 PASSES, WORTH = 5, 1e-6  # steps per parameter; least fall of the cost that frees a bound
 
@@ -73,7 +77,7 @@ class Solution(NamedTuple):
 
 
 def fit(problem, values, *, columns=None, renew=(), steps=STEPS, settled=SETTLED):
-    """Walk to the most likely values.
+    """The most likely values of a problem, and the shape of its cost there.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def solve(gram, moment, signed, most=None):
 
 
 def _bounded(gram, moment, signed, most, found):
-    """The same below upper bounds: what exceeds its bound is held there, as long as it pushes."""
+    """The same below upper bounds: what exceeds its bound is held there while it pushes on it."""
     held = found > most
     for _ in range(ROUNDS):
         free = ~held
@@ -53,7 +53,7 @@ def _bounded(gram, moment, signed, most, found):
 
 
 def _by_scipy(gram, moment, signed, most):
-    """The same by scipy's bounded solver, where the active set takes turns for ever."""
+    """The same by scipy's bounded solver, where the active set repeats itself without end."""
     from scipy.optimize import lsq_linear
 
     factor = np.linalg.cholesky(gram)

@@ -1,4 +1,8 @@
-"""Straight lines: weighted, with extra scatter, and with correlated residuals."""
+"""Straight lines and other sums of known columns, by least squares: one result, three noises.
+
+`fit_line`: independent errors, stated or not, with scatter beyond them. `generalised_line`: errors
+of a known covariance. `coloured_line`: errors that neighbours in time share.
+"""
 
 from typing import NamedTuple
 
@@ -14,21 +18,32 @@ HALVINGS = 60  # of the interval in which the excess scatter is sought: to the l
 
 
 class Line(NamedTuple):
-    """A linear least-squares fit; the arrays hold one number per parameter, shape (p,).
+    """Coefficients of p columns by linear least squares; what a fit does not give is NaN.
 
-    excess_std : scatter of the points beyond their own standard deviations, in the unit of the
-    target; NaN where no degree of freedom is left to tell. degrees_of_freedom : n − p.
+    values, std : (p,) estimates and standard deviations; the latter NaN where not known.
+    degrees_of_freedom : n − p.
+    excess_std : of `fit_line`: scatter of the points beyond their own standard deviations, in the
+    unit of the target; NaN where no degree of freedom is left to tell.
+    reduced_chi_square : of `generalised_line`: squared residual over what the covariance lets
+    expect; 1 where nothing is left to tell it from.
+    correlation, log_likelihood : of `coloured_line`: mean correlation of the noise over one typical
+    interval [1]; at the best correlation, for comparing sets of columns.
     """
 
     values: np.ndarray
     std: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    excess_std: float
     degrees_of_freedom: int
+    excess_std: float = np.nan
+    reduced_chi_square: float = np.nan
+    correlation: float = np.nan
+    log_likelihood: float = np.nan
+
+    def interval(self, *, level=0.95):
+        """Lower and upper confidence limits (p,), (p,), of that coverage, by Student's t."""
+        return t_interval(self.values, self.std, self.degrees_of_freedom, level=level)
 
 
-def fit_line(columns, target, target_std=None, *, level=0.95):
+def fit_line(columns, target, target_std=None):
     """Weighted linear least squares with the scatter beyond the stated errors estimated.
 
     Each point is weighted by 1/(its variance + s²). The excess scatter s (a chamber that is some
@@ -40,18 +55,18 @@ def fit_line(columns, target, target_std=None, *, level=0.95):
     ----------
     columns : (n, p) design matrix.
     target : (n,).
-    target_std : (n,) standard deviation of each point in the unit of target; NaN counts as not
-        known, and then none is used: a point must not weigh more for saying nothing.
-    level : coverage of the confidence limits.
+    target_std : (n,) standard deviation of each point in the unit of target; where one is NaN none
+        is used: a point must not weigh more for saying nothing.
 
     Returns
     -------
-    line : Line; std and limits are NaN where the data leave no degree of freedom.
+    line : Line; std is NaN where the data leave no degree of freedom.
 
     Source: Paule & Mandel, J. Res. Natl. Bur. Stand. 87 (1982) 377, for a line instead of a mean.
     """
     columns, target = np.asarray(columns, float), np.asarray(target, float)
-    variance = _known_variance(target_std, len(target))
+    std = np.full(len(target), np.nan) if target_std is None else np.asarray(target_std, float)
+    variance = std**2 if np.isfinite(std).all() else np.zeros(len(target))
     degrees = len(target) - columns.shape[1]
     excess = _excess_variance(columns, target, variance, degrees)
     values, residual, scaled = _weighted(columns, target, variance + excess)
@@ -60,19 +75,18 @@ def fit_line(columns, target, target_std=None, *, level=0.95):
     # The sum of squares is n − p where an excess was found; below it the stated errors stand.
     if excess == 0 and 0 < squares < 1 and variance.any():
         covariance = covariance / squares
-    std = standard_deviations(covariance)
-    return Line(
-        values, std, *t_interval(values, std, degrees, level=level), *_left(excess, degrees)
-    )
+    excess_std = float(np.sqrt(excess)) if degrees > 0 else np.nan
+    return Line(values, standard_deviations(covariance), degrees, excess_std=excess_std)
 
 
-def _left(excess, degrees):
-    return (float(np.sqrt(excess)) if degrees > 0 else np.nan), degrees
+def residuals(columns, target):
+    """What ordinary least squares on the columns leaves of a target.
 
-
-def _known_variance(std, count):
-    std = np.full(count, np.nan) if std is None else np.asarray(std, float)
-    return std**2 if np.isfinite(std).all() else np.zeros(count)
+    Parameters
+    ----------
+    columns : (n, p). target : (n,) or (n, m).
+    """
+    return target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]
 
 
 def _weighted(columns, target, variance):
@@ -87,7 +101,11 @@ def _excess_variance(columns, target, variance, degrees):
     """s² by bisection between none and all of the unweighted scatter."""
     _, plain, _ = _weighted(columns, target, np.zeros(len(target)))
     low, high = 0.0, plain @ plain / max(degrees, 1)
-    if degrees < 1 or high == 0 or _squares(columns, target, variance) <= degrees:
+    if degrees < 1 or high == 0:
+        return 0.0
+    if not variance.any():
+        return high
+    if _squares(columns, target, variance) <= degrees:
         return 0.0
     for _ in range(HALVINGS):
         middle = (low + high) / 2
@@ -102,35 +120,31 @@ def _squares(columns, target, variance):
     return float(np.sum(_weighted(columns, target, variance)[1] ** 2))
 
 
-def r_squared(value, predicted):
-    """Share of the variance that a prediction explains; NaN where nothing varies.
+def generalised_line(columns, target, covariance):
+    """Least squares of a target whose errors have a known covariance.
 
     Parameters
     ----------
-    value, predicted : (n,) in one unit.
+    columns : (n, p). target : (n,). covariance : (n, n) of the target; scaled up, never down, by
+        what the residual shows.
+
+    Returns
+    -------
+    line : Line with `reduced_chi_square`.
     """
-    spread = np.sum((value - value.mean()) ** 2)
-    return float(1 - np.sum((value - predicted) ** 2) / spread) if spread > 0 else np.nan
+    root = np.linalg.cholesky(covariance)
+    whitened = np.linalg.solve(root, np.column_stack([columns, target]))
+    design, seen = whitened[:, :-1], whitened[:, -1]
+    values = np.linalg.lstsq(design, seen, rcond=None)[0]
+    degrees = len(target) - design.shape[1]
+    chi_square = np.sum((seen - design @ values) ** 2) / degrees if degrees > 0 else 1.0
+    spread = np.linalg.pinv(design.T @ design) * max(chi_square, 1.0)
+    std = standard_deviations(spread)
+    return Line(values, std, degrees, reduced_chi_square=float(chi_square))
 
 
 # Correlation over one typical interval. Uncorrelated first; 0.95 is hard to tell from a trend.
 CORRELATIONS = np.concatenate([[0.0], np.linspace(0.05, 0.95, 19)])
-
-
-class CorrelatedLine(NamedTuple):
-    """Fitted coefficients, averaged over what the correlation of the noise may be.
-
-    values, std : (p,). correlation : its mean over one typical interval [1]. scatter : standard
-    deviation of the noise, in the unit of the data. degrees_of_freedom : rows − p.
-    log_likelihood : at the best correlation, for comparing sets of columns.
-    """
-
-    values: np.ndarray
-    std: np.ndarray
-    correlation: float
-    scatter: float
-    degrees_of_freedom: int
-    log_likelihood: float
 
 
 # ASSUME: What neighbouring cycles have in common beyond fade and temperature forgets itself
@@ -148,44 +162,47 @@ def coloured_line(columns, target, place):
 
     Returns
     -------
-    Line; all NaN where n ≤ p.
+    line : Line with `correlation` and `log_likelihood`; all NaN where n ≤ p.
 
     Source: D. A. Harville, J. Am. Stat. Assoc. 72 (1977) 320 (residual likelihood).
     """
     rows, count = columns.shape
     if rows <= count:
         unknown = np.full(count, np.nan)
-        return CorrelatedLine(unknown, unknown, np.nan, np.nan, rows - count, np.nan)
-    fits = [_at(columns, target, place, correlation) for correlation in CORRELATIONS]
-    residual = np.array([fit[2] for fit in fits])
-    weight = np.exp(residual - residual.max())
+        return Line(unknown, unknown, rows - count)
+    fits = zip(*(_at(columns, target, place, one) for one in CORRELATIONS), strict=True)
+    values, variances, restricted, likelihood = map(np.array, fits)
+    weight = np.exp(restricted - restricted.max())
     weight /= weight.sum()
-    values = np.array([fit[0] for fit in fits])
     mean = weight @ values
-    variance = weight @ (np.array([fit[1] for fit in fits]) + (values - mean) ** 2)
-    return CorrelatedLine(
+    variance = weight @ (variances + (values - mean) ** 2)
+    return Line(
         mean,
         np.sqrt(variance),
-        float(weight @ CORRELATIONS),
-        float(np.sqrt(weight @ np.array([fit[4] for fit in fits]))),
         rows - count,
-        float(max(fit[3] for fit in fits)),
+        correlation=float(weight @ CORRELATIONS),
+        log_likelihood=float(likelihood.max()),
     )
 
 
 def whitened(values, place, correlation):
-    """Rows (n, …) made independent, and half the logarithm of what that divided by."""
+    """Rows (n, …) made independent, and the logarithm of the product of what divided them.
+
+    Parameters
+    ----------
+    values : (n, …). place, correlation : as in `coloured_line`.
+    """
     if correlation == 0:
         return values, 0.0
     kept = correlation ** np.diff(place)
-    left = np.sqrt(1 - kept**2)
+    own = np.sqrt(1 - kept**2)
     shape = (-1, *[1] * (values.ndim - 1))
-    later = (values[1:] - kept.reshape(shape) * values[:-1]) / left.reshape(shape)
-    return np.concatenate([values[:1], later]), float(np.log(left).sum())
+    later = (values[1:] - kept.reshape(shape) * values[:-1]) / own.reshape(shape)
+    return np.concatenate([values[:1], later]), float(np.log(own).sum())
 
 
 def _at(columns, target, place, correlation):
-    """Values, variances, residual and plain log-likelihood, and noise variance at one memory."""
+    """Values, variances, residual (REML) and plain log-likelihood at one memory."""
     design, logarithm = whitened(columns, place, correlation)
     seen, _ = whitened(target, place, correlation)
     orthogonal, triangle = np.linalg.qr(design)
@@ -195,6 +212,6 @@ def _at(columns, target, place, correlation):
     rows, count = columns.shape
     variance = squares / (rows - count)
     spread = np.log(np.abs(np.diagonal(triangle))).sum()
-    residual = -0.5 * (rows - count) * np.log(variance) - logarithm - spread
+    restricted = -0.5 * (rows - count) * np.log(variance) - logarithm - spread
     plain = -0.5 * rows * np.log(squares / rows) - logarithm
-    return values, variance * np.sum(inverse**2, axis=1), residual, plain, variance
+    return values, variance * np.sum(inverse**2, axis=1), restricted, plain

@@ -1,8 +1,9 @@
 """Noise of a voltage record: white noise beside a slow Ornstein-Uhlenbeck process, and whitening.
 
-Residuals of a record are correlated over minutes; tests that take them for independent alarm on
-every healthy cell. A scalar Kalman filter turns them into independent ones in one pass, on any
-clock (A. C. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989, 3.4).
+Residuals of a record are correlated over minutes; a test that takes them for independent finds an
+effect in every healthy cell. A scalar Kalman filter turns them into independent ones in one pass,
+on any clock (A. C. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989,
+3.4).
 """
 
 from typing import NamedTuple
@@ -10,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.native import array, count, function, real
+from cellwright.numerics.scores import rms
 
 RATIOS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # variance of the slow part over the white one's
 TIMES_SECOND = (30.0, 100.0, 300.0)
@@ -121,7 +123,7 @@ def _shapes(most_slow_second):
 def _grown(tried, residual_volt, stack, extra_volt, most_slow_volt):
     """The same noise, as large as the residual says."""
     w = whitening(tried, stack, extra_volt=extra_volt)
-    factor = max(np.sqrt(np.mean(w.apply(residual_volt) ** 2)), 1e-3)
+    factor = max(rms(w.apply(residual_volt)), 1e-3)
     slow = min(tried.slow_volt * factor, most_slow_volt)
     return Noise(max(tried.white_volt * factor, SMALLEST_VOLT), slow, tried.slow_second)
 
@@ -147,18 +149,18 @@ def read_volt(residual_volt, stack, *, steady_ampere):
 
 
 def _robust(values):
-    """Standard deviation of the bulk: one bad stretch must not call all else quiet."""
+    """Standard deviation by the median of absolute deviations: a few bad rows count little."""
     middle = np.median(values)
     return 1.4826 * float(np.median(np.abs(values - middle)))
 
 
 def _gains(keep, white, slow, gain, scale):
-    left = slow
+    variance = slow
     for k in range(len(keep)):
-        prior = keep[k] ** 2 * left + (1.0 - keep[k] ** 2) * slow
+        prior = keep[k] ** 2 * variance + (1.0 - keep[k] ** 2) * slow
         total = prior + white[k]
         gain[k], scale[k] = prior / total, 1.0 / np.sqrt(total)
-        left = (1.0 - gain[k]) * prior
+        variance = (1.0 - gain[k]) * prior
 
 
 def _whitened(matrix, keep, gain, scale):

@@ -129,15 +129,10 @@ def _gains(series, trend, place, hour, frequency):
         cosine /= np.linalg.norm(cosine, axis=0)
         sine -= cosine * np.sum(cosine * sine, axis=0)
         sine /= np.linalg.norm(sine, axis=0)
-        left = squares - (cosine.T @ rest) ** 2 - (sine.T @ rest) ** 2
+        squares_beside = squares - (cosine.T @ rest) ** 2 - (sine.T @ rest) ** 2
         plain.append(likely)
-        with_sine.append(_likelihood(left, len(series), logarithm))
+        with_sine.append(_likelihood(squares_beside, len(series), logarithm))
     return 2 * (np.max(with_sine, axis=0) - np.max(plain, axis=0))
-
-
-def _waves(hour, frequency):
-    phase = 2 * np.pi * frequency * hour
-    return np.column_stack([np.cos(phase), np.sin(phase)])
 
 
 def _share(noise, found):
@@ -150,7 +145,8 @@ def daily_sine(values, trend, place, hour):
 
     Arrays as for `periods`; `place` as for `coloured_line`.
     """
-    columns = np.column_stack([trend, _waves(hour, 1 / DAY_HOUR)])
+    phase = 2 * np.pi / DAY_HOUR * hour
+    columns = np.column_stack([trend, np.cos(phase), np.sin(phase)])
     line = coloured_line(columns, values, place)
     cosine, sine = line.values[-2:]
     amplitude = float(np.hypot(cosine, sine))

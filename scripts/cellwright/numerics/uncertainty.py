@@ -123,21 +123,6 @@ def t_interval(value, std, degrees_of_freedom, *, level=0.95):
     return value - reach, value + reach
 
 
-def percentile_interval(draws, *, level=0.95):
-    """Interval that holds the middle share of bootstrap draws.
-
-    Parameters
-    ----------
-    draws : (n, …) replicates along the first axis.
-    level : share inside, 0 to 1.
-
-    Returns
-    -------
-    lower, upper : shaped like one draw.
-    """
-    return tuple(np.quantile(draws, [(1 - level) / 2, (1 + level) / 2], axis=0))
-
-
 WHITE = 3.0  # autocorrelation of neighbours, in its standard deviations, still taken as white
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
+from cellwright.numerics.scores import rms
 from cellwright.packs.parallel import Group
 from cellwright.refusal import Refusal
 
@@ -98,7 +99,7 @@ def identify_branches(
         matrix = _design(steps, branch_current_ampere, soc, at, tau, hold)
         parameters = _solve(matrix, voltage_volt, at, soc.shape[1], penalty)
         error = matrix @ parameters - np.tile(voltage_volt, soc.shape[1])
-        found.append((float(np.sqrt(np.mean(error**2))), tau, parameters))
+        found.append((rms(error), tau, parameters))
     rmse, tau, parameters = min(found, key=lambda entry: entry[0])
     return GroupFit(_group(parameters, at, capacity, tau, points), rmse)
 

@@ -7,31 +7,18 @@ import numpy as np
 
 from cellwright.circuits.model_file import plain_member
 from cellwright.identification.cell import SCHEMA
+from cellwright.numerics.scores import rms
 from cellwright.packs.branches import identify_branches, rest_offset
 from cellwright.packs.parallel import group_of, simulate_parallel
 from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.group import branch_currents, group_record, stated_soc
 from cellwright.refusal import Refusal
 
 KNOTS = 21
 REST_SHARE = 0.02
 
 
-def branch_currents(series):
-    """Measured branch currents (n, branches) of a group's series [A].
-
-    Raises
-    ------
-    Refusal
-        The record has no branch currents.
-    """
-    names = [name for name in series if name.startswith("branch_")]
-    if len(names) < 2:
-        raise Refusal("the record has no currents of two or more branches")
-    names.sort(key=lambda name: int(name.split("_")[1]))  # branch 10 comes after 9, not after 1
-    return np.column_stack([series[name] for name in names])
-
-
-def group_models(series, steps, cells, *, test, celsius):
+def group_models(test, steps, cells):
     """Models of all cells of a group from the longest charge in its own record.
 
     1. The stretch runs from the end of the rest before the group's longest charge to the end of
@@ -41,11 +28,9 @@ def group_models(series, steps, cells, *, test, celsius):
 
     Parameters
     ----------
-    series : dict of (n,) columns with branch_<k>_current_ampere.
+    test : MeasuredTest of the group, with branch_<k>_current_ampere.
     steps : dict of columns of stage `segment`.
     cells : names of the cells, in the order of the branches.
-    test : name of the record.
-    celsius : chamber temperature of the record [°C], None: taken as 25.
 
     Returns
     -------
@@ -56,7 +41,8 @@ def group_models(series, steps, cells, *, test, celsius):
     Refusal
         No branch currents, no charge between two rests, or as `identify_branches`.
     """
-    current = branch_currents(series)
+    facts, series = test
+    current = _logged(branch_currents(series))
     before, last = _charge_between_rests(steps)
     rest = slice(steps["first_row"][before], steps["last_row"][before] + 1)
     total = series["current_ampere"]
@@ -66,16 +52,28 @@ def group_models(series, steps, cells, *, test, celsius):
     rows = slice(rest.stop - 1, steps["last_row"][last] + 1)
     time = series["test_time_second"][rows]
     fit = identify_branches(time, current[rows] - offset, series["voltage_volt"][rows])
-    fitted = {"test": test, "from_second": float(time[0]), "to_second": float(time[-1])}
-    celsius = REFERENCE_CELSIUS if celsius is None else celsius
+    fitted = {"test": facts.test, "from_second": float(time[0]), "to_second": float(time[-1])}
+    celsius = _chamber_celsius(facts)
     note = (
         f"identified inside its group from the charge at {time[0]:.0f} to {time[-1]:.0f} s of "
-        f"{test} (fit {1e3 * fit.fit_rmse_volt:.1f} mV); the rest of the record scores it"
+        f"{facts.test} (fit {1e3 * fit.fit_rmse_volt:.1f} mV); the rest of the record scores it"
     )
     return {
         cell: _model(cell, fit.group, branch, celsius, fit.fit_rmse_volt, fitted, note)
         for branch, cell in enumerate(cells)
     }
+
+
+def _logged(current):
+    if current is None or current.shape[1] < 2:
+        raise Refusal("the record has no currents of two or more branches")
+    return current
+
+
+# ASSUME: All cells of a group have the chamber's temperature, 25 °C where none is stated.
+def _chamber_celsius(facts):
+    stated = facts.ambient_temperature_celsius
+    return REFERENCE_CELSIUS if stated is None else stated
 
 
 def _charge_between_rests(steps):
@@ -146,16 +144,14 @@ class GroupValidation(NamedTuple):
     notes: tuple
 
 
-def validate_group(models, branches, series, *, test, celsius):
+def validate_group(models, branches, test):
     """Simulate a group through its whole record and score what its models have not seen.
 
     Parameters
     ----------
     models : list of model dicts, in the order of the branches.
-    branches : list of dict, rows of groups.tsv in the same order.
-    series : dict of (n,) columns with branch_<k>_current_ampere.
-    test : name of the record.
-    celsius : chamber temperature [°C], None: taken as 25.
+    branches : list of BranchFacts in the same order.
+    test : MeasuredTest of the group, with branch_<k>_current_ampere.
 
     Returns
     -------
@@ -166,21 +162,19 @@ def validate_group(models, branches, series, *, test, celsius):
     Refusal
         As many branch currents as branches are wanted; a SoC at the start must be known.
     """
-    measured = branch_currents(series)
-    if measured.shape[1] != len(branches):
-        found = f"{measured.shape[1]} branch currents for {len(branches)} branches of groups.tsv"
-        raise Refusal(f"the record has {found}")
-    time, total = series["test_time_second"], series["current_ampere"]
-    celsius = REFERENCE_CELSIUS if celsius is None else celsius
-    group = group_of(models, temperature_celsius=celsius)
+    record = group_record(test, branches)
+    measured = _logged(record.branch_current_ampere)
+    time, total = record.test_time_second, record.current_ampere
+    group = group_of(models, temperature_celsius=_chamber_celsius(test.facts))
     members = [plain_member(model) for model in models]
     notes = _replaced(models, members)
     wire = _wires(branches, notes)
-    start = _initial_soc(branches, group, series, notes)
+    start = _initial_soc(stated_soc(test.facts, branches), group, record, notes)
     run = simulate_parallel(time, total, group, initial_soc=start, wire_resistance_ohm=wire)
-    scored = _unseen(models, time, test, notes)
-    rows = _rows(measured, run, series, scored, branches, members, group)
-    columns = {n: series[n] for n in ("test_time_second", "current_ampere", "voltage_volt")}
+    scored = _unseen(models, record, notes)
+    rows = _rows(record, run, scored, branches, members, group)
+    shown = ("test_time_second", "current_ampere", "voltage_volt")
+    columns = {name: getattr(record, name) for name in shown}
     columns |= {"simulated_voltage_volt": run.voltage_volt, "scored": scored}
     for k in range(len(branches)):
         columns[f"branch_{k + 1}_current_ampere"] = measured[:, k]
@@ -198,18 +192,17 @@ def _replaced(models, members):
 
 
 def _wires(branches, notes):
-    stated = [row["wire_resistance_ohm"] for row in branches]
+    stated = [row.wire_resistance_ohm for row in branches]
     if None in stated:
         notes.append("wire resistances are not stated: taken as none beyond the cells' own")
     return np.array([0.0 if value is None else value for value in stated])
 
 
-def _initial_soc(branches, group, series, notes):
+def _initial_soc(stated, group, record, notes):
     """As stated, else each cell's own SoC at the group's rest voltage at the start."""
-    stated = [row["initial_soc"] for row in branches]
     if None not in stated:
         return np.array(stated, float)
-    total = series["current_ampere"]
+    total = record.current_ampere
     if abs(total[0]) > REST_SHARE * np.abs(total).max():
         raise Refusal("initial_soc is not stated in groups.tsv, and the record begins under load")
     # ASSUME: A group that starts at rest without a stated SoC is at equilibrium: the OCV of every
@@ -217,15 +210,16 @@ def _initial_soc(branches, group, series, notes):
     notes.append("SoC at the start from the group's first voltage")
     grid = np.linspace(0.0, 1.0, group.ocv_volt.shape[1])
     rising = np.maximum.accumulate(group.ocv_volt, axis=1)
-    found = [np.interp(series["voltage_volt"][0], curve, grid) for curve in rising]
-    return np.array([v if s is None else s for s, v in zip(stated, found, strict=True)])
+    looked_up = [np.interp(record.voltage_volt[0], curve, grid) for curve in rising]
+    return np.array([v if s is None else s for s, v in zip(stated, looked_up, strict=True)])
 
 
-def _unseen(models, time, test, notes):
+def _unseen(models, record, notes):
     """Rows that no model was fitted to."""
+    time = record.test_time_second
     unseen = np.ones(len(time), bool)
     for fitted in (model.get("fitted") for model in models):
-        if fitted and fitted["test"] == test:
+        if fitted and fitted["test"] == record.test:
             unseen &= (time < fitted["from_second"]) | (time > fitted["to_second"])
     if not unseen.any():
         raise Refusal("the models were fitted to the whole record: nothing is left to score")
@@ -234,19 +228,20 @@ def _unseen(models, time, test, notes):
     return unseen
 
 
-def _rows(measured, run, series, scored, branches, members, group):
-    total = run.branch_current_ampere.sum(axis=1) - series["current_ampere"]
-    voltage_error = (series["voltage_volt"] - run.voltage_volt)[scored]
+def _rows(record, run, scored, branches, members, group):
+    measured = record.branch_current_ampere
+    total = run.branch_current_ampere.sum(axis=1) - record.current_ampere
+    voltage_error = (record.voltage_volt - run.voltage_volt)[scored]
     rows = []
     for k, (branch, member) in enumerate(zip(branches, members, strict=True)):
         error = (measured[:, k] - run.branch_current_ampere[:, k])[scored]
         rows.append(
             {
-                "branch": branch["position"],
-                "cell": branch["cell"],
-                "current_rmse_ampere": float(np.sqrt(np.mean(error**2))),
+                "branch": branch.position,
+                "cell": branch.cell,
+                "current_rmse_ampere": rms(error),
                 "current_max_ampere": float(np.abs(error).max()),
-                "voltage_rmse_volt": float(np.sqrt(np.mean(voltage_error**2))),
+                "voltage_rmse_volt": rms(voltage_error),
                 "capacity_ampere_hour": float(group.capacity_ampere_hour[k]),
                 "kcl_residual_ampere": float(np.abs(total).max()),
                 "samples": int(scored.sum()),

@@ -86,7 +86,9 @@ def fast_charge(
     within = float(np.interp(minutes, minute, charge))
     constant = float(np.interp(min(minute[held], minutes), minute, charge))
     energy = np.concatenate([[0.0], np.cumsum((voltage[1:] + voltage[:-1]) / 2 * np.diff(charge))])
-    first, highest = _temperatures(series.get("surface_temperature_celsius"), rows)
+    surface = series.get("surface_temperature_celsius", np.empty(0))[rows]
+    surface = surface[np.isfinite(surface)]
+    first, highest = (float(surface[0]), float(surface.max())) if len(surface) else (np.nan, np.nan)
     found = FastCharge(
         c_rate=float(current[: held + 2].max() / (rated_capacity_ampere_hour or capacity)),
         minutes=float(minutes),
@@ -137,12 +139,6 @@ def _time_to(wanted, minute, charge):
         return np.nan
     k = int(reached[0])
     return float(np.interp(wanted, charge[k - 1 : k + 1], minute[k - 1 : k + 1]))
-
-
-def _temperatures(surface, rows):
-    """First and highest surface temperature; NaN where not recorded."""
-    known = [] if surface is None else surface[rows][np.isfinite(surface[rows])]
-    return (float(known[0]), float(np.max(known))) if len(known) else (np.nan, np.nan)
 
 
 def _notes(found, volt):

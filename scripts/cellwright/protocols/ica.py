@@ -113,7 +113,9 @@ def peaks(curve, *, prominence=0.05, noise_factor=5.0):
     noise = np.maximum(height, 0) * curve.scatter_volt / np.sqrt(rows)
     least = np.maximum(prominence * height.max(), noise_factor * noise * np.linalg.norm(slope))
     # Beside a peak narrower than the window the filter rings by up to a tenth of its height.
-    least = np.maximum(least, 0.1 * _highest_near(height, 2 * half))
+    padded = np.pad(height, 2 * half, mode="edge")
+    near = np.lib.stride_tricks.sliding_window_view(padded, 4 * half + 1)
+    least = np.maximum(least, 0.1 * near.max(axis=1))
     tops = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     tops = tops[_steps_down(height, tops) > least[tops]]
     tops = np.array([top for top in tops if _prominence(height, top) > least[top]], int)
@@ -136,12 +138,6 @@ def peaks(curve, *, prominence=0.05, noise_factor=5.0):
     )
 
 
-def _highest_near(height, reach):
-    """Highest value within so many points to either side."""
-    padded = np.pad(height, reach, mode="edge")
-    return np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
-
-
 def _steps_down(height, tops):
     """Bound of each prominence: the drop to the next valley, where a higher top lies behind it.
 
@@ -157,7 +153,7 @@ def _steps_down(height, tops):
 
 
 def _prominence(height, top):
-    """Height above the higher of the two lowest points on the way to higher ground."""
+    """Height above the higher of the two valleys that part a peak from higher ones."""
     higher = np.flatnonzero(height > height[top])
     left = higher[higher < top].max(initial=-1) + 1
     right = higher[higher > top].min(initial=len(height))

@@ -25,7 +25,8 @@ class Relaxation(NamedTuple):
     fitted voltage at the last sample: what is extrapolated [V]. drift_volt : OCV minus the OCV that
     the first half of the rest alone would give [V]; NaN where that half is too short. sse_volt2,
     r_squared, rmse_volt : of the fit, the RMSE with the degrees of freedom (as in table 2.2).
-    samples. verdict : what the rest does not tell, in words; empty where it tells two exponentials.
+    samples. passes : over them, of this fit. verdict : what the rest does not
+    tell, in words; empty where it tells two exponentials.
     """
 
     ocv_volt: float
@@ -40,6 +41,7 @@ class Relaxation(NamedTuple):
     r_squared: float
     rmse_volt: float
     samples: int
+    passes: int
     verdict: str
 
 
@@ -129,12 +131,12 @@ def _fitted(time, voltage, pairs):
 
     tau, linear = best_of_grid(on_grid, 1, [limits] * pairs, anywhere)
     logs = np.log(limits)[:, None] * np.ones(pairs)
-    at, _ = levenberg(normal_at, np.log(tau), linear, (logs, anywhere), samples=len(time))
+    at, passes = levenberg(normal_at, np.log(tau), linear, (logs, anywhere), samples=len(time))
     order = np.argsort(at.log_tau)
     linear, tau = at.linear[[0, *(1 + order)]], np.exp(at.log_tau[order])
     std, residual = _spread(time, voltage - level, linear, tau)
     lost = _lost(linear, tau, std, limits)
-    return _result(linear, tau, std, residual, voltage, level, time[-1]), lost
+    return _result(linear, tau, std, residual, voltage, level, time[-1], passes), lost
 
 
 def _spread(time, voltage, linear, tau):
@@ -163,7 +165,7 @@ def _lost(linear, tau, std, limits):
     return ", ".join(said)
 
 
-def _result(linear, tau, std, residual, voltage, level, last):
+def _result(linear, tau, std, residual, voltage, level, last, passes):
     power, freedom = float(residual @ residual), len(voltage) - len(std)
     moved = voltage - level
     return Relaxation(
@@ -179,6 +181,7 @@ def _result(linear, tau, std, residual, voltage, level, last):
         r_squared=1.0 - power / float(moved @ moved),
         rmse_volt=float(np.sqrt(power / freedom)),
         samples=len(voltage),
+        passes=passes,
         verdict="",
     )
 

@@ -110,9 +110,13 @@ def rests_of(
     Source: thesis sec. 3.3, (3.14)–(3.16); dU/dt = −U/tau + i/c, the minus is missing in print.
     """
     time, voltage = np.asarray(test_time_second, float), np.asarray(voltage_volt, float)
-    warm = np.full(len(time), np.nan) if temperature_celsius is None else temperature_celsius
-    series = (time, np.asarray(current_ampere, float), voltage, np.asarray(soc, float), warm)
-    found = [k for k in _after_loads(steps) if steps.duration_second[k] >= shortest_rest_second]
+    celsius = np.full(len(time), np.nan) if temperature_celsius is None else temperature_celsius
+    series = (time, np.asarray(current_ampere, float), voltage, np.asarray(soc, float), celsius)
+    kind = np.asarray(steps.kind)
+    # Of rests those that follow a load without a gap between.
+    follows = np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
+    follows &= (kind == "rest") & (np.roll(kind, 1) != "rest")
+    found = np.flatnonzero(follows & (np.asarray(steps.duration_second) >= shortest_rest_second))
     rows, reasons = [], Counter()
     for number, step in enumerate(found):
         try:
@@ -120,18 +124,18 @@ def rests_of(
         except Refusal as refusal:
             reasons[str(refusal)] += 1
     left_out = [f"{count} × {reason}" for reason, count in sorted(reasons.items())]
-    if not found:
+    if not len(found):
         left_out = [f"no rest after a load lasts {shortest_rest_second:g} s: no depolarisation"]
-    columns = {name: _column([row[name] for row in rows], name) for name in RestRows._fields}
+    columns = {
+        # Of the right type also where there is no row.
+        name: np.array([row[name] for row in rows], dtype=TYPES.get(name, float))
+        for name in RestRows._fields
+    }
     return Rests(RestRows(**columns), tuple(left_out))
 
 
-def _column(values, name):
-    """An array of the right type, also where there is no row."""
-    if name in ("direction", "load", "reason"):
-        return np.array(values, dtype=str)
-    whole = {"rest": int, "samples": int, "exponentials": int, "chosen": bool}
-    return np.array(values, dtype=whole.get(name, float))
+TYPES = dict.fromkeys(("direction", "load", "reason"), str)
+TYPES |= dict.fromkeys(("rest", "samples", "exponentials"), int) | {"chosen": bool}
 
 
 def chamber_or_cell(series):
@@ -145,19 +149,14 @@ def chamber_or_cell(series):
     return series.get("surface_temperature_celsius") if chamber is None else chamber
 
 
-def _after_loads(steps):
-    """Rests that follow a load without a gap between."""
-    kind = np.asarray(steps.kind)
-    follows = np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
-    return np.flatnonzero((kind == "rest") & follows & (np.roll(kind, 1) != "rest"))
-
-
 def _rows_of(number, series, steps, step, shortest, limit):
     """Rows of one rest: of two exponentials or one, and of three where they are told."""
     if steps.c_rate[step - 1] < LEAST_C_RATE:
         raise Refusal(f"load before the rest is below {LEAST_C_RATE:g} C")
-    time, voltage, warm = series[0], series[2], series[4]
-    rows = _steady_rows(warm, int(steps.first_row[step]), int(steps.last_row[step]))
+    time, voltage, celsius = series[0], series[2], series[4]
+    rows = np.arange(int(steps.first_row[step]), int(steps.last_row[step]) + 1)
+    moved = np.abs(celsius[rows] - celsius[rows[0]]) > MOVED_KELVIN
+    rows = rows[: int(np.argmax(moved))] if moved.any() else rows
     if rows[-1] < steps.last_row[step] and time[rows[-1]] - time[rows[0]] < shortest:
         raise Refusal(f"temperature moves by {MOVED_KELVIN:g} K within the first {shortest:g} s")
     rows = rows[_of_the_edge(time[rows], voltage[rows]) :]
@@ -169,13 +168,6 @@ def _rows_of(number, series, steps, step, shortest, limit):
     return [
         common | _fit(fit, common) | {"chosen": fit is fits[-1], "reason": reason} for fit in fits
     ]
-
-
-def _steady_rows(warm, first, last):
-    """Rows of a rest until the temperature, where it is known, has moved."""
-    rows = np.arange(first, last + 1)
-    moved = np.abs(warm[rows] - warm[first]) > MOVED_KELVIN
-    return rows[: int(np.argmax(moved))] if moved.any() else rows
 
 
 def _of_the_edge(time, voltage):
@@ -192,14 +184,14 @@ def _of_the_edge(time, voltage):
 
 def _load(series, steps, step, rows):
     """What of a row does not depend on the number of exponentials."""
-    time, current, _, soc, warm = series
-    load, known = steps.kind[step - 1], np.isfinite(warm[rows])
+    time, current, _, soc, celsius = series
+    load, known = steps.kind[step - 1], np.isfinite(celsius[rows])
     last = current[max(int(steps.last_row[step - 1]) - LAST_ROWS + 1, 0) : rows[0]]
     before = steps.current_mean_ampere[step - 1] if load in STEADY else float(np.median(last))
     return {
         "start_time_second": float(time[rows[0]]),
         "soc": float(soc[rows[0]]),
-        "temperature_celsius": float(warm[rows][known].mean()) if known.any() else np.nan,
+        "temperature_celsius": float(celsius[rows][known].mean()) if known.any() else np.nan,
         "direction": "charge" if steps.current_mean_ampere[step - 1] > 0 else "discharge",
         "load": str(load),
         "current_before_ampere": float(before),
@@ -218,7 +210,7 @@ def _fit(fit, load):
     tau = {"a": "tau1", "b": "tau2", "fast": "fast_tau"}
     row = {"exponentials": count}
     for name, at in place.items():
-        values = [_at(part, at) for part in fit[2:6]]
+        values = [np.nan if at is None else float(part[at]) for part in fit[2:6]]
         names = (
             f"{name}_volt",
             f"{name}_std_volt",
@@ -233,10 +225,6 @@ def _fit(fit, load):
         row[name] = _resistance(row[volt], row[second], load)
     same = ("ocv_volt", "ocv_std_volt", "ahead_volt", "drift_volt", "r_squared", "rmse_volt")
     return row | {name: float(getattr(fit, name)) for name in same}
-
-
-def _at(values, place):
-    return np.nan if place is None else float(values[place])
 
 
 def _resistance(volt, tau, load):
@@ -338,7 +326,10 @@ def rest_points(
     rows = [row for row in rows if row.pop("portion") >= least]
     first = min((row["start"] for row in rows), default=-np.inf)
     rows = [*_short(steps, before=first), *rows]
-    return _points([row | _ends(time, voltage, charge, row) for row in rows])
+    rows = [row | _ends(time, voltage, charge, row) for row in rows]
+    return RestPoints(
+        **{name: np.array([row[name] for row in rows]) for name in RestPoints._fields}
+    )
 
 
 def _long(found, k):
@@ -387,8 +378,3 @@ def _ends(time, voltage, charge, row):
         "end_volt": voltage[late].mean(),
         "read_ampere_hour": within[-1] - within[0],
     }
-
-
-def _points(rows):
-    names = RestPoints._fields
-    return RestPoints(**{name: np.array([row[name] for row in rows]) for name in names})

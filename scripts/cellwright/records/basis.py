@@ -190,26 +190,27 @@ def _slow_ratio(row, lender):
     return slow / youngest["capacity_ampere_hour"] if youngest else None
 
 
-def soc_of(series, basis, test, cell):
+def soc_of(series, basis, facts, cell):
     """State of charge over a record of a cell, on the scale of its basis.
 
     Parameters
     ----------
     series : dict of (n,) columns of a clean series.
     basis : dict, from `basis`.
-    test : dict with soc (stated at the start, or None) and ambient_temperature_celsius.
-    cell : dict with lower_cutoff_volt and upper_cutoff_volt.
+    facts : TestFacts, of which the stated SoC at the start and the chamber's temperature count.
+    cell : CellFacts, of which the cut-off voltages count.
 
     Returns
     -------
-    anchored : `series.anchor.Anchored`, soc (n,) and in words what it is counted from.
+    anchored : Anchored, soc (n,) and in words what it is counted from.
 
     Raises
     ------
     Refusal
-        As `series.anchor.soc_series`.
+        As `anchor.soc_series`.
     """
-    celsius = _celsius(test)
+    celsius = facts.ambient_temperature_celsius
+    celsius = REFERENCE_CELSIUS if celsius is None else celsius
     none = {"soc": None, "ocv_volt": None}
     curve = min(basis["ocv"], key=lambda one: abs(_celsius(one) - celsius), default=none)
     return soc_series(
@@ -217,21 +218,21 @@ def soc_of(series, basis, test, cell):
         series["current_ampere"],
         series["voltage_volt"],
         capacity_ampere_hour=basis["capacity_ampere_hour"],
-        lower_cutoff_volt=cell["lower_cutoff_volt"],
-        upper_cutoff_volt=cell["upper_cutoff_volt"],
-        soc_at_start=test["soc"],
+        lower_cutoff_volt=cell.lower_cutoff_volt,
+        upper_cutoff_volt=cell.upper_cutoff_volt,
+        soc_at_start=facts.soc,
         ocv_soc=curve["soc"],
         ocv_volt=curve["ocv_volt"],
     )
 
 
-def soc_or_unknown(series, basis, test, cell):
+def soc_or_unknown(series, basis, facts, cell):
     """As `soc_of`, but NaN with the reason as anchor where no state of charge can be known.
 
     For what is worth having without it, such as the resistance of a pulse.
     """
     try:
-        return soc_of(series, basis, test, cell)
+        return soc_of(series, basis, facts, cell)
     except Refusal as refusal:
         unknown = np.full(len(series["test_time_second"]), np.nan)
         return Anchored(unknown, f"not known: {refusal}")

@@ -34,3 +34,42 @@ class TestFacts(NamedTuple):
     cycle: float | None = None
     soc: float | None = None
     role: str = "fit"
+
+
+class BranchFacts(NamedTuple):
+    """A branch of a parallel group as its sheet describes it.
+
+    position : of the branch in the group, from 1. cell : name of its cell.
+    wire_resistance_ohm : of its connection [Ω], None where not stated.
+    initial_soc : at the start of the group's tests [1], None where not stated.
+    """
+
+    position: int
+    cell: str
+    wire_resistance_ohm: float | None = None
+    initial_soc: float | None = None
+
+
+class MeasuredTest(NamedTuple):
+    """A test with what was measured in it: TestFacts, and its clean series, a dict of columns."""
+
+    facts: TestFacts
+    series: dict
+
+
+def of_first_checkup(tests):
+    """Tests of the earliest check-up, and the names of the others: a cell that ages is another.
+
+    Parameters
+    ----------
+    tests : list of MeasuredTest; one whose cycles are not stated counts as new.
+
+    Returns
+    -------
+    first : list of MeasuredTest. later : list of names.
+    """
+    cycles = [test.facts.cycle or 0 for test in tests]
+    earliest = min(cycles, default=0)
+    pairs = list(zip(tests, cycles, strict=True))
+    first = [test for test, cycle in pairs if cycle == earliest]
+    return first, [test.facts.test for test, cycle in pairs if cycle > earliest]

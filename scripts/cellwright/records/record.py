@@ -1,4 +1,4 @@
-"""A test laid out on the SoC scale: its rows, what part may be fitted, and tests by temperature."""
+"""A test laid out on the SoC scale: its rows, what of them is compared, tests by temperature."""
 
 from typing import NamedTuple
 
@@ -6,8 +6,219 @@ import numpy as np
 
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import REFERENCE_CELSIUS, soc_of
+from cellwright.records.thinning import row_fields
 from cellwright.refusal import Refusal
-from cellwright.series.rest_current import hidden_rest_level
+from cellwright.series.rest_current import as_logged, hidden_rest_level
+
+SAME_CELSIUS = 2.0
+SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor or the capacity is wrong
+
+
+class Record(NamedTuple):
+    """One test of a cell on the SoC scale. It starts from rest; arrays (n,).
+
+    test, kind, role : name, kind and role, as in the sheet.
+    test_time_second, current_ampere, voltage_volt : [s], [A] positive on charge, [V].
+    soc : by the instrument's counter, which also knows what passed while nothing was recorded [1];
+        NaN after the first row where there is none: the current alone then tells.
+    celsius : temperature of the cell, see `cell_temperature` [°C].
+    used : bool, rows that are compared with a model; the others only drive its states.
+    thinned : bool, rows before which others were dropped, for nothing stepped there.
+    resistance_factor : of the resistances at `celsius` over those that a model states; 1 as long as
+        no law over temperature has been applied [1].
+    anchor, temperature_source : in words, where soc and celsius are from.
+    """
+
+    test: str
+    kind: str
+    role: str
+    test_time_second: np.ndarray
+    current_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    soc: np.ndarray
+    celsius: np.ndarray
+    used: np.ndarray
+    thinned: np.ndarray
+    resistance_factor: np.ndarray
+    anchor: str = ""
+    temperature_source: str = ""
+
+
+def record_of(
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    soc,
+    *,
+    test="",
+    kind="drive",
+    role="fit",
+    celsius=REFERENCE_CELSIUS,
+    used=None,
+    resistance_factor=1.0,
+    anchor="",
+    temperature_source="",
+):
+    """Record of columns that are on the SoC scale already; `laid_out` makes one of a test.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, voltage_volt : (n,) [s], [A], [V].
+    soc : (n,) as counted, or that of the first row where nothing was counted [1].
+    test, kind, role : as in the sheet.
+    celsius : scalar or (n,) [°C].
+    used : (n,) bool, rows that are compared with a model; None takes all.
+    resistance_factor : scalar or (n,) [1].
+    anchor, temperature_source : in words.
+
+    Returns
+    -------
+    record : Record, nothing of it checked; see `checked`.
+    """
+    rows = len(test_time_second)
+    if np.ndim(soc) == 0:
+        soc = np.append(soc, np.full(rows - 1, np.nan))
+    numbers = (test_time_second, current_ampere, voltage_volt, soc, celsius)
+    return Record(
+        test,
+        kind,
+        role,
+        *(np.broadcast_to(np.asarray(column, float), (rows,)).copy() for column in numbers),
+        np.ones(rows, bool) if used is None else np.asarray(used, bool),
+        np.zeros(rows, bool),
+        np.broadcast_to(np.asarray(resistance_factor, float), (rows,)).copy(),
+        anchor,
+        temperature_source,
+    )
+
+
+def checked(record):
+    """The record itself, where its clock and columns can be used.
+
+    Parameters
+    ----------
+    record : Record, or another with test_time_second, current_ampere, voltage_volt and celsius.
+
+    Raises
+    ------
+    Refusal : a value that is not finite, or a clock that runs back, with the row.
+    """
+    for name in ("test_time_second", "current_ampere", "voltage_volt", "celsius"):
+        wrong = np.flatnonzero(~np.isfinite(getattr(record, name)))
+        if len(wrong):
+            value = getattr(record, name)[wrong[0]]
+            raise Refusal(f"row {wrong[0]} of {name} is {value}, not a number")
+    back = np.flatnonzero(np.diff(record.test_time_second) < 0)
+    if len(back):
+        raise Refusal(f"the clock runs back after row {back[0]}")
+    return record
+
+
+def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False):
+    """A test of a cell on the SoC scale, with its temperature and the rows that are compared.
+
+    1. The SoC is counted from the best anchor that there is (`basis.soc_of`). 2. The temperature is
+    the cell's own, see `cell_temperature`. 3. Of a test of role `split` the odd blocks are compared
+    in a fit and the even ones in a proof; of any other test all rows.
+
+    Parameters
+    ----------
+    test : MeasuredTest.
+    basis : dict, from `basis.basis`, or a model that holds capacity and OCV of one.
+    cell : CellFacts.
+    split_rest_second : shortest rest that cuts a test of role `split` [s].
+    proof : compare what a fit leaves of a test of role `split`.
+    as_read : take the current as the instrument read it, with what cleaning did not count, and the
+        chamber's temperature as it was measured; the blocks are cut by the cleaned current all the
+        same.
+
+    Returns
+    -------
+    record : Record.
+
+    Raises
+    ------
+    Refusal : as `soc_of`, `fit_mask` and `checked`; a single row.
+    """
+    facts, series = test
+    columns = as_logged(series) if as_read else series
+    time = columns["test_time_second"]
+    if len(time) < 2:
+        raise Refusal(f"record has {len(time)} sample(s); a model needs a course of time")
+    anchored = soc_of(columns, basis, facts, cell)
+    celsius, source = cell_temperature(facts, columns, as_read=as_read)
+    used = np.ones(len(time), bool)
+    if facts.role == "split":
+        rest = REST_C_RATE * basis["capacity_ampere_hour"]
+        cut = series["current_ampere"]
+        used = fit_mask(time, cut, rest_second=split_rest_second, rest_ampere=rest) ^ proof
+    return checked(
+        record_of(
+            time,
+            columns["current_ampere"],
+            columns["voltage_volt"],
+            anchored.soc,
+            test=facts.test,
+            kind=facts.kind,
+            role=facts.role,
+            celsius=celsius,
+            used=used,
+            anchor=anchored.anchor,
+            temperature_source=source,
+        )
+    )
+
+
+def laid_out_to_fit(test, basis, cell, **settings):
+    """As `laid_out`, within the SoC scale and with its gaps filled: a course without a hole.
+
+    Parameters
+    ----------
+    test, basis, cell : as in `laid_out`. settings : those of `laid_out`.
+
+    Returns
+    -------
+    record : Record.
+
+    Raises
+    ------
+    Refusal : as `laid_out`; a SoC outside −0.1 to 1.1.
+    """
+    record = laid_out(test, basis, cell, **settings)
+    low, high = record.soc.min(), record.soc.max()
+    if low < SOC_RANGE[0] or high > SOC_RANGE[1]:
+        raise Refusal(f"SoC of the record runs from {low:.3f} to {high:.3f}, outside −0.1 to 1.1")
+    return bridged(record, capacity_ampere_hour=basis["capacity_ampere_hour"])
+
+
+def cell_temperature(facts, series, *, as_read=False):
+    """Temperature of a cell along a test: its measured surface, else the chamber, else 25 °C.
+
+    The chamber's is the stated one, at which a model has its conditions: air that swings by tenths
+    of a kelvin within minutes tells less of a cell. A search for effects, which asks what a reading
+    is worth, takes the measured one where there is one.
+
+    Parameters
+    ----------
+    facts : TestFacts. series : dict of (n,) columns.
+    as_read : take the measured temperature of the chamber before the stated one.
+
+    Returns
+    -------
+    celsius : (n,) [°C]. source : in words.
+    """
+    # ASSUME: A model's temperature is that of the cell's surface where it was measured, else the
+    # chamber's: the core of a loaded cell is warmer.
+    measured = {"the surface's measured": series.get("surface_temperature_celsius")}
+    if as_read:
+        measured["the chamber's measured"] = series.get("ambient_temperature_celsius")
+    for source, celsius in measured.items():
+        if celsius is not None and np.isfinite(celsius).all():
+            return np.asarray(celsius, float), source
+    stated = facts.ambient_temperature_celsius
+    source = "25 °C, for want of any" if stated is None else "the chamber's"
+    held = REFERENCE_CELSIUS if stated is None else stated
+    return np.full(len(series["test_time_second"]), float(held)), source
 
 
 def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
@@ -65,7 +276,7 @@ def blocks_of_used(records, *, rest_second, rest_ampere):
 
     Parameters
     ----------
-    records : sequence of `records.Record`. rest_second, rest_ampere : as in `blocks`.
+    records : sequence of Record. rest_second, rest_ampere : as in `blocks`.
 
     Returns
     -------
@@ -78,50 +289,6 @@ def blocks_of_used(records, *, rest_second, rest_ampere):
         found.append(next_free + block[record.used])
         next_free += block.max() + 1
     return found
-
-
-EDGE_PART = 20.0  # a change of this part of a record's largest is a step
-DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
-
-
-class Record(NamedTuple):
-    """One stretch of measurement that starts from rest; all arrays (n,).
-
-    warmth : factor that the resistances have at the cell's temperature, 1 at the condition's [1].
-    """
-
-    test_time_second: np.ndarray
-    current_ampere: np.ndarray
-    voltage_volt: np.ndarray
-    soc: np.ndarray
-    used: np.ndarray
-    warmth: np.ndarray
-
-
-def record_of(test_time_second, current_ampere, voltage_volt, soc, *, used=None, warmth=None):
-    """A measured series as a record that an identification can use.
-
-    Parameters
-    ----------
-    test_time_second, current_ampere, voltage_volt, soc : (n,) [s], [A], [V], [1].
-    used : (n,) bool, rows that may be fitted; None takes all. Rows left out still drive the
-        states.
-    warmth : (n,) factor on the resistances [1]; None: 1 everywhere.
-
-    Returns
-    -------
-    record : Record.
-
-    Raises
-    ------
-    Refusal : not finite, one sample only, time running back, SoC outside −0.1…1.1.
-    """
-    used = np.ones(len(soc), bool) if used is None else used
-    warmth = np.ones(len(soc)) if warmth is None else warmth
-    columns = (test_time_second, current_ampere, voltage_volt, soc)
-    columns = [np.asarray(column, float) for column in columns]
-    _check(*columns)
-    return Record(*columns, used, np.asarray(warmth, float))
 
 
 def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
@@ -140,7 +307,7 @@ def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
 
     Returns
     -------
-    record : Record, four more rows for each gap, none of which is used in a fit.
+    record : Record, four more rows for each gap, none of which is compared with a model.
     """
     # ASSUME: The charge that passed in a gap of a record flowed at 1C at the gap's beginning.
     time, soc = record.test_time_second, record.soc
@@ -152,204 +319,84 @@ def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
     lasts = np.minimum(np.abs(moved[gaps]) * 3600.0 / c_rate, 0.9 * length)
     ampere = moved[gaps] * capacity_ampere_hour * 3600.0 / lasts
     share = np.array([0.0, 0.5, 1.0, 1.0])
-    inside = Record(
-        (time[gaps, None] + lasts[:, None] * share).ravel(),
-        (ampere[:, None] * np.array([1.0, 1.0, 1.0, 0.0])).ravel(),
-        np.repeat(record.voltage_volt[gaps], 4),
-        (soc[gaps, None] + moved[gaps, None] * share).ravel(),
-        np.zeros(4 * len(gaps), bool),
-        np.repeat(record.warmth[gaps], 4),
-    )
+    filled = {name: np.repeat(getattr(record, name)[gaps], 4) for name in row_fields(record)}
+    filled |= {
+        "test_time_second": (time[gaps, None] + lasts[:, None] * share).ravel(),
+        "current_ampere": (ampere[:, None] * np.array([1.0, 1.0, 1.0, 0.0])).ravel(),
+        "soc": (soc[gaps, None] + moved[gaps, None] * share).ravel(),
+        "used": np.zeros(4 * len(gaps), bool),
+    }
     where = np.repeat(gaps + 1, 4)
-    return Record(*(np.insert(old, where, new) for old, new in zip(record, inside, strict=True)))
+    columns = {name: np.insert(getattr(record, name), where, new) for name, new in filled.items()}
+    return record._replace(**columns)
 
 
-def _check(time, current, voltage, soc):
-    if len(time) < 2:
-        raise Refusal(f"record has {len(time)} sample(s); a model needs a course of time")
-    if not all(np.isfinite(column).all() for column in (time, current, voltage, soc)):
-        raise Refusal("time, current, voltage or SoC holds values that are not finite")
-    if np.any(np.diff(time) < 0):
-        raise Refusal("time runs back inside the record")
-    if soc.min() < -0.1 or soc.max() > 1.1:
-        found = f"{soc.min():.3f} to {soc.max():.3f}"
-        raise Refusal(f"SoC of the record runs from {found}, outside −0.1 to 1.1")
+class FitRecords(NamedTuple):
+    """The records of one temperature, ready to be fitted.
 
-
-def edges(record, *, step_ampere):
-    """Rows at which the current has stepped by more than a threshold since the row before."""
-    return np.flatnonzero(np.abs(np.diff(record.current_ampere)) > step_ampere) + 1
-
-
-def thin(record, *, step_ampere, growth=0.1):
-    """Drop rows of steady current that say the same as their neighbours.
-
-    A row stays if the current steps before or after it; in a steady stretch the rows stay at
-    times since the last step that grow by `growth` each. At rest the relaxations between kept
-    rows are exact; every decade of time after a step then weighs the same in the fit, whatever
-    the logger's rate was.
-
-    Parameters
-    ----------
-    record : Record.
-    step_ampere : change of current between samples that counts as a step [A].
-    growth : growth of the time since the last step from one kept row to the next [1].
-
-    Returns
-    -------
-    record : Record, fewer rows.
-    """
-    time, rows = record.test_time_second, np.arange(len(record.soc))
-    edge = np.zeros(len(rows), bool)
-    edge[edges(record, step_ampere=step_ampere)] = edge[0] = True
-    age = time - time[np.maximum.accumulate(np.where(edge, rows, 0))]
-    decade = np.floor(np.log1p(age) / growth)
-    keep = edge | np.append(edge[1:], True) | (np.diff(decade, prepend=-1.0) != 0)
-    return Record(*(column[keep] for column in record))
-
-
-def without_edges(record, *, step_ampere):
-    """The record without the rows at which the current has just stepped between steady stretches.
-
-    Such a row was sampled within the edge: its voltage may belong to the current before. In a
-    drive, where the current steps at every row, none is left out.
-
-    Parameters
-    ----------
-    record : Record.
-    step_ampere : change of current between samples that counts as a step [A].
-    """
-    steps = np.abs(np.diff(record.current_ampere)) > step_ampere
-    before, after = np.append(False, steps[:-1]), np.append(steps[1:], False)
-    alone = np.append(False, steps & ~before & ~after)
-    return record._replace(used=record.used & ~alone)
-
-
-def driven(current_ampere):
-    """Whether the current of a record steps at most rows where it steps at all: a drive.
-
-    Else it steps between steady stretches, and does so at once, however sparse the rows are.
-
-    Parameters
-    ----------
-    current_ampere : (n,) [A].
-    """
-    current = np.asarray(current_ampere, float)
-    moved = np.abs(np.diff(current, prepend=current[:1]))
-    step = moved > moved.max(initial=0.0) / EDGE_PART
-    around = np.append(False, step[:-1]) | np.append(step[1:], False)
-    return bool((step & ~around).sum() < DRIVE_SHARE * step.sum())
-
-
-SAME_CELSIUS = 2.0
-
-
-class Group(NamedTuple):
-    """The tests of one temperature, ready to be fitted.
-
-    celsius : of the chamber [degC]. tests : names. records : tuple of Record, their warmth 1.
-    courses : the cell's temperature along each record, (n,) each [degC]. pulsed : excited by pulses
-    at set points, not by drives.
+    celsius : of the chamber, to which the resistances of the fit belong [°C]. records : tuple of
+    Record. pulsed : excited by pulses at set points, not by drives.
     """
 
     celsius: float
-    tests: tuple
     records: tuple
-    courses: tuple
     pulsed: bool
 
 
-def course_celsius(facts, series):
-    """Temperature of a cell along a record: its measured surface, else the chamber, else 25 °C.
+def records_by_temperature(tests, basis, cell, *, split_rest_second):
+    """Records by chamber temperature, coldest first; tests within 2 °C belong together.
+
+    At each temperature HPPC tests and beside them capacity tests, whose long loads show what
+    pulses do not; where there is no HPPC, drives.
 
     Parameters
     ----------
-    facts : dict with ambient_temperature_celsius. series : dict of (n,) columns.
+    tests : list of MeasuredTest, roles fit or split.
+    basis : dict, from `basis.basis`. cell : CellFacts.
+    split_rest_second : shortest rest that cuts a test of role `split` [s].
 
     Returns
     -------
-    celsius : (n,) [degC]. source : in words.
+    conditions : list of FitRecords. notes : list of str, what was left out and why.
     """
-    # ASSUME: A model's temperature is that of the cell's surface where it was measured, else the
-    # chamber's: the core of a loaded cell is warmer.
-    measured = series.get("surface_temperature_celsius")
-    if measured is not None and np.isfinite(measured).all():
-        return np.asarray(measured, float), "the surface's measured"
-    stated = facts["ambient_temperature_celsius"]
-    source = "25 °C, for want of any" if stated is None else "the chamber's"
-    held = REFERENCE_CELSIUS if stated is None else stated
-    return np.full(len(series["test_time_second"]), float(held)), source
-
-
-def groups_of(tests, basis, cell, *, split_rest_second):
-    """Tests grouped by chamber temperature, coldest first, within 2 °C.
-
-    In each group HPPC tests and beside them capacity tests, whose long loads show what pulses do
-    not; where there is no HPPC, drives.
-
-    Parameters
-    ----------
-    tests : list of (facts, series), roles fit or split.
-    basis : dict, from `basis.basis`. cell : dict, the cell's row.
-    split_rest_second : shortest rest that cuts a record of role `split` [s].
-
-    Returns
-    -------
-    groups : list of Group. notes : list of str, what was left out and why.
-    """
-    groups, notes = [], []
+    conditions, notes = [], []
+    settings = {"split_rest_second": split_rest_second}
     for celsius, members in _by_temperature(tests):
-        tried = [(test, _tried(test, basis, cell, split_rest_second, notes)) for test in members]
-        found = {test.facts["test"]: made for test, made in tried if made is not None}
-        if found:
-            records, courses = zip(*found.values(), strict=True)
-            pulsed = any(test.facts["kind"] == "hppc" for test in members)
-            groups.append(Group(celsius, tuple(found), records, courses, pulsed))
-    return groups, notes
+        tried = [_tried(test, basis, cell, settings, notes) for test in members]
+        records = tuple(record for record in tried if record is not None)
+        if records:
+            pulsed = any(test.facts.kind == "hppc" for test in members)
+            conditions.append(FitRecords(celsius, records, pulsed))
+    return conditions, notes
+
+
+def _tried(test, basis, cell, settings, notes):
+    """Record of a test, None with a note where it cannot be fitted."""
+    try:
+        record = laid_out_to_fit(test, basis, cell, **settings)
+    except Refusal as refusal:
+        notes.append(f"not fitted: {test.facts.test}: {refusal}")
+        return None
+    if test.facts.soc is None:
+        notes.append(f"{record.test}: SoC by {record.anchor}")
+    return record
 
 
 def _by_temperature(tests):
-    grouped = {}
-    for test in sorted(tests, key=_celsius):
-        near = [t for t in grouped if abs(t - _celsius(test)) <= SAME_CELSIUS]
-        grouped.setdefault(near[0] if near else _celsius(test), []).append(test)
-    for celsius, group in grouped.items():
-        kinds = {test.facts["kind"] for test in group}
+    by_celsius = {}
+    for test in sorted(tests, key=_chamber_celsius):
+        celsius = _chamber_celsius(test)
+        near = [t for t in by_celsius if abs(t - celsius) <= SAME_CELSIUS]
+        by_celsius.setdefault(near[0] if near else celsius, []).append(test)
+    for celsius, members in by_celsius.items():
+        kinds = {test.facts.kind for test in members}
         wanted = {"hppc", "capacity"} if "hppc" in kinds else {"drive"}
-        chosen = [test for test in group if test.facts["kind"] in wanted]
+        chosen = [test for test in members if test.facts.kind in wanted]
         if chosen:
             yield celsius, chosen
 
 
-def _celsius(test):
-    """Chamber temperature, else the mean on the cell's surface, else 25 °C as for the basis."""
-    stated = test.facts["ambient_temperature_celsius"]
-    return (
-        stated if stated is not None else float(course_celsius(test.facts, test.series)[0].mean())
-    )
-
-
-def _tried(test, basis, cell, split_rest_second, notes):
-    """Record and course of a test, None with a note where it cannot be used."""
-    try:
-        return _record(test, basis, cell, split_rest_second, notes)
-    except Refusal as refusal:
-        notes.append(f"not fitted: {test.facts['test']}: {refusal}")
-        return None
-
-
-def _record(test, basis, cell, split_rest_second, notes):
-    anchored = soc_of(test.series, basis, test.facts, cell)
-    if test.facts["soc"] is None:
-        notes.append(f"{test.facts['test']}: SoC by {anchored.anchor}")
-    time, current = test.series["test_time_second"], test.series["current_ampere"]
-    used = None
-    if test.facts["role"] == "split":
-        rest = REST_C_RATE * basis["capacity_ampere_hour"]
-        used = fit_mask(time, current, rest_second=split_rest_second, rest_ampere=rest)
-    record = record_of(time, current, test.series["voltage_volt"], anchored.soc, used=used)
-    # The course of temperature travels in the place of the warmth: a bridged gap has it too.
-    course = course_celsius(test.facts, test.series)[0]
-    capacity = basis["capacity_ampere_hour"]
-    full = bridged(record._replace(warmth=course), capacity_ampere_hour=capacity)
-    return full._replace(warmth=np.ones(len(full.soc))), full.warmth
+def _chamber_celsius(test):
+    """Chamber temperature as stated, else the mean of the cell's, 25 °C where nothing is known."""
+    stated = test.facts.ambient_temperature_celsius
+    return float(cell_temperature(*test)[0].mean()) if stated is None else stated

@@ -19,7 +19,7 @@ HOLD_FLOOR_VOLT = 0.003
 HOLD_CEILING_VOLT = 0.010
 
 
-class Record(NamedTuple):
+class Sampled(NamedTuple):
     """The columns that segmentation reads, each of shape (n,)."""
 
     time: np.ndarray

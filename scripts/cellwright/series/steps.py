@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.refusal import Refusal
 from cellwright.series.runs import (
-    Record,
+    Sampled,
     drop_noise,
     edge_rows,
     gap_rows,
@@ -246,7 +246,7 @@ def segment(
     files = np.zeros(len(time), int) if file_index is None else np.asarray(file_index)
     gap = gap_rows(time, files, gap_second=gap_second)
     rest = rest_rows(time, current, threshold=rest_c_rate * rated, rated=rated)
-    record = Record(time, current, voltage, gap, rest)
+    record = Sampled(time, current, voltage, gap, rest)
     tolerance = hold_tolerance(voltage, record.rest)
     record, edges = drop_noise(record, edge_rows(record, rated, tolerance), rated)
     edges = join_transients(record, edges)

@@ -4,7 +4,7 @@ from collections import defaultdict
 
 import numpy as np
 
-import figure
+from figures import style
 
 REAL = ("#0b6fb8", "#2a9d5c", "#8e4ec6", "#00868b", "#5d6d7e", "#3d5a80", "#7a9e3f", "#1d2733")
 SIMULATED = ("#e07b00", "#c0392b", "#b8860b")
@@ -28,7 +28,7 @@ def colours(sources) -> dict:
 
 def noise(curves, sources):
     """Sixty neighbouring samples of each source above one another, and noise spectra below."""
-    drawing, axes = figure.canvas(2, 2, width=11.0, height=8.0)
+    drawing, axes = style.subplots(2, 2, width=11.0, height=8.0)
     for column, condition in enumerate(("at rest", "under constant current")):
         _traces(axes[0, column], curves, sources, f"trace {condition}")
         axes[0, column].set_title(f"Voltage {condition}, its drift taken out")
@@ -38,7 +38,7 @@ def noise(curves, sources):
         axes[1, column].set_ylabel("density [mV/√Hz]")
         axes[1, column].set_title(f"Spectrum of the voltage {condition}")
     axes[1, 0].set_ylim(top=20 * axes[1, 0].get_ylim()[1])
-    figure.legend_once(axes[1, 0], ncols=2, loc="upper right")
+    style.legend_once(axes[1, 0], ncols=2, loc="upper right")
     return drawing
 
 
@@ -58,13 +58,13 @@ def _traces(axes, curves, sources, panel):
 
 def relaxation(curves, sources):
     """Share of the voltage change that is still to come, against time."""
-    drawing, axes = figure.canvas(2, 2, width=11.0, height=8.0)
+    drawing, axes = style.subplots(2, 2, width=11.0, height=8.0)
     for axis, panel in zip(axes.flat, RELAXATIONS, strict=True):
         _bands(axis, [c for c in curves if c.panel == panel], sources)
         axis.set(xscale="log", xlim=(0.05, None), ylim=(-0.05, 1.0))
         axis.set_xlabel("time since the load ended [s]")
         axis.set_title(panel[0].upper() + panel[1:])
-        figure.legend_once(axis)
+        style.legend_once(axis)
     for axis in axes[:, 0]:
         axis.set_ylabel("share of the way still to go")
     return drawing
@@ -72,13 +72,13 @@ def relaxation(curves, sources):
 
 def pulse(curves, sources):
     """Resistance against time over that after 10 s."""
-    drawing, axes = figure.canvas(1, 2, width=11.0, height=4.4, sharey=True)
+    drawing, axes = style.subplots(1, 2, width=11.0, height=4.4, sharey=True)
     for axis, way in zip(axes[0], ("discharge", "charge"), strict=True):
         _bands(axis, [c for c in curves if c.panel == way], sources)
         axis.set(xscale="log", xlim=(0.01, 10.5), ylim=(0.0, 1.1))
         axis.set_xlabel("time since the current began [s]")
         axis.set_title(f"A {way} out of a rest")
-        figure.legend_once(axis)
+        style.legend_once(axis)
     axes[0, 0].set_ylabel("(V(t) − V(0)) / I, over that after 10 s")
     return drawing
 
@@ -89,7 +89,7 @@ def peaks(curves, sources):
     by_source = {s.name: [c for c in curves if c.source == s.name] for s in sources}
     shown = [source for source in sources if by_source[source.name]]
     rows = max(-(-len(shown) // 2), 1)
-    drawing, axes = figure.canvas(rows, 2, width=11.0, height=2.6 * rows)
+    drawing, axes = style.subplots(rows, 2, width=11.0, height=2.6 * rows)
     for axis, source in zip(axes.flat, shown, strict=False):
         _rates(axis, by_source[source.name], colour[source.name])
         axis.set_title(source.name)
@@ -103,12 +103,12 @@ def _rates(axes, curves, colour):
     """At most eight curves of the slowest and of the fastest rate, spread over those there are."""
     panels = sorted({curve.panel for curve in curves}, key=lambda panel: -int(panel.split("C/")[1]))
     ends = dict(zip(dict.fromkeys([panels[0], panels[-1]]), ("-", ":"), strict=False))
-    for panel, style in ends.items():
+    for panel, line_style in ends.items():
         chosen = [curve for curve in curves if curve.panel == panel]
         for row in np.unique(np.linspace(0, len(chosen) - 1, MOST_CURVES).astype(int)):
-            line = {"color": colour, "ls": style, "lw": 1.0, "alpha": 0.8, "label": panel}
+            line = {"color": colour, "ls": line_style, "lw": 1.0, "alpha": 0.8, "label": panel}
             axes.plot(chosen[row].x, chosen[row].y, **line)
-    figure.legend_once(axes)
+    style.legend_once(axes)
 
 
 def _bands(axes, curves, sources, *, logarithmic=False):

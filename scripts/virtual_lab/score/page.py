@@ -8,7 +8,7 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-import figure
+from figures import style
 from virtual_lab.score import files, verdicts
 from virtual_lab.score.missing import COUNTED
 from virtual_lab.score.summary import QUANTITIES, Score, score
@@ -115,7 +115,7 @@ def table_picture(compared) -> str | None:
     ]
     if not kinds:
         return None
-    canvas, axes = figure.canvas(
+    canvas, axes = style.subplots(
         len(kinds), 2, width=WIDTH, height=2.7 * len(kinds), width_ratios=[2, 3]
     )
     for (name, part), (against, cells) in zip(kinds, axes, strict=True):
@@ -131,9 +131,9 @@ def _draw_against_truth(axes, name, part):
     low, high = min(true.min(), found.min()), max(true.max(), found.max())
     room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
     line = [low - room, high + room]
-    axes.plot(line, line, color=figure.QUIET, linewidth=0.8, zorder=1)
-    style = {"s": 11, "linewidths": 0, "alpha": 0.7, "rasterized": len(rows) > MOST_VECTORS}
-    axes.scatter(true, found, c=_colours(rows), **style)
+    axes.plot(line, line, color=style.QUIET, linewidth=0.8, zorder=1)
+    look = {"s": 11, "linewidths": 0, "alpha": 0.7, "rasterized": len(rows) > MOST_VECTORS}
+    axes.scatter(true, found, c=_colours(rows), **look)
     shown = f" [{unit}]" if unit not in ("", "1") else ""
     axes.set(xlabel=f"true{shown}", ylabel=f"found{shown}", title=plain_name(name))
     axes.set(xlim=line, ylim=line)
@@ -154,9 +154,9 @@ def _draw_errors(axes, part):
     factor, unit = shown_unit(part["unit"].iloc[0])
     rows = part[(part["status"] == "compared") & part["cell"].isin(names)]
     at = rows["cell"].map(place).to_numpy(float) + _spread(rows)
-    axes.axhline(0, color=figure.QUIET, linewidth=0.8)
-    style = {"s": 11, "linewidths": 0, "alpha": 0.7, "rasterized": len(rows) > MOST_VECTORS}
-    axes.scatter(at, factor * rows["error"], c=_colours(rows), **style)
+    axes.axhline(0, color=style.QUIET, linewidth=0.8)
+    look = {"s": 11, "linewidths": 0, "alpha": 0.7, "rasterized": len(rows) > MOST_VECTORS}
+    axes.scatter(at, factor * rows["error"], c=_colours(rows), **look)
     lost = part[(part["status"] == "missing") & part["cell"].isin(names)]["cell"].map(place)
     below = {"transform": axes.get_xaxis_transform(), "clip_on": False, "linewidth": 0}
     if len(lost):
@@ -181,7 +181,7 @@ def coverage_picture(summary) -> str | None:
     if not len(rows):
         return None
     rows = rows.iloc[::-1]
-    canvas, axes = figure.canvas(width=WIDTH, height=0.7 + 0.26 * len(rows))
+    canvas, axes = style.subplots(width=WIDTH, height=0.7 + 0.26 * len(rows))
     axes = axes[0, 0]
     share = 100 * rows["coverage_95"].to_numpy(float)
     low, high = (100 * rows[f"coverage_{side}"].to_numpy(float) for side in ("low", "high"))
@@ -190,7 +190,7 @@ def coverage_picture(summary) -> str | None:
         mine = np.flatnonzero(holds == good)
         reach = [np.maximum(share - low, 0)[mine], np.maximum(high - share, 0)[mine]]
         axes.errorbar(share[mine], mine, xerr=reach, fmt="o", color=colour, capsize=2)
-    axes.axvline(95, color=figure.INK, linewidth=0.8, linestyle="--")
+    axes.axvline(95, color=style.INK, linewidth=0.8, linestyle="--")
     names = rows["table"] + ": " + rows["quantity"].map(plain_name)
     counts = rows["n_interval"].map("{:.0f}".format)
     axes.set_yticks(range(len(rows)), names + "  (" + counts + ")")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
-from cellwright.circuits.temperature import warmth
+from cellwright.circuits.temperature import resistance_factor
 from cellwright.effects.base import OCV_KNOTS, REFERENCE_CELSIUS
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.native import array, count, function
@@ -175,41 +175,42 @@ def group_run(fields, stack):
     """
     if np.any(fields.r[:, 0] + fields.wire < LEAST_OHM) or np.any(fields.capacity <= 0):
         raise Refusal("a branch of the group has no resistance or no capacity")
-    warm = warmth(stack.celsius[:, None] + fields.warmer, REFERENCE_CELSIUS, fields.energy)
+    inside = stack.celsius[:, None] + fields.warmer
+    factor = resistance_factor(inside, REFERENCE_CELSIUS, fields.energy)
     kernel = function("group_run", *[count] * 4, *[array] * 13)
     current, voltage, soc = (
-        _twin(fields, stack, warm) if kernel is None else _compiled(kernel, fields, stack, warm)
+        _twin(fields, stack, factor) if kernel is None else _compiled(kernel, fields, stack, factor)
     )
     return GroupRun(voltage, current * (1.0 + fields.gain) + fields.offset, soc)
 
 
-def _compiled(kernel, fields, stack, warm):
-    rows, cells = warm.shape
+def _compiled(kernel, fields, stack, factor):
+    rows, cells = factor.shape
     found = np.empty((rows, cells)), np.empty(rows), np.empty((rows, cells))
     given = (stack.step_second, stack.fresh, stack.current_ampere, fields.ocv, fields.r)
-    given += (fields.tau, fields.wire, 3600.0 * fields.capacity, warm, fields.soc)
+    given += (fields.tau, fields.wire, 3600.0 * fields.capacity, factor, fields.soc)
     given = [np.ascontiguousarray(one, float) for one in given]
     first_order = stack.hold == "first_order"
     kernel(rows, cells, fields.ocv.shape[1], first_order, *given, *found)
     return found
 
 
-def _twin(fields, stack, warm):
-    rows, cells = warm.shape
+def _twin(fields, stack, factor):
+    rows, cells = factor.shape
     current, voltage, soc = np.empty((rows, cells)), np.empty(rows), np.empty((rows, cells))
     lags = lag_weights(stack.step_second[:, None, None], fields.tau, hold="first_order")
     charge = stack.step_second[:, None] / (3600.0 * fields.capacity) / 2.0
     held = stack.current_ampere if stack.hold == "first_order" else np.roll(stack.current_ampere, 1)
-    pair = np.zeros((cells, 2))
+    pair, here = np.zeros((cells, 2)), np.zeros(cells)
     for k in range(rows):
-        pairs = warm[k][:, None] * fields.r[:, 1:]
+        pairs = factor[k][:, None] * fields.r[:, 1:]
         if stack.fresh[k]:
             z, pair = fields.soc[stack.file[k]], np.zeros((cells, 2))
         else:
             weights = [one[k] for one in lags]
-            z, pair = _moved(fields, pairs, warm[k], z, pair, here, charge[k], weights, held[k])
+            z, pair = _moved(fields, pairs, factor[k], z, pair, here, charge[k], weights, held[k])
         source = _ocv_at(fields.ocv, z)[0] + pair.sum(axis=1)
-        voltage[k], here = _met(source, warm[k] * fields.r[:, 0] + fields.wire, stack, k)
+        voltage[k], here = _met(source, factor[k] * fields.r[:, 0] + fields.wire, stack, k)
         current[k], soc[k] = here, z
     return current, voltage, soc
 
@@ -219,12 +220,12 @@ def _met(source, ohm, stack, k):
     return volt, (volt - source) / ohm
 
 
-def _moved(fields, pairs, warm, soc, pair, begin, charge, weights, total):
+def _moved(fields, pairs, factor, soc, pair, begin, charge, weights, total):
     """SoC and pair voltages at the end of a step under a total."""
     decay, before, after = weights
     ocv, slope = _ocv_at(fields.ocv, soc + charge * begin)
     source = ocv + (decay * pair + pairs * before * begin[:, None]).sum(axis=1)
-    ohm = warm * fields.r[:, 0] + fields.wire + np.maximum(slope, 0.0) * charge
+    ohm = factor * fields.r[:, 0] + fields.wire + np.maximum(slope, 0.0) * charge
     ohm = ohm + (pairs * after).sum(axis=1)
     end = ((total + (source / ohm).sum()) / (1.0 / ohm).sum() - source) / ohm
     moved = decay * pair + pairs * (before * begin[:, None] + after * end[:, None])

@@ -10,23 +10,6 @@ MOST_BRANCHES = 64
 ADDS_UP = 0.25  # of the total's size, by which the branch currents may miss it
 
 
-class GroupRecord(NamedTuple):
-    """One test of a group.
-
-    test : its name. celsius : (n,) temperature around the cells [degC].
-    branch_current_ampere : (n, branches), + on charge, or None where it was not logged [A].
-    initial_soc : (branches,) stated at its start [1], or None.
-    """
-
-    test: str
-    test_time_second: np.ndarray
-    current_ampere: np.ndarray
-    voltage_volt: np.ndarray
-    celsius: np.ndarray
-    branch_current_ampere: np.ndarray | None = None
-    initial_soc: np.ndarray | None = None
-
-
 class GroupStack(NamedTuple):
     """Rows of several records of one group, one record after the other.
 

@@ -1,7 +1,7 @@
 """Effects of temperature, measured or not."""
 
 from cellwright.circuits.instrument import capacity_over_temperature
-from cellwright.circuits.temperature import warmth
+from cellwright.circuits.temperature import resistance_factor
 from cellwright.effects.base import REFERENCE_CELSIUS, relaxed, slow_volt
 from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
 
@@ -16,16 +16,15 @@ def _warmed(fields, factor):
 
 def _resistance(fields, stack, p):
     energy = p["activation_energy_joule_per_mole"]
-    return _warmed(fields, warmth(fields.celsius, REFERENCE_CELSIUS, energy))
+    return _warmed(fields, resistance_factor(fields.celsius, REFERENCE_CELSIUS, energy))
 
 
 def _self_heating(fields, stack, p):
     """Rise of the core over the measured temperature: a lag of the heat I·(V − OCV)."""
     heat = fields.current * (fields.r0 * fields.current + slow_volt(stack, fields))
-    kelvin = p["thermal_resistance_kelvin_per_watt"] * relaxed(
-        stack, heat, p["time_constant_second"]
-    )
-    return _warmed(fields, warmth(fields.celsius + kelvin, fields.celsius, OWN_HEAT_JOULE_PER_MOLE))
+    rise = p["thermal_resistance_kelvin_per_watt"] * relaxed(stack, heat, p["time_constant_second"])
+    inside = fields.celsius + rise
+    return _warmed(fields, resistance_factor(inside, fields.celsius, OWN_HEAT_JOULE_PER_MOLE))
 
 
 def _own_heat_block(p, blocks):

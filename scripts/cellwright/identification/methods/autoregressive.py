@@ -17,7 +17,8 @@ class Estimate(NamedTuple):
     """Coefficients after every sample.
 
     coefficient : (n, q): c_1…c_m, d_0…d_m, and the constant where the OCV is free; NaN before the
-    first update. covariance : (q, q) of the last, in units of the equation's error.
+    first update. covariance : (q, q) of the last ones, for equation errors that are white and not
+    correlated with past voltages, which measured noise never is: it states too little.
     """
 
     coefficient: np.ndarray
@@ -85,7 +86,8 @@ def track(
         # Rounding would make it asymmetric, and then indefinite, after some thousand samples.
         covariance = (covariance + covariance.T) / 2
         course[k + n_rc] = coefficient
-    return Estimate(course, covariance)
+    power = float(np.sum((target - rows @ coefficient) ** 2))
+    return Estimate(course, covariance * power / (len(rows) - size))
 
 
 def circuit_of_coefficients(coefficient, step_second, *, hold, n_rc=1):
@@ -93,7 +95,7 @@ def circuit_of_coefficients(coefficient, step_second, *, hold, n_rc=1):
 
     Poles a_j are the roots of 1 − Σ c_i·w^i in 1/w, tau_j = −step/ln a_j. The residue of
     Σ d_i·w^i / (1 − Σ c_i·w^i) at each pole over that of the unit lag (before + after/w… of
-    `kernels.lag_weights`) is R_j; what is left at w = 0 is R0.
+    `numerics.lags.lag_weights`) is R_j; what is left at w = 0 is R0.
 
     Parameters
     ----------

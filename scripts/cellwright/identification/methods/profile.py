@@ -1,11 +1,10 @@
-"""Intervals that do not trust the covariance: profile likelihood and block bootstrap of a fit."""
+"""Interval of one parameter of a fit by profile likelihood, open where the data do not end it."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.simulate import overpotentials
-from cellwright.identification.methods.pulse import circuit_of, fit_circuit
+from cellwright.identification.methods.pulse import fit_circuit
 from cellwright.refusal import Refusal
 
 ZERO = 1e-6  # share of the fitted value that stands for zero on a logarithmic scale
@@ -74,45 +73,6 @@ def profile_interval(record, fit, name, *, hold, level=0.95, bounds=None, free_o
     ways = zip((-step, step), np.log(limits), strict=True)
     ends = [_crossing(excess, np.log(value), *way) for way in ways]
     return _told(name, value, ends, limits, level)
-
-
-def bootstrap(record, fit, *, hold, block_rows, draws=200, seed=0, start=None):
-    """Refits to the fitted voltage plus blocks of residuals, drawn with replacement.
-
-    Parameters
-    ----------
-    record, hold : as in `profile_interval`; the OCV has to be known (no free OCV).
-    fit : CircuitFit of that record.
-    block_rows : length of a block [rows]: longer than the residuals remember.
-    draws : number of refits.
-    seed : of the draws.
-    start : (n_rc,) time constants to start from [s]; None starts from the fit's own.
-
-    Returns
-    -------
-    draws : (draws, p) parameters in the order of `fit.names`; `uncertainty.percentile_interval`
-        makes intervals of them.
-
-    Source: H. Künsch, Annals of Statistics 17 (1989) 1217 (moving blocks).
-    """
-    time, current, voltage, ocv = record
-    model = ocv + overpotentials(circuit_of(fit), time, current, hold=hold).sum(0)
-    residual = voltage - model
-    residual = residual - residual.mean()
-    count = len(residual)
-    if not 1 <= block_rows <= count:
-        raise Refusal(f"blocks of {block_rows} rows from {count} residuals")
-    rng = np.random.default_rng(seed)
-    tau = fit.values[-_pairs(fit) :] if start is None else start
-    found = []
-    for _ in range(draws):
-        first = rng.integers(0, count - block_rows + 1, size=-(-count // block_rows))
-        rows = (first[:, None] + np.arange(block_rows)).ravel()[:count]
-        again = fit_circuit(
-            time, current, model + residual[rows], ocv, hold=hold, n_rc=_pairs(fit), start=tau
-        )
-        found.append(again.values)
-    return np.array(found)
 
 
 def _pairs(fit):

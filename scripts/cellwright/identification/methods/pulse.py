@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.circuit import rc_circuit
 from cellwright.numerics.exponentials import (
     MOST,
     Load,
@@ -31,7 +30,7 @@ def names_of(n_rc, free_ocv):
 
     Parameters
     ----------
-    n_rc, free_ocv : as in `fit.fit_circuit`.
+    n_rc, free_ocv : as in `fit_circuit`.
     """
     unknown = set(free_ocv) - {"offset", "slope"}
     if unknown or not 0 <= n_rc <= 4:
@@ -47,7 +46,7 @@ def load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold, free
 
     Parameters
     ----------
-    test_time_second, current_ampere, voltage_volt, ocv_volt : as in `fit.fit_circuit`.
+    test_time_second, current_ampere, voltage_volt, ocv_volt : as in `fit_circuit`.
     hold, free_ocv : as there.
     """
     time, current, voltage = (
@@ -74,7 +73,7 @@ def limits_of(names, load, bounds):
     Parameters
     ----------
     names : of the parameters.
-    load : normal.Load, whose shortest step and whole length limit the time constants.
+    load : exponentials.Load, whose shortest step and whole length limit the time constants.
     bounds : dict, name → (lower, upper), that stand in place of the usual ones.
     """
     unknown = set(bounds) - set(names)
@@ -203,19 +202,6 @@ def fit_circuit(
         iterations=passes,
         verdict="; ".join(filter(None, said)),
     )
-
-
-def circuit_of(fit):
-    """The fitted circuit as data, for `simulate` and `impedance`: tuple of Branch.
-
-    Parameters
-    ----------
-    fit : CircuitFit.
-    """
-    found = dict(zip(fit.names, fit.values, strict=True))
-    pairs = range(1, 1 + sum(name.startswith("tau") for name in fit.names))
-    r, tau = ([found[form.format(j)] for j in pairs] for form in ("r{}_ohm", "tau{}_second"))
-    return rc_circuit(found["r0_ohm"], r, tau)
 
 
 def _optimum(load, lower, upper, pairs, start):

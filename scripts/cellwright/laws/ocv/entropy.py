@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.ocv.readings import LEAST_TEMPERATURES
+from cellwright.numerics.lines import generalised_line
 
 _COLUMNS = ("celsius", "ocv_volt", "std_volt", "common_volt")
 
@@ -75,12 +76,13 @@ def fit_entropic(readings, *, reference_celsius=25.0, level=0.95):
         _at_one_soc(*row, reference_celsius)
         for row in zip(*(getattr(readings, name) for name in _COLUMNS), strict=True)
     ]
-    line, line_std, curve, curve_std, shared, scatter, count = (
+    line, line_std, curve, curve_std, shared, chi_square, count = (
         np.array(column, float) for column in zip(*fits, strict=True)
     )
     # A deviation that was enlarged by what scattered has that scatter's degrees of freedom.
     quantile = student.ppf((1 + level) / 2, np.maximum(count - 2, 1))
-    reach = np.where(scatter > 1, quantile, norm.ppf((1 + level) / 2)) * line_std[:, 1]
+    reach = np.where(chi_square > 1, quantile, norm.ppf((1 + level) / 2)) * line_std[:, 1]
+    away = np.where(np.isfinite(readings.ocv_volt), readings.celsius - reference_celsius, 0.0)
     ratio = np.abs(curve[:, 2]) / curve_std[:, 2]
     return Entropic(
         soc=readings.soc,
@@ -96,7 +98,7 @@ def fit_entropic(readings, *, reference_celsius=25.0, level=0.95):
         parabola=curve,
         shared=shared,
         temperatures=count,
-        reach_kelvin=_reach(readings, reference_celsius),
+        reach_kelvin=np.max(np.abs(away), axis=1),
         reference_celsius=reference_celsius,
     )
 
@@ -135,13 +137,8 @@ def _crossing(soc, slope, std, sign):
     return Crossing(float(at), float(soc[0]), float(soc[-1]), sign)
 
 
-def _reach(readings, reference):
-    away = np.where(np.isfinite(readings.ocv_volt), np.abs(readings.celsius - reference), 0.0)
-    return np.max(away, axis=1)
-
-
 def _at_one_soc(celsius, volt, std, common, reference):
-    """Line, parabola, their deviations, the common factor, scatter and number of temperatures."""
+    """Line, parabola, their deviations, the common error's factor, χ² of the line, temperatures."""
     known = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
     celsius, volt, std, common = (column[known] for column in (celsius, volt, std, common))
     count = len(np.unique(np.round(celsius)))
@@ -150,31 +147,10 @@ def _at_one_soc(celsius, volt, std, common, reference):
         return nothing[:2], nothing[:2], nothing, nothing, np.nan, np.nan, count
     columns = np.vander(celsius - reference, 3, increasing=True)
     covariance = np.diag(std**2) + np.outer(common, common)
-    line, line_std, scatter = generalised(columns[:, :2], volt, covariance)
-    shared = common @ np.linalg.solve(covariance, volt - columns[:, :2] @ line)
+    line = generalised_line(columns[:, :2], volt, covariance)
+    shared = common @ np.linalg.solve(covariance, volt - columns[:, :2] @ line.values)
+    found = (shared, line.reduced_chi_square, count)
     if count == LEAST_TEMPERATURES:
-        return line, line_std, nothing, nothing, shared, scatter, count
-    return line, line_std, *generalised(columns, volt, covariance)[:2], shared, scatter, count
-
-
-def generalised(columns, target, covariance):
-    """Generalised least squares.
-
-    Parameters
-    ----------
-    columns : (n, p). target : (n,). covariance : (n, n) of the target; scaled up, never down, by
-        what the residual shows.
-
-    Returns
-    -------
-    coefficients, std : (p,). scatter : squared residual over what was expected; 1 where nothing
-        is left to tell it from.
-    """
-    root = np.linalg.cholesky(covariance)
-    whitened = np.linalg.solve(root, np.column_stack([columns, target]))
-    left, right = whitened[:, :-1], whitened[:, -1]
-    found = np.linalg.lstsq(left, right, rcond=None)[0]
-    freedom = len(target) - left.shape[1]
-    scatter = np.sum((right - left @ found) ** 2) / freedom if freedom > 0 else 1.0
-    spread = np.linalg.pinv(left.T @ left) * max(scatter, 1.0)
-    return found, np.sqrt(np.diagonal(spread)), float(scatter)
+        return line.values, line.std, nothing, nothing, *found
+    parabola = generalised_line(columns, volt, covariance)
+    return line.values, line.std, parabola.values, parabola.std, *found

@@ -10,11 +10,12 @@ import numpy as np
 
 from cellwright.laws.ocv.entropy import fit_entropic
 from cellwright.laws.ocv.surface import nodes, surface_from
-from cellwright.numerics.uncertainty import covariance_from_jacobian, standard_deviations
-from cellwright.protocols.ocv.functions import FORMS
+from cellwright.numerics.scores import rms
+from cellwright.protocols.ocv.functions import FORMS, fit_parameters, parameter_stds
 from cellwright.refusal import Refusal
 
 HIGHEST_DEGREE = 2
+TEN_KELVIN = 10.0
 
 
 def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, near=None):
@@ -34,34 +35,17 @@ def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, nea
     Source: thesis tables 3.2 and 3.3 (whose printed numbers are not used: erratum S6).
     """
     # ASSUME: Rates inside exponentials do not move with temperature.
-    from scipy.optimize import least_squares
+    form = FORMS[function]
+    rates = None if near is None else near[np.array(form.places) < 0, 0]
+    powers = _powers(celsius, reference_celsius, degree)
+    found = fit_parameters(form, soc, ocv_volt, powers=powers, near=rates)
+    return found / TEN_KELVIN ** np.arange(degree + 1)
 
-    form, places = FORMS[function], np.array(FORMS[function].places)
+
+def _powers(celsius, reference_celsius, degree):
+    """Powers of the temperature, by the ten kelvin: columns of a fit are then of one size."""
     powers = np.vander(celsius - reference_celsius, degree + 1, increasing=True)
-    # Kelvin by the ten, so that columns of the fit are of one size.
-    powers = powers / 10.0 ** np.arange(degree + 1)
-
-    def solved(logs):
-        columns = form.columns(soc, np.exp(logs))
-        design = (columns[:, :, None] * powers[:, None, :]).reshape(len(soc), -1)
-        length = np.linalg.norm(design, axis=0)
-        length = np.where(length > 0, length, 1.0)
-        found = np.linalg.lstsq(design / length, ocv_volt, rcond=None)[0]
-        return found / length, design @ (found / length) - ocv_volt
-
-    starts = form.starts if near is None else (tuple(near[places < 0, 0]),)
-    logs = np.array([])
-    if form.starts[0]:
-        fits = [
-            least_squares(lambda x: solved(x)[1], np.log(s), bounds=(-12, 7), x_scale=0.5)
-            for s in starts
-        ]
-        logs = min(fits, key=lambda fit: fit.cost).x
-    coefficients = solved(logs)[0].reshape(-1, degree + 1) / 10.0 ** np.arange(degree + 1)
-    parameters = np.zeros((len(places), degree + 1))
-    parameters[places >= 0] = coefficients[places[places >= 0]]
-    parameters[places < 0, 0] = np.exp(logs)
-    return parameters
+    return powers / TEN_KELVIN ** np.arange(degree + 1)
 
 
 def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius):
@@ -74,24 +58,10 @@ def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius)
     function, parameters, reference_celsius : as of the fit.
     soc, celsius, ocv_volt : (n,) what was fitted [1], [degC], [V].
     """
-    settings = {"reference_celsius": reference_celsius}
-    places = np.array(FORMS[function].places)
-    free = np.ones(parameters.shape, bool)
-    free[places < 0, 1:] = False
-    # Linear in the coefficients and all but so in a step of a rate this small.
-    steps = np.where((places < 0)[:, None], 1e-5 * parameters, 1e-3) * free
-    columns = []
-    for row, column in np.argwhere(free):
-        step = np.zeros(parameters.shape)
-        step[row, column] = steps[row, column]
-        ends = [
-            form_ocv(function, parameters + s, soc, celsius, **settings)[0] for s in (step, -step)
-        ]
-        columns.append((ends[0] - ends[1]) / (2 * step[row, column]))
-    residual = form_ocv(function, parameters, soc, celsius, **settings)[0] - ocv_volt
-    std = np.full(parameters.shape, np.nan)
-    std[free] = standard_deviations(covariance_from_jacobian(np.transpose(columns), residual))
-    return std
+    unit = TEN_KELVIN ** np.arange(parameters.shape[1])
+    powers = _powers(celsius, reference_celsius, parameters.shape[1] - 1)
+    form = FORMS[function]
+    return parameter_stds(form, parameters * unit, soc, ocv_volt, powers=powers) / unit
 
 
 def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
@@ -187,7 +157,7 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
         Function(
             name,
             *_described(name, whole[name], kept, **settings),
-            _rms(inside[name]),
+            rms(inside[name][np.isfinite(inside[name])]),
             scores[name],
             name == best,
         )
@@ -225,12 +195,7 @@ def _scores(left):
     """RMSE over the points that every function could predict; NaN for those that could none."""
     able = {name: error for name, error in left.items() if np.isfinite(error).any()}
     common = np.all([np.isfinite(error) for error in able.values()], axis=0)
-    return {name: _rms(error[common]) if name in able else np.nan for name, error in left.items()}
-
-
-def _rms(error):
-    error = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(error**2))) if len(error) else np.nan
+    return {name: rms(error[common]) if name in able else np.nan for name, error in left.items()}
 
 
 def _fitted(name, readings, *, reference_celsius, near=None):

@@ -57,20 +57,28 @@ def over_temperature(
     ------
     Refusal : neither kind of test suffices; with the reasons of both.
     """
-    sources, reasons = _sources(curves, step_rows, voltage_std_volt, step_std_volt)
+    sources, notes = _sources(curves, step_rows, voltage_std_volt, step_std_volt)
     if not sources:
-        raise Refusal("; ".join(reasons))
-    nearest = {name: _nearest(r.celsius, reference_celsius) for name, r in sources.items()}
-    entropic = {
-        name: fit_entropic(readings, reference_celsius=nearest[name])
-        for name, readings in sources.items()
-    }
-    used = min(entropic, key=lambda name: _median(entropic[name].slope_std))
-    curve = min(fresh(curves), key=lambda c: _away(c, nearest[used]), default=None)
+        raise Refusal("; ".join(notes))
+    entropic = {}
+    for name, readings in sources.items():
+        means = np.nanmean(readings.celsius, axis=0)
+        nearest = np.round(means[np.argmin(np.abs(means - reference_celsius))], 1)
+        entropic[name] = fit_entropic(readings, reference_celsius=float(nearest))
+    std = {name: one.slope_std[np.isfinite(one.slope_std)] for name, one in entropic.items()}
+    used = min(std, key=lambda name: np.median(std[name]) if len(std[name]) else np.inf)
+    reference = entropic[used].reference_celsius
+    away = [abs(one["ambient_temperature_celsius"] - reference) for one in fresh(curves)]
+    curve = fresh(curves)[int(np.argmin(away))] if away else None
     readings = sources[used] if used == "slow" else on_curve(sources[used], curve)
-    fitted = fit_entropic(readings, reference_celsius=nearest[used])
-    functions, why = _compared(readings, nearest[used], largest_std_volt)
-    notes = [*reasons, *why, *(note for one in sources.values() for note in one.notes)]
+    fitted, functions = fit_entropic(readings, reference_celsius=reference), []
+    try:
+        functions = compare(
+            readings, reference_celsius=reference, largest_std_volt=largest_std_volt
+        )
+    except Refusal as refusal:
+        notes.append(f"functions over temperature not compared: {refusal}")
+    notes += [note for one in sources.values() for note in one.notes]
     notes += _bent(functions) if used == "slow" else []
     return OverTemperature(
         entropic,
@@ -81,7 +89,7 @@ def over_temperature(
         surface_from(
             _coefficients(fitted, functions, largest_std_volt),
             readings,
-            nearest[used],
+            reference,
             None if curve is None else np.asarray(curve["ocv_volt"], float),
         ),
         tuple(notes),
@@ -100,28 +108,6 @@ def _sources(curves, step_rows, voltage_std, step_std):
         except Refusal as refusal:
             reasons += [str(refusal)] if content else []
     return found, reasons or ["neither slow tests nor rests in a stepping chamber"] * (not found)
-
-
-def _nearest(celsius, wanted):
-    means = np.nanmean(celsius, axis=0)
-    return float(np.round(means[np.argmin(np.abs(means - wanted))], 1))
-
-
-def _away(curve, celsius):
-    return abs(curve["ambient_temperature_celsius"] - celsius)
-
-
-def _median(values):
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else np.inf
-
-
-def _compared(readings, reference, largest):
-    try:
-        settings = {"reference_celsius": reference, "largest_std_volt": largest}
-        return compare(readings, **settings), []
-    except Refusal as refusal:
-        return [], [f"functions over temperature not compared: {refusal}"]
 
 
 def _coefficients(fitted, functions, largest):

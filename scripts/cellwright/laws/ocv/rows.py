@@ -1,76 +1,73 @@
-"""Rows of the artefacts on the open-circuit voltage over temperature."""
+"""Tables of the open-circuit voltage over temperature: coefficient, map, functions, laws."""
 
 import numpy as np
 
-from cellwright.laws.ocv.entropy import generalised, zero_crossings
+from cellwright.laws.ocv.entropy import zero_crossings
 from cellwright.laws.ocv.surface import nodes, tested
+from cellwright.laws.temperature import law_row
+from cellwright.numerics.lines import generalised_line
+from cellwright.numerics.scores import rms
 
 LAW_SOC = np.arange(1, 10) / 10
 STRAIGHT_P = 0.05
 
 
-def entropic_rows(found):
-    """The entropic coefficient over SoC, one row a source and SoC.
+def entropic_columns(found):
+    """The entropic coefficient over SoC, one row a source and SoC: dict of columns.
 
     Parameters
     ----------
     found : `ocv_temperature.OverTemperature`.
     """
-    return [
-        {
+    parts = []
+    for source, one in sorted(found.entropic.items()):
+        known = np.isfinite(one.slope)
+        columns = {
             "source": source,
             "used": source == found.used,
-            "soc": float(one.soc[k]),
-            "ocv_volt": float(one.ocv_volt[k]),
-            "entropic_millivolt_per_kelvin": 1e3 * float(one.slope[k]),
-            "std_millivolt_per_kelvin": 1e3 * float(one.slope_std[k]),
-            "lower_millivolt_per_kelvin": 1e3 * float(one.slope_lower[k]),
-            "upper_millivolt_per_kelvin": 1e3 * float(one.slope_upper[k]),
-            "bend_microvolt_per_kelvin_squared": 1e6 * float(one.bend[k]),
-            "bend_std_microvolt_per_kelvin_squared": 1e6 * float(one.bend_std[k]),
-            "bend_p": float(one.bend_p[k]),
-            "shared_error": float(one.shared[k]),
-            "temperatures": int(one.temperatures[k]),
+            "soc": one.soc[known],
+            "ocv_volt": one.ocv_volt[known],
+            "entropic_millivolt_per_kelvin": 1e3 * one.slope[known],
+            "std_millivolt_per_kelvin": 1e3 * one.slope_std[known],
+            "lower_millivolt_per_kelvin": 1e3 * one.slope_lower[known],
+            "upper_millivolt_per_kelvin": 1e3 * one.slope_upper[known],
+            "bend_microvolt_per_kelvin_squared": 1e6 * one.bend[known],
+            "bend_std_microvolt_per_kelvin_squared": 1e6 * one.bend_std[known],
+            "bend_p": one.bend_p[known],
+            "shared_error": one.shared[known],
+            "temperatures": one.temperatures[known].astype(int),
             "reference_celsius": one.reference_celsius,
         }
-        for source, one in sorted(found.entropic.items())
-        for k in np.flatnonzero(np.isfinite(one.slope))
-    ]
+        parts.append(_filled(columns))
+    return _stacked(parts)
 
 
-def map_rows(found, *, every=2):
-    """Curve and bias at each tested temperature, one row a temperature and SoC.
+def map_columns(found, *, every=2):
+    """Curve and bias at each tested temperature, one row a temperature and SoC: dict of columns.
 
     Parameters
     ----------
     found : `ocv_temperature.OverTemperature`. every : of the grid's points.
     """
-    surface, readings = found.surface, found.readings
-    base = nodes(surface, surface.reference_celsius)[0]
-    rows = []
+    surface, readings, fitted = found.surface, found.readings, found.fitted
+    base, parts = nodes(surface, surface.reference_celsius)[0], []
     for column, celsius in enumerate(np.nanmean(readings.celsius, axis=0)):
         volt, moves = nodes(surface, celsius)
-        bias = volt - base
-        std = found.fitted.slope_std * abs(celsius - surface.reference_celsius)
-        measured = readings.ocv_volt[:, column] - found.fitted.ocv_volt
-        inside = tested(surface, surface.soc, celsius)
-        rows += [
-            {
-                "temperature_celsius": float(celsius),
-                "soc": float(surface.soc[k]),
-                "ocv_volt": float(volt[k]),
-                "bias_volt": float(bias[k]),
-                "bias_std_volt": float(std[k]),
-                "measured_bias_volt": float(measured[k]),
-                "entropic_volt_per_kelvin": float(moves[k]),
-                "tested": bool(inside[k]),
-            }
-            for k in range(0, len(surface.soc), every)
-        ]
-    return rows
+        columns = {
+            "temperature_celsius": celsius,
+            "soc": surface.soc,
+            "ocv_volt": volt,
+            "bias_volt": volt - base,
+            "bias_std_volt": fitted.slope_std * abs(celsius - surface.reference_celsius),
+            "measured_bias_volt": readings.ocv_volt[:, column] - fitted.ocv_volt,
+            "entropic_volt_per_kelvin": moves,
+            "tested": tested(surface, surface.soc, celsius),
+        }
+        parts.append({name: values[::every] for name, values in _filled(columns).items()})
+    return _stacked(parts)
 
 
-def surface_rows(found):
+def function_rows(found):
     """One row a function over SoC and temperature; parameters row by row, K0 first.
 
     Parameters
@@ -95,8 +92,8 @@ def surface_rows(found):
     ]
 
 
-def table_rows(found):
-    """The surface itself, one row a SoC.
+def surface_columns(found):
+    """The surface itself, one row a SoC: dict of columns.
 
     Parameters
     ----------
@@ -104,20 +101,28 @@ def table_rows(found):
     """
     surface = found.surface
     cold, warm = surface.tested_celsius
-    inside = tested(surface, surface.soc, warm)
-    return [
+    return _filled(
         {
-            "soc": float(surface.soc[k]),
-            "ocv_volt": float(surface.ocv_volt[k]),
-            "slope_volt_per_kelvin": float(surface.slope[k]),
-            "bend_volt_per_kelvin_squared": float(surface.bend[k]),
+            "soc": surface.soc,
+            "ocv_volt": surface.ocv_volt,
+            "slope_volt_per_kelvin": surface.slope,
+            "bend_volt_per_kelvin_squared": surface.bend,
             "reference_celsius": surface.reference_celsius,
-            "tested": bool(inside[k]),
+            "tested": tested(surface, surface.soc, warm),
             "tested_from_celsius": cold,
             "tested_to_celsius": warm,
         }
-        for k in range(len(surface.soc))
-    ]
+    )
+
+
+def _filled(columns):
+    """Columns of one length, a single value repeated."""
+    return dict(zip(columns, np.broadcast_arrays(*columns.values()), strict=True))
+
+
+def _stacked(parts):
+    """Columns of several tables, one below the other."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def law_rows(found):
@@ -162,19 +167,14 @@ def crossings(found, *, certain=True):
 
 
 def _crossing_row(one, certain):
-    return {
-        "quantity": "zero crossing of dOCV/dT"
-        + (", rising" if one.sign_above > 0 else ", falling"),
-        "law": "linear",
-        "parameter": "soc",
-        "value": one.soc,
-        # Nothing says where in the range between two certain signs it lies: rectangular.
-        "std": (one.upper_soc - one.lower_soc) / np.sqrt(12),
-        "unit": "1",
-        "r_squared": float("nan"),
-        "cross_validation_rmse": float("nan"),
-        "chosen": certain,
-    }
+    way = "rising" if one.sign_above > 0 else "falling"
+    # Nothing says where in the range between two certain signs it lies: rectangular.
+    std = (one.upper_soc - one.lower_soc) / np.sqrt(12)
+    quantity = f"zero crossing of dOCV/dT, {way}"
+    return law_row(quantity, "linear", "soc", one.soc, std, unit="1", chosen=certain)
+
+
+PARAMETERS = (("ocv", "V"), ("entropic_coefficient", "V/K"), ("bend", "V/K^2"))
 
 
 def _law(found, k, soc, *, degree, law, chosen):
@@ -185,48 +185,36 @@ def _law(found, k, soc, *, degree, law, chosen):
         getattr(readings, name)[k][known]
         for name in ("celsius", "ocv_volt", "std_volt", "common_volt")
     )
-    columns = np.vander(celsius - reference, degree + 1, increasing=True)
-    covariance = np.diag(std**2) + np.outer(common, common)
     if len(volt) <= degree:
         return []
-    values, deviations, _ = generalised(columns, volt, covariance)
-    r_squared = _explained(columns, volt, covariance)
-    error = _left_out(columns, volt, covariance)
+    columns = np.vander(celsius - reference, degree + 1, increasing=True)
+    covariance = np.diag(std**2) + np.outer(common, common)
+    line = generalised_line(columns, volt, covariance)
+    scores = {
+        "r_squared": _explained(line, volt, covariance),
+        "cross_validation_rmse": _left_out_rmse(columns, volt, covariance),
+    }
+    quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
+    fitted = zip(PARAMETERS, line.values, line.std, strict=False)
     return [
-        {
-            "quantity": f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC",
-            "law": law,
-            "parameter": name,
-            "value": float(value),
-            "std": float(deviation),
-            "unit": unit,
-            "r_squared": r_squared,
-            "cross_validation_rmse": error,
-            "chosen": chosen,
-        }
-        for name, unit, value, deviation in zip(
-            ("ocv", "entropic_coefficient", "bend"),
-            ("V", "V/K", "V/K^2"),
-            values,
-            deviations,
-            strict=False,
-        )
+        law_row(quantity, law, name, value, deviation, unit=unit, chosen=chosen, **scores)
+        for (name, unit), value, deviation in fitted
     ]
 
 
-def _explained(columns, volt, covariance):
+def _explained(line, volt, covariance):
     """R² in units of the standard deviations, the common error among them."""
-    flat, whole = (generalised(columns[:, :q], volt, covariance)[2] for q in (1, columns.shape[1]))
-    freedom = [max(len(volt) - q, 0) for q in (1, columns.shape[1])]
-    return float(1 - whole * freedom[1] / (flat * freedom[0])) if flat > 0 else float("nan")
+    flat = generalised_line(np.ones((len(volt), 1)), volt, covariance)
+    whole, rest = (one.reduced_chi_square * max(one.degrees_of_freedom, 0) for one in (flat, line))
+    return 1 - rest / whole if flat.reduced_chi_square > 0 else np.nan
 
 
-def _left_out(columns, volt, covariance):
+def _left_out_rmse(columns, volt, covariance):
     if len(volt) <= columns.shape[1]:
-        return float("nan")
+        return np.nan
     errors = []
     for out in range(len(volt)):
         rest = np.arange(len(volt)) != out
-        values = generalised(columns[rest], volt[rest], covariance[np.ix_(rest, rest)])[0]
-        errors.append(columns[out] @ values - volt[out])
-    return float(np.sqrt(np.mean(np.square(errors))))
+        line = generalised_line(columns[rest], volt[rest], covariance[np.ix_(rest, rest)])
+        errors.append(columns[out] @ line.values - volt[out])
+    return rms(errors)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.scores import rms
 from cellwright.protocols.impedance.circuits import (
     PARALLEL,
     SERIES,
@@ -204,8 +205,8 @@ def _left_out(frequency, impedance, fit):
             frequency[rest], impedance[rest], circuit=fit.circuit, starts=1, start=start
         )
         guess = circuit_impedance(fit.circuit, frequency[out], found.values)
-        errors.append(np.abs(guess / impedance[out] - 1) ** 2)
-    return float(np.sqrt(np.mean(np.concatenate(errors))))
+        errors.append(np.abs(guess / impedance[out] - 1))
+    return rms(np.concatenate(errors))
 
 
 # A valid spectrum leaves its noise, some tenths of a per cent; a drifting cell leaves per cents.
@@ -274,7 +275,7 @@ def analyse(
     preferred = best(compared, criterion="bic" if choose == "circuit" else choose)
     fit = given if choose == "circuit" else preferred.fit
     distribution = relaxation_times(*points)
-    row = _row(fit, frequency, impedance, trusted, preferred) | _warmth(temperature_celsius)
+    row = _row(fit, frequency, impedance, trusted, preferred) | _temperature(temperature_celsius)
     return Analysis(
         row=row,
         curve=_curve(fit, frequency, impedance, trusted),
@@ -308,7 +309,7 @@ def _row(fit, frequency, impedance, trusted, preferred):
     }
 
 
-def _warmth(celsius):
+def _temperature(celsius):
     known = celsius is not None and np.isfinite(celsius).any()
     span = np.nanmax(celsius) - np.nanmin(celsius) if known else np.nan
     return {

@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.scores import rms
+
 # Weakest and strongest smoothing, powers of ten relative to the data's own weight.
 STRENGTHS = (-8.0, 2.0)
 HALVINGS = 7
@@ -53,7 +55,9 @@ def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
     edges = np.log10([1 / omega.max(), 1 / omega.min()]) + [-0.5, 0.5]
     tau = np.logspace(*edges, round(per_decade * np.ptp(edges)) + 1)
     matrix, target, size = _system(omega, np.asarray(impedance_ohm, complex), tau)
-    penalty = _curvature(len(tau))
+    # Second differences of the distribution, zero beyond both ends; nothing of R, L and C.
+    penalty = np.diff(np.eye(len(tau) + 4)[:, 2:-2], n=2, axis=0)
+    penalty = np.concatenate([penalty, np.zeros((len(penalty), 3))], axis=1)
     strength = _strongest(matrix, target, penalty)
     solution, error = _fitted(matrix, target, penalty, strength)
     found = solution / size
@@ -65,7 +69,7 @@ def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
         inductance_henry=float(found[-2]),
         capacitance_farad=float(1 / found[-1]) if found[-1] > 0 else np.inf,
         strength=float(strength),
-        rms_relative_residual=float(np.sqrt(2 * np.mean(error**2))),
+        rms_relative_residual=np.sqrt(2) * rms(error),
     )
 
 
@@ -117,12 +121,6 @@ def _system(omega, impedance, tau):
     stacked = np.concatenate([columns.real, columns.imag]) / size
     target = impedance * weight
     return stacked, np.concatenate([target.real, target.imag]), size
-
-
-def _curvature(number):
-    """Second differences of the distribution, zero beyond both ends; nothing of R, L and C."""
-    inner = np.diff(np.eye(number + 4)[:, 2:-2], n=2, axis=0)
-    return np.concatenate([inner, np.zeros((len(inner), 3))], axis=1)
 
 
 def _fitted(matrix, target, penalty, strength):

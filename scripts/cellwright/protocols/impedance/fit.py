@@ -259,7 +259,9 @@ def fit_circuit(
     frequency, impedance = np.asarray(frequency_hertz, float), np.asarray(impedance_ohm, complex)
     check(frequency, impedance)
     tree = parse(circuit)
-    _known(tree, start, bounds, fixed, tied)
+    asked = set().union(*(names or () for names in (start, bounds, fixed, tied)))
+    if unknown := sorted(asked - set(tree.names)):
+        raise Refusal(f"circuit {circuit} has no parameter {unknown}; it has {list(tree.names)}")
     size = features(frequency, impedance)
     column, offset = _freedom(tree, fixed or {}, tied or {})
     ends = _limits(tree, size, bounds or {}, column)
@@ -299,13 +301,6 @@ def zero_crossing(frequency_hertz, impedance_ohm):
     before = crossings[0]
     share = imaginary[before] / (imaginary[before] - imaginary[before + 1])
     return float(real[before] + share * (real[before + 1] - real[before]))
-
-
-def _known(tree, *named):
-    asked = {name for names in named for name in (names or {})}
-    unknown = sorted(asked - set(tree.names))
-    if unknown:
-        raise Refusal(f"circuit {tree.text} has no parameter {unknown}; it has {list(tree.names)}")
 
 
 def _freedom(tree, fixed, tied):

@@ -1,4 +1,9 @@
-"""Levenberg–Marquardt of a circuit's parameters in logarithms, from many starts at once."""
+"""Levenberg–Marquardt of a circuit's parameters in logarithms, from many starts at once.
+
+The search is our own, not lmfit's, for a spectrum is fitted some hundred times (starts, candidate
+circuits, points left out): compiled, with exact derivatives of the circuit, a fit from eight starts
+takes 1 ms, less than lmfit itself adds to a single start.
+"""
 
 from functools import cache
 from typing import NamedTuple

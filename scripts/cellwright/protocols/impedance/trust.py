@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.scores import rms
 from cellwright.refusal import Refusal
 
 
@@ -57,9 +58,7 @@ def linear_kramers_kronig(
         measure = 1 - negative / max(resistances[resistances > 0].sum(), np.finfo(float).tiny)
         if measure <= fill:
             break
-    return KramersKronig(
-        residual, float(np.sqrt(np.mean(np.abs(residual) ** 2))), pairs, float(measure)
-    )
+    return KramersKronig(residual, rms(np.abs(residual)), pairs, float(measure))
 
 
 def _chain(rates, impedance, pairs):
@@ -137,8 +136,7 @@ def trusted_points(frequency_hertz, impedance_ohm, *, drift_tolerance, inductanc
 
 def _breaks(frequency, residual, tolerance):
     size, decade = np.abs(residual), np.log10(frequency / frequency.min())
-    slow = np.sqrt(np.mean(size[decade <= 1] ** 2))
-    fast = np.sqrt(np.mean(size[decade >= decade.max() - 1] ** 2))
+    slow, fast = rms(size[decade <= 1]), rms(size[decade >= decade.max() - 1])
     return slow > max(tolerance, WORSE * fast)
 
 

@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.scores import rms
+from cellwright.numerics.separable import best_logarithms
 from cellwright.numerics.uncertainty import covariance_from_jacobian, standard_deviations
 from cellwright.refusal import Refusal
 
@@ -40,16 +42,6 @@ class OcvFunction(NamedTuple):
     chosen: bool
 
 
-class _Fit(NamedTuple):
-    parameters: np.ndarray
-    std: np.ndarray
-    rmse_volt: float
-
-
-def _saturating(z, rate):
-    return 1 - np.exp(-rate * z)
-
-
 def _near_full(z, rate):
     return np.exp(-rate / (1 - z))
 
@@ -67,7 +59,7 @@ FORMS = {
     ),
     # K0 + K1 z + K2 (1 − exp(−K3 z)) + K4 (1 − exp(−K5 / (1 − z)))
     "two_exponentials": Form(
-        lambda z, k: _stack(1.0, z, _saturating(z, k[0]), 1 - _near_full(z, k[1])),
+        lambda z, k: _stack(1.0, z, 1 - np.exp(-k[0] * z), 1 - _near_full(z, k[1])),
         lambda z, k: _stack(
             0.0, 1.0, k[0] * np.exp(-k[0] * z), k[1] / (1 - z) ** 2 * _near_full(z, k[1])
         ),
@@ -120,9 +112,11 @@ def fit_functions(soc, ocv_volt, *, lowest_soc=0.01, highest_soc=0.99, blocks=20
     soc, ocv_volt = soc[inside & np.isfinite(ocv_volt)], ocv_volt[inside & np.isfinite(ocv_volt)]
     if len(soc) < 2 * blocks:
         raise Refusal(f"OCV table has {len(soc)} points in range, fewer than {2 * blocks}")
-    fits = {name: _fit(form, soc, ocv_volt) for name, form in FORMS.items()}
-    fits["table"] = _Fit(np.array([]), np.array([]), 0.0)
-    errors = {name: _left_out(name, fit, soc, ocv_volt, blocks) for name, fit in fits.items()}
+    fits = {name: _described(form, soc, ocv_volt) for name, form in FORMS.items()}
+    fits["table"] = (np.array([]), np.array([]), 0.0)
+    errors = {
+        name: _left_out_rmse(name, fit[0], soc, ocv_volt, blocks) for name, fit in fits.items()
+    }
     best = min(errors, key=errors.get)
     return tuple(OcvFunction(name, *fit, errors[name], name == best) for name, fit in fits.items())
 
@@ -142,63 +136,94 @@ def _applied(form, columns, parameters, soc):
     return columns(np.asarray(soc, float), parameters[places < 0]) @ parameters[places >= 0]
 
 
-def _fit(form, soc, volt):
-    """Parameters, their standard deviations and the RMSE of one function."""
-    from scipy.optimize import least_squares
+def fit_parameters(form, soc, ocv_volt, *, powers=None, near=None):
+    """Parameters of one function by least squares: rates by lmfit, coefficients in closed form.
 
-    def residual(logs):
-        columns = form.columns(soc, np.exp(logs))
-        return columns @ _coefficients(columns, volt) - volt
+    Parameters
+    ----------
+    form : Form. soc, ocv_volt : (n,) [1], [V].
+    powers : (n, q) factors that each coefficient is a sum over, such as powers of a temperature;
+        None: each coefficient is one number.
+    near : rates (r,) to set out from, or None: the form's own starts.
 
-    # Only the rates are searched; the coefficients follow from them in closed form.
-    starts = [np.log(start) for start in form.starts] if form.starts[0] else []
-    found = [least_squares(residual, s, bounds=(-12, 7), x_scale=0.5) for s in starts]
-    rates = np.exp(min(found, key=lambda one: one.cost).x) if found else np.array([])
+    Returns
+    -------
+    parameters : (p, q), K0, K1, … in rows; a rate has only its first column, else 0.
+    """
+    powers = np.ones((len(soc), 1)) if powers is None else powers
+
+    def solved(logs):
+        design = _design(form, soc, np.exp(logs), powers)
+        # Columns of equal length, so that no unit dominates.
+        length = np.linalg.norm(design, axis=0)
+        length = np.where(length > 0, length, 1.0)
+        coefficients = np.linalg.lstsq(design / length, ocv_volt, rcond=None)[0] / length
+        return coefficients, design @ coefficients - ocv_volt
+
+    starts = np.log(form.starts if near is None else [near])
+    logs = best_logarithms(lambda x: solved(x)[1], starts, bounds=(-12, 7), scale=0.5)
+    return _in_places(form, np.exp(logs), solved(logs)[0].reshape(-1, powers.shape[1]))
+
+
+def parameter_stds(form, parameters, soc, ocv_volt, *, powers=None):
+    """Standard deviations of fitted parameters, shaped like them; NaN where undetermined.
+
+    What the function cannot follow counts as scatter.
+
+    Parameters
+    ----------
+    form, soc, ocv_volt, powers : as of the fit. parameters : (p, q) of it.
+    """
+    powers, places = np.ones((len(soc), 1)) if powers is None else powers, np.array(form.places)
+    rates, coefficients = parameters[places < 0, 0], parameters[places >= 0].ravel()
+    design, slopes = _design(form, soc, rates, powers), np.empty((len(soc), len(rates)))
+    for k, step in enumerate(1e-6 * np.diag(rates)):
+        rise = _design(form, soc, rates + step, powers) - _design(form, soc, rates - step, powers)
+        slopes[:, k] = rise @ coefficients / (2 * step[k])
+    residual = design @ coefficients - ocv_volt
+    covariance = covariance_from_jacobian(np.hstack([slopes, design]), residual)
+    std_rates, std = np.split(standard_deviations(covariance), [len(rates)])
+    return _in_places(form, std_rates, std.reshape(-1, powers.shape[1]), unused=np.nan)
+
+
+def _design(form, soc, rates, powers):
+    """Columns (n, c·q) of the function, each times every power."""
     columns = form.columns(soc, rates)
-    coefficients, places = _coefficients(columns, volt), np.array(form.places)
-    parameters = np.where(places >= 0, coefficients[places], 0.0)
-    parameters[places < 0] = rates
-    error = columns @ coefficients - volt
-    std = standard_deviations(covariance_from_jacobian(_jacobian(form, soc, parameters), error))
-    return _Fit(parameters, std, float(np.sqrt(np.mean(error**2))))
+    return (columns[:, :, None] * powers[:, None, :]).reshape(len(soc), -1)
 
 
-def _coefficients(columns, volt):
-    """Linear least squares with columns of equal length, so that no unit dominates."""
-    length = np.linalg.norm(columns, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    return np.linalg.lstsq(columns / length, volt, rcond=None)[0] / length
-
-
-def _jacobian(form, soc, parameters):
-    """Derivative of the function by each parameter: exact for coefficients, central for rates."""
+def _in_places(form, rates, coefficients, *, unused=0.0):
+    """Rates (r,) and coefficients (c, q) as parameters (p, q) in the order of the formula."""
     places = np.array(form.places)
-    rates = parameters[places < 0]
-    jacobian = np.empty((len(soc), len(places)))
-    jacobian[:, places >= 0] = form.columns(soc, rates)
-    for rate, position in enumerate(np.flatnonzero(places < 0)):
-        step = np.where(np.arange(len(rates)) == rate, 1e-6 * rates, 0.0)
-        rise = form.columns(soc, rates + step) - form.columns(soc, rates - step)
-        jacobian[:, position] = rise @ parameters[places >= 0] / (2 * step[rate])
-    return jacobian
+    parameters = np.full((len(places), coefficients.shape[1]), unused)
+    parameters[places >= 0] = coefficients[places[places >= 0]]
+    parameters[places < 0, 0] = rates[-1 - places[places < 0]]
+    return parameters
 
 
-def _left_out(name, fit, soc, volt, blocks):
-    """RMSE of the predictions of blocks of SoC that were left out of the fit."""
+def _described(form, soc, volt):
+    """Parameters, their standard deviations and the RMSE of one function over the whole curve."""
+    parameters = fit_parameters(form, soc, volt)
+    std = parameter_stds(form, parameters, soc, volt)
+    error = _applied(form, form.columns, parameters[:, 0], soc) - volt
+    return parameters[:, 0], std[:, 0], rms(error)
+
+
+def _left_out_rmse(name, parameters, soc, volt, blocks):
+    """RMSE of blocks of SoC left out of the fit, whose search sets out from the whole's rates."""
     errors = []
     for block in np.array_split(np.arange(1, len(soc) - 1), blocks):
         kept = np.setdiff1d(np.arange(len(soc)), block)
-        predicted = _predicted(name, fit.parameters, soc[kept], volt[kept], soc[block])
+        predicted = _predicted(name, parameters, soc[kept], volt[kept], soc[block])
         errors.append(predicted - volt[block])
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    return rms(np.concatenate(errors))
 
 
 def _predicted(name, parameters, soc, volt, at):
-    """Prediction from other points; the search for rates starts from those of the whole curve."""
     if name == "table":
         from scipy.interpolate import PchipInterpolator
 
         return PchipInterpolator(soc, volt)(at)
     form = FORMS[name]
-    near = form._replace(starts=(tuple(parameters[np.array(form.places) < 0]),))
-    return evaluate(name, _fit(near, soc, volt).parameters, at)
+    rates = parameters[np.array(form.places) < 0]
+    return evaluate(name, fit_parameters(form, soc, volt, near=rates)[:, 0], at)

@@ -1,0 +1,170 @@
+"""Fewer rows of a record: means over bins, and steady stretches with rows far apart."""
+
+import numpy as np
+
+from cellwright.refusal import Refusal
+
+STEP_PART = 20.0  # a change of this part of a record's largest is a step
+DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
+FINEST_SECOND = 1.0  # width of the first bins, doubled until the rows are few enough
+WORTH = 0.8  # of the width of a bin, below which the sampling of a record is worth averaging
+
+
+def averaged(record, *, width_second):
+    """Means of a record over bins of time, where it is sampled faster than the bins are wide.
+
+    A mean is of what is linear between rows, such as current and voltage of a circuit. Where the
+    median step of the clock is `WORTH` of the width or more, a bin would hold 1.25 rows at most,
+    now one and now two: edges of the current would be smeared for a fifth fewer rows, and a clock
+    of 1 s that reads 0.999 s would be averaged at all. Such a record stays as it is.
+
+    Parameters
+    ----------
+    record : Record or GroupRecord, whose arrays with one entry a row are averaged; `used` is True
+        where all rows of a bin are used.
+    width_second : of the bins [s].
+
+    Returns
+    -------
+    record : the same type, fewer rows.
+    """
+    time = record.test_time_second
+    steps = np.diff(time)
+    if not len(steps) or np.median(steps) >= WORTH * width_second:
+        return record
+    _, bins = np.unique(np.floor(time / width_second), return_inverse=True)
+    count = np.bincount(bins)
+
+    def mean(column):
+        if column.ndim == 2:
+            return np.stack([mean(one) for one in column.T], axis=1)
+        if column.dtype == bool:
+            return np.bincount(bins, column) == count
+        return np.bincount(bins, column) / count
+
+    columns = {name: np.asarray(getattr(record, name)) for name in row_fields(record)}
+    return record._replace(**{name: mean(column) for name, column in columns.items()})
+
+
+def averaged_to(records, *, most_rows, thinned=None):
+    """Records averaged over bins of 1, 2, 4 … s until they have so many rows in all, or fewer.
+
+    Parameters
+    ----------
+    records : sequence of Record or GroupRecord.
+    most_rows : of all records together.
+    thinned : function (record) → record, applied after averaging and before rows are counted.
+
+    Returns
+    -------
+    records : list.
+
+    Raises
+    ------
+    Refusal : fewer rows asked for than there are records.
+    """
+    if most_rows < len(records):
+        raise Refusal(f"{most_rows} rows were asked for of {len(records)} records; wanted more")
+    width = FINEST_SECOND
+    while True:
+        made = [averaged(record, width_second=width) for record in records]
+        made = made if thinned is None else [thinned(record) for record in made]
+        if sum(len(record.test_time_second) for record in made) <= most_rows:
+            return made
+        width *= 2
+
+
+def row_fields(record):
+    """Names of the arrays of a record that have one entry a row.
+
+    Parameters
+    ----------
+    record : any NamedTuple with test_time_second.
+    """
+    rows = len(record.test_time_second)
+    pairs = zip(record._fields, record, strict=True)
+    return [n for n, value in pairs if isinstance(value, np.ndarray) and len(value) == rows]
+
+
+def rows_of(record, rows):
+    """A record with some of its rows only.
+
+    Parameters
+    ----------
+    record : Record. rows : mask, slice or indices.
+    """
+    return record._replace(**{name: getattr(record, name)[rows] for name in row_fields(record)})
+
+
+def edges(record, *, step_ampere):
+    """Rows at which the current has stepped by more than a threshold since the row before."""
+    return np.flatnonzero(np.abs(np.diff(record.current_ampere)) > step_ampere) + 1
+
+
+def thin(record, *, step_ampere, growth=0.1, capacity_ampere_hour=None, portion_soc=0.005):
+    """Drop rows of steady current that say the same as their neighbours.
+
+    A row stays if the current steps before or after it; in a steady stretch the rows stay at
+    times since the last step that grow by `growth` each. At rest the relaxations between kept
+    rows are exact; every decade of time after a step then weighs the same in the fit, whatever
+    the logger's rate was. Where a capacity is given, a row also stays each time a portion of it
+    has passed, so that no long load loses its course over the SoC.
+
+    Parameters
+    ----------
+    record : Record.
+    step_ampere : change of current between samples that counts as a step [A].
+    growth : growth of the time since the last step from one kept row to the next [1].
+    capacity_ampere_hour : of the cell [Ah], or None: rows are kept by time only.
+    portion_soc : charge from one kept row to the next at most, over the capacity [1].
+
+    Returns
+    -------
+    record : Record, fewer rows; `thinned` marks those before which others were dropped.
+    """
+    time, current = record.test_time_second, record.current_ampere
+    rows = np.arange(len(time))
+    edge = np.zeros(len(rows), bool)
+    edge[edges(record, step_ampere=step_ampere)] = edge[0] = True
+    age = time - time[np.maximum.accumulate(np.where(edge, rows, 0))]
+    decade = np.floor(np.log1p(age) / growth)
+    keep = edge | np.append(edge[1:], True) | (np.diff(decade, prepend=-1.0) != 0)
+    if capacity_ampere_hour is not None:
+        passed = np.abs(current) * np.diff(time, prepend=time[0]) / 3600.0 / capacity_ampere_hour
+        keep |= np.diff(np.floor(np.cumsum(passed) / portion_soc), prepend=-1.0) != 0
+    dropped = np.diff(np.flatnonzero(keep), prepend=-1) > 1
+    kept = rows_of(record, keep)
+    return kept._replace(thinned=kept.thinned | dropped)
+
+
+def without_edges(record, *, step_ampere):
+    """The record without the rows at which the current has just stepped between steady stretches.
+
+    Such a row was sampled within the edge: its voltage may belong to the current before. In a
+    drive, where the current steps at every row, none is left out.
+
+    Parameters
+    ----------
+    record : Record.
+    step_ampere : change of current between samples that counts as a step [A].
+    """
+    steps = np.abs(np.diff(record.current_ampere)) > step_ampere
+    before, after = np.append(False, steps[:-1]), np.append(steps[1:], False)
+    alone = np.append(False, steps & ~before & ~after)
+    return record._replace(used=record.used & ~alone)
+
+
+def driven(current_ampere):
+    """Whether the current of a record steps at most rows where it steps at all: a drive.
+
+    Else it steps between steady stretches, and does so at once, however sparse the rows are.
+
+    Parameters
+    ----------
+    current_ampere : (n,) [A].
+    """
+    current = np.asarray(current_ampere, float)
+    moved = np.abs(np.diff(current, prepend=current[:1]))
+    step = moved > moved.max(initial=0.0) / STEP_PART
+    around = np.append(False, step[:-1]) | np.append(step[1:], False)
+    return bool((step & ~around).sum() < DRIVE_SHARE * step.sum())

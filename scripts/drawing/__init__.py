@@ -1,1 +1,0 @@
-"""What people look at: columns in, matplotlib figure out; one module per figure."""

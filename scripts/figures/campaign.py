@@ -1,0 +1,83 @@
+"""The campaign at a glance, and what was recorded of each cell."""
+
+import numpy as np
+
+from figures import style
+
+STEP_COLOURS = {
+    "rest": style.QUIET,
+    "CC": style.SERIES[0],
+    "CV": style.SERIES[2],
+    "CCCV": style.SERIES[2],
+    "pulse": style.ERROR,
+    "dynamic": style.SERIES[1],
+}
+THUMBNAILS_ACROSS = 4
+
+
+def draw_overview(cells, capacity, resistance, validation):
+    """Capacity, resistance and model error of every cell, from rows of the tables so named."""
+    figure, axes = style.subplots(1, 3, height=1.2 + 0.22 * len(cells), sharey=True)
+    place = {cell: len(cells) - index for index, cell in enumerate(cells)}
+    half = [r for r in resistance if abs(_number(r["soc"]) - 0.5) < 0.06]
+    after_10_s = [r for r in half if _number(r["delay_second"]) == 10]
+    _dots(axes[0, 0], place, capacity, "capacity_ampere_hour", 1, "direction")
+    _dots(axes[0, 1], place, after_10_s, "resistance_ohm", 1e3, "direction")
+    chosen = [row for row in validation if row["chosen"] == "True"]
+    _dots(axes[0, 2], place, chosen, "rmse_volt", 1e3, None)
+    axes[0, 0].set(title="Capacity [Ah]", xlabel="all tests")
+    axes[0, 1].set(title="Resistance [mΩ]", xlabel="10 s into a pulse, SoC 44–56 %")
+    axes[0, 2].set(title="Model error [mV RMS]", xlabel="validation tests, chosen model")
+    axes[0, 0].set_yticks(list(place.values()), list(place), fontsize=8)
+    axes[0, 0].set_ylim(0.4, len(cells) + 0.6)
+    _temperature_legend(axes[0, 2], [*capacity, *after_10_s, *validation])
+    return figure
+
+
+def _dots(axes, place, rows, name, scale, marker_by):
+    for row in rows:
+        marker = style.MARKERS.get(row.get(marker_by), "o") if marker_by else "o"
+        colour = style.temperature_colour(_number(row["ambient_temperature_celsius"]))
+        axes.plot(scale * _number(row[name]), place[row["cell"]], marker, color=colour, alpha=0.8)
+    axes.set_xlim(left=0)
+
+
+def _temperature_legend(axes, rows):
+    for celsius in sorted({_number(row["ambient_temperature_celsius"]) for row in rows}):
+        axes.plot([], [], "o", **style.temperature_style(None if np.isnan(celsius) else celsius))
+    style.legend_once(axes, fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
+
+
+def _number(text) -> float:
+    return float(text) if text not in ("", None) else np.nan
+
+
+def draw_records(tests, total):
+    """Voltage of a cell's records over time, coloured by the kind of step.
+
+    `tests` are (columns of `clean`, columns of `segment`, about), `total` is how many there are.
+    """
+    rows = -(-len(tests) // THUMBNAILS_ACROSS)
+    figure, axes = style.subplots(rows, THUMBNAILS_ACROSS, height=1.75 * rows + 0.3)
+    for panel, (series, steps, about) in zip(axes.flat, tests, strict=False):
+        _thumbnail(panel, series, steps)
+        panel.set_title(about["wildcards"]["test"], fontsize=7)
+        panel.tick_params(labelsize=7)
+    style.hide(axes.flat[len(tests) :])
+    kinds = " · ".join(STEP_COLOURS)
+    more = f" ({len(tests)} of {total} records)" if total > len(tests) else ""
+    figure.suptitle(f"Voltage [V] over time [h], coloured by step: {kinds}{more}", fontsize=8)
+    for kind, colour in STEP_COLOURS.items():
+        axes[0, 0].plot([], [], color=colour, label=kind)
+    axes[0, 0].legend(fontsize=6, ncols=2)
+    return figure
+
+
+def _thumbnail(axes, series, steps):
+    hours, volt = series["test_time_second"] / 3600, series["voltage_volt"]
+    for kind, colour in STEP_COLOURS.items():
+        drawn = np.full(len(volt), np.nan)
+        mine = steps["kind"] == kind
+        for first, last in zip(steps["first_row"][mine], steps["last_row"][mine], strict=True):
+            drawn[max(first - 1, 0) : last + 1] = volt[max(first - 1, 0) : last + 1]
+        style.plot_thinned(axes, hours, drawn, points=400, color=colour, linewidth=0.8)

@@ -1,0 +1,148 @@
+"""Parameters of a cell's model over SoC, and its errors at temperatures left out of the fit."""
+
+import numpy as np
+
+from figures import style
+
+TIMES = {"after 10 s": 10.0, "after 100 s": 100.0, "settled": np.inf}  # of a small step of current
+MIDDLE_SOC = 0.5  # at which resistances are drawn over their time constants
+BAR = 0.38  # height
+
+
+def draw_parameters(model):
+    """Parameters of a model's chosen member over SoC, one colour a temperature.
+
+    `model` is the content of a model file. Charge transfer is not among the resistances over time
+    constants: the part of it that no sample resolves has none, and would dwarf the rest.
+    """
+    member = next(m for m in model["members"] if m["model"] == model["chosen"])
+    kinds = {branch.get("kind", "RC") for branch in member["conditions"][0]["branches"]}
+    panels = {"R0": _r0}
+    panels |= {"Charge transfer": _charge_transfer} if "kinetic" in kinds else {}
+    panels |= {f"Resistance {name}": _resistance_after(second) for name, second in TIMES.items()}
+    panels |= {f"RC pairs at {100 * MIDDLE_SOC:g} % SoC": _rc_pairs}
+    panels |= {"Correction of the OCV": _ocv_shift}
+    panels |= {"Hysteresis, either way": _hysteresis} if "hysteresis" in kinds else {}
+    figure, axes = style.subplots(2, (len(panels) + 1) // 2, height=4.8)
+    figure.suptitle(f"Member {model['chosen']}, resistance at small currents", x=0.01, ha="left")
+    for panel, (title, plot) in zip(axes.flat, panels.items(), strict=False):
+        panel.set(xlabel="SoC [%]", ylabel="[mΩ]", title=title)
+        for condition in member["conditions"]:
+            plot(
+                panel, condition, style.temperature_style(condition["ambient_temperature_celsius"])
+            )
+    style.hide(axes.flat[len(panels) :])
+    style.legend_once(axes[0, 0], fontsize=7)
+    return figure
+
+
+def _r0(panel, condition, look):
+    soc = 100 * _numbers(condition["soc"])
+    _with_spread(panel, soc, condition["r0_ohm"], condition["r0_std_ohm"], look)
+    panel.set_ylim(bottom=0)
+
+
+def _charge_transfer(panel, condition, look):
+    total = sum(_numbers(b["r_ohm"]) for b in _of_kind(condition, "kinetic"))
+    _over_soc(panel, condition, total, look)
+    panel.set_ylim(bottom=0)
+
+
+def _resistance_after(second):
+    """Voltage over current at a time after a small step of the current."""
+
+    def plot(panel, condition, look):
+        ohm = _numbers(condition["r0_ohm"])
+        ohm = sum((_numbers(b["r_ohm"]) for b in _of_kind(condition, "charge_transfer")), ohm)
+        for branch in _of_kind(condition, "RC", "kinetic"):
+            share = -np.expm1(-second / _numbers(branch["tau_second"]))
+            ohm = ohm + share * _numbers(branch["r_ohm"])
+        _over_soc(panel, condition, ohm, look)
+        panel.set_ylim(bottom=0)
+
+    return plot
+
+
+def _rc_pairs(panel, condition, look):
+    pairs = _of_kind(condition, "RC")
+    tau, r, std = (
+        [np.interp(MIDDLE_SOC, condition["soc"], _numbers(pair[name])) for pair in pairs]
+        for name in ("tau_second", "r_ohm", "r_std_ohm")
+    )
+    _with_spread(panel, tau, r, std, look)
+    panel.set(xlabel="time constant [s]", xscale="log")
+
+
+def _ocv_shift(panel, condition, look):
+    none = np.zeros(len(condition["soc"]))
+    _over_soc(panel, condition, _numbers(condition.get("ocv_shift_volt", none)), look)
+    panel.set_ylabel("[mV]")
+
+
+def _hysteresis(panel, condition, look):
+    (branch,) = _of_kind(condition, "hysteresis")
+    soc = 100 * _numbers(condition["soc"])
+    _with_spread(panel, soc, branch["m_volt"], branch["m_std_volt"], look)
+    panel.set_ylabel("[mV]")
+
+
+def _of_kind(condition, *kinds):
+    return [branch for branch in condition["branches"] if branch.get("kind", "RC") in kinds]
+
+
+def _numbers(values):
+    return np.array(values, dtype=float)
+
+
+def _over_soc(panel, condition, values, look):
+    panel.plot(100 * _numbers(condition["soc"]), 1e3 * values, ".-", **look)
+
+
+def _with_spread(panel, x, values, std, look):
+    spread = 1e3 * np.nan_to_num(_numbers(std))
+    points = {"fmt": "o-", "markersize": 3, "capsize": 2}
+    panel.errorbar(x, 1e3 * _numbers(values), yerr=spread, **points, **look)
+
+
+def draw_compensation(laws, proof):
+    """Errors at temperatures left out of the fit, beside those of the model that knows them.
+
+    `laws` and `proof` are rows of stages `compensation` and `temperature_prediction`.
+    """
+    figure, axes = style.subplots(1, 2, height=1.6 + 0.3 * max(len(proof), 5), width=10.0)
+    _error_of_laws(axes[0, 0], laws)
+    _error_of_tests(axes[0, 1], sorted(proof, key=lambda row: row["left_out_celsius"]))
+    return figure
+
+
+def _error_of_laws(axes, rows):
+    """Error of each law at each temperature left out, root mean square over its tests."""
+    names = list(dict.fromkeys(row["law"] for row in rows))
+    for colour, name in zip(style.SERIES, names, strict=False):
+        mine = [row for row in rows if row["law"] == name]
+        celsius = sorted({row["left_out_celsius"] for row in mine})
+        volts = [[r["rmse_volt"] for r in mine if r["left_out_celsius"] == t] for t in celsius]
+        error = [1e3 * np.sqrt(np.mean(np.square(v))) for v in volts]
+        places = {"beyond" if row["beyond"] else "between" for row in mine if row["chosen"]}
+        label = f"{name} (chosen {' and '.join(sorted(places, reverse=True))})" if places else name
+        axes.plot(celsius, error, "o-", color=colour, label=label)
+    known = {row["left_out_celsius"]: 1e3 * row["own_rmse_volt"] for row in rows}
+    axes.plot(*zip(*sorted(known.items()), strict=True), "_", color=style.QUIET, label="told of it")
+    axes.set(xlabel="temperature left out [°C]", ylabel="RMS error [mV]", yscale="log")
+    axes.set_title("Tests of the fit: which law")
+    style.legend_once(axes)
+
+
+def _error_of_tests(axes, rows):
+    """One pair of bars a test: error of the model fitted with its temperature, and without."""
+    for place, row in enumerate(rows):
+        fitted, left_out = 1e3 * row["own_rmse_volt_soc_5_95"], 1e3 * row["rmse_volt_soc_5_95"]
+        axes.barh(place - BAR / 2, fitted, height=BAR, color=style.QUIET)
+        colour = style.temperature_colour(row["left_out_celsius"])
+        hatch = "////" if row["beyond"] else None
+        axes.barh(place + BAR / 2, left_out, height=BAR, color=colour, hatch=hatch)
+        ratio = f" ×{row['ratio']:.2f}"
+        axes.annotate(ratio, (left_out, place + BAR / 2), va="center", fontsize=7)
+    names = [f"{row['predicted_test']}, {row['left_out_celsius']:g} °C" for row in rows]
+    style.name_bars(axes, names, fontsize=7)
+    axes.set(xlabel="RMS error, SoC 5–95 % [mV]", title="Tests for proof: not told of it, and told")

@@ -1,0 +1,111 @@
+"""Rests of a cell with the exponentials through them, and the polarisation that they tell."""
+
+import numpy as np
+
+from cellwright.laws.polarisation import Point, over_temperature
+from cellwright.laws.temperature import arrhenius_law
+from figures import style
+from figures.columns import ambient_celsius
+
+MOST_RESTS = 6
+MIDDLE_SOC = 0.5
+FACTOR = {"V": (1e3, "mV"), "s": (1.0, "s")}
+
+
+def draw_relaxation(tests):
+    """One rest of each temperature with the exponentials through it, and what those leave.
+
+    `tests` are (columns, about) of stage `relaxation_curve`.
+    """
+    tests = [(columns, about) for columns, about in tests if len(columns["time_second"])]
+    if not tests:
+        return style.message("No rest was long enough to fit its depolarisation.")
+    shown = _of_each_temperature(tests)
+    figure, axes = style.subplots(
+        2, len(shown), width=11.0, height=4.4, sharex="col", height_ratios=[2, 1]
+    )
+    for panels, (columns, about) in zip(axes.T, shown, strict=True):
+        _rest(panels, columns, about)
+    axes[0, 0].set_ylabel("voltage [V]")
+    axes[1, 0].set_ylabel("residual [mV]")
+    style.legend_once(axes[0, 0])
+    return figure
+
+
+def _of_each_temperature(tests):
+    """Of each temperature the rest nearest 50 % SoC, coldest first, of at most so many."""
+    nearest = {}
+    for columns, about in sorted(tests, key=lambda test: abs(test[0]["soc"][0] - MIDDLE_SOC)):
+        nearest.setdefault(ambient_celsius(about), (columns, about))
+    order = sorted(nearest, key=lambda celsius: (celsius is None, celsius or 0.0))
+    return [nearest[celsius] for celsius in order[:: -(-len(order) // MOST_RESTS)]]
+
+
+def _rest(panels, columns, about):
+    time, volts, fitted = (columns[n] for n in ("time_second", "voltage_volt", "fitted_volt"))
+    panels[0].plot(time + 1, volts, ".", markersize=2, color=style.MEASURED, label="measured")
+    panels[0].plot(time + 1, fitted, color=style.SERIES[1], label="exponentials")
+    temperature = style.temperature_label(ambient_celsius(about))
+    panels[0].set(title=f"{temperature}, SoC {100 * columns['soc'][0]:.0f} %", xscale="log")
+    panels[1].plot(time + 1, 1e3 * (volts - fitted), ".", markersize=2, color=style.ERROR)
+    panels[1].set(xlabel="time in rest + 1 s [s]", xscale="log")
+
+
+def draw_polarisation(points, laws):
+    """Amplitudes and time constants of rests over SoC, and their medians over temperature.
+
+    `points` and `laws` are rows of stages `polarisation_points` and `polarisation`.
+    """
+    if not points:
+        return style.message("No rests compare, so polarisation has no course.")
+    points = [Point(**{name: row[name] for name in Point._fields}) for row in points]
+    names = list(dict.fromkeys(point.quantity for point in points))
+    figure, axes = style.subplots(2, len(names), width=11.0, height=5.4)
+    courses = over_temperature(points)
+    for (upper, lower), name in zip(axes.T, names, strict=True):
+        mine = [point for point in points if point.quantity == name]
+        factor, unit = FACTOR[mine[0].unit]
+        _over_soc(upper, mine, factor)
+        upper.set(xlabel="SoC [%]", ylabel=f"{name} [{unit}]", title=f"{name} over SoC")
+        own_laws = [r for r in laws if r["quantity"] == f"polarisation {name}, median over SoC"]
+        _over_temperature(lower, *courses[name], own_laws, factor)
+        lower.set(xlabel="temperature [°C]", ylabel=f"{name} [{unit}]")
+        lower.set_title(f"{name}, median over SoC")
+    style.legend_once(axes[0, 0])
+    style.legend_once(axes[1, 0])
+    return figure
+
+
+def _over_soc(axes, points, factor):
+    for celsius in sorted({point.temperature_celsius for point in points}):
+        mine = sorted(p for p in points if p.temperature_celsius == celsius)
+        axes.errorbar(
+            [100 * point.soc for point in mine],
+            [factor * point.value for point in mine],
+            yerr=[factor * np.nan_to_num(point.std) for point in mine],
+            fmt="o-",
+            linewidth=0.5,
+            markersize=3,
+            **style.temperature_style(celsius),
+        )
+    values = [point.value for point in points]
+    if min(values) > 0 and max(values) > 8 * min(values):
+        axes.set_yscale("log")
+
+
+def _over_temperature(axes, celsius, value, laws, factor):
+    """Medians over SoC with the linear and the Arrhenius law through them."""
+    axes.plot(celsius, factor * value, "o", color=style.MEASURED, label="median")
+    if len(celsius) < 2:
+        return
+    grid = np.linspace(celsius.min() - 3, celsius.max() + 3, 100)
+    for colour, law in zip(style.SERIES, ("linear", "arrhenius"), strict=False):
+        rows = [row for row in laws if row["law"] == law]
+        if not rows:
+            continue
+        first, second = rows[0]["value"], rows[1]["value"]
+        linear = law == "linear"
+        line = first * (grid - 25.0) + second if linear else arrhenius_law(grid, first, second)
+        chosen = " (chosen)" if rows[0]["chosen"] else ""
+        axes.plot(grid, factor * line, color=colour, label=f"{law}{chosen}")
+    axes.set_ylim(bottom=0)

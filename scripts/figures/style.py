@@ -1,0 +1,121 @@
+"""Style of all figures: SVG that has the same bytes for the same data, on any machine."""
+
+import json
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from figures.columns import thinned
+
+INK, QUIET, GRID = "#1d2733", "#8a94a0", "#e6e9ed"
+MEASURED, ERROR = "#1d2733", "#c0392b"
+SERIES = ("#0b6fb8", "#e07b00", "#2a9d5c", "#8e4ec6", "#c0392b", "#5d6d7e", "#b8860b", "#00868b")
+YELLOW = "#f2c14e"  # the part of a bar that a slower test or a held voltage adds
+MARKERS = {"discharge": "v", "charge": "^"}
+STYLE = {
+    "svg.hashsalt": "cellwright",
+    "svg.fonttype": "none",
+    "font.family": ["sans-serif"],
+    "font.size": 9,
+    "axes.edgecolor": QUIET,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": GRID,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "path.simplify": True,
+    "path.simplify_threshold": 0.5,
+}
+matplotlib.rcParams.update(STYLE)
+
+
+def subplots(rows=1, columns=1, *, width=9.0, height=3.2, **settings):
+    """A new figure and its axes (2-d array), `width` × `height` [inch]."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **settings)
+
+
+def grid_of(panels: int, *, across: int) -> tuple[int, int]:
+    """Rows and columns of a grid for so many panels, at most `across` beside each other."""
+    return -(-panels // across), min(panels, across)
+
+
+def hide(panels):
+    """Panels of a grid that hold nothing are not drawn."""
+    for panel in panels:
+        panel.axis("off")
+
+
+def message(text):
+    """A figure that says in a sentence why there is nothing to draw."""
+    figure, axes = subplots(height=0.5)
+    axes[0, 0].axis("off")
+    axes[0, 0].text(0.0, 0.5, text, va="center", transform=axes[0, 0].transAxes)
+    return figure
+
+
+def temperature_colour(celsius):
+    """Blue in the cold, red in the heat, −25 … 50 °C; grey where not known."""
+    if celsius is None or not np.isfinite(celsius):
+        return QUIET
+    return matplotlib.colormaps["turbo"](0.08 + 0.84 * np.clip((celsius + 25) / 75, 0, 1))
+
+
+def temperature_label(celsius) -> str:
+    """`25 °C`, or that it is not known."""
+    return "temperature not stated" if celsius is None else f"{celsius:g} °C"
+
+
+def temperature_style(celsius) -> dict:
+    """Colour and label of a line or of points at one temperature."""
+    return {"color": temperature_colour(celsius), "label": temperature_label(celsius)}
+
+
+def plot_thinned(axes, x, y, *, points=2000, **style):
+    """A line through at most about so many points that looks like the one through all."""
+    axes.plot(*thinned(x, y, points=points), **style)
+
+
+def legend_once(axes, **settings):
+    """A legend without repeated labels, or none where nothing is labelled."""
+    handles, labels = axes.get_legend_handles_labels()
+    if labels:
+        unique = dict(zip(labels, handles, strict=True))
+        axes.legend(unique.values(), unique.keys(), **settings)
+
+
+def shade_unscored(axes, hours, scored):
+    """Grey where samples do not count: `hours`, `scored` are (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[1], scored.astype(int), [1]])))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        axes.axvspan(hours[start], hours[min(stop, len(hours) - 1)], color=GRID, zorder=0)
+
+
+def name_bars(axes, names, *, fontsize):
+    """Names beside horizontal bars, the first on top, no lines between them."""
+    axes.set_yticks(range(len(names)), names, fontsize=fontsize)
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+
+
+def save(figure, job, path=None):
+    """Write a figure as one of the job's outputs, its provenance in the SVG's metadata."""
+    path = path or job.snakemake.output[0]
+    about = json.dumps(job.about(), sort_keys=True)
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, metadata={"Date": None, "Creator": "Cellwright", "Description": about})
+    job.saved.add(path)

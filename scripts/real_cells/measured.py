@@ -1,0 +1,331 @@
+"""Numbers of one finished campaign, read from its tables, artefacts and sheets.
+
+Each function yields (cell, quantity, where, value) of the quantities of `quantities.QUANTITIES`;
+`MEASUREMENTS` is the list of these functions. `campaign` is the folder with `results/`, `config/`.
+"""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from real_cells.quantities import celsius_in_words, place, rate_in_words
+from virtual_lab.score.verdicts import NAMED, outcome
+
+MILLI, PERCENT = 1e3, 1e2
+TEXT_COLUMNS = (
+    *("cell", "test", "group", "model", "filter"),
+    *("scenario", "direction", "stage", "reason"),
+)
+TEMPERATURE = "ambient_temperature_celsius"
+OFF_SOC = 0.05  # how far from the wanted one a measured one may lie
+LATE_SECOND = 1.0  # a sample that is later than this says nothing about the wanted moment
+RESISTANCE_DELAYS_SECOND = (0, 0.1, 1, 10)
+SPECTRA_SOC = (0.2, 0.5, 1.0)
+SPECTRUM = {
+    "r_zero_crossing_ohm": "spectrum: real part where it crosses the axis",
+    "r_ohmic_ohm": "spectrum: ohmic resistance",
+    "r_charge_transfer_ohm": "spectrum: charge-transfer resistance",
+}
+ERROR = "rmse_volt_soc_5_95"
+COUNTING = "coulomb"  # keeps the error of its start: says nothing about the pipeline
+WRONG_VERDICTS = ("false name", "false alarm")
+
+
+def read_table(campaign, name: str) -> pd.DataFrame:
+    """A table of the results, `results/tables/<name>.csv`; blank cells are NaN.
+
+    Raises
+    ------
+    FileNotFoundError
+        Where the campaign has none: it has not been run to its end.
+    """
+    path = Path(campaign) / "results" / "tables" / f"{name}.csv"
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: there is no such table; run the campaign to its end")
+    texts = dict.fromkeys(TEXT_COLUMNS, str)
+    return pd.read_csv(path, dtype=texts, keep_default_na=False, na_values=[""])
+
+
+def read_documents(campaign, pattern: str) -> dict[str, dict]:
+    """JSON artefacts below `results/` that have content, by the cell or group they are about."""
+    documents = {}
+    for path in sorted((Path(campaign) / "results").glob(pattern)):
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if document["provenance"]["reason"] is None:
+            documents[path.parent.name if path.stem == "verdict" else path.stem] = document
+    return documents
+
+
+def read_artefacts(campaign, stage: str) -> dict[tuple, pd.DataFrame]:
+    """Parquet artefacts of a stage that have rows, by (cell, test)."""
+    paths = sorted((Path(campaign) / "results" / stage).glob("*/*.parquet"))
+    content = {(path.parent.name, path.stem): pd.read_parquet(path) for path in paths}
+    return {key: rows for key, rows in content.items() if len(rows)}
+
+
+def read_tests(campaign) -> pd.DataFrame:
+    """The sheet of tests, with cell, test, cycle and temperature."""
+    path = Path(campaign) / "config" / "tests.tsv"
+    texts = {"cell": str, "test": str}
+    sheet = pd.read_csv(path, sep="\t", dtype=texts, keep_default_na=False, na_values=[""])
+    return sheet if "cycle" in sheet else sheet.assign(cycle=float("nan"))
+
+
+def first_and_last_age(rows: pd.DataFrame):
+    """(word for the age, its rows): first and last by `cycle`, one part where all are alike."""
+    cycle = rows["cycle"].astype(float).fillna(0.0)
+    if cycle.nunique() < 2:
+        return [("", rows)]
+    return [("first", rows[cycle == cycle.min()]), ("last", rows[cycle == cycle.max()])]
+
+
+def capacities(campaign):
+    """Capacity [Ah] per cell, temperature, direction and rate: median of the tests.
+
+    Where a cell was tested at several ages: that of the first and of the last.
+    """
+    rows = read_table(campaign, "capacity")
+    rows = rows[rows["capacity_ampere_hour"].notna()]
+    rows = rows.assign(rate=rows["c_rate"].map(rate_in_words))
+    keys = ["cell", TEMPERATURE, "direction", "rate"]
+    for (cell, celsius, direction, rate), same in rows.groupby(keys, dropna=False):
+        for age, part in first_and_last_age(same):
+            where = place(celsius_in_words(celsius), direction, rate, age)
+            yield cell, "capacity", where, part["capacity_ampere_hour"].median()
+
+
+def pulse_resistances(campaign):
+    """Pulse resistance [mohm] at half charge per cell, temperature and delay.
+
+    Of the first check-up, of the pulses next to 1C, those of a discharge where there are any.
+    """
+    rows = read_table(campaign, "resistance")
+    in_time = rows["actual_delay_second"] <= rows["delay_second"] + LATE_SECOND
+    wanted = rows["delay_second"].isin(RESISTANCE_DELAYS_SECOND) & in_time
+    rows = rows[wanted & rows["resistance_ohm"].notna()]
+    rows = rows.assign(rate=rows["c_rate"].map(rate_in_words))
+    keys = ["cell", TEMPERATURE, "delay_second"]
+    for (cell, celsius, delay), same in rows.groupby(keys, dropna=False):
+        _, pulses = first_and_last_age(same)[0]
+        discharge = pulses[pulses["direction"] == "discharge"]
+        pulses = discharge if len(discharge) else pulses
+        next_to_1c = pulses["c_rate"].abs().map(np.log).abs().idxmin()
+        pulses = pulses[pulses["rate"] == pulses["rate"][next_to_1c]]
+        ohm = _at_half_charge(pulses["soc"], pulses["resistance_ohm"])
+        after = f"after {delay:g} s" if delay else "first sample"
+        where = place(celsius_in_words(celsius), "50 % SoC", after)
+        yield cell, "pulse resistance", where, MILLI * ohm
+
+
+def _at_half_charge(soc, value) -> float:
+    """Value at 50 % SoC between the measured points, NaN where none lies near on one side."""
+    points = pd.DataFrame({"soc": soc, "value": value}).dropna().groupby("soc").median()
+    below, above = points[points.index <= 0.5 + OFF_SOC], points[points.index >= 0.5 - OFF_SOC]
+    if not len(below) or not len(above):
+        return np.nan
+    return float(np.interp(0.5, points.index, points["value"]))
+
+
+def open_circuit_voltages(campaign):
+    """Open-circuit voltage [V] at 10 to 90 % SoC of the slow test nearest to 25 °C, per cell."""
+    sheet = read_tests(campaign).set_index(["cell", "test"])
+    curves = read_artefacts(campaign, "ocv")
+    tests = sheet.loc[sheet.index.intersection(list(curves))].reset_index()
+    tests = tests.assign(
+        off=(tests[TEMPERATURE].astype(float) - 25).abs(),
+        age=tests["cycle"].astype(float).fillna(0.0),
+    )
+    for cell, own in tests.groupby("cell"):
+        first = own.sort_values(["age", "off"]).iloc[0]
+        curve = curves[cell, first["test"]]
+        celsius = celsius_in_words(float(first[TEMPERATURE]))
+        for soc in np.arange(0.1, 0.95, 0.1):
+            volt = np.interp(soc, curve["soc"], curve["ocv_volt"], left=np.nan, right=np.nan)
+            yield (
+                cell,
+                "open-circuit voltage",
+                place(celsius, f"{soc * 100:.0f} % SoC"),
+                float(volt),
+            )
+
+
+def spectra(campaign):
+    """Resistances [mohm] of the spectra at 20, 50 and 100 % SoC, per cell and temperature."""
+    rows = read_table(campaign, "eis")
+    sheet = read_tests(campaign)[["cell", "test", "cycle"]]
+    rows = rows.merge(sheet, on=["cell", "test"], how="left")
+    for soc in SPECTRA_SOC:
+        rows = rows.assign(off=(rows["soc"] - soc).abs())
+        near = rows[rows["off"] <= OFF_SOC]
+        for (cell, celsius), same in near.groupby(["cell", TEMPERATURE], dropna=False):
+            where = place(celsius_in_words(celsius), f"{soc * 100:.0f} % SoC")
+            yield from _resistances_of_spectra(cell, where, same)
+
+
+def _resistances_of_spectra(cell, where, rows):
+    for age, part in first_and_last_age(rows):
+        nearest = part[part["off"] == part["off"].min()]
+        for column, quantity in SPECTRUM.items():
+            yield cell, quantity, place(where, age), MILLI * nearest[column].median()
+
+
+def model_resistances(campaign):
+    """Direct-current resistance [mohm] of the models of cells in groups, mean over SoC."""
+    members = set(read_table(campaign, "packs")["cell"])
+    rows = read_table(campaign, "models")
+    rows = rows[rows["cell"].isin(members) & rows["parameter"].str.fullmatch(r"r\d+")]
+    for (cell, celsius), same in rows.groupby(["cell", TEMPERATURE], dropna=False):
+        total = same.groupby("soc")["value"].sum()
+        where = celsius_in_words(celsius)
+        yield cell, "resistance of the model, mean over SoC", where, MILLI * float(total.mean())
+
+
+def model_errors(campaign):
+    """Error [mV] of the chosen member and of the best in the table, per cell and temperature.
+
+    Between 5 and 95 % SoC: root mean square over the tests, and the worst test. The best member is
+    the one with the lowest root mean square at this temperature, of those that have all tests.
+    """
+    rows = read_table(campaign, "validation")
+    rows = rows[rows[ERROR].notna()]
+    for (cell, celsius), same in rows.groupby(["cell", TEMPERATURE], dropna=False):
+        where, members = celsius_in_words(celsius), same.groupby("model")[ERROR]
+        complete = members.count() == members.count().max()
+        over_tests = members.agg(lambda error: np.sqrt(np.mean(error**2)))[complete]
+        best, least = over_tests.idxmin(), over_tests.min()
+        chosen = same[same["chosen"].astype(str) == "True"]
+        if len(chosen):
+            error = np.sqrt(np.mean(chosen[ERROR] ** 2))
+            worst = place(where, "worst test")
+            yield cell, "chosen member", where, chosen["model"].iloc[0]
+            yield cell, "error of the chosen member", where, MILLI * error
+            yield cell, "error of the chosen member", worst, MILLI * chosen[ERROR].max()
+            yield cell, "error of the chosen member over the best member's", where, error / least
+        yield cell, "best member", where, best
+        yield cell, "error of the best member", where, MILLI * least
+
+
+def filter_errors(campaign):
+    """Error [% of SoC] of each filter from wrong starts, per cell and temperature: median, worst.
+
+    And the median over the runs with a fault in a sensor or in the capacity.
+    """
+    rows = read_table(campaign, "soc")
+    rows = rows[rows["rmse_soc"].notna() & (rows["filter"] != COUNTING)]
+    nominal = rows["scenario"] == "nominal"
+    keys = ["cell", TEMPERATURE, "filter"]
+    for (cell, celsius, name), same in rows[nominal].groupby(keys, dropna=False):
+        error, where = same["rmse_soc"], place(celsius_in_words(celsius), name)
+        yield cell, "error of a filter's SoC", place(where, "median"), PERCENT * error.median()
+        yield cell, "error of a filter's SoC", place(where, "worst"), PERCENT * error.max()
+    for (cell, name), same in rows[~nominal].groupby(["cell", "filter"]):
+        value = PERCENT * same["rmse_soc"].median()
+        yield cell, "error of a filter's SoC, with a fault", place(name, "median"), value
+
+
+def filter_capacities(campaign):
+    """Error [%] of the capacity that the dual filter estimates, against the basis, per cell."""
+    rows = read_table(campaign, "soc")
+    rows = rows[(rows["filter"] == "dual") & (rows["scenario"] == "nominal")]
+    basis = read_documents(campaign, "basis/*.json")
+    known = {cell: document["capacity_ampere_hour"] for cell, document in basis.items()}
+    rows = rows.assign(basis=rows["cell"].map(known).astype(float))
+    error = (rows["capacity_ampere_hour"] / rows["basis"] - 1).abs()
+    for cell, part in error.dropna().groupby(rows["cell"]):
+        yield cell, "error of the dual filter's capacity", "median", PERCENT * part.median()
+        yield cell, "error of the dual filter's capacity", "worst", PERCENT * part.max()
+
+
+def packs(campaign):
+    """Errors of branch currents [mA] and voltage [mV] of each group's tests; capacities [Ah]."""
+    rows = read_table(campaign, "packs")
+    for row in rows.to_dict("records"):
+        where = place(row["test"], f"branch {row['branch']:g}")
+        yield row["cell"], "error of the branch current", where, MILLI * row["current_rmse_ampere"]
+        yield row["cell"], "capacity inside the group", where, row["capacity_ampere_hour"]
+    for (group, test), same in rows.groupby(["group", "test"]):
+        yield group, "error of the group's voltage", test, MILLI * same["voltage_rmse_volt"].max()
+
+
+def verdicts(campaign):
+    """Verdict of each cell and group, what it names, and the errors [mV] on data for proof."""
+    for name, verdict in read_documents(campaign, "missing_effect/*/verdict.json").items():
+        effects = " + ".join(sorted(map(_effect_in_words, verdict["effects"])))
+        errors = verdict.get("validation_rmse_volt") or {}
+        yield name, "verdict", "", verdict["verdict"]
+        yield name, "named effects", "", effects or "none"
+        yield name, "error before the search", "", _times(MILLI, errors.get("before"))
+        yield name, "error after the search", "", _times(MILLI, errors.get("after"))
+        yield name, "gap closed", "", _times(PERCENT, verdict.get("gap_closed"))
+
+
+def _effect_in_words(effect: dict) -> str:
+    """An effect, and in which branch where it is that of a group."""
+    return f"{effect['effect']} in {effect['cell']}" if "cell" in effect else effect["effect"]
+
+
+def _times(factor, value):
+    """A number in another unit; NaN where it is not known."""
+    return math.nan if value is None else factor * value
+
+
+def right_verdicts(campaign):
+    """How many verdicts are right where the campaign says what is hidden in its cells."""
+    path = Path(campaign) / "truth.json"
+    if not path.is_file():
+        return
+    hidden = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    hidden = {cell: one for cell, one in hidden.items() if one["kind"] != "reference"}
+    given = read_documents(campaign, "missing_effect/*/verdict.json")
+    outcomes = [outcome(one, given.get(cell)) for cell, one in hidden.items()]
+    where, right = f"of {len(hidden)} cells", (*NAMED, "rightly silent")
+    yield "all", "right verdicts", where, sum(one in right for one in outcomes)
+    wrong = sum(one in WRONG_VERDICTS for one in outcomes)
+    yield "all", "false names and false alarms", where, wrong
+
+
+def left_out(campaign):
+    """How many files and analyses were left out, per stage, and how many by an internal error."""
+    rows = read_table(campaign, "excluded")
+    internal = rows["reason"].str.startswith("internal error").fillna(False)
+    yield "all", "internal errors", "", int(internal.sum())
+    yield "all", "left out", "", len(rows)
+    for stage, part in rows.groupby("stage"):
+        yield "all", "left out", f"stage {stage}", len(part)
+
+
+def broken_laws(campaign):
+    """How many laws of physics the results break."""
+    rows = read_table(campaign, "checks")
+    yield "all", "laws of physics broken", "", int((rows["outcome"] == "failed").sum())
+
+
+def flagged_samples(campaign):
+    """How many samples carry each flag."""
+    counts = {}
+    for rows in read_artefacts(campaign, "flags").values():
+        for flag, count in rows["flag"].value_counts().items():
+            counts[flag] = counts.get(flag, 0) + int(count)
+    yield "all", "flagged samples", "", sum(counts.values())
+    for flag, count in sorted(counts.items()):
+        yield "all", "flagged samples", str(flag), count
+
+
+def job_seconds(campaign):
+    """Time [s] of all jobs, one after the other, from Snakemake's records of them."""
+    folder = Path(campaign) / ".snakemake" / "metadata"
+    records = [json.loads(path.read_text()) for path in folder.rglob("*") if path.is_file()]
+    jobs = {(one["rule"], *one["log"]): one["endtime"] - one["starttime"] for one in records}
+    if jobs:
+        yield "all", "time of all jobs", "", sum(jobs.values())
+
+
+MEASUREMENTS = (
+    *(capacities, open_circuit_voltages, pulse_resistances, spectra),
+    *(model_resistances, model_errors, filter_errors, filter_capacities, packs),
+    *(verdicts, right_verdicts),
+    *(left_out, broken_laws, flagged_samples, job_seconds),
+)

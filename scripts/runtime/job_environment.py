@@ -1,0 +1,17 @@
+"""What every job's process needs of its environment, set before the first job starts."""
+
+import os
+import sys
+
+
+def prepare(scripts: str):
+    """Let this process and those of jobs find the packages of `scripts`; one thread per job.
+
+    Linear algebra that takes all cores in each of several jobs slows them all down, and its sums
+    would depend on how many cores there are. A number of threads that is set already stays.
+    """
+    sys.path[:] = [scripts, *[path for path in sys.path if path != scripts]]
+    known = [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
+    os.environ["PYTHONPATH"] = os.pathsep.join([scripts, *[p for p in known if p != scripts]])
+    for library in ("OMP", "OPENBLAS", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")

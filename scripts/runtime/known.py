@@ -1,0 +1,25 @@
+"""What a search is given beside its own tests: models of branches' cells, healthy cells."""
+
+from cellwright.effects.finding import Reference
+from cellwright.effects.groups.finding import KnownCell
+from cellwright.records.facts import CellFacts
+from runtime import artefact, facts
+
+
+def known_cells(branches, lenders, paths) -> list[KnownCell]:
+    """What each branch of a group is known by; `lenders`: whose model it is, by cell."""
+    models = {about["wildcards"]["cell"]: model for model, about in artefact.load_all(paths)}
+    sources = [lenders.get(row.cell, row.cell) for row in branches]
+    return [KnownCell(models.get(source), source) for source in sources]
+
+
+def references(rows, basis_paths, series_paths) -> list[Reference]:
+    """Healthy cells of the type, each with its facts, its basis and its tests."""
+    owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in series_paths}
+    paths_of = {cell: [p for p in series_paths if owner[p] == cell] for cell in owner.values()}
+    bases = {basis["cell"]: basis for basis, _ in artefact.load_all(basis_paths)}
+    return [
+        Reference(cell, bases[cell.cell], facts.tests(paths_of[cell.cell]))
+        for cell in (CellFacts(**row) for row in rows)
+        if cell.cell in bases
+    ]

@@ -1,0 +1,131 @@
+"""Figures of the search: what is drawn is what was found, and nothing found is said."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from figure_panels import rendered, title
+
+from figures import effects
+from runtime import page
+
+GATES = {"bic": 10, "validation_chi_square": 25}
+
+
+def bins(*rows):
+    names = ("role", "test", "rate", "soc_low", "soc_high", "rows")
+    columns = {
+        name: np.array(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)
+    }
+    size = np.arange(1.0, len(rows) + 1) * 1e-3
+    return columns | {"before_rms_volt": size, "after_rms_volt": size / 10}
+
+
+def test_the_map_has_a_line_for_each_test_and_current_and_one_scale():
+    columns = bins(
+        ("validation", "udds", "charge_low", 0.1 * 3, 0.4, 10),
+        ("fit", "hppc", "rest", 0.2, 0.3, 10),
+        ("fit", "hppc", "rest", 0.3, 0.4, 30),
+        ("fit", "hppc", "rest", 0.3, 0.4, 10),
+    )
+    before, after, bar = rendered(effects.draw_residual_map(columns))
+    lines = [text.get_text() for text in before.get_yticklabels()]
+    assert lines == ["hppc (fitted): rest", "udds (proof): charge, slow"]
+    (left,), (right,) = before.collections, after.collections
+    pooled = np.sqrt((30 * 3.0**2 + 10 * 4.0**2) / 40)
+    np.testing.assert_allclose(left.get_array().ravel(), [2.0, pooled, np.nan, 1.0])
+    assert left.get_clim() == right.get_clim()
+    assert 2.0 < left.get_clim()[1] <= pooled
+    assert "[mV]" in bar.get_ylabel()
+    assert sorted(text.get_text() for text in after.texts) == ["0.1", "0.2", "0.3"]
+
+
+def test_evidence_has_a_panel_an_effect_with_the_line_of_full_explanation():
+    x = np.linspace(-2e-3, 2e-3, 8)
+    one = {"rows": np.full(8, 200), "sensitivity_volt": x}
+    columns = {name: np.tile(values, 3) for name, values in one.items()}
+    columns["effect"] = np.repeat(["leakage", "ocv_edge", "time_skew"], 8)
+    columns["residual_volt"] = np.concatenate([x, np.full(8, 1e-3), -x])
+    panels = rendered(effects.draw_evidence(columns))
+    words = ["leakage", "ocv edge", "time skew"]
+    assert [title(panel).split(":")[0] for panel in panels[:3]] == words
+    assert [panel.axison for panel in panels] == [True, True, True, False]
+    assert title(panels[0]) == "leakage: 100 % of what was left"
+    assert title(panels[2]) == "time skew: 0 % of what was left"
+    np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[-2, -2], [2, 2]])
+    points = panels[1].get_lines()[-1]
+    assert points.get_label() == "samples, in bins of about 200"
+    np.testing.assert_allclose(points.get_xydata(), np.column_stack([1e3 * x, np.ones(8)]))
+
+
+def test_without_an_effect_or_a_trial_the_figure_says_so():
+    (panel,) = rendered(effects.draw_evidence({}))
+    assert panel.texts[0].get_text() == effects.NO_EFFECT
+    (panel,) = rendered(effects.draw_ranking({}, GATES))
+    assert panel.texts[0].get_text() == effects.NO_TRIAL
+    (panel,) = rendered(effects.draw_confounding({}))
+    assert panel.texts[0].get_text() == effects.NO_PAIR
+
+
+def trial(number, effect, fit, proof, **more):
+    row = {"round": number, "effect": effect, "delta_bic": fit, "j": fit + proof}
+    row |= {"delta_validation_chi_square": proof, "chosen": False, "tied": False, "in_range": True}
+    return row | more
+
+
+def test_the_ranking_is_sorted_marks_the_gates_and_greys_what_is_out_of_range():
+    rows = [
+        trial(1, "leakage", 4000.0, 800.0, in_range=False),
+        trial(1, "slow_diffusion", 5000.0, 900.0, chosen=True),
+        trial(1, "ocv_edge", 4990.0, 899.0, tied=True),
+        trial(2, "leakage", -12.0, -3.0),
+    ]
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    figure = effects.draw_ranking(columns, GATES)
+    first, second = rendered(figure)
+    names = [text.get_text() for text in first.get_yticklabels()]
+    assert names == ["slow diffusion", "ocv edge", "leakage"]
+    assert [bar.get_width() for bar in first.patches] == [5900.0, 5889.0, 4800.0]
+    assert [bar.get_hatch() for bar in first.patches] == [None, None, effects.HATCH]
+    assert title(first) == "Round 1: added “slow diffusion”"
+    assert title(second) == "Round 2: nothing more to add"
+    assert first.get_lines()[0].get_xdata()[0] == 35
+    assert "fit −12, proof −3" in [text.get_text() for text in second.texts]
+    assert "fit above 10, proof above 25" in figure.legends[0].get_texts()[-1].get_text()
+
+
+def test_the_ranking_of_a_group_names_the_branch():
+    row = {"round": 1, "delta_bic": 900.0, "delta_validation_chi_square": 90.0, "j": 990.0}
+    row |= {"effect": "branch_capacity", "branch": 2, "chosen": True, "tied": False}
+    columns = {name: [value] for name, value in (row | {"in_range": True}).items()}
+    (panel,) = rendered(effects.draw_group_ranking(columns, GATES))[:1]
+    assert panel.get_yticklabels()[0].get_text() == "capacity of branch 2"
+    (panel,) = rendered(effects.draw_group_ranking({}, GATES))
+    assert panel.texts[0].get_text() == effects.NO_TRIAL
+
+
+def test_pairs_that_the_tests_cannot_tell_apart_are_framed():
+    names = ["leakage", "current_offset", "ocv_edge"]
+    columns = {
+        "effect_a": [names[0], names[0], names[1]],
+        "effect_b": [names[1], names[2], names[2]],
+    }
+    columns |= {"correlation": [0.998, 0.4, 0.05], "same_class": [True, False, False]}
+    panel, bar = rendered(effects.draw_confounding(columns))
+    assert [text.get_text() for text in panel.get_yticklabels()] == [
+        "leakage",
+        "current offset",
+        "ocv edge",
+    ]
+    assert [text.get_text() for text in panel.texts] == ["1.00", "0.40"]
+    (frame,) = panel.get_lines()
+    assert frame.get_xydata().mean(axis=0) == pytest.approx([0.4, 1.4])
+    assert "[1]" in bar.get_ylabel()
+
+
+def test_the_report_shows_every_figure_that_the_rules_of_the_search_write():
+    rules = Path(__file__).resolve().parents[2] / "workflow" / "rules" / "figures_of_models.smk"
+    written = set(re.findall(r"/(effect_\w+)\.svg", rules.read_text(encoding="utf-8")))
+    assert len(written) == 6
+    assert written == set(page.PROOFS)

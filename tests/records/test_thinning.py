@@ -1,0 +1,130 @@
+"""Fewer rows: means over bins where that is worth it, sparse rows in steady stretches."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from cellwright.records.group import GroupRecord
+from cellwright.records.record import record_of
+from cellwright.records.thinning import (
+    averaged,
+    averaged_to,
+    driven,
+    edges,
+    rows_of,
+    thin,
+    without_edges,
+)
+from cellwright.refusal import Refusal
+
+TIME = np.arange(3000.0)
+
+
+def record(current, *, every=1.0, **change):
+    time = every * np.arange(len(current))
+    return record_of(time, current, np.full(len(time), 3.7), np.full(len(time), 0.5), **change)
+
+
+def pulses():
+    return np.where((TIME % 1000 >= 100) & (TIME % 1000 < 130), -2.0, 0.0)
+
+
+def test_thinning_keeps_edges_and_a_row_of_each_tenth_of_growth():
+    small = thin(record(pulses()), step_ampere=0.1)
+    assert len(small.soc) < 300
+    assert {99.0, 100.0, 129.0, 130.0, 2130.0} <= set(small.test_time_second)
+    rest = small.test_time_second[(small.test_time_second > 130) & (small.test_time_second < 1100)]
+    # A row of each tenth of growth, as far as rows of one second can have it.
+    assert (np.diff(rest - 130) <= np.maximum(1.0, 0.25 * (rest[1:] - 130))).all()
+
+
+@settings(deadline=None, max_examples=30)
+@given(arrays(float, 60, elements=st.floats(-5, 5)))
+def test_a_drive_that_steps_at_every_row_is_kept_whole(current):
+    made = record(np.cumsum(np.abs(current) + 0.2) * (-1.0) ** np.arange(60))
+    assert len(thin(made, step_ampere=0.1).soc) == 60
+    # Only the step into the last row stands alone: after it nothing is known.
+    assert without_edges(made, step_ampere=0.1).used[:-1].all()
+
+
+def test_the_row_of_a_lone_edge_is_left_out():
+    made = without_edges(record(pulses()), step_ampere=0.1)
+    np.testing.assert_array_equal(np.flatnonzero(~made.used) % 1000, [100, 130] * 3)
+    np.testing.assert_array_equal(edges(made, step_ampere=0.1) % 1000, [100, 130] * 3)
+    before = record(pulses(), used=TIME >= 500)
+    assert not without_edges(before, step_ampere=0.1).used[:500].any()
+
+
+def test_rows_keep_all_their_columns_together():
+    made = rows_of(record(pulses(), celsius=TIME, used=TIME > 5), slice(4, 8))
+    np.testing.assert_array_equal(made.test_time_second, [4, 5, 6, 7])
+    np.testing.assert_array_equal(made.celsius, made.test_time_second)
+    np.testing.assert_array_equal(made.used, [False, False, True, True])
+    assert made.kind == "drive"
+
+
+def test_dropped_rows_are_marked_where_they_were():
+    small = thin(record(pulses()), step_ampere=0.1)
+    gaps = np.diff(small.test_time_second, prepend=-1.0) > 1.0
+    assert gaps.any()
+    np.testing.assert_array_equal(small.thinned, gaps)
+    again = thin(small, step_ampere=0.1)
+    assert again.thinned[np.isin(again.test_time_second, small.test_time_second[gaps])].all()
+
+
+def test_a_long_load_keeps_a_row_for_each_portion_of_the_charge():
+    long = record(np.full(7200, -1.0))
+    by_time = thin(long, step_ampere=0.1)
+    by_charge = thin(long, step_ampere=0.1, capacity_ampere_hour=2.0, portion_soc=0.005)
+    longest = [np.diff(small.test_time_second).max() for small in (by_time, by_charge)]
+    assert longest[0] > 300.0
+    assert longest[1] <= 36.0 + 1.0  # half a per cent of 2 Ah at 1 A, to the next row
+
+
+def test_means_over_bins_by_hand():
+    time, soc = np.array([0.0, 0.4, 0.8, 1.2, 1.6, 2.0]), np.linspace(0.6, 0.5, 6)
+    used = np.array([True, True, True, True, False, True])
+    made = record_of(time, [0.0, -1, -2, -3, -5, -6], np.arange(6.0), soc, used=used, test="fast")
+    small = averaged(made, width_second=1.0)
+    np.testing.assert_allclose(small.test_time_second, [0.4, 1.4, 2.0])
+    np.testing.assert_allclose(small.current_ampere, [-1.0, -4.0, -6.0])
+    np.testing.assert_allclose(small.voltage_volt, [1.0, 3.5, 5.0])
+    np.testing.assert_allclose(small.soc, [0.58, 0.53, 0.5])
+    np.testing.assert_array_equal(small.used, [True, False, True])
+    assert small.test == "fast"
+
+
+@pytest.mark.parametrize(("every", "rows"), [(0.5, 50), (0.79, 79), (0.81, 100), (0.999, 100)])
+def test_only_what_is_sampled_clearly_faster_is_averaged(every, rows):
+    assert len(averaged(record(np.zeros(100), every=every), width_second=1.0).soc) == rows
+
+
+def test_bins_widen_by_whole_seconds_until_the_rows_are_few():
+    """Half-second rows of 600 s: 1,200, then 600, then 300 in bins of 2 s."""
+    fast = record(np.zeros(1200), every=0.5)
+    (once,) = averaged_to([fast], most_rows=1000)
+    (twice,) = averaged_to([fast], most_rows=500)
+    assert (len(once.soc), len(twice.soc)) == (600, 300)
+    np.testing.assert_allclose(twice.test_time_second[:2], [0.75, 2.75])
+    (thinned,) = averaged_to([fast], most_rows=500, thinned=lambda r: thin(r, step_ampere=0.1))
+    assert len(thinned.soc) < 100
+    with pytest.raises(Refusal, match="1 rows were asked for of 2 records"):
+        averaged_to([fast, fast], most_rows=1)
+
+
+def test_branch_currents_of_a_group_are_averaged_with_their_total():
+    time = 0.5 * np.arange(100)
+    branches = np.column_stack([np.arange(100.0), -np.arange(100.0)])
+    stated = np.array([0.9, 0.8])
+    made = GroupRecord("pair", time, branches.sum(axis=1), time, time, branches, stated)
+    small = averaged(made, width_second=1.0)
+    np.testing.assert_allclose(small.branch_current_ampere[:2], [[0.5, -0.5], [2.5, -2.5]])
+    np.testing.assert_array_equal(small.initial_soc, stated)
+    assert averaged(small, width_second=1.0) is small
+
+
+def test_a_drive_steps_at_most_of_its_rows():
+    assert driven(np.tile([1.0, -1.0, 0.5], 30))
+    assert not driven(pulses())

@@ -1,0 +1,173 @@
+"""The workflow as a module of another one: its rules renamed, its sheets and config that one's."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import tiny
+
+from runtime import artefact
+
+ROOT = Path(__file__).resolve().parents[2]
+CAPACITY, TABLE = "results/capacity/B/capacity.parquet", "results/tables/capacity.csv"
+# As docs/use-as-module.md shows it, with a rule of its own before and after.
+USING = """
+configfile: "config/config.yaml"
+
+rule everything:
+    input: "largest.txt", "{capacity}"
+
+module cellwright:
+    snakefile: "{house}/workflow/Snakefile"
+    config: config["cellwright"]
+
+use rule * from cellwright as cellwright_*
+
+use rule capacity from cellwright as cellwright_capacity with:
+    message: "Capacity for the fleet: {{wildcards.cell}}."
+
+rule largest:
+    input: "{table}"
+    output: "largest.txt"
+    params: column="capacity_ampere_hour"
+    script: "scripts/largest.py"
+"""
+# Its script has a module of its own beside it that bears the name of one of ours.
+SCRIPT = """
+from tables import largest
+cell, names = largest(snakemake.input[0], snakemake.params.column), sorted(snakemake.params.keys())
+with open(snakemake.output[0], "w") as file:
+    print(cell, names, file=file)
+"""
+TABLES = """
+import csv
+def largest(path, column):
+    with open(path, newline="") as file:
+        return max(row["cell"] for row in csv.DictReader(file) if float(row[column]) > 1.9)
+"""
+
+
+def snakemake(folder, *arguments):
+    program = [sys.executable, "-m", "snakemake", "--cores", "1"]
+    # As in an environment that has the packages, without the launcher `run`.
+    plain = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(
+        [*program, *arguments], cwd=folder, env=plain, capture_output=True, text=True, check=False
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def write(folder, using=USING):
+    """The tiny campaign, and a workflow beside its sheets that uses ours."""
+    tiny.write(folder)
+    (folder / "scripts").mkdir()
+    (folder / "scripts/largest.py").write_text(SCRIPT)
+    (folder / "scripts/tables.py").write_text(TABLES)
+    chosen = "fleet: 7\ncellwright:\n  title: Fleet\n  clean:\n    gap_second: 60\n"
+    (folder / "config/config.yaml").write_text(chosen)
+    filled = using.format(house=ROOT, table=TABLE, capacity=CAPACITY)
+    (folder / "Snakefile").write_text(filled)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory):
+    """A workflow that uses ours, run to its own default target."""
+    folder = write(tmp_path_factory.mktemp("module") / "fleet")
+    return folder, *snakemake(folder)
+
+
+def test_its_default_target_is_made_by_our_jobs(fleet):
+    folder, status, said = fleet
+    assert status == 0, said
+    assert "Capacity for the fleet: B." in said
+    assert "cellwright_segment" in said
+    assert (folder / "largest.txt").read_text() == "A ['column']\n"
+
+
+def test_its_config_is_the_module_s_and_its_sheets_are_its_folder_s(fleet):
+    about = artefact.read_about(fleet[0] / "results/clean/B/capacity.parquet")
+    assert about["params"]["settings"]["gap_second"] == 60
+    assert about["params"]["settings"]["spike_limit_volt"] == 0.01
+    assert about["reason"] is None
+
+
+def test_an_artefact_is_the_same_as_without_the_other_workflow(fleet, tmp_path):
+    folder = tiny.write(tmp_path / "alone")
+    (folder / "config/config.yaml").write_text("clean:\n  gap_second: 60\n")
+    house = ["--snakefile", str(ROOT / "Snakefile")]
+    status, said = snakemake(folder, *house, CAPACITY)
+    assert status == 0, said
+    assert (folder / CAPACITY).read_bytes() == (fleet[0] / CAPACITY).read_bytes()
+
+
+def test_a_second_run_finds_nothing_to_do(fleet):
+    profile = ["--workflow-profile", str(ROOT / "workflow/profiles/default")]
+    assert "Nothing to be done" in snakemake(fleet[0], *profile)[1]
+
+
+REFUSED = {
+    "prefix": (
+        'config: config["cellwright"]',
+        'config: {{}}\n    prefix: "fleet/"',
+        "a run of its own",
+    ),
+    "foreign key": (
+        'config: config["cellwright"]',
+        "config: config",
+        "config of the module: found 'fleet'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_work_is_told_before_any_job(tmp_path, case):
+    was, instead, words = REFUSED[case]
+    status, said = snakemake(write(tmp_path / "fleet", USING.replace(was, instead)), "--dry-run")
+    assert status != 0
+    assert words in said
+    assert "Job stats" not in said
+
+
+def test_without_a_config_of_the_module_the_campaign_s_file_is_read(tmp_path):
+    using = USING.replace('    config: config["cellwright"]\n', "").replace("configfile", "#")
+    folder = write(tmp_path / "fleet", using)
+    (folder / "config/config.yaml").write_text("clean:\n  gap_second: -1\n")
+    assert "config/config.yaml, line 2, clean.gap_second: found -1" in snakemake(folder, "-n")[1]
+
+
+def test_a_few_rules_can_be_used_under_their_own_names(tmp_path):
+    start, end = USING.index("use rule *"), USING.index("rule largest")
+    few = "use rule ingest, clean, segment, capacity from cellwright\n\n"
+    folder = write(tmp_path / "fleet", USING[:start] + few + USING[end:])
+    status, said = snakemake(folder, "--dry-run", CAPACITY)
+    assert status == 0, said
+    planned = said.split("Job stats:")[1].split("\ntotal")[0]
+    jobs = re.findall(r"^(\w+) +\d+$", planned, re.M)
+    assert sorted(jobs) == ["capacity", "clean", "ingest", "segment"]
+
+
+def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
+    page = (ROOT / "docs" / "use-as-module.md").read_text(encoding="utf-8")
+    folder = write(tmp_path / "fleet")
+    (folder / "Snakefile").write_text(page.split("```")[1].replace("path/to/cellwright", str(ROOT)))
+    status, said = snakemake(folder, "--dry-run")
+    assert status == 0, said
+    jobs = dict(
+        re.findall(r"^(\w+) +(\d+)$", said.split("Job stats:")[1].split("\ntotal")[0], re.M)
+    )
+    assert {"everything", "largest", "cellwright_table", "cellwright_ingest"} <= set(jobs)
+
+
+def test_a_workflow_without_its_scripts_says_that_a_clone_is_needed(tmp_path):
+    shutil.copytree(ROOT / "workflow", tmp_path / "fetched" / "workflow")
+    using = USING.replace("{house}", str(tmp_path / "fetched"))
+    status, said = snakemake(write(tmp_path / "fleet", using), "--dry-run")
+    assert status != 0
+    assert "Cellwright runs from a clone on this disk" in said

@@ -1,0 +1,37 @@
+# Identification methods compared: the thesis' three, lmfit and this project's, on the same pulses.
+
+# Cells with pulses that may be fitted.
+COMPARED = [cell for cell in CELLS if tests(cell, *PULSE_KINDS, roles=["fit"])]
+
+
+rule identification_methods:
+    input:
+        series=lambda w: fitted("clean", w.cell, *PULSE_KINDS),
+        steps=lambda w: fitted("segment", w.cell, *PULSE_KINDS),
+        basis="results/basis/{cell}.json",
+    output:
+        "results/identification_methods/{cell}.parquet",
+    log:
+        "logs/identification_methods/{cell}.log",
+    wildcard_constraints:
+        cell=either(COMPARED),
+    params:
+        settings=config["identification_methods"],
+        cell=cell_facts,
+    message:
+        "Identify the pulses of {wildcards.cell} by each method, to compare them."
+    script:
+        "../../scripts/methods/identification_methods.py"
+
+
+rule figure_identification_methods:
+    input:
+        "results/identification_methods/{cell}.parquet",
+    output:
+        "results/figures/{cell}/identification_methods.svg",
+    log:
+        "logs/figures/{cell}_identification_methods.log",
+    message:
+        "Figure: circuits of {wildcards.cell} by identification method."
+    script:
+        "../../scripts/methods/figure_identification_methods.py"
