@@ -23,7 +23,7 @@ def draw_identification_methods(rows):
     known = [row for row in rows if np.isfinite(row["r0_ohm"])]
     if not known:
         return style.message("No pulse was identified by any method.")
-    canvas, axes = style.canvas(2, 4, width=12.0, height=5.6)
+    figure, axes = style.subplots(2, 4, width=12.0, height=5.6)
     celsius = _shown_temperature(known)
     mine = [row for row in known if _celsius(row) == celsius]
     panels = axes.flat
@@ -35,8 +35,8 @@ def draw_identification_methods(rows):
     _work(next(panels), known)
     axes[0, 0].set_title(f"R0 at {style.temperature_label(celsius)}")
     handles, labels = error.get_legend_handles_labels()
-    canvas.legend(handles, labels, loc="outside lower center", ncols=len(METHODS))
-    return canvas
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(METHODS))
+    return figure
 
 
 def _celsius(row):

@@ -44,12 +44,11 @@ def imports() -> dict[str, set[str]]:
 
 def levels(needs) -> dict[str, int]:
     """How many rooms stand below each room, one upon another."""
-    found = {}
-    while len(found) < len(needs):
-        for room, below in needs.items():
-            if room not in found and below <= set(found):
-                found[room] = 1 + max((found[other] for other in below), default=-1)
-    return found
+    level = {}
+    while len(level) < len(needs):
+        ready = [room for room, below in needs.items() if room not in level and below <= set(level)]
+        level |= {room: 1 + max((level[b] for b in needs[room]), default=-1) for room in ready}
+    return level
 
 
 def direct(needs) -> list[tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sheets_facts import cell_facts, facts_of
 
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
@@ -17,7 +18,7 @@ from cellwright.series.steps import segment
 
 TRUE = np.array([0.020, 0.010, 0.015, 3.0, 40.0])
 CAPACITY = 5.0
-FULL = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
+FULL = cell_facts(3.0, 4.2)
 SLOPE = 1.0  # of the OCV over SoC [V]
 CURVE = {"soc": [0.0, 1.0], "ocv_volt": [3.2, 4.2], "ambient_temperature_celsius": 25.0}
 BASIS = {"capacity_ampere_hour": CAPACITY, "ocv": [CURVE]}
@@ -43,7 +44,7 @@ def pulse_test(loads, *, noise=0.0, step=0.5, name="hppc", facts=None, basis_vol
         "voltage_volt": volt,
         "charge_ampere_hour": charge,
     }
-    known = {"test": name, "ambient_temperature_celsius": 25.0, "soc": 1.0} | (facts or {})
+    known = facts_of(name, "hppc", soc=1.0)._replace(**facts or {})
     return PulseTest(known, series, steps)
 
 

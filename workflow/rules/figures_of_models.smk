@@ -14,6 +14,19 @@ rule figure_parameters:
         "../../scripts/figures_of_models/figure_parameters.py"
 
 
+rule figure_identification_methods:
+    input:
+        "results/identification_methods/{cell}.parquet",
+    output:
+        "results/figures/{cell}/identification_methods.svg",
+    log:
+        "logs/figures/{cell}_identification_methods.log",
+    message:
+        "Figure: circuits of {wildcards.cell} by identification method."
+    script:
+        "../../scripts/figures_of_models/figure_identification_methods.py"
+
+
 rule figure_validation:
     input:
         series="results/simulation/{cell}/{test}.parquet",

@@ -22,16 +22,3 @@ rule identification_methods:
         "Identify the pulses of {wildcards.cell} by each method, to compare them."
     script:
         "../../scripts/methods/identification_methods.py"
-
-
-rule figure_identification_methods:
-    input:
-        "results/identification_methods/{cell}.parquet",
-    output:
-        "results/figures/{cell}/identification_methods.svg",
-    log:
-        "logs/figures/{cell}_identification_methods.log",
-    message:
-        "Figure: circuits of {wildcards.cell} by identification method."
-    script:
-        "../../scripts/methods/figure_identification_methods.py"

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.records.basis import REFERENCE_CELSIUS, soc_or_unknown
+from cellwright.records.facts import TestFacts
 
 RELAXED_SECOND = 600.0  # a rest so long before a pulse leaves nothing to relax in it …
 RELAXED_LOADS = 10.0  # … nor does one of so many lengths of the load before it
@@ -17,9 +18,9 @@ SAME_RATE = 0.1  # relative difference of currents that count as one rate
 
 
 class PulseTest(NamedTuple):
-    """A test with pulses: its facts (sheet's row with its name as "test"), clean series, steps."""
+    """A test with pulses: what the sheet says of it, its clean series, its steps."""
 
-    facts: dict
+    facts: TestFacts
     series: dict
     steps: NamedTuple
 
@@ -69,7 +70,7 @@ def pulse_records(tests, basis, cell, *, pulses_per_cell, samples, rest_lengths)
     ----------
     tests : list of PulseTest.
     basis : dict of `records.basis.basis`: capacity and OCV curves that the SoC refers to.
-    cell : dict with lower_cutoff_volt and upper_cutoff_volt [V].
+    cell : CellFacts, of which the cut-off voltages count.
     pulses_per_cell, samples : at most so many. rest_lengths : lengths of the pulse [1].
 
     Returns
@@ -78,7 +79,7 @@ def pulse_records(tests, basis, cell, *, pulses_per_cell, samples, rest_lengths)
     """
     found, left_out = [], []
     for test in tests:
-        name, steps = test.facts["test"], _relaxed_pulses(test.steps)
+        name, steps = test.facts.test, _relaxed_pulses(test.steps)
         if not len(steps):
             left_out.append(f"{name}: {NONE}")
             continue
@@ -145,8 +146,8 @@ def _record(test, step, soc, basis, *, samples, rest_lengths):
     before = before[time[before] >= begin - max(length, begin - time[first - 1])]
     ocv = float(np.mean(voltage[before])) + _moved_volt(soc, rows, basis, facts)
     return PulseRecord(
-        test=facts["test"],
-        ambient_temperature_celsius=facts["ambient_temperature_celsius"],
+        test=facts.test,
+        ambient_temperature_celsius=facts.ambient_temperature_celsius,
         start_time_second=float(begin),
         soc=float(soc[first - 1]),
         level_ampere=float(np.median(current[first:edge])),
@@ -169,8 +170,9 @@ def _thinned(time, first, last, usual, most):
 
 def _moved_volt(soc, rows, basis, facts):
     """Change of the open-circuit voltage since the first of the rows (n,) [V]; 0 if not known."""
-    celsius = _stated_or_reference(facts)
-    curves = [(abs(_stated_or_reference(one) - celsius), k) for k, one in enumerate(basis["ocv"])]
+    celsius = _stated_or_reference(facts.ambient_temperature_celsius)
+    known = [_stated_or_reference(one["ambient_temperature_celsius"]) for one in basis["ocv"]]
+    curves = [(abs(one - celsius), k) for k, one in enumerate(known)]
     if not curves or not np.isfinite(soc[rows]).all():
         return np.zeros(len(rows))
     curve = basis["ocv"][min(curves)[1]]
@@ -178,6 +180,5 @@ def _moved_volt(soc, rows, basis, facts):
     return volt - volt[0]
 
 
-def _stated_or_reference(facts):
-    celsius = facts["ambient_temperature_celsius"]
+def _stated_or_reference(celsius):
     return REFERENCE_CELSIUS if celsius is None else celsius
