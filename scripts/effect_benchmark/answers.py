@@ -26,7 +26,7 @@ def verdict(cell: str, rounds, gates) -> dict:
     ----------
     cell : its name. rounds : list of search.Round. gates : case.Gates.
     """
-    return verdict_of(cell, outcome(rounds, gates), gates, rounds, {})
+    return verdict_of(cell, outcome(rounds, gates), rounds, None)
 
 
 def plain_names(names) -> dict:

@@ -9,8 +9,8 @@ import numpy as np
 
 from cellwright.effects import base, plain, search
 from cellwright.effects.case import filters_of, steep
-from cellwright.effects.effect import Effect, Parameter
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.screen import candidates, scored
 
 EXTRA_RC = "slow_diffusion"
@@ -98,6 +98,6 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
 
     lined_up = candidates(predict, solution.prediction, solution.values, [effect])
     own = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
-    scores = scored(lined_up, own, residual, solution.white, solution.precision)
+    scores = scored(lined_up, own, residual, solution.white, solution.precision, solution.values)
     best = max(scores, key=lambda one: one.chi_square)
-    return search.tried(case, free, first.before, best, filters)
+    return search.tried(case, LIBRARY, free, first.before, best, filters)

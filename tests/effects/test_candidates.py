@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.effects.effect import Effect, Parameter
+from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.screen import Candidate, candidates, neutral, scored
 
 RANDOM = np.random.default_rng(11)
@@ -37,7 +37,7 @@ def score(one):
     precision = NUISANCES.T @ NUISANCES + PRIOR
     candidate = Candidate(one, ("made_up.one", "made_up.two"), neutral(one), OWN)
     residual = ROWS - NUISANCES @ x
-    return cost, scored([candidate], OWN, residual, NUISANCES, precision)[0]
+    return cost, scored([candidate], OWN, residual, NUISANCES, precision, {})[0]
 
 
 def test_the_score_is_the_gain_of_a_linear_refit():
@@ -59,7 +59,7 @@ def test_an_effect_that_the_nuisances_mimic_is_not_visible():
     columns = NUISANCES[:, [0, 2]]
     candidate = Candidate(one, ("made_up.one", "made_up.two"), neutral(one), columns)
     precision = NUISANCES.T @ NUISANCES
-    found = scored([candidate], columns, ROWS, NUISANCES, precision)[0]
+    found = scored([candidate], columns, ROWS, NUISANCES, precision, {})[0]
     assert found.visible < 1e-6
 
 
@@ -75,7 +75,7 @@ def test_two_candidates_are_scored_as_each_alone():
     both = [Candidate(one, names, {}, OWN[:, ::-1]), Candidate(one, names, {}, OWN)]
     columns = np.concatenate([c.columns for c in both], axis=1)
     precision = NUISANCES.T @ NUISANCES + PRIOR
-    found = scored(both, columns, ROWS - NUISANCES @ x, NUISANCES, precision)
+    found = scored(both, columns, ROWS - NUISANCES @ x, NUISANCES, precision, {})
     assert found[1].chi_square == pytest.approx(alone.chi_square)
     np.testing.assert_allclose(found[0].estimate, alone.estimate[::-1])
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cellwright.effects.groups.verdict import paragraph
+from cellwright.effects.groups.verdict import group_paragraph
 from cellwright.effects.library.groups import GROUP_LIBRARY
 
 PARAMETERS = {
@@ -16,6 +16,7 @@ ENTRY = {
     "cell": "c2",
     "branch_alternatives": [],
     "parameters": PARAMETERS,
+    "validation_rmse_volt": {"before": 3e-3, "after": 1.2e-4},
     "same_without_validation": True,
 }
 VERDICT = {
@@ -33,7 +34,7 @@ PLACE |= {"temperature_celsius": [25.0]}
 
 
 def said(**changed):
-    return paragraph(VERDICT | changed, GROUP_LIBRARY)
+    return group_paragraph(VERDICT | changed, GROUP_LIBRARY)
 
 
 @pytest.mark.parametrize(

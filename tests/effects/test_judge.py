@@ -53,7 +53,7 @@ def test_the_rests_of_fitted_records_are_those_before_their_first_load():
     solution = Solution(*blank)._replace(values=values, residual=left(stack, values))
     found = rests_of(CELL, stack, solution)
     assert found.soc == pytest.approx([TRUE])
-    assert found.left_volt == pytest.approx([2e-3])
+    assert found.error_volt == pytest.approx([2e-3])
 
 
 def explained(stack, values):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cellwright.effects import base, records, search
+from cellwright.effects.case import Case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import Pairing, counterpart_second, paired, part
 from cellwright.records.record import record_of
@@ -59,7 +60,7 @@ def case(number, hidden=(), **changes):
         for k, test in enumerate(("mild", "wild", "proof"))
     ]
     stacks = [records.stacked(r, capacity_ampere_hour=CAPACITY) for r in (made[:2], made[2:])]
-    return search.Case(CELL, *stacks)
+    return Case(CELL, *stacks)
 
 
 @cache

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cellwright.effects.search import denied
+from cellwright.effects.case import Case
+from cellwright.effects.library import LIBRARY
 from cellwright.protocols.ocv.gap import SlowGap, shows_hysteresis, slow_gap
 
 SOC = np.linspace(0.0, 1.0, 201)
@@ -41,14 +42,18 @@ def trial(name, *effects, ohm=0.05):
     values = logs | {"slow_diffusion.resistance_ohm": ohm}
     state = SimpleNamespace(
         solution=SimpleNamespace(values=values),
-        effects=[SimpleNamespace(id=one) for one in (*effects, name)],
+        effects=[LIBRARY[one] for one in (*effects, name)],
     )
-    return SimpleNamespace(effect=SimpleNamespace(id=name), state=state)
+    return SimpleNamespace(effect=LIBRARY[name], state=state)
+
+
+def denied(gap, *trials):
+    return Case(None, None, None, gap=gap).denied(trials)
 
 
 def test_slow_diffusion_does_not_stand_in_for_hysteresis():
-    case = SimpleNamespace(gap=SlowGap(0.02, 0.12))
-    assert denied(case, [trial("slow_diffusion"), trial("polarisation_soc")]) == {"slow_diffusion"}
-    assert not denied(case, [trial("slow_diffusion", ohm=0.12)])
-    assert not denied(case, [trial("slow_diffusion", "hysteresis_one_state")])
-    assert not denied(SimpleNamespace(gap=SlowGap()), [trial("slow_diffusion")])
+    gap = SlowGap(0.02, 0.12)
+    assert denied(gap, trial("slow_diffusion"), trial("polarisation_soc")) == {"slow_diffusion"}
+    assert not denied(gap, trial("slow_diffusion", ohm=0.12))
+    assert not denied(gap, trial("slow_diffusion", "hysteresis_one_state"))
+    assert not denied(SlowGap(), trial("slow_diffusion"))

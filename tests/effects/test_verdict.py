@@ -32,7 +32,7 @@ LEFT = {
 def verdict(truth, **options):
     searched = rounds(truth, every=2.0, without=())
     found = outcome(searched, Gates())
-    return verdict_of("h1", found, Gates(), searched, LEFT, **options)
+    return verdict_of("h1", found, searched, worst(LEFT, found.floor_volt), **options)
 
 
 @pytest.fixture(scope="module")

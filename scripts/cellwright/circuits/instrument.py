@@ -9,7 +9,9 @@ named is zero. A member without blocks is its circuit alone.
     capacity_test_relative [1], the same in capacity tests; capacity_relative_per_kelvin [1/K], from
     25 °C on; leak_ampere [A]; lost_share_of_charge [1], of what is charged.
 `own_heat` : thermal_resistance_kelvin_per_watt [K/W], time_constant_second [s],
-    activation_energy_joule_per_mole [J/mol]: the rise of the core over the measured temperature.
+    activation_energy_joule_per_mole [J/mol]: the rise of the core over the measured temperature;
+    branches_apart, numbers of the branches (the ohmic resistance is 0) that neither make this heat
+    nor change by it.
 `history` : near_end_soc [1]: a cell that a record finds as near full was charged to get there.
 """
 
@@ -29,7 +31,7 @@ ABOUT = {
     "own_heat": "the cell is warmer inside than was measured",
 }
 WARMED = ("r_ohm", "r_charge_ohm", "r_discharge_ohm", "soc_per_ampere")
-FOLLOWS = ("switch", "hysteresis")  # kinds whose voltage before the first load is history
+FOLLOWS = ("switch", "hysteresis")  # kinds whose voltage follows the charge, not the current
 EDGE_SECOND = 0.06  # before the stamp of a row, within which the current of the row sets in
 LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 
@@ -65,16 +67,50 @@ def corrected(
     if not {"reading", "counting"} & member.keys():
         return Corrected(current_ampere, current_ampere, soc)
     reading, counting = member.get("reading", {}), member.get("counting", {})
-    factor, offset = _factor(reading), reading.get("current_offset_ampere", 0.0)
-    kept, leak = 1.0 - counting.get("lost_share_of_charge", 0.0), counting.get("leak_ampere", 0.0)
+    offset, gain = (reading.get(f"current_{n}", 0.0) for n in ("offset_ampere", "gain_relative"))
+    lost, leak = (counting.get(name, 0.0) for name in ("lost_share_of_charge", "leak_ampere"))
     hours = np.diff(test_time_second, prepend=test_time_second[0]) / 3600.0
     read = np.diff(soc, prepend=soc[0]) * capacity_ampere_hour
-    moved = (read - offset * hours) * factor
-    moved = np.where(moved > 0, kept, 1.0) * moved - leak * hours
-    current = (np.asarray(current_ampere, float) - offset) * factor
+    moved = through_cell(read, offset=offset * hours, gain_relative=gain)
+    moved = stored(moved, lost_share=lost, leak=leak * hours)
+    current = through_cell(np.asarray(current_ampere, float), offset=offset, gain_relative=gain)
     size = capacity_ampere_hour * capacity_factor(member, celsius, kind=kind)
-    charging = np.where(current > 0, kept, 1.0) * current - leak
+    charging = stored(current, lost_share=lost, leak=leak)
     return Corrected(current, charging, soc[0] + np.cumsum(moved / size))
+
+
+def through_cell(read, *, offset=0.0, gain_relative=0.0):
+    """Current or charge through the cell, of what the ammeter read: (read − offset)/(1 + gain).
+
+    A capacity that was counted by the same ammeter is one of these charges.
+
+    Parameters
+    ----------
+    read : scalar or (n,) current [A] or charge [Ah]. offset : of the reading, in its unit.
+    gain_relative : [1].
+    """
+    return (read - offset) * (1.0 / (1.0 + gain_relative))
+
+
+def stored(moved, *, lost_share=0.0, leak=0.0):
+    """Current or charge that changes the SoC, of what flows through the terminals.
+
+    Parameters
+    ----------
+    moved : (n,) positive on charge, current [A] or charge [Ah]. lost_share : of what is charged, by
+    side reactions [1]. leak : self-discharge, in the unit of `moved`.
+    """
+    return np.where(moved > 0, 1.0 - lost_share, 1.0) * moved - leak
+
+
+def capacity_over_temperature(celsius, relative_per_kelvin):
+    """Capacity at a temperature over that at 25 °C [1].
+
+    Parameters
+    ----------
+    celsius : scalar or (n,) [degC]. relative_per_kelvin : [1/K].
+    """
+    return 1.0 + relative_per_kelvin * (celsius - REFERENCE_CELSIUS)
 
 
 def capacity_factor(member, celsius=None, *, kind=None):
@@ -85,12 +121,14 @@ def capacity_factor(member, celsius=None, *, kind=None):
     member : dict of a model file.
     celsius : scalar or (n,) [degC]; None or NaN: as at 25 °C. kind : of the test, or None.
     """
-    counting, factor = member.get("counting", {}), _factor(member.get("reading", {}))
+    counting, reading = member.get("counting", {}), member.get("reading", {})
     name = "capacity_test_relative" if kind == "capacity" else "capacity_relative"
-    above = np.asarray(REFERENCE_CELSIUS if celsius is None else celsius) - REFERENCE_CELSIUS
+    counted = through_cell(1.0, gain_relative=reading.get("current_gain_relative", 0.0))
+    known = np.asarray(REFERENCE_CELSIUS if celsius is None else celsius, float)
+    known = np.where(np.isnan(known), REFERENCE_CELSIUS, known)
     slope = counting.get("capacity_relative_per_kelvin", 0.0)
-    warm = 1.0 + slope * np.nan_to_num(above)
-    return factor * (1.0 + counting.get(name, 0.0)) * warm
+    warm = capacity_over_temperature(known, slope)
+    return counted * (1.0 + counting.get(name, 0.0)) * warm
 
 
 def hold_of(member, current_ampere):
@@ -116,7 +154,8 @@ def words_of(member, blocks=tuple(ABOUT)):
     """
     found = []
     for block in blocks:
-        values = ", ".join(f"{name} {value:.4g}" for name, value in member.get(block, {}).items())
+        numbers = {n: v for n, v in member.get(block, {}).items() if not isinstance(v, list)}
+        values = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items())
         found += [f"{ABOUT[block]} ({values})"] if values else []
     return found
 
@@ -137,16 +176,60 @@ def as_read(member, test_time_second, voltage_volt, at_once_volt, *, hold):
     voltage_volt : (n,) [V].
     """
     reading = member.get("reading", {})
-    delay = reading.get("voltage_delay_second", 0.0)
-    if delay:
-        times, volts = test_time_second, voltage_volt
-        if hold == "zero_order":
-            times, volts = _with_corners(times, volts, at_once_volt)
-        voltage_volt = np.interp(np.asarray(test_time_second) - delay, times, volts)
-    offset, gain = (
-        reading.get(name, 0.0) for name in ("voltage_offset_volt", "voltage_gain_relative")
+    if reading.get("voltage_delay_second", 0.0):
+        time = np.asarray(test_time_second, float)
+        voltage_volt = delayed(
+            *(time, voltage_volt, at_once_volt),
+            delay_second=reading["voltage_delay_second"],
+            step_second=np.diff(time, prepend=time[0]),
+            stepped=np.full(len(time), hold == "zero_order"),
+        )
+    offset, gain = (reading.get(f"voltage_{n}", 0.0) for n in ("offset_volt", "gain_relative"))
+    if not (offset or gain):
+        return voltage_volt
+    return displayed(voltage_volt, offset_volt=offset, gain_relative=gain)
+
+
+def displayed(volt, *, offset_volt=0.0, gain_relative=0.0):
+    """Voltage that an instrument shows, of that of the terminals: (V + offset)·(1 + gain) [V].
+
+    Parameters
+    ----------
+    volt : (n,) [V]. offset_volt : [V]. gain_relative : [1].
+    """
+    return (volt + offset_volt) * (1.0 + gain_relative)
+
+
+def delayed(clock_second, volt, at_once_volt, *, delay_second, step_second, stepped):
+    """Voltage of t − delay, on the course of the simulation between its rows.
+
+    Where the current stepped, the old one flowed until `EDGE_SECOND` before the stamp; there the
+    course has a corner, without which a delay shorter than the sampling interval would smear
+    every step.
+
+    Parameters
+    ----------
+    clock_second : (n,) never falling; records that are laid one after the other lie far apart [s].
+    volt : (n,) [V]. at_once_volt : (n,) part of it that follows the current without delay [V].
+    delay_second : of the voltage behind the current [s].
+    step_second : (n,) since the row before, 0 in first rows [s].
+    stepped : (n,) bool, the current held its value since the row before and stepped at the stamp.
+
+    Returns
+    -------
+    volt : (n,) [V].
+    """
+    edge = np.minimum(EDGE_SECOND, step_second / 2.0)
+    begins = step_second <= 0
+    old_at_once, old = (
+        np.where(begins, one, np.concatenate([one[:1], one[:-1]])) for one in (at_once_volt, volt)
     )
-    return (voltage_volt + offset) * (1.0 + gain) if offset or gain else voltage_volt
+    part = np.divide(edge, step_second, out=np.zeros(len(edge)), where=edge > 0)
+    straight = volt + part * (old - volt)
+    corner = np.where(stepped, volt - at_once_volt + old_at_once, straight)
+    times = np.stack([clock_second - edge, clock_second], axis=1).ravel()
+    volts = np.stack([corner, volt], axis=1).ravel()
+    return np.interp(clock_second - delay_second, times, volts)
 
 
 def true_volt(member, voltage_volt):
@@ -183,17 +266,23 @@ def warmed_within(member, circuit, heat_watt, step_second, celsius, *, hold):
     def warmed(parameters):
         return {name: v * factor if name in WARMED else v for name, v in parameters.items()}
 
-    return tuple(b._replace(parameters=warmed(b.parameters)) for b in circuit)
+    apart = own.get("branches_apart", [])
+    return tuple(
+        branch if k in apart else branch._replace(parameters=warmed(branch.parameters))
+        for k, branch in enumerate(circuit)
+    )
 
 
-def heating(circuit):
-    """Numbers of the branches of a circuit whose losses warm it and that temperature changes.
+def heating(member, circuit):
+    """Numbers of the branches of a circuit whose losses warm it and that its own heat changes.
 
     Parameters
     ----------
-    circuit : tuple of Branch.
+    member : dict of a model file with `own_heat`. circuit : tuple of Branch.
     """
-    return [k for k, branch in enumerate(circuit) if set(WARMED[:3]) & branch.parameters.keys()]
+    apart = member["own_heat"].get("branches_apart", [])
+    ohmic = [k for k, branch in enumerate(circuit) if set(WARMED[:3]) & branch.parameters.keys()]
+    return [k for k in ohmic if k not in apart]
 
 
 def at_once(circuit):
@@ -210,41 +299,50 @@ def at_once(circuit):
     ]
 
 
-def led(member, circuit, test_time_second, current_ampere, soc, capacity_ampere_hour, *, hold):
-    """What a hysteresis adds that was led to one side before the record: (branches, n) [V].
+def load_direction(current_ampere, *, least_ampere, soc_at_start, near_end_soc):
+    """Sign of the last load of a record: (n,).
+
+    Parameters
+    ----------
+    current_ampere : (n,) as read [A]. least_ampere : below it a current turns no hysteresis [A].
+    soc_at_start : [1]; where it is near full or empty, the charge that led there counts as the
+    load before the first one, else there is none (0). near_end_soc : how near that is [1].
+    """
+    # ASSUME: A cell that a record finds full was charged to get there, an empty one discharged.
+    current = np.asarray(current_ampere, float)
+    sign = np.where(np.abs(current) > least_ampere, np.sign(current), 0.0)
+    if sign[0] == 0:
+        sign[0] = (soc_at_start > 1 - near_end_soc) - float(soc_at_start < near_end_soc)
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    return sign[last]
+
+
+def with_history(
+    member, circuit, over_volt, record, read_ampere, *, soc_at_start, capacity_ampere_hour, hold
+):
+    """Voltage over each branch, with hystereses as the load before the record left them [V].
 
     Parameters
     ----------
     member : dict of a model file with `history`. circuit : tuple of Branch.
-    test_time_second, current_ampere, soc : (n,) of the record [s], [A], [1].
+    over_volt : (branches, n) of a record that begins with no hysteresis [V].
+    record : (test_time_second, current_ampere), (n,) each, current through the cell [s], [A].
+    read_ampere : (n,) current as the instrument read it [A]. soc_at_start : [1].
     capacity_ampere_hour : [Ah]. hold : of the current between samples.
     """
-    # ASSUME: A cell that a record finds full was charged to get there, an empty one discharged.
-    near, current = member["history"]["near_end_soc"], np.asarray(current_ampere, float)
-    loaded = np.abs(current) > LOADED_C_RATE * capacity_ampere_hour
-    side = np.sign(current[0]) if loaded[0] else (soc[0] > 1 - near) - float(soc[0] < near)
+    time, current = record
+    least = LOADED_C_RATE * capacity_ampere_hour
+    ends = {"soc_at_start": soc_at_start, "near_end_soc": member["history"]["near_end_soc"]}
+    direction = load_direction(read_ampere, least_ampere=least, **ends)
     between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
-    passed = np.abs(between) * np.diff(test_time_second) / 3600.0
-    found = np.zeros((len(circuit), len(current)))
+    passed = np.abs(between) * np.diff(time) / 3600.0
+    over_volt = np.array(over_volt)
     for k, branch in enumerate(circuit):
         p = branch.parameters
         if branch.kind == "hysteresis":
             charge = np.broadcast_to(p["charge_ampere_hour"], current.shape)[:-1]
             gone = lag_by_charge(passed, charge, np.ones(len(passed)))
-            found[k] = side * p["m_volt"] * (1.0 - gone)
+            over_volt[k] += direction[0] * p["m_volt"] * (1.0 - gone)
         if branch.kind == "switch":
-            found[k] = side * p["m_volt"] * (np.cumsum(loaded) == 0)
-    return found
-
-
-def _factor(reading):
-    """True current over that read, less its offset: so it is with a capacity counted by it."""
-    return 1.0 / (1.0 + reading.get("current_gain_relative", 0.0))
-
-
-def _with_corners(time, volt, at_once_volt):
-    old = np.concatenate([at_once_volt[:1], at_once_volt[:-1]])
-    step = np.diff(time, prepend=time[0])
-    corner = time - np.minimum(EDGE_SECOND, step / 2.0)
-    times = np.stack([corner, time], axis=1).ravel()
-    return times, np.stack([volt - at_once_volt + old, volt], axis=1).ravel()
+            over_volt[k] = direction * p["m_volt"]
+    return over_volt

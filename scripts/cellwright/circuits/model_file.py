@@ -403,8 +403,12 @@ def simulate_model(
     record = (time, np.asarray(true.current_ampere, float))
     over = _overpotentials(own, found.circuit, record, celsius, settings)
     if "history" in own:
-        before = (true.soc, capacity)
-        over = over + instrument.led(own, found.circuit, *record, *before, hold=settings["hold"])
+        over = instrument.with_history(
+            *(own, found.circuit, over, record, current_ampere),
+            soc_at_start=true.soc[0],
+            capacity_ampere_hour=capacity,
+            hold=settings["hold"],
+        )
     at_once = over[instrument.at_once(found.circuit)].sum(axis=0)
     volt = instrument.as_read(own, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
     return Simulated(volt, ocv, over, *found[3:])
@@ -416,7 +420,7 @@ def _overpotentials(member, circuit, record, celsius, settings):
     if "own_heat" not in member:
         return over
     time, current = record
-    heat = current * over[instrument.heating(circuit)].sum(axis=0)
+    heat = current * over[instrument.heating(member, circuit)].sum(axis=0)
     steps = np.diff(time)
     warm = instrument.warmed_within(member, circuit, heat, steps, celsius, hold=settings["hold"])
     return overpotentials(warm, *record, **settings)

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.effect import STAGES
 from cellwright.native import array, count, function, real
 from cellwright.numerics.lags import lag_weights
 
+STAGES = ("current", "counting", "resistance", "ocv", "overpotential", "reading")
 REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16
 TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}

@@ -1,4 +1,4 @@
-"""What a search is about, and the fits it is made of."""
+"""A cell as the search sees it: its records, its fits, its noise, and what is known beside them."""
 
 from typing import NamedTuple
 
@@ -6,9 +6,14 @@ import numpy as np
 
 from cellwright.effects import base, plain
 from cellwright.effects.judge import by_starts, rests_of, rms, started
+from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.records import lacking
+from cellwright.effects.screen import candidates, screened
+from cellwright.effects.search import State, frees_of
+from cellwright.effects.ties import offset_or_leak, rest_current, tie_of, with_partners
 from cellwright.numerics import noise
-from cellwright.numerics.least_squares import Problem
-from cellwright.protocols.ocv.gap import SlowGap
+from cellwright.numerics.least_squares import SETTLED, Problem, stds
+from cellwright.protocols.ocv.gap import HYSTERESIS, SlowGap, shows_hysteresis
 
 UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it tells nothing
 
@@ -37,10 +42,32 @@ class Gates(NamedTuple):
     steep_volt: float = 2e-3
 
 
+STEADY_C_RATE = 0.02
+LOGGED = {"current_offset", "leakage"}  # told apart by the current logged at rest
+SLOW = "slow_diffusion"
+FAR_LOG = 0.2  # of a resistance or time constant: beyond it kept derivatives mislead
+
+
+class Filters(NamedTuple):
+    """Whitening of both stacks by one noise, and which of their rows an rms error counts.
+
+    noise : noise.Noise. extra_volt : of `steep`. Rows on a steep end of the OCV, where a little
+    charge is many millivolts, do not count.
+    """
+
+    noise: noise.Noise
+    extra_volt: tuple
+    fit: noise.Whitening
+    validation: noise.Whitening
+    fit_rows: np.ndarray
+    validation_rows: np.ndarray
+
+
 class Case(NamedTuple):
     """A cell, the records fitted and those that judge (records.Stack), tolerances and gates.
 
-    gap : what the slow test's branches leave between them, slow_gap.SlowGap.
+    gap : what the slow test's branches leave between them, slow_gap.SlowGap. The methods are those
+    that `search` asks of what it searches.
     """
 
     cell: base.Cell
@@ -49,40 +76,110 @@ class Case(NamedTuple):
     tolerance: plain.Tolerance = plain.Tolerance()
     gates: Gates = Gates()
     gap: SlowGap = SlowGap()
+    polish_share: float = 0.3  # of the best J, from which a misled trial is refitted
+    settled: float = SETTLED
+    keeps_derivatives: bool = True
+
+    def possible(self, library):
+        """Effects that the records excite and that current and voltage could ever show."""
+        excited = {key: one for key, one in library.items() if not not_excited(self, one)}
+        return {key: one for key, one in excited.items() if tie_of(one.id) is None}
+
+    def begun(self):
+        """Free parameters of the plain model, its first values, and filters of a first noise."""
+        values = plain.first_values(self.cell, self.fit)
+        free = plain.frees(self.fit, values, self.tolerance)
+        return free, values, filters_of(self, noise.FIRST, steep(self, values))
+
+    def with_effect(self, free, effect):
+        """Free parameters beside those of an effect."""
+        return (*free, *frees_of(effect))
+
+    def problem(self, effects, free, filters):
+        """The fit of a model with these effects to the records of role fit."""
+        return problem_of(self, effects, free, filters)
+
+    def candidates(self, effects, solution, possible, further):
+        """What each further effect would change: list of screen.Candidate."""
+
+        def predict(values, effect):
+            together = in_order((*effects, effect), possible)
+            return base.voltage(self.cell, self.fit, values, together)
+
+        return candidates(predict, solution.prediction, solution.values, further)
+
+    def filters_for(self, residual, filters, earlier):
+        """Filters by the noise of a residual in which nothing is missing."""
+        limits = {
+            name: getattr(self.gates, name) for name in ("most_slow_volt", "most_slow_second")
+        }
+        spread = noise.estimated(residual, self.fit, extra_volt=filters.extra_volt[0], **limits)
+        return filters_of(self, spread, filters.extra_volt)
+
+    def sharper(self, trial, filters):
+        """None: the noise of a cell is taken once a round."""
+
+    def screened(self, lined_up, before, free, possible, filters):
+        """Scores, best first, and keys of effects that the records cannot show."""
+        return screened(self, lined_up, before, possible, filters)
+
+    def state(self, effects, solution, filters):
+        """How a fitted model does on the records that judge."""
+        return state_of(self, effects, solution, filters)
+
+    def floor_volt(self, residual, filters, earlier):
+        """Noise that no model can explain: white as neighbouring rows show it, and slow [V]."""
+        if earlier:
+            return earlier[0].floor_volt
+        steady = STEADY_C_RATE * self.cell.capacity_ampere_hour
+        white = noise.read_volt(residual, self.fit, steady_ampere=steady)
+        return float(np.hypot(min(white, filters.noise.white_volt), filters.noise.slow_volt))
+
+    def misled(self, before, trial):
+        """Whether resistances or time constants went far from where derivatives were taken."""
+        then, now = before.solution.values, trial.state.solution.values
+        return max(abs(now[name] - then[name]) for name in base.LOGARITHMS) > FAR_LOG
+
+    def denied(self, trials):
+        """Keys of trials that something measured beside the records speaks against.
+
+        The current logged at rest tells an offset from a leak. A gap between the branches of the
+        slow test that no resistance explains is hysteresis, which slow diffusion must not stand in
+        for.
+        """
+        told = {t.effect.id: _told(self, t) for t in trials if t.effect.id in LOGGED}
+        against = {name for name, word in told.items() if word not in (None, name)}
+        slow = [t for t in trials if t.effect.id == SLOW and _in_place_of_hysteresis(self, t)]
+        return against | {t.effect.key for t in slow}
+
+    def ties(self, chosen, tied, denied, library):
+        """The ties of a choice with their structural partners, without those that are denied."""
+        values = chosen.state.solution.values
+        tied = with_partners(chosen.effect.id, tied, library, values)
+        if chosen.effect.id in LOGGED and _told(self, chosen) is not None:
+            denied = denied | LOGGED
+        return tuple(name for name in tied if name not in denied)
 
 
-class Filters(NamedTuple):
-    """Whitening of both stacks by one noise, and which of their rows an rms error counts.
-
-    Rows on a steep end of the OCV, where a little charge is many millivolts, do not.
-    """
-
-    fit: noise.Whitening
-    validation: noise.Whitening
-    fit_rows: np.ndarray
-    validation_rows: np.ndarray
+def not_excited(case, effect):
+    """What the records of either role lack for this effect, in words; empty: nothing."""
+    capacity = case.cell.capacity_ampere_hour
+    return lacking(effect, case.fit, capacity) or lacking(effect, case.validation, capacity)
 
 
-class State(NamedTuple):
-    """A model fitted: its effects, and how it does on both kinds of records.
+def _told(case, trial):
+    """Which of an offset and a leak the log at rest says it is; None where it cannot tell."""
+    name = trial.effect.names[0]
+    size, std = trial.state.solution.values[name], stds(trial.state.solution)[name]
+    rest = rest_current(case.fit, capacity_ampere_hour=case.cell.capacity_ampere_hour)
+    return offset_or_leak(rest, size_ampere=size, std_ampere=std)[0]
 
-    values : of the validation records, with their own starts. validation : residual (m,) [V].
-    validation_chi_square : of it, whitened by the same noise, without what the uncertainty of the
-    starts explains. rmse_volt, validation_rmse_volt [V].
-    """
 
-    effects: tuple
-    solution: object
-    values: dict
-    validation: np.ndarray
-    validation_chi_square: float
-    rmse_volt: float
-    validation_rmse_volt: float
-
-    @property
-    def worst_volt(self):
-        """The larger of both rms errors [V]."""
-        return max(self.rmse_volt, self.validation_rmse_volt)
+def _in_place_of_hysteresis(case, trial):
+    values = trial.state.solution.values
+    own = sum(np.exp(values[name]) for name in ("log_r0", "log_r1", "log_r2"))
+    there = HYSTERESIS & {effect.id for effect in trial.state.effects}
+    return not there and shows_hysteresis(case.gap, own + values[f"{SLOW}.resistance_ohm"])
 
 
 def problem_of(case, effects, free, filters):
@@ -113,17 +210,18 @@ def state_of(case, effects, solution, filters):
     rests = rests_of(case.cell, case.fit, solution)
     values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs, rests)
     volt = base.voltage(case.cell, stack, values, effects)
-    left, about = stack.voltage_volt - volt, (case.cell, stack, values, effects, case.tolerance)
-    white = filters.validation.apply(left)
+    error = stack.voltage_volt - volt
+    about = case.cell, stack, values, effects, case.tolerance
+    white = filters.validation.apply(error)
     explained = by_starts(*about, volt, filters.validation, pairs)
     return State(
         effects,
         solution,
         values,
-        left,
+        error,
         float(white @ white) - explained,
         rms(solution.residual[filters.fit_rows]),
-        rms(left[filters.validation_rows]),
+        rms(error[filters.validation_rows]),
     )
 
 
@@ -141,6 +239,8 @@ def steep(case, values):
 def filters_of(case, spread, extra):
     """Filters for a noise. extra: of `steep`."""
     return Filters(
+        spread,
+        extra,
         noise.whitening(spread, case.fit, extra_volt=extra[0]),
         noise.whitening(spread, case.validation, extra_volt=extra[1]),
         extra[0] <= case.gates.steep_volt,

@@ -5,14 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, plain, ties
-from cellwright.effects.case import Gates, filters_of, steep
-from cellwright.effects.judge import joined, residual_map
+from cellwright.effects.case import Gates, filters_of, not_excited, steep
+from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
 from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planner import next_test
 from cellwright.effects.prepare import prepared
 from cellwright.effects.screen import evidence
-from cellwright.effects.search import not_excited, search
+from cellwright.effects.search import frees_of, search
 from cellwright.effects.ties import tie_of
 from cellwright.effects.verdict import outcome, paragraph, verdict_of
 from cellwright.numerics.least_squares import stds
@@ -115,9 +115,8 @@ def of_case(name, case, library, *, split_rest_second=None):
     hidden |= {name for name in library if tie_of(name) is not None}
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     menu, advice = _advised(case, found, rounds, library, untestable)
-    verdict = verdict_of(
-        name, found, case.gates, rounds, left, next_test=advice, not_testable=untestable
-    )
+    place = worst(left, found.floor_volt)
+    verdict = verdict_of(name, found, rounds, place, next_test=advice, not_testable=untestable)
     verdict["paragraph"] = paragraph(verdict, library)
     kept = bool(found.steps) and found.word in KEPT
     model = model_of(case, found.last if kept else rounds[0].before)
@@ -126,7 +125,7 @@ def of_case(name, case, library, *, split_rest_second=None):
         model["folds"] = folds(case, found.last, rounds[-1].noise, **again)
     return Finding(
         verdict,
-        _ranking(rounds, case.gates),
+        ranking_of(rounds),
         left,
         _evidence(case, found),
         _series(case, rounds[0].before, found.last),
@@ -168,28 +167,39 @@ def _map_of(case, stack, role, before, after):
     return residual_map(stack, role, fields.soc, *left, capacity, stack.used)
 
 
-def _ranking(rounds, gates):
-    rows = []
-    for number, one in enumerate(rounds, 1):
-        for trial in one.trials:
-            names = [f"{trial.effect.id}.{p.name}" for p in trial.effect.parameters if p.step]
-            rows.append(
-                {
-                    "round": number,
-                    "effect": trial.effect.id,
-                    "parameters_counted": len(names),
-                    "score_chi_square": trial.score,
-                    "delta_bic": trial.delta_bic,
-                    "delta_validation_chi_square": trial.delta_validation,
-                    "rmse_volt": trial.state.rmse_volt,
-                    "validation_rmse_volt": trial.state.validation_rmse_volt,
-                    "j": trial.j,
-                    "in_range": not set(names) & set(trial.state.solution.at_bound),
-                    "chosen": trial is one.chosen,
-                    "tied": trial.effect.id in one.tied,
-                }
-            )
+def ranking_of(rounds):
+    """Every candidate that was refitted, round by round: dict of columns.
+
+    Parameters
+    ----------
+    rounds : list of search.Round.
+    """
+    rows = [
+        {"round": number} | _ranked(trial, one)
+        for number, one in enumerate(rounds, 1)
+        for trial in one.trials
+    ]
     return _columns(rows)
+
+
+def _ranked(trial, one):
+    effect, solution = trial.effect, trial.state.solution
+    names = [free.name for free in frees_of(effect)]
+    row = {"effect": effect.id}
+    if effect.position is not None:
+        row |= {"branch": effect.position + 1, "value": solution.values[effect.names[0]]}
+    return row | {
+        "parameters_counted": len(names),
+        "score_chi_square": trial.score,
+        "delta_bic": trial.delta_bic,
+        "delta_validation_chi_square": trial.delta_validation,
+        "rmse_volt": trial.state.rmse_volt,
+        "validation_rmse_volt": trial.state.validation_rmse_volt,
+        "j": trial.j,
+        "in_range": not set(names) & set(solution.at_bound),
+        "chosen": trial is one.chosen,
+        "tied": effect.key in one.tied,
+    }
 
 
 def _columns(rows):

@@ -16,10 +16,10 @@ ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
 
 
 class Rests(NamedTuple):
-    """First rests of fitted records: soc [1], and what the model leaves of them on average [V]."""
+    """First rests of fitted records: soc [1], and the mean error of the model in each [V]."""
 
     soc: np.ndarray
-    left_volt: np.ndarray
+    error_volt: np.ndarray
 
 
 def rms(values):
@@ -59,17 +59,18 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
     cell : base.Cell. stack : records.Stack. values : dict. effects : sequence of Effect.
     tolerance : plain.Tolerance. shared : (number here, number in the fit) of records of which one
         part was fitted and another judges: they have one start, and the fit has found it.
-    rests : Rests of the records fitted: what the model left of them, it leaves of a rest near by.
+    rests : Rests of the records fitted: a rest at a SoC near by is taken to have their error.
 
     Returns
     -------
     values : dict, with the starts of this stack in the place of others.
     """
-    found = {
+    shared_starts = {
         f"soc0[{k}]": _near(values[f"soc0[{n}]"], stack.soc_at_start[k], tolerance.soc)
         for k, n in shared
     }
-    values = values | {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)} | found
+    values = values | {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)}
+    values = values | shared_starts
     loaded = _loaded(cell, stack)
     for _ in range(PASSES):
         earlier = values
@@ -77,9 +78,9 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
         for k in range(len(stack.first)):
             name, stated = f"soc0[{k}]", stack.soc_at_start[k]
             rest = _first_rest(stack, k, loaded)
-            beyond = error[rest] - _left_near(values[name], rests)
+            beyond = error[rest] - _error_near(values[name], rests)
             known = _weighed(cell, values[name], stated, beyond, tolerance)
-            values = values | {name: found.get(name, known)}
+            values = values | {name: shared_starts.get(name, known)}
         starts = [f"soc0[{k}]" for k in range(len(stack.first))]
         if max(abs(values[name] - earlier[name]) for name in starts) < SETTLED_SOC:
             break
@@ -107,10 +108,10 @@ def by_starts(cell, stack, values, effects, tolerance, prediction, whitening, sh
     both = whitening.apply(np.stack([change, stack.voltage_volt - prediction], axis=1))
     loaded, fitted, fall = _loaded(cell, stack), {k for k, _ in shared}, 0.0
     for k in sorted(set(range(len(starts))) - fitted):
-        column, left = both[stack.file == k].T
+        column, error = both[stack.file == k].T
         rows = len(_first_rest(stack, k, loaded))
         known = sum(_weights(_slope(cell, values[starts[k]]), rows, tolerance))
-        fall += (column @ left) ** 2 / (column @ column + known)
+        fall += (column @ error) ** 2 / (column @ column + known)
     return float(fall)
 
 
@@ -118,17 +119,17 @@ def _loaded(cell, stack):
     return np.abs(stack.current_ampere) > LOADED_C_RATE * cell.capacity_ampere_hour
 
 
-def _left_near(soc, rests):
-    """What a model leaves of rests near a SoC [V]; beforehand none, which weighs like one rest."""
+def _error_near(soc, rests):
+    """Mean error of rests near a SoC [V]; a rest without error is counted with them."""
     if rests is None:
         return 0.0
-    near = rests.left_volt[np.abs(rests.soc - soc) <= ALIKE_SOC]
+    near = rests.error_volt[np.abs(rests.soc - soc) <= ALIKE_SOC]
     return float(near.sum() / (len(near) + 1))
 
 
-def _near(found, stated, tolerance):
-    """A start from the fit, within the tolerance: a model that lacks much bends it far beyond."""
-    return float(np.clip(found, stated - tolerance, stated + tolerance))
+def _near(fitted, stated, tolerance):
+    """A start from the fit, within the tolerance: a model that lacks much moves it far beyond."""
+    return float(np.clip(fitted, stated - tolerance, stated + tolerance))
 
 
 def _first_rest(stack, k, loaded):
@@ -220,29 +221,29 @@ def joined(maps):
     return {name: [v for one in maps for v in one[name]] for name in maps[0]} if maps else {}
 
 
-def worst(found, floor_volt):
+def worst(residuals, floor_volt):
     """The class that holds the largest share of what is left beyond the floor, or None.
 
     Parameters
     ----------
-    found : dict of lists, from `residual_map`. floor_volt : [V].
+    residuals : dict of lists, from `residual_map`. floor_volt : [V].
 
     Returns
     -------
     place : dict with file, soc, current, temperature_celsius and share, as in the contract.
     """
-    if not found:
+    if not residuals:
         return None
-    excess = np.array(found["rows"]) * np.maximum(
-        np.square(found["after_rms_volt"]) - floor_volt**2, 0.0
+    excess = np.array(residuals["rows"]) * np.maximum(
+        np.square(residuals["after_rms_volt"]) - floor_volt**2, 0.0
     )
     if excess.sum() <= 0:
         return None
     k = int(np.argmax(excess))
     return {
-        "file": found["test"][k],
-        "soc": [found["soc_low"][k], found["soc_high"][k]],
-        "current": found["rate"][k],
-        "temperature_celsius": [found["temperature_celsius"][k]],
+        "file": residuals["test"][k],
+        "soc": [residuals["soc_low"][k], residuals["soc_high"][k]],
+        "current": residuals["rate"][k],
+        "temperature_celsius": [residuals["temperature_celsius"][k]],
         "share": float(excess[k] / excess.sum()),
     }

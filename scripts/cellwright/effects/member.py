@@ -8,13 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from cellwright.circuits.instrument import words_of
+from cellwright.circuits.instrument import FOLLOWS, words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
 from cellwright.effects import base, plain
 from cellwright.effects.case import filters_of, problem_of, steep
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.library.thermal import OWN_HEAT_JOULE_PER_MOLE
+from cellwright.effects.library.overpotential import DIFFUSION_KINDS
+from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import NEAR_END, stacked
 from cellwright.effects.search import POLISH_STEPS, frees_of
 from cellwright.identification.choice import (
@@ -33,31 +34,12 @@ from cellwright.refusal import Refusal
 
 NAME = "2RC+effects"
 KNOTS = np.linspace(0.0, 1.0, 61)  # four to each of the OCV's error, and to every course's bend
+PLAIN_PAIRS = 2  # branches of the plain circuit, the first ones
 PROBED = ("counting", "resistance", "ocv")  # stages that a circuit holds by itself
 SAME_KELVIN, FURTHEST_KELVIN = 2.0, 15.0
-BLOCKS = {
-    "reading": {
-        "current_offset.offset_ampere": "current_offset_ampere",
-        "current_gain.gain_relative": "current_gain_relative",
-        "voltage_offset.offset_volt": "voltage_offset_volt",
-        "voltage_gain.gain_relative": "voltage_gain_relative",
-        "time_skew.voltage_delay_second": "voltage_delay_second",
-    },
-    "counting": {
-        "capacity_temperature.relative_per_kelvin": "capacity_relative_per_kelvin",
-        "leakage.leak_ampere": "leak_ampere",
-        "coulombic_inefficiency.lost_share_of_charge": "lost_share_of_charge",
-    },
-    "own_heat": {
-        "self_heating.thermal_resistance_kelvin_per_watt": "thermal_resistance_kelvin_per_watt",
-        "self_heating.time_constant_second": "time_constant_second",
-    },
-}
-
-COUNTED = ("capacity_error",)  # in the member's own capacity
 
 
-def effect_member(found, model, celsius):
+def effect_member(found, model, celsius, library=LIBRARY):
     """Member of a model file that gives the voltages of a found model.
 
     Parameters
@@ -66,6 +48,7 @@ def effect_member(found, model, celsius):
         and effects (ids).
     model : dict of schema cellwright-model/2, whose capacity and OCV tables it stands beside.
     celsius : temperatures at which it has conditions [degC].
+    library : dict of Effect by id, which has the effects of the found model.
 
     Returns
     -------
@@ -75,23 +58,34 @@ def effect_member(found, model, celsius):
     ------
     Refusal : an effect that the library does not have, or OCV knots that are not even.
     """
-    unknown = [name for name in found["effects"] if name not in LIBRARY]
+    unknown = [name for name in found["effects"] if name not in library]
     if unknown:
         raise Refusal(f"effects {', '.join(unknown)} are not in the library")
+    effects = in_order([library[name] for name in found["effects"]], library)
+    for effect in effects:
+        _check_place(effect)
     cell = base.Cell(found["capacity_ampere_hour"], np.asarray(found["ocv_volt"], float))
     spacing = np.diff(found["ocv_soc"])
     if np.ptp(spacing) > 1e-6:
         raise Refusal(f"OCV knots are {spacing.min():g} to {spacing.max():g} apart, wanted even")
-    values = found["values"]
-    conditions = [_condition(cell, found, model["ocv"], float(t)) for t in celsius]
+    conditions = [_condition(cell, found, effects, model["ocv"], float(t)) for t in celsius]
+    tested = cell.capacity_ampere_hour / model["capacity_ampere_hour"]
+    tested = tested * (1.0 + found["values"].get("capacity", 0.0))
     return {
         "model": NAME,
         "effects": list(found["effects"]),
         "left_out_rmse_volt": None,
         "hold": found["hold"],
         "conditions": conditions,
-        **_blocks(found["effects"], values, cell.capacity_ampere_hour, model),
+        **_blocks(effects, found["values"], tested, conditions[0]["branches"]),
     }
+
+
+def _check_place(effect):
+    """Refuses an effect that neither a course, a branch nor a block of a member would hold."""
+    if effect.stage in ("resistance", "ocv") or effect.circuit or effect.blocks:
+        return
+    raise Refusal(f"effect {effect.id!r} has no place in a model file: see docs/add-an-effect.md")
 
 
 def temperatures(courses, stated, effects):
@@ -126,10 +120,10 @@ def _apart(ordered):
     return found
 
 
-def _condition(cell, found, tables, celsius):
+def _condition(cell, found, effects, tables, celsius):
     """Resistances, branches and OCV of the found model at one temperature."""
     values, std = found["values"], found.get("std", {})
-    out, back = (_probed(cell, found, celsius, sign) for sign in (-1.0, 1.0))
+    out, back = (_probed(cell, found, effects, celsius, sign) for sign in (-1.0, 1.0))
     gain = 1.0 + values.get("current_gain.gain_relative", 0.0)
     r0, excess = np.minimum(out.r0, back.r0), out.r0 - back.r0
     branches = [
@@ -139,12 +133,9 @@ def _condition(cell, found, tables, celsius):
     if np.any(excess != 0.0):
         ways = {"r_charge_ohm": np.maximum(-excess, 0.0), "r_discharge_ohm": np.maximum(excess, 0)}
         branches.append(_branch("R_two_way", None, **ways))
-    for name in found["effects"]:
-        _held_somewhere(name)
-        if name in ADDED:
-            own = {p.name: values[f"{name}.{p.name}"] for p in LIBRARY[name].parameters}
-            r0, branch = ADDED[name](own, r0, out.capacity / gain)
-            branches.append(branch)
+    for effect in (one for one in effects if one.circuit):
+        r0, kind, parameters = effect.circuit(effect.sizes_of(values), r0, out.capacity / gain)
+        branches.append(_branch(kind, None, **parameters))
     shift = out.ocv - continued_ocv_at(tables, KNOTS, celsius)
     return {
         "ambient_temperature_celsius": celsius,
@@ -154,34 +145,27 @@ def _condition(cell, found, tables, celsius):
         "branches": branches,
         "ocv_shift_volt": _listed(shift),
         "ocv_scale": {"missing": 0.0, "stretch": 0.0},
-        "activation_energy_joule_per_mole": _energy(cell, found, celsius),
+        "activation_energy_joule_per_mole": _energy(cell, found, effects, celsius),
         "at_bound": [],
     }
 
 
-def _held_somewhere(name):
-    """Refuses an effect that neither a course, a branch nor a block of the member would hold."""
-    known = {key.split(".")[0] for names in BLOCKS.values() for key in names}
-    if LIBRARY[name].stage in ("resistance", "ocv") or name in {*ADDED, *known, *COUNTED}:
-        return
-    raise Refusal(f"effect {name!r} has no place in a model file: see docs/add-an-effect.md")
-
-
-def _probed(cell, found, celsius, sign):
+def _probed(cell, found, effects, celsius, sign):
     """Fields of the found model at every knot, at rest but for the sign of the current."""
     capacity = cell.capacity_ampere_hour
     current = sign * 1e-3 * capacity
     rows = [record_of([0.0], [current], [0.0], soc, celsius=celsius) for soc in KNOTS]
     stack = stacked(rows, capacity_ampere_hour=capacity, hold=found["hold"])
     starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(KNOTS)}
-    held = [LIBRARY[name] for name in found["effects"] if LIBRARY[name].stage in PROBED]
+    held = [effect for effect in effects if effect.stage in PROBED]
     return base.fields_of(cell, stack, found["values"] | starts, held)
 
 
-def _energy(cell, found, celsius):
+def _energy(cell, found, effects, celsius):
     """Activation energy of the sum of the resistances at half charge [J/mol]."""
     kelvin = celsius + ZERO_CELSIUS_KELVIN + np.array([-0.5, 0.5])
-    logs = [np.log(_total(_probed(cell, found, t - ZERO_CELSIUS_KELVIN, -1.0))) for t in kelvin]
+    fields = [_probed(cell, found, effects, t - ZERO_CELSIUS_KELVIN, -1.0) for t in kelvin]
+    logs = [np.log(_total(one)) for one in fields]
     return float(GAS_CONSTANT * (logs[0] - logs[1]) / (1.0 / kelvin[0] - 1.0 / kelvin[1]))
 
 
@@ -189,37 +173,6 @@ def _total(fields):
     return sum(
         np.broadcast_to(r, KNOTS.shape)[len(KNOTS) // 2] for r in (fields.r0, fields.r1, fields.r2)
     )
-
-
-def _slow_diffusion(p, r0, _capacity):
-    kind = ("RC", "warburg", "warburg_sphere")[int(p.get("finite_length", 0))]
-    parameters = {"r_ohm": p["resistance_ohm"], "tau_second": p["time_constant_second"]}
-    return r0, _branch(kind, None, **parameters)
-
-
-def _charge_transfer(p, r0, _capacity):
-    """A share of R0 that follows asinh, all of it at once."""
-    share = p["share_of_resistance"]
-    exchange = 1.0 / max(p["per_exchange_current_per_ampere"], 1e-9)
-    branch = _branch("charge_transfer", None, r_ohm=share * r0, exchange_ampere=exchange)
-    return (1.0 - share) * r0, branch
-
-
-def _hysteresis(p, r0, capacity):
-    charge = capacity / p["rate_per_soc"]
-    return r0, _branch("hysteresis", None, m_volt=p["amplitude_volt"], charge_ampere_hour=charge)
-
-
-def _switch(p, r0, _capacity):
-    return r0, _branch("switch", None, m_volt=p["amplitude_volt"])
-
-
-ADDED = {
-    "slow_diffusion": _slow_diffusion,
-    "charge_transfer_nonlinearity": _charge_transfer,
-    "hysteresis_one_state": _hysteresis,
-    "hysteresis_instant": _switch,
-}
 
 
 def _branch(kind, log_std, tau_std=None, **parameters):
@@ -240,21 +193,19 @@ def _spread(value, relative):
     return [None] * len(KNOTS) if relative is None else _listed(np.abs(value) * relative)
 
 
-def _blocks(effects, values, capacity, model):
+def _blocks(effects, values, tested, branches):
     """What no circuit holds; a name stands only where its effect was found."""
-    found = {
-        block: {own: values[name] for name, own in names.items() if name.split(".")[0] in effects}
-        for block, names in BLOCKS.items()
-    }
-    tested = capacity / model["capacity_ampere_hour"] * (1.0 + values.get("capacity", 0.0))
-    now = tested * (1.0 + values.get("capacity_error.relative", 0.0))
-    sizes = {"capacity_relative": now - 1.0, "capacity_test_relative": tested - 1.0}
-    found["counting"] |= {name: float(size) for name, size in sizes.items()}
-    if found["own_heat"]:
-        found["own_heat"]["activation_energy_joule_per_mole"] = OWN_HEAT_JOULE_PER_MOLE
-    if any(name.startswith("hysteresis") for name in effects):
-        found["history"] = {"near_end_soc": NEAR_END}
-    return {block: content for block, content in found.items() if content}
+    sizes = {"capacity_relative": tested - 1.0, "capacity_test_relative": tested - 1.0}
+    blocks = {"counting": {name: float(size) for name, size in sizes.items()}}
+    for effect in (one for one in effects if one.blocks):
+        blocks = effect.blocks(effect.sizes_of(values), blocks)
+    if any(branch["kind"] in FOLLOWS for branch in branches):
+        blocks["history"] = {"near_end_soc": NEAR_END}
+    if "own_heat" in blocks:
+        # The heat was that of the plain circuit: what slow diffusion loses was not among it.
+        apart = [k for k, one in enumerate(branches, 1) if one["kind"] in DIFFUSION_KINDS]
+        blocks["own_heat"] |= {"branches_apart": apart[PLAIN_PAIRS:]}
+    return blocks
 
 
 def folds(case, state, noise, *, split_rest_second):

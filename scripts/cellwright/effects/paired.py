@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, plain, search
-from cellwright.effects.case import filters_of, problem_of, state_of, steep
+from cellwright.effects import base, plain
+from cellwright.effects.case import STEADY_C_RATE, filters_of, problem_of, state_of, steep
 from cellwright.effects.judge import rms
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.numerics.least_squares import fit
@@ -312,7 +312,7 @@ def plain_state(case):
 
 def _read_volt(case, left):
     """Noise of a single reading of the references, root mean square over them [V]."""
-    steady = search.STEADY_C_RATE * case.cell.capacity_ampere_hour
+    steady = STEADY_C_RATE * case.cell.capacity_ampere_hour
     return rms([read_volt(np.nan_to_num(o), case.fit, steady_ampere=steady) for o in left.T])
 
 

@@ -91,9 +91,9 @@ def first_values(cell, stack):
 
 
 def regressed(cell, stack, values, effects=(), sizes=()):
-    """The same beside effects whose values are given; what else is given stays.
+    """Values with the resistances estimated by linear regression, effects held at given values.
 
-    A search that has settled on wrong resistances finds from here what it cannot see from there.
+    A search whose resistances have settled at a wrong optimum leaves it by these.
 
     Parameters
     ----------
@@ -108,11 +108,13 @@ def regressed(cell, stack, values, effects=(), sizes=()):
         (base.voltage(cell, stack, without | {name: one}, effects) - volt)[stack.used]
         for name, one in units.items()
     ]
-    left = (stack.voltage_volt - volt)[stack.used]
-    found = dict(zip(units, UNIT * _nonnegative(np.stack(columns, axis=1), left), strict=True))
-    floor = max(max(found.values()), 1e-5) / 30
-    logs = {name: float(np.log(max(found[name], floor))) for name in RESISTANCES}
-    return values | logs | {name: float(found[name]) for name in sizes}
+    error = (stack.voltage_volt - volt)[stack.used]
+    sizes_by_name = dict(
+        zip(units, UNIT * _nonnegative(np.stack(columns, axis=1), error), strict=True)
+    )
+    floor = max(max(sizes_by_name.values()), 1e-5) / 30
+    logs = {name: float(np.log(max(sizes_by_name[name], floor))) for name in RESISTANCES}
+    return values | logs | {name: float(sizes_by_name[name]) for name in sizes}
 
 
 def _nonnegative(columns, target):

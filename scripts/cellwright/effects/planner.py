@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.effect import STAGES
+from cellwright.effects.base import STAGES
 from cellwright.effects.records import stacked
 from cellwright.effects.sensitivity import USUAL_NOISE, Model, at_starts_of, information, projected
 from cellwright.effects.ties import tie_of

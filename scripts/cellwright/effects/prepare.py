@@ -8,7 +8,7 @@ from cellwright.effects import base, plain
 from cellwright.effects.case import Case, filters_of, steep
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import stacked
-from cellwright.effects.screen import left
+from cellwright.effects.screen import chi_square_of
 from cellwright.numerics.noise import FIRST
 from cellwright.protocols.ocv.gap import slow_gap
 from cellwright.records.basis import REFERENCE_CELSIUS
@@ -150,9 +150,9 @@ def _misfit(case):
     values = plain.first_values(case.cell, case.fit)
     filters = filters_of(case, FIRST, steep(case, values))
     skew = LIBRARY["time_skew"]
-    costs = [left(case, values, (), filters)]
+    costs = [chi_square_of(case, values, (), filters)]
     for start in skew.starts:
         here = values | {skew.names[0]: start["voltage_delay_second"]}
         here = plain.regressed(case.cell, case.fit, here, (skew,))
-        costs.append(left(case, here, (skew,), filters))
+        costs.append(chi_square_of(case, here, (skew,), filters))
     return min(costs)

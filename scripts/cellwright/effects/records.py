@@ -4,12 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.instrument import LOADED_C_RATE, load_direction
 from cellwright.records.record import checked
 from cellwright.records.thinning import driven
 from cellwright.refusal import Refusal
 
-LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
-DRIVE_SHARE = 0.5  # of steps that stand alone, below which a record is a drive
 GAP_SECOND = 30.0  # between two rows, for the counter to be asked what passed meanwhile
 UNSEEN_SOC = 2e-3  # between two rows: less is how the current is read, more is a gap
 ALIKE = 5.0  # ratio of changes of the current in two rows, up to which it goes on the same way
@@ -94,7 +93,8 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     linear = np.concatenate([_linear(r, hold) for r in records])
     held = np.where(linear, (before + current) / 2, before)
     held = held * (1.0 - fresh)
-    loads = [_direction(r, LOADED_C_RATE * capacity_ampere_hour) for r in records]
+    least = {"least_ampere": LOADED_C_RATE * capacity_ampere_hour, "near_end_soc": NEAR_END}
+    loads = [load_direction(r.current_ampere, soc_at_start=r.soc[0], **least) for r in records]
     held, unseen = _counted(records, held, step, linear, capacity_ampere_hour)
     return Stack(
         tuple(r.test for r in records),
@@ -156,16 +156,6 @@ def _counted(records, held, step, linear, capacity):
     gradual = thinned & linear & (step > 0) & (unseen == 0)
     more = np.divide(3600.0 * beyond, step, out=np.zeros(len(step)), where=gradual)
     return held + more, unseen
-
-
-def _direction(record, least):
-    # ASSUME: A cell that a record finds full was charged to get there, an empty one discharged.
-    current, soc = record.current_ampere, record.soc[0]
-    sign = np.where(np.abs(current) > least, np.sign(current), 0.0)
-    if sign[0] == 0:
-        sign[0] = (soc > 1 - NEAR_END) - float(soc < NEAR_END)
-    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
-    return sign[last]
 
 
 def _check(record):

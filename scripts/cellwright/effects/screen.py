@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, plain
+from cellwright.effects.library.vocabulary import in_order
 
 
 class Candidate(NamedTuple):
@@ -23,8 +24,8 @@ class Candidate(NamedTuple):
     @property
     def form(self):
         """Values of the parameters that no fit moves: which form of the effect this is."""
-        fixed = [p.name for p in self.effect.parameters if not p.step]
-        return tuple(self.start[f"{self.effect.id}.{name}"] for name in fixed)
+        own = zip(self.effect.parameters, self.effect.names, strict=True)
+        return tuple(self.start[name] for p, name in own if not p.step)
 
 
 def candidates(predict, prediction, values, library):
@@ -48,24 +49,22 @@ def candidates(predict, prediction, values, library):
 
 
 def neutral(effect):
-    """Values of an effect that is absent: dict by id.parameter."""
-    return {f"{effect.id}.{p.name}": p.neutral for p in effect.parameters}
+    """Values of an effect that is absent: dict by key.parameter."""
+    return dict(zip(effect.names, (p.neutral for p in effect.parameters), strict=True))
 
 
 def _candidate(predict, prediction, values, effect, start):
-    absent = neutral(effect) | {f"{effect.id}.{k}": v for k, v in start.items()}
+    names = dict(zip((p.name for p in effect.parameters), effect.names, strict=True))
+    first = neutral(effect) | {names[name]: value for name, value in start.items()}
     sizes = [p for p in effect.parameters if not p.shape]
-    for p in sizes:
-        absent[f"{effect.id}.{p.name}"] = p.neutral
+    absent = first | {names[p.name]: p.neutral for p in sizes}
     columns = []
     for p in sizes:
-        name = f"{effect.id}.{p.name}"
         step = start.get(p.name, p.step)
-        moved = predict(values | absent | {name: p.neutral + step}, effect)
+        moved = predict(values | absent | {names[p.name]: p.neutral + step}, effect)
         columns.append((moved - prediction) / step)
-    first = absent | {f"{effect.id}.{p.name}": start.get(p.name, p.neutral) for p in sizes}
-    names = tuple(f"{effect.id}.{p.name}" for p in sizes)
-    return Candidate(effect, names, first, np.stack(columns, axis=1))
+    sized = tuple(names[p.name] for p in sizes)
+    return Candidate(effect, sized, first, np.stack(columns, axis=1))
 
 
 class Score(NamedTuple):
@@ -73,7 +72,8 @@ class Score(NamedTuple):
 
     chi_square : fall of chi-square that the candidate promises once all nuisances have followed.
     estimate : (k,) sizes at which. information : (k, k) of the sizes, nuisances projected out.
-    visible : chi-square that a plausible size would leave.
+    visible : chi-square that a plausible size would leave. values : those of a model from which a
+    refit begins.
     """
 
     candidate: Candidate
@@ -81,16 +81,18 @@ class Score(NamedTuple):
     estimate: np.ndarray
     information: np.ndarray
     visible: float
+    values: dict
 
 
-def scored(lined_up, white, residual, columns, precision):
+def scored(candidates, white, residual, columns, precision, values):
     """Score (Lagrange multiplier) tests with the nuisances projected out.
 
     Parameters
     ----------
-    lined_up : list of Candidate. white : (n, m) columns of all of them, whitened.
+    candidates : list of Candidate. white : (n, m) columns of all of them, whitened.
     residual : (n,) whitened residual of the model at its optimum.
     columns : (n, k) whitened derivatives by the nuisances. precision : (k, k), priors included.
+    values : dict of the model at its optimum.
 
     Returns
     -------
@@ -102,29 +104,26 @@ def scored(lined_up, white, residual, columns, precision):
     whole = white.T @ white
     information = whole - mixed.T @ np.linalg.solve(precision, mixed)
     slope = white.T @ residual
-    found, first = [], 0
-    for candidate in lined_up:
+    scores, first = [], 0
+    for candidate in candidates:
         own = slice(first, first + len(candidate.sizes))
         first = own.stop
-        found.append(_score(candidate, information[own, own], whole[own, own], slope[own]))
-    return found
+        blocks = information[own, own], whole[own, own], slope[own]
+        scores.append(_score(candidate, *blocks, values))
+    return scores
 
 
-def _score(candidate, information, whole, slope):
+def _score(candidate, information, whole, slope, values):
     ridge = 1e-6 * np.diag(np.maximum(np.diag(whole), 1e-300))
-    estimate = _within(candidate, np.linalg.solve(information + ridge, slope))
+    limits = np.array([(p.lower, p.upper) for p in candidate.effect.parameters if not p.shape])
+    # One-sided effects cannot take the wrong sign.
+    estimate = np.clip(np.linalg.solve(information + ridge, slope), *limits.T)
     gain = 2 * slope @ estimate - estimate @ information @ estimate
     likely = [p.plausible for p in candidate.effect.parameters if not p.shape]
     visible = float(np.max(np.square(likely) * np.diag(information)))
-    return Score(candidate, float(gain), estimate, information, visible)
-
-
-def _within(candidate, estimate):
-    """One-sided effects cannot take the wrong sign."""
-    effect = candidate.effect
-    bounds = {f"{effect.id}.{p.name}": (p.lower, p.upper) for p in effect.parameters}
-    limits = [bounds[name] for name in candidate.sizes]
-    return np.array([np.clip(e, *lim) for e, lim in zip(estimate, limits, strict=True)])
+    sizes = dict(zip(candidate.sizes, estimate.tolist(), strict=True))
+    first = values | candidate.start | sizes
+    return Score(candidate, float(gain), estimate, information, visible, first)
 
 
 BINS = 60
@@ -157,11 +156,21 @@ def evidence(step, candidate_columns, sizes, residual, whitening):
     }
 
 
-def all_in(solution, lined_up, whitening):
-    """Residual with every effect let in, by ridge regression on what each would change."""
-    if not lined_up:
+def residual_with_all(solution, candidates, whitening):
+    """Residual with every effect let in, by ridge regression on what each would change.
+
+    Parameters
+    ----------
+    solution : least_squares.Solution of the model without them. candidates : list of Candidate.
+    whitening : that of the fit.
+
+    Returns
+    -------
+    residual : (n,) not whitened.
+    """
+    if not candidates:
         return solution.residual
-    many = np.concatenate([c.columns for c in lined_up], axis=1)
+    many = np.concatenate([c.columns for c in candidates], axis=1)
     both = np.concatenate([solution.white, whitening.apply(many)], axis=1)
     gram = both.T @ both
     ridge = np.diag(1e-6 * np.diag(gram) + 1e-12)
@@ -171,22 +180,32 @@ def all_in(solution, lined_up, whitening):
     return solution.residual - np.concatenate([solution.columns, many], axis=1) @ change
 
 
-def screened(case, lined_up, before, filters):
-    """Scores of what the records can show, the best start of each form; ids of what they cannot."""
-    solution = before.solution
-    residual = filters.fit.apply(solution.residual)
-    best, hidden = {}, {}
-    if not lined_up:
+def screened(case, candidates, before, possible, filters):
+    """Scores of the effects of a cell, and the effects that its records cannot show.
+
+    Parameters
+    ----------
+    case : case.Case. candidates : list of Candidate. before : search.State without them.
+    possible : dict of Effect by key, in whose order effects act. filters : case.Filters.
+
+    Returns
+    -------
+    scores : list of Score, best first, the best start of each form. hidden : tuple of keys.
+    """
+    if not candidates:
         return [], ()
-    many = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
-    plainly = plain.regressed(case.cell, case.fit, solution.values, before.effects)
-    without = left(case, plainly, before.effects, filters)
-    for one in scored(lined_up, many, residual, solution.white, solution.precision):
+    solution, best, hidden = before.solution, {}, {}
+    residual = filters.fit.apply(solution.residual)
+    many = filters.fit.apply(np.concatenate([c.columns for c in candidates], axis=1))
+    regressed = plain.regressed(case.cell, case.fit, solution.values, before.effects)
+    without = chi_square_of(case, regressed, before.effects, filters)
+    slopes = solution.white, solution.precision, solution.values
+    for one in scored(candidates, many, residual, *slopes):
         candidate = one.candidate
         if candidate.effect.bends:
-            one = anew(case, before.effects, solution.values, one, filters, without)
+            one = _score_by_regression(case, before, possible, one, filters, without)
         seen = one.visible >= case.gates.visible_chi_square
-        kept, name = best if seen else hidden, (candidate.effect.id, candidate.form)
+        kept, name = best if seen else hidden, (candidate.effect.key, candidate.form)
         if name not in kept or one.chi_square > kept[name].chi_square:
             kept[name] = one
     shown = {name for name, _ in best}
@@ -194,29 +213,26 @@ def screened(case, lined_up, before, filters):
     return sorted(best.values(), key=lambda s: -s.chi_square), invisible
 
 
-def anew(case, effects, values, score, filters, without):
-    """A score for an effect whose lack bends a model: from resistances found anew.
+def _score_by_regression(case, before, possible, score, filters, without):
+    """The score of an effect whose lack bends a model, with resistances estimated again.
 
-    Without it resistances and time constants have moved until no small step leads back. Beside the
-    effect at each of its starts they are found again by linear regression; what that leaves is
-    compared with what it leaves without the effect.
+    Without it resistances and time constants have moved until no small step leads back. With the
+    effect at each of its starts they are estimated again by linear regression; the chi-square of
+    that is compared with the one without the effect.
     """
     candidate = score.candidate
-    effects = (*effects, candidate.effect)
-    found = beside(case, values | candidate.start, effects, candidate)
-    sizes = np.array([found[name] for name in candidate.sizes])
-    return score._replace(chi_square=without - left(case, found, effects, filters), estimate=sizes)
-
-
-def beside(case, values, effects, candidate):
-    """Values with the resistances found anew beside a candidate, and its sizes where not given."""
+    effects = in_order((*before.effects, candidate.effect), possible)
     given = candidate.effect.given(candidate.start)
     free = tuple(name for name in candidate.sizes if name not in given)
-    return plain.regressed(case.cell, case.fit, values, effects, free)
+    first = before.solution.values | candidate.start
+    values = plain.regressed(case.cell, case.fit, first, effects, free)
+    sizes = np.array([values[name] for name in candidate.sizes])
+    fall = without - chi_square_of(case, values, effects, filters)
+    return score._replace(chi_square=fall, estimate=sizes, values=values)
 
 
-def left(case, values, effects, filters):
-    """Chi-square that is left of the fitted records."""
+def chi_square_of(case, values, effects, filters):
+    """Chi-square of the fitted records by a model [1]."""
     volt = base.voltage(case.cell, case.fit, values, effects)
     white = filters.fit.apply(case.fit.voltage_volt - volt)
     return float(white @ white)

@@ -1,21 +1,59 @@
-"""The search: a plain model, then round by round the one effect that explains most, with proof."""
+"""The search: a healthy model, then round by round the one effect that explains most, with proof.
+
+What is searched is a case: a cell (`case.Case`) or a parallel group (`groups.case.GroupCase`).
+Each says by the same methods what only it can know:
+
+`possible(library)` : dict of Effect by key that its records excite.
+`begun()` : free parameters of the healthy model, its first values, and filters of a first noise.
+`with_effect(free, effect)` : free parameters beside those of an effect.
+`problem(effects, free, filters)` : the fit of a model with effects, `least_squares.Problem`.
+`candidates(effects, solution, possible, further)` : what each further effect would change,
+    list of `screen.Candidate`.
+`filters_for(residual, filters, earlier)` : whitening by the noise of a residual (`.noise`, `.fit`).
+`sharper(trial, filters)` : the same where the best trial shows a smaller noise, else None.
+`screened(candidates, before, free, possible, filters)` : scores, best first; keys that cannot show.
+`state(effects, solution, filters)` : how a fit does on the records that judge, `State`.
+`floor_volt(residual, filters, earlier)` : noise that no model can explain.
+`denied(trials)`, `ties(chosen, tied, denied, possible)` : what is known beside the records.
+`gates`, `polish_share`, `misled(before, trial)` : when an effect counts; which trials go on.
+`settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
+    serve its refit to another noise.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, plain
-from cellwright.effects.case import Case, Gates, State, filters_of, problem_of, state_of, steep
-from cellwright.effects.records import lacking
-from cellwright.effects.screen import all_in, beside, candidates, screened
-from cellwright.effects.ties import offset_or_leak, rest_current, tie_of, with_partners
-from cellwright.numerics import noise
-from cellwright.numerics.least_squares import Free, derivatives, fit, stds
-from cellwright.protocols.ocv.gap import HYSTERESIS, shows_hysteresis
+from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.screen import residual_with_all
+from cellwright.numerics.least_squares import Free, fit
 
-CHORD_STEPS, POLISH_STEPS, ANEW_STEPS = 6, 4, 4
-POLISHED, POLISH_SHARE = 3, 0.3  # how many trials at most, and from which part of the best J on
-FAR_LOG = 0.2  # of a resistance or time constant: beyond it derivatives are made anew
+CHORD_STEPS, POLISH_STEPS, ANEW_STEPS, NOISE_STEPS = 6, 4, 4, 3
+POLISHED = 3  # how many trials at most
+SHARPENED = 2  # how often at most a round is repeated with a smaller noise
+OUTDONE = 0.5  # of the best J: where far better explanations are too small, no worse one is named
+
+
+class State(NamedTuple):
+    """A model fitted: its effects, and how it does on both kinds of records.
+
+    values : of the validation records, with their own starts. validation : residual (m,).
+    validation_chi_square : of it, whitened by the same noise. rmse_volt, validation_rmse_volt :
+    of a cell's voltage, of a group's branch currents times their cells' ohmic resistance [V].
+    """
+
+    effects: tuple
+    solution: object
+    values: dict
+    validation: np.ndarray
+    validation_chi_square: float
+    rmse_volt: float
+    validation_rmse_volt: float
+
+    @property
+    def worst_volt(self):
+        """The larger of both rms errors [V]."""
+        return max(self.rmse_volt, self.validation_rmse_volt)
 
 
 class Trial(NamedTuple):
@@ -37,29 +75,121 @@ class Trial(NamedTuple):
         return self.delta_bic + self.delta_validation
 
 
-def tried(case, free, before, score, filters):
-    """Refit of a candidate from where its score test points."""
-    candidate, effect = score.candidate, score.candidate.effect
-    own, plainly = frees_of(effect), before.solution
-    effects = (*before.effects, effect)
-    problem = problem_of(case, effects, (*free, *own), filters)
+class Round(NamedTuple):
+    """One round.
+
+    before : State without the choice. noise : noise.Noise, of a group a tuple of them, one a
+    channel. floor_volt : what no model can explain. scores : list of screen.Score, best first.
+    trials : list of Trial, best first. chosen : Trial, or None. tied : keys as good as the choice.
+    hidden : keys of effects that these records cannot show.
+    """
+
+    before: State
+    noise: object
+    floor_volt: float
+    scores: list
+    trials: list
+    chosen: Trial | None
+    tied: tuple
+    hidden: tuple
+
+
+def search(case, library):
+    """All rounds, until nothing material is left or nothing that is known explains it.
+
+    Parameters
+    ----------
+    case : of a cell or of a group, see above. library : dict of Effect by id.
+
+    Returns
+    -------
+    rounds : list of Round; the last one chose nothing, or was the last allowed.
+    """
+    possible = case.possible(library)
+    free, values, filters = case.begun()
+    effects, rounds = (), []
+    solution = fit(case.problem(effects, free, filters), values, settled=case.settled)
+    for _ in range(case.gates.rounds + 1):
+        one, filters = _round(case, possible, effects, free, solution, filters, rounds)
+        rounds.append(one)
+        if one.chosen is None or len(rounds) > case.gates.rounds:
+            return rounds
+        effects = one.chosen.state.effects
+        free = case.with_effect(free, one.chosen.effect)
+        problem = case.problem(effects, free, filters)
+        values = one.chosen.state.solution.values
+        solution = fit(problem, values, steps=POLISH_STEPS, settled=case.settled)
+    return rounds
+
+
+def _round(case, possible, effects, free, solution, filters, earlier):
+    """The next Round and its filters; repeated while its best model shows a smaller noise."""
+    further = {key: effect for key, effect in possible.items() if effect not in effects}
+    candidates = case.candidates(effects, solution, possible, tuple(further.values()))
+    residual = residual_with_all(solution, candidates, filters.fit)
+    filters = case.filters_for(residual, filters, earlier)
+    for _ in range(SHARPENED):
+        one = _tested(case, possible, effects, free, solution, filters, candidates)
+        sharper = case.sharper(one.trials[0], filters) if one.trials else None
+        if sharper is None:
+            break
+        solution, filters = one.before.solution, sharper
+    else:
+        one = _tested(case, possible, effects, free, solution, filters, candidates)
+    one = one._replace(floor_volt=case.floor_volt(residual, filters, earlier))
+    first = earlier[0].before if earlier else one.before
+    denied = case.denied(one.trials)
+    allowed = [t for t in one.trials if t.effect.key not in denied]
+    chosen, tied = best_of(case.gates, first, one.before, allowed, one.floor_volt)
+    if chosen is not None:
+        tied = case.ties(chosen, tied, denied, possible)
+    return one._replace(chosen=chosen, tied=tied), filters
+
+
+def _tested(case, possible, effects, free, solution, filters, candidates):
+    """A Round without a choice: refit to the noise, screen, try the best."""
+    problem = case.problem(effects, free, filters)
+    columns = solution.columns if case.keeps_derivatives else None
+    steps = {"steps": NOISE_STEPS, "settled": case.settled}
+    solution = fit(problem, solution.values, columns=columns, **steps)
+    before = case.state(effects, solution, filters)
+    scores, hidden = case.screened(candidates, before, free, possible, filters)
+    trials = [
+        tried(case, possible, free, before, one, filters) for one in scores[: case.gates.refits]
+    ]
+    trials = _polished(case, free, before, trials, filters)
+    return Round(before, filters.noise, np.nan, scores, trials, None, (), hidden)
+
+
+def tried(case, possible, free, before, score, filters):
+    """Refit of a candidate from where its score test points.
+
+    Parameters
+    ----------
+    case : as in `search`. possible : dict of Effect by key, in whose order effects act.
+    free : tuple of Free without the effect. before : State without it. score : screen.Score.
+    filters : of the round.
+
+    Returns
+    -------
+    trial : Trial.
+    """
+    effect = score.candidate.effect
+    effects = in_order((*before.effects, effect), possible | {effect.key: effect})
+    problem = case.problem(effects, case.with_effect(free, effect), filters)
     if effect.bends:
-        values = beside(case, plainly.values | candidate.start, effects, candidate)
-        solution = fit(problem, values, steps=ANEW_STEPS)
-        return _trial(case, before, effect, score.chi_square, solution, filters)
-    sizes = dict(zip(candidate.sizes, score.estimate, strict=True))
-    values = plainly.values | candidate.start | sizes
-    alone = problem._replace(free=own, apart=None)
-    columns = derivatives(alone, values, problem.predict(values))
-    columns = np.concatenate([plainly.columns, columns], axis=1)
-    renew = tuple(f.name for f in own)
-    solution = fit(problem, values, columns=columns, renew=renew, steps=CHORD_STEPS)
-    return _trial(case, before, effect, score.chi_square, solution, filters)
+        solution = fit(problem, score.values, steps=ANEW_STEPS)
+    else:
+        known, own = before.solution.columns, frees_of(effect)
+        columns = np.concatenate([known, np.zeros((len(known), len(own)))], axis=1)
+        renew = tuple(f.name for f in own)
+        solution = fit(problem, score.values, columns=columns, renew=renew, steps=CHORD_STEPS)
+    return _trial(case, before, effect, effects, score.chi_square, solution, filters)
 
 
-def _trial(case, before, effect, promised, solution, filters):
-    state = state_of(case, (*before.effects, effect), solution, filters)
-    counted = len(frees_of(effect)) * np.log(len(case.fit.file))
+def _trial(case, before, effect, effects, promised, solution, filters):
+    state = case.state(effects, solution, filters)
+    counted = len(frees_of(effect)) * np.log(len(solution.prediction))
     return Trial(
         effect,
         promised,
@@ -70,100 +200,57 @@ def _trial(case, before, effect, promised, solution, filters):
     )
 
 
-def polished(case, free, before, trials, filters):
-    """The best trials walked on with fresh derivatives, where the chord has led them far."""
+def _polished(case, free, before, trials, filters):
+    """Trials, best first; the best refitted with fresh derivatives where the kept ones mislead."""
     trials = sorted(trials, key=lambda t: -t.j)
     best = max(trials[0].j, 0.0) if trials else 0.0
-    found = [
-        _walked_on(case, free, before, trial, filters)
-        if n < POLISHED and trial.j >= POLISH_SHARE * best and _far(before, trial)
-        else trial
-        for n, trial in enumerate(trials)
-    ]
-    return sorted(found, key=lambda t: -t.j)
+    for n, trial in enumerate(trials[:POLISHED]):
+        if trial.j >= case.polish_share * best and case.misled(before, trial):
+            trials[n] = _refitted(case, free, before, trial, filters)
+    return sorted(trials, key=lambda t: -t.j)
 
 
-def _far(before, trial):
-    then, now = before.solution.values, trial.state.solution.values
-    return max(abs(now[name] - then[name]) for name in base.LOGARITHMS) > FAR_LOG
-
-
-def _walked_on(case, free, before, trial, filters):
-    problem = problem_of(case, trial.state.effects, (*free, *frees_of(trial.effect)), filters)
+def _refitted(case, free, before, trial, filters):
+    effect, effects = trial.effect, trial.state.effects
+    problem = case.problem(effects, case.with_effect(free, effect), filters)
     solution = fit(problem, trial.state.solution.values, steps=POLISH_STEPS)
-    return _trial(case, before, trial.effect, trial.score, solution, filters)
+    return _trial(case, before, effect, effects, trial.score, solution, filters)
 
 
 def frees_of(effect):
     """Free parameters of an effect, for a fit; one without a step is tried, not fitted."""
+    own = zip(effect.parameters, effect.names, strict=True)
     return tuple(
-        Free(f"{effect.id}.{p.name}", p.step, p.neutral, np.inf, p.lower, p.upper)
-        for p in effect.parameters
-        if p.step
+        Free(name, p.step, p.neutral, np.inf, p.lower, p.upper) for p, name in own if p.step
     )
 
 
 def _material(effect, values):
+    own = effect.sizes_of(values)
     sizes = [p for p in effect.parameters if not p.shape]
-    return any(abs(values[f"{effect.id}.{p.name}"] - p.neutral) >= p.material for p in sizes)
-
-
-LOGGED = {"current_offset", "leakage"}  # told apart by the current logged at rest
-SLOW = "slow_diffusion"
-OUTDONE = 0.5  # of the best J: an explanation below it is not the one
+    return any(abs(own[p.name] - p.neutral) >= p.material for p in sizes)
 
 
 def best_of(gates, first, before, trials, floor):
-    """The best trial that passes the gates, and the ids of those as good."""
+    """The best trial that passes the gates, and the keys of those as good.
+
+    Parameters
+    ----------
+    gates : case.Gates. first, before : State of the healthy model, and of the model so far.
+    trials : list of Trial, best first. floor : noise that no model can explain [V].
+    """
     if before.worst_volt <= max(gates.nothing_ratio * floor, gates.nothing_volt):
         return None, ()
     if before is not first and before.worst_volt <= gates.adequate_ratio * floor:
         return None, ()
     proven = [t for t in trials if significant(gates, before, t)]
     passed = [t for t in proven if matters(gates, first, before, t, floor)]
-    # Where far better explanations are too small to matter, a worse one is none either.
     if not passed or passed[0].j < OUTDONE * proven[0].j:
         return None, ()
     best = passed[0]
     within = max(gates.tie_absolute, gates.tie_relative * best.j)
-    near = [t.effect.id for t in passed[1:] if best.j - t.j <= within]
-    return best, tuple(dict.fromkeys(name for name in near if name != best.effect.id))
-
-
-def denied(case, trials):
-    """Ids of trials that something measured beside the records speaks against.
-
-    The current logged at rest tells an offset from a leak. A gap between the branches of the slow
-    test that no resistance explains is hysteresis, which slow diffusion must not stand in for.
-    """
-    told = {t.effect.id: _told(case, t) for t in trials if t.effect.id in LOGGED}
-    against = {name for name, word in told.items() if word not in (None, name)}
-    slow = [t for t in trials if t.effect.id == SLOW and _in_place_of_hysteresis(case, t)]
-    return against | {t.effect.id for t in slow}
-
-
-def _in_place_of_hysteresis(case, trial):
-    values = trial.state.solution.values
-    own = sum(np.exp(values[name]) for name in ("log_r0", "log_r1", "log_r2"))
-    there = HYSTERESIS & {effect.id for effect in trial.state.effects}
-    return not there and shows_hysteresis(case.gap, own + values[f"{SLOW}.resistance_ohm"])
-
-
-def with_ties(case, chosen, tied, against, library):
-    """The ties of a choice with their structural partners, without those the log denies."""
-    known = {effect.id: effect for effect in library}
-    tied = with_partners(chosen.effect.id, tied, known, chosen.state.solution.values)
-    if chosen.effect.id in LOGGED and _told(case, chosen) is not None:
-        against = against | LOGGED
-    return tuple(name for name in tied if name not in against)
-
-
-def _told(case, trial):
-    """Which of an offset and a leak the log at rest says it is; None where it cannot tell."""
-    name = trial.effect.names[0]
-    size, std = trial.state.solution.values[name], stds(trial.state.solution)[name]
-    rest = rest_current(case.fit, capacity_ampere_hour=case.cell.capacity_ampere_hour)
-    return offset_or_leak(rest, size_ampere=size, std_ampere=std)[0]
+    near = [t.effect.key for t in passed[1:] if best.j - t.j <= within]
+    return best, tuple(dict.fromkeys(key for key in near if key != best.effect.key))
 
 
 def significant(gates, before, trial):
@@ -184,98 +271,3 @@ def matters(gates, first, before, trial, floor):
     return (
         trial.material and taken >= gates.material_volt**2 and taken / whole >= gates.material_share
     )
-
-
-__all__ = ["Case", "Gates", "Round", "State", "Trial", "search"]
-
-STEADY_C_RATE = 0.02
-
-
-class Round(NamedTuple):
-    """One round.
-
-    before : State without the choice. noise : noise.Noise. floor_volt : what no model can explain.
-    scores : list of candidates.Score, best first. trials : list of Trial, best first.
-    chosen : Trial, or None. tied : ids as good as the choice. hidden : ids that these records
-    cannot show (their screens left nothing once the nuisances had followed).
-    """
-
-    before: State
-    noise: noise.Noise
-    floor_volt: float
-    scores: list
-    trials: list
-    chosen: Trial | None
-    tied: tuple
-    hidden: tuple
-
-
-def search(case, library):
-    """All rounds, until nothing material is left or nothing that is known explains it.
-
-    Parameters
-    ----------
-    case : Case. library : dict of Effect by id.
-
-    Returns
-    -------
-    rounds : list of Round; the last one chose nothing, or was the last allowed.
-    """
-    values = plain.first_values(case.cell, case.fit)
-    free = plain.frees(case.fit, values, case.tolerance)
-    extra = steep(case, values)
-    filters = filters_of(case, noise.FIRST, extra)
-    effects, found = (), []
-    solution = fit(problem_of(case, effects, free, filters), values)
-    testable = [e for e in library.values() if not not_excited(case, e) and tie_of(e.id) is None]
-    for _ in range(case.gates.rounds + 1):
-        left = [effect for effect in testable if effect not in effects]
-        one, filters = _round(case, effects, free, solution, filters, extra, left, found)
-        found.append(one)
-        if one.chosen is None or len(found) > case.gates.rounds:
-            return found
-        effects = one.chosen.state.effects
-        free = (*free, *frees_of(one.chosen.effect))
-        problem = problem_of(case, effects, free, filters)
-        solution = fit(problem, one.chosen.state.solution.values, steps=POLISH_STEPS)
-    return found
-
-
-def _round(case, effects, free, solution, filters, extra, library, earlier):
-    """Estimate the noise, refit, screen, try the best, choose: (Round, Filters)."""
-
-    def predict(values, effect):
-        return base.voltage(case.cell, case.fit, values, (*effects, effect))
-
-    lined_up = candidates(predict, solution.prediction, solution.values, library)
-    everything_in = all_in(solution, lined_up, filters.fit)
-    limits = {name: getattr(case.gates, name) for name in ("most_slow_volt", "most_slow_second")}
-    spread = noise.estimated(everything_in, case.fit, extra_volt=extra[0], **limits)
-    filters = filters_of(case, spread, extra)
-    problem = problem_of(case, effects, free, filters)
-    solution = fit(problem, solution.values, columns=solution.columns, steps=3)
-    before = state_of(case, effects, solution, filters)
-    scores, hidden = screened(case, lined_up, before, filters)
-    trials = [tried(case, free, before, one, filters) for one in scores[: case.gates.refits]]
-    trials = polished(case, free, before, trials, filters)
-    floor = earlier[0].floor_volt if earlier else _floor(case, everything_in, spread)
-    first = earlier[0].before if earlier else before
-    against = denied(case, trials)
-    possible = [t for t in trials if t.effect.id not in against]
-    chosen, tied = best_of(case.gates, first, before, possible, floor)
-    if chosen is not None:
-        tied = with_ties(case, chosen, tied, against, library)
-    return Round(before, spread, floor, scores, trials, chosen, tied, hidden), filters
-
-
-def _floor(case, residual, spread):
-    """Noise that no model can explain: white as neighbouring rows show it, and slow."""
-    steady = STEADY_C_RATE * case.cell.capacity_ampere_hour
-    white = min(noise.read_volt(residual, case.fit, steady_ampere=steady), spread.white_volt)
-    return float(np.hypot(white, spread.slow_volt))
-
-
-def not_excited(case, effect):
-    """What the records of either role lack for this effect, in words; empty: nothing."""
-    capacity = case.cell.capacity_ampere_hour
-    return lacking(effect, case.fit, capacity) or lacking(effect, case.validation, capacity)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.effect import STAGES
+from cellwright.effects.base import STAGES
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.effects.sensitivity import USUAL_NOISE, Model, at_starts_of, information, projected
 

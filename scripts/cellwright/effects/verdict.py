@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.judge import worst
 from cellwright.numerics.least_squares import stds
 
 
@@ -22,30 +21,31 @@ class Outcome(NamedTuple):
     adequate: bool
 
 
-def outcome(rounds, gates):
+def outcome(rounds, gates, *, adequate_volt=0.0, alternatives=lambda step: step.tied):
     """The word of the verdict, and what is left.
 
     Parameters
     ----------
-    rounds : list of search.Round. gates : case.Gates.
+    rounds : list of search.Round. gates : case.Gates or groups.case.GroupGates.
+    adequate_volt : error that may be left, however small the noise [V].
+    alternatives : function (round) → ids of what its data cannot tell from the choice.
 
     Returns
     -------
     outcome : Outcome.
     """
-    first, last = rounds[0].before, rounds[-1].before
-    floor = rounds[0].floor_volt
+    first, last, floor = rounds[0].before, rounds[-1].before, rounds[-1].floor_volt
     steps = tuple(one for one in rounds if one.chosen is not None)[: gates.rounds]
     if not steps:
         most = max(gates.unknown_ratio * floor, gates.nothing_volt)
         word = "none" if first.worst_volt <= most else "unknown"
         return Outcome(word, (), first, floor, None, word == "none")
     closed = gap_closed(first.validation_rmse_volt, last.validation_rmse_volt, floor)
-    small = last.worst_volt <= gates.adequate_ratio * floor
-    adequate = small or closed >= gates.adequate_closed
-    if not adequate and closed < gates.partial_closed:
+    small = last.worst_volt <= max(gates.adequate_ratio * floor, adequate_volt)
+    adequate = small or (closed is not None and closed >= gates.adequate_closed)
+    if not adequate and (closed is None or closed < gates.partial_closed):
         return Outcome("unknown", steps, last, floor, closed, False)
-    word = "ambiguous" if any(step.tied for step in steps) else "named"
+    word = "ambiguous" if any(alternatives(step) for step in steps) else "named"
     return Outcome(word, steps, last, floor, closed, adequate)
 
 
@@ -58,31 +58,33 @@ def gap_closed(before_volt, after_volt, floor_volt):
     return None if whole <= 0 else float(1.0 - (after_volt**2 - floor_volt**2) / whole)
 
 
-def verdict_of(cell, found, gates, rounds, left, *, next_test=None, not_testable=()):
+def verdict_of(name, found, rounds, place, *, next_test=None, not_testable=(), entry=None):
     """The verdict file of the contract.
 
     Parameters
     ----------
-    cell : name. found : Outcome. gates : case.Gates. rounds : list of search.Round.
-    left : dict of columns of the residual map, with what is left after the last step.
+    name : of the cell or group. found : Outcome. rounds : list of search.Round.
+    place : dict, where most of what is left sits, see `judge.worst`; None.
     next_test : sentence, or None. not_testable : ids.
+    entry : function (round, state after it, floor) → dict of one effect; None: `entry_of`.
 
     Returns
     -------
     verdict : dict, as in the contract; `partial` holds what an "unknown" gap is half explained by.
     """
+    states = [one.before for one in rounds[1 : len(found.steps)]] + [found.last]
     entries = [
-        _entry(step, after, found.floor_volt)
-        for step, after in zip(found.steps, _states_after(found, rounds), strict=True)
+        (entry or entry_of)(step, after, found.floor_volt)
+        for step, after in zip(found.steps, states, strict=False)
     ]
     settled = found.word in ("named", "ambiguous")
     first, last = rounds[0].before, found.last
     return {
-        "cell": cell,
+        "cell": name,
         "verdict": found.word,
         "effects": entries if settled else [],
         "partial": [] if settled else entries,
-        "located_at": None if found.adequate else worst(left, found.floor_volt),
+        "located_at": None if found.adequate else place,
         "floor_volt": found.floor_volt,
         "rmse_volt": {"before": first.rmse_volt, "after": last.rmse_volt},
         "validation_rmse_volt": {
@@ -95,14 +97,14 @@ def verdict_of(cell, found, gates, rounds, left, *, next_test=None, not_testable
     }
 
 
-def _states_after(found, rounds):
-    """The state after each step: that from which the next round begins."""
-    return (
-        [one.before for one in rounds[1 : len(found.steps)]] + [found.last] if found.steps else []
-    )
+def entry_of(step, after, floor_volt):
+    """What a verdict says of one effect.
 
-
-def _entry(step, after, floor):
+    Parameters
+    ----------
+    step : search.Round that chose it. after : search.State with it, from which the next round
+    begins. floor_volt : [V].
+    """
     effect, before = step.chosen.effect, step.before
     was, now = before.validation_rmse_volt, after.validation_rmse_volt
     deviations = stds(after.solution)
@@ -111,41 +113,57 @@ def _entry(step, after, floor):
         "alternatives": list(step.tied),
         "parameters": {
             p.name: {
-                "value": float(after.solution.values[f"{effect.id}.{p.name}"]),
-                "std": deviations.get(f"{effect.id}.{p.name}"),
+                "value": float(after.solution.values[name]),
+                "std": deviations.get(name),
                 "unit": p.unit,
-                "at_bound": f"{effect.id}.{p.name}" in after.solution.at_bound,
+                "at_bound": name in after.solution.at_bound,
             }
-            for p in effect.parameters
+            for p, name in zip(effect.parameters, effect.names, strict=True)
         },
         "rmse_volt": {"before": before.rmse_volt, "after": after.rmse_volt},
         "validation_rmse_volt": {"before": was, "after": now},
-        "gap_closed": gap_closed(was, now, floor),
+        "gap_closed": gap_closed(was, now, floor_volt),
         "delta_bic": step.chosen.delta_bic,
         "delta_validation_chi_square": step.chosen.delta_validation,
-        "same_without_validation": _first_by_bic(step) == effect.id,
+        # Who would have been chosen by the fitted records alone.
+        "same_without_validation": max(step.trials, key=lambda t: t.delta_bic).effect == effect,
     }
 
 
-def _first_by_bic(step):
-    """Who would have been chosen by the fitted records alone."""
-    return max(step.trials, key=lambda trial: trial.delta_bic).effect.id
+class Phrases(NamedTuple):
+    """How a paragraph speaks of what was searched.
+
+    where : on which records, of which quantity, the error is. healthy : the model without an
+    effect, and its verb. none : what does not explain an unknown error.
+    """
+
+    where: str
+    healthy: str
+    none: str
 
 
-def paragraph(verdict, library):
-    """A paragraph for people about one cell.
+CELL = Phrases(
+    "on records that took no part in the fit",
+    "the plain model (open-circuit voltage, a resistance, two RC pairs) is off by",
+    "no effect of the vocabulary",
+)
+
+
+def paragraph(verdict, library, phrases=CELL):
+    """A paragraph for people about one cell or group.
 
     Parameters
     ----------
-    verdict : dict, as `verdict.verdict_of` makes it. library : dict of Effect by id.
+    verdict : dict, as `verdict_of` makes it. library : dict of Effect by id. phrases : Phrases.
 
     Returns
     -------
     text : str.
     """
-    parts = [_OPENINGS[verdict["verdict"]](verdict, library), *_remainder(verdict)]
+    opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
+    parts = [opening(verdict, library, phrases), *_remainder(verdict)]
     if verdict["next_test"]:
-        parts.append(f"To test next: {verdict['next_test']}")
+        parts.append(f"To test next: {verdict['next_test'].rstrip('.')}.")
     return " ".join(parts)
 
 
@@ -154,41 +172,43 @@ def millivolt(volt):
     return f"{1e3 * volt:.1f} mV"
 
 
-def _none(verdict, library):
+def _none(verdict, library, phrases):
     both = verdict["validation_rmse_volt"]["before"]
     return (
-        f"Nothing is missing that these data could show: on records that took no part in the fit "
-        f"the plain model (open-circuit voltage, a resistance, two RC pairs) is off by "
+        f"Nothing is missing that these data could show: {phrases.where} {phrases.healthy} "
         f"{millivolt(both)}, and the noise alone is {millivolt(verdict['floor_volt'])}."
     )
 
 
-def _unknown(verdict, library):
+def _unknown(verdict, library, phrases):
     both = verdict["validation_rmse_volt"]
     text = (
-        f"Something is missing that the library does not know: the plain model is off by "
+        f"Something is missing that the library does not know: {phrases.where} {phrases.healthy} "
         f"{millivolt(both['before'])} where the noise is {millivolt(verdict['floor_volt'])}"
     )
-    names = [library[one["effect"]].sentence for one in verdict["partial"]]
+    names = [library[one["effect"]].sentence + _branch(one) for one in verdict["partial"]]
     if not names:
-        return f"{text}, and no effect of the vocabulary explains it."
+        return f"{text}, and {phrases.none} explains it."
     return (
         f"{text}. The nearest explanation ({'; '.join(names)}) leaves {millivolt(both['after'])} "
         f"and so is not the name of it."
     )
 
 
-def _named(verdict, library):
+def _named(verdict, library, phrases):
     both = verdict["validation_rmse_volt"]
-    steps = [_step(one, library) for one in verdict["effects"]]
-    steps[0] = steps[0][0].upper() + steps[0][1:]
-    text = (
-        f"{' Then: '.join(steps)} All in all the error on records that took no part in the fit "
-        f"fell from {millivolt(both['before'])} to {millivolt(both['after'])}; the noise is "
-        f"{millivolt(verdict['floor_volt'])}."
-    )
+    text = " Then: ".join(_step(one, library) for one in verdict["effects"])
     changes = [library[one["effect"]].consequence for one in verdict["effects"]]
-    return f"{text} What it changes: {'; '.join(filter(None, changes))}."
+    return (
+        f"{text[0].upper()}{text[1:]} Overall the error {phrases.where} fell from "
+        f"{millivolt(both['before'])} to {millivolt(both['after'])}; the noise is "
+        f"{millivolt(verdict['floor_volt'])}. "
+        f"What it changes: {'; '.join(dict.fromkeys(filter(None, changes)))}."
+    )
+
+
+def _branch(one):
+    return f" (branch {one['branch']})" if "branch" in one else ""
 
 
 def _step(one, library):
@@ -198,10 +218,14 @@ def _step(one, library):
         for name, p in one["parameters"].items()
         if p["std"] is not None
     ]
-    text = f"what was missing: {effect.sentence} ({', '.join(sizes)})."
+    place = f"in branch {one['branch']} ({one['cell']}) " if "branch" in one else ""
+    text = f"{place or 'what was missing: '}{effect.sentence} ({', '.join(sizes)})."
     if one["alternatives"]:
         others = " or ".join(library[name].sentence for name in one["alternatives"])
         text += f" These data cannot tell it from: {others}."
+    if one.get("branch_alternatives"):
+        others = " or ".join(str(branch) for branch in one["branch_alternatives"])
+        text += f" As well it could be branch {others}."
     return text + _sureness(one)
 
 
@@ -253,11 +277,9 @@ def _remainder(verdict):
     if place is None:
         return []
     low, high = (round(100 * soc) for soc in place["soc"])
+    branch = f"branch {place['branch']} in " if place.get("branch") else ""
     return [
-        f"What is left sits mostly ({100 * place['share']:.0f} % of it) in {place['file']}, "
-        f"{low} to {high} % state of charge, {place['current'].replace('_', ', ')}, "
-        f"at {place['temperature_celsius'][0]:.0f} °C."
+        f"What is left sits mostly ({100 * place['share']:.0f} % of it) in {branch}"
+        f"{place['file']}, {low} to {high} % state of charge, "
+        f"{place['current'].replace('_', ', ')}, at {place['temperature_celsius'][0]:.0f} °C."
     ]
-
-
-_OPENINGS = {"none": _none, "unknown": _unknown, "named": _named, "ambiguous": _named}

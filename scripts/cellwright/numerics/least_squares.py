@@ -16,6 +16,7 @@ import numpy as np
 STEPS = 12
 SETTLED = 0.02  # a fall of the cost below this ends the search
 TINY = 1e-9
+PASSES, WORTH = 5, 1e-6  # steps per parameter; least fall of the cost that frees a bound
 
 
 class Free(NamedTuple):
@@ -39,6 +40,8 @@ class Problem(NamedTuple):
     None, about zero. apart : function (values) → list of (names, owner): parameters without bounds
     and of one step that each move rows of their own, and for each row the number of that which
     moves it. Their derivatives are made together. None: there are none.
+    exact : each step is the exact minimum of its quadratic within the bounds (`within`), for
+    problems with bounds on most parameters; else what lies beyond a bound stays there (`clipped`).
     """
 
     predict: Callable
@@ -47,6 +50,7 @@ class Problem(NamedTuple):
     free: tuple
     coupling: np.ndarray | None = None
     apart: Callable | None = None
+    exact: bool = False
 
 
 class Solution(NamedTuple):
@@ -56,7 +60,7 @@ class Solution(NamedTuple):
     priors. cost : with them. columns : (n, k) derivatives at (or near) the solution, not whitened.
     white : the same whitened. precision : (k, k) of the posterior. at_bound : names of the
     parameters on a bound.
-    names : of the columns.
+    names : of the columns. whitened : (n,) residual, whitened.
     """
 
     values: dict
@@ -69,9 +73,10 @@ class Solution(NamedTuple):
     precision: np.ndarray
     at_bound: tuple
     names: tuple
+    whitened: np.ndarray
 
 
-def fit(problem, values, *, columns=None, renew=(), steps=STEPS):
+def fit(problem, values, *, columns=None, renew=(), steps=STEPS, settled=SETTLED):
     """The most likely values of a problem, and the shape of its cost there.
 
     Parameters
@@ -80,35 +85,37 @@ def fit(problem, values, *, columns=None, renew=(), steps=STEPS):
     columns : (n, k) derivatives to begin with, or None: they are made. Where given, only those
         named in `renew` are made anew at each step (a chord method: near the solution the others
         hardly change).
-    steps : at most so many.
+    steps : at most so many. settled : a fall of the cost below it ends the walk.
 
     Returns
     -------
     solution : Solution.
     """
-    prior, pull = _priors(problem)
+    prior, pull = priors(problem)
     here, damping = _judged(problem, values, prior, pull), 1e-6
     chord = columns is not None
     columns = columns if chord else derivatives(problem, here.values, here.prediction)
+    white = problem.whiten(columns)
     for _ in range(steps):
         if chord and renew:
-            columns = _renewed(problem, here, columns, renew)
-        white = problem.whiten(columns)
+            columns, white = _renewed(problem, here, columns, white, renew)
         precision = white.T @ white + prior
         at = np.array([here.values[f.name] for f in problem.free])
         gradient = white.T @ here.whitened + pull - prior @ at
         new, damping = _walked(problem, here, gradient, precision, prior, pull, damping)
         fell, here = here.cost - new.cost, new
-        if fell < SETTLED:
+        if fell < settled:
             break
         if not chord:
             columns = derivatives(problem, here.values, here.prediction)
-    white = problem.whiten(columns)
-    bound = tuple(f.name for f in problem.free if here.values[f.name] in (f.lower, f.upper))
+            white = problem.whiten(columns)
+    free = [f for f in problem.free if f.lower < f.upper]
+    bound = tuple(f.name for f in free if here.values[f.name] in (f.lower, f.upper))
     left = problem.measured - here.prediction
     found = (here.values, here.prediction, left, here.chi_square, here.cost)
     names = tuple(f.name for f in problem.free)
-    return Solution(*found, columns, white, white.T @ white + prior, bound, names)
+    precision = white.T @ white + prior
+    return Solution(*found, columns, white, precision, bound, names, here.whitened)
 
 
 def derivatives(problem, values, prediction, names=None):
@@ -157,7 +164,8 @@ def _judged(problem, values, prior, pull):
     return _Here(values, prediction, white, square, square + float(at @ prior @ at - 2 * pull @ at))
 
 
-def _priors(problem):
+def priors(problem):
+    """Prior precision (k, k) of the free parameters and its product with their means (k,)."""
     weight = np.array([f.std**-2.0 for f in problem.free])
     prior = np.diag(weight)
     if problem.coupling is not None:
@@ -165,14 +173,12 @@ def _priors(problem):
     return prior, weight * np.array([f.prior for f in problem.free])
 
 
-def _renewed(problem, here, columns, renew):
-    if not renew:
-        return columns
-    names = [f.name for f in problem.free]
-    fresh = derivatives(problem, here.values, here.prediction, renew)
-    columns = columns.copy()
-    columns[:, [k for k, name in enumerate(names) if name in renew]] = fresh
-    return columns
+def _renewed(problem, here, columns, white, renew):
+    at = [k for k, f in enumerate(problem.free) if f.name in renew]
+    columns, white = columns.copy(), white.copy()
+    columns[:, at] = derivatives(problem, here.values, here.prediction, renew)
+    white[:, at] = problem.whiten(columns[:, at])
+    return columns, white
 
 
 def _walked(problem, here, gradient, precision, prior, pull, damping):
@@ -183,7 +189,8 @@ def _walked(problem, here, gradient, precision, prior, pull, damping):
     upper = np.array([f.upper for f in problem.free])
     at = np.array([here.values[name] for name in names])
     for _ in range(5):
-        move = _within(precision + damping * scale, gradient, lower - at, upper - at)
+        minimum = within if problem.exact else clipped
+        move = minimum(precision + damping * scale, gradient, lower - at, upper - at)
         if not np.isfinite(move).all():
             return here, damping
         # Snapped, for a bound that is missed by rounding is not seen as one.
@@ -196,16 +203,72 @@ def _walked(problem, here, gradient, precision, prior, pull, damping):
     return here, damping
 
 
-def _within(precision, gradient, lowest, highest):
-    """The step to the least cost within bounds: what is held on one moves what is not."""
-    move, held = np.zeros(len(gradient)), np.zeros(len(gradient), bool)
+def clipped(precision, moment, lower, upper):
+    """Least cost between bounds, nearly: what is held on a bound moves what is not, and stays.
+
+    Parameters
+    ----------
+    precision, moment, lower, upper : as in `within`.
+
+    Returns
+    -------
+    x : (k,).
+    """
+    x, held = np.zeros(len(moment)), np.zeros(len(moment), bool)
     while True:
-        pull = gradient - precision[:, held] @ move[held]
-        move[~held] = np.linalg.solve(precision[np.ix_(~held, ~held)], pull[~held])
-        beyond = ~held & ((move < lowest) | (move > highest))
+        slope = moment - precision[:, held] @ x[held]
+        x[~held] = np.linalg.solve(precision[np.ix_(~held, ~held)], slope[~held])
+        beyond = ~held & ((x < lower) | (x > upper))
         if not beyond.any():
-            return move
-        move, held = np.clip(move, lowest, highest), held | beyond
+            return x
+        x, held = np.clip(x, lower, upper), held | beyond
+
+
+def within(precision, moment, lower, upper, start=None):
+    """Minimum of x'Px/2 − m'x between bounds, by the primal active-set method.
+
+    Parameters
+    ----------
+    precision : (k, k) positive definite P. moment : (k,) m. lower, upper : (k,).
+    start : (k,) where the walk begins, zero by default.
+
+    Returns
+    -------
+    x : (k,).
+
+    Source: J. Nocedal, S. Wright, Numerical Optimization, 2nd ed., 2006, algorithm 16.3.
+    """
+    x = np.clip(np.zeros(len(moment)) if start is None else start, lower, upper)
+    held = (x <= lower) | (x >= upper)
+    for _ in range(PASSES * len(x)):
+        slope = precision @ x - moment
+        free = np.flatnonzero(~held)
+        way = np.zeros(len(x))
+        way[free] = -np.linalg.solve(precision[np.ix_(free, free)], slope[free])
+        share, stop = _first_bound(x, way, lower, upper)
+        x = x + share * way
+        if stop is not None:
+            x[stop], held[stop] = (upper if way[stop] > 0 else lower)[stop], True
+            continue
+        gain = _gain_of_release(precision, precision @ x - moment, x, held, lower, upper)
+        if gain.max(initial=0.0) < WORTH:
+            return x
+        held[int(np.argmax(gain))] = False
+    return x
+
+
+def _first_bound(x, way, lower, upper):
+    """Share of the way to the first bound, and whose it is; (1, None) where none is met."""
+    room = np.where(way > 0, upper - x, lower - x)
+    shares = np.divide(room, way, out=np.full(len(x), np.inf), where=way != 0)
+    first = int(np.argmin(shares))
+    return (float(shares[first]), first) if shares[first] < 1.0 else (1.0, None)
+
+
+def _gain_of_release(precision, slope, x, held, lower, upper):
+    """Fall of the cost that releasing each parameter held on a bound promises."""
+    inward = ((x <= lower) & (slope < 0)) | ((x >= upper) & (slope > 0))
+    return np.where(held & inward & (upper > lower), slope**2 / np.diag(precision), 0.0)
 
 
 def stds(solution):

@@ -1,6 +1,8 @@
-"""What a search in a group is about, and the fits it is made of.
+"""A parallel group as the search sees it: its records, its fits, its noise, its candidates.
 
-is not healthy. Gauss–Newton steps, each the exact minimum of its quadratic within the bounds.
+Healthy is a group whose branches scatter about what is known of their cells by no more than the
+declared spread; most of its free parameters have bounds therefore, and candidates are scored
+within them.
 """
 
 from typing import NamedTuple
@@ -10,6 +12,7 @@ import numpy as np
 from cellwright.effects.groups.model import (
     Shared,
     Spread,
+    at_branch,
     group_coupling,
     group_fields,
     group_frees,
@@ -17,186 +20,28 @@ from cellwright.effects.groups.model import (
     group_run,
 )
 from cellwright.effects.judge import rms
+from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.records import LOADED_C_RATE
+from cellwright.effects.screen import Score, candidates
+from cellwright.effects.search import State, frees_of
 from cellwright.numerics import noise
-from cellwright.numerics.least_squares import Problem, derivatives
+from cellwright.numerics.least_squares import Problem, priors, within
 
-STEPS, SETTLE_PASSES, HALVES = 4, 5, 5
-WORTH = 1e-6
-SETTLED = 1.0  # a fall of the cost below this ends the walk
-
-
-class Chart(NamedTuple):
-    """The lie of the land: white (m, k) whitened derivatives, precision (k, k) with priors."""
-
-    columns: np.ndarray | None
-    white: np.ndarray
-    precision: np.ndarray
-
-
-class Settled(NamedTuple):
-    """Most likely values within bounds.
-
-    values : dict. prediction : (m,). cost : chi-square with priors. chart : Chart.
-    names : of the free parameters. at_bound : of those on a bound.
-    """
-
-    values: dict
-    prediction: np.ndarray
-    cost: float
-    chart: Chart
-    names: tuple
-    at_bound: tuple
-
-
-def priors(problem):
-    """Prior precision (k, k) and its product with the prior means (k,)."""
-    weight = np.array([f.std**-2.0 for f in problem.free])
-    prior = np.diag(weight)
-    if problem.coupling is not None:
-        prior = prior + problem.coupling
-    return prior, weight * np.array([f.prior for f in problem.free])
-
-
-def within(precision, moment, lower, upper, start):
-    """Minimum of x'Px/2 − m'x between bounds, by the primal active-set method.
-
-    Parameters
-    ----------
-    precision : (k, k) positive definite P. moment : (k,) m. lower, upper, start : (k,).
-
-    Returns
-    -------
-    x : (k,).
-
-    Source: J. Nocedal, S. Wright, Numerical Optimization, 2nd ed., 2006, algorithm 16.3.
-    """
-    x = np.clip(start, lower, upper)
-    held = (x <= lower) | (x >= upper)
-    for _ in range(SETTLE_PASSES * len(x)):
-        slope = precision @ x - moment
-        free = np.flatnonzero(~held)
-        way = np.zeros(len(x))
-        way[free] = -np.linalg.solve(precision[np.ix_(free, free)], slope[free])
-        share, stop = _blocked(x, way, lower, upper)
-        x = x + share * way
-        if stop is not None:
-            x[stop], held[stop] = (upper if way[stop] > 0 else lower)[stop], True
-            continue
-        gain = _gains(precision, precision @ x - moment, x, held, lower, upper)
-        if gain.max(initial=0.0) < WORTH:
-            return x
-        held[int(np.argmax(gain))] = False
-    return x
-
-
-def _blocked(x, way, lower, upper):
-    """Share of the way to the first bound, and whose it is; (1, None) where none is met."""
-    room = np.where(way > 0, upper - x, lower - x)
-    shares = np.divide(room, way, out=np.full(len(x), np.inf), where=way != 0)
-    first = int(np.argmin(shares))
-    return (float(shares[first]), first) if shares[first] < 1.0 else (1.0, None)
-
-
-def _gains(precision, slope, x, held, lower, upper):
-    """Fall of the cost that letting go of each held parameter promises."""
-    inward = ((x <= lower) & (slope < 0)) | ((x >= upper) & (slope > 0))
-    return np.where(held & inward & (upper > lower), slope**2 / np.diag(precision), 0.0)
-
-
-def surveyed(problem, values, prediction):
-    """Chart of a problem at a place, whose prediction (m,) is known."""
-    return whitened(problem, derivatives(problem, values, prediction))
-
-
-def whitened(problem, columns):
-    """Chart from derivatives (m, k) that are known, by the noise of the problem."""
-    white = problem.whiten(columns)
-    return Chart(columns, white, white.T @ white + priors(problem)[0])
-
-
-def beside(chart, own):
-    """Chart with one more parameter without a prior, of whitened derivative own (m,)."""
-    mixed = chart.white.T @ own
-    precision = np.block([[chart.precision, mixed[:, None]], [mixed[None], own @ own]])
-    return Chart(None, np.column_stack([chart.white, own]), precision)
-
-
-def settle(problem, values, *, chart=None, columns=None, renew=None, steps=STEPS):
-    """Walk to the most likely values within the bounds.
-
-    Parameters
-    ----------
-    problem : problem.Problem. values : dict, start.
-    chart : Chart to walk by, or None: surveyed at every step.
-    columns : (m, k) derivatives at the start, where they are known.
-    renew : name of the last parameter, where its derivative is made anew at each further step.
-    steps : at most so many.
-
-    Returns
-    -------
-    settled : Settled.
-    """
-    known = priors(problem)
-    limits = np.array([f.lower for f in problem.free]), np.array([f.upper for f in problem.free])
-    here, by = _judged(problem, values, *known), chart
-    for step in range(steps):
-        if chart is None:
-            known_here = columns is not None and step == 0
-            by = whitened(problem, columns) if known_here else surveyed(problem, *here[:2])
-        elif renew and step:
-            fresh = derivatives(problem, here[0], here[1], (renew,))
-            by = beside(_but_last(by), problem.whiten(fresh)[:, 0])
-        new = _stepped(problem, here, by, known, limits)
-        fell, here = here[3] - new[3], new
-        if fell < SETTLED:
-            break
-    at = np.array([here[0][f.name] for f in problem.free])
-    on = ((at <= limits[0]) | (at >= limits[1])) & (limits[1] > limits[0])
-    bound = tuple(f.name for f, held in zip(problem.free, on, strict=True) if held)
-    names = tuple(f.name for f in problem.free)
-    return Settled(here[0], here[1], here[3], by, names, bound)
-
-
-def _but_last(chart):
-    return Chart(None, chart.white[:, :-1], chart.precision[:-1, :-1])
-
-
-def _judged(problem, values, prior, pull):
-    """Values, prediction, whitened residual, cost."""
-    prediction = problem.predict(values)
-    white = problem.whiten(problem.measured - prediction)
-    at = np.array([values[f.name] for f in problem.free])
-    return values, prediction, white, float(white @ white + at @ prior @ at - 2 * pull @ at)
-
-
-def _stepped(problem, here, chart, known, limits):
-    prior, pull = known
-    names = [f.name for f in problem.free]
-    at = np.array([here[0][name] for name in names])
-    moment = chart.white.T @ here[2] + pull + (chart.precision - prior) @ at
-    aim = within(chart.precision, moment, *limits, at)
-    share = 1.0
-    for _ in range(HALVES):
-        moved = here[0] | dict(zip(names, (at + share * (aim - at)).tolist(), strict=True))
-        new = _judged(problem, moved, prior, pull)
-        if np.isfinite(new[3]) and new[3] <= here[3]:
-            return new
-        share /= 3
-    return here
-
-
-LOADED_C_RATE = 0.01
-READ_VOLT = 2e-3
+READ_VOLT = 2e-3  # of a single reading at rest
 PASSES = 2
 SOC_APART = 0.005
 SLOW_SECOND = (30.0, 100.0, 300.0)
+FIRST_NOISE_VOLT = 2e-3
+FIRST_NOISE_SHARE = 2e-3  # of the largest branch current
+SHARPER = 0.8  # fall of the slow noise for which a round is repeated
+VISIBLE = 25.0  # fall of chi-square by an effect of plausible size
 
 
 class GroupGates(NamedTuple):
     """When an effect of a branch counts; meanings as those of a cell's gates.
 
-    material_volt : fall of the gap of the branch currents on validation records, times their
-    cells' ohmic resistance, below which nobody would act on it [V]. adequate_volt : such a gap
+    material_volt : fall of the rms error of the branch currents on validation records, times their
+    cells' ohmic resistance, below which nobody would act on it [V]. adequate_volt : such an error
     that may be left [V]. most_slow_volt : largest slow noise of a branch current, times its cell's
     ohmic resistance [V]. shared_slow_volt : slow error of the model's voltage that all branches
     share, and that must not move their currents [V].
@@ -218,28 +63,23 @@ class GroupGates(NamedTuple):
     most_slow_volt: float = 0.3e-3
     shared_slow_volt: float = 2e-3
 
-
-class GroupCase(NamedTuple):
-    """cells : tuple of Branch. fit, validation : GroupStack. fit_soc, validation_soc : (f, b)
-    stated SoC at the start of each record."""
-
-    cells: tuple
-    fit: object
-    validation: object
-    fit_soc: np.ndarray
-    validation_soc: np.ndarray
-    spread: Spread = Spread()
-    shared: Shared = Shared()
-    gates: GroupGates = GroupGates()
+    @property
+    def nothing_volt(self):
+        """An error that may be left needs no explanation to begin with [V]."""
+        return self.adequate_volt
 
     @property
-    def sensors(self):
-        """Whether all records have branch currents."""
-        logged = (self.fit.branch_current_ampere, self.validation.branch_current_ampere)
-        return all(one is not None for one in logged)
+    def unknown_ratio(self):
+        """Of the noise, up to which an error without a name is no unknown effect."""
+        return self.adequate_ratio
+
+    @property
+    def material_share(self):
+        """An effect of a branch counts by its size alone, not by its share of the first error."""
+        return 0.0
 
 
-class Filters(NamedTuple):
+class Channels(NamedTuple):
     """Whitening of the channels of a stack, one after the other: voltage, then branch currents."""
 
     channels: tuple
@@ -250,56 +90,181 @@ class Filters(NamedTuple):
         return np.concatenate([w.apply(one) for w, one in zip(self.channels, parts, strict=True)])
 
 
-class GroupState(NamedTuple):
-    """A model fitted: its effects (tuple of Placed), and how it does on both kinds of records.
+class GroupFilters(NamedTuple):
+    """Whitening of both stacks. noise : tuple of noise.Noise, one a channel."""
 
-    residual, validation : (m,) voltage then branch currents [V, A]. gap_volt, validation_gap_volt :
-    of the branch currents times their cells' ohmic resistance (of the voltage, where they were not
-    logged), root mean square [V].
-    """
+    noise: tuple
+    fit: Channels
+    validation: Channels
 
-    placed: tuple
-    solution: object
-    values_at_validation: dict
-    residual: np.ndarray
-    validation: np.ndarray
-    gap_volt: float
-    validation_gap_volt: float
-    validation_chi_square: float
+
+class GroupCase(NamedTuple):
+    """cells : tuple of Branch. fit, validation : GroupStack. fit_soc, validation_soc : (f, b)
+    stated SoC at the start of each record. The methods are those that `search` asks of what it
+    searches."""
+
+    cells: tuple
+    fit: object
+    validation: object
+    fit_soc: np.ndarray
+    validation_soc: np.ndarray
+    spread: Spread = Spread()
+    shared: Shared = Shared()
+    gates: GroupGates = GroupGates()
+    polish_share: float = 0.8  # of the best J, from which a trial is refitted as its rival
+    settled: float = 1.0
+    keeps_derivatives: bool = False
+
+    @property
+    def sensors(self):
+        """Whether all records have branch currents."""
+        logged = (self.fit.branch_current_ampere, self.validation.branch_current_ampere)
+        return all(one is not None for one in logged)
+
+    def possible(self, library):
+        """Every effect in every branch; of the branch sensors only where there are any."""
+        asked = [e for e in library.values() if self.sensors or e.stage != "current"]
+        placed = [at_branch(effect, k) for effect in asked for k in range(len(self.cells))]
+        return {effect.key: effect for effect in placed}
+
+    def begun(self):
+        """Free parameters of the healthy group, its first values, and filters of a first noise."""
+        files = len(self.fit.first)
+        names = group_names(files, len(self.cells))
+        free = group_frees(self.cells, files, self.spread, self.shared, sensors=self.sensors)
+        noises = [noise.Noise(FIRST_NOISE_VOLT, FIRST_NOISE_VOLT, 300.0)]
+        if self.sensors:
+            size = FIRST_NOISE_SHARE * np.abs(self.fit.branch_current_ampere).max() / 4
+            noises += [noise.Noise(size, size, 200.0)] * len(self.cells)
+        return free, dict.fromkeys(names, 0.0), _filters(self, tuple(noises))
+
+    def with_effect(self, free, effect):
+        """Free parameters beside an effect, which takes the place of its branch's tolerance."""
+        names = {f"{effect.position}.{name}" for name in effect.replaces}
+        held = [f._replace(lower=0.0, upper=0.0) if f.name in names else f for f in free]
+        return (*held, *frees_of(effect))
+
+    def problem(self, effects, free, filters):
+        """The fit of a healthy group and some effects to the records of role fit."""
+        return Problem(
+            lambda values: predicted(self, self.fit, self.fit_soc, values, effects),
+            rows_of(self, self.fit),
+            filters.fit.apply,
+            free,
+            group_coupling(free, self.cells, self.spread, self.shared),
+            exact=True,
+        )
+
+    def candidates(self, effects, solution, possible, further):
+        """What each further effect would change: list of screen.Candidate."""
+
+        def predict(values, effect):
+            together = in_order((*effects, effect), possible)
+            return predicted(self, self.fit, self.fit_soc, values, together)
+
+        every = candidates(predict, solution.prediction, solution.values, further)
+        return [one for one in every if np.any(one.columns)]
+
+    def filters_for(self, residual, filters, earlier):
+        """Filters by the noise of a residual; with more effects the noise does not grow."""
+        return _filters(self, noises_of(self, residual, filters.noise if earlier else None))
+
+    def sharper(self, trial, filters):
+        """Filters by the residual of a trial where its noise is plainly smaller, else None.
+
+        The noise is first taken from a linear extrapolation, which a strong effect outruns.
+        """
+        noises = noises_of(self, trial.state.solution.residual, filters.noise)
+        pairs = zip(noises, filters.noise, strict=True)
+        alike = all(new.slow_volt > SHARPER * old.slow_volt for new, old in pairs)
+        return None if alike else _filters(self, noises)
+
+    def screened(self, lined_up, before, free, possible, filters):
+        """Scores, best first, and keys of effects that would not show at a plausible size."""
+        problem = self.problem(before.effects, free, filters)
+        scores = _bounded_scores(self, problem, before.solution, lined_up)
+        hidden = tuple(s.candidate.effect.key for s in scores if s.visible < VISIBLE)
+        return sorted(scores, key=lambda s: -s.chi_square), hidden
+
+    def state(self, effects, solution, filters):
+        """How a fitted model does on the records that judge."""
+        values = _started(self, solution.values, effects)
+        rows = rows_of(self, self.validation)
+        error = rows - predicted(self, self.validation, self.validation_soc, values, effects)
+        white = filters.validation.apply(error)
+        sizes = error_volt(self, solution.residual), error_volt(self, error)
+        return State(effects, solution, values, error, float(white @ white), *sizes)
+
+    def floor_volt(self, residual, filters, earlier):
+        """Size of the noise alone, in the measure of `error_volt` [V]."""
+        if not self.sensors:
+            return filters.noise[0].volt
+        pairs = zip(filters.noise[1:], ohms(self), strict=True)
+        return rms([one.volt * ohm for one, ohm in pairs])
+
+    def misled(self, before, trial):
+        """True: rivals of the best are compared with derivatives at their own optimum."""
+        return True
+
+    def denied(self, trials):
+        """Nothing beside the records speaks against an effect of a branch."""
+        return set()
+
+    def ties(self, chosen, tied, denied, library):
+        """Keys as good as the choice."""
+        return tied
+
+
+def _filters(case, noises):
+    both = [
+        Channels(tuple(noise.whitening(one, stack) for one in noises))
+        for stack in (case.fit, case.validation)
+    ]
+    return GroupFilters(tuple(noises), *both)
+
+
+def _bounded_scores(case, problem, solution, lined_up):
+    """Scores at the minimum of the quadratic about the optimum, all bounds held."""
+    prior, pull = priors(problem)
+    names = [f.name for f in problem.free]
+    at = np.array([solution.values[name] for name in names])
+    residual = problem.whiten(solution.residual)
+    moment = solution.white.T @ residual + pull + (solution.precision - prior) @ at
+    healthy = within(solution.precision, moment, *_limits(problem.free), at)
+    without = 0.5 * healthy @ solution.precision @ healthy - moment @ healthy
+    scores = []
+    for candidate in lined_up:
+        effect, own = candidate.effect, problem.whiten(candidate.columns[:, 0])
+        mixed = solution.white.T @ own
+        precision = np.block([[solution.precision, mixed[:, None]], [mixed[None], own @ own]])
+        moments = np.append(moment, own @ residual + mixed @ at)
+        limits = _limits(case.with_effect(problem.free, effect))
+        x = within(precision, moments, *limits, np.append(healthy, 0.0))
+        fall = 2 * (without - (0.5 * x @ precision @ x - moments @ x))
+        values = solution.values | dict(zip((*names, *effect.names), x.tolist(), strict=True))
+        information = own @ own - mixed @ np.linalg.solve(solution.precision, mixed)
+        visible = float(information * effect.parameters[0].plausible ** 2)
+        scores.append(Score(candidate, float(fall), x[-1:], information, visible, values))
+    return scores
+
+
+def _limits(free):
+    return np.array([f.lower for f in free]), np.array([f.upper for f in free])
 
 
 def rows_of(case, stack):
-    """What was measured, as one column of rows (m,)."""
+    """What was measured, as one column of rows (m,): voltage, then branch currents [V, A]."""
     if not case.sensors:
         return stack.voltage_volt
     return np.concatenate([stack.voltage_volt, stack.branch_current_ampere.T.ravel()])
 
 
-def predicted(case, stack, soc, values, placed):
+def predicted(case, stack, soc, values, effects):
     """The same rows by the model (m,)."""
-    run = group_run(group_fields(case.cells, soc, values, placed), stack)
+    run = group_run(group_fields(case.cells, soc, values, effects), stack)
     if not case.sensors:
         return run.voltage
     return np.concatenate([run.voltage, run.current.T.ravel()])
-
-
-def problem_of(case, placed, free, filters):
-    """The fit of a healthy group and some effects."""
-    return Problem(
-        lambda values: predicted(case, case.fit, case.fit_soc, values, placed),
-        rows_of(case, case.fit),
-        filters.apply,
-        free,
-        group_coupling(free, case.cells, case.spread, case.shared),
-    )
-
-
-def first_free(case):
-    """Free parameters of the healthy group, and where they begin."""
-    files = len(case.fit.first)
-    names = group_names(files, len(case.cells))
-    free = group_frees(case.cells, files, case.spread, case.shared, sensors=case.sensors)
-    return free, dict.fromkeys(names, 0.0)
 
 
 def ohms(case):
@@ -307,19 +272,16 @@ def ohms(case):
     return np.array([cell.r_ohm[0] for cell in case.cells])
 
 
-def gap_volt(case, residual):
-    """Size of a residual as a voltage [V], see GroupState."""
+def error_volt(case, residual):
+    """Size of a residual as a voltage, root mean square [V].
+
+    Of the branch currents times their cells' ohmic resistance; of the voltage, where no branch
+    currents were logged.
+    """
     if not case.sensors:
         return rms(residual)
     currents = residual.reshape(1 + len(case.cells), -1)[1:]
     return rms(currents * ohms(case)[:, None])
-
-
-def floor_volt(case, noises):
-    """Size of the noise alone, in the same measure [V]."""
-    if not case.sensors:
-        return noises[0].volt
-    return rms([one.volt * ohm for one, ohm in zip(noises[1:], ohms(case), strict=True)])
 
 
 def noises_of(case, residual, known=None):
@@ -335,8 +297,8 @@ def noises_of(case, residual, known=None):
     most = [shared, *(case.gates.most_slow_volt / ohms(case))]
     if known is not None:
         most = [one.slow_volt for one in known]
-    found = zip(channels, most, strict=False)
-    voltage, *currents = [_noise_of(one, case.fit, slow) for one, slow in found]
+    pairs = zip(channels, most, strict=False)
+    voltage, *currents = [_noise_of(one, case.fit, slow) for one, slow in pairs]
     if case.sensors:
         voltage = noise.Noise(voltage.white_volt, shared, SLOW_SECOND[-1])
     return (voltage, *currents)
@@ -348,38 +310,22 @@ def _noise_of(residual, stack, most_slow):
     white = max(1.4826 * float(np.median(np.abs(step))) / np.sqrt(2), noise.SMALLEST_VOLT)
     slow = min(np.sqrt(max(np.mean(residual**2) - white**2, 0.0)), most_slow)
     tried = [noise.Noise(white, slow, second) for second in SLOW_SECOND]
-    return min(tried, key=lambda one: _unlikely(one, residual, stack))
+    return min(tried, key=lambda one: _minus_log_likelihood(one, residual, stack))
 
 
-def _unlikely(spread, residual, stack):
-    by = noise.whitening(spread, stack)
-    return by.log_variance + float(np.sum(by.apply(residual) ** 2))
+def _minus_log_likelihood(spread, residual, stack):
+    whitening = noise.whitening(spread, stack)
+    return whitening.log_variance + float(np.sum(whitening.apply(residual) ** 2))
 
 
-def filters_of(stack, noises):
-    """Filters of a stack by the noise of each channel."""
-    return Filters(tuple(noise.whitening(one, stack) for one in noises))
-
-
-def state_of(case, placed, free, solution, noises):
-    """A fitted model, judged on the validation records too."""
-    values = _started(case, solution.values, placed)
-    predictions = predicted(case, case.validation, case.validation_soc, values, placed)
-    validation = rows_of(case, case.validation) - predictions
-    residual = rows_of(case, case.fit) - solution.prediction
-    white = filters_of(case.validation, noises).apply(validation)
-    gaps = gap_volt(case, residual), gap_volt(case, validation)
-    return GroupState(placed, solution, values, residual, validation, *gaps, float(white @ white))
-
-
-def _started(case, values, placed):
+def _started(case, values, effects):
     """Shift of the whole group's SoC at the start of each validation record, by its first rest."""
     stack, soc = case.validation, case.validation_soc
     rating = sum(cell.capacity_ampere_hour for cell in case.cells)
     loaded = np.abs(stack.current_ampere) > LOADED_C_RATE * rating
     values = values | {f"soc0[{k}]": 0.0 for k in range(len(stack.first))}
     for _ in range(PASSES):
-        run = group_run(group_fields(case.cells, soc, values, placed), stack)
+        run = group_run(group_fields(case.cells, soc, values, effects), stack)
         error = stack.voltage_volt - run.voltage
         shifts = {}
         for k in range(len(stack.first)):

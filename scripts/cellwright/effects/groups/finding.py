@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.base import OCV_KNOTS
-from cellwright.effects.groups.case import LOADED_C_RATE, GroupCase, GroupGates
+from cellwright.effects.finding import KEPT, ranking_of
+from cellwright.effects.groups.case import GroupCase, GroupGates
 from cellwright.effects.groups.model import (
     Branch,
     Shared,
@@ -17,9 +18,10 @@ from cellwright.effects.groups.model import (
     smooth_shares,
 )
 from cellwright.effects.groups.records import group_stacked
-from cellwright.effects.groups.search import group_search
 from cellwright.effects.groups.verdict import group_verdict
 from cellwright.effects.library.groups import GROUP_LIBRARY
+from cellwright.effects.records import LOADED_C_RATE
+from cellwright.effects.search import search
 from cellwright.records.group import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
@@ -30,7 +32,7 @@ FIRST_ROWS = 3
 
 class GroupFinding(NamedTuple):
     """verdict : dict of the contract. ranking, series : dicts of columns. model : dict, see
-    `group_model_file.document`. notes : tuple of str."""
+    `model.document`. notes : tuple of str."""
 
     verdict: dict
     ranking: dict
@@ -39,7 +41,16 @@ class GroupFinding(NamedTuple):
     notes: tuple = ()
 
 
-def group_finding(group, cells, records, *, initial_soc=None, settings=None, hold="zero_order"):
+def group_finding(
+    group,
+    cells,
+    records,
+    *,
+    initial_soc=None,
+    settings=None,
+    hold="zero_order",
+    library=GROUP_LIBRARY,
+):
     """Search a group for what one of its branches has of its own.
 
     Parameters
@@ -50,7 +61,7 @@ def group_finding(group, cells, records, *, initial_soc=None, settings=None, hol
         None: all alike, from the voltage of the first rows.
     settings : dict of tuples by name: "spread" (Spread), "shared" (Shared), "gates" (GroupGates);
         those that lack are at their defaults.
-    hold : of the total current between rows, see `group_stacked`.
+    hold : of the total current between rows, see `group_stacked`. library : dict of Effect by id.
 
     Returns
     -------
@@ -62,11 +73,10 @@ def group_finding(group, cells, records, *, initial_soc=None, settings=None, hol
         load; see `group_stacked`.
     """
     case = _case(cells, records, initial_soc, settings or {}, hold)
-    rounds = group_search(case, GROUP_LIBRARY)
-    verdict = group_verdict(group, case, rounds, GROUP_LIBRARY)
-    settled = verdict["verdict"] in ("named", "ambiguous")
-    kept = rounds[-1].before if settled else rounds[0].before
-    return GroupFinding(verdict, _ranking(rounds), _series(case, rounds), document(case, kept))
+    rounds = search(case, library)
+    verdict = group_verdict(group, case, rounds, library)
+    kept = rounds[-1].before if verdict["verdict"] in KEPT else rounds[0].before
+    return GroupFinding(verdict, ranking_of(rounds), _series(case, rounds), document(case, kept))
 
 
 def branch_of(cell, model, *, wire_ohm=0.0, own=True):
@@ -131,31 +141,6 @@ def _stated(cells, record, initial_soc):
     return np.full(len(cells), found)
 
 
-def _ranking(rounds):
-    rows = []
-    for number, one in enumerate(rounds, 1):
-        for trial in one.trials:
-            rows.append(
-                {
-                    "round": number,
-                    "effect": trial.placed.effect.id,
-                    "branch": trial.placed.branch + 1,
-                    "parameters_counted": 1,
-                    "value": trial.state.solution.values[trial.placed.name],
-                    "score_chi_square": trial.fall,
-                    "delta_bic": trial.delta_bic,
-                    "delta_validation_chi_square": trial.delta_validation,
-                    "rmse_volt": trial.state.gap_volt,
-                    "validation_rmse_volt": trial.state.validation_gap_volt,
-                    "j": trial.j,
-                    "in_range": trial.placed.name not in trial.state.solution.at_bound,
-                    "chosen": trial is one.chosen,
-                    "tied": trial.placed in one.tied,
-                }
-            )
-    return {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
-
-
 def _series(case, rounds):
     """Fit and validation records: what was measured, and both models."""
     found = {}
@@ -166,8 +151,8 @@ def _series(case, rounds):
     ):
         runs = []
         for state in ends:
-            values = state.solution.values if role == "fit" else state.values_at_validation
-            runs.append(group_run(group_fields(case.cells, soc, values, state.placed), stack))
+            values = state.solution.values if role == "fit" else state.values
+            runs.append(group_run(group_fields(case.cells, soc, values, state.effects), stack))
         for name, column in _columns(role, stack, runs, case.cells).items():
             found.setdefault(name, []).append(column)
     return {name: np.concatenate(parts) for name, parts in found.items()}

@@ -72,15 +72,9 @@ class GroupFields(NamedTuple):
     gain: np.ndarray
 
 
-class Placed(NamedTuple):
-    """An effect in one branch (0 is the first). name : of its one parameter within the model."""
-
-    effect: object
-    branch: int
-
-    @property
-    def name(self):
-        return f"{self.effect.id}[{self.branch}]"
+def at_branch(effect, position):
+    """An effect of the library in one branch of a group (0 is the first)."""
+    return effect._replace(position=position)
 
 
 class GroupRun(NamedTuple):
@@ -103,13 +97,14 @@ def group_names(files, branches):
     return (*common, *(f"{b}.{name}" for b in range(branches) for name in own))
 
 
-def group_fields(cells, soc_at_start, values, placed=()):
+def group_fields(cells, soc_at_start, values, effects=()):
     """The group of a set of values.
 
     Parameters
     ----------
     cells : sequence of Branch. soc_at_start : (f, b) stated SoC [1].
-    values : dict by the names of `group_names` and of the effects. placed : sequence of Placed.
+    values : dict by the names of `group_names` and of the effects.
+    effects : sequence of Effect, each in its branch.
 
     Returns
     -------
@@ -137,8 +132,9 @@ def group_fields(cells, soc_at_start, values, placed=()):
         offset=own("offset"),
         gain=own("gain"),
     )
-    for one in placed:
-        fields = one.effect.act(fields, one.branch, values[one.name])
+    for effect in effects:
+        own = effect.sizes_of(values) | {"branch": effect.position}
+        fields = effect.act(fields, None, own)
     return fields
 
 
@@ -167,7 +163,7 @@ def group_run(fields, stack):
 
     Parameters
     ----------
-    fields : GroupFields. stack : group_records.GroupStack.
+    fields : GroupFields. stack : records.GroupStack.
 
     Returns
     -------
@@ -306,7 +302,7 @@ OWN_KNOT = 0.1
 
 
 def group_frees(cells, files, spread, shared, *, sensors):
-    """Free parameters of a healthy group, in the order of `group_model.group_names`.
+    """Free parameters of a healthy group, in the order of `group_names`.
 
     Parameters
     ----------
@@ -315,7 +311,7 @@ def group_frees(cells, files, spread, shared, *, sensors):
 
     Returns
     -------
-    free : tuple of problem.Free. Without branch currents their sensors are not among them.
+    free : tuple of least_squares.Free. Without branch currents their sensors are not among them.
     """
     far = spread.widest
     free = _common(cells, shared, far)
@@ -398,7 +394,7 @@ def document(case, state):
 
     Parameters
     ----------
-    case : group_case.GroupCase. state : group_case.GroupState.
+    case : case.GroupCase. state : search.State.
 
     Returns
     -------
@@ -408,7 +404,7 @@ def document(case, state):
     return {
         "branches": [_plain(cell) for cell in case.cells],
         "values": {name: float(value) for name, value in state.solution.values.items()},
-        "effects": [{"effect": p.effect.id, "branch": p.branch + 1} for p in state.placed],
+        "effects": [{"effect": e.id, "branch": e.position + 1} for e in state.effects],
         "initial_soc": case.fit_soc.tolist(),
         "hold": case.fit.hold,
     }
@@ -418,20 +414,20 @@ def _plain(cell):
     return cell._asdict() | {"ocv_volt": np.asarray(cell.ocv_volt).tolist()}
 
 
-def fields_of(model):
-    """The group of a document as `group_model.group_run` takes it, at the starts of its records.
+def fields_of(model, library=GROUP_LIBRARY):
+    """The group of a document as `group_run` takes it, at the starts of its records.
 
     Parameters
     ----------
-    model : dict, of `document`.
+    model : dict, of `document`. library : dict of Effect by id.
 
     Returns
     -------
-    fields : group_model.GroupFields.
+    fields : GroupFields.
     """
     cells = [
         Branch(**{**one, "ocv_volt": np.asarray(one["ocv_volt"], float)})
         for one in model["branches"]
     ]
-    placed = [Placed(GROUP_LIBRARY[e["effect"]], e["branch"] - 1) for e in model["effects"]]
-    return group_fields(cells, np.asarray(model["initial_soc"], float), model["values"], placed)
+    effects = [at_branch(library[e["effect"]], e["branch"] - 1) for e in model["effects"]]
+    return group_fields(cells, np.asarray(model["initial_soc"], float), model["values"], effects)

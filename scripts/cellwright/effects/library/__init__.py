@@ -1,18 +1,10 @@
 """The closed vocabulary of effects. To add one, add an entry here (docs/add-an-effect.md).
 
-Of one stage, effects act in the order in which a search has added them.
+Of one stage, effects act in the order of the library. Of the resistance stage self-heating is the
+last: its heat is that of the resistances as all other effects leave them.
 """
 
-from cellwright.effects.library import (
-    charge,
-    diffusion,
-    hysteresis,
-    kinetics,
-    ocv,
-    resistance,
-    sensor,
-    thermal,
-)
+from cellwright.effects.library import charge, ocv, overpotential, resistance, sensor, thermal
 
-MODULES = (resistance, thermal, hysteresis, diffusion, kinetics, charge, ocv, sensor)
+MODULES = (resistance, thermal, overpotential, charge, ocv, sensor)
 LIBRARY = {effect.id: effect for module in MODULES for effect in module.EFFECTS}

@@ -2,22 +2,30 @@
 
 import numpy as np
 
-from cellwright.effects.effect import Effect, Parameter
+from cellwright.circuits.instrument import stored
+from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
 
 
 def _inefficiency(fields, stack, p):
-    kept = np.where(fields.moved > 0, 1.0 - p["lost_share_of_charge"], 1.0)
-    return fields._replace(moved=fields.moved * kept)
+    return fields._replace(moved=stored(fields.moved, lost_share=p["lost_share_of_charge"]))
 
 
 def _leakage(fields, stack, p):
-    return fields._replace(moved=fields.moved - p["leak_ampere"] * stack.step_second / 3600.0)
+    hours = stack.step_second / 3600.0
+    return fields._replace(moved=stored(fields.moved, leak=p["leak_ampere"] * hours))
 
 
 def _capacity_error(fields, stack, p):
     """The cell is not what it was in its capacity test, which itself stays right."""
     later = np.array([kind != "capacity" for kind in stack.kinds], float)[stack.file]
     return fields._replace(capacity=fields.capacity * (1.0 + p["relative"] * later))
+
+
+def _capacity_error_block(p, blocks):
+    """The member's capacity is that of its capacity tests times one plus the error."""
+    tested = 1.0 + blocks["counting"]["capacity_test_relative"]
+    now = {"capacity_relative": tested * (1.0 + p["relative"]) - 1.0}
+    return blocks | {"counting": blocks["counting"] | now}
 
 
 EFFECTS = (
@@ -34,6 +42,7 @@ EFFECTS = (
         ),
         stage="counting",
         act=_inefficiency,
+        blocks=numbers_of("counting", lost_share_of_charge="lost_share_of_charge"),
         needs=("both_directions",),
         shows="four full cycles with constant-current constant-voltage charges",
         consequence="counted charge drifts up with every charge",
@@ -51,6 +60,7 @@ EFFECTS = (
         ),
         stage="counting",
         act=_leakage,
+        blocks=numbers_of("counting", leak_ampere="leak_ampere"),
         shows="a rest of 48 hours",
         consequence="the state of charge falls at rest; a pack drifts out of balance",
     ),
@@ -67,6 +77,7 @@ EFFECTS = (
         ),
         stage="counting",
         act=_capacity_error,
+        blocks=_capacity_error_block,
         needs=("soc_range",),
         shows="a capacity test of the day",
         consequence="counted state of charge is wrong in proportion to the charge that passed",

@@ -1,47 +1,40 @@
-"""Effects of one branch of a parallel group; the branch's number goes with them.
+"""Effects of one branch of a parallel group; `Effect.position` says which branch.
 
-`act` is here (fields, branch, size) → fields, on `group_model.GroupFields`; each has one parameter.
+`act` is here, too, (fields, stack, p) → fields, on `groups.model.GroupFields`; p holds the one
+parameter and, as "branch", the number of the branch. `replaces` names the free parameters of a
+healthy branch whose place the effect takes: beside it that branch has no declared tolerance.
 """
 
 import numpy as np
 
-from cellwright.effects.effect import Effect, Parameter
+from cellwright.effects.library.vocabulary import Effect, Parameter
 
 
-def _put(fields, name, branch, value):
-    changed = np.array(getattr(fields, name))
-    changed[..., branch] = value(changed[..., branch])
-    return fields._replace(**{name: changed})
+def _of_branch(name, change):
+    """`act` that changes one branch of a field, by change(value, size)."""
+
+    def act(fields, stack, p):
+        own = dict(p)
+        changed, branch = np.array(getattr(fields, name)), (..., own.pop("branch"))
+        if name == "r":
+            branch = branch[::-1]
+        (size,) = own.values()
+        changed[branch] = change(changed[branch], size)
+        return fields._replace(**{name: changed})
+
+    return act
 
 
-def _wire(fields, branch, size):
-    return _put(fields, "wire", branch, lambda ohm: ohm + size)
+def _more(value, size):
+    return value + size
 
 
-def _initial_soc(fields, branch, size):
-    return _put(fields, "soc", branch, lambda soc: soc + size)
+def _times(value, size):
+    return value * (1.0 + size)
 
 
-def _capacity(fields, branch, size):
-    return _put(fields, "capacity", branch, lambda charge: charge * (1.0 + size))
-
-
-def _resistance(fields, branch, size):
-    r = np.array(fields.r)
-    r[branch] *= 1.0 + size
-    return fields._replace(r=r)
-
-
-def _temperature(fields, branch, size):
-    return _put(fields, "warmer", branch, lambda kelvin: kelvin + size)
-
-
-def _offset(fields, branch, size):
-    return _put(fields, "offset", branch, lambda ampere: ampere + size)
-
-
-def _gain(fields, branch, size):
-    return _put(fields, "gain", branch, lambda gain: (1.0 + gain) * (1.0 + size) - 1.0)
+def _gain(value, size):
+    return (1.0 + value) * (1.0 + size) - 1.0
 
 
 EFFECTS = (
@@ -54,7 +47,8 @@ EFFECTS = (
             ),
         ),
         stage="resistance",
-        act=_wire,
+        act=_of_branch("wire", _more),
+        replaces=("wire",),
         shows="the voltage across each connection under load",
         consequence="the branch takes less of every load and is used less",
     ),
@@ -67,7 +61,8 @@ EFFECTS = (
             ),
         ),
         stage="counting",
-        act=_initial_soc,
+        act=_of_branch("soc", _more),
+        replaces=("soc",),
         shows="the branch currents in the first minutes after joining",
         consequence="balancing currents flow while the group rests",
     ),
@@ -80,7 +75,8 @@ EFFECTS = (
             ),
         ),
         stage="counting",
-        act=_capacity,
+        act=_of_branch("capacity", _times),
+        replaces=("capacity",),
         needs=("soc_range",),
         shows="a capacity test of the cell by itself",
         consequence="the cell runs ahead of the others towards empty and full",
@@ -94,7 +90,8 @@ EFFECTS = (
             ),
         ),
         stage="resistance",
-        act=_resistance,
+        act=_of_branch("r", _times),
+        replaces=("log_r0", "log_slow"),
         shows="pulses on the cell by itself, or drives of the group at two temperatures",
         consequence="the branch takes less of every load; the others age faster",
     ),
@@ -107,7 +104,8 @@ EFFECTS = (
             ),
         ),
         stage="resistance",
-        act=_temperature,
+        act=_of_branch("warmer", _more),
+        replaces=("celsius",),
         shows="a sensor on each cell, or drives of the group at two temperatures",
         consequence="the warm cell takes more of every load and ages faster",
     ),
@@ -120,7 +118,8 @@ EFFECTS = (
             ),
         ),
         stage="current",
-        act=_offset,
+        act=_of_branch("offset", _more),
+        replaces=("offset",),
         shows="the branch readings while the group is open and long at rest",
         consequence="charge counted in this branch drifts with time",
     ),
@@ -133,7 +132,8 @@ EFFECTS = (
             ),
         ),
         stage="current",
-        act=_gain,
+        act=_of_branch("gain", _gain),
+        replaces=("gain",),
         shows="the sum of the branch readings beside the total under load",
         consequence="the share of this branch is misread, though it carries what it should",
     ),

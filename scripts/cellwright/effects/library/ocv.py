@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.effects.effect import Effect, Parameter
+from cellwright.effects.library.vocabulary import Effect, Parameter
 
 WAVES = 5
 EDGE_SOC = 0.08

@@ -1,58 +1,45 @@
 """Effects of the instrument: what it reads is not what is there."""
 
-import numpy as np
+from cellwright.circuits.instrument import delayed, displayed, through_cell
+from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
 
-from cellwright.effects.effect import Effect, Parameter
-
-EDGE_SECOND = 0.06  # before the stamp of a row, within which the current of the row sets in
 APART_SECOND = 1e6  # between records on one clock
 
 
 def _current_offset(fields, stack, p):
-    true = fields.current - p["offset_ampere"]
+    offset = p["offset_ampere"]
     return fields._replace(
-        current=true, held=fields.held - p["offset_ampere"] * (1.0 - stack.fresh)
+        current=through_cell(fields.current, offset=offset),
+        held=through_cell(fields.held, offset=offset * (1.0 - stack.fresh)),
     )
 
 
 def _current_gain(fields, stack, p):
     """The capacity was counted by the same ammeter: only the true current differs, not the SoC."""
-    factor = 1.0 / (1.0 + p["gain_relative"])
+    counted = ("current", "held", "capacity")
+    gain = p["gain_relative"]
     return fields._replace(
-        current=fields.current * factor,
-        held=fields.held * factor,
-        capacity=fields.capacity * factor,
+        **{name: through_cell(getattr(fields, name), gain_relative=gain) for name in counted}
     )
 
 
 def _voltage_offset(fields, stack, p):
-    return fields._replace(volt=fields.volt + p["offset_volt"])
+    return fields._replace(volt=displayed(fields.volt, offset_volt=p["offset_volt"]))
 
 
 def _voltage_gain(fields, stack, p):
-    return fields._replace(volt=fields.volt * (1.0 + p["gain_relative"]))
+    return fields._replace(volt=displayed(fields.volt, gain_relative=p["gain_relative"]))
 
 
 def _skew(fields, stack, p):
-    """Voltage of t − delay, on the model's own course between rows.
-
-    Where the current stepped, the old one flowed until shortly before the stamp; there the course
-    has a corner, without which a delay shorter than the sampling interval would smear every step.
-    """
     clock = stack.second + APART_SECOND * stack.file
-    edge = np.minimum(EDGE_SECOND, stack.step_second / 2.0)
-    old_ohmic, old = _before(fields.ohmic, stack), _before(fields.volt, stack)
-    part = np.divide(edge, stack.step_second, out=np.zeros_like(edge), where=edge > 0)
-    stepped = fields.volt - fields.ohmic + old_ohmic
-    corner = np.where(stack.linear > 0, fields.volt + part * (old - fields.volt), stepped)
-    times = np.stack([clock - edge, clock], axis=1).ravel()
-    volts = np.stack([corner, fields.volt], axis=1).ravel()
-    return fields._replace(volt=np.interp(clock - p["voltage_delay_second"], times, volts))
-
-
-def _before(values, stack):
-    """Values of the row before; in first rows their own."""
-    return np.where(stack.fresh > 0, values, np.concatenate([values[:1], values[:-1]]))
+    volt = delayed(
+        *(clock, fields.volt, fields.ohmic),
+        delay_second=p["voltage_delay_second"],
+        step_second=stack.step_second,
+        stepped=stack.linear == 0,
+    )
+    return fields._replace(volt=volt)
 
 
 EFFECTS = (
@@ -69,6 +56,7 @@ EFFECTS = (
         ),
         stage="current",
         act=_current_offset,
+        blocks=numbers_of("reading", offset_ampere="current_offset_ampere"),
         shows="the logged current at commanded open circuit",
         consequence="counted state of charge drifts with time",
     ),
@@ -78,6 +66,7 @@ EFFECTS = (
         parameters=(Parameter("gain_relative", "1", 0.0, -0.1, 0.1, step=1e-3, plausible=0.01),),
         stage="current",
         act=_current_gain,
+        blocks=numbers_of("reading", gain_relative="current_gain_relative"),
         shows="a reference shunt, a second channel, or other cells of the same channel",
         consequence="capacity and resistance are off by the same factor",
     ),
@@ -94,6 +83,7 @@ EFFECTS = (
         ),
         stage="reading",
         act=_skew,
+        blocks=numbers_of("reading", voltage_delay_second="voltage_delay_second"),
         starts=tuple(
             {"voltage_delay_second": sign * d}
             for d in (0.05, 0.12, 0.25, 0.5, 1.0)
@@ -118,6 +108,7 @@ EFFECTS = (
         ),
         stage="reading",
         act=_voltage_offset,
+        blocks=numbers_of("reading", offset_volt="voltage_offset_volt"),
         shows="a voltage reference in place of the cell",
         consequence="every state of charge by voltage is biased",
     ),
@@ -134,6 +125,7 @@ EFFECTS = (
         ),
         stage="reading",
         act=_voltage_gain,
+        blocks=numbers_of("reading", gain_relative="voltage_gain_relative"),
         shows="two voltage references in place of the cell",
         consequence="every state of charge by voltage is biased, most near full",
     ),

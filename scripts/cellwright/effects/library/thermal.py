@@ -1,8 +1,9 @@
 """Effects of temperature, measured or not."""
 
+from cellwright.circuits.instrument import capacity_over_temperature
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.effects.base import REFERENCE_CELSIUS, relaxed, slow_volt
-from cellwright.effects.effect import Effect, Parameter
+from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
 
 # ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
 # temperature show is the product of this and the thermal resistance.
@@ -26,6 +27,11 @@ def _self_heating(fields, stack, p):
     return _warmed(fields, resistance_factor(inside, fields.celsius, OWN_HEAT_JOULE_PER_MOLE))
 
 
+def _own_heat_block(p, blocks):
+    energy = {"activation_energy_joule_per_mole": OWN_HEAT_JOULE_PER_MOLE}
+    return blocks | {"own_heat": p | energy}
+
+
 def _entropic(fields, stack, p):
     even, tilt = p["coefficient_volt_per_kelvin"], p["tilt_volt_per_kelvin"]
     slope = even + tilt * (1.0 - 2.0 * fields.soc)
@@ -33,31 +39,11 @@ def _entropic(fields, stack, p):
 
 
 def _capacity(fields, stack, p):
-    factor = 1.0 + p["relative_per_kelvin"] * (fields.celsius - REFERENCE_CELSIUS)
+    factor = capacity_over_temperature(fields.celsius, p["relative_per_kelvin"])
     return fields._replace(capacity=fields.capacity * factor)
 
 
 EFFECTS = (
-    # Before the law over temperature, which then sees the measured temperature as it was.
-    Effect(
-        id="self_heating",
-        sentence="the cell is warmer inside than was measured, by its own heat",
-        parameters=(
-            Parameter(
-                *("thermal_resistance_kelvin_per_watt", "K/W", 0.0, 0.0, 60.0),
-                step=0.2,
-                plausible=5.0,
-                material=0.1,
-            ),
-            Parameter("time_constant_second", "s", 400.0, 60.0, 5000.0, step=20.0, shape=True),
-        ),
-        stage="resistance",
-        act=_self_heating,
-        starts=tuple({"time_constant_second": t} for t in (200.0, 500.0, 1500.0)),
-        needs=("rates",),
-        shows="a load of 2C or more for half an hour, with pulses in it",
-        consequence="resistance falls under lasting load; in the cold the cell helps itself",
-    ),
     Effect(
         id="resistance_temperature",
         sentence="resistances change with temperature",
@@ -74,6 +60,26 @@ EFFECTS = (
         needs=("temperature",),
         shows="the same drive at two temperatures, 15 K apart",
         consequence="power in the cold and warm is not that at the model's temperature",
+    ),
+    Effect(
+        id="self_heating",
+        sentence="the cell is warmer inside than was measured, by its own heat",
+        parameters=(
+            Parameter(
+                *("thermal_resistance_kelvin_per_watt", "K/W", 0.0, 0.0, 60.0),
+                step=0.2,
+                plausible=5.0,
+                material=0.1,
+            ),
+            Parameter("time_constant_second", "s", 400.0, 60.0, 5000.0, step=20.0, shape=True),
+        ),
+        stage="resistance",
+        act=_self_heating,
+        blocks=_own_heat_block,
+        starts=tuple({"time_constant_second": t} for t in (200.0, 500.0, 1500.0)),
+        needs=("rates",),
+        shows="a load of 2C or more for half an hour, with pulses in it",
+        consequence="resistance falls under lasting load; in the cold the cell helps itself",
     ),
     Effect(
         id="entropic_ocv",
@@ -111,6 +117,7 @@ EFFECTS = (
         ),
         stage="counting",
         act=_capacity,
+        blocks=numbers_of("counting", relative_per_kelvin="capacity_relative_per_kelvin"),
         needs=("temperature",),
         shows="capacity tests, or drives from full to near empty, at two temperatures",
         consequence="the state of charge moves faster in the cold than counted",
