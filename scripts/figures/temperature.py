@@ -4,7 +4,7 @@ import matplotlib
 import numpy as np
 
 from cellwright.laws.temperature import LAWS, stretches, turn_of
-from cellwright.numerics.arrhenius import ZERO_CELSIUS_KELVIN
+from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from figures import style
 from figures.columns import evenly_spread
 

@@ -6,7 +6,7 @@ import pytest
 from cellwright.laws.ageing import cycle_temperature, law_rows, reading_noise
 from cellwright.numerics.lines import coloured_line
 from cellwright.numerics.periods import periods
-from cellwright.numerics.uncertainty import t_interval
+from cellwright.numerics.statistics import t_interval
 from cellwright.protocols.ageing import AgeingCycles
 from cellwright.refusal import Refusal
 

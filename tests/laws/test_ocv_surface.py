@@ -6,10 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cellwright.laws.ocv import surface as of_surface
-from cellwright.laws.ocv.entropy import zero_crossings
-from cellwright.laws.ocv.functions import compare, fit_form, form_ocv, form_std
-from cellwright.laws.ocv.readings import Readings
-from cellwright.laws.ocv.surface import Surface, nodes, ocv_tables, surface_ocv
+from cellwright.laws.ocv.entropy import Readings, zero_crossings
+from cellwright.laws.ocv.surface import (
+    Surface,
+    compare,
+    fit_form,
+    form_ocv,
+    form_std,
+    nodes,
+    ocv_tables,
+    surface_ocv,
+)
 from cellwright.protocols.ocv.functions import FORMS
 from cellwright.refusal import Refusal
 

@@ -3,10 +3,15 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.ocv import rows
-from cellwright.laws.ocv.entropy import fit_entropic, zero_crossings
+from cellwright.laws.ocv import over_temperature as analysis
+from cellwright.laws.ocv.entropy import (
+    fit_entropic,
+    on_curve,
+    slow_readings,
+    step_readings,
+    zero_crossings,
+)
 from cellwright.laws.ocv.over_temperature import over_temperature
-from cellwright.laws.ocv.readings import on_curve, slow_readings, step_readings
 from cellwright.laws.ocv.surface import surface_ocv, surface_of
 from cellwright.protocols.ocv.slow import slow_ocv
 from cellwright.refusal import Refusal
@@ -85,7 +90,7 @@ def test_rests_give_sign_size_and_crossing(rested):
     soc, slope, lower, upper = settled(found.entropic["steps"])
     assert np.abs(slope - entropic(soc)).max() < 6e-6
     assert np.mean((lower <= entropic(soc)) & (entropic(soc) <= upper)) > 0.8
-    (crossing,) = rows.crossings(found)
+    (crossing,) = analysis.crossings(found)
     assert crossing.lower_soc <= CROSSING <= crossing.upper_soc
     assert crossing.sign_above == 1
     assert found.surface.tested_celsius == (-20.0, 20.0)
@@ -174,7 +179,7 @@ def test_surface_is_chosen_over_functions_and_the_control(rested):
 
 def test_rows_hold_what_tables_want(rested):
     found = rested
-    laws = rows.law_rows(found)
+    laws = analysis.law_rows(found)
     assert {row["law"] for row in laws} == {"linear", "quadratic"}
     line = next(
         r for r in laws if r["parameter"] == "entropic_coefficient" and "30 %" in r["quantity"]
@@ -182,18 +187,18 @@ def test_rows_hold_what_tables_want(rested):
     assert line["value"] == pytest.approx(entropic(0.3), abs=1e-5)
     assert line["chosen"]
     assert line["r_squared"] > 0.99
-    bias = rows.map_columns(found)
+    bias = analysis.map_columns(found)
     assert not bias["tested"][bias["soc"] < 0.09].any()
     expected = entropic(bias["soc"]) * (bias["temperature_celsius"] - 20)
     assert np.abs(bias["bias_volt"] - expected)[bias["tested"]].max() < 1e-3
-    again = surface_of(rows.surface_columns(found))
+    again = surface_of(analysis.surface_columns(found))
     assert surface_ocv(again, 0.3, -7.0) == surface_ocv(found.surface, 0.3, -7.0)
     assert (again.tested_soc, again.tested_celsius) == (
         found.surface.tested_soc,
         found.surface.tested_celsius,
     )
-    assert all(row["tested_to_celsius"] == 20.0 for row in rows.function_rows(found))
-    assert set(rows.entropic_columns(found)["source"]) == {"steps"}
+    assert all(row["tested_to_celsius"] == 20.0 for row in analysis.function_rows(found))
+    assert set(analysis.entropic_columns(found)["source"]) == {"steps"}
 
 
 def a123(folder, name, celsius):

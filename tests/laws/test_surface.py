@@ -14,7 +14,7 @@ from cellwright.laws.surface import (
 )
 from cellwright.laws.surface_forms import Surface, fit_form, predict, separability
 from cellwright.laws.temperature import quadratic_law
-from cellwright.numerics.arrhenius import inverse_temperature
+from cellwright.numerics.lines import inverse_temperature
 from cellwright.refusal import Refusal
 
 TEMPERATURES = np.array([-20.0, -10.0, 0.0, 10.0, 20.0])

@@ -215,19 +215,18 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
     """
     from cellwright.api import given, results
     from cellwright.api.models import _curves
-    from cellwright.laws.ocv import rows
-    from cellwright.laws.ocv.over_temperature import over_temperature
+    from cellwright.laws.ocv import over_temperature as ocv
 
     chosen = given.chosen(OcvTemperature, settings, changes)
     slow = given.entries(curves, _curves)
-    found = over_temperature(slow, given.entries(steps), **chosen._asdict())
+    result = ocv.over_temperature(slow, given.entries(steps), **chosen._asdict())
     return results.OcvMap(
-        rows.law_rows(found),
-        rows.map_rows(found),
-        rows.entropic_rows(found),
-        rows.table_rows(found),
-        rows.surface_rows(found),
-        tuple(found.notes),
+        ocv.law_rows(result),
+        ocv.map_columns(result),
+        ocv.entropic_columns(result),
+        ocv.surface_columns(result),
+        ocv.function_rows(result),
+        tuple(result.notes),
     )
 
 

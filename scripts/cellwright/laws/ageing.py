@@ -7,8 +7,7 @@ import numpy as np
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.lines import coloured_line, residuals
 from cellwright.numerics.periods import daily_sine, periods
-from cellwright.numerics.scores import rms
-from cellwright.numerics.uncertainty import t_interval
+from cellwright.numerics.statistics import rms, t_interval
 from cellwright.refusal import Refusal
 from cellwright.settings import Ageing
 

@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.laws.points import fresh
 from cellwright.laws.temperature import Law, fit_laws, rows_of
 from cellwright.numerics.lines import fit_line
-from cellwright.numerics.scores import r_squared, rms
+from cellwright.numerics.statistics import r_squared, rms
 from cellwright.refusal import Refusal
 
 FEWEST_TEMPERATURES = 3

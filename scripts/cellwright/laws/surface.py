@@ -20,8 +20,7 @@ from cellwright.laws.surface_forms import (
     separability,
 )
 from cellwright.laws.temperature import NO_LIMIT, falls, law_row, ranges, turn_of, turning
-from cellwright.numerics.scores import r_squared, rms
-from cellwright.numerics.uncertainty import t_interval
+from cellwright.numerics.statistics import r_squared, rms, t_interval
 from cellwright.refusal import Refusal
 from cellwright.settings import Temperature
 

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.arrhenius import inverse_temperature
-from cellwright.numerics.lines import residuals
-from cellwright.numerics.separable import best_logarithms
-from cellwright.numerics.uncertainty import covariance_from_jacobian, standard_deviations
+from cellwright.numerics.least_squares import best_logarithms
+from cellwright.numerics.lines import inverse_temperature, residuals
+from cellwright.numerics.statistics import covariance_from_jacobian, standard_deviations
 from cellwright.refusal import Refusal
 
 LOW_JOINT, HIGH_JOINT = 0.1, 0.9  # thesis eq. 3.12: linear between, exponentials beyond

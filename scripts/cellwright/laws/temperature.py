@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import grouped
-from cellwright.numerics.arrhenius import (
+from cellwright.numerics.lines import (
     REFERENCE_KELVIN,
     ZERO_CELSIUS_KELVIN,
     arrhenius_law,
     fit_arrhenius,
+    fit_line,
 )
-from cellwright.numerics.lines import fit_line
-from cellwright.numerics.scores import r_squared, rms
+from cellwright.numerics.statistics import r_squared, rms
 from cellwright.refusal import Refusal
 
 NO_LIMIT = (-np.inf, np.inf)

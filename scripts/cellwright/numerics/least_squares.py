@@ -1,11 +1,14 @@
-"""Damped least squares of many parameters with priors: values, derivatives, steps.
+"""Nonlinear least squares: many parameters with priors, and models linear in all but a few rates.
 
-A problem knows how to predict and what is known beforehand; `fit` goes to the most likely values
-by damped Gauss–Newton steps. Cells and groups of cells are both such problems.
+`fit` finds the most likely values of a `Problem` (its prediction, measurement and priors) by damped
+Gauss–Newton steps. It is our own, not lmfit's, for it is the hot loop of the search for missing
+effects: a prediction simulates hours of record, so derivatives are kept from step to step (chord
+method) or made for many parameters in one simulation, and priors with couplings enter the normal
+equations.
 
-The search is our own, not lmfit's, for it is the hot loop of the search for missing effects: a
-prediction simulates hours of record, so derivatives are kept from step to step (chord method) or
-made for many parameters in one simulation, and priors with couplings enter the normal equations.
+`best_logarithms` searches the rates by lmfit; the linear parameters follow in closed form. Other
+hot loops have searches of their own: `exponentials` (one pass of a compiled kernel over a record)
+and `impedance.levenberg` (many starts in a compiled kernel).
 """
 
 from collections.abc import Callable
@@ -281,3 +284,43 @@ def stds(solution):
     scatter = max(solution.chi_square / len(solution.residual), 1.0)
     variance = np.diag(np.linalg.pinv(solution.precision)) * scatter
     return {n: float(np.sqrt(max(v, 0.0))) for n, v in zip(names, variance, strict=True)}
+
+
+def best_logarithms(residual, starts, *, bounds, scale=1.0):
+    """Logarithms of the rates that fit best, from several starts.
+
+    Only what a model is not linear in is searched, for at given rates the other parameters follow
+    from linear least squares (variable projection).
+
+    Parameters
+    ----------
+    residual : function (k,) logarithms → (n,) residual of the best linear parameters there.
+    starts : (s, k) logarithms to set out from; with k = 0 there is nothing to search.
+    bounds : (lowest, highest) of every logarithm.
+    scale : change of a logarithm that matters.
+
+    Returns
+    -------
+    logarithms : (k,) of the start that led to the least sum of squares.
+
+    Source: G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; lmfit, method
+    "least_squares" (trust region reflective).
+    """
+    starts = np.asarray(starts, float)
+    if not starts.shape[1]:
+        return np.empty(0)
+    # Its import takes longer than most jobs' own: only who searches pays.
+    from lmfit import Minimizer, Parameters
+
+    def of_parameters(parameters):
+        return residual(np.array(list(parameters.valuesdict().values())))
+
+    fits = []
+    for start in starts:
+        parameters = Parameters()
+        for k, value in enumerate(start):
+            parameters.add(f"rate_{k}", value, min=bounds[0], max=bounds[1])
+        search = Minimizer(of_parameters, parameters, nan_policy="propagate", calc_covar=False)
+        fits.append(search.minimize(method="least_squares", x_scale=scale))
+    best = min(fits, key=lambda fit: fit.chisqr)
+    return np.array(list(best.params.valuesdict().values()))

@@ -1,4 +1,6 @@
-"""Linear least squares of courses over SoC: hat functions, non-negative solve."""
+"""Linear least squares: piecewise linear columns, bounded solve, Savitzky-Golay filter."""
+
+from functools import lru_cache
 
 import numpy as np
 
@@ -78,18 +80,30 @@ def _not_negative(gram, moment, signed):
     return found[: len(scale)] / scale
 
 
-def correlation_factor(residual):
-    """By how much the variance of a mean grows because neighbouring residuals agree.
+SAVITZKY_GOLAY_ORDER = 5
 
-    1 + 2·Σ of the autocorrelation up to its first zero crossing; 1 for white noise. A model's
-    errors are never white, and without this factor the error bars would be far too small.
 
-    Source: Geyer, Statistical Science 7 (1992) 473, initial positive sequence, simplified.
+def savitzky_golay_weights(half, width, derivative):
+    """Weights of the 2·half + 1 points about a point for a derivative of the local polynomial.
+
+    Own code, for the import of scipy.signal takes longer than a job.
+
+    Parameters
+    ----------
+    half : points to either side. width : distance of the points, in any unit.
+    derivative : 0 smooths, 1 gives the slope.
+
+    Returns
+    -------
+    weights : (2·half + 1,).
+
+    Source: Savitzky & Golay, Anal. Chem. 36 (1964) 1627; least squares by the pseudo-inverse.
     """
-    centred = residual - residual.mean()
-    power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
-    auto = np.fft.irfft(power)[: len(centred)]
-    if auto[0] <= 0:
-        return 1.0
-    crossing = np.argmax(auto <= 0) or len(auto)
-    return float(1.0 + 2.0 * auto[1:crossing].sum() / auto[0])
+    return _polynomial_weights(half)[derivative] / (half * width) ** derivative
+
+
+@lru_cache(maxsize=64)
+def _polynomial_weights(half):
+    """Polynomial coefficients from the values at 2·half + 1 points: (order + 1, 2·half + 1)."""
+    powers = (np.arange(-half, half + 1) / half)[:, None] ** np.arange(SAVITZKY_GOLAY_ORDER + 1)
+    return np.linalg.pinv(powers)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.native import array, count, function, real
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 
 RATIOS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # variance of the slow part over the white one's
 TIMES_SECOND = (30.0, 100.0, 300.0)

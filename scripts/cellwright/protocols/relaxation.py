@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.exponentials import NOT_TOLD, Normal, best_of_grid, levenberg
-from cellwright.numerics.uncertainty import is_white, parameter_covariance
+from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
 
 FEWEST = 8  # samples of a rest

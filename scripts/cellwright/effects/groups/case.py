@@ -19,13 +19,13 @@ from cellwright.effects.groups.model import (
     group_names,
     group_run,
 )
-from cellwright.effects.judge import rms
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.effects.screen import Score, candidates
 from cellwright.effects.search import State, frees_of
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import Problem, priors, within
+from cellwright.numerics.statistics import rms
 
 READ_VOLT = 2e-3  # of a single reading at rest
 PASSES = 2

@@ -19,7 +19,7 @@ from cellwright.numerics.exponentials import (
     verdict,
 )
 from cellwright.numerics.lags import HOLDS
-from cellwright.numerics.uncertainty import is_white, parameter_covariance
+from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
 
 OFFSET, SLOPE = "ocv_offset_volt", "ocv_slope_volt_per_ampere_hour"

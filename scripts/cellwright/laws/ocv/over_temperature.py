@@ -1,14 +1,29 @@
-"""The open-circuit voltage of one cell over temperature, from whichever tests it has."""
+"""Open-circuit voltage of one cell over temperature, from the tests it has, and its tables."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.ocv.entropy import fit_entropic
-from cellwright.laws.ocv.functions import COLUMNS, LINE, PARABOLA, compare
-from cellwright.laws.ocv.readings import on_curve, slow_readings, step_readings
-from cellwright.laws.ocv.surface import surface_from
+from cellwright.laws.ocv.entropy import (
+    fit_entropic,
+    on_curve,
+    slow_readings,
+    step_readings,
+    zero_crossings,
+)
+from cellwright.laws.ocv.surface import (
+    COLUMNS,
+    LINE,
+    PARABOLA,
+    compare,
+    nodes,
+    surface_from,
+    tested,
+)
 from cellwright.laws.points import fresh
+from cellwright.laws.temperature import law_row
+from cellwright.numerics.lines import generalised_line
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 from cellwright.settings import OcvTemperature
 
@@ -138,3 +153,215 @@ def _bent(functions):
             "the table bends over temperature: overpotential of the slow current that grows in the "
             "cold does that, an entropic coefficient of its own hardly; which, only rests can tell"
         )
+
+
+LAW_SOC = np.arange(1, 10) / 10
+STRAIGHT_P = 0.05
+
+
+def entropic_columns(found):
+    """The entropic coefficient over SoC, one row a source and SoC: dict of columns.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+    """
+    parts = []
+    for source, one in sorted(found.entropic.items()):
+        known = np.isfinite(one.slope)
+        columns = {
+            "source": source,
+            "used": source == found.used,
+            "soc": one.soc[known],
+            "ocv_volt": one.ocv_volt[known],
+            "entropic_millivolt_per_kelvin": 1e3 * one.slope[known],
+            "std_millivolt_per_kelvin": 1e3 * one.slope_std[known],
+            "lower_millivolt_per_kelvin": 1e3 * one.slope_lower[known],
+            "upper_millivolt_per_kelvin": 1e3 * one.slope_upper[known],
+            "bend_microvolt_per_kelvin_squared": 1e6 * one.bend[known],
+            "bend_std_microvolt_per_kelvin_squared": 1e6 * one.bend_std[known],
+            "bend_p": one.bend_p[known],
+            "shared_error": one.shared[known],
+            "temperatures": one.temperatures[known].astype(int),
+            "reference_celsius": one.reference_celsius,
+        }
+        parts.append(_filled(columns))
+    return _stacked(parts)
+
+
+def map_columns(found, *, every=2):
+    """Curve and bias at each tested temperature, one row a temperature and SoC: dict of columns.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`. every : of the grid's points.
+    """
+    surface, readings, fitted = found.surface, found.readings, found.fitted
+    base, parts = nodes(surface, surface.reference_celsius)[0], []
+    for column, celsius in enumerate(np.nanmean(readings.celsius, axis=0)):
+        volt, moves = nodes(surface, celsius)
+        columns = {
+            "temperature_celsius": celsius,
+            "soc": surface.soc,
+            "ocv_volt": volt,
+            "bias_volt": volt - base,
+            "bias_std_volt": fitted.slope_std * abs(celsius - surface.reference_celsius),
+            "measured_bias_volt": readings.ocv_volt[:, column] - fitted.ocv_volt,
+            "entropic_volt_per_kelvin": moves,
+            "tested": tested(surface, surface.soc, celsius),
+        }
+        parts.append({name: values[::every] for name, values in _filled(columns).items()})
+    return _stacked(parts)
+
+
+def function_rows(found):
+    """One row a function over SoC and temperature; parameters row by row, K0 first.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+    """
+    cold, warm = found.surface.tested_celsius
+    return [
+        {
+            "function": f"{one.function}(T)",
+            "parameters": np.ravel(one.parameters).tolist(),
+            "std": np.ravel(one.std).tolist(),
+            "coefficients": int(one.parameters.shape[1]) if one.parameters.ndim == 2 else 0,
+            "reference_celsius": found.surface.reference_celsius,
+            "rmse_volt": one.rmse_volt,
+            "cross_validation_rmse_volt": one.cross_validation_rmse_volt,
+            "chosen": bool(one.chosen),
+            "tested_from_celsius": cold,
+            "tested_to_celsius": warm,
+        }
+        for one in found.functions
+    ]
+
+
+def surface_columns(found):
+    """The surface itself, one row a SoC: dict of columns.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+    """
+    surface = found.surface
+    cold, warm = surface.tested_celsius
+    return _filled(
+        {
+            "soc": surface.soc,
+            "ocv_volt": surface.ocv_volt,
+            "slope_volt_per_kelvin": surface.slope,
+            "bend_volt_per_kelvin_squared": surface.bend,
+            "reference_celsius": surface.reference_celsius,
+            "tested": tested(surface, surface.soc, warm),
+            "tested_from_celsius": cold,
+            "tested_to_celsius": warm,
+        }
+    )
+
+
+def _filled(columns):
+    """Columns of one length, a single value repeated."""
+    return dict(zip(columns, np.broadcast_arrays(*columns.values()), strict=True))
+
+
+def _stacked(parts):
+    """Columns of several tables, one below the other."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def law_rows(found):
+    """Rows of tables/temperature: laws at every tenth of the tested SoC, changes of sign.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+
+    Returns
+    -------
+    rows : list of dict in the shape of `laws.temperature.law_rows`. The line is chosen unless the
+        parabola's bend is significant at 5 %; of changes of sign those that are certain at 95 %.
+    """
+    fitted, rows = found.fitted, []
+    low, high = found.surface.tested_soc
+    for soc in LAW_SOC:
+        k = int(np.argmin(np.abs(fitted.soc - soc)))
+        if not (np.isfinite(fitted.slope[k]) and low - 1e-9 <= fitted.soc[k] <= high + 1e-9):
+            continue
+        bent = bool(fitted.bend_p[k] < STRAIGHT_P)
+        for degree, law, chosen in ((1, "linear", not bent), (2, "quadratic", bent)):
+            rows += _law(found, k, soc, degree=degree, law=law, chosen=chosen)
+    sure = crossings(found)
+    likely = [] if sure else crossings(found, certain=False)
+    return rows + [_crossing_row(one, one in sure) for one in [*sure, *likely]]
+
+
+def crossings(found, *, certain=True):
+    """Changes of sign of the entropic coefficient of the source used, `ocv_entropy.Crossing`.
+
+    Parameters
+    ----------
+    found : `ocv_temperature.OverTemperature`.
+    certain : between signs that are certain at 95 %; else that are one standard deviation off zero.
+    """
+    one = found.entropic[found.used]
+    limits = (one.slope_lower, one.slope_upper)
+    if not certain:
+        limits = (one.slope - one.slope_std, one.slope + one.slope_std)
+    return zero_crossings(one.soc, one.slope, one.slope_std, *limits)
+
+
+def _crossing_row(one, certain):
+    way = "rising" if one.sign_above > 0 else "falling"
+    # Nothing says where in the range between two certain signs it lies: rectangular.
+    std = (one.upper_soc - one.lower_soc) / np.sqrt(12)
+    quantity = f"zero crossing of dOCV/dT, {way}"
+    return law_row(quantity, "linear", "soc", one.soc, std, unit="1", chosen=certain)
+
+
+PARAMETERS = (("ocv", "V"), ("entropic_coefficient", "V/K"), ("bend", "V/K^2"))
+
+
+def _law(found, k, soc, *, degree, law, chosen):
+    """Rows of one law at one SoC; its R² and its error at temperatures left out."""
+    readings, reference = found.readings, found.surface.reference_celsius
+    known = np.isfinite(readings.ocv_volt[k])
+    celsius, volt, std, common = (
+        getattr(readings, name)[k][known]
+        for name in ("celsius", "ocv_volt", "std_volt", "common_volt")
+    )
+    if len(volt) <= degree:
+        return []
+    columns = np.vander(celsius - reference, degree + 1, increasing=True)
+    covariance = np.diag(std**2) + np.outer(common, common)
+    line = generalised_line(columns, volt, covariance)
+    scores = {
+        "r_squared": _explained(line, volt, covariance),
+        "cross_validation_rmse": _left_out_rmse(columns, volt, covariance),
+    }
+    quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
+    fitted = zip(PARAMETERS, line.values, line.std, strict=False)
+    return [
+        law_row(quantity, law, name, value, deviation, unit=unit, chosen=chosen, **scores)
+        for (name, unit), value, deviation in fitted
+    ]
+
+
+def _explained(line, volt, covariance):
+    """R² in units of the standard deviations, the common error among them."""
+    flat = generalised_line(np.ones((len(volt), 1)), volt, covariance)
+    whole, rest = (one.reduced_chi_square * max(one.degrees_of_freedom, 0) for one in (flat, line))
+    return 1 - rest / whole if flat.reduced_chi_square > 0 else np.nan
+
+
+def _left_out_rmse(columns, volt, covariance):
+    if len(volt) <= columns.shape[1]:
+        return np.nan
+    errors = []
+    for out in range(len(volt)):
+        rest = np.arange(len(volt)) != out
+        line = generalised_line(columns[rest], volt[rest], covariance[np.ix_(rest, rest)])
+        errors.append(columns[out] @ line.values - volt[out])
+    return rms(errors)

@@ -1,8 +1,18 @@
-"""A table of the open-circuit voltage over SoC that moves with temperature and always rises."""
+"""Open-circuit voltage over SoC and temperature: a rising table, functions, and their comparison.
+
+A table moves with temperature along the entropic coefficient. In a function each linear
+coefficient is a polynomial in d, the temperature above a reference: K = K⁰ + K¹·d + K²·d². Rates
+inside exponentials are the same at all temperatures.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
+
+from cellwright.laws.ocv.entropy import fit_entropic
+from cellwright.numerics.statistics import rms
+from cellwright.protocols.ocv.functions import FORMS, fit_parameters, parameter_stds
+from cellwright.refusal import Refusal
 
 RISE_VOLT = 1e-6
 
@@ -182,3 +192,224 @@ def _cubic(values, slopes, left, share):
         sum(end * weight for end, weight in zip(ends, weights, strict=True)),
         sum(end * rate for end, rate in zip(ends, rates, strict=True)),
     )
+
+
+HIGHEST_DEGREE = 2
+TEN_KELVIN = 10.0
+
+
+def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, near=None):
+    """Fit one function to voltages over SoC and temperature at once.
+
+    Parameters
+    ----------
+    function : key of FORMS. soc, celsius, ocv_volt : (n,) [1], [degC], [V].
+    reference_celsius : about which the coefficients are polynomials [degC].
+    degree : of these, 0 to 2.
+    near : parameters of an earlier fit, from whose rates the search then sets out.
+
+    Returns
+    -------
+    parameters : (p, degree + 1), K0, K1, … in rows; a rate has only its first column.
+
+    Source: thesis tables 3.2 and 3.3 (whose printed numbers are not used: erratum S6).
+    """
+    # ASSUME: Rates inside exponentials do not move with temperature.
+    form = FORMS[function]
+    rates = None if near is None else near[np.array(form.places) < 0, 0]
+    powers = _powers(celsius, reference_celsius, degree)
+    found = fit_parameters(form, soc, ocv_volt, powers=powers, near=rates)
+    return found / TEN_KELVIN ** np.arange(degree + 1)
+
+
+def _powers(celsius, reference_celsius, degree):
+    """Powers of the temperature, by the ten kelvin: columns of a fit are then of one size."""
+    powers = np.vander(celsius - reference_celsius, degree + 1, increasing=True)
+    return powers / TEN_KELVIN ** np.arange(degree + 1)
+
+
+def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius):
+    """Standard deviations of the parameters of a fit, shaped like them; NaN where undetermined.
+
+    What the function cannot follow counts as scatter.
+
+    Parameters
+    ----------
+    function, parameters, reference_celsius : as of the fit.
+    soc, celsius, ocv_volt : (n,) what was fitted [1], [degC], [V].
+    """
+    unit = TEN_KELVIN ** np.arange(parameters.shape[1])
+    powers = _powers(celsius, reference_celsius, parameters.shape[1] - 1)
+    form = FORMS[function]
+    return parameter_stds(form, parameters * unit, soc, ocv_volt, powers=powers) / unit
+
+
+def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
+    """Voltage and both its derivatives by a fitted function, analytic; for filters.
+
+    Parameters
+    ----------
+    function : key of FORMS. parameters : (p, q) of `fit_form`.
+    soc, celsius : (n,) or one number each [1], [degC]; SoC between 0 and 1, both excluded.
+    reference_celsius : that of the fit [degC].
+
+    Returns
+    -------
+    ocv_volt, per_soc, per_kelvin : (n,) [V], [V], [V/K].
+    """
+    form, places = FORMS[function], np.array(FORMS[function].places)
+    parameters = np.asarray(parameters, float)
+    soc, above = np.broadcast_arrays(np.asarray(soc, float), celsius - reference_celsius)
+    linear, rates = parameters[places >= 0], parameters[places < 0, 0]
+    degrees = np.arange(linear.shape[1])
+    powers = above[..., None] ** degrees
+    moves = degrees * above[..., None] ** np.maximum(degrees - 1, 0)
+    columns = form.columns(soc, rates)
+    return (
+        np.sum(columns * (powers @ linear.T), axis=-1),
+        np.sum(form.slopes(soc, rates) * (powers @ linear.T), axis=-1),
+        np.sum(columns * (moves @ linear.T), axis=-1),
+    )
+
+
+ISOTHERMAL, LINE, PARABOLA = "isothermal", "surface", "surface_parabola"
+COLUMNS = {ISOTHERMAL: 1, LINE: 2, PARABOLA: 3}
+
+
+class Function(NamedTuple):
+    """One description over temperature: parameters and std (p, q) (none for tables), errors [V].
+
+    function : "log", "two_exponentials", "inverse", "polynomial", "surface" (a table that moves
+    along lines over temperature), "surface_parabola" or "isothermal" (a table that does not move:
+    the control). cross_validation_rmse_volt : at temperatures left out in turn, the same points
+    for all; NaN where too few temperatures are left for the function.
+    """
+
+    function: str
+    parameters: np.ndarray
+    std: np.ndarray
+    rmse_volt: float
+    cross_validation_rmse_volt: float
+    chosen: bool
+
+
+def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, highest_soc=0.99):
+    """Fit all functions to readings and choose by leaving out temperatures.
+
+    Parameters
+    ----------
+    readings : `ocv_readings.Readings` over an even grid of SoC.
+    reference_celsius : about which coefficients move [degC].
+    largest_std_volt : readings less certain take part in neither fit nor score [V].
+    lowest_soc, highest_soc : range that is fitted; the functions have poles at 0 and 1 [1].
+
+    Returns
+    -------
+    functions : list of Function; exactly one is chosen.
+
+    Raises
+    ------
+    Refusal : no temperature can be left out, since fewer than three remain with readings certain
+        enough.
+    """
+    sure = _certain(readings, largest_std_volt, lowest_soc, highest_soc)
+    kept = readings._replace(ocv_volt=np.where(sure, readings.ocv_volt, np.nan))
+    levels = _levels(kept)
+    present = levels[np.isfinite(kept.ocv_volt).sum(axis=0) > 0]
+    names, settings = [*FORMS, *COLUMNS], {"reference_celsius": reference_celsius}
+    if len(np.unique(present)) < 4:
+        raise Refusal(
+            f"readings within ±{1e3 * largest_std_volt:g} mV at {len(np.unique(present))} "
+            "temperature(s); to compare functions by leaving one out takes four"
+        )
+    whole = {name: _fitted(name, kept, **settings) for name in names}
+    inside = {name: _errors(name, whole[name], kept, **settings) for name in names}
+    left = {name: np.full(kept.ocv_volt.shape, np.nan) for name in names}
+    for level in np.unique(present):
+        out = levels == level
+        rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
+        for name in names:
+            fit = _fitted(name, rest, near=whole[name], **settings)
+            left[name][:, out] = _errors(name, fit, kept, **settings)[:, out]
+    scores = _scores(left)
+    best = min(scores, key=lambda name: np.nan_to_num(scores[name], nan=np.inf))
+    return [
+        Function(
+            name,
+            *_described(name, whole[name], kept, **settings),
+            rms(inside[name][np.isfinite(inside[name])]),
+            scores[name],
+            name == best,
+        )
+        for name in names
+    ]
+
+
+def _described(name, fit, readings, *, reference_celsius):
+    """Parameters and their standard deviations; a table has none."""
+    if name not in FORMS:
+        return np.array([]), np.array([])
+    settings = {"reference_celsius": reference_celsius}
+    return fit, form_std(name, fit, *_points(readings), **settings)
+
+
+def _points(readings):
+    """SoC, temperature and voltage of all that was read, (n,) each."""
+    known = np.isfinite(readings.ocv_volt)
+    soc = np.broadcast_to(readings.soc[:, None], known.shape)
+    return soc[known], readings.celsius[known], readings.ocv_volt[known]
+
+
+def _certain(readings, largest, lowest, highest):
+    total = np.hypot(readings.std_volt, readings.common_volt)
+    middle = (readings.soc >= lowest - 1e-9) & (readings.soc <= highest + 1e-9)
+    return np.isfinite(readings.ocv_volt) & (total <= largest) & middle[:, None]
+
+
+def _levels(readings):
+    """The temperature of each column to 1 K, by which it is left out."""
+    return np.round(np.nanmean(readings.celsius, axis=0))
+
+
+def _scores(left):
+    """RMSE over the points that every function could predict; NaN for those that could none."""
+    able = {name: error for name, error in left.items() if np.isfinite(error).any()}
+    common = np.all([np.isfinite(error) for error in able.values()], axis=0)
+    return {name: rms(error[common]) if name in able else np.nan for name, error in left.items()}
+
+
+def _fitted(name, readings, *, reference_celsius, near=None):
+    """Parameters of a form; coefficients over SoC of a table."""
+    known = np.isfinite(readings.ocv_volt)
+    count = len(np.unique(_levels(readings)[known.any(axis=0)]))
+    if name in FORMS:
+        return fit_form(
+            name,
+            *_points(readings),
+            reference_celsius=reference_celsius,
+            degree=min(HIGHEST_DEGREE, count - 2),
+            near=near,
+        )
+    if name == ISOTHERMAL:
+        weight = np.where(known, 1.0, 0.0)
+        total = np.nansum(np.where(known, readings.ocv_volt, 0.0), axis=1)
+        with np.errstate(invalid="ignore"):
+            return (total / weight.sum(axis=1))[:, None]
+    fitted = fit_entropic(readings, reference_celsius=reference_celsius)
+    return (
+        fitted.parabola if name == PARABOLA else np.stack([fitted.ocv_volt, fitted.slope], axis=1)
+    )
+
+
+def _errors(name, fit, readings, *, reference_celsius):
+    """Prediction minus reading, (m, k) [V], NaN where either is missing."""
+    if name in FORMS:
+        inside = np.clip(readings.soc, 1e-6, 1 - 1e-6)[:, None]
+        settings = {"reference_celsius": reference_celsius}
+        return form_ocv(name, fit, inside, readings.celsius, **settings)[0] - readings.ocv_volt
+    known = np.isfinite(fit).all(axis=1)
+    if not known.any():
+        return np.full(readings.ocv_volt.shape, np.nan)
+    surface = surface_from(fit, readings, reference_celsius)
+    columns = [nodes(surface, celsius)[0] for celsius in np.nanmean(readings.celsius, axis=0)]
+    return np.where(known[:, None], np.stack(columns, axis=1), np.nan) - readings.ocv_volt

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.uncertainty import covariance_from_jacobian
+from cellwright.numerics.statistics import covariance_from_jacobian
 from cellwright.protocols.impedance.circuits import SERIES, SYMBOLS, THESIS, parse
 from cellwright.protocols.impedance.levenberg import SAME, Problem, search
 from cellwright.refusal import Refusal

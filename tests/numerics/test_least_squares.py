@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from cellwright.numerics.least_squares import best_logarithms
 from cellwright.numerics.lines import residuals
-from cellwright.numerics.separable import best_logarithms
 
 TIME = np.linspace(0.0, 10.0, 60)
 

@@ -1,9 +1,31 @@
-"""How sure a fitted number is: covariance, propagation, intervals, correlated residuals.
+"""Statistics of fits: RMS, R², covariance, error propagation, intervals, correlated residuals.
 
 A parameter that the data do not determine has NaN for its variance; `why_unknown` says why.
 """
 
 import numpy as np
+
+
+def rms(values):
+    """Root mean square of errors, in their unit; NaN where there are none.
+
+    Parameters
+    ----------
+    values : array of any shape.
+    """
+    values = np.asarray(values, float)
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else np.nan
+
+
+def r_squared(value, predicted):
+    """Share of the variance that a prediction explains; NaN where nothing varies.
+
+    Parameters
+    ----------
+    value, predicted : (n,) in one unit.
+    """
+    spread = np.sum((value - value.mean()) ** 2)
+    return float(1 - np.sum((value - predicted) ** 2) / spread) if spread > 0 else np.nan
 
 
 def covariance_from_jacobian(jacobian, residual):
@@ -136,6 +158,23 @@ def is_white(near, power, samples):
     samples : number of residuals.
     """
     return bool(near <= WHITE * power / np.sqrt(samples))
+
+
+def correlation_factor(residual):
+    """By how much the variance of a mean grows because neighbouring residuals agree.
+
+    1 + 2·Σ of the autocorrelation up to its first zero crossing; 1 for white noise. A model's
+    errors are never white, and without this factor the error bars would be far too small.
+
+    Source: Geyer, Statistical Science 7 (1992) 473, initial positive sequence, simplified.
+    """
+    centred = residual - residual.mean()
+    power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
+    auto = np.fft.irfft(power)[: len(centred)]
+    if auto[0] <= 0:
+        return 1.0
+    crossing = np.argmax(auto <= 0) or len(auto)
+    return float(1.0 + 2.0 * auto[1:crossing].sum() / auto[0])
 
 
 def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=None):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.numerics.uncertainty import (
+from cellwright.numerics.statistics import (
     covariance_from_jacobian,
     delta_method,
     standard_deviations,
