@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cellwright.numerics.linear import savitzky_golay_weights
 from cellwright.protocols.ica import (
     charge_peaks,
     constant_current_charge,

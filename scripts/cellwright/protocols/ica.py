@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.native import array, count, function
+from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
 from cellwright.refusal import Refusal
 from cellwright.settings import Ica
 
