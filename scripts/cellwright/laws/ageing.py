@@ -123,9 +123,9 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
     """
     record = _record(rows)
     models = _models(record)
-    fade, beside = max(models, key=lambda one: one.weight)[:2]
+    fade, temperature_columns = max(models, key=lambda model: model.weight)[:2]
     moved, reason = _moved(record, fade, least_kelvin)
-    columns = np.column_stack([fade, *([] if reason else beside)])
+    columns = np.column_stack([fade, *([] if reason else temperature_columns)])
     used, count = record.used, fade.shape[1]
     logarithm = np.log(record.capacity[used])
     line = coloured_line(columns[used], logarithm, record.place)
@@ -135,11 +135,11 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
     start = float(np.exp(line.values[0]))
     # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
     trend = _basis(record.cycle, used, _highest_degree(used))[used]
-    found = periods(record.hour[used], record.capacity[used], trend)
+    period = periods(record.hour[used], record.capacity[used], trend)
     percent, explained, daily_rest = 100 / start, np.nan, np.nan
     if not reason:
         explained = _explained(record.capacity, shift, fade, used)
-    if not (reason or found.reason):
+    if not (reason or period.reason):
         rest = (record.capacity - shift)[used]
         swing = daily_sine(rest, fade[used], record.place, record.hour[used])[0]
         daily_rest = 100 * swing / float(rest[0])
@@ -157,14 +157,14 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
         "plain_loss_percent": float(-100 * np.expm1(plain.values[1])),
         "explained": explained,
         "correlation": line.correlation,
-        "best_period_hour": found.best_period_hour,
-        "false_alarm": found.false_alarm,
-        "daily_percent": found.daily_amplitude * percent,
-        "daily_std_percent": found.daily_std * percent,
-        "daily_peak_hour": found.daily_peak_hour,
-        "daily_false_alarm": found.daily_false_alarm,
+        "best_period_hour": period.best_period_hour,
+        "false_alarm": period.false_alarm,
+        "daily_percent": period.daily_amplitude * percent,
+        "daily_std_percent": period.daily_std * percent,
+        "daily_peak_hour": period.daily_peak_hour,
+        "daily_false_alarm": period.daily_false_alarm,
         "daily_left_percent": daily_rest,
-        "reason": "; ".join(dict.fromkeys(filter(None, [reason, found.reason]))),
+        "reason": "; ".join(dict.fromkeys(filter(None, [reason, period.reason]))),
     }
     table = {
         "cycle": record.cycle,
@@ -176,7 +176,7 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
         "fade_ampere_hour": carried,
         "capacity_at_reference_ampere_hour": record.capacity - shift,
     }
-    return CycleFit(summary, table, {"period_hour": found.period_hour, "power": found.power})
+    return CycleFit(summary, table, {"period_hour": period.period_hour, "power": period.power})
 
 
 class _Record(NamedTuple):
@@ -198,18 +198,18 @@ class _Record(NamedTuple):
 
 
 def _record(rows):
-    mine = np.flatnonzero(rows.direction == "discharge")
-    cycle, capacity = rows.cycle[mine], rows.capacity_ampere_hour[mine]
-    known = np.isfinite(rows.coulombic_efficiency[mine])
-    used = _inliers(cycle, capacity, known & np.append(False, known[:-1]))
-    hour = rows.start_time_second[mine] / 3600
+    discharges = np.flatnonzero(rows.direction == "discharge")
+    cycle, capacity = rows.cycle[discharges], rows.capacity_ampere_hour[discharges]
+    complete = np.isfinite(rows.coulombic_efficiency[discharges])
+    used = _inliers(cycle, capacity, complete & np.append(False, complete[:-1]))
+    hour = rows.start_time_second[discharges] / 3600
     place = (hour[used] - hour[used][0]) / np.median(np.diff(hour[used]))
-    celsius, source = _temperature(rows, mine)
-    felt, noise = _felt(rows, mine, celsius, source)
+    celsius, source = _temperature(rows, discharges)
+    felt, noise = _felt(rows, discharges, celsius, source)
     return _Record(cycle, hour, capacity, celsius, source, used, place, felt, noise)
 
 
-def _felt(rows, mine, celsius, source):
+def _felt(rows, discharges, celsius, source):
     """What the cell may feel, and the error of a reading [K], at most.
 
     A cell's own temperature needs no lag; what its reading errs by is not told by its neighbours,
@@ -219,23 +219,25 @@ def _felt(rows, mine, celsius, source):
         return [celsius] if source else [], 0.0
     middle = (rows.start_time_second + rows.duration_second / 2) / 3600
     # Charges tell the room as well as discharges do.
-    told = np.isfinite(rows.room_temperature_celsius)
-    hour, course = middle[told], rows.room_temperature_celsius[told]
-    felt = felt_temperatures(hour, course, middle[mine])
+    recorded = np.isfinite(rows.room_temperature_celsius)
+    hour, course = middle[recorded], rows.room_temperature_celsius[recorded]
+    felt = felt_temperatures(hour, course, middle[discharges])
     return [celsius, *felt[1:]], reading_noise(hour, course)
 
 
-def _temperature(rows, mine):
+def _temperature(rows, discharges):
     """The temperature that capacity is held against, and whose it is."""
     for name, source in (
         ("room_temperature_celsius", ROOM),
         ("temperature_start_celsius", START),
     ):
-        celsius = getattr(rows, name)[mine]
+        celsius = getattr(rows, name)[discharges]
         if np.isfinite(celsius).mean() > 0.9:
-            known = np.isfinite(celsius)
-            return np.interp(rows.cycle[mine], rows.cycle[mine][known], celsius[known]), source
-    return np.full(len(mine), np.nan), ""
+            recorded = np.isfinite(celsius)
+            return np.interp(
+                rows.cycle[discharges], rows.cycle[discharges][recorded], celsius[recorded]
+            ), source
+    return np.full(len(discharges), np.nan), ""
 
 
 def _inliers(cycle, capacity, followed):
@@ -285,20 +287,24 @@ def _models(record):
     levels = [celsius - celsius[used].mean() for celsius in record.felt]
     options = [[]]
     if levels and np.ptp(levels[0]) > 0:
-        told = _told_apart(record, levels)
-        options = [choice for one in told for choice in ([one], [one, one**2])]
-    found = []
+        courses = _told_apart(record, levels)
+        options = [choice for model in courses for choice in ([model], [model, model**2])]
+    models = []
     for degree in range(1, _highest_degree(used) + 1):
         fade = _basis(record.cycle, used, degree)
-        for beside in options:
-            columns, first = np.column_stack([fade, *beside])[used], fade.shape[1]
+        for temperature_columns in options:
+            columns, first = np.column_stack([fade, *temperature_columns])[used], fade.shape[1]
             line = coloured_line(columns, logarithm, record.place)
-            slope = (line.values[first], line.std[first] ** 2) if beside else (np.nan, np.nan)
+            slope = (
+                (line.values[first], line.std[first] ** 2)
+                if temperature_columns
+                else (np.nan, np.nan)
+            )
             score = line.log_likelihood - 0.5 * columns.shape[1] * np.log(used.sum())
-            found.append(_Model(fade, beside, *slope, score))
-    best = max(one.weight for one in found)
-    total = sum(np.exp(one.weight - best) for one in found)
-    return [one._replace(weight=float(np.exp(one.weight - best) / total)) for one in found]
+            models.append(_Model(fade, temperature_columns, *slope, score))
+    best = max(model.weight for model in models)
+    total = sum(np.exp(model.weight - best) for model in models)
+    return [model._replace(weight=float(np.exp(model.weight - best) / total)) for model in models]
 
 
 def _told_apart(record, levels):
@@ -333,12 +339,13 @@ def _slope(models, freedom, level, noise_share):
 
     noise_share : error of a reading of the temperature, at most, by its movement beside the fade.
     """
-    weight, each, variance = (
-        np.array([getattr(one, name) for one in models]) for name in ("weight", "slope", "variance")
+    weight, slopes, variance = (
+        np.array([getattr(model, name) for model in models])
+        for name in ("weight", "slope", "variance")
     )
-    mean = weight @ each if models else np.nan
-    std = np.sqrt(weight @ (variance + (each - mean) ** 2)) if models else np.nan
-    value, std = (100 * one for one in _unshrunk(mean, std, noise_share))
+    mean = weight @ slopes if models else np.nan
+    std = np.sqrt(weight @ (variance + (slopes - mean) ** 2)) if models else np.nan
+    value, std = (100 * model for model in _unshrunk(mean, std, noise_share))
     lower, upper = t_interval(value, std, freedom, level=level)
     return {
         "slope_percent_per_kelvin": float(value),

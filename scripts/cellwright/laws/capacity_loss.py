@@ -53,7 +53,7 @@ def reached(
     points : list of Reached, std still that of repeats (NaN for a single test).
     left_out : list of sentences.
     """
-    found, left_out, seen = {}, [], set()
+    rows_by_point, left_out, seen = {}, [], set()
     for row in sorted(fresh(rows), key=lambda r: r["ambient_temperature_celsius"]):
         stated, measured = row["ambient_temperature_celsius"], row["temperature_mean_celsius"]
         warmer, slow = measured - stated, row["c_rate"] <= slow_c_rate
@@ -64,16 +64,16 @@ def reached(
         same = (row["direction"], round(row["capacity_ampere_hour"], 9), row["c_rate"])
         if same not in seen:
             seen.add(same)
-            found.setdefault(_key(row, found), []).append(row)
-    return [_point(key, mine) for key, mine in found.items()], left_out
+            rows_by_point.setdefault(_key(row, rows_by_point), []).append(row)
+    return [_point(key, repeats) for key, repeats in rows_by_point.items()], left_out
 
 
-def _key(row, found):
+def _key(row, rows_by_point):
     """The group a row belongs to: one that is near, or a new one of its own."""
     direction, celsius = row["direction"], row["ambient_temperature_celsius"]
     near = [
         key
-        for key in found
+        for key in rows_by_point
         if key[0] == direction
         and abs(key[1] - celsius) <= SAME_CELSIUS
         and max(key[2] / row["c_rate"], row["c_rate"] / key[2]) <= SAME_RATE
@@ -100,12 +100,12 @@ def _point(key, rows):
 
 def slowest(points, direction, celsius):
     """Points of a direction at a temperature (within 3 K), slowest first."""
-    here = [
+    same_temperature = [
         point
         for point in points
         if point.direction == direction and abs(point.temperature_celsius - celsius) <= SAME_CELSIUS
     ]
-    return sorted(here, key=lambda point: point.c_rate)
+    return sorted(same_temperature, key=lambda point: point.c_rate)
 
 
 def repeatability(points, reference, *, assumed_share, slow_c_rate):
@@ -128,8 +128,8 @@ def repeatability(points, reference, *, assumed_share, slow_c_rate):
     for point in points:
         count = len(point.tests)
         if count > 1:
-            one = point.std_ampere_hour / point.capacity_ampere_hour
-            squares.append((one**2 * count, count - 1))
+            relative_std = point.std_ampere_hour / point.capacity_ampere_hour
+            squares.append((relative_std**2 * count, count - 1))
         deficit = 1 - point.capacity_ampere_hour / reference.capacity_ampere_hour
         warmer = point.temperature_celsius > reference.temperature_celsius + SAME_CELSIUS
         if not warmer or point.c_rate > slow_c_rate:
@@ -186,20 +186,26 @@ def with_left_in(losses):
     losses : list of Loss. Of the charge's reference counts what that discharge, and what was drawn
         after it, lack of the whole: of the slowest discharge at the reference temperature.
     """
-    drawn = {one.tests: one for one in losses if one.direction == "discharge" and one.known}
-    references = (one for one in drawn.values() if one.total_percent == 0)
-    slowest = next(references, None)
-    if slowest is None:
+    discharges = {
+        loss.tests: loss for loss in losses if loss.direction == "discharge" and loss.known
+    }
+    references = (loss for loss in discharges.values() if loss.total_percent == 0)
+    reference = next(references, None)
+    if reference is None:
         return losses
-    whole = slowest.reference_ampere_hour + slowest.held_ampere_hour
-    found = []
-    for one in losses:
-        before = drawn.get(one.tests) if one.direction == "charge" else None
-        if before:
-            stayed = whole - before.capacity_ampere_hour - before.held_ampere_hour
-            one = one._replace(left_in_percent=100 * stayed / one.reference_ampere_hour)
-        found.append(one)
-    return found
+    available_ampere_hour = reference.reference_ampere_hour + reference.held_ampere_hour
+    completed = []
+    for loss in losses:
+        discharge = discharges.get(loss.tests) if loss.direction == "charge" else None
+        if discharge:
+            residual_ampere_hour = (
+                available_ampere_hour - discharge.capacity_ampere_hour - discharge.held_ampere_hour
+            )
+            loss = loss._replace(
+                left_in_percent=100 * residual_ampere_hour / loss.reference_ampere_hour
+            )
+        completed.append(loss)
+    return completed
 
 
 QUANTILE = 1.959964  # of the normal distribution, for 95 %
@@ -292,16 +298,16 @@ def capacity_losses(
         name: _reference([p for p in points if p.direction == name], reference_celsius, slow_c_rate)
         for name in directions
     }
-    found = []
+    all_losses = []
     for name in directions:
-        mine = [point for point in points if point.direction == name]
+        same_direction = [point for point in points if point.direction == name]
         share, reason = repeatability(
-            mine, references[name], assumed_share=assumed_share, slow_c_rate=slow_c_rate
+            same_direction, references[name], assumed_share=assumed_share, slow_c_rate=slow_c_rate
         )
-        losses, more = _of_direction(mine, references[name], share, slow_c_rate)
-        found += losses
-        notes += [*filter(None, [reason]), *more]
-    return with_left_in(found), notes
+        losses, split_notes = _of_direction(same_direction, references[name], share, slow_c_rate)
+        all_losses += losses
+        notes += [*filter(None, [reason]), *split_notes]
+    return with_left_in(all_losses), notes
 
 
 def _reference(points, wanted, slow):
@@ -314,9 +320,9 @@ def _reference(points, wanted, slow):
 def _of_direction(points, reference, share, slow):
     """Losses of one direction, coldest last, and a sentence for each unknown split."""
     points = sorted(points, key=lambda p: (-p.temperature_celsius, p.c_rate))
-    told = _true_losses(points, reference, share, slow)
-    losses = [_loss(point, reference, told, share) for point in points]
-    unknown = sorted({one.temperature_celsius for one in losses if not one.known})
+    true_losses = _true_losses(points, reference, share, slow)
+    losses = [_loss(point, reference, true_losses, share) for point in points]
+    unknown = sorted({loss.temperature_celsius for loss in losses if not loss.known})
     wanted = f"no {reference.direction} at up to {slow:g}C"
     notes = [f"{wanted} at {c:g} °C: true or false cannot be told there" for c in unknown]
     if reference.c_rate > slow:
@@ -327,14 +333,14 @@ def _of_direction(points, reference, share, slow):
 
 def _true_losses(points, reference, share, slow):
     """(temperature, slow point, share lost, its std) of each temperature with a slow test."""
-    found = []
+    true_losses = []
     for celsius in sorted({point.temperature_celsius for point in points}):
-        first = slowest(points, reference.direction, celsius)[0]
-        here = abs(celsius - reference.temperature_celsius) <= SAME_CELSIUS
-        if first.c_rate <= slow or (here and first is reference):
-            lost = _lost(reference, first, share, reference.capacity_ampere_hour)
-            found.append((celsius, first, *lost))
-    return found
+        slow_point = slowest(points, reference.direction, celsius)[0]
+        at_reference = abs(celsius - reference.temperature_celsius) <= SAME_CELSIUS
+        if slow_point.c_rate <= slow or (at_reference and slow_point is reference):
+            lost = _lost(reference, slow_point, share, reference.capacity_ampere_hour)
+            true_losses.append((celsius, slow_point, *lost))
+    return true_losses
 
 
 def _lost(start, end, share, scale):
@@ -348,21 +354,23 @@ def _lost(start, end, share, scale):
 
 def _std(point, share, scale):
     """Of a capacity [Ah]: the cell's repeatability over the tests, or the larger own."""
-    own = np.nan_to_num(point.std_ampere_hour)
-    return max(own, share * scale / np.sqrt(len(point.tests)))
+    repeat_std = np.nan_to_num(point.std_ampere_hour)
+    return max(repeat_std, share * scale / np.sqrt(len(point.tests)))
 
 
-def _loss(point, reference, told, share):
+def _loss(point, reference, true_losses, share):
     whole = reference.capacity_ampere_hour
     total, total_std = _lost(reference, point, share, whole)
-    here = [t for t in told if abs(t[0] - point.temperature_celsius) <= SAME_CELSIUS]
-    slow = here[0][1] if here else None
+    same_temperature = [
+        t for t in true_losses if abs(t[0] - point.temperature_celsius) <= SAME_CELSIUS
+    ]
+    slow = same_temperature[0][1] if same_temperature else None
     if slow is None:
-        true, false = _bounds(point, reference, told, total, total_std)
+        true, false = _bounds(point, reference, true_losses, total, total_std)
     else:
         scale = slow.capacity_ampere_hour / whole
         rest, rest_std = _lost(slow, point, share, whole)
-        true = _interval(*here[0][2:])
+        true = _interval(*same_temperature[0][2:])
         false = _interval(rest * scale, rest_std * scale)
     losses = [100 * value for value in (total, total_std, *true, *false)]
     return Loss(
@@ -388,12 +396,20 @@ def _interval(value, std):
 
 
 # ASSUME: A cell does not truly lose less by growing colder.
-def _bounds(point, reference, told, total, std):
+def _bounds(point, reference, true_losses, total, std):
     """True and false loss at a temperature without a slow test: only their limits are known."""
     least, most = total - QUANTILE * std, total + QUANTILE * std
-    here = point.temperature_celsius
-    warmer = [lost - QUANTILE * spread for celsius, _, lost, spread in told if celsius > here]
-    colder = [lost + QUANTILE * spread for celsius, _, lost, spread in told if celsius < here]
+    point_celsius = point.temperature_celsius
+    warmer = [
+        lost - QUANTILE * spread
+        for celsius, _, lost, spread in true_losses
+        if celsius > point_celsius
+    ]
+    colder = [
+        lost + QUANTILE * spread
+        for celsius, _, lost, spread in true_losses
+        if celsius < point_celsius
+    ]
     held = point.held_ampere_hour / reference.capacity_ampere_hour
     high = max(min([most - held, *colder]), 0.0)
     low = min(max([0.0, *warmer]), high)
@@ -401,10 +417,10 @@ def _bounds(point, reference, told, total, std):
     return (np.nan, np.nan, low, high), (np.nan, np.nan, *false)
 
 
-def _verdict(true, false, known, lost):
+def _verdict(true, false, split_known, lost):
     """In a word what was lost; a part counts where its interval lies above zero."""
     parts = int(true[2] > 0), int(false[2] > 0)
-    if not known and parts == (0, 0):
+    if not split_known and parts == (0, 0):
         return "true or false" if lost else "none"
     names = {(1, 1): "both", (1, 0): "true", (0, 1): "false", (0, 0): "none"}
-    return names[parts] + ("" if known or parts == (1, 1) else " or both")
+    return names[parts] + ("" if split_known or parts == (1, 1) else " or both")

@@ -73,8 +73,10 @@ def cold_limit(points, laws):
     Source: thesis section 3.2 (Rct grows 26-fold to −20 °C, Rs less than twofold).
     """
     kinds = ("ohmic", "charge-transfer")
-    both = [_of_family(points, f"{kind} resistance, impedance") for kind in kinds]
-    spectra = {soc: tuple(one[soc] for one in both) for soc in both[0] if _shared(both, soc)}
+    courses = [_of_family(points, f"{kind} resistance, impedance") for kind in kinds]
+    spectra = {
+        soc: tuple(course[soc] for course in courses) for soc in courses[0] if _shared(courses, soc)
+    }
     for source, pairs in (("impedance", spectra), ("pulses", _pulses(points))):
         if pairs:
             return _judged(source, pairs, points, laws)
@@ -86,10 +88,10 @@ def _pulses(points):
     later = [name for name in dict.fromkeys(families) if name != "resistance, first sample"]
     if not later:
         return {}
-    both = [_of_family(points, name) for name in ("resistance, first sample", later[-1])]
+    courses = [_of_family(points, name) for name in ("resistance, first sample", later[-1])]
     pairs = {}
-    for soc in (soc for soc in both[0] if _shared(both, soc)):
-        first, whole = both[0][soc], both[1][soc]
+    for soc in (soc for soc in courses[0] if _shared(courses, soc)):
+        first, whole = courses[0][soc], courses[1][soc]
         rise = {
             c: (whole[c][0] - first[c][0], float(np.hypot(whole[c][1], first[c][1])))
             for c in whole
@@ -109,8 +111,11 @@ def _of_family(points, family):
     return courses
 
 
-def _shared(both, soc):
-    return all(soc in one for one in both) and len(both[0][soc].keys() & both[1][soc].keys()) >= 2
+def _shared(courses, soc):
+    return (
+        all(soc in course for course in courses)
+        and len(courses[0][soc].keys() & courses[1][soc].keys()) >= 2
+    )
 
 
 def _judged(source, pairs, points, laws):
@@ -120,8 +125,8 @@ def _judged(source, pairs, points, laws):
     kept = {soc: pair for soc, pair in pairs.items() if _span(pair) == (warm, cold)}
     growth = []
     for soc, pair in sorted(kept.items()):
-        for part, one in zip(PARTS[source], pair, strict=True):
-            (warm_ohm, warm_std), (cold_ohm, cold_std) = one[warm], one[cold]
+        for part, course in zip(PARTS[source], pair, strict=True):
+            (warm_ohm, warm_std), (cold_ohm, cold_std) = course[warm], course[cold]
             log_std = float(np.hypot(warm_std / warm_ohm, cold_std / cold_ohm))
             growth.append(Growth(source, part, soc, warm_ohm, cold_ohm, log_std))
     parts = list(zip(growth[::2], growth[1::2], strict=True))
@@ -135,8 +140,8 @@ def _judged(source, pairs, points, laws):
         for a, b in parts
     ]
     agreeing = slower.count(sign > 0)
-    found = ColdLimit(source, limit, agreeing, sum(sure), len(kept), warm, cold, growth, "")
-    return found._replace(paragraph=paragraph(found, PARTS[source], points, laws))
+    result = ColdLimit(source, limit, agreeing, sum(sure), len(kept), warm, cold, growth, "")
+    return result._replace(paragraph=paragraph(result, PARTS[source], points, laws))
 
 
 def _span(pair):
@@ -149,7 +154,7 @@ FURTHER = 10.0  # K below the coldest test: how far the words look ahead
 CHILLY = 15.0  # °C: above it, tests have not been to the cold, only towards it
 
 
-def paragraph(found, parts, points, laws):
+def paragraph(result, parts, points, laws):
     """A paragraph for people about one cell.
 
     Parameters
@@ -163,27 +168,27 @@ def paragraph(found, parts, points, laws):
     text : str.
     """
     sentences = [
-        _what(found, parts),
-        _how_sure(found),
-        *_share(found),
-        *_pulses_too(found, points),
-        _beyond(found, laws),
+        _what(result, parts),
+        _how_sure(result),
+        *_share(result),
+        *_pulses_too(result, points),
+        _beyond(result, laws),
     ]
     return " ".join(sentences)
 
 
-def _what(found, parts):
-    fast, slow = ([g for g in found.growth if g.part == part] for part in parts)
+def _what(result, parts):
+    fast, slow = ([g for g in result.growth if g.part == part] for part in parts)
     names = dict(zip(parts, (_factor(fast), _factor(slow)), strict=True))
-    other = next(part for part in parts if part != found.limit)
-    where = f"from {found.warmest_celsius:g} to {found.coldest_celsius:g} °C"
-    if found.agreeing * 2 == found.levels:
+    other = next(part for part in parts if part != result.limit)
+    where = f"from {result.warmest_celsius:g} to {result.coldest_celsius:g} °C"
+    if result.agreeing * 2 == result.levels:
         both = ", ".join(f"{part} grows {names[part]}" for part in parts)
         return f"Neither part stands out {where}: {both}."
-    cold = "In" if found.coldest_celsius < CHILLY else "Towards"
+    cold = "In" if result.coldest_celsius < CHILLY else "Towards"
     return (
-        f"{cold} the cold this cell is limited by {_LIMITS[found.limit]}: {where} {found.limit} "
-        f"grows {names[found.limit]}, {other} {names[other]}."
+        f"{cold} the cold this cell is limited by {_LIMITS[result.limit]}: {where} {result.limit} "
+        f"grows {names[result.limit]}, {other} {names[other]}."
     )
 
 
@@ -201,57 +206,59 @@ _LIMITS = {
 
 
 def _factor(growth):
-    return f"{span_of([one.cold_ohm / one.warm_ohm for one in growth], '.3g')} times"
+    return f"{span_of([part.cold_ohm / part.warm_ohm for part in growth], '.3g')} times"
 
 
-def _how_sure(found):
-    levels = f"{found.levels} state{'s' if found.levels > 1 else ''} of charge"
-    if not np.isfinite([one.log_std for one in found.growth]).any():
-        return f"It adds more ohms at {found.agreeing} of {levels}; the points carry no errors."
+def _how_sure(result):
+    levels = f"{result.levels} state{'s' if result.levels > 1 else ''} of charge"
+    if not np.isfinite([part.log_std for part in result.growth]).any():
+        return f"It adds more ohms at {result.agreeing} of {levels}; the points carry no errors."
     return (
-        f"It adds more ohms at {found.agreeing} of {levels}, and its growth factor is the larger "
-        f"beyond the errors of the points (95 %) at {found.sure}."
+        f"It adds more ohms at {result.agreeing} of {levels}, and its growth factor is the larger "
+        f"beyond the errors of the points (95 %) at {result.sure}."
     )
 
 
-def _share(found):
+def _share(result):
     """What it makes up of the whole, at the middle of the states of charge."""
-    socs = sorted({one.soc for one in found.growth})
+    socs = sorted({part.soc for part in result.growth})
     middle = min(socs, key=lambda soc: abs(soc - 0.5))
-    here = [one for one in found.growth if one.soc == middle]
-    mine = next(one for one in here if one.part == found.limit)
-    warm, cold = (sum(getattr(one, name) for one in here) for name in ("warm_ohm", "cold_ohm"))
+    parts = [part for part in result.growth if part.soc == middle]
+    limiting = next(part for part in parts if part.part == result.limit)
+    warm, cold = (sum(getattr(part, name) for part in parts) for name in ("warm_ohm", "cold_ohm"))
     yield (
-        f"At {100 * middle:.0f} % SoC it makes up {100 * mine.warm_ohm / warm:.0f} % of the sum of "
-        f"both at {found.warmest_celsius:g} °C and {100 * mine.cold_ohm / cold:.0f} % at "
-        f"{found.coldest_celsius:g} °C."
+        f"At {100 * middle:.0f} % SoC it makes up {100 * limiting.warm_ohm / warm:.0f} % of the sum "
+        f"of both at {result.warmest_celsius:g} °C and {100 * limiting.cold_ohm / cold:.0f} % at "
+        f"{result.coldest_celsius:g} °C."
     )
 
 
-def _pulses_too(found, points):
+def _pulses_too(result, points):
     """Beside spectra: what the pulses say, at the state of charge nearest the middle."""
-    mine = [p for p in points if found.source == "impedance" and p.family.startswith("resistance,")]
-    told = []
-    for family, here in grouped(mine, lambda point: point.family).items():
-        middle = min((point.soc for point in here), key=lambda soc: abs(soc - 0.5))
-        course = {p.temperature_celsius: p.value for p in here if p.soc == middle}
+    pulses = [
+        p for p in points if result.source == "impedance" and p.family.startswith("resistance,")
+    ]
+    factors = []
+    for family, family_points in grouped(pulses, lambda point: point.family).items():
+        middle = min((point.soc for point in family_points), key=lambda soc: abs(soc - 0.5))
+        course = {p.temperature_celsius: p.value for p in family_points if p.soc == middle}
         factor = course[min(course)] / course[max(course)]
         when = family.removeprefix("resistance, ")
-        told.append(f"{factor:.3g} times ({when}, {max(course):g} to {min(course):g} °C)")
-    if told:
-        yield f"The pulse resistance grows {' and '.join(told)}."
+        factors.append(f"{factor:.3g} times ({when}, {max(course):g} to {min(course):g} °C)")
+    if factors:
+        yield f"The pulse resistance grows {' and '.join(factors)}."
 
 
-def _beyond(found, laws):
+def _beyond(result, laws):
     """The laws' own answers a step below the coldest test, marked as what they are."""
-    cold = found.coldest_celsius
-    mine = [row for row in laws if _IS_OF[found.limit](row["quantity"])]
-    mine = [row for row in mine if row["tested_from_celsius"] == cold]
+    cold = result.coldest_celsius
+    rows = [row for row in laws if _IS_OF[result.limit](row["quantity"])]
+    rows = [row for row in rows if row["tested_from_celsius"] == cold]
     text = f"Below {cold:g} °C nothing was tested"
-    if not mine:
+    if not rows:
         return f"{text}."
-    quantity = min((row["quantity"] for row in mine), key=_from_middle)
-    answers = [_step(law, mine, quantity, cold) for law in LAWS]
+    quantity = min((row["quantity"] for row in rows), key=_from_middle)
+    answers = [_step(law, rows, quantity, cold) for law in LAWS]
     answers = [answer for answer in answers if np.isfinite(answer)]
     if not answers:
         return f"{text}."
@@ -279,8 +286,8 @@ def _from_middle(quantity):
 
 
 def _step(law, rows, quantity, cold):
-    mine = [row for row in rows if row["quantity"] == quantity and row["law"] == law]
-    if not mine or mine[0].get("valid_from_celsius", -np.inf) > cold - FURTHER:
+    parameters = [row for row in rows if row["quantity"] == quantity and row["law"] == law]
+    if not parameters or parameters[0].get("valid_from_celsius", -np.inf) > cold - FURTHER:
         return np.nan
-    values = [row["value"] for row in mine]
+    values = [row["value"] for row in parameters]
     return LAWS[law](cold - FURTHER, *values) / LAWS[law](cold, *values)

@@ -52,16 +52,18 @@ def points_of_type(
     found : Points of CellPoint; a note names the temperatures that have no pulse of the rate.
     """
     # ASSUME: Which cell of a type was tested at which temperature is chance.
-    found, notes = [], []
+    cell_points, notes = [], []
     for direction, delay in product(("discharge", "charge"), delay_second):
-        mine = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
-        mine = [row for row in mine if row["delay_second"] == delay]
-        kept, note = _one_class(mine, c_rate)
+        pulses = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
+        pulses = [row for row in pulses if row["delay_second"] == delay]
+        kept, note = _one_class(pulses, c_rate)
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
-        for cell, own in grouped(kept, lambda row: row["cell"]).items():
-            points = resistance_points(own, delay_second=(delay,), c_rate=c_rate, soc=soc).points
-            found += [CellPoint(cell, *point._replace(std=np.nan)) for point in points]
-    return Points([_across_cells(point) for point in found], notes)
+        for cell, cell_rows in grouped(kept, lambda row: row["cell"]).items():
+            points = resistance_points(
+                cell_rows, delay_second=(delay,), c_rate=c_rate, soc=soc
+            ).points
+            cell_points += [CellPoint(cell, *point._replace(std=np.nan)) for point in points]
+    return Points([_across_cells(point) for point in cell_points], notes)
 
 
 def _across_cells(point):
@@ -74,7 +76,7 @@ def _one_class(rows, c_rate):
     classes = rate_classes(rows)
     if not classes:
         return [], ""
-    reached = {rate: _temperatures(mine) for rate, mine in classes.items()}
+    reached = {rate: _temperatures(same_rate) for rate, same_rate in classes.items()}
     rate = preferred_rate(reached, c_rate)
     missing = sorted(_temperatures(rows) - reached[rate])
     where = ", ".join(f"{celsius:g}" for celsius in missing)
@@ -96,7 +98,7 @@ def sentences_of_type(points):
     -------
     text : list of str, one a quantity.
     """
-    return [_sentence(*group) for group in grouped(points, lambda p: p.quantity).items()]
+    return [_sentence(*entry) for entry in grouped(points, lambda p: p.quantity).items()]
 
 
 def _sentence(quantity, points):

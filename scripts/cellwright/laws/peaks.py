@@ -128,12 +128,16 @@ def _difference(reference, other):
 
 
 def _match(reference, other, reach, first, stop, low, high):
-    mine, theirs = reference[first:stop], other[low:high]
+    reference_peaks, other_peaks = reference[first:stop], other[low:high]
     names = ["+".join(str(k + 1) for k in range(*span)) for span in ((first, stop), (low, high))]
-    place = [_centre(peaks) if peaks else np.nan for peaks in (mine, theirs)]
-    area = [_area(peaks) if peaks else np.nan for peaks in (mine, theirs)]
-    difference, std = _difference(mine, theirs) if mine and theirs else (np.nan, np.nan)
-    fate = _fate(len(mine), len(theirs), abs(difference) <= QUANTILE * std)
+    place = [_centre(peaks) if peaks else np.nan for peaks in (reference_peaks, other_peaks)]
+    area = [_area(peaks) if peaks else np.nan for peaks in (reference_peaks, other_peaks)]
+    difference, std = (
+        _difference(reference_peaks, other_peaks)
+        if reference_peaks and other_peaks
+        else (np.nan, np.nan)
+    )
+    fate = _fate(len(reference_peaks), len(other_peaks), abs(difference) <= QUANTILE * std)
     return Match(
         *names,
         "cut" if fate == "lost" and place[0] > reach else fate,
@@ -145,14 +149,14 @@ def _match(reference, other, reach, first, stop, low, high):
     )
 
 
-def _fate(mine, theirs, agree):
-    if not mine or not theirs:
-        return "lost" if mine else "new"
-    if mine == theirs:
+def _fate(reference_count, other_count, agree):
+    if not reference_count or not other_count:
+        return "lost" if reference_count else "new"
+    if reference_count == other_count:
         return "kept" if agree else "changed"
     if not agree:
         return "unresolved"
-    return "merged" if mine > theirs else "split"
+    return "merged" if reference_count > other_count else "split"
 
 
 END_SIGMAS = 5.0  # where a curve begins and ends polarisation sets, not the cell
@@ -224,8 +228,8 @@ def scaled_peaks(
     if not len(tops):
         raise Refusal(f"no peak of dQ/dV stands out at a smoothing of {1e3 * sigma_volt:g} mV")
     return [
-        _peak(voltage_volt, height, wide, top, left, right, sigma_volt)
-        for top, (left, right) in zip(tops, pairwise(edges), strict=True)
+        _peak(voltage_volt, height, wide, top, lower, upper, sigma_volt)
+        for top, (lower, upper) in zip(tops, pairwise(edges), strict=True)
     ]
 
 
@@ -252,22 +256,22 @@ def _low(height, first, last):
     return first + int(height[first : last + 1].argmin())
 
 
-def _peak(voltage, height, wide, top, left, right, sigma):
+def _peak(voltage, height, wide, top, lower, upper, sigma):
     step = voltage[1] - voltage[0]
     bend = height[top - 1] - 2 * height[top] + height[top + 1]
     shift = 0.5 * (height[top - 1] - height[top + 1]) / bend if bend else 0.0
     reach = max(int(2 * sigma / step), 1)
     near = slice(max(top - reach, 0), top + reach + 1)
     moved = voltage[near][int(np.argmax(wide[near]))] - voltage[top]
-    inside = height[left : right + 1]
+    inside = height[lower : upper + 1]
     return Peak(
         float(voltage[top] + shift * step),
         float(np.hypot(0.5 * moved, step / np.sqrt(12))),
         float(height[top]),
         float(np.sum((inside[1:] + inside[:-1]) / 2) * step),
-        float(height[left] * sigma * (END_SIGMAS if left == 0 else 1)),
-        float(height[right] * sigma * (END_SIGMAS if right == len(height) - 1 else 1)),
-        bool(max(height[left], height[right]) < 0.8 * height[top]),
+        float(height[lower] * sigma * (END_SIGMAS if lower == 0 else 1)),
+        float(height[upper] * sigma * (END_SIGMAS if upper == len(height) - 1 else 1)),
+        bool(max(height[lower], height[upper]) < 0.8 * height[top]),
     )
 
 
@@ -316,49 +320,55 @@ def peaks_over_temperature(
     ------
     Refusal : fewer than two temperatures with charges of one rate.
     """
-    notes, mine = [], []
-    first = min(charges, key=lambda one: abs(one.temperature_celsius - reference_celsius))
-    for charge in sorted(charges, key=lambda one: -one.temperature_celsius):
-        ratio = max(charge.c_rate / first.c_rate, first.c_rate / charge.c_rate)
+    notes, same_rate = [], []
+    reference = min(charges, key=lambda charge: abs(charge.temperature_celsius - reference_celsius))
+    for charge in sorted(charges, key=lambda charge: -charge.temperature_celsius):
+        ratio = max(charge.c_rate / reference.c_rate, reference.c_rate / charge.c_rate)
         if ratio > SAME_RATE:
-            rates = f"{charge.c_rate:.3g}C, the reference {first.test} at {first.c_rate:.3g}C"
+            rates = (
+                f"{charge.c_rate:.3g}C, the reference {reference.test} at {reference.c_rate:.3g}C"
+            )
             notes.append(f"{charge.test} was left out: it is at {rates}")
         else:
-            mine.append(charge)
-    if len({charge.temperature_celsius for charge in mine}) < 2:
+            same_rate.append(charge)
+    if len({charge.temperature_celsius for charge in same_rate}) < 2:
         raise Refusal("charges of one rate are known at one temperature only")
     peaks = {
-        one.test: scaled_peaks(
-            one.voltage_volt,
-            one.dq_dv_ampere_hour_per_volt,
+        charge.test: scaled_peaks(
+            charge.voltage_volt,
+            charge.dq_dv_ampere_hour_per_volt,
             sigma_volt=sigma_volt,
             prominence=prominence,
         )
-        for one in mine
+        for charge in same_rate
     }
-    unclear = [one.test for one in mine if not all(peak.clear for peak in peaks[one.test])]
+    unclear = [
+        charge.test for charge in same_rate if not all(peak.clear for peak in peaks[charge.test])
+    ]
     notes += [f"{test}: not all peaks stand clear of their valleys" for test in unclear]
     matches = [
         row
-        for charge in mine
-        if charge.test != first.test
-        for row in _matched(first, charge, peaks, sigma_volt)
+        for charge in same_rate
+        if charge.test != reference.test
+        for row in _matched(reference, charge, peaks, sigma_volt)
     ]
-    return OverTemperature(matches, _peak_rows(mine, peaks), _curves(mine, sigma_volt), notes)
+    return OverTemperature(
+        matches, _peak_rows(same_rate, peaks), _curves(same_rate, sigma_volt), notes
+    )
 
 
-def _matched(first, charge, peaks, sigma):
-    found = match_peaks(
-        peaks[first.test], peaks[charge.test], end_volt=charge.voltage_volt[-1] - sigma
+def _matched(reference, charge, peaks, sigma):
+    matches = match_peaks(
+        peaks[reference.test], peaks[charge.test], end_volt=charge.voltage_volt[-1] - sigma
     )
     return [
         {
             "test": charge.test,
             "temperature_celsius": charge.temperature_celsius,
-            "reference_celsius": first.temperature_celsius,
+            "reference_celsius": reference.temperature_celsius,
             **match._asdict(),
         }
-        for match in found
+        for match in matches
     ]
 
 
@@ -379,11 +389,11 @@ def _curves(charges, sigma):
     """Columns of all smoothed curves, one below the other."""
     parts = [
         (
-            np.full(len(one.voltage_volt), one.temperature_celsius),
-            one.voltage_volt,
-            smoothed(one.voltage_volt, one.dq_dv_ampere_hour_per_volt, sigma_volt=sigma),
+            np.full(len(charge.voltage_volt), charge.temperature_celsius),
+            charge.voltage_volt,
+            smoothed(charge.voltage_volt, charge.dq_dv_ampere_hour_per_volt, sigma_volt=sigma),
         )
-        for one in charges
+        for charge in charges
     ]
     names = ("temperature_celsius", "voltage_volt", "dq_dv_ampere_hour_per_volt")
     return dict(zip(names, (np.concatenate(p) for p in zip(*parts, strict=True)), strict=True))

@@ -46,22 +46,22 @@ def capacity_points(rows):
     -------
     points : list of Point.
     """
-    found, rates = [], []
+    points, rates = [], []
     for row in sorted(fresh(rows), key=lambda r: (r["ambient_temperature_celsius"], r["c_rate"])):
         if row["direction"] != "discharge":
             continue
         rate = _first_alike(row["c_rate"], rates, lambda ratio: abs(ratio - 1) < SAME_RATE)
         celsius, value = row["ambient_temperature_celsius"], row["capacity_ampere_hour"]
-        found.append(Point(f"capacity at {rate:.2g}C", "Ah", celsius, value, family="capacity"))
-    return found
+        points.append(Point(f"capacity at {rate:.2g}C", "Ah", celsius, value, family="capacity"))
+    return points
 
 
 def _first_alike(rate, rates, alike):
     """The first of the rates seen so far whose ratio to a rate is `alike`; a new one joins them."""
-    known = next((one for one in rates if alike(rate / one)), None)
-    if known is None:
+    match = next((earlier for earlier in rates if alike(rate / earlier)), None)
+    if match is None:
         rates.append(rate)
-    return known or rate
+    return match or rate
 
 
 def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
@@ -79,27 +79,27 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
     -------
     found : Points, each with the standard deviation of its fit; what was left out.
     """
-    known = [row for row in fresh(rows) if row["soc"] is not None and np.isfinite(row["soc"])]
-    known.sort(key=lambda row: (row["soc"], row["ambient_temperature_celsius"]))
-    level = together([row["soc"] for row in known], apart=soc_tolerance)
+    with_soc = [row for row in fresh(rows) if row["soc"] is not None and np.isfinite(row["soc"])]
+    with_soc.sort(key=lambda row: (row["soc"], row["ambient_temperature_celsius"]))
+    level = together([row["soc"] for row in with_soc], apart=soc_tolerance)
     points, notes = [], []
     for kind, column in (("ohmic", "r_ohmic_ohm"), ("charge-transfer", "r_charge_transfer_ohm")):
         # Charge transfer must also be told from diffusion.
-        told = [
+        determined = [
             row
-            for row in known
+            for row in with_soc
             if (column == "r_ohmic_ohm" or row.get("charge_transfer_told", True))
             and row[column] > 0
             and row[f"{column}_std"] <= most_relative_std * row[column]
         ]
         what, how = f"{kind} resistance", "impedance"
-        for row in told:
+        for row in determined:
             soc, celsius = level[row["soc"]], row["ambient_temperature_celsius"]
             quantity = f"{what} at {100 * soc:.0f} % SoC, {how}"
             value, std = row[column], row[f"{column}_std"]
             points.append(Point(quantity, "Ohm", celsius, value, std, f"{what}, {how}", soc))
-        vague = len(known) - len(told)
-        count = f"{vague} of {len(known)} spectra"
+        vague = len(with_soc) - len(determined)
+        count = f"{vague} of {len(with_soc)} spectra"
         notes += [f"{what}, {how}: {count} do not determine it"] if vague else []
     return Points(points, notes)
 
@@ -127,9 +127,9 @@ def fresh(rows):
     ----------
     rows : list of dict with ambient_temperature_celsius and cycle.
     """
-    known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
-    first = min((row["cycle"] or 0 for row in known), default=0)
-    return [row for row in known if (row["cycle"] or 0) == first]
+    with_temperature = [row for row in rows if row["ambient_temperature_celsius"] is not None]
+    first = min((row["cycle"] or 0 for row in with_temperature), default=0)
+    return [row for row in with_temperature if (row["cycle"] or 0) == first]
 
 
 def one_a_temperature(points):
@@ -168,7 +168,10 @@ def grouped(items, key):
 def enough(points, *, temperatures=3):
     """Points of the quantities that have at least so many temperatures."""
     groups = grouped(points, lambda point: point.quantity)
-    tested = {name: len({one.temperature_celsius for one in own}) for name, own in groups.items()}
+    tested = {
+        name: len({point.temperature_celsius for point in same_quantity})
+        for name, same_quantity in groups.items()
+    }
     return [point for point in points if tested[point.quantity] >= temperatures]
 
 
@@ -198,11 +201,13 @@ def resistance_points(
     -------
     found : Points, and what was left out or mixed.
     """
-    known = [row for row in fresh(rows) if np.isfinite(row["soc"])]
+    with_soc = [row for row in fresh(rows) if np.isfinite(row["soc"])]
     points, notes = [], []
     for direction, delay, level in product(("discharge", "charge"), delay_second, soc):
-        mine = [r for r in known if r["direction"] == direction and r["delay_second"] == delay]
-        courses = {rate: _course(own, level) for rate, own in rate_classes(mine).items()}
+        pulses = [r for r in with_soc if r["direction"] == direction and r["delay_second"] == delay]
+        courses = {
+            rate: _course(same_rate, level) for rate, same_rate in rate_classes(pulses).items()
+        }
         courses = {rate: course for rate, course in courses.items() if course}
         chosen, note = _one_rate(courses, c_rate)
         what, when = name_of(direction, delay)
@@ -230,7 +235,10 @@ def rate_classes(rows):
         if not classes or np.log(row["c_rate"] / classes[-1][-1]["c_rate"]) > SAME_RATE:
             classes.append([])
         classes[-1].append(row)
-    return {float(np.median([row["c_rate"] for row in one])): one for one in classes}
+    return {
+        float(np.median([row["c_rate"] for row in rate_class])): rate_class
+        for rate_class in classes
+    }
 
 
 def preferred_rate(reached, c_rate):
@@ -250,8 +258,8 @@ def _by_distance(rates, c_rate):
 def _course(rows, level):
     """Temperature → (resistance, std) where pulses lie around a state of charge."""
     groups = grouped(rows, lambda row: row["ambient_temperature_celsius"])
-    found = {celsius: _interpolated(here, level) for celsius, here in groups.items()}
-    return {celsius: value for celsius, value in found.items() if value is not None}
+    resistances = {celsius: _interpolated(pulses, level) for celsius, pulses in groups.items()}
+    return {celsius: value for celsius, value in resistances.items() if value is not None}
 
 
 def _one_rate(courses, c_rate):
@@ -313,20 +321,20 @@ def fast_charge_points(rows):
         current, minutes to 80 % where that was reached; from empty and of the earliest check-up
         only.
     """
-    mine = sorted(
+    charges = sorted(
         (row for row in fresh(rows) if row["from_empty"]),
         key=lambda row: (-row["ambient_temperature_celsius"], row["c_rate"]),
     )
-    rates, found = [], []
-    for row in mine:
+    rates, points = [], []
+    for row in charges:
         # The set current shows at warm temperatures; in the cold the voltage cuts it at once.
         rate = _first_alike(row["c_rate"], rates, lambda ratio: ratio <= SAME_LIMIT_RATE)
-        found += [
+        points += [
             Point(f"{name} at up to {rate:.2g}C", unit, row["ambient_temperature_celsius"], value)
             for name, unit, value in _quantities(row)
             if value > 0
         ]
-    return found
+    return points
 
 
 def _quantities(row):

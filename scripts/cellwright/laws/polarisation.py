@@ -166,12 +166,12 @@ def compared(rows):
     Compared : without a point, and the reason as protocol, where no rest after a steady load tells
         two exponentials at a known SoC: that is an answer, not a fault of the tests.
     """
-    told = [row for row in fresh(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])]
-    told = [row for row in told if row["load"] in ("CC", "pulse")]
-    if not told:
+    rests = [row for row in fresh(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])]
+    rests = [row for row in rests if row["load"] in ("CC", "pulse")]
+    if not rests:
         return Compared([], NOTHING, 0, np.zeros(0))
-    groups = _groups(told)
-    best = max(groups, key=lambda group: (len(_celsius(group)), len(_rests(group))))
+    protocols = _groups(rests)
+    best = max(protocols, key=lambda protocol: (len(_celsius(protocol)), len(_rests(protocol))))
     two, three = ([row for row in best if row["exponentials"] == n] for n in (2, 3))
     enough = len(three) >= MOST_OF * len(_rests(best)) and len(_celsius(three)) == len(
         _celsius(best)
@@ -191,9 +191,11 @@ def over_temperature(points):
     """
     courses = {}
     for quantity in QUANTITIES:
-        mine = [p for p in points if p.quantity == quantity and MIDDLE[0] <= p.soc <= MIDDLE[1]]
-        celsius = sorted({p.temperature_celsius for p in mine})
-        value = [np.median([p.value for p in mine if p.temperature_celsius == t]) for t in celsius]
+        middle = [p for p in points if p.quantity == quantity and MIDDLE[0] <= p.soc <= MIDDLE[1]]
+        celsius = sorted({p.temperature_celsius for p in middle})
+        value = [
+            np.median([p.value for p in middle if p.temperature_celsius == t]) for t in celsius
+        ]
         courses[quantity] = (np.array(celsius), np.array(value))
     return courses
 
@@ -220,8 +222,10 @@ def laws_of(points):
         _try(laws, reasons, name, temperature_lines, celsius, value, QUANTITIES[quantity])
     for quantity in ("a", "b"):
         for celsius in sorted({p.temperature_celsius for p in points}):
-            mine = [p for p in points if (p.quantity, p.temperature_celsius) == (quantity, celsius)]
-            below = sorted((p.soc, p.value) for p in mine if p.soc <= HALF)
+            isothermal = [
+                p for p in points if (p.quantity, p.temperature_celsius) == (quantity, celsius)
+            ]
+            below = sorted((p.soc, p.value) for p in isothermal if p.soc <= HALF)
             soc, value = np.array(below).reshape(-1, 2).T
             name = f"polarisation {quantity} below 50 % SoC at {celsius:g} °C"
             _try(laws, reasons, name, soc_lines, soc, value, QUANTITIES[quantity])
@@ -242,20 +246,20 @@ def _try(laws, reasons, name, fit, axis, value, unit):
 
 def _groups(rows):
     """Rows by protocol: each joins the first group whose first row is alike."""
-    groups = []
-    for row in sorted(rows, key=lambda one: [abs(one[name]) for name in ALIKE]):
-        near = next((group for group in groups if _alike(group[0], row)), None)
-        if near is None:
-            groups.append([row])
+    protocols = []
+    for row in sorted(rows, key=lambda rest: [abs(rest[name]) for name in ALIKE]):
+        match = next((protocol for protocol in protocols if _alike(protocol[0], row)), None)
+        if match is None:
+            protocols.append([row])
         else:
-            near.append(row)
-    return groups
+            match.append(row)
+    return protocols
 
 
-def _alike(one, other):
-    if (one["direction"], one["load"]) != (other["direction"], other["load"]):
+def _alike(first, other):
+    if (first["direction"], first["load"]) != (other["direction"], other["load"]):
         return False
-    return all(abs(np.log(one[name] / other[name])) <= reach for name, reach in ALIKE.items())
+    return all(abs(np.log(first[name] / other[name])) <= reach for name, reach in ALIKE.items())
 
 
 def _celsius(rows):
@@ -270,8 +274,8 @@ def _points(row):
     sign = np.sign(row["current_before_ampere"])
     for name, unit in QUANTITIES.items():
         value = row[COLUMN[name]] * (sign if unit == "V" else 1.0)
-        here = float(row["ambient_temperature_celsius"]), float(row["soc"])
-        yield Point(name, unit, *here, float(value), float(row[STD[name]]))
+        conditions = float(row["ambient_temperature_celsius"]), float(row["soc"])
+        yield Point(name, unit, *conditions, float(value), float(row[STD[name]]))
 
 
 def _protocol(rows):
@@ -290,30 +294,30 @@ MEANS = {
 }
 
 
-def paragraph(found, laws):
+def paragraph(rests, laws):
     """A few sentences for somebody who has not seen the plots.
 
     Parameters
     ----------
     found : `polarisation.Compared`. laws : dict from `polarisation.laws_of`.
     """
-    if not found.points:
-        return f"Polarisation is not known: {found.protocol}."
-    courses = over_temperature(found.points)
-    said = [_rests_in_words(found)]
-    said += [_course(name, *courses[name]) for name in MEANS if len(courses[name][0]) > 1]
-    said += [_law(name, laws) for name in MEANS]
-    said += [_soc(laws, quantity) for quantity in ("a", "b")]
-    return " ".join(sentence for sentence in said if sentence)
+    if not rests.points:
+        return f"Polarisation is not known: {rests.protocol}."
+    courses = over_temperature(rests.points)
+    sentences = [_rests_in_words(rests)]
+    sentences += [_course(name, *courses[name]) for name in MEANS if len(courses[name][0]) > 1]
+    sentences += [_law(name, laws) for name in MEANS]
+    sentences += [_soc(laws, quantity) for quantity in ("a", "b")]
+    return " ".join(sentence for sentence in sentences if sentence)
 
 
-def _rests_in_words(found):
-    count, good = len(found.r_squared), int(np.sum(found.r_squared > 0.98))
+def _rests_in_words(rests):
+    count, good = len(rests.r_squared), int(np.sum(rests.r_squared > 0.98))
     numbers = {2: "two exponentials", 3: "three exponentials, the fastest left out of a and b"}
     return (
-        f"{count} rests after a {found.protocol} compare, fitted with "
-        f"{numbers[found.exponentials]}; R² is above 0.98 in {good} of them, "
-        f"its median {np.median(found.r_squared):.4f}."
+        f"{count} rests after a {rests.protocol} compare, fitted with "
+        f"{numbers[rests.exponentials]}; R² is above 0.98 in {good} of them, "
+        f"its median {np.median(rests.r_squared):.4f}."
     )
 
 
@@ -363,11 +367,11 @@ def _soc(laws, quantity):
     if slope_p >= SURE:
         return f"{where} does not change with SoC for sure (p = {slope_p:.2g})."
     way, per = "rises" if slope > 0 else "falls", f"{100 * abs(slope):.2g} mV per 10 %"
-    found = f"{where} {way} with SoC by {per} (p = {slope_p:.2g})"
+    finding = f"{where} {way} with SoC by {per} (p = {slope_p:.2g})"
     if slope > 0 and zero_p >= SURE:
-        return f"{found} and may be proportional to it."
+        return f"{finding} and may be proportional to it."
     rest = f"{1e3 * zero:.3g} mV at empty (p = {zero_p:.2g})"
-    return f"{found}; it is not proportional to it: the line has {rest}."
+    return f"{finding}; it is not proportional to it: the line has {rest}."
 
 
 def _digits(value):

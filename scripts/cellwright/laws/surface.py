@@ -29,7 +29,7 @@ TEMPERATURE = Temperature()
 REJECTED = 0.05
 
 
-def law_rows(found):
+def law_rows(fits):
     """Rows of the table of laws: parameters and scores of each form, and the tests.
 
     Parameters
@@ -42,13 +42,13 @@ def law_rows(found):
         error at SoC left out, in ohm, and both errors as shares; a table has no parameters.
     """
     rows = []
-    for pulses, fitted, tests in found:
-        rows += [row for one in fitted for row in _form_rows(pulses, one)]
-        rows += [row for one in tests for row in _test_rows(pulses, one)]
+    for pulses, fitted, tests in fits:
+        rows += [row for fit in fitted for row in _form_rows(pulses, fit)]
+        rows += [row for fit in tests for row in _test_rows(pulses, fit)]
     return rows
 
 
-def point_rows(found):
+def point_rows(fits):
     """Every pulse with what each form makes of it, and with its temperature left out.
 
     Parameters
@@ -65,15 +65,15 @@ def point_rows(found):
             "soc": pulses.soc[k],
             "temperature_celsius": pulses.temperature_celsius[k],
             "resistance_ohm": pulses.resistance_ohm[k],
-            **{f"{one.surface.form}_ohm": one.fitted_ohm[k] for one in fitted},
-            **{f"{one.surface.form}_left_out_ohm": one.left_out_ohm[k] for one in fitted},
+            **{f"{fit.surface.form}_ohm": fit.fitted_ohm[k] for fit in fitted},
+            **{f"{fit.surface.form}_left_out_ohm": fit.left_out_ohm[k] for fit in fitted},
         }
-        for pulses, fitted, _ in found
+        for pulses, fitted, _ in fits
         for k in range(len(pulses.soc))
     ]
 
 
-def sentences(found):
+def sentences(fits):
     """What the tests and the scores say of each surface.
 
     Parameters
@@ -86,7 +86,7 @@ def sentences(found):
     """
     return [
         " ".join([_heading(pulses), *[_verdict(test) for test in tests], _best(fitted, pulses)])
-        for pulses, fitted, tests in found
+        for pulses, fitted, tests in fits
     ]
 
 
@@ -119,15 +119,15 @@ def _verdict(test):
 
 
 def _best(fitted, pulses):
-    best = next(one for one in fitted if one.chosen)
-    untested = [one.surface.form for one in fitted if not np.isfinite(one.temperature_rmse)]
+    best = next(fit for fit in fitted if fit.chosen)
+    untested = [fit.surface.form for fit in fitted if not np.isfinite(fit.temperature_rmse)]
     note = f" (too few temperatures to leave one out of the {untested[0]} form)" if untested else ""
     celsius = pulses.temperature_celsius
     turned = {
-        one.surface.form: turn_of(
-            one.surface.values, one.valid_celsius, (min(celsius), max(celsius))
+        fit.surface.form: turn_of(
+            fit.surface.values, fit.valid_celsius, (min(celsius), max(celsius))
         )
-        for one in fitted
+        for fit in fitted
     }
     refused = [f" The {form} form is not offered: it {how}." for form, how in turned.items() if how]
     return (
@@ -138,8 +138,8 @@ def _best(fitted, pulses):
 
 def _form_rows(pulses, fitted):
     surface, celsius = fitted.surface, pulses.temperature_celsius
-    own = OVER_TEMPERATURE.get(surface.form, 0)
-    spare = len(np.unique(celsius)) - own
+    temperature_parameters = OVER_TEMPERATURE.get(surface.form, 0)
+    spare = len(np.unique(celsius)) - temperature_parameters
     rest = len(pulses.soc) - len(surface.values)
     law = {
         "r_squared": fitted.r_squared,
@@ -148,7 +148,13 @@ def _form_rows(pulses, fitted):
     }
     columns = zip(surface.names, surface.units, surface.values, surface.std, strict=True)
     entries = [
-        (name, unit, value, std, t_interval(value, std, spare if k < own else rest))
+        (
+            name,
+            unit,
+            value,
+            std,
+            t_interval(value, std, spare if k < temperature_parameters else rest),
+        )
         for k, (name, unit, value, std) in enumerate(columns)
     ]
     scores = (
@@ -229,10 +235,10 @@ def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
     ------
     Refusal : fewer than three temperatures, or fewer than four levels of SoC at one, at any rate.
     """
-    mine = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
-    mine = [row for row in mine if row["delay_second"] == delay_second]
-    mine = [r for r in mine if not r["resistance_std_ohm"] > VAGUE * r["resistance_ohm"]]
-    classes = {rate: _full_courses(own) for rate, own in rate_classes(mine).items()}
+    pulses = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
+    pulses = [row for row in pulses if row["delay_second"] == delay_second]
+    pulses = [r for r in pulses if not r["resistance_std_ohm"] > VAGUE * r["resistance_ohm"]]
+    classes = {rate: _full_courses(same_rate) for rate, same_rate in rate_classes(pulses).items()}
     quantity = ", ".join(name_of(direction, delay_second))
     best = classes[preferred_rate(classes, c_rate)] if classes else {}
     count = len(best)
@@ -250,9 +256,9 @@ def _full_courses(rows):
     """Temperature → rows by SoC, where there are enough levels of SoC."""
     rows = sorted(rows, key=lambda row: row["soc"])
     return {
-        celsius: mine
-        for celsius, mine in grouped(rows, lambda row: row["ambient_temperature_celsius"]).items()
-        if levels_of([row["soc"] for row in mine]) >= LEAST_LEVELS
+        celsius: course
+        for celsius, course in grouped(rows, lambda row: row["ambient_temperature_celsius"]).items()
+        if levels_of([row["soc"] for row in course]) >= LEAST_LEVELS
     }
 
 
@@ -270,11 +276,13 @@ def fit_surfaces(pulses):
     -------
     fitted : tuple of Fitted, additive, multiplicative, table.
     """
-    found = [_fit(form, pulses) for form in FORMS]
+    fits = [_fit(form, pulses) for form in FORMS]
     tested = np.min(pulses.temperature_celsius), np.max(pulses.temperature_celsius)
-    offered = [np.isfinite(f.temperature_rmse) and falls(f.valid_celsius, tested) for f in found]
-    errors = np.where(offered, [one.temperature_rmse for one in found], np.inf)
-    return tuple(one._replace(chosen=k == errors.argmin()) for k, one in enumerate(found))
+    offered = [
+        np.isfinite(fit.temperature_rmse) and falls(fit.valid_celsius, tested) for fit in fits
+    ]
+    errors = np.where(offered, [fit.temperature_rmse for fit in fits], np.inf)
+    return tuple(fit._replace(chosen=k == errors.argmin()) for k, fit in enumerate(fits))
 
 
 def _fit(form, pulses):
@@ -296,16 +304,16 @@ def _fit(form, pulses):
     )
 
 
-def _left_out(form, pulses, group):
+def _left_out(form, pulses, blocks):
     """Prediction of each group of pulses by a fit without them."""
     soc, celsius, ohm = pulses[1:]
-    found = np.full(len(ohm), np.nan)
-    for out in (group == one for one in np.unique(group)):
+    predicted = np.full(len(ohm), np.nan)
+    for out in (blocks == block for block in np.unique(blocks)):
         if len(np.unique(celsius[~out])) < LEAST_TEMPERATURES[form]:
             continue
         rest = fit_form(form, soc[~out], celsius[~out], ohm[~out], polish=False)
-        found[out] = predict(rest, soc[out], celsius[out])
-    return found
+        predicted[out] = predict(rest, soc[out], celsius[out])
+    return predicted
 
 
 def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate):
@@ -326,7 +334,7 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.
     ------
     Refusal : no surface at all; the reasons are named.
     """
-    found, reasons = [], []
+    fits, reasons = [], []
     for direction, delay in product(("discharge", "charge"), delay_second):
         try:
             pulses = pulses_of(rows, direction=direction, delay_second=delay, c_rate=c_rate)
@@ -338,7 +346,7 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.
         except Refusal as refusal:
             reasons.append(f"{pulses.quantity}: {refusal}")
             tests = ()
-        found.append((pulses, fit_surfaces(pulses), tests))
-    if not found:
+        fits.append((pulses, fit_surfaces(pulses), tests))
+    if not fits:
         raise Refusal("; ".join(reasons) or "no pulses")
-    return found, reasons
+    return fits, reasons

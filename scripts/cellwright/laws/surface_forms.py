@@ -41,8 +41,8 @@ def predict(surface, soc, temperature_celsius):
     if surface.form == "table":
         return _from_nodes(surface.nodes, soc, celsius)
     linear = surface.values[: len(surface.values) - _free(surface.rates)]
-    found = _columns(surface.form, soc, celsius, surface.rates) @ linear
-    return found if surface.form == "additive" else np.exp(found)
+    predicted = _columns(surface.form, soc, celsius, surface.rates) @ linear
+    return predicted if surface.form == "additive" else np.exp(predicted)
 
 
 def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
@@ -109,8 +109,8 @@ def _columns(form, soc, celsius, rates):
     beyond = np.maximum(LOW_JOINT - soc, 0), np.maximum(soc - HIGH_JOINT, 0)
     ends = [
         np.expm1(rate * d) / np.expm1(rate * LOW_JOINT) if rate else d / LOW_JOINT
-        for d, own in zip(beyond, rates, strict=True)
-        for rate in own
+        for d, end_rates in zip(beyond, rates, strict=True)
+        for rate in end_rates
     ]
     return np.concatenate([over_temperature, middle, *[end[..., None] for end in ends]], axis=-1)
 
@@ -188,9 +188,9 @@ def _rate_slopes(form, soc, celsius, rates, linear):
     for end, k in ((e, k) for e in (0, 1) for k, rate in enumerate(rates[e]) if rate):
         step, moved = 1e-4 * rates[end][k], []
         for sign in (1, -1):
-            there = [list(one) for one in rates]
-            there[end][k] += sign * step
-            moved.append(_columns(form, soc, celsius, there) @ linear)
+            shifted = [list(pair) for pair in rates]
+            shifted[end][k] += sign * step
+            moved.append(_columns(form, soc, celsius, shifted) @ linear)
         slopes.append((moved[0] - moved[1]) / (2 * step))
     return np.stack(slopes, axis=1) if slopes else np.empty((len(soc), 0))
 
@@ -273,12 +273,12 @@ def separability(soc, temperature_celsius, resistance_ohm):
     member = celsius[:, None] == temperatures
     size = np.exp(member @ (member.T @ np.log(ohm) / member.sum(axis=0)))
     knots = _knots(soc, celsius, len(temperatures))
-    hats = np.stack([np.interp(soc, knots, one) for one in np.eye(len(knots))], axis=1)
-    own = (member[:, :, None] * hats[:, None, :]).reshape(len(soc), -1)
+    hats = np.stack([np.interp(soc, knots, row) for row in np.eye(len(knots))], axis=1)
+    per_temperature = (member[:, :, None] * hats[:, None, :]).reshape(len(soc), -1)
     separate = np.hstack([member[:, 1:], hats])
     return (
-        _tested("R", ohm / size, separate / size[:, None], own / size[:, None]),
-        _tested("ln R", np.log(ohm / size), separate, own),
+        _tested("R", ohm / size, separate / size[:, None], per_temperature / size[:, None]),
+        _tested("ln R", np.log(ohm / size), separate, per_temperature),
     )
 
 
@@ -294,22 +294,22 @@ def _knots(soc, celsius, temperatures):
     return np.quantile(soc, np.linspace(0, 1, most))
 
 
-def _tested(scale, target, separate, own):
+def _tested(scale, target, separate, per_temperature):
     from scipy.special import fdtrc
 
     plain, plain_rank = _fitted(separate, target)
-    full, full_rank = _fitted(own, target)
-    more, left = full_rank - plain_rank, len(target) - full_rank
+    full, full_rank = _fitted(per_temperature, target)
+    extra, freedom = full_rank - plain_rank, len(target) - full_rank
     gain, rest = np.sum((full - plain) ** 2), np.sum((target - full) ** 2)
     # Below rounding there is no scatter to test against, and nothing to reject.
     floor = (1e-9 * np.abs(target).max()) ** 2 * len(target)
-    variance = max(rest, floor) / left
-    ratio = gain / more / variance
-    net = max(gain - more * variance, 0.0)
+    variance = max(rest, floor) / freedom
+    ratio = gain / extra / variance
+    net = max(gain - extra * variance, 0.0)
     shares = [float(np.sqrt(value / len(target))) for value in (gain, net)]
-    p_value = float(fdtrc(more, left, ratio))
+    p_value = float(fdtrc(extra, freedom, ratio))
     return Separability(
-        scale, float(ratio), p_value, (more, left), *shares, float(np.sqrt(variance))
+        scale, float(ratio), p_value, (extra, freedom), *shares, float(np.sqrt(variance))
     )
 
 

@@ -112,23 +112,23 @@ def words_of_turns(families):
     -------
     text : list of str.
     """
-    found = []
+    sentences = []
     for family, laws in families.items():
         turned = [law for law in laws if not falls(law.valid_celsius, law.tested_celsius)]
         if not turned:
             continue
         ends = [_turn(law.values, law.valid_celsius, law.tested_celsius) for law in turned]
         where = [
-            how.format(f"{span_of([c for _, c in group], '.0f')} °C")
-            for how, group in grouped(ends, lambda end: end[0]).items()
+            how.format(f"{span_of([c for _, c in turns], '.0f')} °C")
+            for how, turns in grouped(ends, lambda end: end[0]).items()
         ]
-        found.append(
+        sentences.append(
             f"{family}: the quadratic of {len(turned)} of {len(laws)} is not offered as a law, for "
             f"a resistance falls as it warms: it {', '.join(where)}, less than {REACH_KELVIN:g} K "
             f"beyond the tests or among them (certain at 95 % in "
             f"{sum(law.rises_surely for law in turned)})"
         )
-    return found
+    return sentences
 
 
 def span_of(values, digits):
@@ -251,8 +251,8 @@ def fit_laws(
     # ohm or ampere-hours at each temperature under the quadratic.
     celsius, value = np.asarray(temperature_celsius, float), np.asarray(value, float)
     std = np.full(len(value), np.nan) if std is None else np.asarray(std, float)
-    known = np.isfinite(celsius)
-    celsius, value, std = celsius[known], value[known], std[known]
+    finite = np.isfinite(celsius)
+    celsius, value, std = celsius[finite], value[finite], std[finite]
     count = len(np.unique(celsius))
     if count < 3:
         raise Refusal(f"{count} temperature(s); a law over temperature needs three")
@@ -260,10 +260,10 @@ def fit_laws(
         raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
     laws = [_fitted(name, celsius, value, std, unit=unit, level=level) for name in names]
     if falling:
-        laws = [_limited(one, celsius, value, std, level) for one in laws]
-    offered = [one for one in laws if falls(one.valid_celsius, one.tested_celsius)]
-    best = min(offered, key=lambda one: np.nan_to_num(one.cross_validation_rmse, nan=np.inf))
-    return tuple(one._replace(chosen=one is best) for one in laws)
+        laws = [_limited(law, celsius, value, std, level) for law in laws]
+    offered = [law for law in laws if falls(law.valid_celsius, law.tested_celsius)]
+    best = min(offered, key=lambda law: np.nan_to_num(law.cross_validation_rmse, nan=np.inf))
+    return tuple(law._replace(chosen=law is best) for law in laws)
 
 
 def _limited(law, celsius, value, std, level):
@@ -273,7 +273,7 @@ def _limited(law, celsius, value, std, level):
     ends = law.tested_celsius[0] - REACH_KELVIN, law.tested_celsius[1] + REACH_KELVIN
     # With T counted from an end of the range b2 is the slope there, with its own interval.
     slopes = [fit_line(np.vander(celsius - end, 3), value, std) for end in ends]
-    rises = any(one.interval(level=level)[0][1] > 0 for one in slopes)
+    rises = any(line.interval(level=level)[0][1] > 0 for line in slopes)
     return law._replace(valid_celsius=turning(*law.values), rises_surely=rises)
 
 
@@ -298,21 +298,21 @@ def law_rows(points):
     """
     # ASSUME: What is in ohm falls as it warms; capacities and times may have a maximum.
     rows, reasons, quadratics = [], [], {}
-    for quantity, mine in grouped(points, lambda point: point.quantity).items():
+    for quantity, quantity_points in grouped(points, lambda point: point.quantity).items():
         try:
             laws = fit_laws(
-                [point.temperature_celsius for point in mine],
-                [point.value for point in mine],
-                unit=mine[0].unit,
-                std=[point.std for point in mine],
-                falling=mine[0].unit == "Ohm",
+                [point.temperature_celsius for point in quantity_points],
+                [point.value for point in quantity_points],
+                unit=quantity_points[0].unit,
+                std=[point.std for point in quantity_points],
+                falling=quantity_points[0].unit == "Ohm",
             )
         except Refusal as refusal:
             reasons.append(f"{quantity}: {refusal}")
             continue
         reasons += [f"{quantity}, {law.law} law: {law.reason}" for law in laws if law.reason]
         rows += [row for law in laws for row in rows_of(quantity, law)]
-        quadratics.setdefault(mine[0].family or quantity, []).append(laws[0])
+        quadratics.setdefault(quantity_points[0].family or quantity, []).append(laws[0])
     if not rows:
         raise Refusal("; ".join(reasons) or "no quantity is known at three temperatures")
     return rows, reasons + words_of_turns(quadratics)

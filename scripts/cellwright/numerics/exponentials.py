@@ -68,8 +68,8 @@ def normal_equations(load, tau_second, linear, *, sloped=True):
     """
     tau, linear = np.ascontiguousarray(tau_second, float), np.ascontiguousarray(linear, float)
     if len(tau) > MOST_LAGS or len(load.fixed) > MOST_FIXED:
-        found = f"{len(tau)} lags and {len(load.fixed)} fixed columns"
-        raise Refusal(f"{found}; at most {MOST_LAGS} and {MOST_FIXED} fit at once")
+        columns = f"{len(tau)} lags and {len(load.fixed)} fixed columns"
+        raise Refusal(f"{columns}; at most {MOST_LAGS} and {MOST_FIXED} fit at once")
     if not (tau > 0).all():
         raise Refusal("a time constant is zero, negative or not a number")
     kernel = function("circuit_products", *TYPES)
@@ -94,8 +94,8 @@ def columns_of(load, tau_second, *, sloped=True):
     step = [1j * STEP if sloped else 0.0] * len(tau_second)
     pairs = zip(tau_second, step, strict=True)
     lags = [lag(load.step_second, t * (1 + h), load.drive, hold=load.hold) for t, h in pairs]
-    slopes = [one.imag / STEP for one in lags] if sloped else []
-    return np.vstack([load.fixed, *(np.real(one) for one in lags), *slopes])
+    slopes = [response.imag / STEP for response in lags] if sloped else []
+    return np.vstack([load.fixed, *(np.real(response) for response in lags), *slopes])
 
 
 def _by_numpy(load, tau_second, linear, *, sloped):
@@ -152,7 +152,7 @@ def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
     kinds = list(dict.fromkeys(map(tuple, tau_bounds)))
     size = max(2, min(GRID.get(len(tau_bounds), 6), MOST_LAGS // len(kinds)))
     tau = np.concatenate([_inner(lower, upper, size) for lower, upper in kinds])
-    combinations = _places(tuple(kinds.index(tuple(one)) for one in tau_bounds), size)
+    combinations = _places(tuple(kinds.index(tuple(bounds)) for bounds in tau_bounds), size)
     ascending = np.sort(tau[combinations], axis=1)
     combinations = combinations[(ascending[:, 1:] > ascending[:, :-1]).all(axis=1)]
     if not len(combinations):
@@ -191,9 +191,11 @@ def thinned(load):
 @cache
 def _places(kinds, size):
     """Every combination of places in a list of grids, one grid per kind of bounds: (k, m)."""
-    found = np.array(list(product(*(range(kind * size, (kind + 1) * size) for kind in kinds))))
+    combinations = np.array(
+        list(product(*(range(kind * size, (kind + 1) * size) for kind in kinds)))
+    )
     alike = np.equal(kinds[1:], kinds[:-1])
-    return found[((found[:, 1:] > found[:, :-1]) | ~alike).all(axis=1)]
+    return combinations[((combinations[:, 1:] > combinations[:, :-1]) | ~alike).all(axis=1)]
 
 
 def _inner(lower, upper, size):
@@ -210,8 +212,8 @@ def _solved(normal, fixed, combinations):
     gram = unit[columns[:, :, None], columns[:, None, :]]
     moment = (normal.moment / scale)[columns]
     ridge = RANK * np.eye(gram.shape[1])
-    found = np.linalg.solve(gram + ridge, moment[:, :, None])[:, :, 0]
-    return found / scale[columns], normal.power - (found * moment).sum(axis=1)
+    scaled = np.linalg.solve(gram + ridge, moment[:, :, None])[:, :, 0]
+    return scaled / scale[columns], normal.power - (scaled * moment).sum(axis=1)
 
 
 RANK = 1e-12  # smallest pivot of a Gram matrix of unit columns that still says something
@@ -264,12 +266,12 @@ def projected(normal, log_tau, linear, lower, upper):
     unit = normal.gram[:size, :size] / (scale[:, None] * scale)
     moment = normal.moment[:size] / scale
     move = _bounded(unit, moment, (lower - linear) * scale, (upper - linear) * scale) / scale
-    found = _within(linear + move, lower, upper)
+    best = _within(linear + move, lower, upper)
     power = normal.power - 2 * move @ normal.moment[:size] + move @ normal.gram[:size, :size] @ move
     moment = normal.moment - normal.gram[:, :size] @ move
-    chain = np.concatenate([np.ones(size), found[size - pairs :]])
+    chain = np.concatenate([np.ones(size), best[size - pairs :]])
     gram = normal.gram * (chain[:, None] * chain)
-    return Projected(log_tau, found, gram, moment * chain, max(power, 0.0), normal.near)
+    return Projected(log_tau, best, gram, moment * chain, max(power, 0.0), normal.near)
 
 
 def levenberg(normal_at, log_tau, linear, bounds, *, samples):
@@ -296,18 +298,22 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
     damping, passes = 1e-3, 1
     while passes < MOST and damping <= 1e9:
         move, gain = _step(at, damping, tau_lower, tau_upper, linear_bounds)
-        there = at.log_tau + move[len(linear) :]
-        guess = _within(at.linear + move[: len(linear)], *linear_bounds)
+        next_log_tau = at.log_tau + move[len(linear) :]
+        next_linear = _within(at.linear + move[: len(linear)], *linear_bounds)
         if gain < 0.0:
             # A bound has turned the step uphill: a shorter one keeps more of its direction.
             damping *= 10
             continue
         if gain <= NEAR**2 * at.power / max(samples - len(at.gram), 1):
             # The first pass took its residuals at linear parameters that were only guessed.
-            near = at.near if passes > 1 else normal_at(there, guess).near
+            near = at.near if passes > 1 else normal_at(next_log_tau, next_linear).near
             power = max(at.power - gain, 0.0)
-            return at._replace(log_tau=there, linear=guess, power=power, near=near), passes
-        trial = projected(normal_at(there, guess), there, guess, *linear_bounds)
+            return at._replace(
+                log_tau=next_log_tau, linear=next_linear, power=power, near=near
+            ), passes
+        trial = projected(
+            normal_at(next_log_tau, next_linear), next_log_tau, next_linear, *linear_bounds
+        )
         passes += 1
         better = trial.power < at.power
         at = trial if better else at
@@ -364,11 +370,11 @@ def _bounded(unit, moment, lower, upper):
     best, least = None, np.inf
     ends = zip(np.isfinite(lower), np.isfinite(upper), strict=True)
     for face in product(*([0] + [1] * bool(low) + [2] * bool(high) for low, high in ends)):
-        found = _on_face(unit + ridge, moment, np.array(face), lower, upper)
-        cost = found @ unit @ found - 2 * found @ moment
-        inside = (found >= lower - 1e-12) & (found <= upper + 1e-12)
+        candidate = _on_face(unit + ridge, moment, np.array(face), lower, upper)
+        cost = candidate @ unit @ candidate - 2 * candidate @ moment
+        inside = (candidate >= lower - 1e-12) & (candidate <= upper + 1e-12)
         if inside.all() and cost < least:
-            best, least = found, cost
+            best, least = candidate, cost
     if best is None:
         raise Refusal("no linear parameters lie within their bounds: the load tells them not apart")
     return best
@@ -376,11 +382,11 @@ def _bounded(unit, moment, lower, upper):
 
 def _on_face(unit, moment, face, lower, upper):
     """Solution with parameters marked 1 at their lower, 2 at their upper bound."""
-    found = np.where(face == 1, lower, np.where(face == 2, upper, 0.0))
+    solution = np.where(face == 1, lower, np.where(face == 2, upper, 0.0))
     free = face == 0
-    right = moment[free] - unit[np.ix_(free, ~free)] @ found[~free]
-    found[free] = np.linalg.solve(unit[np.ix_(free, free)], right)
-    return found
+    right = moment[free] - unit[np.ix_(free, ~free)] @ solution[~free]
+    solution[free] = np.linalg.solve(unit[np.ix_(free, free)], right)
+    return solution
 
 
 # Relative standard deviation from which a parameter is not told: its 95 % interval, 1.96 times
@@ -408,26 +414,28 @@ def verdict(names, values, covariance, lower, upper):
     words : sentences, joined by "; ".
     """
     spread = np.sqrt(np.diag(covariance)) / np.abs(values)
-    said = []
+    sentences = []
     for index, name in enumerate(names):
         if lower[index] == upper[index]:
             continue
         limit = _at_limit(names, values, lower, upper, index)
         if limit:
-            said.append(limit)
+            sentences.append(limit)
         elif spread[index] > NOT_TOLD and not name.startswith("ocv"):
-            said.append(f"{name} cannot be told: it is known within ±{1.96 * spread[index]:.0%}")
+            sentences.append(
+                f"{name} cannot be told: it is known within ±{1.96 * spread[index]:.0%}"
+            )
         elif np.isnan(spread[index]) and name.startswith("tau"):
-            said.append(f"{name} cannot be told: its pair has no voltage")
-    return "; ".join([*said, *_together(names, values, covariance, spread)])
+            sentences.append(f"{name} cannot be told: its pair has no voltage")
+    return "; ".join([*sentences, *_together(names, values, covariance, spread)])
 
 
 def _at_limit(names, values, lower, upper, index):
     name, value = names[index], values[index]
     tau = name.startswith("tau")
     if tau and value >= upper[index] * (1 - 1e-9):
-        found = f"the fit runs to the longest that was searched, {value:.3g} s"
-        return f"{name} cannot be told, nor r{name[3]}_ohm: {found}"
+        limit = f"the fit runs to the longest that was searched, {value:.3g} s"
+        return f"{name} cannot be told, nor r{name[3]}_ohm: {limit}"
     if tau and value <= lower[index] * (1 + 1e-9):
         return (
             f"{name} is no longer than {value:.3g} s, the shortest searched: its pair acts at once"
@@ -443,11 +451,11 @@ def _together(names, values, covariance, spread):
     for i, j in [(i, j) for i in lost for j in lost if i < j]:
         kind, gradient = _combined(names[i], names[j], values[[i, j]])
         part = covariance[np.ix_([i, j], [i, j])]
-        known = np.sqrt(max(gradient @ part @ gradient, 0.0))
-        if kind and known * BETTER < min(spread[i], spread[j]):
+        std = np.sqrt(max(gradient @ part @ gradient, 0.0))
+        if kind and std * BETTER < min(spread[i], spread[j]):
             correlation = part[0, 1] / np.sqrt(part[0, 0] * part[1, 1])
             words = f"{names[i]} and {names[j]} are told only as their {kind}"
-            yield f"{words} (±{1.96 * known:.0%}; correlation {correlation:.3f})"
+            yield f"{words} (±{1.96 * std:.0%}; correlation {correlation:.3f})"
 
 
 def _combined(first, second, values):

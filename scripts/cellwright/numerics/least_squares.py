@@ -95,54 +95,54 @@ def fit(problem, values, *, columns=None, renew=(), steps=STEPS, settled=SETTLED
     solution : Solution.
     """
     prior, pull = priors(problem)
-    here, damping = _judged(problem, values, prior, pull), 1e-6
+    state, damping = _judged(problem, values, prior, pull), 1e-6
     chord = columns is not None
-    columns = columns if chord else derivatives(problem, here.values, here.prediction)
+    columns = columns if chord else derivatives(problem, state.values, state.prediction)
     white = problem.whiten(columns)
     for _ in range(steps):
         if chord and renew:
-            columns, white = _renewed(problem, here, columns, white, renew)
+            columns, white = _renewed(problem, state, columns, white, renew)
         precision = white.T @ white + prior
-        at = np.array([here.values[f.name] for f in problem.free])
-        gradient = white.T @ here.whitened + pull - prior @ at
-        new, damping = _walked(problem, here, gradient, precision, prior, pull, damping)
-        fell, here = here.cost - new.cost, new
+        at = np.array([state.values[f.name] for f in problem.free])
+        gradient = white.T @ state.whitened + pull - prior @ at
+        next_state, damping = _walked(problem, state, gradient, precision, prior, pull, damping)
+        fell, state = state.cost - next_state.cost, next_state
         if fell < settled:
             break
         if not chord:
-            columns = derivatives(problem, here.values, here.prediction)
+            columns = derivatives(problem, state.values, state.prediction)
             white = problem.whiten(columns)
     free = [f for f in problem.free if f.lower < f.upper]
-    bound = tuple(f.name for f in free if here.values[f.name] in (f.lower, f.upper))
-    left = problem.measured - here.prediction
-    found = (here.values, here.prediction, left, here.chi_square, here.cost)
+    bound = tuple(f.name for f in free if state.values[f.name] in (f.lower, f.upper))
+    residual = problem.measured - state.prediction
+    outcome = (state.values, state.prediction, residual, state.chi_square, state.cost)
     names = tuple(f.name for f in problem.free)
     precision = white.T @ white + prior
-    return Solution(*found, columns, white, precision, bound, names, here.whitened)
+    return Solution(*outcome, columns, white, precision, bound, names, state.whitened)
 
 
 def derivatives(problem, values, prediction, names=None):
     """Derivatives (n, k) of the prediction by the free parameters, or by those named."""
     wanted = [free for free in problem.free if names is None or free.name in names]
-    found = _together(problem, values, prediction, wanted)
+    by_name = _together(problem, values, prediction, wanted)
     for free in wanted:
-        if free.name not in found:
-            found[free.name] = _derivative(problem, values, prediction, free)
-    return np.stack([found[free.name] for free in wanted], axis=1)
+        if free.name not in by_name:
+            by_name[free.name] = _derivative(problem, values, prediction, free)
+    return np.stack([by_name[free.name] for free in wanted], axis=1)
 
 
 def _together(problem, values, prediction, wanted):
     """Derivatives by parameters that move different rows, a prediction for each set: by name."""
-    steps, found = {free.name: free.step for free in wanted}, {}
+    steps, by_name = {free.name: free.step for free in wanted}, {}
     if problem.apart is None or len(wanted) < len(problem.free):
-        return found
+        return by_name
     for names, owner in problem.apart(values):
-        own = [name for name in names if name in steps]
-        moved = problem.predict(values | {name: values[name] + steps[name] for name in own})
-        for name in own:
+        moved_names = [name for name in names if name in steps]
+        moved = problem.predict(values | {name: values[name] + steps[name] for name in moved_names})
+        for name in moved_names:
             change = (moved - prediction) / steps[name]
-            found[name] = np.where(owner == names.index(name), change, 0.0)
-    return found
+            by_name[name] = np.where(owner == names.index(name), change, 0.0)
+    return by_name
 
 
 def _derivative(problem, values, prediction, free):
@@ -176,34 +176,34 @@ def priors(problem):
     return prior, weight * np.array([f.prior for f in problem.free])
 
 
-def _renewed(problem, here, columns, white, renew):
+def _renewed(problem, state, columns, white, renew):
     at = [k for k, f in enumerate(problem.free) if f.name in renew]
     columns, white = columns.copy(), white.copy()
-    columns[:, at] = derivatives(problem, here.values, here.prediction, renew)
+    columns[:, at] = derivatives(problem, state.values, state.prediction, renew)
     white[:, at] = problem.whiten(columns[:, at])
     return columns, white
 
 
-def _walked(problem, here, gradient, precision, prior, pull, damping):
+def _walked(problem, state, gradient, precision, prior, pull, damping):
     """One damped step that lowers the cost; where none does, the place stays."""
     scale = np.diag(np.diag(precision) + TINY)
     names = [f.name for f in problem.free]
     lower = np.array([f.lower for f in problem.free])
     upper = np.array([f.upper for f in problem.free])
-    at = np.array([here.values[name] for name in names])
+    at = np.array([state.values[name] for name in names])
     for _ in range(5):
         minimum = within if problem.exact else clipped
         move = minimum(precision + damping * scale, gradient, lower - at, upper - at)
         if not np.isfinite(move).all():
-            return here, damping
+            return state, damping
         # Snapped, for a bound that is missed by rounding is not seen as one.
         on = np.where(move <= lower - at, lower, np.where(move >= upper - at, upper, at + move))
-        values = here.values | dict(zip(names, on.tolist(), strict=True))
-        new = _judged(problem, values, prior, pull)
-        if np.isfinite(new.cost) and new.cost <= here.cost:
-            return new, max(damping / 10, 1e-9)
+        values = state.values | dict(zip(names, on.tolist(), strict=True))
+        trial = _judged(problem, values, prior, pull)
+        if np.isfinite(trial.cost) and trial.cost <= state.cost:
+            return trial, max(damping / 10, 1e-9)
         damping = max(damping * 30, 1e-4)
-    return here, damping
+    return state, damping
 
 
 def clipped(precision, moment, lower, upper):

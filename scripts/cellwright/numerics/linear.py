@@ -32,24 +32,24 @@ def solve(gram, moment, signed, most=None):
     ------
     Refusal : the data do not tell the parameters apart.
     """
-    found = _not_negative(gram, moment, signed)
-    if most is None or np.all(found <= most):
-        return found
-    return _bounded(gram, moment, signed, most, found)
+    parameters = _not_negative(gram, moment, signed)
+    if most is None or np.all(parameters <= most):
+        return parameters
+    return _bounded(gram, moment, signed, most, parameters)
 
 
-def _bounded(gram, moment, signed, most, found):
+def _bounded(gram, moment, signed, most, parameters):
     """The same below upper bounds: what exceeds its bound is held there while it pushes on it."""
-    held = found > most
+    held = parameters > most
     for _ in range(ROUNDS):
         free = ~held
         rest = moment[free] - gram[np.ix_(free, held)] @ most[held]
-        found = np.where(held, most, 0.0)
-        found[free] = _not_negative(gram[np.ix_(free, free)], rest, signed)
-        pull = gram @ found - moment
-        wrong = (held & (pull > 0)) | (free & (found > most))
+        parameters = np.where(held, most, 0.0)
+        parameters[free] = _not_negative(gram[np.ix_(free, free)], rest, signed)
+        pull = gram @ parameters - moment
+        wrong = (held & (pull > 0)) | (free & (parameters > most))
         if not wrong.any():
-            return found
+            return parameters
         held = held ^ wrong
     return _by_scipy(gram, moment, signed, most)
 
@@ -75,9 +75,9 @@ def _not_negative(gram, moment, signed):
         raise Refusal("the load does not tell OCV, resistance and relaxation apart (rank)")
     factor = np.linalg.cholesky(unit)
     both = np.hstack([factor.T, -factor.T[:, :signed]])
-    found = nnls(both, np.linalg.solve(factor, moment / scale))[0]
-    found[:signed] -= found[len(scale) :]
-    return found[: len(scale)] / scale
+    solution = nnls(both, np.linalg.solve(factor, moment / scale))[0]
+    solution[:signed] -= solution[len(scale) :]
+    return solution[: len(scale)] / scale
 
 
 SAVITZKY_GOLAY_ORDER = 5

@@ -171,7 +171,9 @@ def coloured_line(columns, target, place):
     if rows <= count:
         unknown = np.full(count, np.nan)
         return Line(unknown, unknown, rows - count)
-    fits = zip(*(_at(columns, target, place, one) for one in CORRELATIONS), strict=True)
+    fits = zip(
+        *(_at(columns, target, place, correlation) for correlation in CORRELATIONS), strict=True
+    )
     values, variances, restricted, likelihood = map(np.array, fits)
     weight = np.exp(restricted - restricted.max())
     weight /= weight.sum()
@@ -195,11 +197,11 @@ def whitened(values, place, correlation):
     """
     if correlation == 0:
         return values, 0.0
-    kept = correlation ** np.diff(place)
-    own = np.sqrt(1 - kept**2)
+    carried = correlation ** np.diff(place)
+    innovation = np.sqrt(1 - carried**2)
     shape = (-1, *[1] * (values.ndim - 1))
-    later = (values[1:] - kept.reshape(shape) * values[:-1]) / own.reshape(shape)
-    return np.concatenate([values[:1], later]), float(np.log(own).sum())
+    later = (values[1:] - carried.reshape(shape) * values[:-1]) / innovation.reshape(shape)
+    return np.concatenate([values[:1], later]), float(np.log(innovation).sum())
 
 
 def _at(columns, target, place, correlation):

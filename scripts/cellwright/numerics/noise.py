@@ -108,9 +108,9 @@ def estimated(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_v
         for _ in range(2):
             tried = _grown(tried, residual_volt, stack, extra_volt, most_slow_volt)
         w = whitening(tried, stack, extra_volt=extra_volt)
-        here = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
-        if here < cost:
-            best, cost = tried, here
+        trial_cost = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
+        if trial_cost < cost:
+            best, cost = tried, trial_cost
     return best
 
 

@@ -135,9 +135,9 @@ def _gains(series, trend, place, hour, frequency):
     return 2 * (np.max(with_sine, axis=0) - np.max(plain, axis=0))
 
 
-def _share(noise, found):
+def _share(noise, value):
     """Share of the noise that does as well; the value itself counts as one more draw."""
-    return float((1 + np.sum(noise >= found)) / (1 + len(noise)))
+    return float((1 + np.sum(noise >= value)) / (1 + len(noise)))
 
 
 def daily_sine(values, trend, place, hour):

@@ -217,9 +217,9 @@ def _inverse(gram):
     scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0, scale, 1.0)
     size, directions = np.linalg.eigh(gram / np.outer(scale, scale))
-    told = size > 1e-11
-    inverse = (directions[:, told] / size[told]) @ directions[:, told].T
-    return inverse / np.outer(scale, scale), (np.abs(directions[:, ~told]) > 1e-4).any(axis=1)
+    determined = size > 1e-11
+    inverse = (directions[:, determined] / size[determined]) @ directions[:, determined].T
+    return inverse / np.outer(scale, scale), (np.abs(directions[:, ~determined]) > 1e-4).any(axis=1)
 
 
 def _middle(sensitivity, residual):

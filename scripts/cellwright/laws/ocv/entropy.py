@@ -77,28 +77,28 @@ def slow_readings(
     Refusal : fewer than three temperatures with both branches; tests with one are named, for of
         them nobody can tell the overpotential from the entropy.
     """
-    known = sorted(fresh(curves), key=lambda curve: curve["ambient_temperature_celsius"])
-    both = [curve for curve in known if curve["branches"] == "both"]
-    notes = [_one_branch(curve) for curve in known if curve["branches"] != "both"]
+    ordered = sorted(fresh(curves), key=lambda curve: curve["ambient_temperature_celsius"])
+    both = [curve for curve in ordered if curve["branches"] == "both"]
+    notes = [_one_branch(curve) for curve in ordered if curve["branches"] != "both"]
     count = len({curve["ambient_temperature_celsius"] for curve in both})
     if count < LEAST_TEMPERATURES:
-        found = (
+        shortage = (
             f"slow tests with both branches at {count} temperature(s), {LEAST_TEMPERATURES} wanted"
         )
-        raise Refusal("; ".join([found, *notes]))
+        raise Refusal("; ".join([shortage, *notes]))
     reference = min(both, key=lambda c: abs(c["ambient_temperature_celsius"] - reference_celsius))
     columns = [_counted(curve, reference) for curve in both]
-    volt, gap, loose = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
+    volt, gap, soc_volt = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
     common = extra / np.sqrt(3)
-    own = OWN_SHARE * common * np.maximum(common / THERMAL_VOLT, 1.0)
+    scatter = OWN_SHARE * common * np.maximum(common / THERMAL_VOLT, 1.0)
     celsius = np.array([curve["ambient_temperature_celsius"] for curve in both], float)
     return Readings(
         source="slow",
         soc=np.asarray(reference["soc"], float),
         celsius=np.broadcast_to(celsius, volt.shape),
         ocv_volt=volt,
-        std_volt=np.sqrt(voltage_std_volt**2 + loose**2 + own**2),
+        std_volt=np.sqrt(voltage_std_volt**2 + soc_volt**2 + scatter**2),
         common_volt=common,
         tests=tuple(curve["test"] for curve in both),
         notes=tuple(notes + [words for curve in both for words in _rescaled(curve, reference)]),
@@ -197,13 +197,13 @@ def _one_branch(curve):
 def _counted(curve, reference):
     """Voltage, half gap and what SoC leaves loose [V] of a test at the SoC of the reference."""
     soc = np.asarray(curve["soc"], float)
-    known = [np.asarray(curve[name], float) for name in ("ocv_volt", "half_gap_volt")]
-    inside = np.isfinite(known[1])
-    own = 1 - (1 - np.asarray(reference["soc"], float)) / _share(curve, reference)
-    volt, gap = (np.interp(own, soc[inside], column[inside]) for column in known)
-    loose = np.abs(np.gradient(volt, reference["soc"])) * _loose_soc(curve) / np.sqrt(3)
-    beyond = (own < soc[inside][0] - 1e-9) | (own > soc[inside][-1] + 1e-9)
-    return tuple(np.where(beyond, np.nan, column) for column in (volt, gap, loose))
+    columns = [np.asarray(curve[name], float) for name in ("ocv_volt", "half_gap_volt")]
+    inside = np.isfinite(columns[1])
+    own_soc = 1 - (1 - np.asarray(reference["soc"], float)) / _share(curve, reference)
+    volt, gap = (np.interp(own_soc, soc[inside], column[inside]) for column in columns)
+    soc_volt = np.abs(np.gradient(volt, reference["soc"])) * _loose_soc(curve) / np.sqrt(3)
+    beyond = (own_soc < soc[inside][0] - 1e-9) | (own_soc > soc[inside][-1] + 1e-9)
+    return tuple(np.where(beyond, np.nan, column) for column in (volt, gap, soc_volt))
 
 
 def _share(curve, reference):
@@ -346,8 +346,8 @@ def zero_crossings(soc, slope, std, lower, upper):
         interval excludes zero on opposite sides. In between the change is put where signs on both
         sides agree best with the values.
     """
-    known = np.isfinite(slope) & np.isfinite(std) & np.isfinite(lower) & np.isfinite(upper)
-    columns = [np.asarray(column, float)[known] for column in (soc, slope, std, lower, upper)]
+    finite = np.isfinite(slope) & np.isfinite(std) & np.isfinite(lower) & np.isfinite(upper)
+    columns = [np.asarray(column, float)[finite] for column in (soc, slope, std, lower, upper)]
     sign = (columns[3] > 0).astype(int) - (columns[4] < 0)
     sure = np.flatnonzero(sign)
     return [
@@ -368,8 +368,8 @@ def _crossing(soc, slope, std, sign):
 
 def _at_one_soc(celsius, volt, std, common, reference):
     """Line, parabola, their deviations, the common error's factor, χ² of the line, temperatures."""
-    known = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
-    celsius, volt, std, common = (column[known] for column in (celsius, volt, std, common))
+    finite = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
+    celsius, volt, std, common = (column[finite] for column in (celsius, volt, std, common))
     count = len(np.unique(np.round(celsius)))
     nothing = np.full(3, np.nan)
     if count < LEAST_TEMPERATURES:
@@ -378,8 +378,8 @@ def _at_one_soc(celsius, volt, std, common, reference):
     covariance = np.diag(std**2) + np.outer(common, common)
     line = generalised_line(columns[:, :2], volt, covariance)
     shared = common @ np.linalg.solve(covariance, volt - columns[:, :2] @ line.values)
-    found = (shared, line.reduced_chi_square, count)
+    scores = (shared, line.reduced_chi_square, count)
     if count == LEAST_TEMPERATURES:
-        return line.values, line.std, nothing, nothing, *found
+        return line.values, line.std, nothing, nothing, *scores
     parabola = generalised_line(columns, volt, covariance)
-    return line.values, line.std, parabola.values, parabola.std, *found
+    return line.values, line.std, parabola.values, parabola.std, *scores

@@ -116,16 +116,18 @@ def over_temperature(
 
 def _sources(curves, step_rows, voltage_std, step_std):
     """Readings of each kind of test, and why there are none."""
-    found, reasons = {}, []
+    readings, reasons = {}, []
     for name, read, content, std in (
         ("slow", slow_readings, curves, voltage_std),
         ("steps", step_readings, step_rows, step_std),
     ):
         try:
-            found[name] = read(content, voltage_std_volt=std)
+            readings[name] = read(content, voltage_std_volt=std)
         except Refusal as refusal:
             reasons += [str(refusal)] if content else []
-    return found, reasons or ["neither slow tests nor rests in a stepping chamber"] * (not found)
+    return readings, reasons or ["neither slow tests nor rests in a stepping chamber"] * (
+        not readings
+    )
 
 
 def _coefficients(fitted, functions, largest):
@@ -133,10 +135,10 @@ def _coefficients(fitted, functions, largest):
 
     Where the bias is less certain than the limit at the ends of what was tested, nothing.
     """
-    tables = [one for one in functions if one.function in COLUMNS]
+    tables = [table for table in functions if table.function in COLUMNS]
     best = min(
         tables,
-        key=lambda one: np.nan_to_num(one.cross_validation_rmse_volt, nan=np.inf),
+        key=lambda table: np.nan_to_num(table.cross_validation_rmse_volt, nan=np.inf),
         default=None,
     )
     line = np.stack([fitted.ocv_volt, fitted.slope], axis=1)
@@ -147,7 +149,7 @@ def _coefficients(fitted, functions, largest):
 
 
 def _bent(functions):
-    chosen = [one.function for one in functions if one.chosen]
+    chosen = [function.function for function in functions if function.chosen]
     if chosen == [PARABOLA]:
         yield (
             "the table bends over temperature: overpotential of the slow current that grows in the "
@@ -159,7 +161,7 @@ LAW_SOC = np.arange(1, 10) / 10
 STRAIGHT_P = 0.05
 
 
-def entropic_columns(found):
+def entropic_columns(ocv):
     """The entropic coefficient over SoC, one row a source and SoC: dict of columns.
 
     Parameters
@@ -167,36 +169,36 @@ def entropic_columns(found):
     found : `ocv_temperature.OverTemperature`.
     """
     parts = []
-    for source, one in sorted(found.entropic.items()):
-        known = np.isfinite(one.slope)
+    for source, entropic in sorted(ocv.entropic.items()):
+        finite = np.isfinite(entropic.slope)
         columns = {
             "source": source,
-            "used": source == found.used,
-            "soc": one.soc[known],
-            "ocv_volt": one.ocv_volt[known],
-            "entropic_millivolt_per_kelvin": 1e3 * one.slope[known],
-            "std_millivolt_per_kelvin": 1e3 * one.slope_std[known],
-            "lower_millivolt_per_kelvin": 1e3 * one.slope_lower[known],
-            "upper_millivolt_per_kelvin": 1e3 * one.slope_upper[known],
-            "bend_microvolt_per_kelvin_squared": 1e6 * one.bend[known],
-            "bend_std_microvolt_per_kelvin_squared": 1e6 * one.bend_std[known],
-            "bend_p": one.bend_p[known],
-            "shared_error": one.shared[known],
-            "temperatures": one.temperatures[known].astype(int),
-            "reference_celsius": one.reference_celsius,
+            "used": source == ocv.used,
+            "soc": entropic.soc[finite],
+            "ocv_volt": entropic.ocv_volt[finite],
+            "entropic_millivolt_per_kelvin": 1e3 * entropic.slope[finite],
+            "std_millivolt_per_kelvin": 1e3 * entropic.slope_std[finite],
+            "lower_millivolt_per_kelvin": 1e3 * entropic.slope_lower[finite],
+            "upper_millivolt_per_kelvin": 1e3 * entropic.slope_upper[finite],
+            "bend_microvolt_per_kelvin_squared": 1e6 * entropic.bend[finite],
+            "bend_std_microvolt_per_kelvin_squared": 1e6 * entropic.bend_std[finite],
+            "bend_p": entropic.bend_p[finite],
+            "shared_error": entropic.shared[finite],
+            "temperatures": entropic.temperatures[finite].astype(int),
+            "reference_celsius": entropic.reference_celsius,
         }
         parts.append(_filled(columns))
     return _stacked(parts)
 
 
-def map_columns(found, *, every=2):
+def map_columns(ocv, *, every=2):
     """Curve and bias at each tested temperature, one row a temperature and SoC: dict of columns.
 
     Parameters
     ----------
     found : `ocv_temperature.OverTemperature`. every : of the grid's points.
     """
-    surface, readings, fitted = found.surface, found.readings, found.fitted
+    surface, readings, fitted = ocv.surface, ocv.readings, ocv.fitted
     base, parts = nodes(surface, surface.reference_celsius)[0], []
     for column, celsius in enumerate(np.nanmean(readings.celsius, axis=0)):
         volt, moves = nodes(surface, celsius)
@@ -214,39 +216,41 @@ def map_columns(found, *, every=2):
     return _stacked(parts)
 
 
-def function_rows(found):
+def function_rows(ocv):
     """One row a function over SoC and temperature; parameters row by row, K0 first.
 
     Parameters
     ----------
     found : `ocv_temperature.OverTemperature`.
     """
-    cold, warm = found.surface.tested_celsius
+    cold, warm = ocv.surface.tested_celsius
     return [
         {
-            "function": f"{one.function}(T)",
-            "parameters": np.ravel(one.parameters).tolist(),
-            "std": np.ravel(one.std).tolist(),
-            "coefficients": int(one.parameters.shape[1]) if one.parameters.ndim == 2 else 0,
-            "reference_celsius": found.surface.reference_celsius,
-            "rmse_volt": one.rmse_volt,
-            "cross_validation_rmse_volt": one.cross_validation_rmse_volt,
-            "chosen": bool(one.chosen),
+            "function": f"{function.function}(T)",
+            "parameters": np.ravel(function.parameters).tolist(),
+            "std": np.ravel(function.std).tolist(),
+            "coefficients": int(function.parameters.shape[1])
+            if function.parameters.ndim == 2
+            else 0,
+            "reference_celsius": ocv.surface.reference_celsius,
+            "rmse_volt": function.rmse_volt,
+            "cross_validation_rmse_volt": function.cross_validation_rmse_volt,
+            "chosen": bool(function.chosen),
             "tested_from_celsius": cold,
             "tested_to_celsius": warm,
         }
-        for one in found.functions
+        for function in ocv.functions
     ]
 
 
-def surface_columns(found):
+def surface_columns(ocv):
     """The surface itself, one row a SoC: dict of columns.
 
     Parameters
     ----------
     found : `ocv_temperature.OverTemperature`.
     """
-    surface = found.surface
+    surface = ocv.surface
     cold, warm = surface.tested_celsius
     return _filled(
         {
@@ -272,7 +276,7 @@ def _stacked(parts):
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def law_rows(found):
+def law_rows(ocv):
     """Rows of tables/temperature: laws at every tenth of the tested SoC, changes of sign.
 
     Parameters
@@ -284,21 +288,21 @@ def law_rows(found):
     rows : list of dict in the shape of `laws.temperature.law_rows`. The line is chosen unless the
         parabola's bend is significant at 5 %; of changes of sign those that are certain at 95 %.
     """
-    fitted, rows = found.fitted, []
-    low, high = found.surface.tested_soc
+    fitted, rows = ocv.fitted, []
+    low, high = ocv.surface.tested_soc
     for soc in LAW_SOC:
         k = int(np.argmin(np.abs(fitted.soc - soc)))
         if not (np.isfinite(fitted.slope[k]) and low - 1e-9 <= fitted.soc[k] <= high + 1e-9):
             continue
         bent = bool(fitted.bend_p[k] < STRAIGHT_P)
         for degree, law, chosen in ((1, "linear", not bent), (2, "quadratic", bent)):
-            rows += _law(found, k, soc, degree=degree, law=law, chosen=chosen)
-    sure = crossings(found)
-    likely = [] if sure else crossings(found, certain=False)
-    return rows + [_crossing_row(one, one in sure) for one in [*sure, *likely]]
+            rows += _law(ocv, k, soc, degree=degree, law=law, chosen=chosen)
+    sure = crossings(ocv)
+    likely = [] if sure else crossings(ocv, certain=False)
+    return rows + [_crossing_row(crossing, crossing in sure) for crossing in [*sure, *likely]]
 
 
-def crossings(found, *, certain=True):
+def crossings(ocv, *, certain=True):
     """Changes of sign of the entropic coefficient of the source used, `ocv_entropy.Crossing`.
 
     Parameters
@@ -306,30 +310,30 @@ def crossings(found, *, certain=True):
     found : `ocv_temperature.OverTemperature`.
     certain : between signs that are certain at 95 %; else that are one standard deviation off zero.
     """
-    one = found.entropic[found.used]
-    limits = (one.slope_lower, one.slope_upper)
+    entropic = ocv.entropic[ocv.used]
+    limits = (entropic.slope_lower, entropic.slope_upper)
     if not certain:
-        limits = (one.slope - one.slope_std, one.slope + one.slope_std)
-    return zero_crossings(one.soc, one.slope, one.slope_std, *limits)
+        limits = (entropic.slope - entropic.slope_std, entropic.slope + entropic.slope_std)
+    return zero_crossings(entropic.soc, entropic.slope, entropic.slope_std, *limits)
 
 
-def _crossing_row(one, certain):
-    way = "rising" if one.sign_above > 0 else "falling"
+def _crossing_row(crossing, certain):
+    way = "rising" if crossing.sign_above > 0 else "falling"
     # Nothing says where in the range between two certain signs it lies: rectangular.
-    std = (one.upper_soc - one.lower_soc) / np.sqrt(12)
+    std = (crossing.upper_soc - crossing.lower_soc) / np.sqrt(12)
     quantity = f"zero crossing of dOCV/dT, {way}"
-    return law_row(quantity, "linear", "soc", one.soc, std, unit="1", chosen=certain)
+    return law_row(quantity, "linear", "soc", crossing.soc, std, unit="1", chosen=certain)
 
 
 PARAMETERS = (("ocv", "V"), ("entropic_coefficient", "V/K"), ("bend", "V/K^2"))
 
 
-def _law(found, k, soc, *, degree, law, chosen):
+def _law(ocv, k, soc, *, degree, law, chosen):
     """Rows of one law at one SoC; its R² and its error at temperatures left out."""
-    readings, reference = found.readings, found.surface.reference_celsius
-    known = np.isfinite(readings.ocv_volt[k])
+    readings, reference = ocv.readings, ocv.surface.reference_celsius
+    finite = np.isfinite(readings.ocv_volt[k])
     celsius, volt, std, common = (
-        getattr(readings, name)[k][known]
+        getattr(readings, name)[k][finite]
         for name in ("celsius", "ocv_volt", "std_volt", "common_volt")
     )
     if len(volt) <= degree:
@@ -352,7 +356,10 @@ def _law(found, k, soc, *, degree, law, chosen):
 def _explained(line, volt, covariance):
     """R² in units of the standard deviations, the common error among them."""
     flat = generalised_line(np.ones((len(volt), 1)), volt, covariance)
-    whole, rest = (one.reduced_chi_square * max(one.degrees_of_freedom, 0) for one in (flat, line))
+    whole, rest = (
+        line_fit.reduced_chi_square * max(line_fit.degrees_of_freedom, 0)
+        for line_fit in (flat, line)
+    )
     return 1 - rest / whole if flat.reduced_chi_square > 0 else np.nan
 
 

@@ -50,19 +50,19 @@ def surface_from(coefficients, readings, reference_celsius, curve=None):
     """
     # ASSUME: Beyond the SoC at which temperatures were compared the shift is that of the nearest.
     soc = np.asarray(readings.soc, float)
-    known = np.isfinite(coefficients).all(axis=1)
+    finite = np.isfinite(coefficients).all(axis=1)
     full = np.zeros((len(soc), 3))
     for place, column in enumerate(np.transpose(coefficients)):
-        full[:, place] = np.interp(soc, soc[known], column[known])
+        full[:, place] = np.interp(soc, soc[finite], column[finite])
     if curve is not None:
-        apart = np.interp(soc, soc[known], full[known, 0] - np.asarray(curve, float)[known])
-        full[:, 0] = np.where(known, full[:, 0], curve + apart)
+        apart = np.interp(soc, soc[finite], full[finite, 0] - np.asarray(curve, float)[finite])
+        full[:, 0] = np.where(finite, full[:, 0], curve + apart)
     celsius = readings.celsius[np.isfinite(readings.ocv_volt)]
     return Surface(
         soc,
         *full.T,
         reference_celsius=float(reference_celsius),
-        tested_soc=(float(soc[known][0]), float(soc[known][-1])),
+        tested_soc=(float(soc[finite][0]), float(soc[finite][-1])),
         tested_celsius=(float(celsius.min()), float(celsius.max())),
     )
 
@@ -78,12 +78,12 @@ def surface_of(columns):
     -------
     surface : Surface.
     """
-    known = np.asarray(columns["soc"], float)[np.asarray(columns["tested"], bool)]
+    tested_soc = np.asarray(columns["soc"], float)[np.asarray(columns["tested"], bool)]
     names = ("soc", "ocv_volt", "slope_volt_per_kelvin", "bend_volt_per_kelvin_squared")
     return Surface(
         *(np.asarray(columns[name], float) for name in names),
         reference_celsius=float(columns["reference_celsius"][0]),
-        tested_soc=(float(known[0]), float(known[-1])),
+        tested_soc=(float(tested_soc[0]), float(tested_soc[-1])),
         tested_celsius=tuple(float(columns[f"tested_{end}_celsius"][0]) for end in ("from", "to")),
     )
 
@@ -128,11 +128,11 @@ def surface_ocv(surface, soc, celsius):
     volt, moves = nodes(surface, celsius)
     width = surface.soc[1] - surface.soc[0]
     at = np.clip(np.asarray(soc, float), surface.soc[0], surface.soc[-1])
-    left = np.clip(((at - surface.soc[0]) / width).astype(int), 0, len(surface.soc) - 2)
-    share = (at - surface.soc[left]) / width
+    interval = np.clip(((at - surface.soc[0]) / width).astype(int), 0, len(surface.soc) - 2)
+    share = (at - surface.soc[interval]) / width
     slopes, slope_moves = _harmonic(np.diff(volt), np.diff(moves))
-    value, rise = _cubic(volt, slopes, left, share)
-    return value, rise / width, _cubic(moves, slope_moves, left, share)[0]
+    value, rise = _cubic(volt, slopes, interval, share)
+    return value, rise / width, _cubic(moves, slope_moves, interval, share)[0]
 
 
 def tested(surface, soc, celsius):
@@ -156,12 +156,18 @@ def ocv_tables(surface, celsius):
     """
     return [
         {
-            "ambient_temperature_celsius": float(one),
+            "ambient_temperature_celsius": float(temperature),
             "soc": surface.soc,
-            **dict(zip(("ocv_volt", "entropic_volt_per_kelvin"), nodes(surface, one), strict=True)),
-            "tested": tested(surface, surface.soc, one),
+            **dict(
+                zip(
+                    ("ocv_volt", "entropic_volt_per_kelvin"),
+                    nodes(surface, temperature),
+                    strict=True,
+                )
+            ),
+            "tested": tested(surface, surface.soc, temperature),
         }
-        for one in celsius
+        for temperature in celsius
     ]
 
 
@@ -177,9 +183,9 @@ def _harmonic(rises, moves):
     )
 
 
-def _cubic(values, slopes, left, share):
+def _cubic(values, slopes, interval, share):
     """Hermite cubic and its derivative by the share of the interval."""
-    ends = [values[left], slopes[left], values[left + 1], slopes[left + 1]]
+    ends = [values[interval], slopes[interval], values[interval + 1], slopes[interval + 1]]
     s = share
     weights = [
         (1 + 2 * s) * (1 - s) ** 2,
@@ -218,8 +224,8 @@ def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, nea
     form = FORMS[function]
     rates = None if near is None else near[np.array(form.places) < 0, 0]
     powers = _powers(celsius, reference_celsius, degree)
-    found = fit_parameters(form, soc, ocv_volt, powers=powers, near=rates)
-    return found / TEN_KELVIN ** np.arange(degree + 1)
+    parameters = fit_parameters(form, soc, ocv_volt, powers=powers, near=rates)
+    return parameters / TEN_KELVIN ** np.arange(degree + 1)
 
 
 def _powers(celsius, reference_celsius, degree):
@@ -324,14 +330,14 @@ def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, h
         )
     whole = {name: _fitted(name, kept, **settings) for name in names}
     inside = {name: _errors(name, whole[name], kept, **settings) for name in names}
-    left = {name: np.full(kept.ocv_volt.shape, np.nan) for name in names}
+    errors_left_out = {name: np.full(kept.ocv_volt.shape, np.nan) for name in names}
     for level in np.unique(present):
         out = levels == level
         rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
         for name in names:
             fit = _fitted(name, rest, near=whole[name], **settings)
-            left[name][:, out] = _errors(name, fit, kept, **settings)[:, out]
-    scores = _scores(left)
+            errors_left_out[name][:, out] = _errors(name, fit, kept, **settings)[:, out]
+    scores = _scores(errors_left_out)
     best = min(scores, key=lambda name: np.nan_to_num(scores[name], nan=np.inf))
     return [
         Function(
@@ -355,9 +361,9 @@ def _described(name, fit, readings, *, reference_celsius):
 
 def _points(readings):
     """SoC, temperature and voltage of all that was read, (n,) each."""
-    known = np.isfinite(readings.ocv_volt)
-    soc = np.broadcast_to(readings.soc[:, None], known.shape)
-    return soc[known], readings.celsius[known], readings.ocv_volt[known]
+    finite = np.isfinite(readings.ocv_volt)
+    soc = np.broadcast_to(readings.soc[:, None], finite.shape)
+    return soc[finite], readings.celsius[finite], readings.ocv_volt[finite]
 
 
 def _certain(readings, largest, lowest, highest):
@@ -371,17 +377,19 @@ def _levels(readings):
     return np.round(np.nanmean(readings.celsius, axis=0))
 
 
-def _scores(left):
+def _scores(errors):
     """RMSE over the points that every function could predict; NaN for those that could none."""
-    able = {name: error for name, error in left.items() if np.isfinite(error).any()}
-    common = np.all([np.isfinite(error) for error in able.values()], axis=0)
-    return {name: rms(error[common]) if name in able else np.nan for name, error in left.items()}
+    predicting = {name: error for name, error in errors.items() if np.isfinite(error).any()}
+    common = np.all([np.isfinite(error) for error in predicting.values()], axis=0)
+    return {
+        name: rms(error[common]) if name in predicting else np.nan for name, error in errors.items()
+    }
 
 
 def _fitted(name, readings, *, reference_celsius, near=None):
     """Parameters of a form; coefficients over SoC of a table."""
-    known = np.isfinite(readings.ocv_volt)
-    count = len(np.unique(_levels(readings)[known.any(axis=0)]))
+    finite = np.isfinite(readings.ocv_volt)
+    count = len(np.unique(_levels(readings)[finite.any(axis=0)]))
     if name in FORMS:
         return fit_form(
             name,
@@ -391,8 +399,8 @@ def _fitted(name, readings, *, reference_celsius, near=None):
             near=near,
         )
     if name == ISOTHERMAL:
-        weight = np.where(known, 1.0, 0.0)
-        total = np.nansum(np.where(known, readings.ocv_volt, 0.0), axis=1)
+        weight = np.where(finite, 1.0, 0.0)
+        total = np.nansum(np.where(finite, readings.ocv_volt, 0.0), axis=1)
         with np.errstate(invalid="ignore"):
             return (total / weight.sum(axis=1))[:, None]
     fitted = fit_entropic(readings, reference_celsius=reference_celsius)
@@ -407,9 +415,9 @@ def _errors(name, fit, readings, *, reference_celsius):
         inside = np.clip(readings.soc, 1e-6, 1 - 1e-6)[:, None]
         settings = {"reference_celsius": reference_celsius}
         return form_ocv(name, fit, inside, readings.celsius, **settings)[0] - readings.ocv_volt
-    known = np.isfinite(fit).all(axis=1)
-    if not known.any():
+    finite = np.isfinite(fit).all(axis=1)
+    if not finite.any():
         return np.full(readings.ocv_volt.shape, np.nan)
     surface = surface_from(fit, readings, reference_celsius)
     columns = [nodes(surface, celsius)[0] for celsius in np.nanmean(readings.celsius, axis=0)]
-    return np.where(known[:, None], np.stack(columns, axis=1), np.nan) - readings.ocv_volt
+    return np.where(finite[:, None], np.stack(columns, axis=1), np.nan) - readings.ocv_volt
