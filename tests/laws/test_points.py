@@ -6,13 +6,13 @@ import pytest
 from cellwright.laws.points import (
     Point,
     capacity_points,
-    enough,
-    fresh,
+    first_check_up,
     impedance_points,
-    one_a_temperature,
+    level_means,
+    mean_per_temperature,
     rate_classes,
     resistance_points,
-    together,
+    with_enough_temperatures,
 )
 
 
@@ -139,7 +139,7 @@ def test_charge_transfer_that_the_fit_cannot_tell_from_diffusion_is_left_out():
 
 
 def test_states_of_charge_within_the_tolerance_are_one():
-    assert together([0.1, 0.11, 0.2, 0.5], apart=0.02) == {
+    assert level_means([0.1, 0.11, 0.2, 0.5], apart=0.02) == {
         0.1: pytest.approx(0.105),
         0.11: pytest.approx(0.105),
         0.2: 0.2,
@@ -159,17 +159,19 @@ def test_capacities_of_one_rate_are_one_quantity():
 
 def test_age_does_not_pass_for_temperature():
     rows = [discharge(2.0, 1, 25), discharge(1.4, 1, 0, cycle=500), discharge(1.9, 1, 40, cycle=0)]
-    assert [row["capacity_ampere_hour"] for row in fresh([*rows, discharge(7, 1, None)])] == [
+    assert [
+        row["capacity_ampere_hour"] for row in first_check_up([*rows, discharge(7, 1, None)])
+    ] == [
         2.0,
         1.9,
     ]
-    assert fresh([]) == []
+    assert first_check_up([]) == []
 
 
 def test_repeats_at_one_temperature_are_one_point():
     points = [Point("R", "Ohm", 0.0, value, 0.03) for value in (1.0, 1.1, 1.2)]
     points += [Point("R", "Ohm", 25.0, 0.5), Point("Q", "Ah", 0.0, 2.0)]
-    found = one_a_temperature(points)
+    found = mean_per_temperature(points)
     assert [(p.quantity, p.temperature_celsius) for p in found] == [("R", 0), ("R", 25), ("Q", 0)]
     assert found[0].value == pytest.approx(1.1)
     assert found[0].std == pytest.approx(0.03 / np.sqrt(3))
@@ -179,5 +181,5 @@ def test_repeats_at_one_temperature_are_one_point():
 def test_quantities_need_enough_temperatures():
     points = [Point("R", "Ohm", celsius, 1.0) for celsius in (0, 25, 40)]
     points += [Point("Q", "Ah", celsius, 1.0) for celsius in (0, 25, 25)]
-    assert {point.quantity for point in enough(points)} == {"R"}
-    assert len(enough(points, temperatures=2)) == 6
+    assert {point.quantity for point in with_enough_temperatures(points)} == {"R"}
+    assert len(with_enough_temperatures(points, temperatures=2)) == 6

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.laws.polarisation import (
-    compared,
+    comparable_rests,
     law_rows,
     laws_of,
     over_temperature,
@@ -112,25 +112,25 @@ def rows(**settings):
 
 
 def test_three_exponentials_are_compared_where_told():
-    found = compared(rows())
+    found = comparable_rests(rows())
     assert found.exponentials == 3
     assert len(found.points) == 4 * 45
     fewer = [
         one for one in rows() if one["exponentials"] == 2 or one["ambient_temperature_celsius"] > -5
     ]
-    assert compared(fewer).exponentials == 2
+    assert comparable_rests(fewer).exponentials == 2
     assert found.protocol == "discharge of 16 A for 720 s, rests of 2400 s"
 
 
 def test_rests_after_other_loads_are_apart():
     other = rows(current=8.0, load_second=60.0)[:20]
-    found = compared([*other, *rows()])
+    found = comparable_rests([*other, *rows()])
     assert len(found.points) == 4 * 45
     assert all(point.value > 0 for point in found.points)
 
 
 def test_laws_of_a_made_cell():
-    points = compared(rows()).points
+    points = comparable_rests(rows()).points
     laws, reasons = laws_of(points)
     assert not reasons
     line, arrhenius = laws["polarisation a, median over SoC"]
@@ -147,7 +147,7 @@ def test_laws_of_a_made_cell():
 
 
 def test_the_paragraph_says_what_grows_and_by_which_law():
-    found = compared(rows())
+    found = comparable_rests(rows())
     words = paragraph(found, laws_of(found.points)[0])
     assert "45 rests after a discharge of 16 A for 720 s" in words
     assert "left out are predicted better by Arrhenius" in words
@@ -156,13 +156,13 @@ def test_the_paragraph_says_what_grows_and_by_which_law():
 
 
 def test_what_does_not_grow_in_the_cold_is_said():
-    found = compared(rows(grows=-0.3))
+    found = comparable_rests(rows(grows=-0.3))
     words = paragraph(found, laws_of(found.points)[0])
     assert "Polarisation must grow in the cold: here it does not" in words
 
 
 def test_the_ends_of_the_scale_are_out_of_the_median():
-    found = compared([*rows(), row(20.0, 0.02, rest=9, a_volt=-5.0)])
+    found = comparable_rests([*rows(), row(20.0, 0.02, rest=9, a_volt=-5.0)])
     celsius, value = over_temperature(found.points)["a"]
     assert celsius.tolist() == CELSIUS.tolist()
     assert value[-1] == pytest.approx(0.01 * arrhenius_law(20.0, 1.0, 30e3))
@@ -170,14 +170,16 @@ def test_the_ends_of_the_scale_are_out_of_the_median():
 
 @pytest.mark.parametrize("change", [{"exponentials": 1}, {"soc": np.nan}, {"load": "CCCV"}])
 def test_nothing_to_compare_is_an_answer(change):
-    found = compared([one | change for one in rows()])
+    found = comparable_rests([one | change for one in rows()])
     assert not found.points
     assert laws_of(found.points) == ({}, [])
     assert paragraph(found, {}).startswith("Polarisation is not known: no rest after a steady load")
 
 
 def test_one_temperature_is_said_once():
-    points = compared([one for one in rows() if one["ambient_temperature_celsius"] == 0]).points
+    points = comparable_rests(
+        [one for one in rows() if one["ambient_temperature_celsius"] == 0]
+    ).points
     laws, reasons = laws_of(points)
     assert reasons == ["polarisation over temperature: 1 temperature(s), a law needs three"]
     assert all("below 50 % SoC at 0 °C" in name for name in laws)
@@ -185,4 +187,6 @@ def test_one_temperature_is_said_once():
 
 def test_age_does_not_pass_for_temperature():
     aged = [one | {"cycle": 200, "a_volt": -1.0, "rest": one["rest"] + 50} for one in rows()]
-    assert max(p.value for p in compared([*rows(), *aged]).points if p.quantity == "a") < 0.1
+    assert (
+        max(p.value for p in comparable_rests([*rows(), *aged]).points if p.quantity == "a") < 0.1
+    )

@@ -7,12 +7,12 @@ from cellwright.laws.points import Point
 from cellwright.laws.temperature import (
     LAWS,
     arrhenius_law,
-    falls,
+    drawn_pieces,
+    falling_range,
     fit_laws,
+    is_usable,
     law_rows,
     quadratic_law,
-    stretches,
-    turning,
 )
 from cellwright.numerics.lines import fit_line
 from cellwright.refusal import Refusal
@@ -150,12 +150,12 @@ def test_a_quadratic_that_turns_upward_in_the_heat_is_no_law_of_a_resistance():
 
 
 def test_where_a_quadratic_may_be_read():
-    assert turning(1.0, -40.0, 900.0) == (-np.inf, 20.0)
-    assert turning(1.0, -40.0, 300.0) == (-np.inf, 10.0)  # its zero
-    assert turning(-1.0, 40.0, 500.0) == pytest.approx((20.0, 20 + np.sqrt(900)))
-    assert turning(0.0, -1.0, 5.0) == (-np.inf, np.inf)
-    assert not falls(turning(0.0, 1.0, 5.0), (0.0, 20.0))
-    pieces = stretches((0.0, 40.0), (-np.inf, 30.0))
+    assert falling_range(1.0, -40.0, 900.0) == (-np.inf, 20.0)
+    assert falling_range(1.0, -40.0, 300.0) == (-np.inf, 10.0)  # its zero
+    assert falling_range(-1.0, 40.0, 500.0) == pytest.approx((20.0, 20 + np.sqrt(900)))
+    assert falling_range(0.0, -1.0, 5.0) == (-np.inf, np.inf)
+    assert not is_usable(falling_range(0.0, 1.0, 5.0), (0.0, 20.0))
+    pieces = drawn_pieces((0.0, 40.0), (-np.inf, 30.0))
     assert pieces == [(-5, 0, False), (0, 30, True), (30, 40, False), (40, 45, False)]
 
 

@@ -114,7 +114,9 @@ class Case(NamedTuple):
         limits = {
             name: getattr(self.gates, name) for name in ("most_slow_volt", "most_slow_second")
         }
-        spread = noise.estimated(residual, self.fit, extra_volt=filters.extra_volt[0], **limits)
+        spread = noise.estimate_noise(
+            residual, self.fit, extra_volt=filters.extra_volt[0], **limits
+        )
         return filters_of(self, spread, filters.extra_volt)
 
     def sharper(self, trial, filters):

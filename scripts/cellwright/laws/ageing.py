@@ -17,7 +17,7 @@ LAGS_HOUR = np.array([*np.arange(11) / 10, 1.25, 1.5, 2.0, 2.5, 3.0])
 NEIGHBOURS = 4  # through which a cubic says what the reading between them should be
 
 
-def felt_temperatures(course_hour, course_celsius, hour):
+def lagged_temperatures(course_hour, course_celsius, hour):
     """What a cell may feel at some hours of a course of temperature, for every lag that is tried.
 
     Both extremes of how a cell follows: at once but later (a delay), and as one heat capacity
@@ -99,8 +99,9 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
     has lost a tenth moves by a tenth less with temperature. The fade is a polynomial of degree 1
     to 4; T is what the cell feels of its room, at once or up to 3 h later; the noise is
     exponentially correlated in time. Degree, lag, bend and memory are averaged over what the data
-    allow (Bayesian information criterion), so that not knowing them widens the interval. What of
-    the temperature's steps may be its reading's error shrinks a slope; see `_unshrunk`.
+    allow (Bayesian information criterion), so that not knowing them widens the interval. A slope over
+    a temperature that is read with an error comes out too small and is corrected for it (see
+    `_corrected_for_reading_error`).
     Discharges whose charge before, or the one before that, is not in the record are set aside, for
     they did not begin like the others, and so are those further than six robust standard
     deviations from the course. The temperature is the room's where recorded, else the cell's as
@@ -124,7 +125,7 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
     record = _record(rows)
     models = _models(record)
     fade, temperature_columns = max(models, key=lambda model: model.weight)[:2]
-    moved, reason = _moved(record, fade, least_kelvin)
+    moved, reason = _temperature_movement(record, fade, least_kelvin)
     columns = np.column_stack([fade, *([] if reason else temperature_columns)])
     used, count = record.used, fade.shape[1]
     logarithm = np.log(record.capacity[used])
@@ -205,11 +206,11 @@ def _record(rows):
     hour = rows.start_time_second[discharges] / 3600
     place = (hour[used] - hour[used][0]) / np.median(np.diff(hour[used]))
     celsius, source = _temperature(rows, discharges)
-    felt, noise = _felt(rows, discharges, celsius, source)
+    felt, noise = _lagged(rows, discharges, celsius, source)
     return _Record(cycle, hour, capacity, celsius, source, used, place, felt, noise)
 
 
-def _felt(rows, discharges, celsius, source):
+def _lagged(rows, discharges, celsius, source):
     """What the cell may feel, and the error of a reading [K], at most.
 
     A cell's own temperature needs no lag; what its reading errs by is not told by its neighbours,
@@ -221,7 +222,7 @@ def _felt(rows, discharges, celsius, source):
     # Charges tell the room as well as discharges do.
     recorded = np.isfinite(rows.room_temperature_celsius)
     hour, course = middle[recorded], rows.room_temperature_celsius[recorded]
-    felt = felt_temperatures(hour, course, middle[discharges])
+    felt = lagged_temperatures(hour, course, middle[discharges])
     return [celsius, *felt[1:]], reading_noise(hour, course)
 
 
@@ -287,8 +288,8 @@ def _models(record):
     levels = [celsius - celsius[used].mean() for celsius in record.felt]
     options = [[]]
     if levels and np.ptp(levels[0]) > 0:
-        courses = _told_apart(record, levels)
-        options = [choice for model in courses for choice in ([model], [model, model**2])]
+        courses = _plausible_lags(record, levels)
+        options = [choice for course in courses for choice in ([course], [course, course**2])]
     models = []
     for degree in range(1, _highest_degree(used) + 1):
         fade = _basis(record.cycle, used, degree)
@@ -307,20 +308,19 @@ def _models(record):
     return [model._replace(weight=float(np.exp(model.weight - best) / total)) for model in models]
 
 
-def _told_apart(record, levels):
+def _plausible_lags(record, levels):
     """Of all lags those that the data do not rule out beside the fullest fade, or some of them."""
     if len(levels) == 1:
         return levels
     used, logarithm = record.used, np.log(record.capacity[record.used])
     fade = _basis(record.cycle, used, _highest_degree(used))
-    columns = [np.column_stack([fade, one, one**2])[used] for one in levels]
-    likely = [coloured_line(one, logarithm, record.place).log_likelihood for one in columns]
-    near = np.array(likely) > max(likely) - RULED_OUT
-    kept = np.flatnonzero(near)
+    columns = [np.column_stack([fade, course, course**2])[used] for course in levels]
+    likely = [coloured_line(x, logarithm, record.place).log_likelihood for x in columns]
+    kept = np.flatnonzero(np.array(likely) > max(likely) - RULED_OUT)
     return [levels[k] for k in kept[:: -(-len(kept) // MOST_LAGS)]]
 
 
-def _moved(record, fade, least):
+def _temperature_movement(record, fade, least):
     """RMS of the temperature beside the fade, and why no slope can be told ("" where it can)."""
     if not record.source:
         return np.nan, "no temperature was recorded, so its slope is not knowable"
@@ -345,7 +345,7 @@ def _slope(models, freedom, level, noise_share):
     )
     mean = weight @ slopes if models else np.nan
     std = np.sqrt(weight @ (variance + (slopes - mean) ** 2)) if models else np.nan
-    value, std = (100 * model for model in _unshrunk(mean, std, noise_share))
+    value, std = (100 * number for number in _corrected_for_reading_error(mean, std, noise_share))
     lower, upper = t_interval(value, std, freedom, level=level)
     return {
         "slope_percent_per_kelvin": float(value),
@@ -355,7 +355,7 @@ def _slope(models, freedom, level, noise_share):
     }
 
 
-def _unshrunk(slope, std, noise_share):
+def _corrected_for_reading_error(slope, std, noise_share):
     """A slope over a temperature that is read with an error: it comes out too small.
 
     By 1 − (noise/movement)², if all that a reading's neighbours do not foretell is its error, by

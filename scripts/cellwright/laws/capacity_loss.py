@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import fresh
+from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import law_row
 from cellwright.refusal import Refusal
 from cellwright.settings import CapacityLoss
@@ -15,7 +15,7 @@ SAME_CELSIUS = 3.0  # chamber temperatures this near are one
 SAME_RATE = 1.12  # rates this near are one (a C/20 is 0.047 to 0.051 over real currents)
 
 
-class Reached(NamedTuple):
+class ReachedCapacity(NamedTuple):
     """Charge that one direction reaches at one temperature and rate, mean over its tests.
 
     std : of that mean [Ah]. tests : their names. held_ampere_hour : what a held voltage adds to it,
@@ -33,7 +33,7 @@ class Reached(NamedTuple):
 
 # ASSUME: What is reached at a temperature is what its constant current moves to the cut-off; what
 # a held voltage adds is reached slowly.
-def reached(
+def comparable_capacities(
     rows, *, mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin, slow_c_rate=CAPACITY_LOSS.slow_c_rate
 ):
     """Capacities of one cell, comparable ones only, repeats joined.
@@ -54,7 +54,7 @@ def reached(
     left_out : list of sentences.
     """
     rows_by_point, left_out, seen = {}, [], set()
-    for row in sorted(fresh(rows), key=lambda r: r["ambient_temperature_celsius"]):
+    for row in sorted(first_check_up(rows), key=lambda r: r["ambient_temperature_celsius"]):
         stated, measured = row["ambient_temperature_celsius"], row["temperature_mean_celsius"]
         warmer, slow = measured - stated, row["c_rate"] <= slow_c_rate
         if warmer < -mismatch_kelvin or (warmer > mismatch_kelvin and slow):
@@ -65,7 +65,7 @@ def reached(
         if same not in seen:
             seen.add(same)
             rows_by_point.setdefault(_key(row, rows_by_point), []).append(row)
-    return [_point(key, repeats) for key, repeats in rows_by_point.items()], left_out
+    return [_joined(key, repeats) for key, repeats in rows_by_point.items()], left_out
 
 
 def _key(row, rows_by_point):
@@ -81,13 +81,13 @@ def _key(row, rows_by_point):
     return near[0] if near else (direction, celsius, row["c_rate"])
 
 
-def _point(key, rows):
+def _joined(key, rows):
     size = np.array([row["constant_current_ampere_hour"] for row in rows])
     held = np.array([row["capacity_ampere_hour"] for row in rows]) - size
     within = [row["capacity_std_ampere_hour"] for row in rows]
     spread = size.std(ddof=1) if len(rows) > 1 else within[0]
     repeats = len(rows) if len(rows) > 1 else rows[0]["repeats"]
-    return Reached(
+    return ReachedCapacity(
         direction=key[0],
         temperature_celsius=float(np.mean([r["ambient_temperature_celsius"] for r in rows])),
         c_rate=float(np.mean([row["c_rate"] for row in rows])),
@@ -178,7 +178,7 @@ def law_rows(losses):
     return rows
 
 
-def with_left_in(losses):
+def with_residual_charge(losses):
     """Losses, each charge with what the discharge of its test had left in the cell.
 
     Parameters
@@ -286,7 +286,9 @@ def capacity_losses(
 
     Source: thesis 3.3 (C/30 at 20, 0 and −20 °C: 31.001, 30.975, 28.820 Ah).
     """
-    points, notes = reached(rows, mismatch_kelvin=mismatch_kelvin, slow_c_rate=slow_c_rate)
+    points, notes = comparable_capacities(
+        rows, mismatch_kelvin=mismatch_kelvin, slow_c_rate=slow_c_rate
+    )
     directions = [
         name for name in ("discharge", "charge") if sum(p.direction == name for p in points) > 1
     ]
@@ -307,7 +309,7 @@ def capacity_losses(
         losses, split_notes = _of_direction(same_direction, references[name], share, slow_c_rate)
         all_losses += losses
         notes += [*filter(None, [reason]), *split_notes]
-    return with_left_in(all_losses), notes
+    return with_residual_charge(all_losses), notes
 
 
 def _reference(points, wanted, slow):
@@ -338,12 +340,12 @@ def _true_losses(points, reference, share, slow):
         slow_point = slowest(points, reference.direction, celsius)[0]
         at_reference = abs(celsius - reference.temperature_celsius) <= SAME_CELSIUS
         if slow_point.c_rate <= slow or (at_reference and slow_point is reference):
-            lost = _lost(reference, slow_point, share, reference.capacity_ampere_hour)
+            lost = _relative_loss(reference, slow_point, share, reference.capacity_ampere_hour)
             true_losses.append((celsius, slow_point, *lost))
     return true_losses
 
 
-def _lost(start, end, share, scale):
+def _relative_loss(start, end, share, scale):
     """How much less the second reaches than the first, and its std, in units of the first."""
     if start is end:
         return 0.0, 0.0
@@ -360,7 +362,7 @@ def _std(point, share, scale):
 
 def _loss(point, reference, true_losses, share):
     whole = reference.capacity_ampere_hour
-    total, total_std = _lost(reference, point, share, whole)
+    total, total_std = _relative_loss(reference, point, share, whole)
     same_temperature = [
         t for t in true_losses if abs(t[0] - point.temperature_celsius) <= SAME_CELSIUS
     ]
@@ -369,7 +371,7 @@ def _loss(point, reference, true_losses, share):
         true, false = _bounds(point, reference, true_losses, total, total_std)
     else:
         scale = slow.capacity_ampere_hour / whole
-        rest, rest_std = _lost(slow, point, share, whole)
+        rest, rest_std = _relative_loss(slow, point, share, whole)
         true = _interval(*same_temperature[0][2:])
         false = _interval(rest * scale, rest_std * scale)
     losses = [100 * value for value in (total, total_std, *true, *false)]

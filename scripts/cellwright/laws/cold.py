@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import grouped, one_a_temperature
+from cellwright.laws.points import grouped, mean_per_temperature
 from cellwright.laws.temperature import LAWS, span_of
 from cellwright.refusal import Refusal
 
@@ -79,7 +79,7 @@ def cold_limit(points, laws):
     }
     for source, pairs in (("impedance", spectra), ("pulses", _pulses(points))):
         if pairs:
-            return _judged(source, pairs, points, laws)
+            return _compared(source, pairs, points, laws)
     raise Refusal("neither spectra nor pulses show two parts of the resistance over temperature")
 
 
@@ -105,7 +105,7 @@ def _pulses(points):
 def _of_family(points, family):
     """SoC → temperature → (value, std); the mean of what was measured more than once."""
     courses = {}
-    for point in one_a_temperature(point for point in points if point.family == family):
+    for point in mean_per_temperature(point for point in points if point.family == family):
         course = courses.setdefault(point.soc, {})
         course[point.temperature_celsius] = (point.value, point.std)
     return courses
@@ -118,7 +118,7 @@ def _shared(courses, soc):
     )
 
 
-def _judged(source, pairs, points, laws):
+def _compared(source, pairs, points, laws):
     """Growth between the extremes that most states of charge reach."""
     spans = [_span(pair) for pair in pairs.values()]
     warm, cold = max(spans, key=lambda span: (spans.count(span), span[0] - span[1]))
@@ -150,8 +150,8 @@ def _span(pair):
     return max(shared), min(shared)
 
 
-FURTHER = 10.0  # K below the coldest test: how far the words look ahead
-CHILLY = 15.0  # °C: above it, tests have not been to the cold, only towards it
+LOOK_AHEAD_KELVIN = 10.0  # K below the coldest test: how far the words look ahead
+COLD_BELOW_CELSIUS = 15.0  # °C: above it, tests have not been to the cold, only towards it
 
 
 def paragraph(result, parts, points, laws):
@@ -168,16 +168,16 @@ def paragraph(result, parts, points, laws):
     text : str.
     """
     sentences = [
-        _what(result, parts),
-        _how_sure(result),
-        *_share(result),
-        *_pulses_too(result, points),
-        _beyond(result, laws),
+        _limit_sentence(result, parts),
+        _certainty_sentence(result),
+        *_share_sentence(result),
+        *_pulse_sentence(result, points),
+        _extrapolation_sentence(result, laws),
     ]
     return " ".join(sentences)
 
 
-def _what(result, parts):
+def _limit_sentence(result, parts):
     fast, slow = ([g for g in result.growth if g.part == part] for part in parts)
     names = dict(zip(parts, (_factor(fast), _factor(slow)), strict=True))
     other = next(part for part in parts if part != result.limit)
@@ -185,7 +185,7 @@ def _what(result, parts):
     if result.agreeing * 2 == result.levels:
         both = ", ".join(f"{part} grows {names[part]}" for part in parts)
         return f"Neither part stands out {where}: {both}."
-    cold = "In" if result.coldest_celsius < CHILLY else "Towards"
+    cold = "In" if result.coldest_celsius < COLD_BELOW_CELSIUS else "Towards"
     return (
         f"{cold} the cold this cell is limited by {_LIMITS[result.limit]}: {where} {result.limit} "
         f"grows {names[result.limit]}, {other} {names[other]}."
@@ -209,7 +209,7 @@ def _factor(growth):
     return f"{span_of([part.cold_ohm / part.warm_ohm for part in growth], '.3g')} times"
 
 
-def _how_sure(result):
+def _certainty_sentence(result):
     levels = f"{result.levels} state{'s' if result.levels > 1 else ''} of charge"
     if not np.isfinite([part.log_std for part in result.growth]).any():
         return f"It adds more ohms at {result.agreeing} of {levels}; the points carry no errors."
@@ -219,7 +219,7 @@ def _how_sure(result):
     )
 
 
-def _share(result):
+def _share_sentence(result):
     """What it makes up of the whole, at the middle of the states of charge."""
     socs = sorted({part.soc for part in result.growth})
     middle = min(socs, key=lambda soc: abs(soc - 0.5))
@@ -227,13 +227,13 @@ def _share(result):
     limiting = next(part for part in parts if part.part == result.limit)
     warm, cold = (sum(getattr(part, name) for part in parts) for name in ("warm_ohm", "cold_ohm"))
     yield (
-        f"At {100 * middle:.0f} % SoC it makes up {100 * limiting.warm_ohm / warm:.0f} % of the sum "
-        f"of both at {result.warmest_celsius:g} °C and {100 * limiting.cold_ohm / cold:.0f} % at "
-        f"{result.coldest_celsius:g} °C."
+        f"At {100 * middle:.0f} % SoC it makes up {100 * limiting.warm_ohm / warm:.0f} % of the "
+        f"sum of both at {result.warmest_celsius:g} °C and "
+        f"{100 * limiting.cold_ohm / cold:.0f} % at {result.coldest_celsius:g} °C."
     )
 
 
-def _pulses_too(result, points):
+def _pulse_sentence(result, points):
     """Beside spectra: what the pulses say, at the state of charge nearest the middle."""
     pulses = [
         p for p in points if result.source == "impedance" and p.family.startswith("resistance,")
@@ -249,7 +249,7 @@ def _pulses_too(result, points):
         yield f"The pulse resistance grows {' and '.join(factors)}."
 
 
-def _beyond(result, laws):
+def _extrapolation_sentence(result, laws):
     """The laws' own answers a step below the coldest test, marked as what they are."""
     cold = result.coldest_celsius
     rows = [row for row in laws if _IS_OF[result.limit](row["quantity"])]
@@ -263,7 +263,7 @@ def _beyond(result, laws):
     if not answers:
         return f"{text}."
     return (
-        f"{text}: by the laws a further {FURTHER:g} K would multiply the {quantity} by "
+        f"{text}: by the laws a further {LOOK_AHEAD_KELVIN:g} K would multiply the {quantity} by "
         f"{span_of(answers, '.3g')}, an extrapolation."
     )
 
@@ -287,7 +287,10 @@ def _from_middle(quantity):
 
 def _step(law, rows, quantity, cold):
     parameters = [row for row in rows if row["quantity"] == quantity and row["law"] == law]
-    if not parameters or parameters[0].get("valid_from_celsius", -np.inf) > cold - FURTHER:
+    if (
+        not parameters
+        or parameters[0].get("valid_from_celsius", -np.inf) > cold - LOOK_AHEAD_KELVIN
+    ):
         return np.nan
     values = [row["value"] for row in parameters]
-    return LAWS[law](cold - FURTHER, *values) / LAWS[law](cold, *values)
+    return LAWS[law](cold - LOOK_AHEAD_KELVIN, *values) / LAWS[law](cold, *values)

@@ -7,7 +7,7 @@ import numpy as np
 
 from cellwright.laws.points import (
     Points,
-    fresh,
+    first_check_up,
     grouped,
     preferred_rate,
     rate_classes,
@@ -54,8 +54,10 @@ def points_of_type(
     # ASSUME: Which cell of a type was tested at which temperature is chance.
     cell_points, notes = [], []
     for direction, delay in product(("discharge", "charge"), delay_second):
-        pulses = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
-        pulses = [row for row in pulses if row["delay_second"] == delay]
+        pulses = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
+        pulses = [
+            row for row in pulses if row["direction"] == direction and row["delay_second"] == delay
+        ]
         kept, note = _one_class(pulses, c_rate)
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
         for cell, cell_rows in grouped(kept, lambda row: row["cell"]).items():

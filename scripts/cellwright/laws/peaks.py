@@ -65,13 +65,13 @@ def match_peaks(reference, other, *, end_volt=np.inf):
 
     Source: thesis 3.3 (figure 3.20: of four peaks at 20 °C the upper two become one at −20 °C).
     """
-    found = [(*_aligned(reference, other, shift), shift) for shift in SHIFTS_VOLT]
-    _, blocks, shift = min(found, key=lambda one: one[0])
+    alignments = [(*_aligned(reference, other, shift), shift) for shift in SHIFTS_VOLT]
+    _, blocks, shift = min(alignments, key=lambda alignment: alignment[0])
     reach = end_volt - shift - SHIFT_TOLERANCE_VOLT
-    found = [_match(reference, other, reach, *block) for block in blocks]
+    matches = [_match(reference, other, reach, *block) for block in blocks]
     if all(peak.clear for peak in other):
-        return found
-    return [one if one.fate == "kept" else one._replace(fate="unresolved") for one in found]
+        return matches
+    return [m if m.fate == "kept" else m._replace(fate="unresolved") for m in matches]
 
 
 def _aligned(reference, other, shift):

@@ -47,16 +47,18 @@ def capacity_points(rows):
     points : list of Point.
     """
     points, rates = [], []
-    for row in sorted(fresh(rows), key=lambda r: (r["ambient_temperature_celsius"], r["c_rate"])):
+    for row in sorted(
+        first_check_up(rows), key=lambda r: (r["ambient_temperature_celsius"], r["c_rate"])
+    ):
         if row["direction"] != "discharge":
             continue
-        rate = _first_alike(row["c_rate"], rates, lambda ratio: abs(ratio - 1) < SAME_RATE)
+        rate = _same_rate(row["c_rate"], rates, lambda ratio: abs(ratio - 1) < SAME_RATE)
         celsius, value = row["ambient_temperature_celsius"], row["capacity_ampere_hour"]
         points.append(Point(f"capacity at {rate:.2g}C", "Ah", celsius, value, family="capacity"))
     return points
 
 
-def _first_alike(rate, rates, alike):
+def _same_rate(rate, rates, alike):
     """The first of the rates seen so far whose ratio to a rate is `alike`; a new one joins them."""
     match = next((earlier for earlier in rates if alike(rate / earlier)), None)
     if match is None:
@@ -79,9 +81,11 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
     -------
     found : Points, each with the standard deviation of its fit; what was left out.
     """
-    with_soc = [row for row in fresh(rows) if row["soc"] is not None and np.isfinite(row["soc"])]
+    with_soc = [
+        row for row in first_check_up(rows) if row["soc"] is not None and np.isfinite(row["soc"])
+    ]
     with_soc.sort(key=lambda row: (row["soc"], row["ambient_temperature_celsius"]))
-    level = together([row["soc"] for row in with_soc], apart=soc_tolerance)
+    level = level_means([row["soc"] for row in with_soc], apart=soc_tolerance)
     points, notes = [], []
     for kind, column in (("ohmic", "r_ohmic_ohm"), ("charge-transfer", "r_charge_transfer_ohm")):
         # Charge transfer must also be told from diffusion.
@@ -104,7 +108,7 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
     return Points(points, notes)
 
 
-def together(values, *, apart):
+def level_means(values, *, apart):
     """The mean of the run of values that lie no further apart, for each value: dict.
 
     Parameters
@@ -120,7 +124,7 @@ def together(values, *, apart):
     return {value: float(np.mean(run)) for run in runs for value in run}
 
 
-def fresh(rows):
+def first_check_up(rows):
     """Rows of known temperature from the earliest check-up: age must not pass for temperature.
 
     Parameters
@@ -132,7 +136,7 @@ def fresh(rows):
     return [row for row in with_temperature if (row["cycle"] or 0) == first]
 
 
-def one_a_temperature(points):
+def mean_per_temperature(points):
     """The mean of what was measured more than once at one temperature, per quantity.
 
     Three spectra at one temperature are three witnesses of the resistance there, not of how it
@@ -165,7 +169,7 @@ def grouped(items, key):
     return groups
 
 
-def enough(points, *, temperatures=3):
+def with_enough_temperatures(points, *, temperatures=3):
     """Points of the quantities that have at least so many temperatures."""
     groups = grouped(points, lambda point: point.quantity)
     tested = {
@@ -201,16 +205,17 @@ def resistance_points(
     -------
     found : Points, and what was left out or mixed.
     """
-    with_soc = [row for row in fresh(rows) if np.isfinite(row["soc"])]
+    with_soc = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
     points, notes = [], []
     for direction, delay, level in product(("discharge", "charge"), delay_second, soc):
         pulses = [r for r in with_soc if r["direction"] == direction and r["delay_second"] == delay]
         courses = {
-            rate: _course(same_rate, level) for rate, same_rate in rate_classes(pulses).items()
+            rate: _resistance_over_temperature(same_rate, level)
+            for rate, same_rate in rate_classes(pulses).items()
         }
         courses = {rate: course for rate, course in courses.items() if course}
-        chosen, note = _one_rate(courses, c_rate)
-        what, when = name_of(direction, delay)
+        chosen, note = _at_one_rate(courses, c_rate)
+        what, when = resistance_name(direction, delay)
         quantity, family = f"{what} at {100 * level:.0f} % SoC, {when}", f"{what}, {when}"
         points += [
             Point(quantity, "Ohm", celsius, *chosen[celsius], family, level)
@@ -220,7 +225,7 @@ def resistance_points(
     return Points(points, notes)
 
 
-def name_of(direction, delay_second):
+def resistance_name(direction, delay_second):
     """What a pulse resistance is called, without its SoC: that of discharges has no prefix."""
     when = "first sample" if delay_second == 0 else f"{delay_second:g} s"
     return f"{'charge ' if direction == 'charge' else ''}resistance", when
@@ -255,14 +260,14 @@ def _by_distance(rates, c_rate):
     return sorted(rates, key=lambda rate: abs(np.log(rate / c_rate)))
 
 
-def _course(rows, level):
+def _resistance_over_temperature(rows, level):
     """Temperature → (resistance, std) where pulses lie around a state of charge."""
     groups = grouped(rows, lambda row: row["ambient_temperature_celsius"])
     resistances = {celsius: _interpolated(pulses, level) for celsius, pulses in groups.items()}
     return {celsius: value for celsius, value in resistances.items() if value is not None}
 
 
-def _one_rate(courses, c_rate):
+def _at_one_rate(courses, c_rate):
     """Temperature → (resistance, std) at one rate for all, and what was left out or mixed."""
     if not courses:
         return {}, ""
@@ -322,13 +327,13 @@ def fast_charge_points(rows):
         only.
     """
     charges = sorted(
-        (row for row in fresh(rows) if row["from_empty"]),
+        (row for row in first_check_up(rows) if row["from_empty"]),
         key=lambda row: (-row["ambient_temperature_celsius"], row["c_rate"]),
     )
     rates, points = [], []
     for row in charges:
         # The set current shows at warm temperatures; in the cold the voltage cuts it at once.
-        rate = _first_alike(row["c_rate"], rates, lambda ratio: ratio <= SAME_LIMIT_RATE)
+        rate = _same_rate(row["c_rate"], rates, lambda ratio: ratio <= SAME_LIMIT_RATE)
         points += [
             Point(f"{name} at up to {rate:.2g}C", unit, row["ambient_temperature_celsius"], value)
             for name, unit, value in _quantities(row)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import fresh
+from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import Law, fit_laws, rows_of
 from cellwright.numerics.lines import fit_line
 from cellwright.numerics.statistics import r_squared, rms
@@ -36,7 +36,7 @@ def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
     linear, arrhenius = fit_laws(
         temperature_celsius, value, unit=unit, level=level, names=("linear", "arrhenius")
     )
-    return _with_p(linear, len(value) - 2), arrhenius
+    return _with_p_values(linear, len(value) - 2), arrhenius
 
 
 def soc_lines(soc, value, *, unit, level=0.95):
@@ -65,7 +65,7 @@ def soc_lines(soc, value, *, unit, level=0.95):
     free = _over_soc("linear over SoC", names[0], unit, soc, value, level)
     tied = _over_soc("proportional to SoC", names[1], unit, soc, value, level)
     zero_p = _p_value(free.values[1], free.std[1], len(soc) - 2)
-    free = _with_p(free, len(soc) - 2, zero_p_value=zero_p)
+    free = _with_p_values(free, len(soc) - 2, zero_p_value=zero_p)
     chosen = free.cross_validation_rmse <= tied.cross_validation_rmse
     return free._replace(chosen=chosen), tied._replace(chosen=not chosen)
 
@@ -91,7 +91,7 @@ def _over_soc(law, names, unit, soc, value, level):
     )
 
 
-def _with_p(law, degrees_of_freedom, **more):
+def _with_p_values(law, degrees_of_freedom, **more):
     """The law with the p-value of its slope, and others, as further parameters."""
     extra = {"slope_p_value": _p_value(law.values[0], law.std[0], degrees_of_freedom), **more}
     unknown = np.full(len(extra), np.nan)
@@ -120,8 +120,8 @@ STD = {"a": "a_std_volt", "b": "b_std_volt", "tau1": "tau1_std_second", "tau2": 
 ALIKE = {"current_before_ampere": 0.15, "load_second": 0.2, "rest_second": 0.2, "samples": 0.5}
 MIDDLE = (0.15, 0.95)  # SoC over which a temperature's value is the median
 HALF = 0.52  # up to here "below 50 % SoC"
-NOTHING = "no rest after a steady load tells two exponentials at a known SoC"
-MOST_OF = 0.8  # of the rests: so many must tell three exponentials for three to be compared
+NO_RESTS = "no rest after a steady load tells two exponentials at a known SoC"
+SHARE_OF_RESTS = 0.8  # of the rests: so many must tell three exponentials for three to be compared
 
 
 class Point(NamedTuple):
@@ -138,7 +138,7 @@ class Point(NamedTuple):
     std: float
 
 
-class Compared(NamedTuple):
+class ComparableRests(NamedTuple):
     """Points of the rests that compare, and the protocol in words."""
 
     points: list
@@ -149,7 +149,7 @@ class Compared(NamedTuple):
 
 # ASSUME: Rests compare over temperature after one direction, current and length of load, with one
 # length of rest and one logging: a and b grow with the load, two time constants with the rest.
-def compared(rows):
+def comparable_rests(rows):
     """The rests of a cell that can be compared over SoC and temperature.
 
     1. Rests of the earliest check-up after a steady load are grouped by protocol. 2. The group
@@ -166,20 +166,22 @@ def compared(rows):
     Compared : without a point, and the reason as protocol, where no rest after a steady load tells
         two exponentials at a known SoC: that is an answer, not a fault of the tests.
     """
-    rests = [row for row in fresh(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])]
+    rests = [
+        row for row in first_check_up(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])
+    ]
     rests = [row for row in rests if row["load"] in ("CC", "pulse")]
     if not rests:
-        return Compared([], NOTHING, 0, np.zeros(0))
-    protocols = _groups(rests)
+        return ComparableRests([], NO_RESTS, 0, np.zeros(0))
+    protocols = _by_protocol(rests)
     best = max(protocols, key=lambda protocol: (len(_celsius(protocol)), len(_rests(protocol))))
     two, three = ([row for row in best if row["exponentials"] == n] for n in (2, 3))
-    enough = len(three) >= MOST_OF * len(_rests(best)) and len(_celsius(three)) == len(
+    enough = len(three) >= SHARE_OF_RESTS * len(_rests(best)) and len(_celsius(three)) == len(
         _celsius(best)
     )
     kept = three if enough else two or three
     points = [point for row in kept for point in _points(row)]
     r_squared = np.array([row["r_squared"] for row in kept])
-    return Compared(points, _protocol(kept), kept[0]["exponentials"], r_squared)
+    return ComparableRests(points, _protocol(kept), kept[0]["exponentials"], r_squared)
 
 
 def over_temperature(points):
@@ -219,7 +221,7 @@ def laws_of(points):
     many = count >= FEWEST_TEMPERATURES
     for quantity, (celsius, value) in over_temperature(points).items() if many else ():
         name = f"polarisation {quantity}, median over SoC"
-        _try(laws, reasons, name, temperature_lines, celsius, value, QUANTITIES[quantity])
+        _fit_or_reason(laws, reasons, name, temperature_lines, celsius, value, QUANTITIES[quantity])
     for quantity in ("a", "b"):
         for celsius in sorted({p.temperature_celsius for p in points}):
             isothermal = [
@@ -228,7 +230,7 @@ def laws_of(points):
             below = sorted((p.soc, p.value) for p in isothermal if p.soc <= HALF)
             soc, value = np.array(below).reshape(-1, 2).T
             name = f"polarisation {quantity} below 50 % SoC at {celsius:g} °C"
-            _try(laws, reasons, name, soc_lines, soc, value, QUANTITIES[quantity])
+            _fit_or_reason(laws, reasons, name, soc_lines, soc, value, QUANTITIES[quantity])
     return laws, reasons
 
 
@@ -237,14 +239,14 @@ def law_rows(laws):
     return [row for name, pair in laws.items() for law in pair for row in rows_of(name, law)]
 
 
-def _try(laws, reasons, name, fit, axis, value, unit):
+def _fit_or_reason(laws, reasons, name, fit, axis, value, unit):
     try:
         laws[name] = fit(axis, value, unit=unit)
     except Refusal as refusal:
         reasons.append(f"{name}: {refusal}")
 
 
-def _groups(rows):
+def _by_protocol(rows):
     """Rows by protocol: each joins the first group whose first row is alike."""
     protocols = []
     for row in sorted(rows, key=lambda rest: [abs(rest[name]) for name in ALIKE]):
@@ -299,7 +301,7 @@ def paragraph(rests, laws):
 
     Parameters
     ----------
-    found : `polarisation.Compared`. laws : dict from `polarisation.laws_of`.
+    found : `polarisation.ComparableRests`. laws : dict from `polarisation.laws_of`.
     """
     if not rests.points:
         return f"Polarisation is not known: {rests.protocol}."

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import (
-    fresh,
+    first_check_up,
     grouped,
-    name_of,
     preferred_rate,
     rate_classes,
+    resistance_name,
 )
 from cellwright.laws.surface_forms import (
     OVER_TEMPERATURE,
@@ -19,7 +19,14 @@ from cellwright.laws.surface_forms import (
     predict,
     separability,
 )
-from cellwright.laws.temperature import NO_LIMIT, falls, law_row, ranges, turn_of, turning
+from cellwright.laws.temperature import (
+    NO_LIMIT,
+    falling_range,
+    is_usable,
+    law_row,
+    ranges,
+    turn_in_words,
+)
 from cellwright.numerics.statistics import r_squared, rms, t_interval
 from cellwright.refusal import Refusal
 from cellwright.settings import Temperature
@@ -124,7 +131,7 @@ def _best(fitted, pulses):
     note = f" (too few temperatures to leave one out of the {untested[0]} form)" if untested else ""
     celsius = pulses.temperature_celsius
     turned = {
-        fit.surface.form: turn_of(
+        fit.surface.form: turn_in_words(
             fit.surface.values, fit.valid_celsius, (min(celsius), max(celsius))
         )
         for fit in fitted
@@ -235,11 +242,15 @@ def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
     ------
     Refusal : fewer than three temperatures, or fewer than four levels of SoC at one, at any rate.
     """
-    pulses = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
-    pulses = [row for row in pulses if row["delay_second"] == delay_second]
+    pulses = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
+    pulses = [
+        row
+        for row in pulses
+        if row["direction"] == direction and row["delay_second"] == delay_second
+    ]
     pulses = [r for r in pulses if not r["resistance_std_ohm"] > VAGUE * r["resistance_ohm"]]
     classes = {rate: _full_courses(same_rate) for rate, same_rate in rate_classes(pulses).items()}
-    quantity = ", ".join(name_of(direction, delay_second))
+    quantity = ", ".join(resistance_name(direction, delay_second))
     best = classes[preferred_rate(classes, c_rate)] if classes else {}
     count = len(best)
     if count < 3:
@@ -279,7 +290,7 @@ def fit_surfaces(pulses):
     fits = [_fit(form, pulses) for form in FORMS]
     tested = np.min(pulses.temperature_celsius), np.max(pulses.temperature_celsius)
     offered = [
-        np.isfinite(fit.temperature_rmse) and falls(fit.valid_celsius, tested) for fit in fits
+        np.isfinite(fit.temperature_rmse) and is_usable(fit.valid_celsius, tested) for fit in fits
     ]
     errors = np.where(offered, [fit.temperature_rmse for fit in fits], np.inf)
     return tuple(fit._replace(chosen=k == errors.argmin()) for k, fit in enumerate(fits))
@@ -300,7 +311,7 @@ def _fit(form, pulses):
         *(rms(error) for error in (left_out - ohm, (left_out - ohm) / ohm)),
         *(rms(error) for error in (by_soc - ohm, (by_soc - ohm) / ohm)),
         chosen=False,
-        valid_celsius=turning(*surface.values[:3]) if form == "additive" else NO_LIMIT,
+        valid_celsius=falling_range(*surface.values[:3]) if form == "additive" else NO_LIMIT,
     )
 
 

@@ -79,7 +79,7 @@ def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
     # multiplicative one by the same share.
     target = ohm if form == "additive" else np.log(ohm)
     rates = _search(form, soc, celsius, target)
-    rates = _polished(form, soc, celsius, target, rates) if polish else rates
+    rates = _refined(form, soc, celsius, target, rates) if polish else rates
     columns = _columns(form, soc, celsius, rates)
     linear = np.linalg.lstsq(columns, target, rcond=None)[0]
     design = np.hstack([columns, _rate_slopes(form, soc, celsius, rates, linear)])
@@ -138,7 +138,7 @@ def _residual(form, soc, celsius, target, rates):
     return residuals(_columns(form, soc, celsius, rates), target)
 
 
-def _polished(form, soc, celsius, target, rates):
+def _refined(form, soc, celsius, target, rates):
     """Rates refined from the grid's best, within its range."""
     if not _free(rates):
         return rates

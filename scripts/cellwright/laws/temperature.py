@@ -23,7 +23,7 @@ NO_LIMIT = (-np.inf, np.inf)
 REACH_KELVIN = 5.0
 
 
-def turning(b1, b2, b3):
+def falling_range(b1, b2, b3):
     """Range in which b1 T² + b2 T + b3 is positive and falls with temperature.
 
     Parameters
@@ -44,7 +44,7 @@ def turning(b1, b2, b3):
     return (float(-np.inf), float(min(turn, zero))) if b1 > 0 else (float(turn), float(zero))
 
 
-def falls(valid_celsius, tested_celsius):
+def is_usable(valid_celsius, tested_celsius):
     """Whether a law may be read over the tested temperatures and `REACH_KELVIN` beyond them.
 
     Parameters
@@ -55,7 +55,7 @@ def falls(valid_celsius, tested_celsius):
     return valid_celsius[0] <= low and high <= valid_celsius[1]
 
 
-def turn_of(values, valid_celsius, tested_celsius):
+def turn_in_words(values, valid_celsius, tested_celsius):
     """What ends a law within its use, in words; "" where nothing does.
 
     Parameters
@@ -70,7 +70,7 @@ def turn_of(values, valid_celsius, tested_celsius):
 def _turn(values, valid, tested):
     """What ends a law within its use, and where [°C]."""
     low, high = valid
-    if falls(valid, tested):
+    if is_usable(valid, tested):
         return "", np.nan
     if low > tested[0] - REACH_KELVIN:
         return "has a maximum at {}", low
@@ -79,7 +79,7 @@ def _turn(values, valid, tested):
     return ("is below zero from {} on" if np.isfinite(high) else "rises throughout"), high
 
 
-def stretches(tested_celsius, valid_celsius):
+def drawn_pieces(tested_celsius, valid_celsius):
     """How a law is drawn: the tested temperatures and `REACH_KELVIN` beyond them in pieces.
 
     Parameters
@@ -92,13 +92,13 @@ def stretches(tested_celsius, valid_celsius):
     """
     low, high = tested_celsius
     ends = low - REACH_KELVIN, high + REACH_KELVIN
-    inner = [one for one in valid_celsius if ends[0] < one < ends[1]]
+    inner = [limit for limit in valid_celsius if ends[0] < limit < ends[1]]
     start, stop = max(low, valid_celsius[0]), min(high, valid_celsius[1])
     edges = sorted({*ends, low, high, *inner})
-    return [(one, two, start <= one and two <= stop) for one, two in pairwise(edges)]
+    return [(a, b, start <= a and b <= stop) for a, b in pairwise(edges)]
 
 
-def words_of_turns(families):
+def turn_sentences(families):
     """A sentence for each family of resistances whose quadratics turn where they would be used.
 
     The curve as it would be read decides, not whether its turn is certain: Arrhenius, which never
@@ -114,7 +114,7 @@ def words_of_turns(families):
     """
     sentences = []
     for family, laws in families.items():
-        turned = [law for law in laws if not falls(law.valid_celsius, law.tested_celsius)]
+        turned = [law for law in laws if not is_usable(law.valid_celsius, law.tested_celsius)]
         if not turned:
             continue
         ends = [_turn(law.values, law.valid_celsius, law.tested_celsius) for law in turned]
@@ -260,13 +260,13 @@ def fit_laws(
         raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
     laws = [_fitted(name, celsius, value, std, unit=unit, level=level) for name in names]
     if falling:
-        laws = [_limited(law, celsius, value, std, level) for law in laws]
-    offered = [law for law in laws if falls(law.valid_celsius, law.tested_celsius)]
+        laws = [_with_falling_range(law, celsius, value, std, level) for law in laws]
+    offered = [law for law in laws if is_usable(law.valid_celsius, law.tested_celsius)]
     best = min(offered, key=lambda law: np.nan_to_num(law.cross_validation_rmse, nan=np.inf))
     return tuple(law._replace(chosen=law is best) for law in laws)
 
 
-def _limited(law, celsius, value, std, level):
+def _with_falling_range(law, celsius, value, std, level):
     """A resistance's quadratic with where it falls, and whether its turn is beyond its error."""
     if law.law != "quadratic":
         return law
@@ -274,7 +274,7 @@ def _limited(law, celsius, value, std, level):
     # With T counted from an end of the range b2 is the slope there, with its own interval.
     slopes = [fit_line(np.vander(celsius - end, 3), value, std) for end in ends]
     rises = any(line.interval(level=level)[0][1] > 0 for line in slopes)
-    return law._replace(valid_celsius=turning(*law.values), rises_surely=rises)
+    return law._replace(valid_celsius=falling_range(*law.values), rises_surely=rises)
 
 
 def law_rows(points):
@@ -315,7 +315,7 @@ def law_rows(points):
         quadratics.setdefault(quantity_points[0].family or quantity, []).append(laws[0])
     if not rows:
         raise Refusal("; ".join(reasons) or "no quantity is known at three temperatures")
-    return rows, reasons + words_of_turns(quadratics)
+    return rows, reasons + turn_sentences(quadratics)
 
 
 def rows_of(quantity, law):
@@ -396,12 +396,12 @@ def _fitted(name, celsius, value, std, *, unit, level):
     if name.startswith("arrhenius"):
         lower, upper = (np.array([np.exp(end[0]), end[1]]) for end in (lower, upper))
         deviations = deviations * np.array([values[0], 1.0])
-        target, on_line = (np.log(one / _factor(name, celsius)) for one in (value, predicted))
+        target, on_line = (np.log(x / _factor(name, celsius)) for x in (value, predicted))
     unproven = line.degrees_of_freedom < 1
     return Law(
         law=name,
         names=form.names,
-        units=tuple(one.format(unit) for one in form.units),
+        units=tuple(text.format(unit) for text in form.units),
         values=values,
         std=deviations,
         lower=lower,

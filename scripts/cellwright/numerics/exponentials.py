@@ -219,9 +219,9 @@ def _solved(normal, fixed, combinations):
 RANK = 1e-12  # smallest pivot of a Gram matrix of unit columns that still says something
 # Stop when the next step is this share of the standard deviation of what it moves. That step is
 # still made, without another look at the data, and leaves an error of about its square.
-NEAR = 0.02
-MOST = 200  # passes over the data; a search that takes them all has not arrived
-FARTHEST = 2.0  # of one step, in ln tau
+STOP_SHARE = 0.02
+MOST_PASSES = 200  # passes over the data; a search that takes them all has not arrived
+LARGEST_LOG_STEP = 2.0  # of one step, in ln tau
 
 
 class Projected(NamedTuple):
@@ -296,7 +296,7 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
     (tau_lower, tau_upper), linear_bounds = bounds
     at = projected(normal_at(log_tau, linear), log_tau, linear, *linear_bounds)
     damping, passes = 1e-3, 1
-    while passes < MOST and damping <= 1e9:
+    while passes < MOST_PASSES and damping <= 1e9:
         move, gain = _step(at, damping, tau_lower, tau_upper, linear_bounds)
         next_log_tau = at.log_tau + move[len(linear) :]
         next_linear = _within(at.linear + move[: len(linear)], *linear_bounds)
@@ -304,7 +304,7 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
             # A bound has turned the step uphill: a shorter one keeps more of its direction.
             damping *= 10
             continue
-        if gain <= NEAR**2 * at.power / max(samples - len(at.gram), 1):
+        if gain <= STOP_SHARE**2 * at.power / max(samples - len(at.gram), 1):
             # The first pass took its residuals at linear parameters that were only guessed.
             near = at.near if passes > 1 else normal_at(next_log_tau, next_linear).near
             power = max(at.power - gain, 0.0)
@@ -336,7 +336,7 @@ def _step(at, damping, lower, upper, linear_bounds):
         # is not free has a row of zeros, and stays where it is.
         unit.flat[:: len(move) + 1] += np.where(np.arange(len(move)) < size, RANK, damping) + ~free
         move = np.linalg.solve(unit, at.moment / root) / root
-    reach = _within(move[size:], -FARTHEST, FARTHEST)
+    reach = _within(move[size:], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
     allowed = _within(at.log_tau + reach, lower, upper) - at.log_tau
     if (allowed != move[size:]).any():
         move[:size] = _following(at, free[:size], allowed)
@@ -391,9 +391,9 @@ def _on_face(unit, moment, face, lower, upper):
 
 # Relative standard deviation from which a parameter is not told: its 95 % interval, 1.96 times
 # that wide, reaches down to zero.
-NOT_TOLD = 0.51
+UNDETERMINED = 0.51
 # What two parameters form together is told where it is known this many times better than each.
-BETTER = 5.0
+COMBINED_BETTER = 5.0
 
 
 def verdict(names, values, covariance, lower, upper):
@@ -421,7 +421,7 @@ def verdict(names, values, covariance, lower, upper):
         limit = _at_limit(names, values, lower, upper, index)
         if limit:
             sentences.append(limit)
-        elif spread[index] > NOT_TOLD and not name.startswith("ocv"):
+        elif spread[index] > UNDETERMINED and not name.startswith("ocv"):
             sentences.append(
                 f"{name} cannot be told: it is known within ±{1.96 * spread[index]:.0%}"
             )
@@ -447,12 +447,12 @@ def _at_limit(names, values, lower, upper, index):
 
 def _together(names, values, covariance, spread):
     """Sums and ratios that are known much better than what they are made of."""
-    lost = [i for i in range(len(names)) if spread[i] > NOT_TOLD and names[i][:3] != "ocv"]
+    lost = [i for i in range(len(names)) if spread[i] > UNDETERMINED and names[i][:3] != "ocv"]
     for i, j in [(i, j) for i in lost for j in lost if i < j]:
         kind, gradient = _combined(names[i], names[j], values[[i, j]])
         part = covariance[np.ix_([i, j], [i, j])]
         std = np.sqrt(max(gradient @ part @ gradient, 0.0))
-        if kind and std * BETTER < min(spread[i], spread[j]):
+        if kind and std * COMBINED_BETTER < min(spread[i], spread[j]):
             correlation = part[0, 1] / np.sqrt(part[0, 0] * part[1, 1])
             words = f"{names[i]} and {names[j]} are told only as their {kind}"
             yield f"{words} (±{1.96 * std:.0%}; correlation {correlation:.3f})"

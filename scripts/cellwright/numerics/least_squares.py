@@ -43,8 +43,9 @@ class Problem(NamedTuple):
     None, about zero. apart : function (values) → list of (names, owner): parameters without bounds
     and of one step that each move rows of their own, and for each row the number of that which
     moves it. Their derivatives are made together. None: there are none.
-    exact : each step is the exact minimum of its quadratic within the bounds (`within`), for
-    problems with bounds on most parameters; else what lies beyond a bound stays there (`clipped`).
+    exact : True: each step is the exact minimum of its quadratic within the bounds
+    (`bounded_minimum`), for problems with bounds on most parameters; False: a parameter that a step
+    takes beyond a bound stays on it (`clipped_minimum`).
     """
 
     predict: Callable
@@ -95,17 +96,19 @@ def fit(problem, values, *, columns=None, renew=(), steps=STEPS, settled=SETTLED
     solution : Solution.
     """
     prior, pull = priors(problem)
-    state, damping = _judged(problem, values, prior, pull), 1e-6
+    state, damping = _evaluated(problem, values, prior, pull), 1e-6
     chord = columns is not None
     columns = columns if chord else derivatives(problem, state.values, state.prediction)
     white = problem.whiten(columns)
     for _ in range(steps):
         if chord and renew:
-            columns, white = _renewed(problem, state, columns, white, renew)
+            columns, white = _with_new_derivatives(problem, state, columns, white, renew)
         precision = white.T @ white + prior
         at = np.array([state.values[f.name] for f in problem.free])
         gradient = white.T @ state.whitened + pull - prior @ at
-        next_state, damping = _walked(problem, state, gradient, precision, prior, pull, damping)
+        next_state, damping = _damped_step(
+            problem, state, gradient, precision, prior, pull, damping
+        )
         fell, state = state.cost - next_state.cost, next_state
         if fell < settled:
             break
@@ -151,7 +154,7 @@ def _derivative(problem, values, prediction, free):
     return (moved - prediction) / step
 
 
-class _Here(NamedTuple):
+class _State(NamedTuple):
     values: dict
     prediction: np.ndarray
     whitened: np.ndarray
@@ -159,12 +162,14 @@ class _Here(NamedTuple):
     cost: float
 
 
-def _judged(problem, values, prior, pull):
+def _evaluated(problem, values, prior, pull):
     prediction = problem.predict(values)
     white = problem.whiten(problem.measured - prediction)
     square = float(white @ white)
     at = np.array([values[f.name] for f in problem.free])
-    return _Here(values, prediction, white, square, square + float(at @ prior @ at - 2 * pull @ at))
+    return _State(
+        values, prediction, white, square, square + float(at @ prior @ at - 2 * pull @ at)
+    )
 
 
 def priors(problem):
@@ -176,7 +181,7 @@ def priors(problem):
     return prior, weight * np.array([f.prior for f in problem.free])
 
 
-def _renewed(problem, state, columns, white, renew):
+def _with_new_derivatives(problem, state, columns, white, renew):
     at = [k for k, f in enumerate(problem.free) if f.name in renew]
     columns, white = columns.copy(), white.copy()
     columns[:, at] = derivatives(problem, state.values, state.prediction, renew)
@@ -184,7 +189,7 @@ def _renewed(problem, state, columns, white, renew):
     return columns, white
 
 
-def _walked(problem, state, gradient, precision, prior, pull, damping):
+def _damped_step(problem, state, gradient, precision, prior, pull, damping):
     """One damped step that lowers the cost; where none does, the place stays."""
     scale = np.diag(np.diag(precision) + TINY)
     names = [f.name for f in problem.free]
@@ -192,26 +197,26 @@ def _walked(problem, state, gradient, precision, prior, pull, damping):
     upper = np.array([f.upper for f in problem.free])
     at = np.array([state.values[name] for name in names])
     for _ in range(5):
-        minimum = within if problem.exact else clipped
+        minimum = bounded_minimum if problem.exact else clipped_minimum
         move = minimum(precision + damping * scale, gradient, lower - at, upper - at)
         if not np.isfinite(move).all():
             return state, damping
         # Snapped, for a bound that is missed by rounding is not seen as one.
         on = np.where(move <= lower - at, lower, np.where(move >= upper - at, upper, at + move))
         values = state.values | dict(zip(names, on.tolist(), strict=True))
-        trial = _judged(problem, values, prior, pull)
+        trial = _evaluated(problem, values, prior, pull)
         if np.isfinite(trial.cost) and trial.cost <= state.cost:
             return trial, max(damping / 10, 1e-9)
         damping = max(damping * 30, 1e-4)
     return state, damping
 
 
-def clipped(precision, moment, lower, upper):
+def clipped_minimum(precision, moment, lower, upper):
     """Least cost between bounds, nearly: what is held on a bound moves what is not, and stays.
 
     Parameters
     ----------
-    precision, moment, lower, upper : as in `within`.
+    precision, moment, lower, upper : as in `bounded_minimum`.
 
     Returns
     -------
@@ -227,7 +232,7 @@ def clipped(precision, moment, lower, upper):
         x, held = np.clip(x, lower, upper), held | beyond
 
 
-def within(precision, moment, lower, upper, start=None):
+def bounded_minimum(precision, moment, lower, upper, start=None):
     """Minimum of x'Px/2 − m'x between bounds, by the primal active-set method.
 
     Parameters

@@ -32,7 +32,7 @@ def solve(gram, moment, signed, most=None):
     ------
     Refusal : the data do not tell the parameters apart.
     """
-    parameters = _not_negative(gram, moment, signed)
+    parameters = _nonnegative(gram, moment, signed)
     if most is None or np.all(parameters <= most):
         return parameters
     return _bounded(gram, moment, signed, most, parameters)
@@ -45,7 +45,7 @@ def _bounded(gram, moment, signed, most, parameters):
         free = ~held
         rest = moment[free] - gram[np.ix_(free, held)] @ most[held]
         parameters = np.where(held, most, 0.0)
-        parameters[free] = _not_negative(gram[np.ix_(free, free)], rest, signed)
+        parameters[free] = _nonnegative(gram[np.ix_(free, free)], rest, signed)
         pull = gram @ parameters - moment
         wrong = (held & (pull > 0)) | (free & (parameters > most))
         if not wrong.any():
@@ -63,7 +63,7 @@ def _by_scipy(gram, moment, signed, most):
     return lsq_linear(factor.T, np.linalg.solve(factor, moment), bounds=(least, most)).x
 
 
-def _not_negative(gram, moment, signed):
+def _nonnegative(gram, moment, signed):
     """Least squares with parameters of which only the leading ones may be negative."""
     from scipy.optimize import nnls
 

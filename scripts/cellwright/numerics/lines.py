@@ -172,7 +172,7 @@ def coloured_line(columns, target, place):
         unknown = np.full(count, np.nan)
         return Line(unknown, unknown, rows - count)
     fits = zip(
-        *(_at(columns, target, place, correlation) for correlation in CORRELATIONS), strict=True
+        *(_fit_at(columns, target, place, correlation) for correlation in CORRELATIONS), strict=True
     )
     values, variances, restricted, likelihood = map(np.array, fits)
     weight = np.exp(restricted - restricted.max())
@@ -204,7 +204,7 @@ def whitened(values, place, correlation):
     return np.concatenate([values[:1], later]), float(np.log(innovation).sum())
 
 
-def _at(columns, target, place, correlation):
+def _fit_at(columns, target, place, correlation):
     """Values, variances, residual (REML) and plain log-likelihood at one memory."""
     design, logarithm = whitened(columns, place, correlation)
     seen, _ = whitened(target, place, correlation)

@@ -85,7 +85,7 @@ def whitening(noise, stack, *, extra_volt=0.0):
     return Whitening(keep, gain, scale)
 
 
-def estimated(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_volt=0.0):
+def estimate_noise(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_volt=0.0):
     """Most likely noise of residuals, its slow part within limits.
 
     The slow part must not grow until it holds a slow effect: hence the limits.
@@ -106,7 +106,7 @@ def estimated(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_v
     for ratio, second in _shapes(most_slow_second):
         tried = Noise(size, size * np.sqrt(ratio), second)
         for _ in range(2):
-            tried = _grown(tried, residual_volt, stack, extra_volt, most_slow_volt)
+            tried = _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt)
         w = whitening(tried, stack, extra_volt=extra_volt)
         trial_cost = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
         if trial_cost < cost:
@@ -120,7 +120,7 @@ def _shapes(most_slow_second):
     return [(r, t) for r in RATIOS for t in (times if r else times[:1])]
 
 
-def _grown(tried, residual_volt, stack, extra_volt, most_slow_volt):
+def _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt):
     """The same noise, as large as the residual says."""
     w = whitening(tried, stack, extra_volt=extra_volt)
     factor = max(rms(w.apply(residual_volt)), 1e-3)

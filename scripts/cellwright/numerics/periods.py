@@ -102,7 +102,7 @@ def _noise(values, trend, place, seed):
     return draws
 
 
-def _without(series, trend, place, correlation):
+def _trend_removed(series, trend, place, correlation):
     """Log-likelihood of each of the series (n, m) with the trend alone, at one memory, with what
     it takes to add a sine: the whitened rest, its squares, the trend's basis, the constant."""
     design, logarithm = whitened(trend, place, correlation)
@@ -123,7 +123,7 @@ def _gains(series, trend, place, hour, frequency):
     waves = np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
     plain, with_sine = [], []
     for correlation in CORRELATIONS:
-        likely, rest, squares, basis, logarithm = _without(series, trend, place, correlation)
+        likely, rest, squares, basis, logarithm = _trend_removed(series, trend, place, correlation)
         seen, _ = whitened(waves, place, correlation)
         cosine, sine = np.split(seen - basis @ (basis.T @ seen), 2, axis=1)
         cosine /= np.linalg.norm(cosine, axis=0)

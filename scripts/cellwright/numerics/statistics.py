@@ -1,6 +1,6 @@
 """Statistics of fits: RMS, R², covariance, error propagation, intervals, correlated residuals.
 
-A parameter that the data do not determine has NaN for its variance; `why_unknown` says why.
+A parameter that the data do not determine has NaN for its variance.
 """
 
 import numpy as np
@@ -56,25 +56,6 @@ def covariance_from_jacobian(jacobian, residual):
     unknown = _undetermined(scale, directions[~kept])
     covariance[unknown] = covariance[:, unknown] = np.nan
     return covariance
-
-
-def why_unknown(jacobian, *, names) -> str:
-    """Reason in words for the NaN in a covariance; empty where every parameter is determined.
-
-    Parameters
-    ----------
-    jacobian : (n, p) as given to `covariance_from_jacobian`.
-    names : p names of the parameters.
-    """
-    jacobian = np.asarray(jacobian, float)
-    rows, parameters = jacobian.shape
-    if not np.isfinite(jacobian).all():
-        return "the model is not finite at the optimum"
-    if rows <= parameters:
-        return f"{rows} data for {parameters} parameters leave nothing to estimate a scatter from"
-    scale, _, directions, kept = _decomposed(jacobian)
-    unknown = [names[k] for k in np.flatnonzero(_undetermined(scale, directions[~kept]))]
-    return f"the data do not determine {', '.join(unknown)}" if unknown else ""
 
 
 def _decomposed(jacobian):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import fresh
+from cellwright.laws.points import first_check_up
 from cellwright.numerics.lines import generalised_line
 from cellwright.refusal import Refusal
 from cellwright.settings import OcvTemperature
@@ -77,7 +77,7 @@ def slow_readings(
     Refusal : fewer than three temperatures with both branches; tests with one are named, for of
         them nobody can tell the overpotential from the entropy.
     """
-    ordered = sorted(fresh(curves), key=lambda curve: curve["ambient_temperature_celsius"])
+    ordered = sorted(first_check_up(curves), key=lambda curve: curve["ambient_temperature_celsius"])
     both = [curve for curve in ordered if curve["branches"] == "both"]
     notes = [_one_branch(curve) for curve in ordered if curve["branches"] != "both"]
     count = len({curve["ambient_temperature_celsius"] for curve in both})
@@ -87,7 +87,7 @@ def slow_readings(
         )
         raise Refusal("; ".join([shortage, *notes]))
     reference = min(both, key=lambda c: abs(c["ambient_temperature_celsius"] - reference_celsius))
-    columns = [_counted(curve, reference) for curve in both]
+    columns = [_at_reference_soc(curve, reference) for curve in both]
     volt, gap, soc_volt = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
     common = extra / np.sqrt(3)
@@ -101,7 +101,9 @@ def slow_readings(
         std_volt=np.sqrt(voltage_std_volt**2 + soc_volt**2 + scatter**2),
         common_volt=common,
         tests=tuple(curve["test"] for curve in both),
-        notes=tuple(notes + [words for curve in both for words in _rescaled(curve, reference)]),
+        notes=tuple(
+            notes + [words for curve in both for words in _rescaling_notes(curve, reference)]
+        ),
     )
 
 
@@ -194,19 +196,19 @@ def _one_branch(curve):
     )
 
 
-def _counted(curve, reference):
+def _at_reference_soc(curve, reference):
     """Voltage, half gap and what SoC leaves loose [V] of a test at the SoC of the reference."""
     soc = np.asarray(curve["soc"], float)
     columns = [np.asarray(curve[name], float) for name in ("ocv_volt", "half_gap_volt")]
     inside = np.isfinite(columns[1])
-    own_soc = 1 - (1 - np.asarray(reference["soc"], float)) / _share(curve, reference)
+    own_soc = 1 - (1 - np.asarray(reference["soc"], float)) / _capacity_ratio(curve, reference)
     volt, gap = (np.interp(own_soc, soc[inside], column[inside]) for column in columns)
-    soc_volt = np.abs(np.gradient(volt, reference["soc"])) * _loose_soc(curve) / np.sqrt(3)
+    soc_volt = np.abs(np.gradient(volt, reference["soc"])) * _soc_uncertainty(curve) / np.sqrt(3)
     beyond = (own_soc < soc[inside][0] - 1e-9) | (own_soc > soc[inside][-1] + 1e-9)
     return tuple(np.where(beyond, np.nan, column) for column in (volt, gap, soc_volt))
 
 
-def _share(curve, reference):
+def _capacity_ratio(curve, reference):
     """The test's ampere-hours over the reference's; 1 where it was completed at room temperature.
 
     Of a test whose two directions differ the geometric mean counts.
@@ -221,13 +223,13 @@ def _ampere_hours(curve):
     return float(np.sqrt(curve["capacity_ampere_hour"] * curve["charge_capacity_ampere_hour"]))
 
 
-def _loose_soc(curve):
+def _soc_uncertainty(curve):
     """Half of what charge and discharge differ, as a share of the capacity [1]."""
     return abs(curve["charge_capacity_ampere_hour"] / curve["capacity_ampere_hour"] - 1) / 2
 
 
-def _rescaled(curve, reference):
-    share, loose = _share(curve, reference), _loose_soc(curve)
+def _rescaling_notes(curve, reference):
+    share, loose = _capacity_ratio(curve, reference), _soc_uncertainty(curve)
     if abs(share - 1) > 0.01:
         yield (
             f"{curve['test']}: SoC counted from full over {_ampere_hours(reference):.4g} Ah; "

@@ -16,11 +16,11 @@ from cellwright.laws.ocv.surface import (
     LINE,
     PARABOLA,
     compare,
-    nodes,
     surface_from,
+    table_at,
     tested,
 )
-from cellwright.laws.points import fresh
+from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.lines import generalised_line
 from cellwright.numerics.statistics import rms
@@ -83,11 +83,11 @@ def over_temperature(
         means = np.nanmean(readings.celsius, axis=0)
         nearest = np.round(means[np.argmin(np.abs(means - reference_celsius))], 1)
         entropic[name] = fit_entropic(readings, reference_celsius=float(nearest))
-    std = {name: one.slope_std[np.isfinite(one.slope_std)] for name, one in entropic.items()}
+    std = {name: fit.slope_std[np.isfinite(fit.slope_std)] for name, fit in entropic.items()}
     used = min(std, key=lambda name: np.median(std[name]) if len(std[name]) else np.inf)
     reference = entropic[used].reference_celsius
-    away = [abs(one["ambient_temperature_celsius"] - reference) for one in fresh(curves)]
-    curve = fresh(curves)[int(np.argmin(away))] if away else None
+    away = [abs(slow["ambient_temperature_celsius"] - reference) for slow in first_check_up(curves)]
+    curve = first_check_up(curves)[int(np.argmin(away))] if away else None
     readings = sources[used] if used == "slow" else on_curve(sources[used], curve)
     fitted, functions = fit_entropic(readings, reference_celsius=reference), []
     try:
@@ -96,8 +96,8 @@ def over_temperature(
         )
     except Refusal as refusal:
         notes.append(f"functions over temperature not compared: {refusal}")
-    notes += [note for one in sources.values() for note in one.notes]
-    notes += _bent(functions) if used == "slow" else []
+    notes += [note for source in sources.values() for note in source.notes]
+    notes += _parabola_note(functions) if used == "slow" else []
     return OverTemperature(
         entropic,
         used,
@@ -148,7 +148,7 @@ def _coefficients(fitted, functions, largest):
     return np.where(sure[:, None], line, np.nan) if sure.any() else line
 
 
-def _bent(functions):
+def _parabola_note(functions):
     chosen = [function.function for function in functions if function.chosen]
     if chosen == [PARABOLA]:
         yield (
@@ -187,7 +187,7 @@ def entropic_columns(ocv):
             "temperatures": entropic.temperatures[finite].astype(int),
             "reference_celsius": entropic.reference_celsius,
         }
-        parts.append(_filled(columns))
+        parts.append(_broadcast_columns(columns))
     return _stacked(parts)
 
 
@@ -199,9 +199,9 @@ def map_columns(ocv, *, every=2):
     found : `ocv_temperature.OverTemperature`. every : of the grid's points.
     """
     surface, readings, fitted = ocv.surface, ocv.readings, ocv.fitted
-    base, parts = nodes(surface, surface.reference_celsius)[0], []
+    base, parts = table_at(surface, surface.reference_celsius)[0], []
     for column, celsius in enumerate(np.nanmean(readings.celsius, axis=0)):
-        volt, moves = nodes(surface, celsius)
+        volt, moves = table_at(surface, celsius)
         columns = {
             "temperature_celsius": celsius,
             "soc": surface.soc,
@@ -212,7 +212,9 @@ def map_columns(ocv, *, every=2):
             "entropic_volt_per_kelvin": moves,
             "tested": tested(surface, surface.soc, celsius),
         }
-        parts.append({name: values[::every] for name, values in _filled(columns).items()})
+        parts.append(
+            {name: values[::every] for name, values in _broadcast_columns(columns).items()}
+        )
     return _stacked(parts)
 
 
@@ -252,7 +254,7 @@ def surface_columns(ocv):
     """
     surface = ocv.surface
     cold, warm = surface.tested_celsius
-    return _filled(
+    return _broadcast_columns(
         {
             "soc": surface.soc,
             "ocv_volt": surface.ocv_volt,
@@ -266,7 +268,7 @@ def surface_columns(ocv):
     )
 
 
-def _filled(columns):
+def _broadcast_columns(columns):
     """Columns of one length, a single value repeated."""
     return dict(zip(columns, np.broadcast_arrays(*columns.values()), strict=True))
 
@@ -342,7 +344,7 @@ def _law(ocv, k, soc, *, degree, law, chosen):
     covariance = np.diag(std**2) + np.outer(common, common)
     line = generalised_line(columns, volt, covariance)
     scores = {
-        "r_squared": _explained(line, volt, covariance),
+        "r_squared": _r_squared(line, volt, covariance),
         "cross_validation_rmse": _left_out_rmse(columns, volt, covariance),
     }
     quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
@@ -353,7 +355,7 @@ def _law(ocv, k, soc, *, degree, law, chosen):
     ]
 
 
-def _explained(line, volt, covariance):
+def _r_squared(line, volt, covariance):
     """R² in units of the standard deviations, the common error among them."""
     flat = generalised_line(np.ones((len(volt), 1)), volt, covariance)
     whole, rest = (

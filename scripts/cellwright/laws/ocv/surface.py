@@ -67,28 +67,7 @@ def surface_from(coefficients, readings, reference_celsius, curve=None):
     )
 
 
-def surface_of(columns):
-    """The surface back from its artefact.
-
-    Parameters
-    ----------
-    columns : dict of (n,) columns of stage `ocv_surface`.
-
-    Returns
-    -------
-    surface : Surface.
-    """
-    tested_soc = np.asarray(columns["soc"], float)[np.asarray(columns["tested"], bool)]
-    names = ("soc", "ocv_volt", "slope_volt_per_kelvin", "bend_volt_per_kelvin_squared")
-    return Surface(
-        *(np.asarray(columns[name], float) for name in names),
-        reference_celsius=float(columns["reference_celsius"][0]),
-        tested_soc=(float(tested_soc[0]), float(tested_soc[-1])),
-        tested_celsius=tuple(float(columns[f"tested_{end}_celsius"][0]) for end in ("from", "to")),
-    )
-
-
-def nodes(surface, celsius):
+def table_at(surface, celsius):
     """The rising table at one temperature and how each of its points moves with temperature.
 
     Parameters
@@ -111,93 +90,11 @@ def nodes(surface, celsius):
     return rising.x + RISE_VOLT * surface.soc, together
 
 
-def surface_ocv(surface, soc, celsius):
-    """Voltage and both its derivatives, continuous over SoC; for filters.
-
-    Parameters
-    ----------
-    surface : Surface. soc : (m,) [1], held at 0 and 1 beyond. celsius : [degC].
-
-    Returns
-    -------
-    ocv_volt, per_soc, per_kelvin : (m,) [V], [V], [V/K]; exact derivatives of one another.
-
-    Source: monotone cubics with harmonic slopes, F. N. Fritsch, J. Butland, SIAM J. Sci. Stat.
-    Comput. 5 (1984) 300.
-    """
-    volt, moves = nodes(surface, celsius)
-    width = surface.soc[1] - surface.soc[0]
-    at = np.clip(np.asarray(soc, float), surface.soc[0], surface.soc[-1])
-    interval = np.clip(((at - surface.soc[0]) / width).astype(int), 0, len(surface.soc) - 2)
-    share = (at - surface.soc[interval]) / width
-    slopes, slope_moves = _harmonic(np.diff(volt), np.diff(moves))
-    value, rise = _cubic(volt, slopes, interval, share)
-    return value, rise / width, _cubic(moves, slope_moves, interval, share)[0]
-
-
 def tested(surface, soc, celsius):
     """Whether a state of charge and temperature lie within what was measured; shaped like both."""
     inside_soc = (soc >= surface.tested_soc[0] - 1e-9) & (soc <= surface.tested_soc[1] + 1e-9)
     cold, warm = surface.tested_celsius
     return inside_soc & (celsius >= cold - 0.5) & (celsius <= warm + 0.5)
-
-
-def ocv_tables(surface, celsius):
-    """Tables for a model: one a temperature, with the entropic coefficient beside.
-
-    Parameters
-    ----------
-    surface : Surface. celsius : sequence of [degC].
-
-    Returns
-    -------
-    tables : list of dict with ambient_temperature_celsius, soc, ocv_volt, entropic_volt_per_kelvin
-        and tested, as `models.basis` keeps its curves.
-    """
-    return [
-        {
-            "ambient_temperature_celsius": float(temperature),
-            "soc": surface.soc,
-            **dict(
-                zip(
-                    ("ocv_volt", "entropic_volt_per_kelvin"),
-                    nodes(surface, temperature),
-                    strict=True,
-                )
-            ),
-            "tested": tested(surface, surface.soc, temperature),
-        }
-        for temperature in celsius
-    ]
-
-
-def _harmonic(rises, moves):
-    """Slopes at the points, in units of the spacing, and how they move with temperature."""
-    first, second = rises[:-1], rises[1:]
-    total = first + second
-    inner = 2 * first * second / total
-    inner_moves = 2 * (second**2 * moves[:-1] + first**2 * moves[1:]) / total**2
-    return (
-        np.concatenate([rises[:1], inner, rises[-1:]]),
-        np.concatenate([moves[:1], inner_moves, moves[-1:]]),
-    )
-
-
-def _cubic(values, slopes, interval, share):
-    """Hermite cubic and its derivative by the share of the interval."""
-    ends = [values[interval], slopes[interval], values[interval + 1], slopes[interval + 1]]
-    s = share
-    weights = [
-        (1 + 2 * s) * (1 - s) ** 2,
-        s * (1 - s) ** 2,
-        s**2 * (3 - 2 * s),
-        s**2 * (s - 1),
-    ]
-    rates = [6 * s * (s - 1), (1 - s) * (1 - 3 * s), 6 * s * (1 - s), s * (3 * s - 2)]
-    return (
-        sum(end * weight for end, weight in zip(ends, weights, strict=True)),
-        sum(end * rate for end, rate in zip(ends, rates, strict=True)),
-    )
 
 
 HIGHEST_DEGREE = 2
@@ -251,7 +148,7 @@ def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius)
 
 
 def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
-    """Voltage and both its derivatives by a fitted function, analytic; for filters.
+    """Open-circuit voltage [V] by a fitted function.
 
     Parameters
     ----------
@@ -261,21 +158,14 @@ def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
 
     Returns
     -------
-    ocv_volt, per_soc, per_kelvin : (n,) [V], [V], [V/K].
+    ocv_volt : (n,) [V].
     """
     form, places = FORMS[function], np.array(FORMS[function].places)
     parameters = np.asarray(parameters, float)
     soc, above = np.broadcast_arrays(np.asarray(soc, float), celsius - reference_celsius)
     linear, rates = parameters[places >= 0], parameters[places < 0, 0]
-    degrees = np.arange(linear.shape[1])
-    powers = above[..., None] ** degrees
-    moves = degrees * above[..., None] ** np.maximum(degrees - 1, 0)
-    columns = form.columns(soc, rates)
-    return (
-        np.sum(columns * (powers @ linear.T), axis=-1),
-        np.sum(form.slopes(soc, rates) * (powers @ linear.T), axis=-1),
-        np.sum(columns * (moves @ linear.T), axis=-1),
-    )
+    powers = above[..., None] ** np.arange(linear.shape[1])
+    return np.sum(form.columns(soc, rates) * (powers @ linear.T), axis=-1)
 
 
 ISOTHERMAL, LINE, PARABOLA = "isothermal", "surface", "surface_parabola"
@@ -413,11 +303,13 @@ def _errors(name, fit, readings, *, reference_celsius):
     """Prediction minus reading, (m, k) [V], NaN where either is missing."""
     if name in FORMS:
         inside = np.clip(readings.soc, 1e-6, 1 - 1e-6)[:, None]
-        settings = {"reference_celsius": reference_celsius}
-        return form_ocv(name, fit, inside, readings.celsius, **settings)[0] - readings.ocv_volt
+        ocv_volt = form_ocv(
+            name, fit, inside, readings.celsius, reference_celsius=reference_celsius
+        )
+        return ocv_volt - readings.ocv_volt
     finite = np.isfinite(fit).all(axis=1)
     if not finite.any():
         return np.full(readings.ocv_volt.shape, np.nan)
     surface = surface_from(fit, readings, reference_celsius)
-    columns = [nodes(surface, celsius)[0] for celsius in np.nanmean(readings.celsius, axis=0)]
+    columns = [table_at(surface, celsius)[0] for celsius in np.nanmean(readings.celsius, axis=0)]
     return np.where(finite[:, None], np.stack(columns, axis=1), np.nan) - readings.ocv_volt
