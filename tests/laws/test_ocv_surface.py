@@ -12,8 +12,8 @@ from cellwright.laws.ocv.surface import (
     fit_form,
     form_ocv,
     form_std,
+    is_tested,
     table_at,
-    tested,
 )
 from cellwright.protocols.ocv.functions import FORMS
 from cellwright.refusal import Refusal
@@ -70,9 +70,9 @@ def test_a_surface_rises_at_every_temperature(seed, celsius):
 
 def test_a_surface_says_where_it_was_tested():
     table = surface(3)
-    assert np.array_equal(tested(table, SOC, -20.0), (SOC >= 0.0999) & (SOC <= 0.9001))
-    assert not tested(table, SOC, -30.0).any()
-    assert tested(table, 0.5, 25.0)
+    assert np.array_equal(is_tested(table, SOC, -20.0), (SOC >= 0.0999) & (SOC <= 0.9001))
+    assert not is_tested(table, SOC, -30.0).any()
+    assert is_tested(table, 0.5, 25.0)
 
 
 def readings(celsius, std=1e-4):

@@ -18,7 +18,7 @@ NEIGHBOURS = 4  # through which a cubic says what the reading between them shoul
 
 
 def lagged_temperatures(course_hour, course_celsius, hour):
-    """What a cell may feel at some hours of a course of temperature, for every lag that is tried.
+    """Temperature [°C] that may act on a cell, one course for each lag behind the readings tried.
 
     Both extremes of how a cell follows: at once but later (a delay), and as one heat capacity
     behind one resistance does (an exponential memory). A slope by dT/dt beside T knows neither:
@@ -31,7 +31,7 @@ def lagged_temperatures(course_hour, course_celsius, hour):
 
     Returns
     -------
-    felt : list of (n,), one a lag and kind of following, the first without any lag.
+    courses : list of (n,) [°C], one a lag and kind of following, the first without any lag.
     """
     from scipy.interpolate import Akima1DInterpolator
 
@@ -47,7 +47,7 @@ def lagged_temperatures(course_hour, course_celsius, hour):
 
 
 def reading_noise(hour, celsius):
-    """Scatter of single readings about the cubic through their four neighbours in time.
+    """Standard deviation of single readings [K] about a cubic through their four neighbours.
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ ROOM, START = "room", "cell as the discharge begins"
 
 
 class CycleFit(NamedTuple):
-    """What temperature and age do to the discharge capacity of one record.
+    """Effect of temperature and age on the discharge capacity of one record: summary and rows.
 
     summary : numbers as in artefact `ageing_temperature`. Slope in percent of the capacity of the
     moment; capacity_start_ampere_hour, the fade's course at the first used cycle and
-    reference_celsius; losses from that cycle to the last; periods as of `daily.Period`; reason :
+    reference_celsius; losses from that cycle to the last; periods as of `periods.Period`; reason :
     what is not known.
     cycles : columns, one row a discharge: measured, fitted, fade alone at the reference, measured
     with the temperature taken out, and whether it was used. periodogram : period_hour, power.
@@ -99,8 +99,8 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
     has lost a tenth moves by a tenth less with temperature. The fade is a polynomial of degree 1
     to 4; T is what the cell feels of its room, at once or up to 3 h later; the noise is
     exponentially correlated in time. Degree, lag, bend and memory are averaged over what the data
-    allow (Bayesian information criterion), so that not knowing them widens the interval. A slope over
-    a temperature that is read with an error comes out too small and is corrected for it (see
+    allow (Bayesian information criterion), so that not knowing them widens the interval. A slope
+    over a temperature that is read with an error comes out too small and is corrected for it (see
     `_corrected_for_reading_error`).
     Discharges whose charge before, or the one before that, is not in the record are set aside, for
     they did not begin like the others, and so are those further than six robust standard
@@ -109,7 +109,8 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
 
     Parameters
     ----------
-    rows : AgeingCycles. least_kelvin : RMS that the temperature must move beside the fade [K].
+    rows : AgeingCycles. least_kelvin : least RMS of the temperature about its trend along the
+        fade from which a slope is given [K].
     level : coverage of the interval.
 
     Returns
@@ -181,9 +182,9 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
 
 
 class _Record(NamedTuple):
-    """Discharges of a record (n,), which are used, and the places of these [typical interval].
+    """Discharges of a record (n,), which are used, and their positions [typical interval].
 
-    felt : what the cell may feel of the temperature, one (n,) a lag; empty where none was recorded.
+    lagged : temperature that may act on the cell, one (n,) a lag [°C]; empty: none recorded.
     noise : of a reading of the temperature, at most [K].
     """
 
@@ -194,11 +195,12 @@ class _Record(NamedTuple):
     source: str
     used: np.ndarray
     place: np.ndarray
-    felt: list
+    lagged: list
     noise: float
 
 
 def _record(rows):
+    """Discharges of a record with their temperature, and which of them are used."""
     discharges = np.flatnonzero(rows.direction == "discharge")
     cycle, capacity = rows.cycle[discharges], rows.capacity_ampere_hour[discharges]
     complete = np.isfinite(rows.coulombic_efficiency[discharges])
@@ -206,12 +208,12 @@ def _record(rows):
     hour = rows.start_time_second[discharges] / 3600
     place = (hour[used] - hour[used][0]) / np.median(np.diff(hour[used]))
     celsius, source = _temperature(rows, discharges)
-    felt, noise = _lagged(rows, discharges, celsius, source)
-    return _Record(cycle, hour, capacity, celsius, source, used, place, felt, noise)
+    lagged, noise = _lagged(rows, discharges, celsius, source)
+    return _Record(cycle, hour, capacity, celsius, source, used, place, lagged, noise)
 
 
 def _lagged(rows, discharges, celsius, source):
-    """What the cell may feel, and the error of a reading [K], at most.
+    """Temperature courses for each lag, and the largest error of a reading [K].
 
     A cell's own temperature needs no lag; what its reading errs by is not told by its neighbours,
     hours of load away.
@@ -222,12 +224,12 @@ def _lagged(rows, discharges, celsius, source):
     # Charges tell the room as well as discharges do.
     recorded = np.isfinite(rows.room_temperature_celsius)
     hour, course = middle[recorded], rows.room_temperature_celsius[recorded]
-    felt = lagged_temperatures(hour, course, middle[discharges])
-    return [celsius, *felt[1:]], reading_noise(hour, course)
+    courses = lagged_temperatures(hour, course, middle[discharges])
+    return [celsius, *courses[1:]], reading_noise(hour, course)
 
 
 def _temperature(rows, discharges):
-    """The temperature that capacity is held against, and whose it is."""
+    """Temperature of each discharge [°C] and its source, room or cell; NaN and "": none."""
     for name, source in (
         ("room_temperature_celsius", ROOM),
         ("temperature_start_celsius", START),
@@ -242,7 +244,7 @@ def _temperature(rows, discharges):
 
 
 def _inliers(cycle, capacity, followed):
-    """Which cycles follow a charge of the record and lie on the course, found in two rounds."""
+    """Which discharges follow a charge of the record and lie near the fade, in two rounds."""
     if followed.sum() < LEAST_CYCLES:
         raise Refusal(
             f"{followed.sum()} complete discharge(s) after a complete cycle; fade and temperature "
@@ -260,12 +262,14 @@ def _inliers(cycle, capacity, followed):
 
 
 def _highest_degree(used):
+    """Highest degree of the fade that so many cycles bear."""
     return max(min(HIGHEST_DEGREE, int(used.sum()) // CYCLES_A_DEGREE), 1)
 
 
 def _basis(cycle, used, degree):
-    """Columns whose coefficients are the value at the first cycle, the change to the last, and
-    bends that vanish at both."""
+    """Columns of the fade (n, degree + 1): value at the first cycle, change to the last, and
+    bends that vanish at both.
+    """
     first, last = cycle[used][0], cycle[used][-1]
     x = (cycle - first) / (last - first)
     bends = [x * (1 - x) * (2 * x - 1) ** k for k in range(degree - 1)]
@@ -273,19 +277,19 @@ def _basis(cycle, used, degree):
 
 
 class _Model(NamedTuple):
-    """Columns of the fade (n, p) and beside it, the slope's value and variance, and the weight."""
+    """One model of the capacity: columns (n, p) of fade and temperature, slope, weight."""
 
     fade: np.ndarray
-    beside: list
+    temperature_columns: list
     slope: float
     variance: float
     weight: float
 
 
 def _models(record):
-    """Every degree of the fade with every lag, with and without a bend, and what each weighs."""
+    """Models of every degree of the fade and every lag, with and without bend, weighted."""
     used, logarithm = record.used, np.log(record.capacity[record.used])
-    levels = [celsius - celsius[used].mean() for celsius in record.felt]
+    levels = [celsius - celsius[used].mean() for celsius in record.lagged]
     options = [[]]
     if levels and np.ptp(levels[0]) > 0:
         courses = _plausible_lags(record, levels)
@@ -309,7 +313,7 @@ def _models(record):
 
 
 def _plausible_lags(record, levels):
-    """Of all lags those that the data do not rule out beside the fullest fade, or some of them."""
+    """Temperature courses of lags that the data do not rule out, at most about `MOST_LAGS`."""
     if len(levels) == 1:
         return levels
     used, logarithm = record.used, np.log(record.capacity[record.used])
@@ -321,7 +325,7 @@ def _plausible_lags(record, levels):
 
 
 def _temperature_movement(record, fade, least):
-    """RMS of the temperature beside the fade, and why no slope can be told ("" where it can)."""
+    """RMS of the temperature about its trend [K], and why no slope is determined, or ""."""
     if not record.source:
         return np.nan, "no temperature was recorded, so its slope is not knowable"
     moved = float(np.std(residuals(fade[record.used], record.celsius[record.used])))
@@ -335,7 +339,7 @@ def _temperature_movement(record, fade, least):
 
 
 def _slope(models, freedom, level, noise_share):
-    """Slope in percent of the capacity, averaged over the models; NaN where there is none.
+    """Slope in percent of the capacity per kelvin, averaged over the models; NaN without models.
 
     noise_share : error of a reading of the temperature, at most, by its movement beside the fade.
     """
@@ -356,7 +360,7 @@ def _slope(models, freedom, level, noise_share):
 
 
 def _corrected_for_reading_error(slope, std, noise_share):
-    """A slope over a temperature that is read with an error: it comes out too small.
+    """Slope and its std corrected for the error of the temperature reading, which shrinks a slope.
 
     By 1 − (noise/movement)², if all that a reading's neighbours do not foretell is its error, by
     nothing, if it is the temperature itself. Which it is cannot be told: every share between them
@@ -372,7 +376,7 @@ def _corrected_for_reading_error(slope, std, noise_share):
 
 
 def _explained(capacity, shift, fade, used):
-    """Share of the variance beside the fade that goes with the temperature."""
+    """Share of the variance about the fade that the temperature explains [1]."""
     whole, rest = np.sum(
         residuals(fade[used], np.column_stack([capacity, capacity - shift])[used]) ** 2, axis=0
     )

@@ -16,7 +16,7 @@ SAME_RATE = 1.12  # rates this near are one (a C/20 is 0.047 to 0.051 over real 
 
 
 class ReachedCapacity(NamedTuple):
-    """Charge that one direction reaches at one temperature and rate, mean over its tests.
+    """Mean charge that one direction reaches at one temperature and rate [Ah].
 
     std : of that mean [Ah]. tests : their names. held_ampere_hour : what a held voltage adds to it,
     or in a slow OCV test what was moved later at another temperature.
@@ -36,7 +36,7 @@ class ReachedCapacity(NamedTuple):
 def comparable_capacities(
     rows, *, mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin, slow_c_rate=CAPACITY_LOSS.slow_c_rate
 ):
-    """Capacities of one cell, comparable ones only, repeats joined.
+    """Comparable capacities of one cell [Ah], repeats averaged, and what was left out.
 
     1. Only the earliest check-up: age must not pass for temperature. 2. A row whose cell was
     colder on average than the chamber is said to be by more than `mismatch_kelvin`, or in a slow
@@ -69,7 +69,7 @@ def comparable_capacities(
 
 
 def _key(row, rows_by_point):
-    """The group a row belongs to: one that is near, or a new one of its own."""
+    """Direction, temperature and rate under which a row is averaged: one seen before if near."""
     direction, celsius = row["direction"], row["ambient_temperature_celsius"]
     near = [
         key
@@ -82,6 +82,7 @@ def _key(row, rows_by_point):
 
 
 def _joined(key, rows):
+    """Mean capacity of repeated tests and its standard deviation [Ah]."""
     size = np.array([row["constant_current_ampere_hour"] for row in rows])
     held = np.array([row["capacity_ampere_hour"] for row in rows]) - size
     within = [row["capacity_std_ampere_hour"] for row in rows]
@@ -179,7 +180,7 @@ def law_rows(losses):
 
 
 def with_residual_charge(losses):
-    """Losses, each charge with what the discharge of its test had left in the cell.
+    """Losses, each charge with the share that the discharge before it left in the cell [%].
 
     Parameters
     ----------
@@ -259,7 +260,7 @@ def capacity_losses(
     assumed_share=CAPACITY_LOSS.assumed_share,
     mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin,
 ):
-    """Split the loss of capacity at each temperature and rate into true and false.
+    """Loss of capacity at each temperature and rate [%], split into true and false.
 
     The reference is the slowest capacity at the temperature nearest `reference_celsius` that has
     a slow test. What the slowest test of a temperature, of at most `slow_c_rate`, lacks of it is
@@ -313,14 +314,14 @@ def capacity_losses(
 
 
 def _reference(points, wanted, slow):
-    """Slowest point at the temperature nearest the wanted one; one with a slow test goes first."""
+    """Reference capacity: the slowest at the temperature nearest the wanted one, slow tests first."""
     able = [point for point in points if point.c_rate <= slow] or points
     celsius = min(able, key=lambda p: abs(p.temperature_celsius - wanted)).temperature_celsius
     return slowest(able, points[0].direction, celsius)[0]
 
 
 def _of_direction(points, reference, share, slow):
-    """Losses of one direction, coldest last, and a sentence for each unknown split."""
+    """Losses of one direction, coldest last, and a sentence for each temperature without split."""
     points = sorted(points, key=lambda p: (-p.temperature_celsius, p.c_rate))
     true_losses = _true_losses(points, reference, share, slow)
     losses = [_loss(point, reference, true_losses, share) for point in points]
@@ -346,7 +347,7 @@ def _true_losses(points, reference, share, slow):
 
 
 def _relative_loss(start, end, share, scale):
-    """How much less the second reaches than the first, and its std, in units of the first."""
+    """Share of the first capacity that the second lacks, and its standard deviation [1]."""
     if start is end:
         return 0.0, 0.0
     ratio = end.capacity_ampere_hour / start.capacity_ampere_hour
@@ -355,12 +356,13 @@ def _relative_loss(start, end, share, scale):
 
 
 def _std(point, share, scale):
-    """Of a capacity [Ah]: the cell's repeatability over the tests, or the larger own."""
+    """Standard deviation of a capacity [Ah]: from repeats, at least the cell's repeatability."""
     repeat_std = np.nan_to_num(point.std_ampere_hour)
     return max(repeat_std, share * scale / np.sqrt(len(point.tests)))
 
 
 def _loss(point, reference, true_losses, share):
+    """Loss of one capacity against the reference, split where a slow test allows it."""
     whole = reference.capacity_ampere_hour
     total, total_std = _relative_loss(reference, point, share, whole)
     same_temperature = [
@@ -394,12 +396,13 @@ def _loss(point, reference, true_losses, share):
 
 
 def _interval(value, std):
+    """Value, standard deviation and 95 % limits."""
     return value, std, value - QUANTILE * std, value + QUANTILE * std
 
 
 # ASSUME: A cell does not truly lose less by growing colder.
 def _bounds(point, reference, true_losses, total, std):
-    """True and false loss at a temperature without a slow test: only their limits are known."""
+    """Limits of true and false loss at a temperature without a slow test."""
     least, most = total - QUANTILE * std, total + QUANTILE * std
     point_celsius = point.temperature_celsius
     warmer = [
@@ -420,7 +423,7 @@ def _bounds(point, reference, true_losses, total, std):
 
 
 def _verdict(true, false, split_known, lost):
-    """In a word what was lost; a part counts where its interval lies above zero."""
+    """Kind of loss in words; a part counts where its interval lies above zero."""
     parts = int(true[2] > 0), int(false[2] > 0)
     if not split_known and parts == (0, 0):
         return "true or false" if lost else "none"

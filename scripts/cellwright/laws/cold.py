@@ -33,7 +33,7 @@ class Growth(NamedTuple):
 
 
 class ColdLimit(NamedTuple):
-    """Which part limits, by what, over which range, and the same in words.
+    """Part of the resistance that limits a cell in the cold, the evidence, and a paragraph.
 
     limit : the part that adds more ohms at most states of charge. agreeing, sure, levels : at how
     many SoC it does, at how many its growth factor is the larger beyond 95 %, of how many.
@@ -64,7 +64,7 @@ def cold_limit(points, laws):
 
     Returns
     -------
-    found : ColdLimit.
+    limit : ColdLimit.
 
     Raises
     ------
@@ -84,6 +84,7 @@ def cold_limit(points, laws):
 
 
 def _pulses(points):
+    """SoC → (first sample, rise after it) over temperature, from discharge pulses [ohm]."""
     families = [p.family for p in points if p.family.startswith("resistance, ")]
     later = [name for name in dict.fromkeys(families) if name != "resistance, first sample"]
     if not later:
@@ -103,7 +104,7 @@ def _pulses(points):
 
 
 def _of_family(points, family):
-    """SoC → temperature → (value, std); the mean of what was measured more than once."""
+    """SoC → temperature → (value, std) of a family; repeats are averaged."""
     courses = {}
     for point in mean_per_temperature(point for point in points if point.family == family):
         course = courses.setdefault(point.soc, {})
@@ -112,6 +113,7 @@ def _of_family(points, family):
 
 
 def _shared(courses, soc):
+    """Whether both parts are known at a SoC at two temperatures or more."""
     return (
         all(soc in course for course in courses)
         and len(courses[0][soc].keys() & courses[1][soc].keys()) >= 2
@@ -119,7 +121,7 @@ def _shared(courses, soc):
 
 
 def _compared(source, pairs, points, laws):
-    """Growth between the extremes that most states of charge reach."""
+    """Growth of both parts between the extremes that most states of charge reach, and the limit."""
     spans = [_span(pair) for pair in pairs.values()]
     warm, cold = max(spans, key=lambda span: (spans.count(span), span[0] - span[1]))
     kept = {soc: pair for soc, pair in pairs.items() if _span(pair) == (warm, cold)}
@@ -155,11 +157,11 @@ COLD_BELOW_CELSIUS = 15.0  # °C: above it, tests have not been to the cold, onl
 
 
 def paragraph(result, parts, points, laws):
-    """A paragraph for people about one cell.
+    """Paragraph on what limits one cell in the cold, for a reader without the tables.
 
     Parameters
     ----------
-    found : `cold.ColdLimit` without its words.
+    result : ColdLimit without its paragraph.
     parts : names of the fast and the slow part of the resistance.
     points : list of `points.Point`. laws : rows of the laws, for the look ahead.
 
@@ -178,6 +180,7 @@ def paragraph(result, parts, points, laws):
 
 
 def _limit_sentence(result, parts):
+    """Which part limits and by which factor both grow."""
     fast, slow = ([g for g in result.growth if g.part == part] for part in parts)
     names = dict(zip(parts, (_factor(fast), _factor(slow)), strict=True))
     other = next(part for part in parts if part != result.limit)
@@ -206,10 +209,12 @@ _LIMITS = {
 
 
 def _factor(growth):
+    """Range of the growth factors of a part in words."""
     return f"{span_of([part.cold_ohm / part.warm_ohm for part in growth], '.3g')} times"
 
 
 def _certainty_sentence(result):
+    """At how many states of charge the part limits, and at how many beyond the errors."""
     levels = f"{result.levels} state{'s' if result.levels > 1 else ''} of charge"
     if not np.isfinite([part.log_std for part in result.growth]).any():
         return f"It adds more ohms at {result.agreeing} of {levels}; the points carry no errors."
@@ -220,7 +225,7 @@ def _certainty_sentence(result):
 
 
 def _share_sentence(result):
-    """What it makes up of the whole, at the middle of the states of charge."""
+    """Share of the limiting part in the sum of both, warm and cold, at the SoC nearest 50 %."""
     socs = sorted({part.soc for part in result.growth})
     middle = min(socs, key=lambda soc: abs(soc - 0.5))
     parts = [part for part in result.growth if part.soc == middle]
@@ -234,7 +239,7 @@ def _share_sentence(result):
 
 
 def _pulse_sentence(result, points):
-    """Beside spectra: what the pulses say, at the state of charge nearest the middle."""
+    """Growth of the pulse resistance at the SoC nearest 50 %, beside the spectra."""
     pulses = [
         p for p in points if result.source == "impedance" and p.family.startswith("resistance,")
     ]
@@ -250,7 +255,7 @@ def _pulse_sentence(result, points):
 
 
 def _extrapolation_sentence(result, laws):
-    """The laws' own answers a step below the coldest test, marked as what they are."""
+    """Growth that the laws predict below the coldest test, marked as an extrapolation."""
     cold = result.coldest_celsius
     rows = [row for row in laws if _IS_OF[result.limit](row["quantity"])]
     rows = [row for row in rows if row["tested_from_celsius"] == cold]
@@ -281,11 +286,13 @@ _IS_OF = {
 
 
 def _from_middle(quantity):
+    """Distance of a quantity's SoC from 50 % [%]; infinite where it names none."""
     soc = quantity.partition(" at ")[2].partition(" % SoC")[0]
     return abs(float(soc) - 50) if soc else np.inf
 
 
 def _step(law, rows, quantity, cold):
+    """Growth factor by a law over `LOOK_AHEAD_KELVIN` below the coldest test; NaN: not valid."""
     parameters = [row for row in rows if row["quantity"] == quantity and row["law"] == law]
     if (
         not parameters

@@ -21,7 +21,7 @@ SHIFTS_VOLT = np.arange(-0.06, 0.261, 0.01)
 
 
 class Match(NamedTuple):
-    """One or several peaks of the reference and what became of them.
+    """One or several peaks of the reference matched with peaks of another curve, and their fate.
 
     reference_peaks, peaks : numbers from 1, joined by "+"; "" where there is none.
     fate : kept; changed (one peak stays, its area does not); merged; split; lost; cut (lost,
@@ -46,7 +46,7 @@ class Match(NamedTuple):
 
 # ASSUME: Between temperatures the peaks keep their order, and move by about as much.
 def match_peaks(reference, other, *, end_volt=np.inf):
-    """What became of the peaks of one curve in another, at another temperature.
+    """Peaks of one curve matched with those of another, at another temperature.
 
     Both lists are aligned in order, by dynamic programming: one peak to one, up to three to one
     (merged) or one to three (split), or none. A step costs the squared difference of the areas
@@ -56,7 +56,7 @@ def match_peaks(reference, other, *, end_volt=np.inf):
 
     Parameters
     ----------
-    reference, other : lists of `peak_scale.Peak`, from low voltage.
+    reference, other : lists of Peak, from low voltage.
     end_volt : where the other curve ends [V].
 
     Returns
@@ -75,7 +75,7 @@ def match_peaks(reference, other, *, end_volt=np.inf):
 
 
 def _aligned(reference, other, shift):
-    """Least cost at one common shift, and its blocks as (first, stop) in either list."""
+    """Least cost of an alignment at one common shift [V], and its blocks in either list."""
     best = {(0, 0): (0.0, [])}
     places = product(range(len(reference) + 1), range(len(other) + 1))
     for i, j in list(places)[1:]:
@@ -89,7 +89,7 @@ def _aligned(reference, other, shift):
 
 
 def _steps(reference, other, shift):
-    """Every step that may end here: how many peaks it takes of either list, and its cost."""
+    """Every last step of an alignment: peaks it takes of either list, and its cost."""
     if reference:
         yield 1, 0, ALONE_COST
     if other:
@@ -102,6 +102,7 @@ def _steps(reference, other, shift):
 
 
 def _cost(reference, other, shift):
+    """Cost of matching these peaks at a common shift [squared standard deviations]."""
     difference, std = _difference(reference, other)
     moved = (_centre(other) - _centre(reference) - shift) / SHIFT_TOLERANCE_VOLT
     area = min((difference / std) ** 2, AREA_COST_MAX)
@@ -114,11 +115,12 @@ def _area(peaks):
 
 
 def _centre(peaks):
+    """Mean voltage of peaks, weighted by area [V]."""
     return sum(peak.voltage_volt * peak.area_ampere_hour for peak in peaks) / _area(peaks)
 
 
 def _difference(reference, other):
-    """Of the summed areas, and its standard deviation; inner valleys cancel."""
+    """Difference of the summed areas and its standard deviation [Ah]; inner valleys cancel."""
     edges = [
         value
         for peaks in (reference, other)
@@ -128,6 +130,7 @@ def _difference(reference, other):
 
 
 def _match(reference, other, reach, first, stop, low, high):
+    """One block of the alignment as a `Match`."""
     reference_peaks, other_peaks = reference[first:stop], other[low:high]
     names = ["+".join(str(k + 1) for k in range(*span)) for span in ((first, stop), (low, high))]
     place = [_centre(peaks) if peaks else np.nan for peaks in (reference_peaks, other_peaks)]
@@ -150,6 +153,7 @@ def _match(reference, other, reach, first, stop, low, high):
 
 
 def _fate(reference_count, other_count, agree):
+    """Fate of the reference's peaks in a block, from how many there are and whether areas agree."""
     if not reference_count or not other_count:
         return "lost" if reference_count else "new"
     if reference_count == other_count:
@@ -163,7 +167,7 @@ END_SIGMAS = 5.0  # where a curve begins and ends polarisation sets, not the cel
 
 
 class Peak(NamedTuple):
-    """A peak at the common smoothing.
+    """A peak of dQ/dV at the smoothing common to all temperatures.
 
     voltage_volt, height_ampere_hour_per_volt, area_ampere_hour from valley to valley;
     voltage_std_volt : what smoothing leaves open. left_std_ampere_hour, right_std_ampere_hour :
@@ -181,7 +185,7 @@ class Peak(NamedTuple):
 
 
 def smoothed(voltage_volt, dq_dv, *, sigma_volt):
-    """dQ/dV (n,) on its uniform grid (n,) [V], smoothed by a Gaussian of that width [V].
+    """dQ/dV (n,) on its uniform grid (n,) [V], smoothed by a Gaussian of width sigma_volt [V].
 
     At the ends the Gaussian is cut and scaled up, so that a constant stays itself.
     """
@@ -201,7 +205,7 @@ def scaled_peaks(
     sigma_volt=ICA_TEMPERATURE.sigma_volt,
     prominence=ICA_TEMPERATURE.prominence,
 ):
-    """Peaks of one curve at the common smoothing.
+    """Peaks of one curve at the smoothing common to all temperatures.
 
     A chamber that swings prints ripples into dQ/dV that noise of the channel does not explain;
     curves are smoothed alike before their peaks are held against each other.
@@ -234,8 +238,7 @@ def scaled_peaks(
 
 
 def _tops(height, least):
-    """Rows of the peaks and of the valleys about them; peaks too low against a valley give way,
-    the lowest rise first."""
+    """Rows of the peaks and of the valleys about them; the least prominent peaks are removed first."""
     inner = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     tops = list(inner)
     while tops:
@@ -253,10 +256,12 @@ def _tops(height, least):
 
 
 def _low(height, first, last):
+    """Row of the lowest value between two rows."""
     return first + int(height[first : last + 1].argmin())
 
 
 def _peak(voltage, height, wide, top, lower, upper, sigma):
+    """Peak at a row, its place by a parabola, its area between its valleys."""
     step = voltage[1] - voltage[0]
     bend = height[top - 1] - 2 * height[top] + height[top + 1]
     shift = 0.5 * (height[top - 1] - height[top + 1]) / bend if bend else 0.0
@@ -304,7 +309,7 @@ def peaks_over_temperature(
     sigma_volt=ICA_TEMPERATURE.sigma_volt,
     prominence=ICA_TEMPERATURE.prominence,
 ):
-    """Match the peaks of slow charges at several temperatures with those at the reference.
+    """Peaks of slow charges at several temperatures, matched with those at the reference.
 
     Parameters
     ----------
@@ -358,6 +363,7 @@ def peaks_over_temperature(
 
 
 def _matched(reference, charge, peaks, sigma):
+    """Rows of matches of one charge with the reference."""
     matches = match_peaks(
         peaks[reference.test], peaks[charge.test], end_volt=charge.voltage_volt[-1] - sigma
     )

@@ -29,14 +29,14 @@ class Point(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Points, and a sentence for each thing that was left out of them or mixed in them."""
+    """Points, and a sentence on everything that was left out or mixed."""
 
     points: list
     notes: list
 
 
 def capacity_points(rows):
-    """Discharge capacity at each temperature, one quantity per rate.
+    """Discharge capacity at each temperature [Ah], one quantity per rate.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def capacity_points(rows):
 
 
 def _same_rate(rate, rates, alike):
-    """The first of the rates seen so far whose ratio to a rate is `alike`; a new one joins them."""
+    """First rate seen so far whose ratio to a rate is `alike`; otherwise the rate, which is added."""
     match = next((earlier for earlier in rates if alike(rate / earlier)), None)
     if match is None:
         rates.append(rate)
@@ -67,7 +67,7 @@ def _same_rate(rate, rates, alike):
 
 
 def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
-    """Ohmic and charge-transfer resistance of the fitted circuits at each SoC and temperature.
+    """Ohmic and charge-transfer resistance of fitted circuits [ohm] at each SoC and temperature.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
 
     Returns
     -------
-    found : Points, each with the standard deviation of its fit; what was left out.
+    points : Points, each with the standard deviation of its fit; what was left out.
     """
     with_soc = [
         row for row in first_check_up(rows) if row["soc"] is not None and np.isfinite(row["soc"])
@@ -109,7 +109,7 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
 
 
 def level_means(values, *, apart):
-    """The mean of the run of values that lie no further apart, for each value: dict.
+    """For each value the mean of its run, values that lie no further apart than a distance: dict.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def first_check_up(rows):
 
 
 def mean_per_temperature(points):
-    """The mean of what was measured more than once at one temperature, per quantity.
+    """Points with repeats at one temperature averaged, per quantity.
 
     Three spectra at one temperature are three witnesses of the resistance there, not of how it
     moves with temperature: a chamber that is off and a law that bends move all three at once.
@@ -157,7 +157,7 @@ def mean_per_temperature(points):
 
 
 def grouped(items, key):
-    """Items by what a function says of each, in the order in which that first appears: dict.
+    """Items by a key of each, in the order in which the keys first appear: dict.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def grouped(items, key):
 
 
 def with_enough_temperatures(points, *, temperatures=3):
-    """Points of the quantities that have at least so many temperatures."""
+    """Points of the quantities that are known at so many temperatures or more."""
     groups = grouped(points, lambda point: point.quantity)
     tested = {
         name: len({point.temperature_celsius for point in same_quantity})
@@ -186,7 +186,7 @@ NEAR_SOC = 0.05  # how far a single pulse may lie
 def resistance_points(
     rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate, soc=TEMPERATURE.soc
 ):
-    """Pulse resistance at stated SoC and each temperature, discharge and charge apart.
+    """Pulse resistance [ohm] at stated SoC and each temperature, discharge and charge apart.
 
     Resistance depends on the current where charge transfer is slow, in the cold most of all. So
     all temperatures of a quantity come from pulses of one rate (within 10 %): the one that most
@@ -203,7 +203,7 @@ def resistance_points(
 
     Returns
     -------
-    found : Points, and what was left out or mixed.
+    points : Points, and what was left out or mixed.
     """
     with_soc = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
     points, notes = [], []
@@ -226,13 +226,13 @@ def resistance_points(
 
 
 def resistance_name(direction, delay_second):
-    """What a pulse resistance is called, without its SoC: that of discharges has no prefix."""
+    """Name of a pulse resistance and of its delay, without its SoC; discharges have no prefix."""
     when = "first sample" if delay_second == 0 else f"{delay_second:g} s"
     return f"{'charge ' if direction == 'charge' else ''}resistance", when
 
 
 def rate_classes(rows):
-    """Rows by rate: a class ends where the next rate is more than 10 % higher."""
+    """Median rate → its rows; a class ends where the next rate is more than 10 % higher."""
     classes = []
     for row in sorted(rows, key=lambda row: row["c_rate"]):
         if row["c_rate"] <= 0:
@@ -247,7 +247,7 @@ def rate_classes(rows):
 
 
 def preferred_rate(reached, c_rate):
-    """The rate that reaches the most, of equals the nearest to `c_rate`.
+    """Rate with the most temperatures (or other entries), of equals the nearest to `c_rate` [1/h].
 
     Parameters
     ----------
@@ -257,18 +257,19 @@ def preferred_rate(reached, c_rate):
 
 
 def _by_distance(rates, c_rate):
+    """Rates sorted by their ratio to a rate, nearest first."""
     return sorted(rates, key=lambda rate: abs(np.log(rate / c_rate)))
 
 
 def _resistance_over_temperature(rows, level):
-    """Temperature → (resistance, std) where pulses lie around a state of charge."""
+    """Temperature → (resistance, std) [ohm] where pulses lie near a state of charge."""
     groups = grouped(rows, lambda row: row["ambient_temperature_celsius"])
     resistances = {celsius: _interpolated(pulses, level) for celsius, pulses in groups.items()}
     return {celsius: value for celsius, value in resistances.items() if value is not None}
 
 
 def _at_one_rate(courses, c_rate):
-    """Temperature → (resistance, std) at one rate for all, and what was left out or mixed."""
+    """Temperature → (resistance, std) [ohm] at one rate, and a note on what was left out or mixed."""
     if not courses:
         return {}, ""
     everywhere = sorted({celsius for course in courses.values() for celsius in course})
@@ -288,7 +289,7 @@ def _at_one_rate(courses, c_rate):
 
 
 def _interpolated(rows, level):
-    """Resistance and its std at a SoC, between the pulses on either side of it."""
+    """Resistance and its std [ohm] at a SoC, between the pulses on either side of it."""
     rows = sorted(rows, key=lambda row: row["soc"])
     below = [row for row in rows if level - REACH_SOC <= row["soc"] <= level]
     above = [row for row in rows if level <= row["soc"] <= level + REACH_SOC]
@@ -312,7 +313,7 @@ SAME_LIMIT_RATE = 1.1
 
 
 def fast_charge_points(rows):
-    """What a fast charge puts in, and how, at each temperature; one quantity per rate.
+    """Share charged, its time and its kind at each temperature; one quantity per rate.
 
     Parameters
     ----------
@@ -343,6 +344,7 @@ def fast_charge_points(rows):
 
 
 def _quantities(row):
+    """Name, unit and value of each quantity of one fast charge."""
     yield f"share charged in {row['minutes']:g} min", "1", row["share"]
     if row["share"] < 1:
         ratio = row["share"] / (1 - row["share"])

@@ -15,7 +15,7 @@ FEWEST_SOC = 4
 
 
 def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
-    """A linear law and an Arrhenius law over temperature; the better predicts left-out values.
+    """Linear and Arrhenius law over temperature, the one chosen that predicts left-out values.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
 
 
 def soc_lines(soc, value, *, unit, level=0.95):
-    """A line over SoC and one through zero; the better predicts values left out in turn.
+    """Line over SoC and line through zero, the one chosen that predicts left-out values.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def soc_lines(soc, value, *, unit, level=0.95):
 
 
 def _over_soc(law, names, unit, soc, value, level):
-    """A line over SoC, through zero where it has no offset, with the error of values left out."""
+    """Line over SoC (one name: through zero) with its error at values left out."""
     columns = np.vander(soc, 2)[:, : len(names)]
     line, errors = fit_line(columns, value), []
     for k in range(len(value)):
@@ -92,7 +92,7 @@ def _over_soc(law, names, unit, soc, value, level):
 
 
 def _with_p_values(law, degrees_of_freedom, **more):
-    """The law with the p-value of its slope, and others, as further parameters."""
+    """Law with the p-value of its slope, and others, as further parameters."""
     extra = {"slope_p_value": _p_value(law.values[0], law.std[0], degrees_of_freedom), **more}
     unknown = np.full(len(extra), np.nan)
     parts = {name: np.append(getattr(law, name), unknown) for name in ("std", "lower", "upper")}
@@ -105,7 +105,7 @@ def _with_p_values(law, degrees_of_freedom, **more):
 
 
 def _p_value(value, std, degrees_of_freedom):
-    """Two-sided, of Student's t; NaN where the scatter is not known."""
+    """Two-sided p-value of a value by Student's t; NaN where the scatter is not known."""
     from scipy.special import stdtr
 
     if degrees_of_freedom < 1 or not std > 0:
@@ -125,7 +125,7 @@ SHARE_OF_RESTS = 0.8  # of the rests: so many must tell three exponentials for t
 
 
 class Point(NamedTuple):
-    """One rest: a quantity [unit] with deviation at a SoC [1] and temperature [°C].
+    """One quantity of one rest [unit] with its std, at a SoC [1] and temperature [°C].
 
     Amplitudes are positive where the rest relaxes away from the load, as physics has it.
     """
@@ -139,7 +139,7 @@ class Point(NamedTuple):
 
 
 class ComparableRests(NamedTuple):
-    """Points of the rests that compare, and the protocol in words."""
+    """Points of comparable rests, and their protocol in words."""
 
     points: list
     protocol: str
@@ -185,7 +185,7 @@ def comparable_rests(rows):
 
 
 def over_temperature(points):
-    """Median over the middle SoC of each quantity and temperature.
+    """Median over SoC 15 to 95 % of each quantity at each temperature.
 
     Returns
     -------
@@ -240,6 +240,7 @@ def law_rows(laws):
 
 
 def _fit_or_reason(laws, reasons, name, fit, axis, value, unit):
+    """Add the fitted laws of a quantity, or the reason why there are none."""
     try:
         laws[name] = fit(axis, value, unit=unit)
     except Refusal as refusal:
@@ -247,7 +248,7 @@ def _fit_or_reason(laws, reasons, name, fit, axis, value, unit):
 
 
 def _by_protocol(rows):
-    """Rows by protocol: each joins the first group whose first row is alike."""
+    """Rows grouped by protocol: each joins the first group whose first row is alike."""
     protocols = []
     for row in sorted(rows, key=lambda rest: [abs(rest[name]) for name in ALIKE]):
         match = next((protocol for protocol in protocols if _alike(protocol[0], row)), None)
@@ -259,6 +260,7 @@ def _by_protocol(rows):
 
 
 def _alike(first, other):
+    """Whether two rests are of one protocol."""
     if (first["direction"], first["load"]) != (other["direction"], other["load"]):
         return False
     return all(abs(np.log(first[name] / other[name])) <= reach for name, reach in ALIKE.items())
@@ -273,6 +275,7 @@ def _rests(rows):
 
 
 def _points(row):
+    """Points of the four quantities of one rest."""
     sign = np.sign(row["current_before_ampere"])
     for name, unit in QUANTITIES.items():
         value = row[COLUMN[name]] * (sign if unit == "V" else 1.0)
@@ -297,11 +300,11 @@ MEANS = {
 
 
 def paragraph(rests, laws):
-    """A few sentences for somebody who has not seen the plots.
+    """Paragraph on polarisation over temperature and SoC, for a reader without the plots.
 
     Parameters
     ----------
-    found : `polarisation.ComparableRests`. laws : dict from `polarisation.laws_of`.
+    rests : ComparableRests. laws : dict from `laws_of`.
     """
     if not rests.points:
         return f"Polarisation is not known: {rests.protocol}."
@@ -314,6 +317,7 @@ def paragraph(rests, laws):
 
 
 def _rests_in_words(rests):
+    """Number, protocol and goodness of fit of the rests in words."""
     count, good = len(rests.r_squared), int(np.sum(rests.r_squared > 0.98))
     numbers = {2: "two exponentials", 3: "three exponentials, the fastest left out of a and b"}
     return (
@@ -324,7 +328,7 @@ def _rests_in_words(rests):
 
 
 def _course(name, celsius, value):
-    """How a quantity changes from the warmest to the coldest temperature."""
+    """Change of a quantity from the warmest to the coldest temperature in words."""
     unit, factor = ("mV", 1e3) if name in "ab" else ("s", 1.0)
     ratio = value[0] / value[-1]
     warm, cold = (f"{_digits(factor * value[k])} {unit} at {celsius[k]:g} °C" for k in (-1, 0))

@@ -37,11 +37,11 @@ REJECTED = 0.05
 
 
 def law_rows(fits):
-    """Rows of the table of laws: parameters and scores of each form, and the tests.
+    """Rows of the table of laws: parameters and scores of each form, and tests of separability.
 
     Parameters
     ----------
-    found : list of (Pulses, Fitted of each form, Separability of each scale).
+    fits : list of (Pulses, Fitted of each form, Separability of each scale).
 
     Returns
     -------
@@ -56,11 +56,11 @@ def law_rows(fits):
 
 
 def point_rows(fits):
-    """Every pulse with what each form makes of it, and with its temperature left out.
+    """Rows of all pulses with the resistance [ohm] of each form, and with its temperature left out.
 
     Parameters
     ----------
-    found : as in `law_rows`.
+    fits : as in `law_rows`.
 
     Returns
     -------
@@ -81,11 +81,11 @@ def point_rows(fits):
 
 
 def sentences(fits):
-    """What the tests and the scores say of each surface.
+    """Tests of separability and the best form of each surface in words.
 
     Parameters
     ----------
-    found : as in `law_rows`.
+    fits : as in `law_rows`.
 
     Returns
     -------
@@ -98,6 +98,7 @@ def sentences(fits):
 
 
 def _heading(pulses):
+    """Number of pulses and range of SoC and temperature of a surface in words."""
     celsius = np.unique(pulses.temperature_celsius)
     return (
         f"{surface_name(pulses)}: {len(pulses.soc)} pulses, {len(celsius)} temperatures from "
@@ -116,6 +117,7 @@ _SPLITS = {"R": "a sum of both (thesis eq. 3.11)", "ln R": "a product of both"}
 
 
 def _verdict(test):
+    """Result of one test of separability in words."""
     said = "is rejected" if test.p_value < REJECTED else "is not rejected"
     return (
         f"That SoC and temperature separate into {_SPLITS[test.scale]} {said} "
@@ -126,6 +128,7 @@ def _verdict(test):
 
 
 def _best(fitted, pulses):
+    """Best form, its error, and forms that are not offered, in words."""
     best = next(fit for fit in fitted if fit.chosen)
     untested = [fit.surface.form for fit in fitted if not np.isfinite(fit.temperature_rmse)]
     note = f" (too few temperatures to leave one out of the {untested[0]} form)" if untested else ""
@@ -144,6 +147,7 @@ def _best(fitted, pulses):
 
 
 def _form_rows(pulses, fitted):
+    """Rows of one form: parameters, then errors at SoC and temperatures left out."""
     surface, celsius = fitted.surface, pulses.temperature_celsius
     temperature_parameters = OVER_TEMPERATURE.get(surface.form, 0)
     spare = len(np.unique(celsius)) - temperature_parameters
@@ -181,6 +185,7 @@ TESTED = ("f_statistic", "p_value", "interaction", "interaction_net", "scatter")
 
 
 def _test_rows(pulses, test):
+    """Rows of one test of separability."""
     celsius = pulses.temperature_celsius
     limits = ranges(UNKNOWN, (celsius.min(), celsius.max()))
     for name in TESTED:
@@ -205,7 +210,7 @@ class Pulses(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """One form on one set of pulses.
+    """One form fitted to one set of pulses, with its scores.
 
     left_out_ohm : (n,) prediction of each pulse by the fit without its temperature; NaN where the
     rest determines none. temperature_rmse, soc_rmse : its error, and that with blocks of SoC left
@@ -226,7 +231,7 @@ class Fitted(NamedTuple):
 
 
 def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
-    """Pulses of one rate at all temperatures that have it, each known to 5 % or better.
+    """Pulses of one rate at all temperatures that have it, resistance known to 5 % or better.
 
     Parameters
     ----------
@@ -264,7 +269,7 @@ def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
 
 
 def _full_courses(rows):
-    """Temperature → rows by SoC, where there are enough levels of SoC."""
+    """Temperature → rows by SoC, where there are `LEAST_LEVELS` levels of SoC."""
     rows = sorted(rows, key=lambda row: row["soc"])
     return {
         celsius: course
@@ -274,7 +279,7 @@ def _full_courses(rows):
 
 
 def fit_surfaces(pulses):
-    """All forms on one set of pulses; the best at temperatures left out is chosen.
+    """All forms fitted to one set of pulses, the best at temperatures left out chosen.
 
     The additive form is not, where its quadratic rises within 5 K of the tested temperatures: a
     resistance falls as it warms.
@@ -297,6 +302,7 @@ def fit_surfaces(pulses):
 
 
 def _fit(form, pulses):
+    """One form fitted to pulses, with its errors at temperatures and at blocks of SoC left out."""
     soc, celsius, ohm = pulses[1:]
     surface = fit_form(form, soc, celsius, ohm)
     fitted = predict(surface, soc, celsius)
@@ -316,7 +322,7 @@ def _fit(form, pulses):
 
 
 def _left_out(form, pulses, blocks):
-    """Prediction of each group of pulses by a fit without them."""
+    """Prediction [ohm] of each block of pulses by a fit without it; NaN: the rest determines none."""
     soc, celsius, ohm = pulses[1:]
     predicted = np.full(len(ohm), np.nan)
     for out in (blocks == block for block in np.unique(blocks)):
@@ -328,7 +334,7 @@ def _left_out(form, pulses, blocks):
 
 
 def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate):
-    """Every surface that a cell's pulses bear, with its test of separability.
+    """Fitted surfaces of all sets of pulses of a cell, with their tests of separability.
 
     Parameters
     ----------
@@ -338,7 +344,7 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.
 
     Returns
     -------
-    found : list of (Pulses, tuple of Fitted, tuple of Separability).
+    fits : list of (Pulses, tuple of Fitted, tuple of Separability).
     reasons : list of sentences for what could not be had.
 
     Raises

@@ -36,7 +36,7 @@ class Surface(NamedTuple):
 
 
 def predict(surface, soc, temperature_celsius):
-    """Resistance [ohm] of a fitted form at (n,) SoC and temperatures [°C]; any, also untested."""
+    """Resistance [ohm] of a fitted form at (n,) SoC [1] and temperatures [°C], tested or not."""
     soc, celsius = np.broadcast_arrays(np.asarray(soc, float), temperature_celsius)
     if surface.form == "table":
         return _from_nodes(surface.nodes, soc, celsius)
@@ -46,7 +46,7 @@ def predict(surface, soc, temperature_celsius):
 
 
 def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
-    """Fit one form to pulses.
+    """One form of a resistance over SoC and temperature fitted to pulses.
 
     additive: R = f(SoC) + b1 T² + b2 T + b3 (thesis eq. 3.11-3.13), T in °C. f is a3·SoC from
     10 to 90 % SoC; beyond, it goes on from its value at the joint by exponentials that are 0 there,
@@ -95,11 +95,12 @@ def levels_of(soc):
 
 
 def _free(rates):
+    """Number of rates that are fitted; a rate of 0 is a straight line."""
     return sum(rate > 0 for end in rates for rate in end)
 
 
 def _columns(form, soc, celsius, rates):
-    """Design matrix: temperature, the straight middle, both ends."""
+    """Design matrix (n, p): temperature, linear middle range of SoC, both ends."""
     over_temperature = (
         np.stack([celsius**2, celsius, np.ones_like(celsius)], axis=-1)
         if form == "additive"
@@ -116,7 +117,7 @@ def _columns(form, soc, celsius, rates):
 
 
 def _choices(soc):
-    """Rates that may be tried at one end, by how many levels lie beyond its joint."""
+    """Rates to try at one end, by how many levels of SoC lie beyond its joint."""
     levels = levels_of(soc)
     if levels < 2:
         return [(0.0,) * levels]
@@ -124,7 +125,7 @@ def _choices(soc):
 
 
 def _search(form, soc, celsius, target):
-    """Best rates of the grid, one end after the other."""
+    """Best rates of the grid, one end after the other, in two sweeps."""
     choices = _choices(soc[soc < LOW_JOINT]), _choices(soc[soc > HIGH_JOINT])
     best = [options[len(options) // 2] for options in choices]
     for end in (0, 1) * SWEEPS:
@@ -135,11 +136,12 @@ def _search(form, soc, celsius, target):
 
 
 def _residual(form, soc, celsius, target, rates):
+    """Residual (n,) of the best linear parameters at given rates."""
     return residuals(_columns(form, soc, celsius, rates), target)
 
 
 def _refined(form, soc, celsius, target, rates):
-    """Rates refined from the grid's best, within its range."""
+    """Rates refined by a search that starts from the grid's best."""
     if not _free(rates):
         return rates
     split = len(rates[0])
@@ -162,7 +164,7 @@ def _refined(form, soc, celsius, target, rates):
 
 
 def _errors(design, residual, celsius, over_temperature):
-    """Standard deviations, with what all pulses of a temperature are off by together.
+    """Standard deviations of parameters, with the error that pulses of one temperature share.
 
     A chamber that is half a kelvin off, or a law that bends, moves all pulses of a temperature at
     once: they are no independent witnesses of how the resistance moves with temperature. The
@@ -196,6 +198,7 @@ def _rate_slopes(form, soc, celsius, rates, linear):
 
 
 def _names(form, rates):
+    """Names and units of the parameters of a form."""
     additive = form == "additive"
     unit = "Ohm" if additive else "1"
     names = ["b1", "b2", "b3"] if additive else ["ln_value_at_25_celsius", "activation_energy"]
@@ -209,7 +212,7 @@ def _names(form, rates):
 
 
 def _from_nodes(nodes, soc, celsius):
-    """ln R over SoC at each tested temperature, then a line in 1/T through the two nearest."""
+    """Resistance [ohm] of a table: ln R over SoC, then linear in 1/T."""
     axis = inverse_temperature([level for level, _, _ in nodes])
     courses = np.stack([np.interp(soc, z, np.log(ohm)) for _, z, ohm in nodes])
     at = inverse_temperature(celsius)
@@ -225,7 +228,7 @@ MOST_KNOTS, FEWEST_KNOTS, FEWEST_DEGREES = 8, 3, 5
 
 
 class Separability(NamedTuple):
-    """A two-way test on one scale: "R" (a sum, thesis eq. 3.11) or "ln R" (a product).
+    """Two-way test of separability on one scale: "R" (sum, thesis eq. 3.11) or "ln R" (product).
 
     interaction : RMS of what a course of its own at each temperature adds to the separate courses,
     relative to the mean resistance at that temperature [1]. scatter : of the pulses around the
@@ -243,7 +246,7 @@ class Separability(NamedTuple):
 
 
 def separability(soc, temperature_celsius, resistance_ohm):
-    """Two-way analysis with interaction, on R and on ln R.
+    """Tests of whether resistance separates into SoC and temperature, on R and on ln R.
 
     Separate: one course over SoC for all temperatures and a level at each. Against it: a course of
     its own at each temperature. Courses are straight between knots at quantiles of the SoC, as many
@@ -283,7 +286,7 @@ def separability(soc, temperature_celsius, resistance_ohm):
 
 
 def _knots(soc, celsius, temperatures):
-    """As many knots as leave enough degrees of freedom, at quantiles of the SoC."""
+    """Knots of SoC at its quantiles, as many as leave enough degrees of freedom."""
     levels = min(levels_of(soc[celsius == level]) for level in np.unique(celsius))
     most = min(MOST_KNOTS, levels - 1, (len(soc) - FEWEST_DEGREES) // temperatures)
     if most < FEWEST_KNOTS:
@@ -295,6 +298,7 @@ def _knots(soc, celsius, temperatures):
 
 
 def _tested(scale, target, separate, per_temperature):
+    """F-test of one resistance curve over SoC for all temperatures against one for each."""
     from scipy.special import fdtrc
 
     plain, plain_rank = _fitted(separate, target)
@@ -314,5 +318,6 @@ def _tested(scale, target, separate, per_temperature):
 
 
 def _fitted(columns, target):
+    """Least-squares prediction (n,) and the rank of the columns."""
     values, _, rank, _ = np.linalg.lstsq(columns, target, rcond=None)
     return columns @ values, int(rank)

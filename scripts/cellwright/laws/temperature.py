@@ -18,8 +18,8 @@ from cellwright.numerics.statistics import r_squared, rms
 from cellwright.refusal import Refusal
 
 NO_LIMIT = (-np.inf, np.inf)
-# K beyond the tested temperatures that a law is offered and drawn for. So far from what it was told
-# of a model counts as told, too (models.lookup.SAME_KELVIN).
+# How far beyond the tested temperatures a law is offered and drawn [K]. A model's look-up accepts
+# temperatures this far from those it knows, too.
 REACH_KELVIN = 5.0
 
 
@@ -45,7 +45,7 @@ def falling_range(b1, b2, b3):
 
 
 def is_usable(valid_celsius, tested_celsius):
-    """Whether a law may be read over the tested temperatures and `REACH_KELVIN` beyond them.
+    """Whether a law is valid over the tested temperatures and `REACH_KELVIN` beyond them.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def is_usable(valid_celsius, tested_celsius):
 
 
 def turn_in_words(values, valid_celsius, tested_celsius):
-    """What ends a law within its use, in words; "" where nothing does.
+    """Where a law stops being valid within its range of use, in words; "" where it is valid.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def turn_in_words(values, valid_celsius, tested_celsius):
 
 
 def _turn(values, valid, tested):
-    """What ends a law within its use, and where [°C]."""
+    """Where a law stops being valid within its range of use: sentence with {}, temperature [°C]."""
     low, high = valid
     if is_usable(valid, tested):
         return "", np.nan
@@ -80,7 +80,7 @@ def _turn(values, valid, tested):
 
 
 def drawn_pieces(tested_celsius, valid_celsius):
-    """How a law is drawn: the tested temperatures and `REACH_KELVIN` beyond them in pieces.
+    """Temperature ranges [°C] in which a law is drawn, each marked as tested or extrapolated.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def drawn_pieces(tested_celsius, valid_celsius):
 
 
 def turn_sentences(families):
-    """A sentence for each family of resistances whose quadratics turn where they would be used.
+    """Sentences on families of resistances whose quadratics rise within their range of use.
 
     The curve as it would be read decides, not whether its turn is certain: Arrhenius, which never
     turns, is there in its place. How certain it is, is said.
@@ -132,7 +132,7 @@ def turn_sentences(families):
 
 
 def span_of(values, digits):
-    """Least and largest of some numbers in words, one number where they read the same.
+    """Smallest and largest of some numbers in words; one number where both read the same.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def span_of(values, digits):
 
 
 class Law(NamedTuple):
-    """One fitted law; the arrays hold one number per parameter, in the order the law takes them.
+    """One fitted law over temperature (or SoC); arrays hold one number per parameter.
 
     law : its name, see `FORMS`. names, units : of the parameters. values, std, lower, upper :
     estimate, standard deviation, confidence limits; NaN where not known. r_squared : on the scale
@@ -175,7 +175,7 @@ class Law(NamedTuple):
 
 
 def quadratic_law(temperature_celsius, b1, b2, b3):
-    """b1 T² + b2 T + b3 with T in °C (thesis eq. 3.13)."""
+    """Value of b1 T² + b2 T + b3 with T in °C (thesis eq. 3.13)."""
     return (b1 * temperature_celsius + b2) * temperature_celsius + b3
 
 
@@ -186,7 +186,7 @@ def linear_law(temperature_celsius, slope, value_at_25_celsius):
 
 
 def conductivity_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
-    """The same with the factor T before it: σT, not σ, follows Arrhenius (thesis eq. 3.4, 3.5).
+    """Value of an Arrhenius law with the factor T: σT, not σ, follows it (thesis eq. 3.4, 3.5).
 
     Its activation energy is higher than that of the plain law by R·T, 2.3 kJ/mol near 5 °C.
     """
@@ -223,7 +223,7 @@ LAWS = {name: FORMS[name].function for name in ("quadratic", "arrhenius", "arrhe
 def fit_laws(
     temperature_celsius, value, *, unit, std=None, level=0.95, falling=False, names=tuple(LAWS)
 ):
-    """Fit the laws and choose one by cross-validation.
+    """Laws fitted to values over temperature, one chosen by cross-validation.
 
     Parameters
     ----------
@@ -267,7 +267,7 @@ def fit_laws(
 
 
 def _with_falling_range(law, celsius, value, std, level):
-    """A resistance's quadratic with where it falls, and whether its turn is beyond its error."""
+    """A resistance's quadratic with the range in which it falls, and whether it surely rises."""
     if law.law != "quadratic":
         return law
     ends = law.tested_celsius[0] - REACH_KELVIN, law.tested_celsius[1] + REACH_KELVIN
@@ -319,7 +319,7 @@ def law_rows(points):
 
 
 def rows_of(quantity, law):
-    """Rows of one law; `lower` and `upper` bound 95 %, beyond the tested range it is a guess."""
+    """Rows of one law, a parameter each, with its 95 % limits and the tested and valid range."""
     numbers = zip(law.values, law.std, law.lower, law.upper, strict=True)
     return [
         law_row(
@@ -376,7 +376,7 @@ def law_row(
 
 
 def ranges(interval, tested_celsius, valid_celsius=NO_LIMIT):
-    """Columns of the table of laws on an interval and on where a law holds.
+    """Columns of the table of laws: limits of a parameter, tested and valid temperatures [°C].
 
     Parameters
     ----------
@@ -388,7 +388,7 @@ def ranges(interval, tested_celsius, valid_celsius=NO_LIMIT):
 
 
 def _fitted(name, celsius, value, std, *, unit, level):
-    """One law with its scores; the errors of an Arrhenius law are those of its logarithm."""
+    """One law with its scores; errors of an Arrhenius law are those of its logarithm."""
     form, (line, values) = FORMS[name], _coefficients(name, celsius, value, std)
     (lower, upper), deviations = line.interval(level=level), line.std
     predicted = form.function(celsius, *values)
@@ -417,7 +417,7 @@ def _fitted(name, celsius, value, std, *, unit, level):
 
 
 def _coefficients(name, celsius, value, std):
-    """The line that is fitted, and the parameters of the law that it stands for."""
+    """Fitted line of a law, and the parameters of the law from it."""
     if name.startswith("arrhenius"):
         factor = _factor(name, celsius)
         line = fit_arrhenius(celsius, value / factor, std / factor)
@@ -431,12 +431,12 @@ def _coefficients(name, celsius, value, std):
 
 
 def _factor(name, celsius):
-    """What of a value does not follow the plain Arrhenius law: T over 298.15 K, or nothing."""
+    """Factor of a value besides the plain Arrhenius law: T/298.15 K for "arrhenius_t", else 1."""
     return (celsius + ZERO_CELSIUS_KELVIN) / REFERENCE_KELVIN if name == "arrhenius_t" else 1.0
 
 
 def _left_out_rmse(name, celsius, value, std):
-    """RMSE at temperatures left out in turn; NaN where the rest would determine no law."""
+    """RMSE at temperatures left out in turn; NaN where the rest determines no law."""
     levels, form, errors = np.unique(celsius), FORMS[name], []
     if len(levels) <= form.fewest:
         return np.nan

@@ -21,7 +21,7 @@ MOST_LAGS, MOST_FIXED = 24, 6  # what the kernel has room for
 
 
 class Load(NamedTuple):
-    """A record as the linear model y = fixed·a + lags(tau)·r sees it.
+    """A record as the linear model y = fixed·a + lags(tau)·r: what is fitted, by which columns.
 
     step_second : (n−1,) steps [s]. drive : (n,) current that the lags follow [A]. fixed : (f, n)
     columns that no time constant enters. target_volt : (n,) what is to be explained [V]. hold : of
@@ -36,7 +36,7 @@ class Load(NamedTuple):
 
 
 class Normal(NamedTuple):
-    """Products of the columns (fixed, lags, derivatives of the lags by ln tau) and the residual.
+    """Gram matrix of the columns (fixed, lags, slopes of the lags by ln tau), and the residual.
 
     gram : (c, c). moment : (c,) columns times residual. power : residual times itself
     [V²]. near : residual times the one before it [V²].
@@ -49,7 +49,7 @@ class Normal(NamedTuple):
 
 
 def normal_equations(load, tau_second, linear, *, sloped=True):
-    """Products of all columns of a circuit's linear model, and of its residual, in one pass.
+    """Gram matrix of all columns of a circuit's linear model, with its residual, in one pass.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def normal_equations(load, tau_second, linear, *, sloped=True):
 
 
 def columns_of(load, tau_second, *, sloped=True):
-    """The columns themselves: fixed, lags, and (where sloped) their derivatives by ln tau: (c, n).
+    """Columns of a circuit's linear model (c, n): fixed, lags, where sloped their slopes by ln tau.
 
     Parameters
     ----------
@@ -99,6 +99,7 @@ def columns_of(load, tau_second, *, sloped=True):
 
 
 def _by_numpy(load, tau_second, linear, *, sloped):
+    """The same products without the compiled kernel, from columns in memory."""
     columns = columns_of(load, tau_second, sloped=sloped)
     residual = load.target_volt - linear @ columns[: len(linear)]
     columns = np.vstack([columns, residual])
@@ -106,6 +107,7 @@ def _by_numpy(load, tau_second, linear, *, sloped):
 
 
 def _split(products, near):
+    """Normal from the Gram matrix whose last row and column are those of the residual."""
     return Normal(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), float(near))
 
 
@@ -114,7 +116,7 @@ GRID = {1: 24, 2: 14, 3: 8}  # time constants per pair
 
 
 def coarse_start(load, tau_bounds, linear_bounds):
-    """Time constants, and linear parameters for them, near which the best fit lies.
+    """Start of a fit: time constants [s] and linear parameters that fit best on a coarse grid.
 
     Parameters
     ----------
@@ -140,7 +142,7 @@ def coarse_start(load, tau_bounds, linear_bounds):
 
 
 def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
-    """Best combination of time constants of a coarse grid, and the linear parameters for it.
+    """Best combination of time constants of a coarse grid [s], and its linear parameters.
 
     Parameters
     ----------
@@ -165,7 +167,7 @@ def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
 
 
 def thinned(load):
-    """The record on every k-th row, at most ROWS; between them the lags follow the mean current.
+    """The record on every k-th row, at most ROWS rows; steps in between carry their mean current.
 
     Parameters
     ----------
@@ -190,7 +192,7 @@ def thinned(load):
 
 @cache
 def _places(kinds, size):
-    """Every combination of places in a list of grids, one grid per kind of bounds: (k, m)."""
+    """All combinations of grid indices (k, m), one grid for each kind of bounds."""
     combinations = np.array(
         list(product(*(range(kind * size, (kind + 1) * size) for kind in kinds)))
     )
@@ -199,12 +201,12 @@ def _places(kinds, size):
 
 
 def _inner(lower, upper, size):
-    """Logarithmic grid inside of two bounds, all one point where they coincide."""
+    """Logarithmic grid strictly within two bounds; one repeated value where the bounds coincide."""
     return np.exp(np.linspace(np.log(lower), np.log(upper), size + 2)[1:-1])
 
 
 def _solved(normal, fixed, combinations):
-    """Least squares of every combination: (k, l) parameters, (k,) power."""
+    """Least squares of every combination: parameters (k, l) and squared residuals (k,) [V²]."""
     columns = np.hstack([np.tile(np.arange(fixed), (len(combinations), 1)), fixed + combinations])
     scale = np.sqrt(np.diag(normal.gram))
     scale = np.where(scale > 0, scale, 1.0)
@@ -275,7 +277,7 @@ def projected(normal, log_tau, linear, lower, upper):
 
 
 def levenberg(normal_at, log_tau, linear, bounds, *, samples):
-    """Minimise over the time constants, from given ones.
+    """Least squares over time constants and linear parameters, by a damped search from a start.
 
     Parameters
     ----------
@@ -322,7 +324,7 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
 
 
 def _step(at, damping, lower, upper, linear_bounds):
-    """Damped step of all parameters, and by how much it should lower the power [V²]."""
+    """Damped step of all parameters, and the fall of the squared residual it predicts [V²]."""
     size, diagonal = len(at.linear), at.gram.diagonal()
     pull = at.moment[size:]
     held = ((at.log_tau <= lower) & (pull < 0)) | ((at.log_tau >= upper) & (pull > 0))
@@ -345,7 +347,7 @@ def _step(at, damping, lower, upper, linear_bounds):
 
 
 def _following(at, free, log_tau_move):
-    """Step of the linear parameters for a step of the time constants that bounds have shortened."""
+    """Step of the linear parameters that belongs to a step of ln tau shortened by bounds."""
     size = len(at.linear)
     root = np.where(free, np.sqrt(at.gram.diagonal()[:size]), np.inf)
     unit = at.gram[:size, :size] / (root[:, None] * root)
@@ -357,12 +359,12 @@ def _following(at, free, log_tau_move):
 
 
 def _within(values, lower, upper):
-    """As np.clip, in a third of its time."""
+    """Values limited to bounds; as np.clip, in a third of its time."""
     return np.minimum(np.maximum(values, lower), upper)
 
 
 def _bounded(unit, moment, lower, upper):
-    """Least squares in scaled moves within bounds: free if that is inside, else every face."""
+    """Bounded least squares: the free solution if it lies within, else the best on the bounds."""
     ridge = RANK * np.eye(len(unit))
     free = np.linalg.solve(unit + ridge, moment)
     if (free >= lower).all() and (free <= upper).all():
@@ -381,7 +383,7 @@ def _bounded(unit, moment, lower, upper):
 
 
 def _on_face(unit, moment, face, lower, upper):
-    """Solution with parameters marked 1 at their lower, 2 at their upper bound."""
+    """Solution with the parameters marked 1 held at their lower and 2 at their upper bound."""
     solution = np.where(face == 1, lower, np.where(face == 2, upper, 0.0))
     free = face == 0
     right = moment[free] - unit[np.ix_(free, ~free)] @ solution[~free]
@@ -397,7 +399,7 @@ COMBINED_BETTER = 5.0
 
 
 def verdict(names, values, covariance, lower, upper):
-    """What the data do not tell of a fit's parameters; empty where they tell all.
+    """Which parameters of a fit the data do not determine, in words; "" where they determine all.
 
     A parameter is not told where its 95 % interval, from the covariance, reaches zero (relative
     standard deviation above 0.51), or where the fit ran to the limit of its search. Of two that
@@ -431,6 +433,7 @@ def verdict(names, values, covariance, lower, upper):
 
 
 def _at_limit(names, values, lower, upper, index):
+    """Sentence on a parameter at the limit of its search; "" where it lies within."""
     name, value = names[index], values[index]
     tau = name.startswith("tau")
     if tau and value >= upper[index] * (1 - 1e-9):
@@ -446,7 +449,7 @@ def _at_limit(names, values, lower, upper, index):
 
 
 def _together(names, values, covariance, spread):
-    """Sums and ratios that are known much better than what they are made of."""
+    """Sentences on sums and ratios that are known much better than their two parameters."""
     lost = [i for i in range(len(names)) if spread[i] > UNDETERMINED and names[i][:3] != "ocv"]
     for i, j in [(i, j) for i in lost for j in lost if i < j]:
         kind, gradient = _combined(names[i], names[j], values[[i, j]])
@@ -459,7 +462,7 @@ def _together(names, values, covariance, spread):
 
 
 def _combined(first, second, values):
-    """Name of what two parameters form, and the gradient of its logarithm."""
+    """Name of what two parameters form (sum, ratio or ""), and the gradient of its logarithm."""
     if first[0] == second[0] == "r":
         return "sum", np.ones(2) / values.sum()
     if first[0] == "r" and second == f"tau{first[1]}_second":

@@ -23,7 +23,7 @@ PASSES, WORTH = 5, 1e-6  # steps per parameter; least fall of the cost that free
 
 
 class Free(NamedTuple):
-    """A parameter that is fitted. step: for its derivative. prior, std: what is known beforehand.
+    """A fitted parameter. step: for its derivative. prior, std: mean and std of its prior.
 
     lower, upper: bounds, on which a step ends.
     """
@@ -37,7 +37,9 @@ class Free(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """predict : function (values) → (n,) prediction. measured : (n,). whiten : rows → rows.
+    """A least-squares problem: prediction, measurement, whitening, free parameters, priors.
+
+    predict : function (values) → (n,) prediction. measured : (n,). whiten : rows → rows.
 
     free : tuple of Free. coupling : (k, k) prior precision beyond that of the single parameters, or
     None, about zero. apart : function (values) → list of (names, owner): parameters without bounds
@@ -58,7 +60,7 @@ class Problem(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Most likely values, what is left, and the local shape of the cost.
+    """Most likely values, residual and the quadratic approximation of the cost about them.
 
     values : dict. prediction, residual : (n,). chi_square : of the whitened residual, without
     priors. cost : with them. columns : (n, k) derivatives at (or near) the solution, not whitened.
@@ -81,7 +83,7 @@ class Solution(NamedTuple):
 
 
 def fit(problem, values, *, columns=None, renew=(), steps=STEPS, settled=SETTLED):
-    """The most likely values of a problem, and the shape of its cost there.
+    """Most likely values of a problem by damped Gauss–Newton steps, and the curvature there.
 
     Parameters
     ----------
@@ -135,7 +137,7 @@ def derivatives(problem, values, prediction, names=None):
 
 
 def _together(problem, values, prediction, wanted):
-    """Derivatives by parameters that move different rows, a prediction for each set: by name."""
+    """Derivatives by parameters that each move their own rows, from one prediction a set: by name."""
     steps, by_name = {free.name: free.step for free in wanted}, {}
     if problem.apart is None or len(wanted) < len(problem.free):
         return by_name
@@ -149,12 +151,15 @@ def _together(problem, values, prediction, wanted):
 
 
 def _derivative(problem, values, prediction, free):
+    """Derivative (n,) of the prediction by one parameter, by a difference that stays in its bounds."""
     step = free.step if values[free.name] + free.step <= free.upper else -free.step
     moved = problem.predict(values | {free.name: values[free.name] + step})
     return (moved - prediction) / step
 
 
 class _State(NamedTuple):
+    """Values of the search, their prediction, whitened residual (n,), its square sum and the cost."""
+
     values: dict
     prediction: np.ndarray
     whitened: np.ndarray
@@ -163,6 +168,7 @@ class _State(NamedTuple):
 
 
 def _evaluated(problem, values, prior, pull):
+    """State of the search at some values."""
     prediction = problem.predict(values)
     white = problem.whiten(problem.measured - prediction)
     square = float(white @ white)
@@ -182,6 +188,7 @@ def priors(problem):
 
 
 def _with_new_derivatives(problem, state, columns, white, renew):
+    """Derivatives, plain and whitened, with those of the named parameters made anew."""
     at = [k for k, f in enumerate(problem.free) if f.name in renew]
     columns, white = columns.copy(), white.copy()
     columns[:, at] = derivatives(problem, state.values, state.prediction, renew)
@@ -190,7 +197,7 @@ def _with_new_derivatives(problem, state, columns, white, renew):
 
 
 def _damped_step(problem, state, gradient, precision, prior, pull, damping):
-    """One damped step that lowers the cost; where none does, the place stays."""
+    """State after one damped step that lowers the cost, and the damping; else the state as it was."""
     scale = np.diag(np.diag(precision) + TINY)
     names = [f.name for f in problem.free]
     lower = np.array([f.lower for f in problem.free])
@@ -212,7 +219,7 @@ def _damped_step(problem, state, gradient, precision, prior, pull, damping):
 
 
 def clipped_minimum(precision, moment, lower, upper):
-    """Least cost between bounds, nearly: what is held on a bound moves what is not, and stays.
+    """Approximate minimum between bounds: what exceeds a bound is held there, the rest solved anew.
 
     Parameters
     ----------
@@ -266,7 +273,7 @@ def bounded_minimum(precision, moment, lower, upper, start=None):
 
 
 def _first_bound(x, way, lower, upper):
-    """Share of the way to the first bound, and whose it is; (1, None) where none is met."""
+    """Share of the step to the first bound and its index; (1, None) where no bound is met."""
     room = np.where(way > 0, upper - x, lower - x)
     shares = np.divide(room, way, out=np.full(len(x), np.inf), where=way != 0)
     first = int(np.argmin(shares))
@@ -274,7 +281,7 @@ def _first_bound(x, way, lower, upper):
 
 
 def _gain_of_release(precision, slope, x, held, lower, upper):
-    """Fall of the cost that releasing each parameter held on a bound promises."""
+    """Fall of the cost predicted for releasing each parameter that is held on a bound."""
     inward = ((x <= lower) & (slope < 0)) | ((x >= upper) & (slope > 0))
     return np.where(held & inward & (upper > lower), slope**2 / np.diag(precision), 0.0)
 
@@ -292,7 +299,7 @@ def stds(solution):
 
 
 def best_logarithms(residual, starts, *, bounds, scale=1.0):
-    """Logarithms of the rates that fit best, from several starts.
+    """Logarithms of the rates that fit best, from several starts, by lmfit.
 
     Only what a model is not linear in is searched, for at given rates the other parameters follow
     from linear least squares (variable projection).

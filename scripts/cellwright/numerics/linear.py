@@ -8,7 +8,7 @@ from cellwright.refusal import Refusal
 
 
 def hats(soc, knots):
-    """Hat functions of a piecewise linear course over the knots, held flat outside: (n, k)."""
+    """Columns (n, k) of a piecewise linear function of SoC over the knots, constant beyond them."""
     return np.column_stack([np.interp(soc, knots, row) for row in np.eye(len(knots))])
 
 
@@ -16,7 +16,7 @@ ROUNDS = 30  # of the active set; it has always settled in fewer than ten
 
 
 def solve(gram, moment, signed, most=None):
-    """Least squares with non-negative resistances, from the normal equations.
+    """Least squares with non-negative parameters and upper bounds, from the normal equations.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def solve(gram, moment, signed, most=None):
 
 
 def _bounded(gram, moment, signed, most, parameters):
-    """The same below upper bounds: what exceeds its bound is held there while it pushes on it."""
+    """Solution below upper bounds by an active set: who exceeds its bound is held on it."""
     held = parameters > most
     for _ in range(ROUNDS):
         free = ~held
@@ -55,7 +55,7 @@ def _bounded(gram, moment, signed, most, parameters):
 
 
 def _by_scipy(gram, moment, signed, most):
-    """The same by scipy's bounded solver, where the active set repeats itself without end."""
+    """Solution by scipy's bounded solver, for an active set that does not settle."""
     from scipy.optimize import lsq_linear
 
     factor = np.linalg.cholesky(gram)
@@ -64,7 +64,7 @@ def _by_scipy(gram, moment, signed, most):
 
 
 def _nonnegative(gram, moment, signed):
-    """Least squares with parameters of which only the leading ones may be negative."""
+    """Least squares in which only the leading parameters may be negative."""
     from scipy.optimize import nnls
 
     scale = np.sqrt(np.diag(gram))

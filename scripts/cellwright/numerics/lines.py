@@ -19,7 +19,7 @@ HALVINGS = 60  # of the interval in which the excess scatter is sought: to the l
 
 
 class Line(NamedTuple):
-    """Coefficients of p columns by linear least squares; what a fit does not give is NaN.
+    """Coefficients of linear least squares with their errors; what a fit does not give is NaN.
 
     values, std : (p,) estimates and standard deviations; the latter NaN where not known.
     degrees_of_freedom : n − p.
@@ -45,7 +45,7 @@ class Line(NamedTuple):
 
 
 def fit_line(columns, target, target_std=None):
-    """Weighted linear least squares with the scatter beyond the stated errors estimated.
+    """Weighted linear least squares, with scatter beyond the stated errors estimated and added.
 
     Each point is weighted by 1/(its variance + s²). The excess scatter s (a chamber that is some
     tenths of a kelvin off, a cell that has not settled) is the one at which the weighted squares
@@ -81,7 +81,7 @@ def fit_line(columns, target, target_std=None):
 
 
 def residuals(columns, target):
-    """What ordinary least squares on the columns leaves of a target.
+    """Residuals of ordinary least squares of a target on columns, in the unit of the target.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def residuals(columns, target):
 
 
 def _weighted(columns, target, variance):
-    """Solution, weighted residual and weighted design; points without any error weigh the same."""
+    """Solution, weighted residual and weighted design; all weights are 1 where a variance is 0."""
     root = 1 / np.sqrt(variance) if (variance > 0).all() else np.ones(len(target))
     scaled = columns * root[:, None]
     values = np.linalg.lstsq(scaled, target * root, rcond=None)[0]
@@ -99,7 +99,7 @@ def _weighted(columns, target, variance):
 
 
 def _excess_variance(columns, target, variance, degrees):
-    """s² by bisection between none and all of the unweighted scatter."""
+    """Excess variance s² at which the weighted squares sum to the degrees of freedom."""
     _, plain, _ = _weighted(columns, target, np.zeros(len(target)))
     low, high = 0.0, plain @ plain / max(degrees, 1)
     if degrees < 1 or high == 0:
@@ -116,13 +116,14 @@ def _excess_variance(columns, target, variance, degrees):
 
 
 def _squares(columns, target, variance):
+    """Sum of weighted squared residuals; infinite where a variance is 0."""
     if not (variance > 0).all():
         return np.inf
     return float(np.sum(_weighted(columns, target, variance)[1] ** 2))
 
 
 def generalised_line(columns, target, covariance):
-    """Least squares of a target whose errors have a known covariance.
+    """Generalised least squares: a target whose errors have a known covariance.
 
     Parameters
     ----------
@@ -151,7 +152,7 @@ CORRELATIONS = np.concatenate([[0.0], np.linspace(0.05, 0.95, 19)])
 # ASSUME: What neighbouring cycles have in common beyond fade and temperature forgets itself
 # exponentially with time (Ornstein-Uhlenbeck noise).
 def coloured_line(columns, target, place):
-    """Generalised least squares with exponentially correlated noise of unknown memory.
+    """Generalised least squares with exponentially correlated noise of unknown correlation.
 
     The residual likelihood (REML) of each correlation weighs its solution; the variance is the
     mean of theirs plus the spread between them, so that not knowing the memory widens it.
@@ -189,7 +190,7 @@ def coloured_line(columns, target, place):
 
 
 def whitened(values, place, correlation):
-    """Rows (n, …) made independent, and the logarithm of the product of what divided them.
+    """Rows (n, …) with the correlation of neighbours removed, and Σ ln of what divided them.
 
     Parameters
     ----------
@@ -205,7 +206,7 @@ def whitened(values, place, correlation):
 
 
 def _fit_at(columns, target, place, correlation):
-    """Values, variances, residual (REML) and plain log-likelihood at one memory."""
+    """Values, variances, residual (REML) and plain log-likelihood at one correlation."""
     design, logarithm = whitened(columns, place, correlation)
     seen, _ = whitened(target, place, correlation)
     orthogonal, triangle = np.linalg.qr(design)
@@ -226,7 +227,7 @@ REFERENCE_KELVIN = 298.15
 
 
 def inverse_temperature(celsius):
-    """(1/T − 1/298.15 K)/R [mol/J], the axis on which ln of an Arrhenius law is a line.
+    """(1/T − 1/298.15 K)/R [mol/J], the axis on which the log of an Arrhenius law is a line.
 
     Parameters
     ----------
@@ -237,7 +238,7 @@ def inverse_temperature(celsius):
 
 
 def arrhenius_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
-    """Value at 25 °C times exp(Ea/R (1/T − 1/298.15 K)): falls with temperature for Ea > 0.
+    """Value of an Arrhenius law: value at 25 °C times exp(Ea/R (1/T − 1/298.15 K)).
 
     Parameters
     ----------
@@ -250,7 +251,7 @@ def arrhenius_law(temperature_celsius, value_at_25_celsius, activation_energy_jo
 
 
 def fit_arrhenius(temperature_celsius, value, value_std=None):
-    """Line through the logarithm of a value over 1/T.
+    """Arrhenius law as a weighted line of ln(value) over 1/T.
 
     Parameters
     ----------

@@ -20,7 +20,10 @@ LEAST_ROWS = 100  # from which the white part is read
 
 
 class Noise(NamedTuple):
-    """white_volt, slow_volt : standard deviations [V]; slow_second : time constant of the slow."""
+    """White noise and slow Ornstein-Uhlenbeck noise of a voltage record.
+
+    white_volt, slow_volt : standard deviations [V]; slow_second : time constant of the slow [s].
+    """
 
     white_volt: float
     slow_volt: float
@@ -36,7 +39,7 @@ FIRST = Noise(2e-3, 1e-3, 200.0)  # of a usual cycler: what a search begins with
 
 
 class Whitening(NamedTuple):
-    """Gains of the filter for one stack of records; `apply` makes rows independent, of unit size.
+    """Filter gains for a stack of records; `apply` makes rows independent and of unit variance.
 
     keep, gain, scale : (n,) each.
     log_variance : sum of the logarithms of the innovations' variance.
@@ -62,7 +65,7 @@ class Whitening(NamedTuple):
 
 
 def whitening(noise, stack, *, extra_volt=0.0):
-    """Whitening of residuals over a stack of records.
+    """Filter gains that whiten residuals over a stack of records.
 
     Parameters
     ----------
@@ -121,7 +124,7 @@ def _shapes(most_slow_second):
 
 
 def _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt):
-    """The same noise, as large as the residual says."""
+    """Noise of the same shape, scaled so that the whitened residual has unit variance."""
     w = whitening(tried, stack, extra_volt=extra_volt)
     factor = max(rms(w.apply(residual_volt)), 1e-3)
     slow = min(tried.slow_volt * factor, most_slow_volt)
@@ -129,7 +132,7 @@ def _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt)
 
 
 def read_volt(residual_volt, stack, *, steady_ampere):
-    """White part of the noise from neighbouring rows of steady current, whatever a model lacks.
+    """White noise [V] from differences of neighbouring rows at steady current.
 
     Parameters
     ----------
@@ -149,12 +152,13 @@ def read_volt(residual_volt, stack, *, steady_ampere):
 
 
 def _robust(values):
-    """Standard deviation by the median of absolute deviations: a few bad rows count little."""
+    """Standard deviation by the median of absolute deviations: few outliers change it little."""
     middle = np.median(values)
     return 1.4826 * float(np.median(np.abs(values - middle)))
 
 
 def _gains(keep, white, slow, gain, scale):
+    """Kalman gains and scales of every row; fills the last two arrays."""
     variance = slow
     for k in range(len(keep)):
         prior = keep[k] ** 2 * variance + (1.0 - keep[k] ** 2) * slow
@@ -164,6 +168,7 @@ def _gains(keep, white, slow, gain, scale):
 
 
 def _whitened(matrix, keep, gain, scale):
+    """Whitened rows, in place, where the compiled kernel is not there."""
     state = np.zeros(matrix.shape[1:])
     for k in range(len(matrix)):
         expected = keep[k] * state

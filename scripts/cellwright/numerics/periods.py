@@ -13,7 +13,7 @@ POINTS_OF_A_DAY = 3.0
 
 
 class Period(NamedTuple):
-    """The periodogram, its best period, and the cycle of 24 h.
+    """Periodogram, its best period, and the amplitude and phase of the cycle of 24 h.
 
     period_hour, power : (k,) periods looked at, and twice the gain of log-likelihood of a sine of
     that period. best_period_hour, false_alarm : the highest, and the share of series without any
@@ -35,7 +35,7 @@ class Period(NamedTuple):
 
 
 def periods(hour, values, trend, *, seed=0):
-    """Least-squares periodogram with the trend fitted along, against simulated coloured noise.
+    """Least-squares periodogram with a trend fitted along, tested against simulated coloured noise.
 
     Sine and cosine of each period join the columns of the trend (the floating trend of the
     generalised Lomb–Scargle periodogram); noise is exponentially correlated, its memory fitted
@@ -82,6 +82,7 @@ def periods(hour, values, trend, *, seed=0):
 
 
 def _reason(count, span, spacing, trend):
+    """Why no daily cycle can be determined; "" where it can."""
     if span < LEAST_DAYS * DAY_HOUR:
         return f"the record spans {span:.0f} h; a daily cycle needs two days"
     if spacing > DAY_HOUR / POINTS_OF_A_DAY:
@@ -92,7 +93,7 @@ def _reason(count, span, spacing, trend):
 
 
 def _noise(values, trend, place, seed):
-    """Series without a period, with the memory that the values have once the trend is out."""
+    """Simulated series without a period, with the correlation of the values about their trend."""
     # The residual likelihood's: the plain one takes a memory for part of the trend.
     memory = coloured_line(trend, values, place).correlation
     draws = np.random.default_rng(seed).standard_normal((len(place), SIMULATIONS))
@@ -103,8 +104,9 @@ def _noise(values, trend, place, seed):
 
 
 def _trend_removed(series, trend, place, correlation):
-    """Log-likelihood of each of the series (n, m) with the trend alone, at one memory, with what
-    it takes to add a sine: the whitened rest, its squares, the trend's basis, the constant."""
+    """Log-likelihood of each series (n, m) with the trend alone, at one correlation, and its parts:
+    the whitened residual, its squares, the basis of the trend, the constant.
+    """
     design, logarithm = whitened(trend, place, correlation)
     seen, _ = whitened(series, place, correlation)
     basis = np.linalg.qr(design)[0]
@@ -114,6 +116,7 @@ def _trend_removed(series, trend, place, correlation):
 
 
 def _likelihood(squares, count, logarithm):
+    """Log-likelihood from sums of squares, the variance at its best value."""
     return -0.5 * count * np.log(np.maximum(squares, np.finfo(float).tiny)) - logarithm
 
 
@@ -136,7 +139,7 @@ def _gains(series, trend, place, hour, frequency):
 
 
 def _share(noise, value):
-    """Share of the noise that does as well; the value itself counts as one more draw."""
+    """False-alarm probability: share of simulated noise that reaches the value."""
     return float((1 + np.sum(noise >= value)) / (1 + len(noise)))
 
 

@@ -59,7 +59,7 @@ def covariance_from_jacobian(jacobian, residual):
 
 
 def _decomposed(jacobian):
-    """Column norms, singular values and right vectors of the scaled Jacobian, and which count."""
+    """Column norms, singular values, right vectors of the scaled Jacobian, which are not zero."""
     norm = np.linalg.norm(jacobian, axis=0)
     scale = np.where(norm > 0, norm, 1.0)
     _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
@@ -78,7 +78,7 @@ def standard_deviations(covariance):
 
 
 def delta_method(function, parameters, covariance):
-    """Value of a function of fitted parameters and its standard deviation.
+    """Value of a function of fitted parameters and its standard deviation, by the delta method.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def delta_method(function, parameters, covariance):
 
 
 def t_interval(value, std, degrees_of_freedom, *, level=0.95):
-    """Confidence interval of an estimate whose scatter was itself estimated.
+    """Confidence interval by Student's t, for an estimate whose scatter was estimated.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ WHITE = 3.0  # autocorrelation of neighbours, in its standard deviations, still 
 
 
 def is_white(near, power, samples):
-    """True where neighbouring residuals agree no more than chance lets them (3 of its sigma).
+    """True where neighbouring residuals correlate no more than chance allows (3 sigma).
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def is_white(near, power, samples):
 
 
 def correlation_factor(residual):
-    """By how much the variance of a mean grows because neighbouring residuals agree.
+    """Factor by which correlation of neighbouring residuals raises the variance of a mean [1].
 
     1 + 2·Σ of the autocorrelation up to its first zero crossing; 1 for white noise. A model's
     errors are never white, and without this factor the error bars would be far too small.
@@ -194,7 +194,7 @@ def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=Non
 
 
 def _inverse(gram):
-    """Inverse on the directions that the data tell, and which parameters lie in the others."""
+    """Pseudo-inverse of a Gram matrix, and which parameters the data do not determine."""
     scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0, scale, 1.0)
     size, directions = np.linalg.eigh(gram / np.outer(scale, scale))
@@ -204,7 +204,7 @@ def _inverse(gram):
 
 
 def _middle(sensitivity, residual):
-    """Σ γ(k)·Σ J(t)·J(t+k) through the spectra, where it is a product."""
+    """M = Σ γ(k)·Σ J(t)·J(t+k) of the coloured covariance (p, p), by fast Fourier transforms."""
     count = len(residual)
     length = 1 << (2 * count - 1).bit_length()
     power = np.abs(np.fft.rfft(residual, length)) ** 2

@@ -26,7 +26,7 @@ THERMAL_VOLT = 0.025
 
 
 class Readings(NamedTuple):
-    """Voltages of one source at m states of charge and k temperatures, NaN where not read.
+    """Open-circuit voltages of one source at m states of charge and k temperatures [V], NaN: none.
 
     source : "slow" or "steps". soc : (m,) [1]. celsius, ocv_volt : (m, k) [degC], [V]. std_volt :
     (m, k) what scatters on its own. common_volt : (m, k) an error that all temperatures of one
@@ -50,7 +50,7 @@ def slow_readings(
     voltage_std_volt=OCV_TEMPERATURE.voltage_std_volt,
     reference_celsius=OCV_TEMPERATURE.reference_celsius,
 ):
-    """Curves of slow tests at several temperatures, at equal charge below full.
+    """Readings of slow tests at several temperatures, compared at equal charge below full.
 
     1. Tests that completed both branches at room temperature keep the SoC of their own
     ampere-hours. Of others the remainder is still in the cell: their SoC is counted down from full
@@ -150,7 +150,7 @@ def step_readings(rows, *, voltage_std_volt=OCV_TEMPERATURE.step_std_volt):
 
 
 def on_curve(readings, curve):
-    """Readings of rests carried to the SoC of a slow curve, by monotone cubics of their shifts.
+    """Readings of rests interpolated to the SoC of a slow curve, by monotone cubics.
 
     Parameters
     ----------
@@ -190,6 +190,7 @@ def on_curve(readings, curve):
 
 
 def _one_branch(curve):
+    """Note on a slow test left out because it has one branch."""
     return (
         f"{curve['test']}: {curve['branches']} branch only; entropy or overpotential that grows in "
         "the cold: not knowable from one branch, left out"
@@ -197,7 +198,7 @@ def _one_branch(curve):
 
 
 def _at_reference_soc(curve, reference):
-    """Voltage, half gap and what SoC leaves loose [V] of a test at the SoC of the reference."""
+    """Voltage, half gap and uncertainty by SoC of a slow test [V] at the SoC of the reference."""
     soc = np.asarray(curve["soc"], float)
     columns = [np.asarray(curve[name], float) for name in ("ocv_volt", "half_gap_volt")]
     inside = np.isfinite(columns[1])
@@ -209,7 +210,7 @@ def _at_reference_soc(curve, reference):
 
 
 def _capacity_ratio(curve, reference):
-    """The test's ampere-hours over the reference's; 1 where it was completed at room temperature.
+    """Capacity of a test over that of the reference [1]; 1 where completed at room temperature.
 
     Of a test whose two directions differ the geometric mean counts.
     """
@@ -220,15 +221,17 @@ def _capacity_ratio(curve, reference):
 
 
 def _ampere_hours(curve):
+    """Geometric mean of discharge and charge capacity [Ah]."""
     return float(np.sqrt(curve["capacity_ampere_hour"] * curve["charge_capacity_ampere_hour"]))
 
 
 def _soc_uncertainty(curve):
-    """Half of what charge and discharge differ, as a share of the capacity [1]."""
+    """Half the difference of charge and discharge capacity, as a share of the capacity [1]."""
     return abs(curve["charge_capacity_ampere_hour"] / curve["capacity_ampere_hour"] - 1) / 2
 
 
 def _rescaling_notes(curve, reference):
+    """Notes on a test whose SoC was rescaled or is uncertain by more than 1 %."""
     share, loose = _capacity_ratio(curve, reference), _soc_uncertainty(curve)
     if abs(share - 1) > 0.01:
         yield (
@@ -243,7 +246,7 @@ _COLUMNS = ("celsius", "ocv_volt", "std_volt", "common_volt")
 
 
 class Entropic(NamedTuple):
-    """Fitted at m states of charge about `reference_celsius`; arrays (m,), NaN where not known.
+    """Entropic coefficient at m states of charge about `reference_celsius`; (m,), NaN: not known.
 
     ocv_volt : at the reference temperature [V]. slope : dOCV/dT [V/K] of a line, its std and
     confidence limits. bend : second coefficient of a parabola [V/K²], its std, and bend_p : how
@@ -270,8 +273,9 @@ class Entropic(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """State of charge at which the coefficient changes sign, the range in which it may, the sign
-    above it (+1: the voltage rises with temperature from there on).
+    """State of charge [1] where the entropic coefficient changes sign, and the range it lies in.
+
+    sign_above : +1 where the voltage rises with temperature above it, else −1.
     """
 
     soc: float
@@ -281,7 +285,7 @@ class Crossing(NamedTuple):
 
 
 def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsius, level=0.95):
-    """Line and parabola over temperature at every state of charge.
+    """Entropic coefficient dOCV/dT [V/K] at every state of charge: line and parabola.
 
     Generalised least squares with C = diag(std²) + c·cᵀ, c the common error: overpotential that
     grows in the cold, or a relaxation, is told from entropy as far as its course over temperature
@@ -290,7 +294,7 @@ def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsiu
 
     Parameters
     ----------
-    readings : `ocv_readings.Readings`.
+    readings : Readings.
     reference_celsius : about which the coefficients hold [degC].
     level : coverage of the interval.
 
@@ -335,7 +339,7 @@ def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsiu
 
 
 def zero_crossings(soc, slope, std, lower, upper):
-    """Where a coefficient changes sign over SoC for certain, and the range in which it may do so.
+    """States of charge at which a coefficient certainly changes sign, and the range of each.
 
     Parameters
     ----------
@@ -360,7 +364,7 @@ def zero_crossings(soc, slope, std, lower, upper):
 
 
 def _crossing(soc, slope, std, sign):
-    """The change of sign between the first and the last of these points."""
+    """Most likely change of sign between the first and the last of these points."""
     weight = np.cumsum(sign * slope / std)
     low = int(np.argmin(weight[:-1]))
     share = slope[low] / (slope[low] - slope[low + 1])
@@ -369,7 +373,7 @@ def _crossing(soc, slope, std, sign):
 
 
 def _at_one_soc(celsius, volt, std, common, reference):
-    """Line, parabola, their deviations, the common error's factor, χ² of the line, temperatures."""
+    """Line and parabola with deviations, common error's factor, reduced χ² and temperature count."""
     finite = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
     celsius, volt, std, common = (column[finite] for column in (celsius, volt, std, common))
     count = len(np.unique(np.round(celsius)))

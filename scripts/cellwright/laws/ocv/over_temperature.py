@@ -16,9 +16,9 @@ from cellwright.laws.ocv.surface import (
     LINE,
     PARABOLA,
     compare,
+    is_tested,
     surface_from,
     table_at,
-    tested,
 )
 from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import law_row
@@ -31,11 +31,11 @@ OCV_TEMPERATURE = OcvTemperature()
 
 
 class OverTemperature(NamedTuple):
-    """What is known of a cell.
+    """Open-circuit voltage of one cell over temperature: coefficient, functions and surface.
 
-    entropic : dict, source ("steps", "slow") → `ocv_entropy.Entropic`. used : the source of all
+    entropic : dict, source ("steps", "slow") → `entropy.Entropic`. used : the source of all
     else. readings : of that source over an even grid of SoC. fitted : Entropic of these.
-    functions : list of `ocv_compare.Function`. surface : `ocv_surface.Surface`. notes : sentences.
+    functions : list of `surface.Function`. surface : `surface.Surface`. notes : sentences.
     """
 
     entropic: dict
@@ -60,7 +60,7 @@ def over_temperature(
 
     Parameters
     ----------
-    curves : list of dict, slow tests as `ocv_readings.slow_readings` takes them.
+    curves : list of dict, slow tests as `entropy.slow_readings` takes them.
     step_rows : list of dict, rows of stage `ocv_step`.
     reference_celsius : what is compared against; the tested temperature nearest to it [degC].
     largest_std_volt : readings less certain take no part in the choice of a function [V].
@@ -68,7 +68,7 @@ def over_temperature(
 
     Returns
     -------
-    found : OverTemperature. Where both kinds of test were made, the one with the smaller standard
+    ocv : OverTemperature. Where both kinds of test were made, the one with the smaller standard
         deviation of the entropic coefficient is used; both are reported.
 
     Raises
@@ -115,7 +115,7 @@ def over_temperature(
 
 
 def _sources(curves, step_rows, voltage_std, step_std):
-    """Readings of each kind of test, and why there are none."""
+    """Readings of each kind of test, and reasons where there are none."""
     readings, reasons = {}, []
     for name, read, content, std in (
         ("slow", slow_readings, curves, voltage_std),
@@ -131,7 +131,7 @@ def _sources(curves, step_rows, voltage_std, step_std):
 
 
 def _coefficients(fitted, functions, largest):
-    """Of the tables the one that predicts best; a line where none was compared.
+    """Coefficients over SoC of the table that predicts best; of the line where none was compared.
 
     Where the bias is less certain than the limit at the ends of what was tested, nothing.
     """
@@ -149,6 +149,7 @@ def _coefficients(fitted, functions, largest):
 
 
 def _parabola_note(functions):
+    """Note that a chosen parabola may be overpotential rather than entropy."""
     chosen = [function.function for function in functions if function.chosen]
     if chosen == [PARABOLA]:
         yield (
@@ -166,7 +167,7 @@ def entropic_columns(ocv):
 
     Parameters
     ----------
-    found : `ocv_temperature.OverTemperature`.
+    ocv : OverTemperature.
     """
     parts = []
     for source, entropic in sorted(ocv.entropic.items()):
@@ -196,7 +197,7 @@ def map_columns(ocv, *, every=2):
 
     Parameters
     ----------
-    found : `ocv_temperature.OverTemperature`. every : of the grid's points.
+    ocv : OverTemperature. every : of the grid's points.
     """
     surface, readings, fitted = ocv.surface, ocv.readings, ocv.fitted
     base, parts = table_at(surface, surface.reference_celsius)[0], []
@@ -210,7 +211,7 @@ def map_columns(ocv, *, every=2):
             "bias_std_volt": fitted.slope_std * abs(celsius - surface.reference_celsius),
             "measured_bias_volt": readings.ocv_volt[:, column] - fitted.ocv_volt,
             "entropic_volt_per_kelvin": moves,
-            "tested": tested(surface, surface.soc, celsius),
+            "tested": is_tested(surface, surface.soc, celsius),
         }
         parts.append(
             {name: values[::every] for name, values in _broadcast_columns(columns).items()}
@@ -223,7 +224,7 @@ def function_rows(ocv):
 
     Parameters
     ----------
-    found : `ocv_temperature.OverTemperature`.
+    ocv : OverTemperature.
     """
     cold, warm = ocv.surface.tested_celsius
     return [
@@ -246,11 +247,11 @@ def function_rows(ocv):
 
 
 def surface_columns(ocv):
-    """The surface itself, one row a SoC: dict of columns.
+    """The table over SoC that moves with temperature, one row a SoC: dict of columns.
 
     Parameters
     ----------
-    found : `ocv_temperature.OverTemperature`.
+    ocv : OverTemperature.
     """
     surface = ocv.surface
     cold, warm = surface.tested_celsius
@@ -261,7 +262,7 @@ def surface_columns(ocv):
             "slope_volt_per_kelvin": surface.slope,
             "bend_volt_per_kelvin_squared": surface.bend,
             "reference_celsius": surface.reference_celsius,
-            "tested": tested(surface, surface.soc, warm),
+            "tested": is_tested(surface, surface.soc, warm),
             "tested_from_celsius": cold,
             "tested_to_celsius": warm,
         }
@@ -269,7 +270,7 @@ def surface_columns(ocv):
 
 
 def _broadcast_columns(columns):
-    """Columns of one length, a single value repeated."""
+    """Columns of equal length; a single value is repeated."""
     return dict(zip(columns, np.broadcast_arrays(*columns.values()), strict=True))
 
 
@@ -279,11 +280,11 @@ def _stacked(parts):
 
 
 def law_rows(ocv):
-    """Rows of tables/temperature: laws at every tenth of the tested SoC, changes of sign.
+    """Rows of tables/temperature: laws at every tenth of SoC, and changes of sign of dOCV/dT.
 
     Parameters
     ----------
-    found : `ocv_temperature.OverTemperature`.
+    ocv : OverTemperature.
 
     Returns
     -------
@@ -305,11 +306,11 @@ def law_rows(ocv):
 
 
 def crossings(ocv, *, certain=True):
-    """Changes of sign of the entropic coefficient of the source used, `ocv_entropy.Crossing`.
+    """Changes of sign of the entropic coefficient of the used source, as `entropy.Crossing`.
 
     Parameters
     ----------
-    found : `ocv_temperature.OverTemperature`.
+    ocv : OverTemperature.
     certain : between signs that are certain at 95 %; else that are one standard deviation off zero.
     """
     entropic = ocv.entropic[ocv.used]
@@ -320,6 +321,7 @@ def crossings(ocv, *, certain=True):
 
 
 def _crossing_row(crossing, certain):
+    """Row of tables/temperature for a change of sign, its std that of a rectangular distribution."""
     way = "rising" if crossing.sign_above > 0 else "falling"
     # Nothing says where in the range between two certain signs it lies: rectangular.
     std = (crossing.upper_soc - crossing.lower_soc) / np.sqrt(12)
@@ -331,7 +333,7 @@ PARAMETERS = (("ocv", "V"), ("entropic_coefficient", "V/K"), ("bend", "V/K^2"))
 
 
 def _law(ocv, k, soc, *, degree, law, chosen):
-    """Rows of one law at one SoC; its R² and its error at temperatures left out."""
+    """Rows of one law at one SoC, with R² and the error at temperatures left out [V]."""
     readings, reference = ocv.readings, ocv.surface.reference_celsius
     finite = np.isfinite(readings.ocv_volt[k])
     celsius, volt, std, common = (
@@ -356,7 +358,7 @@ def _law(ocv, k, soc, *, degree, law, chosen):
 
 
 def _r_squared(line, volt, covariance):
-    """R² in units of the standard deviations, the common error among them."""
+    """R² of a generalised line [1], residuals weighted by the covariance."""
     flat = generalised_line(np.ones((len(volt), 1)), volt, covariance)
     whole, rest = (
         line_fit.reduced_chi_square * max(line_fit.degrees_of_freedom, 0)
@@ -366,6 +368,7 @@ def _r_squared(line, volt, covariance):
 
 
 def _left_out_rmse(columns, volt, covariance):
+    """RMSE [V] at temperatures left out in turn; NaN where too few remain."""
     if len(volt) <= columns.shape[1]:
         return np.nan
     errors = []

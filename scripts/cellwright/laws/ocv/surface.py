@@ -18,7 +18,9 @@ RISE_VOLT = 1e-6
 
 
 class Surface(NamedTuple):
-    """OCV = ocv_volt + slope·d + bend·d², d the temperature above `reference_celsius`.
+    """Table of OCV over SoC that moves with temperature: ocv_volt + slope·d + bend·d².
+
+    d : temperature above `reference_celsius` [K].
 
     soc : (n,) even from 0 to 1. ocv_volt, slope, bend : (n,) [V], [V/K], [V/K²].
     tested_soc, tested_celsius : lowest and highest that was measured [1], [degC].
@@ -34,13 +36,13 @@ class Surface(NamedTuple):
 
 
 def surface_from(coefficients, readings, reference_celsius, curve=None):
-    """The surface of fitted coefficients, carried on to 0 and 100 % SoC.
+    """Surface from fitted coefficients, extended to 0 and 100 % SoC.
 
     Parameters
     ----------
     coefficients : (n, 1 to 3) over the SoC of the readings, about the reference temperature [V,
         V/K, V/K²]; NaN where not known.
-    readings : `ocv_readings.Readings` they are from.
+    readings : `entropy.Readings` they are from.
     reference_celsius : [degC].
     curve : (n,) voltage that gives the shape beyond what is known [V], or None: the shape ends.
 
@@ -68,7 +70,7 @@ def surface_from(coefficients, readings, reference_celsius, curve=None):
 
 
 def table_at(surface, celsius):
-    """The rising table at one temperature and how each of its points moves with temperature.
+    """Rising table of OCV at one temperature [V], and its derivative by temperature [V/K].
 
     Parameters
     ----------
@@ -90,8 +92,8 @@ def table_at(surface, celsius):
     return rising.x + RISE_VOLT * surface.soc, together
 
 
-def tested(surface, soc, celsius):
-    """Whether a state of charge and temperature lie within what was measured; shaped like both."""
+def is_tested(surface, soc, celsius):
+    """Whether a SoC and temperature lie within what was measured; shaped like both."""
     inside_soc = (soc >= surface.tested_soc[0] - 1e-9) & (soc <= surface.tested_soc[1] + 1e-9)
     cold, warm = surface.tested_celsius
     return inside_soc & (celsius >= cold - 0.5) & (celsius <= warm + 0.5)
@@ -102,7 +104,7 @@ TEN_KELVIN = 10.0
 
 
 def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, near=None):
-    """Fit one function to voltages over SoC and temperature at once.
+    """Parameters of one OCV function fitted to voltages over SoC and temperature at once.
 
     Parameters
     ----------
@@ -126,13 +128,13 @@ def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, nea
 
 
 def _powers(celsius, reference_celsius, degree):
-    """Powers of the temperature, by the ten kelvin: columns of a fit are then of one size."""
+    """Powers (n, degree + 1) of the temperature above the reference, in units of 10 K."""
     powers = np.vander(celsius - reference_celsius, degree + 1, increasing=True)
     return powers / TEN_KELVIN ** np.arange(degree + 1)
 
 
 def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius):
-    """Standard deviations of the parameters of a fit, shaped like them; NaN where undetermined.
+    """Standard deviations of the parameters of a fit, shaped like them; NaN: not determined.
 
     What the function cannot follow counts as scatter.
 
@@ -190,11 +192,11 @@ class Function(NamedTuple):
 
 
 def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, highest_soc=0.99):
-    """Fit all functions to readings and choose by leaving out temperatures.
+    """OCV functions and tables fitted to readings; the best at left-out temperatures is chosen.
 
     Parameters
     ----------
-    readings : `ocv_readings.Readings` over an even grid of SoC.
+    readings : `entropy.Readings` over an even grid of SoC.
     reference_celsius : about which coefficients move [degC].
     largest_std_volt : readings less certain take part in neither fit nor score [V].
     lowest_soc, highest_soc : range that is fitted; the functions have poles at 0 and 1 [1].
@@ -250,7 +252,7 @@ def _described(name, fit, readings, *, reference_celsius):
 
 
 def _points(readings):
-    """SoC, temperature and voltage of all that was read, (n,) each."""
+    """SoC [1], temperature [°C] and voltage [V] of all readings, (n,) each."""
     finite = np.isfinite(readings.ocv_volt)
     soc = np.broadcast_to(readings.soc[:, None], finite.shape)
     return soc[finite], readings.celsius[finite], readings.ocv_volt[finite]
@@ -263,12 +265,12 @@ def _certain(readings, largest, lowest, highest):
 
 
 def _levels(readings):
-    """The temperature of each column to 1 K, by which it is left out."""
+    """Temperature of each column [°C] to 1 K, by which it is left out."""
     return np.round(np.nanmean(readings.celsius, axis=0))
 
 
 def _scores(errors):
-    """RMSE over the points that every function could predict; NaN for those that could none."""
+    """RMSE [V] over the points that every function could predict; NaN for those that predict none."""
     predicting = {name: error for name, error in errors.items() if np.isfinite(error).any()}
     common = np.all([np.isfinite(error) for error in predicting.values()], axis=0)
     return {
@@ -277,7 +279,7 @@ def _scores(errors):
 
 
 def _fitted(name, readings, *, reference_celsius, near=None):
-    """Parameters of a form; coefficients over SoC of a table."""
+    """Parameters of a function, or coefficients over SoC of a table."""
     finite = np.isfinite(readings.ocv_volt)
     count = len(np.unique(_levels(readings)[finite.any(axis=0)]))
     if name in FORMS:
