@@ -313,7 +313,7 @@ def _models(record):
 
 
 def _plausible_lags(record, levels):
-    """Temperature courses of lags that the data do not rule out, at most about `MOST_LAGS`."""
+    """Temperature courses of lags that the data do not rule out, at most `MOST_LAGS`."""
     if len(levels) == 1:
         return levels
     used, logarithm = record.used, np.log(record.capacity[record.used])

@@ -314,7 +314,7 @@ def capacity_losses(
 
 
 def _reference(points, wanted, slow):
-    """Reference capacity: the slowest at the temperature nearest the wanted one, slow tests first."""
+    """Reference capacity: slowest at the temperature nearest the wanted one, slow tests first."""
     able = [point for point in points if point.c_rate <= slow] or points
     celsius = min(able, key=lambda p: abs(p.temperature_celsius - wanted)).temperature_celsius
     return slowest(able, points[0].direction, celsius)[0]

@@ -238,7 +238,7 @@ def scaled_peaks(
 
 
 def _tops(height, least):
-    """Rows of the peaks and of the valleys about them; the least prominent peaks are removed first."""
+    """Rows of the peaks and of the valleys about them; the least prominent are removed first."""
     inner = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     tops = list(inner)
     while tops:

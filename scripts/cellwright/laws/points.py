@@ -59,7 +59,7 @@ def capacity_points(rows):
 
 
 def _same_rate(rate, rates, alike):
-    """First rate seen so far whose ratio to a rate is `alike`; otherwise the rate, which is added."""
+    """First rate seen so far whose ratio to a rate is `alike`; else the rate, which is added."""
     match = next((earlier for earlier in rates if alike(rate / earlier)), None)
     if match is None:
         rates.append(rate)
@@ -269,7 +269,7 @@ def _resistance_over_temperature(rows, level):
 
 
 def _at_one_rate(courses, c_rate):
-    """Temperature → (resistance, std) [ohm] at one rate, and a note on what was left out or mixed."""
+    """Temperature → (resistance, std) [ohm] at one rate, and a note on what is left out or mixed."""
     if not courses:
         return {}, ""
     everywhere = sorted({celsius for course in courses.values() for celsius in course})

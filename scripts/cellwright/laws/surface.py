@@ -322,7 +322,7 @@ def _fit(form, pulses):
 
 
 def _left_out(form, pulses, blocks):
-    """Prediction [ohm] of each block of pulses by a fit without it; NaN: the rest determines none."""
+    """Prediction [ohm] of each block of pulses by a fit without it; NaN: not determined."""
     soc, celsius, ohm = pulses[1:]
     predicted = np.full(len(ohm), np.nan)
     for out in (blocks == block for block in np.unique(blocks)):

@@ -153,7 +153,8 @@ def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
     """
     kinds = list(dict.fromkeys(map(tuple, tau_bounds)))
     size = max(2, min(GRID.get(len(tau_bounds), 6), MOST_LAGS // len(kinds)))
-    tau = np.concatenate([_inner(lower, upper, size) for lower, upper in kinds])
+    logarithms = (np.linspace(np.log(low), np.log(high), size + 2)[1:-1] for low, high in kinds)
+    tau = np.exp(np.concatenate(list(logarithms)))
     combinations = _places(tuple(kinds.index(tuple(bounds)) for bounds in tau_bounds), size)
     ascending = np.sort(tau[combinations], axis=1)
     combinations = combinations[(ascending[:, 1:] > ascending[:, :-1]).all(axis=1)]
@@ -198,11 +199,6 @@ def _places(kinds, size):
     )
     alike = np.equal(kinds[1:], kinds[:-1])
     return combinations[((combinations[:, 1:] > combinations[:, :-1]) | ~alike).all(axis=1)]
-
-
-def _inner(lower, upper, size):
-    """Logarithmic grid strictly within two bounds; one repeated value where the bounds coincide."""
-    return np.exp(np.linspace(np.log(lower), np.log(upper), size + 2)[1:-1])
 
 
 def _solved(normal, fixed, combinations):

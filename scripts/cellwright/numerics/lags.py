@@ -86,7 +86,7 @@ def lag_by_charge(passed_ampere_hour, charge_ampere_hour, drive):
 
 
 def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
-    """Response of a lag by a banded triangular solve; also for complex inputs and time constants."""
+    """Response of a lag by a banded triangular solve; inputs and time constants may be complex."""
     from scipy.linalg.lapack import dtbtrs, ztbtrs
 
     decay, before, after = lag_weights(step_second, tau_second, hold=hold)

@@ -137,7 +137,7 @@ def derivatives(problem, values, prediction, names=None):
 
 
 def _together(problem, values, prediction, wanted):
-    """Derivatives by parameters that each move their own rows, from one prediction a set: by name."""
+    """Derivatives by parameters that move different rows, from one prediction a set: by name."""
     steps, by_name = {free.name: free.step for free in wanted}, {}
     if problem.apart is None or len(wanted) < len(problem.free):
         return by_name
@@ -151,14 +151,14 @@ def _together(problem, values, prediction, wanted):
 
 
 def _derivative(problem, values, prediction, free):
-    """Derivative (n,) of the prediction by one parameter, by a difference that stays in its bounds."""
+    """Derivative (n,) of the prediction by one parameter, by a difference within its bounds."""
     step = free.step if values[free.name] + free.step <= free.upper else -free.step
     moved = problem.predict(values | {free.name: values[free.name] + step})
     return (moved - prediction) / step
 
 
 class _State(NamedTuple):
-    """Values of the search, their prediction, whitened residual (n,), its square sum and the cost."""
+    """Values of the search, their prediction, whitened residual, sum of its squares, and cost."""
 
     values: dict
     prediction: np.ndarray
@@ -197,7 +197,7 @@ def _with_new_derivatives(problem, state, columns, white, renew):
 
 
 def _damped_step(problem, state, gradient, precision, prior, pull, damping):
-    """State after one damped step that lowers the cost, and the damping; else the state as it was."""
+    """State after a damped step that lowers the cost, and the damping; else the state as it was."""
     scale = np.diag(np.diag(precision) + TINY)
     names = [f.name for f in problem.free]
     lower = np.array([f.lower for f in problem.free])

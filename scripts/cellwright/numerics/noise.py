@@ -106,7 +106,10 @@ def estimate_noise(residual_volt, stack, *, most_slow_volt, most_slow_second, ex
     """
     size = max(_robust(residual_volt), SMALLEST_VOLT)
     best, cost = Noise(size, 0.0, TIMES_SECOND[0]), np.inf
-    for ratio, second in _shapes(most_slow_second):
+    times = [t for t in TIMES_SECOND if t <= most_slow_second]
+    # Without a slow part one time constant is enough.
+    shapes = [(ratio, t) for ratio in RATIOS for t in (times if ratio else times[:1])]
+    for ratio, second in shapes:
         tried = Noise(size, size * np.sqrt(ratio), second)
         for _ in range(2):
             tried = _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt)
@@ -115,12 +118,6 @@ def estimate_noise(residual_volt, stack, *, most_slow_volt, most_slow_second, ex
         if trial_cost < cost:
             best, cost = tried, trial_cost
     return best
-
-
-def _shapes(most_slow_second):
-    """Shares of the slow part and its time constants that are tried; without it one is enough."""
-    times = [t for t in TIMES_SECOND if t <= most_slow_second]
-    return [(r, t) for r in RATIOS for t in (times if r else times[:1])]
 
 
 def _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt):

@@ -53,7 +53,8 @@ def covariance_from_jacobian(jacobian, residual):
     weights = directions[kept] / singular[kept, None]
     variance = residual @ residual / (rows - parameters)
     covariance = variance * (weights.T @ weights) / np.outer(scale, scale)
-    unknown = _undetermined(scale, directions[~kept])
+    # A parameter that a null direction of the Jacobian moves is not determined.
+    unknown = (np.abs(directions[~kept]) > 1e-6).any(axis=0)
     covariance[unknown] = covariance[:, unknown] = np.nan
     return covariance
 
@@ -65,11 +66,6 @@ def _decomposed(jacobian):
     _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
     kept = singular > max(jacobian.shape) * np.finfo(float).eps * singular[0]
     return scale, singular, directions, kept
-
-
-def _undetermined(scale, null_directions):
-    """Parameters that can be moved without moving the model."""
-    return (np.abs(null_directions) > 1e-6).any(axis=0) if len(null_directions) else scale < 0
 
 
 def standard_deviations(covariance):

@@ -373,7 +373,7 @@ def _crossing(soc, slope, std, sign):
 
 
 def _at_one_soc(celsius, volt, std, common, reference):
-    """Line and parabola with deviations, common error's factor, reduced χ² and temperature count."""
+    """Line and parabola with deviations, common error's factor, reduced χ², temperatures."""
     finite = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
     celsius, volt, std, common = (column[finite] for column in (celsius, volt, std, common))
     count = len(np.unique(np.round(celsius)))

@@ -321,7 +321,7 @@ def crossings(ocv, *, certain=True):
 
 
 def _crossing_row(crossing, certain):
-    """Row of tables/temperature for a change of sign, its std that of a rectangular distribution."""
+    """Row of tables/temperature for a change of sign."""
     way = "rising" if crossing.sign_above > 0 else "falling"
     # Nothing says where in the range between two certain signs it lies: rectangular.
     std = (crossing.upper_soc - crossing.lower_soc) / np.sqrt(12)

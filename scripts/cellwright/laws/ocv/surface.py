@@ -270,7 +270,7 @@ def _levels(readings):
 
 
 def _scores(errors):
-    """RMSE [V] over the points that every function could predict; NaN for those that predict none."""
+    """RMSE [V] over the points that every function could predict; NaN: a function predicts none."""
     predicting = {name: error for name, error in errors.items() if np.isfinite(error).any()}
     common = np.all([np.isfinite(error) for error in predicting.values()], axis=0)
     return {
