@@ -269,7 +269,7 @@ def _resistance_over_temperature(rows, level):
 
 
 def _at_one_rate(courses, c_rate):
-    """Temperature → (resistance, std) [ohm] at one rate, and a note on what is left out or mixed."""
+    """Temperature → (resistance, std) [ohm] at one rate, and a note on what is left out."""
     if not courses:
         return {}, ""
     everywhere = sorted({celsius for course in courses.values() for celsius in course})

@@ -153,8 +153,9 @@ def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
     """
     kinds = list(dict.fromkeys(map(tuple, tau_bounds)))
     size = max(2, min(GRID.get(len(tau_bounds), 6), MOST_LAGS // len(kinds)))
-    logarithms = (np.linspace(np.log(low), np.log(high), size + 2)[1:-1] for low, high in kinds)
-    tau = np.exp(np.concatenate(list(logarithms)))
+    # Logarithmic grids strictly within the bounds of each kind.
+    spans = (np.linspace(np.log(low), np.log(high), size + 2)[1:-1] for low, high in kinds)
+    tau = np.concatenate([np.exp(span) for span in spans])
     combinations = _places(tuple(kinds.index(tuple(bounds)) for bounds in tau_bounds), size)
     ascending = np.sort(tau[combinations], axis=1)
     combinations = combinations[(ascending[:, 1:] > ascending[:, :-1]).all(axis=1)]
