@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import cellwright as cw
 from cellwright.laws.ocv import over_temperature as analysis
 from cellwright.laws.ocv.entropy import (
     fit_entropic,
@@ -228,3 +229,13 @@ def test_a123_has_the_small_coefficient_of_an_lfp_cell_with_its_signs(shared):
     limits = (found.slope - found.slope_std, found.slope + found.slope_std)
     crossings = zero_crossings(found.soc, found.slope, found.slope_std, *limits)
     assert any(0.3 < one.soc < 0.37 and one.sign_above == 1 for one in crossings)
+
+
+def test_the_public_interface_gives_these_tables(rested, monkeypatch):
+    monkeypatch.setattr(analysis, "over_temperature", lambda *tests, **settings: rested)
+    result = cw.ocv_over_temperature([slow(25.0)], rest_rows())
+    assert len(result.rows) == len(analysis.law_rows(rested))
+    assert set(result.map) == set(analysis.map_columns(rested))
+    assert set(result.entropic) == set(analysis.entropic_columns(rested))
+    assert set(result.surface) == set(analysis.surface_columns(rested))
+    assert len(result.functions) == len(rested.functions)

@@ -307,7 +307,10 @@ def capacity_losses(
         share, reason = repeatability(
             same_direction, references[name], assumed_share=assumed_share, slow_c_rate=slow_c_rate
         )
-        losses, split_notes = _of_direction(same_direction, references[name], share, slow_c_rate)
+        repeat_ampere_hour = share * references[name].capacity_ampere_hour
+        losses, split_notes = _of_direction(
+            same_direction, references[name], repeat_ampere_hour, slow_c_rate
+        )
         all_losses += losses
         notes += [*filter(None, [reason]), *split_notes]
     return with_residual_charge(all_losses), notes
@@ -320,11 +323,20 @@ def _reference(points, wanted, slow):
     return slowest(able, points[0].direction, celsius)[0]
 
 
-def _of_direction(points, reference, share, slow):
+class _TrueLoss(NamedTuple):
+    """True loss at a temperature with a slow test, as a share of the reference, with its std [1]."""
+
+    celsius: float
+    slow_point: ReachedCapacity
+    share: float
+    std: float
+
+
+def _of_direction(points, reference, repeat_ampere_hour, slow):
     """Losses of one direction, coldest last, and a sentence for each temperature without split."""
     points = sorted(points, key=lambda p: (-p.temperature_celsius, p.c_rate))
-    true_losses = _true_losses(points, reference, share, slow)
-    losses = [_loss(point, reference, true_losses, share) for point in points]
+    true_losses = _true_losses(points, reference, repeat_ampere_hour, slow)
+    losses = [_loss(point, reference, true_losses, repeat_ampere_hour) for point in points]
     unknown = sorted({loss.temperature_celsius for loss in losses if not loss.known})
     wanted = f"no {reference.direction} at up to {slow:g}C"
     notes = [f"{wanted} at {c:g} °C: true or false cannot be told there" for c in unknown]
@@ -334,47 +346,49 @@ def _of_direction(points, reference, share, slow):
     return losses, notes
 
 
-def _true_losses(points, reference, share, slow):
-    """(temperature, slow point, share lost, its std) of each temperature with a slow test."""
+def _true_losses(points, reference, repeat_ampere_hour, slow):
+    """True loss of each temperature with a slow test."""
     true_losses = []
     for celsius in sorted({point.temperature_celsius for point in points}):
         slow_point = slowest(points, reference.direction, celsius)[0]
         at_reference = abs(celsius - reference.temperature_celsius) <= SAME_CELSIUS
         if slow_point.c_rate <= slow or (at_reference and slow_point is reference):
-            lost = _relative_loss(reference, slow_point, share, reference.capacity_ampere_hour)
-            true_losses.append((celsius, slow_point, *lost))
+            loss = _relative_loss(reference, slow_point, repeat_ampere_hour)
+            true_losses.append(_TrueLoss(celsius, slow_point, *loss))
     return true_losses
 
 
-def _relative_loss(start, end, share, scale):
+def _relative_loss(start, end, repeat_ampere_hour):
     """Share of the first capacity that the second lacks, and its standard deviation [1]."""
     if start is end:
         return 0.0, 0.0
     ratio = end.capacity_ampere_hour / start.capacity_ampere_hour
-    spread = np.hypot(_std(end, share, scale), ratio * _std(start, share, scale))
+    end_std, start_std = (_std(point, repeat_ampere_hour) for point in (end, start))
+    spread = np.hypot(end_std, ratio * start_std)
     return 1 - ratio, spread / start.capacity_ampere_hour
 
 
-def _std(point, share, scale):
+def _std(point, repeat_ampere_hour):
     """Standard deviation of a capacity [Ah]: from repeats, at least the cell's repeatability."""
-    repeat_std = np.nan_to_num(point.std_ampere_hour)
-    return max(repeat_std, share * scale / np.sqrt(len(point.tests)))
+    measured_std = np.nan_to_num(point.std_ampere_hour)
+    return max(measured_std, repeat_ampere_hour / np.sqrt(len(point.tests)))
 
 
-def _loss(point, reference, true_losses, share):
+def _loss(point, reference, true_losses, repeat_ampere_hour):
     """Loss of one capacity against the reference, split where a slow test allows it."""
     whole = reference.capacity_ampere_hour
-    total, total_std = _relative_loss(reference, point, share, whole)
-    same_temperature = [
-        t for t in true_losses if abs(t[0] - point.temperature_celsius) <= SAME_CELSIUS
-    ]
-    slow = same_temperature[0][1] if same_temperature else None
+    total, total_std = _relative_loss(reference, point, repeat_ampere_hour)
+    same_temperature = (
+        t for t in true_losses if abs(t.celsius - point.temperature_celsius) <= SAME_CELSIUS
+    )
+    true_loss = next(same_temperature, None)
+    slow = true_loss.slow_point if true_loss else None
     if slow is None:
         true, false = _bounds(point, reference, true_losses, total, total_std)
     else:
         scale = slow.capacity_ampere_hour / whole
-        rest, rest_std = _relative_loss(slow, point, share, whole)
-        true = _interval(*same_temperature[0][2:])
+        rest, rest_std = _relative_loss(slow, point, repeat_ampere_hour)
+        true = _interval(true_loss.share, true_loss.std)
         false = _interval(rest * scale, rest_std * scale)
     losses = [100 * value for value in (total, total_std, *true, *false)]
     return Loss(
@@ -382,7 +396,7 @@ def _loss(point, reference, true_losses, share):
         point.temperature_celsius,
         point.c_rate,
         point.capacity_ampere_hour,
-        _std(point, share, whole),
+        _std(point, repeat_ampere_hour),
         point.held_ampere_hour,
         whole,
         reference.temperature_celsius,
@@ -404,17 +418,9 @@ def _interval(value, std):
 def _bounds(point, reference, true_losses, total, std):
     """Limits of true and false loss at a temperature without a slow test."""
     least, most = total - QUANTILE * std, total + QUANTILE * std
-    point_celsius = point.temperature_celsius
-    warmer = [
-        lost - QUANTILE * spread
-        for celsius, _, lost, spread in true_losses
-        if celsius > point_celsius
-    ]
-    colder = [
-        lost + QUANTILE * spread
-        for celsius, _, lost, spread in true_losses
-        if celsius < point_celsius
-    ]
+    celsius = point.temperature_celsius
+    warmer = [t.share - QUANTILE * t.std for t in true_losses if t.celsius > celsius]
+    colder = [t.share + QUANTILE * t.std for t in true_losses if t.celsius < celsius]
     held = point.held_ampere_hour / reference.capacity_ampere_hour
     high = max(min([most - held, *colder]), 0.0)
     low = min(max([0.0, *warmer]), high)

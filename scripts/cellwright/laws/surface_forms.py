@@ -78,8 +78,9 @@ def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
     # ASSUME: On a resistance surface the additive form errs by the same ohms everywhere, the
     # multiplicative one by the same share.
     target = ohm if form == "additive" else np.log(ohm)
-    rates = _search(form, soc, celsius, target)
-    rates = _refined(form, soc, celsius, target, rates) if polish else rates
+    pulses = _Target(form, soc, celsius, target)
+    rates = _search(pulses)
+    rates = _refined(pulses, rates) if polish else rates
     columns = _columns(form, soc, celsius, rates)
     linear = np.linalg.lstsq(columns, target, rcond=None)[0]
     design = np.hstack([columns, _rate_slopes(form, soc, celsius, rates, linear)])
@@ -124,23 +125,33 @@ def _choices(soc):
     return list(combinations(RATES, 2)) if levels >= 4 else [(rate,) for rate in RATES]
 
 
-def _search(form, soc, celsius, target):
+class _Target(NamedTuple):
+    """What a form is fitted to: its name, SoC [1], temperature [°C], R [ohm] or ln R; (n,) each."""
+
+    form: str
+    soc: np.ndarray
+    celsius: np.ndarray
+    values: np.ndarray
+
+
+def _search(pulses):
     """Best rates of the grid, one end after the other, in two sweeps."""
+    soc = pulses.soc
     choices = _choices(soc[soc < LOW_JOINT]), _choices(soc[soc > HIGH_JOINT])
     best = [options[len(options) // 2] for options in choices]
     for end in (0, 1) * SWEEPS:
         trials = [[*best[:end], option, *best[end + 1 :]] for option in choices[end]]
-        errors = [np.sum(_residual(form, soc, celsius, target, trial) ** 2) for trial in trials]
+        errors = [np.sum(_residual(pulses, trial) ** 2) for trial in trials]
         best = trials[int(np.argmin(errors))]
     return tuple(best)
 
 
-def _residual(form, soc, celsius, target, rates):
+def _residual(pulses, rates):
     """Residual (n,) of the best linear parameters at given rates."""
-    return residuals(_columns(form, soc, celsius, rates), target)
+    return residuals(_columns(pulses.form, pulses.soc, pulses.celsius, rates), pulses.values)
 
 
-def _refined(form, soc, celsius, target, rates):
+def _refined(pulses, rates):
     """Rates refined by a search that starts from the grid's best."""
     if not _free(rates):
         return rates
@@ -153,10 +164,10 @@ def _refined(form, soc, celsius, target, rates):
         full = [next(free) if rate else 0.0 for rate in held]
         return tuple(full[:split]), tuple(full[split:])
 
-    scale = np.abs(target).max()
+    scale = np.abs(pulses.values).max()
     bounds = np.log([RATES[0] / 4, RATES[-1] * 4])
     logs = best_logarithms(
-        lambda logs: _residual(form, soc, celsius, target, whole(logs)) / scale,
+        lambda logs: _residual(pulses, whole(logs)) / scale,
         [start],
         bounds=tuple(bounds),
     )
