@@ -324,7 +324,7 @@ def _reference(points, wanted, slow):
 
 
 class _TrueLoss(NamedTuple):
-    """True loss at a temperature with a slow test, as a share of the reference, with its std [1]."""
+    """True loss at a temperature with a slow test: share of the reference, and its std [1]."""
 
     celsius: float
     slow_point: ReachedCapacity
