@@ -52,11 +52,11 @@ def test_a_function_over_temperature_finds_itself(name):
     soc, celsius = (part.ravel() for part in np.meshgrid(AT[::4], [-20.0, -5.0, 10.0, 25.0, 40.0]))
     settings = {"reference_celsius": 25.0}
     volt = form_ocv(name, moving(name), soc, celsius, **settings)
-    found = fit_form(name, soc, celsius, volt, degree=2, **settings)
-    again = form_ocv(name, found, soc, celsius, **settings)
+    fitted = fit_form(name, soc, celsius, volt, degree=2, **settings)
+    again = form_ocv(name, fitted, soc, celsius, **settings)
     assert np.abs(again - volt).max() < 1e-5
     noisy = volt + np.random.default_rng(1).normal(0, 1e-3, len(volt))
-    fit = fit_form(name, soc, celsius, noisy, degree=2, near=found, **settings)
+    fit = fit_form(name, soc, celsius, noisy, degree=2, near=fitted, **settings)
     std = form_std(name, fit, soc, celsius, noisy, **settings)
     free = np.isfinite(std)
     assert np.mean(np.abs((fit - moving(name))[free] / std[free]) < 3) > 0.85
@@ -92,21 +92,23 @@ def test_what_has_no_temperature_to_leave_out_is_refused():
 
 
 def test_left_out_temperatures_are_the_same_points_for_all():
-    found = compare(readings((-10, 0, 10, 25, 40)), reference_celsius=25.0, largest_std_volt=0.02)
-    errors = {one.function: one for one in found}
+    functions = compare(
+        readings((-10, 0, 10, 25, 40)), reference_celsius=25.0, largest_std_volt=0.02
+    )
+    errors = {function.function: function for function in functions}
     assert errors["polynomial"].cross_validation_rmse_volt < 5e-5
     assert errors["isothermal"].cross_validation_rmse_volt > 1e-3
     assert errors["surface"].cross_validation_rmse_volt < 5e-5
-    assert sum(one.chosen for one in found) == 1
+    assert sum(function.chosen for function in functions) == 1
 
 
 def test_a_crossing_lies_between_certain_signs_only():
     soc, slope = np.linspace(0, 1, 11), np.linspace(-1, 1, 11) + 0.05
     std = np.full(11, 0.2)
-    (one,) = zero_crossings(soc, slope, std, slope - 0.4, slope + 0.4)
-    assert one.lower_soc == pytest.approx(0.2)
-    assert one.upper_soc == pytest.approx(0.7)
-    assert one.soc == pytest.approx(0.475)
+    (crossing,) = zero_crossings(soc, slope, std, slope - 0.4, slope + 0.4)
+    assert crossing.lower_soc == pytest.approx(0.2)
+    assert crossing.upper_soc == pytest.approx(0.7)
+    assert crossing.soc == pytest.approx(0.475)
     assert zero_crossings(soc, slope, std, slope - 2, slope + 2) == []
     (falling,) = zero_crossings(soc, -slope, std, -slope - 0.4, -slope + 0.4)
     assert falling.sign_above == -1
