@@ -14,7 +14,7 @@ from cellwright.settings import Ageing
 AGEING = Ageing()
 
 LAGS_HOUR = np.array([*np.arange(11) / 10, 1.25, 1.5, 2.0, 2.5, 3.0])
-NEIGHBOURS = 4  # through which a cubic says what the reading between them should be
+NEIGHBOURS = 4  # readings through which a cubic predicts the one between them
 
 
 def lagged_temperatures(course_hour, course_celsius, hour):
@@ -27,7 +27,7 @@ def lagged_temperatures(course_hour, course_celsius, hour):
     Parameters
     ----------
     course_hour, course_celsius : (m,) rising hours of the readings, and readings [h], [°C].
-    hour : (n,) when the cell is asked [h].
+    hour : (n,) times at which the temperature is wanted [h].
 
     Returns
     -------
@@ -38,12 +38,12 @@ def lagged_temperatures(course_hour, course_celsius, hour):
     # Unlike a cubic spline it does not swing across the pauses of a record.
     spline = Akima1DInterpolator(course_hour, course_celsius)
     # Before its first reading the course is held.
-    asked = [spline(np.maximum(hour - lag, course_hour[0])) for lag in LAGS_HOUR]
+    courses = [spline(np.maximum(hour - lag, course_hour[0])) for lag in LAGS_HOUR]
     places, weights = np.polynomial.laguerre.laggauss(8)
     for lag in LAGS_HOUR[1:]:
         back = np.maximum(hour[:, None] - lag * places, course_hour[0])
-        asked.append(spline(back) @ weights)
-    return asked
+        courses.append(spline(back) @ weights)
+    return courses
 
 
 def reading_noise(hour, celsius):
@@ -55,7 +55,7 @@ def reading_noise(hour, celsius):
 
     Returns
     -------
-    std : of one reading, if all that its neighbours do not foretell is an error of it [K]; part of
+    std : of one reading, if all that its neighbours do not predict is its error [K]; part of
         it may be the temperature itself. NaN where there are fewer than five readings.
     """
     errors = []
@@ -71,7 +71,7 @@ LEAST_CYCLES = 8
 HIGHEST_DEGREE = 4
 CYCLES_A_DEGREE = 6
 OUTLIER = 6.0  # robust standard deviations from the course over cycles
-MOST_LAGS = 8  # evenly taken of those that the data do not tell apart
+MOST_LAGS = 8  # taken evenly from the lags that the data do not rule out
 RULED_OUT = 8.0  # of log-likelihood: what is 3000 times less likely weighs nothing
 ROOM, START = "room", "cell as the discharge begins"
 
@@ -215,13 +215,13 @@ def _record(rows):
 def _lagged(rows, discharges, celsius, source):
     """Temperature courses for each lag, and the largest error of a reading [K].
 
-    A cell's own temperature needs no lag; what its reading errs by is not told by its neighbours,
-    hours of load away.
+    A cell's own temperature needs no lag; its reading error cannot be estimated from its
+    neighbours, which are hours of load away.
     """
     if source != ROOM:
         return [celsius] if source else [], 0.0
     middle = (rows.start_time_second + rows.duration_second / 2) / 3600
-    # Charges tell the room as well as discharges do.
+    # The room's temperature is taken during charges as well as discharges.
     recorded = np.isfinite(rows.room_temperature_celsius)
     hour, course = middle[recorded], rows.room_temperature_celsius[recorded]
     courses = lagged_temperatures(hour, course, middle[discharges])
@@ -341,7 +341,7 @@ def _temperature_movement(record, fade, least):
 def _slope(models, freedom, level, noise_share):
     """Slope in percent of the capacity per kelvin, averaged over the models; NaN without models.
 
-    noise_share : error of a reading of the temperature, at most, by its movement beside the fade.
+    noise_share : largest error of a temperature reading over the RMS of the temperature [1].
     """
     weight, slopes, variance = (
         np.array([getattr(model, name) for model in models])
@@ -362,9 +362,9 @@ def _slope(models, freedom, level, noise_share):
 def _corrected_for_reading_error(slope, std, noise_share):
     """Slope and its std corrected for the error of the temperature reading, which shrinks a slope.
 
-    By 1 − (noise/movement)², if all that a reading's neighbours do not foretell is its error, by
-    nothing, if it is the temperature itself. Which it is cannot be told: every share between them
-    is taken as equally likely.
+    The slope is too small by the factor 1 − (noise/movement)² if all that a reading's neighbours do
+    not predict is its error, and correct if it is the temperature itself. The data do not determine
+    which: every share between the two is taken as equally likely.
 
     Source: W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.1.
     """

@@ -219,7 +219,7 @@ class Loss(NamedTuple):
     against it. true_percent : not reached even slowly at this temperature. false_percent : the
     rest, polarisation, which comes back when slow. Each with std and the limits it lies in: a
     95 % interval where the split is known, else everything that the tests allow (std NaN).
-    slow_c_rate : of the test that tells the true part; NaN where there is none.
+    slow_c_rate : of the test that determines the true part; NaN where there is none.
     left_in_percent : of a charge, how much of its loss the discharge before it in the same test
     had left in the cell; that part could not be put in. NaN for a discharge, or not known.
     tests : their names, joined by ";".

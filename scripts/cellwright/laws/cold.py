@@ -56,7 +56,8 @@ def cold_limit(points, laws):
     1. From impedance: ohmic against charge-transfer resistance; where there is none, from
     discharge pulses: the first sample against the rise from there to the last delay. 2. The
     growth of both from the warmest to the coldest temperature that all of a SoC's points share.
-    3. The part that adds more ohms limits; how sure is told by the growth factors' errors.
+    3. The part that adds more ohms limits; the errors of the growth factors say how certain
+    that is.
 
     Parameters
     ----------

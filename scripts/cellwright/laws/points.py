@@ -88,7 +88,7 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
     level = level_means([row["soc"] for row in with_soc], apart=soc_tolerance)
     points, notes = [], []
     for kind, column in (("ohmic", "r_ohmic_ohm"), ("charge-transfer", "r_charge_transfer_ohm")):
-        # Charge transfer must also be told from diffusion.
+        # Charge transfer must also be distinguished from diffusion.
         determined = [
             row
             for row in with_soc
@@ -139,8 +139,8 @@ def first_check_up(rows):
 def mean_per_temperature(points):
     """Points with repeats at one temperature averaged, per quantity.
 
-    Three spectra at one temperature are three witnesses of the resistance there, not of how it
-    moves with temperature: a chamber that is off and a law that bends move all three at once.
+    Three spectra at one temperature determine the resistance there better, not its change with
+    temperature: an error of the chamber, or of the law, moves all three at once.
 
     Parameters
     ----------

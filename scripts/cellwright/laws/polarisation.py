@@ -121,7 +121,7 @@ ALIKE = {"current_before_ampere": 0.15, "load_second": 0.2, "rest_second": 0.2, 
 MIDDLE = (0.15, 0.95)  # SoC over which a temperature's value is the median
 HALF = 0.52  # up to here "below 50 % SoC"
 NO_RESTS = "no rest after a steady load tells two exponentials at a known SoC"
-SHARE_OF_RESTS = 0.8  # of the rests: so many must tell three exponentials for three to be compared
+SHARE_OF_RESTS = 0.8  # of the rests in which three exponentials must be determined
 
 
 class Point(NamedTuple):
@@ -154,8 +154,8 @@ def comparable_rests(rows):
 
     1. Rests of the earliest check-up after a steady load are grouped by protocol. 2. The group
     with the most temperatures, then the most rests, is taken. 3. Its fits of three exponentials
-    are compared where they are told in 80 % of its rests and at as many temperatures, for then
-    charge transfer is out of a and b; else its fits of two.
+    are compared where they are determined in 80 % of its rests and at as many temperatures, for
+    then charge transfer is out of a and b; else its fits of two.
 
     Parameters
     ----------
@@ -163,8 +163,8 @@ def comparable_rests(rows):
 
     Returns
     -------
-    Compared : without a point, and the reason as protocol, where no rest after a steady load tells
-        two exponentials at a known SoC: that is an answer, not a fault of the tests.
+    ComparableRests : without a point, and with the reason as protocol, where no rest after a steady
+        load determines two exponentials at a known SoC: a result, not a fault of the tests.
     """
     rests = [
         row for row in first_check_up(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])

@@ -197,7 +197,7 @@ FORMS = ("additive", "multiplicative", "table")
 LEAST_TEMPERATURES = {"additive": 3, "multiplicative": 2, "table": 2}
 BLOCKS = 5
 LEAST_LEVELS = 4
-VAGUE = 0.05  # a pulse that knows its resistance no better than this says nothing of a surface
+VAGUE = 0.05  # largest relative standard deviation of a pulse's resistance that is used
 
 
 class Pulses(NamedTuple):

@@ -178,9 +178,9 @@ def _errors(design, residual, celsius, over_temperature):
     """Standard deviations of parameters, with the error that pulses of one temperature share.
 
     A chamber that is half a kelvin off, or a law that bends, moves all pulses of a temperature at
-    once: they are no independent witnesses of how the resistance moves with temperature. The
-    variance of that common part is taken from the mean residuals of the temperatures; where there
-    are no more temperatures than parameters of temperature it is not known, nor are their errors.
+    once: their errors are not independent over temperature. The variance of that common part is
+    taken from the mean residuals of the temperatures; where there are no more temperatures than
+    parameters of temperature it is not known, nor are their errors.
     """
     covariance = covariance_from_jacobian(design, residual)
     member = (celsius[:, None] == np.unique(celsius)).astype(float)

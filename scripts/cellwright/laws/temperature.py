@@ -101,8 +101,8 @@ def drawn_pieces(tested_celsius, valid_celsius):
 def turn_sentences(families):
     """Sentences on families of resistances whose quadratics rise within their range of use.
 
-    The curve as it would be read decides, not whether its turn is certain: Arrhenius, which never
-    turns, is there in its place. How certain it is, is said.
+    The fitted curve decides, whether or not its turn is certain at 95 %, for an Arrhenius law,
+    which never turns, can be used instead. The sentence names how many turns are certain.
 
     Parameters
     ----------

@@ -215,7 +215,7 @@ def _solved(normal, fixed, combinations):
     return scaled / scale[columns], normal.power - (scaled * moment).sum(axis=1)
 
 
-RANK = 1e-12  # smallest pivot of a Gram matrix of unit columns that still says something
+RANK = 1e-12  # smallest pivot of a Gram matrix of unit columns that is not rounding
 # Stop when the next step is this share of the standard deviation of what it moves. That step is
 # still made, without another look at the data, and leaves an error of about its square.
 STOP_SHARE = 0.02
@@ -256,7 +256,7 @@ def projected(normal, log_tau, linear, lower, upper):
 
     Raises
     ------
-    Refusal : the columns do not tell the linear parameters apart, whatever the bounds.
+    Refusal : a column is zero, or no linear parameters lie within their bounds.
     """
     size, pairs = len(linear), len(log_tau)
     scale = np.sqrt(normal.gram.diagonal()[:size])
@@ -279,8 +279,7 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
     Parameters
     ----------
     normal_at : function (log_tau, linear) → Normal.
-    log_tau, linear : (m,), (l,) where to start; the linear ones only tell where the residual is
-        taken first.
+    log_tau, linear : (m,), (l,) where to start; the first residual is taken at the linear ones.
     bounds : (lower, upper) of log_tau, (lower, upper) of the linear parameters.
     samples : number of data, for the scatter that the stop refers to.
 
@@ -388,20 +387,20 @@ def _on_face(unit, moment, face, lower, upper):
     return solution
 
 
-# Relative standard deviation from which a parameter is not told: its 95 % interval, 1.96 times
-# that wide, reaches down to zero.
+# Relative standard deviation above which a parameter is not determined: its 95 % interval, 1.96
+# times that wide, reaches down to zero.
 UNDETERMINED = 0.51
-# What two parameters form together is told where it is known this many times better than each.
+# The sum or ratio of two parameters is named where it is known this many times better than each.
 COMBINED_BETTER = 5.0
 
 
 def verdict(names, values, covariance, lower, upper):
     """Which parameters of a fit the data do not determine, in words; "" where they determine all.
 
-    A parameter is not told where its 95 % interval, from the covariance, reaches zero (relative
-    standard deviation above 0.51), or where the fit ran to the limit of its search. Of two that
-    are not told, their sum (resistances) or ratio (a pair's R/tau, one over its capacitance) is
-    named where that is known five times better.
+    A parameter is not determined where its 95 % interval, from the covariance, reaches zero
+    (relative standard deviation above 0.51), or where the fit ran to the limit of its search. Of
+    two that are not determined, their sum (resistances) or ratio (a pair's R/tau, one over its
+    capacitance) is named where that is known five times better.
 
     Parameters
     ----------

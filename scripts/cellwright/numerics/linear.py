@@ -30,7 +30,7 @@ def solve(gram, moment, signed, most=None):
 
     Raises
     ------
-    Refusal : the data do not tell the parameters apart.
+    Refusal : the data do not determine the parameters (rank).
     """
     parameters = _nonnegative(gram, moment, signed)
     if most is None or np.all(parameters <= most):

@@ -24,9 +24,9 @@ class Line(NamedTuple):
     values, std : (p,) estimates and standard deviations; the latter NaN where not known.
     degrees_of_freedom : n − p.
     excess_std : of `fit_line`: scatter of the points beyond their own standard deviations, in the
-    unit of the target; NaN where no degree of freedom is left to tell.
+    unit of the target; NaN where there is no degree of freedom.
     reduced_chi_square : of `generalised_line`: squared residual over what the covariance lets
-    expect; 1 where nothing is left to tell it from.
+    expect; 1 where there is no degree of freedom.
     correlation, log_likelihood : of `coloured_line`: mean correlation of the noise over one typical
     interval [1]; at the best correlation, for comparing sets of columns.
     """
@@ -145,7 +145,7 @@ def generalised_line(columns, target, covariance):
     return Line(values, std, degrees, reduced_chi_square=float(chi_square))
 
 
-# Correlation over one typical interval. Uncorrelated first; 0.95 is hard to tell from a trend.
+# Correlations over one typical interval that are tried; above 0.95 noise resembles a trend.
 CORRELATIONS = np.concatenate([[0.0], np.linspace(0.05, 0.95, 19)])
 
 

@@ -1,4 +1,4 @@
-"""Noise of a voltage record: white noise beside a slow Ornstein-Uhlenbeck process, and whitening.
+"""Noise of a voltage record: white noise plus a slow Ornstein-Uhlenbeck process, and whitening.
 
 Residuals of a record are correlated over minutes; a test that takes them for independent finds an
 effect in every healthy cell. A scalar Kalman filter turns them into independent ones in one pass,

@@ -1,4 +1,4 @@
-"""A period in a series on uneven times, beside a trend and correlated noise."""
+"""Periodogram and daily cycle of a series on uneven times, with a trend and correlated noise."""
 
 from typing import NamedTuple
 

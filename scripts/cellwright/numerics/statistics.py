@@ -158,8 +158,8 @@ def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=Non
     """Covariance of least-squares parameters, for white or for coloured residuals.
 
     White: s²·G⁻¹. Coloured: G⁻¹·M·G⁻¹ with M = Σ γ(k)·Σ J(t)·J(t+k), γ the autocovariance of the
-    residual up to its first zero crossing. So a parameter told by fast changes of the current is
-    widened less by slow errors of the model than one told by slow changes.
+    residual up to its first zero crossing. So slow errors of the model widen a parameter
+    that fast changes of the current determine less than one that slow changes determine.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=Non
 
     Returns
     -------
-    covariance : (p, p); NaN for parameters that the data do not tell.
+    covariance : (p, p); NaN for parameters that the data do not determine.
 
     Source: L. Hansen, Econometrica 50 (1982) 1029, for a stationary error; the cut of the
     autocovariance after C. Geyer, Statistical Science 7 (1992) 473, simplified.

@@ -113,7 +113,7 @@ def step_readings(rows, *, voltage_std_volt=OCV_TEMPERATURE.step_std_volt):
     Parameters
     ----------
     rows : list of dict, rows of stage `ocv_step`.
-    voltage_std_volt : what the mean of a plateau is off by, beside its noise [V].
+    voltage_std_volt : systematic error of the mean of a plateau, besides its noise [V].
 
     Returns
     -------
