@@ -21,7 +21,7 @@ COMPLETED = "equilibrium"
 # ASSUME: By which share of the gap the OCV is off its reading is the same at all temperatures but
 # for a tenth of what it can be (where the likelihood of A123's five slow tests is highest); where
 # overpotential exceeds the thermal voltage, kinetics are not linear, and that part grows with it.
-OWN_SHARE = 0.1
+INDEPENDENT_SHARE = 0.1
 THERMAL_VOLT = 0.025
 
 
@@ -91,7 +91,7 @@ def slow_readings(
     volt, gap, soc_volt = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
     common = extra / np.sqrt(3)
-    scatter = OWN_SHARE * common * np.maximum(common / THERMAL_VOLT, 1.0)
+    scatter = INDEPENDENT_SHARE * common * np.maximum(common / THERMAL_VOLT, 1.0)
     celsius = np.array([curve["ambient_temperature_celsius"] for curve in both], float)
     return Readings(
         source="slow",
