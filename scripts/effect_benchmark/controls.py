@@ -7,7 +7,7 @@ another order; and an extra RC pair, whether or not one is missing.
 
 import numpy as np
 
-from cellwright.effects import base, plain, search
+from cellwright.effects import base, search
 from cellwright.effects.case import filters_of, steep
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import Effect, Parameter
@@ -87,8 +87,8 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
     ----------
     case : search.Case. first : the first round of its search. effect : the term.
     """
-    start = plain.first_values(case.cell, case.fit)
-    free = plain.frees(case.fit, start, case.tolerance)
+    start = base.first_values(case.cell, case.fit)
+    free = base.frees(case.fit, start, case.tolerance)
     filters = filters_of(case, first.noise, steep(case, start))
     solution = first.before.solution
     residual = filters.fit.apply(solution.residual)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, plain, ties
+from cellwright.effects import base, sensitivity
 from cellwright.effects.case import Gates, filters_of, not_excited, steep
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
@@ -95,9 +95,9 @@ def _beside(case, references, options):
 def settings_of(settings):
     """Gates and tolerances from the settings of a campaign, by their names."""
     gates = Gates(**{name: settings[name] for name in Gates._fields if name in settings})
-    known = {f"{name}_tolerance": name for name in plain.Tolerance._fields}
+    known = {f"{name}_tolerance": name for name in base.Tolerance._fields}
     given = {known[name]: value for name, value in settings.items() if name in known}
-    return gates, plain.Tolerance(**given)
+    return gates, base.Tolerance(**given)
 
 
 def of_case(name, case, library, *, split_rest_second=None):
@@ -248,8 +248,8 @@ def _series(case, before, after):
 
 
 def _confounding(case, rounds, library):
-    model = ties.model_of(rounds[0].before)
-    return ties.confounding(ties.shown(case, library, model, spread=rounds[0].noise))
+    model = sensitivity.model_of(rounds[0].before)
+    return sensitivity.confounding(sensitivity.shown(case, library, model, spread=rounds[0].noise))
 
 
 def model_of(case, state):

@@ -57,7 +57,7 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
     Parameters
     ----------
     cell : base.Cell. stack : records.Stack. values : dict. effects : sequence of Effect.
-    tolerance : plain.Tolerance. shared : (number here, number in the fit) of records of which one
+    tolerance : base.Tolerance. shared : (number here, number in the fit) of records of which one
         part was fitted and another judges: they have one start, and the fit has found it.
     rests : Rests of the records fitted: a rest at a SoC near by is taken to have their error.
 

@@ -11,7 +11,7 @@ import numpy as np
 from cellwright.circuits.instrument import FOLLOWS, words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
-from cellwright.effects import base, plain
+from cellwright.effects import base
 from cellwright.effects.case import filters_of, problem_of, steep
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.overpotential import DIFFUSION_KINDS
@@ -228,9 +228,9 @@ def folds(case, state, noise, *, split_rest_second):
     count = min(FOLDS, len(spans))
     if count < 2:
         return []
-    values = plain.first_values(case.cell, case.fit)
+    values = base.first_values(case.cell, case.fit)
     own = [one for effect in state.effects for one in frees_of(effect)]
-    free = (*plain.frees(case.fit, values, case.tolerance), *own)
+    free = (*base.frees(case.fit, values, case.tolerance), *own)
     renew = tuple(one.name for one in own)
     found = []
     for fold in range(count):

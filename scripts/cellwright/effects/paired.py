@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, plain
+from cellwright.effects import base
 from cellwright.effects.case import STEADY_C_RATE, filters_of, problem_of, state_of, steep
 from cellwright.effects.judge import rms
 from cellwright.effects.records import LOADED_C_RATE
@@ -301,8 +301,8 @@ def plain_state(case):
     OCV and capacity stay as they were measured: bent until they hide some of the circuit's failure,
     as far as their tolerance costs less, they would have to be bent again in every other cell.
     """
-    values = plain.first_values(case.cell, case.fit)
-    free = plain.frees(case.fit, values, case.tolerance)
+    values = base.first_values(case.cell, case.fit)
+    free = base.frees(case.fit, values, case.tolerance)
     filters = filters_of(case, FIRST, steep(case, values))
     problem = problem_of(case, (), free, filters)
     moved = tuple(one for one in free if one.name.startswith(MOVED))

@@ -282,7 +282,7 @@ def between(found, question, tolerance):
     Parameters
     ----------
     found : sensitivity.Information of all records. question : Question.
-    tolerance : plain.Tolerance.
+    tolerance : base.Tolerance.
 
     Returns
     -------

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, plain
+from cellwright.effects import base
 from cellwright.effects.library.vocabulary import in_order
 
 
@@ -197,7 +197,7 @@ def screened(case, candidates, before, possible, filters):
     solution, best, hidden = before.solution, {}, {}
     residual = filters.fit.apply(solution.residual)
     many = filters.fit.apply(np.concatenate([c.columns for c in candidates], axis=1))
-    regressed = plain.regressed(case.cell, case.fit, solution.values, before.effects)
+    regressed = base.regressed(case.cell, case.fit, solution.values, before.effects)
     without = chi_square_of(case, regressed, before.effects, filters)
     slopes = solution.white, solution.precision, solution.values
     for one in scored(candidates, many, residual, *slopes):
@@ -225,7 +225,7 @@ def _score_by_regression(case, before, possible, score, filters, without):
     given = candidate.effect.given(candidate.start)
     free = tuple(name for name in candidate.sizes if name not in given)
     first = before.solution.values | candidate.start
-    values = plain.regressed(case.cell, case.fit, first, effects, free)
+    values = base.regressed(case.cell, case.fit, first, effects, free)
     sizes = np.array([values[name] for name in candidate.sizes])
     fall = without - chi_square_of(case, values, effects, filters)
     return score._replace(chi_square=fall, estimate=sizes, values=values)
