@@ -8,7 +8,7 @@ from group_pair import CELLS, TABLE, record
 
 from cellwright.effects.groups.finding import branch_of, group_finding
 from cellwright.effects.groups.model import fields_of, group_run
-from cellwright.effects.groups.records import group_stacked
+from cellwright.effects.records import group_stacked
 from cellwright.refusal import Refusal
 
 

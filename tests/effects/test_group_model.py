@@ -6,7 +6,7 @@ from group_pair import CELLS, record
 
 from cellwright.effects.groups import model
 from cellwright.effects.groups.model import group_fields, group_names, group_run
-from cellwright.effects.groups.records import group_stacked
+from cellwright.effects.records import group_stacked
 from cellwright.numerics.least_squares import within
 
 HOLDS = pytest.mark.parametrize("hold", ["zero_order", "first_order"])

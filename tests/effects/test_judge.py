@@ -5,8 +5,8 @@ import pytest
 from small_cells import CAPACITY, CELL, PLAIN, drive
 
 from cellwright.effects import base
-from cellwright.effects.judge import Rests, by_starts, rests_of, started
 from cellwright.effects.base import Tolerance
+from cellwright.effects.judge import Rests, by_starts, rests_of, started
 from cellwright.effects.records import stacked
 from cellwright.numerics.least_squares import Solution
 from cellwright.numerics.noise import FIRST, whitening

@@ -1,8 +1,8 @@
 """What records can show of parameters and effects: information from a model's sensitivities alone.
 
 Nothing measured enters beyond currents, times and temperatures. Records share all parameters but
-their SoC at the start, so that the information of several stacks simply adds up: a test that has
-not been done yet is weighed by adding that of its planned current.
+their SoC at the start, so that the information of several stacks adds up: a test that has not been
+done yet is weighed by adding that of its planned current.
 """
 
 from itertools import combinations
@@ -13,9 +13,8 @@ import numpy as np
 from cellwright.effects import base
 from cellwright.effects.screen import candidates
 from cellwright.numerics.least_squares import Free
-from cellwright.numerics.noise import Noise, whitening
+from cellwright.numerics.noise import FIRST, whitening
 
-USUAL_NOISE = Noise(2e-3, 1e-3, 200.0)
 WIDE = 10.0  # plausible sizes within which an effect that is in the model may still move
 SAME_CLASS = 0.95  # canonical correlation above which two effects are one class
 SHOWN = 1.0  # chi-square of a direction at plausible size, below which it is no part of an effect
@@ -43,7 +42,7 @@ class Label(NamedTuple):
 class Information(NamedTuple):
     """What a stack of records tells.
 
-    nuisances : tuple of problem.Free, shared by all records. labels : tuple of Label.
+    nuisances : tuple of least_squares.Free, shared by all records. labels : tuple of Label.
     matrix : (k, k) information of the nuisances, then of the labels; SoC at starts marginal.
     """
 
@@ -56,19 +55,8 @@ class Information(NamedTuple):
         return self._replace(matrix=self.matrix + other.matrix)
 
 
-class Projection(NamedTuple):
-    """Information of the labels once the nuisances have followed.
-
-    left : (m, m) chi-square left per unit of each label. follow : (k + m, m) how nuisances and
-    labels move per unit of each label when a fit lets the nuisances follow.
-    """
-
-    left: np.ndarray
-    follow: np.ndarray
-
-
 def information(
-    cell, stack, model, library, *, tolerance, spread=USUAL_NOISE, circuit_error=0.0, asked=None
+    cell, stack, model, library, *, tolerance, spread=FIRST, circuit_error=0.0, asked=None
 ):
     """Information of records about the nuisances and about every effect at all its starts.
 
@@ -90,20 +78,19 @@ def information(
         return base.voltage(cell, stack, values, (*model.effects, effect))
 
     model = model._replace(values={"known": 1.0} | model.values)
-    here = base.fields_of(cell, stack, model.values, model.effects)
-    extra = base.steep_volt(cell, here.soc, tolerance)
-    extra = np.hypot(extra, circuit_error * (here.volt - here.ocv))
+    fields = base.fields_of(cell, stack, model.values, model.effects)
+    extra = base.steep_volt(cell, fields.soc, tolerance)
+    extra = np.hypot(extra, circuit_error * (fields.volt - fields.ocv))
     white = whitening(spread, stack, extra_volt=extra)
     nuisances = _shared(stack, model, tolerance, asked)
-    columns = [_derivative(cell, stack, model, here.volt, {f.name: f.step}) for f in nuisances]
-    labels, own = _labelled(candidates(predict, here.volt, model.values, library))
-    inside, more = _inside(cell, stack, model, here.volt, asked)
-    labels, own = (*inside, *labels), [*more, *own]
-    columns = white.apply(np.stack([*columns, *own], axis=1))
+    columns = [_derivative(cell, stack, model, fields.volt, {f.name: f.step}) for f in nuisances]
+    inside, of_inside = _inside(cell, stack, model, fields.volt, asked)
+    absent, of_absent = _labelled(candidates(predict, fields.volt, model.values, library))
+    columns = white.apply(np.stack([*columns, *of_inside, *of_absent], axis=1))
     starts = {f"soc0[{k}]": base.SOC_STEP for k in range(len(stack.first))}
-    begun = white.apply(_derivative(cell, stack, model, here.volt, starts))
+    begun = white.apply(_derivative(cell, stack, model, fields.volt, starts))
     matrix = _marginal(columns, begun, stack.first, tolerance.soc)
-    return Information(nuisances, labels, matrix)
+    return Information(nuisances, (*inside, *absent), matrix)
 
 
 def at_starts_of(model, stack):
@@ -112,24 +99,20 @@ def at_starts_of(model, stack):
     return model._replace(values=model.values | starts)
 
 
-def projected(found, tolerance):
-    """Project the nuisances out of the information of the labels.
+def projected(information, tolerance):
+    """Chi-square that labels leave once the nuisances have followed, per unit of each: (m, m) [1].
 
     Parameters
     ----------
-    found : Information. tolerance : base.Tolerance, for what is known of the nuisances.
-
-    Returns
-    -------
-    projection : Projection.
+    information : Information. tolerance : base.Tolerance, for what is known of the nuisances.
     """
-    size = len(found.nuisances)
-    prior = np.diag([f.std**-2.0 for f in found.nuisances])
-    prior += base.coupling(found.nuisances, tolerance)
-    mixed = found.matrix[:size, size:]
-    moved = -np.linalg.solve(found.matrix[:size, :size] + prior, mixed)
-    left = found.matrix[size:, size:] + mixed.T @ moved
-    return Projection((left + left.T) / 2, np.vstack([moved, np.eye(len(found.labels))]))
+    size = len(information.nuisances)
+    prior = np.diag([free.std**-2.0 for free in information.nuisances])
+    prior += base.coupling(information.nuisances, tolerance)
+    mixed = information.matrix[:size, size:]
+    moved = -np.linalg.solve(information.matrix[:size, :size] + prior, mixed)
+    chi_square = information.matrix[size:, size:] + mixed.T @ moved
+    return (chi_square + chi_square.T) / 2
 
 
 def _inside(cell, stack, model, volt, asked):
@@ -170,14 +153,15 @@ def _derivative(cell, stack, model, volt, steps):
     return (moved - volt) / next(iter(steps.values()))
 
 
-def _labelled(found):
+def _labelled(absent):
     """Labels of candidates, and their columns at plausible size."""
-    labels, columns, seen = [], [], {}
-    for one in found:
-        units = {f"{one.effect.id}.{p.name}": p.plausible or p.step for p in one.effect.parameters}
-        number = seen[one.effect.id] = seen.get(one.effect.id, -1) + 1
-        for size, column in zip(one.sizes, one.columns.T, strict=True):
-            labels.append(Label(one.effect.id, number, size, units[size]))
+    labels, columns, starts = [], [], {}
+    for candidate in absent:
+        effect = candidate.effect
+        units = {f"{effect.id}.{p.name}": p.plausible or p.step for p in effect.parameters}
+        number = starts[effect.id] = starts.get(effect.id, -1) + 1
+        for size, column in zip(candidate.sizes, candidate.columns.T, strict=True):
+            labels.append(Label(effect.id, number, size, units[size]))
             columns.append(column * units[size])
     return tuple(labels), columns
 
@@ -189,59 +173,39 @@ def _marginal(columns, begun, first, soc_std):
     return columns.T @ columns - shared.T @ (shared / alone[:, None])
 
 
-class Visibility(NamedTuple):
-    """Chi-square that each effect leaves at its plausible size, the nuisances having followed.
-
-    fit, validation : dict by id: on the records of the fit; on those of the validation, where
-    only the SoC at the start follows. unseen : ids below a gate on either side: not testable.
-    """
-
-    fit: dict
-    validation: dict
-    unseen: tuple
-
-
 class Shown(NamedTuple):
-    """Sensitivities of a case: Information of both stacks, Projection on that of the fit.
+    """What the records fitted show of each effect.
 
-    held : ids of the effects whose starts are each a direction of its own: no straight line in
-    their size, or several forms.
+    labels : tuple of Label. chi_square : (m, m) see `projected`. held : ids of the effects whose
+    starts are each a direction of its own: what they change is no straight line in their size, or
+    they have several forms.
     """
 
-    fit: object
-    validation: object
-    projection: object
+    labels: tuple
+    chi_square: np.ndarray
     held: tuple
 
 
-def shown(case, library, model, *, spread=USUAL_NOISE):
-    """What the records of a case can show of each effect of a library.
+def shown(case, library, model, *, spread=FIRST):
+    """What the records of a case that are fitted can show of each effect of a library.
 
     Parameters
     ----------
-    case : search.Case. library : dict of Effect by id. model : Model, with the SoC at
+    case : case.Case. library : dict of Effect by id. model : Model, with the SoC at
     the starts of the records of the fit. spread : noise.Noise.
 
     Returns
     -------
     shown : Shown.
     """
-    inside = {one.id for one in model.effects}
-    lacking = [e for e in library.values() if e.id not in inside and e.stage in base.STAGES]
-    facts = {"tolerance": case.tolerance, "spread": spread}
-    fit = information(case.cell, case.fit, model, lacking, **facts)
-    other = at_starts_of(model, case.validation)
-    validation = information(case.cell, case.validation, other, lacking, **facts)
-    held = tuple(e.id for e in lacking if e.held or e.bends)
-    return Shown(fit, validation, projected(fit, case.tolerance), held)
+    inside = {effect.id for effect in model.effects}
+    absent = [e for e in library.values() if e.id not in inside and e.stage in base.STAGES]
+    total = information(case.cell, case.fit, model, absent, tolerance=case.tolerance, spread=spread)
+    held = tuple(e.id for e in absent if e.held or e.bends)
+    return Shown(total.labels, projected(total, case.tolerance), held)
 
 
-def model_of(state):
-    """Model of a state of the search: its values and effects."""
-    return Model(state.solution.values, state.effects)
-
-
-def confounding(seen):
+def confounding(shown):
     """Canonical correlation of each pair of effects on the records of the fit.
 
     Each effect spans the directions of its sizes and starts that show at plausible size; one of
@@ -249,7 +213,7 @@ def confounding(seen):
 
     Parameters
     ----------
-    seen : Shown.
+    shown : Shown.
 
     Returns
     -------
@@ -257,91 +221,40 @@ def confounding(seen):
 
     Source: H. Hotelling, Biometrika 28 (1936) 321.
     """
-    left = seen.projection.left
-    ids = list(dict.fromkeys(label.effect for label in seen.fit.labels))
-    spans = [_spans(seen, one) for one in ids]
+    ids = list(dict.fromkeys(label.effect for label in shown.labels))
+    spans = [_spans(shown, effect) for effect in ids]
     pairs = list(combinations(range(len(ids)), 2))
-    found = [_alike(left, spans[a], spans[b]) for a, b in pairs]
+    correlation = [_correlation(shown.chi_square, spans[a], spans[b]) for a, b in pairs]
     return {
         "effect_a": [ids[a] for a, _ in pairs],
         "effect_b": [ids[b] for _, b in pairs],
-        "correlation": found,
-        "same_class": [one > SAME_CLASS for one in found],
+        "correlation": correlation,
+        "same_class": [value > SAME_CLASS for value in correlation],
     }
 
 
-def classes_of(columns):
-    """Classes of effects that a case cannot tell apart: connected components of its pairs.
-
-    Parameters
-    ----------
-    columns : of `confounding`.
-
-    Returns
-    -------
-    classes : list of tuples of ids, in the order of the library; an effect alone is its own class.
-    """
-    ids = list(dict.fromkeys([*columns["effect_a"], *columns["effect_b"]]))
-    place = {one: k for k, one in enumerate(ids)}
-    names = ("effect_a", "effect_b", "same_class")
-    for a, b, same in zip(*(columns[name] for name in names), strict=True):
-        if same:
-            low, high = sorted((place[a], place[b]))
-            place = {one: low if k == high else k for one, k in place.items()}
-    return [tuple(one for one in ids if place[one] == k) for k in sorted(set(place.values()))]
+def _spans(shown, effect):
+    """Directions of an effect: of each of its starts apart where it is held, else of all."""
+    labels = shown.labels
+    rows = [k for k, label in enumerate(labels) if label.effect == effect]
+    starts = sorted({labels[k].start for k in rows}) if effect in shown.held else [None]
+    parts = [[k for k in rows if start is None or labels[k].start == start] for start in starts]
+    return [_span(shown.chi_square, np.array(part)) for part in parts]
 
 
-def visibility(seen, gates, *, rows):
-    """Chi-square of each effect at plausible size, and the effects that stay below a gate.
-
-    Parameters
-    ----------
-    seen : Shown. gates : search.Gates. rows : number of rows of the fit, for the price of a
-    parameter.
-
-    Returns
-    -------
-    visibility : Visibility.
-    """
-    follow = seen.projection.follow
-    judged = np.diag(follow.T @ seen.validation.matrix @ follow)
-    fit, validation, unseen = {}, {}, []
-    for one in dict.fromkeys(label.effect for label in seen.fit.labels):
-        at = _rows(seen.fit.labels, one)
-        best = at[np.argmax(np.minimum(np.diag(seen.projection.left)[at], judged[at]))]
-        fit[one] = float(max(seen.projection.left[best, best], 0.0))
-        validation[one] = float(max(judged[best], 0.0))
-        price = gates.bic + len({seen.fit.labels[k].size for k in at}) * np.log(rows)
-        if fit[one] <= price or validation[one] <= gates.validation_chi_square:
-            unseen.append(one)
-    return Visibility(fit, validation, tuple(unseen))
-
-
-def _rows(labels, effect):
-    return np.array([k for k, label in enumerate(labels) if label.effect == effect])
-
-
-def _spans(seen, effect):
-    labels = seen.fit.labels
-    at = _rows(labels, effect)
-    starts = sorted({labels[k].start for k in at}) if effect in seen.held else [None]
-    parts = [[k for k in at if start is None or labels[k].start == start] for start in starts]
-    return [_span(seen.projection.left, np.array(part)) for part in parts]
-
-
-def _span(left, at):
-    """Orthonormal directions (m, r), in the metric `left`, of the rows that show anything."""
-    size, ways = np.linalg.eigh(left[np.ix_(at, at)])
+def _span(chi_square, rows):
+    """Orthonormal directions (m, r), in the metric `chi_square`, of rows that show anything."""
+    size, vectors = np.linalg.eigh(chi_square[np.ix_(rows, rows)])
     kept = size > max(SHOWN, 1e-8 * size[-1])
-    found = np.zeros((len(left), int(kept.sum())))
-    found[at] = ways[:, kept] / np.sqrt(size[kept])
-    return found
+    span = np.zeros((len(chi_square), int(kept.sum())))
+    span[rows] = vectors[:, kept] / np.sqrt(size[kept])
+    return span
 
 
-def _alike(left, ours, theirs):
+def _correlation(chi_square, spans_a, spans_b):
     """Correlation of two effects: of the one with more spans, that of the span least matched."""
-    table = np.array([[_largest(p.T @ left @ q) for q in theirs] for p in ours])
-    return float(table.max(axis=1 if len(ours) >= len(theirs) else 0).min())
+    table = np.array([[_largest(p.T @ chi_square @ q) for q in spans_b] for p in spans_a])
+    return float(table.max(axis=1 if len(spans_a) >= len(spans_b) else 0).min())
 
 
 def _largest(mixed):

@@ -1,4 +1,4 @@
-"""The whole search for one parallel group: from its tests and cells' models to a verdict."""
+"""The search of one parallel group: from its tests and its cells' models to a verdict."""
 
 from typing import NamedTuple
 
@@ -33,11 +33,27 @@ from cellwright.refusal import Refusal
 
 ENERGY = "resistance_temperature.activation_energy_joule_per_mole"
 FIRST_ROWS = 3
+LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
+SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
+BLOCKS = 4  # of each record
+BLIND = (
+    "Branch currents were not logged, and the group's voltage alone tells no branch from another: "
+    "a name is only what would explain that voltage, and a fault of a branch's sensor cannot show."
+)
+HEALTHY = "healthy cells within the declared spread are off by"
+LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
+OTHER_TEMPERATURE = "repeat the group's drive at a chamber temperature 20 K away"
+KELVIN = 5.0  # between records; below it a warm cell and one of low resistance look alike
+WARM = {"branch_cell_resistance", "branch_temperature"}
+PARTS = 3
 
 
 class GroupFinding(NamedTuple):
-    """verdict : dict of the contract. ranking, series : dicts of columns. model : dict, see
-    `model.document`. notes : tuple of str."""
+    """Result of the search of a group.
+
+    verdict : dict of the contract. ranking, series : dicts of columns. model : dict, see
+    `model.document`. notes : tuple of str.
+    """
 
     verdict: dict
     ranking: dict
@@ -56,7 +72,7 @@ def group_finding(
     hold="zero_order",
     library=GROUP_LIBRARY,
 ):
-    """Search a group for what one of its branches has of its own.
+    """Verdict on a group: which effect one of its branches has, with ranking and series.
 
     Parameters
     ----------
@@ -65,7 +81,7 @@ def group_finding(
     initial_soc : (b,) stated SoC at the start of every record that states none of its own [1], or
         None: all alike, from the voltage of the first rows.
     settings : dict of tuples by name: "spread" (Spread), "shared" (Shared), "gates" (GroupGates);
-        those that lack are at their defaults.
+        the others are at their defaults.
     hold : of the total current between rows, see `group_stacked`. library : dict of Effect by id.
 
     Returns
@@ -85,7 +101,7 @@ def group_finding(
 
 
 def branch_of(cell, model, *, wire_ohm=0.0, own=True):
-    """Branch from the model that the search for a missing effect left of a cell (`Finding.model`).
+    """Branch of a group from the model of its cell (`Finding.model`).
 
     Parameters
     ----------
@@ -120,11 +136,11 @@ def _case(cells, records, initial_soc, settings, hold):
     stacks, socs = [], []
     cells = tuple(cell._replace(ocv_volt=smooth_ocv(cell.ocv_volt)) for cell in cells)
     for role in ("fit", "validation"):
-        own = [record for given, record in records if given == role]
-        if not own:
+        of_role = [record for given, record in records if given == role]
+        if not of_role:
             raise Refusal(f"the group has no record of role {role}")
-        stacks.append(group_stacked(own, branches=len(cells), hold=hold))
-        socs.append(np.array([_stated(cells, record, initial_soc) for record in own]))
+        stacks.append(group_stacked(of_role, branches=len(cells), hold=hold))
+        socs.append(np.array([_stated(cells, record, initial_soc) for record in of_role]))
     if any(stack.branch_current_ampere is None for stack in stacks):
         stacks = [stack._replace(branch_current_ampere=None) for stack in stacks]
     defaults = {"spread": Spread(), "shared": Shared(), "gates": GroupGates()}
@@ -142,13 +158,13 @@ def _stated(cells, record, initial_soc):
         raise Refusal(f"{record.test} begins under load, and no SoC at its start is stated")
     ocv = np.mean([cell.ocv_volt for cell in cells], axis=0)
     volt = np.median(record.voltage_volt[:FIRST_ROWS])
-    found = np.interp(volt, np.maximum.accumulate(ocv), np.linspace(0.0, 1.0, len(ocv)))
-    return np.full(len(cells), found)
+    soc = np.interp(volt, np.maximum.accumulate(ocv), np.linspace(0.0, 1.0, len(ocv)))
+    return np.full(len(cells), soc)
 
 
 def _series(case, rounds):
-    """Fit and validation records: what was measured, and both models."""
-    found = {}
+    """Columns of all records: what was measured, and both models (healthy, with effects)."""
+    columns = {}
     ends = rounds[0].before, rounds[-1].before
     for role, stack, soc in (
         ("fit", case.fit, case.fit_soc),
@@ -159,8 +175,8 @@ def _series(case, rounds):
             values = state.solution.values if role == "fit" else state.values
             runs.append(group_run(group_fields(case.cells, soc, values, state.effects), stack))
         for name, column in _columns(role, stack, runs, case.cells).items():
-            found.setdefault(name, []).append(column)
-    return {name: np.concatenate(parts) for name, parts in found.items()}
+            columns.setdefault(name, []).append(column)
+    return {name: np.concatenate(parts) for name, parts in columns.items()}
 
 
 def _columns(role, stack, runs, cells):
@@ -188,12 +204,8 @@ def _columns(role, stack, runs, cells):
     return columns
 
 
-LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
-SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
-
-
 class KnownCell(NamedTuple):
-    """What a branch's cell is known by.
+    """Model of a branch's cell, and whose it is.
 
     model : dict, as a search leaves it (`finding.Finding.model`); None where there is none.
     source : name of the cell that it is the model of: this very one, or one of its type.
@@ -204,7 +216,7 @@ class KnownCell(NamedTuple):
 
 
 def missing_group_effect(group, branches, known, tests, *, settings):
-    """Search a group of the campaign's sheets for what one of its branches has of its own.
+    """Verdict on a group of the campaign's sheets, see `group_finding`.
 
     Parameters
     ----------
@@ -215,7 +227,7 @@ def missing_group_effect(group, branches, known, tests, *, settings):
 
     Returns
     -------
-    finding : group_finding.GroupFinding, with the notes of its preparation.
+    finding : GroupFinding, with the notes of its preparation.
 
     Raises
     ------
@@ -223,31 +235,31 @@ def missing_group_effect(group, branches, known, tests, *, settings):
     """
     cells = _cells(branches, known)
     notes = [
-        f"{row.cell} is known by its type only, from {one.source}"
-        for row, one in zip(branches, known, strict=True)
-        if one.source != row.cell
+        f"{row.cell} is known by its type only, from {cell.source}"
+        for row, cell in zip(branches, known, strict=True)
+        if cell.source != row.cell
     ]
     sides = _sides(tests, notes)
     records = []
     for role, side in sides.items():
         made = [group_record(test, branches) for test in side]
         notes += [
-            f"{one.test}: branch currents were not logged"
-            for one in made
-            if one.branch_current_ampere is None
+            f"{record.test}: branch currents were not logged"
+            for record in made
+            if record.branch_current_ampere is None
         ]
-        few = averaged_to(made, most_rows=settings["most_rows"])
-        records += [(role, one) for one in few]
+        averaged = averaged_to(made, most_rows=settings["most_rows"])
+        records += [(role, record) for record in averaged]
     chosen = {name: kind(**settings[name]) for name, kind in SECTIONS.items()}
-    # ASSUME: A group's current was logged as its cells' were: it moves between two rows as their
-    # own tests were best explained by.
+    # ASSUME: A group's current was logged as its cells' were: between two rows it is held, or
+    # moves on a straight line, as in the model of the first cell.
     hold = known[0].model["hold"]
-    found = group_finding(group, cells, records, settings=chosen, hold=hold)
-    return found._replace(notes=(*notes, *found.notes))
+    finding = group_finding(group, cells, records, settings=chosen, hold=hold)
+    return finding._replace(notes=(*notes, *finding.notes))
 
 
 def _cells(branches, known):
-    lacking = [r.cell for r, one in zip(branches, known, strict=True) if one.model is None]
+    lacking = [row.cell for row, cell in zip(branches, known, strict=True) if cell.model is None]
     if lacking:
         raise Refusal(
             f"no model of {', '.join(lacking)} by itself, and none of its type: a branch is held "
@@ -256,11 +268,11 @@ def _cells(branches, known):
     return [
         branch_of(
             row.cell,
-            one.model,
+            cell.model,
             wire_ohm=row.wire_resistance_ohm or 0.0,
-            own=one.source == row.cell,
+            own=cell.source == row.cell,
         )
-        for row, one in zip(branches, known, strict=True)
+        for row, cell in zip(branches, known, strict=True)
     ]
 
 
@@ -289,15 +301,12 @@ def _sides(tests, notes):
     return sides
 
 
-BLOCKS = 4  # of each record
-
-
 def std_of(case, state, name):
     """Standard deviation of a free parameter.
 
     The larger of two: the posterior's, widened by the scatter of whitened residuals; and that of
-    sums over blocks of time, which holds where residuals hang together for longer than the noise
-    model knows (an OCV a millivolt off moves branch currents for an hour).
+    sums over blocks of time, which holds where residuals are correlated for longer than in the noise
+    model (an OCV a millivolt off moves branch currents for an hour).
 
     Parameters
     ----------
@@ -332,13 +341,6 @@ def _blocks(stack):
     return part
 
 
-BLIND = (
-    "Branch currents were not logged, and the group's voltage alone tells no branch from another: "
-    "a name is only what would explain that voltage, and a fault of a branch's sensor cannot show."
-)
-HEALTHY = "healthy cells within the declared spread are off by"
-
-
 def group_paragraph(verdict, library):
     """A paragraph for people about one group.
 
@@ -357,15 +359,8 @@ def group_paragraph(verdict, library):
     return text if logged else f"{text} {BLIND}"
 
 
-LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
-OTHER_TEMPERATURE = "repeat the group's drive at a chamber temperature 20 K away"
-KELVIN = 5.0  # between mean temperatures of records, below which warm and low-ohmic are one
-WARM = {"branch_cell_resistance", "branch_temperature"}
-PARTS = 3
-
-
 def group_verdict(group, case, rounds, library):
-    """Verdict of a group.
+    """Verdict of a group as dict of the contract.
 
     Parameters
     ----------
@@ -380,23 +375,23 @@ def group_verdict(group, case, rounds, library):
     declared spread allows. What the last model would leave with its effects taken out is
     `without_effects_volt`.
     """
-    found = outcome(
+    result = outcome(
         rounds,
         case.gates,
         adequate_volt=case.gates.adequate_volt,
         alternatives=lambda step: _alternatives(case, step),
     )
-    if found.word == "unknown" and not found.steps and not case.sensors:
-        found = found._replace(word="none", adequate=True)
+    if result.word == "unknown" and not result.steps and not case.sensors:
+        result = result._replace(word="none", adequate=True)
     verdict = verdict_of(
-        *(group, found, rounds, _located(case, found.last)),
-        next_test=_next_test(case, found.steps, library),
+        *(group, result, rounds, _located(case, result.last)),
+        next_test=_next_test(case, result.steps, library),
         not_testable=sorted(set(library) - _visible(rounds[0])),
         entry=lambda step, after, floor: _entry(case, step, after, floor),
     )
-    names = [name for step in found.steps for name in step.chosen.effect.names]
+    names = [name for step in result.steps for name in step.chosen.effect.names]
     verdict |= {
-        "without_effects_volt": _without(case, found.last, names),
+        "without_effects_volt": _without(case, result.last, names),
         "branch_currents": case.sensors,
     }
     return verdict | {"paragraph": group_paragraph(verdict, library)}
@@ -416,6 +411,7 @@ def _without(case, state, names):
 
 
 def _entry(case, step, after, floor):
+    """Entry of an effect of a branch, see `verdict.entry_of`."""
     effect, branch = step.chosen.effect, step.chosen.effect.position
     entry = entry_of(step, after, floor)
     for p, name in zip(effect.parameters, effect.names, strict=True):
@@ -429,12 +425,12 @@ def _entry(case, step, after, floor):
         "alternatives": _alternatives(case, step),
         "branch": branch + 1,
         "cell": case.cells[branch].cell,
-        "branch_alternatives": [one.position + 1 for one in tied if one.id == effect.id],
+        "branch_alternatives": [other.position + 1 for other in tied if other.id == effect.id],
     }
 
 
 def _alternatives(case, step):
-    """Ids of other effects that explain as much, or that these data cannot set apart."""
+    """Ids of other effects that explain as much, or that these data cannot tell apart."""
     chosen = step.chosen.effect.id
     names = {t.effect.id for t in step.trials if t.effect.key in step.tied}
     if not case.sensors:
@@ -451,6 +447,7 @@ def _two_temperatures(case):
 
 
 def _next_test(case, steps, library):
+    """Advice on the next test in words: on logging, or to break the first tie; None."""
     if not case.sensors:
         return LOG_CURRENTS
     tied = next((step for step in steps if _alternatives(case, step)), None)
@@ -465,17 +462,17 @@ def _next_test(case, steps, library):
 def _visible(step):
     """Ids of effects that at a plausible size would show in some branch."""
     effects = [score.candidate.effect for score in step.scores]
-    return {one.id for one in effects if one.key not in step.hidden}
+    return {effect.id for effect in effects if effect.key not in step.hidden}
 
 
 def _located(case, state):
-    """Where most of what is left on the validation records sits: record, branch, stretch."""
+    """Third of a validation record, and branch, with most of the squared residual."""
     stack, channels = case.validation, 1 + len(case.cells) if case.sensors else 1
-    left = np.square(state.validation.reshape(channels, -1))
+    squares = np.square(state.validation.reshape(channels, -1))
     ohm = [1.0] if not case.sensors else [0.0, *(cell.r_ohm[0] for cell in case.cells)]
-    left = left * np.square(ohm)[:, None]
+    squares = squares * np.square(ohm)[:, None]
     places = [
-        (float(left[b, rows].sum()), stack.tests[k], b, rows)
+        (float(squares[b, rows].sum()), stack.tests[k], b, rows)
         for k in range(len(stack.first))
         for rows in np.array_split(np.flatnonzero(stack.file == k), PARTS)
         for b in range(channels)
@@ -491,12 +488,12 @@ def _located(case, state):
         "soc": [float(np.clip(end, 0.0, 1.0)) for end in (soc.min(), soc.max())],
         "current": _current(stack.current_ampere[rows]),
         "temperature_celsius": [float(stack.celsius[rows].mean())],
-        "share": most / max(float(left.sum()), 1e-30),
+        "share": most / max(float(squares.sum()), 1e-30),
     }
 
 
 def _current(ampere):
-    """What flows most of the time."""
+    """Direction of the current in most rows: discharge, charge or rest."""
     least = LOADED_C_RATE * np.abs(ampere).max()
     many = {"discharge": ampere < -least, "charge": ampere > least, "rest": np.abs(ampere) <= least}
     return max(many, key=lambda name: many[name].sum())
