@@ -30,17 +30,17 @@ def test_kernel_and_twin_agree(monkeypatch, hold):
 
 @HOLDS
 def test_branch_currents_add_up_to_the_total(monkeypatch, hold):
-    stack, found = run(monkeypatch, hold, compiled=True)
-    assert found.current.sum(axis=1) == pytest.approx(stack.current_ampere, abs=1e-9)
+    stack, simulated = run(monkeypatch, hold, compiled=True)
+    assert simulated.current.sum(axis=1) == pytest.approx(stack.current_ampere, abs=1e-9)
 
 
 def test_another_integration_says_the_same():
     one = record("a", 1)
     stack = group_stacked([one], branches=2)
     values = dict.fromkeys(group_names(1, 2), 0.0)
-    found = group_run(group_fields(CELLS, np.full((1, 2), 0.9), values), stack)
-    assert np.std(found.voltage - one.voltage_volt) < 1.1e-3
-    assert np.std(found.current - one.branch_current_ampere) < 3e-3
+    simulated = group_run(group_fields(CELLS, np.full((1, 2), 0.9), values), stack)
+    assert np.std(simulated.voltage - one.voltage_volt) < 1.1e-3
+    assert np.std(simulated.current - one.branch_current_ampere) < 3e-3
 
 
 def test_the_minimum_within_bounds_meets_its_conditions():

@@ -37,8 +37,8 @@ def asked(monkeypatch):
     )
 
     def ask(*tests, known=KNOWN):
-        found = missing_group_effect("pair", BRANCHES, known, list(tests), settings=SETTINGS)
-        return *found.model["given"][1:], found.model["options"], found.notes
+        result = missing_group_effect("pair", BRANCHES, known, list(tests), settings=SETTINGS)
+        return *result.model["given"][1:], result.model["options"], result.notes
 
     return ask
 
