@@ -24,16 +24,14 @@ def asked(usual, effect, *alternatives, **more):
     return next_test(case, model, effect, alternatives, library=LIBRARY, **more)
 
 
-def chi_square(advice, test):
+def after(advice, test):
     return dict(zip(advice.table["test"], advice.table["chi_square"], strict=True))[test]
 
 
 def test_a_slow_cycle_separates_hysteresis_from_diffusion_better_than_a_drive(usual):
     advice = asked(usual, "hysteresis_one_state", "slow_diffusion")
     assert advice.test == "c20_both"
-    assert chi_square(advice, "c20_both") - advice.now > 20 * (
-        chi_square(advice, "drive_warm") - advice.now
-    )
+    assert after(advice, "c20_both") - advice.now > 20 * (after(advice, "drive_warm") - advice.now)
     assert advice.sentence.startswith("To tell hysteresis one state from slow diffusion: ")
     assert "a C/20 discharge and charge (about 41 h), which would leave" in advice.sentence
     assert f"now {advice.now:.0f}" in advice.sentence
@@ -42,9 +40,7 @@ def test_a_slow_cycle_separates_hysteresis_from_diffusion_better_than_a_drive(us
 def test_so_it_does_where_diffusion_is_the_truth(usual):
     advice = asked(usual, "slow_diffusion", "hysteresis_one_state")
     assert advice.test in ("c20_both", "cccv_4")
-    assert chi_square(advice, "c20_both") - advice.now > 3 * (
-        chi_square(advice, "drive_warm") - advice.now
-    )
+    assert after(advice, "c20_both") - advice.now > 3 * (after(advice, "drive_warm") - advice.now)
 
 
 def test_another_temperature_is_no_advice_for_what_does_not_depend_on_it(usual):
@@ -56,7 +52,7 @@ def test_another_temperature_is_no_advice_for_what_does_not_depend_on_it(usual):
 def test_other_temperatures_show_resistance_over_temperature(usual):
     advice = asked(usual, "resistance_temperature")
     assert advice.test in ("drive_warm", "drive_cold")
-    assert advice.now < 25.0 < chi_square(advice, advice.test) / 10
+    assert advice.now < 25.0 < after(advice, advice.test) / 10
 
 
 def test_self_heating_against_resistance_over_temperature(usual):

@@ -25,8 +25,8 @@ EVERY = {"time_skew": 0.5}  # a delay is seen at edges that are sampled as finel
 def searched(effect, without=()):
     """(Outcome, rounds) of a search."""
     truth = HIDDEN[effect][0] if effect in HIDDEN else HEALTHY
-    searched = rounds(truth, without=without, every=EVERY.get(effect, 2.0))
-    return outcome(searched, Gates()), searched
+    steps = rounds(truth, without=without, every=EVERY.get(effect, 2.0))
+    return outcome(steps, Gates()), steps
 
 
 @pytest.mark.parametrize("effect", HIDDEN)

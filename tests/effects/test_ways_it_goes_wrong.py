@@ -81,7 +81,7 @@ def test_a_wobble_of_one_chamber_is_no_activation_energy(truth):
     made = case(truth, celsius=(25.0, 25.0))
     assert not_excited(made, LIBRARY["resistance_temperature"])
     steps = rounds(truth, celsius=(25.0, 25.0))
-    tried = {trial.effect.id for one in steps for trial in one.trials}
+    tried = {trial.effect.id for step in steps for trial in step.trials}
     assert not tried & {"resistance_temperature", "entropic_ocv", "capacity_temperature"}
     assert "resistance_temperature" not in named(steps)
 
@@ -101,28 +101,28 @@ def test_a_far_better_explanation_too_small_to_matter_stops_a_worse_one():
     first = rounds(HYSTERESIS)[0]
     best, other = first.trials[:2]
     trials = [best._replace(material=False), other._replace(delta_bic=0.3 * best.delta_bic)]
-    steps = best_of(GATES, first.before, first.before, trials, first.floor_volt)
-    assert steps == (None, ())
+    best = best_of(GATES, first.before, first.before, trials, first.floor_volt)
+    assert best == (None, ())
 
 
 @pytest.mark.parametrize("name", ["delta_bic", "delta_validation"])
 def test_no_gain_on_either_side_is_no_name(name):
     first = rounds(HYSTERESIS)[0]
     trials = [t._replace(**{name: -1.0}) for t in first.trials]
-    steps = best_of(GATES, first.before, first.before, trials, first.floor_volt)
-    assert steps == (None, ())
+    best = best_of(GATES, first.before, first.before, trials, first.floor_volt)
+    assert best == (None, ())
 
 
 def test_an_optimum_at_a_bound_is_flagged():
     effect = LIBRARY["hysteresis_instant"]
     narrow = effect._replace(parameters=(effect.parameters[0]._replace(upper=0.011),))
     few = {effect.id: narrow, "resistance_asymmetry": LIBRARY["resistance_asymmetry"]}
-    steps = of_case("c", case(HYSTERESIS), few)
-    size = steps.verdict["effects"][0]["parameters"]["amplitude_volt"]
+    finding = of_case("c", case(HYSTERESIS), few)
+    size = finding.verdict["effects"][0]["parameters"]["amplitude_volt"]
     assert size["at_bound"]
     assert size["value"] == 0.011
-    assert "ended on a bound" in steps.verdict["paragraph"]
-    rows = zip(steps.ranking["chosen"], steps.ranking["in_range"], strict=True)
+    assert "ended on a bound" in finding.verdict["paragraph"]
+    rows = zip(finding.ranking["chosen"], finding.ranking["in_range"], strict=True)
     assert (True, False) in rows
 
 
@@ -142,7 +142,7 @@ def test_edges_that_are_sampled_coarsely_show_no_skew(late):
     assert not_excited(made, LIBRARY["time_skew"])
     assert not not_excited(case(HEALTHY), LIBRARY["time_skew"])
     steps = search(made, LIBRARY)
-    assert "time_skew" not in {t.effect.id for one in steps for t in one.trials}
+    assert "time_skew" not in {t.effect.id for step in steps for t in step.trials}
     assert not named(steps)
 
 

@@ -305,8 +305,8 @@ def std_of(case, state, name):
     """Standard deviation of a free parameter.
 
     The larger of two: the posterior's, widened by the scatter of whitened residuals; and that of
-    sums over blocks of time, which holds where residuals are correlated for longer than in the noise
-    model (an OCV a millivolt off moves branch currents for an hour).
+    sums over blocks of time, which holds where residuals are correlated for longer than
+    in the noise model (an OCV a millivolt off moves branch currents for an hour).
 
     Parameters
     ----------
