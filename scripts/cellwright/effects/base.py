@@ -1,4 +1,4 @@
-"""The model that is searched for what it lacks, and its fit without any effect.
+"""The model of the search: its voltage with effects, and its fit without any.
 
 One function computes the voltage of all records for one vector of parameters, in stages that an
 effect may step into: the current through the cell, the counting of charge, the resistances, the
@@ -259,7 +259,7 @@ def _limits(name):
 
 
 def coupling(free, tolerance):
-    """Prior precision of the OCV's error: as large as its tolerance, smooth over SoC. (k, k)."""
+    """Prior precision (k, k) of the OCV's error: of its tolerance's size, smooth over SoC."""
     soc = np.linspace(0.0, 1.0, OCV_KNOTS)
     near = np.exp(-0.5 * (np.subtract.outer(soc, soc) / tolerance.ocv_soc) ** 2)
     covariance = tolerance.ocv_volt**2 * (near + OWN_KNOT**2 * np.eye(len(soc)))

@@ -283,7 +283,7 @@ class Prepared(NamedTuple):
 
 
 def prepared(cell, basis, tests, *, tolerance, gates, settings):
-    """Lay the tests of a cell out for a search.
+    """Case of a cell's tests: laid out over SoC, thinned, and divided into fitted and judging.
 
     Tests of role fit are fitted, of role validation judge; of a split test the odd blocks are
     fitted and the even ones judge. Where no test judges, every third one is kept out of the fit

@@ -1,10 +1,10 @@
-"""The whole search for one cell: from its tests to a verdict and all that a report shows of it."""
+"""The search of one cell: from its tests to a verdict and all that a report shows of it."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, sensitivity
+from cellwright.effects import base
 from cellwright.effects.case import Gates, extra_volt_of, filters_of, not_excited, prepared
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
@@ -12,6 +12,7 @@ from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planner import next_test
 from cellwright.effects.screen import evidence
 from cellwright.effects.search import frees_of, search
+from cellwright.effects.sensitivity import Model, confounding, shown
 from cellwright.effects.ties import tie_of
 from cellwright.effects.verdict import outcome, paragraph, verdict_of
 from cellwright.numerics.least_squares import stds
@@ -120,6 +121,7 @@ def of_case(name, case, library, *, split_rest_second=None):
     place = worst(residuals, result.floor_volt)
     verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
     verdict["paragraph"] = paragraph(verdict, library)
+    plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     kept = bool(result.steps) and result.word in KEPT
     model = model_of(case, result.last if kept else rounds[0].before)
     if kept and split_rest_second is not None:
@@ -132,7 +134,7 @@ def of_case(name, case, library, *, split_rest_second=None):
         residuals,
         _evidence(case, result),
         _series(case, rounds[0].before, result.last),
-        _confounding(case, rounds[0], library),
+        confounding(shown(case, library, plain, spread=rounds[0].noise)),
         menu,
         model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
@@ -225,6 +227,7 @@ def _evidence(case, result):
 
 
 def _series(case, before, after):
+    """Columns of all records: what was measured, and both models."""
     parts = []
     for role, stack in (("fit", case.fit), ("validation", case.validation)):
         values = after.solution.values if role == "fit" else after.values
@@ -247,12 +250,6 @@ def _series(case, before, after):
             }
         )
     return joined(parts)
-
-
-def _confounding(case, first, library):
-    """Canonical correlations of all effects on the records fitted, at the plain model."""
-    model = sensitivity.Model(first.before.solution.values, first.before.effects)
-    return sensitivity.confounding(sensitivity.shown(case, library, model, spread=first.noise))
 
 
 def model_of(case, state):

@@ -65,9 +65,10 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
     -------
     values : dict, with the starts of this stack in the place of others.
     """
+    # Within the tolerance: a model that lacks an effect may fit a start far beyond it.
+    least, most = stack.soc_at_start - tolerance.soc, stack.soc_at_start + tolerance.soc
     shared_starts = {
-        f"soc0[{k}]": _near(values[f"soc0[{n}]"], stack.soc_at_start[k], tolerance.soc)
-        for k, n in shared
+        f"soc0[{k}]": float(np.clip(values[f"soc0[{n}]"], least[k], most[k])) for k, n in shared
     }
     values = values | {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)}
     values = values | shared_starts
@@ -125,11 +126,6 @@ def _error_near(soc, rests):
         return 0.0
     near = rests.error_volt[np.abs(rests.soc - soc) <= ALIKE_SOC]
     return float(near.sum() / (len(near) + 1))
-
-
-def _near(fitted, stated, tolerance):
-    """SoC of a start from the fit, limited to the tolerance about what is stated [1]."""
-    return float(np.clip(fitted, stated - tolerance, stated + tolerance))
 
 
 def _first_rest(stack, k, loaded):

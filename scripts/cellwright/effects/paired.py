@@ -27,7 +27,7 @@ ROLES = ("fit", "validation")
 
 
 class Sameness(NamedTuple):
-    """How far two runs of one protocol may differ.
+    """Largest differences between two runs of one protocol.
 
     rest_second : least length of a rest whose edges are matched. duration : relative difference of
     a stretch between two matched edges, beyond `slack_second`. c_rate : root mean square difference

@@ -379,7 +379,9 @@ def _sentence(effect, question, ties, best, most, now, helps):
     ways = [tie.check for tie in dict.fromkeys(ties)]
     if helps:
         gain = f"which would leave chi-square {most:.0f} {of}; now {now:.0f}"
-        ways.append(f"{best.words} (about {_long(best.hours)}), {gain}")
+        hours = best.hours
+        lasting = f"{hours:.0f} h" if hours >= 1.5 else f"{60 * hours:.0f} min"
+        ways.append(f"{best.words} (about {lasting}), {gain}")
     elif not ways:
         ways = [f"{effect.shows}; no test of the menu leaves more than chi-square {most:.0f} {of}"]
     return f"{goal}: {'; or '.join(ways)}."
@@ -394,7 +396,3 @@ def _goal(question, ties):
 
 def _named(effect):
     return effect.replace("_", " ")
-
-
-def _long(hours):
-    return f"{hours:.0f} h" if hours >= 1.5 else f"{60 * hours:.0f} min"

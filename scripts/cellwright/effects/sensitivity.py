@@ -21,7 +21,7 @@ SHOWN = 1.0  # chi-square of a direction at plausible size, below which it is no
 
 
 class Model(NamedTuple):
-    """Where sensitivities are taken: values of all parameters by name, and effects in the model."""
+    """Point of the sensitivities: values of all parameters by name, and effects in the model."""
 
     values: dict
     effects: tuple = ()
@@ -40,7 +40,7 @@ class Label(NamedTuple):
 
 
 class Information(NamedTuple):
-    """What a stack of records tells.
+    """Information of a stack of records about nuisances and effects.
 
     nuisances : tuple of least_squares.Free, shared by all records. labels : tuple of Label.
     matrix : (k, k) information of the nuisances, then of the labels; SoC at starts marginal.
@@ -51,7 +51,7 @@ class Information(NamedTuple):
     matrix: np.ndarray
 
     def with_more(self, other):
-        """That of both stacks together."""
+        """Information of both stacks together."""
         return self._replace(matrix=self.matrix + other.matrix)
 
 
@@ -174,7 +174,7 @@ def _marginal(columns, begun, first, soc_std):
 
 
 class Shown(NamedTuple):
-    """What the records fitted show of each effect.
+    """Chi-square matrix of the effects on the records fitted.
 
     labels : tuple of Label. chi_square : (m, m) see `projected`. held : ids of the effects whose
     starts are each a direction of its own: what they change is no straight line in their size, or
@@ -187,7 +187,7 @@ class Shown(NamedTuple):
 
 
 def shown(case, library, model, *, spread=FIRST):
-    """What the records of a case that are fitted can show of each effect of a library.
+    """Chi-square matrix of every effect of a library on the records of a case that are fitted.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class RestCurrent(NamedTuple):
 
 
 def with_partners(effect, tied, library, values):
-    """The tie set of a verdict with the structural partners of all its members.
+    """Ids tied with an effect, and the structural partners of all of them.
 
     Parameters
     ----------

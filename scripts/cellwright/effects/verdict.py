@@ -194,8 +194,8 @@ def _unknown(verdict, library, phrases):
     if not names:
         return f"{text}, and {phrases.none} explains it."
     return (
-        f"{text}. The nearest explanation ({'; '.join(names)}) leaves {millivolt(both['after'])} "
-        f"and so is not the name of it."
+        f"{text}. The nearest explanation ({'; '.join(names)}) leaves {millivolt(both['after'])}, "
+        f"too much for it to be named."
     )
 
 

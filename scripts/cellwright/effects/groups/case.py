@@ -64,17 +64,17 @@ class GroupGates(NamedTuple):
 
     @property
     def nothing_volt(self):
-        """An error that may be left needs no explanation to begin with [V]."""
+        """Error of the healthy group up to which nothing is missing: `adequate_volt` [V]."""
         return self.adequate_volt
 
     @property
     def unknown_ratio(self):
-        """Of the noise, up to which an error without a name is no unknown effect."""
+        """Ratio of error to noise up to which there is no unknown effect: `adequate_ratio`."""
         return self.adequate_ratio
 
     @property
     def material_share(self):
-        """An effect of a branch counts by its size alone, not by its share of the first error."""
+        """0: an effect of a branch counts by its size alone, not by a share of the first error."""
         return 0.0
 
 

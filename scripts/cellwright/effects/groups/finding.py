@@ -277,7 +277,7 @@ def _cells(branches, known):
 
 
 def _sides(tests, notes):
-    """Tests that are fitted and that judge."""
+    """Tests that are fitted and that judge, by role; adds notes on the others."""
     split = [test.facts.test for test in tests if test.facts.role == "split"]
     if split:
         notes.append(
@@ -383,10 +383,13 @@ def group_verdict(group, case, rounds, library):
     )
     if result.word == "unknown" and not result.steps and not case.sensors:
         result = result._replace(word="none", adequate=True)
+    # Ids of effects that at a plausible size would show in some branch.
+    effects = [score.candidate.effect for score in rounds[0].scores]
+    visible = {effect.id for effect in effects if effect.key not in rounds[0].hidden}
     verdict = verdict_of(
         *(group, result, rounds, _located(case, result.last)),
         next_test=_next_test(case, result.steps, library),
-        not_testable=sorted(set(library) - _visible(rounds[0])),
+        not_testable=sorted(set(library) - visible),
         entry=lambda step, after, floor: _entry(case, step, after, floor),
     )
     names = [name for step in result.steps for name in step.chosen.effect.names]
@@ -457,12 +460,6 @@ def _next_test(case, steps, library):
     if {chosen, *_alternatives(case, tied)} >= WARM and not _two_temperatures(case):
         return OTHER_TEMPERATURE
     return f"{library[chosen].shows}, beside {library[other].shows}"
-
-
-def _visible(step):
-    """Ids of effects that at a plausible size would show in some branch."""
-    effects = [score.candidate.effect for score in step.scores]
-    return {effect.id for effect in effects if effect.key not in step.hidden}
 
 
 def _located(case, state):

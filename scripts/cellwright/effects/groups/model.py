@@ -165,7 +165,7 @@ def smooth_shares(points, knots):
 
 
 def group_run(fields, stack):
-    """Simulate a group over a stack of records.
+    """Voltage, branch currents and SoC of a group over a stack of records: GroupRun.
 
     Between rows the current of each branch moves on a straight line whose end is found implicitly,
     with the slope of the OCV of that moment; at each row the total steps and is shared anew.

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 
 class Parameter(NamedTuple):
-    """One number of an effect.
+    """One parameter of an effect: its unit, bounds and usual sizes.
 
     unit : as in the verdict. neutral : its value where the effect is absent, or, for a shape
     (`shape` true: without meaning while the effect is absent), where a search begins.
-    lower, upper : physical bounds. step : for derivatives, and the unit of a step of the fit; 0: set
-    by the starts, not fitted. plausible : a size usual in a laboratory.
+    lower, upper : physical bounds. step : for derivatives, and the unit of a step of the fit; 0:
+    set by the starts, not fitted. plausible : a size usual in a laboratory.
     material : a size below which nobody would act on it.
     """
 
