@@ -32,10 +32,10 @@ def least(columns, prior):
     return residual @ residual + x @ prior @ x, x
 
 
-def score(one):
+def score(made_up):
     cost, x = least(NUISANCES, PRIOR)
     precision = NUISANCES.T @ NUISANCES + PRIOR
-    candidate = Candidate(one, ("made_up.one", "made_up.two"), neutral(one), OWN)
+    candidate = Candidate(made_up, ("made_up.one", "made_up.two"), neutral(made_up), OWN)
     residual = ROWS - NUISANCES @ x
     return cost, scored([candidate], OWN, residual, NUISANCES, precision, {})[0]
 
@@ -55,9 +55,9 @@ def test_a_plausible_size_tells_what_could_be_seen():
 
 
 def test_an_effect_that_the_nuisances_mimic_is_not_visible():
-    one = effect()
+    made_up = effect()
     columns = NUISANCES[:, [0, 2]]
-    candidate = Candidate(one, ("made_up.one", "made_up.two"), neutral(one), columns)
+    candidate = Candidate(made_up, ("made_up.one", "made_up.two"), neutral(made_up), columns)
     precision = NUISANCES.T @ NUISANCES
     result = scored([candidate], columns, ROWS, NUISANCES, precision, {})[0]
     assert result.visible < 1e-6
@@ -69,10 +69,10 @@ def test_a_one_sided_effect_takes_no_wrong_sign():
 
 
 def test_two_candidates_are_scored_as_each_alone():
-    one, (_, alone) = effect(), score(effect())
+    made_up, (_, alone) = effect(), score(effect())
     names = ("made_up.one", "made_up.two")
     x = least(NUISANCES, PRIOR)[1]
-    both = [Candidate(one, names, {}, OWN[:, ::-1]), Candidate(one, names, {}, OWN)]
+    both = [Candidate(made_up, names, {}, OWN[:, ::-1]), Candidate(made_up, names, {}, OWN)]
     columns = np.concatenate([c.columns for c in both], axis=1)
     precision = NUISANCES.T @ NUISANCES + PRIOR
     result = scored(both, columns, ROWS - NUISANCES @ x, NUISANCES, precision, {})
@@ -81,14 +81,14 @@ def test_two_candidates_are_scored_as_each_alone():
 
 
 def test_columns_are_the_change_by_each_size_at_each_start():
-    one = effect(starts=({"width": 2.0}, {"width": 4.0, "one": 0.5}))
+    made_up = effect(starts=({"width": 2.0}, {"width": 4.0, "one": 0.5}))
     base = RANDOM.normal(size=50)
 
     def predict(values, _):
         width = values["made_up.width"]
         return base + width * values["made_up.one"] * np.arange(50) - values["made_up.two"]
 
-    result = candidates(predict, base, {}, [one])
+    result = candidates(predict, base, {}, [made_up])
     assert [c.start["made_up.width"] for c in result] == [2.0, 4.0]
     assert result[1].start["made_up.one"] == 0.5
     for candidate, width in zip(result, (2.0, 4.0), strict=True):

@@ -40,9 +40,9 @@ def test_a_rest_is_read_as_rests_of_fitted_records_were(seed):
     resting = np.arange(len(stack.file)) < np.argmax(np.abs(stack.current_ampere) > 0.1)
     stack = stack._replace(voltage_volt=stack.voltage_volt + off * resting)
     alone = started(CELL, stack, PLAIN, (), TOLERANCE)
-    beside = started(CELL, stack, PLAIN, (), TOLERANCE, rests=many)
+    with_rests = started(CELL, stack, PLAIN, (), TOLERANCE, rests=many)
     far = started(CELL, stack, PLAIN, (), TOLERANCE, rests=many._replace(soc=np.full(9, 0.5)))
-    assert abs(beside["soc0[0]"] - TRUE) < 0.15 * abs(alone["soc0[0]"] - TRUE)
+    assert abs(with_rests["soc0[0]"] - TRUE) < 0.15 * abs(alone["soc0[0]"] - TRUE)
     assert far == alone
 
 

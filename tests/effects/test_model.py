@@ -230,7 +230,7 @@ def folds_of(given, *changes):
 def searched(given, folds):
     """What a search would say that fitted both tests."""
     starts = {"soc0[0]": 0.95, "soc0[1]": 0.95}
-    folds = [one | {"values": one["values"] | starts} for one in folds]
+    folds = [fold | {"values": fold["values"] | starts} for fold in folds]
     about = {"tests": [f"D{celsius:g}" for celsius in CELSIUS], "folds": folds}
     return given | about | {"values": given["values"] | starts}
 

@@ -22,14 +22,14 @@ OHM = 0.04
 
 
 def _branch(p, r0_ohm, capacity_ampere_hour):
-    own = {"r_ohm": p["resistance_ohm"], "tau_second": 20.0, "scale_volt": 0.02}
-    return r0_ohm, "kinetic", own
+    parameters = {"r_ohm": p["resistance_ohm"], "tau_second": 20.0, "scale_volt": 0.02}
+    return r0_ohm, "kinetic", parameters
 
 
 def _act(fields, stack, p):
-    _, kind, own = _branch(p, None, None)
-    drive = KINDS[kind].drive(fields.current, **own)
-    return fields._replace(volt=fields.volt + base.relaxed(stack, drive, own["tau_second"]))
+    _, kind, parameters = _branch(p, None, None)
+    drive = KINDS[kind].drive(fields.current, **parameters)
+    return fields._replace(volt=fields.volt + base.relaxed(stack, drive, parameters["tau_second"]))
 
 
 NEW = Effect(
@@ -73,7 +73,7 @@ def finding():
 def test_it_is_found_with_its_size():
     verdict = finding().verdict
     assert verdict["verdict"] == "named"
-    assert [one["effect"] for one in verdict["effects"]] == [NEW.id]
+    assert [entry["effect"] for entry in verdict["effects"]] == [NEW.id]
     size = verdict["effects"][0]["parameters"]["resistance_ohm"]
     assert abs(size["value"] - OHM) < 4 * size["std"]
 

@@ -45,9 +45,9 @@ def record(test, current, seed, hidden=(), warm=25.0, jitter=0.0):
     stack = records.stacked([empty], capacity_ampere_hour=CAPACITY)
     names = {name.split(".")[0] for name in (*COMMON, *hidden)}
     effects = [LIBRARY[name] for name in LIBRARY if name in names]
-    own = np.random.default_rng(seed // 10).normal(size=5)
+    scatter = np.random.default_rng(seed // 10).normal(size=5)
     values = dict.fromkeys(base.base_names(1), 0.0) | {"soc0[0]": 1.0} | COMMON | dict(hidden)
-    logs = np.log([0.02, 0.01, 8.0, 0.012, 130.0]) + 0.1 * own
+    logs = np.log([0.02, 0.01, 8.0, 0.012, 130.0]) + 0.1 * scatter
     values |= dict(zip(base.LOGARITHMS, logs, strict=True))
     volt = base.voltage(CELL, stack, values, effects) + 1e-3 * random.normal(size=len(clock))
     return empty._replace(voltage_volt=volt)
@@ -73,7 +73,7 @@ def library():
 
 
 def names(rounds):
-    return [one.chosen.effect.id for one in rounds if one.chosen]
+    return [step.chosen.effect.id for step in rounds if step.chosen]
 
 
 def test_a_healthy_cell_alone_is_named_and_beside_others_is_not():

@@ -124,7 +124,7 @@ def test_an_unknown_effect_is_refused(usual):
         asked(usual, "leakage", "gremlins")
 
 
-@pytest.mark.parametrize("test", TESTS, ids=lambda one: one.id)
+@pytest.mark.parametrize("test", TESTS, ids=lambda test: test.id)
 def test_a_planned_test_stays_within_the_rating(test):
     record = test.record
     rates = record.current_ampere / small.CAPACITY
@@ -140,7 +140,7 @@ def test_a_planned_test_stays_within_the_rating(test):
 
 def test_the_drive_goes_no_further_than_the_cell_may():
     tests = planner.menu(small.CELL, RATING._replace(least_celsius=20.0), celsius=25.0)
-    cold = next(one for one in tests if one.id == "drive_cold")
+    cold = next(test for test in tests if test.id == "drive_cold")
     assert cold.words == "the same drive 5 K colder"
     assert np.all(cold.record.celsius == 20.0)
 

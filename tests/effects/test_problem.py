@@ -66,10 +66,12 @@ def test_parameters_that_move_rows_of_their_own_are_moved_together():
 
     problem = linear()._replace(predict=predict, apart=lambda values: [(NAMES, owner)])
     values = {"a": 1.0, "b": 2.0, "c": 3.0}
-    here = predict(values)
-    one = derivatives(problem, values, here)
+    prediction = predict(values)
+    together = derivatives(problem, values, prediction)
     assert len(asked) == 2
-    np.testing.assert_allclose(one, derivatives(problem._replace(apart=None), values, here))
+    np.testing.assert_allclose(
+        together, derivatives(problem._replace(apart=None), values, prediction)
+    )
 
 
 def test_what_is_not_on_a_bound_follows_what_is_in_the_same_step():

@@ -73,7 +73,7 @@ def test_what_the_validation_does_not_excite_is_not_testable():
     assert "temperatures" in not_excited(proof, effect)[0]
     verdict = of_case("c", proof, LIBRARY).verdict
     assert "resistance_temperature" in verdict["not_testable"]
-    assert "resistance_temperature" not in [one["effect"] for one in verdict["effects"]]
+    assert "resistance_temperature" not in [entry["effect"] for entry in verdict["effects"]]
 
 
 @pytest.mark.parametrize("truth", [HEALTHY, Truth(activation=3e4)])
@@ -137,7 +137,7 @@ def test_a_rival_that_half_explains_is_not_the_name():
 @pytest.mark.parametrize("late", [0, 3])
 def test_edges_that_are_sampled_coarsely_show_no_skew(late):
     """A row every 10 s, at the steps of the current or 6 s after them."""
-    judging = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    judging = [measured(*drive_of, 0.95, seed=k) for k, drive_of in enumerate(proofs(), 30)]
     made = laid(*([thinned(r, late) for r in side] for side in (fitted(), judging)))
     assert not_excited(made, LIBRARY["time_skew"])
     assert not not_excited(case(HEALTHY), LIBRARY["time_skew"])
@@ -152,7 +152,7 @@ def thinned(record, late):
 
 
 def test_a_start_from_an_unrelaxed_rest_is_no_effect():
-    whole = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    whole = [measured(*drive_of, 0.95, seed=k) for k, drive_of in enumerate(proofs(), 30)]
     parts = [cut(record, 460) for record in whole]
     steps = search(laid(fitted(), parts), LIBRARY)
     assert not named(steps)
@@ -184,13 +184,13 @@ def changed(records, **factors):
 
 
 def test_a_flipped_sign_of_the_current_is_no_effect():
-    judging = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    judging = [measured(*drive_of, 0.95, seed=k) for k, drive_of in enumerate(proofs(), 30)]
     both = [changed(side, current_ampere=-1.0) for side in (fitted(), judging)]
     assert word(search(laid(*both), LIBRARY)) == "unknown"
 
 
 def test_millivolts_in_the_place_of_volts_are_no_effect():
-    judging = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    judging = [measured(*drive_of, 0.95, seed=k) for k, drive_of in enumerate(proofs(), 30)]
     both = [changed(side, voltage_volt=1e3) for side in (fitted(), judging)]
     assert not named(search(laid(*both), LIBRARY))
 
@@ -207,7 +207,10 @@ def test_one_part_of_a_record_judges_from_the_start_that_the_other_found():
 
 
 def test_the_order_of_the_records_does_not_matter():
-    made = [fitted(HYSTERESIS), [measured(*one, 0.95, HYSTERESIS, seed=30) for one in proofs()]]
+    made = [
+        fitted(HYSTERESIS),
+        [measured(*drive_of, 0.95, HYSTERESIS, seed=30) for drive_of in proofs()],
+    ]
     sizes = []
     for order in (1, -1):
         steps = search(laid(*(side[::order] for side in made)), LIBRARY)
@@ -225,5 +228,5 @@ def test_other_noise_is_the_same_answer(seed):
 
 def test_the_same_records_are_the_same_answer_to_the_last_digit():
     again = search(case_of(HYSTERESIS), LIBRARY)
-    one, other = (steps[-1].before.solution.values for steps in (rounds(HYSTERESIS), again))
-    assert one == other
+    first, second = (steps[-1].before.solution.values for steps in (rounds(HYSTERESIS), again))
+    assert first == second
