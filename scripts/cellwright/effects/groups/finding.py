@@ -215,13 +215,13 @@ class KnownCell(NamedTuple):
     source: str
 
 
-def missing_group_effect(group, branches, known, tests, *, settings):
+def missing_group_effect(group, branches, models, tests, *, settings):
     """Verdict on a group of the campaign's sheets, see `group_finding`.
 
     Parameters
     ----------
     group : name. branches : list of BranchFacts in order of position.
-    known : list of KnownCell in that order. tests : list of MeasuredTest of kind `group`.
+    models : list of KnownCell in that order. tests : list of MeasuredTest of kind `group`.
     settings : dict: most_rows, and those of Spread, Shared and GroupGates by name under "spread",
         "shared" and "gates".
 
@@ -233,10 +233,10 @@ def missing_group_effect(group, branches, known, tests, *, settings):
     ------
     Refusal : a branch without a model; nothing to fit or nothing that judges; see `group_finding`.
     """
-    cells = _cells(branches, known)
+    cells = _cells(branches, models)
     notes = [
         f"{row.cell} is known by its type only, from {cell.source}"
-        for row, cell in zip(branches, known, strict=True)
+        for row, cell in zip(branches, models, strict=True)
         if cell.source != row.cell
     ]
     sides = _sides(tests, notes)
@@ -253,13 +253,13 @@ def missing_group_effect(group, branches, known, tests, *, settings):
     chosen = {name: kind(**settings[name]) for name, kind in SECTIONS.items()}
     # ASSUME: A group's current was logged as its cells' were: between two rows it is held, or
     # moves on a straight line, as in the model of the first cell.
-    hold = known[0].model["hold"]
+    hold = models[0].model["hold"]
     finding = group_finding(group, cells, records, settings=chosen, hold=hold)
     return finding._replace(notes=(*notes, *finding.notes))
 
 
-def _cells(branches, known):
-    lacking = [row.cell for row, cell in zip(branches, known, strict=True) if cell.model is None]
+def _cells(branches, models):
+    lacking = [row.cell for row, cell in zip(branches, models, strict=True) if cell.model is None]
     if lacking:
         raise Refusal(
             f"no model of {', '.join(lacking)} by itself, and none of its type: a branch is held "
@@ -272,7 +272,7 @@ def _cells(branches, known):
             wire_ohm=row.wire_resistance_ohm or 0.0,
             own=cell.source == row.cell,
         )
-        for row, cell in zip(branches, known, strict=True)
+        for row, cell in zip(branches, models, strict=True)
     ]
 
 
