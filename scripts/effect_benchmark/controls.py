@@ -7,8 +7,8 @@ another order; and an extra RC pair, whether or not one is missing.
 
 import numpy as np
 
-from cellwright.effects import base, plain, search
-from cellwright.effects.case import filters_of, steep
+from cellwright.effects import base, search
+from cellwright.effects.case import extra_volt_of, filters_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.screen import candidates, scored
@@ -87,9 +87,9 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
     ----------
     case : search.Case. first : the first round of its search. effect : the term.
     """
-    start = plain.first_values(case.cell, case.fit)
-    free = plain.frees(case.fit, start, case.tolerance)
-    filters = filters_of(case, first.noise, steep(case, start))
+    start = base.first_values(case.cell, case.fit)
+    free = base.frees(case.fit, start, case.tolerance)
+    filters = filters_of(case, first.noise, extra_volt_of(case, start))
     solution = first.before.solution
     residual = filters.fit.apply(solution.residual)
 

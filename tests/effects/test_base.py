@@ -38,23 +38,23 @@ def test_kernel_and_twin_agree(monkeypatch, share):
 @pytest.mark.parametrize("every", [1.0, 7.0])
 def test_a_pulse_is_the_analytic_one_whatever_the_sampling(every):
     pulse = np.r_[0.0, np.full(40, -2.0)]
-    one = stacked([small.record("p", pulse, every=every, soc=0.6)], capacity_ampere_hour=2.5)
-    found = base.fields_of(small.CELL, one, values_for(one))
-    t = np.maximum(one.second - every, 0.0)
+    stack = stacked([small.record("p", pulse, every=every, soc=0.6)], capacity_ampere_hour=2.5)
+    fields = base.fields_of(small.CELL, stack, values_for(stack))
+    t = np.maximum(stack.second - every, 0.0)
     slow = 0.010 * -np.expm1(-t / 8.0) + 0.012 * -np.expm1(-t / 130.0)
     soc = 0.6 - 2.0 * t / 3600.0 / 2.5
-    np.testing.assert_allclose(found.soc, soc, atol=1e-12)
+    np.testing.assert_allclose(fields.soc, soc, atol=1e-12)
     volt = small.CELL.ocv_at(soc) + pulse * (0.025 + slow)
-    np.testing.assert_allclose(found.volt, volt, atol=1e-12)
+    np.testing.assert_allclose(fields.volt, volt, atol=1e-12)
 
 
 def test_a_ramp_is_the_analytic_one_on_linear_intervals():
     ramp = 0.1 * np.arange(60.0)
-    one = small.record("ramp", ramp, every=4.0)
-    one = stacked([one], capacity_ampere_hour=2.5, hold="first_order")
-    t = one.second
+    stack = small.record("ramp", ramp, every=4.0)
+    stack = stacked([stack], capacity_ampere_hour=2.5, hold="first_order")
+    t = stack.second
     exact = 0.025 * (t - 9.0 * -np.expm1(-t / 9.0))
-    np.testing.assert_allclose(base.relaxed(one, ramp, 9.0), exact, atol=1e-12)
+    np.testing.assert_allclose(base.relaxed(stack, ramp, 9.0), exact, atol=1e-12)
 
 
 def test_a_gain_scales_a_lag_and_keeps_what_was_kept(stack):
@@ -98,4 +98,6 @@ def test_the_error_of_the_ocv_is_straight_between_knots():
     soc = np.linspace(0, 1, 301)
     knots = np.random.default_rng(1).normal(size=base.OCV_KNOTS)
     straight = np.interp(soc, np.linspace(0, 1, base.OCV_KNOTS), knots)
-    np.testing.assert_allclose(base.hats(soc) @ knots, straight, atol=1e-12)
+    values = {f"ocv[{k}]": error for k, error in enumerate(knots)}
+    flat = base.Cell(1.0, np.zeros(11))
+    np.testing.assert_allclose(base._open_circuit(flat, values, soc), straight, atol=1e-12)

@@ -58,9 +58,9 @@ def of(table, method, kind):
 
 
 def test_every_cell_was_answered(table):
-    mine = table[table["method"] == methods.SEARCH]
-    assert len(mine) == len(HIDDEN) + 4 + 2
-    assert not (mine["outcome"] == "no verdict").any(), mine["reason"].tolist()
+    answers = table[table["method"] == methods.SEARCH]
+    assert len(answers) == len(HIDDEN) + 4 + 2
+    assert not (answers["outcome"] == "no verdict").any(), answers["reason"].tolist()
 
 
 def test_no_healthy_cell_gets_a_name(table):
@@ -68,24 +68,24 @@ def test_no_healthy_cell_gets_a_name(table):
 
 
 def test_strong_effects_are_named(table):
-    mine = of(table, methods.SEARCH, "single")
-    assert scoring.right(mine).sum() >= len(HIDDEN) - 1, mine[["hidden", "said"]].to_string()
-    assert not (mine["outcome"] == "false name").any()
-    assert mine["gap_closed"].median() >= 0.9
+    answers = of(table, methods.SEARCH, "single")
+    assert scoring.right(answers).sum() >= len(HIDDEN) - 1, answers[["hidden", "said"]].to_string()
+    assert not (answers["outcome"] == "false name").any()
+    assert answers["gap_closed"].median() >= 0.9
 
 
 def test_what_no_library_knows_gets_no_name(table):
-    mine = of(table, methods.SEARCH, "unknown")
-    assert (mine["outcome"] == "right").sum() >= 1
-    assert (mine["outcome"] == "false name").sum() == 0
+    answers = of(table, methods.SEARCH, "unknown")
+    assert (answers["outcome"] == "right").sum() >= 1
+    assert (answers["outcome"] == "false name").sum() == 0
 
 
 def test_without_the_true_class_most_are_unknown(table):
-    mine = table[table["method"] == methods.LEFT_OUT]
-    assert len(mine) == len(HIDDEN)
-    assert (mine["verdict"] == "unknown").sum() >= len(HIDDEN) // 2
+    answers = table[table["method"] == methods.LEFT_OUT]
+    assert len(answers) == len(HIDDEN)
+    assert (answers["verdict"] == "unknown").sum() >= len(HIDDEN) // 2
 
 
 def test_terms_that_must_not_help_close_little_of_the_gap(table):
-    mine = of(table, methods.RANDOM, "single")
-    assert mine["gap_closed"].median() < 0.5
+    answers = of(table, methods.RANDOM, "single")
+    assert answers["gap_closed"].median() < 0.5

@@ -73,7 +73,7 @@ def test_two_effects_stand_in_their_order():
 def test_what_is_unknown_has_no_name():
     assert "no effect of the vocabulary explains it" in verdict("unknown")
     text = verdict("unknown", partial=[step("slow_diffusion")])
-    assert "is not the name of it" in text
+    assert "too much for it to be named" in text
     assert "What was missing" not in text
 
 

@@ -76,8 +76,8 @@ def test_keys_that_carry_a_unit_say_it():
 
 def test_the_search_has_one_set_of_defaults():
     """The config's are those of the code, so that a library user and a campaign agree."""
+    from cellwright.effects.base import Tolerance
     from cellwright.effects.case import Gates
-    from cellwright.effects.plain import Tolerance
 
     chosen = settings.defaults(CONFIG)["missing_effect"]
     tolerances = {f"{name}_tolerance": value for name, value in Tolerance()._asdict().items()}

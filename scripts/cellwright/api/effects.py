@@ -73,16 +73,16 @@ def prepared_case(
         No OCV, nothing to fit, or nothing that judges.
     """
     from cellwright.api import given
-    from cellwright.effects import prepare
+    from cellwright.effects.case import KINDS, prepared
     from cellwright.effects.finding import settings_of
 
     plain = _search(settings, split_rest_second, changes)
     gates, tolerance = settings_of(plain)
     options = {"tolerance": tolerance, "gates": gates, "settings": plain}
     known = [(given.test_facts(facts), series) for facts, series in tests]
-    mine = given.tests([one for one in known if one[0].kind in prepare.KINDS])
+    mine = given.tests([one for one in known if one[0].kind in KINDS])
     facts = given.cell_facts(cell)
-    return prepare.prepared(facts, given.content(basis), mine, **options).case
+    return prepared(facts, given.content(basis), mine, **options).case
 
 
 def _search(settings, split_rest_second, changes) -> dict:

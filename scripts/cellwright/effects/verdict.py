@@ -6,11 +6,11 @@ from cellwright.numerics.least_squares import stds
 
 
 class Outcome(NamedTuple):
-    """What a search came to.
+    """Result of a search in one word, and the errors behind it.
 
     word : "none", "named", "ambiguous" or "unknown". steps : rounds that chose an effect.
     last : State at the end. floor_volt : [V]. closed : share of the gap that is closed on the
-    validation records, by all effects. adequate : little enough is left.
+    validation records, by all effects. adequate : the error left is within the gates.
     """
 
     word: str
@@ -22,20 +22,20 @@ class Outcome(NamedTuple):
 
 
 def outcome(rounds, gates, *, adequate_volt=0.0, alternatives=lambda step: step.tied):
-    """The word of the verdict, and what is left.
+    """Outcome of the rounds of a search: its word, and what is left of the gap.
 
     Parameters
     ----------
     rounds : list of search.Round. gates : case.Gates or groups.case.GroupGates.
     adequate_volt : error that may be left, however small the noise [V].
-    alternatives : function (round) → ids of what its data cannot tell from the choice.
+    alternatives : function (round) → ids of effects that its data cannot tell from the choice.
 
     Returns
     -------
     outcome : Outcome.
     """
     first, last, floor = rounds[0].before, rounds[-1].before, rounds[-1].floor_volt
-    steps = tuple(one for one in rounds if one.chosen is not None)[: gates.rounds]
+    steps = tuple(step for step in rounds if step.chosen is not None)[: gates.rounds]
     if not steps:
         most = max(gates.unknown_ratio * floor, gates.nothing_volt)
         word = "none" if first.worst_volt <= most else "unknown"
@@ -50,7 +50,7 @@ def outcome(rounds, gates, *, adequate_volt=0.0, alternatives=lambda step: step.
 
 
 def gap_closed(before_volt, after_volt, floor_volt):
-    """1 − (after² − floor²)/(before² − floor²): the share of the gap that is gone [1].
+    """Share of the gap that is closed [1]: 1 − (after² − floor²)/(before² − floor²).
 
     Above 1 where the model does better than the floor; None where there was no gap.
     """
@@ -58,47 +58,48 @@ def gap_closed(before_volt, after_volt, floor_volt):
     return None if whole <= 0 else float(1.0 - (after_volt**2 - floor_volt**2) / whole)
 
 
-def verdict_of(name, found, rounds, place, *, next_test=None, not_testable=(), entry=None):
-    """The verdict file of the contract.
+def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), entry=None):
+    """Verdict of a cell or group as dict of the contract.
 
     Parameters
     ----------
-    name : of the cell or group. found : Outcome. rounds : list of search.Round.
-    place : dict, where most of what is left sits, see `judge.worst`; None.
+    name : of the cell or group. result : Outcome. rounds : list of search.Round.
+    place : dict, where most of the error left lies, see `judge.worst`; None.
     next_test : sentence, or None. not_testable : ids.
     entry : function (round, state after it, floor) → dict of one effect; None: `entry_of`.
 
     Returns
     -------
-    verdict : dict, as in the contract; `partial` holds what an "unknown" gap is half explained by.
+    verdict : dict, as in the contract; `partial` holds effects that
+    explain part of an "unknown" gap.
     """
-    states = [one.before for one in rounds[1 : len(found.steps)]] + [found.last]
+    states = [step.before for step in rounds[1 : len(result.steps)]] + [result.last]
     entries = [
-        (entry or entry_of)(step, after, found.floor_volt)
-        for step, after in zip(found.steps, states, strict=False)
+        (entry or entry_of)(step, after, result.floor_volt)
+        for step, after in zip(result.steps, states, strict=False)
     ]
-    settled = found.word in ("named", "ambiguous")
-    first, last = rounds[0].before, found.last
+    settled = result.word in ("named", "ambiguous")
+    first, last = rounds[0].before, result.last
     return {
         "cell": name,
-        "verdict": found.word,
+        "verdict": result.word,
         "effects": entries if settled else [],
         "partial": [] if settled else entries,
-        "located_at": None if found.adequate else place,
-        "floor_volt": found.floor_volt,
+        "located_at": None if result.adequate else place,
+        "floor_volt": result.floor_volt,
         "rmse_volt": {"before": first.rmse_volt, "after": last.rmse_volt},
         "validation_rmse_volt": {
             "before": first.validation_rmse_volt,
             "after": last.validation_rmse_volt,
         },
-        "gap_closed": found.closed,
+        "gap_closed": result.closed,
         "next_test": next_test,
         "not_testable": list(not_testable),
     }
 
 
 def entry_of(step, after, floor_volt):
-    """What a verdict says of one effect.
+    """Entry of one effect in a verdict: sizes, errors before and after, proof.
 
     Parameters
     ----------
@@ -125,16 +126,16 @@ def entry_of(step, after, floor_volt):
         "gap_closed": gap_closed(was, now, floor_volt),
         "delta_bic": step.chosen.delta_bic,
         "delta_validation_chi_square": step.chosen.delta_validation,
-        # Who would have been chosen by the fitted records alone.
+        # Whether the fitted records alone would have chosen it.
         "same_without_validation": max(step.trials, key=lambda t: t.delta_bic).effect == effect,
     }
 
 
 class Phrases(NamedTuple):
-    """How a paragraph speaks of what was searched.
+    """Words of a paragraph that differ between cells and groups.
 
     where : on which records, of which quantity, the error is. healthy : the model without an
-    effect, and its verb. none : what does not explain an unknown error.
+    effect, and its verb. none : subject of "explains it", of an unknown error.
     """
 
     where: str
@@ -186,19 +187,22 @@ def _unknown(verdict, library, phrases):
         f"Something is missing that the library does not know: {phrases.where} {phrases.healthy} "
         f"{millivolt(both['before'])} where the noise is {millivolt(verdict['floor_volt'])}"
     )
-    names = [library[one["effect"]].sentence + _branch(one) for one in verdict["partial"]]
+    names = [
+        library[e["effect"]].sentence + (f" (branch {e['branch']})" if "branch" in e else "")
+        for e in verdict["partial"]
+    ]
     if not names:
         return f"{text}, and {phrases.none} explains it."
     return (
-        f"{text}. The nearest explanation ({'; '.join(names)}) leaves {millivolt(both['after'])} "
-        f"and so is not the name of it."
+        f"{text}. The nearest explanation ({'; '.join(names)}) leaves {millivolt(both['after'])}, "
+        f"too much for it to be named."
     )
 
 
 def _named(verdict, library, phrases):
     both = verdict["validation_rmse_volt"]
-    text = " Then: ".join(_step(one, library) for one in verdict["effects"])
-    changes = [library[one["effect"]].consequence for one in verdict["effects"]]
+    text = " Then: ".join(_step(entry, library) for entry in verdict["effects"])
+    changes = [library[entry["effect"]].consequence for entry in verdict["effects"]]
     return (
         f"{text[0].upper()}{text[1:]} Overall the error {phrases.where} fell from "
         f"{millivolt(both['before'])} to {millivolt(both['after'])}; the noise is "
@@ -207,26 +211,22 @@ def _named(verdict, library, phrases):
     )
 
 
-def _branch(one):
-    return f" (branch {one['branch']})" if "branch" in one else ""
-
-
-def _step(one, library):
-    effect = library[one["effect"]]
+def _step(entry, library):
+    effect = library[entry["effect"]]
     sizes = [
         f"{name_of(name, p['unit'])} {number(p)}"
-        for name, p in one["parameters"].items()
+        for name, p in entry["parameters"].items()
         if p["std"] is not None
     ]
-    place = f"in branch {one['branch']} ({one['cell']}) " if "branch" in one else ""
+    place = f"in branch {entry['branch']} ({entry['cell']}) " if "branch" in entry else ""
     text = f"{place or 'what was missing: '}{effect.sentence} ({', '.join(sizes)})."
-    if one["alternatives"]:
-        others = " or ".join(library[name].sentence for name in one["alternatives"])
+    if entry["alternatives"]:
+        others = " or ".join(library[name].sentence for name in entry["alternatives"])
         text += f" These data cannot tell it from: {others}."
-    if one.get("branch_alternatives"):
-        others = " or ".join(str(branch) for branch in one["branch_alternatives"])
+    if entry.get("branch_alternatives"):
+        others = " or ".join(str(branch) for branch in entry["branch_alternatives"])
         text += f" As well it could be branch {others}."
-    return text + _sureness(one)
+    return text + _proof(entry)
 
 
 def name_of(name, unit):
@@ -255,19 +255,19 @@ def number(p):
     return f"{p['value']:.3g} ± {p['std']:.1g}{unit}"
 
 
-def _sureness(one):
-    both = one["validation_rmse_volt"]
-    # Fitted anew with the noise of the next round, an effect may lose what it had gained.
+def _proof(entry):
+    both = entry["validation_rmse_volt"]
+    # Refitted with the noise of the next round, an effect may do worse than without it.
     goes = "falls" if both["after"] < both["before"] else "does not fall: it goes"
     text = (
         f" With it the error on those records {goes} from {millivolt(both['before'])} to "
         f"{millivolt(both['after'])}."
     )
-    bounds = [name for name, p in one["parameters"].items() if p["at_bound"]]
+    bounds = [name for name, p in entry["parameters"].items() if p["at_bound"]]
     if bounds:
         names = ", ".join(bounds).replace("_", " ")
         text += f" Its {names} ended on a bound: take its size with care."
-    if not one["same_without_validation"]:
+    if not entry["same_without_validation"]:
         text += " The fitted records alone would have named another effect: not a clear case."
     return text
 
