@@ -9,8 +9,8 @@ from cellwright.circuits.circuit import KINDS
 from cellwright.filters import kalman
 from cellwright.filters.bank import bank_of
 from cellwright.filters.estimate import Start
+from cellwright.filters.kalman import acquire
 from cellwright.filters.plant import Noise, plant_of
-from cellwright.filters.start import acquire
 from cellwright.native import function
 from cellwright.refusal import Refusal
 

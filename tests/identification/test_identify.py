@@ -19,8 +19,8 @@ from synthetic import (
 
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch, simulate_model
 from cellwright.circuits.temperature import resistance_factor
-from cellwright.identification.columns import columns_of, ocv_of, on_table
 from cellwright.identification.identify import data_of, limits_of
+from cellwright.identification.regression import columns_of, ocv_of, on_table
 from cellwright.records.record import bridged, fit_mask, record_of
 from cellwright.refusal import Refusal
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from pulse_train import CURRENT, NOISE, TIME, noisy, voltage
 
-from cellwright.identification.methods.profile import profile_interval
-from cellwright.identification.methods.pulse import fit_circuit
+from cellwright.identification.methods.pulse import fit_circuit, profile_interval
 from cellwright.refusal import Refusal
 
 HOLD = {"hold": "zero_order"}

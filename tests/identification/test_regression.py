@@ -7,16 +7,20 @@ from synthetic import CAPACITY, data, diffusion, hysteresis, measured
 
 from cellwright.circuits.circuit import Branch
 from cellwright.circuits.simulate import overpotentials
-from cellwright.identification.columns import (
+from cellwright.identification.regression import (
     Held,
+    Noise,
+    Prior,
     columns_of,
     damping,
     lead,
+    named,
     ocv_of,
     on_table,
     slope_of,
+    solved,
+    system_of,
 )
-from cellwright.identification.regression import Noise, Prior, named, solved, system_of
 from cellwright.numerics.linear import correlation_factor, hats, solve
 from cellwright.refusal import Refusal
 

@@ -6,7 +6,7 @@ from sheets_facts import measured_test
 
 from cellwright.packs.group import group_models
 from cellwright.packs.parallel import Group, group_of, simulate_parallel
-from cellwright.records.group import branch_currents
+from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 
 GRID = np.linspace(0, 1, 201)

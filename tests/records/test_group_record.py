@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sheets_facts import branch_facts, facts_of, measured_test
 
-from cellwright.records.group import branch_currents, group_record, stated_soc
+from cellwright.records.record import branch_currents, group_record, stated_soc
 from cellwright.refusal import Refusal
 
 ROWS = np.arange(5.0)

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.filters.bank import NODES
-from cellwright.filters.kalman import run
+from cellwright.filters.kalman import acquire, run
 from cellwright.filters.plant import ERROR, GAIN, SLOPE, TOTAL, Noise, plant_of
-from cellwright.filters.start import acquire
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
 

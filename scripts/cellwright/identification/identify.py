@@ -13,8 +13,15 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
-from cellwright.identification.columns import Data, Held, columns_of
-from cellwright.identification.regression import SCALES, pull_of, solved, system_of
+from cellwright.identification.regression import (
+    SCALES,
+    Data,
+    Held,
+    columns_of,
+    pull_of,
+    solved,
+    system_of,
+)
 from cellwright.identification.search import (
     Condition,
     cheapest,

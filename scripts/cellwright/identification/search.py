@@ -5,8 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import UNRESOLVED_SECOND
-from cellwright.identification.columns import FAST_SECOND, columns_of
-from cellwright.identification.regression import SCALES, named, solved, system_of
+from cellwright.identification.regression import (
+    FAST_SECOND,
+    SCALES,
+    columns_of,
+    named,
+    solved,
+    system_of,
+)
 from cellwright.numerics.scores import rms
 
 WIDEST = 0.1  # change of the SoC's scale that is believed

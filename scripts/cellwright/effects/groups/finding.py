@@ -22,7 +22,7 @@ from cellwright.effects.groups.verdict import group_verdict
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.effects.search import search
-from cellwright.records.group import group_record
+from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
 

@@ -11,8 +11,7 @@ from cellwright.identification.methods.autoregressive import (
     track,
 )
 from cellwright.identification.methods.genetic import evolve_by_genes
-from cellwright.identification.methods.profile import profile_interval
-from cellwright.identification.methods.pulse import fit_circuit, names_of
+from cellwright.identification.methods.pulse import fit_circuit, names_of, profile_interval
 from cellwright.identification.methods.pulse_records import pulse_records
 from cellwright.identification.methods.with_lmfit import fit_by_lmfit, lmfit_parameters
 from cellwright.numerics.uncertainty import delta_method
