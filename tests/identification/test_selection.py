@@ -114,14 +114,14 @@ def test_what_a_search_found_must_be_better_beyond_chance_and_nowhere_worse():
     spread = np.exp(np.random.default_rng(3).normal(0.0, 0.6, 12))
     own, chance = score(*4e-6 * spread), score(*4e-6 * np.roll(spread, 1))
     name, better = "2RC+effects", score(*1e-6 * spread)
-    assert choose({"2RC": own, name: better}, found=[name]).name == name
-    same = choose({"2RC": own, name: chance}, found=[name])
+    assert choose({"2RC": own, name: better}, searched=[name]).name == name
+    same = choose({"2RC": own, name: chance}, searched=[name])
     assert same.name == "2RC"
     assert same.reasons[name].startswith("not better than 2RC beyond chance")
     larger = score(*np.append(1e-6 * spread[:-1], 1.0))
-    assert choose({"2RC": own, name: larger}, found=[name]).name == "2RC"
+    assert choose({"2RC": own, name: larger}, searched=[name]).name == "2RC"
     worse_in_the_cold = {"2RC": own * 2, name: [*score(*1.2e-5 * spread), *score(*1e-7 * spread)]}
-    told = choose(worse_in_the_cold, celsius=[-10.0, 25.0], found=[name])
+    told = choose(worse_in_the_cold, celsius=[-10.0, 25.0], searched=[name])
     assert told.name == "2RC"
     assert "at some temperature" in told.reasons[name] or "rms" in told.reasons[name]
 

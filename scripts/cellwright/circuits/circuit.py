@@ -235,8 +235,8 @@ def kind_of(branch):
         raise Refusal(f"branch kind {branch.kind!r} is unknown; known are {', '.join(KINDS)}")
     kind = KINDS[branch.kind]
     if set(branch.parameters) != set(kind.parameters):
-        found, wanted = ", ".join(branch.parameters), ", ".join(kind.parameters)
-        raise Refusal(f"branch {branch.kind} has parameters {found}; it takes {wanted}")
+        given, expected = ", ".join(branch.parameters), ", ".join(kind.parameters)
+        raise Refusal(f"branch {branch.kind} has parameters {given}; it takes {expected}")
     return kind
 
 

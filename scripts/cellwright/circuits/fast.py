@@ -125,10 +125,10 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
     """
     soc = np.linspace(0.0, 1.0, points)
     temperature = np.nan if temperature_celsius is None else temperature_celsius
-    found = member_of(model, plain_member(model) if member is None else member)
-    if not is_plain(found):
-        raise Refusal(f"{found['model']} holds more than RC pairs, which is all that runs here")
-    conditions = found["conditions"]
+    entry = member_of(model, plain_member(model) if member is None else member)
+    if not is_plain(entry):
+        raise Refusal(f"{entry['model']} holds more than RC pairs, which is all that runs here")
+    conditions = entry["conditions"]
     ocv = open_circuit_volt(model, circuit_at(conditions, soc, temperature), temperature)
     return Tables(ocv, *parameters_at(conditions, soc, temperature)[:3])
 
@@ -141,8 +141,10 @@ def _run(tables, step, current, soc, hold, ampere_second):
     pairs, points = np.shape(tables.r_ohm)
     moves = np.ndim(tables.tau_second) == 2
     columns = [tables.ocv_volt, tables.r0_ohm, *tables.r_ohm]
-    at = np.stack([*columns, *tables.tau_second] if moves else columns, axis=1)
-    rows = np.ascontiguousarray(np.concatenate([at[:-1], np.diff(at, axis=0)], axis=1))
+    columns_at = np.stack([*columns, *tables.tau_second] if moves else columns, axis=1)
+    rows = np.ascontiguousarray(
+        np.concatenate([columns_at[:-1], np.diff(columns_at, axis=0)], axis=1)
+    )
     tau = np.ones(pairs) if moves else np.ascontiguousarray(tables.tau_second, float)
     voltage = np.empty(len(current))
     settings = (len(step) != len(current) - 1, hold == "first_order")

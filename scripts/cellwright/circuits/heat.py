@@ -94,8 +94,8 @@ def temperature(
     """
     # ASSUME: A cell has one temperature, and all its heat leaves through one resistance.
     if not (heat_capacity_joule_per_kelvin > 0 and resistance_kelvin_per_watt > 0):
-        found = f"{heat_capacity_joule_per_kelvin:g} J/K and {resistance_kelvin_per_watt:g} K/W"
-        raise Refusal(f"heat capacity and resistance are {found}; both must be above zero")
+        given = f"{heat_capacity_joule_per_kelvin:g} J/K and {resistance_kelvin_per_watt:g} K/W"
+        raise Refusal(f"heat capacity and resistance are {given}; both must be above zero")
     ambient = np.broadcast_to(np.asarray(ambient_celsius, float), np.shape(heat_watt))
     start = ambient[0] if initial_celsius is None else initial_celsius
     tau = resistance_kelvin_per_watt * heat_capacity_joule_per_kelvin
@@ -147,17 +147,19 @@ def simulate_warm(
         "initial_celsius": initial_celsius,
     }
     current = np.asarray(current_ampere, float)
-    now = temperature(test_time_second, 0.0 * current, ambient_celsius, **cooling)
-    moved = np.inf
+    celsius = temperature(test_time_second, 0.0 * current, ambient_celsius, **cooling)
+    change = np.inf
     for turn in range(1, passes + 1):
-        run = simulate_model(model, member, test_time_second, current, soc, now, hold=hold)
+        run = simulate_model(model, member, test_time_second, current, soc, celsius, hold=hold)
         reversible = {"entropic_volt_per_kelvin": entropic_volt_per_kelvin}
-        watt = heat(current, run.voltage_volt, run.ocv_volt, temperature_celsius=now, **reversible)
-        before, now = now, temperature(test_time_second, watt, ambient_celsius, **cooling)
-        moved = np.abs(now - before).max()
-        if moved < tolerance_kelvin:
+        watt = heat(
+            current, run.voltage_volt, run.ocv_volt, temperature_celsius=celsius, **reversible
+        )
+        before, celsius = celsius, temperature(test_time_second, watt, ambient_celsius, **cooling)
+        change = np.abs(celsius - before).max()
+        if change < tolerance_kelvin:
             return Warmed(run, before, watt, turn)
-    raise Refusal(f"temperature still moves by {moved:.2g} K after {passes} passes")
+    raise Refusal(f"temperature still moves by {change:.2g} K after {passes} passes")
 
 
 SLOPE_STEP = 1e-4  # of ln tau
@@ -227,12 +229,12 @@ def fit_thermal(
     time, current, voltage, ocv, surface = record
     drives = [heat(current, voltage, ocv)]
     drives += [current * (surface + ZERO_CELSIUS_KELVIN)] if entropic else []
-    task = _Task(*_parts(time, gap_second), np.column_stack(drives), ambient, surface)
-    log_tau = _searched(task, tau_bounds_second)
-    return _result(task, log_tau, entropic)
+    task = _ThermalRecord(*_parts(time, gap_second), np.column_stack(drives), ambient, surface)
+    log_tau = _best_log_tau(task, tau_bounds_second)
+    return _thermal_fit(task, log_tau, entropic)
 
 
-class _Task(NamedTuple):
+class _ThermalRecord(NamedTuple):
     """Rows of a record: `parts` slices between gaps, `age` since each began, `weight` in √s."""
 
     parts: list
@@ -265,11 +267,11 @@ def _parts(time, gap_second):
 def _design(task, log_tau):
     """Weighted columns (drives, offset, start of each part) and what they are to explain."""
     tau = np.exp(log_tau)
-    both = np.column_stack([task.drives, task.ambient])
-    first = [np.r_[np.zeros(both.shape[1] - 1), task.ambient[p.start]] for p in task.parts]
+    driven = np.column_stack([task.drives, task.ambient])
+    first = [np.r_[np.zeros(driven.shape[1] - 1), task.ambient[p.start]] for p in task.parts]
     lagged = np.concatenate(
         [
-            lag(np.diff(task.time[p]), tau, both[p], hold="first_order", initial=start)
+            lag(np.diff(task.time[p]), tau, driven[p], hold="first_order", initial=start)
             for p, start in zip(task.parts, first, strict=True)
         ]
     )
@@ -291,7 +293,7 @@ def _solved(task, log_tau):
     return design, linear, target - design @ linear
 
 
-def _searched(task, bounds):
+def _best_log_tau(task, bounds):
     from scipy.optimize import minimize_scalar
 
     grid = np.linspace(*np.log(bounds), 25)
@@ -300,22 +302,22 @@ def _searched(task, bounds):
         residual = _solved(task, log_tau)[2]
         return residual @ residual
 
-    best = int(np.argmin([error(one) for one in grid]))
+    best = int(np.argmin([error(log_tau) for log_tau in grid]))
     if best in (0, len(grid) - 1):
         raise Refusal(f"the thermal time constant is not within {bounds[0]:g}–{bounds[1]:g} s")
     around = (grid[best - 1], grid[best + 1])
     return float(minimize_scalar(error, bounds=around, method="bounded").x)
 
 
-def _result(task, log_tau, entropic):
+def _thermal_fit(task, log_tau, entropic):
     design, linear, residual = _solved(task, log_tau)
     if linear[0] <= 0:
         raise Refusal(f"thermal resistance {linear[0]:.3g} K/W: the temperature falls with heat")
-    moved = [
+    shifted = [
         target - columns @ linear
         for columns, target in (_design(task, log_tau + d) for d in (-SLOPE_STEP, SLOPE_STEP))
     ]
-    slope = (moved[0] - moved[1]) / (2 * SLOPE_STEP)
+    slope = (shifted[0] - shifted[1]) / (2 * SLOPE_STEP)
     jacobian = np.column_stack([design[:, 0], slope, design[:, 1:]])
     covariance = covariance_from_jacobian(jacobian, residual) * correlation_factor(residual)
     resistance, parts = linear[0], np.array([linear[0], log_tau])

@@ -124,11 +124,11 @@ def capacity_factor(member, celsius=None, *, kind=None):
     counting, reading = member.get("counting", {}), member.get("reading", {})
     name = "capacity_test_relative" if kind == "capacity" else "capacity_relative"
     counted = through_cell(1.0, gain_relative=reading.get("current_gain_relative", 0.0))
-    known = np.asarray(REFERENCE_CELSIUS if celsius is None else celsius, float)
-    known = np.where(np.isnan(known), REFERENCE_CELSIUS, known)
+    temperature = np.asarray(REFERENCE_CELSIUS if celsius is None else celsius, float)
+    temperature = np.where(np.isnan(temperature), REFERENCE_CELSIUS, temperature)
     slope = counting.get("capacity_relative_per_kelvin", 0.0)
-    warm = capacity_over_temperature(known, slope)
-    return counted * (1.0 + counting.get(name, 0.0)) * warm
+    warm_factor = capacity_over_temperature(temperature, slope)
+    return counted * (1.0 + counting.get(name, 0.0)) * warm_factor
 
 
 def hold_of(member, current_ampere):
@@ -152,12 +152,12 @@ def words_of(member, blocks=tuple(ABOUT)):
     ----------
     member : dict of a model file. blocks : names of those to tell of.
     """
-    found = []
+    sentences = []
     for block in blocks:
         numbers = {n: v for n, v in member.get(block, {}).items() if not isinstance(v, list)}
         values = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items())
-        found += [f"{ABOUT[block]} ({values})"] if values else []
-    return found
+        sentences += [f"{ABOUT[block]} ({values})"] if values else []
+    return sentences
 
 
 def as_read(member, test_time_second, voltage_volt, at_once_volt, *, hold):
@@ -222,7 +222,8 @@ def delayed(clock_second, volt, at_once_volt, *, delay_second, step_second, step
     edge = np.minimum(EDGE_SECOND, step_second / 2.0)
     begins = step_second <= 0
     old_at_once, old = (
-        np.where(begins, one, np.concatenate([one[:1], one[:-1]])) for one in (at_once_volt, volt)
+        np.where(begins, column, np.concatenate([column[:1], column[:-1]]))
+        for column in (at_once_volt, volt)
     )
     part = np.divide(edge, step_second, out=np.zeros(len(edge)), where=edge > 0)
     straight = volt + part * (old - volt)
@@ -258,17 +259,19 @@ def warmed_within(member, circuit, heat_watt, step_second, celsius, *, hold):
     -------
     circuit : tuple of Branch.
     """
-    own = member["own_heat"]
-    rise = lag(step_second, own["time_constant_second"], heat_watt, hold=hold)
-    inside = celsius + own["thermal_resistance_kelvin_per_watt"] * rise
-    factor = resistance_factor(inside, celsius, own["activation_energy_joule_per_mole"])
+    heating_of = member["own_heat"]
+    rise = lag(step_second, heating_of["time_constant_second"], heat_watt, hold=hold)
+    core_celsius = celsius + heating_of["thermal_resistance_kelvin_per_watt"] * rise
+    factor = resistance_factor(
+        core_celsius, celsius, heating_of["activation_energy_joule_per_mole"]
+    )
 
     def warmed(parameters):
         return {name: v * factor if name in WARMED else v for name, v in parameters.items()}
 
-    apart = own.get("branches_apart", [])
+    excluded = heating_of.get("branches_apart", [])
     return tuple(
-        branch if k in apart else branch._replace(parameters=warmed(branch.parameters))
+        branch if k in excluded else branch._replace(parameters=warmed(branch.parameters))
         for k, branch in enumerate(circuit)
     )
 
@@ -280,9 +283,9 @@ def heating(member, circuit):
     ----------
     member : dict of a model file with `own_heat`. circuit : tuple of Branch.
     """
-    apart = member["own_heat"].get("branches_apart", [])
+    excluded = member["own_heat"].get("branches_apart", [])
     ohmic = [k for k, branch in enumerate(circuit) if set(WARMED[:3]) & branch.parameters.keys()]
-    return [k for k in ohmic if k not in apart]
+    return [k for k in ohmic if k not in excluded]
 
 
 def at_once(circuit):
@@ -341,8 +344,8 @@ def with_history(
         p = branch.parameters
         if branch.kind == "hysteresis":
             charge = np.broadcast_to(p["charge_ampere_hour"], current.shape)[:-1]
-            gone = lag_by_charge(passed, charge, np.ones(len(passed)))
-            over_volt[k] += direction[0] * p["m_volt"] * (1.0 - gone)
+            decayed = lag_by_charge(passed, charge, np.ones(len(passed)))
+            over_volt[k] += direction[0] * p["m_volt"] * (1.0 - decayed)
         if branch.kind == "switch":
             over_volt[k] = direction * p["m_volt"]
     return over_volt

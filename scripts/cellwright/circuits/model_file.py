@@ -278,12 +278,12 @@ def circuit_at(conditions, soc, temperature_celsius):
     # ASSUME: Between two measured temperatures every model parameter follows an Arrhenius law.
     # ASSUME: Outside the measured range of SoC or temperature the model keeps its last value.
     conditions = sorted(conditions, key=lambda c: celsius_of(c["ambient_temperature_celsius"]))
-    known = np.array([celsius_of(c["ambient_temperature_celsius"]) for c in conditions])
-    here = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
-    weights = temperature_weights(known, here)
+    measured = np.array([celsius_of(c["ambient_temperature_celsius"]) for c in conditions])
+    celsius = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
+    weights = temperature_weights(measured, celsius)
     elements = [_elements(condition) for condition in conditions]
-    by_law = law_weights(known, here, laws_of(conditions))
-    beyond = factor_beyond(conditions, known, here)
+    by_law = law_weights(measured, celsius, laws_of(conditions))
+    beyond = factor_beyond(conditions, measured, celsius)
 
     def courses(index, name):
         pairs = zip(conditions, elements, strict=True)
@@ -312,11 +312,11 @@ def circuit_at(conditions, soc, temperature_celsius):
     ]
     shifts = [c.get("ocv_shift_volt", np.zeros(len(c["soc"]))) for c in conditions]
     shift = mixed_by(weights, [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)])
-    far = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
-    outside = mixed_by(weights, far) > 0
+    outside_knots = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
+    outside = mixed_by(weights, outside_knots) > 0
     circuit = with_shared_scale(circuit)
     scaled = scaled_soc(conditions, weights, soc)
-    return SampledCircuit(circuit, scaled, shift, outside, _outside(known, here))
+    return SampledCircuit(circuit, scaled, shift, outside, _outside_temperature(measured, celsius))
 
 
 def parameters_at(conditions, soc, temperature_celsius):
@@ -330,19 +330,19 @@ def parameters_at(conditions, soc, temperature_celsius):
     -------
     parameters : SampledParameters.
     """
-    at = circuit_at(conditions, soc, temperature_celsius)
-    pairs = [branch.parameters for branch in at.circuit if branch.kind == "RC"]
+    sampled = circuit_at(conditions, soc, temperature_celsius)
+    pairs = [branch.parameters for branch in sampled.circuit if branch.kind == "RC"]
     values = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
-    r, tau = (np.reshape(one, (-1, len(soc))) for one in values)
-    return SampledParameters(at.circuit[0].parameters["r_ohm"], r, tau, *at[2:])
+    r, tau = (np.reshape(column, (-1, len(soc))) for column in values)
+    return SampledParameters(sampled.circuit[0].parameters["r_ohm"], r, tau, *sampled[2:])
 
 
-def open_circuit_volt(model, found, temperature_celsius):
+def open_circuit_volt(model, sampled, temperature_celsius):
     """Open-circuit voltage of a member where its circuit was looked up.
 
     Parameters
     ----------
-    model : dict of a model file. found : SampledCircuit, from `circuit_at`.
+    model : dict of a model file. sampled : SampledCircuit, from `circuit_at`.
     temperature_celsius : scalar or (n,) [degC], as in `circuit_at`.
 
     Returns
@@ -350,18 +350,19 @@ def open_circuit_volt(model, found, temperature_celsius):
     ocv_volt : (n,) [V].
     """
     return (
-        continued_ocv_at(model["ocv"], found.table_soc, temperature_celsius) + found.ocv_shift_volt
+        continued_ocv_at(model["ocv"], sampled.table_soc, temperature_celsius)
+        + sampled.ocv_shift_volt
     )
 
 
 def member_of(model, name=None):
     """Member of a model by name ("1RC", "2RC"), or its chosen one."""
     name = model["chosen"] if name is None else name
-    found = [member for member in model["members"] if member["model"] == name]
-    if not found:
-        known = ", ".join(member["model"] for member in model["members"])
-        raise Refusal(f"model of {model['cell']} has no member {name!r}; it has {known}")
-    return found[0]
+    members = [member for member in model["members"] if member["model"] == name]
+    if not members:
+        available = ", ".join(member["model"] for member in model["members"])
+        raise Refusal(f"model of {model['cell']} has no member {name!r}; it has {available}")
+    return members[0]
 
 
 def simulate_model(
@@ -392,26 +393,26 @@ def simulate_model(
     -------
     simulated : Simulated; `instrument` says what a member may correct of the record.
     """
-    own = member_of(model, member)
+    entry = member_of(model, member)
     capacity, time, celsius = model["capacity_ampere_hour"], test_time_second, temperature_celsius
     read = (time, current_ampere, np.asarray(soc, float))
-    true = instrument.corrected(own, capacity, *read, celsius, kind=kind)
-    found = circuit_at(own["conditions"], true.soc, celsius)
-    ocv = open_circuit_volt(model, found, celsius)
-    curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), found.table_soc)
-    settings = {"hold": hold or instrument.hold_of(own, current_ampere), "open_circuit": curve}
+    true = instrument.corrected(entry, capacity, *read, celsius, kind=kind)
+    sampled = circuit_at(entry["conditions"], true.soc, celsius)
+    ocv = open_circuit_volt(model, sampled, celsius)
+    curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), sampled.table_soc)
+    settings = {"hold": hold or instrument.hold_of(entry, current_ampere), "open_circuit": curve}
     record = (time, np.asarray(true.current_ampere, float))
-    over = _overpotentials(own, found.circuit, record, celsius, settings)
-    if "history" in own:
+    over = _overpotentials(entry, sampled.circuit, record, celsius, settings)
+    if "history" in entry:
         over = instrument.with_history(
-            *(own, found.circuit, over, record, current_ampere),
+            *(entry, sampled.circuit, over, record, current_ampere),
             soc_at_start=true.soc[0],
             capacity_ampere_hour=capacity,
             hold=settings["hold"],
         )
-    at_once = over[instrument.at_once(found.circuit)].sum(axis=0)
-    volt = instrument.as_read(own, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
-    return Simulated(volt, ocv, over, *found[3:])
+    at_once = over[instrument.at_once(sampled.circuit)].sum(axis=0)
+    volt = instrument.as_read(entry, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
+    return Simulated(volt, ocv, over, *sampled[3:])
 
 
 def _overpotentials(member, circuit, record, celsius, settings):
@@ -426,9 +427,9 @@ def _overpotentials(member, circuit, record, celsius, settings):
     return overpotentials(warm, *record, **settings)
 
 
-def _outside(known, here):
+def _outside_temperature(measured, celsius):
     """Further than a few kelvin from all that was measured: cells warm a little in a chamber."""
-    return (here < known[0] - SAME_KELVIN) | (here > known[-1] + SAME_KELVIN)
+    return (celsius < measured[0] - SAME_KELVIN) | (celsius > measured[-1] + SAME_KELVIN)
 
 
 def _elements(condition):
@@ -481,9 +482,9 @@ def plain_member(model):
         raise Refusal(f"no member of the model of {model['cell']} is made of RC pairs alone")
     if model["chosen"] in [member["model"] for member in plain]:
         return model["chosen"]
-    return min(plain, key=_rank)["model"]
+    return min(plain, key=_left_out_rank)["model"]
 
 
-def _rank(member):
+def _left_out_rank(member):
     error = member.get("left_out_rmse_volt")
     return np.inf if error is None else error, -len(member["conditions"][0]["branches"])

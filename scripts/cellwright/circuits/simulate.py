@@ -45,14 +45,14 @@ def overpotentials(circuit, test_time_second, current_ampere, *, hold, open_circ
     """
     time, current = _checked(test_time_second, current_ampere)
     steps = np.diff(time)
-    found = []
+    over_volt = []
     for branch in circuit:
         _check_parameters(branch, current.shape)
         output = _response(branch, steps, current, hold)
         if kind_of(branch).output == "soc":
             output = _shifted(output, open_circuit)
-        found.append(output)
-    return np.array(found)
+        over_volt.append(output)
+    return np.array(over_volt)
 
 
 def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold, open_circuit=None):
@@ -97,10 +97,10 @@ def simulate_cells(
     """
     shape = (len(circuits), len(test_time_second))
     current, ocv = (_of_each(values, shape) for values in (current_ampere, ocv_volt))
-    opens = [None] * shape[0] if open_circuits is None else open_circuits
+    curves = [None] * shape[0] if open_circuits is None else open_circuits
     runs = [
-        simulate(one, test_time_second, i, volt, hold=hold, open_circuit=curve)
-        for one, i, volt, curve in zip(circuits, current, ocv, opens, strict=True)
+        simulate(circuit, test_time_second, i, volt, hold=hold, open_circuit=curve)
+        for circuit, i, volt, curve in zip(circuits, current, ocv, curves, strict=True)
     ]
     return np.reshape(runs, shape)
 
@@ -124,14 +124,14 @@ def sensitivities(circuit, test_time_second, current_ampere, *, hold, open_circu
     Source: W. Squire, G. Trapp, SIAM Review 40 (1998) 110.
     """
     settings = {"hold": hold, "open_circuit": open_circuit}
-    found = {}
+    derivatives = {}
     for index, branch in enumerate(circuit):
         for name in kind_of(branch).parameters:
             moved = branch.parameters | {name: branch.parameters[name] + 1j * STEP}
-            one = (Branch(branch.kind, moved),)
-            run = overpotentials(one, test_time_second, current_ampere, **settings)
-            found[index, name] = run[0].imag / STEP
-    return found
+            single = (Branch(branch.kind, moved),)
+            run = overpotentials(single, test_time_second, current_ampere, **settings)
+            derivatives[index, name] = run[0].imag / STEP
+    return derivatives
 
 
 def _response(branch, steps, current, hold):
@@ -139,11 +139,11 @@ def _response(branch, steps, current, hold):
     kind = kind_of(branch)
     lags = kind.lags(**branch.parameters)
     drive = kind.drive(current, **branch.parameters)
-    if any(one.clock == "ampere_hour" for one in lags):
+    if any(lagged.clock == "ampere_hour" for lagged in lags):
         return _by_charge(kind, branch.parameters, lags, steps, current, hold)
-    output = (1.0 - sum(one.share for one in lags)) * drive
-    for one in lags:
-        output = output + one.share * lag(steps, _at_start(one.constant), drive, hold=hold)
+    output = (1.0 - sum(lagged.share for lagged in lags)) * drive
+    for lagged in lags:
+        output = output + lagged.share * lag(steps, _at_start(lagged.constant), drive, hold=hold)
     return output
 
 
@@ -152,7 +152,9 @@ def _by_charge(kind, parameters, lags, steps, current, hold):
     between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
     drive = kind.drive(between, **{name: _at_start(value) for name, value in parameters.items()})
     passed = np.abs(between) * steps / 3600.0
-    return sum(one.share * lag_by_charge(passed, _at_start(one.constant), drive) for one in lags)
+    return sum(
+        lagged.share * lag_by_charge(passed, _at_start(lagged.constant), drive) for lagged in lags
+    )
 
 
 def _at_start(value):
@@ -174,8 +176,8 @@ def _shifted(offset, open_circuit):
 
 def _of_each(values, shape):
     if np.shape(values) not in ((), shape[1:], shape):
-        found = f"current or OCV has shape {np.shape(values)}"
-        raise Refusal(f"{found}; for {shape[0]} circuits it must be {shape[1:]} or {shape}")
+        given = f"current or OCV has shape {np.shape(values)}"
+        raise Refusal(f"{given}; for {shape[0]} circuits it must be {shape[1:]} or {shape}")
     return np.broadcast_to(values, shape)
 
 
@@ -195,7 +197,7 @@ def _checked(test_time_second, current_ampere):
 def _check_parameters(branch, shape):
     for name, value in branch.parameters.items():
         if np.ndim(value) and np.shape(value) != shape:
-            found = f"{name} of branch {branch.kind} has shape {np.shape(value)}"
-            raise Refusal(f"{found}; it must be a scalar or one value per sample, {shape}")
+            given = f"{name} of branch {branch.kind} has shape {np.shape(value)}"
+            raise Refusal(f"{given}; it must be a scalar or one value per sample, {shape}")
         if not np.isfinite(value).all():
             raise Refusal(f"{name} of branch {branch.kind} is not finite")

@@ -108,13 +108,13 @@ def estimate(
     settings = {"hold": hold, "resistance_factor": resistance_factor}
     plant = plant_of(bank, *record, noise, **settings, track_capacity=dual, track_ohmic=track_ohmic)
     if method == "coulomb":
-        return _plain(*_counted(plant, start, noise))
+        return _without_innovations(*_counted(plant, start, noise))
     if method == "ocv":
-        return _plain(*_looked_up(plant, noise))
+        return _without_innovations(*_looked_up(plant, noise))
     return _filtered(plant, start, noise)
 
 
-def _plain(soc, std):
+def _without_innovations(soc, std):
     return Estimate(soc, std, *[np.full(len(soc), np.nan)] * 6)
 
 
@@ -167,20 +167,20 @@ def _overpotential(plant, soc, grid):
 
 def _filtered(plant, start, noise):
     state, innovation, variance = acquire(plant, start, noise)
-    found = run(plant, noise, state)
-    found[0, 2:4] = innovation, variance
-    nothing = np.full(len(found), np.nan)
-    capacity, ohmic = (nothing, nothing), (nothing, nothing)
+    rows = run(plant, noise, state)
+    rows[0, 2:4] = innovation, variance
+    unknown = np.full(len(rows), np.nan)
+    capacity, ohmic = (unknown, unknown), (unknown, unknown)
     if plant.capacity >= 0:
-        size = plant.capacity_ampere_hour / found[:, 4]
-        capacity = size, size * np.sqrt(found[:, 5]) / found[:, 4]
+        size = plant.capacity_ampere_hour / rows[:, 4]
+        capacity = size, size * np.sqrt(rows[:, 5]) / rows[:, 4]
     if plant.ohmic >= 0:
-        ohmic = found[:, 6], np.sqrt(found[:, 7])
+        ohmic = rows[:, 6], np.sqrt(rows[:, 7])
     return Estimate(
-        found[:, 0],
-        np.sqrt(found[:, 1]),
-        found[:, 2],
-        np.sqrt(found[:, 3]),
+        rows[:, 0],
+        np.sqrt(rows[:, 1]),
+        rows[:, 2],
+        np.sqrt(rows[:, 3]),
         *capacity,
         *ohmic,
     )

@@ -72,11 +72,11 @@ def predict(state, plant, k, noise):
     Source: thesis, table 2.3, (4) and (7).
     """
     step, charge = plant.step_second[k], plant.charge_ampere_hour[k] / plant.capacity_ampere_hour
-    mean, moved = state.mean.copy(), np.eye(plant.size)
+    mean, transition = state.mean.copy(), np.eye(plant.size)
     mean[0] += charge * (mean[plant.capacity] if plant.capacity >= 0 else 1.0)
     if plant.capacity >= 0:
-        moved[0, plant.capacity] = charge
-    covariance = moved @ state.covariance @ moved.T
+        transition[0, plant.capacity] = charge
+    covariance = transition @ state.covariance @ transition.T
     covariance[0, 0] += state.soc_walk * step
     relaxed = np.eye(plant.size)
     for j in range(len(plant.element)):
@@ -86,7 +86,7 @@ def predict(state, plant, k, noise):
     forgotten = [(plant.error, step, noise.error_second, state.error_variance)]
     forgotten += [(plant.fast, step, noise.fast_second, plant.fast_variance)]
     forgotten += [(plant.standing, passed, noise.error_soc, 1.0)]
-    for spot, by, span, variance in (one for one in forgotten if one[0] >= 0):
+    for spot, by, span, variance in (drift for drift in forgotten if drift[0] >= 0):
         keep = np.exp(-by / span)
         mean[spot] *= keep
         covariance[spot, :] *= keep
@@ -187,27 +187,31 @@ def update(state, plant, k, noise):
     out, edge = output(state, plant, k, noise), plant.edge_variance[k]
     innovation = plant.voltage_volt[k] - out.volt
     shared = state.covariance @ out.jacobian
-    known = out.jacobian @ shared
+    predicted_variance = out.jacobian @ shared
     floor, error = plant.white_variance, plant.slow_variance
     error = error + (out.stated_volt**2 if plant.standing < 0 else 0.0)
     if plant.error < 0:
-        floor, own = floor + error, np.nan
+        floor, slow_square = floor + error, np.nan
     else:
         b = plant.error
-        own = (innovation + state.mean[b]) ** 2 - (known - 2.0 * shared[b] + state.covariance[b, b])
-        own -= edge
+        slow_square = (innovation + state.mean[b]) ** 2 - (
+            predicted_variance - 2.0 * shared[b] + state.covariance[b, b]
+        )
+        slow_square -= edge
     white, error = _matched(state.seen, floor, error, noise) if noise.adaptive else (floor, error)
     white = white + (out.curvature_volt**2 + edge)
-    variance = known + white
+    variance = predicted_variance + white
     gain = shared / variance
-    left = np.eye(plant.size) - np.outer(gain, out.jacobian)
-    covariance = left @ state.covariance @ left.T + white * np.outer(gain, gain)
+    joseph = np.eye(plant.size) - np.outer(gain, out.jacobian)
+    covariance = joseph @ state.covariance @ joseph.T + white * np.outer(gain, gain)
     walk = _walk(state, gain[0], variance, plant.step_second[k], noise)
     mean = state.mean + gain * innovation
-    seen = np.vstack([state.seen, [innovation**2, known + edge, own]])[-noise.window :]
-    found = state._replace(mean=mean, covariance=covariance, soc_walk=walk, error_variance=error)
-    found = found._replace(seen=seen, surface_soc=out.surface_soc)
-    return found, innovation, variance
+    seen = np.vstack([state.seen, [innovation**2, predicted_variance + edge, slow_square]])[
+        -noise.window :
+    ]
+    updated = state._replace(mean=mean, covariance=covariance, soc_walk=walk, error_variance=error)
+    updated = updated._replace(seen=seen, surface_soc=out.surface_soc)
+    return updated, innovation, variance
 
 
 def _matched(seen, floor, error, noise):
@@ -244,14 +248,14 @@ def run(plant, noise, state):
 
     Returns
     -------
-    found : (n, 8): SoC, its variance, innovation [V], its variance; inverse capacity over nominal
+    rows : (n, 8): SoC, its variance, innovation [V], its variance; inverse capacity over nominal
         with variance; ohmic scale with variance. Row 0 holds no innovation.
     """
     kernel = function("kalman", *[integers] * 7, *[array] * 15)
     if kernel is None:
         return run_by_numpy(plant, noise, state)
-    found = _rows(plant, state)
-    sizes = [*found.shape[:1], *plant.tables.shape, len(plant.direct), len(plant.element)]
+    rows = _rows(plant, state)
+    sizes = [*rows.shape[:1], *plant.tables.shape, len(plant.direct), len(plant.element)]
     sizes += [plant.size, plant.error, plant.fast, plant.standing, plant.capacity]
     sizes += [plant.ohmic, plant.first_order, noise.adaptive, noise.window, len(NODES)]
     reals = [plant.soc_first, plant.soc_spacing, plant.capacity_ampere_hour, plant.white_variance]
@@ -273,9 +277,9 @@ def run(plant, noise, state):
         *record,
         *(plant.tables, plant.direct, plant.share, plant.drives, ring),
         np.concatenate([state.mean, state.covariance.ravel()]),
-        found,
+        rows,
     )
-    return found
+    return rows
 
 
 def run_by_numpy(plant, noise, state):
@@ -285,25 +289,25 @@ def run_by_numpy(plant, noise, state):
     ----------
     plant, noise, state : as in `run`.
     """
-    found = _rows(plant, state)
-    for k in range(1, len(found)):
+    rows = _rows(plant, state)
+    for k in range(1, len(rows)):
         state, innovation, variance = update(predict(state, plant, k, noise), plant, k, noise)
-        found[k] = _row(plant, state, innovation, variance)
-    return found
+        rows[k] = _row(plant, state, innovation, variance)
+    return rows
 
 
 def _rows(plant, state):
     first = _row(plant, state, np.nan, np.nan)
-    found = np.empty((len(plant.step_second), len(first)))
-    found[0] = first
-    return found
+    rows = np.empty((len(plant.step_second), len(first)))
+    rows[0] = first
+    return rows
 
 
 def _row(plant, state, innovation, variance):
     row = [state.mean[0], state.covariance[0, 0], innovation, variance]
     for spot in (plant.capacity, plant.ohmic):
-        known = spot >= 0
-        row += [state.mean[spot], state.covariance[spot, spot]] if known else [1.0, 0.0]
+        tracked = spot >= 0
+        row += [state.mean[spot], state.covariance[spot, spot]] if tracked else [1.0, 0.0]
     return row
 
 
@@ -333,16 +337,16 @@ def acquire(plant, start, noise):
     ends = start.soc + WIDTH * start.soc_std * np.array([-1.0, 1.0])
     soc = np.linspace(*np.clip(ends, 0.0, 1.0), POINTS)
     volt, jacobian = _predicted(plant, soc)
-    doubt, stated = _prior_variances(plant, start, soc)
-    variance = np.sum(jacobian**2 * doubt, axis=1) + plant.white_variance
+    state_variance, stated = _prior_variances(plant, start, soc)
+    variance = np.sum(jacobian**2 * state_variance, axis=1) + plant.white_variance
     variance += plant.edge_variance[0]
     variance += 0.0 if plant.error >= 0 else stated
     prior = -0.5 * ((soc - start.soc) / start.soc_std) ** 2
-    missed = plant.voltage_volt[0] - volt
-    weight = _normal(prior - 0.5 * (missed**2 / variance + np.log(variance)))
+    innovation = plant.voltage_volt[0] - volt
+    weight = _normal(prior - 0.5 * (innovation**2 / variance + np.log(variance)))
     before = _normal(prior)
-    expected = before @ missed
-    spread = before @ (missed - expected) ** 2 + before @ variance
+    expected = before @ innovation
+    spread = before @ (innovation - expected) ** 2 + before @ variance
     return _start_state(plant, start, noise, soc, weight), expected, spread
 
 
@@ -353,19 +357,23 @@ def _start_state(plant, start, noise, soc, weight):
     """
     middle = weight @ soc
     variance = weight @ (soc - middle) ** 2 + (soc[1] - soc[0]) ** 2 / 12.0
-    here = np.array([middle])
-    volt, rest = _predicted(plant, here)
-    doubt, stated = (values[0] for values in _prior_variances(plant, start, here))
+    middle_soc = np.array([middle])
+    volt, rest = _predicted(plant, middle_soc)
+    doubt, stated = (values[0] for values in _prior_variances(plant, start, middle_soc))
     slope = np.append(slope_at(plant, middle, variance, noise)[0], rest[0])
     white = plant.white_variance + plant.edge_variance[0]
     white += 0.0 if plant.error >= 0 else stated
-    other = slope[1:] ** 2 @ doubt + white
-    before = variance * other / max(other - variance * slope[0] ** 2, LEAST_LEFT * other)
+    rest_variance = slope[1:] ** 2 @ doubt + white
+    before = (
+        variance
+        * rest_variance
+        / max(rest_variance - variance * slope[0] ** 2, LEAST_LEFT * rest_variance)
+    )
     covariance = np.diag(np.append(before, doubt))
     shared = covariance @ slope
     covariance -= np.outer(shared, shared) / (slope @ shared + white)
     covariance[0, 0] = max(covariance[0, 0], variance)
-    mean = np.append(middle, doubt * slope[1:] / other * (plant.voltage_volt[0] - volt[0]))
+    mean = np.append(middle, doubt * slope[1:] / rest_variance * (plant.voltage_volt[0] - volt[0]))
     mean[[spot for spot in (plant.capacity, plant.ohmic) if spot >= 0]] += 1.0
     walk, nothing = noise.soc_walk[0], np.empty((0, 3))
     return State(mean, covariance, walk, float(stated), nothing, middle, 0.0, variance)
@@ -399,9 +407,9 @@ def _prior_variances(plant, start, soc):
     loaded = float(start.c_rate > 0.0 or plant.current_ampere[0] != 0.0)
     curve = _stated(plant, soc) if plant.standing < 0 else np.zeros(len(soc))
     stated = curve + plant.slow_variance
-    found = np.zeros((len(soc), plant.size))
+    variances = np.zeros((len(soc), plant.size))
     for j, e in enumerate(plant.element):
-        found[:, 1 + j] = _steady_lag(plant, e, start.c_rate) ** 2
+        variances[:, 1 + j] = _steady_lag(plant, e, start.c_rate) ** 2
     for spot, variance in (
         (plant.error, curve + loaded * plant.slow_variance),
         (plant.fast, loaded * plant.fast_variance),
@@ -410,8 +418,8 @@ def _prior_variances(plant, start, soc):
         (plant.ohmic, start.ohmic_error**2),
     ):
         if spot >= 0:
-            found[:, spot] = variance
-    return found[:, 1:], stated
+            variances[:, spot] = variance
+    return variances[:, 1:], stated
 
 
 def _stated(plant, soc):

@@ -58,9 +58,9 @@ def edges_of(bank, level_volt, step_second, current_ampere, skew_second, *, hold
     if skew_second <= 0.0 or power == 0.0:
         return np.zeros(len(current_ampere))
     at_once = np.array([e.direct for e in bank.elements])
-    for one in bank.lags:
-        within = skew_second / (skew_second + one.constant[_half(bank)])
-        at_once[one.element] += one.share * within * (one.clock == "second")
+    for relaxation in bank.lags:
+        within = skew_second / (skew_second + relaxation.constant[_half(bank)])
+        at_once[relaxation.element] += relaxation.share * within * (relaxation.clock == "second")
     behind = current_ampere - lag(step_second[1:], skew_second, current_ampere, hold=hold)
     return (level_volt @ at_once) ** 2 / power * behind**2
 
@@ -192,15 +192,15 @@ def plant_of(
     step = np.diff(time, prepend=time[0])
     before = np.concatenate([current[:1], current[:-1]])
     between = before if hold == "zero_order" else (before + current) / 2
-    by_charge = _clocks(bank)
+    by_charge = _by_charge(bank)
     # ASSUME: Along a record all resistances move by one factor; what is linear or kinetic takes it
     # as a factor on the current, what follows the sign of the current does not feel it.
     driving = resistance_factor * current, resistance_factor * between
     curved = [k for k, e in enumerate(bank.elements) if e.gain is None]
     rows = [drives(bank.elements[k], driving[by_charge[k]]) for k in curved]
     levels = levels_of(bank, driving[0], dict(zip(curved, rows, strict=True)))
-    constants = [one.constant for one in bank.lags]
-    spots = _layout(bank, noise, track_capacity, track_ohmic)
+    constants = [relaxation.constant for relaxation in bank.lags]
+    spots = _places(bank, noise, track_capacity, track_ohmic)
     skew = noise.skew_second
     return Plant(
         step_second=step,
@@ -220,8 +220,8 @@ def plant_of(
         ),
         by_charge=by_charge,
         drives=np.ascontiguousarray(np.reshape(rows, (-1, len(time), len(NODES)))),
-        element=np.array([one.element for one in bank.lags], np.int64),
-        share=np.array([one.share for one in bank.lags], float),
+        element=np.array([relaxation.element for relaxation in bank.lags], np.int64),
+        share=np.array([relaxation.share for relaxation in bank.lags], float),
         moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
         capacity_ampere_hour=float(bank.capacity_ampere_hour),
         first_order=hold == "first_order",
@@ -242,25 +242,25 @@ def _variances(bank, levels, noise):
     }
 
 
-def _layout(bank, noise, track_capacity, track_ohmic):
+def _places(bank, noise, track_capacity, track_ohmic):
     """Places of the states: SoC, lags, model errors, capacity, ohmic scale."""
     errors = (noise.error_second, noise.fast_second, noise.error_soc)
     tracked = (*(span > 0 for span in errors), track_capacity, track_ohmic)
     elements, spots, size = len(bank.elements), {}, 1 + len(bank.lags)
-    for name, there in zip(TRACKED, tracked, strict=True):
-        spots[name] = size if there else -1
-        size += int(there)
+    for name, is_tracked in zip(TRACKED, tracked, strict=True):
+        spots[name] = size if is_tracked else -1
+        size += int(is_tracked)
     if max(size, elements) > LARGEST:
-        found = f"{size} states and {elements} elements"
-        raise Refusal(f"the filter would have {found}; at most {LARGEST} are allowed")
+        sizes = f"{size} states and {elements} elements"
+        raise Refusal(f"the filter would have {sizes}; at most {LARGEST} are allowed")
     return spots | {"size": size}
 
 
-def _clocks(bank):
-    found = np.zeros(len(bank.elements), np.int64)
-    for one in bank.lags:
-        found[one.element] = one.clock == "ampere_hour"
-    return found
+def _by_charge(bank):
+    by_charge = np.zeros(len(bank.elements), np.int64)
+    for relaxation in bank.lags:
+        by_charge[relaxation.element] = relaxation.clock == "ampere_hour"
+    return by_charge
 
 
 def _tables(bank, noise, constants):
@@ -306,15 +306,15 @@ def relaxation_at(plant, k, j, soc):
     """Decay of lag j over the step to sample k, and what the drive adds to it."""
     e = plant.element[j]
     column = GAIN + len(plant.direct) + j
-    near = place_at(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
-    constant, now = plant.tables[near, column], drive_at(plant, e, k, soc)
+    row = place_at(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
+    constant, drive = plant.tables[row, column], drive_at(plant, e, k, soc)
     if plant.by_charge[e]:
         gain = -np.expm1(-plant.passed_ampere_hour[k] / constant)
-        return 1.0 - gain, gain * now
+        return 1.0 - gain, gain * drive
     hold = "first_order" if plant.first_order else "zero_order"
     step = plant.step_second[k : k + 1]
     decay, before, after = (w[0] for w in lag_weights(step, constant, hold=hold))
-    return decay, before * drive_at(plant, e, k - 1, soc) + after * now
+    return decay, before * drive_at(plant, e, k - 1, soc) + after * drive
 
 
 def drive_at(plant, e, k, soc):

@@ -34,9 +34,12 @@ def fast_and_slow(elements):
     fast_ohm, slow_ohm : (k,) at small currents [ohm].
     """
     pairs = [
-        (np.asarray(one["r_ohm"], float), np.asarray(one.get("tau_second", 0.0)) <= FAST_SECOND)
-        for one in elements
-        if "r_ohm" in one
+        (
+            np.asarray(element["r_ohm"], float),
+            np.asarray(element.get("tau_second", 0.0)) <= FAST_SECOND,
+        )
+        for element in elements
+        if "r_ohm" in element
     ]
     return tuple(sum(np.where(fast == way, r, 0.0) for r, fast in pairs) for way in (True, False))
 
@@ -86,10 +89,15 @@ def changed(reference, change, *, cell, capacity, kind, note):
         member | {"conditions": [entry_of(entry) for entry in member["conditions"]]}
         for member in reference["members"]
     ]
-    own = {"cell": cell, "capacity_ampere_hour": float(capacity), "kind": kind, "members": members}
+    cell_fields = {
+        "cell": cell,
+        "capacity_ampere_hour": float(capacity),
+        "kind": kind,
+        "members": members,
+    }
     # What was left out of the reference's fit says nothing of this cell.
-    known = {name: value for name, value in reference.items() if name != "left_out"}
-    return {**known, **own, "notes": [note]}
+    rest = {name: value for name, value in reference.items() if name != "left_out"}
+    return {**rest, **cell_fields, "notes": [note]}
 
 
 def _branch(branch, fast, slow, size):
@@ -292,10 +300,10 @@ def _fitted(columns, change):
     """Least squares over all cells, and the RMS error of each cell predicted from the others."""
     width, cells = columns.shape[-1], np.arange(len(change))
     errors = []
-    for left in cells:
-        others = cells != left
+    for cell in cells:
+        others = cells != cell
         part = np.linalg.lstsq(columns[others].reshape(-1, width), change[others].ravel())[0]
-        errors.append(columns[left] @ part - change[left])
+        errors.append(columns[cell] @ part - change[cell])
     fit = np.linalg.lstsq(columns.reshape(-1, width), change.ravel())[0]
     return fit, rms(errors)
 
@@ -319,7 +327,7 @@ class Shown(NamedTuple):
     onset_ohm: dict
 
 
-def borrowed_model(own, peers):
+def borrowed_model(cell, peers):
     """Model from the reference cell of the type, by the shift of IC peaks or by scaling.
 
     1. The reference is the first marked cell, else the largest. 2. Where enough other cells have
@@ -330,7 +338,7 @@ def borrowed_model(own, peers):
 
     Parameters
     ----------
-    own : Shown, with model None.
+    cell : Shown, with model None.
     peers : list of Shown, with models.
 
     Returns
@@ -347,20 +355,20 @@ def borrowed_model(own, peers):
     reference = reference_of(peers, capacity=lambda peer: peer.capacity_ampere_hour)
     others = [peer for peer in peers if peer is not reference]
     try:
-        return _biased(own, reference, others)
+        return _biased(cell, reference, others)
     except Refusal as refusal:
-        ratio, how = _resistance_ratio(own, reference)
+        ratio, sentence = _resistance_ratio(cell, reference)
         model = scaled_reference(
             reference.model,
-            cell=own.cell,
-            capacity=own.capacity_ampere_hour,
+            cell=cell.cell,
+            capacity=cell.capacity_ampere_hour,
             resistance_ratio=ratio,
         )
-        return model | {"notes": [*model["notes"], how, f"not by IC peaks: {refusal}"]}
+        return model | {"notes": [*model["notes"], sentence, f"not by IC peaks: {refusal}"]}
 
 
-def _biased(own, reference, others):
-    main, mean = _shift(reference, own)
+def _biased(cell, reference, others):
+    main, mean = _shift(reference, cell)
     base, shifts, changes = _courses(reference.model, reference.model["chosen"]), [], []
     for peer in others:
         try:
@@ -376,10 +384,10 @@ def _biased(own, reference, others):
     model = biased_model(
         reference.model,
         calibration,
-        cell=own.cell,
+        cell=cell.cell,
         main_shift_volt=main,
         mean_shift_volt=mean,
-        capacity=own.capacity_ampere_hour,
+        capacity=cell.capacity_ampere_hour,
     )
     left_out = (
         f"leave-one-cell-out errors: R0 {1e3 * calibration.r0_left_out_ohm:.2f} mΩ, polarisation "
@@ -406,16 +414,16 @@ def _shift(reference, cell):
 
 def _courses(model, member):
     """Fast and slow resistance and OCV over the knots at 25 °C, of the same member of all cells."""
-    found = circuit_at(member_of(model, member)["conditions"], KNOTS, REFERENCE_CELSIUS)
-    fast, slow = fast_and_slow([branch.parameters for branch in found.circuit])
-    return fast, slow, open_circuit_volt(model, found, REFERENCE_CELSIUS)
+    sampled = circuit_at(member_of(model, member)["conditions"], KNOTS, REFERENCE_CELSIUS)
+    fast, slow = fast_and_slow([branch.parameters for branch in sampled.circuit])
+    return fast, slow, open_circuit_volt(model, sampled, REFERENCE_CELSIUS)
 
 
-def _resistance_ratio(own, reference):
+def _resistance_ratio(cell, reference):
     """Ratio at the longest delay that both cells have; one where they have none in common."""
-    common = sorted(set(own.onset_ohm) & set(reference.onset_ohm))
+    common = sorted(set(cell.onset_ohm) & set(reference.onset_ohm))
     if not common:
         return 1.0, "its resistance is not known: taken as the reference's"
     delay = common[-1]
-    ratio = own.onset_ohm[delay] / reference.onset_ohm[delay]
+    ratio = cell.onset_ohm[delay] / reference.onset_ohm[delay]
     return ratio, f"resistance by the onset of its discharges from full ({delay:g} s)"

@@ -50,12 +50,12 @@ def without(basis, tests, *, celsius):
     ------
     Refusal : no test is left.
     """
-    kept = [t for t in tests if not _near(t.facts.ambient_temperature_celsius, celsius)]
-    if not kept:
+    remaining = [t for t in tests if not _near(t.facts.ambient_temperature_celsius, celsius)]
+    if not remaining:
         raise Refusal(f"no test is left without those at {celsius:g} °C")
     stated = "ambient_temperature_celsius"
     curves = [curve for curve in basis["ocv"] if not _near(curve[stated], celsius)]
-    return Reduced(basis | {"ocv": curves or basis["ocv"]}, kept)
+    return Reduced(basis | {"ocv": curves or basis["ocv"]}, remaining)
 
 
 def with_laws(model, laws):
@@ -95,13 +95,13 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
     """
     rows, notes = [], []
     settings = {"name": whole["chosen"], "proof": proof, "split_rest_second": split_rest_second}
-    there = [
+    pairs = [
         (t, test)
         for t in reduced
         for test in tests
         if _near(test.facts.ambient_temperature_celsius, t)
     ]
-    for celsius, test in there:
+    for celsius, test in pairs:
         try:
             rows += _rows(celsius, (whole, reduced[celsius]), cell, test, laws, settings)
         except Refusal as refusal:
@@ -111,18 +111,20 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
 
 def _rows(celsius, models, cell, test, laws, settings):
     """One row a law; the model that knows the temperature is the same beside all of them."""
-    whole, other = models
-    beyond = _beyond(other, celsius)
+    whole, reduced = models
+    beyond = _beyond(reduced, celsius)
     tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
-    own = _errors(whole, cell, test, **settings)
-    found = [_errors(with_laws(other, Laws(law, law)), cell, test, **settings) for law in tried]
+    reference = _errors(whole, cell, test, **settings)
+    by_law = [_errors(with_laws(reduced, Laws(law, law)), cell, test, **settings) for law in tried]
     about = {
         "left_out_celsius": float(celsius),
         "predicted_test": test.facts.test,
         "model": settings["name"],
         "beyond": beyond,
     }
-    return [about | _compared(law, one, own) for law, one in zip(tried, found, strict=True)]
+    return [
+        about | _compared(law, error, reference) for law, error in zip(tried, by_law, strict=True)
+    ]
 
 
 class LawChoice(NamedTuple):
@@ -155,15 +157,15 @@ def choose_laws(rows, *, beyond=LAWS):
         raise Refusal("no temperature could be left out and predicted")
     typical = [_typical([row for row in rows if row["beyond"] is out]) for out in (False, True)]
     offered = [
-        {k: v for k, v in one.items() if k in some}
-        for one, some in zip(typical, (LAWS, beyond), strict=True)
+        {k: v for k, v in errors.items() if k in names}
+        for errors, names in zip(typical, (LAWS, beyond), strict=True)
     ]
-    laws = Laws(*(min(one, key=one.get, default=LAWS[0]) for one in offered))
+    laws = Laws(*(min(errors, key=errors.get, default=LAWS[0]) for errors in offered))
     listed = [
         f"{place} by {law}: typical error at a temperature left out "
-        + ", ".join(f"{name} {1e3 * volt:.3g} mV" for name, volt in one.items())
-        for place, law, one in zip(("between", "beyond"), laws, typical, strict=True)
-        if one
+        + ", ".join(f"{name} {1e3 * volt:.3g} mV" for name, volt in errors.items())
+        for place, law, errors in zip(("between", "beyond"), laws, typical, strict=True)
+        if errors
     ]
     return LawChoice(laws, "resistance at other temperatures: " + "; ".join(listed))
 
@@ -199,8 +201,8 @@ class Errors(NamedTuple):
 
 def _errors(model, cell, test, *, name, proof, split_rest_second):
     record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=proof)
-    given = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
-    run = simulate_model(model, name, *given, kind=record.kind)
+    inputs = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
+    run = simulate_model(model, name, *inputs, kind=record.kind)
     used = record.used
     error = record.voltage_volt - run.voltage_volt
     outside = (run.extrapolated | run.outside_temperature)[used]
@@ -208,21 +210,21 @@ def _errors(model, cell, test, *, name, proof, split_rest_second):
     return Errors(_rms(error[used]), _rms(error[inner]), float(outside.mean()))
 
 
-def _compared(law, other, own):
+def _compared(law, error, reference):
     return {
         "law": law,
-        "rmse_volt": other.rmse_volt,
-        "rmse_volt_soc_5_95": other.inner_volt,
-        "own_rmse_volt": own.rmse_volt,
-        "own_rmse_volt_soc_5_95": own.inner_volt,
-        "ratio": other.inner_volt / own.inner_volt,
-        "extrapolated": other.extrapolated,
+        "rmse_volt": error.rmse_volt,
+        "rmse_volt_soc_5_95": error.inner_volt,
+        "own_rmse_volt": reference.rmse_volt,
+        "own_rmse_volt_soc_5_95": reference.inner_volt,
+        "ratio": error.inner_volt / reference.inner_volt,
+        "extrapolated": error.extrapolated,
     }
 
 
 def _beyond(reduced, celsius):
-    known = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
-    return not min(known) - SAME_KELVIN < celsius < max(known) + SAME_KELVIN
+    celsius_known = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
+    return not min(celsius_known) - SAME_KELVIN < celsius < max(celsius_known) + SAME_KELVIN
 
 
 def _near(stated, celsius):
@@ -259,10 +261,11 @@ def temperature_table(model, member, *, step_kelvin=5.0, beyond_kelvin=10.0):
         temperatures that were tested), extrapolated_soc (outside the SoC that was identified). A
         model of one unknown temperature has that one, NaN.
     """
-    own = member_of(model, member)
-    known = sorted(celsius_of(c["ambient_temperature_celsius"]) for c in own["conditions"])
+    entry = member_of(model, member)
+    temperatures = sorted(celsius_of(c["ambient_temperature_celsius"]) for c in entry["conditions"])
     blocks = [
-        _block(model, own, celsius, known) for celsius in _grid(known, step_kelvin, beyond_kelvin)
+        _block(model, entry, celsius, temperatures)
+        for celsius in _grid(temperatures, step_kelvin, beyond_kelvin)
     ]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
@@ -284,7 +287,7 @@ def laws_beyond(model):
     words : str, which is not offered and why, or "".
     """
     rising = {name: _rising(with_laws(model, Laws(beyond=name))) for name in LAWS}
-    turned = {name: sorted(found - rising[LAWS[0]]) for name, found in rising.items()}
+    turned = {name: sorted(places - rising[LAWS[0]]) for name, places in rising.items()}
     offered = tuple(name for name in LAWS if not turned[name])
     words = [
         f"{name} is not offered beyond the tested temperatures: by it the {KINDS[kind]} resistance "
@@ -299,32 +302,37 @@ def _rising(model):
     table = temperature_table(model, None, step_kelvin=1.0)
     celsius = np.unique(table["temperature_celsius"])
     outside = table["extrapolated_temperature"].reshape(len(celsius), -1)[:, 0]
-    found = set()
+    places = set()
     for kind in KINDS:
         rises = np.diff(table[kind].reshape(len(celsius), -1), axis=0) > 0
         rises &= (outside[1:] | outside[:-1])[:, None]
-        found |= {(celsius[k], kind, SOC[s]) for k, s in np.argwhere(rises)}
-    return found
+        places |= {(celsius[k], kind, SOC[s]) for k, s in np.argwhere(rises)}
+    return places
 
 
-def _grid(known, step, beyond):
-    if np.isnan(known).any():
+def _grid(temperatures, step, beyond):
+    if np.isnan(temperatures).any():
         return [np.nan]
-    low, high = np.ceil((known[0] - beyond) / step), np.floor((known[-1] + beyond) / step)
-    return np.unique(np.concatenate([np.arange(low, high + 0.5) * step, known]))
+    low, high = (
+        np.ceil((temperatures[0] - beyond) / step),
+        np.floor((temperatures[-1] + beyond) / step),
+    )
+    return np.unique(np.concatenate([np.arange(low, high + 0.5) * step, temperatures]))
 
 
-def _block(model, member, celsius, known):
-    found = circuit_at(member["conditions"], SOC, celsius)
+def _block(model, member, celsius, temperatures):
+    sampled = circuit_at(member["conditions"], SOC, celsius)
     sums = {name: np.zeros(len(SOC)) for name in (*ORIGINS.values(), RELAXING)}
-    for branch in found.circuit:
+    for branch in sampled.circuit:
         sums[ORIGINS.get(branch.kind, RELAXING)] += branch.parameters.get("r_ohm", 0.0)
     return {
         "model": np.full(len(SOC), member["model"]),
         "temperature_celsius": np.full(len(SOC), celsius),
         "soc": SOC,
-        "ocv_volt": open_circuit_volt(model, found, celsius),
+        "ocv_volt": open_circuit_volt(model, sampled, celsius),
         **sums,
-        "extrapolated_temperature": np.full(len(SOC), not known[0] <= celsius <= known[-1]),
-        "extrapolated_soc": found.outside_soc,
+        "extrapolated_temperature": np.full(
+            len(SOC), not temperatures[0] <= celsius <= temperatures[-1]
+        ),
+        "extrapolated_soc": sampled.outside_soc,
     }

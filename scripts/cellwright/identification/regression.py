@@ -112,7 +112,7 @@ def columns_of(data, held):
     columns : Columns; "r0" first, then one entry a time constant, then "m" with hysteresis. With
         kinetics the ohmic "r0" is followed by "rct", the transfer that no sample resolves.
     """
-    parts = [_of_record(data, record, held) for record in data.records]
+    parts = [_record_columns(data, record, held) for record in data.records]
     used = [record.used for record in data.records]
 
     def joined(values):
@@ -122,12 +122,14 @@ def columns_of(data, held):
     stacked = [joined([part[i][1] for part in parts]) for i in range(len(names))]
     soc = joined([record.soc for record in data.records])
     volt = joined([record.voltage_volt for record in data.records])
-    at = on_table(soc, held)
+    surface_soc = on_table(soc, held)
     if held.diffusion_second is not None:
-        at = at + joined([lead(data, record, held.diffusion_second) for record in data.records])
-    slope = slope_of(data, at)
+        surface_soc = surface_soc + joined(
+            [lead(data, record, held.diffusion_second) for record in data.records]
+        )
+    slope = slope_of(data, surface_soc)
     return Columns(
-        volt - ocv_of(data, at),
+        volt - ocv_of(data, surface_soc),
         hats(soc, data.knots),
         -slope[:, None] * np.column_stack([np.ones(len(soc)), 1.0 - soc]),
         list(zip(names, stacked, strict=True)),
@@ -137,21 +139,21 @@ def columns_of(data, held):
     )
 
 
-def _of_record(data, record, held):
+def _record_columns(data, record, held):
     """(name, (n, k)) of each resistance and of the hysteresis, over all rows of a record."""
     shape = hats(record.soc, data.knots)
     ohmic = shape * (record.current_ampere * record.resistance_factor)[:, None]
     damped = ohmic if held.scale_volt is None else ohmic * damping(record, shape, held)[:, None]
-    found = [("r0", ohmic)]
+    columns = [("r0", ohmic)]
     step = np.diff(record.test_time_second)
     if held.scale_volt is not None:
-        found.append(("rct", lag(step, UNRESOLVED_SECOND, damped, hold=data.hold)))
+        columns.append(("rct", lag(step, UNRESOLVED_SECOND, damped, hold=data.hold)))
     for number, tau in enumerate(held.tau_second, 1):
         drive = damped if tau <= FAST_SECOND else ohmic
-        found.append((f"r{number}", lag(step, tau, drive, hold=data.hold)))
+        columns.append((f"r{number}", lag(step, tau, drive, hold=data.hold)))
     if held.charge_ampere_hour is not None:
-        found.append(("m", _hysteresis(record, shape, held.charge_ampere_hour, data.hold)))
-    return found
+        columns.append(("m", _hysteresis(record, shape, held.charge_ampere_hour, data.hold)))
+    return columns
 
 
 def lead(data, record, diffusion_second):
@@ -283,22 +285,22 @@ def system_of(columns, knots, *, noise=None, prior=None):
     blocks = [columns.shift, columns.scale, *(c for _, c in columns.resistances)]
     matrix = np.hstack(blocks) * weight[:, None]
     target = columns.target_volt * weight
-    sizes = _typical(columns, matrix, target, len(knots))
+    sizes = _typical_sizes(columns, matrix, target, len(knots))
     precision = _precision(knots, sizes, prior)
     held = np.zeros(len(precision))
     held[len(knots) : len(knots) + SCALES] = columns.held_scale
-    most = _most(columns.most_volt, names, len(precision))
+    most = _upper_bounds(columns.most_volt, names, len(precision))
     return System(matrix, target, weight, precision, held, names, knots, most)
 
 
-def _most(most_volt, names, size):
+def _upper_bounds(most_volt, names, size):
     """Upper bounds of all parameters: only the hysteresis, "m", has one, and it comes last."""
     if most_volt is None or "m" not in names:
         return None
     return np.append(np.full(size - len(most_volt), np.inf), most_volt)
 
 
-def _typical(columns, matrix, target, knots):
+def _typical_sizes(columns, matrix, target, knots):
     """Size of each resistance if it did not depend on SoC: what "smooth" is measured by."""
     count = len(columns.resistances)
     ends = SCALES + knots + knots * np.arange(count + 1)
@@ -312,12 +314,12 @@ def _typical(columns, matrix, target, knots):
         raise Refusal(f"nothing in the data excites {', '.join(silent)}: the current never flows")
     gram = reduced.T @ reduced
     gram += np.diag(1e-6 * np.diag(gram))  # two columns may say the same
-    found = solve(gram, reduced.T @ target, 1)[1:]
+    sizes = solve(gram, reduced.T @ target, 1)[1:]
     ohmic = np.array([name != "m" for name in names])
-    if not found[ohmic].any():
+    if not sizes[ohmic].any():
         raise Refusal("no resistance above zero: the voltage moves against the current's sign")
-    least = np.where(ohmic, 0.05 * found[ohmic].max(), 0.005)
-    return np.maximum(found, least)
+    least = np.where(ohmic, 0.05 * sizes[ohmic].max(), 0.005)
+    return np.maximum(sizes, least)
 
 
 def _precision(knots, sizes, prior):
@@ -328,16 +330,16 @@ def _precision(knots, sizes, prior):
     change = np.diff(np.eye(count), axis=0)
     smooth = change.T @ (change / path[:, None])
     size = count + SCALES + count * len(sizes)
-    found = np.zeros((size, size))
-    found[:count, :count] = smooth / prior.shift_walk_volt**2
-    found[:count, :count] += np.eye(count) / prior.shift_volt**2
-    found[count, count] = 1.0 / prior.missing**2
-    found[count + 1, count + 1] = 1.0 / prior.stretch**2
+    precision = np.zeros((size, size))
+    precision[:count, :count] = smooth / prior.shift_walk_volt**2
+    precision[:count, :count] += np.eye(count) / prior.shift_volt**2
+    precision[count, count] = 1.0 / prior.missing**2
+    precision[count + 1, count + 1] = 1.0 / prior.stretch**2
     for number, typical in enumerate(sizes):
-        at = slice(count + SCALES + number * count, count + SCALES + (number + 1) * count)
-        found[at, at] = smooth / (prior.walk * typical) ** 2
-        found[at, at] += np.eye(count) / ((10.0 * typical) ** 2 * count)
-    return found
+        block = slice(count + SCALES + number * count, count + SCALES + (number + 1) * count)
+        precision[block, block] = smooth / (prior.walk * typical) ** 2
+        precision[block, block] += np.eye(count) / ((10.0 * typical) ** 2 * count)
+    return precision
 
 
 def solved(system, *, factor=None, rounds=2):
@@ -354,20 +356,20 @@ def solved(system, *, factor=None, rounds=2):
     solution : Solution.
     """
     gram, moment = system.matrix.T @ system.matrix, system.matrix.T @ system.target
-    signed, found, pull = len(system.knots) + SCALES, factor or 1.0 / 30.0, pull_of(system)
+    signed, weight, pull = len(system.knots) + SCALES, factor or 1.0 / 30.0, pull_of(system)
     for _ in range(rounds if factor is None else 1):
-        normal = found * gram + system.prior
-        vector = solve(normal, found * moment - pull, signed, system.most)
+        normal = weight * gram + system.prior
+        vector = solve(normal, weight * moment - pull, signed, system.most)
         residual = system.target - system.matrix @ vector
         if factor is None:
             spread = max(np.mean(residual**2), 1e-12) * max(correlation_factor(residual), 1.0)
-            found = 1.0 / spread
-    covariance = _covariance(found * gram + system.prior, vector, signed, system.most)
-    whole = vector + system.held
-    cost = found * (residual @ residual) + whole @ system.prior @ whole
+            weight = 1.0 / spread
+    covariance = _covariance(weight * gram + system.prior, vector, signed, system.most)
+    total = vector + system.held
+    cost = weight * (residual @ residual) + total @ system.prior @ total
     values, stds = named(system, vector), named(system, np.sqrt(np.diag(covariance)))
     volt = residual / system.weight
-    return Solution(values, stds, values["scale"], vector, covariance, volt, found, float(cost))
+    return Solution(values, stds, values["scale"], vector, covariance, volt, weight, float(cost))
 
 
 def pull_of(system):
@@ -392,9 +394,9 @@ def _covariance(precision, vector, signed, most):
     """Of the free parameters; NaN for those at their bound, zero or the largest allowed."""
     free = np.append(np.ones(signed, bool), vector[signed:] > 0)
     free &= vector < (np.inf if most is None else most)
-    found = np.full(precision.shape, np.nan)
-    found[np.ix_(free, free)] = np.linalg.inv(precision[np.ix_(free, free)])
-    return found
+    covariance = np.full(precision.shape, np.nan)
+    covariance[np.ix_(free, free)] = np.linalg.inv(precision[np.ix_(free, free)])
+    return covariance
 
 
 def held_out(system, solution, fold):
@@ -407,11 +409,11 @@ def held_out(system, solution, fold):
     """
     gram, moment = system.matrix.T @ system.matrix, system.matrix.T @ system.target
     signed, pull = len(system.knots) + SCALES, pull_of(system)
-    found, factor = solution.residual_volt.copy(), solution.factor
+    residual_volt, factor = solution.residual_volt.copy(), solution.factor
     for number in range(fold.max() + 1):
-        out = fold == number
-        matrix, target = system.matrix[out], system.target[out]
+        fold_rows = fold == number
+        matrix, target = system.matrix[fold_rows], system.target[fold_rows]
         rest = factor * (gram - matrix.T @ matrix) + system.prior
         vector = solve(rest, factor * (moment - matrix.T @ target) - pull, signed, system.most)
-        found[out] = (target - matrix @ vector) / system.weight[out]
-    return found
+        residual_volt[fold_rows] = (target - matrix @ vector) / system.weight[fold_rows]
+    return residual_volt

@@ -129,7 +129,7 @@ def with_time_constants(data, held, system, solution):
     free : Free.
     """
     moved = [_change(data, held, n, solution.values) for n in range(len(held.tau_second))]
-    matrix = np.column_stack([system.matrix, *(one * system.weight for one in moved)])
+    matrix = np.column_stack([system.matrix, *(change * system.weight for change in moved)])
     size = len(solution.vector)
     precision = solution.factor * matrix.T @ matrix
     precision[:size, :size] += system.prior
@@ -198,14 +198,14 @@ def covariance_of(free, solution):
     """
     size, diagonal = len(solution.vector), np.diag(free.precision)
     loose = np.append(np.isfinite(np.diag(solution.covariance)), diagonal[size:] > 0)
-    at, scale = np.ix_(loose, loose), np.sqrt(diagonal[loose])
-    unit = free.precision[at] / np.outer(scale, scale)
-    found = np.full(free.precision.shape, np.nan)
+    rows, scale = np.ix_(loose, loose), np.sqrt(diagonal[loose])
+    unit = free.precision[rows] / np.outer(scale, scale)
+    covariance = np.full(free.precision.shape, np.nan)
     if np.linalg.eigvalsh(unit)[0] > TOLD_APART:
-        found[at] = np.linalg.inv(unit) / np.outer(scale, scale)
+        covariance[rows] = np.linalg.inv(unit) / np.outer(scale, scale)
     else:
-        found[:size, :size] = solution.covariance
-    return found
+        covariance[:size, :size] = solution.covariance
+    return covariance
 
 
 def _step(free, solution):
@@ -272,7 +272,7 @@ def condition_of(data, member, held, system, solution, bounds):
         )
         at_bound = [f"tau{n}" for n, at in enumerate(edge, 1) if at]
         tau_stds = np.where(edge, np.nan, tau_stds)
-    zero = [
+    bounded = [
         f"{name.upper()} at SoC {soc:.3f}"
         for name in system.names
         for soc, value in zip(data.knots, values[name], strict=True)
@@ -280,7 +280,7 @@ def condition_of(data, member, held, system, solution, bounds):
     ]
     if held.charge_ampere_hour is not None and data.most_volt is not None:
         full = zip(data.knots, values["m"] >= data.most_volt, strict=True)
-        zero += [
+        bounded += [
             f"M at SoC {soc:.3f}, the most that the slow test allows" for soc, at in full if at
         ]
     return Condition(
@@ -291,7 +291,7 @@ def condition_of(data, member, held, system, solution, bounds):
         values["shift"],
         held.missing,
         held.stretch,
-        (*at_bound, *zero),
+        (*at_bound, *bounded),
         rms(solution.residual_volt),
         len(solution.residual_volt),
     )
@@ -299,30 +299,30 @@ def condition_of(data, member, held, system, solution, bounds):
 
 def _elements(data, member, held, values, stds, tau_stds):
     """Branches of a member, the same at every temperature: what was not found there is nothing."""
-    same, found = np.ones(len(data.knots)), []
+    ones, elements = np.ones(len(data.knots)), []
     taus = zip(held.tau_second, tau_stds, strict=True)
     pairs = [(f"r{n}", tau, std) for n, (tau, std) in enumerate(taus, 1)]
     if member.kinetic:
         pairs.insert(0, ("rct", UNRESOLVED_SECOND, np.nan))
     for name, tau, tau_std in pairs:
-        what = {"r_ohm": values.get(name, 0.0 * same), "tau_second": tau * same}
-        std = {"r_ohm": stds.get(name, np.nan * same), "tau_second": tau_std * same}
+        values_of = {"r_ohm": values.get(name, 0.0 * ones), "tau_second": tau * ones}
+        std = {"r_ohm": stds.get(name, np.nan * ones), "tau_second": tau_std * ones}
         kinetic = member.kinetic and tau <= FAST_SECOND
         if kinetic:
-            what["scale_volt"] = (held.scale_volt or LINEAR_VOLT) * same
-            std["scale_volt"] = np.nan * same
-        found.append(Element("kinetic" if kinetic else "RC", what, std))
+            values_of["scale_volt"] = (held.scale_volt or LINEAR_VOLT) * ones
+            std["scale_volt"] = np.nan * ones
+        elements.append(Element("kinetic" if kinetic else "RC", values_of, std))
     if member.diffusion:
         second = held.diffusion_second or ABSENT_SECOND
         gain = second / 15.0 / 3600.0 / data.capacity_ampere_hour
-        what = {"soc_per_ampere": gain * same, "tau_second": second * same}
-        found.append(Element("diffusion", what, dict.fromkeys(what, np.nan * same)))
+        values_of = {"soc_per_ampere": gain * ones, "tau_second": second * ones}
+        elements.append(Element("diffusion", values_of, dict.fromkeys(values_of, np.nan * ones)))
     if member.hysteresis:
         charge = held.charge_ampere_hour or ABSENT_SHARE * data.capacity_ampere_hour
-        what = {"m_volt": values.get("m", 0.0 * same), "charge_ampere_hour": charge * same}
-        std = {"m_volt": stds.get("m", np.nan * same), "charge_ampere_hour": np.nan * same}
-        found.append(Element("hysteresis", what, std))
-    return tuple(found)
+        values_of = {"m_volt": values.get("m", 0.0 * ones), "charge_ampere_hour": charge * ones}
+        std = {"m_volt": stds.get("m", np.nan * ones), "charge_ampere_hour": np.nan * ones}
+        elements.append(Element("hysteresis", values_of, std))
+    return tuple(elements)
 
 
 def _with_time_constants(data, held, system, solution):

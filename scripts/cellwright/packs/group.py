@@ -97,16 +97,16 @@ def identify_branches(
     # ASSUME: Cells known only from a group share one OCV curve but for a small smooth deviation;
     # their SoC 0 and 1 are the empty and full states of the group's own slow charge.
     soc, capacity = _counted(test_time_second, branch_current_ampere, voltage_volt)
-    at = Knots(_even_knots(soc.mean(axis=1), voltage_volt, knots[0]), *map(_grid, knots[1:]))
+    knots_at = Knots(_even_knots(soc.mean(axis=1), voltage_volt, knots[0]), *map(_grid, knots[1:]))
     steps = np.diff(test_time_second)
-    found = []
+    fits = []
     for tau in tau_second:
-        matrix = _design(steps, branch_current_ampere, soc, at, tau, hold)
-        parameters = _solve(matrix, voltage_volt, at, soc.shape[1], penalty)
+        matrix = _design(steps, branch_current_ampere, soc, knots_at, tau, hold)
+        parameters = _solve(matrix, voltage_volt, knots_at, soc.shape[1], penalty)
         error = matrix @ parameters - np.tile(voltage_volt, soc.shape[1])
-        found.append((rms(error), tau, parameters))
-    rmse, tau, parameters = min(found, key=lambda entry: entry[0])
-    return GroupFit(_group(parameters, at, capacity, tau, points), rmse)
+        fits.append((rms(error), tau, parameters))
+    rmse, tau, parameters = min(fits, key=lambda entry: entry[0])
+    return GroupFit(_group(parameters, knots_at, capacity, tau, points), rmse)
 
 
 def _counted(time, current, voltage):
@@ -134,44 +134,47 @@ def _even_knots(soc, voltage, count):
     return np.unique(np.concatenate([[0.0], inside, [1.0]]))
 
 
-def _design(steps, current, soc, at, tau, hold):
+def _design(steps, current, soc, knots, tau, hold):
     """Columns: deviations of all cells, OCV start and increments, then (R0, R1) of each cell."""
     cells, rows = soc.shape[1], []
     for c in range(cells):
-        driven = hats(soc[:, c], at.resistance) * current[:, c : c + 1]
-        own = np.hstack([driven, lag(steps, tau, driven, hold=hold)])
-        deviation = hats(soc[:, c], at.deviation)
-        ocv = np.cumsum(hats(soc[:, c], at.ocv)[:, ::-1], axis=1)[:, ::-1]
-        spread = [np.kron(np.eye(cells)[c : c + 1], block) for block in (deviation, own)]
+        driven = hats(soc[:, c], knots.resistance) * current[:, c : c + 1]
+        resistive = np.hstack([driven, lag(steps, tau, driven, hold=hold)])
+        deviation = hats(soc[:, c], knots.deviation)
+        ocv = np.cumsum(hats(soc[:, c], knots.ocv)[:, ::-1], axis=1)[:, ::-1]
+        spread = [np.kron(np.eye(cells)[c : c + 1], block) for block in (deviation, resistive)]
         rows.append(np.hstack([spread[0], ocv, spread[1]]))
     return np.vstack(rows)
 
 
-def _solve(matrix, voltage, at, cells, penalty):
+def _solve(matrix, voltage, knots, cells, penalty):
     bend, size, wiggle = penalty
-    slope = np.diff(np.eye(len(at.ocv)), axis=0) / np.diff(at.ocv)[:, None]
-    increments = np.tril(np.ones((len(at.ocv), len(at.ocv))))
-    blocks = [size * np.eye(cells * len(at.deviation)), bend * np.diff(slope, axis=0) @ increments]
-    blocks += [wiggle * np.diff(np.eye(len(at.resistance)), 2, axis=0)] * (2 * cells)
+    slope = np.diff(np.eye(len(knots.ocv)), axis=0) / np.diff(knots.ocv)[:, None]
+    increments = np.tril(np.ones((len(knots.ocv), len(knots.ocv))))
+    blocks = [
+        size * np.eye(cells * len(knots.deviation)),
+        bend * np.diff(slope, axis=0) @ increments,
+    ]
+    blocks += [wiggle * np.diff(np.eye(len(knots.resistance)), 2, axis=0)] * (2 * cells)
     gram, column = matrix.T @ matrix, 0
     for block in blocks:
-        own = slice(column, column + block.shape[1])
-        gram[own, own] += len(matrix) * block.T @ block
-        column = own.stop
+        columns = slice(column, column + block.shape[1])
+        gram[columns, columns] += len(matrix) * block.T @ block
+        column = columns.stop
     moment = matrix.T @ np.tile(voltage, cells)
-    return solve(gram, moment, cells * len(at.deviation))
+    return solve(gram, moment, cells * len(knots.deviation))
 
 
-def _group(parameters, at, capacity, tau, points, *, smallest_ohm=1e-4):
+def _group(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
     cells, grid = len(capacity), _grid(points)
-    cuts = np.cumsum([cells * len(at.deviation), len(at.ocv)])
+    cuts = np.cumsum([cells * len(knots.deviation), len(knots.ocv)])
     deviation, ocv, resistance = np.split(parameters, cuts)
-    common = np.interp(grid, at.ocv, np.cumsum(ocv))
-    own = [np.interp(grid, at.deviation, d) for d in deviation.reshape(cells, -1)]
+    common = np.interp(grid, knots.ocv, np.cumsum(ocv))
+    deviations = [np.interp(grid, knots.deviation, d) for d in deviation.reshape(cells, -1)]
     table = resistance.reshape(cells, 2, -1)
-    table = np.array([[np.interp(grid, at.resistance, r) for r in cell] for cell in table])
+    table = np.array([[np.interp(grid, knots.resistance, r) for r in cell] for cell in table])
     return Group(
-        ocv_volt=np.maximum.accumulate(common + np.array(own), axis=1),
+        ocv_volt=np.maximum.accumulate(common + np.array(deviations), axis=1),
         r0_ohm=np.maximum(table[:, 0], smallest_ohm),
         r_ohm=table[:, 1:],
         tau_second=np.full((cells, 1, points), tau),

@@ -83,12 +83,12 @@ def simulate_parallel(
 def _run_compiled(kernel, group, wire, soc, steps, total):
     tables = (group.ocv_volt, group.r0_ohm, group.r_ohm, group.tau_second)
     cells, pairs, points = group.r_ohm.shape
-    given = (*tables, 3600.0 * group.capacity_ampere_hour, wire)
-    given = [np.ascontiguousarray(one, float) for one in given]
+    tables_and_cell = (*tables, 3600.0 * group.capacity_ampere_hour, wire)
+    tables_and_cell = [np.ascontiguousarray(table, float) for table in tables_and_cell]
     run = _empty_run(len(steps), cells)
     work = np.zeros((11 + 5 * pairs, cells))
     work[10] = soc
-    kernel(len(steps), steps, total, cells, pairs, points, *given, work, *run)
+    kernel(len(steps), steps, total, cells, pairs, points, *tables_and_cell, work, *run)
     return run
 
 
@@ -122,15 +122,15 @@ def _step(group, wire, soc, relaxed, step_second, total_ampere):
 def _tables_at(group, soc):
     """OCV continues on its last slope outside 0…1, a wall that keeps cells inside; R is flat."""
     last, rows = group.ocv_volt.shape[1] - 1, np.arange(len(soc))
-    left = np.clip((soc * last).astype(int), 0, last - 1)
-    share = soc * last - left
-    held = np.minimum(np.maximum(share, 0.0), 1.0)
-    ocv = group.ocv_volt[rows, left]
-    rise = group.ocv_volt[rows, left + 1] - ocv
-    r0 = group.r0_ohm[rows, left] * (1 - held) + group.r0_ohm[rows, left + 1] * held
-    column = held[:, None]
-    r = group.r_ohm[rows, :, left] * (1 - column) + group.r_ohm[rows, :, left + 1] * column
-    return ocv + rise * share, np.maximum(rise, 0.0) * last, r0, r, group.tau_second[rows, :, left]
+    lower = np.clip((soc * last).astype(int), 0, last - 1)
+    share = soc * last - lower
+    inside = np.minimum(np.maximum(share, 0.0), 1.0)
+    ocv = group.ocv_volt[rows, lower]
+    rise = group.ocv_volt[rows, lower + 1] - ocv
+    r0 = group.r0_ohm[rows, lower] * (1 - inside) + group.r0_ohm[rows, lower + 1] * inside
+    column = inside[:, None]
+    r = group.r_ohm[rows, :, lower] * (1 - column) + group.r_ohm[rows, :, lower + 1] * column
+    return ocv + rise * share, np.maximum(rise, 0.0) * last, r0, r, group.tau_second[rows, :, lower]
 
 
 def group_of(models, *, temperature_celsius=None, member=None, points=201):
@@ -156,20 +156,22 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
         raise Refusal("a group without models cannot be simulated")
     celsius = temperature_celsius
     settings = {"temperature_celsius": celsius, "member": member, "points": points}
-    found = [tables_of(model, **settings) for model in models]
-    pairs = max(len(tables.r_ohm) for tables in found)
+    tables = [tables_of(model, **settings) for model in models]
+    pairs = max(len(cell_tables.r_ohm) for cell_tables in tables)
     return Group(
-        ocv_volt=np.array([tables.ocv_volt for tables in found]),
-        r0_ohm=np.array([tables.r0_ohm for tables in found]),
-        r_ohm=np.array([_padded(tables.r_ohm, pairs, 0.0) for tables in found]),
-        tau_second=np.array([_padded(tables.tau_second, pairs, 1.0) for tables in found]),
+        ocv_volt=np.array([cell_tables.ocv_volt for cell_tables in tables]),
+        r0_ohm=np.array([cell_tables.r0_ohm for cell_tables in tables]),
+        r_ohm=np.array([_padded(cell_tables.r_ohm, pairs, 0.0) for cell_tables in tables]),
+        tau_second=np.array(
+            [_padded(cell_tables.tau_second, pairs, 1.0) for cell_tables in tables]
+        ),
         capacity_ampere_hour=np.array([_capacity(model, member, celsius) for model in models]),
     )
 
 
 def _capacity(model, member, celsius):
-    own = member_of(model, plain_member(model) if member is None else member)
-    return model["capacity_ampere_hour"] * float(capacity_factor(own, celsius))
+    entry = member_of(model, plain_member(model) if member is None else member)
+    return model["capacity_ampere_hour"] * float(capacity_factor(entry, celsius))
 
 
 def _padded(table, pairs, fill):

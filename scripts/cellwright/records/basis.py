@@ -64,17 +64,17 @@ def basis(
         No capacity test, no slow test and no rating.
     """
     # ASSUME: A cell without a slow test has the open-circuit voltage curve of its reference cell.
-    found = {"cell": cell, "borrowed_from": None, "ocv": curves}
+    content = {"cell": cell, "borrowed_from": None, "ocv": curves}
     if curves:
         capacity, source = _slow_capacity(min(curves, key=_first_choice))
-        return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
-    lender = reference_of([one for one in lenders if one.curves], capacity=_largest)
+        return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
+    lender = reference_of([lender for lender in lenders if lender.curves], capacity=_largest)
     if not lender and rests:
-        return found | _from_rests(rests, lower_cutoff_volt)
+        return content | _from_rests(rests, lower_cutoff_volt)
     if lender:
-        found |= {"borrowed_from": lender.cell, "ocv": lender.curves}
+        content |= {"borrowed_from": lender.cell, "ocv": lender.curves}
     capacity, source = _own_capacity(capacities, lender, rated_capacity_ampere_hour)
-    return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
+    return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
 
 
 def _off_reference(row):
@@ -138,13 +138,13 @@ def _on_scale(curve, capacity, lower_cutoff_volt):
     if curve["capacity_ampere_hour"] == capacity:
         return curve
     ratio = capacity / curve["capacity_ampere_hour"]
-    own = 1 - (1 - soc) * ratio
+    rescaled = 1 - (1 - soc) * ratio
     slope = (np.interp(0.05, soc, volt) - volt[0]) / 0.05
     floor = min(lower_cutoff_volt, volt[0])
-    below = np.maximum(volt[0] + slope * own, floor) + 1e-6 * soc
+    below = np.maximum(volt[0] + slope * rescaled, floor) + 1e-6 * soc
     low, high = curve["measured_soc"]
     return curve | {
-        "ocv_volt": np.where(own < 0, below, np.interp(own, soc, volt)).tolist(),
+        "ocv_volt": np.where(rescaled < 0, below, np.interp(rescaled, soc, volt)).tolist(),
         "measured_soc": [max(1 - (1 - low) / ratio, 0.0), 1 - (1 - high) / ratio],
     }
 
@@ -211,8 +211,8 @@ def soc_of(series, basis, facts, cell):
     """
     celsius = facts.ambient_temperature_celsius
     celsius = REFERENCE_CELSIUS if celsius is None else celsius
-    none = {"soc": None, "ocv_volt": None}
-    curve = min(basis["ocv"], key=lambda one: abs(_celsius(one) - celsius), default=none)
+    no_curve = {"soc": None, "ocv_volt": None}
+    curve = min(basis["ocv"], key=lambda row: abs(_celsius(row) - celsius), default=no_curve)
     return soc_series(
         series["charge_ampere_hour"],
         series["current_ampere"],

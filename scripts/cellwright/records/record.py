@@ -282,13 +282,13 @@ def blocks_of_used(records, *, rest_second, rest_ampere):
     -------
     block : list of (used rows,) integers, one a record.
     """
-    found, next_free = [], 0
+    numbers, next_free = [], 0
     for record in records:
         time, current = record.test_time_second, record.current_ampere
         block = blocks(time, current, rest_second=rest_second, rest_ampere=rest_ampere)
-        found.append(next_free + block[record.used])
+        numbers.append(next_free + block[record.used])
         next_free += block.max() + 1
-    return found
+    return numbers
 
 
 def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
@@ -362,15 +362,15 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     conditions, notes = [], []
     settings = {"split_rest_second": split_rest_second}
     for celsius, members in _by_temperature(tests):
-        tried = [_tried(test, basis, cell, settings, notes) for test in members]
-        records = tuple(record for record in tried if record is not None)
+        laid = [_record_to_fit(test, basis, cell, settings, notes) for test in members]
+        records = tuple(record for record in laid if record is not None)
         if records:
             pulsed = any(test.facts.kind == "hppc" for test in members)
             conditions.append(FitRecords(celsius, records, pulsed))
     return conditions, notes
 
 
-def _tried(test, basis, cell, settings, notes):
+def _record_to_fit(test, basis, cell, settings, notes):
     """Record of a test, None with a note where it cannot be fitted."""
     try:
         record = laid_out_to_fit(test, basis, cell, **settings)
@@ -386,8 +386,8 @@ def _by_temperature(tests):
     by_celsius = {}
     for test in sorted(tests, key=_chamber_celsius):
         celsius = _chamber_celsius(test)
-        near = [t for t in by_celsius if abs(t - celsius) <= SAME_CELSIUS]
-        by_celsius.setdefault(near[0] if near else celsius, []).append(test)
+        same = [t for t in by_celsius if abs(t - celsius) <= SAME_CELSIUS]
+        by_celsius.setdefault(same[0] if same else celsius, []).append(test)
     for celsius, members in by_celsius.items():
         kinds = {test.facts.kind for test in members}
         wanted = {"hppc", "capacity"} if "hppc" in kinds else {"drive"}

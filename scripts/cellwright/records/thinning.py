@@ -37,7 +37,7 @@ def averaged(record, *, width_second):
 
     def mean(column):
         if column.ndim == 2:
-            return np.stack([mean(one) for one in column.T], axis=1)
+            return np.stack([mean(column_part) for column_part in column.T], axis=1)
         if column.dtype == bool:
             return np.bincount(bins, column) == count
         return np.bincount(bins, column) / count
@@ -67,10 +67,10 @@ def averaged_to(records, *, most_rows, thinned=None):
         raise Refusal(f"{most_rows} rows were asked for of {len(records)} records; wanted more")
     width = FINEST_SECOND
     while True:
-        made = [averaged(record, width_second=width) for record in records]
-        made = made if thinned is None else [thinned(record) for record in made]
-        if sum(len(record.test_time_second) for record in made) <= most_rows:
-            return made
+        shorter = [averaged(record, width_second=width) for record in records]
+        shorter = shorter if thinned is None else [thinned(record) for record in shorter]
+        if sum(len(record.test_time_second) for record in shorter) <= most_rows:
+            return shorter
         width *= 2
 
 

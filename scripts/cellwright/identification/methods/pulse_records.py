@@ -77,19 +77,19 @@ def pulse_records(tests, basis, cell, *, pulses_per_cell, samples, rest_lengths)
     -------
     records : PulseRecords; none where no test has a pulse that counts, and `left_out` says so.
     """
-    found, left_out = [], []
+    usable, left_out = [], []
     for test in tests:
         name, steps = test.facts.test, _relaxed_pulses(test.steps)
         if not len(steps):
             left_out.append(f"{name}: {NONE}")
             continue
         chosen = _of_one_rate(test.steps, steps)
-        found.append((test, chosen, soc_or_unknown(test.series, basis, test.facts, cell).soc))
+        usable.append((test, chosen, soc_or_unknown(test.series, basis, test.facts, cell).soc))
         if len(chosen) < len(steps):
             rate = float(np.median(test.steps.c_rate[chosen]))
             left_out.append(f"{name}: {len(chosen)} pulses at {rate:.2g}C of {len(steps)} in all")
-    taken = [found[k] for k in _evenly(np.arange(len(found)), pulses_per_cell)]
-    share = max(pulses_per_cell // max(len(found), 1), 1)
+    taken = [usable[k] for k in _evenly(np.arange(len(usable)), pulses_per_cell)]
+    share = max(pulses_per_cell // max(len(usable), 1), 1)
     records = [
         _record(test, step, soc, basis, samples=samples, rest_lengths=rest_lengths)
         for test, steps, soc in taken
@@ -126,7 +126,7 @@ def _evenly(values, count):
         return np.arange(len(values))
     places = values if np.isfinite(values).all() else np.arange(len(values))
     wanted = np.linspace(np.max(places), np.min(places), count)
-    return np.unique([int(np.argmin(np.abs(places - one))) for one in wanted])
+    return np.unique([int(np.argmin(np.abs(places - target))) for target in wanted])
 
 
 def _record(test, step, soc, basis, *, samples, rest_lengths):
@@ -171,8 +171,11 @@ def _thinned(time, first, last, usual, most):
 def _moved_volt(soc, rows, basis, facts):
     """Change of the open-circuit voltage since the first of the rows (n,) [V]; 0 if not known."""
     celsius = _stated_or_reference(facts.ambient_temperature_celsius)
-    known = [_stated_or_reference(one["ambient_temperature_celsius"]) for one in basis["ocv"]]
-    curves = [(abs(one - celsius), k) for k, one in enumerate(known)]
+    temperatures = [
+        _stated_or_reference(curve_celsius["ambient_temperature_celsius"])
+        for curve_celsius in basis["ocv"]
+    ]
+    curves = [(abs(curve_celsius - celsius), k) for k, curve_celsius in enumerate(temperatures)]
     if not curves or not np.isfinite(soc[rows]).all():
         return np.zeros(len(rows))
     curve = basis["ocv"][min(curves)[1]]

@@ -124,13 +124,13 @@ def _chained(parameters, columns):
     """Derivatives by what varies, through the expressions that tie the others: (n, p)."""
     varied = [name for name, p in parameters.items() if p.vary]
     tied = [name for name in columns if parameters[name].expr]
-    found = []
+    columns_varied = []
     for name in varied:
         total = columns.get(name, 0.0)
         for other, slope in _slopes(parameters, name, tied):
             total = total + slope * columns[other]
-        found.append(np.broadcast_to(total, columns[OFFSET].shape))
-    return np.column_stack(found)
+        columns_varied.append(np.broadcast_to(total, columns[OFFSET].shape))
+    return np.column_stack(columns_varied)
 
 
 def _slopes(parameters, name, tied):
