@@ -9,16 +9,27 @@ from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
 from cellwright.identification.methods.autoregressive import (
     circuit_of_coefficients,
-    coefficients_of_circuit,
     track,
 )
-from cellwright.numerics.lags import HOLDS
+from cellwright.numerics.lags import HOLDS, lag_weights
 from cellwright.refusal import Refusal
 
 STEP = 1.0
 CURRENT = np.repeat(np.random.default_rng(1).normal(size=300), 20) * 3.0
 TIME = np.arange(6000) * STEP
 R0, R, TAU = 0.02, np.array([0.01, 0.015]), np.array([5.0, 80.0])
+
+
+def coefficients_of_circuit(r0_ohm, r_ohm, tau_second, step_second, *, hold):
+    """The recurrence of a circuit, (2m + 1,) c_1…c_m, d_0…d_m: the way back."""
+    steps = np.full(len(tau_second), float(step_second))
+    pole, before, after = lag_weights(steps, np.asarray(tau_second, float), hold=hold)
+    denominator = np.poly(pole)
+    numerator = r0_ohm * denominator
+    for j, r in enumerate(r_ohm):
+        rest = np.poly(np.delete(pole, j))
+        numerator = numerator + r * np.convolve([after[j], before[j]], rest)
+    return np.concatenate([-denominator[1:], numerator])
 
 
 def voltage(pairs, hold="zero_order", r0=R0, current=CURRENT):
@@ -30,8 +41,8 @@ def voltage(pairs, hold="zero_order", r0=R0, current=CURRENT):
 @given(st.floats(1.5, 20), st.floats(3, 30), st.floats(1e-3, 0.1), st.sampled_from(HOLDS))
 def test_there_and_back(fast, ratio, r0, hold):
     tau = np.array([fast, fast * ratio])
-    there = coefficients_of_circuit(r0, R, tau, STEP, hold=hold)
-    back = circuit_of_coefficients(there, STEP, hold=hold, n_rc=2)
+    coefficients = coefficients_of_circuit(r0, R, tau, STEP, hold=hold)
+    back = circuit_of_coefficients(coefficients, STEP, hold=hold, n_rc=2)
     np.testing.assert_allclose(
         [back.r0_ohm, *back.r_ohm, *back.tau_second], [r0, *R, *tau], rtol=1e-6
     )

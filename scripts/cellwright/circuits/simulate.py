@@ -72,39 +72,6 @@ def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold, open_
     return ocv_volt + overpotentials(circuit, test_time_second, current_ampere, **settings).sum(0)
 
 
-def simulate_cells(
-    circuits, test_time_second, current_ampere, ocv_volt, *, hold, open_circuits=None
-):
-    """Terminal voltages of several cells over the same time stamps.
-
-    One cell after another: interleaving them was measured and gains nothing.
-
-    Parameters
-    ----------
-    circuits : sequence of circuits, one per cell, of any members.
-    test_time_second, hold : as in `overpotentials`.
-    current_ampere : (n,) for all cells, or (cells, n) [A].
-    ocv_volt : scalar, (n,) or (cells, n) [V].
-    open_circuits : sequence of OpenCircuit or None, one per cell; None where no cell needs one.
-
-    Returns
-    -------
-    voltage_volt : (cells, n) [V].
-
-    Raises
-    ------
-    Refusal : as in `overpotentials`, or as many circuits as rows of current or OCV are not given.
-    """
-    shape = (len(circuits), len(test_time_second))
-    current, ocv = (_of_each(values, shape) for values in (current_ampere, ocv_volt))
-    curves = [None] * shape[0] if open_circuits is None else open_circuits
-    runs = [
-        simulate(circuit, test_time_second, i, volt, hold=hold, open_circuit=curve)
-        for circuit, i, volt, curve in zip(circuits, current, ocv, curves, strict=True)
-    ]
-    return np.reshape(runs, shape)
-
-
 def sensitivities(circuit, test_time_second, current_ampere, *, hold, open_circuit=None):
     """Derivative of the terminal voltage by every parameter of a circuit.
 
@@ -172,13 +139,6 @@ def _shifted(offset, open_circuit):
         return shift
     slope = (volt_at(surface + SOC_STEP) - volt_at(surface - SOC_STEP)) / (2 * SOC_STEP)
     return shift + 1j * slope * offset.imag
-
-
-def _of_each(values, shape):
-    if np.shape(values) not in ((), shape[1:], shape):
-        given = f"current or OCV has shape {np.shape(values)}"
-        raise Refusal(f"{given}; for {shape[0]} circuits it must be {shape[1:]} or {shape}")
-    return np.broadcast_to(values, shape)
 
 
 def _checked(test_time_second, current_ampere):

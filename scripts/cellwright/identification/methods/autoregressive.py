@@ -131,24 +131,6 @@ def circuit_of_coefficients(coefficient, step_second, *, hold, n_rc=1):
     return Circuit(float(d[0] - r @ after), r, tau, offset)
 
 
-def coefficients_of_circuit(r0_ohm, r_ohm, tau_second, step_second, *, hold):
-    """The recurrence of a circuit: (2m + 1,) c_1…c_m, d_0…d_m; the way back.
-
-    Parameters
-    ----------
-    r0_ohm : [ohm]. r_ohm, tau_second : (m,) [ohm], [s]. step_second : uniform step [s].
-    hold : "zero_order" or "first_order".
-    """
-    steps = np.full(len(tau_second), float(step_second))
-    pole, before, after = lag_weights(steps, np.asarray(tau_second, float), hold=hold)
-    denominator = np.poly(pole)
-    numerator = r0_ohm * denominator
-    for j, r in enumerate(r_ohm):
-        rest = np.poly(np.delete(pole, j))
-        numerator = numerator + r * np.convolve([after[j], before[j]], rest)
-    return np.concatenate([-denominator[1:], numerator])
-
-
 def _poles(c):
     root = np.roots(np.concatenate([[1.0], -c]))
     if np.iscomplexobj(root) and np.abs(root.imag).max() > 0:
