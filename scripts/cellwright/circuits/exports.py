@@ -3,8 +3,13 @@
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
-from cellwright.circuits.instrument import capacity_factor
-from cellwright.circuits.model_file import circuit_at, is_plain, member_of, open_circuit_volt
+from cellwright.circuits.model_file import (
+    capacity_of,
+    circuit_at,
+    is_plain,
+    member_of,
+    open_circuit_volt,
+)
 from cellwright.circuits.temperature import celsius_of, temperature_weights
 from cellwright.refusal import Refusal
 
@@ -57,8 +62,7 @@ def pybamm_parameters(model, member, temperature_celsius):
     inside = soc[~sampled.outside_soc]
     return {
         "temperature_celsius": float(temperature_celsius),
-        "capacity_ampere_hour": model["capacity_ampere_hour"]
-        * float(capacity_factor(entry, temperature_celsius)),
+        "capacity_ampere_hour": capacity_of(model, entry, temperature_celsius),
         "identified_soc": [inside.min(), inside.max()],
         "soc": soc,
         "ocv_volt": ocv,
@@ -68,7 +72,7 @@ def pybamm_parameters(model, member, temperature_celsius):
 
 
 def pybamm_document(model):
-    """All members of a model at all their temperatures, and why any member is not among them.
+    """PyBaMM tables of all members of a model at all temperatures, and why members are missing.
 
     Parameters
     ----------
@@ -92,7 +96,7 @@ def pybamm_document(model):
 
 
 def lookup_table(model, member):
-    """A member of RC pairs as columns, one row per temperature and SoC, on one grid of SoC.
+    """Look-up table of a member of RC pairs: one row per temperature and SoC, on one grid of SoC.
 
     Parameters
     ----------
@@ -136,7 +140,7 @@ def _lookup_block(model, member, soc, celsius):
 
 
 def _knots(model, member, celsius):
-    """SoC of all knots of what is looked up at a measured temperature, so that linear is exact."""
+    """SoC of all knots of parameters and OCV at a measured temperature, ascending."""
     conditions = [
         condition
         for condition in member_of(model, member)["conditions"]
@@ -157,7 +161,7 @@ def _knots(model, member, celsius):
 
 
 def _tables_at(tables, celsius):
-    """The OCV tables that count at a temperature."""
+    """OCV tables with a weight above zero at a temperature [degC]."""
     tables = sorted(tables, key=lambda t: celsius_of(t["ambient_temperature_celsius"]))
     temperatures = np.array([celsius_of(t["ambient_temperature_celsius"]) for t in tables])
     weights = temperature_weights(temperatures, np.array([celsius]))
@@ -171,7 +175,7 @@ def _counted_soc(condition, table_soc):
 
 
 def _distinct_soc(soc):
-    """Ascending, without those that differ by rounding only."""
+    """SoC values ascending, without those that differ by rounding only."""
     soc = np.unique(soc)
     return soc[np.append(True, np.diff(soc) > SAME_SOC)]
 

@@ -112,7 +112,7 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
     ----------
     model : dict of schema cellwright-model/2.
     temperature_celsius : [degC]; None only for a model of one condition.
-    member : name of a member of RC pairs, or None for that of `plain.plain_member`.
+    member : name of a member of RC pairs, or None for that of `model_file.plain_member`.
     points : size of the grid; where its knots lie on the grid the tables say what the model says.
 
     Returns
@@ -121,7 +121,7 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
 
     Raises
     ------
-    Refusal : a member with more than RC pairs, or as `lookup.circuit_at`.
+    Refusal : a member with more than RC pairs, or as `model_file.circuit_at`.
     """
     soc = np.linspace(0.0, 1.0, points)
     temperature = np.nan if temperature_celsius is None else temperature_celsius
@@ -154,7 +154,7 @@ def _run(tables, step, current, soc, hold, ampere_second):
 
 
 def _run_by_lags(tables, step, current, soc, hold, ampere_second):
-    """Twin of the kernel: SoC, then look-up, then one lag per pair."""
+    """The kernel's result in numpy: SoC, then look-up, then one lag per pair."""
     step = np.broadcast_to(step, len(current) - 1)
     if ampere_second > 0:
         between = (current[:-1] + current[1:]) / 2 if hold == "first_order" else current[:-1]

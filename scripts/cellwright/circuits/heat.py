@@ -33,7 +33,7 @@ def heat(
     temperature_celsius=None,
     entropic_volt_per_kelvin=None,
 ):
-    """Heat that a cell makes: its losses, and the reversible heat where its coefficient is given.
+    """Heat of a cell [W]: its losses, and the reversible heat where its coefficient is given.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def temperature(
     resistance_kelvin_per_watt,
     initial_celsius=None,
 ):
-    """Temperature of a cell from its heat, exact for heat and ambient that run straight.
+    """Temperature of a cell from its heat [degC], exact for heat and ambient linear in time.
 
     C·dT/dt = heat − (T − T_ambient)/R, a first-order lag of T_ambient + R·heat with tau = R·C.
 
@@ -119,7 +119,7 @@ def simulate_warm(
     passes=30,
     tolerance_kelvin=0.001,
 ):
-    """Terminal voltage of a cell's model at the temperature that its own heat gives it.
+    """Terminal voltage [V] and temperature of a cell's model that warms itself.
 
     Voltage and temperature are computed in turn until the temperature stands still. As heat acts
     only on what comes after it, that always ends, if the passes suffice.
@@ -166,7 +166,7 @@ SLOPE_STEP = 1e-4  # of ln tau
 
 
 class ThermalFit(NamedTuple):
-    """Lumped thermal state of a cell as its surface shows it.
+    """Thermal parameters of a cell fitted to its surface temperature.
 
     heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt : with standard deviations.
     ambient_offset_kelvin : what the cell rests above the stated ambient.
@@ -254,7 +254,7 @@ def _check(record, ambient):
 
 
 def _parts(time, gap_second):
-    """Slices between the gaps, the time itself, the age in each, and the weight of each row."""
+    """Slices between gaps, time [s], time since each slice began [s], weight of each row [√s]."""
     steps = np.diff(time)
     edges = [0, *(np.flatnonzero(steps > gap_second) + 1).tolist(), len(time)]
     parts = [slice(a, b) for a, b in pairwise(edges)]
@@ -265,7 +265,7 @@ def _parts(time, gap_second):
 
 
 def _design(task, log_tau):
-    """Weighted columns (drives, offset, start of each part) and what they are to explain."""
+    """Weighted columns (drives, offset, start of each part) and the weighted target [K·√s]."""
     tau = np.exp(log_tau)
     driven = np.column_stack([task.drives, task.ambient])
     first = [np.r_[np.zeros(driven.shape[1] - 1), task.ambient[p.start]] for p in task.parts]

@@ -1,4 +1,4 @@
-"""What a member knows beside its circuit: of the instrument, of the charge, of its own heat.
+"""Blocks of a member beside its circuit: instrument, counting of charge, own heat, history.
 
 Blocks of a member of a model file, each with the names that it needs and no others; what is not
 named is zero. A member without blocks is its circuit alone.
@@ -37,7 +37,7 @@ LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 
 
 class Corrected(NamedTuple):
-    """A record as it was in truth, by a member: (n,) each.
+    """Current and SoC of a record corrected by a member; (n,) each.
 
     current_ampere : through the cell [A]. charging_ampere : what of it, less the leak, moves the
     SoC [A]. soc : state of charge, counted on from the stated start [1].
@@ -51,7 +51,7 @@ class Corrected(NamedTuple):
 def corrected(
     member, capacity_ampere_hour, test_time_second, current_ampere, soc, celsius, *, kind=None
 ):
-    """Current and SoC of a record without the faults of the instrument, with losses of charge.
+    """Current [A] and SoC [1] of a record, corrected for instrument errors and losses of charge.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def corrected(
 
 
 def through_cell(read, *, offset=0.0, gain_relative=0.0):
-    """Current or charge through the cell, of what the ammeter read: (read − offset)/(1 + gain).
+    """Current or charge through the cell from the ammeter's reading: (read − offset)/(1 + gain).
 
     A capacity that was counted by the same ammeter is one of these charges.
 
@@ -93,7 +93,7 @@ def through_cell(read, *, offset=0.0, gain_relative=0.0):
 
 
 def stored(moved, *, lost_share=0.0, leak=0.0):
-    """Current or charge that changes the SoC, of what flows through the terminals.
+    """Current or charge that changes the SoC, after side reactions and leak.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def capacity_factor(member, celsius=None, *, kind=None):
 
 
 def hold_of(member, current_ampere):
-    """Hold of the current between samples that a member was found with.
+    """Hold of the current between samples for a member: "zero_order" or "first_order".
 
     Where the current stepped between steady stretches it did so at once, whatever it does in a
     drive: there it is held until the step.
@@ -146,7 +146,7 @@ def hold_of(member, current_ampere):
 
 
 def words_of(member, blocks=tuple(ABOUT)):
-    """What of a member is not its circuit, one sentence each: exports and filters say so.
+    """Sentences on the blocks of a member beside its circuit, for exports and filters.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def words_of(member, blocks=tuple(ABOUT)):
 
 
 def as_read(member, test_time_second, voltage_volt, at_once_volt, *, hold):
-    """Voltage of a simulation as the instrument of the fitted records would have read it.
+    """Simulated voltage [V] with the delay, gain and offset of the voltmeter.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def as_read(member, test_time_second, voltage_volt, at_once_volt, *, hold):
 
 
 def displayed(volt, *, offset_volt=0.0, gain_relative=0.0):
-    """Voltage that an instrument shows, of that of the terminals: (V + offset)·(1 + gain) [V].
+    """Voltage that the voltmeter shows: (V + offset)·(1 + gain) [V].
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def displayed(volt, *, offset_volt=0.0, gain_relative=0.0):
 
 
 def delayed(clock_second, volt, at_once_volt, *, delay_second, step_second, stepped):
-    """Voltage of t − delay, on the course of the simulation between its rows.
+    """Voltage at time t − delay [V], interpolated between the rows of the simulation.
 
     Where the current stepped, the old one flowed until `EDGE_SECOND` before the stamp; there the
     course has a corner, without which a delay shorter than the sampling interval would smear
@@ -234,7 +234,7 @@ def delayed(clock_second, volt, at_once_volt, *, delay_second, step_second, step
 
 
 def true_volt(member, voltage_volt):
-    """Voltage of the terminals, from what the instrument read; a delay is left in it [V].
+    """Terminal voltage from the voltmeter's reading [V]; its delay is not removed.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def true_volt(member, voltage_volt):
 
 
 def warmed_within(member, circuit, heat_watt, step_second, celsius, *, hold):
-    """Circuit of a cell whose core its own heat has warmed.
+    """Circuit with its resistances at the core temperature that the cell's own heat gives.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ def warmed_within(member, circuit, heat_watt, step_second, celsius, *, hold):
 
 
 def heating(member, circuit):
-    """Numbers of the branches of a circuit whose losses warm it and that its own heat changes.
+    """Numbers of the ohmic branches that heat the cell and change with that heat.
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ def at_once(circuit):
 
 
 def load_direction(current_ampere, *, least_ampere, soc_at_start, near_end_soc):
-    """Sign of the last load of a record: (n,).
+    """Sign of the last load at each sample (n,): 1 charge, −1 discharge, 0 none yet.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def load_direction(current_ampere, *, least_ampere, soc_at_start, near_end_soc):
 def with_history(
     member, circuit, over_volt, record, read_ampere, *, soc_at_start, capacity_ampere_hour, hold
 ):
-    """Voltage over each branch, with hystereses as the load before the record left them [V].
+    """Voltage over each branch [V], hysteresis started from the load before the record.
 
     Parameters
     ----------

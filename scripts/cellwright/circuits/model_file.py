@@ -1,4 +1,4 @@
-"""A finished model (results/models/<cell>.json): values per sample, simulation, rows."""
+"""Model file (results/models/<cell>.json): entries, parameters per sample, simulation, table."""
 
 from typing import NamedTuple
 
@@ -64,7 +64,7 @@ def _branch(element):
 
 
 def ocv_from_slow_branch(soc, slow_volt, current_ampere, condition):
-    """Open-circuit voltage from one slow branch, its resistive drop put back.
+    """Open-circuit voltage [V] from one slow branch, corrected by its resistive drop.
 
     At a slow steady current every relaxation has settled, so in the linear model the drop is
     exactly I·(R0 + ΣR). Identify with the branch itself first, correct, identify again.
@@ -98,7 +98,7 @@ SMALLEST_RESISTANCE_OHM = 1e-9  # of a resistance [ohm] and of a share: none has
 
 
 def with_shared_scale(circuit):
-    """Kinetic branches of a cell follow one asinh: each has its share of the common scale.
+    """Circuit whose kinetic branches share one scale by their part of the resistance.
 
     The share is taken where the resistances are looked up: between two knots or temperatures of
     which one holds no resistance, a share of its own would have no meaning.
@@ -176,11 +176,12 @@ def parameter_rows(model):
 def _rows(member, condition):
     celsius = condition["ambient_temperature_celsius"]
     about = {"model": member, "ambient_temperature_celsius": celsius}
+    flags = condition.get("at_bound", [])
     for name, flag, values, stds, unit in _columns(condition):
         stds = stds or [None] * len(values)
         for soc, value, std in zip(condition["soc"], values, stds, strict=True):
             row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
-            yield about | row | {"at_bound": _bounded(condition, name, flag, soc)}
+            yield about | row | {"at_bound": name in flags or f"{flag} at SoC {soc:.3f}" in flags}
     scale = condition.get("ocv_scale", {})
     whole = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
     energy = condition.get("activation_energy_joule_per_mole")
@@ -191,7 +192,7 @@ def _rows(member, condition):
 
 
 def _columns(condition):
-    """Name, name of the bound, values, deviations and unit of everything that runs over SoC."""
+    """Name, name of the bound, values, deviations and unit of each quantity over SoC."""
     yield "r0", "R0", condition["r0_ohm"], condition["r0_std_ohm"], "Ohm"
     number = 0
     for branch in condition["branches"]:
@@ -207,11 +208,6 @@ def _columns(condition):
             yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
     if "ocv_shift_volt" in condition:
         yield "ocv_shift", "", condition["ocv_shift_volt"], None, "V"
-
-
-def _bounded(condition, name, flag, soc):
-    flags = condition.get("at_bound", [])
-    return name in flags or f"{flag} at SoC {soc:.3f}" in flags
 
 
 SAME_KELVIN = 5.0
@@ -252,7 +248,7 @@ class Simulated(NamedTuple):
 
 
 def circuit_at(conditions, soc, temperature_celsius):
-    """Circuit of a model's member with its parameters looked up at every sample.
+    """Circuit of a member with its parameters at every SoC and temperature.
 
     Linear in SoC inside each condition and held flat outside its knots; between two temperatures
     the logarithms of the sums of the resistances of one kind (ohmic, kinetic, relaxing) and of
@@ -316,7 +312,9 @@ def circuit_at(conditions, soc, temperature_celsius):
     outside = mixed_by(weights, outside_knots) > 0
     circuit = with_shared_scale(circuit)
     scaled = scaled_soc(conditions, weights, soc)
-    return SampledCircuit(circuit, scaled, shift, outside, _outside_temperature(measured, celsius))
+    # Cells warm a little in a chamber: a few kelvin beyond the measured range count as inside.
+    cold, hot = measured[0] - SAME_KELVIN, measured[-1] + SAME_KELVIN
+    return SampledCircuit(circuit, scaled, shift, outside, (celsius < cold) | (celsius > hot))
 
 
 def parameters_at(conditions, soc, temperature_celsius):
@@ -338,7 +336,7 @@ def parameters_at(conditions, soc, temperature_celsius):
 
 
 def open_circuit_volt(model, sampled, temperature_celsius):
-    """Open-circuit voltage of a member where its circuit was looked up.
+    """Open-circuit voltage of a member at the samples of its circuit [V].
 
     Parameters
     ----------
@@ -363,6 +361,16 @@ def member_of(model, name=None):
         available = ", ".join(member["model"] for member in model["members"])
         raise Refusal(f"model of {model['cell']} has no member {name!r}; it has {available}")
     return members[0]
+
+
+def capacity_of(model, member, celsius=None):
+    """Capacity of a cell by a member of its model at a temperature [Ah].
+
+    Parameters
+    ----------
+    model, member : dicts of a model file. celsius : scalar [degC]; None or NaN: as at 25 °C.
+    """
+    return model["capacity_ampere_hour"] * float(instrument.capacity_factor(member, celsius))
 
 
 def simulate_model(
@@ -416,7 +424,7 @@ def simulate_model(
 
 
 def _overpotentials(member, circuit, record, celsius, settings):
-    """Over each branch; where the cell's own heat counts, once to know it and once with it."""
+    """Voltage over each branch (branches, n) [V], run again at the warmed circuit with own heat."""
     over = overpotentials(circuit, *record, **settings)
     if "own_heat" not in member:
         return over
@@ -425,11 +433,6 @@ def _overpotentials(member, circuit, record, celsius, settings):
     steps = np.diff(time)
     warm = instrument.warmed_within(member, circuit, heat, steps, celsius, hold=settings["hold"])
     return overpotentials(warm, *record, **settings)
-
-
-def _outside_temperature(measured, celsius):
-    """Further than a few kelvin from all that was measured: cells warm a little in a chamber."""
-    return (celsius < measured[0] - SAME_KELVIN) | (celsius > measured[-1] + SAME_KELVIN)
 
 
 def _elements(condition):
@@ -446,7 +449,7 @@ def _course(condition, values, soc):
 
 
 def is_plain(member):
-    """Whether a member is made of an ohmic resistance and RC pairs, and of nothing that warms them.
+    """Whether a member is an ohmic resistance and RC pairs only, without own heat.
 
     Parameters
     ----------
@@ -459,7 +462,7 @@ def is_plain(member):
 
 
 def plain_member(model):
-    """Name of the member for tools that know resistors and capacitors only.
+    """Name of the member of RC pairs that stands for a model in tools without other elements.
 
     Kinetics are not taken linear, nor hysteresis left out: the rest of such a member was fitted
     beside them and is no model by itself.

@@ -102,7 +102,7 @@ def sensitivities(circuit, test_time_second, current_ampere, *, hold, open_circu
 
 
 def _response(branch, steps, current, hold):
-    """What a branch puts out (n,): the share that acts at once, and its lags."""
+    """Output of a branch (n,) [V] or [1]: the share that acts at once plus its lags."""
     kind = kind_of(branch)
     lags = kind.lags(**branch.parameters)
     drive = kind.drive(current, **branch.parameters)
@@ -115,7 +115,7 @@ def _response(branch, steps, current, hold):
 
 
 def _by_charge(kind, parameters, lags, steps, current, hold):
-    """Lags that move with the charge passed: over each step with its mean current."""
+    """Sum of the lags that move with the charge passed, each step with its mean current."""
     between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
     drive = kind.drive(between, **{name: _at_start(value) for name, value in parameters.items()})
     passed = np.abs(between) * steps / 3600.0
@@ -125,7 +125,7 @@ def _by_charge(kind, parameters, lags, steps, current, hold):
 
 
 def _at_start(value):
-    """Of each step the value at its start; a scalar serves all."""
+    """Value at the start of each step; a scalar stays a scalar."""
     return value if np.ndim(value) == 0 else np.asarray(value)[:-1]
 
 

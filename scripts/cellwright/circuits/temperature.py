@@ -1,4 +1,4 @@
-"""A model between and beyond its measured temperatures: weights, OCV tables, laws."""
+"""Parameters between and beyond the measured temperatures: weights, OCV tables, laws."""
 
 from typing import NamedTuple
 
@@ -196,7 +196,9 @@ def _powers(celsius, degree, measured):
 
 
 def mixed_resistances(courses, origins, weights, by_law):
-    """Resistances (m, n) between temperatures: a sum for each origin by a law, shares straight.
+    """Resistances (m, n) between temperatures [ohm]: sums per origin by a law.
+
+    The shares of a sum are linear in 1/T.
 
     Ions in the electrolyte, charge transfer and diffusion have activation energies of their own. A
     resistance that is zero at one temperature and not at the next has no logarithm to mix: so it is
@@ -219,7 +221,7 @@ def mixed_resistances(courses, origins, weights, by_law):
 
 
 def _by_origin(courses, origins):
-    """Rows of each origin, the smallest joined to the next until each counts everywhere."""
+    """Rows of each origin; one below `LEAST_SHARE` somewhere is joined to the next larger one."""
     whole = np.maximum(courses.sum(axis=0), SMALLEST)
 
     def least(rows):

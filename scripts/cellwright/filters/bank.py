@@ -1,12 +1,11 @@
-"""A member of the circuit family at one temperature, as tables over SoC: what filters run on."""
+"""Tables over SoC of one member at one temperature, as filters use them."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.circuits.circuit import kind_of
-from cellwright.circuits.instrument import capacity_factor
-from cellwright.circuits.model_file import circuit_at, member_of
+from cellwright.circuits.model_file import capacity_of, circuit_at, member_of
 from cellwright.circuits.temperature import continued_ocv_at
 from cellwright.refusal import Refusal
 
@@ -81,7 +80,7 @@ def bank_of(model, member, temperature_celsius, *, points=201):
     Refusal : the model does not say how well it fits (`fit_rmse_volt`), or as `circuit_at`.
     """
     entry = member_of(model, member)
-    capacity = model["capacity_ampere_hour"] * float(capacity_factor(entry, temperature_celsius))
+    capacity = capacity_of(model, entry, temperature_celsius)
     beyond = round(BEYOND * (points - 1))
     soc = np.arange(-beyond, points + beyond) / (points - 1)
     celsius = np.full(len(soc), float(temperature_celsius))
@@ -123,7 +122,7 @@ def drives(element, current_ampere):
 
 
 def resistance_factor_of(model, member, celsius, reference_celsius):
-    """Resistance of a cell along a course of its temperature, over that at one temperature.
+    """Resistance of a cell along its temperature (n,), relative to one temperature [1].
 
     Parameters
     ----------
@@ -145,13 +144,13 @@ def resistance_factor_of(model, member, celsius, reference_celsius):
 
 
 def _has_effect(branch, soc, capacity):
-    """Whether a branch has any parameter but zero; a member has the same branches everywhere."""
+    """Whether the drive of a branch at 1C is above `ABSENT`."""
     current = np.full(len(soc), capacity)
     return np.abs(kind_of(branch).drive(current, **branch.parameters)).max() > ABSENT
 
 
 def _element(branch, soc, stretch, capacity):
-    """`stretch` (m,): SoC of the OCV table per SoC; an offset is one of the table's."""
+    """Element of a branch; `stretch` (m,): change of the OCV table's SoC per counted SoC."""
     kind = kind_of(branch)
     lags = kind.lags(**{name: values[0] for name, values in branch.parameters.items()})
     direct = 1.0 - sum(lag.share for lag in lags)
@@ -165,7 +164,7 @@ def _element(branch, soc, stretch, capacity):
 
 
 def _is_straight(kind, branch, soc, capacity):
-    """Kinetics whose scale was found to be out of reach are a resistance."""
+    """Whether a drive is proportional to the current up to 20C."""
     currents = capacity * np.array([1.0, 20.0, -1.0, -20.0])
     each = [kind.drive(np.full(len(soc), i), **branch.parameters) / i for i in currents]
     return np.ptp(each, axis=0).max() <= STRAIGHT * np.abs(each[0]).max()
@@ -180,7 +179,7 @@ def _lags(index, branch, soc):
 # ASSUME: Of the error that all temperatures share, half the variance is the OCV's; the other half,
 # and what some temperatures add to it, is the circuit's and there under load only.
 def _model_errors(member, celsius):
-    """RMS error on unseen data, at rest and of the circuit.
+    """RMS errors on unseen data [V]: at rest, and what the circuit adds under load.
 
     Over temperature as in the fit, straight in °C; in all that of the blocks left out of it.
     """
@@ -207,7 +206,7 @@ def _model_errors(member, celsius):
 # ASSUME: A model's error goes with the slope of the OCV, as that of a wrong SoC: it is told as one
 # number, most of which comes from near empty, where voltage and resistance bend.
 def _error_shape(soc, volt, outside):
-    """Share of the error at every SoC; its mean square over what was measured is one."""
+    """Relative error at every SoC (m,); its mean square over the measured range is one."""
     sides = soc + SIDE, soc - SIDE
     slope = np.abs(np.interp(sides[0], soc, volt) - np.interp(sides[1], soc, volt)) / (2 * SIDE)
     measured = (~outside) & (soc >= 0.0) & (soc <= 1.0)

@@ -16,7 +16,7 @@ FLAT_VOLT = 1e-9  # a slope of the OCV that tells nothing
 
 
 class Start(NamedTuple):
-    """What is known before the first sample.
+    """Estimate before the first sample.
 
     soc, soc_std : state of charge and its standard deviation [1].
     c_rate : current that may have flowed before, as a rate; its settled relaxations are the
@@ -33,7 +33,7 @@ class Start(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """State of charge (n,) [1] with its standard deviation, and what it was found by.
+    """State of charge (n,) [1] with its standard deviation, innovations and tracked parameters.
 
     innovation_volt, innovation_std_volt : measured minus predicted voltage, and what its standard
         deviation should be; NaN where a method has none [V].
@@ -64,7 +64,7 @@ def estimate(
     resistance_factor=1.0,
     track_ohmic=True,
 ):
-    """State of charge over a record, from a start that may be wrong.
+    """State of charge over a record (n,) [1] by one method, from a start that may be wrong.
 
     "coulomb" counts from the stated start (2.21). "ocv" looks each sample up alone: the voltage
     less the model's overpotentials, in the OCV table. "ekf" filters with the stated noise, "aekf"
@@ -125,7 +125,7 @@ def _counted(plant, start, noise):
 
 
 def _looked_up(plant, noise):
-    """SoC at which the OCV is the voltage less the overpotentials at that SoC, sample by sample."""
+    """SoC (n,) at which the OCV is the voltage less the overpotentials, and its deviation."""
     grid = plant.soc_first + plant.soc_spacing * np.arange(len(plant.tables))
     inside = (grid > -1e-9) & (grid < 1.0 + 1e-9)
     curve = np.maximum.accumulate(plant.tables[inside, TOTAL])

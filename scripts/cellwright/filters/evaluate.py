@@ -111,7 +111,7 @@ def scores(test_time_second, estimate, reference_soc, scored, *, band, hold_seco
     Parameters
     ----------
     test_time_second : (n,) [s].
-    estimate : soc.Estimate.
+    estimate : estimate.Estimate.
     reference_soc : (n,) [1].
     scored : (n,) bool, the samples that count.
     band, hold_second : as in `convergence_second`.
@@ -210,7 +210,7 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
 
 
 def noise_of(settings, test_time_second):
-    """What the config states of sensors and model, as the filters take it.
+    """Noise of the filters from the settings of sensors and model.
 
     A current error of `c` (a rate) that keeps its value is taken as a walk that has gone as far
     after an hour: variance c²/3600 per second.
@@ -241,7 +241,7 @@ def noise_of(settings, test_time_second):
 
 
 def _without_instrument_faults(model, member, record):
-    """A record without the faults of the instrument that a member knows: filters are given it."""
+    """Record corrected for the instrument errors that a member states."""
     read = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
     true = corrected(member, model["capacity_ampere_hour"], *read, kind=record.kind)
     return record._replace(
@@ -252,7 +252,7 @@ def _without_instrument_faults(model, member, record):
 
 
 def _loaded_mean(model, record):
-    """One temperature for the tables of the whole record: where the load is, not the rests."""
+    """Mean temperature of a record under load [degC], for the tables of the whole record."""
     # ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under
     # load; resistances follow the temperature.
     limit = REST_C_RATE * model["capacity_ampere_hour"]
@@ -261,7 +261,7 @@ def _loaded_mean(model, record):
 
 
 def _starts(settings, soc):
-    """Wrong starts, kept within 0…1."""
+    """Starts with the stated errors of the SoC, clipped to 0…1."""
     stated = [soc + error for error in settings.initial_soc_error]
     stated += settings.initial_soc
     kept = [float(np.clip(value, 0.0, 1.0)) for value in stated]
@@ -298,23 +298,19 @@ def _run(method, plan, record, bank, noise, hold, settings):
     estimated = estimate(bank, *columns, start, method=method, **options)
     error = float(start.soc - disturbed.soc[0])
     row = {"filter": method, "scenario": scenario, "initial_soc_error": error}
-    row |= _scores_of(disturbed, estimated, settings)
-    return row | {"reason": _reason(row, bank, disturbed, noise, settings)}, estimated
-
-
-def _scores_of(record, estimated, settings):
-    return scores(
-        record.test_time_second,
+    row |= scores(
+        disturbed.test_time_second,
         estimated,
-        record.soc,
-        record.used,
+        disturbed.soc,
+        disturbed.used,
         band=settings.convergence_band,
         hold_second=settings.convergence_hold_second,
     )
+    return row | {"reason": _reason(row, bank, disturbed, noise, settings)}, estimated
 
 
 def _reason(row, bank, record, noise, settings):
-    """Why there is no convergence: in words, with the numbers that say so."""
+    """Why a filter did not converge, with numbers; empty where it did."""
     if not np.isnan(row["convergence_second"]):
         return ""
     if row["filter"] == "coulomb":

@@ -25,7 +25,7 @@ from cellwright.native import array, function, integers
 
 
 class State(NamedTuple):
-    """Mean (s,) and covariance (s, s); beside them what the adaptive law has found so far.
+    """Mean (s,) and covariance (s, s) of the states, and the noise of the adaptive law.
 
     soc_walk : variance of the SoC that each second adds [1/s].
     error_variance : variance of the model's slow error [V²].
@@ -100,7 +100,7 @@ def predict(state, plant, k, noise):
 
 
 def _linear(state, soc, variance, follows, noise):
-    """Where and how wide the Jacobian is taken: it follows the charge, a correction only slowly.
+    """SoC and variance at which the Jacobian is taken; they follow corrections only slowly.
 
     Were the slope taken anew at every corrected SoC, its change would pass for a second, different
     measurement of the same error: SoC and model error, which one voltage cannot tell apart, would
@@ -167,7 +167,7 @@ def output(state, plant, k, noise):
 
 
 def update(state, plant, k, noise):
-    """State at sample k with its voltage taken in.
+    """State at sample k updated with its measured voltage.
 
     The covariance in Joseph's form, (I − KC)·P·(I − KC)ᵀ + K·R·Kᵀ: a sum of two terms that cannot
     be negative, whatever rounding makes of the gain; the print's (I − KC)·P can.
@@ -215,7 +215,7 @@ def update(state, plant, k, noise):
 
 
 def _matched(seen, floor, error, noise):
-    """White and slow variance that the last samples show, never below what was stated.
+    """White and slow variance [V²] of the last samples, never below the stated ones.
 
     What of the window is still empty counts as stated, so that one sample is no statistics. From
     each e² goes its own share CPCᵀ, so that a wrong start does not pass for noise.
@@ -229,8 +229,10 @@ def _matched(seen, floor, error, noise):
 
 
 def _walk(state, gain, variance, step, noise):
-    """Variance of the SoC per second, Q = K·H·Kᵀ, between what the current sensor adds at least
-    and at most: unbounded, the print's law puts back all that a measurement taught."""
+    """Variance of the SoC per second [1/s], Q = K·H·Kᵀ, within the bounds of the current sensor.
+
+    Without bounds the printed law adds back all that a measurement removed.
+    """
     if not noise.adaptive or step <= 0.0:
         return state.soc_walk
     empty = noise.window - len(state.seen)
@@ -317,16 +319,16 @@ LEAST_LEFT = 0.01  # share of a variance: a SoC known no better than the voltage
 
 
 def acquire(plant, start, noise):
-    """State at the first sample, its voltage taken in.
+    """State at the first sample, updated with its measured voltage.
 
-    A filter that starts 60 % off has no slope to linearise on: the chord between there and here may
-    be ten times the tangent. Over SoC the posterior is therefore taken point by point; all else is
-    linear and Gaussian given the SoC. What the filter goes on with are mean and covariance.
+    A filter that starts 60 % off cannot linearise: the chord from the wrong to the true SoC may be
+    ten times as steep as the tangent. Over SoC the posterior is therefore taken point by point; all
+    else is linear and Gaussian given the SoC. The filter continues with mean and covariance.
 
     Parameters
     ----------
     plant : Plant.
-    start : soc.Start.
+    start : estimate.Start.
     noise : Noise.
 
     Returns
@@ -351,9 +353,10 @@ def acquire(plant, start, noise):
 
 
 def _start_state(plant, start, noise, soc, weight):
-    """State whose SoC has the posterior's mean and variance; all else follows on the slopes that
-    the filter will go on with. Any other slopes, were they nearer the truth, would differ from its
-    own, and the difference pass for a measurement.
+    """State whose SoC has the posterior's mean and variance; the others by the filter's own slopes.
+
+    With other slopes, even more accurate ones, the difference to the filter's own would count as a
+    measurement.
     """
     middle = weight @ soc
     variance = weight @ (soc - middle) ** 2 + (soc[1] - soc[0]) ** 2 / 12.0
@@ -380,7 +383,7 @@ def _start_state(plant, start, noise, soc, weight):
 
 
 def _predicted(plant, soc):
-    """Voltage (p,), and its slopes by the states but the SoC (p, s−1)."""
+    """Predicted voltage (p,) [V], and its derivatives by all states but the SoC (p, s−1)."""
     grid = _grid(plant)
     drive = np.array([_drive(plant, e, soc, grid) for e in range(len(plant.direct))])
     slope = np.interp(soc, grid, plant.tables[:, SLOPE])
@@ -428,7 +431,7 @@ def _stated(plant, soc):
 
 # ASSUME: A lag that moves with charge (hysteresis) may start anywhere within its limits.
 def _steady_lag(plant, e, c_rate):
-    """What a lag of element e may hold at the start: what a steady current would have left."""
+    """Standard deviation of a lag of element e at the start: its value after a steady current."""
     current = c_rate * plant.capacity_ampere_hour
     inside = np.clip(_grid(plant), 0.0, 1.0) == _grid(plant)
     if plant.source[e] < 0:

@@ -1,4 +1,4 @@
-"""What a filter knows before it starts and at one SoC: tables and record laid out for it."""
+"""Tables and record laid out as arrays for a filter, and their values at one SoC."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from cellwright.refusal import Refusal
 
 
 def levels_of(bank, current_ampere, curved):
-    """RMS of every element's drive at half charge under a load.
+    """RMS of every element's drive over a record at half charge (E,) [V].
 
     One level for the whole record: were the noise to follow the current, an error of a resistance
     would be heard at rest and not under load, and drive the SoC away, cycle by cycle.
@@ -35,7 +35,7 @@ def levels_of(bank, current_ampere, curved):
 
 
 def edges_of(bank, level_volt, step_second, current_ampere, skew_second, *, hold):
-    """Variance of the voltage that a change of the current leaves unknown for a while.
+    """Variance of the voltage after steps of the current (n,) [V²], from the skew of the sensors.
 
     Into and out of a load alike, so that it favours neither; a record that starts under load starts
     with a step.
@@ -75,7 +75,7 @@ LARGEST = 32  # states that the compiled kernel takes
 
 
 class Noise(NamedTuple):
-    """What is not known, stated before a filter runs.
+    """Noise of sensors and model that a filter assumes.
 
     sensor_volt : white noise of the voltage sensor, standard deviation [V].
     resistance_error : relative error of the model's overpotentials [1].
@@ -168,7 +168,7 @@ def plant_of(
     track_capacity=False,
     track_ohmic=False,
 ):
-    """Lay a bank and a record out for the recursion.
+    """Arrays of a bank and a record for the recursion of a filter.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def plant_of(
 
 
 def _variances(bank, levels, noise):
-    """Of what changes at each sample, within seconds and within minutes [V²]."""
+    """White, fast (seconds) and slow (minutes) variance of the voltage [V²]."""
     at_once = float(levels @ [e.direct for e in bank.elements])
     fast = (noise.resistance_error * at_once) ** 2
     load = max(noise.error_factor * bank.load_error_volt, noise.least_error_volt)
@@ -243,7 +243,7 @@ def _variances(bank, levels, noise):
 
 
 def _places(bank, noise, track_capacity, track_ohmic):
-    """Places of the states: SoC, lags, model errors, capacity, ohmic scale."""
+    """Index of each tracked state after SoC and lags, −1 if not tracked, and their number."""
     errors = (noise.error_second, noise.fast_second, noise.error_soc)
     tracked = (*(span > 0 for span in errors), track_capacity, track_ohmic)
     elements, spots, size = len(bank.elements), {}, 1 + len(bank.lags)
@@ -264,7 +264,7 @@ def _by_charge(bank):
 
 
 def _tables(bank, noise, constants):
-    """Columns side by side, so that one SoC touches one place in memory."""
+    """Tables (m, 4 + E + L) with all columns of one SoC next to each other in memory."""
     total, half = bank.ocv_volt + bank.shift_volt, noise.slope_window_soc / 2
     ends = [np.interp(bank.soc + side, bank.soc, total) for side in (-half, half)]
     width = [np.interp(bank.soc + side, bank.soc, bank.soc) for side in (-half, half)]
@@ -293,7 +293,7 @@ SPREAD = np.sqrt(3.0)  # of a chord, in standard deviations: that of a Gaussian'
 
 
 def slope_at(plant, soc, variance, noise):
-    """Slope of the OCV over what is not known of the SoC, and what a chord misses in its middle."""
+    """Slope of the OCV as a chord over the uncertainty of the SoC, and the chord's error [V]."""
     reach = SPREAD * np.sqrt(variance)
     if reach <= noise.slope_window_soc / 2:
         return look_at(plant, soc)[SLOPE], 0.0
@@ -303,7 +303,7 @@ def slope_at(plant, soc, variance, noise):
 
 
 def relaxation_at(plant, k, j, soc):
-    """Decay of lag j over the step to sample k, and what the drive adds to it."""
+    """Decay of lag j over the step to sample k, and the contribution of its drive."""
     e = plant.element[j]
     column = GAIN + len(plant.direct) + j
     row = place_at(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
@@ -330,13 +330,13 @@ def drive_at(plant, e, k, soc):
 
 
 def look_at(plant, soc):
-    """Row of the tables, straight between two points."""
+    """Row of the tables at a SoC, linear between two points."""
     i, part = place_at(plant, soc)
     return plant.tables[i] + part * (plant.tables[i + 1] - plant.tables[i])
 
 
 def place_at(plant, soc):
-    """Cell of the tables, and where in it; beyond the ends on the last slope."""
+    """Index of the table row below a SoC, and the fraction to the next one."""
     spot = (soc - plant.soc_first) / plant.soc_spacing
     i = int(min(max(spot, 0.0), len(plant.tables) - 2.0))
     return i, spot - i

@@ -19,7 +19,7 @@ RESISTANCES = ("r_ohm", "r_charge_ohm", "r_discharge_ohm")
 
 
 def fast_and_slow(elements):
-    """Resistance that acts within `FAST_SECOND`, and what is slower.
+    """Sums of the resistances that act within `FAST_SECOND` and of the slower ones (k,) [ohm].
 
     Which part of the fast resistance is ohmic, charge transfer or a short time constant depends on
     the sampling and on the member; their sum compares between cells.
@@ -45,7 +45,7 @@ def fast_and_slow(elements):
 
 
 def ratio_of(resistance, more):
-    """By what a resistance is to be multiplied to grow by a difference, at least `LEAST`.
+    """Factor on a resistance that adds a difference to it [1], at least `LEAST`.
 
     Parameters
     ----------
@@ -67,8 +67,7 @@ def changed(reference, change, *, cell, capacity, kind, note):
         each a scalar or one value per knot.
     cell : id of the new cell.
     capacity : its capacity [Ah].
-    kind : what it was made from, "bias" or "scaled".
-    note : what is to be said of it.
+    kind : of the model, "bias" or "scaled". note : sentence for the report.
 
     Returns
     -------
@@ -313,7 +312,7 @@ KNOTS = np.linspace(0.1, 0.9, 9)
 
 
 class Shown(NamedTuple):
-    """What a cell shows: its model (None for the one that has none), IC peaks, load resistance.
+    """Measurements of a cell that a borrowed model uses: model or None, IC peaks, load resistance.
 
     peaks : list of dict, rows of stage `ica`. onset_ohm : resistance at the onset of its discharges
     from full, delay [s] → [ohm]; empty where none was measured.
@@ -420,7 +419,7 @@ def _courses(model, member):
 
 
 def _resistance_ratio(cell, reference):
-    """Ratio at the longest delay that both cells have; one where they have none in common."""
+    """Ratio of the onset resistances at the longest common delay [1], 1 without any; its source."""
     common = sorted(set(cell.onset_ohm) & set(reference.onset_ohm))
     if not common:
         return 1.0, "its resistance is not known: taken as the reference's"

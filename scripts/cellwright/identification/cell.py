@@ -18,7 +18,7 @@ from cellwright.identification.identify import (
 from cellwright.identification.search import ABSENT_SECOND
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.basis import REFERENCE_CELSIUS, stated_or_reference
 from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import blocks_of_used, records_by_temperature
 from cellwright.refusal import Refusal
@@ -29,7 +29,7 @@ PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
 
 
 class Identified(NamedTuple):
-    """One temperature: its OCV table, entries and scores by member, and what is to be said."""
+    """Identification at one temperature: OCV table, entries and scores by member, notes."""
 
     ocv: dict
     entries: dict
@@ -114,7 +114,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
 
 
 def _identified(by_temperature, basis, members, split_rest_second, notes):
-    """(one Identified a temperature, what is said of the activation energies)."""
+    """List of Identified, one per temperature, and a sentence on the activation energies."""
     capacity, usable = basis["capacity_ampere_hour"], []
     for fit_records in by_temperature:
         try:
@@ -146,13 +146,13 @@ def _identified(by_temperature, basis, members, split_rest_second, notes):
 
 
 def _widest_limits(limits):
-    """A distribution has the same time constants at every temperature, so that it can be mixed."""
+    """Widest limits of the time constants over all temperatures [s], so that all can be mixed."""
     low, high = zip(*limits, strict=True)
     return min(low), max(high)
 
 
 def _first_diffusion(diffusion, identified, celsius):
-    """The diffusion time of the first condition, the one nearest 25 °C, serves them all."""
+    """Diffusion with the time of the first condition that has one; that is nearest 25 °C."""
     branches = [branch for entry in identified.entries.values() for branch in entry["branches"]]
     times = [b["tau_second"][0] for b in branches if b["kind"] == "diffusion"]
     times = [second for second in times if second > ABSENT_SECOND]
@@ -187,7 +187,7 @@ def _data(fit_records, basis):
 
 
 def _condition(fit_records, energy, basis, members, split_rest_second, diffusion, limits):
-    """Every member at one temperature; one that cannot be fitted costs the others nothing."""
+    """Identified of every member that can be fitted at one temperature."""
     capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], fit_records.celsius)
     settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
     data, notes = _data(fit_records, basis), []
@@ -232,7 +232,7 @@ def _table(celsius, data, curve):
 def _with_temperature(curves):
     """OCV tables with a temperature each: 25 °C where the sheet states none."""
     stated = "ambient_temperature_celsius"
-    return [c | {stated: REFERENCE_CELSIUS if c[stated] is None else c[stated]} for c in curves]
+    return [c | {stated: stated_or_reference(c[stated])} for c in curves]
 
 
 def _nearest(curves, celsius):

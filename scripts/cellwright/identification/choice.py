@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import member_named, size_of
-from cellwright.circuits.model_file import simulate_model
 from cellwright.identification.identify import ready_records
 from cellwright.identification.regression import held_out
+from cellwright.identification.validation import simulated
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import Record, blocks_of_used, records_by_temperature
 from cellwright.refusal import Refusal
@@ -37,7 +37,7 @@ class Score(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """The chosen member, the rms error of every member [V], and in words how clear it is.
+    """The chosen member, the rms error of every member [V], and a sentence on how clear it is.
 
     reasons : name of the member → why it was chosen, or why not.
     """
@@ -77,7 +77,7 @@ def left_out(fitted, block):
 
 
 def choose(scores, *, celsius=None, fitted_volt=None, searched=()):
-    """The simplest member among those that no other predicts what was left out better than.
+    """The simplest of the members that predict blocks left out of their fit equally well.
 
     1. No member is chosen that, simulated through the records fitted, errs far more than the best
     of the family at any temperature: more than `FAR` times, and more than `MATERIAL_VOLT` beyond.
@@ -138,7 +138,7 @@ def rmse_of(score):
 
 
 def typical_of(score):
-    """Error of a usual block, by the mean of its logarithm [V].
+    """Geometric mean of the blocks' rms errors [V].
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def typical_of(score):
 
 
 def _weight_of(scores):
-    """Rows of every block, which all members must have in common."""
+    """Number of rows of every block (b,), which must be the same for all members."""
     if not scores:
         raise Refusal("no member of the family could be fitted and scored at every temperature")
     rows = {name: np.concatenate([s.rows for s in parts]) for name, parts in scores.items()}
@@ -158,7 +158,7 @@ def _weight_of(scores):
 
 
 def _far_from_best(errors, searched, celsius):
-    """Why members are out of the question, by name; of the family one always stays.
+    """Reasons against members that err far more than the best, by name; one member always stays.
 
     The best is one of the family: what a search has fitted to the same records says nothing against
     the others before it has been better on what was left out.
@@ -181,7 +181,7 @@ def _far_from_best(errors, searched, celsius):
 
 
 def _simplest(names, logs, rmse):
-    """(The simplest of the equals, the equals, why each of the others is not chosen)."""
+    """The simplest of the equally good members, all of these, and why each other is not chosen."""
     best = min(names, key=lambda name: logs[name].mean())
     alike = [name for name in names if _equal(logs[name] - logs[best])]
     smallest = min(rmse[name] for name in alike)
@@ -196,7 +196,7 @@ def _simplest(names, logs, rmse):
 
 
 def _against(name, chosen, logs, rmse, by_condition):
-    """What speaks against a member that a search has found; None where nothing does."""
+    """Reason against a member that a search has found, None where there is none."""
     better = logs[chosen] - logs[name]
     error = better.std(ddof=1) / np.sqrt(len(better)) if len(better) > 2 else np.inf
     if better.mean() <= SURE * error:
@@ -213,7 +213,7 @@ def _against(name, chosen, logs, rmse, by_condition):
 
 
 def _equal(difference):
-    """A mean difference that the scatter between blocks could make by chance."""
+    """Whether a mean difference is within the scatter between blocks."""
     if len(difference) < 3:
         return difference.mean() <= 0
     return difference.mean() <= CLEAR * difference.std(ddof=1) / np.sqrt(len(difference))
@@ -247,8 +247,9 @@ class FittedRecord(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """How a member does: scores, list of Score, one a condition, of blocks left out of its fit.
+    """Errors of a member.
 
+    scores : list of Score of blocks left out of its fit, one per condition.
     fit_rmse_volt : (conditions,) simulated through the records fitted, SoC 5–95 % [V].
     """
 
@@ -306,9 +307,7 @@ def errors_of(model, name, fitted_record):
     model : dict of schema cellwright-model/2. name : of the member. fitted_record : FittedRecord.
     """
     record = fitted_record.record
-    read = (record.test_time_second, record.current_ampere, record.soc)
-    run = simulate_model(model, name, *read, record.celsius, kind=record.kind)
-    return (record.voltage_volt - run.voltage_volt)[record.used]
+    return (record.voltage_volt - simulated(model, name, record).voltage_volt)[record.used]
 
 
 def inner_rmse(records, errors_volt):
@@ -325,7 +324,7 @@ def inner_rmse(records, errors_volt):
 
 
 def decided(model, conditions, searched=None):
-    """A model with the member chosen that is best in use, and the table that says why.
+    """A model with its chosen member, and the table of reasons.
 
     Parameters
     ----------
@@ -361,7 +360,7 @@ def decided(model, conditions, searched=None):
 
 
 def _judged(model, name, conditions):
-    """A member of the family, by what its identification left out, and simulated."""
+    """Judged of a member of the family: left-out blocks and its simulation."""
     scores = [
         Score(np.array(fitted["square_volt2"][name]), np.array(fitted["rows"]))
         for fitted in model["left_out"]

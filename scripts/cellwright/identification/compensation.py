@@ -1,4 +1,4 @@
-"""Does a model that knows other temperatures predict this one, by which law, and what it then says.
+"""Laws over temperature, tested by predicting a temperature that was left out of the model.
 
 1. All tests at a temperature are taken away, its OCV curve with them, and the chosen member of the
 family is identified anew from the rest. 2. Each law over temperature predicts the tests
@@ -16,9 +16,9 @@ from cellwright.circuits.model_file import (
     circuit_at,
     member_of,
     open_circuit_volt,
-    simulate_model,
 )
 from cellwright.circuits.temperature import LAWS, Laws, celsius_of
+from cellwright.identification.validation import simulated
 from cellwright.numerics.scores import rms
 from cellwright.records.record import SAME_CELSIUS, laid_out
 from cellwright.refusal import Refusal
@@ -27,14 +27,14 @@ SMALLEST_VOLT = 1e-6
 
 
 class Reduced(NamedTuple):
-    """What is left without a temperature: basis and tests as `cell.cell_model` takes them."""
+    """Basis and tests without those of one temperature, as `cell.cell_model` takes them."""
 
     basis: dict
     tests: list
 
 
 def without(basis, tests, *, celsius):
-    """Take the tests and the OCV curve of one temperature away.
+    """Basis and tests of a cell without those of one temperature.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def with_laws(model, laws):
 
 
 def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest_second):
-    """Errors of a model that knows a temperature beside those of one that does not, by law.
+    """Errors of models with and without a temperature in their fit, by law over temperature.
 
     Parameters
     ----------
@@ -110,9 +110,10 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
 
 
 def _rows(celsius, models, cell, test, laws, settings):
-    """One row a law; the model that knows the temperature is the same beside all of them."""
+    """Rows of one test, one per law; the errors of the whole model are the same in each."""
     whole, reduced = models
-    beyond = _beyond(reduced, celsius)
+    temperatures = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
+    beyond = not min(temperatures) - SAME_KELVIN < celsius < max(temperatures) + SAME_KELVIN
     tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
     reference = _errors(whole, cell, test, **settings)
     by_law = [_errors(with_laws(reduced, Laws(law, law)), cell, test, **settings) for law in tried]
@@ -128,7 +129,7 @@ def _rows(celsius, models, cell, test, laws, settings):
 
 
 class LawChoice(NamedTuple):
-    """The laws that predict left-out temperatures best, and in words what each of them errs by."""
+    """The laws that predict left-out temperatures best, and a sentence with their errors."""
 
     laws: Laws
     words: str
@@ -171,13 +172,16 @@ def choose_laws(rows, *, beyond=LAWS):
 
 
 def _typical(rows):
-    """Geometric mean of each law's error [V], to a tenth of a microvolt: equals are equal."""
-    logs = {name: [_log(row["rmse_volt"]) for row in rows if row["law"] == name] for name in LAWS}
+    """Geometric mean of each law's error [V], rounded to 0.1 µV so that equal errors compare."""
+    logs = {
+        name: [np.log(max(row["rmse_volt"], SMALLEST_VOLT)) for row in rows if row["law"] == name]
+        for name in LAWS
+    }
     return {name: round(float(np.exp(np.mean(some))), 7) for name, some in logs.items() if some}
 
 
 def laws_kept(tried):
-    """The laws that a table of tried ones marks as chosen.
+    """The laws that are marked as chosen in a table of tried ones.
 
     Parameters
     ----------
@@ -192,7 +196,7 @@ def laws_kept(tried):
 
 
 class Errors(NamedTuple):
-    """RMS of a simulation, all of it and SoC 5–95 % [V], and the share beyond what is known."""
+    """RMS errors of a simulation, over all rows and SoC 5–95 % [V], and the extrapolated share."""
 
     rmse_volt: float
     inner_volt: float
@@ -201,13 +205,12 @@ class Errors(NamedTuple):
 
 def _errors(model, cell, test, *, name, proof, split_rest_second):
     record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=proof)
-    inputs = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
-    run = simulate_model(model, name, *inputs, kind=record.kind)
+    run = simulated(model, name, record)
     used = record.used
     error = record.voltage_volt - run.voltage_volt
     outside = (run.extrapolated | run.outside_temperature)[used]
     inner = used & (record.soc >= 0.05) & (record.soc <= 0.95)
-    return Errors(_rms(error[used]), _rms(error[inner]), float(outside.mean()))
+    return Errors(rms(error[used]), rms(error[inner]), float(outside.mean()))
 
 
 def _compared(law, error, reference):
@@ -222,21 +225,8 @@ def _compared(law, error, reference):
     }
 
 
-def _beyond(reduced, celsius):
-    celsius_known = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
-    return not min(celsius_known) - SAME_KELVIN < celsius < max(celsius_known) + SAME_KELVIN
-
-
 def _near(stated, celsius):
     return stated is not None and abs(stated - celsius) <= SAME_CELSIUS
-
-
-def _rms(error):
-    return rms(error)
-
-
-def _log(volt):
-    return np.log(max(volt, SMALLEST_VOLT))
 
 
 SOC = np.linspace(0.0, 1.0, 21)
@@ -246,7 +236,7 @@ KINDS = {"r_ohmic_ohm": "ohmic", "r_kinetic_ohm": "kinetic", RELAXING: "relaxing
 
 
 def temperature_table(model, member, *, step_kelvin=5.0, beyond_kelvin=10.0):
-    """What a member says at and between its temperatures, and a little beyond them.
+    """Table of OCV and resistances of a member at, between and slightly beyond its temperatures.
 
     Parameters
     ----------
@@ -298,7 +288,7 @@ def laws_beyond(model):
 
 
 def _rising(model):
-    """(temperature, kind of resistance, SoC) beyond the tested range where a kelvin adds ohms."""
+    """Set of (temperature, kind, SoC) beyond the tested range where resistance rises with it."""
     table = temperature_table(model, None, step_kelvin=1.0)
     celsius = np.unique(table["temperature_celsius"])
     outside = table["extrapolated_temperature"].reshape(len(celsius), -1)[:, 0]

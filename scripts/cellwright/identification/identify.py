@@ -1,7 +1,7 @@
 """Courses of OCV shift, resistances and hysteresis over SoC, and time constants, from records.
 
 Once time constants, charge constant and kinetic scale are held, everything else is linear
-(`design`, `regression`). So only those few numbers are searched for (variable projection, Golub &
+(`regression`). So only those few numbers are searched for (variable projection, Golub &
 Pereyra 1973): time constants over all combinations of a grid, which is global, then by least
 squares from the best; charge constant and kinetic scale over a short list.
 """
@@ -45,7 +45,7 @@ EMPTY_KNOTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15)
 
 
 class Fitted(NamedTuple):
-    """An identification: the condition, and the system it solved, for what is left out."""
+    """Fitted condition, with the linear system and solution behind it."""
 
     condition: Condition
     held: Held
@@ -63,7 +63,7 @@ def data_of(
     spacing=0.05,
     knots=None,
 ):
-    """Records made ready: steady stretches thinned, edges left out, knots laid over their SoC.
+    """Data of an identification: thinned records without edges, SoC knots, OCV table.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def data_of(
 
     Returns
     -------
-    data : columns.Data.
+    data : regression.Data.
 
     Raises
     ------
@@ -135,8 +135,8 @@ def identify(
 
     Parameters
     ----------
-    data : columns.Data, from `data_of`.
-    member : members.Member.
+    data : regression.Data, from `data_of`.
+    member : circuit.Member.
     capacity_ampere_hour : of the cell; sets the charge constants that are tried [Ah].
     celsius : temperature of the condition, for the scale of the kinetics [degC].
     limits_second : shortest and longest time constant [s]; None: what the data can show.
@@ -171,7 +171,7 @@ def identify(
 
 
 def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):
-    """What is tried for each number that a member may hold: first that it is not there at all.
+    """Values to try for each held number of a member, None (absent) first.
 
     Diffusion that was found at one temperature is there at all of them.
     """
@@ -187,11 +187,11 @@ def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):
 
 
 def limits_of(data):
-    """Shortest and longest time constant that records can show: sampling, longest steady stretch.
+    """Shortest and longest time constant that records resolve [s].
 
     Parameters
     ----------
-    data : columns.Data.
+    data : regression.Data.
 
     Returns
     -------
@@ -223,7 +223,7 @@ def _taus(data, member, low, high):
 
 
 def _best_on_grid(system, grid, pairs, factor):
-    """Best combination of time constants on a grid: one set of columns serves them all."""
+    """Combination of grid time constants with the lowest cost [s]; one system serves all."""
     gram = factor * system.matrix.T @ system.matrix + system.prior
     moment = factor * system.matrix.T @ system.target - pull_of(system)
     count = len(system.knots)
@@ -241,7 +241,7 @@ def _best_on_grid(system, grid, pairs, factor):
 
 
 def _pattern_search(data, start, low, high, factor):
-    """Pattern search on the logarithms, from the grid's best: it can only go down."""
+    """Time constants [s] by pattern search on their logarithms from the best on the grid."""
     log_tau, step = np.log(start), np.log(10) / GRID_PER_DECADE / 2
     best = cost_of(data, Held(tuple(start)), factor)
     while step > FINEST:
@@ -262,7 +262,7 @@ TRIED_JOULE_PER_MOLE = (0.0, 10e3, 20e3, 30e3, 40e3, 50e3)
 
 
 class Activation(NamedTuple):
-    """Activation energy of the resistance at each temperature [J/mol], and what is said of it."""
+    """Activation energy of the resistance at each temperature [J/mol], and a sentence on it."""
 
     joule_per_mole: tuple
     words: str
@@ -278,7 +278,7 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
     Parameters
     ----------
     by_temperature : list of FitRecords, ascending in temperature.
-    data_of_records : function (FitRecords) → columns.Data.
+    data_of_records : function (FitRecords) → regression.Data.
     capacity_ampere_hour : [Ah].
 
     Returns
@@ -348,7 +348,7 @@ def _resistance(data, fit_records, capacity):
 
 
 def _energies_from_neighbours(celsius, resistance):
-    """Mean slope to the neighbours; a temperature without a resistance takes the nearest ones'."""
+    """Activation energy at each temperature [J/mol]: mean slope to its neighbours."""
     resolved = np.isfinite(resistance)
     if resolved.sum() < 2:
         return [0.0] * len(celsius)

@@ -21,7 +21,7 @@ FAST_SECOND = 5.0  # what relaxes faster may be charge transfer, what is slower 
 
 
 class Held(NamedTuple):
-    """What is held while the rest is solved for.
+    """Parameters that are held while the linear ones are solved for.
 
     tau_second : (m,) time constants of the RC pairs [s].
     charge_ampere_hour : charge constant of the hysteresis [Ah], None without.
@@ -42,7 +42,7 @@ class Held(NamedTuple):
 
 
 class Data(NamedTuple):
-    """Records and what they are compared with.
+    """Records, OCV table and SoC knots of an identification.
 
     records : tuple of Record. knots : (k,) SoC, ascending [1]. ocv_soc, ocv_volt : (p,) table.
     hold : hold of the current between samples. most_volt : (k,) largest hysteresis at the knots
@@ -140,7 +140,7 @@ def columns_of(data, held):
 
 
 def _record_columns(data, record, held):
-    """(name, (n, k)) of each resistance and of the hysteresis, over all rows of a record."""
+    """Columns (name, (n, k)) of each resistance and of the hysteresis over a record."""
     shape = hats(record.soc, data.knots)
     ohmic = shape * (record.current_ampere * record.resistance_factor)[:, None]
     damped = ohmic if held.scale_volt is None else ohmic * damping(record, shape, held)[:, None]
@@ -157,7 +157,7 @@ def _record_columns(data, record, held):
 
 
 def lead(data, record, diffusion_second):
-    """By how much the SoC at the particles' surface leads the mean, (n,) [1].
+    """SoC at the particles' surface less the mean SoC (n,) [1].
 
     In the steady state tau/15 times the rate of change of the SoC (a sphere under constant flux).
     """
@@ -171,7 +171,7 @@ def lead(data, record, diffusion_second):
 
 
 def damping(record, shape, held):
-    """asinh(x)/x with x = r·I/scale: by how much kinetics fall short of their small-current law."""
+    """Factor asinh(x)/x, x = r·I/scale, of kinetics relative to their small-current resistance."""
     if held.transfer_ohm is None:
         return np.ones(len(record.soc))
     over = np.abs(shape @ held.transfer_ohm * record.current_ampere * record.resistance_factor)
@@ -190,7 +190,7 @@ SCALES = 2  # numbers of the SoC's scale: what is missing at full, and the stret
 
 
 class Noise(NamedTuple):
-    """How far the model is trusted: variances of a row add.
+    """Standard deviations of a row's error, whose variances add.
 
     floor_volt : at rest [V]. relative : of the overpotential [1]. soc : of the counted SoC [1],
     which counts where the OCV is steep.
@@ -202,7 +202,7 @@ class Noise(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """What is believed before the data; standard deviations.
+    """Standard deviations of the parameters before the data.
 
     shift_volt : of the OCV table. shift_walk_volt : of its change over the whole of SoC.
     walk : relative change of a resistance over the whole of SoC [1].
@@ -237,7 +237,7 @@ class System(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """What solves a system.
+    """Solution of a weighted linear problem.
 
     values, stds : dict name → (k,), with "shift". scale : (2,) change of the SoC's scale [1].
     vector, covariance : (p,), (p, p) of all parameters, NaN where a bound holds.
@@ -260,7 +260,7 @@ def system_of(columns, knots, *, noise=None, prior=None):
 
     Parameters
     ----------
-    columns : design.Columns.
+    columns : Columns.
     knots : (k,) SoC [1].
     noise, prior : Noise, Prior; None: the defaults.
 
@@ -301,7 +301,7 @@ def _upper_bounds(most_volt, names, size):
 
 
 def _typical_sizes(columns, matrix, target, knots):
-    """Size of each resistance if it did not depend on SoC: what "smooth" is measured by."""
+    """Size of each resistance if constant over SoC [ohm], the scale of the smoothness prior."""
     count = len(columns.resistances)
     ends = SCALES + knots + knots * np.arange(count + 1)
     groups = [matrix[:, :knots].sum(axis=1)]
@@ -343,7 +343,7 @@ def _precision(knots, sizes, prior):
 
 
 def solved(system, *, factor=None, rounds=2):
-    """Solve a system; the data's weight follows from the residuals and their correlation.
+    """Solution of a system, weighted by the residuals and their correlation.
 
     Parameters
     ----------
@@ -373,12 +373,12 @@ def solved(system, *, factor=None, rounds=2):
 
 
 def pull_of(system):
-    """By what the priors draw a solution of a system back from what is held already, (p,)."""
+    """Gradient of the priors at the held scale (p,)."""
     return system.prior @ system.held
 
 
 def named(system, vector):
-    """Parts of a parameter vector by name.
+    """Parts of a parameter vector, name → (k,).
 
     Parameters
     ----------
@@ -391,7 +391,7 @@ def named(system, vector):
 
 
 def _covariance(precision, vector, signed, most):
-    """Of the free parameters; NaN for those at their bound, zero or the largest allowed."""
+    """Covariance of the free parameters; NaN for those at a bound, zero or the largest allowed."""
     free = np.append(np.ones(signed, bool), vector[signed:] > 0)
     free &= vector < (np.inf if most is None else most)
     covariance = np.full(precision.shape, np.nan)

@@ -1,4 +1,4 @@
-"""What is searched beside the linear part: SoC scale, kinetics, time constants."""
+"""Search of the non-linear parameters: SoC scale, kinetics, time constants."""
 
 from typing import NamedTuple
 
@@ -21,12 +21,12 @@ STEADY = 0.003  # change of the charge-transfer resistance that is small enough,
 
 
 def settled(data, held, *, passes=10):
-    """Let the SoC's scale and the kinetics settle: (held, system, solution).
+    """Held parameters, system and solution after the SoC's scale and the kinetics have converged.
 
     Parameters
     ----------
-    data : design.Data.
-    held : design.Held.
+    data : regression.Data.
+    held : regression.Held.
     passes : how often at most the problem is solved about what was found before.
     """
     if held.scale_volt is not None and held.transfer_ohm is None:
@@ -55,7 +55,7 @@ def settled(data, held, *, passes=10):
 
 
 def at_scale(system, solution):
-    """What belongs to the scale as it is held, with the deviations of a scale that is free.
+    """Solution at the held SoC scale, with the deviations of a free scale.
 
     A last change that is not made would leave values that belong to another scale.
 
@@ -71,21 +71,22 @@ def at_scale(system, solution):
 
 
 def _transfer(held, values, *, half=False):
-    """Charge-transfer resistance at the knots; before it was told apart, half of the ohmic one."""
+    """Charge-transfer resistance at the knots (k,) [ohm]; at first half of the ohmic one."""
     fast = [values[f"r{n}"] for n, tau in enumerate(held.tau_second, 1) if tau <= FAST_SECOND]
     return sum(fast, 0.5 * values["r0"] if half else values["rct"])
 
 
 def cheapest(data, tries, factor):
-    """What costs least, all measured by one noise, after two passes each.
+    """Held parameters of the lowest cost at one weight of the data, after two passes each.
 
     Parameters
     ----------
-    data : design.Data. tries : list of design.Held. factor : weight of the data, of one solution.
+    data : regression.Data. tries : list of regression.Held.
+    factor : weight of the data, of one solution.
 
     Returns
     -------
-    held : design.Held.
+    held : regression.Held.
     """
     near = [settled(data, held, passes=2)[0] for held in tries]
     costs = [cost_of(data, held, factor) for held in near]
@@ -93,17 +94,17 @@ def cheapest(data, tries, factor):
 
 
 def cost_of(data, held, factor):
-    """Cost of what is held, at a given weight of the data (see `regression.Solution`).
+    """Cost of held parameters at a given weight of the data (see `regression.Solution`).
 
     Parameters
     ----------
-    data : design.Data. held : design.Held. factor : weight of the data.
+    data : regression.Data. held : regression.Held. factor : weight of the data.
     """
     return solved(system_of(columns_of(data, held), data.knots), factor=factor).cost
 
 
 STEP = 0.01  # of a logarithm, for central differences
-TOLD_APART = 1e-12  # smallest eigenvalue of the scaled precision: below it is rounding
+RESOLVED = 1e-12  # smallest eigenvalue of the scaled precision: below it is rounding
 
 
 class Free(NamedTuple):
@@ -121,7 +122,7 @@ def with_time_constants(data, held, system, solution):
 
     Parameters
     ----------
-    data : design.Data. held : design.Held.
+    data : regression.Data. held : regression.Held.
     system, solution : regression.System, Solution of what is held.
 
     Returns
@@ -139,7 +140,7 @@ def with_time_constants(data, held, system, solution):
 
 
 def _change(data, held, number, values):
-    """Change of the voltage by the logarithm of one time constant, by central differences."""
+    """Derivative of the voltage by the logarithm of one time constant (n,) [V]."""
     up, down = (
         columns_of(data, _moved(held, number, np.exp(sign * STEP))).resistances for sign in (1, -1)
     )
@@ -154,7 +155,7 @@ def _moved(held, number, factor):
 
 
 def refined(data, held, system, solution, bounds, *, steps=3, enough=0.1):
-    """Newton steps of the time constants, as long as they lower the cost.
+    """Held parameters, system and solution after Newton steps of the time constants.
 
     The search stops a few per cent off, and ran before hysteresis, kinetics and diffusion were
     found: the stated deviations would be smaller than that.
@@ -201,7 +202,7 @@ def covariance_of(free, solution):
     rows, scale = np.ix_(loose, loose), np.sqrt(diagonal[loose])
     unit = free.precision[rows] / np.outer(scale, scale)
     covariance = np.full(free.precision.shape, np.nan)
-    if np.linalg.eigvalsh(unit)[0] > TOLD_APART:
+    if np.linalg.eigvalsh(unit)[0] > RESOLVED:
         covariance[rows] = np.linalg.inv(unit) / np.outer(scale, scale)
     else:
         covariance[:size, :size] = solution.covariance
@@ -209,7 +210,7 @@ def covariance_of(free, solution):
 
 
 def _step(free, solution):
-    """Step of the logarithms and their deviations; zero where there is no deviation."""
+    """Newton step of the logarithms of the time constants, and their standard deviations."""
     covariance = covariance_of(free, solution)[len(solution.vector) :]
     std = np.sqrt(np.diag(covariance[:, len(solution.vector) :]))
     return np.nan_to_num(covariance) @ free.slope, np.nan_to_num(std)
@@ -233,7 +234,7 @@ class Condition(NamedTuple):
     """A fitted circuit over SoC at one temperature; a deviation is NaN at a bound or if held.
 
     soc : (k,). r0_ohm, r0_std_ohm, ocv_shift_volt : (k,). branches : tuple of Element.
-    missing, stretch : the SoC at which the OCV table is read, see `design.Held`.
+    missing, stretch : the SoC at which the OCV table is read, see `regression.Held`.
     at_bound : names. fit_rmse_volt, samples : of the rows used.
     """
 
@@ -250,11 +251,11 @@ class Condition(NamedTuple):
 
 
 def condition_of(data, member, held, system, solution, bounds):
-    """Name the pieces, with the deviations of the time constants where these were searched.
+    """Condition of a solution, with deviations of the time constants where these were searched.
 
     Parameters
     ----------
-    data : design.Data. member : members.Member. held : design.Held.
+    data : regression.Data. member : circuit.Member. held : regression.Held.
     system, solution : regression.System, Solution of what is held.
     bounds : (low, high) of searched time constants [s]; None where they are a fixed series.
 
@@ -298,7 +299,7 @@ def condition_of(data, member, held, system, solution, bounds):
 
 
 def _elements(data, member, held, values, stds, tau_stds):
-    """Branches of a member, the same at every temperature: what was not found there is nothing."""
+    """Branches of a member, the same at every temperature; one that was not fitted is near zero."""
     ones, elements = np.ones(len(data.knots)), []
     taus = zip(held.tau_second, tau_stds, strict=True)
     pairs = [(f"r{n}", tau, std) for n, (tau, std) in enumerate(taus, 1)]
@@ -326,7 +327,7 @@ def _elements(data, member, held, values, stds, tau_stds):
 
 
 def _with_time_constants(data, held, system, solution):
-    """Deviations with the time constants free as well."""
+    """Standard deviations with the time constants free: of the linear parameters, of tau [s]."""
     free = with_time_constants(data, held, system, solution)
     std = np.sqrt(np.diag(covariance_of(free, solution)))
     size = len(solution.vector)

@@ -16,7 +16,7 @@ from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.scores import rms
 from cellwright.packs.parallel import Group, group_of, simulate_parallel
-from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.basis import stated_or_reference
 from cellwright.records.record import branch_currents, group_record, stated_soc
 from cellwright.refusal import Refusal
 
@@ -126,7 +126,7 @@ def _grid(count):
 
 
 def _even_knots(soc, voltage, count):
-    """Knots at even distances along the curve: dense where the voltage is steep."""
+    """Knots of SoC at even distances along the OCV curve: dense where the voltage is steep."""
     along = np.maximum.accumulate(soc + (voltage - voltage.min()) / np.ptp(voltage))
     along, rows = np.unique(along, return_index=True)
     middle = np.interp(np.linspace(along[0], along[-1], count)[1:-1], along, soc[rows])
@@ -220,8 +220,9 @@ def group_models(test, steps, cells):
     rows = slice(rest.stop - 1, steps["last_row"][last] + 1)
     time = series["test_time_second"][rows]
     fit = identify_branches(time, current[rows] - offset, series["voltage_volt"][rows])
+    # ASSUME: All cells of a group have the chamber's temperature, 25 °C where none is stated.
     fitted = {"test": facts.test, "from_second": float(time[0]), "to_second": float(time[-1])}
-    celsius = _chamber_celsius(facts)
+    celsius = stated_or_reference(facts.ambient_temperature_celsius)
     note = (
         f"identified inside its group from the charge at {time[0]:.0f} to {time[-1]:.0f} s of "
         f"{facts.test} (fit {1e3 * fit.fit_rmse_volt:.1f} mV); the rest of the record scores it"
@@ -236,12 +237,6 @@ def _logged(current):
     if current is None or current.shape[1] < 2:
         raise Refusal("the record has no currents of two or more branches")
     return current
-
-
-# ASSUME: All cells of a group have the chamber's temperature, 25 °C where none is stated.
-def _chamber_celsius(facts):
-    stated = facts.ambient_temperature_celsius
-    return REFERENCE_CELSIUS if stated is None else stated
 
 
 def _charge_between_rests(steps):
@@ -280,7 +275,7 @@ def _model(cell, group, branch, celsius, rmse, fitted, note):
 
 
 def _courses(group, branch, grid):
-    """What a condition of a model file says over SoC, of one branch of the group."""
+    """Condition of a model file for one branch of the group: its courses over SoC."""
     knots = np.linspace(0.0, 1.0, KNOTS)
     unknown = [None] * KNOTS
 
@@ -313,7 +308,7 @@ class GroupValidation(NamedTuple):
 
 
 def validate_group(models, branches, test):
-    """Simulate a group through its whole record and score what its models have not seen.
+    """Group simulated through its whole record, scored on the rows not used for the fit.
 
     Parameters
     ----------
@@ -333,7 +328,9 @@ def validate_group(models, branches, test):
     record = group_record(test, branches)
     measured = _logged(record.branch_current_ampere)
     time, total = record.test_time_second, record.current_ampere
-    group = group_of(models, temperature_celsius=_chamber_celsius(test.facts))
+    group = group_of(
+        models, temperature_celsius=stated_or_reference(test.facts.ambient_temperature_celsius)
+    )
     members = [plain_member(model) for model in models]
     notes = _replaced(models, members)
     wire = _wires(branches, notes)
@@ -351,7 +348,7 @@ def validate_group(models, branches, test):
 
 
 def _replaced(models, members):
-    """What is said where a cell's chosen member is none that the parallel solver can run."""
+    """Notes on cells simulated by another member than the chosen one."""
     return [
         f"{model['cell']} simulated as {member}: its {model['chosen']} is more than RC pairs"
         for model, member in zip(models, members, strict=True)
@@ -367,7 +364,7 @@ def _wires(branches, notes):
 
 
 def _initial_soc(stated, group, record, notes):
-    """As stated, else each cell's own SoC at the group's rest voltage at the start."""
+    """SoC of each cell at the start (cells,): stated, else from the rest voltage at the start."""
     if None not in stated:
         return np.array(stated, float)
     total = record.current_ampere
@@ -383,7 +380,7 @@ def _initial_soc(stated, group, record, notes):
 
 
 def _unseen(models, record, notes):
-    """Rows that no model was fitted to."""
+    """Rows (n,) of the record outside the stretch that the models were fitted to."""
     time = record.test_time_second
     unseen = np.ones(len(time), bool)
     for fitted in (model.get("fitted") for model in models):

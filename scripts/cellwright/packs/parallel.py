@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.fast import tables_of
-from cellwright.circuits.instrument import capacity_factor
-from cellwright.circuits.model_file import member_of, plain_member
+from cellwright.circuits.model_file import capacity_of, member_of, plain_member
 from cellwright.native import array, count, function
 from cellwright.refusal import Refusal
 
@@ -93,7 +92,7 @@ def _run_compiled(kernel, group, wire, soc, steps, total):
 
 
 def _run_step_by_step(group, wire, soc, steps, total):
-    """Twin of the kernel."""
+    """The kernel's result in numpy, step by step."""
     relaxed = np.zeros(group.r_ohm.shape[:2])
     run = _empty_run(len(steps), len(soc))
     for k, step in enumerate(steps):
@@ -120,7 +119,7 @@ def _step(group, wire, soc, relaxed, step_second, total_ampere):
 
 
 def _tables_at(group, soc):
-    """OCV continues on its last slope outside 0…1, a wall that keeps cells inside; R is flat."""
+    """OCV, its slope, R0, R and tau of each cell; outside 0…1 OCV on its end slope, R held."""
     last, rows = group.ocv_volt.shape[1] - 1, np.arange(len(soc))
     lower = np.clip((soc * last).astype(int), 0, last - 1)
     share = soc * last - lower
@@ -140,8 +139,8 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
     ----------
     models : sequence of model dicts, in the order of the branches.
     temperature_celsius : temperature of the group [degC]; None only for models of one condition.
-    member : name of a member of RC pairs for all cells, or None for that of `plain.plain_member`
-        of each.
+    member : name of a member of RC pairs for all cells, or None for that of
+        `model_file.plain_member` of each.
     points : size of the SoC grid.
 
     Returns
@@ -165,13 +164,13 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
         tau_second=np.array(
             [_padded(cell_tables.tau_second, pairs, 1.0) for cell_tables in tables]
         ),
-        capacity_ampere_hour=np.array([_capacity(model, member, celsius) for model in models]),
+        capacity_ampere_hour=np.array(
+            [
+                capacity_of(model, member_of(model, member or plain_member(model)), celsius)
+                for model in models
+            ]
+        ),
     )
-
-
-def _capacity(model, member, celsius):
-    entry = member_of(model, plain_member(model) if member is None else member)
-    return model["capacity_ampere_hour"] * float(capacity_factor(entry, celsius))
 
 
 def _padded(table, pairs, fill):

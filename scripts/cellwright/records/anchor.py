@@ -1,4 +1,4 @@
-"""Where on the SoC scale the counted charge of a record begins."""
+"""State of charge that the counted charge of a record begins at: anchors, full end, capacity."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full c
 
 
 class Anchored(NamedTuple):
-    """State of charge (n,) [1], and in words where its zero was taken from."""
+    """State of charge (n,) [1], and in words which anchor it is counted from."""
 
     soc: np.ndarray
     anchor: str
@@ -65,7 +65,9 @@ def soc_series(
         raise Refusal(f"capacity is {capacity_ampere_hour}; SoC needs a positive one")
     counted = np.asarray(charge_ampere_hour, float) / capacity_ampere_hour
     if soc_at_start is not None:
-        return Anchored(_stated_soc(soc_at_start) + counted - counted[0], "stated at the start")
+        if not 0 <= soc_at_start <= 1:
+            raise Refusal(f"stated SoC at the start is {soc_at_start}; allowed is 0 to 1")
+        return Anchored(float(soc_at_start) + counted - counted[0], "stated at the start")
     rate = np.asarray(current_ampere, float) / capacity_ampere_hour
     full = full_row(rate, voltage_volt, upper_cutoff_volt, full_c_rate=full_c_rate)
     if full is not None:
@@ -95,12 +97,6 @@ def full_row(rate, voltage_volt, upper_cutoff_volt, *, full_c_rate=0.1):
     return int(ends[0]) if len(ends) else None
 
 
-def _stated_soc(soc):
-    if not 0 <= soc <= 1:
-        raise Refusal(f"stated SoC at the start is {soc}; allowed is 0 to 1")
-    return float(soc)
-
-
 def _soc_of_rest(voltage, ocv_soc, ocv_volt):
     """SoC at a rest voltage [V], 0 or 1 beyond the table; a flat stretch gives its upper end."""
     rising = np.maximum.accumulate(np.asarray(ocv_volt, float))
@@ -108,7 +104,7 @@ def _soc_of_rest(voltage, ocv_soc, ocv_volt):
 
 
 def _why_not_anchored(first_rate, upper_cutoff_volt, ocv_soc):
-    """What stands in the way of each anchor, in one sentence."""
+    """Why no anchor of the SoC applies to a record, in one sentence."""
     full = (
         "the upper cut-off is not stated, so no full charge can be told"
         if upper_cutoff_volt is None
@@ -219,7 +215,7 @@ def rest_scale(
 
 
 def _nominal_capacity(capacities, celsius, rated):
-    """Capacity of the test nearest in temperature, else the rating; 0 where there is neither."""
+    """Capacity [Ah] of the test nearest in temperature, else the rating, else 0, and its source."""
     full = [row for row in capacities if row["direction"] == "discharge"]
     if not full:
         return rated or 0.0, "rating"
@@ -235,7 +231,7 @@ def _nominal_capacity(capacities, celsius, rated):
 
 
 def _ends_empty(steps, limit_volt):
-    """Whether a discharge ends at the lower cut-off; a larger pulse that does leaves charge."""
+    """Whether a discharge at the usual current, not a larger pulse, ends at the lower cut-off."""
     kind, current = np.asarray(steps.kind), steps.current_mean_ampere
     portions = -current[(kind == "CC") & (current < 0)]
     usual = np.median(portions) if len(portions) else 0.0

@@ -1,4 +1,4 @@
-"""What every state of charge of a cell refers to: its capacity and its open-circuit voltage."""
+"""Basis of a cell's SoC: the capacity and the open-circuit voltage curves that it refers to."""
 
 from typing import NamedTuple
 
@@ -68,7 +68,10 @@ def basis(
     if curves:
         capacity, source = _slow_capacity(min(curves, key=_first_choice))
         return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
-    lender = reference_of([lender for lender in lenders if lender.curves], capacity=_largest)
+    lender = reference_of(
+        [lender for lender in lenders if lender.curves],
+        capacity=lambda lender: max(curve["capacity_ampere_hour"] for curve in lender.curves),
+    )
     if not lender and rests:
         return content | _from_rests(rests, lower_cutoff_volt)
     if lender:
@@ -77,32 +80,34 @@ def basis(
     return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
 
 
-def _off_reference(row):
-    celsius = row["ambient_temperature_celsius"]
-    return abs(REFERENCE_CELSIUS - celsius) if celsius is not None else float("inf")
-
-
-def _celsius(row):
-    # ASSUME: A test without a stated temperature was made at 25 °C.
-    celsius = row["ambient_temperature_celsius"]
-    return REFERENCE_CELSIUS if celsius is None else celsius
-
-
-def _first_choice(row):
-    """Near 25 °C before young, but within 3 K of it age decides."""
-    return max(_off_reference(row), SAME_CELSIUS), row["cycle"] or 0
-
-
-def _largest(lender):
-    return max(curve["capacity_ampere_hour"] for curve in lender.curves)
-
-
-def reference_of(cells, *, capacity):
-    """The reference among cells of one type: the first marked one, else the largest; None of none.
+# ASSUME: A test without a stated temperature was made at 25 °C.
+def stated_or_reference(celsius):
+    """A stated temperature [degC], 25 °C where none is.
 
     Parameters
     ----------
-    cells : list of things with `marked`, in the order of the sheet.
+    celsius : number or None.
+    """
+    return REFERENCE_CELSIUS if celsius is None else celsius
+
+
+def _celsius(row):
+    return stated_or_reference(row["ambient_temperature_celsius"])
+
+
+def _first_choice(row):
+    """Sort key of tests: distance from 25 °C beyond 3 K first, then age in cycles."""
+    celsius = row["ambient_temperature_celsius"]
+    distance = abs(REFERENCE_CELSIUS - celsius) if celsius is not None else float("inf")
+    return max(distance, SAME_CELSIUS), row["cycle"] or 0
+
+
+def reference_of(cells, *, capacity):
+    """Reference among cells of one type: the first marked one, else the largest, else None.
+
+    Parameters
+    ----------
+    cells : list of cells with `marked`, in the order of the sheet.
     capacity : function, cell → its capacity [Ah].
     """
     marked = [cell for cell in cells if cell.marked]
@@ -110,7 +115,7 @@ def reference_of(cells, *, capacity):
 
 
 def _from_rests(curves, lower_cutoff_volt):
-    """One curve a temperature, all on the scale of the one nearest 25 °C, which stands first."""
+    """Basis from rests: one OCV curve per temperature on the SoC scale of the one nearest 25 °C."""
     warmest = sorted(curves, key=lambda c: (*_first_choice(c), -_celsius(c), _load(c)))
     chosen = []
     for curve in warmest:
@@ -125,7 +130,7 @@ def _from_rests(curves, lower_cutoff_volt):
 
 
 def _load(curve):
-    """Current of the loads between the rests [A], as exactly as tests of one protocol repeat it."""
+    """Current of the loads between the rests [A], rounded so that equal loads compare."""
     sides = (curve["discharge_current_ampere"], curve["charge_current_ampere"])
     largest = max((abs(side) for side in sides if side is not None), default=0.0)
     return float(f"{largest:.2g}")
@@ -133,7 +138,7 @@ def _load(curve):
 
 # ASSUME: Tests whose rests make OCV curves begin equally full, and charge from full tells the OCV.
 def _on_scale(curve, capacity, lower_cutoff_volt):
-    """A curve over the SoC of another capacity, continued straight where that one is larger."""
+    """An OCV curve over the SoC of another capacity; below its lowest SoC on its end slope."""
     soc, volt = (np.asarray(curve[name], float) for name in ("soc", "ocv_volt"))
     if curve["capacity_ampere_hour"] == capacity:
         return curve
@@ -150,7 +155,7 @@ def _on_scale(curve, capacity, lower_cutoff_volt):
 
 
 def _slow_capacity(curve):
-    """Capacity of a slow test; where its two directions part, what an offset cannot have moved."""
+    """Capacity of a slow test [Ah], the mean of its directions where they differ; its source."""
     out, back = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
     if back is None or abs(out / back - 1) <= CLOSED:
         return out, f"slow test {curve['test']}"
@@ -177,7 +182,7 @@ def _own_capacity(capacities, lender, rated):
 
 # ASSUME: A cell that borrows its OCV loses as much capacity to rate as the lender does.
 def _slow_ratio(row, lender):
-    """The lender's slow capacity over its capacity at the rate and temperature of `row`."""
+    """Slow capacity of the lender over its capacity at the rate and temperature of `row` [1]."""
     slow, _ = _slow_capacity(min(lender.curves, key=_first_choice))
     alike = [
         other
@@ -209,8 +214,7 @@ def soc_of(series, basis, facts, cell):
     Refusal
         As `anchor.soc_series`.
     """
-    celsius = facts.ambient_temperature_celsius
-    celsius = REFERENCE_CELSIUS if celsius is None else celsius
+    celsius = stated_or_reference(facts.ambient_temperature_celsius)
     no_curve = {"soc": None, "ocv_volt": None}
     curve = min(basis["ocv"], key=lambda row: abs(_celsius(row) - celsius), default=no_curve)
     return soc_series(
@@ -229,7 +233,7 @@ def soc_of(series, basis, facts, cell):
 def soc_or_unknown(series, basis, facts, cell):
     """As `soc_of`, but NaN with the reason as anchor where no state of charge can be known.
 
-    For what is worth having without it, such as the resistance of a pulse.
+    For results that need no SoC, such as the resistance of a pulse.
     """
     try:
         return soc_of(series, basis, facts, cell)

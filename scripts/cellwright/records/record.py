@@ -1,4 +1,4 @@
-"""A test laid out on the SoC scale: its rows, what of them is compared, tests by temperature."""
+"""Tests of cells and of parallel groups laid out on the SoC scale, with the rows that are used."""
 
 from typing import NamedTuple
 
@@ -93,7 +93,7 @@ def record_of(
 
 
 def checked(record):
-    """The record itself, where its clock and columns can be used.
+    """The same record, refused where its values are not finite or its clock runs back.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
 
 
 def laid_out_to_fit(test, basis, cell, **settings):
-    """As `laid_out`, within the SoC scale and with its gaps filled: a course without a hole.
+    """As `laid_out`, with gaps filled and refused where the SoC leaves −0.1 to 1.1.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def cell_temperature(facts, series, *, as_read=False):
 
 
 def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
-    """Number of the block that each row belongs to, from 0: a load and the rest that follows it.
+    """Number of the block of each row, from 0; a block is a load and the rest that follows it.
 
     A relaxation so stays together with the load that caused it. A rest at the very start ends no
     block. Where the reading of the record's rests is above what counts as rest, a rest is also what
@@ -248,7 +248,7 @@ def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
 
 
 def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
-    """Cut a record into blocks at its rests: odd blocks fit, even blocks validate, counted from 1.
+    """Rows of a record that may be fitted: its odd blocks, counted from 1; even ones validate.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere
 
 
 def blocks_of_used(records, *, rest_second, rest_ampere):
-    """Number of the block of each used row of several records, counted on from one to the next.
+    """Block number of each used row of several records, counted through all records.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def blocks_of_used(records, *, rest_second, rest_ampere):
 
 
 def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
-    """The record with its gaps filled by what must have happened in them.
+    """The record with each gap filled by a load that moves its charge, then a rest.
 
     Some testers store the pulses of an HPPC only, and not the discharges to the next set point.
     The relaxation after such a discharge goes on for hours and is in what follows; so the charge
@@ -403,7 +403,7 @@ def _chamber_celsius(test):
 
 
 class GroupRecord(NamedTuple):
-    """One test of a group.
+    """One test of a parallel group; arrays (n,).
 
     test : its name. celsius : (n,) temperature around the cells [degC].
     branch_current_ampere : (n, branches), + on charge, or None where it was not logged [A].
@@ -420,7 +420,7 @@ class GroupRecord(NamedTuple):
 
 
 def group_record(test, branches):
-    """A test of a group as a record.
+    """Record of a test of a parallel group.
 
     Parameters
     ----------

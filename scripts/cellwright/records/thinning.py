@@ -75,7 +75,7 @@ def averaged_to(records, *, most_rows, thinned=None):
 
 
 def row_fields(record):
-    """Names of the arrays of a record that have one entry a row.
+    """Names of the arrays of a record that have one entry per row.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def row_fields(record):
 
 
 def rows_of(record, rows):
-    """A record with some of its rows only.
+    """The chosen rows of a record.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def edges(record, *, step_ampere):
 
 
 def thin(record, *, step_ampere, growth=0.1, capacity_ampere_hour=None, portion_soc=0.005):
-    """Drop rows of steady current that say the same as their neighbours.
+    """Record without the rows of steady current that add nothing to their neighbours.
 
     A row stays if the current steps before or after it; in a steady stretch the rows stay at
     times since the last step that grow by `growth` each. At rest the relaxations between kept
@@ -138,7 +138,7 @@ def thin(record, *, step_ampere, growth=0.1, capacity_ampere_hour=None, portion_
 
 
 def without_edges(record, *, step_ampere):
-    """The record without the rows at which the current has just stepped between steady stretches.
+    """Record whose rows at a step of the current between steady stretches are not used.
 
     Such a row was sampled within the edge: its voltage may belong to the current before. In a
     drive, where the current steps at every row, none is left out.
@@ -155,7 +155,7 @@ def without_edges(record, *, step_ampere):
 
 
 def driven(current_ampere):
-    """Whether the current of a record steps at most rows where it steps at all: a drive.
+    """Whether a record is a drive: at least half of its current steps follow one another directly.
 
     Else it steps between steady stretches, and does so at once, however sparse the rows are.
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
+from cellwright.circuits.temperature import celsius_of
 from cellwright.identification.methods.autoregressive import (
     circuit_of_coefficients,
     track,
@@ -174,7 +175,7 @@ def _autoregressive(record):
 
 
 def _rest_exponentials(record):
-    """Two exponentials of the rest (thesis, table 2.2), R0 from what of the edge they leave."""
+    """Two exponentials of the rest (thesis, table 2.2), R0 from the edge less their voltage."""
     since = record.time_second[record.edge :] - record.time_second[record.edge]
     pulse = record.time_second[record.edge] - record.time_second[1]
     relaxed = np.flatnonzero(since >= EDGE_SHARE * pulse)
@@ -240,7 +241,7 @@ def _tau_bounds(record):
 
 
 def _search_bounds(record):
-    """Bounds of the genetic algorithm, which needs some of every parameter, by name."""
+    """Bounds of the genetic algorithm for every parameter, by name."""
     total = np.abs(record.voltage_volt - record.ocv_volt).max() / abs(record.level_ampere)
     shares = RESISTANCE_SHARES[0] * total, RESISTANCE_SHARES[1] * total
     return {name: shares if name[0] == "r" else _tau_bounds(record) for name in NAMES}
@@ -295,7 +296,7 @@ def _two_pairs(r0, r, tau):
 
 
 def _with_bounds_noted(values, std, evaluations, lower, upper):
-    """With the parameters that lie at a bound of their search as the reason."""
+    """Identified whose reason names the parameters at a bound of their search."""
     smallest = np.where(lower > 0, lower * 1.001, 1e-6 * np.nansum(values[: 1 + PAIRS]))
     limited = (values <= smallest) | (values >= upper * 0.999)
     reasons = [
@@ -313,7 +314,7 @@ def _row(record, method, identified):
     pulse = float(record.time_second[edge] - record.time_second[1])
     row = {
         "test": record.test,
-        "ambient_temperature_celsius": _number(record.ambient_temperature_celsius),
+        "ambient_temperature_celsius": celsius_of(record.ambient_temperature_celsius),
         "start_time_second": record.start_time_second,
         "soc": record.soc,
         "direction": "charge" if record.level_ampere > 0 else "discharge",
@@ -331,10 +332,6 @@ def _row(record, method, identified):
         quantity, unit = name.split("_")
         row |= {name: float(value), f"{quantity}_std_{unit}": float(deviation)}
     return row | _error_and_resistance(record, values, pulse)
-
-
-def _number(value):
-    return np.nan if value is None else float(value)
 
 
 def _error_and_resistance(record, values, pulse):

@@ -1,4 +1,4 @@
-"""Genetic algorithm of the thesis for the parameters of a circuit: the check of the gradient."""
+"""Genetic algorithm of the thesis for the parameters of a circuit."""
 
 from typing import NamedTuple
 

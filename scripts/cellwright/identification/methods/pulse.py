@@ -42,7 +42,7 @@ def names_of(n_rc, free_ocv):
 
 
 def load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold, free_ocv):
-    """A record as the linear model, checked.
+    """Checked record as the load of the linear model.
 
     Parameters
     ----------
@@ -328,7 +328,11 @@ def profile_interval(record, fit, name, *, hold, level=0.95, bounds=None, free_o
     freedom = fit.samples - len(fit.names)
     widening = np.nan_to_num(fit.widening[fit.names.index(name)], nan=1.0)
     allowed = fdtri(1, freedom, level) * widening**2 / freedom
-    settings = {"hold": hold, "n_rc": _pairs(fit), "free_ocv": free_ocv}
+    settings = {
+        "hold": hold,
+        "n_rc": sum(n.startswith("tau") for n in fit.names),
+        "free_ocv": free_ocv,
+    }
 
     def excess(log_value):
         given = float(np.exp(log_value))
@@ -342,10 +346,6 @@ def profile_interval(record, fit, name, *, hold, level=0.95, bounds=None, free_o
     ways = zip((-step, step), np.log(limits), strict=True)
     ends = [_crossing(excess, np.log(value), *way) for way in ways]
     return _interval(name, value, ends, limits, level)
-
-
-def _pairs(fit):
-    return sum(name.startswith("tau") for name in fit.names)
 
 
 def _profiled_value(fit, name):
@@ -377,7 +377,7 @@ def _crossing(excess, log_value, step, limit):
 
 
 def _bisected(excess, inner, outer):
-    """Root between, to a hundredth of the distance: the interval needs no more."""
+    """Root between two points, to a hundredth of their distance."""
     for _ in range(7):
         middle = (inner + outer) / 2
         inner, outer = (inner, middle) if excess(middle) > 0 else (middle, outer)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.basis import REFERENCE_CELSIUS, soc_or_unknown
+from cellwright.records.basis import soc_or_unknown, stated_or_reference
 from cellwright.records.facts import TestFacts
 
 RELAXED_SECOND = 600.0  # a rest so long before a pulse leaves nothing to relax in it …
@@ -160,7 +160,7 @@ def _record(test, step, soc, basis, *, samples, rest_lengths):
 
 
 def _thinned(time, first, last, usual, most):
-    """At most so many rows of a stretch after an edge, dense at first; of a burst the last one."""
+    """Numbers of at most `most` rows after an edge, dense at first; of a burst the last row."""
     begin = int(np.searchsorted(time[: last + 1], time[first] + usual / 2)) - 1
     rows = np.arange(max(begin, first), last + 1)
     if len(rows) <= most:
@@ -170,9 +170,9 @@ def _thinned(time, first, last, usual, most):
 
 def _moved_volt(soc, rows, basis, facts):
     """Change of the open-circuit voltage since the first of the rows (n,) [V]; 0 if not known."""
-    celsius = _stated_or_reference(facts.ambient_temperature_celsius)
+    celsius = stated_or_reference(facts.ambient_temperature_celsius)
     temperatures = [
-        _stated_or_reference(curve_celsius["ambient_temperature_celsius"])
+        stated_or_reference(curve_celsius["ambient_temperature_celsius"])
         for curve_celsius in basis["ocv"]
     ]
     curves = [(abs(curve_celsius - celsius), k) for k, curve_celsius in enumerate(temperatures)]
@@ -181,7 +181,3 @@ def _moved_volt(soc, rows, basis, facts):
     curve = basis["ocv"][min(curves)[1]]
     volt = np.interp(soc[rows], curve["soc"], curve["ocv_volt"])
     return volt - volt[0]
-
-
-def _stated_or_reference(celsius):
-    return REFERENCE_CELSIUS if celsius is None else celsius

@@ -1,4 +1,4 @@
-"""Any circuit in lmfit: parameters that a user may fix, bound, tie by an expression, or add to."""
+"""Fit of any circuit by lmfit, with parameters that a user may fix, bound, tie or add."""
 
 from typing import NamedTuple
 
@@ -121,7 +121,7 @@ def fit_by_lmfit(circuit, parameters, record, *, hold, open_circuit=None):
 
 
 def _chained(parameters, columns):
-    """Derivatives by what varies, through the expressions that tie the others: (n, p)."""
+    """Derivatives by the varied parameters (n, p), through the expressions of tied ones."""
     varied = [name for name, p in parameters.items() if p.vary]
     tied = [name for name in columns if parameters[name].expr]
     columns_varied = []
