@@ -71,12 +71,12 @@ def corrected(
     lost, leak = (counting.get(name, 0.0) for name in ("lost_share_of_charge", "leak_ampere"))
     hours = np.diff(test_time_second, prepend=test_time_second[0]) / 3600.0
     read = np.diff(soc, prepend=soc[0]) * capacity_ampere_hour
-    moved = through_cell(read, offset=offset * hours, gain_relative=gain)
-    moved = stored(moved, lost_share=lost, leak=leak * hours)
+    charge = through_cell(read, offset=offset * hours, gain_relative=gain)
+    charge = stored(charge, lost_share=lost, leak=leak * hours)
     current = through_cell(np.asarray(current_ampere, float), offset=offset, gain_relative=gain)
     size = capacity_ampere_hour * capacity_factor(member, celsius, kind=kind)
     charging = stored(current, lost_share=lost, leak=leak)
-    return Corrected(current, charging, soc[0] + np.cumsum(moved / size))
+    return Corrected(current, charging, soc[0] + np.cumsum(charge / size))
 
 
 def through_cell(read, *, offset=0.0, gain_relative=0.0):

@@ -183,9 +183,9 @@ def _rows(member, condition):
             row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
             yield about | row | {"at_bound": name in flags or f"{flag} at SoC {soc:.3f}" in flags}
     scale = condition.get("ocv_scale", {})
-    whole = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
+    scale_rows = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
     energy = condition.get("activation_energy_joule_per_mole")
-    for name, value, unit in [*whole, ("activation_energy", energy, "J/mol")]:
+    for name, value, unit in [*scale_rows, ("activation_energy", energy, "J/mol")]:
         row = {"soc": None, "parameter": name, "value": value, "std": None, "unit": unit}
         if value is not None:
             yield about | row | {"at_bound": False}

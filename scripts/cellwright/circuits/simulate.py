@@ -94,8 +94,8 @@ def sensitivities(circuit, test_time_second, current_ampere, *, hold, open_circu
     derivatives = {}
     for index, branch in enumerate(circuit):
         for name in kind_of(branch).parameters:
-            moved = branch.parameters | {name: branch.parameters[name] + 1j * STEP}
-            single = (Branch(branch.kind, moved),)
+            shifted = branch.parameters | {name: branch.parameters[name] + 1j * STEP}
+            single = (Branch(branch.kind, shifted),)
             run = overpotentials(single, test_time_second, current_ampere, **settings)
             derivatives[index, name] = run[0].imag / STEP
     return derivatives

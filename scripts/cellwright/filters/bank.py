@@ -139,8 +139,8 @@ def resistance_factor_of(model, member, celsius, reference_celsius):
     conditions = member_of(model, member)["conditions"]
     circuit = circuit_at(conditions, np.full(len(grid), 0.5), grid).circuit
     total = sum(b.parameters["r_ohm"] for b in circuit if "r_ohm" in b.parameters)
-    at = np.interp(course, grid, total)
-    return at[:-1] / at[-1]
+    resistance = np.interp(course, grid, total)
+    return resistance[:-1] / resistance[-1]
 
 
 def _has_effect(branch, soc, capacity):
@@ -166,8 +166,8 @@ def _element(branch, soc, stretch, capacity):
 def _is_straight(kind, branch, soc, capacity):
     """Whether a drive is proportional to the current up to 20C."""
     currents = capacity * np.array([1.0, 20.0, -1.0, -20.0])
-    each = [kind.drive(np.full(len(soc), i), **branch.parameters) / i for i in currents]
-    return np.ptp(each, axis=0).max() <= STRAIGHT * np.abs(each[0]).max()
+    resistances = [kind.drive(np.full(len(soc), i), **branch.parameters) / i for i in currents]
+    return np.ptp(resistances, axis=0).max() <= STRAIGHT * np.abs(resistances[0]).max()
 
 
 def _lags(index, branch, soc):

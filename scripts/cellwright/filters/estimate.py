@@ -119,9 +119,9 @@ def _without_innovations(soc, std):
 
 
 def _counted(plant, start, noise):
-    moved = np.cumsum(plant.charge_ampere_hour) / plant.capacity_ampere_hour
+    passed = np.cumsum(plant.charge_ampere_hour) / plant.capacity_ampere_hour
     seconds = np.cumsum(plant.step_second)
-    return start.soc + moved, np.sqrt(start.soc_std**2 + noise.soc_walk[0] * seconds)
+    return start.soc + passed, np.sqrt(start.soc_std**2 + noise.soc_walk[0] * seconds)
 
 
 def _looked_up(plant, noise):
@@ -133,9 +133,9 @@ def _looked_up(plant, noise):
     for _ in range(PASSES):
         over = _overpotential(plant, soc, grid)
         soc = np.interp(plant.voltage_volt - over, curve, grid[inside])
-    at = [np.interp(soc, grid, plant.tables[:, column]) for column in (SLOPE, ERROR)]
-    volt = np.sqrt(at[1] ** 2 + plant.slow_variance + plant.white_variance)
-    std = volt / np.maximum(at[0], FLAT_VOLT)
+    slope_and_error = [np.interp(soc, grid, plant.tables[:, column]) for column in (SLOPE, ERROR)]
+    volt = np.sqrt(slope_and_error[1] ** 2 + plant.slow_variance + plant.white_variance)
+    std = volt / np.maximum(slope_and_error[0], FLAT_VOLT)
     return soc, np.minimum(std, 1.0 / np.sqrt(12.0))
 
 

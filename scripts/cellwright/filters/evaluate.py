@@ -264,8 +264,8 @@ def _starts(settings, soc):
     """Starts with the stated errors of the SoC, clipped to 0…1."""
     stated = [soc + error for error in settings.initial_soc_error]
     stated += settings.initial_soc
-    kept = [float(np.clip(value, 0.0, 1.0)) for value in stated]
-    return [Start(value, soc_std=settings.initial_soc_std) for value in dict.fromkeys(kept)]
+    clipped = [float(np.clip(value, 0.0, 1.0)) for value in stated]
+    return [Start(value, soc_std=settings.initial_soc_std) for value in dict.fromkeys(clipped)]
 
 
 def _disturbed(scenario, record, bank, start, settings):
@@ -281,9 +281,9 @@ def _disturbed(scenario, record, bank, start, settings):
         size = bank.capacity_ampere_hour * (1.0 + sign * settings.capacity_error)
         return record, bank._replace(capacity_ampere_hour=size), start
     if scenario == "mid_drive":
-        kept = rows_of(record, slice(len(record.used) // 3, None))
-        moved = kept.soc[0] + start.soc - record.soc[0]
-        return kept, bank, start._replace(soc=float(np.clip(moved, 0.0, 1.0)), c_rate=1.0)
+        later = rows_of(record, slice(len(record.used) // 3, None))
+        start_soc = later.soc[0] + start.soc - record.soc[0]
+        return later, bank, start._replace(soc=float(np.clip(start_soc, 0.0, 1.0)), c_rate=1.0)
     return record, bank, start
 
 

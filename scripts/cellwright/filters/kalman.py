@@ -156,8 +156,8 @@ def output(state, plant, k, noise):
     shifts = plant.shifts_soc[plant.element]
     jacobian[1 : 1 + len(plant.element)] = plant.share * np.where(shifts, slope, 1.0)
     jacobian[0] = slope
-    at = look_at(plant, mean[0])
-    volt = look_at(plant, mean[0] + offset)[OCV] + at[TOTAL] - at[OCV] + direct + over
+    row = look_at(plant, mean[0])
+    volt = look_at(plant, mean[0] + offset)[OCV] + row[TOTAL] - row[OCV] + direct + over
     for spot, scale in ((plant.error, 1.0), (plant.fast, 1.0), (plant.standing, stated)):
         if spot >= 0:
             volt, jacobian[spot] = volt + scale * mean[spot], scale
@@ -267,13 +267,13 @@ def run(plant, noise, state):
     reals += [state.wide_variance]
     ring = np.zeros((noise.window, 3))
     ring[: len(state.seen)] = state.seen
-    whole = [plant.shifts_soc, plant.source, plant.by_charge, plant.element, plant.moves]
+    indices = [plant.shifts_soc, plant.source, plant.by_charge, plant.element, plant.moves]
     record = [plant.step_second, plant.charge_ampere_hour, plant.passed_ampere_hour]
     record += [plant.current_ampere, plant.between_ampere, plant.voltage_volt]
     record += [plant.edge_variance]
     kernel(
         np.array(sizes, np.int64),
-        *whole,
+        *indices,
         np.array([len(state.seen)], np.int64),
         np.array(reals, float),
         *record,

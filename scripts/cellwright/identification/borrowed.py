@@ -41,7 +41,9 @@ def fast_and_slow(elements):
         for element in elements
         if "r_ohm" in element
     ]
-    return tuple(sum(np.where(fast == way, r, 0.0) for r, fast in pairs) for way in (True, False))
+    return tuple(
+        sum(np.where(fast == is_fast, r, 0.0) for r, fast in pairs) for is_fast in (True, False)
+    )
 
 
 def ratio_of(resistance, more):
@@ -105,8 +107,8 @@ def _branch(branch, fast, slow, size):
     at_once = np.asarray(branch.get("tau_second", 0.0)) <= FAST_SECOND
     factors = dict.fromkeys(RESISTANCES, np.where(at_once, fast, slow))
     factors |= {"soc_per_ampere": 1.0 / size, "charge_ampere_hour": size}
-    moved = {n: (np.asarray(branch[n]) * f).tolist() for n, f in factors.items() if n in branch}
-    return branch | moved
+    scaled = {n: (np.asarray(branch[n]) * f).tolist() for n, f in factors.items() if n in branch}
+    return branch | scaled
 
 
 class Calibration(NamedTuple):
@@ -248,8 +250,11 @@ def biased_model(reference, calibration, *, cell, main_shift_volt, mean_shift_vo
     def change(entry):
         soc = np.asarray(entry["soc"])
         fast, slow = fast_and_slow([{"r_ohm": entry["r0_ohm"]}, *entry["branches"]])
-        more = quadratic_bias(main_shift_volt, soc, calibration.r0)
-        ratios = ratio_of(fast, more), ratio_of(slow, calibration.polarisation * mean_shift_volt)
+        fast_change = quadratic_bias(main_shift_volt, soc, calibration.r0)
+        ratios = (
+            ratio_of(fast, fast_change),
+            ratio_of(slow, calibration.polarisation * mean_shift_volt),
+        )
         return ratios, quadratic_bias(main_shift_volt, soc, calibration.ocv)
 
     note = (

@@ -67,13 +67,13 @@ def left_out(fitted, block):
     ------
     Refusal : fewer than two blocks: nothing can be left out.
     """
-    numbers, at = np.unique(block, return_inverse=True)
+    numbers, block_index = np.unique(block, return_inverse=True)
     if len(numbers) < 2:
         raise Refusal("the data are one block: nothing can be left out to choose a model by")
     folds = min(FOLDS, len(numbers))
-    error = held_out(fitted.system, fitted.solution, at % folds)
-    rows = np.bincount(at)
-    return Score(np.bincount(at, error**2) / rows, rows)
+    error = held_out(fitted.system, fitted.solution, block_index % folds)
+    rows = np.bincount(block_index)
+    return Score(np.bincount(block_index, error**2) / rows, rows)
 
 
 def choose(scores, *, celsius=None, fitted_volt=None, searched=()):
@@ -224,9 +224,9 @@ def _words(chosen, equal, typical, rmse, far):
     listed = ", ".join(f"{n} {1e3 * typical[n]:.2g} mV ({1e3 * rmse[n]:.2g})" for n in ranked)
     listed = f"Typical error of a block left out of the fit, rms of all in brackets: {listed}"
     listed += f". Out of the question over the records fitted: {', '.join(far)}" if far else ""
-    same = [name for name in ranked if name in equal and name != chosen]
-    if same:
-        return f"{chosen} chosen: equal within chance to {', '.join(same)}, and simpler. {listed}"
+    equals = [name for name in ranked if name in equal and name != chosen]
+    if equals:
+        return f"{chosen} chosen: equal within chance to {', '.join(equals)}, and simpler. {listed}"
     second = next((name for name in ranked if name != chosen and name not in far), None)
     clear = f", clearly before {second}" if second else ", the only one left"
     return f"{chosen} chosen{clear}. {listed}"

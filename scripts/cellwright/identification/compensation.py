@@ -65,9 +65,9 @@ def with_laws(model, laws):
     ----------
     model : dict of schema cellwright-model/2. laws : temperature_laws.Laws.
     """
-    kept = {"resistance_laws": laws._asdict()}
+    entry = {"resistance_laws": laws._asdict()}
     members = [
-        member | {"conditions": [condition | kept for condition in member["conditions"]]}
+        member | {"conditions": [condition | entry for condition in member["conditions"]]}
         for member in model["members"]
     ]
     return model | {"members": members}
@@ -156,7 +156,9 @@ def choose_laws(rows, *, beyond=LAWS):
     """
     if not rows:
         raise Refusal("no temperature could be left out and predicted")
-    typical = [_typical([row for row in rows if row["beyond"] is out]) for out in (False, True)]
+    typical = [
+        _typical([row for row in rows if row["beyond"] is is_beyond]) for is_beyond in (False, True)
+    ]
     offered = [
         {k: v for k, v in errors.items() if k in names}
         for errors, names in zip(typical, (LAWS, beyond), strict=True)
@@ -191,8 +193,8 @@ def laws_kept(tried):
     -------
     laws : temperature_laws.Laws.
     """
-    kept = {row["beyond"]: row["law"] for row in tried if row["chosen"]}
-    return Laws(kept.get(False, LAWS[0]), kept.get(True, LAWS[0]))
+    chosen = {row["beyond"]: row["law"] for row in tried if row["chosen"]}
+    return Laws(chosen.get(False, LAWS[0]), chosen.get(True, LAWS[0]))
 
 
 class Errors(NamedTuple):

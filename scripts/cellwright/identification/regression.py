@@ -81,7 +81,7 @@ def on_table(soc, held):
     return table_soc(soc, held.missing, held.stretch)
 
 
-def ocv_of(data, at):
+def ocv_of(data, soc_of_table):
     """OCV at a SoC of the table (n,), on its first and last slope outside the table [V].
 
     What is missing at full would else hit the table's flat end.
@@ -89,14 +89,17 @@ def ocv_of(data, at):
     table, volt = data.ocv_soc, data.ocv_volt
     low = (volt[1] - volt[0]) / (table[1] - table[0])
     high = (volt[-1] - volt[-2]) / (table[-1] - table[-2])
-    beyond = np.minimum(at - table[0], 0.0) * low + np.maximum(at - table[-1], 0.0) * high
-    return np.interp(at, table, volt) + beyond
+    beyond = (
+        np.minimum(soc_of_table - table[0], 0.0) * low
+        + np.maximum(soc_of_table - table[-1], 0.0) * high
+    )
+    return np.interp(soc_of_table, table, volt) + beyond
 
 
-def slope_of(data, at):
+def slope_of(data, soc_of_table):
     """Slope of `ocv_of`, as the difference over a window [V]."""
     half = SOC_WINDOW / 2
-    return (ocv_of(data, at + half) - ocv_of(data, at - half)) / SOC_WINDOW
+    return (ocv_of(data, soc_of_table + half) - ocv_of(data, soc_of_table - half)) / SOC_WINDOW
 
 
 def columns_of(data, held):

@@ -39,12 +39,12 @@ def settled(data, held, *, passes=10):
         still = np.abs(solution.scale).max() < SETTLED
         held = held._replace(missing=float(scale[0]), stretch=float(scale[1]))
         if held.scale_volt is not None:
-            way = _transfer(held, solution.values) - held.transfer_ohm
+            change = _transfer(held, solution.values) - held.transfer_ohm
             # More resistance damps itself more: in whole steps the two may take turns for ever.
-            share = share / 2 if np.sum(way * last) < 0 else share
-            held = held._replace(transfer_ohm=held.transfer_ohm + share * way)
-            still = still and np.abs(way).max() < STEADY * held.transfer_ohm.max()
-            last = way
+            share = share / 2 if np.sum(change * last) < 0 else share
+            held = held._replace(transfer_ohm=held.transfer_ohm + share * change)
+            still = still and np.abs(change).max() < STEADY * held.transfer_ohm.max()
+            last = change
         if still:
             break
     system = system_of(columns_of(data, held), data.knots)
@@ -88,9 +88,9 @@ def cheapest(data, tries, factor):
     -------
     held : regression.Held.
     """
-    near = [settled(data, held, passes=2)[0] for held in tries]
-    costs = [cost_of(data, held, factor) for held in near]
-    return near[int(np.argmin(costs))]
+    candidates = [settled(data, held, passes=2)[0] for held in tries]
+    costs = [cost_of(data, held, factor) for held in candidates]
+    return candidates[int(np.argmin(costs))]
 
 
 def cost_of(data, held, factor):
@@ -129,8 +129,8 @@ def with_time_constants(data, held, system, solution):
     -------
     free : Free.
     """
-    moved = [_change(data, held, n, solution.values) for n in range(len(held.tau_second))]
-    matrix = np.column_stack([system.matrix, *(change * system.weight for change in moved)])
+    changes = [_change(data, held, n, solution.values) for n in range(len(held.tau_second))]
+    matrix = np.column_stack([system.matrix, *(change * system.weight for change in changes)])
     size = len(solution.vector)
     precision = solution.factor * matrix.T @ matrix
     precision[:size, :size] += system.prior
@@ -271,7 +271,7 @@ def condition_of(data, member, held, system, solution, bounds):
         edge = (np.abs(log - np.log(bounds[0])) < AT_BOUND) | (
             np.abs(log - np.log(bounds[1])) < AT_BOUND
         )
-        at_bound = [f"tau{n}" for n, at in enumerate(edge, 1) if at]
+        at_bound = [f"tau{n}" for n, is_at_bound in enumerate(edge, 1) if is_at_bound]
         tau_stds = np.where(edge, np.nan, tau_stds)
     bounded = [
         f"{name.upper()} at SoC {soc:.3f}"
@@ -280,9 +280,11 @@ def condition_of(data, member, held, system, solution, bounds):
         if value == 0
     ]
     if held.charge_ampere_hour is not None and data.most_volt is not None:
-        full = zip(data.knots, values["m"] >= data.most_volt, strict=True)
+        at_most = zip(data.knots, values["m"] >= data.most_volt, strict=True)
         bounded += [
-            f"M at SoC {soc:.3f}, the most that the slow test allows" for soc, at in full if at
+            f"M at SoC {soc:.3f}, the most that the slow test allows"
+            for soc, is_at_bound in at_most
+            if is_at_bound
         ]
     return Condition(
         data.knots,

@@ -65,8 +65,8 @@ def validate(model, cell, test, *, split_rest_second):
             | {"chosen": name == model["chosen"]}
             | {"soc_start": float(record.soc[0]), "soc_anchor": record.anchor}
         )
-    shown = ("test_time_second", "current_ampere", "voltage_volt", "soc")
-    columns = {name: getattr(record, name) for name in shown} | {"scored": scored} | columns
+    names = ("test_time_second", "current_ampere", "voltage_volt", "soc")
+    columns = {name: getattr(record, name) for name in names} | {"scored": scored} | columns
     return Validation(rows, columns, (f"simulated at {record.temperature_source} temperature",))
 
 

@@ -114,8 +114,8 @@ def _counted(time, current, voltage):
         raise Refusal("branch currents of at least two cells are needed")
     if not (np.isfinite(current).all() and np.isfinite(voltage).all()):
         raise Refusal("branch currents or voltage hold values that are not finite")
-    moved = np.diff(time)[:, None] * (current[1:] + current[:-1]) / 7200.0
-    charge = np.vstack([np.zeros(current.shape[1]), np.cumsum(moved, axis=0)])
+    step_charge = np.diff(time)[:, None] * (current[1:] + current[:-1]) / 7200.0
+    charge = np.vstack([np.zeros(current.shape[1]), np.cumsum(step_charge, axis=0)])
     if np.any(charge[-1] <= 0):
         raise Refusal(f"branch {int(np.argmin(charge[-1])) + 1} is not charged in this stretch")
     return charge / charge[-1], charge[-1]
@@ -338,8 +338,8 @@ def validate_group(models, branches, test):
     run = simulate_parallel(time, total, group, initial_soc=start, wire_resistance_ohm=wire)
     scored = _unseen(models, record, notes)
     rows = _rows(record, run, scored, branches, members, group)
-    shown = ("test_time_second", "current_ampere", "voltage_volt")
-    columns = {name: getattr(record, name) for name in shown}
+    names = ("test_time_second", "current_ampere", "voltage_volt")
+    columns = {name: getattr(record, name) for name in names}
     columns |= {"simulated_voltage_volt": run.voltage_volt, "scored": scored}
     for k in range(len(branches)):
         columns[f"branch_{k + 1}_current_ampere"] = measured[:, k]

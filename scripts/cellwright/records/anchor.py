@@ -90,8 +90,8 @@ def full_row(rate, voltage_volt, upper_cutoff_volt, *, full_c_rate=0.1):
     """
     if upper_cutoff_volt is None:
         return None
-    near = np.asarray(voltage_volt) >= upper_cutoff_volt * (1 - CUTOFF_SHARE)
-    charging = near & (rate > REST_C_RATE)
+    at_cutoff = np.asarray(voltage_volt) >= upper_cutoff_volt * (1 - CUTOFF_SHARE)
+    charging = at_cutoff & (rate > REST_C_RATE)
     slow = charging & (rate <= full_c_rate)
     ends = np.flatnonzero(slow & ~np.append(charging[1:], False))
     return int(ends[0]) if len(ends) else None
@@ -216,8 +216,8 @@ def rest_scale(
 
 def _nominal_capacity(capacities, celsius, rated):
     """Capacity [Ah] of the test nearest in temperature, else the rating, else 0, and its source."""
-    full = [row for row in capacities if row["direction"] == "discharge"]
-    if not full:
+    discharges = [row for row in capacities if row["direction"] == "discharge"]
+    if not discharges:
         return rated or 0.0, "rating"
 
     def distance(row):
@@ -226,7 +226,7 @@ def _nominal_capacity(capacities, celsius, rated):
             "c_rate"
         ]
 
-    best = min(full, key=distance)
+    best = min(discharges, key=distance)
     return best["capacity_ampere_hour"], f"discharge of {best['test']} at {best['c_rate']:.2g}C"
 
 
@@ -252,9 +252,9 @@ def _full_anchor(rate, voltage, charge, upper, near_volt, share, first_volt):
         words = "full at its start, taken so for it "
         words += f"moves {share:.1%} of the capacity" if share < 1 else "moves all of the capacity"
         return _Anchor(charge[0], 1.0, words)
-    at = "under load" if np.isnan(first_volt) else f"at {first_volt:.4g} V"
+    beginning = "under load" if np.isnan(first_volt) else f"at {first_volt:.4g} V"
     wanted = f"rest within {near_volt:.2g} V of {upper:g} V" if upper is not None else ""
     wanted = (
         wanted or f"{WHOLE_SWING:.0%} of the capacity moved (found {share:.1%}), for want of limits"
     )
-    raise Refusal(f"no SoC at the start: none is stated, it begins {at}; wanted: {wanted}")
+    raise Refusal(f"no SoC at the start: none is stated, it begins {beginning}; wanted: {wanted}")

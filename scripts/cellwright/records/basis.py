@@ -116,11 +116,11 @@ def reference_of(cells, *, capacity):
 
 def _from_rests(curves, lower_cutoff_volt):
     """Basis from rests: one OCV curve per temperature on the SoC scale of the one nearest 25 °C."""
-    warmest = sorted(curves, key=lambda c: (*_first_choice(c), -_celsius(c), _load(c)))
+    ordered = sorted(curves, key=lambda c: (*_first_choice(c), -_celsius(c), _load(c)))
     chosen = []
-    for curve in warmest:
-        same = [c for c in warmest if abs(_celsius(c) - _celsius(curve)) < SAME_CELSIUS]
-        slowest = min(same, key=lambda c: (c["cycle"] or 0, _load(c)))
+    for curve in ordered:
+        same_temperature = [c for c in ordered if abs(_celsius(c) - _celsius(curve)) < SAME_CELSIUS]
+        slowest = min(same_temperature, key=lambda c: (c["cycle"] or 0, _load(c)))
         chosen += [slowest] if slowest not in chosen else []
     capacity, source = (chosen[0][name] for name in ("capacity_ampere_hour", "capacity_source"))
     if source != "rating":
@@ -156,22 +156,25 @@ def _on_scale(curve, capacity, lower_cutoff_volt):
 
 def _slow_capacity(curve):
     """Capacity of a slow test [Ah], the mean of its directions where they differ; its source."""
-    out, back = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
-    if back is None or abs(out / back - 1) <= CLOSED:
-        return out, f"slow test {curve['test']}"
+    discharged, charged = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
+    if charged is None or abs(discharged / charged - 1) <= CLOSED:
+        return discharged, f"slow test {curve['test']}"
     # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an
     # offset, and the mean of the two is the capacity: the cell itself returns what it took.
-    mean = (out + back) / 2
-    return mean, f"slow test {curve['test']}, mean of {out:.4g} Ah out and {back:.4g} Ah back"
+    mean = (discharged + charged) / 2
+    return (
+        mean,
+        f"slow test {curve['test']}, mean of {discharged:.4g} Ah out and {charged:.4g} Ah back",
+    )
 
 
 def _own_capacity(capacities, lender, rated):
-    full = [row for row in capacities if row["direction"] == "discharge"]
-    if not full:
+    discharges = [row for row in capacities if row["direction"] == "discharge"]
+    if not discharges:
         if not rated:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
         return rated, "rating"
-    slowest = min(full, key=lambda row: (*_first_choice(row), row["c_rate"]))
+    slowest = min(discharges, key=lambda row: (*_first_choice(row), row["c_rate"]))
     source = f"discharge of {slowest['test']} at {slowest['c_rate']:.2g}C"
     ratio = _slow_ratio(slowest, lender) if lender else None
     if ratio is None:
@@ -185,13 +188,13 @@ def _slow_ratio(row, lender):
     """Slow capacity of the lender over its capacity at the rate and temperature of `row` [1]."""
     slow, _ = _slow_capacity(min(lender.curves, key=_first_choice))
     alike = [
-        other
-        for other in lender.capacities
-        if other["direction"] == "discharge"
-        and abs(other["c_rate"] / row["c_rate"] - 1) < SAME_RATE
-        and abs(_celsius(other) - _celsius(row)) < SAME_CELSIUS
+        row_of_lender
+        for row_of_lender in lender.capacities
+        if row_of_lender["direction"] == "discharge"
+        and abs(row_of_lender["c_rate"] / row["c_rate"] - 1) < SAME_RATE
+        and abs(_celsius(row_of_lender) - _celsius(row)) < SAME_CELSIUS
     ]
-    youngest = min(alike, key=lambda other: other["cycle"] or 0, default=None)
+    youngest = min(alike, key=lambda row_of_lender: row_of_lender["cycle"] or 0, default=None)
     return slow / youngest["capacity_ampere_hour"] if youngest else None
 
 

@@ -311,23 +311,23 @@ def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
     """
     # ASSUME: The charge that passed in a gap of a record flowed at 1C at the gap's beginning.
     time, soc = record.test_time_second, record.soc
-    moved = np.diff(soc)
-    gaps = np.flatnonzero((np.diff(time) > gap_second) & (np.abs(moved) > 1e-4))
+    soc_change = np.diff(soc)
+    gaps = np.flatnonzero((np.diff(time) > gap_second) & (np.abs(soc_change) > 1e-4))
     if not len(gaps):
         return record
     length = np.diff(time)[gaps]
-    lasts = np.minimum(np.abs(moved[gaps]) * 3600.0 / c_rate, 0.9 * length)
-    ampere = moved[gaps] * capacity_ampere_hour * 3600.0 / lasts
+    lasts = np.minimum(np.abs(soc_change[gaps]) * 3600.0 / c_rate, 0.9 * length)
+    ampere = soc_change[gaps] * capacity_ampere_hour * 3600.0 / lasts
     share = np.array([0.0, 0.5, 1.0, 1.0])
     filled = {name: np.repeat(getattr(record, name)[gaps], 4) for name in row_fields(record)}
     filled |= {
         "test_time_second": (time[gaps, None] + lasts[:, None] * share).ravel(),
         "current_ampere": (ampere[:, None] * np.array([1.0, 1.0, 1.0, 0.0])).ravel(),
-        "soc": (soc[gaps, None] + moved[gaps, None] * share).ravel(),
+        "soc": (soc[gaps, None] + soc_change[gaps, None] * share).ravel(),
         "used": np.zeros(4 * len(gaps), bool),
     }
-    where = np.repeat(gaps + 1, 4)
-    columns = {name: np.insert(getattr(record, name), where, new) for name, new in filled.items()}
+    before = np.repeat(gaps + 1, 4)
+    columns = {name: np.insert(getattr(record, name), before, new) for name, new in filled.items()}
     return record._replace(**columns)
 
 
@@ -390,8 +390,8 @@ def _by_temperature(tests):
         by_celsius.setdefault(same[0] if same else celsius, []).append(test)
     for celsius, members in by_celsius.items():
         kinds = {test.facts.kind for test in members}
-        wanted = {"hppc", "capacity"} if "hppc" in kinds else {"drive"}
-        chosen = [test for test in members if test.facts.kind in wanted]
+        kinds_to_fit = {"hppc", "capacity"} if "hppc" in kinds else {"drive"}
+        chosen = [test for test in members if test.facts.kind in kinds_to_fit]
         if chosen:
             yield celsius, chosen
 

@@ -133,8 +133,8 @@ def thin(record, *, step_ampere, growth=0.1, capacity_ampere_hour=None, portion_
         passed = np.abs(current) * np.diff(time, prepend=time[0]) / 3600.0 / capacity_ampere_hour
         keep |= np.diff(np.floor(np.cumsum(passed) / portion_soc), prepend=-1.0) != 0
     dropped = np.diff(np.flatnonzero(keep), prepend=-1) > 1
-    kept = rows_of(record, keep)
-    return kept._replace(thinned=kept.thinned | dropped)
+    shorter = rows_of(record, keep)
+    return shorter._replace(thinned=shorter.thinned | dropped)
 
 
 def without_edges(record, *, step_ampere):
@@ -164,7 +164,7 @@ def driven(current_ampere):
     current_ampere : (n,) [A].
     """
     current = np.asarray(current_ampere, float)
-    moved = np.abs(np.diff(current, prepend=current[:1]))
-    step = moved > moved.max(initial=0.0) / STEP_PART
+    change = np.abs(np.diff(current, prepend=current[:1]))
+    step = change > change.max(initial=0.0) / STEP_PART
     around = np.append(False, step[:-1]) | np.append(step[1:], False)
     return bool((step & ~around).sum() < DRIVE_SHARE * step.sum())

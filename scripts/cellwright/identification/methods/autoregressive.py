@@ -79,10 +79,10 @@ def track(
     coefficient, covariance = np.zeros(size), prior * np.eye(size)
     course = np.full((len(rows) + n_rc, size), np.nan)
     for k, (row, value) in enumerate(zip(rows, target, strict=True)):
-        seen = covariance @ row
-        gain = seen / (forgetting + row @ seen)
+        shared = covariance @ row
+        gain = shared / (forgetting + row @ shared)
         coefficient = coefficient + gain * (value - row @ coefficient)
-        covariance = (covariance - np.outer(gain, seen)) / forgetting
+        covariance = (covariance - np.outer(gain, shared)) / forgetting
         # Rounding would make it asymmetric, and then indefinite, after some thousand samples.
         covariance = (covariance + covariance.T) / 2
         course[k + n_rc] = coefficient

@@ -179,8 +179,8 @@ def _rest_exponentials(record):
     since = record.time_second[record.edge :] - record.time_second[record.edge]
     pulse = record.time_second[record.edge] - record.time_second[1]
     relaxed = np.flatnonzero(since >= EDGE_SHARE * pulse)
-    moved = record.voltage_volt - record.ocv_volt
-    rest = moved[record.edge :]
+    polarisation_volt = record.voltage_volt - record.ocv_volt
+    rest = polarisation_volt[record.edge :]
     fit = fit_relaxation(since[relaxed], rest[relaxed])
     tau, level = fit.tau_second, record.level_ampere
     # What a pair shows at the first sample that was fitted has grown within the pulse and has
@@ -188,7 +188,7 @@ def _rest_exponentials(record):
     share = -np.expm1(-pulse / tau) * np.exp(-since[relaxed[0]] / tau)
     r = fit.amplitude_volt / (level * share)
     r_std = fit.amplitude_std_volt / abs(level * share)
-    last = moved[record.edge - 1] - fit.ocv_volt
+    last = polarisation_volt[record.edge - 1] - fit.ocv_volt
     r0 = (last - level * (r @ -np.expm1(-pulse / tau))) / level
     values, std = _two_pairs(r0, r, tau), _two_pairs(np.nan, r_std, fit.tau_std_second)
     return Identified(values, std, fit.passes, (np.nan, np.nan), fit.verdict)
@@ -278,8 +278,8 @@ def _uniform(record):
     passed = np.concatenate([[0.0], np.cumsum(record.current_ampere[1:-1] * np.diff(time[1:]))])
     charge = np.concatenate([[0.0], passed])
     ends = np.interp(np.append(grid, grid[-1] + step), inside, charge)
-    moved = np.concatenate([[0.0], (record.voltage_volt - record.ocv_volt)[1:]])
-    return step, np.diff(ends) / step, np.interp(grid + 1e-6 * step, inside, moved)
+    polarisation_volt = np.concatenate([[0.0], (record.voltage_volt - record.ocv_volt)[1:]])
+    return step, np.diff(ends) / step, np.interp(grid + 1e-6 * step, inside, polarisation_volt)
 
 
 def _ascending(values, *others):
@@ -343,10 +343,10 @@ def _error_and_resistance(record, values, pulse):
     circuit = rc_circuit(values[0], r, tau)
     time, current, voltage, ocv = _columns(record)
     error = simulate(circuit, time, current, ocv, hold=HOLD) - voltage
-    moved = (ocv[record.edge] - ocv[0]) / record.level_ampere
+    ocv_ohm = (ocv[record.edge] - ocv[0]) / record.level_ampere
     return {
         "rmse_volt": float(np.sqrt(np.mean(error[1:] ** 2))),
-        "pulse_resistance_ohm": float(values[0] + r @ -np.expm1(-pulse / tau) + moved),
+        "pulse_resistance_ohm": float(values[0] + r @ -np.expm1(-pulse / tau) + ocv_ohm),
     }
 
 

@@ -248,10 +248,10 @@ def _ascending(fit, lower, upper):
         return fit
     order = np.argsort(fit.log_tau, kind="stable")
     head = np.arange(size - pairs)
-    whole = np.concatenate([head, size - pairs + order, size + order])
-    gram, moment = fit.gram[np.ix_(whole, whole)], fit.moment[whole]
+    permutation = np.concatenate([head, size - pairs + order, size + order])
+    gram, moment = fit.gram[np.ix_(permutation, permutation)], fit.moment[permutation]
     return Projected(
-        fit.log_tau[order], fit.linear[whole[:size]], gram, moment, fit.power, fit.near
+        fit.log_tau[order], fit.linear[permutation[:size]], gram, moment, fit.power, fit.near
     )
 
 
@@ -335,16 +335,16 @@ def profile_interval(record, fit, name, *, hold, level=0.95, bounds=None, free_o
     }
 
     def excess(log_value):
-        given = float(np.exp(log_value))
-        held = dict(bounds or {}) | {name: (given, given)}
-        other = fit_circuit(*record, bounds=held, **settings)
-        return (other.rmse_volt / fit.rmse_volt) ** 2 - 1.0 - allowed
+        trial = float(np.exp(log_value))
+        held = dict(bounds or {}) | {name: (trial, trial)}
+        refit = fit_circuit(*record, bounds=held, **settings)
+        return (refit.rmse_volt / fit.rmse_volt) ** 2 - 1.0 - allowed
 
     step = _first_step(fit, name)
     limits = (bounds or {}).get(name, (value / reach, value * reach))
     limits = max(limits[0], value * ZERO), min(limits[1], value * reach)
-    ways = zip((-step, step), np.log(limits), strict=True)
-    ends = [_crossing(excess, np.log(value), *way) for way in ways]
+    directions = zip((-step, step), np.log(limits), strict=True)
+    ends = [_crossing(excess, np.log(value), *step_and_limit) for step_and_limit in directions]
     return _interval(name, value, ends, limits, level)
 
 

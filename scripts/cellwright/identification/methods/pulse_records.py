@@ -88,11 +88,11 @@ def pulse_records(tests, basis, cell, *, pulses_per_cell, samples, rest_lengths)
         if len(chosen) < len(steps):
             rate = float(np.median(test.steps.c_rate[chosen]))
             left_out.append(f"{name}: {len(chosen)} pulses at {rate:.2g}C of {len(steps)} in all")
-    taken = [usable[k] for k in _evenly(np.arange(len(usable)), pulses_per_cell)]
+    chosen_tests = [usable[k] for k in _evenly(np.arange(len(usable)), pulses_per_cell)]
     share = max(pulses_per_cell // max(len(usable), 1), 1)
     records = [
         _record(test, step, soc, basis, samples=samples, rest_lengths=rest_lengths)
-        for test, steps, soc in taken
+        for test, steps, soc in chosen_tests
         for step in steps[_evenly(soc[test.steps.first_row[steps]], share)]
     ]
     return PulseRecords(tuple(records), tuple(left_out))
@@ -104,11 +104,11 @@ def _relaxed_pulses(steps):
     joined = steps.start_time_second[1:] == steps.end_time_second[:-1]
     pulses = np.arange(1, len(kind) - 1)
     between = (kind[pulses - 1] == "rest") & (kind[pulses + 1] == "rest")
-    whole = between & joined[pulses - 1] & joined[pulses] & (kind[pulses] == "pulse")
+    complete = between & joined[pulses - 1] & joined[pulses] & (kind[pulses] == "pulse")
     load = np.where(pulses > 1, duration[pulses - 2], 0.0)
     needed = np.minimum(RELAXED_SECOND * 0.99, RELAXED_LOADS * load)
     counted = steps.last_row[pulses] - steps.first_row[pulses] + 1 >= FEWEST
-    return pulses[whole & counted & (duration[pulses - 1] >= needed)]
+    return pulses[complete & counted & (duration[pulses - 1] >= needed)]
 
 
 def _of_one_rate(steps, pulses):
@@ -125,8 +125,8 @@ def _evenly(values, count):
     if len(values) <= count:
         return np.arange(len(values))
     places = values if np.isfinite(values).all() else np.arange(len(values))
-    wanted = np.linspace(np.max(places), np.min(places), count)
-    return np.unique([int(np.argmin(np.abs(places - target))) for target in wanted])
+    targets = np.linspace(np.max(places), np.min(places), count)
+    return np.unique([int(np.argmin(np.abs(places - target))) for target in targets])
 
 
 def _record(test, step, soc, basis, *, samples, rest_lengths):
