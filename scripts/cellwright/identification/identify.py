@@ -157,17 +157,17 @@ def identify(
     # ASSUME: Time constants of a cell do not depend on SoC, its resistances do (linear between).
     low, high = limits_of(data) if limits_second is None else limits_second
     held = Held(tuple(_taus(data, member, low, high)))
-    held, _, solution = settled(data, held)
+    start = settled(data, held)
+    held, factor = start.held, start.solution.factor
     for name, values in _candidates(
         member, capacity_ampere_hour, celsius, diffusion_second
     ).items():
-        held = cheapest(data, [held._replace(**{name: value}) for value in values], solution.factor)
-    held, system, solution = settled(data, held)
+        held = cheapest(data, [held._replace(**{name: value}) for value in values], factor)
+    fit = settled(data, held)
     bounds = None if member.pairs is None else (low, high)
     if member.pairs:
-        held, system, solution = refined(data, held, system, solution, bounds)
-    condition = condition_of(data, member, held, system, solution, bounds)
-    return Fitted(condition, held, system, solution)
+        fit = refined(data, fit, bounds)
+    return Fitted(condition_of(data, member, fit, bounds), *fit)
 
 
 def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):

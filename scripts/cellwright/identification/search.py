@@ -20,8 +20,16 @@ SETTLED = 2e-4  # change of the SoC's scale that is small enough
 STEADY = 0.003  # change of the charge-transfer resistance that is small enough, of its largest
 
 
+class Fit(NamedTuple):
+    """regression.Held parameters, the regression.System about them, and its regression.Solution."""
+
+    held: object
+    system: object
+    solution: object
+
+
 def settled(data, held, *, passes=10):
-    """Held parameters, system and solution after the SoC's scale and the kinetics have converged.
+    """Fit after the SoC's scale and the kinetics have converged.
 
     Parameters
     ----------
@@ -51,7 +59,7 @@ def settled(data, held, *, passes=10):
     solution = at_scale(system, solved(system))
     if held.scale_volt is not None:
         held = held._replace(transfer_ohm=_transfer(held, solution.values))
-    return held, system, solution
+    return Fit(held, system, solution)
 
 
 def at_scale(system, solution):
@@ -88,7 +96,7 @@ def cheapest(data, tries, factor):
     -------
     held : regression.Held.
     """
-    candidates = [settled(data, held, passes=2)[0] for held in tries]
+    candidates = [settled(data, held, passes=2).held for held in tries]
     costs = [cost_of(data, held, factor) for held in candidates]
     return candidates[int(np.argmin(costs))]
 
@@ -117,18 +125,18 @@ class Free(NamedTuple):
     slope: np.ndarray
 
 
-def with_time_constants(data, held, system, solution):
+def with_time_constants(data, fit):
     """Precision and slope with the logarithms of the time constants free as well.
 
     Parameters
     ----------
-    data : regression.Data. held : regression.Held.
-    system, solution : regression.System, Solution of what is held.
+    data : regression.Data. fit : Fit.
 
     Returns
     -------
     free : Free.
     """
+    held, system, solution = fit
     changes = [_change(data, held, n, solution.values) for n in range(len(held.tau_second))]
     matrix = np.column_stack([system.matrix, *(change * system.weight for change in changes)])
     size = len(solution.vector)
@@ -141,50 +149,47 @@ def with_time_constants(data, held, system, solution):
 
 def _change(data, held, number, values):
     """Derivative of the voltage by the logarithm of one time constant (n,) [V]."""
-    up, down = (
-        columns_of(data, _moved(held, number, np.exp(sign * STEP))).resistances for sign in (1, -1)
-    )
+    sides = []
+    for sign in (1, -1):
+        tau = list(held.tau_second)
+        tau[number] *= np.exp(sign * STEP)
+        sides.append(columns_of(data, held._replace(tau_second=tuple(tau))).resistances)
+    up, down = sides
     change = sum((a - b) @ values[name] for (name, a), (_, b) in zip(up, down, strict=True))
     return change / (2 * STEP)
 
 
-def _moved(held, number, factor):
-    tau = list(held.tau_second)
-    tau[number] *= factor
-    return held._replace(tau_second=tuple(tau))
-
-
-def refined(data, held, system, solution, bounds, *, steps=3, enough=0.1):
-    """Held parameters, system and solution after Newton steps of the time constants.
+def refined(data, fit, bounds, *, steps=3, enough=0.1):
+    """Fit after Newton steps of the time constants, as long as they lower the cost.
 
     The search stops a few per cent off, and ran before hysteresis, kinetics and diffusion were
     found: the stated deviations would be smaller than that.
 
     Parameters
     ----------
-    data, held, system, solution : as in `with_time_constants`.
+    data, fit : as in `with_time_constants`.
     bounds : (low, high) of time constants [s].
     steps : how many at most.
     enough : step that is small enough, over the standard deviation [1].
 
     Returns
     -------
-    held, system, solution : as given where no step helps.
+    fit : Fit, as given where no step helps.
     """
-    factor = solution.factor
-    best = cost_of(data, held, factor)
+    factor = fit.solution.factor
+    best = cost_of(data, fit.held, factor)
     for _ in range(steps):
-        step, std = _step(with_time_constants(data, held, system, solution), solution)
-        tau = np.clip(np.asarray(held.tau_second) * np.exp(np.clip(step, -0.5, 0.5)), *bounds)
-        tried = held._replace(tau_second=tuple(np.sort(tau)))
+        step, std = _step(with_time_constants(data, fit), fit.solution)
+        tau = np.clip(np.asarray(fit.held.tau_second) * np.exp(np.clip(step, -0.5, 0.5)), *bounds)
+        tried = fit.held._replace(tau_second=tuple(np.sort(tau)))
         cost = cost_of(data, tried, factor)
         if cost >= best:
             break
-        held, system, solution = settled(data, tried, passes=3)
-        best = cost_of(data, held, factor)
+        fit = settled(data, tried, passes=3)
+        best = cost_of(data, fit.held, factor)
         if np.all(np.abs(step) <= enough * std):
             break
-    return held, system, solution
+    return fit
 
 
 def covariance_of(free, solution):
@@ -250,23 +255,23 @@ class Condition(NamedTuple):
     samples: int
 
 
-def condition_of(data, member, held, system, solution, bounds):
+def condition_of(data, member, fit, bounds):
     """Condition of a solution, with deviations of the time constants where these were searched.
 
     Parameters
     ----------
-    data : regression.Data. member : circuit.Member. held : regression.Held.
-    system, solution : regression.System, Solution of what is held.
+    data : regression.Data. member : circuit.Member. fit : Fit.
     bounds : (low, high) of searched time constants [s]; None where they are a fixed series.
 
     Returns
     -------
     condition : Condition.
     """
+    held, system, solution = fit
     values, stds, tau_stds = solution.values, solution.stds, np.full(len(held.tau_second), np.nan)
     at_bound = []
     if bounds is not None and held.tau_second:
-        stds, tau_stds = _with_time_constants(data, held, system, solution)
+        stds, tau_stds = _with_time_constants(data, fit)
         log = np.log(held.tau_second)
         edge = (np.abs(log - np.log(bounds[0])) < AT_BOUND) | (
             np.abs(log - np.log(bounds[1])) < AT_BOUND
@@ -328,9 +333,8 @@ def _elements(data, member, held, values, stds, tau_stds):
     return tuple(elements)
 
 
-def _with_time_constants(data, held, system, solution):
+def _with_time_constants(data, fit):
     """Standard deviations with the time constants free: of the linear parameters, of tau [s]."""
-    free = with_time_constants(data, held, system, solution)
-    std = np.sqrt(np.diag(covariance_of(free, solution)))
-    size = len(solution.vector)
-    return named(system, std[:size]), std[size:] * np.asarray(held.tau_second)
+    std = np.sqrt(np.diag(covariance_of(with_time_constants(data, fit), fit.solution)))
+    size = len(fit.solution.vector)
+    return named(fit.system, std[:size]), std[size:] * np.asarray(fit.held.tau_second)
