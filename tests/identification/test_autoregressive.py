@@ -62,17 +62,17 @@ def test_the_simulation_obeys_the_recurrence(pairs, hold):
 @pytest.mark.parametrize("pairs", [1, 2])
 def test_recovery_without_noise(pairs, hold):
     estimate = track(CURRENT, voltage(pairs, hold), 3.7, n_rc=pairs)
-    found = circuit_of_coefficients(estimate.coefficient[-1], STEP, hold=hold, n_rc=pairs)
-    assert found.r0_ohm == pytest.approx(R0, rel=1e-6)
-    np.testing.assert_allclose(found.r_ohm, R[:pairs], rtol=1e-4)
-    np.testing.assert_allclose(found.tau_second, TAU[:pairs], rtol=1e-4)
+    circuit = circuit_of_coefficients(estimate.coefficient[-1], STEP, hold=hold, n_rc=pairs)
+    assert circuit.r0_ohm == pytest.approx(R0, rel=1e-6)
+    np.testing.assert_allclose(circuit.r_ohm, R[:pairs], rtol=1e-4)
+    np.testing.assert_allclose(circuit.tau_second, TAU[:pairs], rtol=1e-4)
 
 
 def test_the_error_of_the_ocv_is_found():
     estimate = track(CURRENT, voltage(1), 3.69, n_rc=1, free_ocv=True)
-    found = circuit_of_coefficients(estimate.coefficient[-1], STEP, hold="zero_order")
-    assert found.ocv_offset_volt == pytest.approx(0.01, rel=1e-4)
-    assert found.tau_second[0] == pytest.approx(5.0, rel=1e-4)
+    circuit = circuit_of_coefficients(estimate.coefficient[-1], STEP, hold="zero_order")
+    assert circuit.ocv_offset_volt == pytest.approx(0.01, rel=1e-4)
+    assert circuit.tau_second[0] == pytest.approx(5.0, rel=1e-4)
 
 
 def test_forgetting_follows_a_resistance_that_grows():
@@ -87,14 +87,14 @@ def test_forgetting_follows_a_resistance_that_grows():
 
 def test_noise_shortens_the_time_constants():
     """The bias that the page states: past voltages are regressors, and noisy."""
-    rng, found = np.random.default_rng(2), {}
+    rng, content = np.random.default_rng(2), {}
     for noise in (1e-4, 1e-3):
         volt = voltage(2) + noise * rng.normal(size=len(TIME))
         last = track(CURRENT, volt, 3.7, n_rc=2).coefficient[-1]
-        found[noise] = circuit_of_coefficients(last, STEP, hold="zero_order", n_rc=2)
-    assert found[1e-4].tau_second[1] < 80.0
-    assert found[1e-3].tau_second[1] < 0.5 * found[1e-4].tau_second[1]
-    assert found[1e-3].r0_ohm == pytest.approx(R0, rel=0.01)
+        content[noise] = circuit_of_coefficients(last, STEP, hold="zero_order", n_rc=2)
+    assert content[1e-4].tau_second[1] < 80.0
+    assert content[1e-3].tau_second[1] < 0.5 * content[1e-4].tau_second[1]
+    assert content[1e-3].r0_ohm == pytest.approx(R0, rel=0.01)
 
 
 @pytest.mark.parametrize(

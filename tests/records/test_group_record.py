@@ -17,8 +17,8 @@ def made(branches, soc=None, **more):
 
 
 def test_branches_stand_in_the_order_of_their_numbers():
-    found = branch_currents(made((10, 2, 1, 11, 3)).series)
-    np.testing.assert_array_equal(found[1], [1, 2, 3, 10, 11])
+    currents = branch_currents(made((10, 2, 1, 11, 3)).series)
+    np.testing.assert_array_equal(currents[1], [1, 2, 3, 10, 11])
     assert branch_currents(made(()).series) is None
 
 
