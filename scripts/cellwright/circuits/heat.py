@@ -126,7 +126,7 @@ def simulate_warm(
 
     Parameters
     ----------
-    model, member, test_time_second, current_ampere, soc, hold : as in `lookup.simulate_model`.
+    model, member, test_time_second, current_ampere, soc, hold : as in `model_file.simulate_model`.
     ambient_celsius : scalar or (n,) [degC].
     heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt, initial_celsius : as in
         `temperature`. entropic_volt_per_kelvin : as in `heat`.

@@ -12,8 +12,8 @@ from cellwright.refusal import Refusal
 def levels_of(bank, current_ampere, curved):
     """RMS of every element's drive over a record at half charge (E,) [V].
 
-    One level for the whole record: were the noise to follow the current, an error of a resistance
-    would be heard at rest and not under load, and drive the SoC away, cycle by cycle.
+    One level for the whole record: with noise in proportion to the current an error of a resistance
+    would count at rest and not under load, and move the SoC off with every cycle.
 
     Parameters
     ----------

@@ -115,7 +115,7 @@ class Calibration(NamedTuple):
     """Coefficients of the bias functions and their leave-one-cell-out errors.
 
     r0, ocv : (4,) [ohm/V², ohm/V ×3], [1/V, 1 ×3]; polarisation : [ohm/V]; errors RMS. R0 stands
-    for all that acts within seconds, polarisation for the rest, see `changed.fast_and_slow`.
+    for all that acts within seconds, polarisation for the rest, see `fast_and_slow`.
     """
 
     r0: np.ndarray
@@ -243,7 +243,7 @@ def biased_model(reference, calibration, *, cell, main_shift_volt, mean_shift_vo
     Returns
     -------
     model : dict, kind "bias". Of R0 and all branches, fast and slow resistances are scaled to what
-        the bias functions give for their sums (`changed.fast_and_slow`), at least to a tenth of the
+        the bias functions give for their sums (`fast_and_slow`), at least to a tenth of the
         reference's. All else as in `scaled_reference`.
     """
 

@@ -51,8 +51,8 @@ class Choice(NamedTuple):
 def left_out(fitted, block):
     """Errors of a fitted member by block, each block predicted without its fold.
 
-    Every fourth block is left out together with its like, so that what is predicted lies between
-    what was fitted, as in use. Time constants and scales are not searched anew.
+    Every fourth block is left out at once, so that blocks predicted lie between blocks fitted, as
+    in use. Time constants and scales are not searched anew.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def with_laws(model, laws):
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2. laws : temperature_laws.Laws.
+    model : dict of schema cellwright-model/2. laws : temperature.Laws.
     """
     entry = {"resistance_laws": laws._asdict()}
     members = [
@@ -81,7 +81,7 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
     whole : dict of the model of all temperatures. reduced : dict temperature [degC] → model
         identified without it.
     cell : CellFacts. tests : list of MeasuredTest, any temperature.
-    laws : temperature_laws.Laws that are asked, or None: all are tried.
+    laws : temperature.Laws that are asked, or None: all are tried.
     proof : score what took no part in fits (roles validation, split), else what did (fit, split).
     split_rest_second : shortest rest that cuts a test of role `split` [s].
 
@@ -144,7 +144,7 @@ def choose_laws(rows, *, beyond=LAWS):
     ----------
     rows : list of dict, from `predicted` with the tests that may be fitted.
     beyond : names of the laws that may go on beyond the tested temperatures; see
-        `over_temperature.laws_beyond`.
+        `laws_beyond`.
 
     Returns
     -------
@@ -191,7 +191,7 @@ def laws_kept(tried):
 
     Returns
     -------
-    laws : temperature_laws.Laws.
+    laws : temperature.Laws.
     """
     chosen = {row["beyond"]: row["law"] for row in tried if row["chosen"]}
     return Laws(chosen.get(False, LAWS[0]), chosen.get(True, LAWS[0]))
@@ -275,7 +275,7 @@ def laws_beyond(model):
 
     Returns
     -------
-    offered : tuple of names of `temperature_laws.LAWS`.
+    offered : tuple of names of `temperature.LAWS`.
     words : str, which is not offered and why, or "".
     """
     rising = {name: _rising(with_laws(model, Laws(beyond=name))) for name in LAWS}

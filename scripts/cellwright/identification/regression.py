@@ -1,4 +1,4 @@
-"""The columns of an identification that is linear once a few numbers are held.
+"""Linear least squares of an identification: its columns over SoC, priors and solution.
 
 For given time constants, charge constant of the hysteresis and scale of the kinetics, the voltage
 is V = U(z') + Σ over knots of (shift, R0, R_j, M) × column, where z' is the counted SoC stretched
@@ -206,6 +206,11 @@ class Noise(NamedTuple):
 
 class Prior(NamedTuple):
     """Standard deviations of the parameters before the data.
+
+    Without priors a knot without data could take any value, and a fit of a drive's blocks would
+    say nothing of the SoC between them. The priors are weak and physical: resistances change
+    smoothly with SoC, faster near empty; an OCV table is right to some tens of millivolts; capacity
+    is known to a few per cent. They count only where the data say little.
 
     shift_volt : of the OCV table. shift_walk_volt : of its change over the whole of SoC.
     walk : relative change of a resistance over the whole of SoC [1].

@@ -21,7 +21,7 @@ STEADY = 0.003  # change of the charge-transfer resistance that is small enough,
 
 
 class Fit(NamedTuple):
-    """regression.Held parameters, the regression.System about them, and its regression.Solution."""
+    """Held parameters, the regression.System about them, and its Solution."""
 
     held: object
     system: object
@@ -35,7 +35,7 @@ def settled(data, held, *, passes=10):
     ----------
     data : regression.Data.
     held : regression.Held.
-    passes : how often at most the problem is solved about what was found before.
+    passes : largest number of solutions, each about the scale and kinetics of the last.
     """
     if held.scale_volt is not None and held.transfer_ohm is None:
         linear = solved(system_of(columns_of(data, held._replace(scale_volt=None)), data.knots))
@@ -162,8 +162,8 @@ def _change(data, held, number, values):
 def refined(data, fit, bounds, *, steps=3, enough=0.1):
     """Fit after Newton steps of the time constants, as long as they lower the cost.
 
-    The search stops a few per cent off, and ran before hysteresis, kinetics and diffusion were
-    found: the stated deviations would be smaller than that.
+    The search ends a few per cent from the optimum, and ran without hysteresis, kinetics and
+    diffusion: an error above the stated deviations.
 
     Parameters
     ----------
