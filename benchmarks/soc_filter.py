@@ -84,7 +84,7 @@ def _recursion(time, current, volt, _soc):
     from cellwright.filters.estimate import Start
     from cellwright.filters.kalman import run
     from cellwright.filters.plant import plant_of
-    from cellwright.filters.start import acquire
+    from cellwright.filters.kalman import acquire
 
     noise = _three_states()["noise"]
     bank = bank_of(cell.model(), "2RC", 25.0)

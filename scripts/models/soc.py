@@ -1,18 +1,17 @@
 """Estimate the SoC of one test that took no part in the fit by every filter, and score it."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
     params, inputs = snakemake.params, snakemake.input
-    found = cw.estimate_soc(
+    estimates = cw.estimate_soc(
         job.load(inputs.model),
         job.load(inputs.series),
-        params.test,
-        params.cell,
+        *facts.of_job(snakemake),
         params.settings,
         split_rest_second=params.split_rest_second,
     )
-    job.note(*found.notes)
-    job.save(found.rows, snakemake.output.scores)
-    job.save(found.series, snakemake.output.series)
+    job.note(*estimates.notes)
+    job.save(estimates.rows, snakemake.output.scores)
+    job.save(estimates.series, snakemake.output.series)

@@ -26,6 +26,15 @@ def test(snakemake) -> MeasuredTest:
     return MeasuredTest(known, artefact.load(snakemake.input.series))
 
 
+def tests_with_steps(steps_paths, series_paths) -> list[tuple[TestFacts, dict, dict]]:
+    """Each test with its clean series and its steps, where both could be made."""
+    pairs = zip(steps_paths, series_paths, strict=True)
+    return [
+        (of_artefact(about), series, steps)
+        for steps, series, about in artefact.load_together(pairs)
+    ]
+
+
 def tests(paths) -> list[MeasuredTest]:
     """Clean series with what the sheet says of each test."""
     loaded = artefact.load_all(paths)

@@ -22,7 +22,7 @@ from cellwright.effects.member import (
 )
 from cellwright.effects.records import stacked
 from cellwright.filters.bank import bank_of
-from cellwright.filters.evaluate import _as_it_was
+from cellwright.filters.evaluate import _without_instrument_faults
 from cellwright.identification.cell import cell_model
 from cellwright.identification.choice import fitted_records
 from cellwright.records.record import laid_out, record_of
@@ -357,7 +357,7 @@ def test_a_filter_sees_the_true_current_and_voltage():
     tests = series_of(given)
     model = holding(given)
     read = laid_out(tests[0], model, SHEET, split_rest_second=300.0)
-    record = _as_it_was(model, member_of(model, NAME), read)
+    record = _without_instrument_faults(model, member_of(model, NAME), read)
     true = tests[0].series["current_ampere"] - 0.02
     np.testing.assert_allclose(record.current_ampere, true)
     volt = tests[0].series["voltage_volt"] / 1.003 - 0.01

@@ -9,8 +9,8 @@ from cellwright.circuits.circuit import KINDS
 from cellwright.filters import kalman
 from cellwright.filters.bank import bank_of
 from cellwright.filters.estimate import Start
+from cellwright.filters.kalman import acquire
 from cellwright.filters.plant import Noise, plant_of
-from cellwright.filters.start import acquire
 from cellwright.native import function
 from cellwright.refusal import Refusal
 
@@ -98,9 +98,9 @@ def test_on_a_straight_ocv_it_is_the_textbooks_kalman_filter():
     state = kalman.State(
         np.array([0.5, 0, 0]), np.diag([0.04, 0, 0]), 0.0, 0.0, np.empty((0, 3)), 0.5, 0.0, 0.04
     )
-    found = kalman.run(plant, noise, state)
-    n, variance = len(found) - 1, noise.sensor_volt**2 + (2 * 0.01) ** 2
-    assert found[-1, 1] == pytest.approx(1.0 / (1.0 / 0.04 + n / variance), rel=1e-9)
+    estimated = kalman.run(plant, noise, state)
+    n, variance = len(estimated) - 1, noise.sensor_volt**2 + (2 * 0.01) ** 2
+    assert estimated[-1, 1] == pytest.approx(1.0 / (1.0 / 0.04 + n / variance), rel=1e-9)
 
 
 def test_covariance_stays_symmetric_and_positive():

@@ -25,7 +25,6 @@ OF_THEIR_OWN = (
     "effect_left_out",
     "effect_answers",
     "missing_effect_benchmark",
-    "identification_methods",
 )
 
 

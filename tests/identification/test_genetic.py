@@ -30,13 +30,13 @@ def test_the_cost_is_the_mean_squared_error_of_the_simulation(hold):
 
 
 def test_the_gradient_is_at_least_as_good():
-    found = evolve_by_genes(RECORD, BOUNDS, **HOLD)
+    evolved = evolve_by_genes(RECORD, BOUNDS, **HOLD)
     best = fit_circuit(*RECORD, **HOLD)
     (cost,) = cost_function(RECORD, **HOLD)(np.log(best.values[None]))
-    assert cost <= found.mean_square_volt2 * (1 + 1e-9)
-    assert found.mean_square_volt2 < 1.01 * cost
-    np.testing.assert_allclose(found.values, best.values, rtol=0.25)
-    assert best.iterations * 100 < found.evaluations
+    assert cost <= evolved.mean_square_volt2 * (1 + 1e-9)
+    assert evolved.mean_square_volt2 < 1.01 * cost
+    np.testing.assert_allclose(evolved.values, best.values, rtol=0.25)
+    assert best.iterations * 100 < evolved.evaluations
 
 
 def test_a_seed_repeats_itself_and_the_best_never_gets_worse():
@@ -51,10 +51,10 @@ def test_a_seed_repeats_itself_and_the_best_never_gets_worse():
 
 
 def test_a_hundred_generations_are_the_default():
-    found = evolve_by_genes(RECORD, BOUNDS, **HOLD, population=10)
-    assert len(found.course) == 101
-    low, high = np.array([BOUNDS[name] for name in found.names]).T
-    assert ((found.values >= low) & (found.values <= high)).all()
+    evolved = evolve_by_genes(RECORD, BOUNDS, **HOLD, population=10)
+    assert len(evolved.course) == 101
+    low, high = np.array([BOUNDS[name] for name in evolved.names]).T
+    assert ((evolved.values >= low) & (evolved.values <= high)).all()
 
 
 def test_refusals():

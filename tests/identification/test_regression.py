@@ -7,16 +7,20 @@ from synthetic import CAPACITY, data, diffusion, hysteresis, measured
 
 from cellwright.circuits.circuit import Branch
 from cellwright.circuits.simulate import overpotentials
-from cellwright.identification.columns import (
+from cellwright.identification.regression import (
     Held,
+    Noise,
+    Prior,
     columns_of,
     damping,
     lead,
+    named,
     ocv_of,
     on_table,
     slope_of,
+    solved,
+    system_of,
 )
-from cellwright.identification.regression import Noise, Prior, named, solved, system_of
 from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.statistics import correlation_factor
 from cellwright.refusal import Refusal
@@ -85,10 +89,10 @@ def test_kinetics_fall_short_only_of_large_currents(ready):
     (record,) = ready.records
     shape = hats(record.soc, ready.knots)
     held = Held((), scale_volt=0.05, transfer_ohm=np.full(5, 0.04))
-    found = damping(record, shape, held)
+    factor = damping(record, shape, held)
     x = 0.04 * np.abs(record.current_ampere) / 0.05
-    np.testing.assert_allclose(found[x > 0], np.arcsinh(x[x > 0]) / x[x > 0])
-    np.testing.assert_allclose(found[x == 0], 1.0)
+    np.testing.assert_allclose(factor[x > 0], np.arcsinh(x[x > 0]) / x[x > 0])
+    np.testing.assert_allclose(factor[x == 0], 1.0)
     np.testing.assert_array_equal(damping(record, shape, held._replace(transfer_ohm=None)), 1.0)
 
 
@@ -112,10 +116,10 @@ def test_where_data_are_silent_the_prior_goes_on_flat(ready):
     """Knots that no row touches take the value of their neighbours."""
     (record,) = ready.records
     half = ready._replace(records=(record._replace(used=record.used & (record.soc > 0.5)),))
-    found = solved(system_of(columns_of(half, HELD), half.knots))
-    np.testing.assert_allclose(found.values["r0"][2:], truth.R0[2:], rtol=0.05)
-    np.testing.assert_allclose(found.values["r0"][:2], found.values["r0"][2], rtol=0.1)
-    assert found.stds["r0"][0] > 5 * found.stds["r0"][3]
+    solution = solved(system_of(columns_of(half, HELD), half.knots))
+    np.testing.assert_allclose(solution.values["r0"][2:], truth.R0[2:], rtol=0.05)
+    np.testing.assert_allclose(solution.values["r0"][:2], solution.values["r0"][2], rtol=0.1)
+    assert solution.stds["r0"][0] > 5 * solution.stds["r0"][3]
 
 
 def test_a_stronger_prior_pulls_more(ready):
@@ -130,16 +134,16 @@ def test_a_stronger_prior_pulls_more(ready):
 
 
 def test_the_cost_is_lowest_at_the_solution(system):
-    found = solved(system)
+    solution = solved(system)
     rng = np.random.default_rng(3)
     for _ in range(20):
-        vector = found.vector * (1 + 0.02 * rng.normal(size=len(found.vector)))
+        vector = solution.vector * (1 + 0.02 * rng.normal(size=len(solution.vector)))
         residual = system.target - system.matrix @ vector
-        cost = found.factor * residual @ residual + vector @ system.prior @ vector
-        assert cost >= found.cost
-    parts = named(system, found.vector)
+        cost = solution.factor * residual @ residual + vector @ system.prior @ vector
+        assert cost >= solution.cost
+    parts = named(system, solution.vector)
     assert list(parts) == ["shift", "scale", "r0", "r1", "r2", "m"]
-    assert sum(len(part) for part in parts.values()) == len(found.vector)
+    assert sum(len(part) for part in parts.values()) == len(solution.vector)
 
 
 def test_a_resistance_at_zero_has_no_deviation(ready):
@@ -148,11 +152,11 @@ def test_a_resistance_at_zero_has_no_deviation(ready):
     volt = truth.ocv_at(record.soc) + 0.03 * record.current_ampere
     noise = np.random.default_rng(4).normal(0, 1e-3, len(volt))
     ohmic = ready._replace(records=(record._replace(voltage_volt=volt + noise),))
-    found = solved(system_of(columns_of(ohmic, Held((8.0,))), ohmic.knots))
-    np.testing.assert_allclose(found.values["r0"], 0.03, rtol=0.03)
-    zero = found.values["r1"] == 0
+    solution = solved(system_of(columns_of(ohmic, Held((8.0,))), ohmic.knots))
+    np.testing.assert_allclose(solution.values["r0"], 0.03, rtol=0.03)
+    zero = solution.values["r1"] == 0
     assert zero.any()
-    np.testing.assert_array_equal(np.isnan(found.stds["r1"]), zero)
+    np.testing.assert_array_equal(np.isnan(solution.stds["r1"]), zero)
 
 
 def test_a_current_of_the_wrong_sign_is_refused(ready):
@@ -203,9 +207,9 @@ def test_upper_bounds_give_what_scipys_bounded_solver_gives():
         most = np.append(np.full(12, np.inf), rng.uniform(0.0, 0.1, 12))
         least = np.append(np.full(4, -np.inf), np.zeros(20))
         expected = lsq_linear(matrix, target, (least, most), tol=1e-12).x
-        found = solve(matrix.T @ matrix, matrix.T @ target, 4, most)
-        np.testing.assert_allclose(found, expected, atol=1e-5)
-        assert np.all(found <= most)
+        vector = solve(matrix.T @ matrix, matrix.T @ target, 4, most)
+        np.testing.assert_allclose(vector, expected, atol=1e-5)
+        assert np.all(vector <= most)
 
 
 def test_bounds_that_do_not_bind_change_nothing():

@@ -6,7 +6,7 @@ import group_plant
 import numpy as np
 
 from cellwright.effects.groups.model import Branch
-from cellwright.records.group import GroupRecord
+from cellwright.records.record import GroupRecord
 
 TABLE = np.array([group_plant.ocv(soc) for soc in np.linspace(0.0, 1.0, 401).tolist()])
 CELLS = [

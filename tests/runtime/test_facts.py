@@ -50,3 +50,16 @@ def test_tests_carry_the_facts_that_their_artefacts_were_made_with(job):
     (test,) = facts.tests(paths)
     assert test.facts == facts.of_job(job(paths[0], "cold"))[0]
     assert test.series["capacity_ampere_hour"].tolist() == [1.9]
+
+
+def test_tests_with_steps_pair_the_series_of_a_test_with_its_steps(job):
+    """A test without one of the two is left out."""
+    row = dict.fromkeys(NUMBERS, 1.9) | {"direction": "discharge", "repeats": 1}
+    paths = [f"results/capacity/A/{name}.parquet" for name in ("cold", "empty")]
+    with artefact.Job(job(paths[0], "cold")) as made:
+        made.save([row])
+    with artefact.Job(job(paths[1], "empty")):
+        raise Refusal("nothing in it")
+    ((test, series, steps),) = facts.tests_with_steps(paths, paths)
+    assert (test.test, test.kind) == ("cold", "drive")
+    assert series["capacity_ampere_hour"].tolist() == steps["capacity_ampere_hour"].tolist()

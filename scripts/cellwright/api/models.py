@@ -1,6 +1,6 @@
 """Equivalent circuits and state of charge: what SoC refers to, identification, validation."""
 
-from cellwright.settings import Models, Soc
+from cellwright.settings import IdentificationMethods, Models, Soc
 
 MODELS = Models()
 
@@ -187,6 +187,39 @@ def identify_without(
     members = [given.content(whole)["chosen"]]
     facts = given.cell_facts(cell)
     return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
+
+
+def compare_identification_methods(cell, basis, tests, settings=None, **changes):
+    """R0 and two RC pairs from the same pulses by each identification method, side by side.
+
+    Parameters
+    ----------
+    cell : CellFacts or mapping.
+    basis : result of `basis`.
+    tests : (test, clean series, result of `segment`) each, of tests with pulses.
+    settings : `settings.IdentificationMethods`, or its keys as keywords.
+
+    Returns
+    -------
+    comparison : Table; one row a pulse and method: r0_ohm, r1_ohm, r2_ohm [ohm], tau1_second,
+        tau2_second [s], rmse_volt [V], evaluations, and the reason where a method has no circuit.
+        Without a pulse that counts there is no row, and `notes` say why.
+
+    Source: thesis 2.3 and table 2.2; docs/identification.md.
+    """
+    from cellwright.api import given, results
+    from cellwright.identification.methods.comparison import compare_methods
+    from cellwright.identification.methods.pulse_records import PulseTest
+
+    measured = [
+        PulseTest(given.test_facts(test), given.columns(series, *given.COUNTED), given.steps(steps))
+        for test, series, steps in tests
+    ]
+    chosen = given.chosen(IdentificationMethods, settings, changes)
+    comparison = compare_methods(
+        measured, given.content(basis), given.cell_facts(cell), **chosen._asdict()
+    )
+    return results.Table(comparison.rows, comparison.left_out)
 
 
 def compare_temperature_laws(

@@ -112,7 +112,7 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
     ----------
     model : dict of schema cellwright-model/2.
     temperature_celsius : [degC]; None only for a model of one condition.
-    member : name of a member of RC pairs, or None for that of `plain.plain_member`.
+    member : name of a member of RC pairs, or None for that of `model_file.plain_member`.
     points : size of the grid; where its knots lie on the grid the tables say what the model says.
 
     Returns
@@ -121,14 +121,14 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
 
     Raises
     ------
-    Refusal : a member with more than RC pairs, or as `lookup.circuit_at`.
+    Refusal : a member with more than RC pairs, or as `model_file.circuit_at`.
     """
     soc = np.linspace(0.0, 1.0, points)
     temperature = np.nan if temperature_celsius is None else temperature_celsius
-    found = member_of(model, plain_member(model) if member is None else member)
-    if not is_plain(found):
-        raise Refusal(f"{found['model']} holds more than RC pairs, which is all that runs here")
-    conditions = found["conditions"]
+    entry = member_of(model, plain_member(model) if member is None else member)
+    if not is_plain(entry):
+        raise Refusal(f"{entry['model']} holds more than RC pairs, which is all that runs here")
+    conditions = entry["conditions"]
     ocv = open_circuit_volt(model, circuit_at(conditions, soc, temperature), temperature)
     return Tables(ocv, *parameters_at(conditions, soc, temperature)[:3])
 
@@ -141,8 +141,10 @@ def _run(tables, step, current, soc, hold, ampere_second):
     pairs, points = np.shape(tables.r_ohm)
     moves = np.ndim(tables.tau_second) == 2
     columns = [tables.ocv_volt, tables.r0_ohm, *tables.r_ohm]
-    at = np.stack([*columns, *tables.tau_second] if moves else columns, axis=1)
-    rows = np.ascontiguousarray(np.concatenate([at[:-1], np.diff(at, axis=0)], axis=1))
+    columns_at = np.stack([*columns, *tables.tau_second] if moves else columns, axis=1)
+    rows = np.ascontiguousarray(
+        np.concatenate([columns_at[:-1], np.diff(columns_at, axis=0)], axis=1)
+    )
     tau = np.ones(pairs) if moves else np.ascontiguousarray(tables.tau_second, float)
     voltage = np.empty(len(current))
     settings = (len(step) != len(current) - 1, hold == "first_order")
@@ -152,7 +154,7 @@ def _run(tables, step, current, soc, hold, ampere_second):
 
 
 def _run_by_lags(tables, step, current, soc, hold, ampere_second):
-    """Twin of the kernel: SoC, then look-up, then one lag per pair."""
+    """The kernel's result in numpy: SoC, then look-up, then one lag per pair."""
     step = np.broadcast_to(step, len(current) - 1)
     if ampere_second > 0:
         between = (current[:-1] + current[1:]) / 2 if hold == "first_order" else current[:-1]

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.filters.bank import NODES
-from cellwright.filters.kalman import run
+from cellwright.filters.kalman import acquire, run
 from cellwright.filters.plant import ERROR, GAIN, SLOPE, TOTAL, Noise, plant_of
-from cellwright.filters.start import acquire
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
 
@@ -17,7 +16,7 @@ FLAT_VOLT = 1e-9  # a slope of the OCV that tells nothing
 
 
 class Start(NamedTuple):
-    """What is known before the first sample.
+    """Estimate before the first sample.
 
     soc, soc_std : state of charge and its standard deviation [1].
     c_rate : current that may have flowed before, as a rate; its settled relaxations are the
@@ -34,7 +33,7 @@ class Start(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """State of charge (n,) [1] with its standard deviation, and what it was found by.
+    """State of charge (n,) [1] with its standard deviation, innovations and tracked parameters.
 
     innovation_volt, innovation_std_volt : measured minus predicted voltage, and what its standard
         deviation should be; NaN where a method has none [V].
@@ -65,7 +64,7 @@ def estimate(
     resistance_factor=1.0,
     track_ohmic=True,
 ):
-    """State of charge over a record, from a start that may be wrong.
+    """State of charge over a record (n,) [1] by one method, from a start that may be wrong.
 
     "coulomb" counts from the stated start (2.21). "ocv" looks each sample up alone: the voltage
     less the model's overpotentials, in the OCV table. "ekf" filters with the stated noise, "aekf"
@@ -109,24 +108,24 @@ def estimate(
     settings = {"hold": hold, "resistance_factor": resistance_factor}
     plant = plant_of(bank, *record, noise, **settings, track_capacity=dual, track_ohmic=track_ohmic)
     if method == "coulomb":
-        return _plain(*_counted(plant, start, noise))
+        return _without_innovations(*_counted(plant, start, noise))
     if method == "ocv":
-        return _plain(*_looked_up(plant, noise))
+        return _without_innovations(*_looked_up(plant, noise))
     return _filtered(plant, start, noise)
 
 
-def _plain(soc, std):
+def _without_innovations(soc, std):
     return Estimate(soc, std, *[np.full(len(soc), np.nan)] * 6)
 
 
 def _counted(plant, start, noise):
-    moved = np.cumsum(plant.charge_ampere_hour) / plant.capacity_ampere_hour
+    passed = np.cumsum(plant.charge_ampere_hour) / plant.capacity_ampere_hour
     seconds = np.cumsum(plant.step_second)
-    return start.soc + moved, np.sqrt(start.soc_std**2 + noise.soc_walk[0] * seconds)
+    return start.soc + passed, np.sqrt(start.soc_std**2 + noise.soc_walk[0] * seconds)
 
 
 def _looked_up(plant, noise):
-    """SoC at which the OCV is the voltage less the overpotentials at that SoC, sample by sample."""
+    """SoC (n,) at which the OCV is the voltage less the overpotentials, and its deviation."""
     grid = plant.soc_first + plant.soc_spacing * np.arange(len(plant.tables))
     inside = (grid > -1e-9) & (grid < 1.0 + 1e-9)
     curve = np.maximum.accumulate(plant.tables[inside, TOTAL])
@@ -134,9 +133,9 @@ def _looked_up(plant, noise):
     for _ in range(PASSES):
         over = _overpotential(plant, soc, grid)
         soc = np.interp(plant.voltage_volt - over, curve, grid[inside])
-    at = [np.interp(soc, grid, plant.tables[:, column]) for column in (SLOPE, ERROR)]
-    volt = np.sqrt(at[1] ** 2 + plant.slow_variance + plant.white_variance)
-    std = volt / np.maximum(at[0], FLAT_VOLT)
+    slope_and_error = [np.interp(soc, grid, plant.tables[:, column]) for column in (SLOPE, ERROR)]
+    volt = np.sqrt(slope_and_error[1] ** 2 + plant.slow_variance + plant.white_variance)
+    std = volt / np.maximum(slope_and_error[0], FLAT_VOLT)
     return soc, np.minimum(std, 1.0 / np.sqrt(12.0))
 
 
@@ -168,20 +167,20 @@ def _overpotential(plant, soc, grid):
 
 def _filtered(plant, start, noise):
     state, innovation, variance = acquire(plant, start, noise)
-    found = run(plant, noise, state)
-    found[0, 2:4] = innovation, variance
-    nothing = np.full(len(found), np.nan)
-    capacity, ohmic = (nothing, nothing), (nothing, nothing)
+    rows = run(plant, noise, state)
+    rows[0, 2:4] = innovation, variance
+    unknown = np.full(len(rows), np.nan)
+    capacity, ohmic = (unknown, unknown), (unknown, unknown)
     if plant.capacity >= 0:
-        size = plant.capacity_ampere_hour / found[:, 4]
-        capacity = size, size * np.sqrt(found[:, 5]) / found[:, 4]
+        size = plant.capacity_ampere_hour / rows[:, 4]
+        capacity = size, size * np.sqrt(rows[:, 5]) / rows[:, 4]
     if plant.ohmic >= 0:
-        ohmic = found[:, 6], np.sqrt(found[:, 7])
+        ohmic = rows[:, 6], np.sqrt(rows[:, 7])
     return Estimate(
-        found[:, 0],
-        np.sqrt(found[:, 1]),
-        found[:, 2],
-        np.sqrt(found[:, 3]),
+        rows[:, 0],
+        np.sqrt(rows[:, 1]),
+        rows[:, 2],
+        np.sqrt(rows[:, 3]),
         *capacity,
         *ohmic,
     )

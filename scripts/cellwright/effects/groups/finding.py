@@ -27,7 +27,7 @@ from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import LOADED_C_RATE, group_stacked
 from cellwright.effects.search import search
 from cellwright.effects.verdict import Phrases, entry_of, outcome, paragraph, verdict_of
-from cellwright.records.group import group_record
+from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
 

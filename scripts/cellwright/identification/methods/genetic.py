@@ -1,4 +1,4 @@
-"""Genetic algorithm of the thesis for the parameters of a circuit: the check of the gradient."""
+"""Genetic algorithm of the thesis for the parameters of a circuit."""
 
 from typing import NamedTuple
 
@@ -96,21 +96,21 @@ def evolve_by_genes(
         best = people[np.argsort(costs, kind="stable")[:elite]]
         children = _children(rng, people, costs, population - elite)
         step = 0.1 * width * (1.0 - generation / generations) + 1e-4 * width
-        moved = rng.random(children.shape) < mutation
-        children = children + moved * step * rng.normal(size=children.shape)
+        mutated = rng.random(children.shape) < mutation
+        children = children + mutated * step * rng.normal(size=children.shape)
         people = np.vstack([best, np.clip(children, *logs.T)])
-        kept = np.sort(costs, kind="stable")[:elite]
-        costs = np.concatenate([kept, cost(people[elite:])])
+        elite_costs = np.sort(costs, kind="stable")[:elite]
+        costs = np.concatenate([elite_costs, cost(people[elite:])])
         course.append(costs.min())
     values = np.exp(people[np.argmin(costs)])
     evaluations = population + generations * (population - elite)
     return GeneticFit(names, values, float(costs.min()), np.array(course), evaluations)
 
 
-def _children(rng, people, costs, wanted):
-    rivals = rng.integers(0, len(people), size=(2, 2, wanted))
-    won = np.where(costs[rivals[0]] <= costs[rivals[1]], rivals[0], rivals[1])
-    first, second = people[won]
+def _children(rng, people, costs, count):
+    rivals = rng.integers(0, len(people), size=(2, 2, count))
+    winners = np.where(costs[rivals[0]] <= costs[rivals[1]], rivals[0], rivals[1])
+    first, second = people[winners]
     share = rng.uniform(-0.25, 1.25, size=first.shape)
     return first + share * (second - first)
 
