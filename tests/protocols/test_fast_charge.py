@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+import cellwright as cw
 from cellwright.laws.points import fast_charge_points
 from cellwright.protocols.fast_charge import fast_charge
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
+from runtime import artefact
 
 HELD_SOC = 0.6
 
@@ -107,3 +109,15 @@ def test_points_over_temperature_of_one_rate():
     assert shares == [0.9, 0.6, 0.2]
     assert ratios == pytest.approx([9, 1.5, 0.25])
     assert len({p.quantity for p in points}) == 4
+
+
+def test_points_are_what_the_contract_of_their_artefact_allows(tmp_path):
+    row = run(series(begin_full=True))[0]._asdict() | {"cycle": None}
+    rows = [
+        row | {"ambient_temperature_celsius": celsius, "share": share}
+        for celsius, share in ((25.0, 0.9), (0.0, 0.6), (-20.0, 0.2))
+    ]
+    points = cw.fast_charge_laws(rows).points
+    path = tmp_path / "results" / "fast_charge_points" / "T1.parquet"
+    artefact.write(path, points, {"reason": None})
+    assert list(artefact.load(path)["quantity"]) == [point.quantity for point in points]

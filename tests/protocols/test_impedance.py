@@ -15,10 +15,15 @@ from cellwright.protocols.impedance.analysis import (
     compare,
     confused,
     contract,
+    zero_crossing,
 )
 from cellwright.protocols.impedance.circuits import circuit_impedance
-from cellwright.protocols.impedance.fit import fit_circuit, parse_constraints, zero_crossing
-from cellwright.protocols.impedance.levenberg import TYPES, search_by_numpy
+from cellwright.protocols.impedance.fit import (
+    TYPES,
+    fit_circuit,
+    parse_constraints,
+    search_by_numpy,
+)
 from cellwright.refusal import Refusal
 
 # Thesis 3.2: its stated errors of Rs, Rct, T, P, Y0.

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from cellwright import formats
 from cellwright.refusal import Refusal
 from cellwright.series import assemble
-from cellwright.series.sign import charge_positive, current_sign
+from cellwright.series.joining import charge_positive, current_sign
 
 
 def cell(current, *, dt=1.0, ohm=0.03, ah=2.0, soc=0.5, lag=0, noise=3e-4, seed=0):

@@ -102,8 +102,7 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
     Source: docs/ocv.md.
     """
     from cellwright.api import given, results
-    from cellwright.protocols.ocv.rests import ocv_of_rests, soc_at
-    from cellwright.protocols.rests import rest_points
+    from cellwright.protocols.ocv.rests import ocv_of_rests, rest_points, soc_at
     from cellwright.records.anchor import rest_scale
 
     cell, test, steps = given.cell_facts(cell), given.test_facts(test), given.steps(steps)
@@ -119,8 +118,12 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
         soc_at_start=test.soc,
     )
     points = rest_points(*columns, steps, rest_second=rest_second)
-    limits = {name: cell[name] for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
-    curve = ocv_of_rests(points, scale, **limits)
+    curve = ocv_of_rests(
+        points,
+        scale,
+        lower_cutoff_volt=cell.lower_cutoff_volt,
+        upper_cutoff_volt=cell.upper_cutoff_volt,
+    )
     table = points._asdict() | {"soc": soc_at(points, scale)}
     return results.RestOcv(curve, table, scale.source, (curve.note,))
 

@@ -111,7 +111,7 @@ def ageing_cycles(
 
 def _halves(series, steps, rated, limits):
     """Every half cycle, numbered by its discharge, with the reason why it is not complete."""
-    found, reached_before, number = [], None, 0
+    halves, reached_before, number = [], None, 0
     charge, voltage = series["charge_ampere_hour"], series["voltage_volt"]
     for sign, first, last in turns(charge, steps, least_ampere_hour=TURN_SHARE * rated):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
@@ -123,9 +123,9 @@ def _halves(series, steps, rated, limits):
         if not reached:
             cut_off = f"before the cut-off of {limits[sign > 0]:g} V"
             fault = f"it ends at {voltage[end]:.3f} V, {cut_off}"
-        found.append(_Half(sign, begin, end, number + (sign > 0), fault))
+        halves.append(_Half(sign, begin, end, number + (sign > 0), fault))
         reached_before = reached
-    return found
+    return halves
 
 
 def _end(voltage, steps, sign, loads, limits):
@@ -157,8 +157,8 @@ def _start_fault(volt, sign, limits, reached_before):
     end = "full" if sign < 0 else "empty"
     if reached_before is not None:
         return "" if reached_before else f"it does not start {end}: what came before was cut short"
-    other = limits[sign < 0]
-    near = sign * (volt - other) <= FULL_SHARE * (limits[1] - limits[0])
+    start_limit = limits[sign < 0]
+    near = sign * (volt - start_limit) <= FULL_SHARE * (limits[1] - limits[0])
     return "" if near else f"it does not start {end}: the record begins with it at {volt:.3f} V"
 
 
@@ -170,7 +170,7 @@ def _numbers(half, before, series, rated):
     capacity = abs(float(charge[-1] - charge[0]))
     surface = series.get("surface_temperature_celsius")
     ambient = series.get("ambient_temperature_celsius")
-    back = slice(max(half.first - REST_ROWS, 0), half.first + 1)
+    before_load = slice(max(half.first - REST_ROWS, 0), half.first + 1)
     return (
         NAMES[half.sign],
         float(time[0]),
@@ -180,7 +180,7 @@ def _numbers(half, before, series, rated):
         abs(float(np.sum((voltage[1:] + voltage[:-1]) / 2 * moved))),
         _efficiency(half, before, series["charge_ampere_hour"], capacity),
         _time_mean(ambient, rows, time),
-        np.nan if surface is None else _median(surface[back]),
+        np.nan if surface is None else _median(surface[before_load]),
         _time_mean(surface, rows, time),
     )
 
@@ -205,13 +205,13 @@ def _time_mean(values, rows, time):
     """Mean over time of what was recorded; NaN where nothing was."""
     if values is None:
         return np.nan
-    known = np.isfinite(values[rows])
-    values, time = values[rows][known], time[known]
+    measured = np.isfinite(values[rows])
+    values, time = values[rows][measured], time[measured]
     if len(time) < 2 or time[-1] <= time[0]:
         return np.nan
     return float(np.trapezoid(values, time) / (time[-1] - time[0]))
 
 
 def _median(values):
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else np.nan
+    measured = values[np.isfinite(values)]
+    return float(np.median(measured)) if len(measured) else np.nan

@@ -76,27 +76,27 @@ def half_cycles(current, voltage, charge, steps, *, rated, limits, whole):
     -------
     list of Half.
     """
-    found, before = [], None
+    halves, reached_before = [], None
     for sign, first, last in turns(charge, steps, least_ampere_hour=TURN_SHARE * rated):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
         half = _half(current, voltage, steps, sign, loads, limits, whole)
         if not half.fault:
-            start = _start_fault(voltage, steps, sign, loads[0], limits, before)
+            start = _start_fault(voltage, steps, sign, loads[0], limits, reached_before)
             half = half._replace(fault=start)
-        before = _reaches(voltage, steps, sign, loads, limits) is not None
-        found.append(half)
-    return _returned(found, charge)
+        reached_before = _reaches(voltage, steps, sign, loads, limits) is not None
+        halves.append(half)
+    return _returned(halves, charge)
 
 
 # ASSUME: A first discharge that the complete charge after it returns within 3 % began full.
-def _returned(found, charge):
+def _returned(halves, charge):
     """The half cycles, the first excused for its start where the second returns its charge."""
-    if len(found) < 2 or "start" not in found[0].fault or found[1].fault:
-        return found
-    moved = [abs(charge[half.last_row] - charge[half.first_row]) for half in found[:2]]
+    if len(halves) < 2 or "start" not in halves[0].fault or halves[1].fault:
+        return halves
+    moved = [abs(charge[half.last_row] - charge[half.first_row]) for half in halves[:2]]
     if abs(moved[0] / moved[1] - 1) > RETURN_SHARE:
-        return found
-    return [found[0]._replace(fault=""), *found[1:]]
+        return halves
+    return [halves[0]._replace(fault=""), *halves[1:]]
 
 
 def _half(current, voltage, steps, sign, loads, limits, whole):
@@ -138,8 +138,8 @@ def _reaches(voltage, steps, sign, loads, limits):
     for step in loads:
         first, last = steps.first_row[step], steps.last_row[step]
         along = sign * steps.charge_ampere_hour[step] > 0
-        back = max(last - 5, first)
-        slope = (voltage[last] - voltage[back]) / max(last - back, 1)
+        earlier = max(last - 5, first)
+        slope = (voltage[last] - voltage[earlier]) / max(last - earlier, 1)
         ahead = sign * (voltage[last] + slope)
         best = max(np.max(sign * voltage[first : last + 1]), ahead)
         if along and steps.kind[step] != "dynamic" and best >= sign * limit - NEAR_VOLT:
@@ -272,14 +272,14 @@ def capacity(
         for half in halves
         if half.fault
     )
-    ones = [
-        _one(half, other, voltage, charge, surface_temperature_celsius)
-        for half, other in zip(halves, _partners(halves), strict=True)
+    complete = [
+        _one(half, partner, voltage, charge, surface_temperature_celsius)
+        for half, partner in zip(halves, _partners(halves), strict=True)
         if not half.fault
     ]
-    if not ones:
+    if not complete:
         raise Refusal(f"no complete discharge or charge: {'; '.join(left_out) or 'none begins'}")
-    return Capacities(_table(ones, rated), left_out)
+    return Capacities(_table(complete, rated), left_out)
 
 
 def _partners(halves):
@@ -330,8 +330,8 @@ def _efficiency(half, other, charge):
 
 def _mean(values):
     """Mean of what is a number; NaN where nothing is."""
-    some = values[np.isfinite(values)]
-    return float(some.mean()) if len(some) else np.nan
+    measured = values[np.isfinite(values)]
+    return float(measured.mean()) if len(measured) else np.nan
 
 
 def _table(ones, rated):
@@ -347,14 +347,14 @@ def _table(ones, rated):
     return CapacityRows(*[np.array(column) for column in columns])
 
 
-def _row(group, rated):
-    sizes = np.array([one.capacity for one in group])
+def _row(repeats, rated):
+    sizes = np.array([half.capacity for half in repeats])
     mean = {
-        name: _mean(np.array([getattr(one, name) for one in group]))
+        name: _mean(np.array([getattr(half, name) for half in repeats]))
         for name in ("rate", "energy", "efficiency", "current", "temperature", "constant")
     }
     return (
-        NAMES[group[0].sign],
+        NAMES[repeats[0].sign],
         mean["rate"] / rated,
         sizes.mean(),
         sizes.std(ddof=1) if len(sizes) > 1 else np.nan,

@@ -92,7 +92,7 @@ def fast_charge(
     surface = series.get("surface_temperature_celsius", np.empty(0))[rows]
     surface = surface[np.isfinite(surface)]
     first, highest = (float(surface[0]), float(surface.max())) if len(surface) else (np.nan, np.nan)
-    found = FastCharge(
+    charged = FastCharge(
         c_rate=float(current[: held + 2].max() / (rated_capacity_ampere_hour or capacity)),
         minutes=float(minutes),
         charge_ampere_hour=within,
@@ -108,7 +108,7 @@ def fast_charge(
         capacity_ampere_hour=capacity,
         from_empty=empty,
     )
-    return found, _notes(found, voltage[0])
+    return charged, _notes(charged, voltage[0])
 
 
 def _main_charge(charge, steps, capacity):
@@ -144,14 +144,12 @@ def _time_to(wanted, minute, charge):
     return float(np.interp(wanted, charge[k - 1 : k + 1], minute[k - 1 : k + 1]))
 
 
-def _notes(found, volt):
-    notes = []
-    if not found.from_empty:
+def _notes(charged, volt):
+    notes, ended = [], charged.duration_minutes
+    if not charged.from_empty:
         notes.append(f"the charge begins at {volt:.3f} V, not known to be empty: no time to 80 %")
-    if found.duration_minutes < found.minutes:
-        notes.append(
-            f"the charge ends after {found.duration_minutes:.1f} min, before {found.minutes:g} min"
-        )
-    if found.from_empty and not np.isfinite(found.minutes_to_80):
-        notes.append(f"80 % is not reached in {found.duration_minutes:.1f} min")
+    if ended < charged.minutes:
+        notes.append(f"the charge ends after {ended:.1f} min, before {charged.minutes:g} min")
+    if charged.from_empty and not np.isfinite(charged.minutes_to_80):
+        notes.append(f"80 % is not reached in {ended:.1f} min")
     return notes

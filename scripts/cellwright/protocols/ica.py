@@ -73,10 +73,10 @@ def volt_at_rank(counted, rank):
 
 
 def _tally_by_sorting(voltage, charge):
-    volt, place = np.unique(voltage, return_inverse=True)
+    volt, level = np.unique(voltage, return_inverse=True)
     bend = np.sum(np.diff(voltage, 2) ** 2)
     return Tally(
-        volt, np.bincount(place) + 0.0, np.bincount(place, charge), _scatter(bend, len(voltage))
+        volt, np.bincount(level) + 0.0, np.bincount(level, charge), _scatter(bend, len(voltage))
     )
 
 
@@ -158,9 +158,9 @@ def _steps_down(height, tops):
 def _prominence(height, top):
     """Height above the higher of the two valleys that part a peak from higher ones."""
     higher = np.flatnonzero(height > height[top])
-    left = higher[higher < top].max(initial=-1) + 1
-    right = higher[higher > top].min(initial=len(height))
-    return height[top] - max(height[left : top + 1].min(), height[top:right].min())
+    from_row = higher[higher < top].max(initial=-1) + 1
+    to_row = higher[higher > top].min(initial=len(height))
+    return height[top] - max(height[from_row : top + 1].min(), height[top:to_row].min())
 
 
 class IncrementalCapacity(NamedTuple):
@@ -292,11 +292,14 @@ def charge_peaks(curve, *, c_rate, prominence):
     ------
     Refusal : no peaks; a flat curve is typical of an aged cell or a high rate.
     """
-    found = peaks(curve, prominence=prominence)
-    count = len(found.voltage_volt)
+    columns = peaks(curve, prominence=prominence)._asdict()
+    count = len(columns["voltage_volt"])
     if not count:
         raise Refusal(f"no peaks: dQ/dV at {c_rate:.3g}C is flat within {prominence:.0%}")
-    return {"c_rate": np.full(count, c_rate), "peak": np.arange(1, count + 1)} | found._asdict()
+    return {
+        "c_rate": np.full(count, c_rate),
+        "peak": np.arange(1, count + 1),
+    } | columns
 
 
 def _spans(voltage, rising, counted):
@@ -339,10 +342,10 @@ def _whole_steps(counted, wanted):
 def _binned(counted, width):
     """Voltages of the bins and the mean charge of the rows in each; empty bins by interpolation."""
     # Edges a quarter of a bin beside the lowest level: no level of the converter falls on one.
-    place = np.floor((counted.volt - counted.volt[0]) / width + 0.25).astype(int)
-    rows = np.bincount(place, counted.rows)
+    bin_number = np.floor((counted.volt - counted.volt[0]) / width + 0.25).astype(int)
+    rows = np.bincount(bin_number, counted.rows)
     filled = np.flatnonzero(rows)
-    mean_charge = np.bincount(place, counted.charge_ampere_hour)[filled] / rows[filled]
-    mean_voltage = np.bincount(place, counted.rows * counted.volt)[filled] / rows[filled]
+    mean_charge = np.bincount(bin_number, counted.charge_ampere_hour)[filled] / rows[filled]
+    mean_voltage = np.bincount(bin_number, counted.rows * counted.volt)[filled] / rows[filled]
     grid = counted.volt[0] + width * (np.arange(len(rows)) + 0.25)
     return grid, np.interp(grid, mean_voltage, mean_charge)

@@ -84,8 +84,8 @@ def fit_relaxation(time_second, voltage_volt, *, most=2):
     whole = whole._replace(drift_volt=drift)
     if not abs(drift) > DRIFT * part.ocv_std_volt:
         return whole
-    words = f"the first half alone gives an OCV {1e3 * abs(drift):.2f} mV away: a slower tail"
-    return whole._replace(verdict="; ".join(filter(None, [whole.verdict, words])))
+    slower_tail = f"the first half alone gives an OCV {1e3 * abs(drift):.2f} mV away: a slower tail"
+    return whole._replace(verdict="; ".join(filter(None, [whole.verdict, slower_tail])))
 
 
 def relaxed_voltage(relaxation, time_second):
@@ -102,15 +102,15 @@ def relaxed_voltage(relaxation, time_second):
 
 def _best(time, voltage, most):
     """As many exponentials as are told; one, and what of it is not, where two are not."""
-    found, lost = _fitted(time, voltage, most)
-    if not lost:
-        return found
+    fit, undetermined = _fitted(time, voltage, most)
+    if not undetermined:
+        return fit
     if most > 2:
         return _best(time, voltage, most - 1)
-    one, alone = _fitted(time, voltage, 1)
-    words = f"two exponentials cannot be told ({lost}): one is given"
-    also = f"; of that, {alone}" if alone else ""
-    return one._replace(verdict=words + also)
+    single, single_undetermined = _fitted(time, voltage, 1)
+    verdict = f"two exponentials cannot be told ({undetermined}): one is given"
+    addition = f"; of that, {single_undetermined}" if single_undetermined else ""
+    return single._replace(verdict=verdict + addition)
 
 
 def _fitted(time, voltage, pairs):
@@ -131,9 +131,9 @@ def _fitted(time, voltage, pairs):
 
     tau, linear = best_of_grid(on_grid, 1, [limits] * pairs, anywhere)
     logs = np.log(limits)[:, None] * np.ones(pairs)
-    at, passes = levenberg(normal_at, np.log(tau), linear, (logs, anywhere), samples=len(time))
-    order = np.argsort(at.log_tau)
-    linear, tau = at.linear[[0, *(1 + order)]], np.exp(at.log_tau[order])
+    optimum, passes = levenberg(normal_at, np.log(tau), linear, (logs, anywhere), samples=len(time))
+    order = np.argsort(optimum.log_tau)
+    linear, tau = optimum.linear[[0, *(1 + order)]], np.exp(optimum.log_tau[order])
     std, residual = _spread(time, voltage - level, linear, tau)
     lost = _lost(linear, tau, std, limits)
     return _result(linear, tau, std, residual, voltage, level, time[-1], passes), lost
@@ -197,11 +197,11 @@ def _evened(time, voltage):
     past = np.cumsum(steps[order])
     usual = steps[order][np.searchsorted(past, past[-1] / 2)]
     # A quarter of a step keeps samples of a steady clock, whose stamps jitter, each by itself.
-    place = np.floor(time / usual + 0.25).astype(int)
+    bins = np.floor(time / usual + 0.25).astype(int)
     # Within the first step a burst keeps a sample in each quarter of its age, for what is fast.
     early = np.log(np.maximum(time, steps[steps > 0].min()) / usual) / np.log(1 + BURST)
-    place = np.where(place < 1, np.floor(np.minimum(early, -1)).astype(int), place)
-    first = np.flatnonzero(np.diff(place, prepend=place[0] - 1))
+    bins = np.where(bins < 1, np.floor(np.minimum(early, -1)).astype(int), bins)
+    first = np.flatnonzero(np.diff(bins, prepend=bins[0] - 1))
     if len(first) < FEWEST:
         return time, voltage
     count = np.diff(np.append(first, len(time)))
@@ -275,15 +275,15 @@ def why(two, three, voltage_volt, *, limit, grain, noise):
     """
     best = three if len(three.tau_second) == 3 else two
     short = best.r_squared < limit
-    said = [
+    reasons = [
         *_small(voltage_volt, grain, noise, short=short or len(two.tau_second) < 2),
         *_three(two, three),
         *([f"two time constants are not told: {two.verdict}"] if len(two.tau_second) < 2 else []),
         *_short(best, voltage_volt, noise, limit),
     ]
     if len(best.tau_second) > 1 and best.verdict:
-        said.append(f"still drifting: {best.verdict}")
-    return "; ".join(said)
+        reasons.append(f"still drifting: {best.verdict}")
+    return "; ".join(reasons)
 
 
 def _small(voltage, grain, noise, *, short):
@@ -308,8 +308,8 @@ def _short(best, voltage, noise, limit):
         ceiling = 1 - noise**2 / max(float(np.var(voltage)), noise**2)
         yield f"the noise of {_mv(noise)} allows no R² above {ceiling:.3f}"
     else:
-        found = f"{_mv(best.rmse_volt)} are left where the noise is {_mv(noise)}"
-        yield f"more than {len(best.tau_second)} time constants, or a step within: {found}"
+        excess = f"{_mv(best.rmse_volt)} are left where the noise is {_mv(noise)}"
+        yield f"more than {len(best.tau_second)} time constants, or a step within: {excess}"
 
 
 def _mv(volt):

@@ -105,11 +105,11 @@ def pulse_resistance(
     pulses = [_pulse(time, current, voltage, steps, step) for step in chosen]
     for pulse, asked in product(pulses, delay_second):
         try:
-            found = _at(pulse, float(asked))
+            value = _at(pulse, float(asked))
         except Refusal as refusal:
             reasons[str(refusal)] += 1
             continue
-        rows.append(_row(pulse, found, asked, soc, voltage, noise, rated_capacity_ampere_hour))
+        rows.append(_row(pulse, value, asked, soc, voltage, noise, rated_capacity_ampere_hour))
     left_out = tuple(f"{count} × {reason}" for reason, count in sorted(reasons.items()))
     if not rows:
         raise Refusal(f"no pulse gives a resistance: {'; '.join(left_out)}")
@@ -193,9 +193,9 @@ def _noise(values, steps, *, resolution):
     return float(np.hypot(spread, grain))
 
 
-def _row(pulse, found, asked, soc, voltage, noise, rated):
+def _row(pulse, value, asked, soc, voltage, noise, rated):
     """One line of the table: two samples of voltage and two of current share the error."""
-    actual, resistance = found
+    actual, resistance = value
     error = np.sqrt(2) * np.hypot(noise[0], resistance * noise[1]) / abs(pulse.step)
     return (
         soc[pulse.before],

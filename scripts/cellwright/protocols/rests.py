@@ -1,16 +1,14 @@
-"""Every rest of a test: its two exponentials, its curve as drawn, its points of an OCV curve."""
+"""Every rest of a test: its two exponentials, and one rest with its fit as drawn."""
 
 from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.ocv.rests import RestPoints
 from cellwright.protocols.relaxation import fit_relaxation, grain_volt, noise_volt, why
 from cellwright.refusal import Refusal
-from cellwright.settings import Ocv, Relaxation
+from cellwright.settings import Relaxation
 
-OCV = Ocv()
 RELAXATION = Relaxation()
 
 STEADY = ("CC", "pulse")  # loads of one current, whose polarisation is proportional to it
@@ -120,15 +118,15 @@ def rests_of(
     # Of rests those that follow a load without a gap between.
     follows = np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
     follows &= (kind == "rest") & (np.roll(kind, 1) != "rest")
-    found = np.flatnonzero(follows & (np.asarray(steps.duration_second) >= shortest_rest_second))
+    rests = np.flatnonzero(follows & (np.asarray(steps.duration_second) >= shortest_rest_second))
     rows, reasons = [], Counter()
-    for number, step in enumerate(found):
+    for number, step in enumerate(rests):
         try:
             rows += _rows_of(number, series, steps, step, shortest_rest_second, r_squared_limit)
         except Refusal as refusal:
             reasons[str(refusal)] += 1
     left_out = [f"{count} × {reason}" for reason, count in sorted(reasons.items())]
-    if not len(found):
+    if not len(rests):
         left_out = [f"no rest after a load lasts {shortest_rest_second:g} s: no depolarisation"]
     columns = {
         # Of the right type also where there is no row.
@@ -189,13 +187,13 @@ def _of_the_edge(time, voltage):
 def _load(series, steps, step, rows):
     """What of a row does not depend on the number of exponentials."""
     time, current, _, soc, celsius = series
-    load, known = steps.kind[step - 1], np.isfinite(celsius[rows])
+    load, measured = steps.kind[step - 1], np.isfinite(celsius[rows])
     last = current[max(int(steps.last_row[step - 1]) - LAST_ROWS + 1, 0) : rows[0]]
     before = steps.current_mean_ampere[step - 1] if load in STEADY else float(np.median(last))
     return {
         "start_time_second": float(time[rows[0]]),
         "soc": float(soc[rows[0]]),
-        "temperature_celsius": float(celsius[rows][known].mean()) if known.any() else np.nan,
+        "temperature_celsius": float(celsius[rows][measured].mean()) if measured.any() else np.nan,
         "direction": "charge" if steps.current_mean_ampere[step - 1] > 0 else "discharge",
         "load": str(load),
         "current_before_ampere": float(before),
@@ -209,12 +207,12 @@ def _load(series, steps, step, rows):
 def _fit(fit, load):
     """Columns of one fit; the two slowest exponentials are a and b."""
     count = len(fit.tau_second)
-    place = {"a": max(count - 2, 0), "b": count - 1 if count > 1 else None}
-    place["fast"] = 0 if count == 3 else None
+    order = {"a": max(count - 2, 0), "b": count - 1 if count > 1 else None}
+    order["fast"] = 0 if count == 3 else None
     tau = {"a": "tau1", "b": "tau2", "fast": "fast_tau"}
     row = {"exponentials": count}
-    for name, at in place.items():
-        values = [np.nan if at is None else float(part[at]) for part in fit[2:6]]
+    for name, index in order.items():
+        values = [np.nan if index is None else float(part[index]) for part in fit[2:6]]
         names = (
             f"{name}_volt",
             f"{name}_std_volt",
@@ -268,8 +266,8 @@ def example(rows, test_time_second, voltage_volt):
     chosen = np.flatnonzero(rows.chosen)
     if not len(chosen):
         return Curve(*[np.zeros(0)] * len(Curve._fields))
-    off = np.abs(rows.soc[chosen] - MIDDLE_SOC)
-    k = chosen[np.nanargmin(off)] if np.isfinite(off).any() else chosen[len(chosen) // 2]
+    distance = np.abs(rows.soc[chosen] - MIDDLE_SOC)
+    k = chosen[np.nanargmin(distance)] if np.isfinite(distance).any() else chosen[len(chosen) // 2]
     since = np.asarray(test_time_second, float) - rows.start_time_second[k]
     inside = np.flatnonzero((since >= 0) & (since <= rows.rest_second[k] - rows.delay_second[k]))
     # Dense at first, where the voltage moves.
@@ -283,102 +281,3 @@ def example(rows, test_time_second, voltage_volt):
 
 
 _FAST = ("fast_volt", "fast_tau_second")
-
-
-LEAST_PORTION = 0.003  # of the charge that the record moves: less before a rest is no load
-LATE = 0.02  # of a rest: its end
-PER_LOAD = 10.0  # lengths of the load: a shorter rest counts after so many, before the first one
-
-
-def rest_points(
-    test_time_second,
-    current_ampere,
-    voltage_volt,
-    charge_ampere_hour,
-    steps,
-    *,
-    rest_second=OCV.rest_second,
-):
-    """Rests of at least `rest_second` that follow a load, with what of them is still to relax.
-
-    Before the first of them, where the cell is nearly full, a rest after a discharge counts that is
-    ten times as long as its load: a pulse of seconds leaves little to relax.
-
-    Parameters
-    ----------
-    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A] positive on
-        charge, [V], net charge [Ah].
-    steps : series.segments.Steps.
-    rest_second : [s].
-
-    Returns
-    -------
-    points : protocols.ocv_rests.RestPoints.
-    """
-    time, voltage, charge = (
-        np.asarray(column, float) for column in (test_time_second, voltage_volt, charge_ampere_hour)
-    )
-    series = (time, np.asarray(current_ampere, float), voltage)
-    found = rests_of(
-        *series,
-        np.full(len(time), np.nan),
-        steps,
-        shortest_rest_second=rest_second,
-    ).rows
-    least = LEAST_PORTION * float(np.ptp(charge))
-    rows = [_long(found, k) for k in np.flatnonzero(found.chosen)]
-    rows = [row for row in rows if row.pop("portion") >= least]
-    first = min((row["start"] for row in rows), default=-np.inf)
-    rows = [*_short(steps, before=first), *rows]
-    rows = [row | _ends(time, voltage, charge, row) for row in rows]
-    return RestPoints(
-        **{name: np.array([row[name] for row in rows]) for name in RestPoints._fields}
-    )
-
-
-def _long(found, k):
-    """A rest with its exponentials, used where at least two are told."""
-    told = found.exponentials[k] >= 2 and np.isfinite(found.ocv_std_volt[k])
-    doubt = np.nanmax([2 * abs(found.drift_volt[k]), found.ocv_std_volt[k]])
-    return {
-        "start": found.start_time_second[k],
-        "end": found.start_time_second[k] - found.delay_second[k] + found.rest_second[k],
-        "relaxed_volt": found.ocv_volt[k] if told else np.nan,
-        "doubt_volt": doubt if told else np.nan,
-        "direction": found.direction[k],
-        "current_ampere": found.current_before_ampere[k],
-        "rest_second": found.rest_second[k],
-        "portion": abs(found.current_before_ampere[k]) * found.load_second[k] / 3600,
-    }
-
-
-def _short(steps, *, before):
-    """Rests much longer than the discharge before them, ahead of the first long rest."""
-    kind, last = np.asarray(steps.kind), steps.duration_second
-    for k in np.flatnonzero(kind[1:] == "rest") + 1:
-        joins = steps.start_time_second[k] == steps.end_time_second[k - 1]
-        early = (
-            joins and steps.end_time_second[k] <= before and steps.current_mean_ampere[k - 1] < 0
-        )
-        if early and last[k] >= PER_LOAD * last[k - 1]:
-            yield {
-                "start": steps.start_time_second[k],
-                "end": steps.end_time_second[k],
-                "relaxed_volt": np.nan,
-                "doubt_volt": np.nan,
-                "direction": "discharge",
-                "current_ampere": steps.current_mean_ampere[k - 1],
-                "rest_second": last[k],
-            }
-
-
-def _ends(time, voltage, charge, row):
-    """Voltage and charge at the end of a rest, and what was counted within it."""
-    inside = (time >= row["start"]) & (time <= row["end"])
-    late = inside & (time >= row["end"] - LATE * row["rest_second"])
-    within = charge[inside]
-    return {
-        "charge_ampere_hour": within[-1],
-        "end_volt": voltage[late].mean(),
-        "read_ampere_hour": within[-1] - within[0],
-    }

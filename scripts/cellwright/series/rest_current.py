@@ -51,11 +51,11 @@ def free(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray
     -------
     (k,) array of bool
     """
-    found = np.zeros(len(first), dtype=bool)
+    moves = np.zeros(len(first), dtype=bool)
     for rest, (a, b) in enumerate(zip(first, stop, strict=True)):
         late = voltage[(a + b) // 2 : b]
-        found[rest] = abs(voltage[a] - late.mean()) > SIGMAS * late.std()
-    return found
+        moves[rest] = abs(voltage[a] - late.mean()) > SIGMAS * late.std()
+    return moves
 
 
 def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Judgement:
@@ -83,11 +83,11 @@ def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndar
     for a, b in zip((first + stop) // 2, stop, strict=True):
         late[a + 1 : b - 2] = True
     power = float(np.sum(step[late] ** 2))
-    at = np.flatnonzero(late)
+    late_rows = np.flatnonzero(late)
     if not large.any() or not power > 0 or not np.any(answer[late]):
         return Judgement(Evidence.NONE, "the voltage answers no change that could be compared")
     load = float(np.median(answer[large] / step[large]))
-    slopes = [float(step[at] @ answer[at + lag]) / power for lag in (-1, 0, 1)]
+    slopes = [float(step[late_rows] @ answer[late_rows + lag]) / power for lag in (-1, 0, 1)]
     std = float(answer[late].std()) / np.sqrt(power)
     slope, bound = max(slopes), max(slopes) + SIGMAS * std
     share = float(np.clip(bound / (AT_ONCE * load), 0.0, 1.0)) if load > 0 else 1.0
@@ -155,8 +155,8 @@ def _one_way(charge: np.ndarray, span: float) -> float:
 def _warmed(columns: Mapping, late: slice) -> float:
     """By how much the cell's temperature changes over a stretch [K], 0 where nobody measured it."""
     names = ("surface_temperature_celsius", "ambient_temperature_celsius")
-    known = [columns[name][late] for name in names if name in columns]
-    return max((float(np.nan_to_num(abs(_change(c)[0]))) for c in known), default=0.0)
+    temperatures = [columns[name][late] for name in names if name in columns]
+    return max((float(np.nan_to_num(abs(_change(c)[0]))) for c in temperatures), default=0.0)
 
 
 def _flattest(charge: np.ndarray, volt: np.ndarray, rest: int, rows: np.ndarray) -> float | None:
@@ -165,13 +165,13 @@ def _flattest(charge: np.ndarray, volt: np.ndarray, rest: int, rows: np.ndarray)
     Rests that are half as long or more tell it, less than a hundredth of the charge away none; no
     slope is negative.
     """
-    known = []
+    slopes = []
     far = np.abs(charge - charge[rest]) > ENOUGH * np.ptp(charge)
     for others in (np.arange(rest)[::-1], np.arange(rest + 1, len(charge))):
-        told = others[far[others] & (rows[others] >= rows[rest] / 2)]
-        if told.size:
-            known.append((volt[told[0]] - volt[rest]) / (charge[told[0]] - charge[rest]))
-    return max(min(known), 0.0) if known else None
+        chosen = others[far[others] & (rows[others] >= rows[rest] / 2)]
+        if chosen.size:
+            slopes.append((volt[chosen[0]] - volt[rest]) / (charge[chosen[0]] - charge[rest]))
+    return max(min(slopes), 0.0) if slopes else None
 
 
 def _change(values: np.ndarray) -> tuple[float, float]:
@@ -180,14 +180,14 @@ def _change(values: np.ndarray) -> tuple[float, float]:
     The scatter about a parabola, widened by how far neighbours agree, with half a digit beside it.
     """
     quarter = max(len(values) // 4, 2)
-    at = np.linspace(-1.0, 1.0, len(values))
-    left = values - np.polyval(np.polyfit(at, values, 2), at)
-    power = float(left @ left)
-    lags = np.array([left[k:] @ left[:-k] for k in range(1, max(len(left) // 4, 2))])
+    position = np.linspace(-1.0, 1.0, len(values))
+    residual = values - np.polyval(np.polyfit(position, values, 2), position)
+    power = float(residual @ residual)
+    lags = np.array([residual[k:] @ residual[:-k] for k in range(1, max(len(residual) // 4, 2))])
     zero = int(np.argmax(lags <= 0)) if np.any(lags <= 0) else len(lags)
     widened = 1.0 + 2.0 * lags[:zero].sum() / power if power > 0 else 1.0
     digit = np.diff(np.unique(values)).min(initial=np.ptp(values) or 0.0)
-    std = np.sqrt(left.var() * widened * 2.0 / quarter + digit**2 / 12.0)
+    std = np.sqrt(residual.var() * widened * 2.0 / quarter + digit**2 / 12.0)
     return float(values[-quarter:].mean() - values[:quarter].mean()), float(std)
 
 
@@ -282,8 +282,8 @@ def as_logged(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     if "logged_current_ampere" not in series:
         return dict(series)
     logged, hours = series["logged_current_ampere"], series["test_time_second"] / 3600.0
-    more = logged - series["current_ampere"]
-    added = np.concatenate([[0.0], np.cumsum((more[1:] + more[:-1]) / 2 * np.diff(hours))])
+    removed = logged - series["current_ampere"]
+    added = np.concatenate([[0.0], np.cumsum((removed[1:] + removed[:-1]) / 2 * np.diff(hours))])
     charge = series["charge_ampere_hour"] + added
     return {**series, "current_ampere": logged, "charge_ampere_hour": charge}
 
@@ -338,8 +338,8 @@ def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tupl
     mean = abs(readings.mean())
     error = readings.std() * np.sqrt(1.0 - answer.share)
     if answer.verdict == Evidence.CURRENT or drift.verdict == Evidence.CURRENT:
-        told = answer if answer.verdict == Evidence.CURRENT else drift
-        return "current", told.why
+        judgement = answer if answer.verdict == Evidence.CURRENT else drift
+        return "current", judgement.why
     if drift.verdict == Evidence.SENSOR:
         return "sensor", drift.why
     # ASSUME: A tester's output is open between loads, unless its reading or the voltage say else.

@@ -191,14 +191,14 @@ def parse(text):
     rest = _joined(tokens, nodes, text)
     if rest:
         raise Refusal(f"circuit {text!r}: {rest[0]!r} where the circuit should end")
-    kinds, left, right = zip(*nodes, strict=True)
+    kinds, first_child, second_child = zip(*nodes, strict=True)
     elements = [element_of(kind) if kind >= FIRST else None for kind in kinds]
     counts = [len(element.parameters) if element else 0 for element in elements]
     return Circuit(
         text=plain,
         kinds=kinds,
-        left=left,
-        right=right,
+        left=first_child,
+        right=second_child,
         at=tuple(int(n) for n in np.cumsum([0, *counts[:-1]])),
         names=NAMED.get(plain) or _names([element for element in elements if element]),
         roles=tuple(role for element in elements if element for role in element.roles),
@@ -226,9 +226,9 @@ def _term(tokens, nodes, text):
             raise Refusal(f"circuit {text!r}: a bracket is not closed")
         return rest[1:]
     if not tokens or tokens[0] not in SYMBOLS:
-        found = repr(tokens[0]) if tokens else "its end"
-        known = ", ".join(SYMBOLS)
-        raise Refusal(f"circuit {text!r}: found {found} where an element is wanted ({known})")
+        seen = repr(tokens[0]) if tokens else "its end"
+        symbols = ", ".join(SYMBOLS)
+        raise Refusal(f"circuit {text!r}: found {seen} where an element is wanted ({symbols})")
     nodes.append((SYMBOLS[tokens[0]], -1, -1))
     return tokens[1:]
 
@@ -240,6 +240,18 @@ def _names(elements):
         number = seen[element.symbol] = seen.get(element.symbol, 0) + 1
         names += [f"{element.symbol.lower()}{number}_{suffix}" for suffix in element.parameters]
     return tuple(names)
+
+
+def series_resistance(circuit):
+    """Place of the first resistance that the whole current passes; None where there is none."""
+    through, waiting = [], [len(circuit.kinds) - 1]
+    while waiting:
+        node = waiting.pop()
+        if circuit.kinds[node] == SERIES:
+            waiting += [circuit.left[node], circuit.right[node]]
+        if circuit.kinds[node] == SYMBOLS["R"]:
+            through.append(circuit.at[node])
+    return min(through, default=None)
 
 
 def circuit_impedance(circuit, frequency_hertz, values):
@@ -273,25 +285,25 @@ def circuit_slopes(circuit, frequency_hertz, values):
     """
     circuit = parse(circuit) if isinstance(circuit, str) else circuit
     omega = 2 * np.pi * np.asarray(frequency_hertz, float)
-    nodes, own = [], {}
+    nodes, element_slopes = [], {}
     for m, kind in enumerate(circuit.kinds):
         pair = [nodes[child] for child in (circuit.left[m], circuit.right[m]) if child >= 0]
         if kind >= FIRST:
-            here = values[circuit.at[m] : circuit.at[m] + len(element_of(kind).parameters)]
-            impedance, own[m] = impedance_and_slopes(kind, omega, here)
+            parameters = values[circuit.at[m] : circuit.at[m] + len(element_of(kind).parameters)]
+            impedance, element_slopes[m] = impedance_and_slopes(kind, omega, parameters)
             nodes.append(impedance)
         else:
             nodes.append(sum(pair) if kind == SERIES else pair[0] * pair[1] / sum(pair))
-    return nodes[-1], _downwards(circuit, nodes, own)
+    return nodes[-1], _downwards(circuit, nodes, element_slopes)
 
 
-def _downwards(circuit, nodes, own):
+def _downwards(circuit, nodes, element_slopes):
     reach = [1.0] * len(nodes)
     slopes = np.empty((len(circuit.names), len(nodes[-1])), complex)
     for m in range(len(nodes) - 1, -1, -1):
         for child in {circuit.left[m], circuit.right[m]} - {-1}:
             share = (nodes[m] / nodes[child]) ** 2 if circuit.kinds[m] == PARALLEL else 1.0
             reach[child] = reach[m] * share
-        for k, slope in enumerate(own.get(m, ())):
+        for k, slope in enumerate(element_slopes.get(m, ())):
             slopes[circuit.at[m] + k] = reach[m] * slope
     return slopes

@@ -60,14 +60,14 @@ def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
     penalty = np.concatenate([penalty, np.zeros((len(penalty), 3))], axis=1)
     strength = _strongest(matrix, target, penalty)
     solution, error = _fitted(matrix, target, penalty, strength)
-    found = solution / size
+    parameters = solution / size
     width = np.log(tau[1] / tau[0])
     return Distribution(
         tau_second=tau,
-        gamma_ohm=found[: len(tau)] / width,
-        r_ohmic_ohm=float(found[-3]),
-        inductance_henry=float(found[-2]),
-        capacitance_farad=float(1 / found[-1]) if found[-1] > 0 else np.inf,
+        gamma_ohm=parameters[: len(tau)] / width,
+        r_ohmic_ohm=float(parameters[-3]),
+        inductance_henry=float(parameters[-2]),
+        capacitance_farad=float(1 / parameters[-1]) if parameters[-1] > 0 else np.inf,
         strength=float(strength),
         rms_relative_residual=np.sqrt(2) * rms(error),
     )

@@ -183,8 +183,8 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius):
     resting = size <= REST_SHARE * size.max()
     loaded = np.where(resting, test_time_second[0], test_time_second)
     rested = resting & (test_time_second - np.maximum.accumulate(loaded) >= RESTED_SECOND)
-    known = temperature_celsius[rested & np.isfinite(temperature_celsius)]
-    return float(np.median(known)) if len(known) else np.nan
+    rested_celsius = temperature_celsius[rested & np.isfinite(temperature_celsius)]
+    return float(np.median(rested_celsius)) if len(rested_celsius) else np.nan
 
 
 def temperature_offsets(spectra, records):
@@ -208,13 +208,13 @@ def temperature_offsets(spectra, records):
 
 
 def _read(pairs, ambient):
-    found = np.array([celsius for stated, celsius in pairs if stated == ambient], float)
-    return found[np.isfinite(found)]
+    temperatures = np.array([celsius for stated, celsius in pairs if stated == ambient], float)
+    return temperatures[np.isfinite(temperatures)]
 
 
 def _row(ambient, spectra, records):
-    read = [float(np.median(one)) if len(one) else np.nan for one in (spectra, records)]
-    spread = [np.var(one, ddof=1) / len(one) for one in (spectra, records) if len(one) > 1]
+    read = [float(np.median(t)) if len(t) else np.nan for t in (spectra, records)]
+    spread = [np.var(t, ddof=1) / len(t) for t in (spectra, records) if len(t) > 1]
     return {
         "ambient_temperature_celsius": ambient,
         "spectra_celsius": read[0],
@@ -227,19 +227,19 @@ def _row(ambient, spectra, records):
 
 
 def _thermometer_notes(rows):
-    known = [row for row in rows if np.isfinite(row["offset_kelvin"])]
+    compared = [row for row in rows if np.isfinite(row["offset_kelvin"])]
     each = ", ".join(
         f"{row['offset_kelvin']:+.1f} K at {row['ambient_temperature_celsius']:g} °C"
-        for row in known
+        for row in compared
     )
-    if not known and any(row["spectra"] for row in rows):
+    if not compared and any(row["spectra"] for row in rows):
         yield (
             "temperatures in the spectra's files cannot be checked: no other record of the same "
             "chamber temperature holds one half an hour after its last current"
         )
-    elif known and max(abs(row["offset_kelvin"]) for row in known) < MATERIAL_KELVIN:
+    elif compared and max(abs(row["offset_kelvin"]) for row in compared) < MATERIAL_KELVIN:
         yield f"temperatures in the spectra's files agree with those of the other records: {each}"
-    elif known:
+    elif compared:
         yield (
             "temperatures in the spectra's files differ from those of the other records at rest: "
             f"{each}; curves over temperature must not mix the two (they use the chamber's)"

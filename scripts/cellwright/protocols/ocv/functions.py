@@ -219,11 +219,11 @@ def _left_out_rmse(name, parameters, soc, volt, blocks):
     return rms(np.concatenate(errors))
 
 
-def _predicted(name, parameters, soc, volt, at):
+def _predicted(name, parameters, soc, volt, wanted_soc):
     if name == "table":
         from scipy.interpolate import PchipInterpolator
 
-        return PchipInterpolator(soc, volt)(at)
+        return PchipInterpolator(soc, volt)(wanted_soc)
     form = FORMS[name]
     rates = parameters[np.array(form.places) < 0]
-    return evaluate(name, fit_parameters(form, soc, volt, near=rates)[:, 0], at)
+    return evaluate(name, fit_parameters(form, soc, volt, near=rates)[:, 0], wanted_soc)

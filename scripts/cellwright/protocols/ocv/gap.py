@@ -55,8 +55,8 @@ def half_gap(curve):
     if curve["branches"] != "both" or "half_gap_volt" not in curve:
         return np.empty(0), np.empty(0)
     soc, gap = (np.array(curve[name], float) for name in ("soc", "half_gap_volt"))
-    known = np.isfinite(gap)
-    return soc[known], gap[known]
+    measured = np.isfinite(gap)
+    return soc[measured], gap[measured]
 
 
 def largest_hysteresis(basis, celsius, knots):
@@ -83,11 +83,11 @@ def largest_hysteresis(basis, celsius, knots):
     # beside the charge that the branch has moved.
     if basis["borrowed_from"] is not None:
         return Allowed(None, f"not bounded: the OCV is that of {basis['borrowed_from']}")
-    known = [(abs(celsius - _celsius(c)), c) for c in basis["ocv"] if half_gap(c)[0].size]
-    known = [(off, c) for off, c in known if _celsius(c) <= celsius + SAME_CELSIUS]
-    if not known:
+    curves = [c for c in basis["ocv"] if half_gap(c)[0].size]
+    curves = [c for c in curves if _celsius(c) <= celsius + SAME_CELSIUS]
+    if not curves:
         return Allowed(None, "not bounded: no slow test both ways at this temperature or below")
-    curve = min(known, key=lambda pair: pair[0])[1]
+    curve = min(curves, key=lambda c: abs(celsius - _celsius(c)))
     soc, gap = half_gap(curve)
     shifts = np.linspace(-READING_SOC, READING_SOC, 9)
     near = [np.interp(np.asarray(knots) + shift, soc, gap) for shift in shifts]
@@ -121,5 +121,5 @@ def shows_hysteresis(gap, resistance_ohm):
     Source: W. Dreyer et al., Nature Materials 9 (2010) 448: the gap of LFP stays at vanishing
     current.
     """
-    left = gap.half_gap_volt - gap.current_ampere * resistance_ohm
-    return bool(left > max(LEAST_VOLT, LEAST_SHARE * gap.half_gap_volt))
+    unexplained_volt = gap.half_gap_volt - gap.current_ampere * resistance_ohm
+    return bool(unexplained_volt > max(LEAST_VOLT, LEAST_SHARE * gap.half_gap_volt))

@@ -17,7 +17,7 @@ from cellwright.settings import Ocv
 OCV = Ocv()
 
 
-def joined(soc, discharge_volt, charge_volt, discharge, charge, way):
+def joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by):
     """OCV over SoC, and where it rests on measurement alone.
 
     Parameters
@@ -35,11 +35,11 @@ def joined(soc, discharge_volt, charge_volt, discharge, charge, way):
     ------
     Refusal : the branches do not overlap at 50 % SoC.
     """
-    if way == "single":
+    if joined_by == "single":
         only = discharge_volt if charge is None else charge_volt
-        known = np.isfinite(only)
-        return np.interp(soc, soc[known], only[known]), known
-    if way == "mean":
+        measured = np.isfinite(only)
+        return np.interp(soc, soc[measured], only[measured]), measured
+    if joined_by == "mean":
         return _mean(soc, discharge_volt, charge_volt)
     return from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge)
 
@@ -81,10 +81,10 @@ def from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge):
     middle = len(soc) // 2
     gap = low[middle] - high[middle]
     ocv = np.where(soc < 0.5, low - gap * soc, high + gap * (1 - soc))
-    known = np.isfinite(ocv)
-    if not (np.isfinite(gap) and known.any()):
+    measured = np.isfinite(ocv)
+    if not (np.isfinite(gap) and measured.any()):
         raise Refusal("slow discharge and slow charge do not overlap at 50 % SoC")
-    return np.interp(soc, soc[known], ocv[known]), known
+    return np.interp(soc, soc[measured], ocv[measured]), measured
 
 
 class Leg(NamedTuple):
@@ -198,8 +198,8 @@ def _steady_current(amperes, moved):
 
 def _jump(row, neighbour, time, voltage, at_rest):
     """Size of the voltage step between a row under current and a row at rest next to it."""
-    known = 0 <= neighbour < len(time) and at_rest[neighbour]
-    if not known or abs(time[row] - time[neighbour]) > 120:
+    adjacent = 0 <= neighbour < len(time) and at_rest[neighbour]
+    if not adjacent or abs(time[row] - time[neighbour]) > 120:
         return np.nan
     return float(abs(voltage[row] - voltage[neighbour]))
 
@@ -327,11 +327,11 @@ def _chosen(legs, cutoffs, least_hour):
 def _why_none(legs, cutoffs, least_hour):
     """Reason in words, with what was found."""
     wanted = f"a leg of more than {least_hour:g} h to {cutoffs[-1]:g} V or {cutoffs[1]:g} V"
-    found = [
+    legs_found = [
         f"{leg.capacity_ampere_hour:.4g} Ah at {leg.current_ampere:.3g} A to {leg.end_volt:.3f} V"
         for leg in legs
     ]
-    return f"no slow full branch: found {'; '.join(found) or 'no current'}; wanted {wanted}"
+    return f"no slow full branch: found {'; '.join(legs_found) or 'no current'}; wanted {wanted}"
 
 
 def _branch(leg, voltage, net_charge, soc):
@@ -343,23 +343,23 @@ def _branch(leg, voltage, net_charge, soc):
     if leg is None:
         return np.full(len(soc), np.nan), 0.0
     moved = np.abs(net_charge[leg.rows] - net_charge[leg.first_row]) / leg.capacity_ampere_hour
-    own = moved if leg.sign > 0 else 1 - moved
-    order = np.argsort(own, kind="stable")
+    leg_soc = moved if leg.sign > 0 else 1 - moved
+    order = np.argsort(leg_soc, kind="stable")
     measured = voltage[leg.rows][order]
     monotone = isotonic_regression(measured).x
-    inside = np.clip(soc, own.min(), own.max())
+    inside = np.clip(soc, leg_soc.min(), leg_soc.max())
     reached = np.abs(soc - inside) < 0.5 * soc[1]
-    means = _cell_means(own[order], monotone, inside, 0.5 * soc[1])
+    means = _cell_means(leg_soc[order], monotone, inside, 0.5 * soc[1])
     return np.where(reached, means, np.nan), np.abs(monotone - measured).max()
 
 
-def _cell_means(soc, voltage, at, half_width):
+def _cell_means(soc, voltage, centre, half_width):
     """Mean of a curve over a cell about each point; cells shrink towards its ends."""
     area = np.append(0.0, np.cumsum(np.diff(soc) * (voltage[1:] + voltage[:-1]) / 2))
-    half = np.minimum(half_width, np.minimum(at - soc[0], soc[-1] - at))
-    mean = np.diff(np.interp([at - half, at + half], soc, area), axis=0)[0]
+    half = np.minimum(half_width, np.minimum(centre - soc[0], soc[-1] - centre))
+    mean = np.diff(np.interp([centre - half, centre + half], soc, area), axis=0)[0]
     wide = half > half_width / 10
-    return np.where(wide, mean / np.where(wide, 2 * half, 1.0), np.interp(at, soc, voltage))
+    return np.where(wide, mean / np.where(wide, 2 * half, 1.0), np.interp(centre, soc, voltage))
 
 
 def _way(discharge, charge, join):
@@ -388,13 +388,13 @@ def _balance(discharge, charge):
     """Words where charge and discharge differ by more than 3 %, and the offset that would do it."""
     if discharge is None or charge is None:
         return ""
-    out, back = discharge.capacity_ampere_hour, charge.capacity_ampere_hour
-    if abs(back / out - 1) < 0.03:
+    discharged, charged = discharge.capacity_ampere_hour, charge.capacity_ampere_hour
+    if abs(charged / discharged - 1) < 0.03:
         return ""
-    hours_out, hours_back = -out / discharge.current_ampere, back / charge.current_ampere
-    offset = (out - back) / (hours_out + hours_back)
+    discharge_hours = -discharged / discharge.current_ampere
+    offset = (discharged - charged) / (discharge_hours + charged / charge.current_ampere)
     return (
-        f"slow discharge gave {out:.4g} Ah, slow charge took {back:.4g} Ah; an offset of "
+        f"slow discharge gave {discharged:.4g} Ah, slow charge took {charged:.4g} Ah; an offset of "
         f"{-1e3 * offset:+.3g} mA in the current reading would explain it (capacity then "
-        f"{out - offset * hours_out:.4g} Ah)"
+        f"{discharged - offset * discharge_hours:.4g} Ah)"
     )

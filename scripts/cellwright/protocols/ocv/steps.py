@@ -35,15 +35,15 @@ def joined_rests(steps):
     ----------
     steps : `series.segments.Steps`.
     """
-    found = []
+    rests = []
     for kind, first, last in zip(steps.kind, steps.first_row, steps.last_row, strict=True):
         if kind != "rest":
             continue
-        if found and found[-1][1] == first - 1:
-            found[-1] = (found[-1][0], int(last))
+        if rests and rests[-1][1] == first - 1:
+            rests[-1] = (rests[-1][0], int(last))
         else:
-            found.append((int(first), int(last)))
-    return found
+            rests.append((int(first), int(last)))
+    return rests
 
 
 def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hour, least_second):
@@ -148,9 +148,9 @@ def _with(tau, seen, volt, wanted):
     columns[:, 1] /= scale
     asked[:, 1] /= scale
     weights = np.linalg.pinv(columns)
-    found = weights @ volt
+    coefficients = weights @ volt
     leverage = np.sum((asked @ weights) ** 2, axis=1)
-    return np.sum((columns @ found - volt) ** 2), asked @ found, leverage
+    return np.sum((columns @ coefficients - volt) ** 2), asked @ coefficients, leverage
 
 
 SAME_KELVIN = 1.0
@@ -203,10 +203,10 @@ def chamber_shifts(
     columns = [np.asarray(c, float) for c in (test_time_second, voltage_volt, temperature_celsius)]
     soc, rows, left_out = np.asarray(soc, float), [], []
     for first, last in joined_rests(steps):
-        here = slice(first, last + 1)
+        rest_rows = slice(first, last + 1)
         try:
-            found = _of_rest(
-                *(column[here] for column in columns),
+            shifts = _of_rest(
+                *(column[rest_rows] for column in columns),
                 settled=settled_kelvin_per_hour,
                 least=least_plateau_second,
                 skip=skip_second,
@@ -216,8 +216,8 @@ def chamber_shifts(
             left_out.append(f"rest from {columns[0][first] / 3600:.1f} h: {refusal}")
             continue
         number = rows[-1]["rest"] + 1 if rows else 1
-        level = float(np.median(soc[here]))
-        rows += [{"rest": number, "soc": level} | row for row in found]
+        level = float(np.median(soc[rest_rows]))
+        rows += [{"rest": number, "soc": level} | row for row in shifts]
     if not rows:
         raise Refusal("; ".join(left_out) or "no rest in the record")
     return StepShifts(rows, left_out)
@@ -261,9 +261,10 @@ def _of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
     kept = _kept(time, plateaus, skip, least_reference)
     first = plateaus[0]
     first = first._replace(first=kept, celsius=float(celsius[kept : first.last + 1].mean()))
-    back = [abs(p.celsius - first.celsius) <= SAME_KELVIN for p in plateaus]
+    at_reference = [abs(p.celsius - first.celsius) <= SAME_KELVIN for p in plateaus]
     used = [(kept, first.last)]
-    used += [(p.first, p.last) for p, same in zip(plateaus[1:], back[1:], strict=True) if same]
+    later = zip(plateaus[1:], at_reference[1:], strict=True)
+    used += [(p.first, p.last) for p, same in later if same]
     # Of hours at the first temperature only the end is a plateau of voltage as well.
     end = int(np.searchsorted(time, time[first.last] - least_reference))
     plateaus[0] = first._replace(first=end, celsius=float(celsius[end : first.last + 1].mean()))
@@ -286,6 +287,14 @@ def _of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
             "returned": bool(same and k > 0),
         }
         for k, (p, middle, mean, reference, std, same) in enumerate(
-            zip(plateaus, middles, means[:, 1], course.volt, course.std_volt, back, strict=True)
+            zip(
+                plateaus,
+                middles,
+                means[:, 1],
+                course.volt,
+                course.std_volt,
+                at_reference,
+                strict=True,
+            )
         )
     ]
