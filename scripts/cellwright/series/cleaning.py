@@ -20,7 +20,7 @@ SERIES = ("test_time_second", "current_ampere", "voltage_volt")
 
 
 class Flag(IntFlag):
-    """Why a row is marked; a row may carry several."""
+    """Reason why a row is flagged; a row may carry several."""
 
     NAN = 1  # time, current or voltage is no number
     SENTINEL = 2  # it holds an instrument's mark for "no reading"
@@ -44,7 +44,7 @@ def flag(
     gap_second: float = CLEAN.gap_second,
     gap_factor: float = CLEAN.gap_factor,
 ) -> np.ndarray:
-    """Mark each row of a series with what is wrong with it.
+    """Flags of each row of a series: all that is wrong with it.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def flag(
     time, current, voltage = (columns[name] for name in SERIES)
     flags = _unreadable(time, current, voltage)
     step = current_step_fraction * float(np.max(np.abs(current[flags == 0]), initial=0.0))
-    _flag_among(flags, lambda rows: _repeats(time[rows], current[rows], voltage[rows], step))
+    _flag_among(flags, lambda rows: _repeats(time[rows], current[rows], step))
     _flag_among(flags, lambda rows: _out_of_place(time[rows]))
     _flag_among(flags, lambda rows: _clock_jumps(time[rows], rows, gap_factor))
     _flag_among(flags, lambda rows: _gaps(rebased(time[rows], flags[rows]), gap_second, gap_factor))
@@ -84,17 +84,18 @@ def flag(
 
 
 def counts(flags: np.ndarray) -> dict[str, int]:
-    """How many rows carry each flag."""
+    """Number of rows with each flag, by the flag's name in lower case."""
     return {kind.name.lower(): int(np.count_nonzero(flags & kind)) for kind in Flag}
 
 
 def _flag_among(flags: np.ndarray, detector) -> None:
-    """Let a detector see the rows that will be kept, and add what it finds to `flags`."""
+    """Add to `flags` what a detector finds among the rows that are kept so far."""
     rows = np.flatnonzero((flags & REMOVED) == 0)
     flags[rows] |= detector(rows)
 
 
 def _unreadable(*columns: np.ndarray) -> np.ndarray:
+    """Flags (n,) of rows in which time, current or voltage is no reading."""
     flags = np.zeros(columns[0].size, dtype=np.int16)
     for column in columns:
         flags[~np.isfinite(column)] |= Flag.NAN
@@ -109,8 +110,8 @@ def _dead(voltage: np.ndarray) -> np.ndarray:
     return (voltage == 0) & (np.abs(before) > 1) & (np.abs(after) > 1)
 
 
-def _repeats(time: np.ndarray, current: np.ndarray, voltage: np.ndarray, step: float) -> np.ndarray:
-    """Rows whose time stands twice; where the current steps there, the edge is kept."""
+def _repeats(time: np.ndarray, current: np.ndarray, step: float) -> np.ndarray:
+    """Rows that repeat the time of the row before, but for edges, where the current steps."""
     same_time = np.diff(time, prepend=np.nan) == 0
     steps = np.abs(np.diff(current, prepend=np.inf)) > step
     return np.where(same_time & ~steps, Flag.REPEAT, 0).astype(np.int16)
@@ -147,6 +148,7 @@ def _clock_jumps(time: np.ndarray, rows: np.ndarray, gap_factor: float) -> np.nd
 
 
 def _gaps(time: np.ndarray, gap_second: float, gap_factor: float) -> np.ndarray:
+    """Rows before which the record has a gap, much longer than the sampling around it."""
     interval = np.diff(time)
     around = np.pad(interval, 1)
     neighbour = np.maximum(around[:-2], around[2:])
@@ -155,13 +157,14 @@ def _gaps(time: np.ndarray, gap_second: float, gap_factor: float) -> np.ndarray:
 
 
 def _file_starts(file_index: np.ndarray) -> np.ndarray:
-    """First rows of files: what the cell did before them is not in the record."""
+    """First rows of the second and later files: the time before them is not in the record."""
     return np.where(np.diff(file_index, prepend=file_index[0]) != 0, Flag.GAP, 0).astype(np.int16)
 
 
 def _spikes(
     current: np.ndarray, voltage: np.ndarray, limit: float, factor: float, step: float
 ) -> np.ndarray:
+    """Rows that are spikes by `spike_rows`."""
     flags = np.zeros(voltage.size, dtype=np.int16)
     rows = spike_rows(
         current, voltage, limit_volt=limit, noise_factor=factor, current_step_ampere=step
@@ -245,7 +248,7 @@ def spike_free(voltage_volt: np.ndarray, rows: np.ndarray) -> np.ndarray:
 def _answered(
     current: np.ndarray, voltage: np.ndarray, rows: np.ndarray, least_ampere: float
 ) -> np.ndarray:
-    """Whether the current left its neighbours in the direction of the voltage at each row."""
+    """Whether the current of each row jumps out and back as its voltage does."""
     neighbours = rows[:, None] + np.array([-1, 1])
     out_current = current[rows] - current[neighbours].mean(axis=1)
     out_voltage = voltage[rows] - voltage[neighbours].mean(axis=1)
@@ -295,15 +298,15 @@ def net_charge(
     counted = np.full(moved.size, np.nan)
     if counter_ampere_hour is not None:
         counted = np.diff(counter_ampere_hour)
-    better = _counter_is_surer(before, after, counted)
+    better = _counter_is_better(before, after, counted)
     moved[better] = counted[better]
     if gap_rows is not None and gap_rows.size:
         moved[gap_rows - 1] = _across_gaps(before, after, counted, gap_rows - 1)
     return np.concatenate([[0.0], np.cumsum(moved)])
 
 
-def _counter_is_surer(before: np.ndarray, after: np.ndarray, counted: np.ndarray) -> np.ndarray:
-    """Intervals in which the counter is surer than the trapezoid, and can be right."""
+def _counter_is_better(before: np.ndarray, after: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """Intervals in which the counter is more accurate than the trapezoid, and plausible."""
     if not np.any(counted[np.isfinite(counted)]):
         return np.zeros(counted.size, dtype=bool)
     digit = _digit(counted[np.isfinite(counted)])
@@ -314,7 +317,7 @@ def _counter_is_surer(before: np.ndarray, after: np.ndarray, counted: np.ndarray
 
 
 def _digit(steps: np.ndarray) -> float:
-    """The last digit that a counter shows, from 1 to 1e-9, by its steps."""
+    """Resolution of a counter [Ah], a power of ten from 1 to 1e-9, by its steps."""
     digits = 10.0 ** -np.arange(10)
     shown = (d for d in digits if np.all(np.abs(steps / d - np.rint(steps / d)) < 1e-3))
     return next(shown, digits[-1])
@@ -323,7 +326,7 @@ def _digit(steps: np.ndarray) -> float:
 def _across_gaps(
     before: np.ndarray, after: np.ndarray, counted: np.ndarray, gaps: np.ndarray
 ) -> np.ndarray:
-    """Charge [Ah] over each gap (a number of an interval)."""
+    """Charge over each gap [Ah]; `gaps` are numbers of intervals."""
     # ASSUME: In a gap of a record without a counter, a current that is the same on both sides
     # flowed all the time, and otherwise none did.
     same = np.abs(after[gaps] - before[gaps]) <= 0.1 * np.abs(after[gaps])
@@ -394,6 +397,7 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
 
 
 def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray) -> np.ndarray:
+    """Net charge of a clean series [Ah], by `net_charge`."""
     return net_charge(
         columns["test_time_second"],
         columns["current_ampere"],
@@ -403,7 +407,7 @@ def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray) -> np.ndarray:
 
 
 def _at_open_circuit(columns: Mapping[str, np.ndarray], rests: RestReading) -> dict:
-    """The current with zero in the rests, and as it was read."""
+    """Columns of the current, zero in the rests, and of the current as it was logged [A]."""
     current = columns["current_ampere"].copy()
     for first, stop in zip(rests.first, rests.stop, strict=True):
         current[first:stop] = 0.0
@@ -411,7 +415,7 @@ def _at_open_circuit(columns: Mapping[str, np.ndarray], rests: RestReading) -> d
 
 
 def _blanked(column: np.ndarray) -> np.ndarray:
-    """A column with NaN for its marks of "no reading"; the row stays."""
+    """A column with NaN where the instrument marked "no reading"; no row is removed."""
     if not np.issubdtype(column.dtype, np.floating) or not (np.abs(column) > NO_READING).any():
         return column
     return np.where(np.abs(column) > NO_READING, np.nan, column)

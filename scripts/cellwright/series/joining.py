@@ -17,9 +17,9 @@ DATE_RESOLUTION = 2.0  # [s] what a date stamp of whole seconds may be wrong by,
 
 
 class Joined(NamedTuple):
-    """One series, and how its files were put together."""
+    """The columns of all files of a test as one, and a sentence for each joint."""
 
-    columns: dict[str, np.ndarray]  # file_index says which file a row came from
+    columns: dict[str, np.ndarray]  # with file_index, the file that a row came from
     notes: tuple[str, ...]
 
 
@@ -66,17 +66,19 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Joined:
 
 
 def _continued(before: Mapping, after: Mapping, number: int) -> tuple[dict, str]:
-    """The next file on the clock and counter of the one before."""
+    """Columns of the next file on the clock and counter of the file before, and a note."""
     shift, note = _clock_shift(before, after, number)
     part = dict(after)
     part["test_time_second"] = after["test_time_second"] + shift
     if COUNTER in before and COUNTER in after:
-        part[COUNTER] = after[COUNTER] + _counter_shift(before[COUNTER], after[COUNTER])
+        # A counter that restarted goes on from the old level.
+        goes_on = abs(after[COUNTER][0] - before[COUNTER][-1]) <= abs(after[COUNTER][0])
+        part[COUNTER] = after[COUNTER] + (0.0 if goes_on else float(before[COUNTER][-1]))
     return part, note
 
 
 def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, str]:
-    """Seconds to add to the clock of a file, and where they come from."""
+    """Time to add to the clock of a file [s], and a note on where it comes from."""
     end, start = before["test_time_second"][-1], after["test_time_second"][0]
     interval = _sampling(after["test_time_second"])
     if "unix_time_second" in before and "unix_time_second" in after:
@@ -86,9 +88,8 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
                 f"file {number} begins {-pause:g} s before file {number - 1} ends, by their dates; "
                 "files must be given in time order"
             )
-        return end + max(
-            pause, interval
-        ) - start, f"file {number} follows after {pause:g} s (dates)"
+        shift = end + max(pause, interval) - start
+        return shift, f"file {number} follows after {pause:g} s (dates)"
     # A clock that had started anew would show about one sampling interval in its first row.
     if start > end and start > 2 * interval:
         return 0.0, f"file {number} follows after {start - end:g} s (its clock goes on)"
@@ -97,13 +98,13 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
 
 
 def _sampling(time: np.ndarray) -> float:
-    """Typical interval [s] between the first rows."""
+    """Median interval between the first 20 rows [s]; 1 s where the clock stands still."""
     steps = np.diff(time[:20])
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
 
 
 def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The same with a counter that goes on where the instrument set it to zero within the file.
+    """Columns with an ampere-hour counter without the resets that the instrument made in the file.
 
     A reset jumps by far more than the current could have moved, and lands near zero.
     """
@@ -118,12 +119,6 @@ def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     return {**columns, COUNTER: counter[0] + np.concatenate([[0.0], np.cumsum(moved)])}
 
 
-def _counter_shift(before: np.ndarray, after: np.ndarray) -> float:
-    """What to add to a counter [Ah]: nothing where it goes on, the old level where it restarted."""
-    goes_on = abs(after[0] - before[-1]) <= abs(after[0])
-    return 0.0 if goes_on else float(before[-1])
-
-
 CONVENTIONS = {"charge_positive": 1, "discharge_positive": -1}
 NO_READING = 1e30  # beyond it stands an instrument's mark, not a number
 NO_CURRENT = "no current flows"
@@ -134,7 +129,7 @@ LONGEST_STEP = 300.0  # [s] beyond it the state of charge, not the resistance, m
 
 
 class Sign(NamedTuple):
-    """What the data say of the sign of the current."""
+    """Sign of the current according to the data, and how clear it is."""
 
     sign: int  # +1 charge positive, -1 discharge positive, 0 the data cannot tell
     evidence: float  # -1 … 1: how far steps and trends agree on it
@@ -148,7 +143,7 @@ def current_sign(
     *,
     clear: float = 0.8,
 ) -> Sign:
-    """Sign of the current from steps of the voltage at steps of the current, and from its trend.
+    """Sign of the current, from steps and trends of the voltage that follow the current.
 
     1. Steps: where the current changes by more than a tenth of its largest change, the voltage
        must change in the same direction (its channel may lag by one or two samples). Votes weigh
@@ -174,34 +169,31 @@ def current_sign(
     if time.size < 2 or not np.any(current):
         return Sign(0, 0.0, NO_CURRENT)
     step, trend = _step_vote(time, current, voltage), _trend_vote(time, current, voltage)
-    if _magnitudes(current) and abs(step if np.isnan(trend) else trend) < 0.7:
+    # Apart from noise around zero the current is never negative: the instrument may log its size.
+    unsigned = current.min() > -0.02 * current.max()
+    if unsigned and abs(step if np.isnan(trend) else trend) < 0.7:
         return Sign(0, 0.0, MAGNITUDES)
     return _verdict(step, trend, clear)
 
 
-def _magnitudes(current: np.ndarray) -> bool:
-    """Apart from the noise around zero, the current is never negative."""
-    return current.min() > -0.02 * current.max()
-
-
 def _verdict(step: float, trend: float, clear: float) -> Sign:
-    """The sign that the votes agree on; a vote of NaN does not count."""
-    votes = f"steps {step:+.2f}, trend {trend:+.2f}".replace("+nan", "none")
+    """The sign that step vote and trend vote (-1 … 1) agree on; a vote of NaN does not count."""
+    vote_text = f"steps {step:+.2f}, trend {trend:+.2f}".replace("+nan", "none")
     if np.isnan(step) and np.isnan(trend):
         return Sign(0, 0.0, "the current neither steps nor moves the voltage")
-    evidence, wanted = _agreed(step, trend), clear
-    if np.isnan(step) or np.isnan(trend):  # one witness alone has to be surer
-        wanted = 0.5 * (1 + clear)
-    if abs(evidence) < wanted:
-        return Sign(0, evidence, f"voltage and current contradict each other ({votes})")
-    return Sign(int(np.sign(evidence)), evidence, votes)
+    evidence, threshold = _agreed(step, trend), clear
+    if np.isnan(step) or np.isnan(trend):  # one vote alone has to be clearer
+        threshold = 0.5 * (1 + clear)
+    if abs(evidence) < threshold:
+        return Sign(0, evidence, f"voltage and current contradict each other ({vote_text})")
+    return Sign(int(np.sign(evidence)), evidence, vote_text)
 
 
 def _agreed(step: float, trend: float) -> float:
-    """What the votes agree on: their mean, or nothing where they differ in sign.
+    """Mean of step vote and trend vote (-1 … 1); 0 where they differ in sign.
 
-    Where the voltage is the one that is set (holds, dithers), it does not follow the current's
-    steps: a step vote that is no clearer than a coin leaves the word to a unanimous trend.
+    Where the tester sets the voltage (holds, dithers), it does not follow the steps of the current:
+    where the step vote is unclear, a unanimous trend alone decides.
     """
     if np.isnan(step) or np.isnan(trend):
         return float(np.nansum([step, trend]))
@@ -211,7 +203,7 @@ def _agreed(step: float, trend: float) -> float:
 
 
 def _step_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> float:
-    """Σ ΔI·ΔV over Σ |ΔI·ΔV| at the steps of the current, at the lag of the channels that fits."""
+    """Σ ΔI·ΔV over Σ |ΔI·ΔV| (-1 … 1) at the steps of the current, at the best lag of channels."""
     change, moved = np.diff(current), np.diff(voltage)
     least = max(0.1 * np.abs(change).max(), 0.05 * np.abs(current).max())
     rows = np.flatnonzero(np.abs(change) > least)
@@ -223,13 +215,14 @@ def _step_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> fl
 
 
 def _lagged(change: np.ndarray, moved: np.ndarray, rows: np.ndarray, lag: int) -> tuple:
+    """Σ ΔI·ΔV and Σ |ΔI·ΔV| [AV] with the voltage `lag` samples behind the current."""
     paired = rows[(rows + lag >= 0) & (rows + lag < moved.size)]
     product = change[paired] * moved[paired + lag]
     return product.sum(), np.abs(product).sum()
 
 
 def _trend_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> float:
-    """Vote of the long stretches of steady current, weighted with their ampere-hours.
+    """Share of the charge (-1 … 1) of long steady currents that the voltage moves along with.
 
     NaN where such stretches carry less than half of the charge: a drive cycle has no trend.
     """
@@ -293,29 +286,30 @@ def charge_positive(
     return Signed(_turned(columns, sign), note)
 
 
-def _decided(found: Sign, stated: str | None, default: str | None) -> tuple[int, str]:
-    """The sign to go by, and a note where it is not plainly what the data say."""
+def _decided(shown: Sign, stated: str | None, default: str | None) -> tuple[int, str]:
+    """Sign to use (+1 or -1), and a note where it is not what the data and the sheet both say."""
     rule = stated or default
-    if found.reason == NO_CURRENT:
+    if shown.reason == NO_CURRENT:
         return CONVENTIONS[rule or "charge_positive"], f"{NO_CURRENT}: its sign does not matter"
-    if found.reason == MAGNITUDES or not (found.sign or rule):
+    if shown.reason == MAGNITUDES or not (shown.sign or rule):
         raise Refusal(
-            f"the data cannot tell the sign of the current: {found.reason}; "
+            f"the data cannot tell the sign of the current: {shown.reason}; "
             f"state current_sign ({' or '.join(CONVENTIONS)}) of a signed current"
         )
-    if not found.sign:
-        return CONVENTIONS[rule], f"current taken as {rule}: the data cannot tell ({found.reason})"
-    shown = "charge_positive" if found.sign > 0 else "discharge_positive"
-    if stated and stated != shown:
+    if not shown.sign:
+        return CONVENTIONS[rule], f"current taken as {rule}: the data cannot tell ({shown.reason})"
+    direction = "charge_positive" if shown.sign > 0 else "discharge_positive"
+    if stated and stated != direction:
         raise Refusal(
-            f"current_sign says {stated}, the voltage shows {shown} ({found.reason}); "
+            f"current_sign says {stated}, the voltage shows {direction} ({shown.reason}); "
             "correct the sheet, or leave it blank"
         )
-    against = f"current is {shown} by its voltage, against the format's rule {default}"
-    return found.sign, "" if stated or default in (None, shown) else against
+    against = f"current is {direction} by its voltage, against the format's rule {default}"
+    return shown.sign, "" if stated or default in (None, direction) else against
 
 
 def _turned(columns: Mapping[str, np.ndarray], sign: int) -> dict[str, np.ndarray]:
+    """Columns with all currents times the sign, and the counter rising with charge."""
     turned = dict(columns)
     for name in columns:
         if name.endswith("current_ampere"):
@@ -327,7 +321,7 @@ def _turned(columns: Mapping[str, np.ndarray], sign: int) -> dict[str, np.ndarra
 
 
 def _counter_sign(columns: Mapping[str, np.ndarray]) -> int:
-    """-1 where the instrument's counter falls while charge flows in: it counts the other way."""
+    """-1 where the instrument's counter falls while charge flows in, else 1."""
     time, current = columns["test_time_second"], columns["current_ampere"]
     counter = columns["net_capacity_ampere_hour"]
     flowed = 0.5 * (current[1:] + current[:-1]) * np.diff(time)
@@ -336,7 +330,7 @@ def _counter_sign(columns: Mapping[str, np.ndarray]) -> int:
 
 
 class Assembled(NamedTuple):
-    """One series and what a person should know of how it came about."""
+    """One series of a test with current positive on charge, and notes on how it was made."""
 
     columns: dict[str, np.ndarray]
     notes: tuple[str, ...]

@@ -22,7 +22,7 @@ FEWEST = 8  # rows in each half of a rest
 
 
 class Evidence(StrEnum):
-    """What a piece of evidence takes the reading for."""
+    """What the evidence says the reading in rests is."""
 
     SENSOR = "sensor"
     CURRENT = "current"
@@ -30,7 +30,8 @@ class Evidence(StrEnum):
 
 
 class Judgement(NamedTuple):
-    """A verdict, why, and the share of the reading's changes that may be a current, at most."""
+    """Verdict of one test, its reason, and the largest share of the reading's changes [1] that may
+    be a current."""
 
     verdict: Evidence
     why: str
@@ -38,7 +39,7 @@ class Judgement(NamedTuple):
 
 
 def free(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """Rests in which the voltage moves by more than its scatter: no charger holds it.
+    """Mask (k,) of rests in which the voltage moves by more than its scatter: no charger holds it.
 
     A small current at a held voltage is a current, though the voltage knows nothing of it.
 
@@ -59,7 +60,7 @@ def free(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray
 
 
 def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Judgement:
-    """Whether the voltage answers the changes of the reading in rests as it answers a load.
+    """Judgement by the voltage's answer to changes of the reading in rests, compared with a load.
 
     From sample to sample a current moves the voltage by its ohmic resistance. Compared is the
     slope of the voltage's changes over the reading's, in the second halves of the rests, with the
@@ -67,7 +68,7 @@ def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndar
 
     Parameters
     ----------
-    columns : mapping of arrays, as in `rest_reading.rest_reading`
+    columns : mapping of arrays, as in `rest_reading`
     first, stop : (k,) rows of each rest
 
     Returns
@@ -99,7 +100,7 @@ def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndar
 
 
 def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Judgement:
-    """Whether the voltage of rests moves as the charge of the reading would have moved it.
+    """Judgement by the voltage's drift in rests, compared with what the reading's charge would do.
 
     Over the second half of a rest a real current moves the voltage by charge times the slope of
     the open-circuit voltage, taken from the ends of the rests beside, the flattest of them. What
@@ -111,7 +112,7 @@ def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarr
 
     Parameters
     ----------
-    columns : mapping of arrays, as in `rest_reading.rest_reading`
+    columns : mapping of arrays, as in `rest_reading`
     first, stop : (k,) rows of each rest
 
     Returns
@@ -145,7 +146,7 @@ def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarr
 
 
 def _one_way(charge: np.ndarray, span: float) -> float:
-    """Sign of a load that moved charge one way only, and enough of it; else 0."""
+    """Sign of a load that moved enough charge in one direction only; else 0."""
     moved = charge[-1] - charge[0]
     there_and_back = np.abs(np.diff(charge)).sum() - abs(moved)
     enough = abs(moved) > ENOUGH * span and there_and_back < ENOUGH * abs(moved)
@@ -153,17 +154,17 @@ def _one_way(charge: np.ndarray, span: float) -> float:
 
 
 def _warmed(columns: Mapping, late: slice) -> float:
-    """By how much the cell's temperature changes over a stretch [K], 0 where nobody measured it."""
+    """Change of temperature over a stretch [K], of cell or chamber; 0 where not measured."""
     names = ("surface_temperature_celsius", "ambient_temperature_celsius")
     temperatures = [columns[name][late] for name in names if name in columns]
     return max((float(np.nan_to_num(abs(_change(c)[0]))) for c in temperatures), default=0.0)
 
 
 def _flattest(charge: np.ndarray, volt: np.ndarray, rest: int, rows: np.ndarray) -> float | None:
-    """Smallest slope [V/Ah] from the end of a rest to those beside it; None where it is not known.
+    """Smallest slope of the OCV [V/Ah] between the ends of a rest and its neighbours, or None.
 
-    Rests that are half as long or more tell it, less than a hundredth of the charge away none; no
-    slope is negative.
+    Neighbours count that are at least half as long and at least a hundredth of the record's charge
+    away. A negative slope counts as 0.
     """
     slopes = []
     far = np.abs(charge - charge[rest]) > ENOUGH * np.ptp(charge)
@@ -177,7 +178,8 @@ def _flattest(charge: np.ndarray, volt: np.ndarray, rest: int, rows: np.ndarray)
 def _change(values: np.ndarray) -> tuple[float, float]:
     """Change from the first to the last quarter of a stretch, and its standard deviation.
 
-    The scatter about a parabola, widened by how far neighbours agree, with half a digit beside it.
+    The deviation is the scatter about a parabola, widened for correlated neighbours, and the
+    resolution of the values.
     """
     quarter = max(len(values) // 4, 2)
     position = np.linspace(-1.0, 1.0, len(values))
@@ -191,9 +193,9 @@ def _change(values: np.ndarray) -> tuple[float, float]:
     return float(values[-quarter:].mean() - values[:quarter].mean()), float(std)
 
 
-NEAR_ZERO = 0.01  # of a record's largest current: what is no step of it, as in `flags.flag`
+NEAR_ZERO = 0.01  # of a record's largest current: what is no step of it, as in `cleaning.flag`
 REST_SECOND = 60.0
-EXCURSION_SECOND = 10.0  # a longer reading beyond that is a load, as in `runs.rest_rows`
+EXCURSION_SECOND = 10.0  # a longer reading beyond that is a load, as in `steps.rest_rows`
 LEAST_SHARE = 0.003  # of the charge a record moves: as sure as a counted SoC is taken to be
 
 
@@ -214,7 +216,7 @@ class RestReading(NamedTuple):
 
 
 def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
-    """Find what a record reads in its rests, and whether the cell's voltage knows of it.
+    """Reading of the current in the rests of a record, and whether it is a current.
 
     1. A rest is a stretch of a minute or more within 1 % of the record's largest current that a
     load steps into, and in which the voltage is free to relax. 2. What its readings move must
@@ -269,7 +271,7 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
 
 
 def as_logged(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """A clean series as its instrument read it: for whoever searches for faults of the reading.
+    """A clean series with the current as it was logged, for the search for faults of the sensor.
 
     Parameters
     ----------
@@ -314,7 +316,7 @@ def open_circuit(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float) -> float:
-    """What a record reads at rest [A] where that is above `rest_ampere`, else 0.
+    """Median current that a record logs at rest [A] where it exceeds `rest_ampere`, else 0.
 
     An offset of the reading larger than what counts as rest would turn every rest into a load.
 
@@ -329,7 +331,7 @@ def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float)
 
 
 def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tuple[str, str]:
-    """Whether the reading is the sensor's, a current, or unknown; and why."""
+    """Verdict "sensor", "current" or "unknown" on the reading in rests, and its reason."""
     by_counter = _counted(columns, rests)
     if by_counter:
         return by_counter
@@ -349,7 +351,7 @@ def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tupl
 
 
 def _counted(columns: Mapping, rests: RestReading) -> tuple[str, str] | None:
-    """What the instrument's own counter says of the rests, None without one."""
+    """Verdict and reason by the instrument's own counter; None where it has none."""
     counter = columns.get("net_capacity_ampere_hour")
     if counter is None or not np.any(np.diff(counter[np.isfinite(counter)])):
         return None

@@ -25,7 +25,8 @@ HOLD_CEILING_VOLT = 0.010
 
 
 class Sampled(NamedTuple):
-    """The columns that segmentation reads, each of shape (n,)."""
+    """Columns that segmentation reads, (n,) each: time [s], current [A], voltage [V]; masks of rows
+    after a gap and of rows at rest."""
 
     time: np.ndarray
     current: np.ndarray
@@ -35,7 +36,8 @@ class Sampled(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """One entry a run: rows (inclusive), mean current [A], length [s], and what it borders on."""
+    """One entry a run: first and last row (inclusive), mean current `level` [A], length `span` [s],
+    whether it is a rest, whether it begins after a gap."""
 
     first: np.ndarray
     last: np.ndarray
@@ -46,9 +48,9 @@ class Runs(NamedTuple):
 
 
 def gap_rows(time, file_index, *, gap_second):
-    """Rows before which the record has a hole: much longer than the sampling beside it.
+    """Mask (n,) of rows before which the record has a gap, longer than `gap_second` [s].
 
-    A slow sampling rate is no hole: the interval must exceed five times both its neighbours.
+    A slow sampling rate is no gap: the interval must exceed five times both its neighbours.
     """
     interval = np.diff(time, prepend=time[0])
     neighbour = np.maximum(np.roll(interval, 1), np.roll(interval, -1))
@@ -57,9 +59,9 @@ def gap_rows(time, file_index, *, gap_second):
 
 
 def rest_rows(time, current, *, threshold, rated):
-    """Rows at rest; to leave rest the current must exceed twice the threshold (no flicker).
+    """Mask (n,) of rows at rest; to leave rest the current must exceed twice the threshold [A].
 
-    An excursion between two rests that stays small and short is the sensor's, not a load's.
+    A small and short excursion between two rests is an error of the sensor, not a load.
     """
     size = np.abs(current)
     decided = (size <= threshold) | (size > 2 * threshold)
@@ -76,17 +78,17 @@ def rest_rows(time, current, *, threshold, rated):
 
 
 def hold_tolerance(voltage, rest):
-    """How far a held voltage may stray [V]: four sigma of the record's noise at rest, bounded."""
+    """Largest deviation of a held voltage [V]: four sigma of the noise at rest, within bounds."""
     pairs = np.abs(np.diff(voltage))[rest[1:] & rest[:-1]]
     noise = 1.4826 * np.median(pairs) if len(pairs) else 0.0
     return float(np.clip(4 * noise, HOLD_FLOOR_VOLT, HOLD_CEILING_VOLT))
 
 
 def held_rows(record, tolerance):
-    """Rows before which the current fell while the voltage did not give: a held voltage.
+    """Mask (n,) of rows at which the current falls and the voltage does not: a held voltage.
 
-    Looked at over one sample more on either side, for testers whose two channels are not
-    sampled together.
+    One sample more on either side is compared, for testers that do not sample their two channels
+    together.
     """
     current, voltage, rows = record.current, record.voltage, np.arange(len(record.current))
     falls = np.abs(current) <= np.abs(np.roll(current, 1))
@@ -98,7 +100,7 @@ def held_rows(record, tolerance):
 
 
 def edge_rows(record, rated, tolerance):
-    """Rows that begin a run (shape (n,), bool); the first row always does."""
+    """Mask (n,) of rows that begin a run; the first row always does."""
     size = np.abs(record.current)
     change = np.diff(record.current, prepend=record.current[0])
     noise = 1.05 * np.median(np.abs(change[~record.rest])) if not record.rest.all() else 0.0
@@ -113,7 +115,7 @@ def edge_rows(record, rated, tolerance):
 
 
 def runs(record, edges):
-    """The runs between the edges. A run lasts from the last sample before it to its own last."""
+    """Runs between the edges; a run lasts from the last sample before it to its own last."""
     first = np.flatnonzero(edges)
     last = np.append(first[1:], len(edges)) - 1
     level = np.add.reduceat(record.current, first) / (last - first + 1)
@@ -123,7 +125,7 @@ def runs(record, edges):
 
 
 def drop_noise(record, edges, rated):
-    """Edges without those that stray samples made, and the record with its rests mended."""
+    """Record with its rests corrected, and edges without those that stray samples made."""
     for _ in range(3):
         record, edges = _drop_specks(record, edges, rated)
         stretches = runs(record, edges)
@@ -137,30 +139,34 @@ def drop_noise(record, edges, rated):
 
 
 def _drop_specks(record, edges, rated):
-    """Join one or two stray samples with the equal levels beside them, or with a rest."""
+    """Record and edges with one or two stray samples joined to equal levels or a rest beside."""
     stretches = runs(record, edges)
     before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
     bar = np.maximum(SPECK_C_RATE * rated, SPECK_SHARE * np.abs(before))
-    few = (stretches.last - stretches.first < 2) & (np.arange(len(bar)) < len(bar) - 1)
-    joined = ~stretches.gap & ~np.roll(stretches.gap, -1)
+    brief = (stretches.last - stretches.first < 2) & (np.arange(len(bar)) < len(bar) - 1)
+    without_gap = ~stretches.gap & ~np.roll(stretches.gap, -1)
     speck = (
-        few & joined & (np.abs(stretches.level - before) < bar) & (np.abs(before - after) < bar / 2)
+        brief
+        & without_gap
+        & (np.abs(stretches.level - before) < bar)
+        & (np.abs(before - after) < bar / 2)
     )
-    faint = few & ~stretches.rest & (np.abs(stretches.level) < SPECK_C_RATE * rated) & ~speck
+    faint = brief & ~stretches.rest & (np.abs(stretches.level) < SPECK_C_RATE * rated) & ~speck
     faint &= np.maximum(np.abs(before), np.abs(after)) > 5 * np.abs(stretches.level)
     onset = faint & np.where(stretches.first == 0, ~np.roll(stretches.rest, -1), False)
     trail = faint & np.roll(stretches.rest & ~stretches.gap, -1)
     lead = faint & np.roll(stretches.rest, 1) & ~stretches.gap & ~trail
     edges, rest = edges.copy(), record.rest.copy()
     edges[stretches.first[speck | lead]] = edges[stretches.first[np.roll(speck | trail, 1)]] = False
-    mended = np.where(speck, np.roll(stretches.rest, 1), True)
+    rest_after = np.where(speck, np.roll(stretches.rest, 1), True)
     chosen = speck | onset | trail | lead
-    rest[_rows(stretches, chosen)] = np.repeat(mended[chosen], _count(stretches)[chosen])
+    size = stretches.last - stretches.first + 1
+    rest[np.repeat(chosen, size)] = np.repeat(rest_after[chosen], size[chosen])
     return record._replace(rest=rest), edges
 
 
 def join_transients(record, edges):
-    """Join the samples of a rising or falling output with the run that they lead to or end."""
+    """Edges without those within the rise or fall of the tester's output."""
     for _ in range(8):
         stretches = runs(record, edges)
         onward, backward = _transients(stretches)
@@ -172,7 +178,7 @@ def join_transients(record, edges):
 
 
 def _transients(stretches):
-    """Which runs are the rise of the next run, and which the fall of the one before."""
+    """Masks of runs that are the rise of the next run, and the fall of the one before."""
     before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
     longer = np.roll(stretches.span, -1), np.roll(stretches.span, 1)
     between = (stretches.level - before) * (after - stretches.level) >= 0
@@ -191,16 +197,6 @@ def _transients(stretches):
     return onward, backward
 
 
-def _count(stretches):
-    return stretches.last - stretches.first + 1
-
-
-def _rows(stretches, chosen):
-    """Rows of the chosen runs, in order."""
-    count = _count(stretches)
-    return np.flatnonzero(np.repeat(chosen, count))
-
-
 CHAIN_RUNS = 8  # a dynamic load has at least so many direct changes of load …
 CHAIN_LEVELS = 5  # … between so many levels, a tenth of the largest apart
 CHAIN_REST_SECOND = 10.0  # a longer rest at its beginning or end does not belong to it
@@ -210,7 +206,7 @@ STEADY_ROWS = 0.85  # … in so many of its rows; the others are its rise and ov
 
 
 def dynamic_chains(record, edges, short_second):
-    """Edges without those inside dynamic loads, and the rows of these loads."""
+    """Edges without those inside dynamic loads, and the mask (n,) of rows of these loads."""
     stretches = runs(record, edges)
     short = stretches.span <= short_second
     pair = (short & ~stretches.rest) & np.roll(short & ~stretches.rest, -1)
@@ -228,7 +224,7 @@ def dynamic_chains(record, edges, short_second):
 
 
 def _trim(stretches, begin, end):
-    """The chain without the long rests at its two ends."""
+    """First run and end of a chain of runs without the long rests at its two ends."""
     inside = ~(stretches.rest[begin:end] & (stretches.span[begin:end] > CHAIN_REST_SECOND))
     kept = np.flatnonzero(inside)
     return (begin + kept[0], begin + kept[-1] + 1) if len(kept) else (begin, begin + 1)
@@ -253,12 +249,13 @@ def run_kinds(record, stretches, dynamic, tolerance, pulse_max_second, rated):
             record, stretches.first[run], stretches.last[run], tolerance, STEADY_C_RATE * rated
         )
     brief = (stretches.span <= pulse_max_second) & ~stretches.rest & ~dynamic[stretches.first]
-    kind[brief & (_beside_rest(stretches) | _on_load(stretches))] = "pulse"
+    beside_rest = stretches.gap | np.roll(stretches.rest, 1) | np.roll(stretches.rest, -1)
+    kind[brief & (beside_rest | _on_load(stretches))] = "pulse"
     return kind, held
 
 
 def _load_kind(record, first, last, tolerance, slack):
-    """Kind of one load run, and its first row of held voltage."""
+    """Kind of one load run, and its first row of held voltage (−1: none)."""
     size = np.abs(record.current[first : last + 1])
     level = np.median(size)
     if np.median(size[-3:]) >= 0.9 * level and _steady(size, slack):
@@ -271,9 +268,7 @@ def _load_kind(record, first, last, tolerance, slack):
     before = size[np.argmax(size >= (1 - STEADY_SHARE) * level) : hold]
     if hold <= max(2, 0.02 * len(size)):
         return "CV", first + hold
-    return ("CCCV" if _steady(before, slack) else "dynamic"), first + hold if _steady(
-        before, slack
-    ) else -1
+    return ("CCCV", first + hold) if _steady(before, slack) else ("dynamic", -1)
 
 
 def _steady(size, slack):
@@ -283,13 +278,8 @@ def _steady(size, slack):
     return np.mean(near) >= STEADY_ROWS
 
 
-def _beside_rest(stretches):
-    """Runs that begin from rest (or with the record or after a gap), or end in one."""
-    return stretches.gap | np.roll(stretches.rest, 1) | np.roll(stretches.rest, -1)
-
-
 def _on_load(stretches):
-    """Short runs on top of a load that runs on at the same level, much longer than they."""
+    """Mask of short runs between two much longer runs of the same current."""
     before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
     same = np.abs(before - after) <= STEADY_SHARE * np.abs(before)
     shorter_neighbour = np.minimum(np.roll(stretches.span, 1), np.roll(stretches.span, -1))
@@ -297,7 +287,7 @@ def _on_load(stretches):
 
 
 def join_holds(record, stretches, kind, held, tolerance):
-    """A load and the held voltage that it ends in as one, though the current there is uneven."""
+    """Runs, kinds and first held rows with a load and the held voltage at its end as one run."""
     low = np.minimum.reduceat(record.voltage, stretches.first)
     high = np.maximum.reduceat(record.voltage, stretches.first)
     still = np.maximum(high, np.roll(record.voltage[stretches.last], 1)) - np.minimum(
@@ -321,14 +311,14 @@ def join_holds(record, stretches, kind, held, tolerance):
 
 
 def alike(stretches, kind):
-    """Runs that go on what the run before does: dynamic loads, and rests."""
+    """Mask of dynamic loads and rests that follow one of their kind without a gap."""
     again = (kind == np.roll(kind, 1)) & np.isin(kind, ("dynamic", "rest")) & ~stretches.gap
     again[0] = False
     return again
 
 
 def join(record, stretches, kind, held, again):
-    """The runs with those marked joined to the one before."""
+    """Runs, kinds and first held rows with the marked runs joined to the run before."""
     edges = np.zeros(len(record.time), bool)
     edges[stretches.first[~again]] = True
     return runs(record, edges), kind[~again], held[~again]
@@ -426,7 +416,10 @@ def segment(
     """
     time, current = np.asarray(test_time_second, float), np.asarray(current_ampere, float)
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
-    _check(time)
+    if len(time) < 3:
+        raise Refusal(f"the record has {len(time)} rows; steps need at least 3")
+    if np.any(np.diff(time) < 0):
+        raise Refusal("test time runs backwards; clean the record first")
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
     files = np.zeros(len(time), int) if file_index is None else np.asarray(file_index)
     gap = gap_rows(time, files, gap_second=gap_second)
@@ -441,13 +434,6 @@ def segment(
     stretches, kind, held = join_holds(record, stretches, kind, held, tolerance)
     stretches, kind, held = join(record, stretches, kind, held, alike(stretches, kind))
     return _steps(record, charge, stretches, kind, held, rated)
-
-
-def _check(time):
-    if len(time) < 3:
-        raise Refusal(f"the record has {len(time)} rows; steps need at least 3")
-    if np.any(np.diff(time) < 0):
-        raise Refusal("test time runs backwards; clean the record first")
 
 
 def _steps(record, charge, stretches, kind, held, rated):
