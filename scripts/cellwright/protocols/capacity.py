@@ -17,9 +17,12 @@ NAMES = {1: "charge", -1: "discharge"}
 
 
 class Half(NamedTuple):
-    """A half cycle: sign (+1 charge), its rows (inclusive; the first is the last one before the
-    load), size of its constant current [A], row where its voltage is first held (or its last),
-    and why it is not complete ("" where it is)."""
+    """One charge or discharge between two turns of the counted charge.
+
+    sign : +1 charge, -1 discharge. first_row, last_row : inclusive; the first is the last one
+    before the load. rate_ampere : size of its constant current [A]. held_row : where its voltage
+    is first held, or its last row. fault : why it is not complete, "" where it is.
+    """
 
     sign: int
     first_row: int
@@ -30,7 +33,7 @@ class Half(NamedTuple):
 
 
 def turns(charge_ampere_hour, steps, *, least_ampere_hour):
-    """Spans of steps between turns of the counted charge.
+    """Spans of steps between turning points of the counted charge.
 
     Parameters
     ----------
@@ -62,7 +65,7 @@ def turns(charge_ampere_hour, steps, *, least_ampere_hour):
 # ASSUME: A record that begins under load with a discharge begins with a full cell.
 # ASSUME: A rest within 5 % of the voltage window of a cut-off is full there, or empty.
 def half_cycles(current, voltage, charge, steps, *, rated, limits, whole):
-    """The half cycles of a record, in time order, each judged.
+    """Half cycles of a record in time order, each with the reason why it is not complete.
 
     Parameters
     ----------
@@ -90,7 +93,7 @@ def half_cycles(current, voltage, charge, steps, *, rated, limits, whole):
 
 # ASSUME: A first discharge that the complete charge after it returns within 3 % began full.
 def _returned(halves, charge):
-    """The half cycles, the first excused for its start where the second returns its charge."""
+    """Half cycles; the first counts as begun full where the second returns its charge."""
     if len(halves) < 2 or "start" not in halves[0].fault or halves[1].fault:
         return halves
     moved = [abs(charge[half.last_row] - charge[half.first_row]) for half in halves[:2]]
@@ -100,7 +103,7 @@ def _returned(halves, charge):
 
 
 def _half(current, voltage, steps, sign, loads, limits, whole):
-    """One half cycle over the given loads, judged by its end and its rate."""
+    """Half cycle over the given loads, with the fault of its end or of its rate."""
     reached = _reaches(voltage, steps, sign, loads, limits)
     used = loads if whole or reached is None else loads[: loads.index(reached) + 1]
     moved = np.abs(steps.charge_ampere_hour[used])
@@ -128,9 +131,9 @@ def _rate(current, steps, step):
 
 
 def _reaches(voltage, steps, sign, loads, limits):
-    """The first of the loads that reaches the limit of its direction, or None.
+    """First of the loads that reaches the cut-off of its direction, or None.
 
-    Reached also where the last samples point there: the limit then lies between two of them.
+    Reached also where a line through its last samples does: the cut-off then lies between two.
     """
     limit = limits[1] if sign > 0 else limits[0]
     if limit is None:
@@ -148,6 +151,7 @@ def _reaches(voltage, steps, sign, loads, limits):
 
 
 def _end_fault(voltage, steps, sign, loads, limits):
+    """Why a half cycle that does not reach its cut-off is not complete."""
     limit = limits[1] if sign > 0 else limits[0]
     name = "upper" if sign > 0 else "lower"
     if limit is None:
@@ -155,11 +159,11 @@ def _end_fault(voltage, steps, sign, loads, limits):
     return f"it ends at {voltage[steps.last_row[loads[-1]]]:.3f} V, before the cut-off of {limit} V"
 
 
-def _start_fault(voltage, steps, sign, load, limits, before):
-    """Why the cell was not at the other end when the half cycle began ("" where it was)."""
+def _start_fault(voltage, steps, sign, load, limits, reached_before):
+    """Why the cell was not full (discharge) or empty (charge) at the start; "" where it was."""
     end, limit = ("full", limits[1]) if sign < 0 else ("empty", limits[0])
-    if before is not None:
-        return "" if before else f"it does not start {end}: what came before was incomplete"
+    if reached_before is not None:
+        return "" if reached_before else f"it does not start {end}: what came before was incomplete"
     if load == 0:
         return "" if sign < 0 else "the record begins with it, from an unknown state of charge"
     if None in limits:
@@ -194,13 +198,15 @@ class CapacityRows(NamedTuple):
 
 
 class Capacities(NamedTuple):
-    """The table, and a sentence for every discharge or charge that was left out of it."""
+    """Capacities, and a sentence for every discharge or charge that is not complete."""
 
     rows: CapacityRows
     left_out: tuple
 
 
-class _One(NamedTuple):
+class _Measured(NamedTuple):
+    """Numbers of one complete half cycle: rate and current [A], capacities [Ah], energy [Wh]."""
+
     sign: int
     rate: float
     capacity: float
@@ -273,7 +279,7 @@ def capacity(
         if half.fault
     )
     complete = [
-        _one(half, partner, voltage, charge, surface_temperature_celsius)
+        _measured(half, partner, voltage, charge, surface_temperature_celsius)
         for half, partner in zip(halves, _partners(halves), strict=True)
         if not half.fault
     ]
@@ -283,7 +289,7 @@ def capacity(
 
 
 def _partners(halves):
-    """For each half cycle the complete other half of its cycle, or None.
+    """Complete other half of the cycle of each half cycle, or None.
 
     A cycle is a charge and the discharge after it, or else a discharge and the charge after it.
     """
@@ -298,18 +304,18 @@ def _partners(halves):
     ]
 
 
-def _one(half, other, voltage, charge, temperature):
+def _measured(half, partner, voltage, charge, temperature):
     """Numbers of one complete half cycle; its partner gives the efficiency."""
     rows = slice(half.first_row, half.last_row + 1)
     moved = np.diff(charge[rows])
     middle = (voltage[rows][1:] + voltage[rows][:-1]) / 2
     celsius = np.nan if temperature is None else _mean(np.asarray(temperature, float)[rows])
-    return _One(
+    return _Measured(
         sign=half.sign,
         rate=half.rate_ampere,
         capacity=_moved(half, charge),
         energy=abs(float(np.sum(middle * moved))),
-        efficiency=_efficiency(half, other, charge),
+        efficiency=_efficiency(half, partner, charge),
         current=half.sign * half.rate_ampere,
         temperature=celsius,
         constant=abs(charge[half.held_row] - charge[half.first_row]),
@@ -317,44 +323,47 @@ def _one(half, other, voltage, charge, temperature):
 
 
 def _moved(half, charge):
+    """Charge of a half cycle [Ah]."""
     return abs(float(charge[half.last_row] - charge[half.first_row]))
 
 
-def _efficiency(half, other, charge):
-    if other is None:
+def _efficiency(half, partner, charge):
+    """Discharge over charge of a half cycle and its partner [1]; NaN where they are no cycle."""
+    if partner is None:
         return np.nan
-    mine, theirs = _moved(half, charge), _moved(other, charge)
-    efficiency = mine / theirs if half.sign < 0 else theirs / mine
+    discharge, its_charge = (half, partner) if half.sign < 0 else (partner, half)
+    efficiency = _moved(discharge, charge) / _moved(its_charge, charge)
     return efficiency if efficiency <= EFFICIENCY_MAX else np.nan  # the charge was cut short
 
 
 def _mean(values):
-    """Mean of what is a number; NaN where nothing is."""
+    """Mean of the finite values; NaN where there are none."""
     measured = values[np.isfinite(values)]
     return float(measured.mean()) if len(measured) else np.nan
 
 
-def _table(ones, rated):
-    """The repeats of each direction and rate as one row."""
-    groups = []
-    for one in sorted(ones, key=lambda one: (-one.sign, one.rate)):
-        last = groups[-1][0] if groups else None
-        if last and last.sign == one.sign and one.rate <= SAME_RATE * last.rate:
-            groups[-1].append(one)
+def _table(complete, rated):
+    """CapacityRows with the repeats of each direction and rate as one row."""
+    repeats = []
+    for half in sorted(complete, key=lambda half: (-half.sign, half.rate)):
+        first = repeats[-1][0] if repeats else None
+        if first and first.sign == half.sign and half.rate <= SAME_RATE * first.rate:
+            repeats[-1].append(half)
         else:
-            groups.append([one])
-    columns = zip(*[_row(group, rated) for group in groups], strict=True)
+            repeats.append([half])
+    columns = zip(*[_row(halves, rated) for halves in repeats], strict=True)
     return CapacityRows(*[np.array(column) for column in columns])
 
 
-def _row(repeats, rated):
-    sizes = np.array([half.capacity for half in repeats])
+def _row(halves, rated):
+    """One row of CapacityRows: means over the repeats, standard deviation of the capacity."""
+    sizes = np.array([half.capacity for half in halves])
     mean = {
-        name: _mean(np.array([getattr(half, name) for half in repeats]))
+        name: _mean(np.array([getattr(half, name) for half in halves]))
         for name in ("rate", "energy", "efficiency", "current", "temperature", "constant")
     }
     return (
-        NAMES[repeats[0].sign],
+        NAMES[halves[0].sign],
         mean["rate"] / rated,
         sizes.mean(),
         sizes.std(ddof=1) if len(sizes) > 1 else np.nan,

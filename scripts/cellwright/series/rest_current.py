@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 SIGMAS = 4.0  # beyond which chance is ruled out, with some tens of rests to look at
-AT_ONCE = 0.5  # of the resistance that a step of load shows: there without delay
+PROMPT_SHARE = 0.5  # of the resistance that a step of load shows: there without delay
 LOAD_STEP = 0.2  # of the largest current: a step that shows the resistance
 STEP_SECOND = 2.0  # after a step: later the cell has polarised, and the resistance is another
-TWICE = 2  # rests that must say so: one may be disturbed
-ENOUGH = 0.01  # of the charge that a record moves: a load that the cell relaxes from
+LEAST_RESTS = 2  # rests that must say so: one may be disturbed
+LEAST_CHARGE_SHARE = 0.01  # of the charge that a record moves: a load that the cell relaxes from
 # ASSUME: The open-circuit voltage changes with temperature by half a millivolt a kelvin at most.
 ENTROPIC_VOLT_PER_KELVIN = 5e-4
-FEWEST = 8  # rows in each half of a rest
+LEAST_ROWS = 8  # rows in each half of a rest
 
 
 class Evidence(StrEnum):
@@ -38,7 +38,7 @@ class Judgement(NamedTuple):
     share: float = 1.0
 
 
-def free(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
+def relaxing_rests(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
     """Mask (k,) of rests in which the voltage moves by more than its scatter: no charger holds it.
 
     A small current at a held voltage is a current, though the voltage knows nothing of it.
@@ -59,7 +59,9 @@ def free(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray
     return moves
 
 
-def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Judgement:
+def judge_by_response(
+    columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray
+) -> Judgement:
     """Judgement by the voltage's answer to changes of the reading in rests, compared with a load.
 
     From sample to sample a current moves the voltage by its ohmic resistance. Compared is the
@@ -91,15 +93,17 @@ def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndar
     slopes = [float(step[late_rows] @ answer[late_rows + lag]) / power for lag in (-1, 0, 1)]
     std = float(answer[late].std()) / np.sqrt(power)
     slope, bound = max(slopes), max(slopes) + SIGMAS * std
-    share = float(np.clip(bound / (AT_ONCE * load), 0.0, 1.0)) if load > 0 else 1.0
+    share = float(np.clip(bound / (PROMPT_SHARE * load), 0.0, 1.0)) if load > 0 else 1.0
     seen = f"its changes move the voltage by {1e3 * slope:.2g} ± {1e3 * std:.1g} mOhm"
     why = f"{seen}, where steps of load show {1e3 * load:.3g} mOhm"
-    if slope - SIGMAS * std > AT_ONCE * load:
+    if slope - SIGMAS * std > PROMPT_SHARE * load:
         return Judgement(Evidence.CURRENT, why, share)
     return Judgement(Evidence.SENSOR if share < 1.0 else Evidence.NONE, why, share)
 
 
-def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Judgement:
+def judge_by_drift(
+    columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray
+) -> Judgement:
     """Judgement by the voltage's drift in rests, compared with what the reading's charge would do.
 
     Over the second half of a rest a real current moves the voltage by charge times the slope of
@@ -122,52 +126,54 @@ def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarr
     voltage, charge = columns["voltage_volt"], columns["charge_ampere_hour"]
     before = np.r_[0, stop[:-1] - 1]
     pairs = list(zip(first, stop, strict=True))
-    ends = np.array([np.median(voltage[max(a, b - FEWEST) : b]) for a, b in pairs])
+    ends = np.array([np.median(voltage[max(a, b - LEAST_ROWS) : b]) for a, b in pairs])
     unmoved = turned = 0
     for rest, (a, b) in enumerate(pairs):
-        slope = _flattest(charge[stop - 1], ends, rest, stop - first)
-        relaxes = -_one_way(charge[before[rest] : a + 1], np.ptp(charge))
-        if slope is None or relaxes == 0 or b - a < 4 * FEWEST:
+        slope = _least_slope(charge[stop - 1], ends, rest, stop - first)
+        relaxes = -_load_sign(charge[before[rest] : a + 1], np.ptp(charge))
+        if slope is None or relaxes == 0 or b - a < 4 * LEAST_ROWS:
             continue
         late = slice((a + b) // 2, b)
         asked = slope * _change(charge[late])[0]
         moved, std = _change(voltage[late])
-        std = float(np.hypot(std, ENTROPIC_VOLT_PER_KELVIN * _warmed(columns, late)))
+        std = float(np.hypot(std, ENTROPIC_VOLT_PER_KELVIN * _temperature_change(columns, late)))
         asked, moved = relaxes * asked / std, relaxes * moved / std
         unmoved += asked > SIGMAS and moved < asked - SIGMAS
         turned += asked < -SIGMAS and moved < -SIGMAS
-    if unmoved >= TWICE and not turned:
+    if unmoved >= LEAST_RESTS and not turned:
         why = f"in {unmoved} of them its charge would have moved the voltage further than it went"
         return Judgement(Evidence.SENSOR, why)
-    if turned >= TWICE and not unmoved:
+    if turned >= LEAST_RESTS and not unmoved:
         why = f"in {turned} of them the voltage turns against its relaxation, as a load makes it"
         return Judgement(Evidence.CURRENT, why)
     return Judgement(Evidence.NONE, "the voltage of the rests tells neither")
 
 
-def _one_way(charge: np.ndarray, span: float) -> float:
+def _load_sign(charge: np.ndarray, span: float) -> float:
     """Sign of a load that moved enough charge in one direction only; else 0."""
     moved = charge[-1] - charge[0]
     there_and_back = np.abs(np.diff(charge)).sum() - abs(moved)
-    enough = abs(moved) > ENOUGH * span and there_and_back < ENOUGH * abs(moved)
+    enough = abs(moved) > LEAST_CHARGE_SHARE * span and there_and_back < LEAST_CHARGE_SHARE * abs(
+        moved
+    )
     return float(np.sign(moved)) if enough else 0.0
 
 
-def _warmed(columns: Mapping, late: slice) -> float:
+def _temperature_change(columns: Mapping, late: slice) -> float:
     """Change of temperature over a stretch [K], of cell or chamber; 0 where not measured."""
     names = ("surface_temperature_celsius", "ambient_temperature_celsius")
     temperatures = [columns[name][late] for name in names if name in columns]
     return max((float(np.nan_to_num(abs(_change(c)[0]))) for c in temperatures), default=0.0)
 
 
-def _flattest(charge: np.ndarray, volt: np.ndarray, rest: int, rows: np.ndarray) -> float | None:
+def _least_slope(charge: np.ndarray, volt: np.ndarray, rest: int, rows: np.ndarray) -> float | None:
     """Smallest slope of the OCV [V/Ah] between the ends of a rest and its neighbours, or None.
 
     Neighbours count that are at least half as long and at least a hundredth of the record's charge
     away. A negative slope counts as 0.
     """
     slopes = []
-    far = np.abs(charge - charge[rest]) > ENOUGH * np.ptp(charge)
+    far = np.abs(charge - charge[rest]) > LEAST_CHARGE_SHARE * np.ptp(charge)
     for others in (np.arange(rest)[::-1], np.arange(rest + 1, len(charge))):
         chosen = others[far[others] & (rows[others] >= rows[rest] / 2)]
         if chosen.size:
@@ -240,7 +246,7 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
         columns[name] for name in ("test_time_second", "current_ampere", "charge_ampere_hour")
     )
     first, stop = open_circuit(time, current)
-    relaxing = free(columns["voltage_volt"], first, stop)
+    relaxing = relaxing_rests(columns["voltage_volt"], first, stop)
     first, stop = first[relaxing], stop[relaxing]
     means = np.array([current[a:b].mean() for a, b in zip(first, stop, strict=True)])
     hours = time / 3600.0
@@ -332,11 +338,11 @@ def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float)
 
 def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tuple[str, str]:
     """Verdict "sensor", "current" or "unknown" on the reading in rests, and its reason."""
-    by_counter = _counted(columns, rests)
+    by_counter = _judge_by_counter(columns, rests)
     if by_counter:
         return by_counter
-    answer = answered(columns, rests.first, rests.stop)
-    drift = drifted(columns, rests.first, rests.stop)
+    answer = judge_by_response(columns, rests.first, rests.stop)
+    drift = judge_by_drift(columns, rests.first, rests.stop)
     mean = abs(readings.mean())
     error = readings.std() * np.sqrt(1.0 - answer.share)
     if answer.verdict == Evidence.CURRENT or drift.verdict == Evidence.CURRENT:
@@ -350,7 +356,7 @@ def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tupl
     return "unknown", f"nothing tells a small load from an offset of the sensor ({answer.why})"
 
 
-def _counted(columns: Mapping, rests: RestReading) -> tuple[str, str] | None:
+def _judge_by_counter(columns: Mapping, rests: RestReading) -> tuple[str, str] | None:
     """Verdict and reason by the instrument's own counter; None where it has none."""
     counter = columns.get("net_capacity_ampere_hour")
     if counter is None or not np.any(np.diff(counter[np.isfinite(counter)])):
