@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.protocols.relaxation import fit_relaxation, relaxed_voltage
+from cellwright.protocols.relaxation import fit_relaxation
 from cellwright.refusal import Refusal
 
 # Thesis table 2.2 and fig. 2.3; its SSE and RMSE say 1794 degrees of freedom, so 1799 samples.
@@ -13,6 +13,11 @@ TIME = np.arange(1799.0)
 RATES = np.array([0.01627, 0.001833])
 THESIS = 3.683 - 0.01554 * np.exp(-RATES[0] * TIME) - 0.009265 * np.exp(-RATES[1] * TIME)
 NOISE = 1.801e-4
+
+
+def relaxed_voltage(fit, time):
+    """Voltage of a fitted relaxation (n,) [V]."""
+    return fit.ocv_volt + np.exp(-time[:, None] / fit.tau_second) @ fit.amplitude_volt
 
 
 def noisy(seed, volt=THESIS):

@@ -70,7 +70,7 @@ class RestRows(NamedTuple):
 
 
 class Rests(NamedTuple):
-    """The table, and a counted sentence for each reason why a rest is missing from it."""
+    """Rests with their fits, and a sentence with a count for each reason why one is missing."""
 
     rows: RestRows
     left_out: tuple
@@ -88,7 +88,7 @@ def rests_of(
     shortest_rest_second=RELAXATION.shortest_rest_second,
     r_squared_limit=RELAXATION.r_squared_limit,
 ):
-    """Fit the depolarisation of every rest that follows a load.
+    """Depolarisation of every rest that follows a load, by two exponentials.
 
     1. A rest counts from `shortest_rest_second` on, where the record has no gap before it and the
     load was at least 0.02 C; its first sample is left out where it still shows the edge; it ends
@@ -100,7 +100,7 @@ def rests_of(
     ----------
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A] positive on charge, [V].
     soc : (n,) [1], NaN where not known.
-    steps : series.segments.Steps.
+    steps : series.steps.Steps.
     temperature_celsius : (n,) of the chamber, else of the cell, or None [°C].
     shortest_rest_second : [s].
     r_squared_limit : R² from which a rest needs no reason (thesis 3.3: 0.98).
@@ -141,7 +141,7 @@ TYPES |= dict.fromkeys(("rest", "samples", "exponentials"), int) | {"chosen": bo
 
 
 def chamber_or_cell(series):
-    """Temperature that tells when the chamber moves (n,) [°C]: the chamber's, or None.
+    """Recorded temperature of the chamber, else of the cell's surface (n,) [°C]; None without.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def _rows_of(number, series, steps, step, shortest, limit):
     rows = rows[: int(np.argmax(moved))] if moved.any() else rows
     if rows[-1] < steps.last_row[step] and time[rows[-1]] - time[rows[0]] < shortest:
         raise Refusal(f"temperature moves by {MOVED_KELVIN:g} K within the first {shortest:g} s")
-    rows = rows[_of_the_edge(time[rows], voltage[rows]) :]
+    rows = rows[_edge_samples(time[rows], voltage[rows]) :]
     t, v = time[rows], voltage[rows]
     two, three = fit_relaxation(t, v), fit_relaxation(t, v, most=3)
     fits = [two, three] if len(three.tau_second) == 3 else [two]
@@ -172,8 +172,8 @@ def _rows_of(number, series, steps, step, shortest, limit):
     ]
 
 
-def _of_the_edge(time, voltage):
-    """1 where the first sample shows what decays between it and the next, else 0.
+def _edge_samples(time, voltage):
+    """Number of first samples to leave out (0 or 1): one that still shows the edge of the current.
 
     No time constant can be told from one sample, but it would draw those of the rest to itself.
     """
@@ -185,7 +185,7 @@ def _of_the_edge(time, voltage):
 
 
 def _load(series, steps, step, rows):
-    """What of a row does not depend on the number of exponentials."""
+    """Columns of RestRows that describe the rest and the load before it."""
     time, current, _, soc, celsius = series
     load, measured = steps.kind[step - 1], np.isfinite(celsius[rows])
     last = current[max(int(steps.last_row[step - 1]) - LAST_ROWS + 1, 0) : rows[0]]
@@ -205,13 +205,13 @@ def _load(series, steps, step, rows):
 
 
 def _fit(fit, load):
-    """Columns of one fit; the two slowest exponentials are a and b."""
+    """Columns of RestRows of one fit; the two slowest exponentials are a and b."""
     count = len(fit.tau_second)
-    order = {"a": max(count - 2, 0), "b": count - 1 if count > 1 else None}
-    order["fast"] = 0 if count == 3 else None
+    place = {"a": max(count - 2, 0), "b": count - 1 if count > 1 else None}
+    place["fast"] = 0 if count == 3 else None
     tau = {"a": "tau1", "b": "tau2", "fast": "fast_tau"}
     row = {"exponentials": count}
-    for name, index in order.items():
+    for name, index in place.items():
         values = [np.nan if index is None else float(part[index]) for part in fit[2:6]]
         names = (
             f"{name}_volt",
@@ -224,13 +224,13 @@ def _fit(fit, load):
         ("r1_ohm", "a_volt", "tau1_second"),
         ("r2_ohm", "b_volt", "tau2_second"),
     ):
-        row[name] = _resistance(row[volt], row[second], load)
+        row[name] = _pair_resistance(row[volt], row[second], load)
     same = ("ocv_volt", "ocv_std_volt", "ahead_volt", "drift_volt", "r_squared", "rmse_volt")
     return row | {name: float(getattr(fit, name)) for name in same}
 
 
-def _resistance(volt, tau, load):
-    """Of an RC pair that reaches `volt` within the load; NaN where that had no one current."""
+def _pair_resistance(volt, tau, load):
+    """Resistance of an RC pair that the load charged to `volt` [ohm]; NaN unless it was steady."""
     if load["load"] not in STEADY:
         return np.nan
     return volt / load["current_before_ampere"] / -np.expm1(-load["load_second"] / tau)
@@ -241,7 +241,7 @@ POINTS = 400  # more than a panel shows
 
 
 class Curve(NamedTuple):
-    """Arrays of shape (n,) from the first sample of the rest on; empty where none was fitted.
+    """One rest over time, arrays (n,) from its first sample on; empty where none was fitted.
 
     soc : of the rest, the same in each row.
     """
@@ -253,11 +253,11 @@ class Curve(NamedTuple):
 
 
 def example(rows, test_time_second, voltage_volt):
-    """Course and fit of the chosen fit nearest 50 % SoC, or of the middle rest without SoC.
+    """Voltage and chosen fit of the rest nearest 50 % SoC, or of the middle rest without SoC.
 
     Parameters
     ----------
-    rows : rests.RestRows. test_time_second, voltage_volt : (n,) of the test [s], [V].
+    rows : RestRows. test_time_second, voltage_volt : (n,) of the test [s], [V].
 
     Returns
     -------
@@ -273,11 +273,9 @@ def example(rows, test_time_second, voltage_volt):
     # Dense at first, where the voltage moves.
     kept = inside[np.unique(np.geomspace(1, len(inside), POINTS).astype(int)) - 1]
     fitted = np.full(len(kept), rows.ocv_volt[k])
-    for volt, tau in (("a_volt", "tau1_second"), ("b_volt", "tau2_second"), _FAST):
+    pairs = {"a_volt": "tau1_second", "b_volt": "tau2_second", "fast_volt": "fast_tau_second"}
+    for volt, tau in pairs.items():
         amplitude = np.nan_to_num(getattr(rows, volt)[k])
         fitted += amplitude * np.exp(-since[kept] / np.nan_to_num(getattr(rows, tau)[k], nan=1.0))
     volts = np.asarray(voltage_volt, float)[kept]
     return Curve(since[kept], volts, fitted, np.full(len(kept), rows.soc[k]))
-
-
-_FAST = ("fast_volt", "fast_tau_second")

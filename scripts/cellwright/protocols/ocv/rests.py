@@ -55,7 +55,7 @@ def rest_points(
     *,
     rest_second=OCV.rest_second,
 ):
-    """Rests of at least `rest_second` that follow a load, with what of them is still to relax.
+    """Voltage and charge at the end of each rest of at least `rest_second` that follows a load.
 
     Before the first of them, where the cell is nearly full, a rest after a discharge counts that is
     ten times as long as its load: a pulse of seconds leaves little to relax.
@@ -64,12 +64,12 @@ def rest_points(
     ----------
     test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A] positive on
         charge, [V], net charge [Ah].
-    steps : series.segments.Steps.
+    steps : series.steps.Steps.
     rest_second : [s].
 
     Returns
     -------
-    points : protocols.ocv_rests.RestPoints.
+    points : RestPoints.
     """
     time, voltage, charge = (
         np.asarray(column, float) for column in (test_time_second, voltage_volt, charge_ampere_hour)
@@ -93,7 +93,7 @@ def rest_points(
 
 
 def _long(fitted, k):
-    """A rest with its exponentials, used where at least two are told."""
+    """Columns of a rest with its extrapolation, where at least two exponentials are determined."""
     determined = fitted.exponentials[k] >= 2 and np.isfinite(fitted.ocv_std_volt[k])
     doubt = np.nanmax([2 * abs(fitted.drift_volt[k]), fitted.ocv_std_volt[k]])
     return {
@@ -109,7 +109,7 @@ def _long(fitted, k):
 
 
 def _short(steps, *, before):
-    """Rests much longer than the discharge before them, ahead of the first long rest."""
+    """Columns of each short rest before the first long one, ten times as long as its discharge."""
     kind, last = np.asarray(steps.kind), steps.duration_second
     for k in np.flatnonzero(kind[1:] == "rest") + 1:
         joins = steps.start_time_second[k] == steps.end_time_second[k - 1]
@@ -129,7 +129,7 @@ def _short(steps, *, before):
 
 
 def _ends(time, voltage, charge, row):
-    """Voltage and charge at the end of a rest, and what was counted within it."""
+    """Charge [Ah] and voltage [V] at the end of a rest, and charge counted within it [Ah]."""
     inside = (time >= row["start"]) & (time <= row["end"])
     late = inside & (time >= row["end"] - LATE * row["rest_second"])
     within = charge[inside]
@@ -150,7 +150,7 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
 
     Parameters
     ----------
-    points : RestPoints. scale : rest_scale.Scale.
+    points : RestPoints. scale : records.anchor.Scale.
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None.
 
     Returns
@@ -208,13 +208,16 @@ def soc_at(points, scale):
 
     Parameters
     ----------
-    points : RestPoints. scale : rest_scale.Scale.
+    points : RestPoints. scale : records.anchor.Scale.
     """
     return 1 + (points.charge_ampere_hour - scale.full_ampere_hour) / scale.capacity_ampere_hour
 
 
 def _branch(rest_soc, volt, full_point, soc):
-    """Voltage of one branch at the table's SoC, NaN beyond it, and how far points were moved."""
+    """Voltage of one branch at the table's SoC [V], NaN beyond it, and its largest correction [V].
+
+    None and 0 where its rests are too few.
+    """
     from scipy.interpolate import PchipInterpolator
     from scipy.optimize import isotonic_regression
 
@@ -230,12 +233,13 @@ def _branch(rest_soc, volt, full_point, soc):
 
 
 def _usual(current):
+    """Median current [A]; NaN without any."""
     return float(np.median(current)) if len(current) else np.nan
 
 
 # ASSUME: Beyond its outermost rests an OCV curve runs on straight, as far as the cut-offs.
 def _extended(soc, ocv, measured, lower, upper):
-    """The curve continued on the mean slope of its last and first 5 % of SoC."""
+    """OCV (n,) [V], continued with the mean slopes of its first and last 5 % of SoC."""
     measured_rows, step = np.flatnonzero(measured), POINTS // 20
     first, last = measured_rows[0], measured_rows[-1]
     ends = [(first, first + step), (last - step, last)]
@@ -256,7 +260,7 @@ def _too_few(rest_soc, after):
 
 
 def _note(points, scale, used, joined_by, measured_soc):
-    """What a reader must know: how far relaxed, which branch, what is measured, what is not."""
+    """Sentences on how far the rests had relaxed, which branch they are, and what is measured."""
     ahead = 1e3 * np.abs(points.relaxed_volt - points.end_volt)[used]
     determined = np.isfinite(ahead)
     sentences = [f"OCV from {used.sum()} rests; {scale.start}"]
