@@ -13,17 +13,12 @@ from cellwright.protocols.impedance.analysis import (
     best,
     characteristic_frequency,
     compare,
-    confused,
+    why_inseparable,
     contract,
     zero_crossing,
 )
-from cellwright.protocols.impedance.circuits import circuit_impedance
-from cellwright.protocols.impedance.fit import (
-    TYPES,
-    fit_circuit,
-    parse_constraints,
-    search_by_numpy,
-)
+from cellwright.protocols.impedance.circuits import circuit_impedance, parse_constraints
+from cellwright.protocols.impedance.fit import TYPES, fit_circuit, search_by_numpy
 from cellwright.refusal import Refusal
 
 # Thesis 3.2: its stated errors of Rs, Rct, T, P, Y0.
@@ -219,11 +214,11 @@ def test_contract_columns_of_two_arcs_are_those_of_the_slower():
 
 
 def test_charge_transfer_and_diffusion_that_look_alike_are_said_to():
-    assert confused(fit_circuit(FREQUENCY, noisy(thesis_impedance(THESIS)))) == ""
+    assert why_inseparable(fit_circuit(FREQUENCY, noisy(thesis_impedance(THESIS)))) == ""
     truth = (3e-3, 1.7e-2, 12.0, 0.62, 100.0)  # the arc's top lies at 2 Hz
     for above, words in ((20, "correlated"), (50, "warburg_y0 is not told")):
         fast = FREQUENCY[above < FREQUENCY]
-        assert words in confused(fit_circuit(fast, noisy(thesis_impedance(truth, fast))))
+        assert words in why_inseparable(fit_circuit(fast, noisy(thesis_impedance(truth, fast))))
 
 
 def test_evidence_prefers_the_circuit_that_made_the_spectrum():

@@ -13,13 +13,13 @@ from cellwright.protocols.impedance.circuits import (
     THESIS,
     circuit_impedance,
     parse,
+    parse_constraints,
     series_resistance,
 )
 from cellwright.protocols.impedance.drt import peaks, relaxation_times
 from cellwright.protocols.impedance.fit import (
     check,
     fit_circuit,
-    parse_constraints,
 )
 from cellwright.protocols.impedance.trust import trusted_points
 from cellwright.refusal import Refusal
@@ -35,7 +35,7 @@ UNCERTAIN = 0.5
 
 
 class Arc(NamedTuple):
-    """A capacitance parallel to a branch with a resistance, by places among the parameters.
+    """A capacitance parallel to a branch with a resistance, as places among the parameters.
 
     t, p : of the capacitance (p is None for a plain one). r : resistances of the other branch.
     """
@@ -58,7 +58,7 @@ def arcs(circuit):
 
 
 def _arc(tree, capacitive, branch):
-    """Arc of two parallel branches; None where the one is no capacitance or the other lacks R."""
+    """Arc of two parallel branches; None unless the first is a capacitance, the other has an R."""
     resistances = _in_series(tree, branch, {SYMBOLS["R"]})
     if tree.kinds[capacitive] not in CAPACITIVE or not resistances:
         return None
@@ -75,14 +75,14 @@ def characteristic_frequency(arc, values):
 
 
 def charge_transfer(fit):
-    """The arc that stands for charge transfer: the slowest; None in a circuit without arcs."""
+    """Arc of charge transfer, the slowest of the circuit; None without arcs."""
     return min(
         arcs(fit.circuit), key=lambda arc: characteristic_frequency(arc, fit.values), default=None
     )
 
 
 def contract(fit):
-    """Columns of the results contract from any circuit: dict of value and `_std` of each.
+    """Columns of the results contract from any circuit: dict of each value and its `_std`.
 
     r_ohmic_ohm is the resistance that all current passes; r_charge_transfer_ohm, cpe_t and cpe_p
     are those of the slowest arc; warburg_y0 that of the first semi-infinite diffusion. NaN for what
@@ -105,7 +105,7 @@ def contract(fit):
     return row
 
 
-def confused(fit):
+def why_inseparable(fit):
     """Why charge transfer and diffusion cannot be told apart; empty where they can, or where the
     circuit lacks one of the two."""
     tree, arc = parse(fit.circuit), charge_transfer(fit)
@@ -142,7 +142,7 @@ CRITERIA = {"bic": "bic", "cross_validation": "cross_validation_residual"}
 
 
 class Candidate(NamedTuple):
-    """A circuit and how it does; `fit` is None where it could not be fitted, for the `reason`.
+    """A circuit with its fit and criteria; `fit` is None where the `reason` says why.
 
     cross_validation_residual : RMS of the relative error on points that were left out.
     """
@@ -155,13 +155,13 @@ class Candidate(NamedTuple):
 
 
 def with_inductance(circuit, impedance_ohm):
-    """The circuit with the leads' inductance in front, where the spectrum shows any."""
+    """Text of the circuit, with the leads' inductance in series where the spectrum shows any."""
     has = "L" in re.findall(r"[A-Z]+", circuit)
     return circuit if has or not (impedance_ohm.imag > 0).any() else f"L-{circuit}"
 
 
 def compare(frequency_hertz, impedance_ohm, circuits, *, starts):
-    """Fit every circuit to the same points.
+    """Fits of several circuits to the same points, with their criteria.
 
     Parameters
     ----------
@@ -195,16 +195,17 @@ def best(candidates, *, criterion):
 
 
 def _candidate(frequency, impedance, circuit, starts):
+    """Fit and criteria of one circuit, or the reason why it cannot be fitted."""
     try:
         fit = fit_circuit(frequency, impedance, circuit=circuit, starts=starts)
     except Refusal as refusal:
         return Candidate(circuit, None, np.nan, np.nan, str(refusal))
-    missed = _left_out(frequency, impedance, fit)
+    missed = _cross_validation_error(frequency, impedance, fit)
     return Candidate(circuit, fit, fit.bic, missed, "")
 
 
-def _left_out(frequency, impedance, fit):
-    """Error on every fifth point, fitted to the others from the optimum of all."""
+def _cross_validation_error(frequency, impedance, fit):
+    """RMS of the relative error [1] on every fifth point in turn, fitted to the others."""
     start = dict(zip(fit.names, fit.values, strict=True))
     rank, errors = np.argsort(np.argsort(frequency)) % FOLDS, []
     for fold in range(FOLDS):
@@ -240,9 +241,9 @@ def zero_crossing(frequency_hertz, impedance_ohm):
 
 
 class Analysis(NamedTuple):
-    """What the pipeline stores of a spectrum: `row` of stage `eis`; `curve`, `parameters`,
-    `candidates`, `distribution` and `processes` of the stages `eis_curve`, `eis_parameters`,
-    `eis_candidates`, `drt` and `drt_peaks`; `notes` for the report."""
+    """Results of one spectrum: `row` of stage `eis`; `curve`, `parameters`, `candidates`,
+    `distribution` and `processes` of the stages `eis_curve`, `eis_parameters`, `eis_candidates`,
+    `drt` and `drt_peaks`; `notes` for the report."""
 
     row: dict
     curve: dict
@@ -266,7 +267,7 @@ def analyse(
     starts=IMPEDANCE.starts,
     constraints=(),
 ):
-    """Test a spectrum, fit a circuit to what can be trusted of it, and find its relaxation times.
+    """Circuit fitted to the valid points of a spectrum, its tests and its relaxation times.
 
     Parameters
     ----------
@@ -315,6 +316,7 @@ def analyse(
 
 
 def _row(fit, frequency, impedance, trusted, preferred):
+    """Columns of stage `eis` but for the temperature."""
     arc, used = charge_transfer(fit), frequency[trusted.keep]
     top = characteristic_frequency(arc, fit.values) if arc else np.nan
     return {
@@ -325,7 +327,7 @@ def _row(fit, frequency, impedance, trusted, preferred):
         "r_zero_crossing_ohm": zero_crossing(frequency, impedance),
         "characteristic_frequency_hertz": top,
         "arc_in_range": bool(used.min() <= top <= used.max()),
-        "charge_transfer_told": not confused(fit),
+        "charge_transfer_told": not why_inseparable(fit),
         "points": len(frequency),
         "points_fitted": len(used),
         "bic": fit.bic,
@@ -334,6 +336,7 @@ def _row(fit, frequency, impedance, trusted, preferred):
 
 
 def _temperature(celsius):
+    """Columns of stage `eis`: median temperature [°C] and its span [K], NaN where not recorded."""
     measured = celsius is not None and np.isfinite(celsius).any()
     span = np.nanmax(celsius) - np.nanmin(celsius) if measured else np.nan
     return {
@@ -343,6 +346,7 @@ def _temperature(celsius):
 
 
 def _curve(fit, frequency, impedance, trusted):
+    """Columns of stage `eis_curve`: measured and fitted impedance [Ω], residual of the test."""
     fitted = circuit_impedance(fit.circuit, frequency, fit.values)
     return {
         "frequency_hertz": frequency,
@@ -357,6 +361,7 @@ def _curve(fit, frequency, impedance, trusted):
 
 
 def _parameters(fit):
+    """Rows of stage `eis_parameters`: value, deviation and correlations of each parameter."""
     return [
         {
             "circuit": fit.circuit,
@@ -374,6 +379,7 @@ def _parameters(fit):
 
 
 def _candidates(compared, fit):
+    """Rows of stage `eis_candidates`: criteria of each circuit compared."""
     least = min((each.bic for each in compared if each.fit is not None), default=np.nan)
     return [
         {
@@ -391,6 +397,7 @@ def _candidates(compared, fit):
 
 
 def _notes(row, fit, trusted, used):
+    """Sentences for the report on what is doubtful in the fit; `used` are its frequencies [Hz]."""
     yield from trusted.notes
     if row["temperature_span_kelvin"] > UNSTEADY_KELVIN:
         yield f"temperature moved by {row['temperature_span_kelvin']:.1f} K during the spectrum"
@@ -413,5 +420,5 @@ def _notes(row, fit, trusted, used):
                 f"the arc of {fit.names[arc.r[0]]} has its top at {top:.3g} Hz, outside the "
                 f"frequencies fitted ({used.min():.3g} to {used.max():.3g} Hz): extrapolated"
             )
-    if reason := confused(fit):
+    if reason := why_inseparable(fit):
         yield f"charge transfer and diffusion cannot be told apart: {reason}"

@@ -1,4 +1,4 @@
-"""Equivalent circuits of spectra as data: elements, a grammar, impedance and its slopes."""
+"""Equivalent circuits of spectra as data: elements, grammar, constraints, impedance, slopes."""
 
 import re
 from functools import cache
@@ -13,10 +13,10 @@ LARGE = 20.0
 
 
 class Element(NamedTuple):
-    """A kind of element.
+    """A kind of circuit element.
 
     symbol : as in a circuit's text. parameters : suffixes of their names with the unit. roles :
-    what each parameter is (keys of `starts.LIMITS`). meaning : in words.
+    what each parameter is (keys in `fit.parameter_limits`). meaning : in words.
     """
 
     symbol: str
@@ -51,7 +51,7 @@ SYMBOLS = {element.symbol: FIRST + k for k, element in enumerate(ELEMENTS)}
 
 
 def element_of(kind):
-    """The Element with a kernel's number."""
+    """Element of the kernel's number."""
     return ELEMENTS[kind - FIRST]
 
 
@@ -110,7 +110,7 @@ def _finite_space(omega, r, tau):
 
 
 def _finite(r, x, wave):
-    """R·wave/u with u = x + jx, and its slopes; wave is tanh or coth of u."""
+    """Impedance R·wave/u with u = x + jx [Ω], and its slopes; wave is tanh or coth of u."""
     u = x * (1 + 1j)
     impedance = r * wave / u
     return impedance, (impedance, r / 2 * (1 - wave**2 - wave / u))
@@ -153,7 +153,7 @@ class Circuit(NamedTuple):
 
     text : as written, without blanks. kinds : (m,) SERIES, PARALLEL or number of the element.
     left, right : (m,) children of a node that joins two, −1 for an element. at : (m,) place of an
-    element's first parameter. names : of the parameters. roles : what each is, see `elements`.
+    element's first parameter. names : of the parameters. roles : what each is, see `Element`.
     """
 
     text: str
@@ -188,7 +188,7 @@ def parse(text):
     if "".join(tokens) != plain or not tokens:
         raise Refusal(f"circuit {text!r} holds what is no element, bracket, '-' or '|'")
     nodes = []
-    rest = _joined(tokens, nodes, text)
+    rest = _parse_terms(tokens, nodes, text)
     if rest:
         raise Refusal(f"circuit {text!r}: {rest[0]!r} where the circuit should end")
     kinds, first_child, second_child = zip(*nodes, strict=True)
@@ -205,23 +205,23 @@ def parse(text):
     )
 
 
-def _joined(tokens, nodes, text):
-    """Terms joined by one kind of sign; appends their nodes, returns the tokens that are left."""
-    tokens = _term(tokens, nodes, text)
+def _parse_terms(tokens, nodes, text):
+    """Remaining tokens after terms joined by one kind of sign, whose nodes are appended."""
+    tokens = _parse_term(tokens, nodes, text)
     sign = tokens[0] if tokens and tokens[0] in "-|" else None
     while tokens and tokens[0] in "-|":
         if tokens[0] != sign:
             raise Refusal(f"circuit {text!r} mixes '-' and '|'; brackets must say what comes first")
         first = len(nodes) - 1
-        tokens = _term(tokens[1:], nodes, text)
+        tokens = _parse_term(tokens[1:], nodes, text)
         nodes.append((SERIES if sign == "-" else PARALLEL, first, len(nodes) - 1))
     return tokens
 
 
-def _term(tokens, nodes, text):
-    """One element or a group in brackets."""
+def _parse_term(tokens, nodes, text):
+    """Remaining tokens after one element or bracketed circuit, whose nodes are appended."""
     if tokens and tokens[0] == "(":
-        rest = _joined(tokens[1:], nodes, text)
+        rest = _parse_terms(tokens[1:], nodes, text)
         if not rest or rest[0] != ")":
             raise Refusal(f"circuit {text!r}: a bracket is not closed")
         return rest[1:]
@@ -234,7 +234,7 @@ def _term(tokens, nodes, text):
 
 
 def _names(elements):
-    """`r1_ohm`, `cpe1_t`, …: symbol, its number of this kind, and the parameter."""
+    """Names of the parameters, `r1_ohm`, `cpe1_t`, …: symbol, number of its kind, parameter."""
     seen, names = {}, []
     for element in elements:
         number = seen[element.symbol] = seen.get(element.symbol, 0) + 1
@@ -242,8 +242,43 @@ def _names(elements):
     return tuple(names)
 
 
+NUMBER = r"\d+\.?\d*(?:[eE][+-]?\d+)?"
+CONSTRAINT = re.compile(rf"(\w+)\s*=\s*(?:({NUMBER})\s*\*\s*)?({NUMBER}|[A-Za-z]\w*)")
+
+
+def parse_constraints(texts):
+    """Fixed and tied parameters of texts, as `fit.fit_circuit` takes them.
+
+    Parameters
+    ----------
+    texts : "name = value" fixes a parameter, in its own unit; "name = other" and
+        "name = ratio * other" tie it to another.
+
+    Returns
+    -------
+    fixed : dict, name → value. tied : dict, name → (other name, ratio).
+
+    Raises
+    ------
+    Refusal : a text of another form.
+    """
+    fixed, tied = {}, {}
+    for text in texts:
+        match = CONSTRAINT.fullmatch(text.strip())
+        if not match or (match[2] and match[3][0].isdigit()):
+            raise Refusal(
+                f"constraint {text!r}; wanted is 'name = value' or 'name = ratio * other'"
+            )
+        name, ratio, right_side = match.groups()
+        if right_side[0].isdigit():
+            fixed[name] = float(right_side)
+        else:
+            tied[name] = (right_side, float(ratio or 1))
+    return fixed, tied
+
+
 def series_resistance(circuit):
-    """Place of the first resistance that the whole current passes; None where there is none."""
+    """Place of the first resistance that the whole current passes, or None."""
     through, waiting = [], [len(circuit.kinds) - 1]
     while waiting:
         node = waiting.pop()
@@ -255,7 +290,7 @@ def series_resistance(circuit):
 
 
 def circuit_impedance(circuit, frequency_hertz, values):
-    """Impedance of a circuit.
+    """Impedance of a circuit (n,) [Ω].
 
     Parameters
     ----------
@@ -298,6 +333,7 @@ def circuit_slopes(circuit, frequency_hertz, values):
 
 
 def _downwards(circuit, nodes, element_slopes):
+    """Slopes of the whole impedance (p, n) from those of the elements."""
     reach = [1.0] * len(nodes)
     slopes = np.empty((len(circuit.names), len(nodes[-1])), complex)
     for m in range(len(nodes) - 1, -1, -1):

@@ -17,7 +17,9 @@ FLOOR = 1e-3
 
 
 class Distribution(NamedTuple):
-    """tau_second : (m,) [s]. gamma_ohm : (m,) resistance per unit of ln τ [Ω], none negative.
+    """Distribution of relaxation times of one spectrum.
+
+    tau_second : (m,) [s]. gamma_ohm : (m,) resistance per unit of ln τ [Ω], none negative.
     r_ohmic_ohm, inductance_henry : in series. capacitance_farad : in series, infinite where none
     is needed. strength : of the smoothing. rms_relative_residual : of the distribution's spectrum.
     """
@@ -74,11 +76,11 @@ def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
 
 
 def peaks(distribution, *, least_share=0.02):
-    """Processes: humps of the distribution, from valley to valley.
+    """Processes of a spectrum: peaks of the distribution, each from valley to valley.
 
     Parameters
     ----------
-    distribution : Distribution. least_share : of the whole resistance; smaller humps are left out.
+    distribution : Distribution. least_share : of the whole resistance; smaller peaks are not listed.
 
     Returns
     -------
@@ -110,7 +112,7 @@ def peaks(distribution, *, least_share=0.02):
 
 
 def _system(omega, impedance, tau):
-    """Weighted real and imaginary equations (2n, m + 3), columns scaled to a like size (m + 3,)."""
+    """Weighted equations (2n, m + 3), their right side (2n,) and scales of columns (m + 3,)."""
     relaxing = 1 / (1 + 1j * omega[:, None] * tau)
     series = np.stack([np.ones(len(omega)), 1j * omega, -1j / omega], axis=1)
     weight = 1 / np.abs(impedance)
@@ -133,7 +135,7 @@ def _fitted(matrix, target, penalty, strength):
 
 
 def _strongest(matrix, target, penalty):
-    """Strongest smoothing whose error exceeds the least possible by no more than ALLOWED."""
+    """Strongest smoothing whose error is at most ALLOWED times the least possible."""
     weak, strong = STRENGTHS
     least = np.linalg.norm(_fitted(matrix, target, penalty, 10**weak)[1])
     allowed = max(ALLOWED * least, FLOOR * np.sqrt(len(target) / 2))

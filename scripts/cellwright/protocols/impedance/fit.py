@@ -5,7 +5,6 @@ circuits, points left out): compiled, with exact derivatives of the circuit, a f
 takes 1 ms, less than lmfit itself adds to a single start.
 """
 
-import re
 from functools import cache
 from typing import NamedTuple
 
@@ -24,41 +23,6 @@ from cellwright.settings import Impedance
 
 IMPEDANCE = Impedance()
 
-NUMBER = r"\d+\.?\d*(?:[eE][+-]?\d+)?"
-FORM = re.compile(rf"(\w+)\s*=\s*(?:({NUMBER})\s*\*\s*)?({NUMBER}|[A-Za-z]\w*)")
-
-
-def parse_constraints(texts):
-    """Constraints as `fit_circuit` takes them.
-
-    Parameters
-    ----------
-    texts : "name = value" fixes a parameter, in its own unit; "name = other" and
-        "name = ratio * other" tie it to another.
-
-    Returns
-    -------
-    fixed : dict, name → value. tied : dict, name → (other name, ratio).
-
-    Raises
-    ------
-    Refusal : a text of another form.
-    """
-    fixed, tied = {}, {}
-    for text in texts:
-        match = FORM.fullmatch(text.strip())
-        if not match or (match[2] and match[3][0].isdigit()):
-            raise Refusal(
-                f"constraint {text!r}; wanted is 'name = value' or 'name = ratio * other'"
-            )
-        name, ratio, right_side = match.groups()
-        if right_side[0].isdigit():
-            fixed[name] = float(right_side)
-        else:
-            tied[name] = (right_side, float(ratio or 1))
-    return fixed, tied
-
-
 LOWEST_EXPONENT, HIGHEST_EXPONENT = 0.3, 1.0
 # Roles that set a time constant.
 SLOW = ("capacitance", "cpe", "time")
@@ -67,7 +31,7 @@ SPREAD_ROUNDS = 60
 
 
 class Features(NamedTuple):
-    """Size of a spectrum.
+    """Features of a spectrum, from which limits and starts of the fit follow.
 
     smallest : least real part of the capacitive points [Ω]. span : its range [Ω]. largest :
     largest modulus [Ω]. lowest, highest : angular frequencies of all points [1/s]; fastest : the
@@ -106,8 +70,8 @@ def features(frequency_hertz, impedance_ohm):
     )
 
 
-def limits(circuit, size):
-    """Limits of the parameters (p,) each, in units of the spectrum's own size."""
+def parameter_limits(circuit, size):
+    """Lower and upper limits of the parameters (2, p), from the size of the spectrum."""
     ends = {
         "resistance": (1e-4 * min(size.span, size.smallest), 100 * size.largest),
         "series": (size.smallest / 100, size.largest),
@@ -121,19 +85,19 @@ def limits(circuit, size):
     return np.array([ends[role] for role in _roles(circuit)]).T
 
 
-def draws(circuit, size, *, number):
-    """Starts (s, p): resistances and time constants spread over what the spectrum shows.
+def spread_starts(circuit, size, *, number):
+    """Starts (s, p): resistances and time constants spread over the range of the spectrum.
 
     The first is the middle of all; each later one a point of an even, fixed sequence, so that the
     same spectrum gives the same starts. Arcs take turns along the frequency axis, first come, fast.
     """
     roles = _roles(circuit)
-    share = _even(number, len(roles))
+    share = _even_points(number, len(roles))
     starts = np.empty((number, len(roles)))
     slow = [k for k, role in enumerate(roles) if role in SLOW]
     rate = _rates(size, share[:, slow])
     for k, role in enumerate(roles):
-        starts[:, k] = _drawn(role, size, share[:, k])
+        starts[:, k] = _start_value(role, size, share[:, k])
         if k in slow:
             rates = rate[:, slow.index(k)]
             middle = size.span * np.power(10.0, share[:, k - 1] - 1)
@@ -142,7 +106,8 @@ def draws(circuit, size, *, number):
     return starts
 
 
-def _drawn(role, size, share):
+def _start_value(role, size, share):
+    """Start (s,) of a parameter of this role at shares 0 … 1 of its range."""
     if role == "exponent":
         return 0.6 + 0.3 * share
     if role == "series":
@@ -157,7 +122,7 @@ def _drawn(role, size, share):
 
 
 def _rates(size, share):
-    """Angular frequencies of the capacitive elements: each in its own stretch of the axis.
+    """Angular frequencies of the capacitive elements [1/s], each in its own range of the axis.
 
     The first named is the fastest in one start, the slowest in the next.
     """
@@ -168,7 +133,7 @@ def _rates(size, share):
 
 
 @cache
-def _even(number, dimensions):
+def _even_points(number, dimensions):
     """Evenly spread points (number, dimensions) in 0…1, the first in the middle."""
     ratio = 1.5
     for _ in range(SPREAD_ROUNDS):
@@ -179,7 +144,7 @@ def _even(number, dimensions):
 
 @cache
 def _roles(circuit):
-    """As the circuit's, a resistance in series with all else told apart."""
+    """Roles of the circuit's parameters, the resistance in series with all else as "series"."""
     series = series_resistance(circuit)
     return tuple("series" if k == series else role for k, role in enumerate(circuit.roles))
 
@@ -192,7 +157,7 @@ TYPES = (*[count] * 7, real, array, integers, integers, *[array] * 5, integers)
 
 
 class Problem(NamedTuple):
-    """What is fitted.
+    """A spectrum, the circuit to fit to it, and which of its parameters are free.
 
     circuit : Circuit of p parameters. frequency_hertz (n,) [Hz]; impedance_ohm (n,) complex [Ω];
     weight (n,) [1/Ω]. column : (p,) place of a parameter among the q free ones, −1 where it is
@@ -223,9 +188,9 @@ class Problem(NamedTuple):
         return (impedance - self.impedance_ohm) * self.weight, derivatives * self.weight
 
 
-class Found(NamedTuple):
-    """Where s starts led: x (s, q) logarithms; cost (s,) half sums of squares, infinite where
-    enough others had arrived before; passes (s,) over the data."""
+class Optima(NamedTuple):
+    """Optimum that each of s starts led to: x (s, q) logarithms; cost (s,) half sums of squares,
+    infinite where enough others had arrived before; passes (s,) over the data."""
 
     x: np.ndarray
     cost: np.ndarray
@@ -244,7 +209,7 @@ def search(problem, starts, *, enough):
 
     Returns
     -------
-    found : Found.
+    optima : Optima.
 
     Raises
     ------
@@ -269,26 +234,27 @@ def search(problem, starts, *, enough):
     sizes = (size, len(circuit.kinds), len(circuit.names), x.shape[1], len(x), enough)
     tree = (_tree(circuit), problem.column, problem.offset)
     kernel(*sizes, MOST_PASSES, SAME, series, *tree, bounds, work, x, cost, passes)
-    return Found(x, cost, passes)
+    return Optima(x, cost, passes)
 
 
 @cache
 def _tree(circuit):
-    """Kinds, children and places of the nodes, one after the other (4m,)."""
+    """Circuit as the kernel reads it (4m,): kinds, left and right children, places."""
     return np.array(circuit[1:5], np.int64).ravel()
 
 
 def search_by_numpy(problem, starts, *, enough):
-    """As `search`, without a compiler."""
+    """Optima as of `search`, without a compiler."""
     x = np.clip(starts, problem.lower, problem.upper)
     cost, passes = np.full(len(x), np.inf), np.zeros(len(x), np.int64)
     for s in range(len(x)):
         if np.sum(cost[:s] <= cost[:s].min(initial=np.inf) * (1 + SAME)) < max(enough, 1):
-            x[s], cost[s], passes[s] = _one(problem, x[s])
-    return Found(x, cost, passes)
+            x[s], cost[s], passes[s] = _descend(problem, x[s])
+    return Optima(x, cost, passes)
 
 
-def _one(problem, x):
+def _descend(problem, x):
+    """Optimum (q,) from one start, its cost and the number of passes over the data."""
     damping, (cost, gram, gradient) = 1e-2, _normal(problem, x)
     passes = 1
     while passes < MOST_PASSES and damping < STUCK:
@@ -311,13 +277,14 @@ def _one(problem, x):
 
 
 def _normal(problem, x):
+    """Half the sum of squares, the normal matrix (q, q) and the gradient (q,) at x."""
     error, slopes = problem.jacobian(x)
     cost = 0.5 * float(np.vdot(error, error).real)
     return cost, (slopes.conj() @ slopes.T).real, (slopes.conj() @ error).real
 
 
 def _step(gram, gradient, damping, held):
-    """Damped step, cut to FARTHEST; none where the equations have no solution."""
+    """Damped step (q,), at most FARTHEST; None where the equations have no solution."""
     size = np.diagonal(gram)
     damped = gram + np.diag(damping * np.maximum(size, 1e-12 * size.max(initial=0)))
     damped[held], damped[:, held] = 0.0, 0.0
@@ -333,7 +300,7 @@ def _step(gram, gradient, damping, held):
 
 
 LEAST_POINTS = 8
-ENOUGH = 3
+ARRIVALS = 3
 AT_BOUND = 1e-3  # of a logarithm
 
 
@@ -376,7 +343,7 @@ def fit_circuit(
     fixed=None,
     tied=None,
 ):
-    """Complex least squares with modulus weights, in the logarithms of the parameters.
+    """Circuit fitted by complex least squares with modulus weights, in logarithmic parameters.
 
     Parameters
     ----------
@@ -413,14 +380,14 @@ def fit_circuit(
         raise Refusal(f"circuit {circuit} has no parameter {unknown}; it has {list(tree.names)}")
     size = features(frequency, impedance)
     column, offset = _freedom(tree, fixed or {}, tied or {})
-    ends = _limits(tree, size, bounds or {}, column)
+    ends = _search_limits(tree, size, bounds or {}, column)
     problem = Problem(tree, frequency, impedance, 1 / np.abs(impedance), column, offset, *ends)
     slow = sum(role in SLOW for role in tree.roles)
-    first = draws(tree, size, number=starts * max(slow, 1) if starts > 1 else 1)
-    enough = enough or (ENOUGH if slow <= 1 else len(first))
+    first = spread_starts(tree, size, number=starts * max(slow, 1) if starts > 1 else 1)
+    enough = enough or (ARRIVALS if slow <= 1 else len(first))
     for name, value in (start or {}).items():
         first[0, tree.names.index(name)] = value
-    optima = search(problem, np.log(first)[:, _places(column)], enough=enough)
+    optima = search(problem, np.log(first)[:, _free_parameters(column)], enough=enough)
     return _result(problem, optima)
 
 
@@ -437,7 +404,7 @@ def check(frequency_hertz, impedance_ohm):
 
 
 def _freedom(tree, fixed, tied):
-    """Place of each parameter among the free ones (−1: fixed), and offset of its logarithm."""
+    """Place of each parameter among the free ones (−1: fixed), offset of its logarithm."""
     leads = [tied[name][0] if name in tied else name for name in tree.names]
     if any(lead in tied or lead in fixed for lead, _ in tied.values()):
         raise Refusal("a parameter is tied to one that is itself tied or fixed")
@@ -449,23 +416,25 @@ def _freedom(tree, fixed, tied):
     return np.array(column, np.int64), np.log(np.array(kept, float))
 
 
-def _places(column):
-    """Of each free parameter, the first place among all."""
+def _free_parameters(column):
+    """Place of each free parameter among all; of tied ones the first."""
     places = column.tolist()
     return [places.index(k) for k in range(max(places, default=-1) + 1)]
 
 
-def _limits(tree, size, bounds, column):
-    lower, upper = limits(tree, size)
+def _search_limits(tree, size, bounds, column):
+    """Logarithms of the lower and upper limits of the free parameters, (q,) each."""
+    lower, upper = parameter_limits(tree, size)
     for name, (low, high) in bounds.items():
         if not 0 < low < high:
             raise Refusal(f"bounds of {name} are {low} and {high}; 0 < lower < upper is wanted")
         lower[tree.names.index(name)], upper[tree.names.index(name)] = low, high
-    places = _places(column)
+    places = _free_parameters(column)
     return np.log(lower[places]), np.log(upper[places])
 
 
 def _result(problem, optima):
+    """CircuitFit of the best optimum."""
     best = int(np.argmin(optima.cost))
     x, cost = optima.x[best], float(optima.cost[best])
     error, slopes = problem.jacobian(x)
@@ -475,7 +444,7 @@ def _result(problem, optima):
     residual = np.concatenate([error.real, error.imag])
     logs = np.full((len(x), len(x)), np.nan)
     logs[np.ix_(~limited, ~limited)] = covariance_from_jacobian(stacked[:, ~limited], residual)
-    covariance = _spread(problem.column, logs) * np.outer(values, values)
+    covariance = _full_covariance(problem.column, logs) * np.outer(values, values)
     std = np.sqrt(np.diagonal(covariance))
     data, certain = len(residual), np.where(std > 0, std, np.nan)
     at_bound = [
@@ -498,8 +467,8 @@ def _result(problem, optima):
     )
 
 
-def _spread(column, logs):
-    """Covariance of all parameters' logarithms from that of the free ones; NaN where fixed."""
+def _full_covariance(column, logs):
+    """Covariance (p, p) of all logarithms from that of the free ones; NaN where fixed."""
     size = len(logs)
     wide = np.full((size + 1, size + 1), np.nan)
     wide[:size, :size] = logs

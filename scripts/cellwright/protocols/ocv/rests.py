@@ -82,17 +82,17 @@ def rest_points(
         shortest_rest_second=rest_second,
     ).rows
     least = LEAST_PORTION * float(np.ptp(charge))
-    rows = [_long(fitted, k) for k in np.flatnonzero(fitted.chosen)]
+    rows = [_long_rest(fitted, k) for k in np.flatnonzero(fitted.chosen)]
     rows = [row for row in rows if row.pop("portion") >= least]
     first = min((row["start"] for row in rows), default=-np.inf)
-    rows = [*_short(steps, before=first), *rows]
+    rows = [*_short_rests(steps, before=first), *rows]
     rows = [row | _ends(time, voltage, charge, row) for row in rows]
     return RestPoints(
         **{name: np.array([row[name] for row in rows]) for name in RestPoints._fields}
     )
 
 
-def _long(fitted, k):
+def _long_rest(fitted, k):
     """Columns of a rest with its extrapolation, where at least two exponentials are determined."""
     determined = fitted.exponentials[k] >= 2 and np.isfinite(fitted.ocv_std_volt[k])
     doubt = np.nanmax([2 * abs(fitted.drift_volt[k]), fitted.ocv_std_volt[k]])
@@ -108,7 +108,7 @@ def _long(fitted, k):
     }
 
 
-def _short(steps, *, before):
+def _short_rests(steps, *, before):
     """Columns of each short rest before the first long one, ten times as long as its discharge."""
     kind, last = np.asarray(steps.kind), steps.duration_second
     for k in np.flatnonzero(kind[1:] == "rest") + 1:
