@@ -39,8 +39,8 @@ def test_a_drive_tells_its_sign_either_way_round(seed, lag, scale):
 
 def test_trend_tells_where_nothing_steps():
     time, current, voltage = cell(blocks(-1, rows=2000), soc=1)
-    found = current_sign(time, current, voltage)
-    assert (found.sign, found.evidence) == (1, pytest.approx(1))
+    sign = current_sign(time, current, voltage)
+    assert (sign.sign, sign.evidence) == (1, pytest.approx(1))
 
 
 @pytest.mark.parametrize(

@@ -253,7 +253,7 @@ def noise_volt(voltage_volt):
     return max(spread, grain_volt(voltage_volt) / np.sqrt(12))
 
 
-def why(two, three, voltage_volt, *, limit, grain, noise):
+def reasons_against(two, three, voltage_volt, *, limit, grain, noise):
     """Reasons against two exponentials, or for an R² below the limit, in words.
 
     Parameters

@@ -112,7 +112,7 @@ def peaks(distribution, *, least_share=0.02):
 
 
 def _system(omega, impedance, tau):
-    """Weighted equations (2n, m + 3), their right side (2n,) and scales of columns (m + 3,)."""
+    """Weighted equations (2n, m + 3), right side (2n,), scales of the columns (m + 3,)."""
     relaxing = 1 / (1 + 1j * omega[:, None] * tau)
     series = np.stack([np.ones(len(omega)), 1j * omega, -1j / omega], axis=1)
     weight = 1 / np.abs(impedance)
