@@ -54,8 +54,10 @@ def test_an_offset_in_rests_is_told_and_not_counted(rests_only):
     cleaned = clean(columns)
     rests = open_circuit(columns["test_time_second"], columns["current_ampere"])
     loads = 8 * 180 * STEP / 3600 * CAPACITY / 125
-    left = 0.0 if rests_only else loads  # what no rest shows
-    assert cleaned.columns["charge_ampere_hour"][-1] == pytest.approx(moved(true) + left, abs=4e-3)
+    under_load = 0.0 if rests_only else loads  # what no rest shows
+    assert cleaned.columns["charge_ampere_hour"][-1] == pytest.approx(
+        moved(true) + under_load, abs=4e-3
+    )
     assert cleaned.actions["flag"].tolist() == ["rest_reading"] * len(rests[0])
     assert cleaned.actions["value"] == pytest.approx(CAPACITY / 125, abs=1e-4)
     assert "+20 mA" in cleaned.notes[0]

@@ -62,58 +62,63 @@ def turns(charge_ampere_hour, steps, *, least_ampere_hour):
     return [*spans, (sign, start, peak - 1)] if sign else spans
 
 
+class _Record(NamedTuple):
+    """Columns of a test (n,) [A], [V], [Ah], its steps, and its lower and upper cut-off [V], which
+    may be None."""
+
+    current: np.ndarray
+    voltage: np.ndarray
+    charge: np.ndarray
+    steps: object
+    limits: tuple
+
+    def end_limit(self, sign):
+        """Cut-off at which a charge (+1) or discharge (-1) ends [V], or None."""
+        return self.limits[sign > 0]
+
+
 # ASSUME: A record that begins under load with a discharge begins with a full cell.
 # ASSUME: A rest within 5 % of the voltage window of a cut-off is full there, or empty.
-def half_cycles(current, voltage, charge, steps, *, rated, limits, whole):
+def _half_cycles(record, rated, *, whole):
     """Half cycles of a record in time order, each with the reason why it is not complete.
 
-    Parameters
-    ----------
-    current, voltage, charge : (n,) [A], [V], [Ah], + on charge.
-    steps : Steps of the record.
-    rated : [Ah].
-    limits : (lower, upper) cut-off [V]; either may be None.
-    whole : count to the turn of the charge (True), or to where the limit is first reached.
-
-    Returns
-    -------
-    list of Half.
+    They are counted to the turn of the charge where `whole`, else to where the cut-off is first
+    reached.
     """
-    halves, reached_before = [], None
-    for sign, first, last in turns(charge, steps, least_ampere_hour=TURN_SHARE * rated):
+    steps, halves, reached_before = record.steps, [], None
+    for sign, first, last in turns(record.charge, steps, least_ampere_hour=TURN_SHARE * rated):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
-        half = _half(current, voltage, steps, sign, loads, limits, whole)
+        reached = _reaches(record, sign, loads)
+        half = _half(record, sign, loads, reached, whole)
         if not half.fault:
-            start = _start_fault(voltage, steps, sign, loads[0], limits, reached_before)
-            half = half._replace(fault=start)
-        reached_before = _reaches(voltage, steps, sign, loads, limits) is not None
+            half = half._replace(fault=_start_fault(record, sign, loads[0], reached_before))
+        reached_before = reached is not None
         halves.append(half)
-    return _returned(halves, charge)
+    return _excused(halves, record.charge)
 
 
 # ASSUME: A first discharge that the complete charge after it returns within 3 % began full.
-def _returned(halves, charge):
+def _excused(halves, charge):
     """Half cycles; the first counts as begun full where the second returns its charge."""
     if len(halves) < 2 or "start" not in halves[0].fault or halves[1].fault:
         return halves
-    moved = [abs(charge[half.last_row] - charge[half.first_row]) for half in halves[:2]]
-    if abs(moved[0] / moved[1] - 1) > RETURN_SHARE:
+    if abs(_moved(halves[0], charge) / _moved(halves[1], charge) - 1) > RETURN_SHARE:
         return halves
     return [halves[0]._replace(fault=""), *halves[1:]]
 
 
-def _half(current, voltage, steps, sign, loads, limits, whole):
+def _half(record, sign, loads, reached, whole):
     """Half cycle over the given loads, with the fault of its end or of its rate."""
-    reached = _reaches(voltage, steps, sign, loads, limits)
+    steps = record.steps
     used = loads if whole or reached is None else loads[: loads.index(reached) + 1]
     moved = np.abs(steps.charge_ampere_hour[used])
     main = used[int(np.argmax(moved))]
-    rate, held = _rate(current, steps, main)
-    rates = np.array([_rate(current, steps, k)[0] for k in used])
+    rate, held = _rate(record, main)
+    rates = np.array([_rate(record, k)[0] for k in used])
     same = np.maximum(rates / rate, rate / rates) <= SAME_RATE
     fault = ""
     if reached is None:
-        fault = _end_fault(voltage, steps, sign, used, limits)
+        fault = _end_fault(record, sign, used[-1])
     elif steps.kind[main] == "dynamic":
         fault = "the load is dynamic, not a constant current"
     elif not whole and moved[same].sum() < RATE_SHARE * moved.sum():
@@ -122,20 +127,21 @@ def _half(current, voltage, steps, sign, loads, limits, whole):
     return Half(sign, first_row, int(steps.last_row[used[-1]]), rate, held, fault)
 
 
-def _rate(current, steps, step):
+def _rate(record, step):
     """Size of the current of a step before its voltage is held [A], and the row that ends it."""
-    held, last = int(steps.cv_first_row[step]), int(steps.last_row[step])
-    end = held if held > steps.first_row[step] else last + 1
-    size = float(np.median(np.abs(current[steps.first_row[step] : end])))
+    first = int(record.steps.first_row[step])
+    held, last = int(record.steps.cv_first_row[step]), int(record.steps.last_row[step])
+    end = held if held > first else last + 1
+    size = float(np.median(np.abs(record.current[first:end])))
     return max(size, 1e-12), min(end, last)
 
 
-def _reaches(voltage, steps, sign, loads, limits):
+def _reaches(record, sign, loads):
     """First of the loads that reaches the cut-off of its direction, or None.
 
     Reached also where a line through its last samples does: the cut-off then lies between two.
     """
-    limit = limits[1] if sign > 0 else limits[0]
+    voltage, steps, limit = record.voltage, record.steps, record.end_limit(sign)
     if limit is None:
         return None
     for step in loads:
@@ -150,26 +156,27 @@ def _reaches(voltage, steps, sign, loads, limits):
     return None
 
 
-def _end_fault(voltage, steps, sign, loads, limits):
+def _end_fault(record, sign, last_load):
     """Why a half cycle that does not reach its cut-off is not complete."""
-    limit = limits[1] if sign > 0 else limits[0]
-    name = "upper" if sign > 0 else "lower"
+    limit = record.end_limit(sign)
     if limit is None:
+        name = "upper" if sign > 0 else "lower"
         return f"the {name} cut-off is not stated, so its end cannot be told"
-    return f"it ends at {voltage[steps.last_row[loads[-1]]]:.3f} V, before the cut-off of {limit} V"
+    end = record.voltage[record.steps.last_row[last_load]]
+    return f"it ends at {end:.3f} V, before the cut-off of {limit} V"
 
 
-def _start_fault(voltage, steps, sign, load, limits, reached_before):
+def _start_fault(record, sign, load, reached_before):
     """Why the cell was not full (discharge) or empty (charge) at the start; "" where it was."""
-    end, limit = ("full", limits[1]) if sign < 0 else ("empty", limits[0])
+    end, limits = "full" if sign < 0 else "empty", record.limits
     if reached_before is not None:
         return "" if reached_before else f"it does not start {end}: what came before was incomplete"
     if load == 0:
         return "" if sign < 0 else "the record begins with it, from an unknown state of charge"
     if None in limits:
         return f"whether it starts {end} cannot be told: a cut-off is not stated"
-    rest = voltage[steps.first_row[load] - 1]
-    if sign * (rest - limit) <= FULL_SHARE * (limits[1] - limits[0]):
+    rest = record.voltage[record.steps.first_row[load] - 1]
+    if sign * (rest - record.end_limit(-sign)) <= FULL_SHARE * (limits[1] - limits[0]):
         return ""
     return f"it does not start {end}: the record begins at a rest voltage of {rest:.3f} V"
 
@@ -263,16 +270,8 @@ def capacity(
     current, voltage = np.asarray(current_ampere, float), np.asarray(voltage_volt, float)
     charge, time = np.asarray(charge_ampere_hour, float), np.asarray(test_time_second, float)
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
-    limits = (lower_cutoff_volt, upper_cutoff_volt)
-    halves = half_cycles(
-        current,
-        voltage,
-        charge,
-        steps,
-        rated=rated,
-        limits=limits,
-        whole=whole_swing,
-    )
+    record = _Record(current, voltage, charge, steps, (lower_cutoff_volt, upper_cutoff_volt))
+    halves = _half_cycles(record, rated, whole=whole_swing)
     left_out = tuple(
         f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {half.fault}"
         for half in halves

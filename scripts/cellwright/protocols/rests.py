@@ -76,6 +76,16 @@ class Rests(NamedTuple):
     left_out: tuple
 
 
+class _Series(NamedTuple):
+    """Columns of a test (n,): time [s], current [A], voltage [V], SoC [1], temperature [°C]."""
+
+    time: np.ndarray
+    current: np.ndarray
+    voltage: np.ndarray
+    soc: np.ndarray
+    celsius: np.ndarray
+
+
 # ASSUME: The cell had relaxed before the load that a rest follows.
 def rests_of(
     test_time_second,
@@ -113,7 +123,8 @@ def rests_of(
     """
     time, voltage = np.asarray(test_time_second, float), np.asarray(voltage_volt, float)
     celsius = np.full(len(time), np.nan) if temperature_celsius is None else temperature_celsius
-    series = (time, np.asarray(current_ampere, float), voltage, np.asarray(soc, float), celsius)
+    current, soc = np.asarray(current_ampere, float), np.asarray(soc, float)
+    series = _Series(time, current, voltage, soc, celsius)
     kind = np.asarray(steps.kind)
     # Of rests those that follow a load without a gap between.
     follows = np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
@@ -155,7 +166,7 @@ def _rows_of(number, series, steps, step, shortest, limit):
     """Rows of one rest: of two exponentials or one, and of three where they are told."""
     if steps.c_rate[step - 1] < LEAST_C_RATE:
         raise Refusal(f"load before the rest is below {LEAST_C_RATE:g} C")
-    time, voltage, celsius = series[0], series[2], series[4]
+    time, voltage, celsius = series.time, series.voltage, series.celsius
     rows = np.arange(int(steps.first_row[step]), int(steps.last_row[step]) + 1)
     moved = np.abs(celsius[rows] - celsius[rows[0]]) > MOVED_KELVIN
     rows = rows[: int(np.argmax(moved))] if moved.any() else rows

@@ -72,14 +72,17 @@ def flag(
     _flag_among(flags, lambda rows: _out_of_place(time[rows]))
     _flag_among(flags, lambda rows: _clock_jumps(time[rows], rows, gap_factor))
     _flag_among(flags, lambda rows: _gaps(rebased(time[rows], flags[rows]), gap_second, gap_factor))
-    _flag_among(
-        flags,
-        lambda rows: _spikes(
-            current[rows], voltage[rows], spike_limit_volt, spike_noise_factor, step
-        ),
-    )
+    spikes = {
+        "limit_volt": spike_limit_volt,
+        "noise_factor": spike_noise_factor,
+        "current_step_ampere": step,
+    }
+    rows = _kept(flags)
+    flags[rows[spike_rows(current[rows], voltage[rows], **spikes)]] |= Flag.SPIKE
     if "file_index" in columns:
-        _flag_among(flags, lambda rows: _file_starts(columns["file_index"][rows]))
+        # What the cell did before a file begins is not in the record.
+        rows = _kept(flags)
+        flags[rows[1:][np.diff(columns["file_index"][rows]) != 0]] |= Flag.GAP
     return flags
 
 
@@ -90,8 +93,13 @@ def counts(flags: np.ndarray) -> dict[str, int]:
 
 def _flag_among(flags: np.ndarray, detector) -> None:
     """Add to `flags` what a detector finds among the rows that are kept so far."""
-    rows = np.flatnonzero((flags & REMOVED) == 0)
+    rows = _kept(flags)
     flags[rows] |= detector(rows)
+
+
+def _kept(flags: np.ndarray) -> np.ndarray:
+    """Rows that no flag so far removes."""
+    return np.flatnonzero((flags & REMOVED) == 0)
 
 
 def _unreadable(*columns: np.ndarray) -> np.ndarray:
@@ -154,23 +162,6 @@ def _gaps(time: np.ndarray, gap_second: float, gap_factor: float) -> np.ndarray:
     neighbour = np.maximum(around[:-2], around[2:])
     gap = (interval > gap_second) & (interval > gap_factor * neighbour)
     return np.where(np.concatenate([[False], gap]), Flag.GAP, 0).astype(np.int16)
-
-
-def _file_starts(file_index: np.ndarray) -> np.ndarray:
-    """First rows of the second and later files: the time before them is not in the record."""
-    return np.where(np.diff(file_index, prepend=file_index[0]) != 0, Flag.GAP, 0).astype(np.int16)
-
-
-def _spikes(
-    current: np.ndarray, voltage: np.ndarray, limit: float, factor: float, step: float
-) -> np.ndarray:
-    """Rows that are spikes by `spike_rows`."""
-    flags = np.zeros(voltage.size, dtype=np.int16)
-    rows = spike_rows(
-        current, voltage, limit_volt=limit, noise_factor=factor, current_step_ampere=step
-    )
-    flags[rows] = Flag.SPIKE
-    return flags
 
 
 def rebased(time: np.ndarray, flags: np.ndarray) -> np.ndarray:
@@ -379,7 +370,7 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
     Refusal
         Fewer than two rows are left.
     """
-    kept = np.flatnonzero((flags & REMOVED) == 0)
+    kept = _kept(flags)
     if kept.size < 2:
         raise Refusal(f"{kept.size} of {flags.size} rows are left after cleaning")
     clean = {name: _blanked(column[kept]) for name, column in columns.items()}

@@ -16,14 +16,14 @@ COUNTER = "net_capacity_ampere_hour"
 DATE_RESOLUTION = 2.0  # [s] what a date stamp of whole seconds may be wrong by, at either end
 
 
-class Joined(NamedTuple):
-    """The columns of all files of a test as one, and a sentence for each joint."""
+class Assembled(NamedTuple):
+    """The files of one test as one series, and notes on how they were put together."""
 
     columns: dict[str, np.ndarray]  # with file_index, the file that a row came from
     notes: tuple[str, ...]
 
 
-def join(series: Sequence[Mapping[str, np.ndarray]]) -> Joined:
+def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
     """Join the files of one test, given in time order.
 
     1. Where both files carry absolute time, the pause between them is the real one.
@@ -38,7 +38,7 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Joined:
 
     Returns
     -------
-    Joined
+    Assembled
 
     Raises
     ------
@@ -52,17 +52,14 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Joined:
         part, note = _continued(parts[-1], following, number)
         parts.append(part)
         notes.append(note)
+    sizes = [part["test_time_second"].size for part in parts]
+    unknown = [np.full(size, np.nan) for size in sizes]
     joined = {
-        name: np.concatenate(
-            [
-                (part[name] if name in part else np.full(part["test_time_second"].size, np.nan))
-                for part in parts
-            ]
-        )
+        name: np.concatenate([p.get(name, nan) for p, nan in zip(parts, unknown, strict=True)])
         for name in names
     }
-    sizes = [part["test_time_second"].size for part in parts]
-    return Joined({**joined, "file_index": np.repeat(np.arange(len(parts)), sizes)}, tuple(notes))
+    joined["file_index"] = np.repeat(np.arange(len(parts)), sizes)
+    return Assembled(joined, tuple(notes))
 
 
 def _continued(before: Mapping, after: Mapping, number: int) -> tuple[dict, str]:
@@ -327,13 +324,6 @@ def _counter_sign(columns: Mapping[str, np.ndarray]) -> int:
     flowed = 0.5 * (current[1:] + current[:-1]) * np.diff(time)
     steady = np.abs(np.diff(current)) <= 0.5 * np.abs(current[1:])
     return -1 if np.nansum((flowed * np.diff(counter))[steady]) < 0 else 1
-
-
-class Assembled(NamedTuple):
-    """One series of a test with current positive on charge, and notes on how it was made."""
-
-    columns: dict[str, np.ndarray]
-    notes: tuple[str, ...]
 
 
 def assemble(readings: Sequence[Reading], *, stated_sign: str | None = None) -> Assembled:

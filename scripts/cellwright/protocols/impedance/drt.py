@@ -80,7 +80,7 @@ def peaks(distribution, *, least_share=0.02):
 
     Parameters
     ----------
-    distribution : Distribution. least_share : of the whole resistance; smaller peaks are not listed.
+    distribution : Distribution. least_share : of the whole resistance; smaller peaks do not count.
 
     Returns
     -------
