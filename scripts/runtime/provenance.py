@@ -109,7 +109,7 @@ def _needs(piece: Piece) -> frozenset:
     nodes = list(ast.walk(_tree(piece)))
     package = piece.path.parent.relative_to(SCRIPTS).parts
     names = [name for node in nodes for name in _imported(node, package)]
-    names += [name for whole in _packages(nodes) for name in _attributes(nodes, *whole)]
+    names += [name for whole in _modules(nodes, package) for name in _attributes(nodes, *whole)]
     found = {one for name in names for one in _pieces_named(name)}
     if piece.name:
         used = {node.id for node in nodes if isinstance(node, ast.Name)} & set(_entries(piece.path))
@@ -127,11 +127,15 @@ def _imported(node, package) -> list[str]:
     return [stem, *(f"{stem}.{alias.name}" for alias in node.names)]
 
 
-def _packages(nodes) -> list[tuple[str, str]]:
-    """(what it is called here, its name) of each package or module imported as a whole."""
+def _modules(nodes, package) -> list[tuple[str, str]]:
+    """(what it is called here, its name) of each name that may be a module imported as a whole."""
     imports = [node for node in nodes if isinstance(node, ast.Import)]
-    aliases = [alias for node in imports for alias in node.names]
-    return [(alias.asname or alias.name, alias.name) for alias in aliases]
+    modules = [(alias.asname or alias.name, alias.name) for n in imports for alias in n.names]
+    for node in nodes:
+        if isinstance(node, ast.ImportFrom):
+            stem = _imported(node, package)[0]
+            modules += [(a.asname or a.name, f"{stem}.{a.name}") for a in node.names]
+    return modules
 
 
 def _attributes(nodes, called: str, name: str) -> list[str]:

@@ -1,9 +1,12 @@
 """Laws of scripts/cellwright: pure, short, documented, and imports that run one way."""
 
 import ast
+from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
 
 import pytest
-from tree import SCIENCE, functions, imports, modules, name, parsed
+from tree import SCIENCE, SCRIPTS, functions, imports, modules, name, parsed
 
 # Which rooms a room may import besides itself; docs/architecture.md says what each is for.
 ROOMS = {
@@ -180,3 +183,49 @@ def test_settings_are_keyword_only():
                 if isinstance(default, ast.Constant) and isinstance(default.value, int | float)
             ]
             assert not numbers, f"{name(path)}:{node.lineno} {node.name}: {numbers} before the *"
+
+
+PACKAGES = ("cellwright", "runtime", "figures", "effect_benchmark", "real_cells")
+
+
+@pytest.mark.parametrize("path", modules(SCRIPTS), ids=name)
+def test_what_is_taken_from_a_module_of_ours_exists(path):
+    """Also where it is imported within a function, which no import of the module itself shows."""
+    if "virtual_lab" in path.parts:
+        pytest.skip("its own environment")
+    for imported in imports(path):
+        holder, _, taken = imported.rpartition(".")
+        if imported.split(".")[0] not in PACKAGES or not holder:
+            continue
+        assert hasattr(import_module(holder), taken) or find_spec(imported), f"no {imported}"
+    for scope in [parsed(path), *functions(path)]:
+        for called, module in whole_modules(scope).items():
+            for node in ast.walk(scope):
+                if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == called:
+                    where = f"{name(path)}:{node.lineno}"
+                    assert hasattr(module, node.attr), f"{where}: no {called}.{node.attr}"
+
+
+def whole_modules(scope) -> dict:
+    """Modules of ours that a file or function imports whole, by what it calls them.
+
+    A name that is bound to something else within the scope as well is not among them.
+    """
+    nodes = list(ast.walk(scope))
+    bound = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    bound |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+    imported = {}
+    for node in scope.body:
+        if not isinstance(node, ast.ImportFrom) or node.module.split(".")[0] not in PACKAGES:
+            continue
+        holder = import_module(node.module)
+        for alias in node.names:
+            value = getattr(holder, alias.name, None)
+            if value is None and find_spec(f"{node.module}.{alias.name}"):
+                value = import_module(f"{node.module}.{alias.name}")
+            imported[alias.asname or alias.name] = value
+    return {
+        called: value
+        for called, value in imported.items()
+        if isinstance(value, ModuleType) and called not in bound
+    }

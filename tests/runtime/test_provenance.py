@@ -22,9 +22,11 @@ PUBLIC = SOURCES | {
     "cellwright/api/steps.py": (
         "from cellwright.settings import One, Two\nONE = One()\n"
         "def shared(x):\n    return x\n"
-        "def first(x, *, size=ONE.size):\n    from room import deep\n    return shared(deep.g(x))\n"
+        "def first(x, *, size=ONE.size):\n    from cellwright.api import given\n"
+        "    from room import deep\n    return shared(deep.g(given.taken(x)))\n"
         "def second(x):\n    import other\n    return x, Two()\n"
     ),
+    "cellwright/api/given.py": "def taken(x):\n    return x\ndef unused(x):\n    return x\n",
     "cellwright/settings/__init__.py": "from cellwright.settings.all import One, Two\n",
     "cellwright/settings/all.py": "class One:\n    size = 1\nclass Two:\n    size = 2\n",
 }
@@ -81,6 +83,7 @@ def test_every_assumption_is_found_with_its_place():
 
 STEPS = PUBLIC["cellwright/api/steps.py"]
 SETTINGS = PUBLIC["cellwright/settings/all.py"]
+GIVEN = PUBLIC["cellwright/api/given.py"]
 
 
 @pytest.mark.parametrize(
@@ -90,8 +93,9 @@ SETTINGS = PUBLIC["cellwright/settings/all.py"]
         {"cellwright__api__steps": STEPS.replace("return x\n", "return -x\n")},
         {"cellwright__settings__all": SETTINGS.replace("size = 1", "size = 3")},
         {"room__deeper": "ONE = 2\n"},
+        {"cellwright__api__given": GIVEN.replace("return x", "return -x", 1)},
     ],
-    ids=["the function", "its helper", "its settings", "the science below"],
+    ids=["the function", "its helper", "its settings", "the science below", "a module beside"],
 )
 def test_what_a_used_function_of_the_interface_runs_counts(code, change):
     assert code(PUBLIC, **change) != code(PUBLIC)
@@ -103,9 +107,20 @@ def test_what_a_used_function_of_the_interface_runs_counts(code, change):
         {"cellwright__api__steps": STEPS.replace("return x, Two()", "return x, Two(), 1")},
         {"cellwright__settings__all": SETTINGS.replace("size = 2", "size = 3")},
         {"other": "TWO = 3\n"},
+        {
+            "cellwright__api__given": GIVEN.replace(
+                "unused(x):\n    return x", "unused(x):\n    return 1"
+            )
+        },
         {"cellwright____init__": PUBLIC["cellwright/__init__.py"].replace("second", "third")},
     ],
-    ids=["another function", "settings of another", "the science of another", "a public name"],
+    ids=[
+        "another function",
+        "settings of another",
+        "the science of another",
+        "another of a module beside",
+        "a public name",
+    ],
 )
 def test_what_other_functions_of_the_interface_run_does_not_count(code, change):
     assert code(PUBLIC, **change) == code(PUBLIC)

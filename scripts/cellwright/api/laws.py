@@ -223,10 +223,10 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
     found = over_temperature(slow, given.entries(steps), **chosen._asdict())
     return results.OcvMap(
         rows.law_rows(found),
-        rows.map_rows(found),
-        rows.entropic_rows(found),
-        rows.table_rows(found),
-        rows.surface_rows(found),
+        rows.map_columns(found),
+        rows.entropic_columns(found),
+        rows.surface_columns(found),
+        rows.function_rows(found),
         tuple(found.notes),
     )
 

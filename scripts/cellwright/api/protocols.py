@@ -118,12 +118,8 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
         soc_at_start=test.soc,
     )
     points = rest_points(*columns, steps, rest_second=rest_second)
-    curve = ocv_of_rests(
-        points,
-        scale,
-        lower_cutoff_volt=cell.lower_cutoff_volt,
-        upper_cutoff_volt=cell.upper_cutoff_volt,
-    )
+    limits = {name: getattr(cell, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
+    curve = ocv_of_rests(points, scale, **limits)
     table = points._asdict() | {"soc": soc_at(points, scale)}
     return results.RestOcv(curve, table, scale.source, (curve.note,))
 
