@@ -1,7 +1,7 @@
 """Models that are linear in all but a few rates: the rates by lmfit, the rest in closed form.
 
 Hot loops have searches of their own, told beside them: `exponentials` (one pass of a compiled
-kernel over a record), `least_squares` (many parameters with priors), `impedance.levenberg` (many
+kernel over a record), `least_squares` (many parameters with priors), `impedance.fit` (many
 starts in a compiled kernel).
 """
 

@@ -20,7 +20,7 @@ LAST_ROWS = 5  # of a load without one current: their median is the current befo
 
 
 class RestRows(NamedTuple):
-    """One entry a rest and number of exponentials told, arrays of shape (rows,).
+    """One entry a rest and number of exponentials, arrays of shape (rows,).
 
     rest counts the rests of the test. soc [1] and temperature_celsius at its begin and over it.
     direction, load (kind of step), current_before_ampere (+ on charge), load_second: of the step
@@ -163,7 +163,7 @@ def chamber_or_cell(series):
 
 
 def _rows_of(number, series, steps, step, shortest, limit):
-    """Rows of one rest: of two exponentials or one, and of three where they are told."""
+    """Rows of RestRows of one rest: of two exponentials or one, and of three where determined."""
     if steps.c_rate[step - 1] < LEAST_C_RATE:
         raise Refusal(f"load before the rest is below {LEAST_C_RATE:g} C")
     time, voltage, celsius = series.time, series.voltage, series.celsius

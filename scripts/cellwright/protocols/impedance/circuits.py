@@ -74,37 +74,44 @@ def impedance_and_slopes(kind, omega, values):
 
 
 def _resistance(omega, r):
+    """R [Ω], and its slopes."""
     impedance = np.full(len(omega), r, complex)
     return impedance, (impedance,)
 
 
 def _capacitance(omega, c):
+    """1/(jωC) [Ω], and its slopes."""
     impedance = -1j / (omega * c)
     return impedance, (-impedance,)
 
 
 def _inductance(omega, henry):
+    """jωL [Ω], and its slopes."""
     impedance = 1j * omega * henry
     return impedance, (impedance,)
 
 
 def _constant_phase(omega, t, p):
+    """1/(T (jω)^P) [Ω], and its slopes."""
     angle = p * np.pi / 2
     impedance = np.exp(-p * np.log(omega)) / t * (np.cos(angle) - 1j * np.sin(angle))
     return impedance, (-impedance, -impedance * p * (np.log(omega) + 0.5j * np.pi))
 
 
 def _warburg(omega, y0):
+    """1/(Y0 √(jω)) [Ω], and its slopes."""
     impedance = (1 - 1j) / (y0 * np.sqrt(2 * omega))
     return impedance, (-impedance,)
 
 
 def _finite_length(omega, r, tau):
+    """R tanh(√(jωτ))/√(jωτ) [Ω], and its slopes."""
     x = np.sqrt(omega * tau / 2)
     return _finite(r, x, _tanh(x))
 
 
 def _finite_space(omega, r, tau):
+    """R coth(√(jωτ))/√(jωτ) [Ω], and its slopes."""
     x = np.sqrt(omega * tau / 2)
     return _finite(r, x, 1 / _tanh(x))
 
@@ -124,6 +131,7 @@ def _tanh(x):
 
 
 def _gerischer(omega, r, tau):
+    """R/√(1 + jωτ) [Ω], and its slopes."""
     inside = 1 + 1j * omega * tau
     impedance = r / np.sqrt(inside)
     return impedance, (impedance, -impedance / 2 * (1j * omega * tau) / inside)
