@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.numerics.statistics import rms
 from figures import style
 from figures.columns import rows_where
 
@@ -63,15 +64,11 @@ def _whole_and_worst(upper, lower, test, series, models, floor):
     title = f"{test}: voltage of a test that took no part in the fit"
     upper[0].set(ylabel="voltage [V]", title=title)
     upper[1].set(title="Its worst six minutes")
-    sizes = [1e3 * _rms(series["voltage_volt"] - series[f"{model}_volt"]) for model in models]
+    sizes = [1e3 * rms(series["voltage_volt"] - series[f"{model}_volt"]) for model in models]
     told = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
     title = f"What is left, RMS: {', '.join(told)} (grey: noise floor {1e3 * floor:.2f} mV)"
     lower[0].set(ylabel="measured − model [mV]", title=title)
     style.legend_once(upper[0], loc="best")
-
-
-def _rms(error):
-    return np.sqrt(np.mean(error**2))
 
 
 def _voltage(axes, series, models):
@@ -152,7 +149,7 @@ def _branch(upper, lower, series, panel, models):
         look = {"points": POINTS, "color": COLOURS[model], "lw": 0.9}
         style.plot_thinned(upper, hours, expected, **look, label=OF_GROUP[model])
         style.plot_thinned(lower, hours, error, **look)
-        sizes.append(f"{_rms(error):.3g}")
+        sizes.append(f"{rms(error):.3g}")
     upper.set(ylabel=f"{quantity} [{unit}]", title=name)
     title = f"RMS left: {' → '.join(sizes)} {thousandth}"
     lower.set(ylabel=f"left [{thousandth}]", title=title)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.numerics.statistics import rms
 from figures import style
 
 TIMES = {"after 10 s": 10.0, "after 100 s": 100.0, "settled": np.inf}  # of a small step of current
@@ -122,7 +123,7 @@ def _error_of_laws(axes, rows):
         mine = [row for row in rows if row["law"] == name]
         celsius = sorted({row["left_out_celsius"] for row in mine})
         volts = [[r["rmse_volt"] for r in mine if r["left_out_celsius"] == t] for t in celsius]
-        error = [1e3 * np.sqrt(np.mean(np.square(v))) for v in volts]
+        error = [1e3 * rms(v) for v in volts]
         places = {"beyond" if row["beyond"] else "between" for row in mine if row["chosen"]}
         label = f"{name} (chosen {' and '.join(sorted(places, reverse=True))})" if places else name
         axes.plot(celsius, error, "o-", color=colour, label=label)

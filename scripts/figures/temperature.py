@@ -3,8 +3,8 @@
 import matplotlib
 import numpy as np
 
-from cellwright.laws.temperature import LAWS, stretches, turn_of
-from cellwright.numerics.arrhenius import ZERO_CELSIUS_KELVIN
+from cellwright.laws.temperature import LAWS, drawn_pieces, turn_in_words
+from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from figures import style
 from figures.columns import evenly_spread
 
@@ -54,9 +54,9 @@ def _law(axes, celsius, rows, law, colour):
         return
     values, tested = [row["value"] for row in rows], (celsius.min(), celsius.max())
     valid = rows[0]["valid_from_celsius"], rows[0]["valid_to_celsius"]
-    note = turn_of(values, valid, tested) or ("chosen" if rows[0]["chosen"] else "")
+    note = turn_in_words(values, valid, tested) or ("chosen" if rows[0]["chosen"] else "")
     label = f"{law} ({note})" if note else law
-    for start, stop, sound in stretches(tested, valid):
+    for start, stop, sound in drawn_pieces(tested, valid):
         grid, line = np.linspace(start, stop, 60), "-" if sound else ":"
         shown = label if start == tested[0] else None
         axes.plot(grid, LAWS[law](grid, *values), line, color=colour, label=shown)
@@ -131,7 +131,7 @@ def _level(upper, lower, points, laws, colour):
             continue
         values = [row["value"] for row in rows]
         valid = rows[0]["valid_from_celsius"], rows[0]["valid_to_celsius"]
-        for start, stop, sound in stretches((celsius.min(), celsius.max()), valid):
+        for start, stop, sound in drawn_pieces((celsius.min(), celsius.max()), valid):
             grid = np.linspace(start, stop, 30)
             ohm = LAWS[law](grid, *values)
             shown = np.where(ohm > 0, 1e3 * ohm, np.nan)  # a logarithm shows nothing else

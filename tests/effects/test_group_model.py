@@ -7,7 +7,7 @@ from group_pair import CELLS, record
 from cellwright.effects.groups import model
 from cellwright.effects.groups.model import group_fields, group_names, group_run
 from cellwright.effects.groups.records import group_stacked
-from cellwright.numerics.least_squares import within
+from cellwright.numerics.least_squares import bounded_minimum
 
 HOLDS = pytest.mark.parametrize("hold", ["zero_order", "first_order"])
 
@@ -48,7 +48,7 @@ def test_the_minimum_within_bounds_meets_its_conditions():
     root = random.normal(size=(30, 30))
     precision, moment = root @ root.T + np.eye(30), 20 * random.normal(size=30)
     low, up = np.full(30, -0.3), np.full(30, 0.2)
-    x = within(precision, moment, low, up, np.zeros(30))
+    x = bounded_minimum(precision, moment, low, up, np.zeros(30))
     slope = precision @ x - moment
     inside = (x > low) & (x < up)
     assert slope[inside] == pytest.approx(0.0, abs=1e-6)

@@ -10,8 +10,7 @@ from cellwright.identification.methods.pulse import fit_circuit, load_of
 from cellwright.native import function
 from cellwright.numerics import exponentials
 from cellwright.numerics.lags import HOLDS
-from cellwright.numerics.linear import correlation_factor
-from cellwright.numerics.uncertainty import is_white, parameter_covariance
+from cellwright.numerics.statistics import correlation_factor, is_white, parameter_covariance
 from cellwright.refusal import Refusal
 
 

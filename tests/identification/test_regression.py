@@ -17,7 +17,8 @@ from cellwright.identification.columns import (
     slope_of,
 )
 from cellwright.identification.regression import Noise, Prior, named, solved, system_of
-from cellwright.numerics.linear import correlation_factor, hats, solve
+from cellwright.numerics.linear import hats, solve
+from cellwright.numerics.statistics import correlation_factor
 from cellwright.refusal import Refusal
 
 HELD = Held((8.0, 150.0), charge_ampere_hour=0.06)

@@ -63,55 +63,55 @@ def told(points):
 
 
 def test_charge_transfer_limits_the_cell_of_the_thesis():
-    found = told(table())
-    assert (found.source, found.limit) == ("impedance", "charge transfer")
-    assert (found.agreeing, found.sure, found.levels) == (2, 2, 2)
-    assert (found.warmest_celsius, found.coldest_celsius) == (20, -10)
-    growth = {(one.part, one.soc): one.cold_ohm / one.warm_ohm for one in found.growth}
+    limit = told(table())
+    assert (limit.source, limit.limit) == ("impedance", "charge transfer")
+    assert (limit.agreeing, limit.sure, limit.levels) == (2, 2, 2)
+    assert (limit.warmest_celsius, limit.coldest_celsius) == (20, -10)
+    growth = {(part.part, part.soc): part.cold_ohm / part.warm_ohm for part in limit.growth}
     assert growth["charge transfer", 0.5] == pytest.approx(26.9, abs=0.1)
     assert growth["ohmic resistance", 0.5] == pytest.approx(1.51, abs=0.01)
-    assert "limited by charge transfer at its electrodes: from 20 to -10 °C" in found.paragraph
-    assert "23.5 to 26.9 times, ohmic resistance 1.51 to 1.66 times" in found.paragraph
-    assert "Below -10 °C nothing was tested" in found.paragraph
-    assert found.paragraph.endswith("an extrapolation.")
+    assert "limited by charge transfer at its electrodes: from 20 to -10 °C" in limit.paragraph
+    assert "23.5 to 26.9 times, ohmic resistance 1.51 to 1.66 times" in limit.paragraph
+    assert "Below -10 °C nothing was tested" in limit.paragraph
+    assert limit.paragraph.endswith("an extrapolation.")
 
 
 def test_what_was_measured_three_times_counts_once():
     single, three = told(table()), told([p for p in table() for _ in range(3)])
-    assert [one.cold_ohm for one in three.growth] == pytest.approx(
-        [one.cold_ohm for one in single.growth]
+    assert [part.cold_ohm for part in three.growth] == pytest.approx(
+        [part.cold_ohm for part in single.growth]
     )
     assert three.growth[0].log_std == pytest.approx(single.growth[0].log_std / np.sqrt(3))
 
 
 def test_a_flat_charge_transfer_leaves_the_ohmic_resistance():
     flat = {soc: [1e-4] * 5 for soc in TRANSFER}
-    found = told(table(transfer=flat))
-    assert found.limit == "ohmic resistance"
-    assert "its ohmic resistance" in found.paragraph
+    limit = told(table(transfer=flat))
+    assert limit.limit == "ohmic resistance"
+    assert "its ohmic resistance" in limit.paragraph
 
 
 def test_errors_as_large_as_the_growth_are_not_sure():
     near = {soc: [1.01 * value for value in OHMIC[soc]] for soc in (0.5, 1.0)}
     same = {soc: OHMIC[soc] for soc in near}
-    found = told(table(ohmic=same, transfer=near, share=0.1))
-    assert found.sure == 0
-    assert "at 0." in found.paragraph
+    limit = told(table(ohmic=same, transfer=near, share=0.1))
+    assert limit.sure == 0
+    assert "at 0." in limit.paragraph
 
 
 def test_pulses_speak_where_there_are_no_spectra():
-    found = told(pulses([0.020, 0.025, 0.030], [0.030, 0.050, 0.080]))
-    assert (found.source, found.limit) == ("pulses", "the rise after it")
-    assert found.growth[1].cold_ohm == pytest.approx(0.05)
-    assert "what builds up after the onset of a load" in found.paragraph
+    limit = told(pulses([0.020, 0.025, 0.030], [0.030, 0.050, 0.080]))
+    assert (limit.source, limit.limit) == ("pulses", "the rise after it")
+    assert limit.growth[1].cold_ohm == pytest.approx(0.05)
+    assert "what builds up after the onset of a load" in limit.paragraph
     at_once = told(pulses([0.020, 0.040, 0.080], [0.025, 0.046, 0.088]))
     assert at_once.limit == "the first sample of a pulse"
 
 
 def test_spectra_speak_first_and_pulses_beside_them():
-    found = told([*table(), *pulses([0.020, 0.025, 0.030], [0.030, 0.050, 0.080])])
-    assert found.source == "impedance"
-    assert "The pulse resistance grows 1.5 times (first sample, 25 to 0 °C)" in found.paragraph
+    limit = told([*table(), *pulses([0.020, 0.025, 0.030], [0.030, 0.050, 0.080])])
+    assert limit.source == "impedance"
+    assert "The pulse resistance grows 1.5 times (first sample, 25 to 0 °C)" in limit.paragraph
 
 
 def test_tests_that_never_were_in_the_cold_only_point_to_it():

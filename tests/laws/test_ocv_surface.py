@@ -1,15 +1,20 @@
-"""Functions and surface: they rise, their derivatives are those of differences, fits find truth."""
+"""OCV functions and surface over temperature: the surface rises, fits recover the truth."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.laws.ocv import surface as of_surface
-from cellwright.laws.ocv.entropy import zero_crossings
-from cellwright.laws.ocv.functions import compare, fit_form, form_ocv, form_std
-from cellwright.laws.ocv.readings import Readings
-from cellwright.laws.ocv.surface import Surface, nodes, ocv_tables, surface_ocv
+from cellwright.laws.ocv.entropy import Readings, zero_crossings
+from cellwright.laws.ocv.surface import (
+    Surface,
+    compare,
+    fit_form,
+    form_ocv,
+    form_std,
+    is_tested,
+    table_at,
+)
 from cellwright.protocols.ocv.functions import FORMS
 from cellwright.refusal import Refusal
 
@@ -46,64 +51,28 @@ def surface(seed=1, plateau=True):
 def test_a_function_over_temperature_finds_itself(name):
     soc, celsius = (part.ravel() for part in np.meshgrid(AT[::4], [-20.0, -5.0, 10.0, 25.0, 40.0]))
     settings = {"reference_celsius": 25.0}
-    volt = form_ocv(name, moving(name), soc, celsius, **settings)[0]
-    found = fit_form(name, soc, celsius, volt, degree=2, **settings)
-    again = form_ocv(name, found, soc, celsius, **settings)[0]
+    volt = form_ocv(name, moving(name), soc, celsius, **settings)
+    fitted = fit_form(name, soc, celsius, volt, degree=2, **settings)
+    again = form_ocv(name, fitted, soc, celsius, **settings)
     assert np.abs(again - volt).max() < 1e-5
     noisy = volt + np.random.default_rng(1).normal(0, 1e-3, len(volt))
-    fit = fit_form(name, soc, celsius, noisy, degree=2, near=found, **settings)
+    fit = fit_form(name, soc, celsius, noisy, degree=2, near=fitted, **settings)
     std = form_std(name, fit, soc, celsius, noisy, **settings)
     free = np.isfinite(std)
     assert np.mean(np.abs((fit - moving(name))[free] / std[free]) < 3) > 0.85
 
 
-@pytest.mark.parametrize("name", TRUTH)
-def test_derivatives_of_functions_are_those_of_differences(name):
-    def value(soc, celsius):
-        return form_ocv(name, moving(name), soc, celsius, reference_celsius=25.0)
-
-    _, per_soc, per_kelvin = value(AT, -7.0)
-    assert np.allclose(
-        per_soc,
-        (value(AT + 1e-6, -7.0)[0] - value(AT - 1e-6, -7.0)[0]) / 2e-6,
-        rtol=1e-4,
-        atol=1e-5,
-    )
-    assert np.allclose(per_kelvin, (value(AT, -6.9)[0] - value(AT, -7.1)[0]) / 0.2, atol=1e-8)
-
-
 @given(st.integers(0, 50), st.floats(-40, 60))
 def test_a_surface_rises_at_every_temperature(seed, celsius):
-    volt, _ = nodes(surface(seed), celsius)
+    volt, _ = table_at(surface(seed), celsius)
     assert (np.diff(volt) > 0).all()
-    assert (surface_ocv(surface(seed), np.linspace(0, 1, 500), celsius)[1] >= 0).all()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_derivatives_of_a_surface_are_those_of_differences(seed):
-    one, celsius = surface(seed), -7.3
-    at = np.setdiff1d(AT, SOC)
-    _, per_soc, per_kelvin = surface_ocv(one, at, celsius)
-    rise = surface_ocv(one, at + 1e-7, celsius)[0] - surface_ocv(one, at - 1e-7, celsius)[0]
-    assert np.allclose(per_soc, rise / 2e-7, rtol=1e-3, atol=1e-3)
-    warmer = surface_ocv(one, at, celsius + 1e-4)[0] - surface_ocv(one, at, celsius - 1e-4)[0]
-    assert np.allclose(per_kelvin, warmer / 2e-4, rtol=1e-3, atol=2e-6)
-
-
-def test_a_surface_is_continuous_over_its_points():
-    one = surface(2)
-    left, right = (surface_ocv(one, SOC[1:-1] + side, 5.0) for side in (-1e-9, 1e-9))
-    assert np.allclose(left[0], right[0], atol=1e-8)
-    assert np.allclose(left[1], right[1], atol=1e-4)
-
-
-def test_tables_for_models_say_where_they_are_tested():
-    one = surface(3)
-    tables = ocv_tables(one, [-20.0, -30.0])
-    assert np.array_equal(tables[0]["tested"], (SOC >= 0.0999) & (SOC <= 0.9001))
-    assert not tables[1]["tested"].any()
-    assert np.array_equal(tables[0]["ocv_volt"], nodes(one, -20.0)[0])
-    assert of_surface.tested(one, 0.5, 25.0)
+def test_a_surface_says_where_it_was_tested():
+    table = surface(3)
+    assert np.array_equal(is_tested(table, SOC, -20.0), (SOC >= 0.0999) & (SOC <= 0.9001))
+    assert not is_tested(table, SOC, -30.0).any()
+    assert is_tested(table, 0.5, 25.0)
 
 
 def readings(celsius, std=1e-4):
@@ -123,21 +92,23 @@ def test_what_has_no_temperature_to_leave_out_is_refused():
 
 
 def test_left_out_temperatures_are_the_same_points_for_all():
-    found = compare(readings((-10, 0, 10, 25, 40)), reference_celsius=25.0, largest_std_volt=0.02)
-    errors = {one.function: one for one in found}
+    functions = compare(
+        readings((-10, 0, 10, 25, 40)), reference_celsius=25.0, largest_std_volt=0.02
+    )
+    errors = {function.function: function for function in functions}
     assert errors["polynomial"].cross_validation_rmse_volt < 5e-5
     assert errors["isothermal"].cross_validation_rmse_volt > 1e-3
     assert errors["surface"].cross_validation_rmse_volt < 5e-5
-    assert sum(one.chosen for one in found) == 1
+    assert sum(function.chosen for function in functions) == 1
 
 
 def test_a_crossing_lies_between_certain_signs_only():
     soc, slope = np.linspace(0, 1, 11), np.linspace(-1, 1, 11) + 0.05
     std = np.full(11, 0.2)
-    (one,) = zero_crossings(soc, slope, std, slope - 0.4, slope + 0.4)
-    assert one.lower_soc == pytest.approx(0.2)
-    assert one.upper_soc == pytest.approx(0.7)
-    assert one.soc == pytest.approx(0.475)
+    (crossing,) = zero_crossings(soc, slope, std, slope - 0.4, slope + 0.4)
+    assert crossing.lower_soc == pytest.approx(0.2)
+    assert crossing.upper_soc == pytest.approx(0.7)
+    assert crossing.soc == pytest.approx(0.475)
     assert zero_crossings(soc, slope, std, slope - 2, slope + 2) == []
     (falling,) = zero_crossings(soc, -slope, std, -slope - 0.4, -slope + 0.4)
     assert falling.sign_above == -1

@@ -3,11 +3,16 @@
 import numpy as np
 import pytest
 
-from cellwright.laws.ocv import rows
-from cellwright.laws.ocv.entropy import fit_entropic, zero_crossings
+import cellwright as cw
+from cellwright.laws.ocv import over_temperature as analysis
+from cellwright.laws.ocv.entropy import (
+    fit_entropic,
+    on_curve,
+    slow_readings,
+    step_readings,
+    zero_crossings,
+)
 from cellwright.laws.ocv.over_temperature import over_temperature
-from cellwright.laws.ocv.readings import on_curve, slow_readings, step_readings
-from cellwright.laws.ocv.surface import surface_ocv, surface_of
 from cellwright.protocols.ocv.slow import slow_ocv
 from cellwright.refusal import Refusal
 
@@ -73,22 +78,23 @@ def rested():
     return over_temperature([slow(25.0)], rest_rows())
 
 
-def settled(one):
+def settled(entropic_fit):
     """SoC, estimate and limits where they are known."""
-    known = np.isfinite(one.slope)
-    return one.soc[known], one.slope[known], one.slope_lower[known], one.slope_upper[known]
+    finite = np.isfinite(entropic_fit.slope)
+    names = ("soc", "slope", "slope_lower", "slope_upper")
+    return tuple(getattr(entropic_fit, name)[finite] for name in names)
 
 
 def test_rests_give_sign_size_and_crossing(rested):
-    found = rested
-    assert found.used == "steps"
-    soc, slope, lower, upper = settled(found.entropic["steps"])
+    result = rested
+    assert result.used == "steps"
+    soc, slope, lower, upper = settled(result.entropic["steps"])
     assert np.abs(slope - entropic(soc)).max() < 6e-6
     assert np.mean((lower <= entropic(soc)) & (entropic(soc) <= upper)) > 0.8
-    (crossing,) = rows.crossings(found)
+    (crossing,) = analysis.crossings(result)
     assert crossing.lower_soc <= CROSSING <= crossing.upper_soc
     assert crossing.sign_above == 1
-    assert found.surface.tested_celsius == (-20.0, 20.0)
+    assert result.surface.tested_celsius == (-20.0, 20.0)
 
 
 @pytest.mark.parametrize("skew", [-0.6, 0.0, 0.6])
@@ -105,9 +111,9 @@ def test_overpotential_that_grows_in_the_cold_does_not_pass_for_entropy(skew):
 
 
 def test_slow_tests_find_the_crossing_with_its_range():
-    one = fit_entropic(slow_readings(slow_tests()))
+    fit = fit_entropic(slow_readings(slow_tests()))
     (crossing,) = zero_crossings(
-        one.soc, one.slope, one.slope_std, one.slope_lower, one.slope_upper
+        fit.soc, fit.slope, fit.slope_std, fit.slope_lower, fit.slope_upper
     )
     assert crossing.lower_soc <= CROSSING <= crossing.upper_soc
     assert crossing.soc == pytest.approx(CROSSING, abs=0.02)
@@ -142,15 +148,15 @@ def test_age_does_not_pass_for_temperature():
 def test_soc_is_counted_from_full_where_the_remainder_stayed_inside():
     """A test that ended early holds its own ampere-hours only: its SoC is put back."""
     share = 0.9
-    own = 1 - share * (1 - SOC)
+    own_soc = 1 - share * (1 - SOC)
     short = slow(-20.0, joined_by="mean", capacity_ampere_hour=1.8)
-    short |= {"charge_capacity_ampere_hour": 1.8, "ocv_volt": ocv(own, -20.0)}
+    short |= {"charge_capacity_ampere_hour": 1.8, "ocv_volt": ocv(own_soc, -20.0)}
     others = [slow(celsius, joined_by="mean") for celsius in CELSIUS[1:]]
     readings = slow_readings([short, *others])
     column = readings.tests.index("ocv_-20")
-    known = np.isfinite(readings.ocv_volt[:, column])
-    assert readings.soc[known].min() == pytest.approx(0.1, abs=0.006)
-    error = readings.ocv_volt[known, column] - ocv(readings.soc[known], -20.0)
+    finite = np.isfinite(readings.ocv_volt[:, column])
+    assert readings.soc[finite].min() == pytest.approx(0.1, abs=0.006)
+    error = readings.ocv_volt[finite, column] - ocv(readings.soc[finite], -20.0)
     assert np.abs(error).max() < 2e-3
     assert any("counted from full over 2 Ah" in note for note in readings.notes)
 
@@ -159,22 +165,22 @@ def test_what_charge_and_discharge_differ_widens_the_interval():
     exact, loose = (
         slow_readings(slow_tests(charge_capacity_ampere_hour=back)) for back in (2.0, 2.1)
     )
-    spread = [np.nanmedian(fit_entropic(one).slope_std) for one in (exact, loose)]
+    spread = [np.nanmedian(fit_entropic(source).slope_std) for source in (exact, loose)]
     assert spread[1] > 2 * spread[0]
     assert any("uncertain by ±2.5 %" in note for note in loose.notes)
 
 
 def test_surface_is_chosen_over_functions_and_the_control(rested):
-    found = rested
-    errors = {one.function: one.cross_validation_rmse_volt for one in found.functions}
-    assert sum(one.chosen for one in found.functions) == 1
+    functions = rested.functions
+    errors = {f.function: f.cross_validation_rmse_volt for f in functions}
+    assert sum(f.chosen for f in functions) == 1
     assert errors["surface"] < errors["isothermal"] / 5
     assert errors["surface"] < min(errors[name] for name in ("log", "polynomial", "inverse"))
 
 
 def test_rows_hold_what_tables_want(rested):
-    found = rested
-    laws = rows.law_rows(found)
+    result = rested
+    laws = analysis.law_rows(result)
     assert {row["law"] for row in laws} == {"linear", "quadratic"}
     line = next(
         r for r in laws if r["parameter"] == "entropic_coefficient" and "30 %" in r["quantity"]
@@ -182,18 +188,15 @@ def test_rows_hold_what_tables_want(rested):
     assert line["value"] == pytest.approx(entropic(0.3), abs=1e-5)
     assert line["chosen"]
     assert line["r_squared"] > 0.99
-    bias = rows.map_columns(found)
+    bias = analysis.map_columns(result)
     assert not bias["tested"][bias["soc"] < 0.09].any()
     expected = entropic(bias["soc"]) * (bias["temperature_celsius"] - 20)
     assert np.abs(bias["bias_volt"] - expected)[bias["tested"]].max() < 1e-3
-    again = surface_of(rows.surface_columns(found))
-    assert surface_ocv(again, 0.3, -7.0) == surface_ocv(found.surface, 0.3, -7.0)
-    assert (again.tested_soc, again.tested_celsius) == (
-        found.surface.tested_soc,
-        found.surface.tested_celsius,
-    )
-    assert all(row["tested_to_celsius"] == 20.0 for row in rows.function_rows(found))
-    assert set(rows.entropic_columns(found)["source"]) == {"steps"}
+    table = analysis.surface_columns(result)
+    assert np.array_equal(table["ocv_volt"], result.surface.ocv_volt)
+    assert (table["soc"][table["tested"]][[0, -1]] == result.surface.tested_soc).all()
+    assert all(row["tested_to_celsius"] == 20.0 for row in analysis.function_rows(result))
+    assert set(analysis.entropic_columns(result)["source"]) == {"steps"}
 
 
 def a123(folder, name, celsius):
@@ -218,12 +221,22 @@ def test_a123_has_the_small_coefficient_of_an_lfp_cell_with_its_signs(shared):
     """LFP on graphite: negative at low SoC, positive above, below 0.5 mV/K throughout."""
     folder = shared / "campaigns/a123/raw/ocv"
     names = {"N25": -25.0, "N05": -5.0, "P05": 5.0, "P25": 25.0, "P45": 45.0}
-    found = fit_entropic(slow_readings([a123(folder, *name) for name in names.items()]))
+    fit = fit_entropic(slow_readings([a123(folder, *name) for name in names.items()]))
     at = {soc: round(200 * soc) for soc in (0.25, 0.4, 0.5, 0.6)}
-    inside = (found.soc >= 0.1) & (found.soc <= 0.9)
-    assert np.abs(found.slope[inside]).max() < 5e-4
-    assert found.slope[at[0.25]] < 0
-    assert all(found.slope_lower[at[soc]] > 0 for soc in (0.4, 0.5, 0.6))
-    limits = (found.slope - found.slope_std, found.slope + found.slope_std)
-    crossings = zero_crossings(found.soc, found.slope, found.slope_std, *limits)
-    assert any(0.3 < one.soc < 0.37 and one.sign_above == 1 for one in crossings)
+    inside = (fit.soc >= 0.1) & (fit.soc <= 0.9)
+    assert np.abs(fit.slope[inside]).max() < 5e-4
+    assert fit.slope[at[0.25]] < 0
+    assert all(fit.slope_lower[at[soc]] > 0 for soc in (0.4, 0.5, 0.6))
+    limits = (fit.slope - fit.slope_std, fit.slope + fit.slope_std)
+    crossings = zero_crossings(fit.soc, fit.slope, fit.slope_std, *limits)
+    assert any(0.3 < crossing.soc < 0.37 and crossing.sign_above == 1 for crossing in crossings)
+
+
+def test_the_public_interface_gives_these_tables(rested, monkeypatch):
+    monkeypatch.setattr(analysis, "over_temperature", lambda *tests, **settings: rested)
+    result = cw.ocv_over_temperature([slow(25.0)], rest_rows())
+    assert len(result.rows) == len(analysis.law_rows(rested))
+    assert set(result.map) == set(analysis.map_columns(rested))
+    assert set(result.entropic) == set(analysis.entropic_columns(rested))
+    assert set(result.surface) == set(analysis.surface_columns(rested))
+    assert len(result.functions) == len(rested.functions)

@@ -37,13 +37,13 @@ def rows(table, rate):
 
 def test_cells_of_a_type_give_one_law_and_one_stands_apart():
     milliohm = {c: [1e-3 * v for v in values] for c, values in M50.items()}
-    found = points_of_type(rows(milliohm, lambda celsius: 1.5 if celsius else 0.5))
-    assert found.notes == ["discharge, 10 s: no pulse at 1.5C at 0 °C, left out"]
-    assert len(found.points) == 18
-    laws, _ = law_rows(found.points)
+    points = points_of_type(rows(milliohm, lambda celsius: 1.5 if celsius else 0.5))
+    assert points.notes == ["discharge, 10 s: no pulse at 1.5C at 0 °C, left out"]
+    assert len(points.points) == 18
+    laws, _ = law_rows(points.points)
     energy = next(r for r in laws if r["law"] == "arrhenius" and r["parameter"][0] == "a")
     assert energy["lower"] > 0  # the trend is sure even with the cell that stands apart
-    (text,) = sentences_of_type(found.points)
+    (text,) = sentences_of_type(points.points)
     assert "18 cells" in text
     assert "Cell9 stands apart, without: activation energy 5.6 kJ/mol" in text
 

@@ -17,10 +17,10 @@ VOLT = np.arange(3.3, 4.2, 0.003)
 
 def curve(*bells, floor=1.0):
     """dQ/dV of bells (volt, area, sigma) on a floor."""
-    found = np.full(len(VOLT), floor)
+    height = np.full(len(VOLT), floor)
     for volt, area, sigma in bells:
-        found += area / (sigma * np.sqrt(2 * np.pi)) * np.exp(-0.5 * ((VOLT - volt) / sigma) ** 2)
-    return found
+        height += area / (sigma * np.sqrt(2 * np.pi)) * np.exp(-0.5 * ((VOLT - volt) / sigma) ** 2)
+    return height
 
 
 # Thesis 3.3: peaks at 3.75, 3.90, 4.02 and 4.07 V; at −20 °C the upper two are one at 4.05 V.
@@ -29,7 +29,7 @@ MERGED = curve((3.77, 5, 0.022), (3.91, 8, 0.022), (4.05, 13, 0.026))
 
 
 def fates(other, reference=WARM, **settings):
-    peaks = [scaled_peaks(VOLT, one, **settings) for one in (reference, other)]
+    peaks = [scaled_peaks(VOLT, heights, **settings) for heights in (reference, other)]
     return [(m.reference_peaks, m.peaks, m.fate) for m in match_peaks(*peaks, end_volt=VOLT[-1])]
 
 
@@ -48,8 +48,8 @@ def test_areas_that_do_not_add_up_are_not_called_merged():
 
 
 def test_one_peak_that_becomes_two_is_split():
-    found = fates(WARM, reference=MERGED)
-    assert found[-1] == ("3", "3+4", "split")
+    matches = fates(WARM, reference=MERGED)
+    assert matches[-1] == ("3", "3+4", "split")
 
 
 def test_a_peak_that_is_gone_is_lost_and_one_behind_the_end_is_cut():
@@ -94,11 +94,11 @@ def test_several_temperatures_of_one_rate():
         Charge("warm", 20.0, 0.033, VOLT, WARM),
         Charge("quick", 0.0, 0.5, VOLT, WARM),
     ]
-    found = peaks_over_temperature(charges)
-    assert {(row["test"], row["reference_celsius"]) for row in found.matches} == {("cold", 20.0)}
-    assert [row["fate"] for row in found.matches] == ["kept", "kept", "merged"]
-    assert any("quick was left out" in note for note in found.notes)
-    assert len(found.peaks) == 7
-    assert len(found.curves["voltage_volt"]) == 2 * len(VOLT)
+    result = peaks_over_temperature(charges)
+    assert {(row["test"], row["reference_celsius"]) for row in result.matches} == {("cold", 20.0)}
+    assert [row["fate"] for row in result.matches] == ["kept", "kept", "merged"]
+    assert any("quick was left out" in note for note in result.notes)
+    assert len(result.peaks) == 7
+    assert len(result.curves["voltage_volt"]) == 2 * len(VOLT)
     with pytest.raises(Refusal, match="at one temperature only"):
         peaks_over_temperature(charges[1:])

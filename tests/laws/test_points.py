@@ -6,13 +6,13 @@ import pytest
 from cellwright.laws.points import (
     Point,
     capacity_points,
-    enough,
-    fresh,
+    first_check_up,
     impedance_points,
-    one_a_temperature,
+    level_means,
+    mean_per_temperature,
     rate_classes,
     resistance_points,
-    together,
+    with_enough_temperatures,
 )
 
 
@@ -53,19 +53,19 @@ def discharge(size, rate, celsius, direction="discharge", cycle=None):
 
 def test_resistance_is_interpolated_to_half_charge_at_each_temperature():
     rows = [pulse(0.4, 0.030), pulse(0.6, 0.020), pulse(0.55, 0.080, 0.0), pulse(0.45, 0.060, 0.0)]
-    found = resistance_points(rows, delay_second=(10.0,)).points
-    assert [(p.temperature_celsius, p.value) for p in found] == [
+    points = resistance_points(rows, delay_second=(10.0,)).points
+    assert [(p.temperature_celsius, p.value) for p in points] == [
         (0.0, pytest.approx(0.070)),
         (25.0, pytest.approx(0.025)),
     ]
-    assert {(p.quantity, p.unit) for p in found} == {("resistance at 50 % SoC, 10 s", "Ohm")}
-    assert found[1].std == pytest.approx(1e-4 / np.sqrt(2))
+    assert {(p.quantity, p.unit) for p in points} == {("resistance at 50 % SoC, 10 s", "Ohm")}
+    assert points[1].std == pytest.approx(1e-4 / np.sqrt(2))
 
 
 def test_delays_and_directions_are_followed_one_by_one():
     rows = [pulse(0.5, 0.02, delay=0.0), pulse(0.5, 0.03), pulse(0.5, 0.04, direction="charge")]
-    found = resistance_points(rows).points
-    assert [(p.quantity, p.value) for p in found] == [
+    points = resistance_points(rows).points
+    assert [(p.quantity, p.value) for p in points] == [
         ("resistance at 50 % SoC, first sample", 0.02),
         ("resistance at 50 % SoC, 10 s", 0.03),
         ("charge resistance at 50 % SoC, 10 s", 0.04),
@@ -74,9 +74,9 @@ def test_delays_and_directions_are_followed_one_by_one():
 
 def test_every_state_of_charge_is_a_quantity_of_one_family():
     rows = [pulse(soc, 0.03, celsius) for soc in (0.2, 0.5, 0.8) for celsius in (0, 20)]
-    found = resistance_points(rows, soc=(0.2, 0.5, 0.8)).points
-    assert {(p.soc, p.family) for p in found} == {(s, "resistance, 10 s") for s in (0.2, 0.5, 0.8)}
-    assert len({p.quantity for p in found}) == 3
+    points = resistance_points(rows, soc=(0.2, 0.5, 0.8)).points
+    assert {(p.soc, p.family) for p in points} == {(s, "resistance, 10 s") for s in (0.2, 0.5, 0.8)}
+    assert len({p.quantity for p in points}) == 3
 
 
 def test_a_temperature_without_a_pulse_near_is_absent():
@@ -94,40 +94,42 @@ def test_the_rate_that_is_asked_for_is_preferred():
 
 def test_currents_are_not_mixed_where_one_reaches_three_temperatures():
     rows = [pulse(0.5, 0.03, celsius, rate=1.5) for celsius in (10, 25, 45)]
-    found = resistance_points([*rows, pulse(0.5, 0.09, 0, rate=0.5)])
-    assert [p.temperature_celsius for p in found.points] == [10, 25, 45]
-    assert found.notes == [
+    points = resistance_points([*rows, pulse(0.5, 0.09, 0, rate=0.5)])
+    assert [p.temperature_celsius for p in points.points] == [10, 25, 45]
+    assert points.notes == [
         "resistance at 50 % SoC, 10 s: no pulse at 1.5C at 0 °C, left out",
     ]
 
 
 def test_currents_that_must_be_mixed_are_said():
     rows = [pulse(0.5, 0.03, 10 * k, rate=rate) for k, rate in enumerate((0.5, 1.0, 2.0))]
-    found = resistance_points(rows)
-    assert len(found.points) == 3
-    assert "pulses of 0.5C to 2C at different temperatures" in found.notes[0]
+    points = resistance_points(rows)
+    assert len(points.points) == 3
+    assert "pulses of 0.5C to 2C at different temperatures" in points.notes[0]
 
 
 def test_a_class_of_rates_ends_at_a_gap():
     rows = [pulse(0.5, 0.03, rate=rate) for rate in (0.99, 1.0, 1.02, 2.0, 0.0)]
-    assert {rate: len(found) for rate, found in rate_classes(rows).items()} == {1.0: 3, 2.0: 1}
+    assert {rate: len(members) for rate, members in rate_classes(rows).items()} == {1.0: 3, 2.0: 1}
 
 
 def test_spectra_give_both_resistances_with_their_errors():
     rows = [spectrum(0.5, 25, 0.02, 0.01), spectrum(0.505, 0, 0.03, 0.1), spectrum(None, 0, 1, 1)]
-    found = impedance_points(rows)
-    assert {p.quantity for p in found.points} == {
+    points = impedance_points(rows)
+    assert {p.quantity for p in points.points} == {
         "ohmic resistance at 50 % SoC, impedance",
         "charge-transfer resistance at 50 % SoC, impedance",
     }
-    assert {p.std for p in found.points} == {1e-5, 1e-4}
-    assert found.notes == []
+    assert {p.std for p in points.points} == {1e-5, 1e-4}
+    assert points.notes == []
 
 
 def test_what_a_spectrum_does_not_determine_is_left_out_and_counted():
-    found = impedance_points([spectrum(0.5, 25, 0.02, 0.01, std=0.02), spectrum(0.5, 0, 0.03, 0.1)])
-    assert len(found.points) == 3
-    assert found.notes == [
+    points = impedance_points(
+        [spectrum(0.5, 25, 0.02, 0.01, std=0.02), spectrum(0.5, 0, 0.03, 0.1)]
+    )
+    assert len(points.points) == 3
+    assert points.notes == [
         "charge-transfer resistance, impedance: 1 of 2 spectra do not determine it"
     ]
 
@@ -139,7 +141,7 @@ def test_charge_transfer_that_the_fit_cannot_tell_from_diffusion_is_left_out():
 
 
 def test_states_of_charge_within_the_tolerance_are_one():
-    assert together([0.1, 0.11, 0.2, 0.5], apart=0.02) == {
+    assert level_means([0.1, 0.11, 0.2, 0.5], apart=0.02) == {
         0.1: pytest.approx(0.105),
         0.11: pytest.approx(0.105),
         0.2: 0.2,
@@ -149,8 +151,8 @@ def test_states_of_charge_within_the_tolerance_are_one():
 
 def test_capacities_of_one_rate_are_one_quantity():
     rows = [discharge(1.9, 1.00, 25), discharge(1.5, 0.96, 0), discharge(2.0, 0.05, 25)]
-    found = capacity_points([*rows, discharge(2.1, 1.0, 25, direction="charge")])
-    assert [(p.quantity, p.temperature_celsius, p.value) for p in found] == [
+    points = capacity_points([*rows, discharge(2.1, 1.0, 25, direction="charge")])
+    assert [(p.quantity, p.temperature_celsius, p.value) for p in points] == [
         ("capacity at 0.96C", 0, 1.5),
         ("capacity at 0.05C", 25, 2.0),
         ("capacity at 0.96C", 25, 1.9),
@@ -159,25 +161,27 @@ def test_capacities_of_one_rate_are_one_quantity():
 
 def test_age_does_not_pass_for_temperature():
     rows = [discharge(2.0, 1, 25), discharge(1.4, 1, 0, cycle=500), discharge(1.9, 1, 40, cycle=0)]
-    assert [row["capacity_ampere_hour"] for row in fresh([*rows, discharge(7, 1, None)])] == [
+    assert [
+        row["capacity_ampere_hour"] for row in first_check_up([*rows, discharge(7, 1, None)])
+    ] == [
         2.0,
         1.9,
     ]
-    assert fresh([]) == []
+    assert first_check_up([]) == []
 
 
 def test_repeats_at_one_temperature_are_one_point():
     points = [Point("R", "Ohm", 0.0, value, 0.03) for value in (1.0, 1.1, 1.2)]
     points += [Point("R", "Ohm", 25.0, 0.5), Point("Q", "Ah", 0.0, 2.0)]
-    found = one_a_temperature(points)
-    assert [(p.quantity, p.temperature_celsius) for p in found] == [("R", 0), ("R", 25), ("Q", 0)]
-    assert found[0].value == pytest.approx(1.1)
-    assert found[0].std == pytest.approx(0.03 / np.sqrt(3))
-    assert np.isnan(found[1].std)
+    points = mean_per_temperature(points)
+    assert [(p.quantity, p.temperature_celsius) for p in points] == [("R", 0), ("R", 25), ("Q", 0)]
+    assert points[0].value == pytest.approx(1.1)
+    assert points[0].std == pytest.approx(0.03 / np.sqrt(3))
+    assert np.isnan(points[1].std)
 
 
 def test_quantities_need_enough_temperatures():
     points = [Point("R", "Ohm", celsius, 1.0) for celsius in (0, 25, 40)]
     points += [Point("Q", "Ah", celsius, 1.0) for celsius in (0, 25, 25)]
-    assert {point.quantity for point in enough(points)} == {"R"}
-    assert len(enough(points, temperatures=2)) == 6
+    assert {point.quantity for point in with_enough_temperatures(points)} == {"R"}
+    assert len(with_enough_temperatures(points, temperatures=2)) == 6

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cellwright.laws.polarisation import (
-    compared,
+    comparable_rests,
     law_rows,
     laws_of,
     over_temperature,
@@ -112,25 +112,27 @@ def rows(**settings):
 
 
 def test_three_exponentials_are_compared_where_told():
-    found = compared(rows())
-    assert found.exponentials == 3
-    assert len(found.points) == 4 * 45
+    rests = comparable_rests(rows())
+    assert rests.exponentials == 3
+    assert len(rests.points) == 4 * 45
     fewer = [
-        one for one in rows() if one["exponentials"] == 2 or one["ambient_temperature_celsius"] > -5
+        rest
+        for rest in rows()
+        if rest["exponentials"] == 2 or rest["ambient_temperature_celsius"] > -5
     ]
-    assert compared(fewer).exponentials == 2
-    assert found.protocol == "discharge of 16 A for 720 s, rests of 2400 s"
+    assert comparable_rests(fewer).exponentials == 2
+    assert rests.protocol == "discharge of 16 A for 720 s, rests of 2400 s"
 
 
 def test_rests_after_other_loads_are_apart():
     other = rows(current=8.0, load_second=60.0)[:20]
-    found = compared([*other, *rows()])
-    assert len(found.points) == 4 * 45
-    assert all(point.value > 0 for point in found.points)
+    rests = comparable_rests([*other, *rows()])
+    assert len(rests.points) == 4 * 45
+    assert all(point.value > 0 for point in rests.points)
 
 
 def test_laws_of_a_made_cell():
-    points = compared(rows()).points
+    points = comparable_rests(rows()).points
     laws, reasons = laws_of(points)
     assert not reasons
     line, arrhenius = laws["polarisation a, median over SoC"]
@@ -140,15 +142,15 @@ def test_laws_of_a_made_cell():
     assert line.chosen
     assert line.values[0] == pytest.approx(-1.0)
     table = law_rows(laws)
-    assert {one["parameter"] for one in table} >= {"slope", "slope_p_value", "activation_energy"}
+    assert {row["parameter"] for row in table} >= {"slope", "slope_p_value", "activation_energy"}
     names = "quantity law parameter value std unit r_squared cross_validation_rmse chosen"
     assert set(names.split()) <= set(table[0])
     assert table[0]["tested_from_celsius"] < table[0]["tested_to_celsius"]
 
 
 def test_the_paragraph_says_what_grows_and_by_which_law():
-    found = compared(rows())
-    words = paragraph(found, laws_of(found.points)[0])
+    rests = comparable_rests(rows())
+    words = paragraph(rests, laws_of(rests.points)[0])
     assert "45 rests after a discharge of 16 A for 720 s" in words
     assert "left out are predicted better by Arrhenius" in words
     assert "left out are predicted better by the line" in words
@@ -156,33 +158,37 @@ def test_the_paragraph_says_what_grows_and_by_which_law():
 
 
 def test_what_does_not_grow_in_the_cold_is_said():
-    found = compared(rows(grows=-0.3))
-    words = paragraph(found, laws_of(found.points)[0])
+    rests = comparable_rests(rows(grows=-0.3))
+    words = paragraph(rests, laws_of(rests.points)[0])
     assert "Polarisation must grow in the cold: here it does not" in words
 
 
 def test_the_ends_of_the_scale_are_out_of_the_median():
-    found = compared([*rows(), row(20.0, 0.02, rest=9, a_volt=-5.0)])
-    celsius, value = over_temperature(found.points)["a"]
+    rests = comparable_rests([*rows(), row(20.0, 0.02, rest=9, a_volt=-5.0)])
+    celsius, value = over_temperature(rests.points)["a"]
     assert celsius.tolist() == CELSIUS.tolist()
     assert value[-1] == pytest.approx(0.01 * arrhenius_law(20.0, 1.0, 30e3))
 
 
 @pytest.mark.parametrize("change", [{"exponentials": 1}, {"soc": np.nan}, {"load": "CCCV"}])
 def test_nothing_to_compare_is_an_answer(change):
-    found = compared([one | change for one in rows()])
-    assert not found.points
-    assert laws_of(found.points) == ({}, [])
-    assert paragraph(found, {}).startswith("Polarisation is not known: no rest after a steady load")
+    rests = comparable_rests([rest | change for rest in rows()])
+    assert not rests.points
+    assert laws_of(rests.points) == ({}, [])
+    assert paragraph(rests, {}).startswith("Polarisation is not known: no rest after a steady load")
 
 
 def test_one_temperature_is_said_once():
-    points = compared([one for one in rows() if one["ambient_temperature_celsius"] == 0]).points
+    points = comparable_rests(
+        [rest for rest in rows() if rest["ambient_temperature_celsius"] == 0]
+    ).points
     laws, reasons = laws_of(points)
     assert reasons == ["polarisation over temperature: 1 temperature(s), a law needs three"]
     assert all("below 50 % SoC at 0 °C" in name for name in laws)
 
 
 def test_age_does_not_pass_for_temperature():
-    aged = [one | {"cycle": 200, "a_volt": -1.0, "rest": one["rest"] + 50} for one in rows()]
-    assert max(p.value for p in compared([*rows(), *aged]).points if p.quantity == "a") < 0.1
+    aged = [rest | {"cycle": 200, "a_volt": -1.0, "rest": rest["rest"] + 50} for rest in rows()]
+    assert (
+        max(p.value for p in comparable_rests([*rows(), *aged]).points if p.quantity == "a") < 0.1
+    )

@@ -14,7 +14,7 @@ from cellwright.laws.surface import (
 )
 from cellwright.laws.surface_forms import Surface, fit_form, predict, separability
 from cellwright.laws.temperature import quadratic_law
-from cellwright.numerics.arrhenius import inverse_temperature
+from cellwright.numerics.lines import inverse_temperature
 from cellwright.refusal import Refusal
 
 TEMPERATURES = np.array([-20.0, -10.0, 0.0, 10.0, 20.0])
@@ -51,7 +51,7 @@ def pulses(truth, noise, seed=1):
     return Pulses("resistance, first sample", SOC, CELSIUS, ohm)
 
 
-def rows_of(found, **more):
+def rows_of(data, **more):
     return [
         {
             "soc": soc,
@@ -64,7 +64,7 @@ def rows_of(found, **more):
             "cycle": None,
         }
         | more
-        for soc, celsius, ohm in zip(*found[1:], strict=True)
+        for soc, celsius, ohm in zip(*data[1:], strict=True)
     ]
 
 
@@ -74,11 +74,11 @@ def test_each_form_recovers_its_truth_without_noise(form):
     surface = fit_form(form, SOC, CELSIUS, truth(SOC, CELSIUS))
     at = np.linspace(0.01, 1, 41)
     np.testing.assert_allclose(predict(surface, at, 5.0), truth(at, 5.0), rtol=2e-3)
-    found = dict(zip(surface.names, surface.values, strict=True))
+    values = dict(zip(surface.names, surface.values, strict=True))
     if form == "additive":
-        np.testing.assert_allclose([found["b1"], found["b2"]], THESIS[:2], rtol=1e-3)
+        np.testing.assert_allclose([values["b1"], values["b2"]], THESIS[:2], rtol=1e-3)
     else:
-        assert found["activation_energy"] == pytest.approx(30e3, rel=1e-3)
+        assert values["activation_energy"] == pytest.approx(30e3, rel=1e-3)
 
 
 @pytest.mark.parametrize("form", TRUTHS)
@@ -98,28 +98,28 @@ def test_truth_lies_within_the_stated_uncertainty(form):
 def test_the_pieces_join_at_ten_and_ninety_per_cent(form):
     surface = fit_form(form, *pulses(TRUTHS[form], 0.02)[1:])
     for joint in (0.1, 0.9):
-        left, right = predict(surface, [joint - 1e-9, joint + 1e-9], -5.0)
-        assert left == pytest.approx(right, rel=1e-6)
+        below, right = predict(surface, [joint - 1e-9, joint + 1e-9], -5.0)
+        assert below == pytest.approx(right, rel=1e-6)
 
 
 @pytest.mark.parametrize("form", TRUTHS)
 def test_the_true_form_predicts_temperatures_left_out_best(form):
     fitted = fit_surfaces(pulses(TRUTHS[form], 0.005))
-    assert [one.surface.form for one in fitted if one.chosen] == [form]
-    assert all(np.isfinite([one.soc_rmse, one.temperature_rmse]).all() for one in fitted)
+    assert [fit.surface.form for fit in fitted if fit.chosen] == [form]
+    assert all(np.isfinite([fit.soc_rmse, fit.temperature_rmse]).all() for fit in fitted)
 
 
 def test_an_additive_form_that_turns_upward_in_the_heat_is_not_chosen():
     """The same truth tested to 30 °C, beyond the minimum of the thesis' quadratic at 27.9 °C."""
     wider = np.array([-20.0, -10.0, 0.0, 10.0, 30.0])
     soc, celsius = (grid.ravel() for grid in np.meshgrid(LEVELS, wider))
-    found = Pulses("resistance, 10 s", soc, celsius, additive(soc, celsius))
-    fitted = fit_surfaces(found)
+    data = Pulses("resistance, 10 s", soc, celsius, additive(soc, celsius))
+    fitted = fit_surfaces(data)
     assert fitted[0].surface.form == "additive"
     assert fitted[0].temperature_rmse < fitted[1].temperature_rmse
     assert not fitted[0].chosen
     assert fitted[0].valid_celsius[1] == pytest.approx(27.9, abs=0.1)
-    (text,) = sentences([(found, fitted, ())])
+    (text,) = sentences([(data, fitted, ())])
     assert "The additive form is not offered: it turns upward at 28 °C." in text
 
 
@@ -137,8 +137,8 @@ def test_an_end_gets_the_exponentials_that_its_pulses_bear():
     def rates(low, high):
         soc = np.concatenate([low, np.linspace(0.1, 0.9, 9), high])
         soc, celsius = (grid.ravel() for grid in np.meshgrid(soc, TEMPERATURES))
-        found = fit_form("additive", soc, celsius, additive(soc, celsius), polish=False).rates
-        return [len(end) for end in found], [0.0 in end for end in found]
+        end_rates = fit_form("additive", soc, celsius, additive(soc, celsius), polish=False).rates
+        return [len(end) for end in end_rates], [0.0 in end for end in end_rates]
 
     assert rates([], [0.95]) == ([0, 1], [False, True])
     assert rates([0.02, 0.06], [0.93, 0.96, 1.0]) == ([1, 1], [False, False])
@@ -147,8 +147,8 @@ def test_an_end_gets_the_exponentials_that_its_pulses_bear():
 
 def test_as_many_temperatures_as_parameters_leave_their_errors_unknown():
     few = np.isin(CELSIUS, TEMPERATURES[:3])
-    found = pulses(additive, 0.01)
-    surface = fit_form("additive", SOC[few], CELSIUS[few], found.resistance_ohm[few])
+    data = pulses(additive, 0.01)
+    surface = fit_form("additive", SOC[few], CELSIUS[few], data.resistance_ohm[few])
     assert np.isnan(surface.std[:3]).all()
     assert np.isfinite(surface.std[surface.names.index("a3")])
 
@@ -192,9 +192,9 @@ def test_pulses_of_one_rate_known_well_make_a_surface():
     good = rows_of(pulses(additive, 0.01))
     other = rows_of(pulses(additive, 0.01)._replace(resistance_ohm=SOC + 9), c_rate=4.0)[:12]
     vague = rows_of(pulses(additive, 0.01), resistance_std_ohm=1.0)
-    found = pulses_of([*good, *other, *vague], direction="discharge", delay_second=0.0)
-    assert len(found.soc) == len(good)
-    assert found.resistance_ohm.max() < 1
+    chosen = pulses_of([*good, *other, *vague], direction="discharge", delay_second=0.0)
+    assert len(chosen.soc) == len(good)
+    assert chosen.resistance_ohm.max() < 1
 
 
 def test_too_few_temperatures_or_levels_are_refused_by_name():
@@ -212,20 +212,20 @@ def test_too_few_temperatures_or_levels_are_refused_by_name():
 
 
 def test_rows_and_words_of_a_surface():
-    found, reasons = surfaces(rows_of(pulses(multiplicative, 0.01)))
-    rows = law_rows(found)
+    fits, reasons = surfaces(rows_of(pulses(multiplicative, 0.01)))
+    rows = law_rows(fits)
     name = "resistance over SoC and temperature, first sample"
     assert {row["quantity"] for row in rows} == {name}
     assert next(row["law"] for row in rows if row["chosen"]) == "multiplicative"
     energy = next(row for row in rows if row["parameter"] == "activation_energy")
     assert energy["lower"] < 30e3 < energy["upper"]
     assert {(row["tested_from_celsius"], row["tested_to_celsius"]) for row in rows} == {(-20, 20)}
-    (points,) = {len(point_rows(found))}
+    (points,) = {len(point_rows(fits))}
     assert points == len(SOC)
-    (text,) = sentences(found)
+    (text,) = sentences(fits)
     assert "into a sum of both (thesis eq. 3.11) is rejected" in text
     assert "into a product of both is not rejected" in text
     assert "The multiplicative form predicts temperatures left out best" in text
     assert len(reasons) == 3
-    assert isinstance(found[0][1][0].surface, Surface)
+    assert isinstance(fits[0][1][0].surface, Surface)
     assert inverse_temperature(25.0) == 0

@@ -7,12 +7,12 @@ from cellwright.laws.points import Point
 from cellwright.laws.temperature import (
     LAWS,
     arrhenius_law,
-    falls,
+    drawn_pieces,
+    falling_range,
     fit_laws,
+    is_usable,
     law_rows,
     quadratic_law,
-    stretches,
-    turning,
 )
 from cellwright.numerics.lines import fit_line
 from cellwright.refusal import Refusal
@@ -35,10 +35,10 @@ def laws(celsius, value, **settings):
 
 @pytest.mark.parametrize(("resistance", "plain", "with_t"), THESIS)
 def test_activation_energies_of_the_thesis(resistance, plain, with_t):
-    found = laws(THESIS_CELSIUS, resistance)
-    assert found["arrhenius"].values[1] / 1000 == pytest.approx(plain, abs=0.05)
-    assert found["arrhenius_t"].values[1] / 1000 == pytest.approx(with_t, abs=0.05)
-    assert not found["quadratic"].chosen
+    fitted = laws(THESIS_CELSIUS, resistance)
+    assert fitted["arrhenius"].values[1] / 1000 == pytest.approx(plain, abs=0.05)
+    assert fitted["arrhenius_t"].values[1] / 1000 == pytest.approx(with_t, abs=0.05)
+    assert not fitted["quadratic"].chosen
     weighted = laws(THESIS_CELSIUS, resistance, std=0.018 * np.array(resistance))["arrhenius"]
     assert weighted.values[1] / 1000 == pytest.approx(plain, abs=0.05)  # stated error: 1.8 %
     assert weighted.lower[1] < 1000 * plain < weighted.upper[1]
@@ -55,8 +55,8 @@ def test_the_printed_sign_of_the_temperatures_is_worse(resistance, plain, with_t
 
 def test_the_quadratic_of_the_thesis():
     """Table 3.4's b1, b2, b3: 2.16, 3.78 and 7.21 mΩ at 20, 0, −20 °C."""
-    found = 1e3 * quadratic_law(np.array([20.0, 0.0, -20.0]), 2.263e-6, -1.263e-4, 3.776e-3)
-    np.testing.assert_allclose(found, [2.16, 3.78, 7.21], atol=0.006)
+    milliohm = 1e3 * quadratic_law(np.array([20.0, 0.0, -20.0]), 2.263e-6, -1.263e-4, 3.776e-3)
+    np.testing.assert_allclose(milliohm, [2.16, 3.78, 7.21], atol=0.006)
 
 
 @pytest.mark.parametrize(
@@ -72,9 +72,9 @@ def test_truth_is_chosen_and_lies_inside_its_intervals(law, truth):
     inside, chosen = [], []
     for _ in range(200):
         value = LAWS[law](CELSIUS, *truth) * (1 + 0.005 * rng.standard_normal(len(CELSIUS)))
-        found = laws(CELSIUS, value)
-        inside.append((found[law].lower < truth) & (found[law].upper > truth))
-        chosen.append([one.law for one in found.values() if one.chosen])
+        fitted = laws(CELSIUS, value)
+        inside.append((fitted[law].lower < truth) & (fitted[law].upper > truth))
+        chosen.append([form.law for form in fitted.values() if form.chosen])
     assert np.mean(inside) == pytest.approx(0.95, abs=0.04)
     # Which form of Arrhenius it is half a per cent of noise does not tell; that it is one, it does.
     assert {name.split("_")[0] for (name,) in chosen} == {law.split("_")[0]}
@@ -85,9 +85,9 @@ def test_a_point_of_large_error_weighs_less():
     std = 0.01 * value
     value[2] *= 1.5
     std[2] *= 50
-    found = laws(CELSIUS, value, std=std)["arrhenius"]
-    assert found.values[1] == pytest.approx(3e4, rel=0.01)
-    assert found.excess_std == 0
+    fitted = laws(CELSIUS, value, std=std)["arrhenius"]
+    assert fitted.values[1] == pytest.approx(3e4, rel=0.01)
+    assert fitted.excess_std == 0
     unknown = laws(CELSIUS, value, std=[*std[:-1], np.nan])["arrhenius"]
     plain = laws(CELSIUS, value)["arrhenius"]
     np.testing.assert_array_equal(unknown.values, plain.values)
@@ -98,32 +98,32 @@ def test_scatter_beyond_the_stated_errors_is_found(excess, stated):
     """Intervals hold what they say: 95 % with excess scatter, and no less where there is none."""
     rng, x = np.random.default_rng(3), np.linspace(-1, 1, 6)
     columns, std = np.stack([np.ones(6), x], axis=1), stated * np.linspace(0.5, 2, 6)
-    inside, found = [], []
+    inside, estimated = [], []
     for _ in range(400):
         noise = np.hypot(excess, std) * rng.standard_normal(6)
         line = fit_line(columns, 1 + 2 * x + noise, std)
         lower, upper = line.interval()
         inside.append(lower[1] <= 2 <= upper[1])
-        found.append(line.excess_std)
+        estimated.append(line.excess_std)
     assert 0.92 <= np.mean(inside) <= 1
-    assert np.median(found) == pytest.approx(excess, abs=0.05)
+    assert np.median(estimated) == pytest.approx(excess, abs=0.05)
 
 
 def test_three_temperatures_leave_the_quadratic_unproven():
-    found = laws([0, 20, 40], [3.0, 2.0, 1.9])
-    quadratic = found["quadratic"]
+    fitted = laws([0, 20, 40], [3.0, 2.0, 1.9])
+    quadratic = fitted["quadratic"]
     assert quadratic.r_squared == pytest.approx(1)
     assert np.isnan(quadratic.std).all()
     assert np.isnan(quadratic.cross_validation_rmse)
     assert quadratic.reason.startswith("as many data as parameters")
-    assert found["arrhenius"].chosen or found["arrhenius_t"].chosen
-    assert np.isfinite(found["arrhenius"].std).all()
+    assert fitted["arrhenius"].chosen or fitted["arrhenius_t"].chosen
+    assert np.isfinite(fitted["arrhenius"].std).all()
 
 
 def test_rows_without_a_temperature_are_left_out():
     value = arrhenius_law(CELSIUS, 2e-3, 3e4)
-    found = laws([*CELSIUS, np.nan], [*value, 77.0])["arrhenius"]
-    np.testing.assert_allclose(found.values, [2e-3, 3e4], rtol=1e-9)
+    fitted = laws([*CELSIUS, np.nan], [*value, 77.0])["arrhenius"]
+    np.testing.assert_allclose(fitted.values, [2e-3, 3e4], rtol=1e-9)
 
 
 def test_two_temperatures_are_refused():
@@ -140,9 +140,9 @@ def test_a_quadratic_that_turns_upward_in_the_heat_is_no_law_of_a_resistance():
     """The thesis' b1, b2, b3 turn at 27.9 °C: a law for tests to 20 °C, none for tests to 25."""
     truth, wider = (2.263e-6, -1.263e-4, 3.776e-3), np.array([-20.0, -10, 0, 10, 25])
     for celsius, chosen in ((THESIS_CELSIUS, True), (wider, False)):
-        found = laws(celsius, quadratic_law(celsius, *truth), falling=True)["quadratic"]
-        assert found.chosen is chosen
-        assert found.valid_celsius[1] == pytest.approx(27.9, abs=0.05)
+        fitted = laws(celsius, quadratic_law(celsius, *truth), falling=True)["quadratic"]
+        assert fitted.chosen is chosen
+        assert fitted.valid_celsius[1] == pytest.approx(27.9, abs=0.05)
     among = np.array([-10.0, 0.0, 10.0, 25.0, 40.0, 50.0])
     value = quadratic_law(among, *truth)
     assert laws(among, value, falling=True)["quadratic"].rises_surely
@@ -150,12 +150,12 @@ def test_a_quadratic_that_turns_upward_in_the_heat_is_no_law_of_a_resistance():
 
 
 def test_where_a_quadratic_may_be_read():
-    assert turning(1.0, -40.0, 900.0) == (-np.inf, 20.0)
-    assert turning(1.0, -40.0, 300.0) == (-np.inf, 10.0)  # its zero
-    assert turning(-1.0, 40.0, 500.0) == pytest.approx((20.0, 20 + np.sqrt(900)))
-    assert turning(0.0, -1.0, 5.0) == (-np.inf, np.inf)
-    assert not falls(turning(0.0, 1.0, 5.0), (0.0, 20.0))
-    pieces = stretches((0.0, 40.0), (-np.inf, 30.0))
+    assert falling_range(1.0, -40.0, 900.0) == (-np.inf, 20.0)
+    assert falling_range(1.0, -40.0, 300.0) == (-np.inf, 10.0)  # its zero
+    assert falling_range(-1.0, 40.0, 500.0) == pytest.approx((20.0, 20 + np.sqrt(900)))
+    assert falling_range(0.0, -1.0, 5.0) == (-np.inf, np.inf)
+    assert not is_usable(falling_range(0.0, 1.0, 5.0), (0.0, 20.0))
+    pieces = drawn_pieces((0.0, 40.0), (-np.inf, 30.0))
     assert pieces == [(-5, 0, False), (0, 30, True), (30, 40, False), (40, 45, False)]
 
 

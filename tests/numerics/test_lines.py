@@ -5,9 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.numerics.arrhenius import arrhenius_law, fit_arrhenius, inverse_temperature
-from cellwright.numerics.lines import coloured_line, fit_line, generalised_line, residuals
-from cellwright.numerics.scores import r_squared, rms
+from cellwright.numerics.lines import (
+    arrhenius_law,
+    coloured_line,
+    fit_arrhenius,
+    fit_line,
+    generalised_line,
+    inverse_temperature,
+    residuals,
+)
+from cellwright.numerics.statistics import r_squared, rms
 
 X = np.linspace(-1.0, 1.0, 9)
 COLUMNS = np.stack([np.ones(9), X], axis=1)

@@ -5,7 +5,7 @@ import pytest
 
 from cellwright.effects.records import stacked
 from cellwright.numerics import noise
-from cellwright.numerics.noise import Noise, estimated, read_volt, whitening
+from cellwright.numerics.noise import Noise, estimate_noise, read_volt, whitening
 from cellwright.records.record import record_of
 
 LIMITS = {"most_slow_volt": 5e-3, "most_slow_second": 300.0}
@@ -72,8 +72,8 @@ def test_kernel_and_twin_agree(monkeypatch):
     kernel_rows = kernel.apply(rows)
     monkeypatch.setattr(noise, "function", lambda *_, **__: None)
     twin = whitening(MIXED, stack, extra_volt=1e-3)
-    for one, other in zip(kernel, twin, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12)
+    for row, other in zip(kernel, twin, strict=True):
+        np.testing.assert_allclose(row, other, rtol=1e-12)
     np.testing.assert_allclose(kernel_rows, twin.apply(rows), rtol=1e-10, atol=1e-10)
 
 
@@ -85,35 +85,35 @@ def test_rows_that_came_in_stay_as_they_were():
 
 def test_white_and_slow_noise_are_found():
     stack = stack_of()
-    found = estimated(drawn(MIXED, stack), stack, **LIMITS)
-    assert found.white_volt == pytest.approx(1.5e-3, rel=0.1)
-    assert found.slow_volt == pytest.approx(0.82e-3, rel=0.2)
-    assert found.slow_second == 100.0
-    assert found.volt == pytest.approx(MIXED.volt, rel=0.1)
+    estimate = estimate_noise(drawn(MIXED, stack), stack, **LIMITS)
+    assert estimate.white_volt == pytest.approx(1.5e-3, rel=0.1)
+    assert estimate.slow_volt == pytest.approx(0.82e-3, rel=0.2)
+    assert estimate.slow_second == 100.0
+    assert estimate.volt == pytest.approx(MIXED.volt, rel=0.1)
 
 
 def test_noise_beside_the_grid_is_whitened_all_the_same():
     stack = stack_of()
     rows = drawn(Noise(1.5e-3, 1e-3, 60.0), stack)
-    white = whitening(estimated(rows, stack, **LIMITS), stack).apply(rows)
+    white = whitening(estimate_noise(rows, stack, **LIMITS), stack).apply(rows)
     assert np.mean(white**2) == pytest.approx(1.0, abs=0.06)
     assert abs(np.mean(white[1:] * white[:-1])) < 0.05
 
 
 def test_white_noise_has_no_slow_part():
     stack = stack_of()
-    found = estimated(drawn(Noise(2e-3, 0.0, 30.0), stack), stack, **LIMITS)
-    assert found.white_volt == pytest.approx(2e-3, rel=0.05)
-    assert found.slow_volt < 3e-4
+    estimate = estimate_noise(drawn(Noise(2e-3, 0.0, 30.0), stack), stack, **LIMITS)
+    assert estimate.white_volt == pytest.approx(2e-3, rel=0.05)
+    assert estimate.slow_volt < 3e-4
 
 
 def test_the_slow_part_stays_within_its_limits():
     stack = stack_of()
     rows = drawn(Noise(1e-3, 10e-3, 300.0), stack)
-    assert estimated(rows, stack, **LIMITS | {"most_slow_volt": 1.0}).slow_volt > 2e-3
-    found = estimated(rows, stack, most_slow_volt=1.2e-3, most_slow_second=100.0)
-    assert found.slow_volt <= 1.2e-3
-    assert found.slow_second <= 100.0
+    assert estimate_noise(rows, stack, **LIMITS | {"most_slow_volt": 1.0}).slow_volt > 2e-3
+    estimate = estimate_noise(rows, stack, most_slow_volt=1.2e-3, most_slow_second=100.0)
+    assert estimate.slow_volt <= 1.2e-3
+    assert estimate.slow_second <= 100.0
 
 
 def test_the_white_part_is_read_beside_a_slow_gap():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.numerics.savitzky_golay import weights
+from cellwright.numerics.linear import savitzky_golay_weights
 from cellwright.protocols.ica import (
     charge_peaks,
     constant_current_charge,
@@ -87,8 +87,12 @@ def test_peaks_as_columns_are_numbered_and_none_is_a_refusal():
 def test_the_filter_is_exact_on_polynomials_of_its_order(coefficients, half):
     offsets = np.arange(-half, half + 1) * 0.01
     values = np.polynomial.polynomial.polyval(offsets, coefficients)
-    assert weights(half, 0.01, 0) @ values == pytest.approx(coefficients[0], abs=1e-9)
-    assert weights(half, 0.01, 1) @ values == pytest.approx(coefficients[1], abs=1e-6)
+    assert savitzky_golay_weights(half, 0.01, 0) @ values == pytest.approx(
+        coefficients[0], abs=1e-9
+    )
+    assert savitzky_golay_weights(half, 0.01, 1) @ values == pytest.approx(
+        coefficients[1], abs=1e-6
+    )
 
 
 @settings(max_examples=20, deadline=None)

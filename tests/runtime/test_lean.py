@@ -19,7 +19,7 @@ def test_what_is_hidden_cannot_be_imported_and_can_be_afterwards():
 def test_lmfit_comes_without_frames_and_plots_and_fits():
     code = (
         "import sys; from runtime import lean; lean.import_lmfit(); "
-        "from cellwright.numerics.separable import best_logarithms as best; "
+        "from cellwright.numerics.least_squares import best_logarithms as best; "
         "found = best(lambda x: x - 1.5, [[0.0]], bounds=(-3, 3)); "
         "assert abs(found[0] - 1.5) < 1e-6, found; "
         "assert not {'pandas', 'matplotlib'} & set(sys.modules); "

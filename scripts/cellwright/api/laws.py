@@ -39,8 +39,8 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
     sizes = measured.capacity_points(_rows(capacities))
     circuits = measured.impedance_points(_rows(spectra))
     pulses = measured.resistance_points(_rows(resistances), **chosen._asdict())
-    points = measured.enough([*sizes, *circuits.points, *pulses.points])
-    points = measured.one_a_temperature(points)
+    points = measured.with_enough_temperatures([*sizes, *circuits.points, *pulses.points])
+    points = measured.mean_per_temperature(points)
     rows, reasons = law_rows(points)
     return results.Laws(rows, points, (*circuits.notes, *pulses.notes, *reasons))
 
@@ -74,12 +74,12 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
     """
     from cellwright.api import given, results
     from cellwright.laws.of_type import points_of_type, sentences_of_type
-    from cellwright.laws.points import enough
+    from cellwright.laws.points import with_enough_temperatures
     from cellwright.laws.temperature import law_rows
 
     chosen = given.chosen(Temperature, settings, changes)
     found = points_of_type(given.rows(resistances), **chosen._asdict())
-    points = enough(found.points)
+    points = with_enough_temperatures(found.points)
     rows, reasons = law_rows(points)
     return results.Laws(rows, points, (*found.notes, *sentences_of_type(points), *reasons))
 
@@ -103,11 +103,11 @@ def fast_charge_laws(charges):
     Source: docs/fast-charge.md.
     """
     from cellwright.api import results
-    from cellwright.laws.points import enough, fast_charge_points
+    from cellwright.laws.points import fast_charge_points, with_enough_temperatures
     from cellwright.laws.temperature import law_rows
 
     points = fast_charge_points(_rows(charges))
-    rows, reasons = law_rows(enough(points))
+    rows, reasons = law_rows(with_enough_temperatures(points))
     return results.Laws(rows, points, tuple(reasons))
 
 
@@ -187,9 +187,9 @@ def polarisation_laws(rests):
     Source: thesis 3.3; docs/relaxation.md.
     """
     from cellwright.api import results
-    from cellwright.laws.polarisation import compared, law_rows, laws_of, paragraph
+    from cellwright.laws.polarisation import comparable_rests, law_rows, laws_of, paragraph
 
-    found = compared(_rows(rests))
+    found = comparable_rests(_rows(rests))
     laws, reasons = laws_of(found.points)
     return results.Laws(law_rows(laws), found.points, (paragraph(found, laws), *reasons))
 
@@ -215,19 +215,18 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
     """
     from cellwright.api import given, results
     from cellwright.api.models import _curves
-    from cellwright.laws.ocv import rows
-    from cellwright.laws.ocv.over_temperature import over_temperature
+    from cellwright.laws.ocv import over_temperature as ocv
 
     chosen = given.chosen(OcvTemperature, settings, changes)
     slow = given.entries(curves, _curves)
-    found = over_temperature(slow, given.entries(steps), **chosen._asdict())
+    result = ocv.over_temperature(slow, given.entries(steps), **chosen._asdict())
     return results.OcvMap(
-        rows.law_rows(found),
-        rows.map_columns(found),
-        rows.entropic_columns(found),
-        rows.surface_columns(found),
-        rows.function_rows(found),
-        tuple(found.notes),
+        ocv.law_rows(result),
+        ocv.map_columns(result),
+        ocv.entropic_columns(result),
+        ocv.surface_columns(result),
+        ocv.function_rows(result),
+        tuple(result.notes),
     )
 
 

@@ -8,8 +8,11 @@ import numpy as np
 from cellwright.circuits.model_file import Simulated, simulate_model
 from cellwright.circuits.temperature import ZERO_CELSIUS_KELVIN
 from cellwright.numerics.lags import lag
-from cellwright.numerics.linear import correlation_factor
-from cellwright.numerics.uncertainty import covariance_from_jacobian, delta_method
+from cellwright.numerics.statistics import (
+    correlation_factor,
+    covariance_from_jacobian,
+    delta_method,
+)
 from cellwright.refusal import Refusal
 
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.arrhenius import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
+from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.refusal import Refusal
 
 SMALLEST = 1e-9  # of any parameter: the logarithm of none would be −∞

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, plain
-from cellwright.effects.judge import by_starts, rests_of, rms, started
+from cellwright.effects.judge import by_starts, rests_of, started
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import lacking
 from cellwright.effects.screen import candidates, screened
@@ -13,6 +13,7 @@ from cellwright.effects.search import State, frees_of
 from cellwright.effects.ties import offset_or_leak, rest_current, tie_of, with_partners
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
+from cellwright.numerics.statistics import rms
 from cellwright.protocols.ocv.gap import HYSTERESIS, SlowGap, shows_hysteresis
 
 UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it tells nothing
@@ -113,7 +114,9 @@ class Case(NamedTuple):
         limits = {
             name: getattr(self.gates, name) for name in ("most_slow_volt", "most_slow_second")
         }
-        spread = noise.estimated(residual, self.fit, extra_volt=filters.extra_volt[0], **limits)
+        spread = noise.estimate_noise(
+            residual, self.fit, extra_volt=filters.extra_volt[0], **limits
+        )
         return filters_of(self, spread, filters.extra_volt)
 
     def sharper(self, trial, filters):

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.records import LOADED_C_RATE
+from cellwright.numerics.statistics import rms
 
 READ_VOLT = 2e-3  # of a single reading at rest
 LEAST_SLOPE_VOLT = 1e-3  # of the OCV over the whole SoC, below which a rest tells nothing
@@ -20,11 +21,6 @@ class Rests(NamedTuple):
 
     soc: np.ndarray
     error_volt: np.ndarray
-
-
-def rms(values):
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def rests_of(cell, stack, solution):
@@ -206,9 +202,9 @@ def residual_map(stack, role, soc, before, after, capacity_ampere_hour, rows):
                 "rate": RATES[kind],
                 "temperature_celsius": float(stack.celsius[here].mean()),
                 "rows": int(here.sum()),
-                "before_rms_volt": float(np.sqrt(np.mean(before[here] ** 2))),
+                "before_rms_volt": rms(before[here]),
                 "before_mean_volt": float(before[here].mean()),
-                "after_rms_volt": float(np.sqrt(np.mean(after[here] ** 2))),
+                "after_rms_volt": rms(after[here]),
                 "after_mean_volt": float(after[here].mean()),
             }
         )

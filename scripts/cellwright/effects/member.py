@@ -28,6 +28,7 @@ from cellwright.identification.choice import (
     inner_rmse,
 )
 from cellwright.numerics.least_squares import fit
+from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import blocks, cell_temperature, record_of
 from cellwright.refusal import Refusal
@@ -326,7 +327,7 @@ def with_effects(model, found, tests, conditions):
     errors = [[_errors(one, models, fits) for one in part] for part in conditions]
     member = models[0]["members"][-1]
     whole = np.concatenate([one[0] for part in errors for one in part])
-    fitted = {"fit_rmse_volt": float(np.sqrt(np.mean(whole**2))), "samples": len(whole)}
+    fitted = {"fit_rmse_volt": rms(whole), "samples": len(whole)}
     for condition in member["conditions"]:
         condition |= fitted | {"tests": [one.record.test for part in conditions for one in part]}
     pairs = list(zip(conditions, errors, strict=True))

@@ -14,10 +14,10 @@ import numpy as np
 
 from cellwright.effects import base, plain
 from cellwright.effects.case import STEADY_C_RATE, filters_of, problem_of, state_of, steep
-from cellwright.effects.judge import rms
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 NEXT_ROWS = np.arange(-1, 3)

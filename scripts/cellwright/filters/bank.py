@@ -8,6 +8,7 @@ from cellwright.circuits.circuit import kind_of
 from cellwright.circuits.instrument import capacity_factor
 from cellwright.circuits.model_file import circuit_at, member_of
 from cellwright.circuits.temperature import continued_ocv_at
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 BEYOND = 0.25  # how far the tables go on below empty and above full
@@ -207,5 +208,5 @@ def _shape(soc, volt, outside):
     sides = soc + SIDE, soc - SIDE
     slope = np.abs(np.interp(sides[0], soc, volt) - np.interp(sides[1], soc, volt)) / (2 * SIDE)
     measured = (~outside) & (soc >= 0.0) & (soc <= 1.0)
-    level = np.sqrt(np.mean(slope[measured] ** 2)) if measured.any() else 0.0
+    level = rms(slope[measured]) if measured.any() else 0.0
     return slope / level if level > 0.0 else np.ones(len(soc))

@@ -9,7 +9,7 @@ from cellwright.circuits.model_file import member_of
 from cellwright.filters.bank import bank_of, resistance_factor_of
 from cellwright.filters.estimate import Start, estimate
 from cellwright.filters.plant import Noise
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import laid_out
 from cellwright.records.thinning import rows_of

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.filters.bank import NODES, drives
 from cellwright.numerics.lags import lag, lag_weights
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 
@@ -30,7 +31,7 @@ def levels_of(bank, current_ampere, curved):
     for k, element in enumerate(bank.elements):
         middle = len(NODES) // 2
         drive = curved[k][:, middle] if k in curved else element.gain[half] * current_ampere
-        levels[k] = np.sqrt(np.mean(drive**2)) * (slope if element.output == "soc" else 1.0)
+        levels[k] = rms(drive) * (slope if element.output == "soc" else 1.0)
     return levels
 
 

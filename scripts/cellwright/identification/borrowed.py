@@ -10,7 +10,7 @@ import numpy as np
 
 from cellwright.circuits.model_file import circuit_at, member_of, open_circuit_volt
 from cellwright.identification.columns import FAST_SECOND
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 from cellwright.records.basis import REFERENCE_CELSIUS, reference_of
 from cellwright.refusal import Refusal
 

@@ -13,6 +13,7 @@ from cellwright.circuits.circuit import member_named, size_of
 from cellwright.circuits.model_file import simulate_model
 from cellwright.identification.identify import ready_records
 from cellwright.identification.regression import held_out
+from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import Record, blocks_of_used, records_by_temperature
 from cellwright.refusal import Refusal
@@ -318,7 +319,7 @@ def inner_rmse(records, errors_volt):
     soc = np.concatenate([one.record.soc[one.record.used] for one in records])
     error = np.concatenate(errors_volt)
     inner = (soc >= INNER_SOC[0]) & (soc <= INNER_SOC[1])
-    return np.sqrt(np.mean((error[inner] if inner.any() else error) ** 2))
+    return rms(error[inner] if inner.any() else error)
 
 
 def decided(model, conditions, found=None):

@@ -19,7 +19,7 @@ from cellwright.circuits.model_file import (
     simulate_model,
 )
 from cellwright.circuits.temperature import LAWS, Laws, celsius_of
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 from cellwright.records.record import SAME_CELSIUS, laid_out
 from cellwright.refusal import Refusal
 
@@ -205,7 +205,7 @@ def _errors(model, cell, test, *, name, proof, split_rest_second):
     error = record.voltage_volt - run.voltage_volt
     outside = (run.extrapolated | run.outside_temperature)[used]
     inner = used & (record.soc >= 0.05) & (record.soc <= 0.95)
-    return Errors(_rms(error[used]), _rms(error[inner]), float(outside.mean()))
+    return Errors(rms(error[used]), rms(error[inner]), float(outside.mean()))
 
 
 def _compared(law, other, own):
@@ -227,10 +227,6 @@ def _beyond(reduced, celsius):
 
 def _near(stated, celsius):
     return stated is not None and abs(stated - celsius) <= SAME_CELSIUS
-
-
-def _rms(error):
-    return rms(error)
 
 
 def _log(volt):

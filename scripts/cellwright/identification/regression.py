@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.linear import correlation_factor, solve
+from cellwright.numerics.linear import solve
+from cellwright.numerics.statistics import correlation_factor
 from cellwright.refusal import Refusal
 
 SCALES = 2  # numbers of the SoC's scale: what is missing at full, and the stretch

@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.circuits.circuit import UNRESOLVED_SECOND
 from cellwright.identification.columns import FAST_SECOND, columns_of
 from cellwright.identification.regression import SCALES, named, solved, system_of
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 
 WIDEST = 0.1  # change of the SoC's scale that is believed
 SETTLED = 2e-4  # change of the SoC's scale that is small enough

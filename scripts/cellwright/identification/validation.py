@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 

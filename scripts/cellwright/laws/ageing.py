@@ -7,19 +7,18 @@ import numpy as np
 from cellwright.laws.temperature import law_row
 from cellwright.numerics.lines import coloured_line, residuals
 from cellwright.numerics.periods import daily_sine, periods
-from cellwright.numerics.scores import rms
-from cellwright.numerics.uncertainty import t_interval
+from cellwright.numerics.statistics import rms, t_interval
 from cellwright.refusal import Refusal
 from cellwright.settings import Ageing
 
 AGEING = Ageing()
 
 LAGS_HOUR = np.array([*np.arange(11) / 10, 1.25, 1.5, 2.0, 2.5, 3.0])
-NEIGHBOURS = 4  # through which a cubic says what the reading between them should be
+NEIGHBOURS = 4  # readings through which a cubic predicts the one between them
 
 
-def felt_temperatures(course_hour, course_celsius, hour):
-    """What a cell may feel at some hours of a course of temperature, for every lag that is tried.
+def lagged_temperatures(course_hour, course_celsius, hour):
+    """Temperature [°C] that may act on a cell, one course for each lag behind the readings tried.
 
     Both extremes of how a cell follows: at once but later (a delay), and as one heat capacity
     behind one resistance does (an exponential memory). A slope by dT/dt beside T knows neither:
@@ -28,27 +27,27 @@ def felt_temperatures(course_hour, course_celsius, hour):
     Parameters
     ----------
     course_hour, course_celsius : (m,) rising hours of the readings, and readings [h], [°C].
-    hour : (n,) when the cell is asked [h].
+    hour : (n,) times at which the temperature is wanted [h].
 
     Returns
     -------
-    felt : list of (n,), one a lag and kind of following, the first without any lag.
+    courses : list of (n,) [°C], one a lag and kind of following, the first without any lag.
     """
     from scipy.interpolate import Akima1DInterpolator
 
     # Unlike a cubic spline it does not swing across the pauses of a record.
     spline = Akima1DInterpolator(course_hour, course_celsius)
     # Before its first reading the course is held.
-    asked = [spline(np.maximum(hour - lag, course_hour[0])) for lag in LAGS_HOUR]
+    courses = [spline(np.maximum(hour - lag, course_hour[0])) for lag in LAGS_HOUR]
     places, weights = np.polynomial.laguerre.laggauss(8)
     for lag in LAGS_HOUR[1:]:
         back = np.maximum(hour[:, None] - lag * places, course_hour[0])
-        asked.append(spline(back) @ weights)
-    return asked
+        courses.append(spline(back) @ weights)
+    return courses
 
 
 def reading_noise(hour, celsius):
-    """Scatter of single readings about the cubic through their four neighbours in time.
+    """Standard deviation of single readings [K] about a cubic through their four neighbours.
 
     Parameters
     ----------
@@ -56,7 +55,7 @@ def reading_noise(hour, celsius):
 
     Returns
     -------
-    std : of one reading, if all that its neighbours do not foretell is an error of it [K]; part of
+    std : of one reading, if all that its neighbours do not predict is its error [K]; part of
         it may be the temperature itself. NaN where there are fewer than five readings.
     """
     errors = []
@@ -72,17 +71,17 @@ LEAST_CYCLES = 8
 HIGHEST_DEGREE = 4
 CYCLES_A_DEGREE = 6
 OUTLIER = 6.0  # robust standard deviations from the course over cycles
-MOST_LAGS = 8  # evenly taken of those that the data do not tell apart
+MOST_LAGS = 8  # taken evenly from the lags that the data do not rule out
 RULED_OUT = 8.0  # of log-likelihood: what is 3000 times less likely weighs nothing
 ROOM, START = "room", "cell as the discharge begins"
 
 
 class CycleFit(NamedTuple):
-    """What temperature and age do to the discharge capacity of one record.
+    """Effect of temperature and age on the discharge capacity of one record: summary and rows.
 
     summary : numbers as in artefact `ageing_temperature`. Slope in percent of the capacity of the
     moment; capacity_start_ampere_hour, the fade's course at the first used cycle and
-    reference_celsius; losses from that cycle to the last; periods as of `daily.Period`; reason :
+    reference_celsius; losses from that cycle to the last; periods as of `periods.Period`; reason :
     what is not known.
     cycles : columns, one row a discharge: measured, fitted, fade alone at the reference, measured
     with the temperature taken out, and whether it was used. periodogram : period_hour, power.
@@ -100,8 +99,9 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
     has lost a tenth moves by a tenth less with temperature. The fade is a polynomial of degree 1
     to 4; T is what the cell feels of its room, at once or up to 3 h later; the noise is
     exponentially correlated in time. Degree, lag, bend and memory are averaged over what the data
-    allow (Bayesian information criterion), so that not knowing them widens the interval. What of
-    the temperature's steps may be its reading's error shrinks a slope; see `_unshrunk`.
+    allow (Bayesian information criterion), so that not knowing them widens the interval. A slope
+    over a temperature that is read with an error comes out too small and is corrected for it (see
+    `_corrected_for_reading_error`).
     Discharges whose charge before, or the one before that, is not in the record are set aside, for
     they did not begin like the others, and so are those further than six robust standard
     deviations from the course. The temperature is the room's where recorded, else the cell's as
@@ -109,7 +109,8 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
 
     Parameters
     ----------
-    rows : AgeingCycles. least_kelvin : RMS that the temperature must move beside the fade [K].
+    rows : AgeingCycles. least_kelvin : least RMS of the temperature about its trend along the
+        fade from which a slope is given [K].
     level : coverage of the interval.
 
     Returns
@@ -124,9 +125,9 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
     """
     record = _record(rows)
     models = _models(record)
-    fade, beside = max(models, key=lambda one: one.weight)[:2]
-    moved, reason = _moved(record, fade, least_kelvin)
-    columns = np.column_stack([fade, *([] if reason else beside)])
+    fade, temperature_columns = max(models, key=lambda model: model.weight)[:2]
+    moved, reason = _temperature_movement(record, fade, least_kelvin)
+    columns = np.column_stack([fade, *([] if reason else temperature_columns)])
     used, count = record.used, fade.shape[1]
     logarithm = np.log(record.capacity[used])
     line = coloured_line(columns[used], logarithm, record.place)
@@ -136,11 +137,11 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
     start = float(np.exp(line.values[0]))
     # A trend chosen by the data would make what is left whiter than noise is: the fullest one.
     trend = _basis(record.cycle, used, _highest_degree(used))[used]
-    found = periods(record.hour[used], record.capacity[used], trend)
+    period = periods(record.hour[used], record.capacity[used], trend)
     percent, explained, daily_rest = 100 / start, np.nan, np.nan
     if not reason:
         explained = _explained(record.capacity, shift, fade, used)
-    if not (reason or found.reason):
+    if not (reason or period.reason):
         rest = (record.capacity - shift)[used]
         swing = daily_sine(rest, fade[used], record.place, record.hour[used])[0]
         daily_rest = 100 * swing / float(rest[0])
@@ -158,14 +159,14 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
         "plain_loss_percent": float(-100 * np.expm1(plain.values[1])),
         "explained": explained,
         "correlation": line.correlation,
-        "best_period_hour": found.best_period_hour,
-        "false_alarm": found.false_alarm,
-        "daily_percent": found.daily_amplitude * percent,
-        "daily_std_percent": found.daily_std * percent,
-        "daily_peak_hour": found.daily_peak_hour,
-        "daily_false_alarm": found.daily_false_alarm,
+        "best_period_hour": period.best_period_hour,
+        "false_alarm": period.false_alarm,
+        "daily_percent": period.daily_amplitude * percent,
+        "daily_std_percent": period.daily_std * percent,
+        "daily_peak_hour": period.daily_peak_hour,
+        "daily_false_alarm": period.daily_false_alarm,
         "daily_left_percent": daily_rest,
-        "reason": "; ".join(dict.fromkeys(filter(None, [reason, found.reason]))),
+        "reason": "; ".join(dict.fromkeys(filter(None, [reason, period.reason]))),
     }
     table = {
         "cycle": record.cycle,
@@ -177,13 +178,13 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
         "fade_ampere_hour": carried,
         "capacity_at_reference_ampere_hour": record.capacity - shift,
     }
-    return CycleFit(summary, table, {"period_hour": found.period_hour, "power": found.power})
+    return CycleFit(summary, table, {"period_hour": period.period_hour, "power": period.power})
 
 
 class _Record(NamedTuple):
-    """Discharges of a record (n,), which are used, and the places of these [typical interval].
+    """Discharges of a record (n,), which are used, and their positions [typical interval].
 
-    felt : what the cell may feel of the temperature, one (n,) a lag; empty where none was recorded.
+    lagged : temperature that may act on the cell, one (n,) a lag [°C]; empty: none recorded.
     noise : of a reading of the temperature, at most [K].
     """
 
@@ -194,53 +195,56 @@ class _Record(NamedTuple):
     source: str
     used: np.ndarray
     place: np.ndarray
-    felt: list
+    lagged: list
     noise: float
 
 
 def _record(rows):
-    mine = np.flatnonzero(rows.direction == "discharge")
-    cycle, capacity = rows.cycle[mine], rows.capacity_ampere_hour[mine]
-    known = np.isfinite(rows.coulombic_efficiency[mine])
-    used = _inliers(cycle, capacity, known & np.append(False, known[:-1]))
-    hour = rows.start_time_second[mine] / 3600
+    """Discharges of a record with their temperature, and which of them are used."""
+    discharges = np.flatnonzero(rows.direction == "discharge")
+    cycle, capacity = rows.cycle[discharges], rows.capacity_ampere_hour[discharges]
+    complete = np.isfinite(rows.coulombic_efficiency[discharges])
+    used = _inliers(cycle, capacity, complete & np.append(False, complete[:-1]))
+    hour = rows.start_time_second[discharges] / 3600
     place = (hour[used] - hour[used][0]) / np.median(np.diff(hour[used]))
-    celsius, source = _temperature(rows, mine)
-    felt, noise = _felt(rows, mine, celsius, source)
-    return _Record(cycle, hour, capacity, celsius, source, used, place, felt, noise)
+    celsius, source = _temperature(rows, discharges)
+    lagged, noise = _lagged(rows, discharges, celsius, source)
+    return _Record(cycle, hour, capacity, celsius, source, used, place, lagged, noise)
 
 
-def _felt(rows, mine, celsius, source):
-    """What the cell may feel, and the error of a reading [K], at most.
+def _lagged(rows, discharges, celsius, source):
+    """Temperature courses for each lag, and the largest error of a reading [K].
 
-    A cell's own temperature needs no lag; what its reading errs by is not told by its neighbours,
-    hours of load away.
+    A cell's own temperature needs no lag; its reading error cannot be estimated from its
+    neighbours, which are hours of load away.
     """
     if source != ROOM:
         return [celsius] if source else [], 0.0
     middle = (rows.start_time_second + rows.duration_second / 2) / 3600
-    # Charges tell the room as well as discharges do.
-    told = np.isfinite(rows.room_temperature_celsius)
-    hour, course = middle[told], rows.room_temperature_celsius[told]
-    felt = felt_temperatures(hour, course, middle[mine])
-    return [celsius, *felt[1:]], reading_noise(hour, course)
+    # The room's temperature is taken during charges as well as discharges.
+    recorded = np.isfinite(rows.room_temperature_celsius)
+    hour, course = middle[recorded], rows.room_temperature_celsius[recorded]
+    courses = lagged_temperatures(hour, course, middle[discharges])
+    return [celsius, *courses[1:]], reading_noise(hour, course)
 
 
-def _temperature(rows, mine):
-    """The temperature that capacity is held against, and whose it is."""
+def _temperature(rows, discharges):
+    """Temperature of each discharge [°C] and its source, room or cell; NaN and "": none."""
     for name, source in (
         ("room_temperature_celsius", ROOM),
         ("temperature_start_celsius", START),
     ):
-        celsius = getattr(rows, name)[mine]
+        celsius = getattr(rows, name)[discharges]
         if np.isfinite(celsius).mean() > 0.9:
-            known = np.isfinite(celsius)
-            return np.interp(rows.cycle[mine], rows.cycle[mine][known], celsius[known]), source
-    return np.full(len(mine), np.nan), ""
+            recorded = np.isfinite(celsius)
+            return np.interp(
+                rows.cycle[discharges], rows.cycle[discharges][recorded], celsius[recorded]
+            ), source
+    return np.full(len(discharges), np.nan), ""
 
 
 def _inliers(cycle, capacity, followed):
-    """Which cycles follow a charge of the record and lie on the course, found in two rounds."""
+    """Which discharges follow a charge of the record and lie near the fade, in two rounds."""
     if followed.sum() < LEAST_CYCLES:
         raise Refusal(
             f"{followed.sum()} complete discharge(s) after a complete cycle; fade and temperature "
@@ -258,12 +262,14 @@ def _inliers(cycle, capacity, followed):
 
 
 def _highest_degree(used):
+    """Highest degree of the fade that so many cycles bear."""
     return max(min(HIGHEST_DEGREE, int(used.sum()) // CYCLES_A_DEGREE), 1)
 
 
 def _basis(cycle, used, degree):
-    """Columns whose coefficients are the value at the first cycle, the change to the last, and
-    bends that vanish at both."""
+    """Columns of the fade (n, degree + 1): value at the first cycle, change to the last, and
+    bends that vanish at both.
+    """
     first, last = cycle[used][0], cycle[used][-1]
     x = (cycle - first) / (last - first)
     bends = [x * (1 - x) * (2 * x - 1) ** k for k in range(degree - 1)]
@@ -271,52 +277,55 @@ def _basis(cycle, used, degree):
 
 
 class _Model(NamedTuple):
-    """Columns of the fade (n, p) and beside it, the slope's value and variance, and the weight."""
+    """One model of the capacity: columns (n, p) of fade and temperature, slope, weight."""
 
     fade: np.ndarray
-    beside: list
+    temperature_columns: list
     slope: float
     variance: float
     weight: float
 
 
 def _models(record):
-    """Every degree of the fade with every lag, with and without a bend, and what each weighs."""
+    """Models of every degree of the fade and every lag, with and without bend, weighted."""
     used, logarithm = record.used, np.log(record.capacity[record.used])
-    levels = [celsius - celsius[used].mean() for celsius in record.felt]
+    levels = [celsius - celsius[used].mean() for celsius in record.lagged]
     options = [[]]
     if levels and np.ptp(levels[0]) > 0:
-        told = _told_apart(record, levels)
-        options = [choice for one in told for choice in ([one], [one, one**2])]
-    found = []
+        courses = _plausible_lags(record, levels)
+        options = [choice for course in courses for choice in ([course], [course, course**2])]
+    models = []
     for degree in range(1, _highest_degree(used) + 1):
         fade = _basis(record.cycle, used, degree)
-        for beside in options:
-            columns, first = np.column_stack([fade, *beside])[used], fade.shape[1]
+        for temperature_columns in options:
+            columns, first = np.column_stack([fade, *temperature_columns])[used], fade.shape[1]
             line = coloured_line(columns, logarithm, record.place)
-            slope = (line.values[first], line.std[first] ** 2) if beside else (np.nan, np.nan)
+            slope = (
+                (line.values[first], line.std[first] ** 2)
+                if temperature_columns
+                else (np.nan, np.nan)
+            )
             score = line.log_likelihood - 0.5 * columns.shape[1] * np.log(used.sum())
-            found.append(_Model(fade, beside, *slope, score))
-    best = max(one.weight for one in found)
-    total = sum(np.exp(one.weight - best) for one in found)
-    return [one._replace(weight=float(np.exp(one.weight - best) / total)) for one in found]
+            models.append(_Model(fade, temperature_columns, *slope, score))
+    best = max(model.weight for model in models)
+    total = sum(np.exp(model.weight - best) for model in models)
+    return [model._replace(weight=float(np.exp(model.weight - best) / total)) for model in models]
 
 
-def _told_apart(record, levels):
-    """Of all lags those that the data do not rule out beside the fullest fade, or some of them."""
+def _plausible_lags(record, levels):
+    """Temperature courses of lags that the data do not rule out, at most `MOST_LAGS`."""
     if len(levels) == 1:
         return levels
     used, logarithm = record.used, np.log(record.capacity[record.used])
     fade = _basis(record.cycle, used, _highest_degree(used))
-    columns = [np.column_stack([fade, one, one**2])[used] for one in levels]
-    likely = [coloured_line(one, logarithm, record.place).log_likelihood for one in columns]
-    near = np.array(likely) > max(likely) - RULED_OUT
-    kept = np.flatnonzero(near)
+    columns = [np.column_stack([fade, course, course**2])[used] for course in levels]
+    likely = [coloured_line(x, logarithm, record.place).log_likelihood for x in columns]
+    kept = np.flatnonzero(np.array(likely) > max(likely) - RULED_OUT)
     return [levels[k] for k in kept[:: -(-len(kept) // MOST_LAGS)]]
 
 
-def _moved(record, fade, least):
-    """RMS of the temperature beside the fade, and why no slope can be told ("" where it can)."""
+def _temperature_movement(record, fade, least):
+    """RMS of the temperature about its trend [K], and why no slope is determined, or ""."""
     if not record.source:
         return np.nan, "no temperature was recorded, so its slope is not knowable"
     moved = float(np.std(residuals(fade[record.used], record.celsius[record.used])))
@@ -330,16 +339,17 @@ def _moved(record, fade, least):
 
 
 def _slope(models, freedom, level, noise_share):
-    """Slope in percent of the capacity, averaged over the models; NaN where there is none.
+    """Slope in percent of the capacity per kelvin, averaged over the models; NaN without models.
 
-    noise_share : error of a reading of the temperature, at most, by its movement beside the fade.
+    noise_share : largest error of a temperature reading over the RMS of the temperature [1].
     """
-    weight, each, variance = (
-        np.array([getattr(one, name) for one in models]) for name in ("weight", "slope", "variance")
+    weight, slopes, variance = (
+        np.array([getattr(model, name) for model in models])
+        for name in ("weight", "slope", "variance")
     )
-    mean = weight @ each if models else np.nan
-    std = np.sqrt(weight @ (variance + (each - mean) ** 2)) if models else np.nan
-    value, std = (100 * one for one in _unshrunk(mean, std, noise_share))
+    mean = weight @ slopes if models else np.nan
+    std = np.sqrt(weight @ (variance + (slopes - mean) ** 2)) if models else np.nan
+    value, std = (100 * number for number in _corrected_for_reading_error(mean, std, noise_share))
     lower, upper = t_interval(value, std, freedom, level=level)
     return {
         "slope_percent_per_kelvin": float(value),
@@ -349,12 +359,12 @@ def _slope(models, freedom, level, noise_share):
     }
 
 
-def _unshrunk(slope, std, noise_share):
-    """A slope over a temperature that is read with an error: it comes out too small.
+def _corrected_for_reading_error(slope, std, noise_share):
+    """Slope and its std corrected for the error of the temperature reading, which shrinks a slope.
 
-    By 1 − (noise/movement)², if all that a reading's neighbours do not foretell is its error, by
-    nothing, if it is the temperature itself. Which it is cannot be told: every share between them
-    is taken as equally likely.
+    The slope is too small by the factor 1 − (noise/movement)² if all that a reading's neighbours do
+    not predict is its error, and correct if it is the temperature itself. The data do not determine
+    which: every share between the two is taken as equally likely.
 
     Source: W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.1.
     """
@@ -366,7 +376,7 @@ def _unshrunk(slope, std, noise_share):
 
 
 def _explained(capacity, shift, fade, used):
-    """Share of the variance beside the fade that goes with the temperature."""
+    """Share of the variance about the fade that the temperature explains [1]."""
     whole, rest = np.sum(
         residuals(fade[used], np.column_stack([capacity, capacity - shift])[used]) ** 2, axis=0
     )

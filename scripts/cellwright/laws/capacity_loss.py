@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import fresh
+from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import law_row
 from cellwright.refusal import Refusal
 from cellwright.settings import CapacityLoss
@@ -15,8 +15,8 @@ SAME_CELSIUS = 3.0  # chamber temperatures this near are one
 SAME_RATE = 1.12  # rates this near are one (a C/20 is 0.047 to 0.051 over real currents)
 
 
-class Reached(NamedTuple):
-    """Charge that one direction reaches at one temperature and rate, mean over its tests.
+class ReachedCapacity(NamedTuple):
+    """Mean charge that one direction reaches at one temperature and rate [Ah].
 
     std : of that mean [Ah]. tests : their names. held_ampere_hour : what a held voltage adds to it,
     or in a slow OCV test what was moved later at another temperature.
@@ -33,10 +33,10 @@ class Reached(NamedTuple):
 
 # ASSUME: What is reached at a temperature is what its constant current moves to the cut-off; what
 # a held voltage adds is reached slowly.
-def reached(
+def comparable_capacities(
     rows, *, mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin, slow_c_rate=CAPACITY_LOSS.slow_c_rate
 ):
-    """Capacities of one cell, comparable ones only, repeats joined.
+    """Comparable capacities of one cell [Ah], repeats averaged, and what was left out.
 
     1. Only the earliest check-up: age must not pass for temperature. 2. A row whose cell was
     colder on average than the chamber is said to be by more than `mismatch_kelvin`, or in a slow
@@ -53,8 +53,8 @@ def reached(
     points : list of Reached, std still that of repeats (NaN for a single test).
     left_out : list of sentences.
     """
-    found, left_out, seen = {}, [], set()
-    for row in sorted(fresh(rows), key=lambda r: r["ambient_temperature_celsius"]):
+    rows_by_point, left_out, seen = {}, [], set()
+    for row in sorted(first_check_up(rows), key=lambda r: r["ambient_temperature_celsius"]):
         stated, measured = row["ambient_temperature_celsius"], row["temperature_mean_celsius"]
         warmer, slow = measured - stated, row["c_rate"] <= slow_c_rate
         if warmer < -mismatch_kelvin or (warmer > mismatch_kelvin and slow):
@@ -64,16 +64,16 @@ def reached(
         same = (row["direction"], round(row["capacity_ampere_hour"], 9), row["c_rate"])
         if same not in seen:
             seen.add(same)
-            found.setdefault(_key(row, found), []).append(row)
-    return [_point(key, mine) for key, mine in found.items()], left_out
+            rows_by_point.setdefault(_key(row, rows_by_point), []).append(row)
+    return [_joined(key, repeats) for key, repeats in rows_by_point.items()], left_out
 
 
-def _key(row, found):
-    """The group a row belongs to: one that is near, or a new one of its own."""
+def _key(row, rows_by_point):
+    """Direction, temperature and rate under which a row is averaged: one seen before if near."""
     direction, celsius = row["direction"], row["ambient_temperature_celsius"]
     near = [
         key
-        for key in found
+        for key in rows_by_point
         if key[0] == direction
         and abs(key[1] - celsius) <= SAME_CELSIUS
         and max(key[2] / row["c_rate"], row["c_rate"] / key[2]) <= SAME_RATE
@@ -81,13 +81,14 @@ def _key(row, found):
     return near[0] if near else (direction, celsius, row["c_rate"])
 
 
-def _point(key, rows):
+def _joined(key, rows):
+    """Mean capacity of repeated tests and its standard deviation [Ah]."""
     size = np.array([row["constant_current_ampere_hour"] for row in rows])
     held = np.array([row["capacity_ampere_hour"] for row in rows]) - size
     within = [row["capacity_std_ampere_hour"] for row in rows]
     spread = size.std(ddof=1) if len(rows) > 1 else within[0]
     repeats = len(rows) if len(rows) > 1 else rows[0]["repeats"]
-    return Reached(
+    return ReachedCapacity(
         direction=key[0],
         temperature_celsius=float(np.mean([r["ambient_temperature_celsius"] for r in rows])),
         c_rate=float(np.mean([row["c_rate"] for row in rows])),
@@ -100,12 +101,12 @@ def _point(key, rows):
 
 def slowest(points, direction, celsius):
     """Points of a direction at a temperature (within 3 K), slowest first."""
-    here = [
+    same_temperature = [
         point
         for point in points
         if point.direction == direction and abs(point.temperature_celsius - celsius) <= SAME_CELSIUS
     ]
-    return sorted(here, key=lambda point: point.c_rate)
+    return sorted(same_temperature, key=lambda point: point.c_rate)
 
 
 def repeatability(points, reference, *, assumed_share, slow_c_rate):
@@ -128,8 +129,8 @@ def repeatability(points, reference, *, assumed_share, slow_c_rate):
     for point in points:
         count = len(point.tests)
         if count > 1:
-            one = point.std_ampere_hour / point.capacity_ampere_hour
-            squares.append((one**2 * count, count - 1))
+            relative_std = point.std_ampere_hour / point.capacity_ampere_hour
+            squares.append((relative_std**2 * count, count - 1))
         deficit = 1 - point.capacity_ampere_hour / reference.capacity_ampere_hour
         warmer = point.temperature_celsius > reference.temperature_celsius + SAME_CELSIUS
         if not warmer or point.c_rate > slow_c_rate:
@@ -178,28 +179,34 @@ def law_rows(losses):
     return rows
 
 
-def with_left_in(losses):
-    """Losses, each charge with what the discharge of its test had left in the cell.
+def with_residual_charge(losses):
+    """Losses, each charge with the share that the discharge before it left in the cell [%].
 
     Parameters
     ----------
     losses : list of Loss. Of the charge's reference counts what that discharge, and what was drawn
         after it, lack of the whole: of the slowest discharge at the reference temperature.
     """
-    drawn = {one.tests: one for one in losses if one.direction == "discharge" and one.known}
-    references = (one for one in drawn.values() if one.total_percent == 0)
-    slowest = next(references, None)
-    if slowest is None:
+    discharges = {
+        loss.tests: loss for loss in losses if loss.direction == "discharge" and loss.known
+    }
+    references = (loss for loss in discharges.values() if loss.total_percent == 0)
+    reference = next(references, None)
+    if reference is None:
         return losses
-    whole = slowest.reference_ampere_hour + slowest.held_ampere_hour
-    found = []
-    for one in losses:
-        before = drawn.get(one.tests) if one.direction == "charge" else None
-        if before:
-            stayed = whole - before.capacity_ampere_hour - before.held_ampere_hour
-            one = one._replace(left_in_percent=100 * stayed / one.reference_ampere_hour)
-        found.append(one)
-    return found
+    available_ampere_hour = reference.reference_ampere_hour + reference.held_ampere_hour
+    completed = []
+    for loss in losses:
+        discharge = discharges.get(loss.tests) if loss.direction == "charge" else None
+        if discharge:
+            residual_ampere_hour = (
+                available_ampere_hour - discharge.capacity_ampere_hour - discharge.held_ampere_hour
+            )
+            loss = loss._replace(
+                left_in_percent=100 * residual_ampere_hour / loss.reference_ampere_hour
+            )
+        completed.append(loss)
+    return completed
 
 
 QUANTILE = 1.959964  # of the normal distribution, for 95 %
@@ -212,7 +219,7 @@ class Loss(NamedTuple):
     against it. true_percent : not reached even slowly at this temperature. false_percent : the
     rest, polarisation, which comes back when slow. Each with std and the limits it lies in: a
     95 % interval where the split is known, else everything that the tests allow (std NaN).
-    slow_c_rate : of the test that tells the true part; NaN where there is none.
+    slow_c_rate : of the test that determines the true part; NaN where there is none.
     left_in_percent : of a charge, how much of its loss the discharge before it in the same test
     had left in the cell; that part could not be put in. NaN for a discharge, or not known.
     tests : their names, joined by ";".
@@ -253,7 +260,7 @@ def capacity_losses(
     assumed_share=CAPACITY_LOSS.assumed_share,
     mismatch_kelvin=CAPACITY_LOSS.mismatch_kelvin,
 ):
-    """Split the loss of capacity at each temperature and rate into true and false.
+    """Loss of capacity at each temperature and rate [%], split into true and false.
 
     The reference is the slowest capacity at the temperature nearest `reference_celsius` that has
     a slow test. What the slowest test of a temperature, of at most `slow_c_rate`, lacks of it is
@@ -280,7 +287,9 @@ def capacity_losses(
 
     Source: thesis 3.3 (C/30 at 20, 0 and −20 °C: 31.001, 30.975, 28.820 Ah).
     """
-    points, notes = reached(rows, mismatch_kelvin=mismatch_kelvin, slow_c_rate=slow_c_rate)
+    points, notes = comparable_capacities(
+        rows, mismatch_kelvin=mismatch_kelvin, slow_c_rate=slow_c_rate
+    )
     directions = [
         name for name in ("discharge", "charge") if sum(p.direction == name for p in points) > 1
     ]
@@ -292,31 +301,43 @@ def capacity_losses(
         name: _reference([p for p in points if p.direction == name], reference_celsius, slow_c_rate)
         for name in directions
     }
-    found = []
+    all_losses = []
     for name in directions:
-        mine = [point for point in points if point.direction == name]
+        same_direction = [point for point in points if point.direction == name]
         share, reason = repeatability(
-            mine, references[name], assumed_share=assumed_share, slow_c_rate=slow_c_rate
+            same_direction, references[name], assumed_share=assumed_share, slow_c_rate=slow_c_rate
         )
-        losses, more = _of_direction(mine, references[name], share, slow_c_rate)
-        found += losses
-        notes += [*filter(None, [reason]), *more]
-    return with_left_in(found), notes
+        repeat_ampere_hour = share * references[name].capacity_ampere_hour
+        losses, split_notes = _of_direction(
+            same_direction, references[name], repeat_ampere_hour, slow_c_rate
+        )
+        all_losses += losses
+        notes += [*filter(None, [reason]), *split_notes]
+    return with_residual_charge(all_losses), notes
 
 
 def _reference(points, wanted, slow):
-    """Slowest point at the temperature nearest the wanted one; one with a slow test goes first."""
+    """Reference capacity: slowest at the temperature nearest the wanted one, slow tests first."""
     able = [point for point in points if point.c_rate <= slow] or points
     celsius = min(able, key=lambda p: abs(p.temperature_celsius - wanted)).temperature_celsius
     return slowest(able, points[0].direction, celsius)[0]
 
 
-def _of_direction(points, reference, share, slow):
-    """Losses of one direction, coldest last, and a sentence for each unknown split."""
+class _TrueLoss(NamedTuple):
+    """True loss at a temperature with a slow test: share of the reference, and its std [1]."""
+
+    celsius: float
+    slow_point: ReachedCapacity
+    share: float
+    std: float
+
+
+def _of_direction(points, reference, repeat_ampere_hour, slow):
+    """Losses of one direction, coldest last, and a sentence for each temperature without split."""
     points = sorted(points, key=lambda p: (-p.temperature_celsius, p.c_rate))
-    told = _true_losses(points, reference, share, slow)
-    losses = [_loss(point, reference, told, share) for point in points]
-    unknown = sorted({one.temperature_celsius for one in losses if not one.known})
+    true_losses = _true_losses(points, reference, repeat_ampere_hour, slow)
+    losses = [_loss(point, reference, true_losses, repeat_ampere_hour) for point in points]
+    unknown = sorted({loss.temperature_celsius for loss in losses if not loss.known})
     wanted = f"no {reference.direction} at up to {slow:g}C"
     notes = [f"{wanted} at {c:g} °C: true or false cannot be told there" for c in unknown]
     if reference.c_rate > slow:
@@ -325,44 +346,49 @@ def _of_direction(points, reference, share, slow):
     return losses, notes
 
 
-def _true_losses(points, reference, share, slow):
-    """(temperature, slow point, share lost, its std) of each temperature with a slow test."""
-    found = []
+def _true_losses(points, reference, repeat_ampere_hour, slow):
+    """True loss of each temperature with a slow test."""
+    true_losses = []
     for celsius in sorted({point.temperature_celsius for point in points}):
-        first = slowest(points, reference.direction, celsius)[0]
-        here = abs(celsius - reference.temperature_celsius) <= SAME_CELSIUS
-        if first.c_rate <= slow or (here and first is reference):
-            lost = _lost(reference, first, share, reference.capacity_ampere_hour)
-            found.append((celsius, first, *lost))
-    return found
+        slow_point = slowest(points, reference.direction, celsius)[0]
+        at_reference = abs(celsius - reference.temperature_celsius) <= SAME_CELSIUS
+        if slow_point.c_rate <= slow or (at_reference and slow_point is reference):
+            loss = _relative_loss(reference, slow_point, repeat_ampere_hour)
+            true_losses.append(_TrueLoss(celsius, slow_point, *loss))
+    return true_losses
 
 
-def _lost(start, end, share, scale):
-    """How much less the second reaches than the first, and its std, in units of the first."""
+def _relative_loss(start, end, repeat_ampere_hour):
+    """Share of the first capacity that the second lacks, and its standard deviation [1]."""
     if start is end:
         return 0.0, 0.0
     ratio = end.capacity_ampere_hour / start.capacity_ampere_hour
-    spread = np.hypot(_std(end, share, scale), ratio * _std(start, share, scale))
+    end_std, start_std = (_std(point, repeat_ampere_hour) for point in (end, start))
+    spread = np.hypot(end_std, ratio * start_std)
     return 1 - ratio, spread / start.capacity_ampere_hour
 
 
-def _std(point, share, scale):
-    """Of a capacity [Ah]: the cell's repeatability over the tests, or the larger own."""
-    own = np.nan_to_num(point.std_ampere_hour)
-    return max(own, share * scale / np.sqrt(len(point.tests)))
+def _std(point, repeat_ampere_hour):
+    """Standard deviation of a capacity [Ah]: from repeats, at least the cell's repeatability."""
+    measured_std = np.nan_to_num(point.std_ampere_hour)
+    return max(measured_std, repeat_ampere_hour / np.sqrt(len(point.tests)))
 
 
-def _loss(point, reference, told, share):
+def _loss(point, reference, true_losses, repeat_ampere_hour):
+    """Loss of one capacity against the reference, split where a slow test allows it."""
     whole = reference.capacity_ampere_hour
-    total, total_std = _lost(reference, point, share, whole)
-    here = [t for t in told if abs(t[0] - point.temperature_celsius) <= SAME_CELSIUS]
-    slow = here[0][1] if here else None
+    total, total_std = _relative_loss(reference, point, repeat_ampere_hour)
+    same_temperature = (
+        t for t in true_losses if abs(t.celsius - point.temperature_celsius) <= SAME_CELSIUS
+    )
+    true_loss = next(same_temperature, None)
+    slow = true_loss.slow_point if true_loss else None
     if slow is None:
-        true, false = _bounds(point, reference, told, total, total_std)
+        true, false = _bounds(point, reference, true_losses, total, total_std)
     else:
         scale = slow.capacity_ampere_hour / whole
-        rest, rest_std = _lost(slow, point, share, whole)
-        true = _interval(*here[0][2:])
+        rest, rest_std = _relative_loss(slow, point, repeat_ampere_hour)
+        true = _interval(true_loss.share, true_loss.std)
         false = _interval(rest * scale, rest_std * scale)
     losses = [100 * value for value in (total, total_std, *true, *false)]
     return Loss(
@@ -370,7 +396,7 @@ def _loss(point, reference, told, share):
         point.temperature_celsius,
         point.c_rate,
         point.capacity_ampere_hour,
-        _std(point, share, whole),
+        _std(point, repeat_ampere_hour),
         point.held_ampere_hour,
         whole,
         reference.temperature_celsius,
@@ -384,16 +410,17 @@ def _loss(point, reference, told, share):
 
 
 def _interval(value, std):
+    """Value, standard deviation and 95 % limits."""
     return value, std, value - QUANTILE * std, value + QUANTILE * std
 
 
 # ASSUME: A cell does not truly lose less by growing colder.
-def _bounds(point, reference, told, total, std):
-    """True and false loss at a temperature without a slow test: only their limits are known."""
+def _bounds(point, reference, true_losses, total, std):
+    """Limits of true and false loss at a temperature without a slow test."""
     least, most = total - QUANTILE * std, total + QUANTILE * std
-    here = point.temperature_celsius
-    warmer = [lost - QUANTILE * spread for celsius, _, lost, spread in told if celsius > here]
-    colder = [lost + QUANTILE * spread for celsius, _, lost, spread in told if celsius < here]
+    celsius = point.temperature_celsius
+    warmer = [t.share - QUANTILE * t.std for t in true_losses if t.celsius > celsius]
+    colder = [t.share + QUANTILE * t.std for t in true_losses if t.celsius < celsius]
     held = point.held_ampere_hour / reference.capacity_ampere_hour
     high = max(min([most - held, *colder]), 0.0)
     low = min(max([0.0, *warmer]), high)
@@ -401,10 +428,10 @@ def _bounds(point, reference, told, total, std):
     return (np.nan, np.nan, low, high), (np.nan, np.nan, *false)
 
 
-def _verdict(true, false, known, lost):
-    """In a word what was lost; a part counts where its interval lies above zero."""
+def _verdict(true, false, split_known, lost):
+    """Kind of loss in words; a part counts where its interval lies above zero."""
     parts = int(true[2] > 0), int(false[2] > 0)
-    if not known and parts == (0, 0):
+    if not split_known and parts == (0, 0):
         return "true or false" if lost else "none"
     names = {(1, 1): "both", (1, 0): "true", (0, 1): "false", (0, 0): "none"}
-    return names[parts] + ("" if known or parts == (1, 1) else " or both")
+    return names[parts] + ("" if split_known or parts == (1, 1) else " or both")

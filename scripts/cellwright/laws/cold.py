@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import grouped, one_a_temperature
+from cellwright.laws.points import grouped, mean_per_temperature
 from cellwright.laws.temperature import LAWS, span_of
 from cellwright.refusal import Refusal
 
@@ -33,7 +33,7 @@ class Growth(NamedTuple):
 
 
 class ColdLimit(NamedTuple):
-    """Which part limits, by what, over which range, and the same in words.
+    """Part of the resistance that limits a cell in the cold, the evidence, and a paragraph.
 
     limit : the part that adds more ohms at most states of charge. agreeing, sure, levels : at how
     many SoC it does, at how many its growth factor is the larger beyond 95 %, of how many.
@@ -56,7 +56,8 @@ def cold_limit(points, laws):
     1. From impedance: ohmic against charge-transfer resistance; where there is none, from
     discharge pulses: the first sample against the rise from there to the last delay. 2. The
     growth of both from the warmest to the coldest temperature that all of a SoC's points share.
-    3. The part that adds more ohms limits; how sure is told by the growth factors' errors.
+    3. The part that adds more ohms limits; the errors of the growth factors say how certain
+    that is.
 
     Parameters
     ----------
@@ -64,7 +65,7 @@ def cold_limit(points, laws):
 
     Returns
     -------
-    found : ColdLimit.
+    limit : ColdLimit.
 
     Raises
     ------
@@ -73,23 +74,26 @@ def cold_limit(points, laws):
     Source: thesis section 3.2 (Rct grows 26-fold to −20 °C, Rs less than twofold).
     """
     kinds = ("ohmic", "charge-transfer")
-    both = [_of_family(points, f"{kind} resistance, impedance") for kind in kinds]
-    spectra = {soc: tuple(one[soc] for one in both) for soc in both[0] if _shared(both, soc)}
+    courses = [_of_family(points, f"{kind} resistance, impedance") for kind in kinds]
+    spectra = {
+        soc: tuple(course[soc] for course in courses) for soc in courses[0] if _shared(courses, soc)
+    }
     for source, pairs in (("impedance", spectra), ("pulses", _pulses(points))):
         if pairs:
-            return _judged(source, pairs, points, laws)
+            return _compared(source, pairs, points, laws)
     raise Refusal("neither spectra nor pulses show two parts of the resistance over temperature")
 
 
 def _pulses(points):
+    """SoC → (first sample, rise after it) over temperature, from discharge pulses [ohm]."""
     families = [p.family for p in points if p.family.startswith("resistance, ")]
     later = [name for name in dict.fromkeys(families) if name != "resistance, first sample"]
     if not later:
         return {}
-    both = [_of_family(points, name) for name in ("resistance, first sample", later[-1])]
+    courses = [_of_family(points, name) for name in ("resistance, first sample", later[-1])]
     pairs = {}
-    for soc in (soc for soc in both[0] if _shared(both, soc)):
-        first, whole = both[0][soc], both[1][soc]
+    for soc in (soc for soc in courses[0] if _shared(courses, soc)):
+        first, whole = courses[0][soc], courses[1][soc]
         rise = {
             c: (whole[c][0] - first[c][0], float(np.hypot(whole[c][1], first[c][1])))
             for c in whole
@@ -101,27 +105,31 @@ def _pulses(points):
 
 
 def _of_family(points, family):
-    """SoC → temperature → (value, std); the mean of what was measured more than once."""
+    """SoC → temperature → (value, std) of a family; repeats are averaged."""
     courses = {}
-    for point in one_a_temperature(point for point in points if point.family == family):
+    for point in mean_per_temperature(point for point in points if point.family == family):
         course = courses.setdefault(point.soc, {})
         course[point.temperature_celsius] = (point.value, point.std)
     return courses
 
 
-def _shared(both, soc):
-    return all(soc in one for one in both) and len(both[0][soc].keys() & both[1][soc].keys()) >= 2
+def _shared(courses, soc):
+    """Whether both parts are known at a SoC at two temperatures or more."""
+    return (
+        all(soc in course for course in courses)
+        and len(courses[0][soc].keys() & courses[1][soc].keys()) >= 2
+    )
 
 
-def _judged(source, pairs, points, laws):
-    """Growth between the extremes that most states of charge reach."""
+def _compared(source, pairs, points, laws):
+    """Growth of both parts between the extremes that most states of charge reach, and the limit."""
     spans = [_span(pair) for pair in pairs.values()]
     warm, cold = max(spans, key=lambda span: (spans.count(span), span[0] - span[1]))
     kept = {soc: pair for soc, pair in pairs.items() if _span(pair) == (warm, cold)}
     growth = []
     for soc, pair in sorted(kept.items()):
-        for part, one in zip(PARTS[source], pair, strict=True):
-            (warm_ohm, warm_std), (cold_ohm, cold_std) = one[warm], one[cold]
+        for part, course in zip(PARTS[source], pair, strict=True):
+            (warm_ohm, warm_std), (cold_ohm, cold_std) = course[warm], course[cold]
             log_std = float(np.hypot(warm_std / warm_ohm, cold_std / cold_ohm))
             growth.append(Growth(source, part, soc, warm_ohm, cold_ohm, log_std))
     parts = list(zip(growth[::2], growth[1::2], strict=True))
@@ -135,8 +143,8 @@ def _judged(source, pairs, points, laws):
         for a, b in parts
     ]
     agreeing = slower.count(sign > 0)
-    found = ColdLimit(source, limit, agreeing, sum(sure), len(kept), warm, cold, growth, "")
-    return found._replace(paragraph=paragraph(found, PARTS[source], points, laws))
+    result = ColdLimit(source, limit, agreeing, sum(sure), len(kept), warm, cold, growth, "")
+    return result._replace(paragraph=paragraph(result, PARTS[source], points, laws))
 
 
 def _span(pair):
@@ -145,16 +153,16 @@ def _span(pair):
     return max(shared), min(shared)
 
 
-FURTHER = 10.0  # K below the coldest test: how far the words look ahead
-CHILLY = 15.0  # °C: above it, tests have not been to the cold, only towards it
+LOOK_AHEAD_KELVIN = 10.0  # K below the coldest test: how far the words look ahead
+COLD_BELOW_CELSIUS = 15.0  # °C: above it, tests have not been to the cold, only towards it
 
 
-def paragraph(found, parts, points, laws):
-    """A paragraph for people about one cell.
+def paragraph(result, parts, points, laws):
+    """Paragraph on what limits one cell in the cold, for a reader without the tables.
 
     Parameters
     ----------
-    found : `cold.ColdLimit` without its words.
+    result : ColdLimit without its paragraph.
     parts : names of the fast and the slow part of the resistance.
     points : list of `points.Point`. laws : rows of the laws, for the look ahead.
 
@@ -163,27 +171,28 @@ def paragraph(found, parts, points, laws):
     text : str.
     """
     sentences = [
-        _what(found, parts),
-        _how_sure(found),
-        *_share(found),
-        *_pulses_too(found, points),
-        _beyond(found, laws),
+        _limit_sentence(result, parts),
+        _certainty_sentence(result),
+        *_share_sentence(result),
+        *_pulse_sentence(result, points),
+        _extrapolation_sentence(result, laws),
     ]
     return " ".join(sentences)
 
 
-def _what(found, parts):
-    fast, slow = ([g for g in found.growth if g.part == part] for part in parts)
+def _limit_sentence(result, parts):
+    """Which part limits and by which factor both grow."""
+    fast, slow = ([g for g in result.growth if g.part == part] for part in parts)
     names = dict(zip(parts, (_factor(fast), _factor(slow)), strict=True))
-    other = next(part for part in parts if part != found.limit)
-    where = f"from {found.warmest_celsius:g} to {found.coldest_celsius:g} °C"
-    if found.agreeing * 2 == found.levels:
+    other = next(part for part in parts if part != result.limit)
+    where = f"from {result.warmest_celsius:g} to {result.coldest_celsius:g} °C"
+    if result.agreeing * 2 == result.levels:
         both = ", ".join(f"{part} grows {names[part]}" for part in parts)
         return f"Neither part stands out {where}: {both}."
-    cold = "In" if found.coldest_celsius < CHILLY else "Towards"
+    cold = "In" if result.coldest_celsius < COLD_BELOW_CELSIUS else "Towards"
     return (
-        f"{cold} the cold this cell is limited by {_LIMITS[found.limit]}: {where} {found.limit} "
-        f"grows {names[found.limit]}, {other} {names[other]}."
+        f"{cold} the cold this cell is limited by {_LIMITS[result.limit]}: {where} {result.limit} "
+        f"grows {names[result.limit]}, {other} {names[other]}."
     )
 
 
@@ -201,62 +210,66 @@ _LIMITS = {
 
 
 def _factor(growth):
-    return f"{span_of([one.cold_ohm / one.warm_ohm for one in growth], '.3g')} times"
+    """Range of the growth factors of a part in words."""
+    return f"{span_of([part.cold_ohm / part.warm_ohm for part in growth], '.3g')} times"
 
 
-def _how_sure(found):
-    levels = f"{found.levels} state{'s' if found.levels > 1 else ''} of charge"
-    if not np.isfinite([one.log_std for one in found.growth]).any():
-        return f"It adds more ohms at {found.agreeing} of {levels}; the points carry no errors."
+def _certainty_sentence(result):
+    """At how many states of charge the part limits, and at how many beyond the errors."""
+    levels = f"{result.levels} state{'s' if result.levels > 1 else ''} of charge"
+    if not np.isfinite([part.log_std for part in result.growth]).any():
+        return f"It adds more ohms at {result.agreeing} of {levels}; the points carry no errors."
     return (
-        f"It adds more ohms at {found.agreeing} of {levels}, and its growth factor is the larger "
-        f"beyond the errors of the points (95 %) at {found.sure}."
+        f"It adds more ohms at {result.agreeing} of {levels}, and its growth factor is the larger "
+        f"beyond the errors of the points (95 %) at {result.sure}."
     )
 
 
-def _share(found):
-    """What it makes up of the whole, at the middle of the states of charge."""
-    socs = sorted({one.soc for one in found.growth})
+def _share_sentence(result):
+    """Share of the limiting part in the sum of both, warm and cold, at the SoC nearest 50 %."""
+    socs = sorted({part.soc for part in result.growth})
     middle = min(socs, key=lambda soc: abs(soc - 0.5))
-    here = [one for one in found.growth if one.soc == middle]
-    mine = next(one for one in here if one.part == found.limit)
-    warm, cold = (sum(getattr(one, name) for one in here) for name in ("warm_ohm", "cold_ohm"))
+    parts = [part for part in result.growth if part.soc == middle]
+    limiting = next(part for part in parts if part.part == result.limit)
+    warm, cold = (sum(getattr(part, name) for part in parts) for name in ("warm_ohm", "cold_ohm"))
     yield (
-        f"At {100 * middle:.0f} % SoC it makes up {100 * mine.warm_ohm / warm:.0f} % of the sum of "
-        f"both at {found.warmest_celsius:g} °C and {100 * mine.cold_ohm / cold:.0f} % at "
-        f"{found.coldest_celsius:g} °C."
+        f"At {100 * middle:.0f} % SoC it makes up {100 * limiting.warm_ohm / warm:.0f} % of the "
+        f"sum of both at {result.warmest_celsius:g} °C and "
+        f"{100 * limiting.cold_ohm / cold:.0f} % at {result.coldest_celsius:g} °C."
     )
 
 
-def _pulses_too(found, points):
-    """Beside spectra: what the pulses say, at the state of charge nearest the middle."""
-    mine = [p for p in points if found.source == "impedance" and p.family.startswith("resistance,")]
-    told = []
-    for family, here in grouped(mine, lambda point: point.family).items():
-        middle = min((point.soc for point in here), key=lambda soc: abs(soc - 0.5))
-        course = {p.temperature_celsius: p.value for p in here if p.soc == middle}
+def _pulse_sentence(result, points):
+    """Growth of the pulse resistance at the SoC nearest 50 %, beside the spectra."""
+    pulses = [
+        p for p in points if result.source == "impedance" and p.family.startswith("resistance,")
+    ]
+    factors = []
+    for family, family_points in grouped(pulses, lambda point: point.family).items():
+        middle = min((point.soc for point in family_points), key=lambda soc: abs(soc - 0.5))
+        course = {p.temperature_celsius: p.value for p in family_points if p.soc == middle}
         factor = course[min(course)] / course[max(course)]
         when = family.removeprefix("resistance, ")
-        told.append(f"{factor:.3g} times ({when}, {max(course):g} to {min(course):g} °C)")
-    if told:
-        yield f"The pulse resistance grows {' and '.join(told)}."
+        factors.append(f"{factor:.3g} times ({when}, {max(course):g} to {min(course):g} °C)")
+    if factors:
+        yield f"The pulse resistance grows {' and '.join(factors)}."
 
 
-def _beyond(found, laws):
-    """The laws' own answers a step below the coldest test, marked as what they are."""
-    cold = found.coldest_celsius
-    mine = [row for row in laws if _IS_OF[found.limit](row["quantity"])]
-    mine = [row for row in mine if row["tested_from_celsius"] == cold]
+def _extrapolation_sentence(result, laws):
+    """Growth that the laws predict below the coldest test, marked as an extrapolation."""
+    cold = result.coldest_celsius
+    rows = [row for row in laws if _IS_OF[result.limit](row["quantity"])]
+    rows = [row for row in rows if row["tested_from_celsius"] == cold]
     text = f"Below {cold:g} °C nothing was tested"
-    if not mine:
+    if not rows:
         return f"{text}."
-    quantity = min((row["quantity"] for row in mine), key=_from_middle)
-    answers = [_step(law, mine, quantity, cold) for law in LAWS]
+    quantity = min((row["quantity"] for row in rows), key=_from_middle)
+    answers = [_step(law, rows, quantity, cold) for law in LAWS]
     answers = [answer for answer in answers if np.isfinite(answer)]
     if not answers:
         return f"{text}."
     return (
-        f"{text}: by the laws a further {FURTHER:g} K would multiply the {quantity} by "
+        f"{text}: by the laws a further {LOOK_AHEAD_KELVIN:g} K would multiply the {quantity} by "
         f"{span_of(answers, '.3g')}, an extrapolation."
     )
 
@@ -274,13 +287,18 @@ _IS_OF = {
 
 
 def _from_middle(quantity):
+    """Distance of a quantity's SoC from 50 % [%]; infinite where it names none."""
     soc = quantity.partition(" at ")[2].partition(" % SoC")[0]
     return abs(float(soc) - 50) if soc else np.inf
 
 
 def _step(law, rows, quantity, cold):
-    mine = [row for row in rows if row["quantity"] == quantity and row["law"] == law]
-    if not mine or mine[0].get("valid_from_celsius", -np.inf) > cold - FURTHER:
+    """Growth factor by a law over `LOOK_AHEAD_KELVIN` below the coldest test; NaN: not valid."""
+    parameters = [row for row in rows if row["quantity"] == quantity and row["law"] == law]
+    if (
+        not parameters
+        or parameters[0].get("valid_from_celsius", -np.inf) > cold - LOOK_AHEAD_KELVIN
+    ):
         return np.nan
-    values = [row["value"] for row in mine]
-    return LAWS[law](cold - FURTHER, *values) / LAWS[law](cold, *values)
+    values = [row["value"] for row in parameters]
+    return LAWS[law](cold - LOOK_AHEAD_KELVIN, *values) / LAWS[law](cold, *values)

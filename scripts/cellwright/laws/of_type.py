@@ -7,7 +7,7 @@ import numpy as np
 
 from cellwright.laws.points import (
     Points,
-    fresh,
+    first_check_up,
     grouped,
     preferred_rate,
     rate_classes,
@@ -37,7 +37,7 @@ class CellPoint(NamedTuple):
 def points_of_type(
     rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate, soc=TEMPERATURE.soc
 ):
-    """One point a cell and temperature, all of one rate.
+    """One point of pulse resistance for each cell and temperature, all at one rate [ohm].
 
     Cells of a type differ by more than a pulse errs: the scatter of the law is that between cells,
     and a pulse's own error, far smaller, is not used as a weight.
@@ -45,36 +45,41 @@ def points_of_type(
     Parameters
     ----------
     rows : list of dict, rows of stage `resistance` of several cells, each with its `cell`.
-    delay_second, c_rate, soc : as in `pulse_points.resistance_points`.
+    delay_second, c_rate, soc : as in `points.resistance_points`.
 
     Returns
     -------
-    found : Points of CellPoint; a note names the temperatures that have no pulse of the rate.
+    points : Points of CellPoint; a note names the temperatures that have no pulse of the rate.
     """
     # ASSUME: Which cell of a type was tested at which temperature is chance.
-    found, notes = [], []
+    cell_points, notes = [], []
     for direction, delay in product(("discharge", "charge"), delay_second):
-        mine = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
-        mine = [row for row in mine if row["delay_second"] == delay]
-        kept, note = _one_class(mine, c_rate)
+        pulses = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
+        pulses = [
+            row for row in pulses if row["direction"] == direction and row["delay_second"] == delay
+        ]
+        kept, note = _one_class(pulses, c_rate)
         notes += [f"{direction}, {delay:g} s: {note}"] if note else []
-        for cell, own in grouped(kept, lambda row: row["cell"]).items():
-            points = resistance_points(own, delay_second=(delay,), c_rate=c_rate, soc=soc).points
-            found += [CellPoint(cell, *point._replace(std=np.nan)) for point in points]
-    return Points([_across_cells(point) for point in found], notes)
-
-
-def _across_cells(point):
-    names = {name: f"{getattr(point, name)}, across cells" for name in ("quantity", "family")}
-    return point._replace(**names)
+        for cell, cell_rows in grouped(kept, lambda row: row["cell"]).items():
+            points = resistance_points(
+                cell_rows, delay_second=(delay,), c_rate=c_rate, soc=soc
+            ).points
+            cell_points += [CellPoint(cell, *point._replace(std=np.nan)) for point in points]
+    points = [
+        point._replace(
+            quantity=f"{point.quantity}, across cells", family=f"{point.family}, across cells"
+        )
+        for point in cell_points
+    ]
+    return Points(points, notes)
 
 
 def _one_class(rows, c_rate):
-    """Rows of the rate that most temperatures have, and what that leaves out."""
+    """Rows of the rate that most temperatures have, and a note on temperatures without it."""
     classes = rate_classes(rows)
     if not classes:
         return [], ""
-    reached = {rate: _temperatures(mine) for rate, mine in classes.items()}
+    reached = {rate: _temperatures(same_rate) for rate, same_rate in classes.items()}
     rate = preferred_rate(reached, c_rate)
     missing = sorted(_temperatures(rows) - reached[rate])
     where = ", ".join(f"{celsius:g}" for celsius in missing)
@@ -86,7 +91,7 @@ def _temperatures(rows):
 
 
 def sentences_of_type(points):
-    """How far cells differ, which stand apart, and what the law is without them.
+    """Spread between cells of a type, outlying cells, and the law without them, in words.
 
     Parameters
     ----------
@@ -96,10 +101,11 @@ def sentences_of_type(points):
     -------
     text : list of str, one a quantity.
     """
-    return [_sentence(*group) for group in grouped(points, lambda p: p.quantity).items()]
+    return [_sentence(*entry) for entry in grouped(points, lambda p: p.quantity).items()]
 
 
 def _sentence(quantity, points):
+    """Spread, outliers and activation energy of one quantity in words."""
     celsius, value = (np.array([getattr(p, name) for p in points]) for name in NUMBERS)
     off = np.log(value)
     for level in np.unique(celsius):
@@ -122,6 +128,7 @@ NUMBERS = ("temperature_celsius", "value")
 
 
 def _energy(celsius, value):
+    """Activation energy with its interval in words [kJ/mol]."""
     law = next(law for law in fit_laws(celsius, value, unit="Ohm") if law.law == "arrhenius")
     value, lower, upper = (1e-3 * limit[1] for limit in (law.values, law.lower, law.upper))
     return f"activation energy {value:.1f} kJ/mol ({lower:.1f} to {upper:.1f})"

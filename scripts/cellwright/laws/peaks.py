@@ -21,7 +21,7 @@ SHIFTS_VOLT = np.arange(-0.06, 0.261, 0.01)
 
 
 class Match(NamedTuple):
-    """One or several peaks of the reference and what became of them.
+    """One or several peaks of the reference matched with peaks of another curve, and their fate.
 
     reference_peaks, peaks : numbers from 1, joined by "+"; "" where there is none.
     fate : kept; changed (one peak stays, its area does not); merged; split; lost; cut (lost,
@@ -46,7 +46,7 @@ class Match(NamedTuple):
 
 # ASSUME: Between temperatures the peaks keep their order, and move by about as much.
 def match_peaks(reference, other, *, end_volt=np.inf):
-    """What became of the peaks of one curve in another, at another temperature.
+    """Peaks of one curve matched with those of another, at another temperature.
 
     Both lists are aligned in order, by dynamic programming: one peak to one, up to three to one
     (merged) or one to three (split), or none. A step costs the squared difference of the areas
@@ -56,7 +56,7 @@ def match_peaks(reference, other, *, end_volt=np.inf):
 
     Parameters
     ----------
-    reference, other : lists of `peak_scale.Peak`, from low voltage.
+    reference, other : lists of Peak, from low voltage.
     end_volt : where the other curve ends [V].
 
     Returns
@@ -65,17 +65,17 @@ def match_peaks(reference, other, *, end_volt=np.inf):
 
     Source: thesis 3.3 (figure 3.20: of four peaks at 20 °C the upper two become one at −20 °C).
     """
-    found = [(*_aligned(reference, other, shift), shift) for shift in SHIFTS_VOLT]
-    _, blocks, shift = min(found, key=lambda one: one[0])
+    alignments = [(*_aligned(reference, other, shift), shift) for shift in SHIFTS_VOLT]
+    _, blocks, shift = min(alignments, key=lambda alignment: alignment[0])
     reach = end_volt - shift - SHIFT_TOLERANCE_VOLT
-    found = [_match(reference, other, reach, *block) for block in blocks]
+    matches = [_match(reference, other, reach, *block) for block in blocks]
     if all(peak.clear for peak in other):
-        return found
-    return [one if one.fate == "kept" else one._replace(fate="unresolved") for one in found]
+        return matches
+    return [m if m.fate == "kept" else m._replace(fate="unresolved") for m in matches]
 
 
 def _aligned(reference, other, shift):
-    """Least cost at one common shift, and its blocks as (first, stop) in either list."""
+    """Least cost of an alignment at one common shift [V], and its blocks in either list."""
     best = {(0, 0): (0.0, [])}
     places = product(range(len(reference) + 1), range(len(other) + 1))
     for i, j in list(places)[1:]:
@@ -89,7 +89,7 @@ def _aligned(reference, other, shift):
 
 
 def _steps(reference, other, shift):
-    """Every step that may end here: how many peaks it takes of either list, and its cost."""
+    """Every last step of an alignment: peaks it takes of either list, and its cost."""
     if reference:
         yield 1, 0, ALONE_COST
     if other:
@@ -102,6 +102,7 @@ def _steps(reference, other, shift):
 
 
 def _cost(reference, other, shift):
+    """Cost of matching these peaks at a common shift [squared standard deviations]."""
     difference, std = _difference(reference, other)
     moved = (_centre(other) - _centre(reference) - shift) / SHIFT_TOLERANCE_VOLT
     area = min((difference / std) ** 2, AREA_COST_MAX)
@@ -114,11 +115,12 @@ def _area(peaks):
 
 
 def _centre(peaks):
+    """Mean voltage of peaks, weighted by area [V]."""
     return sum(peak.voltage_volt * peak.area_ampere_hour for peak in peaks) / _area(peaks)
 
 
 def _difference(reference, other):
-    """Of the summed areas, and its standard deviation; inner valleys cancel."""
+    """Difference of the summed areas and its standard deviation [Ah]; inner valleys cancel."""
     edges = [
         value
         for peaks in (reference, other)
@@ -128,12 +130,17 @@ def _difference(reference, other):
 
 
 def _match(reference, other, reach, first, stop, low, high):
-    mine, theirs = reference[first:stop], other[low:high]
+    """One block of the alignment as a `Match`."""
+    reference_peaks, other_peaks = reference[first:stop], other[low:high]
     names = ["+".join(str(k + 1) for k in range(*span)) for span in ((first, stop), (low, high))]
-    place = [_centre(peaks) if peaks else np.nan for peaks in (mine, theirs)]
-    area = [_area(peaks) if peaks else np.nan for peaks in (mine, theirs)]
-    difference, std = _difference(mine, theirs) if mine and theirs else (np.nan, np.nan)
-    fate = _fate(len(mine), len(theirs), abs(difference) <= QUANTILE * std)
+    place = [_centre(peaks) if peaks else np.nan for peaks in (reference_peaks, other_peaks)]
+    area = [_area(peaks) if peaks else np.nan for peaks in (reference_peaks, other_peaks)]
+    difference, std = (
+        _difference(reference_peaks, other_peaks)
+        if reference_peaks and other_peaks
+        else (np.nan, np.nan)
+    )
+    fate = _fate(len(reference_peaks), len(other_peaks), abs(difference) <= QUANTILE * std)
     return Match(
         *names,
         "cut" if fate == "lost" and place[0] > reach else fate,
@@ -145,21 +152,22 @@ def _match(reference, other, reach, first, stop, low, high):
     )
 
 
-def _fate(mine, theirs, agree):
-    if not mine or not theirs:
-        return "lost" if mine else "new"
-    if mine == theirs:
+def _fate(reference_count, other_count, agree):
+    """Fate of the reference's peaks in a block, from how many there are and whether areas agree."""
+    if not reference_count or not other_count:
+        return "lost" if reference_count else "new"
+    if reference_count == other_count:
         return "kept" if agree else "changed"
     if not agree:
         return "unresolved"
-    return "merged" if mine > theirs else "split"
+    return "merged" if reference_count > other_count else "split"
 
 
 END_SIGMAS = 5.0  # where a curve begins and ends polarisation sets, not the cell
 
 
 class Peak(NamedTuple):
-    """A peak at the common smoothing.
+    """A peak of dQ/dV at the smoothing common to all temperatures.
 
     voltage_volt, height_ampere_hour_per_volt, area_ampere_hour from valley to valley;
     voltage_std_volt : what smoothing leaves open. left_std_ampere_hour, right_std_ampere_hour :
@@ -177,7 +185,7 @@ class Peak(NamedTuple):
 
 
 def smoothed(voltage_volt, dq_dv, *, sigma_volt):
-    """dQ/dV (n,) on its uniform grid (n,) [V], smoothed by a Gaussian of that width [V].
+    """dQ/dV (n,) on its uniform grid (n,) [V], smoothed by a Gaussian of width sigma_volt [V].
 
     At the ends the Gaussian is cut and scaled up, so that a constant stays itself.
     """
@@ -197,7 +205,7 @@ def scaled_peaks(
     sigma_volt=ICA_TEMPERATURE.sigma_volt,
     prominence=ICA_TEMPERATURE.prominence,
 ):
-    """Peaks of one curve at the common smoothing.
+    """Peaks of one curve at the smoothing common to all temperatures.
 
     A chamber that swings prints ripples into dQ/dV that noise of the channel does not explain;
     curves are smoothed alike before their peaks are held against each other.
@@ -224,14 +232,13 @@ def scaled_peaks(
     if not len(tops):
         raise Refusal(f"no peak of dQ/dV stands out at a smoothing of {1e3 * sigma_volt:g} mV")
     return [
-        _peak(voltage_volt, height, wide, top, left, right, sigma_volt)
-        for top, (left, right) in zip(tops, pairwise(edges), strict=True)
+        _peak(voltage_volt, height, wide, top, lower, upper, sigma_volt)
+        for top, (lower, upper) in zip(tops, pairwise(edges), strict=True)
     ]
 
 
 def _tops(height, least):
-    """Rows of the peaks and of the valleys about them; peaks too low against a valley give way,
-    the lowest rise first."""
+    """Rows of the peaks and of the valleys about them; the least prominent are removed first."""
     inner = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     tops = list(inner)
     while tops:
@@ -249,25 +256,27 @@ def _tops(height, least):
 
 
 def _low(height, first, last):
+    """Row of the lowest value between two rows."""
     return first + int(height[first : last + 1].argmin())
 
 
-def _peak(voltage, height, wide, top, left, right, sigma):
+def _peak(voltage, height, wide, top, lower, upper, sigma):
+    """Peak at a row, its place by a parabola, its area between its valleys."""
     step = voltage[1] - voltage[0]
     bend = height[top - 1] - 2 * height[top] + height[top + 1]
     shift = 0.5 * (height[top - 1] - height[top + 1]) / bend if bend else 0.0
     reach = max(int(2 * sigma / step), 1)
     near = slice(max(top - reach, 0), top + reach + 1)
     moved = voltage[near][int(np.argmax(wide[near]))] - voltage[top]
-    inside = height[left : right + 1]
+    inside = height[lower : upper + 1]
     return Peak(
         float(voltage[top] + shift * step),
         float(np.hypot(0.5 * moved, step / np.sqrt(12))),
         float(height[top]),
         float(np.sum((inside[1:] + inside[:-1]) / 2) * step),
-        float(height[left] * sigma * (END_SIGMAS if left == 0 else 1)),
-        float(height[right] * sigma * (END_SIGMAS if right == len(height) - 1 else 1)),
-        bool(max(height[left], height[right]) < 0.8 * height[top]),
+        float(height[lower] * sigma * (END_SIGMAS if lower == 0 else 1)),
+        float(height[upper] * sigma * (END_SIGMAS if upper == len(height) - 1 else 1)),
+        bool(max(height[lower], height[upper]) < 0.8 * height[top]),
     )
 
 
@@ -300,7 +309,7 @@ def peaks_over_temperature(
     sigma_volt=ICA_TEMPERATURE.sigma_volt,
     prominence=ICA_TEMPERATURE.prominence,
 ):
-    """Match the peaks of slow charges at several temperatures with those at the reference.
+    """Peaks of slow charges at several temperatures, matched with those at the reference.
 
     Parameters
     ----------
@@ -316,49 +325,56 @@ def peaks_over_temperature(
     ------
     Refusal : fewer than two temperatures with charges of one rate.
     """
-    notes, mine = [], []
-    first = min(charges, key=lambda one: abs(one.temperature_celsius - reference_celsius))
-    for charge in sorted(charges, key=lambda one: -one.temperature_celsius):
-        ratio = max(charge.c_rate / first.c_rate, first.c_rate / charge.c_rate)
+    notes, same_rate = [], []
+    reference = min(charges, key=lambda charge: abs(charge.temperature_celsius - reference_celsius))
+    for charge in sorted(charges, key=lambda charge: -charge.temperature_celsius):
+        ratio = max(charge.c_rate / reference.c_rate, reference.c_rate / charge.c_rate)
         if ratio > SAME_RATE:
-            rates = f"{charge.c_rate:.3g}C, the reference {first.test} at {first.c_rate:.3g}C"
+            rates = (
+                f"{charge.c_rate:.3g}C, the reference {reference.test} at {reference.c_rate:.3g}C"
+            )
             notes.append(f"{charge.test} was left out: it is at {rates}")
         else:
-            mine.append(charge)
-    if len({charge.temperature_celsius for charge in mine}) < 2:
+            same_rate.append(charge)
+    if len({charge.temperature_celsius for charge in same_rate}) < 2:
         raise Refusal("charges of one rate are known at one temperature only")
     peaks = {
-        one.test: scaled_peaks(
-            one.voltage_volt,
-            one.dq_dv_ampere_hour_per_volt,
+        charge.test: scaled_peaks(
+            charge.voltage_volt,
+            charge.dq_dv_ampere_hour_per_volt,
             sigma_volt=sigma_volt,
             prominence=prominence,
         )
-        for one in mine
+        for charge in same_rate
     }
-    unclear = [one.test for one in mine if not all(peak.clear for peak in peaks[one.test])]
+    unclear = [
+        charge.test for charge in same_rate if not all(peak.clear for peak in peaks[charge.test])
+    ]
     notes += [f"{test}: not all peaks stand clear of their valleys" for test in unclear]
     matches = [
         row
-        for charge in mine
-        if charge.test != first.test
-        for row in _matched(first, charge, peaks, sigma_volt)
+        for charge in same_rate
+        if charge.test != reference.test
+        for row in _matched(reference, charge, peaks, sigma_volt)
     ]
-    return OverTemperature(matches, _peak_rows(mine, peaks), _curves(mine, sigma_volt), notes)
+    return OverTemperature(
+        matches, _peak_rows(same_rate, peaks), _curves(same_rate, sigma_volt), notes
+    )
 
 
-def _matched(first, charge, peaks, sigma):
-    found = match_peaks(
-        peaks[first.test], peaks[charge.test], end_volt=charge.voltage_volt[-1] - sigma
+def _matched(reference, charge, peaks, sigma):
+    """Rows of matches of one charge with the reference."""
+    matches = match_peaks(
+        peaks[reference.test], peaks[charge.test], end_volt=charge.voltage_volt[-1] - sigma
     )
     return [
         {
             "test": charge.test,
             "temperature_celsius": charge.temperature_celsius,
-            "reference_celsius": first.temperature_celsius,
+            "reference_celsius": reference.temperature_celsius,
             **match._asdict(),
         }
-        for match in found
+        for match in matches
     ]
 
 
@@ -379,11 +395,11 @@ def _curves(charges, sigma):
     """Columns of all smoothed curves, one below the other."""
     parts = [
         (
-            np.full(len(one.voltage_volt), one.temperature_celsius),
-            one.voltage_volt,
-            smoothed(one.voltage_volt, one.dq_dv_ampere_hour_per_volt, sigma_volt=sigma),
+            np.full(len(charge.voltage_volt), charge.temperature_celsius),
+            charge.voltage_volt,
+            smoothed(charge.voltage_volt, charge.dq_dv_ampere_hour_per_volt, sigma_volt=sigma),
         )
-        for one in charges
+        for charge in charges
     ]
     names = ("temperature_celsius", "voltage_volt", "dq_dv_ampere_hour_per_volt")
     return dict(zip(names, (np.concatenate(p) for p in zip(*parts, strict=True)), strict=True))

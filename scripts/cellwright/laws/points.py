@@ -29,14 +29,14 @@ class Point(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Points, and a sentence for each thing that was left out of them or mixed in them."""
+    """Points, and a sentence on everything that was left out or mixed."""
 
     points: list
     notes: list
 
 
 def capacity_points(rows):
-    """Discharge capacity at each temperature, one quantity per rate.
+    """Discharge capacity at each temperature [Ah], one quantity per rate.
 
     Parameters
     ----------
@@ -46,26 +46,28 @@ def capacity_points(rows):
     -------
     points : list of Point.
     """
-    found, rates = [], []
-    for row in sorted(fresh(rows), key=lambda r: (r["ambient_temperature_celsius"], r["c_rate"])):
+    points, rates = [], []
+    for row in sorted(
+        first_check_up(rows), key=lambda r: (r["ambient_temperature_celsius"], r["c_rate"])
+    ):
         if row["direction"] != "discharge":
             continue
-        rate = _first_alike(row["c_rate"], rates, lambda ratio: abs(ratio - 1) < SAME_RATE)
+        rate = _same_rate(row["c_rate"], rates, lambda ratio: abs(ratio - 1) < SAME_RATE)
         celsius, value = row["ambient_temperature_celsius"], row["capacity_ampere_hour"]
-        found.append(Point(f"capacity at {rate:.2g}C", "Ah", celsius, value, family="capacity"))
-    return found
+        points.append(Point(f"capacity at {rate:.2g}C", "Ah", celsius, value, family="capacity"))
+    return points
 
 
-def _first_alike(rate, rates, alike):
-    """The first of the rates seen so far whose ratio to a rate is `alike`; a new one joins them."""
-    known = next((one for one in rates if alike(rate / one)), None)
-    if known is None:
+def _same_rate(rate, rates, alike):
+    """First rate seen so far whose ratio to a rate is `alike`; else the rate, which is added."""
+    match = next((earlier for earlier in rates if alike(rate / earlier)), None)
+    if match is None:
         rates.append(rate)
-    return known or rate
+    return match or rate
 
 
 def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
-    """Ohmic and charge-transfer resistance of the fitted circuits at each SoC and temperature.
+    """Ohmic and charge-transfer resistance of fitted circuits [ohm] at each SoC and temperature.
 
     Parameters
     ----------
@@ -77,35 +79,37 @@ def impedance_points(rows, *, soc_tolerance=0.02, most_relative_std=0.5):
 
     Returns
     -------
-    found : Points, each with the standard deviation of its fit; what was left out.
+    points : Points, each with the standard deviation of its fit; what was left out.
     """
-    known = [row for row in fresh(rows) if row["soc"] is not None and np.isfinite(row["soc"])]
-    known.sort(key=lambda row: (row["soc"], row["ambient_temperature_celsius"]))
-    level = together([row["soc"] for row in known], apart=soc_tolerance)
+    with_soc = [
+        row for row in first_check_up(rows) if row["soc"] is not None and np.isfinite(row["soc"])
+    ]
+    with_soc.sort(key=lambda row: (row["soc"], row["ambient_temperature_celsius"]))
+    level = level_means([row["soc"] for row in with_soc], apart=soc_tolerance)
     points, notes = [], []
     for kind, column in (("ohmic", "r_ohmic_ohm"), ("charge-transfer", "r_charge_transfer_ohm")):
-        # Charge transfer must also be told from diffusion.
-        told = [
+        # Charge transfer must also be distinguished from diffusion.
+        determined = [
             row
-            for row in known
+            for row in with_soc
             if (column == "r_ohmic_ohm" or row.get("charge_transfer_told", True))
             and row[column] > 0
             and row[f"{column}_std"] <= most_relative_std * row[column]
         ]
         what, how = f"{kind} resistance", "impedance"
-        for row in told:
+        for row in determined:
             soc, celsius = level[row["soc"]], row["ambient_temperature_celsius"]
             quantity = f"{what} at {100 * soc:.0f} % SoC, {how}"
             value, std = row[column], row[f"{column}_std"]
             points.append(Point(quantity, "Ohm", celsius, value, std, f"{what}, {how}", soc))
-        vague = len(known) - len(told)
-        count = f"{vague} of {len(known)} spectra"
+        vague = len(with_soc) - len(determined)
+        count = f"{vague} of {len(with_soc)} spectra"
         notes += [f"{what}, {how}: {count} do not determine it"] if vague else []
     return Points(points, notes)
 
 
-def together(values, *, apart):
-    """The mean of the run of values that lie no further apart, for each value: dict.
+def level_means(values, *, apart):
+    """For each value the mean of its run, values that lie no further apart than a distance: dict.
 
     Parameters
     ----------
@@ -120,23 +124,23 @@ def together(values, *, apart):
     return {value: float(np.mean(run)) for run in runs for value in run}
 
 
-def fresh(rows):
+def first_check_up(rows):
     """Rows of known temperature from the earliest check-up: age must not pass for temperature.
 
     Parameters
     ----------
     rows : list of dict with ambient_temperature_celsius and cycle.
     """
-    known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
-    first = min((row["cycle"] or 0 for row in known), default=0)
-    return [row for row in known if (row["cycle"] or 0) == first]
+    with_temperature = [row for row in rows if row["ambient_temperature_celsius"] is not None]
+    first = min((row["cycle"] or 0 for row in with_temperature), default=0)
+    return [row for row in with_temperature if (row["cycle"] or 0) == first]
 
 
-def one_a_temperature(points):
-    """The mean of what was measured more than once at one temperature, per quantity.
+def mean_per_temperature(points):
+    """Points with repeats at one temperature averaged, per quantity.
 
-    Three spectra at one temperature are three witnesses of the resistance there, not of how it
-    moves with temperature: a chamber that is off and a law that bends move all three at once.
+    Three spectra at one temperature determine the resistance there better, not its change with
+    temperature: an error of the chamber, or of the law, moves all three at once.
 
     Parameters
     ----------
@@ -153,7 +157,7 @@ def one_a_temperature(points):
 
 
 def grouped(items, key):
-    """Items by what a function says of each, in the order in which that first appears: dict.
+    """Items by a key of each, in the order in which the keys first appear: dict.
 
     Parameters
     ----------
@@ -165,10 +169,13 @@ def grouped(items, key):
     return groups
 
 
-def enough(points, *, temperatures=3):
-    """Points of the quantities that have at least so many temperatures."""
+def with_enough_temperatures(points, *, temperatures=3):
+    """Points of the quantities that are known at so many temperatures or more."""
     groups = grouped(points, lambda point: point.quantity)
-    tested = {name: len({one.temperature_celsius for one in own}) for name, own in groups.items()}
+    tested = {
+        name: len({point.temperature_celsius for point in same_quantity})
+        for name, same_quantity in groups.items()
+    }
     return [point for point in points if tested[point.quantity] >= temperatures]
 
 
@@ -179,7 +186,7 @@ NEAR_SOC = 0.05  # how far a single pulse may lie
 def resistance_points(
     rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate, soc=TEMPERATURE.soc
 ):
-    """Pulse resistance at stated SoC and each temperature, discharge and charge apart.
+    """Pulse resistance [ohm] at stated SoC and each temperature, discharge and charge apart.
 
     Resistance depends on the current where charge transfer is slow, in the cold most of all. So
     all temperatures of a quantity come from pulses of one rate (within 10 %): the one that most
@@ -196,16 +203,19 @@ def resistance_points(
 
     Returns
     -------
-    found : Points, and what was left out or mixed.
+    points : Points, and what was left out or mixed.
     """
-    known = [row for row in fresh(rows) if np.isfinite(row["soc"])]
+    with_soc = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
     points, notes = [], []
     for direction, delay, level in product(("discharge", "charge"), delay_second, soc):
-        mine = [r for r in known if r["direction"] == direction and r["delay_second"] == delay]
-        courses = {rate: _course(own, level) for rate, own in rate_classes(mine).items()}
+        pulses = [r for r in with_soc if r["direction"] == direction and r["delay_second"] == delay]
+        courses = {
+            rate: _resistance_over_temperature(same_rate, level)
+            for rate, same_rate in rate_classes(pulses).items()
+        }
         courses = {rate: course for rate, course in courses.items() if course}
-        chosen, note = _one_rate(courses, c_rate)
-        what, when = name_of(direction, delay)
+        chosen, note = _at_one_rate(courses, c_rate)
+        what, when = resistance_name(direction, delay)
         quantity, family = f"{what} at {100 * level:.0f} % SoC, {when}", f"{what}, {when}"
         points += [
             Point(quantity, "Ohm", celsius, *chosen[celsius], family, level)
@@ -215,14 +225,14 @@ def resistance_points(
     return Points(points, notes)
 
 
-def name_of(direction, delay_second):
-    """What a pulse resistance is called, without its SoC: that of discharges has no prefix."""
+def resistance_name(direction, delay_second):
+    """Name of a pulse resistance and of its delay, without its SoC; discharges have no prefix."""
     when = "first sample" if delay_second == 0 else f"{delay_second:g} s"
     return f"{'charge ' if direction == 'charge' else ''}resistance", when
 
 
 def rate_classes(rows):
-    """Rows by rate: a class ends where the next rate is more than 10 % higher."""
+    """Median rate → its rows; a class ends where the next rate is more than 10 % higher."""
     classes = []
     for row in sorted(rows, key=lambda row: row["c_rate"]):
         if row["c_rate"] <= 0:
@@ -230,11 +240,14 @@ def rate_classes(rows):
         if not classes or np.log(row["c_rate"] / classes[-1][-1]["c_rate"]) > SAME_RATE:
             classes.append([])
         classes[-1].append(row)
-    return {float(np.median([row["c_rate"] for row in one])): one for one in classes}
+    return {
+        float(np.median([row["c_rate"] for row in rate_class])): rate_class
+        for rate_class in classes
+    }
 
 
 def preferred_rate(reached, c_rate):
-    """The rate that reaches the most, of equals the nearest to `c_rate`.
+    """Rate with the most temperatures (or other entries), of equals the nearest to `c_rate` [1/h].
 
     Parameters
     ----------
@@ -244,18 +257,19 @@ def preferred_rate(reached, c_rate):
 
 
 def _by_distance(rates, c_rate):
+    """Rates sorted by their ratio to a rate, nearest first."""
     return sorted(rates, key=lambda rate: abs(np.log(rate / c_rate)))
 
 
-def _course(rows, level):
-    """Temperature → (resistance, std) where pulses lie around a state of charge."""
+def _resistance_over_temperature(rows, level):
+    """Temperature → (resistance, std) [ohm] where pulses lie near a state of charge."""
     groups = grouped(rows, lambda row: row["ambient_temperature_celsius"])
-    found = {celsius: _interpolated(here, level) for celsius, here in groups.items()}
-    return {celsius: value for celsius, value in found.items() if value is not None}
+    resistances = {celsius: _interpolated(pulses, level) for celsius, pulses in groups.items()}
+    return {celsius: value for celsius, value in resistances.items() if value is not None}
 
 
-def _one_rate(courses, c_rate):
-    """Temperature → (resistance, std) at one rate for all, and what was left out or mixed."""
+def _at_one_rate(courses, c_rate):
+    """Temperature → (resistance, std) [ohm] at one rate, and a note on what is left out."""
     if not courses:
         return {}, ""
     everywhere = sorted({celsius for course in courses.values() for celsius in course})
@@ -275,7 +289,7 @@ def _one_rate(courses, c_rate):
 
 
 def _interpolated(rows, level):
-    """Resistance and its std at a SoC, between the pulses on either side of it."""
+    """Resistance and its std [ohm] at a SoC, between the pulses on either side of it."""
     rows = sorted(rows, key=lambda row: row["soc"])
     below = [row for row in rows if level - REACH_SOC <= row["soc"] <= level]
     above = [row for row in rows if level <= row["soc"] <= level + REACH_SOC]
@@ -299,7 +313,7 @@ SAME_LIMIT_RATE = 1.1
 
 
 def fast_charge_points(rows):
-    """What a fast charge puts in, and how, at each temperature; one quantity per rate.
+    """Share charged, its time and its kind at each temperature; one quantity per rate.
 
     Parameters
     ----------
@@ -313,23 +327,24 @@ def fast_charge_points(rows):
         current, minutes to 80 % where that was reached; from empty and of the earliest check-up
         only.
     """
-    mine = sorted(
-        (row for row in fresh(rows) if row["from_empty"]),
+    charges = sorted(
+        (row for row in first_check_up(rows) if row["from_empty"]),
         key=lambda row: (-row["ambient_temperature_celsius"], row["c_rate"]),
     )
-    rates, found = [], []
-    for row in mine:
+    rates, points = [], []
+    for row in charges:
         # The set current shows at warm temperatures; in the cold the voltage cuts it at once.
-        rate = _first_alike(row["c_rate"], rates, lambda ratio: ratio <= SAME_LIMIT_RATE)
-        found += [
+        rate = _same_rate(row["c_rate"], rates, lambda ratio: ratio <= SAME_LIMIT_RATE)
+        points += [
             Point(f"{name} at up to {rate:.2g}C", unit, row["ambient_temperature_celsius"], value)
             for name, unit, value in _quantities(row)
             if value > 0
         ]
-    return found
+    return points
 
 
 def _quantities(row):
+    """Name, unit and value of each quantity of one fast charge."""
     yield f"share charged in {row['minutes']:g} min", "1", row["share"]
     if row["share"] < 1:
         ratio = row["share"] / (1 - row["share"])

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.points import fresh
+from cellwright.laws.points import first_check_up
 from cellwright.laws.temperature import Law, fit_laws, rows_of
 from cellwright.numerics.lines import fit_line
-from cellwright.numerics.scores import r_squared, rms
+from cellwright.numerics.statistics import r_squared, rms
 from cellwright.refusal import Refusal
 
 FEWEST_TEMPERATURES = 3
@@ -15,7 +15,7 @@ FEWEST_SOC = 4
 
 
 def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
-    """A linear law and an Arrhenius law over temperature; the better predicts left-out values.
+    """Linear and Arrhenius law over temperature, the one chosen that predicts left-out values.
 
     Parameters
     ----------
@@ -36,11 +36,11 @@ def temperature_lines(temperature_celsius, value, *, unit, level=0.95):
     linear, arrhenius = fit_laws(
         temperature_celsius, value, unit=unit, level=level, names=("linear", "arrhenius")
     )
-    return _with_p(linear, len(value) - 2), arrhenius
+    return _with_p_values(linear, len(value) - 2), arrhenius
 
 
 def soc_lines(soc, value, *, unit, level=0.95):
-    """A line over SoC and one through zero; the better predicts values left out in turn.
+    """Line over SoC and line through zero, the one chosen that predicts left-out values.
 
     Parameters
     ----------
@@ -65,13 +65,13 @@ def soc_lines(soc, value, *, unit, level=0.95):
     free = _over_soc("linear over SoC", names[0], unit, soc, value, level)
     tied = _over_soc("proportional to SoC", names[1], unit, soc, value, level)
     zero_p = _p_value(free.values[1], free.std[1], len(soc) - 2)
-    free = _with_p(free, len(soc) - 2, zero_p_value=zero_p)
+    free = _with_p_values(free, len(soc) - 2, zero_p_value=zero_p)
     chosen = free.cross_validation_rmse <= tied.cross_validation_rmse
     return free._replace(chosen=chosen), tied._replace(chosen=not chosen)
 
 
 def _over_soc(law, names, unit, soc, value, level):
-    """A line over SoC, through zero where it has no offset, with the error of values left out."""
+    """Line over SoC (one name: through zero) with its error at values left out."""
     columns = np.vander(soc, 2)[:, : len(names)]
     line, errors = fit_line(columns, value), []
     for k in range(len(value)):
@@ -91,8 +91,8 @@ def _over_soc(law, names, unit, soc, value, level):
     )
 
 
-def _with_p(law, degrees_of_freedom, **more):
-    """The law with the p-value of its slope, and others, as further parameters."""
+def _with_p_values(law, degrees_of_freedom, **more):
+    """Law with the p-value of its slope, and others, as further parameters."""
     extra = {"slope_p_value": _p_value(law.values[0], law.std[0], degrees_of_freedom), **more}
     unknown = np.full(len(extra), np.nan)
     parts = {name: np.append(getattr(law, name), unknown) for name in ("std", "lower", "upper")}
@@ -105,7 +105,7 @@ def _with_p(law, degrees_of_freedom, **more):
 
 
 def _p_value(value, std, degrees_of_freedom):
-    """Two-sided, of Student's t; NaN where the scatter is not known."""
+    """Two-sided p-value of a value by Student's t; NaN where the scatter is not known."""
     from scipy.special import stdtr
 
     if degrees_of_freedom < 1 or not std > 0:
@@ -120,12 +120,12 @@ STD = {"a": "a_std_volt", "b": "b_std_volt", "tau1": "tau1_std_second", "tau2": 
 ALIKE = {"current_before_ampere": 0.15, "load_second": 0.2, "rest_second": 0.2, "samples": 0.5}
 MIDDLE = (0.15, 0.95)  # SoC over which a temperature's value is the median
 HALF = 0.52  # up to here "below 50 % SoC"
-NOTHING = "no rest after a steady load tells two exponentials at a known SoC"
-MOST_OF = 0.8  # of the rests: so many must tell three exponentials for three to be compared
+NO_RESTS = "no rest after a steady load tells two exponentials at a known SoC"
+SHARE_OF_RESTS = 0.8  # of the rests in which three exponentials must be determined
 
 
 class Point(NamedTuple):
-    """One rest: a quantity [unit] with deviation at a SoC [1] and temperature [°C].
+    """One quantity of one rest [unit] with its std, at a SoC [1] and temperature [°C].
 
     Amplitudes are positive where the rest relaxes away from the load, as physics has it.
     """
@@ -138,8 +138,8 @@ class Point(NamedTuple):
     std: float
 
 
-class Compared(NamedTuple):
-    """Points of the rests that compare, and the protocol in words."""
+class ComparableRests(NamedTuple):
+    """Points of comparable rests, and their protocol in words."""
 
     points: list
     protocol: str
@@ -149,13 +149,13 @@ class Compared(NamedTuple):
 
 # ASSUME: Rests compare over temperature after one direction, current and length of load, with one
 # length of rest and one logging: a and b grow with the load, two time constants with the rest.
-def compared(rows):
+def comparable_rests(rows):
     """The rests of a cell that can be compared over SoC and temperature.
 
     1. Rests of the earliest check-up after a steady load are grouped by protocol. 2. The group
     with the most temperatures, then the most rests, is taken. 3. Its fits of three exponentials
-    are compared where they are told in 80 % of its rests and at as many temperatures, for then
-    charge transfer is out of a and b; else its fits of two.
+    are compared where they are determined in 80 % of its rests and at as many temperatures, for
+    then charge transfer is out of a and b; else its fits of two.
 
     Parameters
     ----------
@@ -163,27 +163,29 @@ def compared(rows):
 
     Returns
     -------
-    Compared : without a point, and the reason as protocol, where no rest after a steady load tells
-        two exponentials at a known SoC: that is an answer, not a fault of the tests.
+    ComparableRests : without a point, and with the reason as protocol, where no rest after a steady
+        load determines two exponentials at a known SoC: a result, not a fault of the tests.
     """
-    told = [row for row in fresh(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])]
-    told = [row for row in told if row["load"] in ("CC", "pulse")]
-    if not told:
-        return Compared([], NOTHING, 0, np.zeros(0))
-    groups = _groups(told)
-    best = max(groups, key=lambda group: (len(_celsius(group)), len(_rests(group))))
+    rests = [
+        row for row in first_check_up(rows) if row["exponentials"] >= 2 and np.isfinite(row["soc"])
+    ]
+    rests = [row for row in rests if row["load"] in ("CC", "pulse")]
+    if not rests:
+        return ComparableRests([], NO_RESTS, 0, np.zeros(0))
+    protocols = _by_protocol(rests)
+    best = max(protocols, key=lambda protocol: (len(_celsius(protocol)), len(_rests(protocol))))
     two, three = ([row for row in best if row["exponentials"] == n] for n in (2, 3))
-    enough = len(three) >= MOST_OF * len(_rests(best)) and len(_celsius(three)) == len(
+    enough = len(three) >= SHARE_OF_RESTS * len(_rests(best)) and len(_celsius(three)) == len(
         _celsius(best)
     )
     kept = three if enough else two or three
     points = [point for row in kept for point in _points(row)]
     r_squared = np.array([row["r_squared"] for row in kept])
-    return Compared(points, _protocol(kept), kept[0]["exponentials"], r_squared)
+    return ComparableRests(points, _protocol(kept), kept[0]["exponentials"], r_squared)
 
 
 def over_temperature(points):
-    """Median over the middle SoC of each quantity and temperature.
+    """Median over SoC 15 to 95 % of each quantity at each temperature.
 
     Returns
     -------
@@ -191,9 +193,11 @@ def over_temperature(points):
     """
     courses = {}
     for quantity in QUANTITIES:
-        mine = [p for p in points if p.quantity == quantity and MIDDLE[0] <= p.soc <= MIDDLE[1]]
-        celsius = sorted({p.temperature_celsius for p in mine})
-        value = [np.median([p.value for p in mine if p.temperature_celsius == t]) for t in celsius]
+        middle = [p for p in points if p.quantity == quantity and MIDDLE[0] <= p.soc <= MIDDLE[1]]
+        celsius = sorted({p.temperature_celsius for p in middle})
+        value = [
+            np.median([p.value for p in middle if p.temperature_celsius == t]) for t in celsius
+        ]
         courses[quantity] = (np.array(celsius), np.array(value))
     return courses
 
@@ -217,14 +221,16 @@ def laws_of(points):
     many = count >= FEWEST_TEMPERATURES
     for quantity, (celsius, value) in over_temperature(points).items() if many else ():
         name = f"polarisation {quantity}, median over SoC"
-        _try(laws, reasons, name, temperature_lines, celsius, value, QUANTITIES[quantity])
+        _fit_or_reason(laws, reasons, name, temperature_lines, celsius, value, QUANTITIES[quantity])
     for quantity in ("a", "b"):
         for celsius in sorted({p.temperature_celsius for p in points}):
-            mine = [p for p in points if (p.quantity, p.temperature_celsius) == (quantity, celsius)]
-            below = sorted((p.soc, p.value) for p in mine if p.soc <= HALF)
+            isothermal = [
+                p for p in points if (p.quantity, p.temperature_celsius) == (quantity, celsius)
+            ]
+            below = sorted((p.soc, p.value) for p in isothermal if p.soc <= HALF)
             soc, value = np.array(below).reshape(-1, 2).T
             name = f"polarisation {quantity} below 50 % SoC at {celsius:g} °C"
-            _try(laws, reasons, name, soc_lines, soc, value, QUANTITIES[quantity])
+            _fit_or_reason(laws, reasons, name, soc_lines, soc, value, QUANTITIES[quantity])
     return laws, reasons
 
 
@@ -233,29 +239,31 @@ def law_rows(laws):
     return [row for name, pair in laws.items() for law in pair for row in rows_of(name, law)]
 
 
-def _try(laws, reasons, name, fit, axis, value, unit):
+def _fit_or_reason(laws, reasons, name, fit, axis, value, unit):
+    """Add the fitted laws of a quantity, or the reason why there are none."""
     try:
         laws[name] = fit(axis, value, unit=unit)
     except Refusal as refusal:
         reasons.append(f"{name}: {refusal}")
 
 
-def _groups(rows):
-    """Rows by protocol: each joins the first group whose first row is alike."""
-    groups = []
-    for row in sorted(rows, key=lambda one: [abs(one[name]) for name in ALIKE]):
-        near = next((group for group in groups if _alike(group[0], row)), None)
-        if near is None:
-            groups.append([row])
+def _by_protocol(rows):
+    """Rows grouped by protocol: each joins the first group whose first row is alike."""
+    protocols = []
+    for row in sorted(rows, key=lambda rest: [abs(rest[name]) for name in ALIKE]):
+        match = next((protocol for protocol in protocols if _alike(protocol[0], row)), None)
+        if match is None:
+            protocols.append([row])
         else:
-            near.append(row)
-    return groups
+            match.append(row)
+    return protocols
 
 
-def _alike(one, other):
-    if (one["direction"], one["load"]) != (other["direction"], other["load"]):
+def _alike(first, other):
+    """Whether two rests are of one protocol."""
+    if (first["direction"], first["load"]) != (other["direction"], other["load"]):
         return False
-    return all(abs(np.log(one[name] / other[name])) <= reach for name, reach in ALIKE.items())
+    return all(abs(np.log(first[name] / other[name])) <= reach for name, reach in ALIKE.items())
 
 
 def _celsius(rows):
@@ -267,11 +275,12 @@ def _rests(rows):
 
 
 def _points(row):
+    """Points of the four quantities of one rest."""
     sign = np.sign(row["current_before_ampere"])
     for name, unit in QUANTITIES.items():
         value = row[COLUMN[name]] * (sign if unit == "V" else 1.0)
-        here = float(row["ambient_temperature_celsius"]), float(row["soc"])
-        yield Point(name, unit, *here, float(value), float(row[STD[name]]))
+        conditions = float(row["ambient_temperature_celsius"]), float(row["soc"])
+        yield Point(name, unit, *conditions, float(value), float(row[STD[name]]))
 
 
 def _protocol(rows):
@@ -290,35 +299,36 @@ MEANS = {
 }
 
 
-def paragraph(found, laws):
-    """A few sentences for somebody who has not seen the plots.
+def paragraph(rests, laws):
+    """Paragraph on polarisation over temperature and SoC, for a reader without the plots.
 
     Parameters
     ----------
-    found : `polarisation.Compared`. laws : dict from `polarisation.laws_of`.
+    rests : ComparableRests. laws : dict from `laws_of`.
     """
-    if not found.points:
-        return f"Polarisation is not known: {found.protocol}."
-    courses = over_temperature(found.points)
-    said = [_rests_in_words(found)]
-    said += [_course(name, *courses[name]) for name in MEANS if len(courses[name][0]) > 1]
-    said += [_law(name, laws) for name in MEANS]
-    said += [_soc(laws, quantity) for quantity in ("a", "b")]
-    return " ".join(sentence for sentence in said if sentence)
+    if not rests.points:
+        return f"Polarisation is not known: {rests.protocol}."
+    courses = over_temperature(rests.points)
+    sentences = [_rests_in_words(rests)]
+    sentences += [_course(name, *courses[name]) for name in MEANS if len(courses[name][0]) > 1]
+    sentences += [_law(name, laws) for name in MEANS]
+    sentences += [_soc(laws, quantity) for quantity in ("a", "b")]
+    return " ".join(sentence for sentence in sentences if sentence)
 
 
-def _rests_in_words(found):
-    count, good = len(found.r_squared), int(np.sum(found.r_squared > 0.98))
+def _rests_in_words(rests):
+    """Number, protocol and goodness of fit of the rests in words."""
+    count, good = len(rests.r_squared), int(np.sum(rests.r_squared > 0.98))
     numbers = {2: "two exponentials", 3: "three exponentials, the fastest left out of a and b"}
     return (
-        f"{count} rests after a {found.protocol} compare, fitted with "
-        f"{numbers[found.exponentials]}; R² is above 0.98 in {good} of them, "
-        f"its median {np.median(found.r_squared):.4f}."
+        f"{count} rests after a {rests.protocol} compare, fitted with "
+        f"{numbers[rests.exponentials]}; R² is above 0.98 in {good} of them, "
+        f"its median {np.median(rests.r_squared):.4f}."
     )
 
 
 def _course(name, celsius, value):
-    """How a quantity changes from the warmest to the coldest temperature."""
+    """Change of a quantity from the warmest to the coldest temperature in words."""
     unit, factor = ("mV", 1e3) if name in "ab" else ("s", 1.0)
     ratio = value[0] / value[-1]
     warm, cold = (f"{_digits(factor * value[k])} {unit} at {celsius[k]:g} °C" for k in (-1, 0))
@@ -363,11 +373,11 @@ def _soc(laws, quantity):
     if slope_p >= SURE:
         return f"{where} does not change with SoC for sure (p = {slope_p:.2g})."
     way, per = "rises" if slope > 0 else "falls", f"{100 * abs(slope):.2g} mV per 10 %"
-    found = f"{where} {way} with SoC by {per} (p = {slope_p:.2g})"
+    finding = f"{where} {way} with SoC by {per} (p = {slope_p:.2g})"
     if slope > 0 and zero_p >= SURE:
-        return f"{found} and may be proportional to it."
+        return f"{finding} and may be proportional to it."
     rest = f"{1e3 * zero:.3g} mV at empty (p = {zero_p:.2g})"
-    return f"{found}; it is not proportional to it: the line has {rest}."
+    return f"{finding}; it is not proportional to it: the line has {rest}."
 
 
 def _digits(value):

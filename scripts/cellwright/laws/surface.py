@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import (
-    fresh,
+    first_check_up,
     grouped,
-    name_of,
     preferred_rate,
     rate_classes,
+    resistance_name,
 )
 from cellwright.laws.surface_forms import (
     OVER_TEMPERATURE,
@@ -19,9 +19,15 @@ from cellwright.laws.surface_forms import (
     predict,
     separability,
 )
-from cellwright.laws.temperature import NO_LIMIT, falls, law_row, ranges, turn_of, turning
-from cellwright.numerics.scores import r_squared, rms
-from cellwright.numerics.uncertainty import t_interval
+from cellwright.laws.temperature import (
+    NO_LIMIT,
+    falling_range,
+    is_usable,
+    law_row,
+    ranges,
+    turn_in_words,
+)
+from cellwright.numerics.statistics import r_squared, rms, t_interval
 from cellwright.refusal import Refusal
 from cellwright.settings import Temperature
 
@@ -30,12 +36,12 @@ TEMPERATURE = Temperature()
 REJECTED = 0.05
 
 
-def law_rows(found):
-    """Rows of the table of laws: parameters and scores of each form, and the tests.
+def law_rows(fits):
+    """Rows of the table of laws: parameters and scores of each form, and tests of separability.
 
     Parameters
     ----------
-    found : list of (Pulses, Fitted of each form, Separability of each scale).
+    fits : list of (Pulses, Fitted of each form, Separability of each scale).
 
     Returns
     -------
@@ -43,18 +49,18 @@ def law_rows(found):
         error at SoC left out, in ohm, and both errors as shares; a table has no parameters.
     """
     rows = []
-    for pulses, fitted, tests in found:
-        rows += [row for one in fitted for row in _form_rows(pulses, one)]
-        rows += [row for one in tests for row in _test_rows(pulses, one)]
+    for pulses, fitted, tests in fits:
+        rows += [row for fit in fitted for row in _form_rows(pulses, fit)]
+        rows += [row for fit in tests for row in _test_rows(pulses, fit)]
     return rows
 
 
-def point_rows(found):
-    """Every pulse with what each form makes of it, and with its temperature left out.
+def point_rows(fits):
+    """Rows of all pulses with the resistance [ohm] of each form, and with its temperature left out.
 
     Parameters
     ----------
-    found : as in `law_rows`.
+    fits : as in `law_rows`.
 
     Returns
     -------
@@ -66,20 +72,20 @@ def point_rows(found):
             "soc": pulses.soc[k],
             "temperature_celsius": pulses.temperature_celsius[k],
             "resistance_ohm": pulses.resistance_ohm[k],
-            **{f"{one.surface.form}_ohm": one.fitted_ohm[k] for one in fitted},
-            **{f"{one.surface.form}_left_out_ohm": one.left_out_ohm[k] for one in fitted},
+            **{f"{fit.surface.form}_ohm": fit.fitted_ohm[k] for fit in fitted},
+            **{f"{fit.surface.form}_left_out_ohm": fit.left_out_ohm[k] for fit in fitted},
         }
-        for pulses, fitted, _ in found
+        for pulses, fitted, _ in fits
         for k in range(len(pulses.soc))
     ]
 
 
-def sentences(found):
-    """What the tests and the scores say of each surface.
+def sentences(fits):
+    """Tests of separability and the best form of each surface in words.
 
     Parameters
     ----------
-    found : as in `law_rows`.
+    fits : as in `law_rows`.
 
     Returns
     -------
@@ -87,11 +93,12 @@ def sentences(found):
     """
     return [
         " ".join([_heading(pulses), *[_verdict(test) for test in tests], _best(fitted, pulses)])
-        for pulses, fitted, tests in found
+        for pulses, fitted, tests in fits
     ]
 
 
 def _heading(pulses):
+    """Number of pulses and range of SoC and temperature of a surface in words."""
     celsius = np.unique(pulses.temperature_celsius)
     return (
         f"{surface_name(pulses)}: {len(pulses.soc)} pulses, {len(celsius)} temperatures from "
@@ -110,6 +117,7 @@ _SPLITS = {"R": "a sum of both (thesis eq. 3.11)", "ln R": "a product of both"}
 
 
 def _verdict(test):
+    """Result of one test of separability in words."""
     said = "is rejected" if test.p_value < REJECTED else "is not rejected"
     return (
         f"That SoC and temperature separate into {_SPLITS[test.scale]} {said} "
@@ -120,15 +128,16 @@ def _verdict(test):
 
 
 def _best(fitted, pulses):
-    best = next(one for one in fitted if one.chosen)
-    untested = [one.surface.form for one in fitted if not np.isfinite(one.temperature_rmse)]
+    """Best form, its error, and forms that are not offered, in words."""
+    best = next(fit for fit in fitted if fit.chosen)
+    untested = [fit.surface.form for fit in fitted if not np.isfinite(fit.temperature_rmse)]
     note = f" (too few temperatures to leave one out of the {untested[0]} form)" if untested else ""
     celsius = pulses.temperature_celsius
     turned = {
-        one.surface.form: turn_of(
-            one.surface.values, one.valid_celsius, (min(celsius), max(celsius))
+        fit.surface.form: turn_in_words(
+            fit.surface.values, fit.valid_celsius, (min(celsius), max(celsius))
         )
-        for one in fitted
+        for fit in fitted
     }
     refused = [f" The {form} form is not offered: it {how}." for form, how in turned.items() if how]
     return (
@@ -138,9 +147,10 @@ def _best(fitted, pulses):
 
 
 def _form_rows(pulses, fitted):
+    """Rows of one form: parameters, then errors at SoC and temperatures left out."""
     surface, celsius = fitted.surface, pulses.temperature_celsius
-    own = OVER_TEMPERATURE.get(surface.form, 0)
-    spare = len(np.unique(celsius)) - own
+    temperature_parameters = OVER_TEMPERATURE.get(surface.form, 0)
+    spare = len(np.unique(celsius)) - temperature_parameters
     rest = len(pulses.soc) - len(surface.values)
     law = {
         "r_squared": fitted.r_squared,
@@ -149,7 +159,13 @@ def _form_rows(pulses, fitted):
     }
     columns = zip(surface.names, surface.units, surface.values, surface.std, strict=True)
     entries = [
-        (name, unit, value, std, t_interval(value, std, spare if k < own else rest))
+        (
+            name,
+            unit,
+            value,
+            std,
+            t_interval(value, std, spare if k < temperature_parameters else rest),
+        )
         for k, (name, unit, value, std) in enumerate(columns)
     ]
     scores = (
@@ -169,6 +185,7 @@ TESTED = ("f_statistic", "p_value", "interaction", "interaction_net", "scatter")
 
 
 def _test_rows(pulses, test):
+    """Rows of one test of separability."""
     celsius = pulses.temperature_celsius
     limits = ranges(UNKNOWN, (celsius.min(), celsius.max()))
     for name in TESTED:
@@ -180,7 +197,7 @@ FORMS = ("additive", "multiplicative", "table")
 LEAST_TEMPERATURES = {"additive": 3, "multiplicative": 2, "table": 2}
 BLOCKS = 5
 LEAST_LEVELS = 4
-VAGUE = 0.05  # a pulse that knows its resistance no better than this says nothing of a surface
+VAGUE = 0.05  # largest relative standard deviation of a pulse's resistance that is used
 
 
 class Pulses(NamedTuple):
@@ -193,7 +210,7 @@ class Pulses(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """One form on one set of pulses.
+    """One form fitted to one set of pulses, with its scores.
 
     left_out_ohm : (n,) prediction of each pulse by the fit without its temperature; NaN where the
     rest determines none. temperature_rmse, soc_rmse : its error, and that with blocks of SoC left
@@ -214,7 +231,7 @@ class Fitted(NamedTuple):
 
 
 def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
-    """Pulses of one rate at all temperatures that have it, each known to 5 % or better.
+    """Pulses of one rate at all temperatures that have it, resistance known to 5 % or better.
 
     Parameters
     ----------
@@ -230,11 +247,15 @@ def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
     ------
     Refusal : fewer than three temperatures, or fewer than four levels of SoC at one, at any rate.
     """
-    mine = [r for r in fresh(rows) if r["direction"] == direction and np.isfinite(r["soc"])]
-    mine = [row for row in mine if row["delay_second"] == delay_second]
-    mine = [r for r in mine if not r["resistance_std_ohm"] > VAGUE * r["resistance_ohm"]]
-    classes = {rate: _full_courses(own) for rate, own in rate_classes(mine).items()}
-    quantity = ", ".join(name_of(direction, delay_second))
+    pulses = [row for row in first_check_up(rows) if np.isfinite(row["soc"])]
+    pulses = [
+        row
+        for row in pulses
+        if row["direction"] == direction and row["delay_second"] == delay_second
+    ]
+    pulses = [r for r in pulses if not r["resistance_std_ohm"] > VAGUE * r["resistance_ohm"]]
+    classes = {rate: _full_courses(same_rate) for rate, same_rate in rate_classes(pulses).items()}
+    quantity = ", ".join(resistance_name(direction, delay_second))
     best = classes[preferred_rate(classes, c_rate)] if classes else {}
     count = len(best)
     if count < 3:
@@ -248,17 +269,17 @@ def pulses_of(rows, *, direction, delay_second, c_rate=TEMPERATURE.c_rate):
 
 
 def _full_courses(rows):
-    """Temperature → rows by SoC, where there are enough levels of SoC."""
+    """Temperature → rows by SoC, where there are `LEAST_LEVELS` levels of SoC."""
     rows = sorted(rows, key=lambda row: row["soc"])
     return {
-        celsius: mine
-        for celsius, mine in grouped(rows, lambda row: row["ambient_temperature_celsius"]).items()
-        if levels_of([row["soc"] for row in mine]) >= LEAST_LEVELS
+        celsius: course
+        for celsius, course in grouped(rows, lambda row: row["ambient_temperature_celsius"]).items()
+        if levels_of([row["soc"] for row in course]) >= LEAST_LEVELS
     }
 
 
 def fit_surfaces(pulses):
-    """All forms on one set of pulses; the best at temperatures left out is chosen.
+    """All forms fitted to one set of pulses, the best at temperatures left out chosen.
 
     The additive form is not, where its quadratic rises within 5 K of the tested temperatures: a
     resistance falls as it warms.
@@ -271,14 +292,17 @@ def fit_surfaces(pulses):
     -------
     fitted : tuple of Fitted, additive, multiplicative, table.
     """
-    found = [_fit(form, pulses) for form in FORMS]
+    fits = [_fit(form, pulses) for form in FORMS]
     tested = np.min(pulses.temperature_celsius), np.max(pulses.temperature_celsius)
-    offered = [np.isfinite(f.temperature_rmse) and falls(f.valid_celsius, tested) for f in found]
-    errors = np.where(offered, [one.temperature_rmse for one in found], np.inf)
-    return tuple(one._replace(chosen=k == errors.argmin()) for k, one in enumerate(found))
+    offered = [
+        np.isfinite(fit.temperature_rmse) and is_usable(fit.valid_celsius, tested) for fit in fits
+    ]
+    errors = np.where(offered, [fit.temperature_rmse for fit in fits], np.inf)
+    return tuple(fit._replace(chosen=k == errors.argmin()) for k, fit in enumerate(fits))
 
 
 def _fit(form, pulses):
+    """One form fitted to pulses, with its errors at temperatures and at blocks of SoC left out."""
     soc, celsius, ohm = pulses[1:]
     surface = fit_form(form, soc, celsius, ohm)
     fitted = predict(surface, soc, celsius)
@@ -293,24 +317,24 @@ def _fit(form, pulses):
         *(rms(error) for error in (left_out - ohm, (left_out - ohm) / ohm)),
         *(rms(error) for error in (by_soc - ohm, (by_soc - ohm) / ohm)),
         chosen=False,
-        valid_celsius=turning(*surface.values[:3]) if form == "additive" else NO_LIMIT,
+        valid_celsius=falling_range(*surface.values[:3]) if form == "additive" else NO_LIMIT,
     )
 
 
-def _left_out(form, pulses, group):
-    """Prediction of each group of pulses by a fit without them."""
+def _left_out(form, pulses, blocks):
+    """Prediction [ohm] of each block of pulses by a fit without it; NaN: not determined."""
     soc, celsius, ohm = pulses[1:]
-    found = np.full(len(ohm), np.nan)
-    for out in (group == one for one in np.unique(group)):
+    predicted = np.full(len(ohm), np.nan)
+    for out in (blocks == block for block in np.unique(blocks)):
         if len(np.unique(celsius[~out])) < LEAST_TEMPERATURES[form]:
             continue
         rest = fit_form(form, soc[~out], celsius[~out], ohm[~out], polish=False)
-        found[out] = predict(rest, soc[out], celsius[out])
-    return found
+        predicted[out] = predict(rest, soc[out], celsius[out])
+    return predicted
 
 
 def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate):
-    """Every surface that a cell's pulses bear, with its test of separability.
+    """Fitted surfaces of all sets of pulses of a cell, with their tests of separability.
 
     Parameters
     ----------
@@ -320,14 +344,14 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.
 
     Returns
     -------
-    found : list of (Pulses, tuple of Fitted, tuple of Separability).
+    fits : list of (Pulses, tuple of Fitted, tuple of Separability).
     reasons : list of sentences for what could not be had.
 
     Raises
     ------
     Refusal : no surface at all; the reasons are named.
     """
-    found, reasons = [], []
+    fits, reasons = [], []
     for direction, delay in product(("discharge", "charge"), delay_second):
         try:
             pulses = pulses_of(rows, direction=direction, delay_second=delay, c_rate=c_rate)
@@ -339,7 +363,7 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.
         except Refusal as refusal:
             reasons.append(f"{pulses.quantity}: {refusal}")
             tests = ()
-        found.append((pulses, fit_surfaces(pulses), tests))
-    if not found:
+        fits.append((pulses, fit_surfaces(pulses), tests))
+    if not fits:
         raise Refusal("; ".join(reasons) or "no pulses")
-    return found, reasons
+    return fits, reasons

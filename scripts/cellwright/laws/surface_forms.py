@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.arrhenius import inverse_temperature
-from cellwright.numerics.lines import residuals
-from cellwright.numerics.separable import best_logarithms
-from cellwright.numerics.uncertainty import covariance_from_jacobian, standard_deviations
+from cellwright.numerics.least_squares import best_logarithms
+from cellwright.numerics.lines import inverse_temperature, residuals
+from cellwright.numerics.statistics import covariance_from_jacobian, standard_deviations
 from cellwright.refusal import Refusal
 
 LOW_JOINT, HIGH_JOINT = 0.1, 0.9  # thesis eq. 3.12: linear between, exponentials beyond
@@ -37,17 +36,17 @@ class Surface(NamedTuple):
 
 
 def predict(surface, soc, temperature_celsius):
-    """Resistance [ohm] of a fitted form at (n,) SoC and temperatures [°C]; any, also untested."""
+    """Resistance [ohm] of a fitted form at (n,) SoC [1] and temperatures [°C], tested or not."""
     soc, celsius = np.broadcast_arrays(np.asarray(soc, float), temperature_celsius)
     if surface.form == "table":
         return _from_nodes(surface.nodes, soc, celsius)
     linear = surface.values[: len(surface.values) - _free(surface.rates)]
-    found = _columns(surface.form, soc, celsius, surface.rates) @ linear
-    return found if surface.form == "additive" else np.exp(found)
+    predicted = _columns(surface.form, soc, celsius, surface.rates) @ linear
+    return predicted if surface.form == "additive" else np.exp(predicted)
 
 
 def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
-    """Fit one form to pulses.
+    """One form of a resistance over SoC and temperature fitted to pulses.
 
     additive: R = f(SoC) + b1 T² + b2 T + b3 (thesis eq. 3.11-3.13), T in °C. f is a3·SoC from
     10 to 90 % SoC; beyond, it goes on from its value at the joint by exponentials that are 0 there,
@@ -79,8 +78,9 @@ def fit_form(form, soc, temperature_celsius, resistance_ohm, *, polish=True):
     # ASSUME: On a resistance surface the additive form errs by the same ohms everywhere, the
     # multiplicative one by the same share.
     target = ohm if form == "additive" else np.log(ohm)
-    rates = _search(form, soc, celsius, target)
-    rates = _polished(form, soc, celsius, target, rates) if polish else rates
+    pulses = _Target(form, soc, celsius, target)
+    rates = _search(pulses)
+    rates = _refined(pulses, rates) if polish else rates
     columns = _columns(form, soc, celsius, rates)
     linear = np.linalg.lstsq(columns, target, rcond=None)[0]
     design = np.hstack([columns, _rate_slopes(form, soc, celsius, rates, linear)])
@@ -96,11 +96,12 @@ def levels_of(soc):
 
 
 def _free(rates):
+    """Number of rates that are fitted; a rate of 0 is a straight line."""
     return sum(rate > 0 for end in rates for rate in end)
 
 
 def _columns(form, soc, celsius, rates):
-    """Design matrix: temperature, the straight middle, both ends."""
+    """Design matrix (n, p): temperature, linear middle range of SoC, both ends."""
     over_temperature = (
         np.stack([celsius**2, celsius, np.ones_like(celsius)], axis=-1)
         if form == "additive"
@@ -110,37 +111,48 @@ def _columns(form, soc, celsius, rates):
     beyond = np.maximum(LOW_JOINT - soc, 0), np.maximum(soc - HIGH_JOINT, 0)
     ends = [
         np.expm1(rate * d) / np.expm1(rate * LOW_JOINT) if rate else d / LOW_JOINT
-        for d, own in zip(beyond, rates, strict=True)
-        for rate in own
+        for d, end_rates in zip(beyond, rates, strict=True)
+        for rate in end_rates
     ]
     return np.concatenate([over_temperature, middle, *[end[..., None] for end in ends]], axis=-1)
 
 
 def _choices(soc):
-    """Rates that may be tried at one end, by how many levels lie beyond its joint."""
+    """Rates to try at one end, by how many levels of SoC lie beyond its joint."""
     levels = levels_of(soc)
     if levels < 2:
         return [(0.0,) * levels]
     return list(combinations(RATES, 2)) if levels >= 4 else [(rate,) for rate in RATES]
 
 
-def _search(form, soc, celsius, target):
-    """Best rates of the grid, one end after the other."""
+class _Target(NamedTuple):
+    """What a form is fitted to: its name, SoC [1], temperature [°C], R [ohm] or ln R; (n,) each."""
+
+    form: str
+    soc: np.ndarray
+    celsius: np.ndarray
+    values: np.ndarray
+
+
+def _search(pulses):
+    """Best rates of the grid, one end after the other, in two sweeps."""
+    soc = pulses.soc
     choices = _choices(soc[soc < LOW_JOINT]), _choices(soc[soc > HIGH_JOINT])
     best = [options[len(options) // 2] for options in choices]
     for end in (0, 1) * SWEEPS:
         trials = [[*best[:end], option, *best[end + 1 :]] for option in choices[end]]
-        errors = [np.sum(_residual(form, soc, celsius, target, trial) ** 2) for trial in trials]
+        errors = [np.sum(_residual(pulses, trial) ** 2) for trial in trials]
         best = trials[int(np.argmin(errors))]
     return tuple(best)
 
 
-def _residual(form, soc, celsius, target, rates):
-    return residuals(_columns(form, soc, celsius, rates), target)
+def _residual(pulses, rates):
+    """Residual (n,) of the best linear parameters at given rates."""
+    return residuals(_columns(pulses.form, pulses.soc, pulses.celsius, rates), pulses.values)
 
 
-def _polished(form, soc, celsius, target, rates):
-    """Rates refined from the grid's best, within its range."""
+def _refined(pulses, rates):
+    """Rates refined by a search that starts from the grid's best."""
     if not _free(rates):
         return rates
     split = len(rates[0])
@@ -152,10 +164,10 @@ def _polished(form, soc, celsius, target, rates):
         full = [next(free) if rate else 0.0 for rate in held]
         return tuple(full[:split]), tuple(full[split:])
 
-    scale = np.abs(target).max()
+    scale = np.abs(pulses.values).max()
     bounds = np.log([RATES[0] / 4, RATES[-1] * 4])
     logs = best_logarithms(
-        lambda logs: _residual(form, soc, celsius, target, whole(logs)) / scale,
+        lambda logs: _residual(pulses, whole(logs)) / scale,
         [start],
         bounds=tuple(bounds),
     )
@@ -163,12 +175,12 @@ def _polished(form, soc, celsius, target, rates):
 
 
 def _errors(design, residual, celsius, over_temperature):
-    """Standard deviations, with what all pulses of a temperature are off by together.
+    """Standard deviations of parameters, with the error that pulses of one temperature share.
 
     A chamber that is half a kelvin off, or a law that bends, moves all pulses of a temperature at
-    once: they are no independent witnesses of how the resistance moves with temperature. The
-    variance of that common part is taken from the mean residuals of the temperatures; where there
-    are no more temperatures than parameters of temperature it is not known, nor are their errors.
+    once: their errors are not independent over temperature. The variance of that common part is
+    taken from the mean residuals of the temperatures; where there are no more temperatures than
+    parameters of temperature it is not known, nor are their errors.
     """
     covariance = covariance_from_jacobian(design, residual)
     member = (celsius[:, None] == np.unique(celsius)).astype(float)
@@ -189,14 +201,15 @@ def _rate_slopes(form, soc, celsius, rates, linear):
     for end, k in ((e, k) for e in (0, 1) for k, rate in enumerate(rates[e]) if rate):
         step, moved = 1e-4 * rates[end][k], []
         for sign in (1, -1):
-            there = [list(one) for one in rates]
-            there[end][k] += sign * step
-            moved.append(_columns(form, soc, celsius, there) @ linear)
+            shifted = [list(pair) for pair in rates]
+            shifted[end][k] += sign * step
+            moved.append(_columns(form, soc, celsius, shifted) @ linear)
         slopes.append((moved[0] - moved[1]) / (2 * step))
     return np.stack(slopes, axis=1) if slopes else np.empty((len(soc), 0))
 
 
 def _names(form, rates):
+    """Names and units of the parameters of a form."""
     additive = form == "additive"
     unit = "Ohm" if additive else "1"
     names = ["b1", "b2", "b3"] if additive else ["ln_value_at_25_celsius", "activation_energy"]
@@ -210,7 +223,7 @@ def _names(form, rates):
 
 
 def _from_nodes(nodes, soc, celsius):
-    """ln R over SoC at each tested temperature, then a line in 1/T through the two nearest."""
+    """Resistance [ohm] of a table: ln R over SoC, then linear in 1/T."""
     axis = inverse_temperature([level for level, _, _ in nodes])
     courses = np.stack([np.interp(soc, z, np.log(ohm)) for _, z, ohm in nodes])
     at = inverse_temperature(celsius)
@@ -226,7 +239,7 @@ MOST_KNOTS, FEWEST_KNOTS, FEWEST_DEGREES = 8, 3, 5
 
 
 class Separability(NamedTuple):
-    """A two-way test on one scale: "R" (a sum, thesis eq. 3.11) or "ln R" (a product).
+    """Two-way test of separability on one scale: "R" (sum, thesis eq. 3.11) or "ln R" (product).
 
     interaction : RMS of what a course of its own at each temperature adds to the separate courses,
     relative to the mean resistance at that temperature [1]. scatter : of the pulses around the
@@ -244,7 +257,7 @@ class Separability(NamedTuple):
 
 
 def separability(soc, temperature_celsius, resistance_ohm):
-    """Two-way analysis with interaction, on R and on ln R.
+    """Tests of whether resistance separates into SoC and temperature, on R and on ln R.
 
     Separate: one course over SoC for all temperatures and a level at each. Against it: a course of
     its own at each temperature. Courses are straight between knots at quantiles of the SoC, as many
@@ -274,17 +287,17 @@ def separability(soc, temperature_celsius, resistance_ohm):
     member = celsius[:, None] == temperatures
     size = np.exp(member @ (member.T @ np.log(ohm) / member.sum(axis=0)))
     knots = _knots(soc, celsius, len(temperatures))
-    hats = np.stack([np.interp(soc, knots, one) for one in np.eye(len(knots))], axis=1)
-    own = (member[:, :, None] * hats[:, None, :]).reshape(len(soc), -1)
+    hats = np.stack([np.interp(soc, knots, row) for row in np.eye(len(knots))], axis=1)
+    per_temperature = (member[:, :, None] * hats[:, None, :]).reshape(len(soc), -1)
     separate = np.hstack([member[:, 1:], hats])
     return (
-        _tested("R", ohm / size, separate / size[:, None], own / size[:, None]),
-        _tested("ln R", np.log(ohm / size), separate, own),
+        _tested("R", ohm / size, separate / size[:, None], per_temperature / size[:, None]),
+        _tested("ln R", np.log(ohm / size), separate, per_temperature),
     )
 
 
 def _knots(soc, celsius, temperatures):
-    """As many knots as leave enough degrees of freedom, at quantiles of the SoC."""
+    """Knots of SoC at its quantiles, as many as leave enough degrees of freedom."""
     levels = min(levels_of(soc[celsius == level]) for level in np.unique(celsius))
     most = min(MOST_KNOTS, levels - 1, (len(soc) - FEWEST_DEGREES) // temperatures)
     if most < FEWEST_KNOTS:
@@ -295,25 +308,27 @@ def _knots(soc, celsius, temperatures):
     return np.quantile(soc, np.linspace(0, 1, most))
 
 
-def _tested(scale, target, separate, own):
+def _tested(scale, target, separate, per_temperature):
+    """F-test of one resistance curve over SoC for all temperatures against one for each."""
     from scipy.special import fdtrc
 
     plain, plain_rank = _fitted(separate, target)
-    full, full_rank = _fitted(own, target)
-    more, left = full_rank - plain_rank, len(target) - full_rank
+    full, full_rank = _fitted(per_temperature, target)
+    extra, freedom = full_rank - plain_rank, len(target) - full_rank
     gain, rest = np.sum((full - plain) ** 2), np.sum((target - full) ** 2)
     # Below rounding there is no scatter to test against, and nothing to reject.
     floor = (1e-9 * np.abs(target).max()) ** 2 * len(target)
-    variance = max(rest, floor) / left
-    ratio = gain / more / variance
-    net = max(gain - more * variance, 0.0)
+    variance = max(rest, floor) / freedom
+    ratio = gain / extra / variance
+    net = max(gain - extra * variance, 0.0)
     shares = [float(np.sqrt(value / len(target))) for value in (gain, net)]
-    p_value = float(fdtrc(more, left, ratio))
+    p_value = float(fdtrc(extra, freedom, ratio))
     return Separability(
-        scale, float(ratio), p_value, (more, left), *shares, float(np.sqrt(variance))
+        scale, float(ratio), p_value, (extra, freedom), *shares, float(np.sqrt(variance))
     )
 
 
 def _fitted(columns, target):
+    """Least-squares prediction (n,) and the rank of the columns."""
     values, _, rank, _ = np.linalg.lstsq(columns, target, rcond=None)
     return columns @ values, int(rank)

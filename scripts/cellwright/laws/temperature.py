@@ -7,23 +7,23 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.laws.points import grouped
-from cellwright.numerics.arrhenius import (
+from cellwright.numerics.lines import (
     REFERENCE_KELVIN,
     ZERO_CELSIUS_KELVIN,
     arrhenius_law,
     fit_arrhenius,
+    fit_line,
 )
-from cellwright.numerics.lines import fit_line
-from cellwright.numerics.scores import r_squared, rms
+from cellwright.numerics.statistics import r_squared, rms
 from cellwright.refusal import Refusal
 
 NO_LIMIT = (-np.inf, np.inf)
-# K beyond the tested temperatures that a law is offered and drawn for. So far from what it was told
-# of a model counts as told, too (models.lookup.SAME_KELVIN).
+# How far beyond the tested temperatures a law is offered and drawn [K]. A model's look-up accepts
+# temperatures this far from those it knows, too.
 REACH_KELVIN = 5.0
 
 
-def turning(b1, b2, b3):
+def falling_range(b1, b2, b3):
     """Range in which b1 T² + b2 T + b3 is positive and falls with temperature.
 
     Parameters
@@ -44,8 +44,8 @@ def turning(b1, b2, b3):
     return (float(-np.inf), float(min(turn, zero))) if b1 > 0 else (float(turn), float(zero))
 
 
-def falls(valid_celsius, tested_celsius):
-    """Whether a law may be read over the tested temperatures and `REACH_KELVIN` beyond them.
+def is_usable(valid_celsius, tested_celsius):
+    """Whether a law is valid over the tested temperatures and `REACH_KELVIN` beyond them.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def falls(valid_celsius, tested_celsius):
     return valid_celsius[0] <= low and high <= valid_celsius[1]
 
 
-def turn_of(values, valid_celsius, tested_celsius):
-    """What ends a law within its use, in words; "" where nothing does.
+def turn_in_words(values, valid_celsius, tested_celsius):
+    """Where a law stops being valid within its range of use, in words; "" where it is valid.
 
     Parameters
     ----------
@@ -68,9 +68,9 @@ def turn_of(values, valid_celsius, tested_celsius):
 
 
 def _turn(values, valid, tested):
-    """What ends a law within its use, and where [°C]."""
+    """Where a law stops being valid within its range of use: sentence with {}, temperature [°C]."""
     low, high = valid
-    if falls(valid, tested):
+    if is_usable(valid, tested):
         return "", np.nan
     if low > tested[0] - REACH_KELVIN:
         return "has a maximum at {}", low
@@ -79,8 +79,8 @@ def _turn(values, valid, tested):
     return ("is below zero from {} on" if np.isfinite(high) else "rises throughout"), high
 
 
-def stretches(tested_celsius, valid_celsius):
-    """How a law is drawn: the tested temperatures and `REACH_KELVIN` beyond them in pieces.
+def drawn_pieces(tested_celsius, valid_celsius):
+    """Temperature ranges [°C] in which a law is drawn, each marked as tested or extrapolated.
 
     Parameters
     ----------
@@ -92,17 +92,17 @@ def stretches(tested_celsius, valid_celsius):
     """
     low, high = tested_celsius
     ends = low - REACH_KELVIN, high + REACH_KELVIN
-    inner = [one for one in valid_celsius if ends[0] < one < ends[1]]
+    inner = [limit for limit in valid_celsius if ends[0] < limit < ends[1]]
     start, stop = max(low, valid_celsius[0]), min(high, valid_celsius[1])
     edges = sorted({*ends, low, high, *inner})
-    return [(one, two, start <= one and two <= stop) for one, two in pairwise(edges)]
+    return [(a, b, start <= a and b <= stop) for a, b in pairwise(edges)]
 
 
-def words_of_turns(families):
-    """A sentence for each family of resistances whose quadratics turn where they would be used.
+def turn_sentences(families):
+    """Sentences on families of resistances whose quadratics rise within their range of use.
 
-    The curve as it would be read decides, not whether its turn is certain: Arrhenius, which never
-    turns, is there in its place. How certain it is, is said.
+    The fitted curve decides, whether or not its turn is certain at 95 %, for an Arrhenius law,
+    which never turns, can be used instead. The sentence names how many turns are certain.
 
     Parameters
     ----------
@@ -112,27 +112,27 @@ def words_of_turns(families):
     -------
     text : list of str.
     """
-    found = []
+    sentences = []
     for family, laws in families.items():
-        turned = [law for law in laws if not falls(law.valid_celsius, law.tested_celsius)]
+        turned = [law for law in laws if not is_usable(law.valid_celsius, law.tested_celsius)]
         if not turned:
             continue
         ends = [_turn(law.values, law.valid_celsius, law.tested_celsius) for law in turned]
         where = [
-            how.format(f"{span_of([c for _, c in group], '.0f')} °C")
-            for how, group in grouped(ends, lambda end: end[0]).items()
+            how.format(f"{span_of([c for _, c in turns], '.0f')} °C")
+            for how, turns in grouped(ends, lambda end: end[0]).items()
         ]
-        found.append(
+        sentences.append(
             f"{family}: the quadratic of {len(turned)} of {len(laws)} is not offered as a law, for "
             f"a resistance falls as it warms: it {', '.join(where)}, less than {REACH_KELVIN:g} K "
             f"beyond the tests or among them (certain at 95 % in "
             f"{sum(law.rises_surely for law in turned)})"
         )
-    return found
+    return sentences
 
 
 def span_of(values, digits):
-    """Least and largest of some numbers in words, one number where they read the same.
+    """Smallest and largest of some numbers in words; one number where both read the same.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def span_of(values, digits):
 
 
 class Law(NamedTuple):
-    """One fitted law; the arrays hold one number per parameter, in the order the law takes them.
+    """One fitted law over temperature (or SoC); arrays hold one number per parameter.
 
     law : its name, see `FORMS`. names, units : of the parameters. values, std, lower, upper :
     estimate, standard deviation, confidence limits; NaN where not known. r_squared : on the scale
@@ -175,7 +175,7 @@ class Law(NamedTuple):
 
 
 def quadratic_law(temperature_celsius, b1, b2, b3):
-    """b1 T² + b2 T + b3 with T in °C (thesis eq. 3.13)."""
+    """Value of b1 T² + b2 T + b3 with T in °C (thesis eq. 3.13)."""
     return (b1 * temperature_celsius + b2) * temperature_celsius + b3
 
 
@@ -186,7 +186,7 @@ def linear_law(temperature_celsius, slope, value_at_25_celsius):
 
 
 def conductivity_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
-    """The same with the factor T before it: σT, not σ, follows Arrhenius (thesis eq. 3.4, 3.5).
+    """Value of an Arrhenius law with the factor T: σT, not σ, follows it (thesis eq. 3.4, 3.5).
 
     Its activation energy is higher than that of the plain law by R·T, 2.3 kJ/mol near 5 °C.
     """
@@ -223,7 +223,7 @@ LAWS = {name: FORMS[name].function for name in ("quadratic", "arrhenius", "arrhe
 def fit_laws(
     temperature_celsius, value, *, unit, std=None, level=0.95, falling=False, names=tuple(LAWS)
 ):
-    """Fit the laws and choose one by cross-validation.
+    """Laws fitted to values over temperature, one chosen by cross-validation.
 
     Parameters
     ----------
@@ -251,8 +251,8 @@ def fit_laws(
     # ohm or ampere-hours at each temperature under the quadratic.
     celsius, value = np.asarray(temperature_celsius, float), np.asarray(value, float)
     std = np.full(len(value), np.nan) if std is None else np.asarray(std, float)
-    known = np.isfinite(celsius)
-    celsius, value, std = celsius[known], value[known], std[known]
+    finite = np.isfinite(celsius)
+    celsius, value, std = celsius[finite], value[finite], std[finite]
     count = len(np.unique(celsius))
     if count < 3:
         raise Refusal(f"{count} temperature(s); a law over temperature needs three")
@@ -260,21 +260,21 @@ def fit_laws(
         raise Refusal("a value over temperature is not positive; an Arrhenius law needs that")
     laws = [_fitted(name, celsius, value, std, unit=unit, level=level) for name in names]
     if falling:
-        laws = [_limited(one, celsius, value, std, level) for one in laws]
-    offered = [one for one in laws if falls(one.valid_celsius, one.tested_celsius)]
-    best = min(offered, key=lambda one: np.nan_to_num(one.cross_validation_rmse, nan=np.inf))
-    return tuple(one._replace(chosen=one is best) for one in laws)
+        laws = [_with_falling_range(law, celsius, value, std, level) for law in laws]
+    offered = [law for law in laws if is_usable(law.valid_celsius, law.tested_celsius)]
+    best = min(offered, key=lambda law: np.nan_to_num(law.cross_validation_rmse, nan=np.inf))
+    return tuple(law._replace(chosen=law is best) for law in laws)
 
 
-def _limited(law, celsius, value, std, level):
-    """A resistance's quadratic with where it falls, and whether its turn is beyond its error."""
+def _with_falling_range(law, celsius, value, std, level):
+    """A resistance's quadratic with the range in which it falls, and whether it surely rises."""
     if law.law != "quadratic":
         return law
     ends = law.tested_celsius[0] - REACH_KELVIN, law.tested_celsius[1] + REACH_KELVIN
     # With T counted from an end of the range b2 is the slope there, with its own interval.
     slopes = [fit_line(np.vander(celsius - end, 3), value, std) for end in ends]
-    rises = any(one.interval(level=level)[0][1] > 0 for one in slopes)
-    return law._replace(valid_celsius=turning(*law.values), rises_surely=rises)
+    rises = any(line.interval(level=level)[0][1] > 0 for line in slopes)
+    return law._replace(valid_celsius=falling_range(*law.values), rises_surely=rises)
 
 
 def law_rows(points):
@@ -298,28 +298,28 @@ def law_rows(points):
     """
     # ASSUME: What is in ohm falls as it warms; capacities and times may have a maximum.
     rows, reasons, quadratics = [], [], {}
-    for quantity, mine in grouped(points, lambda point: point.quantity).items():
+    for quantity, quantity_points in grouped(points, lambda point: point.quantity).items():
         try:
             laws = fit_laws(
-                [point.temperature_celsius for point in mine],
-                [point.value for point in mine],
-                unit=mine[0].unit,
-                std=[point.std for point in mine],
-                falling=mine[0].unit == "Ohm",
+                [point.temperature_celsius for point in quantity_points],
+                [point.value for point in quantity_points],
+                unit=quantity_points[0].unit,
+                std=[point.std for point in quantity_points],
+                falling=quantity_points[0].unit == "Ohm",
             )
         except Refusal as refusal:
             reasons.append(f"{quantity}: {refusal}")
             continue
         reasons += [f"{quantity}, {law.law} law: {law.reason}" for law in laws if law.reason]
         rows += [row for law in laws for row in rows_of(quantity, law)]
-        quadratics.setdefault(mine[0].family or quantity, []).append(laws[0])
+        quadratics.setdefault(quantity_points[0].family or quantity, []).append(laws[0])
     if not rows:
         raise Refusal("; ".join(reasons) or "no quantity is known at three temperatures")
-    return rows, reasons + words_of_turns(quadratics)
+    return rows, reasons + turn_sentences(quadratics)
 
 
 def rows_of(quantity, law):
-    """Rows of one law; `lower` and `upper` bound 95 %, beyond the tested range it is a guess."""
+    """Rows of one law, a parameter each, with its 95 % limits and the tested and valid range."""
     numbers = zip(law.values, law.std, law.lower, law.upper, strict=True)
     return [
         law_row(
@@ -376,7 +376,7 @@ def law_row(
 
 
 def ranges(interval, tested_celsius, valid_celsius=NO_LIMIT):
-    """Columns of the table of laws on an interval and on where a law holds.
+    """Columns of the table of laws: limits of a parameter, tested and valid temperatures [°C].
 
     Parameters
     ----------
@@ -388,7 +388,7 @@ def ranges(interval, tested_celsius, valid_celsius=NO_LIMIT):
 
 
 def _fitted(name, celsius, value, std, *, unit, level):
-    """One law with its scores; the errors of an Arrhenius law are those of its logarithm."""
+    """One law with its scores; errors of an Arrhenius law are those of its logarithm."""
     form, (line, values) = FORMS[name], _coefficients(name, celsius, value, std)
     (lower, upper), deviations = line.interval(level=level), line.std
     predicted = form.function(celsius, *values)
@@ -396,12 +396,12 @@ def _fitted(name, celsius, value, std, *, unit, level):
     if name.startswith("arrhenius"):
         lower, upper = (np.array([np.exp(end[0]), end[1]]) for end in (lower, upper))
         deviations = deviations * np.array([values[0], 1.0])
-        target, on_line = (np.log(one / _factor(name, celsius)) for one in (value, predicted))
+        target, on_line = (np.log(x / _factor(name, celsius)) for x in (value, predicted))
     unproven = line.degrees_of_freedom < 1
     return Law(
         law=name,
         names=form.names,
-        units=tuple(one.format(unit) for one in form.units),
+        units=tuple(text.format(unit) for text in form.units),
         values=values,
         std=deviations,
         lower=lower,
@@ -417,7 +417,7 @@ def _fitted(name, celsius, value, std, *, unit, level):
 
 
 def _coefficients(name, celsius, value, std):
-    """The line that is fitted, and the parameters of the law that it stands for."""
+    """Fitted line of a law, and the parameters of the law from it."""
     if name.startswith("arrhenius"):
         factor = _factor(name, celsius)
         line = fit_arrhenius(celsius, value / factor, std / factor)
@@ -431,12 +431,12 @@ def _coefficients(name, celsius, value, std):
 
 
 def _factor(name, celsius):
-    """What of a value does not follow the plain Arrhenius law: T over 298.15 K, or nothing."""
+    """Factor of a value besides the plain Arrhenius law: T/298.15 K for "arrhenius_t", else 1."""
     return (celsius + ZERO_CELSIUS_KELVIN) / REFERENCE_KELVIN if name == "arrhenius_t" else 1.0
 
 
 def _left_out_rmse(name, celsius, value, std):
-    """RMSE at temperatures left out in turn; NaN where the rest would determine no law."""
+    """RMSE at temperatures left out in turn; NaN where the rest determines no law."""
     levels, form, errors = np.unique(celsius), FORMS[name], []
     if len(levels) <= form.fewest:
         return np.nan

@@ -21,7 +21,7 @@ MOST_LAGS, MOST_FIXED = 24, 6  # what the kernel has room for
 
 
 class Load(NamedTuple):
-    """A record as the linear model y = fixed·a + lags(tau)·r sees it.
+    """A record as the linear model y = fixed·a + lags(tau)·r: what is fitted, by which columns.
 
     step_second : (n−1,) steps [s]. drive : (n,) current that the lags follow [A]. fixed : (f, n)
     columns that no time constant enters. target_volt : (n,) what is to be explained [V]. hold : of
@@ -36,7 +36,7 @@ class Load(NamedTuple):
 
 
 class Normal(NamedTuple):
-    """Products of the columns (fixed, lags, derivatives of the lags by ln tau) and the residual.
+    """Gram matrix of the columns (fixed, lags, slopes of the lags by ln tau), and the residual.
 
     gram : (c, c). moment : (c,) columns times residual. power : residual times itself
     [V²]. near : residual times the one before it [V²].
@@ -49,7 +49,7 @@ class Normal(NamedTuple):
 
 
 def normal_equations(load, tau_second, linear, *, sloped=True):
-    """Products of all columns of a circuit's linear model, and of its residual, in one pass.
+    """Gram matrix of all columns of a circuit's linear model, with its residual, in one pass.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ def normal_equations(load, tau_second, linear, *, sloped=True):
     """
     tau, linear = np.ascontiguousarray(tau_second, float), np.ascontiguousarray(linear, float)
     if len(tau) > MOST_LAGS or len(load.fixed) > MOST_FIXED:
-        found = f"{len(tau)} lags and {len(load.fixed)} fixed columns"
-        raise Refusal(f"{found}; at most {MOST_LAGS} and {MOST_FIXED} fit at once")
+        columns = f"{len(tau)} lags and {len(load.fixed)} fixed columns"
+        raise Refusal(f"{columns}; at most {MOST_LAGS} and {MOST_FIXED} fit at once")
     if not (tau > 0).all():
         raise Refusal("a time constant is zero, negative or not a number")
     kernel = function("circuit_products", *TYPES)
@@ -85,7 +85,7 @@ def normal_equations(load, tau_second, linear, *, sloped=True):
 
 
 def columns_of(load, tau_second, *, sloped=True):
-    """The columns themselves: fixed, lags, and (where sloped) their derivatives by ln tau: (c, n).
+    """Columns of a circuit's linear model (c, n): fixed, lags, where sloped their slopes by ln tau.
 
     Parameters
     ----------
@@ -94,11 +94,12 @@ def columns_of(load, tau_second, *, sloped=True):
     step = [1j * STEP if sloped else 0.0] * len(tau_second)
     pairs = zip(tau_second, step, strict=True)
     lags = [lag(load.step_second, t * (1 + h), load.drive, hold=load.hold) for t, h in pairs]
-    slopes = [one.imag / STEP for one in lags] if sloped else []
-    return np.vstack([load.fixed, *(np.real(one) for one in lags), *slopes])
+    slopes = [response.imag / STEP for response in lags] if sloped else []
+    return np.vstack([load.fixed, *(np.real(response) for response in lags), *slopes])
 
 
 def _by_numpy(load, tau_second, linear, *, sloped):
+    """The same products without the compiled kernel, from columns in memory."""
     columns = columns_of(load, tau_second, sloped=sloped)
     residual = load.target_volt - linear @ columns[: len(linear)]
     columns = np.vstack([columns, residual])
@@ -106,6 +107,7 @@ def _by_numpy(load, tau_second, linear, *, sloped):
 
 
 def _split(products, near):
+    """Normal from the Gram matrix whose last row and column are those of the residual."""
     return Normal(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), float(near))
 
 
@@ -114,7 +116,7 @@ GRID = {1: 24, 2: 14, 3: 8}  # time constants per pair
 
 
 def coarse_start(load, tau_bounds, linear_bounds):
-    """Time constants, and linear parameters for them, near which the best fit lies.
+    """Start of a fit: time constants [s] and linear parameters that fit best on a coarse grid.
 
     Parameters
     ----------
@@ -140,7 +142,7 @@ def coarse_start(load, tau_bounds, linear_bounds):
 
 
 def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
-    """Best combination of time constants of a coarse grid, and the linear parameters for it.
+    """Best combination of time constants of a coarse grid [s], and its linear parameters.
 
     Parameters
     ----------
@@ -151,8 +153,10 @@ def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
     """
     kinds = list(dict.fromkeys(map(tuple, tau_bounds)))
     size = max(2, min(GRID.get(len(tau_bounds), 6), MOST_LAGS // len(kinds)))
-    tau = np.concatenate([_inner(lower, upper, size) for lower, upper in kinds])
-    combinations = _places(tuple(kinds.index(tuple(one)) for one in tau_bounds), size)
+    # Logarithmic grids strictly within the bounds of each kind.
+    spans = (np.linspace(np.log(low), np.log(high), size + 2)[1:-1] for low, high in kinds)
+    tau = np.concatenate([np.exp(span) for span in spans])
+    combinations = _places(tuple(kinds.index(tuple(bounds)) for bounds in tau_bounds), size)
     ascending = np.sort(tau[combinations], axis=1)
     combinations = combinations[(ascending[:, 1:] > ascending[:, :-1]).all(axis=1)]
     if not len(combinations):
@@ -165,7 +169,7 @@ def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
 
 
 def thinned(load):
-    """The record on every k-th row, at most ROWS; between them the lags follow the mean current.
+    """The record on every k-th row, at most ROWS rows; steps in between carry their mean current.
 
     Parameters
     ----------
@@ -190,19 +194,16 @@ def thinned(load):
 
 @cache
 def _places(kinds, size):
-    """Every combination of places in a list of grids, one grid per kind of bounds: (k, m)."""
-    found = np.array(list(product(*(range(kind * size, (kind + 1) * size) for kind in kinds))))
+    """All combinations of grid indices (k, m), one grid for each kind of bounds."""
+    combinations = np.array(
+        list(product(*(range(kind * size, (kind + 1) * size) for kind in kinds)))
+    )
     alike = np.equal(kinds[1:], kinds[:-1])
-    return found[((found[:, 1:] > found[:, :-1]) | ~alike).all(axis=1)]
-
-
-def _inner(lower, upper, size):
-    """Logarithmic grid inside of two bounds, all one point where they coincide."""
-    return np.exp(np.linspace(np.log(lower), np.log(upper), size + 2)[1:-1])
+    return combinations[((combinations[:, 1:] > combinations[:, :-1]) | ~alike).all(axis=1)]
 
 
 def _solved(normal, fixed, combinations):
-    """Least squares of every combination: (k, l) parameters, (k,) power."""
+    """Least squares of every combination: parameters (k, l) and squared residuals (k,) [V²]."""
     columns = np.hstack([np.tile(np.arange(fixed), (len(combinations), 1)), fixed + combinations])
     scale = np.sqrt(np.diag(normal.gram))
     scale = np.where(scale > 0, scale, 1.0)
@@ -210,16 +211,16 @@ def _solved(normal, fixed, combinations):
     gram = unit[columns[:, :, None], columns[:, None, :]]
     moment = (normal.moment / scale)[columns]
     ridge = RANK * np.eye(gram.shape[1])
-    found = np.linalg.solve(gram + ridge, moment[:, :, None])[:, :, 0]
-    return found / scale[columns], normal.power - (found * moment).sum(axis=1)
+    scaled = np.linalg.solve(gram + ridge, moment[:, :, None])[:, :, 0]
+    return scaled / scale[columns], normal.power - (scaled * moment).sum(axis=1)
 
 
-RANK = 1e-12  # smallest pivot of a Gram matrix of unit columns that still says something
+RANK = 1e-12  # smallest pivot of a Gram matrix of unit columns that is not rounding
 # Stop when the next step is this share of the standard deviation of what it moves. That step is
 # still made, without another look at the data, and leaves an error of about its square.
-NEAR = 0.02
-MOST = 200  # passes over the data; a search that takes them all has not arrived
-FARTHEST = 2.0  # of one step, in ln tau
+STOP_SHARE = 0.02
+MOST_PASSES = 200  # passes over the data; a search that takes them all has not arrived
+LARGEST_LOG_STEP = 2.0  # of one step, in ln tau
 
 
 class Projected(NamedTuple):
@@ -255,7 +256,7 @@ def projected(normal, log_tau, linear, lower, upper):
 
     Raises
     ------
-    Refusal : the columns do not tell the linear parameters apart, whatever the bounds.
+    Refusal : a column is zero, or no linear parameters lie within their bounds.
     """
     size, pairs = len(linear), len(log_tau)
     scale = np.sqrt(normal.gram.diagonal()[:size])
@@ -264,22 +265,21 @@ def projected(normal, log_tau, linear, lower, upper):
     unit = normal.gram[:size, :size] / (scale[:, None] * scale)
     moment = normal.moment[:size] / scale
     move = _bounded(unit, moment, (lower - linear) * scale, (upper - linear) * scale) / scale
-    found = _within(linear + move, lower, upper)
+    best = _within(linear + move, lower, upper)
     power = normal.power - 2 * move @ normal.moment[:size] + move @ normal.gram[:size, :size] @ move
     moment = normal.moment - normal.gram[:, :size] @ move
-    chain = np.concatenate([np.ones(size), found[size - pairs :]])
+    chain = np.concatenate([np.ones(size), best[size - pairs :]])
     gram = normal.gram * (chain[:, None] * chain)
-    return Projected(log_tau, found, gram, moment * chain, max(power, 0.0), normal.near)
+    return Projected(log_tau, best, gram, moment * chain, max(power, 0.0), normal.near)
 
 
 def levenberg(normal_at, log_tau, linear, bounds, *, samples):
-    """Minimise over the time constants, from given ones.
+    """Least squares over time constants and linear parameters, by a damped search from a start.
 
     Parameters
     ----------
     normal_at : function (log_tau, linear) → Normal.
-    log_tau, linear : (m,), (l,) where to start; the linear ones only tell where the residual is
-        taken first.
+    log_tau, linear : (m,), (l,) where to start; the first residual is taken at the linear ones.
     bounds : (lower, upper) of log_tau, (lower, upper) of the linear parameters.
     samples : number of data, for the scatter that the stop refers to.
 
@@ -294,20 +294,24 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
     (tau_lower, tau_upper), linear_bounds = bounds
     at = projected(normal_at(log_tau, linear), log_tau, linear, *linear_bounds)
     damping, passes = 1e-3, 1
-    while passes < MOST and damping <= 1e9:
+    while passes < MOST_PASSES and damping <= 1e9:
         move, gain = _step(at, damping, tau_lower, tau_upper, linear_bounds)
-        there = at.log_tau + move[len(linear) :]
-        guess = _within(at.linear + move[: len(linear)], *linear_bounds)
+        next_log_tau = at.log_tau + move[len(linear) :]
+        next_linear = _within(at.linear + move[: len(linear)], *linear_bounds)
         if gain < 0.0:
             # A bound has turned the step uphill: a shorter one keeps more of its direction.
             damping *= 10
             continue
-        if gain <= NEAR**2 * at.power / max(samples - len(at.gram), 1):
+        if gain <= STOP_SHARE**2 * at.power / max(samples - len(at.gram), 1):
             # The first pass took its residuals at linear parameters that were only guessed.
-            near = at.near if passes > 1 else normal_at(there, guess).near
+            near = at.near if passes > 1 else normal_at(next_log_tau, next_linear).near
             power = max(at.power - gain, 0.0)
-            return at._replace(log_tau=there, linear=guess, power=power, near=near), passes
-        trial = projected(normal_at(there, guess), there, guess, *linear_bounds)
+            return at._replace(
+                log_tau=next_log_tau, linear=next_linear, power=power, near=near
+            ), passes
+        trial = projected(
+            normal_at(next_log_tau, next_linear), next_log_tau, next_linear, *linear_bounds
+        )
         passes += 1
         better = trial.power < at.power
         at = trial if better else at
@@ -316,7 +320,7 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
 
 
 def _step(at, damping, lower, upper, linear_bounds):
-    """Damped step of all parameters, and by how much it should lower the power [V²]."""
+    """Damped step of all parameters, and the fall of the squared residual it predicts [V²]."""
     size, diagonal = len(at.linear), at.gram.diagonal()
     pull = at.moment[size:]
     held = ((at.log_tau <= lower) & (pull < 0)) | ((at.log_tau >= upper) & (pull > 0))
@@ -330,7 +334,7 @@ def _step(at, damping, lower, upper, linear_bounds):
         # is not free has a row of zeros, and stays where it is.
         unit.flat[:: len(move) + 1] += np.where(np.arange(len(move)) < size, RANK, damping) + ~free
         move = np.linalg.solve(unit, at.moment / root) / root
-    reach = _within(move[size:], -FARTHEST, FARTHEST)
+    reach = _within(move[size:], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
     allowed = _within(at.log_tau + reach, lower, upper) - at.log_tau
     if (allowed != move[size:]).any():
         move[:size] = _following(at, free[:size], allowed)
@@ -339,7 +343,7 @@ def _step(at, damping, lower, upper, linear_bounds):
 
 
 def _following(at, free, log_tau_move):
-    """Step of the linear parameters for a step of the time constants that bounds have shortened."""
+    """Step of the linear parameters that belongs to a step of ln tau shortened by bounds."""
     size = len(at.linear)
     root = np.where(free, np.sqrt(at.gram.diagonal()[:size]), np.inf)
     unit = at.gram[:size, :size] / (root[:, None] * root)
@@ -351,12 +355,12 @@ def _following(at, free, log_tau_move):
 
 
 def _within(values, lower, upper):
-    """As np.clip, in a third of its time."""
+    """Values limited to bounds; as np.clip, in a third of its time."""
     return np.minimum(np.maximum(values, lower), upper)
 
 
 def _bounded(unit, moment, lower, upper):
-    """Least squares in scaled moves within bounds: free if that is inside, else every face."""
+    """Bounded least squares: the free solution if it lies within, else the best on the bounds."""
     ridge = RANK * np.eye(len(unit))
     free = np.linalg.solve(unit + ridge, moment)
     if (free >= lower).all() and (free <= upper).all():
@@ -364,39 +368,39 @@ def _bounded(unit, moment, lower, upper):
     best, least = None, np.inf
     ends = zip(np.isfinite(lower), np.isfinite(upper), strict=True)
     for face in product(*([0] + [1] * bool(low) + [2] * bool(high) for low, high in ends)):
-        found = _on_face(unit + ridge, moment, np.array(face), lower, upper)
-        cost = found @ unit @ found - 2 * found @ moment
-        inside = (found >= lower - 1e-12) & (found <= upper + 1e-12)
+        candidate = _on_face(unit + ridge, moment, np.array(face), lower, upper)
+        cost = candidate @ unit @ candidate - 2 * candidate @ moment
+        inside = (candidate >= lower - 1e-12) & (candidate <= upper + 1e-12)
         if inside.all() and cost < least:
-            best, least = found, cost
+            best, least = candidate, cost
     if best is None:
         raise Refusal("no linear parameters lie within their bounds: the load tells them not apart")
     return best
 
 
 def _on_face(unit, moment, face, lower, upper):
-    """Solution with parameters marked 1 at their lower, 2 at their upper bound."""
-    found = np.where(face == 1, lower, np.where(face == 2, upper, 0.0))
+    """Solution with the parameters marked 1 held at their lower and 2 at their upper bound."""
+    solution = np.where(face == 1, lower, np.where(face == 2, upper, 0.0))
     free = face == 0
-    right = moment[free] - unit[np.ix_(free, ~free)] @ found[~free]
-    found[free] = np.linalg.solve(unit[np.ix_(free, free)], right)
-    return found
+    right = moment[free] - unit[np.ix_(free, ~free)] @ solution[~free]
+    solution[free] = np.linalg.solve(unit[np.ix_(free, free)], right)
+    return solution
 
 
-# Relative standard deviation from which a parameter is not told: its 95 % interval, 1.96 times
-# that wide, reaches down to zero.
-NOT_TOLD = 0.51
-# What two parameters form together is told where it is known this many times better than each.
-BETTER = 5.0
+# Relative standard deviation above which a parameter is not determined: its 95 % interval, 1.96
+# times that wide, reaches down to zero.
+UNDETERMINED = 0.51
+# The sum or ratio of two parameters is named where it is known this many times better than each.
+COMBINED_BETTER = 5.0
 
 
 def verdict(names, values, covariance, lower, upper):
-    """What the data do not tell of a fit's parameters; empty where they tell all.
+    """Which parameters of a fit the data do not determine, in words; "" where they determine all.
 
-    A parameter is not told where its 95 % interval, from the covariance, reaches zero (relative
-    standard deviation above 0.51), or where the fit ran to the limit of its search. Of two that
-    are not told, their sum (resistances) or ratio (a pair's R/tau, one over its capacitance) is
-    named where that is known five times better.
+    A parameter is not determined where its 95 % interval, from the covariance, reaches zero
+    (relative standard deviation above 0.51), or where the fit ran to the limit of its search. Of
+    two that are not determined, their sum (resistances) or ratio (a pair's R/tau, one over its
+    capacitance) is named where that is known five times better.
 
     Parameters
     ----------
@@ -408,26 +412,29 @@ def verdict(names, values, covariance, lower, upper):
     words : sentences, joined by "; ".
     """
     spread = np.sqrt(np.diag(covariance)) / np.abs(values)
-    said = []
+    sentences = []
     for index, name in enumerate(names):
         if lower[index] == upper[index]:
             continue
         limit = _at_limit(names, values, lower, upper, index)
         if limit:
-            said.append(limit)
-        elif spread[index] > NOT_TOLD and not name.startswith("ocv"):
-            said.append(f"{name} cannot be told: it is known within ±{1.96 * spread[index]:.0%}")
+            sentences.append(limit)
+        elif spread[index] > UNDETERMINED and not name.startswith("ocv"):
+            sentences.append(
+                f"{name} cannot be told: it is known within ±{1.96 * spread[index]:.0%}"
+            )
         elif np.isnan(spread[index]) and name.startswith("tau"):
-            said.append(f"{name} cannot be told: its pair has no voltage")
-    return "; ".join([*said, *_together(names, values, covariance, spread)])
+            sentences.append(f"{name} cannot be told: its pair has no voltage")
+    return "; ".join([*sentences, *_together(names, values, covariance, spread)])
 
 
 def _at_limit(names, values, lower, upper, index):
+    """Sentence on a parameter at the limit of its search; "" where it lies within."""
     name, value = names[index], values[index]
     tau = name.startswith("tau")
     if tau and value >= upper[index] * (1 - 1e-9):
-        found = f"the fit runs to the longest that was searched, {value:.3g} s"
-        return f"{name} cannot be told, nor r{name[3]}_ohm: {found}"
+        limit = f"the fit runs to the longest that was searched, {value:.3g} s"
+        return f"{name} cannot be told, nor r{name[3]}_ohm: {limit}"
     if tau and value <= lower[index] * (1 + 1e-9):
         return (
             f"{name} is no longer than {value:.3g} s, the shortest searched: its pair acts at once"
@@ -438,20 +445,20 @@ def _at_limit(names, values, lower, upper, index):
 
 
 def _together(names, values, covariance, spread):
-    """Sums and ratios that are known much better than what they are made of."""
-    lost = [i for i in range(len(names)) if spread[i] > NOT_TOLD and names[i][:3] != "ocv"]
+    """Sentences on sums and ratios that are known much better than their two parameters."""
+    lost = [i for i in range(len(names)) if spread[i] > UNDETERMINED and names[i][:3] != "ocv"]
     for i, j in [(i, j) for i in lost for j in lost if i < j]:
         kind, gradient = _combined(names[i], names[j], values[[i, j]])
         part = covariance[np.ix_([i, j], [i, j])]
-        known = np.sqrt(max(gradient @ part @ gradient, 0.0))
-        if kind and known * BETTER < min(spread[i], spread[j]):
+        std = np.sqrt(max(gradient @ part @ gradient, 0.0))
+        if kind and std * COMBINED_BETTER < min(spread[i], spread[j]):
             correlation = part[0, 1] / np.sqrt(part[0, 0] * part[1, 1])
             words = f"{names[i]} and {names[j]} are told only as their {kind}"
-            yield f"{words} (±{1.96 * known:.0%}; correlation {correlation:.3f})"
+            yield f"{words} (±{1.96 * std:.0%}; correlation {correlation:.3f})"
 
 
 def _combined(first, second, values):
-    """Name of what two parameters form, and the gradient of its logarithm."""
+    """Name of what two parameters form (sum, ratio or ""), and the gradient of its logarithm."""
     if first[0] == second[0] == "r":
         return "sum", np.ones(2) / values.sum()
     if first[0] == "r" and second == f"tau{first[1]}_second":

@@ -86,7 +86,7 @@ def lag_by_charge(passed_ampere_hour, charge_ampere_hour, drive):
 
 
 def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
-    """Also for complex inputs or time constants: a complex step asks for a derivative."""
+    """Response of a lag by a banded triangular solve; inputs and time constants may be complex."""
     from scipy.linalg.lapack import dtbtrs, ztbtrs
 
     decay, before, after = lag_weights(step_second, tau_second, hold=hold)
@@ -102,6 +102,7 @@ def _lag_by_lapack(step_second, tau_second, drive, *, hold, initial):
 
 
 def _check(tau_second, hold):
+    """Refuse an unknown hold and time constants that are not positive."""
     if hold not in HOLDS:
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
     if not np.all(np.real(tau_second) > 0):

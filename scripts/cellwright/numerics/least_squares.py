@@ -1,11 +1,14 @@
-"""Damped least squares of many parameters with priors: values, derivatives, steps.
+"""Nonlinear least squares: many parameters with priors, and models linear in all but a few rates.
 
-A problem knows how to predict and what is known beforehand; `fit` goes to the most likely values
-by damped Gauss–Newton steps. Cells and groups of cells are both such problems.
+`fit` finds the most likely values of a `Problem` (its prediction, measurement and priors) by damped
+Gauss–Newton steps. It is our own, not lmfit's, for it is the hot loop of the search for missing
+effects: a prediction simulates hours of record, so derivatives are kept from step to step (chord
+method) or made for many parameters in one simulation, and priors with couplings enter the normal
+equations.
 
-The search is our own, not lmfit's, for it is the hot loop of the search for missing effects: a
-prediction simulates hours of record, so derivatives are kept from step to step (chord method) or
-made for many parameters in one simulation, and priors with couplings enter the normal equations.
+`best_logarithms` searches the rates by lmfit; the linear parameters follow in closed form. Other
+hot loops have searches of their own: `exponentials` (one pass of a compiled kernel over a record)
+and `impedance.fit` (many starts in a compiled kernel).
 """
 
 from collections.abc import Callable
@@ -20,7 +23,7 @@ PASSES, WORTH = 5, 1e-6  # steps per parameter; least fall of the cost that free
 
 
 class Free(NamedTuple):
-    """A parameter that is fitted. step: for its derivative. prior, std: what is known beforehand.
+    """A fitted parameter. step: for its derivative. prior, std: mean and std of its prior.
 
     lower, upper: bounds, on which a step ends.
     """
@@ -34,14 +37,17 @@ class Free(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """predict : function (values) → (n,) prediction. measured : (n,). whiten : rows → rows.
+    """A least-squares problem: prediction, measurement, whitening, free parameters, priors.
+
+    predict : function (values) → (n,) prediction. measured : (n,). whiten : rows → rows.
 
     free : tuple of Free. coupling : (k, k) prior precision beyond that of the single parameters, or
     None, about zero. apart : function (values) → list of (names, owner): parameters without bounds
     and of one step that each move rows of their own, and for each row the number of that which
     moves it. Their derivatives are made together. None: there are none.
-    exact : each step is the exact minimum of its quadratic within the bounds (`within`), for
-    problems with bounds on most parameters; else what lies beyond a bound stays there (`clipped`).
+    exact : True: each step is the exact minimum of its quadratic within the bounds
+    (`bounded_minimum`), for problems with bounds on most parameters; False: a parameter that a step
+    takes beyond a bound stays on it (`clipped_minimum`).
     """
 
     predict: Callable
@@ -54,7 +60,7 @@ class Problem(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Most likely values, what is left, and the local shape of the cost.
+    """Most likely values, residual and the quadratic approximation of the cost about them.
 
     values : dict. prediction, residual : (n,). chi_square : of the whitened residual, without
     priors. cost : with them. columns : (n, k) derivatives at (or near) the solution, not whitened.
@@ -77,7 +83,7 @@ class Solution(NamedTuple):
 
 
 def fit(problem, values, *, columns=None, renew=(), steps=STEPS, settled=SETTLED):
-    """The most likely values of a problem, and the shape of its cost there.
+    """Most likely values of a problem by damped Gauss–Newton steps, and the curvature there.
 
     Parameters
     ----------
@@ -92,63 +98,68 @@ def fit(problem, values, *, columns=None, renew=(), steps=STEPS, settled=SETTLED
     solution : Solution.
     """
     prior, pull = priors(problem)
-    here, damping = _judged(problem, values, prior, pull), 1e-6
+    state, damping = _evaluated(problem, values, prior, pull), 1e-6
     chord = columns is not None
-    columns = columns if chord else derivatives(problem, here.values, here.prediction)
+    columns = columns if chord else derivatives(problem, state.values, state.prediction)
     white = problem.whiten(columns)
     for _ in range(steps):
         if chord and renew:
-            columns, white = _renewed(problem, here, columns, white, renew)
+            columns, white = _with_new_derivatives(problem, state, columns, white, renew)
         precision = white.T @ white + prior
-        at = np.array([here.values[f.name] for f in problem.free])
-        gradient = white.T @ here.whitened + pull - prior @ at
-        new, damping = _walked(problem, here, gradient, precision, prior, pull, damping)
-        fell, here = here.cost - new.cost, new
+        at = np.array([state.values[f.name] for f in problem.free])
+        gradient = white.T @ state.whitened + pull - prior @ at
+        next_state, damping = _damped_step(
+            problem, state, gradient, precision, prior, pull, damping
+        )
+        fell, state = state.cost - next_state.cost, next_state
         if fell < settled:
             break
         if not chord:
-            columns = derivatives(problem, here.values, here.prediction)
+            columns = derivatives(problem, state.values, state.prediction)
             white = problem.whiten(columns)
     free = [f for f in problem.free if f.lower < f.upper]
-    bound = tuple(f.name for f in free if here.values[f.name] in (f.lower, f.upper))
-    left = problem.measured - here.prediction
-    found = (here.values, here.prediction, left, here.chi_square, here.cost)
+    bound = tuple(f.name for f in free if state.values[f.name] in (f.lower, f.upper))
+    residual = problem.measured - state.prediction
+    outcome = (state.values, state.prediction, residual, state.chi_square, state.cost)
     names = tuple(f.name for f in problem.free)
     precision = white.T @ white + prior
-    return Solution(*found, columns, white, precision, bound, names, here.whitened)
+    return Solution(*outcome, columns, white, precision, bound, names, state.whitened)
 
 
 def derivatives(problem, values, prediction, names=None):
     """Derivatives (n, k) of the prediction by the free parameters, or by those named."""
     wanted = [free for free in problem.free if names is None or free.name in names]
-    found = _together(problem, values, prediction, wanted)
+    by_name = _together(problem, values, prediction, wanted)
     for free in wanted:
-        if free.name not in found:
-            found[free.name] = _derivative(problem, values, prediction, free)
-    return np.stack([found[free.name] for free in wanted], axis=1)
+        if free.name not in by_name:
+            by_name[free.name] = _derivative(problem, values, prediction, free)
+    return np.stack([by_name[free.name] for free in wanted], axis=1)
 
 
 def _together(problem, values, prediction, wanted):
-    """Derivatives by parameters that move different rows, a prediction for each set: by name."""
-    steps, found = {free.name: free.step for free in wanted}, {}
+    """Derivatives by parameters that move different rows, from one prediction a set: by name."""
+    steps, by_name = {free.name: free.step for free in wanted}, {}
     if problem.apart is None or len(wanted) < len(problem.free):
-        return found
+        return by_name
     for names, owner in problem.apart(values):
-        own = [name for name in names if name in steps]
-        moved = problem.predict(values | {name: values[name] + steps[name] for name in own})
-        for name in own:
+        moved_names = [name for name in names if name in steps]
+        moved = problem.predict(values | {name: values[name] + steps[name] for name in moved_names})
+        for name in moved_names:
             change = (moved - prediction) / steps[name]
-            found[name] = np.where(owner == names.index(name), change, 0.0)
-    return found
+            by_name[name] = np.where(owner == names.index(name), change, 0.0)
+    return by_name
 
 
 def _derivative(problem, values, prediction, free):
+    """Derivative (n,) of the prediction by one parameter, by a difference within its bounds."""
     step = free.step if values[free.name] + free.step <= free.upper else -free.step
     moved = problem.predict(values | {free.name: values[free.name] + step})
     return (moved - prediction) / step
 
 
-class _Here(NamedTuple):
+class _State(NamedTuple):
+    """Values of the search, their prediction, whitened residual, sum of its squares, and cost."""
+
     values: dict
     prediction: np.ndarray
     whitened: np.ndarray
@@ -156,12 +167,15 @@ class _Here(NamedTuple):
     cost: float
 
 
-def _judged(problem, values, prior, pull):
+def _evaluated(problem, values, prior, pull):
+    """State of the search at some values."""
     prediction = problem.predict(values)
     white = problem.whiten(problem.measured - prediction)
     square = float(white @ white)
     at = np.array([values[f.name] for f in problem.free])
-    return _Here(values, prediction, white, square, square + float(at @ prior @ at - 2 * pull @ at))
+    return _State(
+        values, prediction, white, square, square + float(at @ prior @ at - 2 * pull @ at)
+    )
 
 
 def priors(problem):
@@ -173,42 +187,43 @@ def priors(problem):
     return prior, weight * np.array([f.prior for f in problem.free])
 
 
-def _renewed(problem, here, columns, white, renew):
+def _with_new_derivatives(problem, state, columns, white, renew):
+    """Derivatives, plain and whitened, with those of the named parameters made anew."""
     at = [k for k, f in enumerate(problem.free) if f.name in renew]
     columns, white = columns.copy(), white.copy()
-    columns[:, at] = derivatives(problem, here.values, here.prediction, renew)
+    columns[:, at] = derivatives(problem, state.values, state.prediction, renew)
     white[:, at] = problem.whiten(columns[:, at])
     return columns, white
 
 
-def _walked(problem, here, gradient, precision, prior, pull, damping):
-    """One damped step that lowers the cost; where none does, the place stays."""
+def _damped_step(problem, state, gradient, precision, prior, pull, damping):
+    """State after a damped step that lowers the cost, and the damping; else the state as it was."""
     scale = np.diag(np.diag(precision) + TINY)
     names = [f.name for f in problem.free]
     lower = np.array([f.lower for f in problem.free])
     upper = np.array([f.upper for f in problem.free])
-    at = np.array([here.values[name] for name in names])
+    at = np.array([state.values[name] for name in names])
     for _ in range(5):
-        minimum = within if problem.exact else clipped
+        minimum = bounded_minimum if problem.exact else clipped_minimum
         move = minimum(precision + damping * scale, gradient, lower - at, upper - at)
         if not np.isfinite(move).all():
-            return here, damping
+            return state, damping
         # Snapped, for a bound that is missed by rounding is not seen as one.
         on = np.where(move <= lower - at, lower, np.where(move >= upper - at, upper, at + move))
-        values = here.values | dict(zip(names, on.tolist(), strict=True))
-        new = _judged(problem, values, prior, pull)
-        if np.isfinite(new.cost) and new.cost <= here.cost:
-            return new, max(damping / 10, 1e-9)
+        values = state.values | dict(zip(names, on.tolist(), strict=True))
+        trial = _evaluated(problem, values, prior, pull)
+        if np.isfinite(trial.cost) and trial.cost <= state.cost:
+            return trial, max(damping / 10, 1e-9)
         damping = max(damping * 30, 1e-4)
-    return here, damping
+    return state, damping
 
 
-def clipped(precision, moment, lower, upper):
-    """Least cost between bounds, nearly: what is held on a bound moves what is not, and stays.
+def clipped_minimum(precision, moment, lower, upper):
+    """Approximate minimum between bounds: what exceeds a bound is held there, the rest solved anew.
 
     Parameters
     ----------
-    precision, moment, lower, upper : as in `within`.
+    precision, moment, lower, upper : as in `bounded_minimum`.
 
     Returns
     -------
@@ -224,7 +239,7 @@ def clipped(precision, moment, lower, upper):
         x, held = np.clip(x, lower, upper), held | beyond
 
 
-def within(precision, moment, lower, upper, start=None):
+def bounded_minimum(precision, moment, lower, upper, start=None):
     """Minimum of x'Px/2 − m'x between bounds, by the primal active-set method.
 
     Parameters
@@ -258,7 +273,7 @@ def within(precision, moment, lower, upper, start=None):
 
 
 def _first_bound(x, way, lower, upper):
-    """Share of the way to the first bound, and whose it is; (1, None) where none is met."""
+    """Share of the step to the first bound and its index; (1, None) where no bound is met."""
     room = np.where(way > 0, upper - x, lower - x)
     shares = np.divide(room, way, out=np.full(len(x), np.inf), where=way != 0)
     first = int(np.argmin(shares))
@@ -266,7 +281,7 @@ def _first_bound(x, way, lower, upper):
 
 
 def _gain_of_release(precision, slope, x, held, lower, upper):
-    """Fall of the cost that releasing each parameter held on a bound promises."""
+    """Fall of the cost predicted for releasing each parameter that is held on a bound."""
     inward = ((x <= lower) & (slope < 0)) | ((x >= upper) & (slope > 0))
     return np.where(held & inward & (upper > lower), slope**2 / np.diag(precision), 0.0)
 
@@ -281,3 +296,43 @@ def stds(solution):
     scatter = max(solution.chi_square / len(solution.residual), 1.0)
     variance = np.diag(np.linalg.pinv(solution.precision)) * scatter
     return {n: float(np.sqrt(max(v, 0.0))) for n, v in zip(names, variance, strict=True)}
+
+
+def best_logarithms(residual, starts, *, bounds, scale=1.0):
+    """Logarithms of the rates that fit best, from several starts, by lmfit.
+
+    Only what a model is not linear in is searched, for at given rates the other parameters follow
+    from linear least squares (variable projection).
+
+    Parameters
+    ----------
+    residual : function (k,) logarithms → (n,) residual of the best linear parameters there.
+    starts : (s, k) logarithms to set out from; with k = 0 there is nothing to search.
+    bounds : (lowest, highest) of every logarithm.
+    scale : change of a logarithm that matters.
+
+    Returns
+    -------
+    logarithms : (k,) of the start that led to the least sum of squares.
+
+    Source: G. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; lmfit, method
+    "least_squares" (trust region reflective).
+    """
+    starts = np.asarray(starts, float)
+    if not starts.shape[1]:
+        return np.empty(0)
+    # Its import takes longer than most jobs' own: only who searches pays.
+    from lmfit import Minimizer, Parameters
+
+    def of_parameters(parameters):
+        return residual(np.array(list(parameters.valuesdict().values())))
+
+    fits = []
+    for start in starts:
+        parameters = Parameters()
+        for k, value in enumerate(start):
+            parameters.add(f"rate_{k}", value, min=bounds[0], max=bounds[1])
+        search = Minimizer(of_parameters, parameters, nan_policy="propagate", calc_covar=False)
+        fits.append(search.minimize(method="least_squares", x_scale=scale))
+    best = min(fits, key=lambda fit: fit.chisqr)
+    return np.array(list(best.params.valuesdict().values()))

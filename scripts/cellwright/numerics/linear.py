@@ -1,4 +1,6 @@
-"""Linear least squares of courses over SoC: hat functions, non-negative solve."""
+"""Linear least squares: piecewise linear columns, bounded solve, Savitzky-Golay filter."""
+
+from functools import lru_cache
 
 import numpy as np
 
@@ -6,7 +8,7 @@ from cellwright.refusal import Refusal
 
 
 def hats(soc, knots):
-    """Hat functions of a piecewise linear course over the knots, held flat outside: (n, k)."""
+    """Columns (n, k) of a piecewise linear function of SoC over the knots, constant beyond them."""
     return np.column_stack([np.interp(soc, knots, row) for row in np.eye(len(knots))])
 
 
@@ -14,7 +16,7 @@ ROUNDS = 30  # of the active set; it has always settled in fewer than ten
 
 
 def solve(gram, moment, signed, most=None):
-    """Least squares with non-negative resistances, from the normal equations.
+    """Least squares with non-negative parameters and upper bounds, from the normal equations.
 
     Parameters
     ----------
@@ -28,32 +30,32 @@ def solve(gram, moment, signed, most=None):
 
     Raises
     ------
-    Refusal : the data do not tell the parameters apart.
+    Refusal : the data do not determine the parameters (rank).
     """
-    found = _not_negative(gram, moment, signed)
-    if most is None or np.all(found <= most):
-        return found
-    return _bounded(gram, moment, signed, most, found)
+    parameters = _nonnegative(gram, moment, signed)
+    if most is None or np.all(parameters <= most):
+        return parameters
+    return _bounded(gram, moment, signed, most, parameters)
 
 
-def _bounded(gram, moment, signed, most, found):
-    """The same below upper bounds: what exceeds its bound is held there while it pushes on it."""
-    held = found > most
+def _bounded(gram, moment, signed, most, parameters):
+    """Solution below upper bounds by an active set: who exceeds its bound is held on it."""
+    held = parameters > most
     for _ in range(ROUNDS):
         free = ~held
         rest = moment[free] - gram[np.ix_(free, held)] @ most[held]
-        found = np.where(held, most, 0.0)
-        found[free] = _not_negative(gram[np.ix_(free, free)], rest, signed)
-        pull = gram @ found - moment
-        wrong = (held & (pull > 0)) | (free & (found > most))
+        parameters = np.where(held, most, 0.0)
+        parameters[free] = _nonnegative(gram[np.ix_(free, free)], rest, signed)
+        pull = gram @ parameters - moment
+        wrong = (held & (pull > 0)) | (free & (parameters > most))
         if not wrong.any():
-            return found
+            return parameters
         held = held ^ wrong
     return _by_scipy(gram, moment, signed, most)
 
 
 def _by_scipy(gram, moment, signed, most):
-    """The same by scipy's bounded solver, where the active set repeats itself without end."""
+    """Solution by scipy's bounded solver, for an active set that does not settle."""
     from scipy.optimize import lsq_linear
 
     factor = np.linalg.cholesky(gram)
@@ -61,8 +63,8 @@ def _by_scipy(gram, moment, signed, most):
     return lsq_linear(factor.T, np.linalg.solve(factor, moment), bounds=(least, most)).x
 
 
-def _not_negative(gram, moment, signed):
-    """Least squares with parameters of which only the leading ones may be negative."""
+def _nonnegative(gram, moment, signed):
+    """Least squares in which only the leading parameters may be negative."""
     from scipy.optimize import nnls
 
     scale = np.sqrt(np.diag(gram))
@@ -73,23 +75,35 @@ def _not_negative(gram, moment, signed):
         raise Refusal("the load does not tell OCV, resistance and relaxation apart (rank)")
     factor = np.linalg.cholesky(unit)
     both = np.hstack([factor.T, -factor.T[:, :signed]])
-    found = nnls(both, np.linalg.solve(factor, moment / scale))[0]
-    found[:signed] -= found[len(scale) :]
-    return found[: len(scale)] / scale
+    solution = nnls(both, np.linalg.solve(factor, moment / scale))[0]
+    solution[:signed] -= solution[len(scale) :]
+    return solution[: len(scale)] / scale
 
 
-def correlation_factor(residual):
-    """By how much the variance of a mean grows because neighbouring residuals agree.
+SAVITZKY_GOLAY_ORDER = 5
 
-    1 + 2·Σ of the autocorrelation up to its first zero crossing; 1 for white noise. A model's
-    errors are never white, and without this factor the error bars would be far too small.
 
-    Source: Geyer, Statistical Science 7 (1992) 473, initial positive sequence, simplified.
+def savitzky_golay_weights(half, width, derivative):
+    """Weights of the 2·half + 1 points about a point for a derivative of the local polynomial.
+
+    Own code, for the import of scipy.signal takes longer than a job.
+
+    Parameters
+    ----------
+    half : points to either side. width : distance of the points, in any unit.
+    derivative : 0 smooths, 1 gives the slope.
+
+    Returns
+    -------
+    weights : (2·half + 1,).
+
+    Source: Savitzky & Golay, Anal. Chem. 36 (1964) 1627; least squares by the pseudo-inverse.
     """
-    centred = residual - residual.mean()
-    power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
-    auto = np.fft.irfft(power)[: len(centred)]
-    if auto[0] <= 0:
-        return 1.0
-    crossing = np.argmax(auto <= 0) or len(auto)
-    return float(1.0 + 2.0 * auto[1:crossing].sum() / auto[0])
+    return _polynomial_weights(half)[derivative] / (half * width) ** derivative
+
+
+@lru_cache(maxsize=64)
+def _polynomial_weights(half):
+    """Polynomial coefficients from the values at 2·half + 1 points: (order + 1, 2·half + 1)."""
+    powers = (np.arange(-half, half + 1) / half)[:, None] ** np.arange(SAVITZKY_GOLAY_ORDER + 1)
+    return np.linalg.pinv(powers)

@@ -1,14 +1,15 @@
-"""Straight lines and other sums of known columns, by least squares: one result, three noises.
+"""Weighted linear least squares for three kinds of errors, and the Arrhenius law as such a line.
 
 `fit_line`: independent errors, stated or not, with scatter beyond them. `generalised_line`: errors
-of a known covariance. `coloured_line`: errors that neighbours in time share.
+of a known covariance. `coloured_line`: errors correlated in time. `fit_arrhenius`: ln(value) over
+1/T by `fit_line`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.uncertainty import (
+from cellwright.numerics.statistics import (
     covariance_from_jacobian,
     standard_deviations,
     t_interval,
@@ -18,14 +19,14 @@ HALVINGS = 60  # of the interval in which the excess scatter is sought: to the l
 
 
 class Line(NamedTuple):
-    """Coefficients of p columns by linear least squares; what a fit does not give is NaN.
+    """Coefficients of linear least squares with their errors; what a fit does not give is NaN.
 
     values, std : (p,) estimates and standard deviations; the latter NaN where not known.
     degrees_of_freedom : n − p.
     excess_std : of `fit_line`: scatter of the points beyond their own standard deviations, in the
-    unit of the target; NaN where no degree of freedom is left to tell.
+    unit of the target; NaN where there is no degree of freedom.
     reduced_chi_square : of `generalised_line`: squared residual over what the covariance lets
-    expect; 1 where nothing is left to tell it from.
+    expect; 1 where there is no degree of freedom.
     correlation, log_likelihood : of `coloured_line`: mean correlation of the noise over one typical
     interval [1]; at the best correlation, for comparing sets of columns.
     """
@@ -44,7 +45,7 @@ class Line(NamedTuple):
 
 
 def fit_line(columns, target, target_std=None):
-    """Weighted linear least squares with the scatter beyond the stated errors estimated.
+    """Weighted linear least squares, with scatter beyond the stated errors estimated and added.
 
     Each point is weighted by 1/(its variance + s²). The excess scatter s (a chamber that is some
     tenths of a kelvin off, a cell that has not settled) is the one at which the weighted squares
@@ -80,7 +81,7 @@ def fit_line(columns, target, target_std=None):
 
 
 def residuals(columns, target):
-    """What ordinary least squares on the columns leaves of a target.
+    """Residuals of ordinary least squares of a target on columns, in the unit of the target.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def residuals(columns, target):
 
 
 def _weighted(columns, target, variance):
-    """Solution, weighted residual and weighted design; points without any error weigh the same."""
+    """Solution, weighted residual and weighted design; all weights are 1 where a variance is 0."""
     root = 1 / np.sqrt(variance) if (variance > 0).all() else np.ones(len(target))
     scaled = columns * root[:, None]
     values = np.linalg.lstsq(scaled, target * root, rcond=None)[0]
@@ -98,7 +99,7 @@ def _weighted(columns, target, variance):
 
 
 def _excess_variance(columns, target, variance, degrees):
-    """s² by bisection between none and all of the unweighted scatter."""
+    """Excess variance s² at which the weighted squares sum to the degrees of freedom."""
     _, plain, _ = _weighted(columns, target, np.zeros(len(target)))
     low, high = 0.0, plain @ plain / max(degrees, 1)
     if degrees < 1 or high == 0:
@@ -115,13 +116,14 @@ def _excess_variance(columns, target, variance, degrees):
 
 
 def _squares(columns, target, variance):
+    """Sum of weighted squared residuals; infinite where a variance is 0."""
     if not (variance > 0).all():
         return np.inf
     return float(np.sum(_weighted(columns, target, variance)[1] ** 2))
 
 
 def generalised_line(columns, target, covariance):
-    """Least squares of a target whose errors have a known covariance.
+    """Generalised least squares: a target whose errors have a known covariance.
 
     Parameters
     ----------
@@ -143,14 +145,14 @@ def generalised_line(columns, target, covariance):
     return Line(values, std, degrees, reduced_chi_square=float(chi_square))
 
 
-# Correlation over one typical interval. Uncorrelated first; 0.95 is hard to tell from a trend.
+# Correlations over one typical interval that are tried; above 0.95 noise resembles a trend.
 CORRELATIONS = np.concatenate([[0.0], np.linspace(0.05, 0.95, 19)])
 
 
 # ASSUME: What neighbouring cycles have in common beyond fade and temperature forgets itself
 # exponentially with time (Ornstein-Uhlenbeck noise).
 def coloured_line(columns, target, place):
-    """Generalised least squares with exponentially correlated noise of unknown memory.
+    """Generalised least squares with exponentially correlated noise of unknown correlation.
 
     The residual likelihood (REML) of each correlation weighs its solution; the variance is the
     mean of theirs plus the spread between them, so that not knowing the memory widens it.
@@ -170,7 +172,9 @@ def coloured_line(columns, target, place):
     if rows <= count:
         unknown = np.full(count, np.nan)
         return Line(unknown, unknown, rows - count)
-    fits = zip(*(_at(columns, target, place, one) for one in CORRELATIONS), strict=True)
+    fits = zip(
+        *(_fit_at(columns, target, place, correlation) for correlation in CORRELATIONS), strict=True
+    )
     values, variances, restricted, likelihood = map(np.array, fits)
     weight = np.exp(restricted - restricted.max())
     weight /= weight.sum()
@@ -186,7 +190,7 @@ def coloured_line(columns, target, place):
 
 
 def whitened(values, place, correlation):
-    """Rows (n, …) made independent, and the logarithm of the product of what divided them.
+    """Rows (n, …) with the correlation of neighbours removed, and Σ ln of what divided them.
 
     Parameters
     ----------
@@ -194,15 +198,15 @@ def whitened(values, place, correlation):
     """
     if correlation == 0:
         return values, 0.0
-    kept = correlation ** np.diff(place)
-    own = np.sqrt(1 - kept**2)
+    carried = correlation ** np.diff(place)
+    innovation = np.sqrt(1 - carried**2)
     shape = (-1, *[1] * (values.ndim - 1))
-    later = (values[1:] - kept.reshape(shape) * values[:-1]) / own.reshape(shape)
-    return np.concatenate([values[:1], later]), float(np.log(own).sum())
+    later = (values[1:] - carried.reshape(shape) * values[:-1]) / innovation.reshape(shape)
+    return np.concatenate([values[:1], later]), float(np.log(innovation).sum())
 
 
-def _at(columns, target, place, correlation):
-    """Values, variances, residual (REML) and plain log-likelihood at one memory."""
+def _fit_at(columns, target, place, correlation):
+    """Values, variances, residual (REML) and plain log-likelihood at one correlation."""
     design, logarithm = whitened(columns, place, correlation)
     seen, _ = whitened(target, place, correlation)
     orthogonal, triangle = np.linalg.qr(design)
@@ -215,3 +219,55 @@ def _at(columns, target, place, correlation):
     restricted = -0.5 * (rows - count) * np.log(variance) - logarithm - spread
     plain = -0.5 * rows * np.log(squares / rows) - logarithm
     return values, variance * np.sum(inverse**2, axis=1), restricted, plain
+
+
+GAS_CONSTANT = 8.314462618  # J/(mol K)
+ZERO_CELSIUS_KELVIN = 273.15
+REFERENCE_KELVIN = 298.15
+
+
+def inverse_temperature(celsius):
+    """(1/T − 1/298.15 K)/R [mol/J], the axis on which the log of an Arrhenius law is a line.
+
+    Parameters
+    ----------
+    celsius : scalar or (n,) [°C].
+    """
+    kelvin = np.asarray(celsius, float) + ZERO_CELSIUS_KELVIN
+    return (1 / kelvin - 1 / REFERENCE_KELVIN) / GAS_CONSTANT
+
+
+def arrhenius_law(temperature_celsius, value_at_25_celsius, activation_energy_joule_per_mole):
+    """Value of an Arrhenius law: value at 25 °C times exp(Ea/R (1/T − 1/298.15 K)).
+
+    Parameters
+    ----------
+    temperature_celsius : scalar or (n,) [°C].
+    value_at_25_celsius, activation_energy_joule_per_mole : [any unit], [J/mol].
+    """
+    return value_at_25_celsius * np.exp(
+        activation_energy_joule_per_mole * inverse_temperature(temperature_celsius)
+    )
+
+
+def fit_arrhenius(temperature_celsius, value, value_std=None):
+    """Arrhenius law as a weighted line of ln(value) over 1/T.
+
+    Parameters
+    ----------
+    temperature_celsius, value : (n,) [°C], [any unit], positive.
+    value_std : (n,) standard deviation of each value in its unit, or None.
+
+    Returns
+    -------
+    line : `lines.Line` of ln(value at 25 °C) and the activation energy [J/mol]. Its errors are
+        those of `lines.fit_line`: the stated ones with the scatter that is found beyond them;
+        without stated ones the scatter about the line alone.
+
+    Source: thesis (3.7).
+    """
+    columns = np.stack(
+        [np.ones(len(temperature_celsius)), inverse_temperature(temperature_celsius)], axis=1
+    )
+    relative = None if value_std is None else value_std / value
+    return fit_line(columns, np.log(value), relative)

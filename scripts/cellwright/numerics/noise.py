@@ -1,4 +1,4 @@
-"""Noise of a voltage record: white noise beside a slow Ornstein-Uhlenbeck process, and whitening.
+"""Noise of a voltage record: white noise plus a slow Ornstein-Uhlenbeck process, and whitening.
 
 Residuals of a record are correlated over minutes; a test that takes them for independent finds an
 effect in every healthy cell. A scalar Kalman filter turns them into independent ones in one pass,
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.native import array, count, function, real
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 
 RATIOS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # variance of the slow part over the white one's
 TIMES_SECOND = (30.0, 100.0, 300.0)
@@ -20,7 +20,10 @@ LEAST_ROWS = 100  # from which the white part is read
 
 
 class Noise(NamedTuple):
-    """white_volt, slow_volt : standard deviations [V]; slow_second : time constant of the slow."""
+    """White noise and slow Ornstein-Uhlenbeck noise of a voltage record.
+
+    white_volt, slow_volt : standard deviations [V]; slow_second : time constant of the slow [s].
+    """
 
     white_volt: float
     slow_volt: float
@@ -36,7 +39,7 @@ FIRST = Noise(2e-3, 1e-3, 200.0)  # of a usual cycler: what a search begins with
 
 
 class Whitening(NamedTuple):
-    """Gains of the filter for one stack of records; `apply` makes rows independent, of unit size.
+    """Filter gains for a stack of records; `apply` makes rows independent and of unit variance.
 
     keep, gain, scale : (n,) each.
     log_variance : sum of the logarithms of the innovations' variance.
@@ -62,7 +65,7 @@ class Whitening(NamedTuple):
 
 
 def whitening(noise, stack, *, extra_volt=0.0):
-    """Whitening of residuals over a stack of records.
+    """Filter gains that whiten residuals over a stack of records.
 
     Parameters
     ----------
@@ -85,7 +88,7 @@ def whitening(noise, stack, *, extra_volt=0.0):
     return Whitening(keep, gain, scale)
 
 
-def estimated(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_volt=0.0):
+def estimate_noise(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_volt=0.0):
     """Most likely noise of residuals, its slow part within limits.
 
     The slow part must not grow until it holds a slow effect: hence the limits.
@@ -103,25 +106,22 @@ def estimated(residual_volt, stack, *, most_slow_volt, most_slow_second, extra_v
     """
     size = max(_robust(residual_volt), SMALLEST_VOLT)
     best, cost = Noise(size, 0.0, TIMES_SECOND[0]), np.inf
-    for ratio, second in _shapes(most_slow_second):
+    times = [t for t in TIMES_SECOND if t <= most_slow_second]
+    # Without a slow part one time constant is enough.
+    shapes = [(ratio, t) for ratio in RATIOS for t in (times if ratio else times[:1])]
+    for ratio, second in shapes:
         tried = Noise(size, size * np.sqrt(ratio), second)
         for _ in range(2):
-            tried = _grown(tried, residual_volt, stack, extra_volt, most_slow_volt)
+            tried = _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt)
         w = whitening(tried, stack, extra_volt=extra_volt)
-        here = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
-        if here < cost:
-            best, cost = tried, here
+        trial_cost = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
+        if trial_cost < cost:
+            best, cost = tried, trial_cost
     return best
 
 
-def _shapes(most_slow_second):
-    """Shares of the slow part and its time constants that are tried; without it one is enough."""
-    times = [t for t in TIMES_SECOND if t <= most_slow_second]
-    return [(r, t) for r in RATIOS for t in (times if r else times[:1])]
-
-
-def _grown(tried, residual_volt, stack, extra_volt, most_slow_volt):
-    """The same noise, as large as the residual says."""
+def _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt):
+    """Noise of the same shape, scaled so that the whitened residual has unit variance."""
     w = whitening(tried, stack, extra_volt=extra_volt)
     factor = max(rms(w.apply(residual_volt)), 1e-3)
     slow = min(tried.slow_volt * factor, most_slow_volt)
@@ -129,7 +129,7 @@ def _grown(tried, residual_volt, stack, extra_volt, most_slow_volt):
 
 
 def read_volt(residual_volt, stack, *, steady_ampere):
-    """White part of the noise from neighbouring rows of steady current, whatever a model lacks.
+    """White noise [V] from differences of neighbouring rows at steady current.
 
     Parameters
     ----------
@@ -149,12 +149,13 @@ def read_volt(residual_volt, stack, *, steady_ampere):
 
 
 def _robust(values):
-    """Standard deviation by the median of absolute deviations: a few bad rows count little."""
+    """Standard deviation by the median of absolute deviations: few outliers change it little."""
     middle = np.median(values)
     return 1.4826 * float(np.median(np.abs(values - middle)))
 
 
 def _gains(keep, white, slow, gain, scale):
+    """Kalman gains and scales of every row; fills the last two arrays."""
     variance = slow
     for k in range(len(keep)):
         prior = keep[k] ** 2 * variance + (1.0 - keep[k] ** 2) * slow
@@ -164,6 +165,7 @@ def _gains(keep, white, slow, gain, scale):
 
 
 def _whitened(matrix, keep, gain, scale):
+    """Whitened rows, in place, where the compiled kernel is not there."""
     state = np.zeros(matrix.shape[1:])
     for k in range(len(matrix)):
         expected = keep[k] * state

@@ -1,4 +1,4 @@
-"""A period in a series on uneven times, beside a trend and correlated noise."""
+"""Periodogram and daily cycle of a series on uneven times, with a trend and correlated noise."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ POINTS_OF_A_DAY = 3.0
 
 
 class Period(NamedTuple):
-    """The periodogram, its best period, and the cycle of 24 h.
+    """Periodogram, its best period, and the amplitude and phase of the cycle of 24 h.
 
     period_hour, power : (k,) periods looked at, and twice the gain of log-likelihood of a sine of
     that period. best_period_hour, false_alarm : the highest, and the share of series without any
@@ -35,7 +35,7 @@ class Period(NamedTuple):
 
 
 def periods(hour, values, trend, *, seed=0):
-    """Least-squares periodogram with the trend fitted along, against simulated coloured noise.
+    """Least-squares periodogram with a trend fitted along, tested against simulated coloured noise.
 
     Sine and cosine of each period join the columns of the trend (the floating trend of the
     generalised Lomb–Scargle periodogram); noise is exponentially correlated, its memory fitted
@@ -82,6 +82,7 @@ def periods(hour, values, trend, *, seed=0):
 
 
 def _reason(count, span, spacing, trend):
+    """Why no daily cycle can be determined; "" where it can."""
     if span < LEAST_DAYS * DAY_HOUR:
         return f"the record spans {span:.0f} h; a daily cycle needs two days"
     if spacing > DAY_HOUR / POINTS_OF_A_DAY:
@@ -92,7 +93,7 @@ def _reason(count, span, spacing, trend):
 
 
 def _noise(values, trend, place, seed):
-    """Series without a period, with the memory that the values have once the trend is out."""
+    """Simulated series without a period, with the correlation of the values about their trend."""
     # The residual likelihood's: the plain one takes a memory for part of the trend.
     memory = coloured_line(trend, values, place).correlation
     draws = np.random.default_rng(seed).standard_normal((len(place), SIMULATIONS))
@@ -102,9 +103,10 @@ def _noise(values, trend, place, seed):
     return draws
 
 
-def _without(series, trend, place, correlation):
-    """Log-likelihood of each of the series (n, m) with the trend alone, at one memory, with what
-    it takes to add a sine: the whitened rest, its squares, the trend's basis, the constant."""
+def _trend_removed(series, trend, place, correlation):
+    """Log-likelihood of each series (n, m) with the trend alone, at one correlation, and its parts:
+    the whitened residual, its squares, the basis of the trend, the constant.
+    """
     design, logarithm = whitened(trend, place, correlation)
     seen, _ = whitened(series, place, correlation)
     basis = np.linalg.qr(design)[0]
@@ -114,6 +116,7 @@ def _without(series, trend, place, correlation):
 
 
 def _likelihood(squares, count, logarithm):
+    """Log-likelihood from sums of squares, the variance at its best value."""
     return -0.5 * count * np.log(np.maximum(squares, np.finfo(float).tiny)) - logarithm
 
 
@@ -123,7 +126,7 @@ def _gains(series, trend, place, hour, frequency):
     waves = np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
     plain, with_sine = [], []
     for correlation in CORRELATIONS:
-        likely, rest, squares, basis, logarithm = _without(series, trend, place, correlation)
+        likely, rest, squares, basis, logarithm = _trend_removed(series, trend, place, correlation)
         seen, _ = whitened(waves, place, correlation)
         cosine, sine = np.split(seen - basis @ (basis.T @ seen), 2, axis=1)
         cosine /= np.linalg.norm(cosine, axis=0)
@@ -135,9 +138,9 @@ def _gains(series, trend, place, hour, frequency):
     return 2 * (np.max(with_sine, axis=0) - np.max(plain, axis=0))
 
 
-def _share(noise, found):
-    """Share of the noise that does as well; the value itself counts as one more draw."""
-    return float((1 + np.sum(noise >= found)) / (1 + len(noise)))
+def _share(noise, value):
+    """False-alarm probability: share of simulated noise that reaches the value."""
+    return float((1 + np.sum(noise >= value)) / (1 + len(noise)))
 
 
 def daily_sine(values, trend, place, hour):

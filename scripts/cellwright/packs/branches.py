@@ -11,7 +11,7 @@ import numpy as np
 
 from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 from cellwright.packs.parallel import Group
 from cellwright.refusal import Refusal
 

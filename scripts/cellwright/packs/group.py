@@ -7,7 +7,7 @@ import numpy as np
 
 from cellwright.circuits.model_file import plain_member
 from cellwright.identification.cell import SCHEMA
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 from cellwright.packs.branches import identify_branches, rest_offset
 from cellwright.packs.parallel import group_of, simulate_parallel
 from cellwright.records.basis import REFERENCE_CELSIUS

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.native import array, count, function
-from cellwright.numerics.savitzky_golay import ORDER, weights
+from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
 from cellwright.refusal import Refusal
 from cellwright.settings import Ica
 
@@ -113,7 +113,7 @@ def peaks(curve, *, prominence=ICA.prominence, noise_factor=5.0):
     """
     height = curve.dq_dv_ampere_hour_per_volt
     half = round(curve.smooth_volt / curve.bin_volt) // 2
-    slope = weights(half, curve.bin_volt, 1)
+    slope = savitzky_golay_weights(half, curve.bin_volt, 1)
     rows = np.maximum(height * curve.bin_volt * curve.rows_per_ampere_hour, 1.0)
     noise = np.maximum(height, 0) * curve.scatter_volt / np.sqrt(rows)
     threshold = np.maximum(prominence * height.max(), noise_factor * noise * np.linalg.norm(slope))
@@ -252,16 +252,16 @@ def incremental_capacity(
     density = 0.8 * len(voltage) / typical
     quiet = _quiet_window(levels.scatter_volt, density, slope_noise)
     window = max(min(smooth_volt, densest_share * densest), quiet)
-    finest = max(min(bin_volt, window / (2 * ORDER + 1)), 2 / density)
+    finest = max(min(bin_volt, window / (2 * SAVITZKY_GOLAY_ORDER + 1)), 2 / density)
     width = _whole_steps(levels, finest)
-    half = max(round(window / width / 2), ORDER)
+    half = max(round(window / width / 2), SAVITZKY_GOLAY_ORDER)
     grid, mean_charge = _binned(levels, width)
     if len(grid) < 4 * half:
         raise Refusal(
             f"voltage spans {1e3 * np.ptp(levels.volt):.3g} mV in the charge; at least "
             f"{4e3 * half * width:.3g} mV are needed at this noise and sampling"
         )
-    filters = (weights(half, width, derivative)[::-1] for derivative in (0, 1))
+    filters = (savitzky_golay_weights(half, width, derivative)[::-1] for derivative in (0, 1))
     smooth, slope = (np.convolve(mean_charge, filter_, "valid") for filter_ in filters)
     removed = (mean_charge[half:-half] - smooth) / np.maximum(slope, slope.max() / 100)
     rows_per_ampere_hour = len(voltage) / (rising[-1] - rising[0])
@@ -326,7 +326,7 @@ def _quiet_window(scatter, density, slope_noise):
     The noise falls with the window's width to the power 1.5.
     """
     half = 20
-    constant = np.linalg.norm(weights(half, 1 / half, 1)) * np.sqrt(half)
+    constant = np.linalg.norm(savitzky_golay_weights(half, 1 / half, 1)) * np.sqrt(half)
     return 2 * (constant * scatter / (slope_noise * np.sqrt(density))) ** (2 / 3)
 
 

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.exponentials import NOT_TOLD, Normal, best_of_grid, levenberg
-from cellwright.numerics.uncertainty import is_white, parameter_covariance
+from cellwright.numerics.exponentials import UNDETERMINED, Normal, best_of_grid, levenberg
+from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
 
 FEWEST = 8  # samples of a rest
@@ -145,7 +145,7 @@ def _lost(linear, tau, std, limits):
     names = [f"amplitude{j + 1}_volt" for j in range(len(tau))]
     names += [f"tau{j + 1}_second" for j in range(len(tau))]
     values = np.concatenate([linear[1:], tau])
-    vague = ~(std[1:] <= NOT_TOLD * np.abs(values))
+    vague = ~(std[1:] <= UNDETERMINED * np.abs(values))
     reasons = [f"{name} is not told" for name, lost in zip(names, vague, strict=True) if lost]
     if tau[-1] >= limits[1] * (1 - 1e-6):
         reasons.insert(0, f"tau{len(tau)}_second is longer than the rest tells, {limits[1]:.3g} s")

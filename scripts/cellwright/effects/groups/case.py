@@ -19,13 +19,13 @@ from cellwright.effects.groups.model import (
     group_names,
     group_run,
 )
-from cellwright.effects.judge import rms
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.effects.screen import Score, candidates
 from cellwright.effects.search import State, frees_of
 from cellwright.numerics import noise
-from cellwright.numerics.least_squares import Problem, priors, within
+from cellwright.numerics.least_squares import Problem, bounded_minimum, priors
+from cellwright.numerics.statistics import rms
 
 READ_VOLT = 2e-3  # of a single reading at rest
 PASSES = 2
@@ -230,7 +230,7 @@ def _bounded_scores(case, problem, solution, lined_up):
     at = np.array([solution.values[name] for name in names])
     residual = problem.whiten(solution.residual)
     moment = solution.white.T @ residual + pull + (solution.precision - prior) @ at
-    healthy = within(solution.precision, moment, *_limits(problem.free), at)
+    healthy = bounded_minimum(solution.precision, moment, *_limits(problem.free), at)
     without = 0.5 * healthy @ solution.precision @ healthy - moment @ healthy
     scores = []
     for candidate in lined_up:
@@ -239,7 +239,7 @@ def _bounded_scores(case, problem, solution, lined_up):
         precision = np.block([[solution.precision, mixed[:, None]], [mixed[None], own @ own]])
         moments = np.append(moment, own @ residual + mixed @ at)
         limits = _limits(case.with_effect(problem.free, effect))
-        x = within(precision, moments, *limits, np.append(healthy, 0.0))
+        x = bounded_minimum(precision, moments, *limits, np.append(healthy, 0.0))
         fall = 2 * (without - (0.5 * x @ precision @ x - moments @ x))
         values = solution.values | dict(zip((*names, *effect.names), x.tolist(), strict=True))
         information = own @ own - mixed @ np.linalg.solve(solution.precision, mixed)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 MOST_BRANCHES = 64
@@ -108,7 +109,7 @@ def _check_sum(record, branches):
     if own.shape != (len(record.test_time_second), branches):
         raise Refusal(f"{record.test}: branch currents {own.shape} of {branches} branches")
     total = record.current_ampere
-    miss, size = (np.sqrt(np.mean(np.square(x))) for x in (own.sum(axis=1) - total, total))
+    miss, size = (rms(x) for x in (own.sum(axis=1) - total, total))
     if miss > ADDS_UP * size:
         raise Refusal(
             f"{record.test}: the branch currents miss the total by {miss:.3g} A (root mean square) "

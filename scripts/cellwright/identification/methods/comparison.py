@@ -15,7 +15,7 @@ from cellwright.identification.methods.profile import profile_interval
 from cellwright.identification.methods.pulse import fit_circuit, names_of
 from cellwright.identification.methods.pulse_records import pulse_records
 from cellwright.identification.methods.with_lmfit import fit_by_lmfit, lmfit_parameters
-from cellwright.numerics.uncertainty import delta_method
+from cellwright.numerics.statistics import delta_method, rms
 from cellwright.protocols.relaxation import fit_relaxation
 from cellwright.refusal import Refusal
 
@@ -344,7 +344,7 @@ def _quality(record, values, pulse):
     error = simulate(circuit, time, current, ocv, hold=HOLD) - voltage
     moved = (ocv[record.edge] - ocv[0]) / record.level_ampere
     return {
-        "rmse_volt": float(np.sqrt(np.mean(error[1:] ** 2))),
+        "rmse_volt": rms(error[1:]),
         "pulse_resistance_ohm": float(values[0] + r @ -np.expm1(-pulse / tau) + moved),
     }
 

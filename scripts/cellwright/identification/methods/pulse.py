@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.exponentials import (
-    MOST,
+    MOST_PASSES,
     Load,
     Projected,
     coarse_start,
@@ -19,7 +19,7 @@ from cellwright.numerics.exponentials import (
     verdict,
 )
 from cellwright.numerics.lags import HOLDS
-from cellwright.numerics.uncertainty import is_white, parameter_covariance
+from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
 
 OFFSET, SLOPE = "ocv_offset_volt", "ocv_slope_volt_per_ampere_hour"
@@ -188,7 +188,7 @@ def fit_circuit(
     std = np.sqrt(np.diag(covariance))
     certain = np.where(std > 0, std, np.nan)
     said = [verdict(names, values, covariance, lower, upper)]
-    said += ["the search has not arrived at an optimum"] * (passes >= MOST)
+    said += ["the search has not arrived at an optimum"] * (passes >= MOST_PASSES)
     return CircuitFit(
         names=names,
         values=values,

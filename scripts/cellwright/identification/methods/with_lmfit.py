@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.circuits.circuit import KINDS, Branch, kind_of
 from cellwright.circuits.simulate import sensitivities, simulate
-from cellwright.numerics.uncertainty import is_white, parameter_covariance
+from cellwright.numerics.statistics import is_white, parameter_covariance
 from cellwright.refusal import Refusal
 
 POSITIVE = ("r", "tau", "charge", "scale")  # first words of parameters that start at zero

@@ -1,21 +1,252 @@
-"""The entropic coefficient dOCV/dT over the state of charge, with sign, interval and linearity."""
+"""Open-circuit voltage read at several temperatures, and the entropic coefficient dOCV/dT from it.
+
+Readings come from slow tests at several temperatures, or from rests in a chamber that steps its
+temperature; both have the same shape. The coefficient is fitted at every state of charge.
+"""
 
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.ocv.readings import LEAST_TEMPERATURES
+from cellwright.laws.points import first_check_up
 from cellwright.numerics.lines import generalised_line
+from cellwright.refusal import Refusal
 from cellwright.settings import OcvTemperature
 
 OCV_TEMPERATURE = OcvTemperature()
+
+LEAST_TEMPERATURES = 3
+COMPLETED = "equilibrium"
+# ASSUME: By which share of the gap the OCV is off its reading is the same at all temperatures but
+# for a tenth of what it can be (where the likelihood of A123's five slow tests is highest); where
+# overpotential exceeds the thermal voltage, kinetics are not linear, and that part grows with it.
+INDEPENDENT_SHARE = 0.1
+THERMAL_VOLT = 0.025
+
+
+class Readings(NamedTuple):
+    """Open-circuit voltages of one source at m states of charge and k temperatures [V], NaN: none.
+
+    source : "slow" or "steps". soc : (m,) [1]. celsius, ocv_volt : (m, k) [degC], [V]. std_volt :
+    (m, k) what scatters on its own. common_volt : (m, k) an error that all temperatures of one
+    state of charge share, as long as it grows over temperature: known up to one factor, which lies
+    about zero with a standard deviation of one [V]. tests : (k,) names. notes : sentences.
+    """
+
+    source: str
+    soc: np.ndarray
+    celsius: np.ndarray
+    ocv_volt: np.ndarray
+    std_volt: np.ndarray
+    common_volt: np.ndarray
+    tests: tuple
+    notes: tuple
+
+
+def slow_readings(
+    curves,
+    *,
+    voltage_std_volt=OCV_TEMPERATURE.voltage_std_volt,
+    reference_celsius=OCV_TEMPERATURE.reference_celsius,
+):
+    """Readings of slow tests at several temperatures, compared at equal charge below full.
+
+    1. Tests that completed both branches at room temperature keep the SoC of their own
+    ampere-hours. Of others the remainder is still in the cell: their SoC is counted down from full
+    over the capacity of the test nearest `reference_celsius`. 2. What the two directions differ in
+    ampere-hours makes the SoC uncertain by half of it, and through the slope the voltage. 3. The
+    OCV lies between the branches, so half the gap bounds its error. What of the gap all
+    temperatures have in common (hysteresis) falls out of differences; what grows in the cold is the
+    overpotential that may pass for entropy: the common error, taken as rectangular. A tenth of it
+    (more beyond the thermal voltage) varies from temperature to temperature besides.
+
+    Parameters
+    ----------
+    curves : list of dict, one a test: test, cycle, ambient_temperature_celsius, soc, ocv_volt,
+        half_gap_volt, branches, joined_by, capacity_ampere_hour, charge_capacity_ampere_hour.
+    voltage_std_volt : how well voltages of tests weeks apart compare [V].
+    reference_celsius : temperature of the capacity that SoC refers to [degC].
+
+    Returns
+    -------
+    readings : Readings with source "slow".
+
+    Raises
+    ------
+    Refusal : fewer than three temperatures with both branches; tests with one are named, for of
+        them nobody can tell the overpotential from the entropy.
+    """
+    ordered = sorted(first_check_up(curves), key=lambda curve: curve["ambient_temperature_celsius"])
+    both = [curve for curve in ordered if curve["branches"] == "both"]
+    notes = [_one_branch(curve) for curve in ordered if curve["branches"] != "both"]
+    count = len({curve["ambient_temperature_celsius"] for curve in both})
+    if count < LEAST_TEMPERATURES:
+        shortage = (
+            f"slow tests with both branches at {count} temperature(s), {LEAST_TEMPERATURES} wanted"
+        )
+        raise Refusal("; ".join([shortage, *notes]))
+    reference = min(both, key=lambda c: abs(c["ambient_temperature_celsius"] - reference_celsius))
+    columns = [_at_reference_soc(curve, reference) for curve in both]
+    volt, gap, soc_volt = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
+    extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
+    common = extra / np.sqrt(3)
+    scatter = INDEPENDENT_SHARE * common * np.maximum(common / THERMAL_VOLT, 1.0)
+    celsius = np.array([curve["ambient_temperature_celsius"] for curve in both], float)
+    return Readings(
+        source="slow",
+        soc=np.asarray(reference["soc"], float),
+        celsius=np.broadcast_to(celsius, volt.shape),
+        ocv_volt=volt,
+        std_volt=np.sqrt(voltage_std_volt**2 + soc_volt**2 + scatter**2),
+        common_volt=common,
+        tests=tuple(curve["test"] for curve in both),
+        notes=tuple(
+            notes + [words for curve in both for words in _rescaling_notes(curve, reference)]
+        ),
+    )
+
+
+def step_readings(rows, *, voltage_std_volt=OCV_TEMPERATURE.step_std_volt):
+    """Readings of rests in a stepping chamber, one a state of charge.
+
+    Parameters
+    ----------
+    rows : list of dict, rows of stage `ocv_step`.
+    voltage_std_volt : systematic error of the mean of a plateau, besides its noise [V].
+
+    Returns
+    -------
+    readings : Readings with source "steps", by ascending SoC; voltages are what the cell showed
+        in the end at the first temperature plus the shift.
+
+    Raises
+    ------
+    Refusal : no state of charge is known.
+    """
+    rests = {}
+    for row in rows:
+        if np.isfinite(row["soc"]) and not row["returned"]:
+            rests.setdefault((row["soc"], row.get("test", ""), row["rest"]), []).append(row)
+    if not rests:
+        raise Refusal("the state of charge of no rest is known")
+    rests = [rests[key] for key in sorted(rests)]
+    widest = max(len(rest) for rest in rests)
+    names = ("temperature_celsius", "shift_volt", "noise_std_volt", "relaxation_std_volt")
+    table = np.full((len(names), len(rests), widest), np.nan)
+    for place, rest in enumerate(rests):
+        table[:, place, : len(rest)] = [[row[name] for row in rest] for name in names]
+    level = np.array([rest[0]["voltage_volt"] for rest in rests])
+    return Readings(
+        source="steps",
+        soc=np.array([rest[0]["soc"] for rest in rests]),
+        celsius=table[0],
+        ocv_volt=level[:, None] + table[1],
+        std_volt=np.hypot(table[2], voltage_std_volt),
+        common_volt=table[3],
+        tests=("",) * widest,
+        notes=(),
+    )
+
+
+def on_curve(readings, curve):
+    """Readings of rests interpolated to the SoC of a slow curve, by monotone cubics.
+
+    Parameters
+    ----------
+    readings : Readings with source "steps".
+    curve : dict with soc (n,), ocv_volt (n,) and ambient_temperature_celsius, or None: then only
+        the voltages of the rests themselves give the shape.
+
+    Returns
+    -------
+    readings : Readings over (n,) SoC, NaN beyond the states of charge of the rests.
+
+    Raises
+    ------
+    Refusal : fewer than three rests in which the chamber went through all temperatures.
+    """
+    # ASSUME: Between the states of charge that were tested the shift moves as a monotone cubic.
+    from scipy.interpolate import PchipInterpolator
+
+    whole = np.isfinite(readings.celsius).all(axis=1)
+    if whole.sum() < LEAST_TEMPERATURES:
+        raise Refusal(f"{whole.sum()} rest(s) through all temperatures; a map over SoC needs three")
+    at = readings.soc[whole]
+    grid = np.linspace(0.0, 1.0, 201) if curve is None else np.asarray(curve["soc"], float)
+    celsius, volt, std, common = (
+        PchipInterpolator(at, getattr(readings, name)[whole], extrapolate=False)(grid)
+        for name in ("celsius", "ocv_volt", "std_volt", "common_volt")
+    )
+    if curve is not None:
+        volt = volt - volt[:, :1]
+        steep = np.sum(volt * (celsius - celsius[:, :1]), axis=1)
+        steep = steep / np.sum((celsius - celsius[:, :1]) ** 2, axis=1)
+        warmer = celsius[:, 0] - curve["ambient_temperature_celsius"]
+        volt = volt + (np.asarray(curve["ocv_volt"], float) + steep * warmer)[:, None]
+    return readings._replace(
+        soc=grid, celsius=celsius, ocv_volt=volt, std_volt=std, common_volt=common
+    )
+
+
+def _one_branch(curve):
+    """Note on a slow test left out because it has one branch."""
+    return (
+        f"{curve['test']}: {curve['branches']} branch only; entropy or overpotential that grows in "
+        "the cold: not knowable from one branch, left out"
+    )
+
+
+def _at_reference_soc(curve, reference):
+    """Voltage, half gap and uncertainty by SoC of a slow test [V] at the SoC of the reference."""
+    soc = np.asarray(curve["soc"], float)
+    columns = [np.asarray(curve[name], float) for name in ("ocv_volt", "half_gap_volt")]
+    inside = np.isfinite(columns[1])
+    own_soc = 1 - (1 - np.asarray(reference["soc"], float)) / _capacity_ratio(curve, reference)
+    volt, gap = (np.interp(own_soc, soc[inside], column[inside]) for column in columns)
+    soc_volt = np.abs(np.gradient(volt, reference["soc"])) * _soc_uncertainty(curve) / np.sqrt(3)
+    beyond = (own_soc < soc[inside][0] - 1e-9) | (own_soc > soc[inside][-1] + 1e-9)
+    return tuple(np.where(beyond, np.nan, column) for column in (volt, gap, soc_volt))
+
+
+def _capacity_ratio(curve, reference):
+    """Capacity of a test over that of the reference [1]; 1 where completed at room temperature.
+
+    Of a test whose two directions differ the geometric mean counts.
+    """
+    # ASSUME: Every slow test begins full at one and the same state, however cold it is.
+    if curve["joined_by"] == COMPLETED:
+        return 1.0
+    return _ampere_hours(curve) / _ampere_hours(reference)
+
+
+def _ampere_hours(curve):
+    """Geometric mean of discharge and charge capacity [Ah]."""
+    return float(np.sqrt(curve["capacity_ampere_hour"] * curve["charge_capacity_ampere_hour"]))
+
+
+def _soc_uncertainty(curve):
+    """Half the difference of charge and discharge capacity, as a share of the capacity [1]."""
+    return abs(curve["charge_capacity_ampere_hour"] / curve["capacity_ampere_hour"] - 1) / 2
+
+
+def _rescaling_notes(curve, reference):
+    """Notes on a test whose SoC was rescaled or is uncertain by more than 1 %."""
+    share, loose = _capacity_ratio(curve, reference), _soc_uncertainty(curve)
+    if abs(share - 1) > 0.01:
+        yield (
+            f"{curve['test']}: SoC counted from full over {_ampere_hours(reference):.4g} Ah; "
+            f"the test itself moved {_ampere_hours(curve):.4g} Ah"
+        )
+    if loose > 0.01:
+        yield f"{curve['test']}: its two directions leave the SoC uncertain by ±{100 * loose:.1f} %"
+
 
 _COLUMNS = ("celsius", "ocv_volt", "std_volt", "common_volt")
 
 
 class Entropic(NamedTuple):
-    """Fitted at m states of charge about `reference_celsius`; arrays (m,), NaN where not known.
+    """Entropic coefficient at m states of charge about `reference_celsius`; (m,), NaN: not known.
 
     ocv_volt : at the reference temperature [V]. slope : dOCV/dT [V/K] of a line, its std and
     confidence limits. bend : second coefficient of a parabola [V/K²], its std, and bend_p : how
@@ -42,8 +273,9 @@ class Entropic(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """State of charge at which the coefficient changes sign, the range in which it may, the sign
-    above it (+1: the voltage rises with temperature from there on).
+    """State of charge [1] where the entropic coefficient changes sign, and the range it lies in.
+
+    sign_above : +1 where the voltage rises with temperature above it, else −1.
     """
 
     soc: float
@@ -53,7 +285,7 @@ class Crossing(NamedTuple):
 
 
 def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsius, level=0.95):
-    """Line and parabola over temperature at every state of charge.
+    """Entropic coefficient dOCV/dT [V/K] at every state of charge: line and parabola.
 
     Generalised least squares with C = diag(std²) + c·cᵀ, c the common error: overpotential that
     grows in the cold, or a relaxation, is told from entropy as far as its course over temperature
@@ -62,7 +294,7 @@ def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsiu
 
     Parameters
     ----------
-    readings : `ocv_readings.Readings`.
+    readings : Readings.
     reference_celsius : about which the coefficients hold [degC].
     level : coverage of the interval.
 
@@ -107,7 +339,7 @@ def fit_entropic(readings, *, reference_celsius=OCV_TEMPERATURE.reference_celsiu
 
 
 def zero_crossings(soc, slope, std, lower, upper):
-    """Where a coefficient changes sign over SoC for certain, and the range in which it may do so.
+    """States of charge at which a coefficient certainly changes sign, and the range of each.
 
     Parameters
     ----------
@@ -120,8 +352,8 @@ def zero_crossings(soc, slope, std, lower, upper):
         interval excludes zero on opposite sides. In between the change is put where signs on both
         sides agree best with the values.
     """
-    known = np.isfinite(slope) & np.isfinite(std) & np.isfinite(lower) & np.isfinite(upper)
-    columns = [np.asarray(column, float)[known] for column in (soc, slope, std, lower, upper)]
+    finite = np.isfinite(slope) & np.isfinite(std) & np.isfinite(lower) & np.isfinite(upper)
+    columns = [np.asarray(column, float)[finite] for column in (soc, slope, std, lower, upper)]
     sign = (columns[3] > 0).astype(int) - (columns[4] < 0)
     sure = np.flatnonzero(sign)
     return [
@@ -132,7 +364,7 @@ def zero_crossings(soc, slope, std, lower, upper):
 
 
 def _crossing(soc, slope, std, sign):
-    """The change of sign between the first and the last of these points."""
+    """Most likely change of sign between the first and the last of these points."""
     weight = np.cumsum(sign * slope / std)
     low = int(np.argmin(weight[:-1]))
     share = slope[low] / (slope[low] - slope[low + 1])
@@ -141,9 +373,9 @@ def _crossing(soc, slope, std, sign):
 
 
 def _at_one_soc(celsius, volt, std, common, reference):
-    """Line, parabola, their deviations, the common error's factor, χ² of the line, temperatures."""
-    known = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
-    celsius, volt, std, common = (column[known] for column in (celsius, volt, std, common))
+    """Line and parabola with deviations, common error's factor, reduced χ², temperatures."""
+    finite = np.isfinite(volt) & np.isfinite(std) & np.isfinite(common)
+    celsius, volt, std, common = (column[finite] for column in (celsius, volt, std, common))
     count = len(np.unique(np.round(celsius)))
     nothing = np.full(3, np.nan)
     if count < LEAST_TEMPERATURES:
@@ -152,8 +384,8 @@ def _at_one_soc(celsius, volt, std, common, reference):
     covariance = np.diag(std**2) + np.outer(common, common)
     line = generalised_line(columns[:, :2], volt, covariance)
     shared = common @ np.linalg.solve(covariance, volt - columns[:, :2] @ line.values)
-    found = (shared, line.reduced_chi_square, count)
+    scores = (shared, line.reduced_chi_square, count)
     if count == LEAST_TEMPERATURES:
-        return line.values, line.std, nothing, nothing, *found
+        return line.values, line.std, nothing, nothing, *scores
     parabola = generalised_line(columns, volt, covariance)
-    return line.values, line.std, parabola.values, parabola.std, *found
+    return line.values, line.std, parabola.values, parabola.std, *scores

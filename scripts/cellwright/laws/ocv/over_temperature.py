@@ -1,14 +1,29 @@
-"""The open-circuit voltage of one cell over temperature, from whichever tests it has."""
+"""Open-circuit voltage of one cell over temperature, from the tests it has, and its tables."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.laws.ocv.entropy import fit_entropic
-from cellwright.laws.ocv.functions import COLUMNS, LINE, PARABOLA, compare
-from cellwright.laws.ocv.readings import on_curve, slow_readings, step_readings
-from cellwright.laws.ocv.surface import surface_from
-from cellwright.laws.points import fresh
+from cellwright.laws.ocv.entropy import (
+    fit_entropic,
+    on_curve,
+    slow_readings,
+    step_readings,
+    zero_crossings,
+)
+from cellwright.laws.ocv.surface import (
+    COLUMNS,
+    LINE,
+    PARABOLA,
+    compare,
+    is_tested,
+    surface_from,
+    table_at,
+)
+from cellwright.laws.points import first_check_up
+from cellwright.laws.temperature import law_row
+from cellwright.numerics.lines import generalised_line
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 from cellwright.settings import OcvTemperature
 
@@ -16,11 +31,11 @@ OCV_TEMPERATURE = OcvTemperature()
 
 
 class OverTemperature(NamedTuple):
-    """What is known of a cell.
+    """Open-circuit voltage of one cell over temperature: coefficient, functions and surface.
 
-    entropic : dict, source ("steps", "slow") → `ocv_entropy.Entropic`. used : the source of all
+    entropic : dict, source ("steps", "slow") → `entropy.Entropic`. used : the source of all
     else. readings : of that source over an even grid of SoC. fitted : Entropic of these.
-    functions : list of `ocv_compare.Function`. surface : `ocv_surface.Surface`. notes : sentences.
+    functions : list of `surface.Function`. surface : `surface.Surface`. notes : sentences.
     """
 
     entropic: dict
@@ -45,7 +60,7 @@ def over_temperature(
 
     Parameters
     ----------
-    curves : list of dict, slow tests as `ocv_readings.slow_readings` takes them.
+    curves : list of dict, slow tests as `entropy.slow_readings` takes them.
     step_rows : list of dict, rows of stage `ocv_step`.
     reference_celsius : what is compared against; the tested temperature nearest to it [degC].
     largest_std_volt : readings less certain take no part in the choice of a function [V].
@@ -53,7 +68,7 @@ def over_temperature(
 
     Returns
     -------
-    found : OverTemperature. Where both kinds of test were made, the one with the smaller standard
+    ocv : OverTemperature. Where both kinds of test were made, the one with the smaller standard
         deviation of the entropic coefficient is used; both are reported.
 
     Raises
@@ -68,11 +83,11 @@ def over_temperature(
         means = np.nanmean(readings.celsius, axis=0)
         nearest = np.round(means[np.argmin(np.abs(means - reference_celsius))], 1)
         entropic[name] = fit_entropic(readings, reference_celsius=float(nearest))
-    std = {name: one.slope_std[np.isfinite(one.slope_std)] for name, one in entropic.items()}
+    std = {name: fit.slope_std[np.isfinite(fit.slope_std)] for name, fit in entropic.items()}
     used = min(std, key=lambda name: np.median(std[name]) if len(std[name]) else np.inf)
     reference = entropic[used].reference_celsius
-    away = [abs(one["ambient_temperature_celsius"] - reference) for one in fresh(curves)]
-    curve = fresh(curves)[int(np.argmin(away))] if away else None
+    away = [abs(slow["ambient_temperature_celsius"] - reference) for slow in first_check_up(curves)]
+    curve = first_check_up(curves)[int(np.argmin(away))] if away else None
     readings = sources[used] if used == "slow" else on_curve(sources[used], curve)
     fitted, functions = fit_entropic(readings, reference_celsius=reference), []
     try:
@@ -81,8 +96,8 @@ def over_temperature(
         )
     except Refusal as refusal:
         notes.append(f"functions over temperature not compared: {refusal}")
-    notes += [note for one in sources.values() for note in one.notes]
-    notes += _bent(functions) if used == "slow" else []
+    notes += [note for source in sources.values() for note in source.notes]
+    notes += _parabola_note(functions) if used == "slow" else []
     return OverTemperature(
         entropic,
         used,
@@ -100,28 +115,30 @@ def over_temperature(
 
 
 def _sources(curves, step_rows, voltage_std, step_std):
-    """Readings of each kind of test, and why there are none."""
-    found, reasons = {}, []
+    """Readings of each kind of test, and reasons where there are none."""
+    readings, reasons = {}, []
     for name, read, content, std in (
         ("slow", slow_readings, curves, voltage_std),
         ("steps", step_readings, step_rows, step_std),
     ):
         try:
-            found[name] = read(content, voltage_std_volt=std)
+            readings[name] = read(content, voltage_std_volt=std)
         except Refusal as refusal:
             reasons += [str(refusal)] if content else []
-    return found, reasons or ["neither slow tests nor rests in a stepping chamber"] * (not found)
+    return readings, reasons or ["neither slow tests nor rests in a stepping chamber"] * (
+        not readings
+    )
 
 
 def _coefficients(fitted, functions, largest):
-    """Of the tables the one that predicts best; a line where none was compared.
+    """Coefficients over SoC of the table that predicts best; of the line where none was compared.
 
     Where the bias is less certain than the limit at the ends of what was tested, nothing.
     """
-    tables = [one for one in functions if one.function in COLUMNS]
+    tables = [table for table in functions if table.function in COLUMNS]
     best = min(
         tables,
-        key=lambda one: np.nan_to_num(one.cross_validation_rmse_volt, nan=np.inf),
+        key=lambda table: np.nan_to_num(table.cross_validation_rmse_volt, nan=np.inf),
         default=None,
     )
     line = np.stack([fitted.ocv_volt, fitted.slope], axis=1)
@@ -131,10 +148,232 @@ def _coefficients(fitted, functions, largest):
     return np.where(sure[:, None], line, np.nan) if sure.any() else line
 
 
-def _bent(functions):
-    chosen = [one.function for one in functions if one.chosen]
+def _parabola_note(functions):
+    """Note that a chosen parabola may be overpotential rather than entropy."""
+    chosen = [function.function for function in functions if function.chosen]
     if chosen == [PARABOLA]:
         yield (
             "the table bends over temperature: overpotential of the slow current that grows in the "
             "cold does that, an entropic coefficient of its own hardly; which, only rests can tell"
         )
+
+
+LAW_SOC = np.arange(1, 10) / 10
+STRAIGHT_P = 0.05
+
+
+def entropic_columns(ocv):
+    """The entropic coefficient over SoC, one row a source and SoC: dict of columns.
+
+    Parameters
+    ----------
+    ocv : OverTemperature.
+    """
+    parts = []
+    for source, entropic in sorted(ocv.entropic.items()):
+        finite = np.isfinite(entropic.slope)
+        columns = {
+            "source": source,
+            "used": source == ocv.used,
+            "soc": entropic.soc[finite],
+            "ocv_volt": entropic.ocv_volt[finite],
+            "entropic_millivolt_per_kelvin": 1e3 * entropic.slope[finite],
+            "std_millivolt_per_kelvin": 1e3 * entropic.slope_std[finite],
+            "lower_millivolt_per_kelvin": 1e3 * entropic.slope_lower[finite],
+            "upper_millivolt_per_kelvin": 1e3 * entropic.slope_upper[finite],
+            "bend_microvolt_per_kelvin_squared": 1e6 * entropic.bend[finite],
+            "bend_std_microvolt_per_kelvin_squared": 1e6 * entropic.bend_std[finite],
+            "bend_p": entropic.bend_p[finite],
+            "shared_error": entropic.shared[finite],
+            "temperatures": entropic.temperatures[finite].astype(int),
+            "reference_celsius": entropic.reference_celsius,
+        }
+        parts.append(_broadcast_columns(columns))
+    return _stacked(parts)
+
+
+def map_columns(ocv, *, every=2):
+    """Curve and bias at each tested temperature, one row a temperature and SoC: dict of columns.
+
+    Parameters
+    ----------
+    ocv : OverTemperature. every : of the grid's points.
+    """
+    surface, readings, fitted = ocv.surface, ocv.readings, ocv.fitted
+    base, parts = table_at(surface, surface.reference_celsius)[0], []
+    for column, celsius in enumerate(np.nanmean(readings.celsius, axis=0)):
+        volt, moves = table_at(surface, celsius)
+        columns = {
+            "temperature_celsius": celsius,
+            "soc": surface.soc,
+            "ocv_volt": volt,
+            "bias_volt": volt - base,
+            "bias_std_volt": fitted.slope_std * abs(celsius - surface.reference_celsius),
+            "measured_bias_volt": readings.ocv_volt[:, column] - fitted.ocv_volt,
+            "entropic_volt_per_kelvin": moves,
+            "tested": is_tested(surface, surface.soc, celsius),
+        }
+        parts.append(
+            {name: values[::every] for name, values in _broadcast_columns(columns).items()}
+        )
+    return _stacked(parts)
+
+
+def function_rows(ocv):
+    """One row a function over SoC and temperature; parameters row by row, K0 first.
+
+    Parameters
+    ----------
+    ocv : OverTemperature.
+    """
+    cold, warm = ocv.surface.tested_celsius
+    return [
+        {
+            "function": f"{function.function}(T)",
+            "parameters": np.ravel(function.parameters).tolist(),
+            "std": np.ravel(function.std).tolist(),
+            "coefficients": int(function.parameters.shape[1])
+            if function.parameters.ndim == 2
+            else 0,
+            "reference_celsius": ocv.surface.reference_celsius,
+            "rmse_volt": function.rmse_volt,
+            "cross_validation_rmse_volt": function.cross_validation_rmse_volt,
+            "chosen": bool(function.chosen),
+            "tested_from_celsius": cold,
+            "tested_to_celsius": warm,
+        }
+        for function in ocv.functions
+    ]
+
+
+def surface_columns(ocv):
+    """The table over SoC that moves with temperature, one row a SoC: dict of columns.
+
+    Parameters
+    ----------
+    ocv : OverTemperature.
+    """
+    surface = ocv.surface
+    cold, warm = surface.tested_celsius
+    return _broadcast_columns(
+        {
+            "soc": surface.soc,
+            "ocv_volt": surface.ocv_volt,
+            "slope_volt_per_kelvin": surface.slope,
+            "bend_volt_per_kelvin_squared": surface.bend,
+            "reference_celsius": surface.reference_celsius,
+            "tested": is_tested(surface, surface.soc, warm),
+            "tested_from_celsius": cold,
+            "tested_to_celsius": warm,
+        }
+    )
+
+
+def _broadcast_columns(columns):
+    """Columns of equal length; a single value is repeated."""
+    return dict(zip(columns, np.broadcast_arrays(*columns.values()), strict=True))
+
+
+def _stacked(parts):
+    """Columns of several tables, one below the other."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def law_rows(ocv):
+    """Rows of tables/temperature: laws at every tenth of SoC, and changes of sign of dOCV/dT.
+
+    Parameters
+    ----------
+    ocv : OverTemperature.
+
+    Returns
+    -------
+    rows : list of dict in the shape of `laws.temperature.law_rows`. The line is chosen unless the
+        parabola's bend is significant at 5 %; of changes of sign those that are certain at 95 %.
+    """
+    fitted, rows = ocv.fitted, []
+    low, high = ocv.surface.tested_soc
+    for soc in LAW_SOC:
+        k = int(np.argmin(np.abs(fitted.soc - soc)))
+        if not (np.isfinite(fitted.slope[k]) and low - 1e-9 <= fitted.soc[k] <= high + 1e-9):
+            continue
+        bent = bool(fitted.bend_p[k] < STRAIGHT_P)
+        for degree, law, chosen in ((1, "linear", not bent), (2, "quadratic", bent)):
+            rows += _law(ocv, k, soc, degree=degree, law=law, chosen=chosen)
+    sure = crossings(ocv)
+    likely = [] if sure else crossings(ocv, certain=False)
+    return rows + [_crossing_row(crossing, crossing in sure) for crossing in [*sure, *likely]]
+
+
+def crossings(ocv, *, certain=True):
+    """Changes of sign of the entropic coefficient of the used source, as `entropy.Crossing`.
+
+    Parameters
+    ----------
+    ocv : OverTemperature.
+    certain : between signs that are certain at 95 %; else that are one standard deviation off zero.
+    """
+    entropic = ocv.entropic[ocv.used]
+    limits = (entropic.slope_lower, entropic.slope_upper)
+    if not certain:
+        limits = (entropic.slope - entropic.slope_std, entropic.slope + entropic.slope_std)
+    return zero_crossings(entropic.soc, entropic.slope, entropic.slope_std, *limits)
+
+
+def _crossing_row(crossing, certain):
+    """Row of tables/temperature for a change of sign."""
+    way = "rising" if crossing.sign_above > 0 else "falling"
+    # Nothing says where in the range between two certain signs it lies: rectangular.
+    std = (crossing.upper_soc - crossing.lower_soc) / np.sqrt(12)
+    quantity = f"zero crossing of dOCV/dT, {way}"
+    return law_row(quantity, "linear", "soc", crossing.soc, std, unit="1", chosen=certain)
+
+
+PARAMETERS = (("ocv", "V"), ("entropic_coefficient", "V/K"), ("bend", "V/K^2"))
+
+
+def _law(ocv, k, soc, *, degree, law, chosen):
+    """Rows of one law at one SoC, with R² and the error at temperatures left out [V]."""
+    readings, reference = ocv.readings, ocv.surface.reference_celsius
+    finite = np.isfinite(readings.ocv_volt[k])
+    celsius, volt, std, common = (
+        getattr(readings, name)[k][finite]
+        for name in ("celsius", "ocv_volt", "std_volt", "common_volt")
+    )
+    if len(volt) <= degree:
+        return []
+    columns = np.vander(celsius - reference, degree + 1, increasing=True)
+    covariance = np.diag(std**2) + np.outer(common, common)
+    line = generalised_line(columns, volt, covariance)
+    scores = {
+        "r_squared": _r_squared(line, volt, covariance),
+        "cross_validation_rmse": _left_out_rmse(columns, volt, covariance),
+    }
+    quantity = f"OCV at {100 * soc:.0f} % SoC, about {reference:g} degC"
+    fitted = zip(PARAMETERS, line.values, line.std, strict=False)
+    return [
+        law_row(quantity, law, name, value, deviation, unit=unit, chosen=chosen, **scores)
+        for (name, unit), value, deviation in fitted
+    ]
+
+
+def _r_squared(line, volt, covariance):
+    """R² of a generalised line [1], residuals weighted by the covariance."""
+    flat = generalised_line(np.ones((len(volt), 1)), volt, covariance)
+    whole, rest = (
+        line_fit.reduced_chi_square * max(line_fit.degrees_of_freedom, 0)
+        for line_fit in (flat, line)
+    )
+    return 1 - rest / whole if flat.reduced_chi_square > 0 else np.nan
+
+
+def _left_out_rmse(columns, volt, covariance):
+    """RMSE [V] at temperatures left out in turn; NaN where too few remain."""
+    if len(volt) <= columns.shape[1]:
+        return np.nan
+    errors = []
+    for out in range(len(volt)):
+        rest = np.arange(len(volt)) != out
+        line = generalised_line(columns[rest], volt[rest], covariance[np.ix_(rest, rest)])
+        errors.append(columns[out] @ line.values - volt[out])
+    return rms(errors)

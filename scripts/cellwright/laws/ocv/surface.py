@@ -1,14 +1,26 @@
-"""A table of the open-circuit voltage over SoC that moves with temperature and always rises."""
+"""Open-circuit voltage over SoC and temperature: a rising table, functions, and their comparison.
+
+A table moves with temperature along the entropic coefficient. In a function each linear
+coefficient is a polynomial in d, the temperature above a reference: K = K⁰ + K¹·d + K²·d². Rates
+inside exponentials are the same at all temperatures.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.laws.ocv.entropy import fit_entropic
+from cellwright.numerics.statistics import rms
+from cellwright.protocols.ocv.functions import FORMS, fit_parameters, parameter_stds
+from cellwright.refusal import Refusal
+
 RISE_VOLT = 1e-6
 
 
 class Surface(NamedTuple):
-    """OCV = ocv_volt + slope·d + bend·d², d the temperature above `reference_celsius`.
+    """Table of OCV over SoC that moves with temperature: ocv_volt + slope·d + bend·d².
+
+    d : temperature above `reference_celsius` [K].
 
     soc : (n,) even from 0 to 1. ocv_volt, slope, bend : (n,) [V], [V/K], [V/K²].
     tested_soc, tested_celsius : lowest and highest that was measured [1], [degC].
@@ -24,13 +36,13 @@ class Surface(NamedTuple):
 
 
 def surface_from(coefficients, readings, reference_celsius, curve=None):
-    """The surface of fitted coefficients, carried on to 0 and 100 % SoC.
+    """Surface from fitted coefficients, extended to 0 and 100 % SoC.
 
     Parameters
     ----------
     coefficients : (n, 1 to 3) over the SoC of the readings, about the reference temperature [V,
         V/K, V/K²]; NaN where not known.
-    readings : `ocv_readings.Readings` they are from.
+    readings : `entropy.Readings` they are from.
     reference_celsius : [degC].
     curve : (n,) voltage that gives the shape beyond what is known [V], or None: the shape ends.
 
@@ -40,46 +52,25 @@ def surface_from(coefficients, readings, reference_celsius, curve=None):
     """
     # ASSUME: Beyond the SoC at which temperatures were compared the shift is that of the nearest.
     soc = np.asarray(readings.soc, float)
-    known = np.isfinite(coefficients).all(axis=1)
+    finite = np.isfinite(coefficients).all(axis=1)
     full = np.zeros((len(soc), 3))
     for place, column in enumerate(np.transpose(coefficients)):
-        full[:, place] = np.interp(soc, soc[known], column[known])
+        full[:, place] = np.interp(soc, soc[finite], column[finite])
     if curve is not None:
-        apart = np.interp(soc, soc[known], full[known, 0] - np.asarray(curve, float)[known])
-        full[:, 0] = np.where(known, full[:, 0], curve + apart)
+        apart = np.interp(soc, soc[finite], full[finite, 0] - np.asarray(curve, float)[finite])
+        full[:, 0] = np.where(finite, full[:, 0], curve + apart)
     celsius = readings.celsius[np.isfinite(readings.ocv_volt)]
     return Surface(
         soc,
         *full.T,
         reference_celsius=float(reference_celsius),
-        tested_soc=(float(soc[known][0]), float(soc[known][-1])),
+        tested_soc=(float(soc[finite][0]), float(soc[finite][-1])),
         tested_celsius=(float(celsius.min()), float(celsius.max())),
     )
 
 
-def surface_of(columns):
-    """The surface back from its artefact.
-
-    Parameters
-    ----------
-    columns : dict of (n,) columns of stage `ocv_surface`.
-
-    Returns
-    -------
-    surface : Surface.
-    """
-    known = np.asarray(columns["soc"], float)[np.asarray(columns["tested"], bool)]
-    names = ("soc", "ocv_volt", "slope_volt_per_kelvin", "bend_volt_per_kelvin_squared")
-    return Surface(
-        *(np.asarray(columns[name], float) for name in names),
-        reference_celsius=float(columns["reference_celsius"][0]),
-        tested_soc=(float(known[0]), float(known[-1])),
-        tested_celsius=tuple(float(columns[f"tested_{end}_celsius"][0]) for end in ("from", "to")),
-    )
-
-
-def nodes(surface, celsius):
-    """The rising table at one temperature and how each of its points moves with temperature.
+def table_at(surface, celsius):
+    """Rising table of OCV at one temperature [V], and its derivative by temperature [V/K].
 
     Parameters
     ----------
@@ -101,84 +92,226 @@ def nodes(surface, celsius):
     return rising.x + RISE_VOLT * surface.soc, together
 
 
-def surface_ocv(surface, soc, celsius):
-    """Voltage and both its derivatives, continuous over SoC; for filters.
-
-    Parameters
-    ----------
-    surface : Surface. soc : (m,) [1], held at 0 and 1 beyond. celsius : [degC].
-
-    Returns
-    -------
-    ocv_volt, per_soc, per_kelvin : (m,) [V], [V], [V/K]; exact derivatives of one another.
-
-    Source: monotone cubics with harmonic slopes, F. N. Fritsch, J. Butland, SIAM J. Sci. Stat.
-    Comput. 5 (1984) 300.
-    """
-    volt, moves = nodes(surface, celsius)
-    width = surface.soc[1] - surface.soc[0]
-    at = np.clip(np.asarray(soc, float), surface.soc[0], surface.soc[-1])
-    left = np.clip(((at - surface.soc[0]) / width).astype(int), 0, len(surface.soc) - 2)
-    share = (at - surface.soc[left]) / width
-    slopes, slope_moves = _harmonic(np.diff(volt), np.diff(moves))
-    value, rise = _cubic(volt, slopes, left, share)
-    return value, rise / width, _cubic(moves, slope_moves, left, share)[0]
-
-
-def tested(surface, soc, celsius):
-    """Whether a state of charge and temperature lie within what was measured; shaped like both."""
+def is_tested(surface, soc, celsius):
+    """Whether a SoC and temperature lie within what was measured; shaped like both."""
     inside_soc = (soc >= surface.tested_soc[0] - 1e-9) & (soc <= surface.tested_soc[1] + 1e-9)
     cold, warm = surface.tested_celsius
     return inside_soc & (celsius >= cold - 0.5) & (celsius <= warm + 0.5)
 
 
-def ocv_tables(surface, celsius):
-    """Tables for a model: one a temperature, with the entropic coefficient beside.
+HIGHEST_DEGREE = 2
+TEN_KELVIN = 10.0
+
+
+def fit_form(function, soc, celsius, ocv_volt, *, reference_celsius, degree, near=None):
+    """Parameters of one OCV function fitted to voltages over SoC and temperature at once.
 
     Parameters
     ----------
-    surface : Surface. celsius : sequence of [degC].
+    function : key of FORMS. soc, celsius, ocv_volt : (n,) [1], [degC], [V].
+    reference_celsius : about which the coefficients are polynomials [degC].
+    degree : of these, 0 to 2.
+    near : parameters of an earlier fit, from whose rates the search then sets out.
 
     Returns
     -------
-    tables : list of dict with ambient_temperature_celsius, soc, ocv_volt, entropic_volt_per_kelvin
-        and tested, as `models.basis` keeps its curves.
+    parameters : (p, degree + 1), K0, K1, … in rows; a rate has only its first column.
+
+    Source: thesis tables 3.2 and 3.3 (whose printed numbers are not used: erratum S6).
     """
+    # ASSUME: Rates inside exponentials do not move with temperature.
+    form = FORMS[function]
+    rates = None if near is None else near[np.array(form.places) < 0, 0]
+    powers = _powers(celsius, reference_celsius, degree)
+    parameters = fit_parameters(form, soc, ocv_volt, powers=powers, near=rates)
+    return parameters / TEN_KELVIN ** np.arange(degree + 1)
+
+
+def _powers(celsius, reference_celsius, degree):
+    """Powers (n, degree + 1) of the temperature above the reference, in units of 10 K."""
+    powers = np.vander(celsius - reference_celsius, degree + 1, increasing=True)
+    return powers / TEN_KELVIN ** np.arange(degree + 1)
+
+
+def form_std(function, parameters, soc, celsius, ocv_volt, *, reference_celsius):
+    """Standard deviations of the parameters of a fit, shaped like them; NaN: not determined.
+
+    What the function cannot follow counts as scatter.
+
+    Parameters
+    ----------
+    function, parameters, reference_celsius : as of the fit.
+    soc, celsius, ocv_volt : (n,) what was fitted [1], [degC], [V].
+    """
+    unit = TEN_KELVIN ** np.arange(parameters.shape[1])
+    powers = _powers(celsius, reference_celsius, parameters.shape[1] - 1)
+    form = FORMS[function]
+    return parameter_stds(form, parameters * unit, soc, ocv_volt, powers=powers) / unit
+
+
+def form_ocv(function, parameters, soc, celsius, *, reference_celsius):
+    """Open-circuit voltage [V] by a fitted function.
+
+    Parameters
+    ----------
+    function : key of FORMS. parameters : (p, q) of `fit_form`.
+    soc, celsius : (n,) or one number each [1], [degC]; SoC between 0 and 1, both excluded.
+    reference_celsius : that of the fit [degC].
+
+    Returns
+    -------
+    ocv_volt : (n,) [V].
+    """
+    form, places = FORMS[function], np.array(FORMS[function].places)
+    parameters = np.asarray(parameters, float)
+    soc, above = np.broadcast_arrays(np.asarray(soc, float), celsius - reference_celsius)
+    linear, rates = parameters[places >= 0], parameters[places < 0, 0]
+    powers = above[..., None] ** np.arange(linear.shape[1])
+    return np.sum(form.columns(soc, rates) * (powers @ linear.T), axis=-1)
+
+
+ISOTHERMAL, LINE, PARABOLA = "isothermal", "surface", "surface_parabola"
+COLUMNS = {ISOTHERMAL: 1, LINE: 2, PARABOLA: 3}
+
+
+class Function(NamedTuple):
+    """One description over temperature: parameters and std (p, q) (none for tables), errors [V].
+
+    function : "log", "two_exponentials", "inverse", "polynomial", "surface" (a table that moves
+    along lines over temperature), "surface_parabola" or "isothermal" (a table that does not move:
+    the control). cross_validation_rmse_volt : at temperatures left out in turn, the same points
+    for all; NaN where too few temperatures are left for the function.
+    """
+
+    function: str
+    parameters: np.ndarray
+    std: np.ndarray
+    rmse_volt: float
+    cross_validation_rmse_volt: float
+    chosen: bool
+
+
+def compare(readings, *, reference_celsius, largest_std_volt, lowest_soc=0.01, highest_soc=0.99):
+    """OCV functions and tables fitted to readings; the best at left-out temperatures is chosen.
+
+    Parameters
+    ----------
+    readings : `entropy.Readings` over an even grid of SoC.
+    reference_celsius : about which coefficients move [degC].
+    largest_std_volt : readings less certain take part in neither fit nor score [V].
+    lowest_soc, highest_soc : range that is fitted; the functions have poles at 0 and 1 [1].
+
+    Returns
+    -------
+    functions : list of Function; exactly one is chosen.
+
+    Raises
+    ------
+    Refusal : no temperature can be left out, since fewer than three remain with readings certain
+        enough.
+    """
+    sure = _certain(readings, largest_std_volt, lowest_soc, highest_soc)
+    kept = readings._replace(ocv_volt=np.where(sure, readings.ocv_volt, np.nan))
+    levels = _levels(kept)
+    present = levels[np.isfinite(kept.ocv_volt).sum(axis=0) > 0]
+    names, settings = [*FORMS, *COLUMNS], {"reference_celsius": reference_celsius}
+    if len(np.unique(present)) < 4:
+        raise Refusal(
+            f"readings within ±{1e3 * largest_std_volt:g} mV at {len(np.unique(present))} "
+            "temperature(s); to compare functions by leaving one out takes four"
+        )
+    whole = {name: _fitted(name, kept, **settings) for name in names}
+    inside = {name: _errors(name, whole[name], kept, **settings) for name in names}
+    errors_left_out = {name: np.full(kept.ocv_volt.shape, np.nan) for name in names}
+    for level in np.unique(present):
+        out = levels == level
+        rest = kept._replace(ocv_volt=np.where(out, np.nan, kept.ocv_volt))
+        for name in names:
+            fit = _fitted(name, rest, near=whole[name], **settings)
+            errors_left_out[name][:, out] = _errors(name, fit, kept, **settings)[:, out]
+    scores = _scores(errors_left_out)
+    best = min(scores, key=lambda name: np.nan_to_num(scores[name], nan=np.inf))
     return [
-        {
-            "ambient_temperature_celsius": float(one),
-            "soc": surface.soc,
-            **dict(zip(("ocv_volt", "entropic_volt_per_kelvin"), nodes(surface, one), strict=True)),
-            "tested": tested(surface, surface.soc, one),
-        }
-        for one in celsius
+        Function(
+            name,
+            *_described(name, whole[name], kept, **settings),
+            rms(inside[name][np.isfinite(inside[name])]),
+            scores[name],
+            name == best,
+        )
+        for name in names
     ]
 
 
-def _harmonic(rises, moves):
-    """Slopes at the points, in units of the spacing, and how they move with temperature."""
-    first, second = rises[:-1], rises[1:]
-    total = first + second
-    inner = 2 * first * second / total
-    inner_moves = 2 * (second**2 * moves[:-1] + first**2 * moves[1:]) / total**2
+def _described(name, fit, readings, *, reference_celsius):
+    """Parameters and their standard deviations; a table has none."""
+    if name not in FORMS:
+        return np.array([]), np.array([])
+    settings = {"reference_celsius": reference_celsius}
+    return fit, form_std(name, fit, *_points(readings), **settings)
+
+
+def _points(readings):
+    """SoC [1], temperature [°C] and voltage [V] of all readings, (n,) each."""
+    finite = np.isfinite(readings.ocv_volt)
+    soc = np.broadcast_to(readings.soc[:, None], finite.shape)
+    return soc[finite], readings.celsius[finite], readings.ocv_volt[finite]
+
+
+def _certain(readings, largest, lowest, highest):
+    total = np.hypot(readings.std_volt, readings.common_volt)
+    middle = (readings.soc >= lowest - 1e-9) & (readings.soc <= highest + 1e-9)
+    return np.isfinite(readings.ocv_volt) & (total <= largest) & middle[:, None]
+
+
+def _levels(readings):
+    """Temperature of each column [°C] to 1 K, by which it is left out."""
+    return np.round(np.nanmean(readings.celsius, axis=0))
+
+
+def _scores(errors):
+    """RMSE [V] over the points that every function could predict; NaN: a function predicts none."""
+    predicting = {name: error for name, error in errors.items() if np.isfinite(error).any()}
+    common = np.all([np.isfinite(error) for error in predicting.values()], axis=0)
+    return {
+        name: rms(error[common]) if name in predicting else np.nan for name, error in errors.items()
+    }
+
+
+def _fitted(name, readings, *, reference_celsius, near=None):
+    """Parameters of a function, or coefficients over SoC of a table."""
+    finite = np.isfinite(readings.ocv_volt)
+    count = len(np.unique(_levels(readings)[finite.any(axis=0)]))
+    if name in FORMS:
+        return fit_form(
+            name,
+            *_points(readings),
+            reference_celsius=reference_celsius,
+            degree=min(HIGHEST_DEGREE, count - 2),
+            near=near,
+        )
+    if name == ISOTHERMAL:
+        weight = np.where(finite, 1.0, 0.0)
+        total = np.nansum(np.where(finite, readings.ocv_volt, 0.0), axis=1)
+        with np.errstate(invalid="ignore"):
+            return (total / weight.sum(axis=1))[:, None]
+    fitted = fit_entropic(readings, reference_celsius=reference_celsius)
     return (
-        np.concatenate([rises[:1], inner, rises[-1:]]),
-        np.concatenate([moves[:1], inner_moves, moves[-1:]]),
+        fitted.parabola if name == PARABOLA else np.stack([fitted.ocv_volt, fitted.slope], axis=1)
     )
 
 
-def _cubic(values, slopes, left, share):
-    """Hermite cubic and its derivative by the share of the interval."""
-    ends = [values[left], slopes[left], values[left + 1], slopes[left + 1]]
-    s = share
-    weights = [
-        (1 + 2 * s) * (1 - s) ** 2,
-        s * (1 - s) ** 2,
-        s**2 * (3 - 2 * s),
-        s**2 * (s - 1),
-    ]
-    rates = [6 * s * (s - 1), (1 - s) * (1 - 3 * s), 6 * s * (1 - s), s * (3 * s - 2)]
-    return (
-        sum(end * weight for end, weight in zip(ends, weights, strict=True)),
-        sum(end * rate for end, rate in zip(ends, rates, strict=True)),
-    )
+def _errors(name, fit, readings, *, reference_celsius):
+    """Prediction minus reading, (m, k) [V], NaN where either is missing."""
+    if name in FORMS:
+        inside = np.clip(readings.soc, 1e-6, 1 - 1e-6)[:, None]
+        ocv_volt = form_ocv(
+            name, fit, inside, readings.celsius, reference_celsius=reference_celsius
+        )
+        return ocv_volt - readings.ocv_volt
+    finite = np.isfinite(fit).all(axis=1)
+    if not finite.any():
+        return np.full(readings.ocv_volt.shape, np.nan)
+    surface = surface_from(fit, readings, reference_celsius)
+    columns = [table_at(surface, celsius)[0] for celsius in np.nanmean(readings.celsius, axis=0)]
+    return np.where(finite[:, None], np.stack(columns, axis=1), np.nan) - readings.ocv_volt

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 from cellwright.protocols.impedance.circuits import (
     PARALLEL,
     SERIES,

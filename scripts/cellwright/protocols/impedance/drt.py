@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 
 # Weakest and strongest smoothing, powers of ten relative to the data's own weight.
 STRENGTHS = (-8.0, 2.0)

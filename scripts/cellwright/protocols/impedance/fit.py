@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.native import array, count, function, integers, real
-from cellwright.numerics.uncertainty import covariance_from_jacobian
+from cellwright.numerics.statistics import covariance_from_jacobian
 from cellwright.protocols.impedance.circuits import (
     THESIS,
     circuit_slopes,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.scores import rms
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 from cellwright.settings import Impedance
 

@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.scores import rms
-from cellwright.numerics.separable import best_logarithms
-from cellwright.numerics.uncertainty import covariance_from_jacobian, standard_deviations
+from cellwright.numerics.least_squares import best_logarithms
+from cellwright.numerics.statistics import covariance_from_jacobian, rms, standard_deviations
 from cellwright.refusal import Refusal
 
 

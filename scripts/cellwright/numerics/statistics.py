@@ -1,9 +1,31 @@
-"""How sure a fitted number is: covariance, propagation, intervals, correlated residuals.
+"""Statistics of fits: RMS, R², covariance, error propagation, intervals, correlated residuals.
 
-A parameter that the data do not determine has NaN for its variance; `why_unknown` says why.
+A parameter that the data do not determine has NaN for its variance.
 """
 
 import numpy as np
+
+
+def rms(values):
+    """Root mean square of errors, in their unit; NaN where there are none.
+
+    Parameters
+    ----------
+    values : array of any shape.
+    """
+    values = np.asarray(values, float)
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else np.nan
+
+
+def r_squared(value, predicted):
+    """Share of the variance that a prediction explains; NaN where nothing varies.
+
+    Parameters
+    ----------
+    value, predicted : (n,) in one unit.
+    """
+    spread = np.sum((value - value.mean()) ** 2)
+    return float(1 - np.sum((value - predicted) ** 2) / spread) if spread > 0 else np.nan
 
 
 def covariance_from_jacobian(jacobian, residual):
@@ -31,42 +53,19 @@ def covariance_from_jacobian(jacobian, residual):
     weights = directions[kept] / singular[kept, None]
     variance = residual @ residual / (rows - parameters)
     covariance = variance * (weights.T @ weights) / np.outer(scale, scale)
-    unknown = _undetermined(scale, directions[~kept])
+    # A parameter that a null direction of the Jacobian moves is not determined.
+    unknown = (np.abs(directions[~kept]) > 1e-6).any(axis=0)
     covariance[unknown] = covariance[:, unknown] = np.nan
     return covariance
 
 
-def why_unknown(jacobian, *, names) -> str:
-    """Reason in words for the NaN in a covariance; empty where every parameter is determined.
-
-    Parameters
-    ----------
-    jacobian : (n, p) as given to `covariance_from_jacobian`.
-    names : p names of the parameters.
-    """
-    jacobian = np.asarray(jacobian, float)
-    rows, parameters = jacobian.shape
-    if not np.isfinite(jacobian).all():
-        return "the model is not finite at the optimum"
-    if rows <= parameters:
-        return f"{rows} data for {parameters} parameters leave nothing to estimate a scatter from"
-    scale, _, directions, kept = _decomposed(jacobian)
-    unknown = [names[k] for k in np.flatnonzero(_undetermined(scale, directions[~kept]))]
-    return f"the data do not determine {', '.join(unknown)}" if unknown else ""
-
-
 def _decomposed(jacobian):
-    """Column norms, singular values and right vectors of the scaled Jacobian, and which count."""
+    """Column norms, singular values, right vectors of the scaled Jacobian, which are not zero."""
     norm = np.linalg.norm(jacobian, axis=0)
     scale = np.where(norm > 0, norm, 1.0)
     _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
     kept = singular > max(jacobian.shape) * np.finfo(float).eps * singular[0]
     return scale, singular, directions, kept
-
-
-def _undetermined(scale, null_directions):
-    """Parameters that can be moved without moving the model."""
-    return (np.abs(null_directions) > 1e-6).any(axis=0) if len(null_directions) else scale < 0
 
 
 def standard_deviations(covariance):
@@ -75,7 +74,7 @@ def standard_deviations(covariance):
 
 
 def delta_method(function, parameters, covariance):
-    """Value of a function of fitted parameters and its standard deviation.
+    """Value of a function of fitted parameters and its standard deviation, by the delta method.
 
     Parameters
     ----------
@@ -102,7 +101,7 @@ def delta_method(function, parameters, covariance):
 
 
 def t_interval(value, std, degrees_of_freedom, *, level=0.95):
-    """Confidence interval of an estimate whose scatter was itself estimated.
+    """Confidence interval by Student's t, for an estimate whose scatter was estimated.
 
     Parameters
     ----------
@@ -127,7 +126,7 @@ WHITE = 3.0  # autocorrelation of neighbours, in its standard deviations, still 
 
 
 def is_white(near, power, samples):
-    """True where neighbouring residuals agree no more than chance lets them (3 of its sigma).
+    """True where neighbouring residuals correlate no more than chance allows (3 sigma).
 
     Parameters
     ----------
@@ -138,12 +137,29 @@ def is_white(near, power, samples):
     return bool(near <= WHITE * power / np.sqrt(samples))
 
 
+def correlation_factor(residual):
+    """Factor by which correlation of neighbouring residuals raises the variance of a mean [1].
+
+    1 + 2·Σ of the autocorrelation up to its first zero crossing; 1 for white noise. A model's
+    errors are never white, and without this factor the error bars would be far too small.
+
+    Source: Geyer, Statistical Science 7 (1992) 473, initial positive sequence, simplified.
+    """
+    centred = residual - residual.mean()
+    power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
+    auto = np.fft.irfft(power)[: len(centred)]
+    if auto[0] <= 0:
+        return 1.0
+    crossing = np.argmax(auto <= 0) or len(auto)
+    return float(1.0 + 2.0 * auto[1:crossing].sum() / auto[0])
+
+
 def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=None):
     """Covariance of least-squares parameters, for white or for coloured residuals.
 
     White: s²·G⁻¹. Coloured: G⁻¹·M·G⁻¹ with M = Σ γ(k)·Σ J(t)·J(t+k), γ the autocovariance of the
-    residual up to its first zero crossing. So a parameter told by fast changes of the current is
-    widened less by slow errors of the model than one told by slow changes.
+    residual up to its first zero crossing. So slow errors of the model widen a parameter
+    that fast changes of the current determine less than one that slow changes determine.
 
     Parameters
     ----------
@@ -155,7 +171,7 @@ def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=Non
 
     Returns
     -------
-    covariance : (p, p); NaN for parameters that the data do not tell.
+    covariance : (p, p); NaN for parameters that the data do not determine.
 
     Source: L. Hansen, Econometrica 50 (1982) 1029, for a stationary error; the cut of the
     autocovariance after C. Geyer, Statistical Science 7 (1992) 473, simplified.
@@ -174,17 +190,17 @@ def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=Non
 
 
 def _inverse(gram):
-    """Inverse on the directions that the data tell, and which parameters lie in the others."""
+    """Pseudo-inverse of a Gram matrix, and which parameters the data do not determine."""
     scale = np.sqrt(np.diag(gram))
     scale = np.where(scale > 0, scale, 1.0)
     size, directions = np.linalg.eigh(gram / np.outer(scale, scale))
-    told = size > 1e-11
-    inverse = (directions[:, told] / size[told]) @ directions[:, told].T
-    return inverse / np.outer(scale, scale), (np.abs(directions[:, ~told]) > 1e-4).any(axis=1)
+    determined = size > 1e-11
+    inverse = (directions[:, determined] / size[determined]) @ directions[:, determined].T
+    return inverse / np.outer(scale, scale), (np.abs(directions[:, ~determined]) > 1e-4).any(axis=1)
 
 
 def _middle(sensitivity, residual):
-    """Σ γ(k)·Σ J(t)·J(t+k) through the spectra, where it is a product."""
+    """M = Σ γ(k)·Σ J(t)·J(t+k) of the coloured covariance (p, p), by fast Fourier transforms."""
     count = len(residual)
     length = 1 << (2 * count - 1).bit_length()
     power = np.abs(np.fft.rfft(residual, length)) ** 2

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from cellwright.numerics.least_squares import best_logarithms
 from cellwright.numerics.lines import residuals
-from cellwright.numerics.separable import best_logarithms
 
 TIME = np.linspace(0.0, 10.0, 60)
 
@@ -21,22 +21,22 @@ def rest_of(target):
 @pytest.mark.parametrize("start", [(-3.0, 2.0), (0.0, 0.1)])
 def test_two_rates_are_found(start):
     target = decays(np.log([0.3, 2.0])) @ [1.0, -0.5]
-    found = best_logarithms(rest_of(target), [start], bounds=(-6, 4))
-    np.testing.assert_allclose(np.sort(np.exp(found)), [0.3, 2.0], rtol=1e-4)
+    logarithms = best_logarithms(rest_of(target), [start], bounds=(-6, 4))
+    np.testing.assert_allclose(np.sort(np.exp(logarithms)), [0.3, 2.0], rtol=1e-4)
 
 
 def test_the_start_that_leads_to_the_least_error_counts():
     def two_valleys(logs):
         return np.array([1.0 + 0.1 * logs[0]]) if logs[0] < 0 else np.array([logs[0] - 2.0])
 
-    found = best_logarithms(two_valleys, [[-1.0], [1.0]], bounds=(-3, 3))
-    assert found[0] == pytest.approx(2.0, abs=1e-6)
+    logarithms = best_logarithms(two_valleys, [[-1.0], [1.0]], bounds=(-3, 3))
+    assert logarithms[0] == pytest.approx(2.0, abs=1e-6)
 
 
 def test_a_rate_beyond_its_bounds_ends_on_them():
     target = decays(np.log([8.0])) @ [1.0]
-    found = best_logarithms(rest_of(target), [[0.0]], bounds=(-6.0, 1.0))
-    assert found[0] == pytest.approx(1.0, abs=1e-3)
+    logarithms = best_logarithms(rest_of(target), [[0.0]], bounds=(-6.0, 1.0))
+    assert logarithms[0] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_model_without_rates_has_nothing_to_search():

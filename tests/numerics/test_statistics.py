@@ -5,12 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cellwright.numerics.uncertainty import (
+from cellwright.numerics.statistics import (
     covariance_from_jacobian,
     delta_method,
     standard_deviations,
     t_interval,
-    why_unknown,
 )
 
 
@@ -40,25 +39,21 @@ def test_units_of_the_parameters_only_scale_the_covariance(first, second):
     np.testing.assert_allclose(covariance_from_jacobian(columns * scale, residual), expected, 1e-6)
 
 
-def test_only_the_undetermined_parameters_are_nan_and_named():
+def test_only_the_undetermined_parameters_are_nan():
     _, columns, residual, _ = line()
     columns = np.column_stack([columns, columns[:, 1] * 3, np.zeros(len(columns))])
     std = standard_deviations(covariance_from_jacobian(columns, residual))
     assert np.isfinite(std).tolist() == [True, False, False, False]
-    assert why_unknown(columns, names="abcd") == "the data do not determine b, c, d"
 
 
 def test_no_scatter_without_spare_data():
     jacobian = np.eye(3)
     assert np.isnan(covariance_from_jacobian(jacobian, np.zeros(3))).all()
-    assert why_unknown(jacobian, names="abc").startswith("3 data for 3 parameters")
 
 
 def test_not_finite_is_unknown():
     jacobian = np.full((5, 1), np.inf)
     assert np.isnan(covariance_from_jacobian(jacobian, np.ones(5))).all()
-    assert why_unknown(jacobian, names="a") == "the model is not finite at the optimum"
-    assert why_unknown(np.ones((5, 1)), names="a") == ""
 
 
 def test_delta_method_of_a_product():
