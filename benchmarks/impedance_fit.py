@@ -4,8 +4,7 @@ import numpy as np
 from timing import Entry, Topic, where_importable
 
 from cellwright.protocols.impedance.circuits import parse
-from cellwright.protocols.impedance.fit import fit_circuit
-from cellwright.protocols.impedance.levenberg import Problem, search
+from cellwright.protocols.impedance.fit import Problem, fit_circuit, search
 
 FREQUENCY = np.logspace(4, -2, 61)
 NOISE = 2e-3

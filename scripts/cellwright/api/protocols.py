@@ -102,8 +102,7 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
     Source: docs/ocv.md.
     """
     from cellwright.api import given, results
-    from cellwright.protocols.ocv.rests import ocv_of_rests, soc_at
-    from cellwright.protocols.rests import rest_points
+    from cellwright.protocols.ocv.rests import ocv_of_rests, rest_points, soc_at
     from cellwright.records.anchor import rest_scale
 
     cell, test, steps = given.cell_facts(cell), given.test_facts(test), given.steps(steps)

@@ -1,4 +1,4 @@
-/* Weighted least squares of a circuit to a spectrum: see protocols/impedance/levenberg.py, whose
+/* Weighted least squares of a circuit to a spectrum: see protocols/impedance/fit.py, whose
  * numpy form takes the same steps.
  *
  * The circuit is a tree in one row, children before their parent. Upwards goes the impedance of each

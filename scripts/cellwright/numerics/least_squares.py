@@ -8,7 +8,7 @@ equations.
 
 `best_logarithms` searches the rates by lmfit; the linear parameters follow in closed form. Other
 hot loops have searches of their own: `exponentials` (one pass of a compiled kernel over a record)
-and `impedance.levenberg` (many starts in a compiled kernel).
+and `impedance.fit` (many starts in a compiled kernel).
 """
 
 from collections.abc import Callable
