@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import cellwright as cw
-from cellwright.api import given
+from cellwright.api import inputs
 from cellwright.records.basis import Lender
 from runtime import raw_files, sheets
 
@@ -44,7 +44,7 @@ def place(folder) -> Place:
     for row in read.tests:
         tests.setdefault(row["cell"], []).append(row)
     for row in sorted(read.groups, key=lambda row: row["position"]):
-        branches.setdefault(row["group"], []).append(given.branch_facts(row))
+        branches.setdefault(row["group"], []).append(inputs.branch_facts(row))
     return Place(Path(folder), {row["cell"]: row for row in read.cells}, tests, branches)
 
 
@@ -57,17 +57,17 @@ def searched(place: Place) -> list[str]:
 
 def lenders(place: Place, steps: Steps) -> dict[str, list[Lender]]:
     """The marked cells of each chemistry, with the OCV and capacities that others borrow."""
-    found = {}
+    by_chemistry = {}
     for cell, row in place.cells.items():
         if row["reference"] == "yes":
             records = tests_of(place, cell, steps)
             shown = (_curves(records, row, steps), _capacities(records, row, steps))
-            one = cw.lender(row, *shown, marked=True)
-            found.setdefault(row["chemistry"], []).append(one)
-    return found
+            lender = cw.lender(row, *shown, marked=True)
+            by_chemistry.setdefault(row["chemistry"], []).append(lender)
+    return by_chemistry
 
 
-def loaded(place: Place, cell: str, known: dict[str, list[Lender]], steps: Steps) -> Loaded:
+def loaded(place: Place, cell: str, lenders_of: dict[str, list[Lender]], steps: Steps) -> Loaded:
     """One cell with what its SoC refers to.
 
     Raises
@@ -75,13 +75,13 @@ def loaded(place: Place, cell: str, known: dict[str, list[Lender]], steps: Steps
     Refusal : a file that cannot be read, or no capacity.
     """
     row, records = place.cells[cell], tests_of(place, cell, steps)
-    found = cw.basis(
+    basis = cw.basis(
         row,
         _curves(records, row, steps),
         _capacities(records, row, steps),
-        [one for one in known.get(row["chemistry"], []) if one.cell != cell],
+        [lender for lender in lenders_of.get(row["chemistry"], []) if lender.cell != cell],
     )
-    return Loaded(row, found.content, records)
+    return Loaded(row, basis.content, records)
 
 
 def tests_of(place: Place, cell: str, steps: Steps) -> list[tuple]:
@@ -109,9 +109,9 @@ def _curves(records, row, steps):
 
 def _capacities(records, row, steps):
     kinds = ("capacity", "ocv")
-    mine = [one for one in records if one[0].kind in kinds and one[0].role == "fit"]
-    tried = [(facts, _capacity(facts, series, row, steps)) for facts, series in mine]
-    return [(facts, found) for facts, found in tried if found]
+    fitted = [record for record in records if record[0].kind in kinds and record[0].role == "fit"]
+    tried = [(facts, _capacity(facts, series, row, steps)) for facts, series in fitted]
+    return [(facts, capacity) for facts, capacity in tried if capacity]
 
 
 def _capacity(facts, series, row, steps):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from figures import style
-from figures.columns import ambient_celsius, thinned
+from figures.style import ambient_celsius, thinned
 
 PERIOD_TICKS_HOUR = (6, 12, 24, 48, 96, 192)
 
@@ -103,15 +103,17 @@ def draw_fast_charge(tests):
 
 
 def _shares(axes, charges, minutes):
-    place = np.arange(len(charges))
+    position = np.arange(len(charges))
     constant = np.array([100 * charge["constant_current"] for charge in charges])
     whole = np.array([100 * charge["share"] for charge in charges])
-    axes.bar(place, constant, color=style.SERIES[0], label="at constant current")
-    axes.bar(place, whole - constant, bottom=constant, color=style.YELLOW, label="at held voltage")
-    for x, value in zip(place, whole, strict=True):
+    axes.bar(position, constant, color=style.SERIES[0], label="at constant current")
+    axes.bar(
+        position, whole - constant, bottom=constant, color=style.YELLOW, label="at held voltage"
+    )
+    for x, value in zip(position, whole, strict=True):
         axes.annotate(f"{value:.0f} %", (x, value), (0, 2), textcoords="offset points", ha="center")
     labels = [f"{style.temperature_label(c['celsius'])}\n{c['rate']:.2g}C" for c in charges]
-    axes.set_xticks(place, labels, fontsize=7)
+    axes.set_xticks(position, labels, fontsize=7)
     axes.set(title=f"Charged within {minutes:g} min", ylim=(0, 110))
     axes.grid(False, axis="x")
     style.legend_once(axes, loc="upper left")

@@ -41,11 +41,13 @@ def wanted(folder, names) -> list[str]:
     FileNotFoundError
         Where one of them is not there.
     """
-    there = names_in(folder)
-    missing = [name for name in names if name not in there]
+    available = names_in(folder)
+    missing = [name for name in names if name not in available]
     if missing:
-        raise FileNotFoundError(f"{folder}: found no {', '.join(missing)}, wanted one of {there}")
-    return list(names) or there
+        raise FileNotFoundError(
+            f"{folder}: found no {', '.join(missing)}, wanted one of {available}"
+        )
+    return list(names) or available
 
 
 def files(folder, name: str) -> list[Path]:

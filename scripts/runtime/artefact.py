@@ -85,10 +85,10 @@ def _arrow(values):
 
 
 def _write_csv(path, columns, about):
-    known = contract.stages()[contract.entry_of(path)]["columns"]
-    names = [name for name in known if "<" not in name]
-    stems = tuple(name.split("<")[0] for name in known if "<" in name)
-    names += [name for name in columns if name not in known and name.startswith(stems)]
+    contracted = contract.stages()[contract.entry_of(path)]["columns"]
+    names = [name for name in contracted if "<" not in name]
+    stems = tuple(name.split("<")[0] for name in contracted if "<" in name)
+    names += [name for name in columns if name not in contracted and name.startswith(stems)]
     length = len(next(iter(columns.values()), []))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -263,7 +263,7 @@ def load_together(pairs) -> list[tuple[dict, dict, dict]]:
     loaded = [
         (load(first), load(second), about[1])
         for (first, second), about in zip(pairs, abouts, strict=True)
-        if all(one["reason"] is None for one in about)
+        if all(metadata["reason"] is None for metadata in about)
     ]
     if not loaded:
         for path in (path for pair in pairs for path in pair):

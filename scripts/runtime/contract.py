@@ -43,9 +43,9 @@ def fingerprint(*paths: str) -> str:
     """
     entries = [stages().get(entry, {}).get("columns") for entry in map(entry_of, paths) if entry]
     held = [
-        [(name, spec.get("range"), spec.get("required", True)) for name, spec in one.items()]
-        for one in entries
-        if one
+        [(name, spec.get("range"), spec.get("required", True)) for name, spec in columns.items()]
+        for columns in entries
+        if columns
     ]
     return hashlib.sha256(json.dumps(held).encode()).hexdigest()[:16] if held else ""
 
@@ -58,16 +58,18 @@ def check(stage: str, columns: dict):
     ValueError
         A column that is missing, not in the contract or out of its range: a fault of ours.
     """
-    known = stages()[stage]["columns"]
-    for name, spec in known.items():
+    contracted = stages()[stage]["columns"]
+    for name, spec in contracted.items():
         if spec.get("required", True) and "<" not in name and name not in columns:
             raise ValueError(f"{stage}: column {name} is missing; found {sorted(columns)}")
-    families = {name.split("<")[0]: spec for name, spec in known.items() if "<" in name}
+    families = {name.split("<")[0]: spec for name, spec in contracted.items() if "<" in name}
     for name, values in columns.items():
         family = next((spec for stem, spec in families.items() if name.startswith(stem)), None)
-        spec = known.get(name, family)
+        spec = contracted.get(name, family)
         if spec is None:
-            raise ValueError(f"{stage}: column {name} is not in the contract; known: {list(known)}")
+            raise ValueError(
+                f"{stage}: column {name} is not in the contract; known: {list(contracted)}"
+            )
         if spec.get("range"):
             _check_range(stage, name, np.asarray(values), *spec["range"])
 

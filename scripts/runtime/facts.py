@@ -22,8 +22,8 @@ def branches(rows) -> list[BranchFacts]:
 
 def test(snakemake) -> MeasuredTest:
     """The test of a job, whose clean series is its input of that name."""
-    known = TestFacts(snakemake.wildcards.test, **snakemake.params.test)
-    return MeasuredTest(known, artefact.load(snakemake.input.series))
+    test_facts = TestFacts(snakemake.wildcards.test, **snakemake.params.test)
+    return MeasuredTest(test_facts, artefact.load(snakemake.input.series))
 
 
 def tests(paths) -> list[MeasuredTest]:

@@ -24,8 +24,8 @@ def capacities(paths) -> list[dict]:
 
 def _dated(about) -> dict:
     """Name, temperature and cycle of the test that an artefact is of."""
-    known = facts.of_artefact(about)
-    return {n: getattr(known, n) for n in ("test", "ambient_temperature_celsius", "cycle")}
+    test = facts.of_artefact(about)
+    return {n: getattr(test, n) for n in ("test", "ambient_temperature_celsius", "cycle")}
 
 
 def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
@@ -45,8 +45,8 @@ def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
 
 def left_out(paths) -> dict:
     """Models that were identified without one temperature, by that temperature [°C]."""
-    found = artefact.load_all(paths)
-    return {float(about["wildcards"]["celsius"]): model for model, about in found}
+    models = artefact.load_all(paths)
+    return {float(about["wildcards"]["celsius"]): model for model, about in models}
 
 
 def charges(pairs, celsius) -> list[Charge]:
@@ -90,8 +90,8 @@ def by_cell(inputs):
 def _onset(paths) -> dict:
     """Median resistance at the onset of discharges from full, by delay."""
     tables = [artefact.rows(columns) for columns, _ in artefact.load_all(paths)]
-    found = {}
+    by_delay = {}
     for row in (row for rows in tables for row in rows):
         if row["direction"] == "discharge" and row["soc"] > FULL_SOC:
-            found.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
-    return {delay: median(values) for delay, values in found.items()}
+            by_delay.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
+    return {delay: median(values) for delay, values in by_delay.items()}

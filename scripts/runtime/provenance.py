@@ -52,13 +52,13 @@ def code_of(script: str) -> str:
 
 def pieces_of(script: str) -> set[Piece]:
     """The pieces of code that `scripts/<script>.py` runs, itself among them."""
-    found, waiting = set(), [Piece(SCRIPTS / f"{script}.py")]
+    reached, waiting = set(), [Piece(SCRIPTS / f"{script}.py")]
     while waiting:
         piece = waiting.pop()
-        if piece not in found:
-            found.add(piece)
+        if piece not in reached:
+            reached.add(piece)
             waiting += _needs(piece)
-    return found
+    return reached
 
 
 def _compiled_by(path: Path) -> list[Path]:
@@ -78,18 +78,20 @@ def _parted(path: Path) -> bool:
 @cache
 def _entries(path: Path) -> dict:
     """Of a module each name at its top level, with the statement that makes it."""
-    found = {}
+    statements = {}
     for node in _parsed(path).body:
         if isinstance(node, ast.Import | ast.ImportFrom):
-            found |= {alias.asname or alias.name: _only(node, alias) for alias in node.names}
+            statements |= {alias.asname or alias.name: _only(node, alias) for alias in node.names}
         elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found[node.name] = node
+            statements[node.name] = node
         elif isinstance(node, ast.Assign):
-            found |= {target.id: node for target in node.targets if isinstance(target, ast.Name)}
-    if LAZY in found:
-        for name, module in ast.literal_eval(found[LAZY].value).items():
-            found[name] = ast.ImportFrom(module, [ast.alias(name)], 0)
-    return found
+            statements |= {
+                target.id: node for target in node.targets if isinstance(target, ast.Name)
+            }
+    if LAZY in statements:
+        for name, module in ast.literal_eval(statements[LAZY].value).items():
+            statements[name] = ast.ImportFrom(module, [ast.alias(name)], 0)
+    return statements
 
 
 def _only(node, alias):
@@ -110,11 +112,11 @@ def _needs(piece: Piece) -> frozenset:
     package = piece.path.parent.relative_to(SCRIPTS).parts
     names = [name for node in nodes for name in _imported(node, package)]
     names += [name for whole in _packages(nodes) for name in _attributes(nodes, *whole)]
-    found = {one for name in names for one in _pieces_named(name)}
+    needed = {piece_needed for name in names for piece_needed in _pieces_named(name)}
     if piece.name:
         used = {node.id for node in nodes if isinstance(node, ast.Name)} & set(_entries(piece.path))
-        found |= {Piece(piece.path, name) for name in used}
-    return frozenset(found - {piece})
+        needed |= {Piece(piece.path, name) for name in used}
+    return frozenset(needed - {piece})
 
 
 def _imported(node, package) -> list[str]:
@@ -137,8 +139,8 @@ def _packages(nodes) -> list[tuple[str, str]]:
 def _attributes(nodes, called: str, name: str) -> list[str]:
     """Dotted names of what is taken from a package that is imported as a whole."""
     attributes = [node for node in nodes if isinstance(node, ast.Attribute)]
-    taken = [one for one in attributes if isinstance(one.value, ast.Name)]
-    return [f"{name}.{one.attr}" for one in taken if one.value.id == called]
+    taken = [attribute for attribute in attributes if isinstance(attribute.value, ast.Name)]
+    return [f"{name}.{attribute.attr}" for attribute in taken if attribute.value.id == called]
 
 
 def _pieces_named(name: str) -> set[Piece]:
@@ -146,11 +148,11 @@ def _pieces_named(name: str) -> set[Piece]:
     parts = name.split(".")
     stems = [SCRIPTS.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
     files = [stem / "__init__.py" for stem in stems] + [stems[-1].with_suffix(".py")]
-    found = {Piece(file) for file in files if file.is_file() and not _gives_names(file)}
+    pieces = {Piece(file) for file in files if file.is_file() and not _gives_names(file)}
     holder = next((f for f in _files_at(stems[:-1]) if _gives_names(f)), None)
     if holder and parts[-1] in _entries(holder):
-        found.add(Piece(holder, parts[-1]))
-    return found
+        pieces.add(Piece(holder, parts[-1]))
+    return pieces
 
 
 def _gives_names(file: Path) -> bool:
@@ -208,10 +210,10 @@ def record(job) -> dict:
 
 def assumptions() -> list[dict]:
     """Every `# ASSUME:` of the code: where it stands and what it says."""
-    found = []
+    sentences = []
     for path in sorted(SCRIPTS.glob("cellwright/**/*.py")):
         text = path.read_text(encoding="utf-8")
         for match in re.finditer(r"# ASSUME: (.+(?:\n\s*# (?!ASSUME).+)*)", text):
             sentence = re.sub(r"\s*\n\s*# ", " ", match.group(1)).strip()
-            found.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
-    return found
+            sentences.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
+    return sentences

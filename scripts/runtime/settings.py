@@ -16,11 +16,11 @@ def load(schemas, name: str) -> dict:
     return yaml.load(text, Loader=LOADER)
 
 
-def fault(place: str, found, wanted: str, known=()) -> str:
+def fault(place: str, value, wanted: str, names=()) -> str:
     """One line: where, what was found, what is wanted, and what was probably meant."""
-    near = difflib.get_close_matches(str(found), map(str, known), n=1)
-    meant = f"; did you mean {near[0]!r}?" if near and near[0] != found else ""
-    shown = repr(found) if len(repr(found)) <= 80 else f"{repr(found)[:77]}…"
+    near = difflib.get_close_matches(str(value), map(str, names), n=1)
+    meant = f"; did you mean {near[0]!r}?" if near and near[0] != value else ""
+    shown = repr(value) if len(repr(value)) <= 80 else f"{repr(value)[:77]}…"
     return f"{place}: found {shown}, wanted {wanted}{meant}"
 
 
@@ -52,19 +52,19 @@ def _range(spec) -> str:
     return "".join(f" {word} {spec[key]:g}" for key, word in words.items() if key in spec)
 
 
-def read(folder, schema: dict, given: dict, *, alone=False) -> tuple[dict, list[str]]:
+def read(folder, schema: dict, overrides: dict, *, alone=False) -> tuple[dict, list[str]]:
     """Settings of a campaign, with all defaults, and what is wrong with them.
 
-    `given` (Snakemake's --config and --configfile) goes before what the file says. Where it is
+    `overrides` (Snakemake's --config and --configfile) goes before what the file says. Where it is
     `alone` (the `config:` of a module), the file is not looked at.
     """
     path = Path(folder) / FILE
-    there = path.is_file() and not alone
-    written, lines, faults = _written(path.read_bytes()) if there else ({}, {}, [])
+    has_file = path.is_file() and not alone
+    written, lines, faults = _written(path.read_bytes()) if has_file else ({}, {}, [])
     faults += faults_of(written, schema, lambda path: f"{FILE}, line {lines.get(tuple(path), 1)}")
     source = "config of the module" if alone else "--config"
-    faults += faults_of(given, schema, lambda path: source)
-    return ({} if faults else _filled(_merged(written, given), schema)), faults
+    faults += faults_of(overrides, schema, lambda path: source)
+    return ({} if faults else _filled(_merged(written, overrides), schema)), faults
 
 
 def defaults(schema: dict) -> dict:
@@ -158,11 +158,11 @@ def faults_of(content, schema, place=lambda path: "config") -> list[str]:
 
 
 def _unknown(place, path, key, schema, section) -> str:
-    known = list(section["properties"])
+    names = list(section["properties"])
     elsewhere = [name for name, _ in keys(schema) if name.split(".")[-1] == str(key)]
     meant = f"; did you mean {elsewhere[0]!r}?" if elsewhere else ""
     where = f"key of {'.'.join(map(str, path))}" if path else "key"
-    return fault(place, key, f"a known {where}: {', '.join(known) or 'it has none'}", known) + meant
+    return fault(place, key, f"a known {where}: {', '.join(names) or 'it has none'}", names) + meant
 
 
 def _hint(error) -> str:
@@ -179,9 +179,9 @@ def _without_blanks(content: dict, schema: dict) -> dict:
     return {k: v for k, v in content.items() if v is not None or k not in sections}
 
 
-def _merged(written: dict, given: dict) -> dict:
+def _merged(written: dict, overrides: dict) -> dict:
     merged = dict(written)
-    for key, value in given.items():
+    for key, value in overrides.items():
         both = isinstance(value, dict) and isinstance(written.get(key), dict)
         merged[key] = _merged(written[key], value) if both else value
     return merged

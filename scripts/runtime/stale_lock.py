@@ -17,15 +17,15 @@ def clear(folder):
     Locks are removed only where some noted process has ended and all others have too; one on
     another machine counts as running. Two starts at once see each other, and neither removes any.
     """
-    own = Path(folder) / ".snakemake"
-    starts = own / "starts"
+    state = Path(folder) / ".snakemake"
+    starts = state / "starts"
     starts.mkdir(parents=True, exist_ok=True)
     me = psutil.Process()
-    mine = starts / f"{me.pid}@{socket.gethostname()}"
-    mine.write_text(str(me.create_time()), encoding="utf-8")
-    others = [start for start in starts.iterdir() if start != mine]
+    record = starts / f"{me.pid}@{socket.gethostname()}"
+    record.write_text(str(me.create_time()), encoding="utf-8")
+    others = [start for start in starts.iterdir() if start != record]
     if others and all(_has_ended(start) for start in others):
-        shutil.rmtree(own / "locks", ignore_errors=True)
+        shutil.rmtree(state / "locks", ignore_errors=True)
         for start in others:
             start.unlink(missing_ok=True)
 

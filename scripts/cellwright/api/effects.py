@@ -29,7 +29,7 @@ def missing_effect(
 
     Returns
     -------
-    found : MissingEffect; its verdict is the document of docs/missing-effect.md.
+    finding : MissingEffect; its verdict is the document of docs/missing-effect.md.
 
     Raises
     ------
@@ -38,19 +38,19 @@ def missing_effect(
 
     Source: docs/missing-effect.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.effects.finding import missing_effect as searched
     from cellwright.effects.library import LIBRARY
 
-    found = searched(
-        given.cell_facts(cell),
-        given.content(basis),
-        given.tests(tests),
+    finding = searched(
+        inputs.cell_facts(cell),
+        inputs.content(basis),
+        inputs.tests(tests),
         LIBRARY if library is None else library,
         settings=_search(settings, split_rest_second, changes),
-        references=[_reference(one) for one in references],
+        references=[_reference(reference) for reference in references],
     )
-    return results.MissingEffect(**found._asdict())
+    return results.MissingEffect(**finding._asdict())
 
 
 def prepared_case(
@@ -72,48 +72,48 @@ def prepared_case(
     Refusal
         No OCV, nothing to fit, or nothing that judges.
     """
-    from cellwright.api import given
+    from cellwright.api import inputs
     from cellwright.effects import prepare
     from cellwright.effects.finding import settings_of
 
     plain = _search(settings, split_rest_second, changes)
     gates, tolerance = settings_of(plain)
     options = {"tolerance": tolerance, "gates": gates, "settings": plain}
-    known = [(given.test_facts(facts), series) for facts, series in tests]
-    mine = given.tests([one for one in known if one[0].kind in prepare.KINDS])
-    facts = given.cell_facts(cell)
-    return prepare.prepared(facts, given.content(basis), mine, **options).case
+    measured = [(inputs.test_facts(facts), series) for facts, series in tests]
+    searched = inputs.tests([test for test in measured if test[0].kind in prepare.KINDS])
+    facts = inputs.cell_facts(cell)
+    return prepare.prepared(facts, inputs.content(basis), searched, **options).case
 
 
 def _search(settings, split_rest_second, changes) -> dict:
-    from cellwright.api import given
+    from cellwright.api import inputs
 
-    chosen = given.chosen(MissingEffect, settings, changes)
-    return chosen._asdict() | {"split_rest_second": split_rest_second}
+    search = inputs.settings_of(MissingEffect, settings, changes)
+    return search._asdict() | {"split_rest_second": split_rest_second}
 
 
-def _reference(one):
+def _reference(reference):
     """A healthy cell of the type, as the search takes it."""
-    from cellwright.api import given
+    from cellwright.api import inputs
     from cellwright.effects.finding import Reference
 
-    cell, basis, tests = one
-    return Reference(given.cell_facts(cell), given.content(basis), given.tests(tests))
+    cell, basis, tests = reference
+    return Reference(inputs.cell_facts(cell), inputs.content(basis), inputs.tests(tests))
 
 
-def missing_group_effect(group, branches, known, tests, settings=None, **changes):
+def missing_group_effect(group, branches, known_cells, tests, settings=None, **changes):
     """Search a parallel group for what one of its branches has of its own.
 
     Parameters
     ----------
     group : its name. branches : rows of groups.tsv in order of position.
-    known : `effects.groups.finding.KnownCell` of each branch.
+    known_cells : `effects.groups.finding.KnownCell` of each branch.
     tests : (test, clean series with branch currents) each.
     settings : `settings.MissingEffectGroup`, or its keys as keywords.
 
     Returns
     -------
-    found : MissingEffect, with empty residual_map, evidence, confounding and menu.
+    finding : MissingEffect, with empty residual_map, evidence, confounding and menu.
 
     Raises
     ------
@@ -122,18 +122,18 @@ def missing_group_effect(group, branches, known, tests, settings=None, **changes
 
     Source: docs/missing-effect.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.effects.groups.finding import missing_group_effect as searched
 
-    chosen = given.chosen(MissingEffectGroup, settings, changes)
+    search = inputs.settings_of(MissingEffectGroup, settings, changes)
     plain = {
         name: value._asdict() if hasattr(value, "_asdict") else value
-        for name, value in chosen._asdict().items()
+        for name, value in search._asdict().items()
     }
-    rows = [given.branch_facts(branch) for branch in branches]
-    found = searched(group, rows, known, given.tests(tests), settings=plain)
+    rows = [inputs.branch_facts(branch) for branch in branches]
+    finding = searched(group, rows, known_cells, inputs.tests(tests), settings=plain)
     empty = {key: {} for key in ("residual_map", "evidence", "confounding", "menu")}
-    return results.MissingEffect(**empty, **found._asdict())
+    return results.MissingEffect(**empty, **finding._asdict())
 
 
 def identify_branches(series, steps, cells, test):
@@ -156,14 +156,14 @@ def identify_branches(series, steps, cells, test):
 
     Source: docs/packs.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.circuits.model_file import parameter_rows
     from cellwright.packs.group import group_models
     from cellwright.records.facts import MeasuredTest
 
-    measured = MeasuredTest(given.test_facts(test), given.columns(series, *given.NAMES))
-    models = group_models(measured, given.steps(steps)._asdict(), cells)
-    rows = [{"cell": cell} | row for cell, one in models.items() for row in parameter_rows(one)]
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    models = group_models(measured, inputs.steps(steps)._asdict(), cells)
+    rows = [{"cell": cell} | row for cell, model in models.items() for row in parameter_rows(model)]
     return results.Document({"models": models}, (), rows)
 
 
@@ -193,17 +193,17 @@ def simulate_group(
     """
     import numpy as np
 
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.packs.parallel import group_of, simulate_parallel
 
-    documents = [given.content(model) for model in models]
-    group = group_of(documents, temperature_celsius=temperature_celsius)
-    time, total = given.quantities(current, ("test_time_second", "current_ampere"))
+    documents = [inputs.content(model) for model in models]
+    pack = group_of(documents, temperature_celsius=temperature_celsius)
+    time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
     start, wire = (
         np.broadcast_to(np.asarray(value, float), len(documents))
         for value in (initial_soc, wire_resistance_ohm)
     )
-    run = simulate_parallel(time, total, group, initial_soc=start, wire_resistance_ohm=wire)
+    run = simulate_parallel(time, total, pack, initial_soc=start, wire_resistance_ohm=wire)
     columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
     for k in range(len(documents)):
         columns[f"branch_{k + 1}_current_ampere"] = run.branch_current_ampere[:, k]
@@ -231,11 +231,11 @@ def validate_group(models, branches, series, test):
 
     Source: docs/packs.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.packs.group import validate_group as validated
     from cellwright.records.facts import MeasuredTest
 
-    measured = MeasuredTest(given.test_facts(test), given.columns(series, *given.NAMES))
-    rows = [given.branch_facts(branch) for branch in branches]
-    found = validated([given.content(model) for model in models], rows, measured)
-    return results.Scored(found.rows, found.series, tuple(found.notes))
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    rows = [inputs.branch_facts(branch) for branch in branches]
+    scores = validated([inputs.content(model) for model in models], rows, measured)
+    return results.Scored(scores.rows, scores.series, tuple(scores.notes))

@@ -31,14 +31,14 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
 
     Source: thesis ch. 3; docs/temperature.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.laws import points as measured
     from cellwright.laws.temperature import law_rows
 
-    chosen = given.chosen(Temperature, settings, changes)
+    options = inputs.settings_of(Temperature, settings, changes)
     sizes = measured.capacity_points(_rows(capacities))
     circuits = measured.impedance_points(_rows(spectra))
-    pulses = measured.resistance_points(_rows(resistances), **chosen._asdict())
+    pulses = measured.resistance_points(_rows(resistances), **options._asdict())
     points = measured.enough([*sizes, *circuits.points, *pulses.points])
     points = measured.one_a_temperature(points)
     rows, reasons = law_rows(points)
@@ -47,10 +47,10 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
 
 def _rows(tables):
     """Rows of a table, or of (test, result) each, with the facts of their tests."""
-    from cellwright.api import given
+    from cellwright.api import inputs
 
     pairs = isinstance(tables, list | tuple) and not hasattr(tables, "_asdict")
-    return given.entries(tables) if pairs else given.rows(tables)
+    return inputs.entries(tables) if pairs else inputs.rows(tables)
 
 
 def temperature_laws_of_type(resistances, settings=None, **changes):
@@ -72,16 +72,16 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
 
     Source: docs/temperature.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.laws.of_type import points_of_type, sentences_of_type
     from cellwright.laws.points import enough
     from cellwright.laws.temperature import law_rows
 
-    chosen = given.chosen(Temperature, settings, changes)
-    found = points_of_type(given.rows(resistances), **chosen._asdict())
-    points = enough(found.points)
+    options = inputs.settings_of(Temperature, settings, changes)
+    compared = points_of_type(inputs.rows(resistances), **options._asdict())
+    points = enough(compared.points)
     rows, reasons = law_rows(points)
-    return results.Laws(rows, points, (*found.notes, *sentences_of_type(points), *reasons))
+    return results.Laws(rows, points, (*compared.notes, *sentences_of_type(points), *reasons))
 
 
 def fast_charge_laws(charges):
@@ -129,12 +129,12 @@ def cold_limit(laws, points=None):
 
     Source: docs/temperature.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.laws.cold import cold_limit as limited
     from cellwright.laws.points import Point
 
-    points = given.rows(laws.points if points is None else points)
-    return results.Document(limited([Point(**row) for row in points], given.rows(laws))._asdict())
+    points = inputs.rows(laws.points if points is None else points)
+    return results.Document(limited([Point(**row) for row in points], inputs.rows(laws))._asdict())
 
 
 def resistance_surface(
@@ -163,9 +163,9 @@ def resistance_surface(
     from cellwright.api import results
     from cellwright.laws import surface
 
-    found, reasons = surface.surfaces(_rows(resistances), delay_second=delay_second, c_rate=c_rate)
-    notes = (*reasons, *surface.sentences(found))
-    return results.Laws(surface.law_rows(found), surface.point_rows(found), notes)
+    fits, reasons = surface.surfaces(_rows(resistances), delay_second=delay_second, c_rate=c_rate)
+    notes = (*reasons, *surface.sentences(fits))
+    return results.Laws(surface.law_rows(fits), surface.point_rows(fits), notes)
 
 
 def polarisation_laws(rests):
@@ -189,9 +189,9 @@ def polarisation_laws(rests):
     from cellwright.api import results
     from cellwright.laws.polarisation import compared, law_rows, laws_of, paragraph
 
-    found = compared(_rows(rests))
-    laws, reasons = laws_of(found.points)
-    return results.Laws(law_rows(laws), found.points, (paragraph(found, laws), *reasons))
+    courses = compared(_rows(rests))
+    laws, reasons = laws_of(courses.points)
+    return results.Laws(law_rows(laws), courses.points, (paragraph(courses, laws), *reasons))
 
 
 def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
@@ -213,21 +213,21 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
 
     Source: thesis 3.1; docs/ocv-temperature.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.api.models import _curves
     from cellwright.laws.ocv import rows
     from cellwright.laws.ocv.over_temperature import over_temperature
 
-    chosen = given.chosen(OcvTemperature, settings, changes)
-    slow = given.entries(curves, _curves)
-    found = over_temperature(slow, given.entries(steps), **chosen._asdict())
+    options = inputs.settings_of(OcvTemperature, settings, changes)
+    slow = inputs.entries(curves, _curves)
+    fit = over_temperature(slow, inputs.entries(steps), **options._asdict())
     return results.OcvMap(
-        rows.law_rows(found),
-        rows.map_rows(found),
-        rows.entropic_rows(found),
-        rows.table_rows(found),
-        rows.surface_rows(found),
-        tuple(found.notes),
+        rows.law_rows(fit),
+        rows.map_rows(fit),
+        rows.entropic_rows(fit),
+        rows.table_rows(fit),
+        rows.surface_rows(fit),
+        tuple(fit.notes),
     )
 
 
@@ -251,11 +251,11 @@ def capacity_loss(capacities, settings=None, **changes):
 
     Source: thesis 4.2; docs/capacity-loss.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.laws.capacity_loss import capacity_losses, law_rows
 
-    chosen = given.chosen(CapacityLoss, settings, changes)
-    losses, notes = capacity_losses(_rows(capacities), **chosen._asdict())
+    options = inputs.settings_of(CapacityLoss, settings, changes)
+    losses, notes = capacity_losses(_rows(capacities), **options._asdict())
     return results.Laws(law_rows(losses), losses, tuple(notes))
 
 
@@ -278,22 +278,22 @@ def ica_over_temperature(charges, settings=None, **changes):
 
     Source: docs/ica-temperature.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.laws.peaks import peaks_over_temperature
 
-    chosen = given.chosen(IcaTemperature, settings, changes)
-    found = peaks_over_temperature([_charge(one) for one in charges], **chosen._asdict())
-    return results.PeakMatches(found.matches, found.peaks, found.curves, tuple(found.notes))
+    options = inputs.settings_of(IcaTemperature, settings, changes)
+    matched = peaks_over_temperature([_charge(charge) for charge in charges], **options._asdict())
+    return results.PeakMatches(matched.matches, matched.peaks, matched.curves, tuple(matched.notes))
 
 
-def _charge(one):
+def _charge(charge):
     """A charge as it is, or from (test, result of `ica`)."""
-    from cellwright.api import given
+    from cellwright.api import inputs
     from cellwright.laws.peaks import Charge
 
-    if isinstance(one, Charge):
-        return one
-    test, ica = given.test_facts(one[0]), one[1]
+    if isinstance(charge, Charge):
+        return charge
+    test, ica = inputs.test_facts(charge[0]), charge[1]
     names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
     curve = [getattr(ica.curve, name) for name in names]
     return Charge(test.test, test.ambient_temperature_celsius, ica.c_rate, *curve)
@@ -318,14 +318,14 @@ def ageing_over_temperature(cycles, test, settings=None, **changes):
 
     Source: docs/ageing.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.laws.ageing import cycle_temperature, law_rows
     from cellwright.protocols.ageing import AgeingCycles
 
     table = getattr(cycles, "rows", cycles)
     if not isinstance(table, AgeingCycles):
-        table = AgeingCycles(**given.columns(table, *AgeingCycles._fields))
-    found = cycle_temperature(table, **given.chosen(Ageing, settings, changes)._asdict())
-    rows = law_rows(found.summary, test=given.test_facts(test).test)
-    notes = tuple(filter(None, [found.summary["reason"]]))
-    return results.AgeingLaws(found.summary, rows, found.cycles, found.periodogram, notes)
+        table = AgeingCycles(**inputs.columns(table, *AgeingCycles._fields))
+    ageing = cycle_temperature(table, **inputs.settings_of(Ageing, settings, changes)._asdict())
+    rows = law_rows(ageing.summary, test=inputs.test_facts(test).test)
+    notes = tuple(filter(None, [ageing.summary["reason"]]))
+    return results.AgeingLaws(ageing.summary, rows, ageing.cycles, ageing.periodogram, notes)

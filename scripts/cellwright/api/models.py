@@ -28,20 +28,20 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
 
     Source: docs/state-of-charge.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.records.basis import basis as basis_of
 
-    facts = given.cell_facts(cell)
-    found = basis_of(
+    facts = inputs.cell_facts(cell)
+    content = basis_of(
         facts.cell,
-        given.entries(curves, _curves),
-        given.entries(capacities),
+        inputs.entries(curves, _curves),
+        inputs.entries(capacities),
         lenders,
-        rests=given.entries(rests, _curves),
+        rests=inputs.entries(rests, _curves),
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
     )
-    return results.Document(found, tuple(_basis_notes(found)), _curve_rows(found["ocv"]))
+    return results.Document(content, tuple(_basis_notes(content)), _curve_rows(content["ocv"]))
 
 
 def lender(cell, curves, capacities, *, marked=False):
@@ -55,20 +55,20 @@ def lender(cell, curves, capacities, *, marked=False):
     -------
     lender : `records.basis.Lender`.
     """
-    from cellwright.api import given
+    from cellwright.api import inputs
     from cellwright.records.basis import Lender
 
-    shown = (given.entries(curves, _curves), given.entries(capacities))
-    return Lender(given.cell_facts(cell).cell, marked, *shown)
+    shown = (inputs.entries(curves, _curves), inputs.entries(capacities))
+    return Lender(inputs.cell_facts(cell).cell, marked, *shown)
 
 
 def _curves(result):
     """One curve as plain lists; of rests with where its capacity is from."""
-    from cellwright.api import given
+    from cellwright.api import inputs
 
     source = getattr(result, "capacity_source", None)
-    about = {} if source is None else {"capacity_source": source}
-    return [given.plain(result.curve._asdict()) | about]
+    source_fact = {} if source is None else {"capacity_source": source}
+    return [inputs.plain(result.curve._asdict()) | source_fact]
 
 
 def _curve_rows(curves):
@@ -82,15 +82,17 @@ def _curve_rows(curves):
 
 def _basis_notes(basis):
     """What a reader must know of where capacity and OCV come from."""
-    said = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
+    notes = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
     if basis["borrowed_from"]:
-        said.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
+        notes.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
     elif not basis["ocv"]:
-        said.append("no OCV: no slow test of its own, and no cell of its type has one")
+        notes.append("no OCV: no slow test of its own, and no cell of its type has one")
     tests = [curve["test"] for curve in basis["ocv"] if curve["branches"] == "rests"]
     if tests and not basis["borrowed_from"]:
-        said.append(f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type")
-    return said
+        notes.append(
+            f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type"
+        )
+    return notes
 
 
 def state_of_charge(series, basis, test, cell):
@@ -107,15 +109,15 @@ def state_of_charge(series, basis, test, cell):
     anchored : `records.anchor.Anchored`: soc (n,) [1], NaN where it cannot be known, and in words
         what it is counted from.
     """
-    from cellwright.api import given
+    from cellwright.api import inputs
     from cellwright.records.basis import soc_or_unknown
 
     about = (
-        given.content(basis),
-        given.test_facts(test),
-        given.cell_facts(cell),
+        inputs.content(basis),
+        inputs.test_facts(test),
+        inputs.cell_facts(cell),
     )
-    return soc_or_unknown(given.columns(series, *given.COUNTED), *about)
+    return soc_or_unknown(inputs.columns(series, *inputs.COUNTED), *about)
 
 
 def identify(
@@ -142,10 +144,10 @@ def identify(
 
     Source: docs/models.md, docs/identification.md.
     """
-    from cellwright.api import given
+    from cellwright.api import inputs
     from cellwright.identification.cell import cell_model
 
-    about = (given.cell_facts(cell), given.content(basis), given.tests(tests))
+    about = (inputs.cell_facts(cell), inputs.content(basis), inputs.tests(tests))
     return _model(cell_model(*about, members=members, split_rest_second=split_rest_second))
 
 
@@ -179,13 +181,13 @@ def identify_without(
 
     Source: docs/compensation.md.
     """
-    from cellwright.api import given
+    from cellwright.api import inputs
     from cellwright.identification.cell import cell_model
     from cellwright.identification.compensation import without
 
-    rest = without(given.content(basis), given.tests(tests), celsius=celsius)
-    members = [given.content(whole)["chosen"]]
-    facts = given.cell_facts(cell)
+    rest = without(inputs.content(basis), inputs.tests(tests), celsius=celsius)
+    members = [inputs.content(whole)["chosen"]]
+    facts = inputs.cell_facts(cell)
     return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
 
 
@@ -211,12 +213,12 @@ def compare_temperature_laws(
 
     Source: docs/compensation.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.identification.compensation import choose_laws, laws_beyond, predicted
 
-    whole = given.content(whole)
-    models = {celsius: given.content(model) for celsius, model in reduced.items()}
-    about = (whole, models, given.cell_facts(cell), given.tests(tests))
+    whole = inputs.content(whole)
+    models = {celsius: inputs.content(model) for celsius, model in reduced.items()}
+    about = (whole, models, inputs.cell_facts(cell), inputs.tests(tests))
     rows, notes = predicted(*about, split_rest_second=split_rest_second)
     offered, refused = laws_beyond(whole)
     choice = choose_laws(rows, beyond=offered)
@@ -238,12 +240,12 @@ def predict_left_out(
     -------
     predictions : Table; one row a test: errors [V].
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.identification.compensation import laws_kept, predicted
 
-    models = {celsius: given.content(model) for celsius, model in reduced.items()}
-    about = (given.content(whole), models, given.cell_facts(cell), given.tests(tests))
-    settings = {"laws": laws_kept(given.rows(laws)), "proof": True}
+    models = {celsius: inputs.content(model) for celsius, model in reduced.items()}
+    about = (inputs.content(whole), models, inputs.cell_facts(cell), inputs.tests(tests))
+    settings = {"laws": laws_kept(inputs.rows(laws)), "proof": True}
     rows, notes = predicted(*about, **settings, split_rest_second=split_rest_second)
     return results.Table(rows, tuple(notes))
 
@@ -277,27 +279,27 @@ def finish_model(
     Refusal
         A group's document that has no model of the cell.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.circuits.model_file import model_of, parameter_rows
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
 
-    facts = given.cell_facts(cell)
-    content = model_of(given.content(model), facts.cell)
+    facts = inputs.cell_facts(cell)
+    content = model_of(inputs.content(model), facts.cell)
     for law in laws:
-        content = with_laws(content, laws_kept(given.rows(law)))
-    about = (given.content(basis), facts, given.tests(tests), effects)
+        content = with_laws(content, laws_kept(inputs.rows(law)))
+    about = (inputs.content(basis), facts, inputs.tests(tests), effects)
     content, choice = finished(content, *about, split_rest_second=split_rest_second)
     notes = (content["choice"],) if choice else ()
     return results.FinishedModel(content, parameter_rows(content), choice, notes)
 
 
-def borrow_model(own, peers):
+def borrow_model(cell, peers):
     """Model of a cell without pulses from the reference cell of its type.
 
     Parameters
     ----------
-    own : `identification.borrowed.Shown`, what the cell shows. peers : the same of cells with one.
+    cell : `identification.borrowed.Shown`, what the cell shows. peers : the same of cells with one.
 
     Returns
     -------
@@ -312,7 +314,7 @@ def borrow_model(own, peers):
     """
     from cellwright.identification.borrowed import borrowed_model
 
-    return _model(borrowed_model(own, peers))
+    return _model(borrowed_model(cell, peers))
 
 
 def export_model(model):
@@ -328,17 +330,17 @@ def export_model(model):
 
     Source: docs/exports.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.circuits.exports import lookup_table, pybamm_document
     from cellwright.circuits.instrument import words_of
     from cellwright.circuits.model_file import plain_member
     from cellwright.identification.compensation import temperature_table
 
-    model = given.content(model)
+    model = inputs.content(model)
     document, member = pybamm_document(model), plain_member(model)
     notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
-    for one in model["members"]:
-        notes += [f"{one['model']}, not exported: {told}" for told in words_of(one)]
+    for refused in model["members"]:
+        notes += [f"{refused['model']}, not exported: {words}" for words in words_of(refused)]
     if member != model["chosen"]:
         notes.append(f"the look-up table holds {member}: {model['chosen']} is more than RC pairs")
     tables = (lookup_table(model, member), temperature_table(model, None))
@@ -369,15 +371,15 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     """
     import numpy as np
 
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.circuits.model_file import member_of, simulate_model
     from cellwright.refusal import Refusal
     from cellwright.series.cleaning import net_charge
 
-    model = given.content(model)
+    model = inputs.content(model)
     if not 0.0 <= initial_soc <= 1.0:
         raise Refusal(f"SoC {initial_soc:g} at the start; wanted 0 to 1")
-    time, ampere = given.quantities(current, ("test_time_second", "current_ampere"))
+    time, ampere = inputs.quantities(current, ("test_time_second", "current_ampere"))
     charge = net_charge(time, ampere)
     soc = initial_soc + (charge - charge[0]) / model["capacity_ampere_hour"]
     celsius = np.broadcast_to(np.asarray(temperature_celsius, float), time.shape)
@@ -408,13 +410,13 @@ def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_s
 
     Source: docs/models.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.identification.validation import validate as validated
 
-    (measured,) = given.tests([(test, series)])
-    about = (given.content(model), given.cell_facts(cell), measured)
-    found = validated(*about, split_rest_second=split_rest_second)
-    return results.Scored(found.rows, found.series, tuple(found.notes))
+    (measured,) = inputs.tests([(test, series)])
+    about = (inputs.content(model), inputs.cell_facts(cell), measured)
+    scores = validated(*about, split_rest_second=split_rest_second)
+    return results.Scored(scores.rows, scores.series, tuple(scores.notes))
 
 
 def estimate_soc(
@@ -446,15 +448,15 @@ def estimate_soc(
 
     Source: thesis 2.4; docs/soc-filters.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.filters.evaluate import soc_runs
 
-    (measured,) = given.tests([(test, series)])
-    found = soc_runs(
-        given.content(model),
-        given.cell_facts(cell),
+    (measured,) = inputs.tests([(test, series)])
+    runs = soc_runs(
+        inputs.content(model),
+        inputs.cell_facts(cell),
         measured,
-        settings=given.chosen(Soc, settings, changes),
+        settings=inputs.settings_of(Soc, settings, changes),
         split_rest_second=split_rest_second,
     )
-    return results.Scored(found.rows, found.series, tuple(found.notes))
+    return results.Scored(runs.rows, runs.series, tuple(runs.notes))

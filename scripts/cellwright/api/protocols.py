@@ -28,20 +28,20 @@ def capacity(series, steps, cell, *, whole_swing=False):
 
     Source: docs/capacity.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.protocols.capacity import capacity as capacities
 
-    columns, facts = given.columns(series, *given.COUNTED), given.cell_facts(cell)
-    found = capacities(
-        *given.quantities(columns, given.COUNTED),
-        given.steps(steps),
+    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
+    half_cycles = capacities(
+        *inputs.quantities(columns, inputs.COUNTED),
+        inputs.steps(steps),
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
         surface_temperature_celsius=columns.get("surface_temperature_celsius"),
         whole_swing=whole_swing,
     )
-    return results.Table(found.rows, tuple(found.left_out))
+    return results.Table(half_cycles.rows, tuple(half_cycles.left_out))
 
 
 def ocv(series, cell, *, least_hour=OCV.least_hour):
@@ -64,13 +64,13 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
 
     Source: docs/ocv.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.protocols.ocv.functions import fit_functions
     from cellwright.protocols.ocv.slow import slow_ocv
 
-    columns, facts = given.columns(series, *given.COUNTED), given.cell_facts(cell)
+    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
     curve = slow_ocv(
-        *given.quantities(columns, given.COUNTED),
+        *inputs.quantities(columns, inputs.COUNTED),
         file_index=columns.get("file_index"),
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
@@ -101,17 +101,17 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
 
     Source: docs/ocv.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.protocols.ocv.rests import ocv_of_rests, soc_at
     from cellwright.protocols.rests import rest_points
     from cellwright.records.anchor import rest_scale
 
-    cell, test, steps = given.cell_facts(cell), given.test_facts(test), given.steps(steps)
-    columns = given.quantities(series, given.COUNTED)
+    cell, test, steps = inputs.cell_facts(cell), inputs.test_facts(test), inputs.steps(steps)
+    columns = inputs.quantities(series, inputs.COUNTED)
     scale = rest_scale(
         *columns[1:],
         steps,
-        given.entries(capacities),
+        inputs.entries(capacities),
         rated_capacity_ampere_hour=cell.rated_capacity_ampere_hour,
         lower_cutoff_volt=cell.lower_cutoff_volt,
         upper_cutoff_volt=cell.upper_cutoff_volt,
@@ -146,19 +146,19 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
 
     Source: thesis 3.3; docs/ocv-temperature.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.api.models import state_of_charge
     from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
 
-    columns, anchored = given.columns(series), state_of_charge(series, basis, test, cell)
-    found = chamber_shifts(
-        *given.quantities(columns, ("test_time_second", "voltage_volt")),
+    columns, anchored = inputs.columns(series), state_of_charge(series, basis, test, cell)
+    shifts = chamber_shifts(
+        *inputs.quantities(columns, ("test_time_second", "voltage_volt")),
         cell_temperature(columns),
         anchored.soc,
-        given.steps(steps),
-        **given.chosen(OcvStep, settings, changes)._asdict(),
+        inputs.steps(steps),
+        **inputs.settings_of(OcvStep, settings, changes)._asdict(),
     )
-    return results.Table(found.rows, (f"SoC: {anchored.anchor}", *found.left_out))
+    return results.Table(shifts.rows, (f"SoC: {anchored.anchor}", *shifts.left_out))
 
 
 def resistance(series, steps, basis, test, cell, settings=None, **changes):
@@ -183,19 +183,19 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
 
     Source: docs/resistance.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.api.models import state_of_charge
     from cellwright.protocols.resistance import pulse_resistance
 
     anchored = state_of_charge(series, basis, test, cell)
-    found = pulse_resistance(
-        *given.quantities(series),
+    pulses = pulse_resistance(
+        *inputs.quantities(series),
         anchored.soc,
-        given.steps(steps),
-        rated_capacity_ampere_hour=given.content(basis)["capacity_ampere_hour"],
-        **given.chosen(Resistance, settings, changes)._asdict(),
+        inputs.steps(steps),
+        rated_capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
+        **inputs.settings_of(Resistance, settings, changes)._asdict(),
     )
-    return results.Table(found.rows, (f"SoC: {anchored.anchor}", *found.left_out))
+    return results.Table(pulses.rows, (f"SoC: {anchored.anchor}", *pulses.left_out))
 
 
 def relaxation(series, steps, basis, test, cell, settings=None, **changes):
@@ -220,23 +220,23 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
 
     Source: thesis 3.3; docs/relaxation.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.api.models import state_of_charge
     from cellwright.protocols.rests import chamber_or_cell, example, rests_of
 
-    columns = given.columns(series, *given.NAMES)
-    time, current, voltage = given.quantities(columns)
-    found = rests_of(
+    columns = inputs.columns(series, *inputs.NAMES)
+    time, current, voltage = inputs.quantities(columns)
+    rests = rests_of(
         time,
         current,
         voltage,
         state_of_charge(columns, basis, test, cell).soc,
-        given.steps(steps),
+        inputs.steps(steps),
         temperature_celsius=chamber_or_cell(columns),
-        **given.chosen(Relaxation, settings, changes)._asdict(),
+        **inputs.settings_of(Relaxation, settings, changes)._asdict(),
     )
-    shown = example(found.rows, time, voltage)
-    return results.Relaxation(found.rows, shown, tuple(found.left_out))
+    shown = example(rests.rows, time, voltage)
+    return results.Relaxation(rests.rows, shown, tuple(rests.left_out))
 
 
 def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
@@ -258,11 +258,11 @@ def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
 
     Source: docs/ica.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.protocols.ica import constant_current_charge, incremental_capacity
 
-    steps = given.steps(steps)._asdict()
-    voltage, charge = given.quantities(series, ("voltage_volt", "charge_ampere_hour"))
+    steps = inputs.steps(steps)._asdict()
+    voltage, charge = inputs.quantities(series, ("voltage_volt", "charge_ampere_hour"))
     first, last, step = constant_current_charge(steps, charge)
     rows = slice(first, last + 1)
     widths = {"bin_volt": bin_volt, "smooth_volt": smooth_volt}
@@ -313,18 +313,18 @@ def impedance(spectrum, settings=None, **changes):
 
     Source: thesis 3.2; docs/impedance.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.protocols.impedance import analyse
 
     names = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
-    columns = given.columns(spectrum, *names)
-    found = analyse(
+    columns = inputs.columns(spectrum, *names)
+    analysis = analyse(
         columns[names[0]],
         columns[names[1]] + 1j * columns[names[2]],
         temperature_celsius=columns.get("surface_temperature_celsius"),
-        **given.chosen(Impedance, settings, changes)._asdict(),
+        **inputs.settings_of(Impedance, settings, changes)._asdict(),
     )
-    return results.Impedance(**found._asdict())
+    return results.Impedance(**analysis._asdict())
 
 
 def thermometer(spectra, series):
@@ -343,18 +343,18 @@ def thermometer(spectra, series):
     Refusal
         Nothing to compare.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.protocols.impedance.trust import rested_temperature, temperature_offsets
 
     names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
-    read = [(test, getattr(one, "row", one)["temperature_celsius"]) for test, one in spectra]
+    read = [(test, getattr(entry, "row", entry)["temperature_celsius"]) for test, entry in spectra]
     at_rest = [
-        (test, rested_temperature(*[given.columns(one).get(name) for name in names]))
-        for test, one in series
+        (test, rested_temperature(*[inputs.columns(entry).get(name) for name in names]))
+        for test, entry in series
     ]
     pairs = [
-        [(given.test_facts(test).ambient_temperature_celsius, celsius) for test, celsius in one]
-        for one in (read, at_rest)
+        [(inputs.test_facts(test).ambient_temperature_celsius, celsius) for test, celsius in entry]
+        for entry in (read, at_rest)
     ]
     rows, notes = temperature_offsets(*pairs)
     return results.Table(rows, tuple(notes))
@@ -381,20 +381,20 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
 
     Source: docs/fast-charge.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.protocols.fast_charge import fast_charge as charged
 
-    facts = given.cell_facts(cell)
-    found, notes = charged(
-        given.columns(series, *given.COUNTED),
-        given.steps(steps),
-        capacity_ampere_hour=given.content(basis)["capacity_ampere_hour"],
+    facts = inputs.cell_facts(cell)
+    charge, notes = charged(
+        inputs.columns(series, *inputs.COUNTED),
+        inputs.steps(steps),
+        capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
-        **given.chosen(FastCharge, settings, changes)._asdict(),
+        **inputs.settings_of(FastCharge, settings, changes)._asdict(),
     )
-    return results.Table([found], tuple(notes))
+    return results.Table([charge], tuple(notes))
 
 
 def ageing_cycles(series, steps, test, cell):
@@ -416,16 +416,16 @@ def ageing_cycles(series, steps, test, cell):
 
     Source: docs/ageing.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.protocols.ageing import ageing_cycles as cycles
 
-    facts = given.cell_facts(cell)
-    found = cycles(
-        given.columns(series, *given.COUNTED),
-        given.steps(steps),
-        first_cycle=given.test_facts(test).cycle or 0.0,
+    facts = inputs.cell_facts(cell)
+    complete = cycles(
+        inputs.columns(series, *inputs.COUNTED),
+        inputs.steps(steps),
+        first_cycle=inputs.test_facts(test).cycle or 0.0,
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
     )
-    return results.Table(found.rows, tuple(found.left_out))
+    return results.Table(complete.rows, tuple(complete.left_out))

@@ -35,8 +35,8 @@ def read(source, *, kind="series", name=None, instrument=None, current_sign=None
     readings = [formats.read(data, name=called, instrument=instrument) for called, data in files]
     instruments = [reading.instrument for reading in readings]
     if kind == "series":
-        found = assemble(readings, stated_sign=current_sign)
-        return Raw(found.columns, kind, instruments, tuple(found.notes))
+        joined = assemble(readings, stated_sign=current_sign)
+        return Raw(joined.columns, kind, instruments, tuple(joined.notes))
     if len(readings) != 1 or readings[0].kind != kind:
         held = ", ".join(reading.kind for reading in readings)
         raise Refusal(f"the files hold {held or 'nothing'}, wanted one of {kind}")
@@ -76,12 +76,12 @@ def clean(series, settings=None, **changes):
 
     Source: thesis ch. 5.2 and table 5.1; docs/cleaning.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.series.cleaning import clean as cleaned
 
-    chosen = given.chosen(Clean, settings, changes)
-    found = cleaned(given.columns(series, *given.NAMES), **chosen._asdict())
-    return results.CleanSeries(found.columns, found.actions, tuple(found.notes))
+    options = inputs.settings_of(Clean, settings, changes)
+    cleaning = cleaned(inputs.columns(series, *inputs.NAMES), **options._asdict())
+    return results.CleanSeries(cleaning.columns, cleaning.actions, tuple(cleaning.notes))
 
 
 def segment(series, cell=None, settings=None, **changes):
@@ -105,15 +105,15 @@ def segment(series, cell=None, settings=None, **changes):
 
     Source: docs/segmentation.md.
     """
-    from cellwright.api import given, results
+    from cellwright.api import inputs, results
     from cellwright.series.steps import segment as segmented
 
-    columns = given.columns(series, *given.COUNTED)
-    rated = given.cell_facts(cell).rated_capacity_ampere_hour if cell else None
+    columns = inputs.columns(series, *inputs.COUNTED)
+    rated = inputs.cell_facts(cell).rated_capacity_ampere_hour if cell else None
     steps = segmented(
-        *given.quantities(columns, given.COUNTED),
+        *inputs.quantities(columns, inputs.COUNTED),
         file_index=columns.get("file_index"),
         rated_capacity_ampere_hour=rated,
-        **given.chosen(Segment, settings, changes)._asdict(),
+        **inputs.settings_of(Segment, settings, changes)._asdict(),
     )
     return results.Table(steps)

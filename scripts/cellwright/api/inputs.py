@@ -23,15 +23,15 @@ def columns(series, *needed) -> dict:
     Refusal
         A column that is needed is not there, or columns are of different lengths.
     """
-    found = {str(name): np.asarray(values) for name, values in _named(series).items()}
-    lacking = [name for name in needed if name not in found]
+    arrays = {str(name): np.asarray(values) for name, values in _named(series).items()}
+    lacking = [name for name in needed if name not in arrays]
     if lacking:
         hint = "; `clean` adds it" if lacking == ["charge_ampere_hour"] else ""
-        raise Refusal(f"no column {', '.join(lacking)}{hint}; there are {', '.join(found)}")
-    sizes = {name: len(values) for name, values in found.items() if values.ndim}
+        raise Refusal(f"no column {', '.join(lacking)}{hint}; there are {', '.join(arrays)}")
+    sizes = {name: len(values) for name, values in arrays.items() if values.ndim}
     if len(set(sizes.values())) > 1:
         raise Refusal(f"columns of different lengths: {sizes}")
-    return found
+    return arrays
 
 
 def _named(series):
@@ -49,8 +49,8 @@ def _named(series):
 
 def quantities(series, names=NAMES) -> list:
     """The named columns in this order, (n,) each."""
-    found = columns(series, *names)
-    return [found[name] for name in names]
+    arrays = columns(series, *names)
+    return [arrays[name] for name in names]
 
 
 def steps(table):
@@ -93,13 +93,13 @@ def branch_facts(branch):
     return _facts(BranchFacts, branch)
 
 
-def _facts(kind, given):
-    if isinstance(given, kind):
-        return given
-    lacking = [n for n in kind._fields if n not in given and n not in kind._field_defaults]
+def _facts(kind, values):
+    if isinstance(values, kind):
+        return values
+    lacking = [n for n in kind._fields if n not in values and n not in kind._field_defaults]
     if lacking:
-        raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(given)}")
-    return kind(**{name: given[name] for name in kind._fields if name in given})
+        raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(values)}")
+    return kind(**{name: values[name] for name in kind._fields if name in values})
 
 
 def tests(pairs) -> list:
@@ -122,17 +122,17 @@ def entries(pairs, fields=None) -> list[dict]:
     pairs : (TestFacts or mapping, result) each; what is a dict already is taken as it is.
     fields : function, result → list of dicts of plain values.
     """
-    found = []
-    for one in pairs:
-        if isinstance(one, Mapping):
-            found.append(one)
+    dated = []
+    for pair in pairs:
+        if isinstance(pair, Mapping):
+            dated.append(pair)
             continue
-        facts, result = test_facts(one[0]), one[1]
+        facts, result = test_facts(pair[0]), pair[1]
         names = ("test", "ambient_temperature_celsius", "cycle")
-        found += [
+        dated += [
             {name: getattr(facts, name) for name in names} | row for row in (fields or rows)(result)
         ]
-    return found
+    return dated
 
 
 def plain(values: dict) -> dict:
@@ -140,7 +140,7 @@ def plain(values: dict) -> dict:
     return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
 
 
-def chosen(kind, settings, changes):
+def settings_of(kind, settings, changes):
     """Settings of a step: its defaults, those given, or a campaign's; then what is changed of them.
 
     Parameters
@@ -176,5 +176,5 @@ def _changed(kind, value, changes):
 def _typed(before, value):
     """A value as the settings hold it: lists as tuples, mappings as the section in their place."""
     if hasattr(before, "_fields") and isinstance(value, Mapping):
-        return chosen(type(before), value, {})
+        return settings_of(type(before), value, {})
     return tuple(value) if isinstance(value, list) else value
