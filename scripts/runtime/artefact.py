@@ -10,6 +10,7 @@ import io
 import json
 import sys
 import traceback
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -18,22 +19,37 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cellwright.refusal import Refusal
-from runtime import contract, lean, provenance
+from runtime import contract, provenance
 
 KEY = b"cellwright"
 
 
-def _keep_pyarrow_from_importing_pandas():
-    """Let pyarrow convert its first array while pandas cannot be imported.
+class _Hidden:
+    """An entry of `sys.meta_path` that lets the import of some packages fail."""
 
-    At its first array each way it imports pandas, to recognise pandas' own objects. Nothing here
-    has any, and the import takes most of a second of each of the run's hundreds of jobs.
-    """
-    with lean.without("pandas"):
-        pa.chunked_array([pa.array(np.zeros(1))]).to_numpy()
+    def __init__(self, names):
+        self.names = names
+
+    def find_spec(self, name, path=None, target=None):
+        if name in self.names:
+            raise ModuleNotFoundError(f"{name} is not looked for here")
 
 
-_keep_pyarrow_from_importing_pandas()
+@contextmanager
+def without(*names):
+    """Within the block these packages cannot be imported, unless they already were."""
+    hidden = _Hidden(names)
+    sys.meta_path.insert(0, hidden)
+    try:
+        yield
+    finally:
+        sys.meta_path.remove(hidden)
+
+
+# At its first array each way pyarrow imports pandas, to recognise pandas' own objects. There are
+# none here, and the import takes most of a second of each of the run's hundreds of jobs.
+with without("pandas"):
+    pa.chunked_array([pa.array(np.zeros(1))]).to_numpy()
 
 
 def columns_of(content) -> dict:

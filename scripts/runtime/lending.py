@@ -43,7 +43,7 @@ def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
     ]
 
 
-def left_out(paths) -> dict:
+def models_without(paths) -> dict:
     """Models that were identified without one temperature, by that temperature [°C]."""
     models = artefact.load_all(paths)
     return {float(about["wildcards"]["celsius"]): model for model, about in models}
@@ -62,7 +62,7 @@ def charges(pairs, celsius) -> list[Charge]:
 FULL_SOC = 0.95
 
 
-def shown(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
+def cell_shows(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
     """What one cell shows, from its artefacts; `model_path` is None for a cell without a model."""
     basis = artefact.load(basis_path)
     models = artefact.load_all([model_path] if model_path else [])
@@ -77,7 +77,7 @@ def shown(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
     )
 
 
-def by_cell(inputs):
+def peer_paths(inputs):
     """(basis, model, peaks, onset) paths of each peer that has a model, of `bias_correction`."""
     pairs = zip(inputs.peer_basis, inputs.peer_models, strict=True)
     usable = [pair for pair in pairs if artefact.read_about(pair[1])["reason"] is None]

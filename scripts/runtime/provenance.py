@@ -31,6 +31,7 @@ class Piece(NamedTuple):
 PARTED = ("cellwright/api", "cellwright/settings")
 # Names of a package's `__init__` that it takes, when asked for, from the module named here.
 LAZY = "MODULE_OF"
+IMPORTS = (ast.Import, ast.ImportFrom)
 
 
 @cache
@@ -45,8 +46,9 @@ def code_of(script: str) -> str:
     for piece in sorted(pieces_of(script)):
         digest.update(f"{piece.path.relative_to(SCRIPTS).as_posix()}:{piece.name}".encode())
         digest.update(_tree_dump(piece).encode())
-        for source in _compiled_by(piece.path):
-            digest.update(source.read_bytes())
+        if piece.path.name == "__init__.py":  # a package builds the C sources beside it
+            for source in sorted(piece.path.parent.glob("*.c")):
+                digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -61,18 +63,9 @@ def pieces_of(script: str) -> set[Piece]:
     return reached
 
 
-def _compiled_by(path: Path) -> list[Path]:
-    """C sources that a package builds: those beside its `__init__`."""
-    return sorted(path.parent.glob("*.c")) if path.name == "__init__.py" else []
-
-
 @cache
 def _parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
-
-
-def _parted(path: Path) -> bool:
-    return path.parent.relative_to(SCRIPTS).as_posix() in PARTED
 
 
 @cache
@@ -80,7 +73,7 @@ def _entries(path: Path) -> dict:
     """Of a module each name at its top level, with the statement that makes it."""
     statements = {}
     for node in _parsed(path).body:
-        if isinstance(node, ast.Import | ast.ImportFrom):
+        if isinstance(node, IMPORTS):
             statements |= {alias.asname or alias.name: _only(node, alias) for alias in node.names}
         elif isinstance(node, ast.FunctionDef | ast.ClassDef):
             statements[node.name] = node
@@ -108,14 +101,16 @@ def _tree(piece: Piece) -> ast.AST:
 @cache
 def _needs(piece: Piece) -> frozenset:
     """The pieces that a piece imports or, within its own module, uses."""
-    nodes = list(ast.walk(_tree(piece)))
+    nodes, needed = list(ast.walk(_tree(piece))), set()
+    if piece.name:
+        entries = _entries(piece.path)
+        used = {node.id for node in nodes if isinstance(node, ast.Name)} & set(entries)
+        needed = {Piece(piece.path, name) for name in used}
+        nodes += [entries[name] for name in used if isinstance(entries[name], IMPORTS)]
     package = piece.path.parent.relative_to(SCRIPTS).parts
     names = [name for node in nodes for name in _imported(node, package)]
-    names += [name for whole in _packages(nodes) for name in _attributes(nodes, *whole)]
-    needed = {piece_needed for name in names for piece_needed in _pieces_named(name)}
-    if piece.name:
-        used = {node.id for node in nodes if isinstance(node, ast.Name)} & set(_entries(piece.path))
-        needed |= {Piece(piece.path, name) for name in used}
+    names += _attributes_of_modules(nodes)
+    needed.update(*(_pieces_named(name) for name in names))
     return frozenset(needed - {piece})
 
 
@@ -129,18 +124,15 @@ def _imported(node, package) -> list[str]:
     return [stem, *(f"{stem}.{alias.name}" for alias in node.names)]
 
 
-def _packages(nodes) -> list[tuple[str, str]]:
-    """(what it is called here, its name) of each package or module imported as a whole."""
-    imports = [node for node in nodes if isinstance(node, ast.Import)]
-    aliases = [alias for node in imports for alias in node.names]
-    return [(alias.asname or alias.name, alias.name) for alias in aliases]
-
-
-def _attributes(nodes, called: str, name: str) -> list[str]:
-    """Dotted names of what is taken from a package that is imported as a whole."""
+def _attributes_of_modules(nodes) -> list[str]:
+    """Dotted names of what is taken from modules that are imported as a whole: `module.name`."""
+    modules = {}
+    for node in (node for node in nodes if isinstance(node, IMPORTS)):
+        stem = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+        modules |= {alias.asname or alias.name: stem + alias.name for alias in node.names}
     attributes = [node for node in nodes if isinstance(node, ast.Attribute)]
-    taken = [attribute for attribute in attributes if isinstance(attribute.value, ast.Name)]
-    return [f"{name}.{attribute.attr}" for attribute in taken if attribute.value.id == called]
+    taken = [node for node in attributes if isinstance(node.value, ast.Name)]
+    return [f"{modules[n.value.id]}.{n.attr}" for n in taken if n.value.id in modules]
 
 
 def _pieces_named(name: str) -> set[Piece]:
@@ -149,7 +141,8 @@ def _pieces_named(name: str) -> set[Piece]:
     stems = [SCRIPTS.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
     files = [stem / "__init__.py" for stem in stems] + [stems[-1].with_suffix(".py")]
     pieces = {Piece(file) for file in files if file.is_file() and not _gives_names(file)}
-    holder = next((f for f in _files_at(stems[:-1]) if _gives_names(f)), None)
+    owners = [stems[-2].with_suffix(".py"), stems[-2] / "__init__.py"] if len(stems) > 1 else []
+    holder = next((f for f in owners if f.is_file() and _gives_names(f)), None)
     if holder and parts[-1] in _entries(holder):
         pieces.add(Piece(holder, parts[-1]))
     return pieces
@@ -157,13 +150,7 @@ def _pieces_named(name: str) -> set[Piece]:
 
 def _gives_names(file: Path) -> bool:
     """Whether names are taken from this file one by one."""
-    return _parted(file) or LAZY in _entries(file)
-
-
-def _files_at(stems) -> list[Path]:
-    """The module or package that a dotted name ends in."""
-    places = [stems[-1].with_suffix(".py"), stems[-1] / "__init__.py"] if stems else []
-    return [place for place in places if place.is_file()]
+    return file.parent.relative_to(SCRIPTS).as_posix() in PARTED or LAZY in _entries(file)
 
 
 @cache

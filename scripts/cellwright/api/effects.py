@@ -1,5 +1,6 @@
-"""What a model lacks, of a cell or of a branch of a parallel group; parallel groups themselves."""
+"""Missing effects of a cell or of a branch of a parallel group; models of parallel groups."""
 
+from cellwright.api import inputs, results
 from cellwright.settings import MissingEffect, MissingEffectGroup, Models
 
 MODELS = Models()
@@ -16,14 +17,14 @@ def missing_effect(
     split_rest_second=MODELS.split_rest_second,
     **changes,
 ):
-    """Search a cell for what a plain model of it lacks, proved on tests that took no part.
+    """Effects that a plain model of a cell lacks, proved on tests that were not fitted.
 
     Parameters
     ----------
     cell, basis, tests : as of `identify`, with tests of roles fit, split and validation.
     settings : `settings.MissingEffect`, or its keys as keywords.
-    references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is held
-        against them.
+    references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
+        compared with them.
     library : effects by id that are tried, None: all of `effects.library.LIBRARY`.
     split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
@@ -33,12 +34,10 @@ def missing_effect(
 
     Raises
     ------
-    Refusal
-        No OCV, nothing to fit, or nothing that judges.
+    Refusal : no OCV, no test to fit, or none for validation.
 
     Source: docs/missing-effect.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.effects.finding import missing_effect as searched
     from cellwright.effects.library import LIBRARY
 
@@ -56,12 +55,12 @@ def missing_effect(
 def prepared_case(
     cell, basis, tests, settings=None, *, split_rest_second=MODELS.split_rest_second, **changes
 ):
-    """The records and the plain model of one cell, as a search for missing effects takes them.
+    """The records and the plain model of a cell, as the search for missing effects takes them.
 
     Parameters
     ----------
     cell, basis, tests, settings, split_rest_second : as of `missing_effect`; tests of other kinds
-        than those searched are left out.
+        than those searched are skipped.
 
     Returns
     -------
@@ -69,10 +68,8 @@ def prepared_case(
 
     Raises
     ------
-    Refusal
-        No OCV, nothing to fit, or nothing that judges.
+    Refusal : no OCV, no test to fit, or none for validation.
     """
-    from cellwright.api import inputs
     from cellwright.effects import prepare
     from cellwright.effects.finding import settings_of
 
@@ -86,7 +83,6 @@ def prepared_case(
 
 
 def _search(settings, split_rest_second, changes) -> dict:
-    from cellwright.api import inputs
 
     search = inputs.settings_of(MissingEffect, settings, changes)
     return search._asdict() | {"split_rest_second": split_rest_second}
@@ -94,7 +90,6 @@ def _search(settings, split_rest_second, changes) -> dict:
 
 def _reference(reference):
     """A healthy cell of the type, as the search takes it."""
-    from cellwright.api import inputs
     from cellwright.effects.finding import Reference
 
     cell, basis, tests = reference
@@ -102,7 +97,7 @@ def _reference(reference):
 
 
 def missing_group_effect(group, branches, known_cells, tests, settings=None, **changes):
-    """Search a parallel group for what one of its branches has of its own.
+    """Effects that one branch of a parallel group has and the others have not.
 
     Parameters
     ----------
@@ -117,12 +112,10 @@ def missing_group_effect(group, branches, known_cells, tests, settings=None, **c
 
     Raises
     ------
-    Refusal
-        A branch without a model, nothing to fit, or nothing that judges.
+    Refusal : a branch without a model, no test to fit, or none for validation.
 
     Source: docs/missing-effect.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.effects.groups.finding import missing_group_effect as searched
 
     search = inputs.settings_of(MissingEffectGroup, settings, changes)
@@ -137,7 +130,7 @@ def missing_group_effect(group, branches, known_cells, tests, settings=None, **c
 
 
 def identify_branches(series, steps, cells, test):
-    """Models of all cells of a group from the longest charge in its own record.
+    """Models of all cells of a group, from the longest charge in the group's record.
 
     Parameters
     ----------
@@ -151,12 +144,10 @@ def identify_branches(series, steps, cells, test):
 
     Raises
     ------
-    Refusal
-        No branch currents, or no charge between two rests.
+    Refusal : No branch currents, or no charge between two rests.
 
     Source: docs/packs.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.circuits.model_file import parameter_rows
     from cellwright.packs.group import group_models
     from cellwright.records.facts import MeasuredTest
@@ -170,7 +161,7 @@ def identify_branches(series, steps, cells, test):
 def simulate_group(
     models, current, *, initial_soc, wire_resistance_ohm=0.0, temperature_celsius=25.0
 ):
-    """Branch currents and voltage of cells in parallel under a total current.
+    """Branch currents [A], SoC [1] and voltage [V] of cells in parallel under a total current.
 
     Parameters
     ----------
@@ -186,14 +177,12 @@ def simulate_group(
 
     Raises
     ------
-    Refusal
-        No model, or one that no member of RC pairs stands for.
+    Refusal : no model, or one without a member of RC pairs.
 
     Source: docs/packs.md.
     """
     import numpy as np
 
-    from cellwright.api import inputs, results
     from cellwright.packs.parallel import group_of, simulate_parallel
 
     documents = [inputs.content(model) for model in models]
@@ -212,7 +201,7 @@ def simulate_group(
 
 
 def validate_group(models, branches, series, test):
-    """A parallel group simulated through its record, its branch currents scored.
+    """Errors of a parallel group simulated through its record: branch currents [A], voltage [V].
 
     Parameters
     ----------
@@ -226,12 +215,10 @@ def validate_group(models, branches, series, test):
 
     Raises
     ------
-    Refusal
-        Other branch currents than branches, or no SoC at the start.
+    Refusal : Other branch currents than branches, or no SoC at the start.
 
     Source: docs/packs.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.packs.group import validate_group as validated
     from cellwright.records.facts import MeasuredTest
 

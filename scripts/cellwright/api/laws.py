@@ -1,5 +1,6 @@
 """Laws over temperature, SoC and rate, from the rows of many tests."""
 
+from cellwright.api import inputs, results
 from cellwright.settings import (
     Ageing,
     CapacityLoss,
@@ -12,7 +13,7 @@ TEMPERATURE = Temperature()
 
 
 def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, **changes):
-    """Resistance and capacity of one cell over temperature: quadratic and Arrhenius.
+    """Laws of resistance and capacity of one cell over temperature: quadratic and Arrhenius.
 
     Parameters
     ----------
@@ -26,12 +27,10 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
 
     Raises
     ------
-    Refusal
-        No quantity is known at three temperatures.
+    Refusal : No quantity is known at three temperatures.
 
     Source: thesis ch. 3; docs/temperature.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.laws import points as measured
     from cellwright.laws.temperature import law_rows
 
@@ -47,14 +46,12 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
 
 def _rows(tables):
     """Rows of a table, or of (test, result) each, with the facts of their tests."""
-    from cellwright.api import inputs
-
     pairs = isinstance(tables, list | tuple) and not hasattr(tables, "_asdict")
     return inputs.entries(tables) if pairs else inputs.rows(tables)
 
 
 def temperature_laws_of_type(resistances, settings=None, **changes):
-    """Pulse resistance over temperature across cells of one type.
+    """Laws of pulse resistance over temperature across cells of one type.
 
     Parameters
     ----------
@@ -67,12 +64,10 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        No quantity is known at three temperatures.
+    Refusal : No quantity is known at three temperatures.
 
     Source: docs/temperature.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.laws.of_type import points_of_type, sentences_of_type
     from cellwright.laws.points import enough
     from cellwright.laws.temperature import law_rows
@@ -85,7 +80,7 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
 
 
 def fast_charge_laws(charges):
-    """Fast charge of one cell over temperature.
+    """Laws of the fast charge of one cell over temperature.
 
     Parameters
     ----------
@@ -97,12 +92,10 @@ def fast_charge_laws(charges):
 
     Raises
     ------
-    Refusal
-        Fewer than three temperatures.
+    Refusal : Fewer than three temperatures.
 
     Source: docs/fast-charge.md.
     """
-    from cellwright.api import results
     from cellwright.laws.points import enough, fast_charge_points
     from cellwright.laws.temperature import law_rows
 
@@ -112,11 +105,11 @@ def fast_charge_laws(charges):
 
 
 def cold_limit(laws, points=None):
-    """What limits a cell in the cold, in words.
+    """A paragraph on the part of the resistance that limits a cell in the cold.
 
     Parameters
     ----------
-    laws : result of `temperature_laws`, or its rows. points : rows of its points, None: its own.
+    laws : result of `temperature_laws`, or its rows. points : rows of its points; None: of `laws`.
 
     Returns
     -------
@@ -124,12 +117,10 @@ def cold_limit(laws, points=None):
 
     Raises
     ------
-    Refusal
-        Too few parts of the resistance were measured over temperature.
+    Refusal : Too few parts of the resistance were measured over temperature.
 
     Source: docs/temperature.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.laws.cold import cold_limit as limited
     from cellwright.laws.points import Point
 
@@ -140,14 +131,14 @@ def cold_limit(laws, points=None):
 def resistance_surface(
     resistances, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate
 ):
-    """Resistance of one cell over SoC and temperature: three forms, and whether it separates.
+    """Resistance [ohm] of one cell over SoC and temperature in three forms, and which fits best.
 
     Parameters
     ----------
     resistances : rows of `resistance` with ambient_temperature_celsius and cycle, or (test,
         result) each.
-    delay_second : delays into the pulse that are followed [s].
-    c_rate : rate of the pulses that is preferred [1/h].
+    delay_second : delays into the pulse [s].
+    c_rate : preferred rate of the pulses [1/h].
 
     Returns
     -------
@@ -155,12 +146,10 @@ def resistance_surface(
 
     Raises
     ------
-    Refusal
-        Too few pulses.
+    Refusal : Too few pulses.
 
     Source: docs/resistance-surface.md.
     """
-    from cellwright.api import results
     from cellwright.laws import surface
 
     fits, reasons = surface.surfaces(_rows(resistances), delay_second=delay_second, c_rate=c_rate)
@@ -169,7 +158,7 @@ def resistance_surface(
 
 
 def polarisation_laws(rests):
-    """Polarisation of one cell over SoC and temperature, and its laws.
+    """Polarisation of one cell over SoC and temperature: amplitudes [V], time constants [s], laws.
 
     Parameters
     ----------
@@ -181,12 +170,10 @@ def polarisation_laws(rests):
 
     Raises
     ------
-    Refusal
-        No rests that compare.
+    Refusal : No rests of the same kind at several temperatures or SoC.
 
     Source: thesis 3.3; docs/relaxation.md.
     """
-    from cellwright.api import results
     from cellwright.laws.polarisation import compared, law_rows, laws_of, paragraph
 
     courses = compared(_rows(rests))
@@ -195,7 +182,7 @@ def polarisation_laws(rests):
 
 
 def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
-    """Open-circuit voltage of one cell over SoC and temperature.
+    """Open-circuit voltage [V] of one cell over SoC and temperature.
 
     Parameters
     ----------
@@ -208,12 +195,10 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        Fewer than two temperatures.
+    Refusal : Fewer than two temperatures.
 
     Source: thesis 3.1; docs/ocv-temperature.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.api.models import _curves
     from cellwright.laws.ocv import rows
     from cellwright.laws.ocv.over_temperature import over_temperature
@@ -232,7 +217,7 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
 
 
 def capacity_loss(capacities, settings=None, **changes):
-    """Capacity of one cell lost to temperature and rate, split into true and false.
+    """Capacity of one cell lost to temperature and rate [%], split into true and false.
 
     Parameters
     ----------
@@ -246,12 +231,10 @@ def capacity_loss(capacities, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        No capacity that losses can be counted from.
+    Refusal : No reference capacity.
 
     Source: thesis 4.2; docs/capacity-loss.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.laws.capacity_loss import capacity_losses, law_rows
 
     options = inputs.settings_of(CapacityLoss, settings, changes)
@@ -273,12 +256,10 @@ def ica_over_temperature(charges, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        Fewer than two temperatures.
+    Refusal : Fewer than two temperatures.
 
     Source: docs/ica-temperature.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.laws.peaks import peaks_over_temperature
 
     options = inputs.settings_of(IcaTemperature, settings, changes)
@@ -287,8 +268,7 @@ def ica_over_temperature(charges, settings=None, **changes):
 
 
 def _charge(charge):
-    """A charge as it is, or from (test, result of `ica`)."""
-    from cellwright.api import inputs
+    """`laws.peaks.Charge` as it is, or made of (test, result of `ica`)."""
     from cellwright.laws.peaks import Charge
 
     if isinstance(charge, Charge):
@@ -313,12 +293,10 @@ def ageing_over_temperature(cycles, test, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        Too few cycles.
+    Refusal : Too few cycles.
 
     Source: docs/ageing.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.laws.ageing import cycle_temperature, law_rows
     from cellwright.protocols.ageing import AgeingCycles
 

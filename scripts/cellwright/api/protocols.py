@@ -1,5 +1,6 @@
-"""What one test tells: capacity, open-circuit voltage, pulses, rests, dQ/dV, impedance, ageing."""
+"""Analyses of one test: capacity, OCV, pulses, rests, dQ/dV, impedance, fast charge, ageing."""
 
+from cellwright.api import inputs, results
 from cellwright.settings import FastCharge, Ica, Impedance, Ocv, OcvStep, Relaxation, Resistance
 
 OCV = Ocv()
@@ -7,28 +8,26 @@ ICA = Ica()
 
 
 def capacity(series, steps, cell, *, whole_swing=False):
-    """Capacities of the complete charges and discharges of one test.
+    """Capacities [Ah] of the complete charges and discharges of one test.
 
     Parameters
     ----------
     series : DataFrame or columns of a clean series, (n,) each.
     steps : result of `segment`, or a table of its columns.
     cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
-    whole_swing : also a half cycle that ends short of the cut-off counts, as in slow OCV tests.
+    whole_swing : a half cycle that ends short of the cut-off counts too, as in slow OCV tests.
 
     Returns
     -------
     capacities : Table; rows: `protocols.capacity.CapacityRows`, (k,): charge [Ah], energy [Wh],
-        rate [1/h], efficiency [1]. What was left out is in the notes.
+        rate [1/h], efficiency [1]. Half cycles left out are in the notes.
 
     Raises
     ------
-    Refusal
-        No complete charge or discharge.
+    Refusal : No complete charge or discharge.
 
     Source: docs/capacity.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.protocols.capacity import capacity as capacities
 
     columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
@@ -45,13 +44,13 @@ def capacity(series, steps, cell, *, whole_swing=False):
 
 
 def ocv(series, cell, *, least_hour=OCV.least_hour):
-    """Open-circuit voltage of one slow test, as a table over SoC and as analytic functions.
+    """Open-circuit voltage [V] over SoC of one slow test: a curve, and functions fitted to it.
 
     Parameters
     ----------
     series : DataFrame or columns of a clean series, (n,) each.
     cell : CellFacts or mapping: cut-offs [V].
-    least_hour : a charge or discharge that takes longer is slow enough [h].
+    least_hour : shortest charge or discharge that is slow enough [h].
 
     Returns
     -------
@@ -59,12 +58,10 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
 
     Raises
     ------
-    Refusal
-        No charge or discharge is slow enough or complete.
+    Refusal : No charge or discharge is slow enough or complete.
 
     Source: docs/ocv.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.protocols.ocv.functions import fit_functions
     from cellwright.protocols.ocv.slow import slow_ocv
 
@@ -81,7 +78,7 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
 
 
 def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.rest_second):
-    """Open-circuit voltage of a cell without a slow test, from the rests of a pulse test.
+    """Open-circuit voltage [V] over SoC from the rests of a pulse test.
 
     Parameters
     ----------
@@ -96,12 +93,10 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
 
     Raises
     ------
-    Refusal
-        No capacity, or too few rests.
+    Refusal : No capacity, or too few rests.
 
     Source: docs/ocv.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.protocols.ocv.rests import ocv_of_rests, soc_at
     from cellwright.protocols.rests import rest_points
     from cellwright.records.anchor import rest_scale
@@ -126,7 +121,7 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
 
 
 def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
-    """Shift of the open-circuit voltage in rests of one test in a chamber that steps.
+    """Shifts [V] of the open-circuit voltage in rests while the chamber temperature steps.
 
     Parameters
     ----------
@@ -141,12 +136,10 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        No rest with two steady temperatures.
+    Refusal : No rest with two steady temperatures.
 
     Source: thesis 3.3; docs/ocv-temperature.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.api.models import state_of_charge
     from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
 
@@ -162,7 +155,7 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
 
 
 def resistance(series, steps, basis, test, cell, settings=None, **changes):
-    """Resistance at stated delays into each pulse of one test.
+    """Resistance [ohm] at stated delays into each pulse of one test.
 
     Parameters
     ----------
@@ -178,12 +171,10 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        The record has no pulse from a rest, or none that can be read.
+    Refusal : The record has no pulse from a rest, or none that can be read.
 
     Source: docs/resistance.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.api.models import state_of_charge
     from cellwright.protocols.resistance import pulse_resistance
 
@@ -199,7 +190,7 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
 
 
 def relaxation(series, steps, basis, test, cell, settings=None, **changes):
-    """Depolarisation in the rests of one test: two exponentials each, or why not.
+    """Two exponentials fitted to the voltage of each rest of one test: amplitudes, time constants.
 
     Parameters
     ----------
@@ -211,16 +202,14 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
     Returns
     -------
     relaxation : Relaxation; rows: `protocols.rests.RestRows`, (k,): amplitudes [V], time constants
-        [s] and their uncertainty; curve: the course of one rest.
+        [s] and their uncertainty; curve: voltage over time of one rest.
 
     Raises
     ------
-    Refusal
-        No rest after a load is long enough.
+    Refusal : No rest after a load is long enough.
 
     Source: thesis 3.3; docs/relaxation.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.api.models import state_of_charge
     from cellwright.protocols.rests import chamber_or_cell, example, rests_of
 
@@ -240,7 +229,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
 
 
 def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
-    """Incremental capacity dQ/dV of the constant-current charge in one test.
+    """Incremental capacity dQ/dV [Ah/V] over voltage of the constant-current charge in one test.
 
     Parameters
     ----------
@@ -253,12 +242,10 @@ def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
 
     Raises
     ------
-    Refusal
-        No constant-current charge, or one over too small a voltage.
+    Refusal : No constant-current charge, or one over too small a voltage.
 
     Source: docs/ica.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.protocols.ica import constant_current_charge, incremental_capacity
 
     steps = inputs.steps(steps)._asdict()
@@ -271,7 +258,7 @@ def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
 
 
 def ica_peaks(ica, *, prominence=ICA.prominence):
-    """Peaks of the incremental capacity of one charge.
+    """Peaks of the incremental capacity of one charge: voltage [V], height [Ah/V], area [Ah].
 
     Parameters
     ----------
@@ -284,17 +271,15 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
 
     Raises
     ------
-    Refusal
-        No peaks.
+    Refusal : No peaks.
     """
-    from cellwright.api import results
     from cellwright.protocols.ica import charge_peaks
 
     return results.Table(charge_peaks(ica.curve, c_rate=ica.c_rate, prominence=prominence))
 
 
 def impedance(spectrum, settings=None, **changes):
-    """A circuit fitted to one spectrum, the spectrum tested, its relaxation times found.
+    """One spectrum analysed: Kramers-Kronig test, circuit fit, distribution of relaxation times.
 
     Parameters
     ----------
@@ -308,12 +293,10 @@ def impedance(spectrum, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        An unknown circuit, too few points, or none that can be trusted.
+    Refusal : An unknown circuit, too few points, or none that can be trusted.
 
     Source: thesis 3.2; docs/impedance.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.protocols.impedance import analyse
 
     names = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
@@ -328,7 +311,7 @@ def impedance(spectrum, settings=None, **changes):
 
 
 def thermometer(spectra, series):
-    """The temperature in a cell's spectra beside that of its other records at rest.
+    """Offset [K] between the temperature in a cell's spectra and that of its other records at rest.
 
     Parameters
     ----------
@@ -340,10 +323,8 @@ def thermometer(spectra, series):
 
     Raises
     ------
-    Refusal
-        Nothing to compare.
+    Refusal : No chamber temperature with both.
     """
-    from cellwright.api import inputs, results
     from cellwright.protocols.impedance.trust import rested_temperature, temperature_offsets
 
     names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
@@ -361,7 +342,7 @@ def thermometer(spectra, series):
 
 
 def fast_charge(series, steps, basis, cell, settings=None, **changes):
-    """How much a fast charge puts in, and what limits it.
+    """Share of the capacity [1] that a fast charge reaches in its minutes, and what limits it.
 
     Parameters
     ----------
@@ -376,12 +357,10 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        No charge of the record is worth the name.
+    Refusal : No charge in the record.
 
     Source: docs/fast-charge.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.protocols.fast_charge import fast_charge as charged
 
     facts = inputs.cell_facts(cell)
@@ -411,12 +390,10 @@ def ageing_cycles(series, steps, test, cell):
 
     Raises
     ------
-    Refusal
-        No complete cycle.
+    Refusal : No complete cycle.
 
     Source: docs/ageing.md.
     """
-    from cellwright.api import inputs, results
     from cellwright.protocols.ageing import ageing_cycles as cycles
 
     facts = inputs.cell_facts(cell)

@@ -1,4 +1,4 @@
-"""What a search is given beside its own tests: models of branches' cells, healthy cells."""
+"""Inputs of a search besides the tests of its cell: models of a group's cells, healthy cells."""
 
 from cellwright.effects.finding import Reference
 from cellwright.effects.groups.finding import KnownCell
@@ -7,9 +7,15 @@ from runtime import artefact, facts
 
 
 def known_cells(branches, lenders, paths) -> list[KnownCell]:
-    """What each branch of a group is known by; `lenders`: whose model it is, by cell."""
+    """The model of the cell in each branch of a group.
+
+    Parameters
+    ----------
+    branches : rows of groups.tsv. lenders : cell whose model stands for a cell without one.
+    paths : of the models.
+    """
     models = {about["wildcards"]["cell"]: model for model, about in artefact.load_all(paths)}
-    sources = [lenders.get(row.cell, row.cell) for row in branches]
+    sources = [lenders.get(row["cell"], row["cell"]) for row in branches]
     return [KnownCell(models.get(source), source) for source in sources]
 
 
