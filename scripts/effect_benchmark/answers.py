@@ -19,7 +19,7 @@ from cellwright.refusal import Refusal
 from effect_benchmark import campaign, controls
 from runtime.artefact import plain
 
-# Names of what is asked of each cell.
+# Methods by which each cell is answered.
 SEARCH, LEFT_OUT = "search", "class_left_out"
 BIC, VALIDATION = "bic_alone", "validation_rmse_alone"
 RANDOM, PERMUTED, EXTRA = "random_term", "permuted_current", "extra_rc"
@@ -38,19 +38,19 @@ def verdict_of_search(cell: str, rounds, gates) -> dict:
 
 
 def plain_names(names) -> dict:
-    """A verdict that only names, or says that nothing is missing: of the controls."""
+    """A verdict that only names effects, or says that nothing is missing."""
     word = "named" if names else "none"
     return {"verdict": word, "effects": [{"effect": name} for name in names]}
 
 
 def bic_alone(first_round, gates) -> dict:
-    """What the criterion on the records fitted would say of the first round, with its own gate."""
+    """Verdict by the information criterion of the fit alone, after the first round."""
     best = max(first_round.trials, key=lambda t: t.delta_bic, default=None)
     return plain_names([best.effect.id] if best and best.delta_bic > gates.bic else [])
 
 
 def validation_alone(first_round, gates) -> dict:
-    """What the smallest error on validation data would say of the first round, with its gate."""
+    """Verdict by the smallest error on validation data alone, after the first round."""
     best = min(first_round.trials, key=lambda t: t.state.validation_rmse_volt, default=None)
     most = (1.0 - gates.validation_fall) * first_round.before.validation_rmse_volt
     falls = best is not None and best.state.validation_rmse_volt <= most
@@ -67,7 +67,7 @@ SAME_CELSIUS = 2.0
 
 
 def known_cell(cell: str, case) -> KnownCell:
-    """What the search of a branch's cell by itself leaves, as the pipeline's model.json.
+    """Model of a branch's cell after a search of the cell alone, as in the pipeline's model.json.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ NAN = float("nan")
 
 
 class Task(NamedTuple):
-    """What a batch works on: a campaign, the stages' settings, what cells borrow, and choices.
+    """Input of a batch: a campaign, settings of the stages, lenders by chemistry, choices.
 
     settings : of the search, section missing_effect of the config. split_rest_second : shortest
     rest that cuts a test of role split [s]. left_out : ids that the second search of a cell does
@@ -129,9 +129,9 @@ class Task(NamedTuple):
     of_groups : settings of the search in groups, section missing_effect_group.
     """
 
-    place: campaign.Place
+    campaign: campaign.Campaign
     steps: campaign.Steps
-    known: dict
+    lenders: dict
     settings: dict
     split_rest_second: float
     left_out: dict
@@ -142,7 +142,7 @@ class Task(NamedTuple):
 
 
 def task(folder, left_out: dict, config: dict) -> Task:
-    """What all cells of a campaign share; its truth is not looked at.
+    """The Task of a campaign; its truth is not read.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def task(folder, left_out: dict, config: dict) -> Task:
     config : sections clean, segment, ocv, models, missing_effect, missing_effect_group and
     benchmark.
     """
-    sheets, benchmark = campaign.place(folder), config["benchmark"]
+    sheets, benchmark = campaign.read(folder), config["benchmark"]
     steps = campaign.Steps(config["clean"], config["segment"], config["ocv"]["least_hour"])
     lenders = campaign.lenders(sheets, steps)
     settings = {k: v for k, v in config["missing_effect"].items() if k != "enabled"}
@@ -164,7 +164,7 @@ def task(folder, left_out: dict, config: dict) -> Task:
 def answered(work: Task, number: int, of: int) -> list[dict]:
     """Rows of every `of`-th cell of a campaign, from the one with this number: one row a method."""
     rows = []
-    for number_of_cell, cell in list(enumerate(campaign.searched(work.place)))[number::of]:
+    for number_of_cell, cell in list(enumerate(campaign.searched(work.campaign)))[number::of]:
         try:
             rows += _rows(work, cell, number_of_cell % work.control_every == 0)
         except Refusal as refusal:
@@ -173,26 +173,26 @@ def answered(work: Task, number: int, of: int) -> list[dict]:
 
 
 def _rows(work, cell, controlled):
-    if cell in work.place.branches:
+    if cell in work.campaign.branches:
         return _group_rows(work, cell)
     case = _case(work, cell)
-    if work.place.cells[cell]["chemistry"] == work.paired_chemistry:
+    if work.campaign.cells[cell]["chemistry"] == work.paired_chemistry:
         return _paired_rows(work, cell, case)
     return _cell_rows(work, cell, case, controlled)
 
 
 def _case(work, cell):
-    """As `cw.missing_effect` lays it out."""
-    cell_records = campaign.loaded(work.place, cell, work.known, work.steps)
+    """Records and plain model of a cell, as `cw.missing_effect` prepares them."""
+    cell_records = campaign.loaded(work.campaign, cell, work.lenders, work.steps)
     rest = work.split_rest_second
     return cw.prepared_case(*cell_records, work.settings, split_rest_second=rest)
 
 
 def _group_rows(work, group):
-    """A group beside what its cells are by themselves, in each way to look at it."""
-    branches = work.place.branches[group]
+    """Rows of a group, its cells known by their own searches, for each choice of logged columns."""
+    branches = work.campaign.branches[group]
     cells = [known_cell(row.cell, _case(work, row.cell)) for row in branches]
-    tests = campaign.tests_of(work.place, group, work.steps)
+    tests = campaign.tests_of(work.campaign, group, work.steps)
     return [
         _row(group, method, verdict, rounds=len(verdict["effects"]) + 1 if verdict else 0, **cost)
         for method, verdict, cost in answers_of_group(group, branches, cells, tests, work.of_groups)
@@ -200,8 +200,8 @@ def _group_rows(work, group):
 
 
 def _paired_rows(work, cell, case):
-    """A cell beside the reference cells of its type."""
-    alike = work.known.get(work.paired_chemistry, [])
+    """Row of a cell that is compared with the reference cells of its type."""
+    alike = work.lenders.get(work.paired_chemistry, [])
     references = {lender.cell: _case(work, lender.cell) for lender in alike}
     return [_searched(cell, paired(case, references).case)[0]]
 
@@ -230,7 +230,7 @@ def _cell_rows(work, cell, case, controlled):
 
 
 def _control_rows(cell, case, first, seed):
-    """Each control term beside the plain model; `named` where it would pass the gates."""
+    """Rows of the control terms; `named` where a term would pass the gates."""
     if not first.trials:
         return []
     best = (first.chosen or first.trials[0]).effect
@@ -246,7 +246,7 @@ def _control_rows(cell, case, first, seed):
 
 
 def _control_row(cell, case, first, name, term):
-    """The verdict, had the search chosen this term wherever it passes the gates."""
+    """Row of one control term: the verdict, were it chosen where it passes the gates."""
     trial = controls.tried(case, first, term)
     gates, floor, before = case.gates, first.floor_volt, first.before
     needed = before.worst_volt > gates.nothing_ratio * floor

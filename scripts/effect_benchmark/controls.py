@@ -1,4 +1,4 @@
-"""Terms that must not help: what a search would make of them, tried as it tries an effect.
+"""Control terms, tried as the search tries an effect: none of them should be named.
 
 A random smooth function of state of charge, current and temperature, with as many parameters as
 the effect that was named; the named effect, computed from a current whose blocks were put into
@@ -47,7 +47,7 @@ def random_term(count: int, capacity_ampere_hour: float, random) -> Effect:
 
 
 def permuted(effect: Effect, cell, values: dict, seed: int) -> Effect:
-    """An effect as it would be, had the current flowed in another order.
+    """An effect computed from the same current in another order.
 
     Parameters
     ----------

@@ -227,7 +227,7 @@ def power(table):
 
 
 def _panel(axes, name, rows):
-    """All cells, and the open marks: right or rightly silent."""
+    """Share of one effect over strength: named right, and (open marks) right or rightly silent."""
     for key, colour, mark, shift in (
         ("content", style.QUIET, "o", 1.06),
         ("right", "#0b6fb8", "s", 1),

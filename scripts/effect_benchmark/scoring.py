@@ -45,7 +45,7 @@ ANSWERED = ("rounds", "cpu_second", "floor_volt", "validation_before_volt", "val
 
 
 class Share(NamedTuple):
-    """How many of how many, the Wilson interval, and what was wanted: "at least", "at most", ""."""
+    """Hits of a number of cells, and the wanted share; `side` is "at least", "at most" or ""."""
 
     name: str
     hits: int
@@ -68,7 +68,7 @@ class Share(NamedTuple):
 
 
 class Level(NamedTuple):
-    """A measured number beside its goal; `of` is how many it was taken from."""
+    """A measured number and its goal; `of` is how many values it summarises."""
 
     name: str
     value: float
@@ -88,7 +88,7 @@ def reached(value, side, wanted) -> bool | None:
 
 
 def judged(folder, answers: list[dict]) -> pd.DataFrame:
-    """What each method said of each hidden cell or group and what that is worth.
+    """Answer of each method on each hidden cell or group, and whether it is right.
 
     A cell that a method left without an answer has a row without a verdict.
 
@@ -166,7 +166,12 @@ def goals(table: pd.DataFrame) -> list:
         share("false alarms on healthy cells", cells[healthy], alarm, "at most", 0.01),
         share("unknown effects called unknown", unknown, right, "at least", 0.9),
         *_gaps(cells),
-        share("offset or leak: as a tie, or by the log at rest", *_ties(cells), *ALL),
+        share(
+            "offset or leak: as a tie, or by the log at rest",
+            cells[right(cells) & cells["tie"]],
+            _tie_handled,
+            *ALL,
+        ),
         share("both of two effects", two, right, "at least", 0.8),
         share("an extra name beside two effects", two, _extra, "at most", 0.08),
         *_beyond(searched),
@@ -174,16 +179,13 @@ def goals(table: pd.DataFrame) -> list:
     ]
 
 
-def _ties(cells):
-    """Cells rightly answered whose effect has a structural partner, and how it is well told."""
-    return cells[right(cells) & cells["tie"]], _told
-
-
-def _told(table):
+def _tie_handled(table):
+    """Rows whose tie of two effects is stated, or resolved by the log at rest."""
     return (table["verdict"] == "ambiguous") | (table["said"] == table["hidden"])
 
 
 def _extra(table):
+    """Rows that name more effects than are hidden."""
     return table["extra_names"] > 0
 
 
@@ -199,7 +201,7 @@ def _gaps(cells):
 
 
 def _beyond(searched):
-    """Cells by physics and groups."""
+    """Goals of cells simulated by physics and of groups."""
     physics, groups = searched[searched["sort"] == "physics"], searched[searched["sort"] == "group"]
     named = physics[physics["kind"] == "single"]
     visible = groups[(groups["kind"] == "single") & groups["visible"]]
@@ -280,11 +282,9 @@ def power(table: pd.DataFrame) -> list[dict]:
                 "content": share("content", part, is_outcome(*CONTENT)),
             }
         )
-    return sorted(rows, key=_dynamic_first)
-
-
-def _dynamic_first(row):
-    return not row["dynamic"], row["effect"], row["strength_millivolt"]
+    return sorted(
+        rows, key=lambda row: (not row["dynamic"], row["effect"], row["strength_millivolt"])
+    )
 
 
 def rankings(table: pd.DataFrame) -> list[dict]:
@@ -307,7 +307,7 @@ def rankings(table: pd.DataFrame) -> list[dict]:
 
 
 def left_out(table: pd.DataFrame) -> list[Share]:
-    """What is said where the library lacks the effect that is there."""
+    """Answers where the hidden effect was removed from the library."""
     cells = table[(table["method"] == LEFT_OUT) & (table["sort"] == "cell")]
     strong = cells[cells["dynamic"] & (cells["strength_millivolt"] == 6.0)]
     return [
@@ -337,19 +337,19 @@ def _group_row(way, answers):
         "method": way,
         "first": share("first name right", visible, first_right),
         "right": share("right, ties counted", visible, right),
-        "branch": share("right name and branch", visible, _first_in_its_branch),
-        "extra": share("an extra name", visible, lambda t: t["extra_names"] > 0),
+        "branch": share("right name and branch", visible, _right_in_branch),
+        "extra": share("an extra name", visible, _extra),
         "alarms": share("alarms", healthy, is_outcome("false alarm")),
         "sensors": share("sensors", answered, lambda t: t["said"].str.contains("branch_current_")),
     }
 
 
-def _first_in_its_branch(table):
+def _right_in_branch(table):
     return first_right(table) & table["branch_right"]
 
 
 def controls(table: pd.DataFrame) -> list[dict]:
-    """Terms that must not help: how often they would be named, how much of the gap they close.
+    """Control terms: how often they would be named, and which share of the gap they close.
 
     Beside them, on the same cells, what the search named. Cells with one visible effect.
     """
@@ -407,17 +407,17 @@ STRENGTHS = (1.0, 2.5, 6.0)
 
 
 def strength(hidden: dict) -> float:
-    """Strength asked for [mV], the larger of two; nearest to what came out where it is not told."""
-    sizes = [effect.get("target_gap_millivolt") or _near(effect) for effect in hidden["effects"]]
+    """Largest strength of the hidden effects [mV]: as asked for, else the nearest to that seen."""
+    sizes = []
+    for effect in hidden["effects"]:
+        visible = effect.get("visible_gap_millivolt", 0.0)
+        nearest = min(STRENGTHS, key=lambda strength: abs(strength - visible))
+        sizes.append(effect.get("target_gap_millivolt") or nearest)
     return max(sizes, default=0.0)
 
 
-def _near(effect):
-    return min(STRENGTHS, key=lambda v: abs(v - effect.get("visible_gap_millivolt", 0.0)))
-
-
 def branch_right(hidden: dict, verdict: dict | None) -> bool:
-    """Whether the first effect said of a group is in the branch where it is hidden."""
+    """Whether the first effect named in a group is in the branch where it is hidden."""
     true = [effect.get("parameters", {}).get("branch", 0) for effect in hidden["effects"]]
     return bool(
         true and verdict and [effect.get("branch") for effect in verdict["effects"]][:1] == true
@@ -425,12 +425,12 @@ def branch_right(hidden: dict, verdict: dict | None) -> bool:
 
 
 def first_right(table):
-    """The first name said is the one hidden, alternatives not counted."""
+    """Rows whose first name is the hidden effect, alternatives not counted."""
     return table["said"].str.split(" + ", regex=False).str[0] == table["hidden"]
 
 
 def hidden_names(folder) -> dict[str, list[str]]:
-    """Names that would be right, by cell, of cells with one visible effect. Nothing more is told.
+    """Right names by cell, of cells with one visible effect; nothing else of the truth.
 
     Parameters
     ----------

@@ -66,12 +66,13 @@ def columns_of(content) -> dict:
 
 
 def stage_of(path) -> str:
-    """The stage an artefact belongs to: the folder below `results`."""
+    """Stage of an artefact: the folder below `results`."""
     parts = Path(path).parts
     return parts[parts.index("results") + 1]
 
 
 def write(path, content, about):
+    """Write an artefact by its suffix, with `about`: provenance, reason, origin, notes, facts."""
     suffix = Path(path).suffix
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     if suffix == ".json":
@@ -116,7 +117,7 @@ def _write_csv(path, columns, about):
 
 
 def _blank_figure(about) -> str:
-    """A figure that could not be drawn says why."""
+    """SVG with the reason why a figure could not be drawn."""
     from xml.sax.saxutils import escape
 
     return (
@@ -128,7 +129,7 @@ def _blank_figure(about) -> str:
 
 
 def _cell(value):
-    """Nine digits are more than any instrument here resolves; not known is an empty cell."""
+    """A value of a CSV table, with nine digits: more than any instrument resolves; NaN is empty."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return ""
     return f"{value:.9g}" if isinstance(value, float) else value
@@ -152,7 +153,7 @@ def plain(value):
 
 
 class Passed(Refusal):
-    """A refusal that an earlier stage made and this one only passes on."""
+    """A refusal made by an earlier stage, passed on by this one."""
 
     def __init__(self, reason: str, origin: str):
         super().__init__(reason)
@@ -160,7 +161,7 @@ class Passed(Refusal):
 
 
 class Job:
-    """What a script loads and saves: `with artefact.Job(snakemake) as job: … job.save(columns)`.
+    """Loads and saves of one script: `with artefact.Job(snakemake) as job: … job.save(columns)`.
 
     A refusal inside the block is written as the reason into every output that is not saved yet.
     So is any other exception, as an internal error with its traceback in the log: a fault in one
@@ -214,7 +215,7 @@ class Job:
             sys.stderr.write(text)
 
     def about(self, reason=None, origin=None) -> dict:
-        """What an artefact of this job says of itself."""
+        """Provenance, reason, origin, notes and facts that an artefact of this job carries."""
         return provenance.record(self.snakemake) | {
             "reason": reason,
             "origin": origin,
@@ -315,7 +316,7 @@ def rows(columns: dict) -> list[dict]:
 
 
 def read_about(path) -> dict:
-    """What an artefact says of itself: its provenance, reason, origin, notes and facts."""
+    """Provenance, reason, origin, notes and facts that an artefact carries."""
     if Path(path).suffix == ".json":
         return _read_json(path)["provenance"]
     return json.loads(pq.read_schema(path).metadata[KEY])

@@ -1,4 +1,4 @@
-"""What every job's process needs of its environment, set before the first job starts."""
+"""Environment of every job's process: where packages are, how many threads."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""What one cell lends another: OCV curves, capacities, and what each cell of a type shows."""
+"""Artefacts of one cell for the model of another: OCV curves, capacities, peaks, models."""
 
 from statistics import median
 
@@ -29,7 +29,7 @@ def _dated(about) -> dict:
 
 
 def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
-    """The cells that the artefacts belong to, as lenders."""
+    """Lenders: the cells of the artefacts with their curves and capacities."""
     owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in ocv_paths}
     owner |= {path: artefact.read_about(path)["wildcards"]["cell"] for path in capacity_paths}
     return [
@@ -63,7 +63,7 @@ FULL_SOC = 0.95
 
 
 def cell_shows(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
-    """What one cell shows, from its artefacts; `model_path` is None for a cell without a model."""
+    """Basis, model, peaks and onset resistance of a cell; `model_path`: None without a model."""
     basis = artefact.load(basis_path)
     models = artefact.load_all([model_path] if model_path else [])
     peaks = [row for columns, _ in artefact.load_all(peak_paths) for row in artefact.rows(columns)]
@@ -88,7 +88,7 @@ def peer_paths(inputs):
 
 
 def _onset(paths) -> dict:
-    """Median resistance at the onset of discharges from full, by delay."""
+    """Median resistance [ohm] at the onset of discharges from full, by delay [s]."""
     tables = [artefact.rows(columns) for columns, _ in artefact.load_all(paths)]
     by_delay = {}
     for row in (row for rows in tables for row in rows):

@@ -1,4 +1,4 @@
-"""The report's page: what is shown of each cell, and the stage's words."""
+"""The report: one HTML page with tables, figures and notes of every cell and group."""
 
 import base64
 from pathlib import Path
@@ -27,8 +27,8 @@ def render(job) -> str:
     abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
     captions = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
-    effects = {_owner(artefact.read_about(path)): _said(path) for path in inputs.verdicts}
-    cold = {_owner(artefact.read_about(path)): _said(path) for path in inputs.cold}
+    effects = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.verdicts}
+    cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
     pages = [_page(name, params, tables, abouts, captions) for name in owners + groups]
     for page in pages:
@@ -70,8 +70,8 @@ def percent(text) -> str:
     return f"{100 * float(text):.0f} %" if text else "–"
 
 
-def _said(path) -> dict:
-    """The paragraph of an analysis that answers in words, or why it says nothing."""
+def _paragraph(path) -> dict:
+    """The paragraph of an analysis, or the reason why it has none."""
     reason = artefact.read_about(path)["reason"]
     return {"text": reason or artefact.load(path)["paragraph"], "reason": reason}
 
@@ -107,7 +107,7 @@ def _page(name, params, tables, abouts, captions) -> dict:
 
 
 def _choice(rows) -> dict:
-    """Errors of each member by temperature, and why it is the chosen one or not; none: empty."""
+    """Errors of each member by temperature and the reason of the choice; empty without members."""
     members = {
         model: {
             "chosen": part["chosen"].iloc[0] == "True",

@@ -1,4 +1,4 @@
-"""What an artefact was made from: hashes of files, of code, of the environment."""
+"""Provenance of artefacts: hashes of input files, of code, of the environment."""
 
 import ast
 import copy
@@ -21,22 +21,22 @@ def sha256_of(path) -> str:
 
 
 class Piece(NamedTuple):
-    """A module that a script runs, or of a module of independent entries the one that it uses."""
+    """A module that a script runs; with a name, one function or class of it."""
 
     path: Path
     name: str = ""
 
 
-# Modules whose entries have nothing to do with each other: each counts for itself.
+# Folders of modules whose functions and classes are hashed one by one.
 PARTED = ("cellwright/api", "cellwright/settings")
-# Names of a package's `__init__` that it takes, when asked for, from the module named here.
+# Table of a package's `__init__`: name → module that it is imported from at first use.
 LAZY = "MODULE_OF"
 IMPORTS = (ast.Import, ast.ImportFrom)
 
 
 @cache
 def code_of(script: str) -> str:
-    """Hash of the code that `scripts/<script>.py` runs: itself and all it imports from here.
+    """Hash of the code that `scripts/<script>.py` runs: itself and all it imports from scripts/.
 
     Hashed is the syntax tree without docstrings, so that comments, layout and documentation
     change nothing, and a changed formula in any imported module changes the hash. Of the public
@@ -46,9 +46,9 @@ def code_of(script: str) -> str:
     for piece in sorted(pieces_of(script)):
         digest.update(f"{piece.path.relative_to(SCRIPTS).as_posix()}:{piece.name}".encode())
         digest.update(_tree_dump(piece).encode())
-        if piece.path.name == "__init__.py":  # a package builds the C sources beside it
-            for source in sorted(piece.path.parent.glob("*.c")):
-                digest.update(source.read_bytes())
+        package = piece.path.name == "__init__.py"  # it builds the C sources in its folder
+        for source in sorted(piece.path.parent.glob("*.c")) if package else []:
+            digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -70,7 +70,7 @@ def _parsed(path: Path) -> ast.Module:
 
 @cache
 def _entries(path: Path) -> dict:
-    """Of a module each name at its top level, with the statement that makes it."""
+    """Statement that defines each top-level name of a module."""
     statements = {}
     for node in _parsed(path).body:
         if isinstance(node, IMPORTS):
@@ -88,7 +88,7 @@ def _entries(path: Path) -> dict:
 
 
 def _only(node, alias):
-    """An import of several names as if it were of one."""
+    """The import statement of one of its names."""
     if isinstance(node, ast.ImportFrom):
         return ast.ImportFrom(node.module, [alias], node.level)
     return ast.Import([alias])
@@ -136,7 +136,7 @@ def _attributes_of_modules(nodes) -> list[str]:
 
 
 def _pieces_named(name: str) -> set[Piece]:
-    """The module of a dotted name and each package on the way, where they are ours."""
+    """The module of a dotted name and each package above it, where they lie in scripts/."""
     parts = name.split(".")
     stems = [SCRIPTS.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
     files = [stem / "__init__.py" for stem in stems] + [stems[-1].with_suffix(".py")]
@@ -149,7 +149,7 @@ def _pieces_named(name: str) -> set[Piece]:
 
 
 def _gives_names(file: Path) -> bool:
-    """Whether names are taken from this file one by one."""
+    """Whether the names of this file are hashed one by one."""
     return file.parent.relative_to(SCRIPTS).as_posix() in PARTED or LAZY in _entries(file)
 
 

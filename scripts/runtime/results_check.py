@@ -1,4 +1,4 @@
-"""Run the tests of results (tests/artefacts) on a finished run and say how each ended."""
+"""Run tests/artefacts on the results of a run, and list the outcome of each test."""
 
 import contextlib
 import io

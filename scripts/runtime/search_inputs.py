@@ -20,7 +20,7 @@ def known_cells(branches, lenders, paths) -> list[KnownCell]:
 
 
 def references(rows, basis_paths, series_paths) -> list[Reference]:
-    """Healthy cells of the type, each with its facts, its basis and its tests."""
+    """Healthy cells of the type: facts, basis and tests of each."""
     owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in series_paths}
     paths_of = {cell: [p for p in series_paths if owner[p] == cell] for cell in owner.values()}
     bases = {basis["cell"]: basis for basis, _ in artefact.load_all(basis_paths)}

@@ -1,4 +1,4 @@
-"""A campaign's choices: held against their schema and completed by its defaults."""
+"""Settings of a campaign: checked against the schema and completed by its defaults."""
 
 import difflib
 import math
@@ -17,7 +17,7 @@ def load(schemas, name: str) -> dict:
 
 
 def fault(place: str, value, wanted: str, names=()) -> str:
-    """One line: where, what was found, what is wanted, and what was probably meant."""
+    """A fault in one line: place, value found, what is allowed, and the nearest allowed name."""
     near = difflib.get_close_matches(str(value), map(str, names), n=1)
     meant = f"; did you mean {near[0]!r}?" if near and near[0] != value else ""
     shown = repr(value) if len(repr(value)) <= 80 else f"{repr(value)[:77]}…"
@@ -25,7 +25,7 @@ def fault(place: str, value, wanted: str, names=()) -> str:
 
 
 def wanted(spec: dict) -> str:
-    """What the schema of one value allows, in words."""
+    """Allowed values of one schema entry, in words."""
     if "enum" in spec:
         return f"one of {', '.join(map(str, spec['enum']))}"
     if "wanted" in spec:
@@ -53,7 +53,7 @@ def _range(spec) -> str:
 
 
 def read(folder, schema: dict, overrides: dict, *, alone=False) -> tuple[dict, list[str]]:
-    """Settings of a campaign, with all defaults, and what is wrong with them.
+    """Settings of a campaign with all defaults, and a list of their faults.
 
     `overrides` (Snakemake's --config and --configfile) goes before what the file says. Where it is
     `alone` (the `config:` of a module), the file is not looked at.
@@ -140,7 +140,7 @@ def _is_number(checker, value) -> bool:
 
 
 def faults_of(content, schema, place=lambda path: "config") -> list[str]:
-    """What is wrong with settings, one line a fault; `place` names the place of a path of keys."""
+    """Faults of settings, one line each; `place` gives the place of a path of keys in the file."""
     content, faults = _without_blanks(content, schema), []
     if not content:  # the common case, which need not wait for jsonschema
         return []
@@ -166,7 +166,7 @@ def _unknown(place, path, key, schema, section) -> str:
 
 
 def _hint(error) -> str:
-    """YAML takes 1e-3 for a text: only 1.0e-3 is a number to it."""
+    """Hint for a number that YAML reads as text: 1e-3 must be written 1.0e-3."""
     try:
         return f"; write {float(error.instance)!r}" if isinstance(error.instance, str) else ""
     except ValueError:
@@ -174,7 +174,7 @@ def _hint(error) -> str:
 
 
 def _without_blanks(content: dict, schema: dict) -> dict:
-    """A section whose keys are all commented out is no fault."""
+    """Content without empty sections (all keys commented out): they are no fault."""
     sections = [name for name, spec in schema["properties"].items() if spec["type"] == "object"]
     return {k: v for k, v in content.items() if v is not None or k not in sections}
 

@@ -1,4 +1,4 @@
-"""A campaign's sheets and choices: read, checked and completed before any rule is planned."""
+"""Sheets and settings of a campaign: read, checked, completed by defaults."""
 
 import csv
 import io
@@ -17,7 +17,7 @@ COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
 class Sheet(NamedTuple):
-    """What a sheet says: one dict of typed values and one place ("file, row, line") per row."""
+    """A sheet: one dict of typed values and one place ("file, row, line") per row, and faults."""
 
     rows: list[dict]
     places: list[str]
@@ -76,7 +76,7 @@ def _lines(text: str, file: str) -> tuple[list, list[str]]:
 
 
 def _header(line, cells, file, schema) -> tuple[list[str], list[str]]:
-    """Column names as they stand, and what is wrong with them."""
+    """Column names of a sheet, and their faults."""
     place, names = f"{file}, line {line}", list(schema["properties"])
     if len(cells) == 1 and re.search("[,;]", cells[0]):
         return cells, [fault(place, cells[0], "columns separated by tabs")]
@@ -104,7 +104,7 @@ def _row(cells, header, readers, place, faults) -> dict:
 
 
 def _reader(spec: dict):
-    """Text → (value, None) or (None, (what is wanted, known values)) for one column."""
+    """Function text → (value, None) or (None, (what is allowed, allowed values)) of one column."""
     memory = {}
 
     def reader(text):
@@ -156,7 +156,7 @@ def _with_defaults(rows, schema) -> list[dict]:
 
 
 class Campaign(NamedTuple):
-    """One laboratory's tests: choices with all defaults, and one dict of typed values per row."""
+    """A campaign: settings with all defaults, and one dict of typed values per row of a sheet."""
 
     config: dict
     cells: list[dict]
@@ -204,7 +204,7 @@ def read(folder, schemas, overrides=None, *, alone=False) -> Campaign:
 
 
 def choices(config: dict, schemas) -> dict:
-    """What a campaign chose otherwise than the defaults: dotted key → value."""
+    """Settings of a campaign that differ from the defaults: dotted key → value."""
     standard = settings.flat(settings.defaults(settings.load(schemas, "config")))
     return {key: value for key, value in settings.flat(config).items() if value != standard[key]}
 

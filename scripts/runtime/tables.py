@@ -11,7 +11,7 @@ from runtime.artefact import stage_of
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
     from pandas import DataFrame
 
-# What a row that is from several tests, in a table with others that are from one, says of its own.
+# Facts of a row that is computed from several tests, in a table of rows of single tests.
 OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
 
 
@@ -32,9 +32,9 @@ def rows_of(paths, tests) -> list[dict]:
 
 
 def excluded(paths, files) -> "DataFrame":
-    """What was refused, once, at the stage where it arose; never where it was passed on.
+    """Refused files and analyses, one row each, at the stage that refused them.
 
-    A job of several outputs refuses all of them for one reason: the first one tells it.
+    A job of several outputs refuses all of them for one reason: it has one row.
     """
     from pandas import DataFrame
 
@@ -122,7 +122,7 @@ def _summary_row(facts, of_cell, model) -> dict:
 
 
 def _slowest(rows):
-    """Capacity of the slowest discharge, of the earliest cycle."""
+    """Capacity [Ah] of the slowest discharge of the earliest cycle."""
     full = rows[rows["direction"] == "discharge"]
     full = rows if full.empty else full
     if full.empty:
@@ -133,7 +133,7 @@ def _slowest(rows):
 
 
 def _resistance(rows):
-    """First-sample resistance of the discharge pulse nearest 50 % SoC within 10 %, at 20–30 °C."""
+    """First-sample resistance [ohm] of the discharge pulse nearest 50 ± 10 % SoC at 20–30 °C."""
     rows = rows[rows["direction"].eq("discharge") & rows["delay_second"].eq(0)]
     if rows.empty:
         return None
@@ -149,7 +149,7 @@ def _resistance(rows):
 
 
 def _pooled(errors, weights):
-    """Root mean square of errors, each counted by its weight; None where there are none."""
+    """Weighted root mean square of errors; None without weights."""
     if not weights.sum():
         return None
     return float(np.average(errors**2, weights=weights) ** 0.5)
@@ -163,7 +163,7 @@ def manifest(paths) -> str:
 
 
 def changed(manifest_path) -> list[str]:
-    """What of a manifest is missing or has other bytes than it says."""
+    """Files of a manifest that are missing or whose bytes have changed."""
     from runtime.provenance import sha256_of
 
     differences = []

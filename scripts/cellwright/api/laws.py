@@ -166,11 +166,7 @@ def polarisation_laws(rests):
 
     Returns
     -------
-    laws : Laws.
-
-    Raises
-    ------
-    Refusal : No rests of the same kind at several temperatures or SoC.
+    laws : Laws; without points where no rests compare, the reason in its notes.
 
     Source: thesis 3.3; docs/relaxation.md.
     """
@@ -231,7 +227,7 @@ def capacity_loss(capacities, settings=None, **changes):
 
     Raises
     ------
-    Refusal : No reference capacity.
+    Refusal : No slow test, or fewer than two comparable capacities.
 
     Source: thesis 4.2; docs/capacity-loss.md.
     """

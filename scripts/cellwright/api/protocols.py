@@ -319,11 +319,7 @@ def thermometer(spectra, series):
 
     Returns
     -------
-    offsets : Table; one row a chamber temperature: the offset [K].
-
-    Raises
-    ------
-    Refusal : No chamber temperature with both.
+    offsets : Table; one row a chamber temperature: the offset [K], NaN without either reading.
     """
     from cellwright.protocols.impedance.trust import rested_temperature, temperature_offsets
 
@@ -357,7 +353,7 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
 
     Raises
     ------
-    Refusal : No charge in the record.
+    Refusal : No upper cut-off, or no charge of at least 2 % of the capacity.
 
     Source: docs/fast-charge.md.
     """
