@@ -1,4 +1,4 @@
-"""What cycles and fast charges tell: fade with its temperature and periods, charge over time."""
+"""Figures of ageing records and fast charges: fade, temperature, periods, charge over time."""
 
 import numpy as np
 
@@ -120,7 +120,7 @@ def _shares(axes, charges, minutes):
 
 
 def _charge(series, steps, numbers, about):
-    """What is drawn of one charge: its course from the step of the largest charge on."""
+    """Values drawn of one charge: charged share over time from the start of its largest step."""
     number = {name: values[0] for name, values in numbers.items()}
     largest = int(np.argmax(steps["charge_ampere_hour"]))
     first = max(int(steps["first_row"][largest]) - 1, 0)

@@ -1,4 +1,4 @@
-"""The campaign at a glance, and what was recorded of each cell."""
+"""Figures of the whole campaign, and of all records of a cell."""
 
 import numpy as np
 

@@ -104,7 +104,7 @@ def _separate_tests(panel, tests):
 
 
 def draw_ranking(columns, gates):
-    """Which effects were tried, how much better each makes the model, and which passed.
+    """Effects that were tried: improvement J of the model by each, and which passed the gates.
 
     `columns` are those of `missing_effect/<cell>/ranking`, `gates` the limits of the search.
     """
@@ -186,7 +186,7 @@ def _ranking_legend(figure, gates):
 
 
 def draw_evidence(columns):
-    """What each effect explains: the residual before it was added, over what it changes.
+    """Residual [mV] before each effect was added, over the change [mV] that the effect makes.
 
     One panel an effect, in order of addition; `columns` are those of
     `missing_effect/<cell>/evidence`.
@@ -220,7 +220,7 @@ def _residual_over_change(panel, effect, columns):
 
 
 def draw_confounding(columns):
-    """How alike any two effects look in the tests of a cell: correlation of every pair.
+    """Correlation of every pair of effects in the tests of a cell.
 
     `columns` are those of `missing_effect/<cell>/confounding`.
     """
@@ -256,7 +256,7 @@ def _pairs(columns, effects):
 
 
 def _pair(panel, row, column, value, same):
-    """The number of a pair, and a frame where the two cannot be told apart."""
+    """The number of a pair, and a frame where the two cannot be distinguished."""
     colour = "white" if value > 0.6 else style.INK
     spot = column + 0.5, row + 0.5
     panel.annotate(f"{value:.2f}", spot, ha="center", va="center", fontsize=5.5, color=colour)
@@ -277,7 +277,7 @@ OF_GROUP = {"before": "healthy cells within the declared spread", "after": "with
 
 
 def _models(verdict):
-    """Models that are drawn: the one after the search only where it found something."""
+    """Names of the drawn models: the one after the search only where it found an effect."""
     return ["before", "after"] if verdict["effects"] or verdict["partial"] else ["before"]
 
 
@@ -325,7 +325,7 @@ def _whole_and_worst(upper, lower, test, series, models, floor):
     upper[1].set(title="Its worst six minutes")
     sizes = [1e3 * _rms(series["voltage_volt"] - series[f"{model}_volt"]) for model in models]
     errors = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
-    title = f"What is left, RMS: {', '.join(errors)} (grey: noise floor {1e3 * floor:.2f} mV)"
+    title = f"Residual, RMS: {', '.join(errors)} (grey: noise floor {1e3 * floor:.2f} mV)"
     lower[0].set(ylabel="measured − model [mV]", title=title)
     style.legend_once(upper[0], loc="best")
 
@@ -366,7 +366,7 @@ def _line(axes, hours, values, **look):
 
 
 def draw_effect_branches(verdict, series):
-    """Each branch's current (the group's voltage, where none was logged) over what models say.
+    """Measured and simulated current of each branch; the group's voltage where none was logged.
 
     `verdict` and `series` are verdict.json and series.parquet of `missing_effect/<group>`.
     """

@@ -1,4 +1,4 @@
-"""Impedance spectra of a cell: Nyquist plots, what the fit leaves, and relaxation times."""
+"""Figures of impedance spectra: Nyquist plots, errors of the fit, relaxation times."""
 
 import matplotlib
 import numpy as np

@@ -108,7 +108,7 @@ def _with_spread(panel, x, values, std, look):
 
 
 def draw_compensation(laws, proof):
-    """Errors at temperatures left out of the fit, beside those of the model that knows them.
+    """Errors at temperatures left out of the fit, beside those of the model fitted with them.
 
     `laws` and `proof` are rows of stages `compensation` and `temperature_prediction`.
     """
@@ -131,7 +131,7 @@ def _error_of_laws(axes, rows):
         axes.plot(celsius, error, "o-", color=colour, label=label)
     fitted = {row["left_out_celsius"]: 1e3 * row["own_rmse_volt"] for row in rows}
     axes.plot(
-        *zip(*sorted(fitted.items()), strict=True), "_", color=style.QUIET, label="told of it"
+        *zip(*sorted(fitted.items()), strict=True), "_", color=style.QUIET, label="fitted with it"
     )
     axes.set(xlabel="temperature left out [°C]", ylabel="RMS error [mV]", yscale="log")
     axes.set_title("Tests of the fit: which law")
@@ -150,7 +150,10 @@ def _error_of_tests(axes, rows):
         axes.annotate(ratio, (left_out, position + BAR / 2), va="center", fontsize=7)
     names = [f"{row['predicted_test']}, {row['left_out_celsius']:g} °C" for row in rows]
     style.name_bars(axes, names, fontsize=7)
-    axes.set(xlabel="RMS error, SoC 5–95 % [mV]", title="Tests for proof: not told of it, and told")
+    axes.set(
+        xlabel="RMS error, SoC 5–95 % [mV]",
+        title="Validation tests (grey: fitted with the temperature)",
+    )
 
 
 NORMAL_95 = 1.96
@@ -158,7 +161,7 @@ FILTERS_WITH_INTERVAL = ("ekf", "aekf", "dual")
 
 
 def draw_validation(series, scores, test):
-    """Model over measurement, what is left between them, and how all members compare.
+    """Measured and simulated voltage, their residual, and the errors of all members.
 
     `series` are columns of stage `simulation`, `scores` rows of `validation`.
     """

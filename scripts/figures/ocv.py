@@ -1,4 +1,4 @@
-"""Open-circuit voltage of a cell over SoC, and what temperature does to it."""
+"""Figures of the open-circuit voltage of a cell over SoC and temperature."""
 
 import numpy as np
 

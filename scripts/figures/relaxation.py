@@ -1,4 +1,4 @@
-"""Rests of a cell with the exponentials through them, and the polarisation that they tell."""
+"""Figures of rests: fitted exponentials, and polarisation over SoC and temperature."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ FACTOR = {"V": (1e3, "mV"), "s": (1.0, "s")}
 
 
 def draw_relaxation(tests):
-    """One rest of each temperature with the exponentials through it, and what those leave.
+    """One rest of each temperature with its fitted exponentials and their residuals.
 
     `tests` are (columns, about) of stage `relaxation_curve`.
     """
@@ -33,7 +33,7 @@ def draw_relaxation(tests):
 
 
 def _of_each_temperature(tests):
-    """Of each temperature the rest nearest 50 % SoC, coldest first, of at most so many."""
+    """The rest nearest 50 % SoC of each temperature, coldest first, at most `MOST_RESTS`."""
     nearest = {}
     for columns, about in sorted(tests, key=lambda test: abs(test[0]["soc"][0] - MIDDLE_SOC)):
         nearest.setdefault(ambient_celsius(about), (columns, about))

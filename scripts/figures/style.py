@@ -1,4 +1,4 @@
-"""Style of all figures: SVG with the same bytes for the same data, on any machine; rows to draw."""
+"""Style of all figures, SVG with the same bytes on any machine, and selection of what is drawn."""
 
 import json
 from itertools import pairwise
@@ -54,7 +54,7 @@ def grid_of(panels: int, *, across: int) -> tuple[int, int]:
 
 
 def hide(panels):
-    """Panels of a grid that hold nothing are not drawn."""
+    """Switch off empty panels of a grid."""
     for panel in panels:
         panel.axis("off")
 
@@ -85,7 +85,7 @@ def temperature_style(celsius) -> dict:
 
 
 def plot_thinned(axes, x, y, *, points=2000, **style):
-    """A line through at most about so many points that looks like the one through all."""
+    """Plot a line thinned to about `points` points, with all its extremes."""
     axes.plot(*thinned(x, y, points=points), **style)
 
 
@@ -128,7 +128,7 @@ def rows_where(columns: dict, selection) -> dict:
 def ambient_celsius(about: dict):
     """Temperature [°C] that the sheet states for the test of an artefact; None where it does not.
 
-    `about` is what the artefact says of itself.
+    `about` : provenance of the artefact.
     """
     return about["params"]["test"]["ambient_temperature_celsius"]
 

@@ -63,7 +63,7 @@ def _law(axes, celsius, rows, law, colour):
 
 
 def draw_arrhenius(points, laws):
-    """Resistance over inverse temperature with the laws, and below what the laws leave.
+    """Resistance over inverse temperature with the laws, and below the residuals of the laws.
 
     `points` and `laws` are rows of stages `temperature_points` and `temperature`.
     """

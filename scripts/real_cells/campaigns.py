@@ -1,4 +1,4 @@
-"""Campaigns of real cells: which there are, copied to folders of their own, and run there."""
+"""Campaigns of real cells: listed, copied to separate folders, and run there."""
 
 import csv
 import hashlib
@@ -34,7 +34,7 @@ def names_in(folder) -> list[str]:
 
 
 def wanted(folder, names) -> list[str]:
-    """Names of the campaigns that are asked for; all that lie there where none is named.
+    """Names of the requested campaigns; all of the folder where none is requested.
 
     Raises
     ------

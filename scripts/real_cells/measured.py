@@ -18,7 +18,6 @@ from virtual_lab.score.verdicts import NAMED, outcome
 KEYS = ["campaign", "cell", "quantity", "where"]
 COLUMNS = [*KEYS, "value", "unit", "better", "tolerance_absolute", "tolerance_relative"]
 COLUMNS += ["published", "published_source"]
-SIDES = ("lower", "higher", "near", "equal", "shown")
 
 C_RATES = {
     **{f"C/{k}": 1 / k for k in (100, 50, 40, 30, 25, 20, 15, 10, 8, 5, 4, 3, 2)},
@@ -27,7 +26,7 @@ C_RATES = {
 
 
 class Quantity(NamedTuple):
-    """What a number is, and when another one is worse.
+    """Unit, better side, tolerance and topic of a measured quantity.
 
     unit : of the number; "word" for a word.
     better : "lower" and "higher" say which side is better; "near" means that it must stay, unless

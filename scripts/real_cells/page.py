@@ -24,7 +24,7 @@ defaults. Each number is what the results of the run say; nothing is fitted or c
   square over the tests of a temperature, and the worst test. The best member is the one with the
   lowest error there, known only afterwards; the chosen one is chosen without these tests.
 * Errors of a filter's SoC are over whole tests, from wrong starts. Of campaigns with more than
-  eight cells, models and verdicts are told over all cells.
+  eight cells, models and verdicts are summarised over all cells.
 * A number may change by what the last column says: more, to the worse side, fails the check. The
   rule stands in [measured.py](../scripts/real_cells/measured.py); a tolerance edited in
   recorded.csv stays when the record is renewed, a blank one is filled by the rule.

@@ -48,7 +48,7 @@ def write(rows: pd.DataFrame, path):
 
 
 def renewed(recorded: pd.DataFrame, measured: pd.DataFrame) -> pd.DataFrame:
-    """The record with the measured campaigns in place of what it had of them.
+    """The record, with the rows of the measured campaigns replaced.
 
     A tolerance that a person edited stays; blank ones are filled by the rule.
     """
@@ -64,7 +64,7 @@ def renewed(recorded: pd.DataFrame, measured: pd.DataFrame) -> pd.DataFrame:
 
 
 def faults_of(recorded: pd.DataFrame) -> list[str]:
-    """What is wrong with a record, such as an edited tolerance that is no number."""
+    """Faults of a record, such as an edited tolerance that is not a number."""
     faults = []
     for number, row in enumerate(recorded.to_dict("records"), 2):
         if row["quantity"] not in QUANTITIES:
@@ -245,7 +245,7 @@ def finished_campaigns(folder) -> list[Path]:
 
 
 def described(rows: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Rows (cell, quantity, where, value) with what is to be known of each; unknown ones left out.
+    """Rows (cell, quantity, where, value) with unit, side and tolerance; NaN values removed.
 
     A column `unit` goes before the unit of the quantity. `name` is the campaign's.
     """

@@ -294,14 +294,6 @@ def load_table(path) -> list[dict]:
         return list(csv.DictReader(file))
 
 
-UNITS = {"test_time": "second", "current": "ampere", "voltage": "volt", "charge": "ampere_hour"}
-
-
-def columns(series: dict, *names) -> list[np.ndarray]:
-    """Columns of a series by their quantity, in the order asked: `"voltage"` → voltage_volt."""
-    return [series[f"{name}_{UNITS[name]}"] for name in names]
-
-
 def split(result) -> tuple[dict, dict]:
     """Columns and facts of a NamedTuple: its arrays, and everything else."""
     fields = result._asdict()

@@ -73,7 +73,7 @@ def test_compensation_draws_the_error_of_each_law_and_a_pair_of_bars_for_each_te
         for test, celsius in (("udds", 25.0), ("us06", 0.0))
     ]
     by_law, by_test = panels(models.draw_compensation(laws, proof))
-    assert labels(by_law) == ["arrhenius (chosen beyond and between)", "linear", "told of it"]
+    assert labels(by_law) == ["arrhenius (chosen beyond and between)", "linear", "fitted with it"]
     rms = 1e3 * np.sqrt((0.003**2 + 0.004**2) / 2)
     np.testing.assert_allclose(drawn(by_law)[0], [[0.0, rms], [25.0, rms]])
     np.testing.assert_allclose(drawn(by_law)[2][:, 1], 2.0)
