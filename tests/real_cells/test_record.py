@@ -164,9 +164,8 @@ def test_the_page_has_a_column_for_each_temperature_and_the_numbers_before():
 
 
 def test_every_quantity_has_a_side_and_words_have_no_tolerance():
-    assert {one.better for one in QUANTITIES.values()} <= set(
-        ("lower", "higher", "near", "equal", "shown")
-    )
+    sides = {"lower", "higher", "near", "equal", "shown"}
+    assert {one.better for one in QUANTITIES.values()} <= sides
     words = [one for one in QUANTITIES.values() if one.unit == "word"]
     assert all(one.absolute == one.relative == 0 for one in words)
 
