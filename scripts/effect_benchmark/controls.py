@@ -1,4 +1,4 @@
-"""Terms that must not help: what a search would make of them, tried as it tries an effect.
+"""Control terms, tried as the search tries an effect: none of them should be named.
 
 A random smooth function of state of charge, current and temperature, with as many parameters as
 the effect that was named; the named effect, computed from a current whose blocks were put into
@@ -33,13 +33,13 @@ def random_term(count: int, capacity_ampere_hour: float, random) -> Effect:
     phase = random.uniform(0.0, 2.0 * np.pi, (count, WAVES))
     names = [f"size{k}" for k in range(count)]
 
-    def act(fields, stack, own):
+    def act(fields, stack, p):
         rate = stack.current_ampere / capacity_ampere_hour
         where = np.stack([fields.soc, rate, stack.celsius - base.REFERENCE_CELSIUS])
         volt = fields.volt
         for name, turns, start in zip(names, frequency, phase, strict=True):
             wave = np.cos(turns @ where + start[:, None]).sum(axis=0)
-            volt = volt + own[name] * np.sqrt(2.0 / WAVES) * wave
+            volt = volt + p[name] * np.sqrt(2.0 / WAVES) * wave
         return fields._replace(volt=volt)
 
     sizes = tuple(Parameter(name, "V", 0.0, -0.2, 0.2, 1e-3, 5e-3) for name in names)
@@ -47,7 +47,7 @@ def random_term(count: int, capacity_ampere_hour: float, random) -> Effect:
 
 
 def permuted(effect: Effect, cell, values: dict, seed: int) -> Effect:
-    """An effect as it would be, had the current flowed in another order.
+    """An effect computed from the same current in another order.
 
     Parameters
     ----------
@@ -55,10 +55,10 @@ def permuted(effect: Effect, cell, values: dict, seed: int) -> Effect:
     """
     name = "control_permuted"
 
-    def act(fields, stack, own):
+    def act(fields, stack, p):
         mixed = _mixed(stack, seed)
         starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
-        full = values | starts | {f"{effect.id}.{k}": v for k, v in own.items()}
+        full = values | starts | {f"{effect.id}.{k}": v for k, v in p.items()}
         without = base.voltage(cell, mixed, full)
         change = base.voltage(cell, mixed, full, (effect,)) - without
         return fields._replace(volt=fields.volt + change)
@@ -97,7 +97,9 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
         return base.voltage(case.cell, case.fit, values, (one,))
 
     lined_up = candidates(predict, solution.prediction, solution.values, [effect])
-    own = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
-    scores = scored(lined_up, own, residual, solution.white, solution.precision, solution.values)
+    whitened = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
+    scores = scored(
+        lined_up, whitened, residual, solution.white, solution.precision, solution.values
+    )
     best = max(scores, key=lambda one: one.chi_square)
     return search.tried(case, LIBRARY, free, first.before, best, filters)

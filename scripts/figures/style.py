@@ -1,13 +1,12 @@
-"""Style of all figures: SVG that has the same bytes for the same data, on any machine."""
+"""Style of all figures, SVG with the same bytes on any machine, and selection of what is drawn."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-
-from figures.columns import thinned
 
 INK, QUIET, GRID = "#1d2733", "#8a94a0", "#e6e9ed"
 MEASURED, ERROR = "#1d2733", "#c0392b"
@@ -55,7 +54,7 @@ def grid_of(panels: int, *, across: int) -> tuple[int, int]:
 
 
 def hide(panels):
-    """Panels of a grid that hold nothing are not drawn."""
+    """Switch off empty panels of a grid."""
     for panel in panels:
         panel.axis("off")
 
@@ -86,7 +85,7 @@ def temperature_style(celsius) -> dict:
 
 
 def plot_thinned(axes, x, y, *, points=2000, **style):
-    """A line through at most about so many points that looks like the one through all."""
+    """Plot a line thinned to about `points` points, with all its extremes."""
     axes.plot(*thinned(x, y, points=points), **style)
 
 
@@ -119,3 +118,38 @@ def save(figure, job, path=None):
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={"Date": None, "Creator": "Cellwright", "Description": about})
     job.saved.add(path)
+
+
+def rows_where(columns: dict, selection) -> dict:
+    """The same columns with some of their rows: `selection` (n,) is a mask, or row numbers."""
+    return {name: values[selection] for name, values in columns.items()}
+
+
+def ambient_celsius(about: dict):
+    """Temperature [°C] that the sheet states for the test of an artefact; None where it does not.
+
+    `about` : provenance of the artefact.
+    """
+    return about["params"]["test"]["ambient_temperature_celsius"]
+
+
+def evenly_spread(count: int, most: int) -> np.ndarray:
+    """Places of at most `most` of `count` items, first and last among them."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int))
+
+
+def thinned(x, y, *, points=2000):
+    """Fewer points (x, y) that draw the same line: lowest and highest of each stretch, in order.
+
+    Stretches without a value stay open.
+    """
+    if len(x) <= points:
+        return x, y
+    low, high = np.where(np.isnan(y), np.inf, y), np.where(np.isnan(y), -np.inf, y)
+    edges = np.linspace(0, len(x), points // 2 + 1).astype(int)
+    keep = [
+        start + np.sort([np.argmin(low[start:stop]), np.argmax(high[start:stop])])
+        for start, stop in pairwise(edges)
+    ]
+    keep = np.unique(np.concatenate([[0], *keep, [len(x) - 1]]))
+    return x[keep], y[keep]

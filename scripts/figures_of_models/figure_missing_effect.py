@@ -1,12 +1,12 @@
 """Figures: what the model of one cell lacks, and how one can see it."""
 
-from figures import effect_tests, effects, style
+from figures import effects, style
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     parts = {name: job.load(path) for name, path in snakemake.input.items()}
     out = snakemake.output
-    tests = effect_tests.draw_effect_validation(parts["verdict"], parts["series"])
+    tests = effects.draw_effect_validation(parts["verdict"], parts["series"])
     style.save(tests, job, out.validation)
     style.save(effects.draw_residual_map(parts["map"]), job, out.map)
     style.save(effects.draw_evidence(parts["evidence"]), job, out.evidence)

@@ -1,11 +1,10 @@
 """Open-circuit voltage of one slow test, as table and as analytic functions."""
 
 import cellwright as cw
-from runtime import artefact, lean
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     params = snakemake.params
-    lean.import_lmfit()
     found = cw.ocv(job.load(snakemake.input.series), params.cell, least_hour=params.least_hour)
     job.note(*found.notes)
     arrays, facts = artefact.split(found.curve)

@@ -1,4 +1,4 @@
-"""The report's page: what is shown of each cell, and the stage's words."""
+"""The report: one HTML page with tables, figures and notes of every cell and group."""
 
 import base64
 from pathlib import Path
@@ -25,15 +25,15 @@ def render(job) -> str:
     inputs, params = job.input, job.params
     tables = {Path(path).stem: _text(path) for path in inputs.tables}
     abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
-    known = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
+    captions = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
-    effects = {_owner(artefact.read_about(path)): _said(path) for path in inputs.verdicts}
-    cold = {_owner(artefact.read_about(path)): _said(path) for path in inputs.cold}
+    effects = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.verdicts}
+    cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
-    pages = [_page(name, params, tables, abouts, known) for name in owners + groups]
-    for one in pages:
-        one["effect"], one["cold"] = effects.get(one["name"]), cold.get(one["name"])
-        one["verdicts"] = _of(tables["missing_effect"], one["name"]).to_dict("records")
+    pages = [_page(name, params, tables, abouts, captions) for name in owners + groups]
+    for page in pages:
+        page["effect"], page["cold"] = effects.get(page["name"]), cold.get(page["name"])
+        page["verdicts"] = _of(tables["missing_effect"], page["name"]).to_dict("records")
     template = Path(inputs.template).read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"number": number, "milli": milli, "percent": percent}
@@ -42,7 +42,7 @@ def render(job) -> str:
         excluded=tables["excluded"].to_dict("records"),
         checks=_text(inputs.checks).to_dict("records"),
         summary=_text(inputs.summary).to_dict("records"),
-        overview=[_picture(path, known) for path in params.figures["campaign"]],
+        overview=[_picture(path, captions) for path in params.figures["campaign"]],
         pages=pages,
         assumptions=params.assumptions,
         choices=params.choices,
@@ -70,8 +70,8 @@ def percent(text) -> str:
     return f"{100 * float(text):.0f} %" if text else "–"
 
 
-def _said(path) -> dict:
-    """The paragraph of an analysis that answers in words, or why it says nothing."""
+def _paragraph(path) -> dict:
+    """The paragraph of an analysis, or the reason why it has none."""
     reason = artefact.read_about(path)["reason"]
     return {"text": reason or artefact.load(path)["paragraph"], "reason": reason}
 
@@ -84,7 +84,7 @@ def number(text) -> str:
         return text
 
 
-def _page(name, params, tables, abouts, known) -> dict:
+def _page(name, params, tables, abouts, captions) -> dict:
     facts = next((row for row in params.cells if row["cell"] == name), {})
     branches = [row for row in params.groups if row["group"] == name]
     shown = {table: _of(tables[table], name) for table in TABLES_OF_CELL}
@@ -96,8 +96,10 @@ def _page(name, params, tables, abouts, known) -> dict:
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
         "branches": branches,
         "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
-        "proofs": [_picture(path, known) for path in pictures if Path(path).stem in PROOFS],
-        "pictures": [_picture(path, known) for path in pictures if Path(path).stem not in PROOFS],
+        "proofs": [_picture(path, captions) for path in pictures if Path(path).stem in PROOFS],
+        "pictures": [
+            _picture(path, captions) for path in pictures if Path(path).stem not in PROOFS
+        ],
         "choice": _choice(_of(tables["choice"], name)),
         "tables": {table: _short(rows) for table, rows in shown.items() if len(rows)},
         "notes": [*([NO_MODEL] if unmodelled else []), *_notes(name, abouts)],
@@ -105,14 +107,14 @@ def _page(name, params, tables, abouts, known) -> dict:
 
 
 def _choice(rows) -> dict:
-    """Errors of each member by temperature, and why it is the chosen one or not; none: empty."""
+    """Errors of each member by temperature and the reason of the choice; empty without members."""
     members = {
         model: {
-            "chosen": own["chosen"].iloc[0] == "True",
-            "reason": own["reason"].iloc[0],
-            "errors": own.to_dict("records"),
+            "chosen": part["chosen"].iloc[0] == "True",
+            "reason": part["reason"].iloc[0],
+            "errors": part.to_dict("records"),
         }
-        for model, own in rows.groupby("model", sort=False)
+        for model, part in rows.groupby("model", sort=False)
     }
     celsius = rows["ambient_temperature_celsius"].unique().tolist()
     return {"celsius": celsius, "members": members} if members else {}
@@ -125,17 +127,19 @@ def _short(rows) -> dict:
 
 
 def _test(row, abouts) -> dict:
-    mine = [about for about in abouts.values() if about["wildcards"].get("test") == row["test"]]
-    mine = [about for about in mine if _owner(about) == row["cell"]]
-    reasons = list(dict.fromkeys(about["reason"] for about in mine if about["reason"]))
+    of_test = [about for about in abouts.values() if about["wildcards"].get("test") == row["test"]]
+    of_test = [about for about in of_test if _owner(about) == row["cell"]]
+    reasons = list(dict.fromkeys(about["reason"] for about in of_test if about["reason"]))
     return row | {"reasons": reasons}
 
 
 def _notes(name, abouts) -> list[dict]:
     notes = {}
-    mine = [about for about in abouts.values() if _owner(about) == name]
-    said = [(note, one["wildcards"].get("test", "")) for one in mine for note in one["notes"]]
-    for note, test in said:
+    of_owner = [about for about in abouts.values() if _owner(about) == name]
+    texts = [
+        (note, about["wildcards"].get("test", "")) for about in of_owner for note in about["notes"]
+    ]
+    for note, test in texts:
         notes.setdefault(note, set()).add(test)
     return [{"text": text, "tests": sorted(tests - {""})} for text, tests in notes.items()]
 
@@ -144,11 +148,11 @@ def _owner(about):
     return about["wildcards"].get("cell") or about["wildcards"].get("group")
 
 
-def _picture(path, known) -> dict:
+def _picture(path, captions) -> dict:
     name = Path(path).stem
-    fitting = [kind for kind in known if name == kind or name.startswith(f"{kind}_")]
+    fitting = [kind for kind in captions if name == kind or name.startswith(f"{kind}_")]
     kind = max(fitting, key=len, default=None)
-    caption = known.get(kind, {"title": name, "read": ""})
+    caption = captions.get(kind, {"title": name, "read": ""})
     data = base64.b64encode(Path(path).read_bytes()).decode()
     test = name.removeprefix(f"{kind}_") if kind and name != kind else ""
     return {"title": caption["title"], "read": caption["read"], "test": test, "data": data}

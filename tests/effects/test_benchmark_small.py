@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from effect_benchmark import answers as methods
-from effect_benchmark import batch, scoring, truth
+from effect_benchmark import scoring
 from runtime import settings
 from virtual_lab import campaigns
 from virtual_lab.campaigns import making
@@ -49,8 +49,8 @@ def table(tmp_path_factory):
     making.make_sheets(plan, folder)
     config = settings.defaults(settings.load(SCHEMAS, "config"))
     config["benchmark"] |= {"control_every": 1}
-    work = batch.task(folder, truth.hidden_names(folder), config)
-    return scoring.judged(folder, batch.answered(work, 0, 1))
+    work = methods.task(folder, scoring.hidden_names(folder), config)
+    return scoring.judged(folder, methods.answered(work, 0, 1))
 
 
 def of(table, method, kind):

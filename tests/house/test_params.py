@@ -70,7 +70,7 @@ def of_step(step) -> set[str]:
             found.add(f"{held[default.value.id]}.{default.attr}")
     names = {function, *(n for n in tree.body if calls(function, n))}
     for node in (node for one in names for node in ast.walk(one)):
-        if isinstance(node, ast.Call) and ast.unparse(node.func) == "given.chosen":
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "inputs.settings_of":
             found |= whole(SECTIONS[ast.unparse(node.args[0])])
     return found
 

@@ -1,6 +1,9 @@
 """Artefacts: what is saved is loaded, reasons are passed on, the contract is held."""
 
+import importlib
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -154,3 +157,18 @@ def test_load_together_keeps_pairs(snakemake):
     bad = _refused(snakemake, "results/ica_curve/A/bad.parquet")
     found = artefact.load_together([(PATH, bad), (PATH, PATH)])
     assert len(found) == 1
+
+
+def test_what_is_hidden_cannot_be_imported_and_can_be_afterwards():
+    sys.modules.pop("colorsys", None)
+    with artefact.without("colorsys"), pytest.raises(ModuleNotFoundError, match="not looked for"):
+        importlib.import_module("colorsys")
+    assert importlib.import_module("colorsys").rgb_to_yiq(0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
+
+
+def test_a_job_that_makes_no_table_for_people_imports_no_pandas():
+    code = (
+        "import sys; from runtime import artefact, lending, tables; "
+        "assert not {'pandas', 'matplotlib', 'lmfit'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

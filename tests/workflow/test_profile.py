@@ -15,9 +15,9 @@ WORKFLOW = """
 import sys
 from pathlib import Path
 sys.path.insert(0, {scripts!r})
-from runtime import stale_lock
+from runtime import snakemake_state
 if workflow.is_main_process:
-    stale_lock.clear(Path.cwd())
+    snakemake_state.clear_stale_locks(Path.cwd())
 rule copy:
     input: "raw.txt"
     output: "copy.txt"
@@ -76,24 +76,24 @@ def test_a_killed_run_does_not_lock_the_folder(toy):
 
 
 def test_another_machine_may_still_be_running(tmp_path):
-    from runtime import stale_lock
+    from runtime import snakemake_state
 
     locks, starts = (tmp_path / ".snakemake" / name for name in ("locks", "starts"))
     locks.mkdir(parents=True)
     starts.mkdir()
     (starts / "1@elsewhere").write_text("0.0")
-    stale_lock.clear(tmp_path)
+    snakemake_state.clear_stale_locks(tmp_path)
     assert locks.is_dir()
     (starts / "1@elsewhere").unlink()
     (starts / f"{os.getppid()}@{os.uname().nodename}").write_text("0.0")  # a number used again
-    stale_lock.clear(tmp_path)
+    snakemake_state.clear_stale_locks(tmp_path)
     assert not locks.exists()
 
 
 def test_a_lock_of_a_live_process_stays(tmp_path):
     import psutil
 
-    from runtime import stale_lock
+    from runtime import snakemake_state
 
     locks, starts = (tmp_path / ".snakemake" / name for name in ("locks", "starts"))
     locks.mkdir(parents=True)
@@ -101,5 +101,5 @@ def test_a_lock_of_a_live_process_stays(tmp_path):
     parent = psutil.Process(os.getppid())
     (starts / f"{parent.pid}@{os.uname().nodename}").write_text(str(parent.create_time()))
     (starts / f"99999999@{os.uname().nodename}").write_text("0.0")
-    stale_lock.clear(tmp_path)
+    snakemake_state.clear_stale_locks(tmp_path)
     assert locks.is_dir()

@@ -24,13 +24,13 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
-from runtime import contract, job_environment, run_log, settings, sheets, stale_lock
+from runtime import contract, job_environment, settings, sheets, snakemake_state
 from runtime.provenance import code_of
 
 job_environment.prepare(SCRIPTS)
 STARTED = time.time()
 if workflow.is_main_process:
-    stale_lock.clear(Path.cwd())
+    snakemake_state.clear_stale_locks(Path.cwd())
 
 # The `config:` of a module stands for config/config.yaml, which is then the using workflow's own.
 AS_MODULE = not workflow.modifier.is_main_snakefile()

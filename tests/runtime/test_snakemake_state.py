@@ -2,7 +2,7 @@
 
 import json
 
-from runtime import run_log
+from runtime import snakemake_state
 
 
 def test_rules_are_ranked_by_what_they_took_since_the_start(tmp_path):
@@ -15,7 +15,7 @@ def test_rules_are_ranked_by_what_they_took_since_the_start(tmp_path):
         (folder / str(number)).write_text(json.dumps(record))
     (folder / "@deep" / "two_outputs").write_text((folder / "1").read_text())
     (folder / "half").write_text("{")
-    assert run_log.slowest(tmp_path, 5) == [
+    assert snakemake_state.slowest(tmp_path, 5) == [
         "fit: 7 s in 2 jobs, longest 5.0 s",
         "read: 1 s in 1 job, longest 1.0 s",
     ]

@@ -1,4 +1,4 @@
-"""What a search is given beside its own tests: models of branches' cells, healthy cells."""
+"""Inputs of a search besides the tests of its cell: models of a group's cells, healthy cells."""
 
 from cellwright.effects.finding import Reference
 from cellwright.effects.groups.finding import KnownCell
@@ -7,14 +7,20 @@ from runtime import artefact, facts
 
 
 def known_cells(branches, lenders, paths) -> list[KnownCell]:
-    """What each branch of a group is known by; `lenders`: whose model it is, by cell."""
+    """The model of the cell in each branch of a group.
+
+    Parameters
+    ----------
+    branches : rows of groups.tsv. lenders : cell whose model stands for a cell without one.
+    paths : of the models.
+    """
     models = {about["wildcards"]["cell"]: model for model, about in artefact.load_all(paths)}
-    sources = [lenders.get(row.cell, row.cell) for row in branches]
+    sources = [lenders.get(row["cell"], row["cell"]) for row in branches]
     return [KnownCell(models.get(source), source) for source in sources]
 
 
 def references(rows, basis_paths, series_paths) -> list[Reference]:
-    """Healthy cells of the type, each with its facts, its basis and its tests."""
+    """Healthy cells of the type: facts, basis and tests of each."""
     owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in series_paths}
     paths_of = {cell: [p for p in series_paths if owner[p] == cell] for cell in owner.values()}
     bases = {basis["cell"]: basis for basis, _ in artefact.load_all(basis_paths)}

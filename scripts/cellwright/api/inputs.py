@@ -1,8 +1,6 @@
-"""What callers hand over, as the science takes it: columns, rows, facts of the sheets, settings."""
+"""Arguments of the public interface as the science takes them: columns, rows, facts, settings."""
 
 from collections.abc import Mapping
-
-import numpy as np
 
 from cellwright.refusal import Refusal
 
@@ -20,18 +18,19 @@ def columns(series, *needed) -> dict:
 
     Raises
     ------
-    Refusal
-        A column that is needed is not there, or columns are of different lengths.
+    Refusal : A column that is needed is not there, or columns are of different lengths.
     """
-    found = {str(name): np.asarray(values) for name, values in _named(series).items()}
-    lacking = [name for name in needed if name not in found]
+    import numpy as np
+
+    arrays = {str(name): np.asarray(values) for name, values in _named(series).items()}
+    lacking = [name for name in needed if name not in arrays]
     if lacking:
         hint = "; `clean` adds it" if lacking == ["charge_ampere_hour"] else ""
-        raise Refusal(f"no column {', '.join(lacking)}{hint}; there are {', '.join(found)}")
-    sizes = {name: len(values) for name, values in found.items() if values.ndim}
+        raise Refusal(f"no column {', '.join(lacking)}{hint}; there are {', '.join(arrays)}")
+    sizes = {name: len(values) for name, values in arrays.items() if values.ndim}
     if len(set(sizes.values())) > 1:
         raise Refusal(f"columns of different lengths: {sizes}")
-    return found
+    return arrays
 
 
 def _named(series):
@@ -42,15 +41,15 @@ def _named(series):
         return inner
     if hasattr(series, "_asdict"):
         return series._asdict()
-    if hasattr(series, "to_numpy"):  # a DataFrame, told without loading pandas
+    if hasattr(series, "to_numpy"):  # a DataFrame, recognised without loading pandas
         return {name: series[name].to_numpy() for name in inner}
     raise Refusal(f"{type(series).__name__} is no DataFrame and no mapping of columns")
 
 
 def quantities(series, names=NAMES) -> list:
-    """The named columns in this order, (n,) each."""
-    found = columns(series, *names)
-    return [found[name] for name in names]
+    """List of the named columns, (n,) each, in this order."""
+    arrays = columns(series, *names)
+    return [arrays[name] for name in names]
 
 
 def steps(table):
@@ -73,33 +72,33 @@ def rows(table) -> list[dict]:
 
 
 def cell_facts(cell):
-    """CellFacts, of the same or of a mapping with more or fewer keys."""
+    """CellFacts as they are, or from a mapping with more or fewer keys."""
     from cellwright.records.facts import CellFacts
 
     return _facts(CellFacts, cell)
 
 
 def test_facts(test):
-    """TestFacts, of the same or of a mapping with more or fewer keys."""
+    """TestFacts as they are, or from a mapping with more or fewer keys."""
     from cellwright.records.facts import TestFacts
 
     return _facts(TestFacts, {"test": "", **test} if isinstance(test, Mapping) else test)
 
 
 def branch_facts(branch):
-    """BranchFacts, of the same or of a row of groups.tsv."""
+    """BranchFacts as they are, or from a row of groups.tsv."""
     from cellwright.records.facts import BranchFacts
 
     return _facts(BranchFacts, branch)
 
 
-def _facts(kind, given):
-    if isinstance(given, kind):
-        return given
-    lacking = [n for n in kind._fields if n not in given and n not in kind._field_defaults]
+def _facts(kind, values):
+    if isinstance(values, kind):
+        return values
+    lacking = [n for n in kind._fields if n not in values and n not in kind._field_defaults]
     if lacking:
-        raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(given)}")
-    return kind(**{name: given[name] for name in kind._fields if name in given})
+        raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(values)}")
+    return kind(**{name: values[name] for name in kind._fields if name in values})
 
 
 def tests(pairs) -> list:
@@ -110,38 +109,40 @@ def tests(pairs) -> list:
 
 
 def content(document):
-    """The plain document of a result, of a mapping as it is, and None of None."""
+    """The plain document of a result; a mapping or None is returned as it is."""
     return getattr(document, "content", document)
 
 
 def entries(pairs, fields=None) -> list[dict]:
-    """Results of tests as dicts with the test's name, temperature and cycle beside them.
+    """Rows of results as dicts, each with the name, temperature and cycle of its test.
 
     Parameters
     ----------
-    pairs : (TestFacts or mapping, result) each; what is a dict already is taken as it is.
+    pairs : (TestFacts or mapping, result) each; a dict is taken as it is.
     fields : function, result → list of dicts of plain values.
     """
-    found = []
-    for one in pairs:
-        if isinstance(one, Mapping):
-            found.append(one)
+    dated = []
+    for pair in pairs:
+        if isinstance(pair, Mapping):
+            dated.append(pair)
             continue
-        facts, result = test_facts(one[0]), one[1]
+        facts, result = test_facts(pair[0]), pair[1]
         names = ("test", "ambient_temperature_celsius", "cycle")
-        found += [
+        dated += [
             {name: getattr(facts, name) for name in names} | row for row in (fields or rows)(result)
         ]
-    return found
+    return dated
 
 
 def plain(values: dict) -> dict:
-    """The same with arrays as lists."""
+    """A dict with its arrays as lists."""
+    import numpy as np
+
     return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
 
 
-def chosen(kind, settings, changes):
-    """Settings of a step: its defaults, those given, or a campaign's; then what is changed of them.
+def settings_of(kind, settings, changes):
+    """Settings of a step: the defaults or `settings`, with single keys changed.
 
     Parameters
     ----------
@@ -152,8 +153,8 @@ def chosen(kind, settings, changes):
     Raises
     ------
     Refusal
-        A key that is not known, or a mapping that lacks one: what a campaign chose must not be
-        replaced by a default unseen.
+        An unknown key, or a mapping that lacks one: a campaign's choice must not be replaced by a
+        default unnoticed.
     """
     if isinstance(settings, Mapping):
         lacking = [name for name in kind._fields if name not in settings]
@@ -174,7 +175,7 @@ def _changed(kind, value, changes):
 
 
 def _typed(before, value):
-    """A value as the settings hold it: lists as tuples, mappings as the section in their place."""
+    """A value as the settings hold it: a list as tuple, a mapping as the section it replaces."""
     if hasattr(before, "_fields") and isinstance(value, Mapping):
-        return chosen(type(before), value, {})
+        return settings_of(type(before), value, {})
     return tuple(value) if isinstance(value, list) else value

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import cellwright as cw
-from cellwright.api import given, results
+from cellwright.api import inputs, results
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 
@@ -102,13 +102,13 @@ def test_settings_of_a_campaign_must_be_complete():
 def test_settings_within_settings_are_typed():
     usual = cw.settings.MissingEffectGroup()
     spread = usual.spread._asdict() | {"celsius": 1.0}
-    chosen = given.chosen(cw.settings.MissingEffectGroup, None, {"spread": spread})
+    chosen = inputs.settings_of(cw.settings.MissingEffectGroup, None, {"spread": spread})
     assert chosen == usual._replace(spread=usual.spread._replace(celsius=1.0))
 
 
 def test_facts_without_what_is_needed_are_refused():
     with pytest.raises(cw.Refusal, match="TestFacts needs kind"):
-        given.test_facts({"test": "x"})
+        inputs.test_facts({"test": "x"})
 
 
 def test_a_file_that_is_not_there_is_refused():
