@@ -82,9 +82,8 @@ def _ours(time, current, volt, _soc):
 def _recursion(time, current, volt, _soc):
     from cellwright.filters.bank import bank_of
     from cellwright.filters.estimate import Start
-    from cellwright.filters.kalman import run
+    from cellwright.filters.kalman import acquire, run
     from cellwright.filters.plant import plant_of
-    from cellwright.filters.kalman import acquire
 
     noise = _three_states()["noise"]
     bank = bank_of(cell.model(), "2RC", 25.0)
