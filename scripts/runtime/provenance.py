@@ -181,11 +181,13 @@ def _name(path: str) -> str:
 def record(job) -> dict:
     """The provenance block of what this job writes: no date, host or absolute path in it.
 
-    `job` is Snakemake's script object. The same inputs give the same block on any machine.
+    `job` is Snakemake's script object. The same inputs give the same block on any machine, and in
+    a workflow that uses this one as a module under other names of rules (`params.rule`).
     """
-    params = {k: value for k, value in job.params.items() if k not in ("code", "contract")}
+    laid_on_every_rule = ("code", "contract", "rule")
+    params = {k: value for k, value in job.params.items() if k not in laid_on_every_rule}
     return {
-        "rule": job.rule,
+        "rule": job.params.get("rule", job.rule),
         "wildcards": dict(job.wildcards.items()),
         "params": json.loads(json.dumps(params, default=str, sort_keys=True)),
         "inputs": {_name(path): sha256_of(path) for path in sorted(set(map(str, job.input)))},
