@@ -7,8 +7,10 @@ from sheets_facts import branch_facts, measured_test
 
 from cellwright.effects.groups import finding
 from cellwright.effects.groups.finding import GroupFinding, KnownCell, missing_group_effect
-from cellwright.effects.groups.model import Shared, Spread, group_frees
+from cellwright.effects.groups.model import group_frees
 from cellwright.refusal import Refusal
+from cellwright.settings.effects import MissingEffectGroupShared as Shared
+from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
 SETTINGS = {"most_rows": 1000} | {n: k()._asdict() for n, k in finding.SECTIONS.items()}
 BRANCHES = branch_facts(["c1", "c2"], [0.9, 0.8])

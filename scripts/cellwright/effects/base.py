@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 from cellwright.native import array, count, function, real
 from cellwright.numerics.lags import lag_weights
 from cellwright.numerics.least_squares import Free
+from cellwright.settings import MissingEffect
 
 STAGES = ("current", "counting", "resistance", "ocv", "overpotential", "reading")
 REFERENCE_CELSIUS = 25.0
@@ -214,6 +215,9 @@ def _twin(step, fresh, linear, drive, constant, start):
     return state
 
 
+SEARCH = MissingEffect()  # the schema's defaults
+
+
 class Tolerance(NamedTuple):
     """Standard deviations of what is known before the fit.
 
@@ -223,12 +227,12 @@ class Tolerance(NamedTuple):
     template of healthy cells in this cell (paired mode).
     """
 
-    ocv_volt: float = 1.5e-3
-    ocv_soc: float = 0.12
-    capacity: float = 3e-3
-    soc: float = 0.02
-    steep_soc: float = 3e-3
-    known: float = 0.2
+    ocv_volt: float = SEARCH.ocv_volt_tolerance
+    ocv_soc: float = SEARCH.ocv_soc_tolerance
+    capacity: float = SEARCH.capacity_tolerance
+    soc: float = SEARCH.soc_tolerance
+    steep_soc: float = SEARCH.steep_soc_tolerance
+    known: float = SEARCH.known_tolerance
 
 
 def frees(stack, start, tolerance):

@@ -24,6 +24,7 @@ from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import laid_out_to_fit
 from cellwright.records.thinning import averaged_to, thin
 from cellwright.refusal import Refusal
+from cellwright.settings import MissingEffect
 
 UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it has no weight
 KINDS = ("capacity", "hppc", "pulse_resistance", "drive")
@@ -34,28 +35,31 @@ JUDGING = ("validation", "split")  # roles of tests that judge
 HOLDS = ("zero_order", "first_order")
 
 
+SEARCH = MissingEffect()  # the schema's defaults
+
+
 class Gates(NamedTuple):
     """When an effect counts; meaning and source in config/README.md (missing_effect)."""
 
-    refits: int = 8
-    bic: float = 10.0
-    validation_chi_square: float = 25.0
-    validation_fall: float = 0.03
-    visible_chi_square: float = 25.0
-    material_volt: float = 3e-4
-    material_share: float = 0.005
-    nothing_ratio: float = 1.15
-    nothing_volt: float = 1.5e-3
-    adequate_ratio: float = 1.3
-    adequate_closed: float = 0.85
-    partial_closed: float = 0.7
-    unknown_ratio: float = 1.5
-    tie_absolute: float = 6.0
-    tie_relative: float = 0.03
-    rounds: int = 4
-    most_slow_volt: float = 1.2e-3
-    most_slow_second: float = 300.0
-    steep_volt: float = 2e-3
+    refits: int = SEARCH.refits
+    bic: float = SEARCH.bic
+    validation_chi_square: float = SEARCH.validation_chi_square
+    validation_fall: float = SEARCH.validation_fall
+    visible_chi_square: float = SEARCH.visible_chi_square
+    material_volt: float = SEARCH.material_volt
+    material_share: float = SEARCH.material_share
+    nothing_ratio: float = SEARCH.nothing_ratio
+    nothing_volt: float = SEARCH.nothing_volt
+    adequate_ratio: float = SEARCH.adequate_ratio
+    adequate_closed: float = SEARCH.adequate_closed
+    partial_closed: float = SEARCH.partial_closed
+    unknown_ratio: float = SEARCH.unknown_ratio
+    tie_absolute: float = SEARCH.tie_absolute
+    tie_relative: float = SEARCH.tie_relative
+    rounds: int = SEARCH.rounds
+    most_slow_volt: float = SEARCH.most_slow_volt
+    most_slow_second: float = SEARCH.most_slow_second
+    steep_volt: float = SEARCH.steep_volt
 
 
 STEADY_C_RATE = 0.02

@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.groups.model import (
-    Shared,
-    Spread,
     at_branch,
     group_coupling,
     group_fields,
@@ -26,7 +24,11 @@ from cellwright.effects.search import State, frees_of
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import Problem, bounded_minimum, priors
 from cellwright.numerics.statistics import rms
+from cellwright.settings.effects import MissingEffectGroupGates
+from cellwright.settings.effects import MissingEffectGroupShared as Shared
+from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
+GATES = MissingEffectGroupGates()  # the schema's defaults
 PASSES = 2
 SOC_APART = 0.005
 SLOW_SECOND = (30.0, 100.0, 300.0)
@@ -46,21 +48,21 @@ class GroupGates(NamedTuple):
     share, and that must not move their currents [V].
     """
 
-    refits: int = 6
-    bic: float = 10.0
-    validation_chi_square: float = 25.0
-    validation_fall: float = 0.03
-    material_volt: float = 0.1e-3
-    nothing_ratio: float = 1.15
-    adequate_ratio: float = 1.3
-    adequate_volt: float = 0.5e-3
-    adequate_closed: float = 0.85
-    partial_closed: float = 0.5
-    tie_absolute: float = 6.0
-    tie_relative: float = 0.003
-    rounds: int = 3
-    most_slow_volt: float = 0.3e-3
-    shared_slow_volt: float = 2e-3
+    refits: int = GATES.refits
+    bic: float = GATES.bic
+    validation_chi_square: float = GATES.validation_chi_square
+    validation_fall: float = GATES.validation_fall
+    material_volt: float = GATES.material_volt
+    nothing_ratio: float = GATES.nothing_ratio
+    adequate_ratio: float = GATES.adequate_ratio
+    adequate_volt: float = GATES.adequate_volt
+    adequate_closed: float = GATES.adequate_closed
+    partial_closed: float = GATES.partial_closed
+    tie_absolute: float = GATES.tie_absolute
+    tie_relative: float = GATES.tie_relative
+    rounds: int = GATES.rounds
+    most_slow_volt: float = GATES.most_slow_volt
+    shared_slow_volt: float = GATES.shared_slow_volt
 
     @property
     def nothing_volt(self):

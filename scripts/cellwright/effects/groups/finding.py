@@ -15,8 +15,6 @@ from cellwright.effects.groups.case import (
 )
 from cellwright.effects.groups.model import (
     Branch,
-    Shared,
-    Spread,
     document,
     group_fields,
     group_run,
@@ -30,6 +28,8 @@ from cellwright.effects.verdict import Phrases, entry_of, outcome, paragraph, ve
 from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
+from cellwright.settings.effects import MissingEffectGroupShared as Shared
+from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
 ENERGY = "resistance_temperature.activation_energy_joule_per_mole"
 FIRST_ROWS = 3

@@ -254,53 +254,6 @@ def _ocv_at(table, soc):
     return table[rows, below] + slope * (soc - below / last), slope
 
 
-class Spread(NamedTuple):
-    """Standard deviations of healthy branches about what is known of their cells.
-
-    No healthy branch is more than `widest` of them off.
-
-    capacity, resistance, time_constant : relative, of a cell about its own tests.
-    ocv_volt : of a cell's OCV, smooth over ocv_soc of SoC [V].
-    type_capacity, type_resistance, type_time_constant, type_ocv_volt : the same of a cell of which
-    only the type is known. soc : between the branches when the group was joined [1].
-    celsius : between the branches [K]. wire_ohm : of a connection [ohm].
-    current_offset_c_rate : of a branch's sensor, in its cell's capacity per hour [1/h].
-    current_gain : of a branch's sensor [1].
-    """
-
-    capacity: float = 4e-3
-    resistance: float = 8e-3
-    time_constant: float = 0.03
-    ocv_volt: float = 1e-3
-    type_capacity: float = 0.05
-    type_resistance: float = 0.17
-    type_time_constant: float = 0.2
-    type_ocv_volt: float = 2e-3
-    soc: float = 2e-3
-    celsius: float = 0.2
-    wire_ohm: float = 1e-4
-    current_offset_c_rate: float = 1e-3
-    current_gain: float = 1e-3
-    ocv_soc: float = 0.12
-    widest: float = 3.0
-
-
-class Shared(NamedTuple):
-    """Standard deviations of what all branches are off by together; meanings as in Spread."""
-
-    resistance: float = 0.01
-    type_resistance: float = 1.0
-    time_constant: float = 0.03
-    type_time_constant: float = 0.5
-    capacity: float = 4e-3
-    type_capacity: float = 0.05
-    soc: float = 5e-3
-    ocv_volt: float = 1e-3
-    ocv_soc: float = 0.03
-    activation_joule_per_mole: float = 1e3
-    type_activation_joule_per_mole: float = 1e4
-
-
 LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3
 STEPS = {
     "log_r0": LOG_STEP,
@@ -321,7 +274,7 @@ def group_frees(cells, files, spread, shared, *, sensors):
 
     Parameters
     ----------
-    cells : sequence of Branch. files : number of records. spread : Spread. shared : Shared.
+    cells : sequence of Branch. files : number of records. spread, shared : MissingEffectGroupSpread, MissingEffectGroupShared of `settings`.
     sensors : bool; the branch currents were logged.
 
     Returns
