@@ -274,7 +274,8 @@ def group_frees(cells, files, spread, shared, *, sensors):
 
     Parameters
     ----------
-    cells : sequence of Branch. files : number of records. spread, shared : MissingEffectGroupSpread, MissingEffectGroupShared of `settings`.
+    cells : sequence of Branch. files : number of records. spread, shared : of the settings,
+    MissingEffectGroupSpread and MissingEffectGroupShared.
     sensors : bool; the branch currents were logged.
 
     Returns
