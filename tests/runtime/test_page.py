@@ -182,6 +182,13 @@ def test_every_member_says_why_it_is_the_chosen_one_or_not(job):
     assert places == sorted(places)
 
 
+def test_notes_of_a_cell_stand_on_its_page_and_do_not_stretch_the_overview(job):
+    html = page.render(job)
+    overview = html[html.index('<section id="overview">') : html.index('<section id="cell-A">')]
+    assert '<a href="#cell-A">on its page</a>' in overview
+    assert "as new" not in overview
+
+
 def test_report_is_one_file_with_its_pictures_inside(job):
     html = page.render(job)
     picture = base64.b64encode(b"<svg>picture</svg>").decode()
