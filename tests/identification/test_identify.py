@@ -19,8 +19,8 @@ from synthetic import (
 
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch, simulate_model
 from cellwright.circuits.temperature import resistance_factor
+from cellwright.identification.columns import base_of, columns_of, ocv_of, on_table
 from cellwright.identification.identify import data_of, limits_of
-from cellwright.identification.regression import columns_of, ocv_of, on_table
 from cellwright.records.record import bridged, fit_mask, record_of
 from cellwright.refusal import Refusal
 
@@ -206,7 +206,7 @@ def absent(result):
 
 def predicted(ready, result):
     """Voltage of the used rows by the columns of the design."""
-    columns, values = columns_of(ready, result.held), result.solution.values
+    columns, values = columns_of(base_of(ready), result.held), result.solution.values
     measured_volt = np.concatenate([r.voltage_volt[r.used] for r in ready.records])
     over = sum(column @ values[name] for name, column in columns.resistances)
     return measured_volt - columns.target_volt + columns.shift @ values["shift"] + over

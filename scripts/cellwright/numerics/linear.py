@@ -82,8 +82,7 @@ def _nonnegative(gram, moment, signed, free):
     free[:signed] = True
     least_pull = LEAST_PULL * np.abs(target).max()
     for _ in range(ROUNDS):
-        solution = np.zeros(len(unit))
-        solution[free] = np.linalg.solve(unit[np.ix_(free, free)], target[free])
+        solution = _free_solution(unit, target, free)
         wrong = np.where(free, solution < 0, unit @ solution - target < -least_pull)
         wrong[:signed] = False
         count = wrong.sum()
@@ -94,7 +93,7 @@ def _nonnegative(gram, moment, signed, free):
         if exchanges < 0:  # all at once may take turns for ever, one at a time may not
             wrong[: np.flatnonzero(wrong)[-1]] = False
         free ^= wrong
-    return _by_lawson_and_hanson(unit, target, signed) / scale
+    return _one_by_one(unit, target, signed) / scale
 
 
 def _refuse_singular(unit):
@@ -111,15 +110,43 @@ def _refuse_singular(unit):
         ) from None
 
 
-def _by_lawson_and_hanson(unit, target, signed):
-    """Solution by scipy's non-negative solver, for an active set that does not settle."""
-    from scipy.optimize import nnls
+def _one_by_one(unit, target, signed):
+    """Solution for an active set that does not settle: one parameter freed at a time.
 
-    factor = np.linalg.cholesky(unit)
-    both = np.hstack([factor.T, -factor.T[:, :signed]])
-    solution = nnls(both, np.linalg.solve(factor, target))[0]
-    solution[:signed] -= solution[len(unit) :]
-    return solution[: len(unit)]
+    Source: C. Lawson and R. Hanson, Solving Least Squares Problems (1974), algorithm NNLS, from the
+    normal equations as in R. Bro and S. de Jong, J. Chemometrics 11 (1997) 393.
+    """
+    free = np.arange(len(unit)) < signed
+    solution = _free_solution(unit, target, free)
+    least_pull = LEAST_PULL * np.abs(target).max()
+    for _ in range(ROUNDS * len(unit)):
+        pull = np.where(free, -np.inf, target - unit @ solution)
+        if not np.any(pull > least_pull):
+            return solution
+        free[np.argmax(pull)] = True
+        solution = _stepped(unit, target, signed, free, solution)
+    raise Refusal("the bounds of the parameters do not settle: the data hardly tell them apart")
+
+
+def _stepped(unit, target, signed, free, solution):
+    """Solution of the free parameters; those that reach zero on the way to it stay there."""
+    wanted = _free_solution(unit, target, free)
+    falling = free & (wanted <= 0)
+    falling[:signed] = False
+    while falling.any():
+        share = solution[falling] / (solution[falling] - wanted[falling])
+        solution = solution + share.min() * (wanted - solution)
+        free[np.flatnonzero(falling)[share <= share.min()]] = False
+        wanted = _free_solution(unit, target, free)
+        falling = free & (wanted <= 0)
+        falling[:signed] = False
+    return wanted
+
+
+def _free_solution(unit, target, free):
+    solution = np.zeros(len(unit))
+    solution[free] = np.linalg.solve(unit[np.ix_(free, free)], target[free])
+    return solution
 
 
 SAVITZKY_GOLAY_ORDER = 5
