@@ -140,9 +140,9 @@ def base_of(data):
 
 
 def _joined(data, values):
-    """Used rows of all records, one after the other."""
+    """Used rows of all records, one after the other; columns lie one by one in memory."""
     pairs = zip(data.records, values, strict=True)
-    return np.concatenate([value[record.used] for record, value in pairs])
+    return np.asfortranarray(np.concatenate([value[record.used] for record, value in pairs]))
 
 
 def columns_of(base, held):

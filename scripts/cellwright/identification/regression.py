@@ -78,6 +78,8 @@ class Solution(NamedTuple):
     vector : (p,) of all parameters.
     residual_volt : (n,) measured minus modelled. factor : weight of a row's square: one over the
     residuals' variance and correlation. cost : factor·Σ residual² + priors' penalty.
+    above_zero : dict of weighting, "first" or "found" → dict name → (k,)
+    bool, which values are above zero.
     """
 
     values: dict
@@ -86,6 +88,7 @@ class Solution(NamedTuple):
     residual_volt: np.ndarray
     factor: float
     cost: float
+    above_zero: dict
 
 
 def system_of(columns, knots, *, noise=None, prior=None):
@@ -126,13 +129,13 @@ def system_of(columns, knots, *, noise=None, prior=None):
 
 
 def _weighted(columns, weight, knots):
-    """Matrix (n, p) of all columns times the weight of each row."""
+    """Matrix (n, p) of all columns times the weight of each row, column by column in memory."""
     blocks = [columns.shift, columns.scale, *(c for _, c in columns.resistances)]
-    matrix = np.empty((len(weight), SCALES + knots * (len(blocks) - 1)))
+    transposed = np.empty((SCALES + knots * (len(blocks) - 1), len(weight)))
     ends = np.cumsum([block.shape[1] for block in blocks])
     for block, end in zip(blocks, ends, strict=True):
-        np.multiply(block, weight[:, None], out=matrix[:, end - block.shape[1] : end])
-    return matrix
+        np.multiply(block.T, weight, out=transposed[end - block.shape[1] : end])
+    return transposed.T
 
 
 def _upper_bounds(most_volt, names, size):
@@ -190,7 +193,9 @@ def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
     system : System.
     factor : weight of the data; None: found here. Costs compare only at one factor.
     rounds : how often it is taken anew where it is found.
-    expected : dict name → (k,) bool, which values are expected above zero; changes the time alone.
+    expected : dict of weighting → dict name → (k,) bool, which values are expected above zero,
+        "first" at the weight that a search begins with, "found" at the one that it ends with;
+        changes the time alone.
     scale_free : False: the SoC's scale stays where it is held.
 
     Returns
@@ -204,11 +209,12 @@ def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
     if not scale_free:
         gram, moment = gram.copy(), moment.copy()
         gram[scale] = gram[:, scale] = moment[scale] = 0.0
-    free = _expected_free(system, expected or {})
-    for _ in range(rounds if factor is None else 1):
-        normal = weight * gram + system.prior
+    expected, above_zero = expected or {}, {}
+    weightings = ["first", *["found"] * (rounds - 1)] if factor is None else ["found"]
+    for weighting in weightings:
+        normal, free = weight * gram + system.prior, _free(system, expected.get(weighting, {}))
         vector = solve(normal, weight * moment - pull, signed, system.most, free=free)
-        free, effective = vector > 0, vector.copy()
+        above_zero[weighting], effective = vector > 0, vector.copy()
         effective[scale] *= scale_free
         residual = system.target - matrix @ effective
         if factor is None:
@@ -217,10 +223,11 @@ def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
     total = vector + system.held
     cost = weight * (residual @ residual) + total @ system.prior @ total
     values, volt = named(system, vector), residual / system.weight
-    return Solution(values, values["scale"], vector, volt, weight, float(cost))
+    above = {weighting: named(system, free) for weighting, free in above_zero.items()}
+    return Solution(values, values["scale"], vector, volt, weight, float(cost), above)
 
 
-def _expected_free(system, expected):
+def _free(system, expected):
     """Which parameters are expected off their bound (p,)."""
     signed, every = np.ones(len(system.knots) + SCALES, bool), np.ones(len(system.knots), bool)
     return np.concatenate([signed, *(expected.get(name, every) for name in system.names)])
@@ -269,7 +276,7 @@ def held_out(system, solution, fold):
     fold : (n,) number of the fold of each row, 0, 1, …; −1: never left out.
     """
     signed, pull = len(system.knots) + SCALES, pull_of(system)
-    free = _expected_free(system, {name: volt > 0 for name, volt in solution.values.items()})
+    free = _free(system, solution.above_zero["found"])
     residual_volt, factor = solution.residual_volt.copy(), solution.factor
     for number in range(fold.max() + 1):
         fold_rows = fold == number

@@ -24,8 +24,8 @@ class Shared(NamedTuple):
     """What fits of several members to the same data have in common, filled while they are made.
 
     base : columns.Base. searched : dict of searches that are finished, such as the time constants
-    of two pairs. expected : dict name → (k,) bool, which values of the last solution were above
-    zero: the next one's are nearly the same. system : dict of the last Held and its system.
+    of two pairs. expected : dict of weighting → dict name → (k,) bool, which values of the last
+    solution were above zero: the next one's are nearly the same. system : dict of the last Held and its system.
     """
 
     base: Base
@@ -120,7 +120,8 @@ def key_of(held):
 def _solved(shared, system, **settings):
     """Solution of a system, begun from which values the last one had above zero."""
     solution = solved(system, expected=shared.expected, **settings)
-    shared.expected.update({name: value > 0 for name, value in solution.values.items()})
+    for weighting, above_zero in solution.above_zero.items():
+        shared.expected.setdefault(weighting, {}).update(above_zero)
     return solution
 
 
