@@ -223,18 +223,30 @@ def _taus(shared, member, low, high):
     if member.pairs == 0:
         return ()
     grid = np.geomspace(low, high, max(round(decades * GRID_PER_DECADE), member.pairs + 1))
+    weighted = once(shared, tuple(grid), lambda: _weighted_grid(shared, grid))
+    count = len(shared.base.data.knots)
+    start = _best_on_grid(weighted, grid, member.pairs, count)
+    return _pattern_search(shared, start, low, high, weighted.factor)
+
+
+class WeightedGrid(NamedTuple):
+    """Normal equations of all time constants of a grid: Gram matrix, moment, weight of the data."""
+
+    gram: np.ndarray
+    moment: np.ndarray
+    factor: float
+
+
+def _weighted_grid(shared, grid):
     system = system_about(shared, Held(tuple(grid)))
     factor = solved(system).factor
-    return _pattern_search(
-        shared, _best_on_grid(system, grid, member.pairs, factor), low, high, factor
-    )
-
-
-def _best_on_grid(system, grid, pairs, factor):
-    """Combination of grid time constants with the lowest cost [s]; one system serves all."""
     gram = factor * system.gram + system.prior
-    moment = factor * system.moment - pull_of(system)
-    count = len(system.knots)
+    return WeightedGrid(gram, factor * system.moment - pull_of(system), factor)
+
+
+def _best_on_grid(weighted, grid, pairs, count):
+    """Combination of grid time constants with the lowest cost [s]; one system serves all."""
+    gram, moment, _ = weighted
     first = 2 * count + SCALES
     best, cost = None, np.inf
     for chosen in combinations(range(len(grid)), pairs):

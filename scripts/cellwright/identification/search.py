@@ -25,7 +25,8 @@ class Shared(NamedTuple):
 
     base : columns.Base. searched : dict of searches that are finished, such as the time constants
     of two pairs. expected : dict of weighting → dict name → (k,) bool, which values of the last
-    solution were above zero: the next one's are nearly the same. system : dict of the last Held and its system.
+    solution were above zero: the next one's are nearly the same. system : dict of the last Held
+    and its system.
     """
 
     base: Base
