@@ -8,6 +8,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from figures import svg
+
 INK, QUIET, GRID = "#1d2733", "#8a94a0", "#e6e9ed"
 MEASURED, ERROR = "#1d2733", "#c0392b"
 SERIES = ("#0b6fb8", "#e07b00", "#2a9d5c", "#8e4ec6", "#c0392b", "#5d6d7e", "#b8860b", "#00868b")
@@ -23,6 +25,7 @@ STYLE = {
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # fixed, or each layout measures all ticks again to place it
     "axes.grid": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -116,7 +119,7 @@ def save(figure, job, path=None):
     path = path or job.snakemake.output[0]
     about = json.dumps(job.about(), sort_keys=True)
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, metadata={"Date": None, "Creator": "Cellwright", "Description": about})
+    Path(path).write_text(svg.text_of(figure, description=about), encoding="utf-8")
     job.saved.add(path)
 
 
