@@ -41,6 +41,8 @@ def shortened(text: str) -> str:
     head, found, body = text.partition("</metadata>")
     body = re.sub(r' d="([^"]*)"', _short_path, body)
     body = re.sub(r'( (?:x|y|width|height))="(-?[\d.]+)"', _short_place, body)
+    body = re.sub(r' transform="rotate\(-?0 [^"]*\)"', "", body)
+    body = re.sub(r' transform="[^"]*"', _short_transform, body)
     body = re.sub(NUMBERED, "<g>", body)
     body = re.sub(r"<!--.*?-->", "", body, flags=re.S)
     body = re.sub(r">\s+<", "><", body)
@@ -52,11 +54,19 @@ def _short_path(match):
     """A path: relative lines where it has only lines, else its numbers rounded."""
     path = match[1]
     if re.search("[CQ]", path):
-        rounded = re.sub(r"-?[\d.]+(?:e-?\d+)?", lambda n: _short(_parts(float(n[0]))), path)
-        closed_up = re.sub(r"\s*([MLCQz])\s*", r"\1", rounded).strip()
+        closed_up = re.sub(r"\s*([MLCQz])\s*", r"\1", _rounded(path)).strip()
         return f' d="{closed_up}"'
     pieces = [_short_line(piece) for piece in path.split("M") if piece.strip()]
     return f' d="{"".join(pieces)}"'
+
+
+def _short_transform(match):
+    return match[0] if "matrix" in match[0] else _rounded(match[0])
+
+
+def _rounded(text):
+    """A text with all its numbers rounded to tenths."""
+    return re.sub(r"-?\d[\d.]*(?:e-?\d+)?", lambda n: _short(_parts(float(n[0]))), text)
 
 
 def _short_line(piece):

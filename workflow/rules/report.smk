@@ -30,6 +30,8 @@ rule report:
         verdicts=VERDICTS,
         cold=COLD_WORDS,
         template=f"{PIPELINE}/workflow/report/report.html.j2",
+        page=f"{PIPELINE}/workflow/report/page.html.j2",
+        parts=f"{PIPELINE}/workflow/report/parts.html.j2",
         captions=f"{PIPELINE}/workflow/report/captions.yaml",
     output:
         "results/report.html",
