@@ -27,7 +27,9 @@ def part_of(job, name, drawn):
     paths = [path for part in drawn["inputs"].values() for path in _listed(part)]
     wildcards = {job.params.owner_kind: job.wildcards.owner}
     wildcards |= {"test": drawn["test"]} if drawn["test"] else {}
-    shared = {key: value for key, value in job.params.items() if key in ("code", "contract", "rule")}
+    shared = {
+        key: value for key, value in job.params.items() if key in ("code", "contract", "rule")
+    }
     return SimpleNamespace(
         rule=job.rule,
         wildcards=wildcards,
@@ -50,7 +52,9 @@ def draw(drawn):
     Passed
         Where what it is drawn from is empty for a reason.
     """
-    return DRAW[drawn["kind"]](SimpleNamespace(**drawn["inputs"], **drawn["settings"]), drawn["test"])
+    return DRAW[drawn["kind"]](
+        SimpleNamespace(**drawn["inputs"], **drawn["settings"]), drawn["test"]
+    )
 
 
 def _table(path):

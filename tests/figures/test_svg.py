@@ -61,8 +61,8 @@ def test_a_figure_keeps_its_texts_its_provenance_and_what_is_referred_to():
     classes = set(re.findall(r'class="(\w+)"', text))
     assert classes <= set(re.findall(r"\.(s\d+)\{", text))
     assert text.count("sans-serif") == 1
-    drawn = text.partition("</style>")[2]
-    assert max(len(number.partition(".")[2]) for number in STEP.findall(drawn)) == 1
+    placed = " ".join(re.findall(r' (?:d|x|y|transform)="([^"]*)"', text.partition("</style>")[2]))
+    assert max(len(number.partition(".")[2]) for number in STEP.findall(placed)) == 1
 
 
 def test_a_spike_of_one_sample_is_drawn_as_high_as_it_is():
