@@ -233,7 +233,7 @@ def test_an_artefact_has_the_same_bytes_in_another_place(first, tmp_path):
 
 
 def test_the_report_is_small_and_a_cells_page_takes_no_space_until_it_is_looked_at(first):
-    """Limits of a campaign of two cells with some twenty figures each, which took 3 MB as base64."""
+    """Limits of a campaign of two cells and a group, with some forty figures."""
     html = report_of(first.folder).decode()
     pages = {len(page) for page in PACKED.findall(html)}
     assert len(pages) == 3, "two cells and their group"
