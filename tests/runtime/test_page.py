@@ -4,6 +4,8 @@ import base64
 import gzip
 import html as html_module
 import re
+import shutil
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 from urllib.parse import unquote
@@ -256,3 +258,23 @@ def test_a_cell_without_a_model_is_told_what_it_lacks(job):
     assert "No model, and no simulation" not in unpacked(page.render(job))
     job.params.modelled = []
     assert "No model, and no simulation: that needs an hppc test" in unpacked(page.render(job))
+
+
+@pytest.mark.parametrize(("page_id", "seen"), [("cell-A", 1), ("all", 1), ("overview", 0)])
+def test_a_browser_unpacks_the_page_that_is_looked_at_without_a_server(
+    job, tmp_path, page_id, seen
+):
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if not browser:
+        pytest.skip("no Chromium here to open the report with")
+    report = tmp_path / "report.html"
+    report.write_text(page.render(job), encoding="utf-8")
+    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"]
+    command += ["--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}"]
+    command += ["--virtual-time-budget=5000", f"file://{report}#{page_id}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    assert f'data-shown="{page_id}"' in done.stdout
+    assert done.stdout.count("data:image/svg+xml,") == seen
+    assert ("<h1>A</h1>" in done.stdout) is bool(seen)
+    packed = set(re.findall(r'id="cell-(\w+)"[^>]*><script', done.stdout))
+    assert packed == {"cell-A": {"pair"}, "all": set(), "overview": {"A", "pair"}}[page_id]
