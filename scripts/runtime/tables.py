@@ -156,10 +156,17 @@ def _pooled(errors, weights):
 
 
 def manifest(paths) -> str:
-    """`sha256<tab>path` of each file, sorted by path."""
+    """`sha256<tab>path` of each file and of those in each folder, sorted by path."""
     from runtime.provenance import sha256_of
 
-    return "".join(f"{sha256_of(path)}\t{path}\n" for path in sorted(set(paths)))
+    files = {file for path in paths for file in _files_of(Path(path))}
+    return "".join(f"{sha256_of(path)}\t{path}\n" for path in sorted(files))
+
+
+def _files_of(path):
+    """A file itself; of a folder its files without those that Snakemake keeps there."""
+    inside = [path] if path.is_file() else path.iterdir()
+    return [file.as_posix() for file in inside if not file.name.startswith(".snakemake")]
 
 
 def changed(manifest_path) -> list[str]:
