@@ -61,7 +61,8 @@ def _execute(path) -> int:
     except SystemExit as end:
         return _status(end.code)
     except BaseException as error:
-        sys.excepthook(type(error), error, error.__traceback__.tb_next)
+        error = error.with_traceback(error.__traceback__.tb_next)  # without this function's line
+        sys.excepthook(type(error), error, error.__traceback__)
         return _interrupted() if isinstance(error, KeyboardInterrupt) else 1
     return 0
 

@@ -66,8 +66,10 @@ def _is_plain(script) -> bool:
 
 
 def _environment(resources) -> dict:
-    """Environment that Snakemake's `shell` gives to a script of one thread."""
+    """Environment that a script of one thread gets from Snakemake's `shell` and from bash."""
     variables = dict(os.environ) | dict.fromkeys(THREAD_VARIABLES, "1")
+    if not os.path.isdir(here := variables.get("PWD", "")) or not os.path.samefile(here, "."):
+        variables["PWD"] = os.getcwd()
     folder = resources.get("tmpdir")
     return variables | (dict.fromkeys(FOLDER_VARIABLES, folder) if folder else {})
 
@@ -79,8 +81,8 @@ def _shared_by_jobs(environment) -> dict:
 
 def _command(path) -> str:
     """The command that the local executor would have run, which its errors name."""
-    prefix = shell._get_process_prefix()
-    return prefix + format_command("{python} {path:q}", python=sys.executable, path=path)
+    command = format_command("{python} {path:q}", python=sys.executable, path=path)
+    return f"{shell._get_process_prefix()} {command}"
 
 
 class Fork(NamedTuple):

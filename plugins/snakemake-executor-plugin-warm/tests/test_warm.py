@@ -20,13 +20,15 @@ PLUGIN = Path(__file__).resolve().parents[1]
 SCRIPTS = {
     # What a script sees of its interpreter.
     "surroundings": """
-        import inspect, os, signal, sys, threading
-        hidden = {"_", "SHLVL"}
+        import inspect, os, re, signal, sys, threading
+        late = ".snakemake/pip-deployments"  # appended by Snakemake when it is imported first
+        assert sys.path.count(late) == 1
+        hidden = {"_"}  # what bash itself ran
         seen = {
-            "arguments": [os.path.basename(name) for name in sys.argv],
+            "arguments": [os.path.basename(name)[11:] for name in sys.argv],
             "variables": sorted(item for item in os.environ.items() if item[0] not in hidden),
             "folder": os.getcwd(),
-            "modules": sys.path,
+            "modules": [re.sub("cache/tmp.{8}", "cache", path) for path in sys.path if path != late],
             "globals": sorted(globals()),
             "main": sys.modules["__main__"].__dict__ is globals(),
             "name": (__name__, __file__, __spec__, type(__loader__).__name__),
