@@ -32,7 +32,7 @@ GRACE_SECOND = 5.0
 # A thread that an import has started and that is about to end is waited for so long [s].
 THREAD_SECOND = 1.0
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux' prctl
-# Sent to all processes of a terminal or a group. What becomes of the server, Snakemake decides.
+# Sent to all processes of a terminal or a group. Snakemake decides when the server ends.
 GROUP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 
@@ -111,6 +111,8 @@ class Server:
         self.selector = selectors.DefaultSelector()
         self.ended, self.wake = socket.socketpair()
         self.wake.setblocking(False)
+        self.interrupted = False
+        signal.signal(signal.SIGINT, self._note_interrupt)
         signal.signal(signal.SIGCHLD, lambda number, frame: None)
         signal.set_wakeup_fd(self.wake.fileno(), warn_on_full_buffer=False)
         self.selector.register(control, selectors.EVENT_READ, self._fork)
@@ -181,12 +183,17 @@ class Server:
             _send(connection, {"status": os.waitstatus_to_exitcode(status)})
             connection.close()
 
+    def _note_interrupt(self, number, frame):
+        """The keyboard's interrupt reaches this process and the scripts alike."""
+        self.interrupted = True
+
     def _terminate(self, connection):
-        """Ask a script to end whose connection Snakemake has shut."""
+        """Ask a script to end whose connection Snakemake has shut, unless the keyboard did."""
         self.selector.unregister(connection)
         process = next(n for n, other in self.connections.items() if other is connection)
         self.deadlines[process] = time.monotonic() + GRACE_SECOND
-        os.kill(process, signal.SIGTERM)
+        if not self.interrupted:
+            os.kill(process, signal.SIGTERM)
 
     def _kill_overdue(self):
         """Kill what was asked to end and has not."""

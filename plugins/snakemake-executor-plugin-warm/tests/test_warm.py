@@ -230,49 +230,52 @@ rule after:
 """
 
 
-def after(tmp_path, before, look, *preload) -> str:
-    """What a second script finds, after a first one that changed something."""
-    text_of_look = f"import os, sys\nopen(snakemake.output[0], 'w').write(str({look}))"
-    change = f"{before}\nopen(snakemake.output[0], 'w').write(str({look}))"
-    folder = write(tmp_path / "w", STATE, before=f"import os, sys\n{change}", after=text_of_look)
-    run = snakemake(folder, *(["--warm-preload", *preload] if preload else []))
-    assert run.status == 0, run.said
-    assert text(folder, "before") != text(folder, "after")
-    return text(folder, "after")
+# What one script changes, what the next one looks at, and what that has to find.
+LEFT_BEHIND = {
+    "variable": ("os.environ['LEFT'] = 'behind'", "os.environ.get('LEFT')", "None"),
+    "module": ("import json; json.left = 1", "hasattr(__import__('json'), 'left')", "False"),
+    "search path": ("sys.path.insert(0, 'left')", "'left' in sys.path", "False"),
+    "file mode": ("os.umask(0o070)", "os.umask(0o022)", str(0o022)),
+    "style of plots": (
+        "import matplotlib; matplotlib.rcParams['font.size'] = 99",
+        "__import__('matplotlib').rcParams['font.size']",
+        "10.0",
+    ),
+    "memory": (
+        "left = b'1' * 400_000_000",
+        "__import__('psutil').Process().memory_info().rss < 300e6",
+        "True",
+    ),
+}
+RANDOM = "(__import__('random').random(), __import__('numpy').random.random())"
 
 
-@pytest.mark.parametrize(
-    ("before", "look", "expected"),
-    [
-        ("os.environ['LEFT'] = 'behind'", "os.environ.get('LEFT')", "None"),
-        ("import json; json.left = 1", "hasattr(__import__('json'), 'left')", "False"),
-        ("sys.path.insert(0, 'left')", "'left' in sys.path", "False"),
-        ("os.umask(0o777 & 0o070)", "os.umask(0o022)", str(0o022)),
-        (
-            "import matplotlib; matplotlib.rcParams['font.size'] = 99",
-            "__import__('matplotlib').rcParams['font.size']",
-            "10.0",
-        ),
-    ],
-    ids=["variable", "module", "search path", "umask", "matplotlib"],
-)
-def test_a_script_leaves_nothing_to_the_next(tmp_path, before, look, expected):
+def test_a_script_leaves_nothing_to_the_next(tmp_path):
+    changes = [change for change, _, _ in LEFT_BEHIND.values()]
+    looks = [f"print({look}, file=out)" for _, look, _ in LEFT_BEHIND.values()]
+    start = "import os, sys, numpy\nout = open(snakemake.output[0], 'w')"
+    random = f"numpy.random.seed(None)\nprint({RANDOM}, file=out)"
+    folder = write(
+        tmp_path / "w",
+        STATE,
+        before="\n".join([start, random, "numpy.random.seed(0)", *changes, *looks]),
+        after="\n".join([start, f"print({RANDOM}, file=out)", *looks]),
+    )
     previous = os.umask(0o022)
-    try:
-        assert after(tmp_path, before, look, "json", "matplotlib") == expected
-    finally:
-        os.umask(previous)
-
-
-def test_random_numbers_differ_between_scripts(tmp_path):
-    look = "(__import__('random').random(), __import__('numpy').random.random())"
-    after(tmp_path, "import numpy; numpy.random.seed(0)", look, "numpy", "random")
-
-
-def test_memory_of_a_script_is_given_back(tmp_path):
-    resident = "__import__('psutil').Process().memory_info().rss"
-    left = after(tmp_path, "left = bytearray(os.urandom(1)) * 400_000_000", resident, "psutil")
-    assert int(left) < 200e6
+    run = snakemake(folder, "--warm-preload", "json", "matplotlib", "psutil", "numpy.random")
+    os.umask(previous)
+    assert run.status == 0, run.said
+    (before, *changed), (after, *found) = (
+        text(folder, n).splitlines() for n in ("before", "after")
+    )
+    expected = [value for _, _, value in LEFT_BEHIND.values()]
+    assert dict(zip(LEFT_BEHIND, found, strict=True)) == dict(
+        zip(LEFT_BEHIND, expected, strict=True)
+    )
+    assert not set(zip(LEFT_BEHIND, changed, strict=True)) & set(
+        zip(LEFT_BEHIND, found, strict=True)
+    )
+    assert not set(eval(before)) & set(eval(after))  # random numbers, of both generators
 
 
 def parent_of_script() -> str:
@@ -282,21 +285,26 @@ def parent_of_script() -> str:
         """
 
 
-@pytest.mark.parametrize(
-    ("lines", "by_the_server"),
-    [
-        ("", True),
-        ("resources: tmpdir='elsewhere'", True),
-        ("threads: 2", False),
-        ("shadow: 'minimal'", False),
-        ("group: 'one'", True),  # the local executor runs the jobs of a group one by one
-    ],
-)
-def test_which_scripts_are_forked(tmp_path, lines, by_the_server):
-    rule = f'rule one:\n    output: "out/one.txt"\n    {lines}\n    script: "scripts/one.py"\n'
-    folder = write(tmp_path / "w", rule, one=parent_of_script())
-    assert snakemake(folder, "out/one.txt", cores=2).status == 0
-    assert ("server.py" in text(folder, "one")) == by_the_server
+# Lines of a rule, and whether its script is forked.
+RULES = {
+    "plain": ("", True),
+    "folder": ("resources: tmpdir='elsewhere'", True),
+    "threads": ("threads: 2", False),
+    "shadow": ("shadow: 'minimal'", False),
+    "grouped": ("group: 'one'", True),  # the local executor runs the jobs of a group one by one
+}
+
+
+def test_which_scripts_are_forked(tmp_path):
+    rules = [
+        f'rule {name}:\n    output: "out/{name}.txt"\n    {lines}\n    script: "scripts/one.py"\n'
+        for name, (lines, _) in RULES.items()
+    ]
+    folder = write(tmp_path / "w", "".join(rules), one=parent_of_script())
+    run = snakemake(folder, *[f"out/{name}.txt" for name in RULES], cores=2)
+    assert run.status == 0, run.said
+    forked = {name: "server.py" in text(folder, name) for name in RULES}
+    assert forked == {name: expected for name, (_, expected) in RULES.items()}
 
 
 def test_a_prefix_of_all_commands_is_heeded(tmp_path):
@@ -330,7 +338,9 @@ def test_changed_code_is_seen_by_the_next_run_and_within_one(tmp_path):
 
 
 def test_a_module_that_starts_a_thread_is_not_forked(tmp_path):
-    thread = "import threading, time; threading.Thread(target=time.sleep, args=[9], name='N').start()"
+    thread = (
+        "import threading, time; threading.Thread(target=time.sleep, args=[9], name='N').start()"
+    )
     folder = write(
         tmp_path / "w", RULE.format(name="one", retries=0), one=parent_of_script(), threaded=thread
     )
@@ -374,18 +384,8 @@ SLOW = """
     """
 
 
-@pytest.mark.parametrize(
-    ("signals", "handler"),
-    [
-        ([signal.SIGINT], "signal.SIG_DFL"),
-        ([signal.SIGINT], "signal.SIG_IGN"),
-        ([signal.SIGKILL], "signal.SIG_IGN"),
-    ],
-    ids=["cancelled", "cancelled, and the script does not listen", "killed"],
-)
-def test_nothing_is_left_of_a_run_that_is_ended(tmp_path, signals, handler):
-    slow = SLOW.format(handler=handler)
-    folder = write(tmp_path / "w", RULE.format(name="slow", retries=0), slow=slow)
+def start(folder) -> subprocess.Popen:
+    """A run whose script `slow` has begun, in a session of its own as a terminal gives it."""
     session = subprocess.Popen(
         command("warm", "out/slow.txt"),
         cwd=folder,
@@ -395,10 +395,25 @@ def test_nothing_is_left_of_a_run_that_is_ended(tmp_path, signals, handler):
         stderr=subprocess.DEVNULL,
     )
     wait_until((folder / "started").exists)
+    return session
+
+
+@pytest.mark.parametrize(
+    ("number", "handler"),
+    [
+        (signal.SIGINT, "signal.SIG_DFL"),
+        (signal.SIGINT, "signal.SIG_IGN"),
+        (signal.SIGKILL, "signal.SIG_IGN"),
+    ],
+    ids=["cancelled", "cancelled, and the script does not listen", "killed"],
+)
+def test_nothing_is_left_of_a_run_that_is_ended(tmp_path, number, handler):
+    slow = SLOW.format(handler=handler)
+    folder = write(tmp_path / "w", RULE.format(name="slow", retries=0), slow=slow)
+    session = start(folder)
     processes = psutil.Process(session.pid).children(recursive=True)
     assert len(processes) == 2  # the server and the script
-    for number in signals:
-        session.send_signal(number)
+    session.send_signal(number)
     assert session.wait(timeout=60) != 0
     wait_until(lambda: not any(process.is_running() for process in processes))
     again = snakemake(folder, "out/slow.txt", "-n", "--rerun-incomplete")
@@ -423,15 +438,7 @@ def test_the_keyboards_interrupt_reaches_the_script(tmp_path):
             open("cleaned_up", "w").close()
         """
     folder = write(tmp_path / "w", RULE.format(name="slow", retries=0), slow=slow)
-    session = subprocess.Popen(
-        command("warm", "out/slow.txt"),
-        cwd=folder,
-        env=environment(folder),
-        start_new_session=True,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    wait_until((folder / "started").exists)
+    session = start(folder)
     os.killpg(session.pid, signal.SIGINT)
     assert session.wait(timeout=60) != 0
     assert (folder / "cleaned_up").exists()
