@@ -4,8 +4,8 @@ Snakemake starts it as `python server.py DESCRIPTOR MODULE…`. It reads request
 that descriptor: a script's path and variables, and with it a connection of this script's own and a
 pipe. It answers with the number of the forked process, and when that has ended with its exit
 status. The forked process begins when a byte comes through the pipe. Where Snakemake shuts its end
-of a connection, the script is ended; where the socket of requests is closed, because the run is over
-or Snakemake was killed, all scripts and the server end.
+of a connection, the script is ended; where the socket of requests is closed, because the run is
+over or Snakemake was killed, all scripts and the server end.
 """
 
 import contextlib
@@ -119,7 +119,7 @@ class Server:
         self.selector.register(self.ended, selectors.EVENT_READ, self._report)
 
     def serve(self) -> tuple[dict, int]:
-        """Answer requests. Returns in forked processes only: the request, and the pipe of a byte."""
+        """Answer requests. Returns in forked processes only: the request and its pipe."""
         mine = None
         while mine is None:
             patience = min(self.deadlines.values(), default=None)

@@ -1,4 +1,4 @@
-"""The warm executor beside the local one: the same workflow by both, and what only a server can do."""
+"""The warm executor beside the local one: the same workflow by both, and what differs."""
 
 import os
 import re
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import psutil
 import pytest
 from snakemake.common.tests import TestWorkflowsLocalStorageBase
+
 from snakemake_executor_plugin_warm import ExecutorSettings
 
 PLUGIN = Path(__file__).resolve().parents[1]
@@ -28,7 +29,7 @@ SCRIPTS = {
             "arguments": [os.path.basename(name)[11:] for name in sys.argv],
             "variables": sorted(item for item in os.environ.items() if item[0] not in hidden),
             "folder": os.getcwd(),
-            "modules": [re.sub("cache/tmp.{8}", "cache", path) for path in sys.path if path != late],
+            "path": [re.sub("cache/tmp.{8}", "cache", path) for path in sys.path if path != late],
             "globals": sorted(globals()),
             "main": sys.modules["__main__"].__dict__ is globals(),
             "name": (__name__, __file__, __spec__, type(__loader__).__name__),
@@ -171,7 +172,7 @@ def comparable(said: str) -> list[str]:
 
 
 def files(folder) -> dict[str, bytes]:
-    """Files of a run that are not Snakemake's own; of a benchmark, which measures time, its head."""
+    """Files of a run that are not Snakemake's own; of a benchmark the head."""
     found = {}
     for path in folder.rglob("*"):
         name = path.relative_to(folder).as_posix()
