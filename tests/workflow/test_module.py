@@ -15,6 +15,8 @@ import tiny
 from runtime import artefact
 
 ROOT = Path(__file__).resolve().parents[2]
+# Set by `./run`; an environment of the user's own knows neither.
+SET_BY_RUN = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
 CAPACITY, TABLE = "results/capacity/B/capacity.parquet", "results/tables/capacity.csv"
 # As docs/use-as-module.md shows it, with a rule of its own before and after.
 USING = """
@@ -56,7 +58,7 @@ def largest(path, column):
 def snakemake(folder, *arguments):
     program = [sys.executable, "-m", "snakemake", "--cores", "1"]
     # As in an environment that has the packages, without the launcher `run`.
-    plain = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    plain = {name: value for name, value in os.environ.items() if name not in SET_BY_RUN}
     done = subprocess.run(
         [*program, *arguments], cwd=folder, env=plain, capture_output=True, text=True, check=False
     )
