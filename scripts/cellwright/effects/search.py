@@ -182,10 +182,17 @@ def tried(case, possible, free, before, score, filters):
     if effect.bends:
         solution = fit(problem, score.values, steps=ANEW_STEPS)
     else:
-        columns, of_effect = before.solution.columns, frees_of(effect)
-        columns = np.concatenate([columns, np.zeros((len(columns), len(of_effect)))], axis=1)
-        renew = tuple(f.name for f in of_effect)
-        solution = fit(problem, score.values, columns=columns, renew=renew, steps=CHORD_STEPS)
+        kept, of_effect = before.solution, frees_of(effect)
+        none = np.zeros((len(kept.columns), len(of_effect)))
+        columns, white = (np.concatenate([c, none], axis=1) for c in (kept.columns, kept.white))
+        solution = fit(
+            problem,
+            score.values,
+            columns=columns,
+            white=white,
+            renew=tuple(f.name for f in of_effect),
+            steps=CHORD_STEPS,
+        )
     return _trial(case, before, effect, effects, score.chi_square, solution, filters)
 
 
