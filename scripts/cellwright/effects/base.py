@@ -20,6 +20,7 @@ REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16
 TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}
 KEPT_RESPONSES = 40
+KEPT_COURSES = 4  # of the SoC, and of the OCV over each
 SOC_LIMITS = (-0.5, 1.5)  # of a trial step of the fit, so that nothing overflows
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
@@ -113,19 +114,60 @@ def fields_of(cell, stack, values, effects=()):
             fields = effect.act(fields, stack, effect.sizes_of(values))
         return fields
 
-    fields = through("current", _begun(cell, stack, values))
-    hours = stack.step_second / 3600.0
-    fields = fields._replace(moved=fields.held * hours + stack.unseen_ampere_hour)
-    fields = through("counting", fields)
-    fields = _counted(stack, values, fields)
-    fields = through("resistance", fields)
-    fields = through("ocv", fields._replace(ocv=_open_circuit(cell, values, fields.soc)))
+    def counted():
+        fields = through("current", _begun(cell, stack, values))
+        moved = fields.held * (stack.step_second / 3600.0) + stack.unseen_ampere_hour
+        return _counted(stack, values, through("counting", fields._replace(moved=moved)))
+
+    course = _course(cell, stack, values, staged["current"] + staged["counting"], counted)
+    fields = through("resistance", course.fields)
+    fields = fields._replace(ocv=_open_circuit(cell, values, fields.soc, course))
+    fields = through("ocv", fields)
     fields = fields._replace(ohmic=fields.r0 * fields.current)
     fields = fields._replace(volt=fields.ocv + slow_volt(stack, fields))
     fields = through("overpotential", fields)
     template = values.get("known", 1.0) * stack.template_volt
     fields = fields._replace(volt=fields.volt + fields.ohmic + template)
     return through("reading", fields)
+
+
+class Course(NamedTuple):
+    """Fields after the counting of charge, kept: most parameters of a model do not change it.
+
+    of : columns and effects that it was counted from; held here, so that the numbers by which they
+    are known stay theirs.
+    ocv_volt : OCV over its SoC (n,) [V], by the table and the errors at the knots.
+    """
+
+    of: tuple
+    fields: Fields
+    ocv_volt: dict
+
+
+def _course(cell, stack, values, early, counted):
+    """Course of the fields after the counting: one that is kept, else by the function `counted`.
+
+    early : effects that act before the SoC is known.
+    """
+    starts = (f"soc0[{k}]" for k in range(len(stack.first)))
+    names = ["capacity", *starts, *(name for effect in early for name in effect.names)]
+    # An effect of the current may look at the resistances.
+    names += LOGARITHMS if early else ()
+    of, kept = (stack.held_ampere, stack.celsius, *early), stack.courses
+    key = (cell.capacity_ampere_hour, *(values[name] for name in names), *map(id, of))
+    if key not in kept:
+        _make_room(kept)
+        kept[key] = Course(of, counted(), {})
+    if early:
+        return kept[key]
+    counts = {n: getattr(kept[key].fields, n) for n in ("held", "moved", "capacity", "soc")}
+    return kept[key]._replace(fields=_begun(cell, stack, values)._replace(**counts))
+
+
+def _make_room(kept):
+    """Take out the oldest of what is kept, so that one more finds room."""
+    while len(kept) >= KEPT_COURSES:
+        del kept[next(iter(kept))]
 
 
 def _begun(cell, stack, values):
@@ -147,9 +189,21 @@ def _counted(stack, values, fields):
     return fields._replace(soc=np.clip(soc, *SOC_LIMITS))
 
 
-def _open_circuit(cell, values, soc):
-    """OCV of the table plus its error, straight between the knots [V]."""
-    error = np.array([values[f"ocv[{k}]"] for k in range(OCV_KNOTS)])
+def _open_circuit(cell, values, soc, course):
+    """OCV of the table plus its error, straight between the knots [V]; kept for a course's SoC."""
+    knots = tuple(values[f"ocv[{k}]"] for k in range(OCV_KNOTS))
+    if soc is not course.fields.soc:
+        return _looked_up(cell, knots, soc)
+    key, kept = (id(cell.ocv_volt), knots), course.ocv_volt
+    if key not in kept:
+        _make_room(kept)
+        kept[key] = cell.ocv_volt, _looked_up(cell, knots, soc)
+    return kept[key][1]
+
+
+def _looked_up(cell, knots, soc):
+    """OCV at each SoC by the table and its error at the knots [V]."""
+    error = np.array(knots)
     spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
     below = knot_below(soc)
     low, high = error[below], error[below + 1]

@@ -182,17 +182,8 @@ def tried(case, possible, free, before, score, filters):
     if effect.bends:
         solution = fit(problem, score.values, steps=ANEW_STEPS)
     else:
-        kept, of_effect = before.solution, frees_of(effect)
-        none = np.zeros((len(kept.columns), len(of_effect)))
-        columns, white = (np.concatenate([c, none], axis=1) for c in (kept.columns, kept.white))
-        solution = fit(
-            problem,
-            score.values,
-            columns=columns,
-            white=white,
-            renew=tuple(f.name for f in of_effect),
-            steps=CHORD_STEPS,
-        )
+        kept = {"columns": before.solution.columns, "white": before.solution.white}
+        solution = fit(problem, score.values, **kept, steps=CHORD_STEPS)
     return _trial(case, before, effect, effects, score.chi_square, solution, filters)
 
 

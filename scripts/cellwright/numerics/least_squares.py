@@ -88,10 +88,10 @@ def fit(problem, values, *, columns=None, white=None, renew=(), steps=STEPS, set
     Parameters
     ----------
     problem : Problem. values : dict, start; also holds what is not free.
-    columns : (n, k) derivatives to begin with, or None: they are made. Where given, only those
-        named in `renew` are made anew at each step (a chord method: near the solution the others
-        hardly change).
-    white : (n, k) those derivatives whitened, or None: they are whitened here.
+    columns : (n, j) derivatives by the first j parameters to begin with, or None: they are made.
+        Where given, only those of further parameters and of those named in `renew` are made anew
+        at each step (a chord method: near the solution the others hardly change).
+    white : (n, j) those derivatives whitened, or None: they are whitened here.
     steps : at most so many. settled : a fall of the cost below it ends the walk.
 
     Returns
@@ -103,15 +103,15 @@ def fit(problem, values, *, columns=None, white=None, renew=(), steps=STEPS, set
     chord = columns is not None
     columns = columns if chord else derivatives(problem, state.values, state.prediction)
     white = problem.whiten(columns) if white is None else white
-    at_renewed = [k for k, f in enumerate(problem.free) if f.name in renew] if chord else []
-    gram = None
+    names, gram = [f.name for f in problem.free], None
+    at_renewed = [k for k, n in enumerate(names) if k >= columns.shape[1] or n in renew]
     if at_renewed:
-        columns, white = columns.copy(), white.copy()
+        columns, white = (_widened(rows, len(names)) for rows in (columns, white))
     for _ in range(steps):
         if at_renewed:
             _renew(problem, state, columns, white, at_renewed)
         gram = white.T @ white if gram is None or at_renewed else gram
-        at = np.array([state.values[f.name] for f in problem.free])
+        at = np.array([state.values[name] for name in names])
         gradient = white.T @ state.whitened + pull - prior @ at
         next_state, damping = _damped_step(
             problem, state, gradient, gram + prior, prior, pull, damping
@@ -126,9 +126,8 @@ def fit(problem, values, *, columns=None, white=None, renew=(), steps=STEPS, set
     bound = tuple(f.name for f in free if state.values[f.name] in (f.lower, f.upper))
     residual = problem.measured - state.prediction
     outcome = (state.values, state.prediction, residual, state.chi_square, state.cost)
-    names = tuple(f.name for f in problem.free)
     precision = (white.T @ white if gram is None else gram) + prior
-    return Solution(*outcome, columns, white, precision, bound, names, state.whitened)
+    return Solution(*outcome, columns, white, precision, bound, tuple(names), state.whitened)
 
 
 def derivatives(problem, values, prediction, names=None):
@@ -190,6 +189,13 @@ def priors(problem):
     if problem.coupling is not None:
         prior = prior + problem.coupling
     return prior, weight * np.array([f.prior for f in problem.free])
+
+
+def _widened(rows, width):
+    """Copy of rows (n, j) with columns of zeros after them: (n, width)."""
+    wide = np.zeros((len(rows), width))
+    wide[:, : rows.shape[1]] = rows
+    return wide
 
 
 def _renew(problem, state, columns, white, at):
