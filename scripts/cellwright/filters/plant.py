@@ -120,7 +120,7 @@ class Plant(NamedTuple):
     shifts_soc, direct, source, by_charge : (E,) whether an element's output is an offset of the
         SoC; the share that acts at once; its row of `drives`, −1 for a gain; its clock.
     drives : (q, n, nodes) of what is not linear in the current. largest : (q,) mean over SoC of the
-        largest of them.
+        largest of them. usual_gain : (E,) median of the gains over SoC 0 to 1, else 0.
     element, share, moves : (L,) of each lag; `moves` where its constant changes over SoC.
     white_variance, fast_variance, slow_variance : of the noise, of what acts at once, and of the
         model's error beside the tables' [V²].
@@ -143,6 +143,7 @@ class Plant(NamedTuple):
     by_charge: np.ndarray
     drives: np.ndarray
     largest: np.ndarray
+    usual_gain: np.ndarray
     element: np.ndarray
     share: np.ndarray
     moves: np.ndarray
@@ -225,6 +226,7 @@ def plant_of(
         by_charge=by_charge,
         drives=drives_of_curved,
         largest=np.array([np.abs(drive).max(axis=0).mean() for drive in drives_of_curved]),
+        usual_gain=_usual_gain(bank),
         element=np.array([relaxation.element for relaxation in bank.lags], np.int64),
         share=np.array([relaxation.share for relaxation in bank.lags], float),
         moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
@@ -233,6 +235,13 @@ def plant_of(
         **_variances(bank, levels, noise),
         **spots,
     )
+
+
+def _usual_gain(bank):
+    grid = bank.soc[0] + (bank.soc[1] - bank.soc[0]) * np.arange(len(bank.soc))
+    inside = np.clip(grid, 0.0, 1.0) == grid
+    gains = [0.0 if e.gain is None else np.median(e.gain[inside]) for e in bank.elements]
+    return np.array(gains, float)
 
 
 def with_tracked(plant, bank, noise, *, track_capacity, track_ohmic):
