@@ -22,6 +22,7 @@ TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}
 KEPT_RESPONSES = 40
 KEPT_COURSES = 4  # of the SoC, and of the OCV over each
 SOC_LIMITS = (-0.5, 1.5)  # of a trial step of the fit, so that nothing overflows
+TABLE_LIMITS = (-0.05, 1.05)  # of the SoC at which the OCV's table is read
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
 FIRST_TAU_SECOND = {"log_tau1": 8.0, "log_tau2": 130.0}
@@ -65,7 +66,7 @@ class Cell(NamedTuple):
 
     def ocv_at(self, soc):
         """OCV [V]; up to 5 % of SoC beyond the table on its last slope, constant from there."""
-        spot = np.clip(soc, -0.05, 1.05) * (len(self.ocv_volt) - 1)
+        spot = np.clip(soc, *TABLE_LIMITS) * (len(self.ocv_volt) - 1)
         below = np.clip(spot.astype(int), 0, len(self.ocv_volt) - 2)
         low, high = self.ocv_volt[below], self.ocv_volt[below + 1]
         return low + (spot - below) * (high - low)
@@ -183,10 +184,18 @@ def _begun(cell, stack, values):
 
 def _counted(stack, values, fields):
     """SoC by counting, each record from its own start."""
-    moved = np.cumsum(fields.moved / fields.capacity)
     starts = np.array([values[f"soc0[{k}]"] for k in range(len(stack.first))])
-    soc = moved + (starts - moved[stack.first])[stack.file]
-    return fields._replace(soc=np.clip(soc, *SOC_LIMITS))
+    types = (count, array, array, count, array, array, real, real, array)
+    kernel = function("counted_soc", *types)
+    if kernel is None:
+        moved = np.cumsum(fields.moved / fields.capacity)
+        soc = np.clip(moved + (starts - moved[stack.first])[stack.file], *SOC_LIMITS)
+        return fields._replace(soc=soc)
+    moved, soc = np.ascontiguousarray(fields.moved, float), np.empty(len(stack.fresh))
+    capacity = np.ascontiguousarray(np.atleast_1d(fields.capacity), float)
+    moves = len(capacity) > 1
+    kernel(len(soc), moved, capacity, moves, stack.fresh, starts, *SOC_LIMITS, soc)
+    return fields._replace(soc=soc)
 
 
 def _open_circuit(cell, values, soc, course):
@@ -203,11 +212,16 @@ def _open_circuit(cell, values, soc, course):
 
 def _looked_up(cell, knots, soc):
     """OCV at each SoC by the table and its error at the knots [V]."""
-    error = np.array(knots)
-    spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
-    below = knot_below(soc)
-    low, high = error[below], error[below + 1]
-    return cell.ocv_at(soc) + low + (spot - below) * (high - low)
+    error = np.array(knots, float)
+    kernel = function("open_circuit", count, count, array, real, real, count, *[array] * 3)
+    if kernel is None:
+        spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
+        below = knot_below(soc)
+        low, high = error[below], error[below + 1]
+        return cell.ocv_at(soc) + low + (spot - below) * (high - low)
+    table, volt = np.ascontiguousarray(cell.ocv_volt, float), np.empty(len(soc))
+    kernel(len(soc), len(table), table, *TABLE_LIMITS, len(error), error, soc, volt)
+    return volt
 
 
 def slow_volt(stack, fields):
