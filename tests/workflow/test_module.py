@@ -144,13 +144,13 @@ def test_without_a_config_of_the_module_the_campaign_s_file_is_read(tmp_path):
 
 def test_a_few_rules_can_be_used_under_their_own_names(tmp_path):
     start, end = USING.index("use rule *"), USING.index("rule largest")
-    few = "use rule ingest, clean, segment, capacity from cellwright\n\n"
+    few = "use rule series, capacity from cellwright\n\n"
     folder = write(tmp_path / "fleet", USING[:start] + few + USING[end:])
     status, said = snakemake(folder, "--dry-run", CAPACITY)
     assert status == 0, said
     planned = said.split("Job stats:")[1].split("\ntotal")[0]
     jobs = re.findall(r"^(\w+) +\d+$", planned, re.M)
-    assert sorted(jobs) == ["capacity", "clean", "ingest", "segment"]
+    assert sorted(jobs) == ["capacity", "series"]
 
 
 def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
@@ -162,7 +162,7 @@ def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
     jobs = dict(
         re.findall(r"^(\w+) +(\d+)$", said.split("Job stats:")[1].split("\ntotal")[0], re.M)
     )
-    assert {"everything", "largest", "cellwright_table", "cellwright_ingest"} <= set(jobs)
+    assert {"everything", "largest", "cellwright_tables_of_tests", "cellwright_series"} <= set(jobs)
 
 
 def test_a_workflow_without_its_scripts_says_that_a_clone_is_needed(tmp_path):

@@ -12,9 +12,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGNS = ROOT / "tests" / "campaigns"
 # Planned for every campaign, and for every one that has a series of current and voltage.
-ALWAYS = {"table", "excluded", "summary", "checks", "report", "manifest", "figure_overview"}
-ALWAYS |= {"missing_effect"}
-SERIES = {"ingest", "clean", "segment"}
+ALWAYS = {"tables_of_tests", "tables_of_models", "missing_effect", "summary", "report", "manifest"}
+ALWAYS |= {"figure_overview"}
+SERIES = {"series"}
 CAPACITY = SERIES | {"capacity", "basis", "relaxation", "figure_records", "figure_capacity"}
 METHODS = {"identification_methods", "figure_identification_methods"}
 # Of each campaign the other rules, among them the search, which says what it would need.
@@ -23,16 +23,16 @@ PLANNED = {
     "capacity_only": CAPACITY | {"effect_search"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
-    | {"ocv", "resistance", "polarisation", "identify", "model", "export", "validate", "soc"}
+    | {"ocv", "pulses", "polarisation", "identify", "model", "export", "prediction"}
     | {"effect_search", "figure_missing_effect", "figure_ocv", "figure_resistance"}
     | {"figure_relaxation", "figure_polarisation", "figure_parameters", "figure_validation"}
     | {"figure_soc"},
-    "spectra_only": {"spectrum", "impedance", "basis", "temperature", "cold_limit"}
+    "spectra_only": {"impedance", "basis", "temperature", "cold_limit"}
     | {"figure_impedance", "figure_impedance_fit", "figure_drt", "figure_arrhenius"}
     | {"figure_temperature"},
     "pulses_over_temperature": CAPACITY
     | METHODS
-    | {"resistance", "temperature", "resistance_surface", "cold_limit", "effect_search"}
+    | {"pulses", "temperature", "resistance_surface", "cold_limit", "effect_search"}
     | {"figure_missing_effect", "figure_resistance", "figure_surface", "figure_arrhenius"}
     | {"figure_temperature"},
     "parallel_group": SERIES

@@ -199,15 +199,15 @@ def test_a_second_run_finds_nothing_to_do(copy):
 def test_a_changed_file_runs_only_what_comes_from_it(copy):
     tiny.restate(copy, tiny.save(copy, "B", "drive", seed=2))
     planned = snakemake(copy, "--dry-run").said
-    on_the_way = ["ingest", "clean", "segment", "validate", "soc"]
+    on_the_way = ["series", "prediction"]
     on_the_way += ["figure_records", "figure_validation", "figure_soc"]
     on_the_way += ["effect_search", "missing_effect", "figure_missing_effect"]
     on_the_way += ["missing_effect_group"]
-    together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
+    together = ["figure_overview", "tables_of_models", "summary", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
     maybe = ["model", "export", "pack", "figure_pack", "figure_parameters"]
     once = dict.fromkeys([*on_the_way, *maybe, *together, "campaign"], 1)
-    assert jobs(planned) == once | {"table": 5}  # choice, models, packs, soc and validation
+    assert jobs(planned) == once
     assert "Read B drive" in planned
 
 
