@@ -87,7 +87,7 @@ def test_its_default_target_is_made_by_our_jobs(fleet):
     folder, status, said = fleet
     assert status == 0, said
     assert "Capacity for the fleet: B." in said
-    assert "cellwright_segment" in said
+    assert "cellwright_series" in said
     assert (folder / "largest.txt").read_text() == "A ['column']\n"
 
 

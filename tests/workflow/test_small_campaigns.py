@@ -70,6 +70,18 @@ def test_every_campaign_is_told_of_and_planned_here():
     assert folders == set(PLANNED) == set(re.findall(r"^\| `(\w+)` \|", page, re.M))
 
 
+@pytest.mark.parametrize(
+    ("kinds", "planned"),
+    [("[hppc]", {"pulses"}), ("[capacity]", {"resistance", "relaxation"})],
+)
+def test_pulses_are_one_job_where_their_rests_are_asked_for(kinds, planned, tmp_path):
+    folder = copied("ocv_pulses_drive", tmp_path)
+    (folder / "config/config.yaml").write_text(f"relaxation:\n  kinds: {kinds}\n")
+    said = snakemake(folder, "--dry-run", "all")
+    jobs = re.findall(r"^(\w+) +\d+$", said.split("Job stats:")[1].split("\ntotal")[0], re.M)
+    assert {"pulses", "resistance", "relaxation"} & set(jobs) == planned
+
+
 @pytest.mark.parametrize("name", PLANNED)
 def test_what_is_planned_is_what_its_tests_carry(name, tmp_path):
     said = snakemake(copied(name, tmp_path), "--dry-run", "all")
