@@ -93,8 +93,8 @@ def test_its_default_target_is_made_by_our_jobs(fleet):
 
 def test_its_config_is_the_module_s_and_its_sheets_are_its_folder_s(fleet):
     about = artefact.read_about(fleet[0] / "results/clean/B/capacity.parquet")
-    assert about["params"]["settings"]["gap_second"] == 60
-    assert about["params"]["settings"]["spike_limit_volt"] == 0.01
+    assert about["params"]["clean"]["gap_second"] == 60
+    assert about["params"]["clean"]["spike_limit_volt"] == 0.01
     assert about["reason"] is None
 
 
