@@ -187,8 +187,8 @@ class Job:
         self.outputs = list(outputs or snakemake.output)
         self.inputs = snakemake.input if inputs is None else inputs
         self.step = stage_of(outputs[0]) if outputs else None
-        self.saved = {}
-        self.earlier = after.earlier | after.saved if after else {}
+        self.saved = set()
+        self.made = dict(after.made) if after else {}
         self.notes = []
 
     def __enter__(self):
@@ -210,7 +210,7 @@ class Job:
 
     def load(self, path) -> dict:
         """Content of an artefact. Raises Passed where the artefact carries a reason."""
-        made = self.earlier.get(path)
+        made = self.made.get(path)
         return load(path) if made is None else arrays_of(made)
 
     def save(self, content, path=None, **facts):
@@ -219,7 +219,8 @@ class Job:
         `path` is one of the outputs (default: the only one).
         """
         path = path or self.outputs[0]
-        self.saved[path] = write(path, content, self.about() | {"facts": plain(facts)})
+        self.made[path] = write(path, content, self.about() | {"facts": plain(facts)})
+        self.saved.add(path)
 
     def note(self, *notes):
         """Sentences for the report about what was done or left out."""
