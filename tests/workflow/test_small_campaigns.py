@@ -13,9 +13,9 @@ from report_text import unpacked
 ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGNS = ROOT / "tests" / "campaigns"
 # Planned for every campaign, and for every one that has a series of current and voltage.
-ALWAYS = {"table", "excluded", "summary", "checks", "report", "manifest", "figure_overview"}
-ALWAYS |= {"missing_effect", "figures"}
-SERIES = {"ingest", "clean", "segment"}
+ALWAYS = {"tables_of_tests", "tables_of_models", "missing_effect", "summary", "report", "manifest"}
+ALWAYS |= {"figure_overview", "figures"}
+SERIES = {"series"}
 CAPACITY = SERIES | {"capacity", "basis", "relaxation"}
 METHODS = {"identification_methods"}
 # Of each campaign the other rules, among them the search, which says what it would need.
@@ -24,12 +24,12 @@ PLANNED = {
     "capacity_only": CAPACITY | {"effect_search"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
-    | {"ocv", "resistance", "polarisation", "identify", "model", "export", "validate", "soc"}
+    | {"ocv", "pulses", "polarisation", "identify", "model", "export", "prediction"}
     | {"effect_search"},
-    "spectra_only": {"spectrum", "impedance", "basis", "temperature", "cold_limit"},
+    "spectra_only": {"impedance", "basis", "temperature", "cold_limit"},
     "pulses_over_temperature": CAPACITY
     | METHODS
-    | {"resistance", "temperature", "resistance_surface", "cold_limit", "effect_search"},
+    | {"pulses", "temperature", "resistance_surface", "cold_limit", "effect_search"},
     "parallel_group": SERIES
     | {"basis", "branches", "model", "export", "pack", "missing_effect_group"},
 }
@@ -62,6 +62,18 @@ def test_every_campaign_is_told_of_and_planned_here():
     folders = {path.parents[1].name for path in CAMPAIGNS.glob("*/config/tests.tsv")}
     page = (CAMPAIGNS / "README.md").read_text(encoding="utf-8")
     assert folders == set(PLANNED) == set(re.findall(r"^\| `(\w+)` \|", page, re.M))
+
+
+@pytest.mark.parametrize(
+    ("kinds", "planned"),
+    [("[hppc]", {"pulses"}), ("[capacity]", {"resistance", "relaxation"})],
+)
+def test_pulses_are_one_job_where_their_rests_are_asked_for(kinds, planned, tmp_path):
+    folder = copied("ocv_pulses_drive", tmp_path)
+    (folder / "config/config.yaml").write_text(f"relaxation:\n  kinds: {kinds}\n")
+    said = snakemake(folder, "--dry-run", "all")
+    jobs = re.findall(r"^(\w+) +\d+$", said.split("Job stats:")[1].split("\ntotal")[0], re.M)
+    assert {"pulses", "resistance", "relaxation"} & set(jobs) == planned
 
 
 @pytest.mark.parametrize("name", PLANNED)

@@ -205,14 +205,14 @@ def test_a_second_run_finds_nothing_to_do(copy):
 def test_a_changed_file_runs_only_what_comes_from_it(copy):
     tiny.restate(copy, tiny.save(copy, "B", "drive", seed=2))
     planned = snakemake(copy, "--dry-run").said
-    on_the_way = ["ingest", "clean", "segment", "validate", "soc"]
+    on_the_way = ["series", "prediction"]
     on_the_way += ["effect_search", "missing_effect", "missing_effect_group"]
-    together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
+    together = ["figure_overview", "tables_of_models", "summary", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
     maybe = ["model", "export", "pack"]
     once = dict.fromkeys([*on_the_way, *maybe, *together, "campaign"], 1)
-    # Tables: choice, models, packs, soc and validation; figures: of the cell and of its group.
-    assert jobs(planned) == once | {"table": 5, "figures": 2}
+    # Figures: of the cell and of its group.
+    assert jobs(planned) == once | {"figures": 2}
     assert "Read B drive" in planned
     assert "Figures of A." not in planned
 
