@@ -150,7 +150,7 @@ def _looked_up(plant):
 
 
 def _places(plant, soc):
-    """Row of the tables below each SoC within the grid (n,), and the part of the way to the next."""
+    """Row of the tables below each SoC (n,), and the part of the way to the next one."""
     spot = (soc - plant.soc_first) / plant.soc_spacing
     row = np.minimum(spot.astype(int), len(plant.tables) - 2)
     return row, spot - row
