@@ -37,9 +37,9 @@ compiled C runs here; without a C compiler the numpy forms serve, slower, up to 
 
 FOOT = """## Where this is not what one might expect
 
-* **Simulation** at 10,000 samples: every call checks what it is given and lays out the tables, a part
-  of the whole there; the long record shows the kernel. Rivals' ratios are smaller than against a
-  bare kernel for that reason.
+* **Simulation** at 10,000 samples: every call checks what it is given and lays out the tables, a
+  part of the whole there; the long record shows the kernel. Rivals' ratios are smaller than against
+  a bare kernel for that reason.
 * **Fit**: ours finds its start by itself and gives covariance and a verdict; that is in its time.
   PyBOP is given a tolerance of 1e-6, since with its own solver settings the voltage at the true
   parameters is up to 64 mV off. Its optimiser has not arrived after the iterations it was granted,
@@ -59,7 +59,9 @@ FOOT = """## Where this is not what one might expect
 
 Licences: numpy, scipy, lmfit, pandas, PyBaMM, PyBOP and PyProBE BSD 3-clause; pyarrow Apache 2.0;
 filterpy, cellpy, impedance.py and liionpack MIT. PyBaMM, PyBOP, PyProBE, filterpy, cellpy,
-impedance.py and liionpack are in the environment of the benchmarks only.
+impedance.py and liionpack are in the environment of the benchmarks only, as is what they need:
+casadi, lcapy, paramiko and PyGithub are under the LGPL, text-unidecode under the Artistic License
+or the GPL.
 """
 
 
