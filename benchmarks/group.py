@@ -96,7 +96,7 @@ def _liionpack(group, time, load):
     """Each step as a netlist to liionpack's solver; its cells' own electrochemistry is not run."""
     import liionpack
 
-    bus = 1e-9  # its bar always has resistances; so small that they move no current
+    bus = 1e-9  # [ohm] its bars always have resistances: they cause the difference to ours
     netlist = liionpack.setup_circuit(Np=CELLS, Ns=1, Rb=bus, Rc=bus, Rt=bus)
     source = netlist["desc"].str.startswith("V").to_numpy()
     inner = netlist["desc"].str.startswith("Ri").to_numpy()
@@ -105,8 +105,8 @@ def _liionpack(group, time, load):
     def solved(open_circuit, resistance, total):
         values[source], values[inner] = open_circuit, resistance
         netlist["value"] = values
-        _, current, terminal, *_ = liionpack.solve_circuit(netlist, current=-total)
-        return np.append(current, terminal)
+        current = liionpack.solve_circuit(netlist, current=-total)[1]
+        return np.append(current, open_circuit[0] + resistance[0] * current[0])
 
     note = "its network solve alone, our cells"
     return Entry(

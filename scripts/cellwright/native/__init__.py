@@ -12,13 +12,21 @@ import shutil
 import subprocess
 import tempfile
 import warnings
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 SOURCES = sorted(Path(__file__).parent.glob("*.c"))
 FLAGS = ("-O3", "-std=c11", "-fno-math-errno", "-ffp-contract=off", "-shared", "-fPIC")
+
+
+class Argument(NamedTuple):
+    """Type of a kernel's argument; ctypes asks its `from_param` for what is handed on."""
+
+    from_param: Callable
 
 
 def _pointer(dtype):
@@ -31,18 +39,16 @@ def _pointer(dtype):
     checked = np.ctypeslib.ndpointer(dtype=dtype, flags="C_CONTIGUOUS")
     own, buffer, address = np.dtype(dtype), ctypes.c_char * 0, ctypes.byref
 
-    class Pointer:
-        @staticmethod
-        def from_param(values):
-            """Address of the values (which the call keeps alive); TypeError for another array."""
-            if type(values) is not np.ndarray or values.dtype is not own:
-                return checked.from_param(values)
-            try:
-                return address(buffer.from_buffer(values))
-            except TypeError:
-                return checked.from_param(values)
+    def from_param(values):
+        """Address of the values, which the call keeps alive; TypeError for another array."""
+        if type(values) is not np.ndarray or values.dtype is not own:
+            return checked.from_param(values)
+        try:
+            return address(buffer.from_buffer(values))
+        except TypeError:
+            return checked.from_param(values)
 
-    return Pointer
+    return Argument(from_param)
 
 
 array, integers = _pointer(np.float64), _pointer(np.int64)
