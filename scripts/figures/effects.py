@@ -59,7 +59,7 @@ def draw_residual_map(columns):
     axes[0, 0].set_yticks(np.arange(len(names)) + 0.5, list(names.values()), fontsize=7.5)
     axes[0, 0].invert_yaxis()
     label = "RMS of measured − model [mV]"
-    figure.colorbar(shown, ax=list(axes[0]), label=label, pad=0.01, extend="max")
+    style.colour_bar(figure, shown, list(axes[0]), label=label, extend="max")
     return figure
 
 
@@ -240,7 +240,8 @@ def draw_confounding(columns):
     panel.invert_yaxis()
     panel.grid(visible=False)
     panel.set(title="How alike two effects look in the tests that were fitted (framed: the same)")
-    figure.colorbar(shown, ax=panel, label="correlation [1]: 0 different, 1 the same", pad=0.01)
+    label = "correlation [1]: 0 different, 1 the same"
+    style.colour_bar(figure, shown, [panel], label=label)
     return figure
 
 
