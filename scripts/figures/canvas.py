@@ -1,10 +1,13 @@
-"""Drawing of a figure as SVG: ticks and texts from arrays, what is inside of panels by Matplotlib."""
+"""A figure as SVG: ticks and texts from arrays, what is inside the panels by Matplotlib."""
 
 import io
 
 import numpy as np
+from matplotlib.artist import Artist, allow_rasterization
+from matplotlib.backends.backend_mixed import MixedModeRenderer
 from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.colors import to_hex
+from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path
 from matplotlib.spines import Spine
 from matplotlib.transforms import IdentityTransform
@@ -12,6 +15,7 @@ from matplotlib.transforms import IdentityTransform
 from figures import decoration, measures
 
 GRID_WIDTH, TICK_WIDTH, MINOR_WIDTH = 0.8, 0.8, 0.6  # point
+CENTRE_OF_DIGIT = 0.36  # of the font size, above the line on which it stands
 AXIS_ORDER = 0.5  # drawn above what has a lower `zorder`
 SIDES = {"left": (0, 0, 0, 1), "right": (1, 0, 1, 1), "bottom": (0, 0, 1, 0), "top": (0, 1, 1, 1)}
 WRITTEN_AT = {"left": "start", "center": "middle", "right": "end"}
@@ -62,6 +66,33 @@ class Canvas(RendererSVG):
         self.draw_path(gc, Path(np.reshape(ends, (-1, 2)), codes), IdentityTransform())
 
 
+class Numbers(Artist):
+    """Small texts centred at (x, y) of the panel's own units: one artist for all cells of a map.
+
+    `colours` are those of each text, `size` is the font size [point].
+    """
+
+    def __init__(self, x, y, texts, colours, size):
+        super().__init__()
+        self.x, self.y, self.texts, self.colours, self.size = x, y, texts, colours, size
+        self.set_zorder(3)
+
+    @allow_rasterization
+    def draw(self, renderer):
+        """Write all texts."""
+        if not self.texts:
+            return
+        prop = FontProperties(size=self.size)
+        at = self.axes.transData.transform(np.stack([self.x, self.y], axis=1))
+        shift = np.array([0.0, -CENTRE_OF_DIGIT * renderer.points_to_pixels(self.size)])
+        height = renderer.get_canvas_width_height()[1]
+        for (x, y), text, colour in zip(at + shift, self.texts, self.colours, strict=True):
+            gc = renderer.new_gc()
+            gc.set_foreground(colour)
+            half = renderer.get_text_width_height_descent(text, prop, False)[0] / 2
+            renderer.draw_text(gc, x - half, height - y, text, prop, 0.0)
+
+
 # Texts are measured by one renderer for all figures.
 MEASURING = Canvas(1, 1, io.StringIO())
 
@@ -72,7 +103,9 @@ def drawn(figure, *, metadata) -> str:
     figure.dpi = 72
     engine = figure.get_layout_engine()
     engine.execute(figure)
-    canvas = Canvas(*figure.bbox.size, text, metadata=metadata)
+    # The steps of a continuous colour bar become one small picture, as Matplotlib asks for.
+    vectors = Canvas(*figure.bbox.size, text, metadata=metadata)
+    canvas = MixedModeRenderer(figure, *figure.bbox.size, 72, vectors)
     figure.patch.draw(canvas)
     parts = [*figure.axes, *figure.texts, *figure.legends]
     for part in sorted(parts, key=lambda part: part.zorder):
@@ -180,7 +213,8 @@ def _draw_labels(canvas, axes, around):
     title, below, beside = around.title, around.x_label, around.y_label
     top = high[1] + decoration.TITLE_PAD + measures.height(title.text, title.size)
     if title.text:
-        _write_lines(canvas, low[0], top, title.text, title.size, title.colour, anchor="start", bold=True)
+        look = {"anchor": "start", "bold": True}
+        _write_lines(canvas, low[0], top, title.text, title.size, title.colour, **look)
     if below.text:
         top = low[1] - around.below - decoration.LABEL_PAD
         _write_lines(canvas, middle[0], top, below.text, below.size, below.colour, anchor="middle")

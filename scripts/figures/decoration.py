@@ -17,6 +17,9 @@ from figures import measures
 TICK, MINOR_TICK = 3.5, 2.0  # length, point
 PAD = 3.5  # point, from tick to label
 LABEL_PAD, TITLE_PAD = 4.0, 6.0  # point
+LEAST_GAP = 3.0  # point, between labels side by side
+DIGIT_HEIGHT = 0.8  # of a line: what labels one above the other take of it
+LARGEST_SHARE = 0.35  # of the width of the canvas, for names beside a panel
 LEAST_LINE = 40.0  # point, into which a title or an axis label is broken at the least
 RAISED = str.maketrans("0123456789-−", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
 
@@ -98,20 +101,58 @@ def ticks_of(axis) -> Ticks:
     minor, minor_labels = _located(
         axis, axis.get_minor_locator(), axis.get_minorticklocs, axis.minor
     )
-    named = [(place, label) for place, label in zip(major, labels, strict=True) if label]
-    named += [(place, label) for place, label in zip(minor, minor_labels, strict=True) if label]
     size, rotation = _look(axis, params)
+    labels = [(place, plain(label)) for place, label in zip(major, labels, strict=True) if label]
+    minor_labels = [
+        (place, plain(label)) for place, label in zip(minor, minor_labels, strict=True) if label
+    ]
+    if axis.axis_name == "y":
+        size = _size_that_fits(axis, labels, size)
+    if not rotation:
+        labels = _spread(axis, labels, minor_labels, size)
     return Ticks(
         major,
         minor,
-        np.array([place for place, _ in named]),
-        [plain(label) for _, label in named] if shown else [],
+        np.array([place for place, _ in labels]),
+        [label for _, label in labels] if shown else [],
         size,
         rotation,
         at_end,
         shown,
         bool(params.get("gridOn")),
     )
+
+
+def _size_that_fits(axis, labels, size):
+    """Font size [point], smaller where names would take more than their share of the canvas."""
+    most = LARGEST_SHARE * axis.get_figure().bbox.width
+    widest = max((measures.width(label, size) for _, label in labels), default=0.0)
+    return size * most / widest if widest > most else size
+
+
+def _spread(axis, labels, minor_labels, size):
+    """Labels that do not touch: names broken into lines, else those left out that have no room."""
+    number = 0 if axis.axis_name == "x" else 1
+    if isinstance(axis.get_major_locator(), FixedLocator) and number == 0 and len(labels) > 1:
+        at = places(axis.axes, np.array([place for place, _ in labels]), axis=0)
+        most = np.min(np.abs(np.diff(at))) - LEAST_GAP
+        return [(place, measures.wrapped(label, size, most)) for place, label in labels]
+    kept, taken = [], []
+    candidates = labels + minor_labels
+    at = places(axis.axes, np.array([place for place, _ in candidates]), axis=number)
+    for middle, (place, label) in zip(at, candidates, strict=True):
+        half = _length(label, size, number) / 2
+        if all(abs(middle - other) >= half + other_half for other, other_half in taken):
+            kept.append((place, label))
+            taken.append((middle, half))
+    return kept
+
+
+def _length(label, size, number):
+    """Room [point] of a label along its axis, 0 for x and 1 for y."""
+    if number == 0:
+        return measures.width(label, size) + LEAST_GAP
+    return measures.height(label, DIGIT_HEIGHT * size)
 
 
 def _located(axis, locator, places_of, group):

@@ -88,12 +88,12 @@ def _rms_of_bins(columns, lines, edges, name):
 
 
 def _write_numbers(panel, edges, rms, top):
-    middles = 50 * (edges[1:] + edges[:-1])
-    for row, column in np.argwhere(np.isfinite(rms)):
-        size, spot = rms[row, column], (middles[column], row + 0.5)
-        colour = "white" if size > 0.6 * top else style.INK
-        look = {"ha": "center", "va": "center", "fontsize": 6, "color": colour}
-        panel.annotate(f"{size:.1f}", spot, **look, in_layout=False)
+    rows, columns = np.nonzero(np.isfinite(rms))
+    sizes = rms[rows, columns]
+    middles = 50 * (edges[1:] + edges[:-1])[columns]
+    colours = np.where(sizes > 0.6 * top, "white", style.INK).tolist()
+    texts = [f"{size:.1f}" for size in sizes]
+    style.write_numbers(panel, middles, rows + 0.5, texts, colours=colours, size=6)
 
 
 def _separate_tests(panel, tests):
@@ -232,8 +232,7 @@ def draw_confounding(columns):
     panel = axes[0, 0]
     edges = np.arange(len(effects) + 1)
     shown = panel.pcolormesh(edges, edges, correlation, vmin=0, vmax=1, cmap="Blues")
-    for row, column in np.argwhere(correlation > LEAST_WRITTEN):
-        _pair(panel, row, column, correlation[row, column], same[row, column])
+    _write_pairs(panel, correlation, same)
     names = [_in_words(effect) for effect in effects]
     panel.set_xticks(edges[:-1] + 0.5, names, rotation=55, ha="right", fontsize=7.5)
     panel.set_yticks(edges[:-1] + 0.5, names, fontsize=7.5)
@@ -256,13 +255,14 @@ def _pairs(columns, effects):
     return correlation, same
 
 
-def _pair(panel, row, column, value, same):
-    """The number of a pair, and a frame where the two cannot be distinguished."""
-    colour = "white" if value > 0.6 else style.INK
-    spot = column + 0.5, row + 0.5
-    look = {"ha": "center", "va": "center", "fontsize": 5.5, "color": colour}
-    panel.annotate(f"{value:.2f}", spot, **look, in_layout=False)
-    if same:
+def _write_pairs(panel, correlation, same):
+    """The number of each pair, and a frame where the two cannot be distinguished."""
+    rows, columns = np.nonzero(correlation > LEAST_WRITTEN)
+    values = correlation[rows, columns]
+    colours = np.where(values > 0.6, "white", style.INK).tolist()
+    texts = [f"{value:.2f}" for value in values]
+    style.write_numbers(panel, columns + 0.5, rows + 0.5, texts, colours=colours, size=5.5)
+    for row, column in np.argwhere((correlation > LEAST_WRITTEN) & same):
         frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) + [column, row]
         panel.plot(*frame.T, color=style.ERROR, lw=1.3)
 

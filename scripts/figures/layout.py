@@ -29,6 +29,7 @@ class GridLayout(LayoutEngine):
         self.renderer = renderer
         self.bars = []
         self.decorations = {}
+        self.rooms = {}  # at the right of each panel [point], as given last
 
     def execute(self, fig):
         """Place all panels, measured at 72 dots per inch, whatever the figure is drawn at."""
@@ -73,6 +74,7 @@ class GridLayout(LayoutEngine):
             left, right = x[0, spec.colspan.start], x[1, spec.colspan.stop - 1]
             top, bottom = y[:, spec.rowspan.start] + above
             _set_place(axes, (left, size[1] - bottom, right - left, bottom - top), size)
+            self.rooms[axes] = across[1, spec.colspan.stop - 1]
         for bar, beside in self.bars:
             _place_bar(bar, beside, size, max(self._room_alone(axes)[RIGHT] for axes in beside))
 
@@ -92,18 +94,33 @@ class GridLayout(LayoutEngine):
         for artist in outside + texts:
             box, inner = artist.get_window_extent(self.renderer), axes.bbox
             room[LEFT] = max(room[LEFT], inner.x0 - box.x0)
-            room[RIGHT] = max(room[RIGHT], box.x1 - inner.x1)
+            room[RIGHT] = max(room[RIGHT], self._room_right(axes, artist, box.x1))
             room[BOTTOM] = max(room[BOTTOM], inner.y0 - box.y0)
             room[TOP] = max(room[TOP], box.y1 - inner.y1)
         return room
+
+    def _room_right(self, axes, artist, end):
+        """Room that a text or legend ending at `end` [point] needs on the right of its panel.
+
+        A text at a point of the data moves with it as the panel becomes narrower.
+        """
+        inner = axes.bbox
+        if getattr(artist, "xycoords", "") != "data":
+            return end - inner.x1
+        x = artist.axes.transData.transform(artist.xy)[0]
+        share = (x - inner.x0) / inner.width
+        whole = inner.width + self.rooms.get(axes, 0.0)
+        return (end - x - (1 - share) * whole) / share if share > 0 else 0.0
 
     def _of_figure(self, figure):
         """Room [point] below and above all panels: legends below, a heading above."""
         legends = [legend.get_window_extent(self.renderer).height for legend in figure.legends]
         texts = [t for t in figure.texts if t.get_text()]
         for text in texts:
-            most = figure.bbox.width * (1 - text.get_position()[0]) * (
-                2 if text.get_ha() == "center" else 1
+            most = (
+                figure.bbox.width
+                * (1 - text.get_position()[0])
+                * (2 if text.get_ha() == "center" else 1)
             )
             text.set_text(measures.wrapped(text.get_text(), text.get_size(), most - 2 * PAD))
             text.set(va="top", y=1 - PAD / figure.bbox.height)

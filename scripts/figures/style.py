@@ -107,6 +107,11 @@ def colour_bar(figure, shown, panels, **settings):
     figure.get_layout_engine().bars.append((axes, panels))
 
 
+def write_numbers(axes, x, y, texts, *, colours, size):
+    """Write a text into each cell of a map, centred at `x`, `y` (n,); `size` [point]."""
+    axes.add_artist(canvas.Numbers(x, y, texts, colours, size))
+
+
 def shade_unscored(axes, hours, scored):
     """Grey where samples do not count: `hours`, `scored` are (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[1], scored.astype(int), [1]])))
