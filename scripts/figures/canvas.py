@@ -105,7 +105,7 @@ def drawn(figure, *, metadata) -> str:
     engine.execute(figure)
     # The steps of a continuous colour bar become one small picture, as Matplotlib asks for.
     vectors = Canvas(*figure.bbox.size, text, metadata=metadata)
-    canvas = MixedModeRenderer(figure, *figure.bbox.size, 72, vectors)
+    canvas = MixedModeRenderer(figure, *figure.get_size_inches(), 72, vectors)
     figure.patch.draw(canvas)
     parts = [*figure.axes, *figure.texts, *figure.legends]
     for part in sorted(parts, key=lambda part: part.zorder):

@@ -66,11 +66,14 @@ def law(quantity, name, *values, chosen=False, valid=(-np.inf, np.inf)):
 
 
 def text_boxes(figure):
-    """(text, box (left, low, right, high) [point] from above) of all texts of a figure's SVG."""
+    """(text, box (left, low, right, high) [point] from above, angle [degree]) of all texts of a figure's SVG."""
     root = ElementTree.fromstring(canvas.drawn(figure, metadata={"Date": None}))
-    return [
-        (element.text, _box(element)) for element in root.iter("{http://www.w3.org/2000/svg}text")
-    ]
+    texts = root.iter("{http://www.w3.org/2000/svg}text")
+    return [(element.text, _box(element), _angle(element)) for element in texts]
+
+
+def _angle(element):
+    return float(re.match(r"rotate\((\S+) ", element.get("transform", "rotate(0 "))[1])
 
 
 def _box(element):
@@ -79,8 +82,7 @@ def _box(element):
     wide = measures.width(element.text, size, bold=look.get("font-weight") == "bold")
     start = {"start": 0.0, "middle": -wide / 2, "end": -wide}[look["text-anchor"]]
     x, y = float(element.get("x")), float(element.get("y"))
-    turned = re.match(r"rotate\((\S+) ", element.get("transform", "rotate(0 "))
-    angle = np.deg2rad(float(turned[1]))
+    angle = np.deg2rad(_angle(element))
     corners = [(start + share * wide, up) for share in (0, 1) for up in (-0.72 * size, 0.2 * size)]
     at = np.array(
         [
@@ -96,7 +98,7 @@ def outside(figure, boxes):
     wide, high = figure.bbox.size
     return [
         text
-        for text, (left, low, right, top) in boxes
+        for text, (left, low, right, top), _ in boxes
         if min(left, low) < -0.5 or right > wide + 0.5 or top > high + 0.5
     ]
 
@@ -106,7 +108,6 @@ def touching(figure, boxes):
     panels = [axes.bbox.extents for axes in figure.axes if axes.axison]
     panels += [legend.get_window_extent(canvas.MEASURING).extents for legend in figure.legends]
     high = figure.bbox.height
-    boxes = [(text, box) for text, box in boxes if box is not None]
     around = [
         (text, box) for text, box in boxes if not any(_within(box, panel, high) for panel in panels)
     ]
