@@ -13,7 +13,7 @@ NUMBERED = r'<g id="[a-zA-Z.]+2?d?_\d+">'  # matplotlib's groups, which nothing 
 
 
 def text_of(figure, *, description: str) -> str:
-    """SVG text of a figure with a description in its metadata; without a date, so always the same."""
+    """SVG text of a figure with a description in its metadata; no date, so always the same."""
     about = {"Date": None, "Creator": "Cellwright", "Description": description}
     return shortened(canvas.drawn(figure, metadata=about))
 

@@ -66,7 +66,10 @@ def law(quantity, name, *values, chosen=False, valid=(-np.inf, np.inf)):
 
 
 def text_boxes(figure):
-    """(text, box (left, low, right, high) [point] from above, angle [degree]) of all texts of a figure's SVG."""
+    """All texts of a figure's SVG: (text, box, angle [degree]).
+
+    A box is (left, low, right, high) [point], counted from the top of the canvas.
+    """
     root = ElementTree.fromstring(canvas.drawn(figure, metadata={"Date": None}))
     texts = root.iter("{http://www.w3.org/2000/svg}text")
     return [(element.text, _box(element), _angle(element)) for element in texts]
@@ -109,7 +112,9 @@ def touching(figure, boxes):
     panels += [legend.get_window_extent(canvas.MEASURING).extents for legend in figure.legends]
     high = figure.bbox.height
     around = [
-        (text, box) for text, box in boxes if not any(_within(box, panel, high) for panel in panels)
+        (text, box)
+        for text, box, angle in boxes
+        if angle in (0, -90) and not any(_within(box, panel, high) for panel in panels)
     ]
     return [
         (first[0], second[0])
