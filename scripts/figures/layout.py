@@ -90,7 +90,7 @@ class GridLayout(LayoutEngine):
         room = list(self.decorations[axes].room)
         legend = axes.get_legend()
         outside = [legend] if legend and legend.get_bbox_to_anchor() is not axes.bbox else []
-        texts = [t for t in axes.texts if t.get_in_layout() and not t.get_clip_on()]
+        texts = [text for text in axes.texts if text.get_in_layout()]
         for artist in outside + texts:
             box, inner = artist.get_window_extent(self.renderer), axes.bbox
             room[LEFT] = max(room[LEFT], inner.x0 - box.x0)

@@ -123,4 +123,4 @@ def _functions(axes, rows):
     names = [row["function"].removesuffix("(T)") + " ★" * row["chosen"] for row in rows]
     axes.set_yticks(position, names)
     axes.set(xlabel="RMSE [mV]", title="Functions (★ chosen)")
-    style.legend_once(axes, loc="upper center", bbox_to_anchor=(0.4, -0.15), ncols=2)
+    style.legend_once(axes, loc="upper center", bbox_to_anchor=(0.4, -0.24), ncols=2)
