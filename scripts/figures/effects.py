@@ -59,7 +59,7 @@ def draw_residual_map(columns):
     axes[0, 0].set_yticks(np.arange(len(names)) + 0.5, list(names.values()), fontsize=7.5)
     axes[0, 0].invert_yaxis()
     label = "RMS of measured − model [mV]"
-    figure.colorbar(shown, ax=list(axes[0]), label=label, pad=0.01, extend="max")
+    style.colour_bar(figure, shown, list(axes[0]), label=label, extend="max")
     return figure
 
 
@@ -88,12 +88,12 @@ def _rms_of_bins(columns, lines, edges, name):
 
 
 def _write_numbers(panel, edges, rms, top):
-    middles = 50 * (edges[1:] + edges[:-1])
-    for row, column in np.argwhere(np.isfinite(rms)):
-        size, spot = rms[row, column], (middles[column], row + 0.5)
-        colour = "white" if size > 0.6 * top else style.INK
-        look = {"ha": "center", "va": "center", "fontsize": 6, "color": colour}
-        panel.annotate(f"{size:.1f}", spot, **look, in_layout=False)
+    rows, columns = np.nonzero(np.isfinite(rms))
+    sizes = rms[rows, columns]
+    middles = 50 * (edges[1:] + edges[:-1])[columns]
+    colours = np.where(sizes > 0.6 * top, "white", style.INK).tolist()
+    texts = [f"{size:.1f}" for size in sizes]
+    style.write_numbers(panel, middles, rows + 0.5, texts, colours=colours, size=6)
 
 
 def _separate_tests(panel, tests):
@@ -232,15 +232,15 @@ def draw_confounding(columns):
     panel = axes[0, 0]
     edges = np.arange(len(effects) + 1)
     shown = panel.pcolormesh(edges, edges, correlation, vmin=0, vmax=1, cmap="Blues")
-    for row, column in np.argwhere(correlation > LEAST_WRITTEN):
-        _pair(panel, row, column, correlation[row, column], same[row, column])
+    _write_pairs(panel, correlation, same)
     names = [_in_words(effect) for effect in effects]
     panel.set_xticks(edges[:-1] + 0.5, names, rotation=55, ha="right", fontsize=7.5)
     panel.set_yticks(edges[:-1] + 0.5, names, fontsize=7.5)
     panel.invert_yaxis()
     panel.grid(visible=False)
     panel.set(title="How alike two effects look in the tests that were fitted (framed: the same)")
-    figure.colorbar(shown, ax=panel, label="correlation [1]: 0 different, 1 the same", pad=0.01)
+    label = "correlation [1]: 0 different, 1 the same"
+    style.colour_bar(figure, shown, [panel], label=label)
     return figure
 
 
@@ -255,13 +255,14 @@ def _pairs(columns, effects):
     return correlation, same
 
 
-def _pair(panel, row, column, value, same):
-    """The number of a pair, and a frame where the two cannot be distinguished."""
-    colour = "white" if value > 0.6 else style.INK
-    spot = column + 0.5, row + 0.5
-    look = {"ha": "center", "va": "center", "fontsize": 5.5, "color": colour}
-    panel.annotate(f"{value:.2f}", spot, **look, in_layout=False)
-    if same:
+def _write_pairs(panel, correlation, same):
+    """The number of each pair, and a frame where the two cannot be distinguished."""
+    rows, columns = np.nonzero(correlation > LEAST_WRITTEN)
+    values = correlation[rows, columns]
+    colours = np.where(values > 0.6, "white", style.INK).tolist()
+    texts = [f"{value:.2f}" for value in values]
+    style.write_numbers(panel, columns + 0.5, rows + 0.5, texts, colours=colours, size=5.5)
+    for row, column in np.argwhere((correlation > LEAST_WRITTEN) & same):
         frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) + [column, row]
         panel.plot(*frame.T, color=style.ERROR, lw=1.3)
 
