@@ -29,6 +29,7 @@ from runtime import contract, job_environment, settings, sheets, snakemake_state
 from runtime.provenance import codes_of
 
 job_environment.prepare(SCRIPTS)
+snakemake_state.compare_parameters_without_pandas()
 STARTED = time.time()
 if workflow.is_main_process:
     snakemake_state.clear_stale_locks(Path.cwd())
