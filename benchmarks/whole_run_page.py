@@ -27,11 +27,12 @@ measures every process; what was measured is kept in
 
 CPU time is user and system time of a script's process with its children, from its start (with the
 warm executor, from its fork). Its parts are sampled: every 10 ms of CPU time a script notes in
-which part of the code it is, by the innermost function whose file tells it ({kinds}), and counts
-to it all CPU time since the note before, so that a compiled kernel counts in full to whoever
-called it. Work of pandas inside a step of the science counts as numerics. The peak memory of a
-forked script holds the pages that it shares with its server. Wall time depends on what else the
-machine does: the load is the mean number of processes that wanted a core before and after the run.
+which part of the code it is, by the innermost function whose file tells it, and counts to that part
+all CPU time since the note before, so that a compiled kernel counts in full to whoever called it.
+The parts are: {kinds}. Work of pandas inside a step of the science counts as numerics. The peak
+memory of a forked script holds the pages that it shares with its server. The load is the mean
+number of processes that wanted a core before and after the run; on a busy machine wall time says
+little, and CPU time is longer too.
 
 ![CPU time of whole runs by kind of work](pictures/whole-runs.svg)
 """
@@ -44,7 +45,7 @@ def write_page(kept):
         for path in sorted(kept.glob("*.json"))
     }
     _picture(runs)
-    head = HEAD.format(kinds=", ".join(WORDS[kind] for kind in KINDS))
+    head = HEAD.format(kinds="; ".join(WORDS[kind] for kind in KINDS))
     texts = [head, *[_section(name, run) for name, run in runs.items()]]
     PAGE.write_text("\n".join(texts), encoding="utf-8")
 
@@ -69,14 +70,17 @@ def _section(name, run) -> str:
     sums = parts(run)
     total = sum(sums.values())
     shares = ", ".join(f"{WORDS[kind]} {second / total:.0%}" for kind, second in sums.items())
+    warning = ["**Other work ran at the same time: to be measured again on an idle machine.**", ""]
+    busy = warning if run["load_before"] > 1.0 else []
     lines = [
         f"## {name}",
         "",
         f"{run['cells']} cells, {total:.1f} s of CPU ({total / run['cells']:.2f} s a cell), "
-        f"{run['wall_second']:.0f} s of wall time with {run['cores']} jobs at a time, load "
+        f"{run['wall_second']:.0f} s of wall time with --cores {run['cores']}, load "
         f"{run['load_before']} before and {run['load_after']} after. A second run, with nothing to "
         f"do: {run['again_cpu_second']:.1f} s of CPU. Machine: {run['machine']}.",
         "",
+        *busy,
         f"Of the CPU time: {shares}.",
         "",
         "| rule | jobs | CPU s | ms a job | imports | files | numerics | figures | peak MB |",
