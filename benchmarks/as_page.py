@@ -68,7 +68,7 @@ or the GPL.
 def heading():
     """What stands above the tables."""
     versions = ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
-    return f"{HEAD}\nMachine: {_machine()}. Python {platform.python_version()}, {versions}.\n"
+    return f"{HEAD}\nMachine: {machine()}. Python {platform.python_version()}, {versions}.\n"
 
 
 def section(topic, found):
@@ -125,7 +125,7 @@ def _version(package):
         return "not installed"
 
 
-def _machine():
+def machine():
     """Processor and cores, without the name of the machine."""
     about = Path("/proc/cpuinfo")
     lines = about.read_text(encoding="utf-8").splitlines() if about.exists() else []

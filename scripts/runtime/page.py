@@ -16,6 +16,7 @@ import yaml
 from runtime import artefact
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
+TABLES_OF_PAGE = [*TABLES_OF_CELL, "packs", "choice", "missing_effect"]
 SHOWN_ROWS = 60
 NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
 PROOFS = [f"effect_{name}" for name in NAMES]
@@ -36,10 +37,17 @@ def render(job) -> str:
     effects = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.verdicts}
     cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
-    pages = [_page(name, params, tables, abouts, captions) for name in owners + groups]
+    abouts_of = {}
+    for about in abouts.values():
+        abouts_of.setdefault(_owner(about), []).append(about)
+    parts = _by_owner(tables, owners + groups)
+    pages = [
+        _page(name, params, parts[name], abouts_of.get(name, []), captions)
+        for name in owners + groups
+    ]
     for page in pages:
         page["effect"], page["cold"] = effects.get(page["name"]), cold.get(page["name"])
-        page["verdicts"] = _of(tables["missing_effect"], page["name"]).to_dict("records")
+        page["verdicts"] = parts[page["name"]]["missing_effect"].to_dict("records")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
         autoescape=True,
@@ -80,8 +88,20 @@ def _text(path) -> pd.DataFrame:
     return pd.read_csv(path, dtype=str, keep_default_na=False)
 
 
-def _of(table, name, column="cell") -> pd.DataFrame:
-    return table[table[column] == name]
+def _by_owner(tables, owners) -> dict:
+    """Rows of each table for each cell and group.
+
+    A table is divided once: a look through it for each page would take a time that grows with the
+    square of the number of cells.
+    """
+    parts = {
+        name: dict(iter(tables[name].groupby("group" if name == "packs" else "cell", sort=False)))
+        for name in TABLES_OF_PAGE
+    }
+    return {
+        owner: {name: part.get(owner, tables[name].iloc[:0]) for name, part in parts.items()}
+        for owner in owners
+    }
 
 
 def milli(text) -> str:
@@ -109,10 +129,10 @@ def number(text) -> str:
 
 
 def _page(name, params, tables, abouts, captions) -> dict:
+    """What the template shows of a cell or group, from its own rows of tables and artefacts."""
     facts = next((row for row in params.cells if row["cell"] == name), {})
     branches = [row for row in params.groups if row["group"] == name]
-    shown = {table: _of(tables[table], name) for table in TABLES_OF_CELL}
-    shown["packs"] = _of(tables["packs"], name, "group")
+    shown = {table: tables[table] for table in [*TABLES_OF_CELL, "packs"]}
     pictures = params.figures.get(name, [])
     unmodelled = facts and name not in params.modelled
     return {
@@ -124,9 +144,9 @@ def _page(name, params, tables, abouts, captions) -> dict:
         "pictures": [
             _picture(path, captions) for path in pictures if Path(path).stem not in PROOFS
         ],
-        "choice": _choice(_of(tables["choice"], name)),
+        "choice": _choice(tables["choice"]),
         "tables": {table: _short(rows) for table, rows in shown.items() if len(rows)},
-        "notes": [*([NO_MODEL] if unmodelled else []), *_notes(name, abouts)],
+        "notes": [*([NO_MODEL] if unmodelled else []), *_notes(abouts)],
     }
 
 
@@ -151,17 +171,15 @@ def _short(rows) -> dict:
 
 
 def _test(row, abouts) -> dict:
-    of_test = [about for about in abouts.values() if about["wildcards"].get("test") == row["test"]]
-    of_test = [about for about in of_test if _owner(about) == row["cell"]]
+    of_test = [about for about in abouts if about["wildcards"].get("test") == row["test"]]
     reasons = list(dict.fromkeys(about["reason"] for about in of_test if about["reason"]))
     return row | {"reasons": reasons}
 
 
-def _notes(name, abouts) -> list[dict]:
+def _notes(abouts) -> list[dict]:
     notes = {}
-    of_owner = [about for about in abouts.values() if _owner(about) == name]
     texts = [
-        (note, about["wildcards"].get("test", "")) for about in of_owner for note in about["notes"]
+        (note, about["wildcards"].get("test", "")) for about in abouts for note in about["notes"]
     ]
     for note, test in texts:
         notes.setdefault(note, set()).add(test)

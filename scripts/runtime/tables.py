@@ -105,9 +105,13 @@ def summary(cells, tables, models) -> "DataFrame":
     """One row per cell from the tables (name → DataFrame) and the models (cell → document)."""
     from pandas import DataFrame
 
+    # Each table is divided once: a look through it for every cell would grow with their square.
+    parts = {name: dict(iter(frame.groupby("cell", sort=False))) for name, frame in tables.items()}
     rows = []
     for facts in cells:
-        of_cell = {name: frame[frame["cell"] == facts["cell"]] for name, frame in tables.items()}
+        of_cell = {
+            name: parts[name].get(facts["cell"], frame.iloc[:0]) for name, frame in tables.items()
+        }
         rows.append(_summary_row(facts, of_cell, models.get(facts["cell"], {})))
     return DataFrame(rows, dtype=object)
 

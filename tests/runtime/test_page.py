@@ -238,7 +238,8 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     abouts = {path: artefact.read_about(path) for path in job.input.artefacts}
     columns = ["cell", "group", "model", "ambient_temperature_celsius"]
     tables = {name: pd.DataFrame(columns=columns, dtype=str) for name in TABLES}
-    found = page._page("A", job.params, tables, abouts, {"validation": {"title": "V", "read": "r"}})
+    captions = {"validation": {"title": "V", "read": "r"}}
+    found = page._page("A", job.params, tables, list(abouts.values()), captions)
     assert [row["reasons"] for row in found["tests"]] == [["time & <i>space</i>"], []]
     assert found["notes"] == [{"text": "sign found from the data", "tests": ["bad", "good"]}]
     assert found["facts"] == {"cell": "A", "chemistry": "NMC"}

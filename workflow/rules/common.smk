@@ -1,7 +1,9 @@
 # What all rules share: the campaign's sheets, which artefact exists for whom, the code's hash.
 
+import re
 import sys
 import time
+from functools import cache
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -27,6 +29,7 @@ from runtime import contract, job_environment, settings, sheets, snakemake_state
 from runtime.provenance import codes_of
 
 job_environment.prepare(SCRIPTS)
+snakemake_state.compare_parameters_without_pandas()
 STARTED = time.time()
 if workflow.is_main_process:
     snakemake_state.clear_stale_locks(Path.cwd())
@@ -93,6 +96,11 @@ def everywhere(stage, *kinds, **roles):
     return [path for name in TESTS_OF for path in artefacts(stage, name, *kinds, **roles)]
 
 
+def cells_where(condition):
+    """Cells of which this is so, as keys in the order of the sheet: asked for of cell after cell."""
+    return {cell: None for cell in CELLS if condition(cell)}
+
+
 def chamber_temperatures(cell, *kinds):
     """Stated temperatures of a cell's tests of these kinds that may be fitted [°C]."""
     rows = tests(cell, *kinds, roles=["fit"])
@@ -100,8 +108,26 @@ def chamber_temperatures(cell, *kinds):
 
 
 def either(names):
-    """Wildcard constraint: one of these names, or nothing at all."""
-    return "|".join(sorted(names)) or "(?!)"
+    """Wildcard constraint: one of these names, or nothing at all.
+
+    Names share their common beginnings in the pattern, and letters with the same endings one class,
+    since Snakemake tries a constraint on almost every file: with all names in a row the time of one
+    trial would grow with the number of cells.
+    """
+    return one_of(frozenset(names)) if names else "(?!)"
+
+
+@cache
+def one_of(names):
+    """Pattern of these names; an empty name makes the others optional."""
+    endings, letters = {}, {}
+    for name in filter(None, names):
+        endings.setdefault(name[0], set()).add(name[1:])
+    for letter, rest in sorted(endings.items()):
+        letters.setdefault(one_of(frozenset(rest)), []).append(re.escape(letter))
+    parts = [(of[0] if len(of) == 1 else f"[{''.join(of)}]") + rest for rest, of in letters.items()]
+    grouped = parts[0] if len(parts) == 1 and "" not in names else f"(?:{'|'.join(parts)})"
+    return "" if not parts else grouped + "?" * ("" in names)
 
 
 def only_these(rows):
@@ -157,9 +183,15 @@ TEST_FACTS = {
 }
 
 
+def facts_of_tests_of(names):
+    """Of each test of these cells what tables say beside its results."""
+    keys = [f"{row['cell']}/{row['test']}" for name in names for row in TESTS_OF[name]]
+    return {key: TEST_FACTS[key] for key in keys}
+
+
 def facts_of_own_tests(wildcards):
-    """Of each of a cell's tests what tables say beside its results."""
-    return {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{wildcards.cell}/")}
+    """The same of the tests of a job's cell."""
+    return facts_of_tests_of([wildcards.cell])
 
 
 # Snakemake's default limit of 100 jobs a second limits nothing here, and costs: each look for jobs

@@ -42,7 +42,7 @@ rule report:
         tests=CAMPAIGN.tests,
         groups=CAMPAIGN.groups,
         figures=FIGURES,
-        modelled=MODELLED,
+        modelled=list(MODELLED),
         title=config["title"],
         choices=CHOICES,
         assumptions=ASSUMPTIONS,
