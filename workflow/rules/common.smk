@@ -24,7 +24,7 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
-from runtime import contract, job_environment, settings, sheets, snakemake_state
+from runtime import contract, job_environment, job_requests, settings, sheets, snakemake_state
 from runtime.provenance import code_of
 
 job_environment.prepare(SCRIPTS)
@@ -137,6 +137,24 @@ def held_against(outputs):
         return contract.fingerprint(*filled)
 
     return contract_of
+
+
+JOB_COSTS = job_requests.read(PIPELINE / "workflow" / "job_costs.csv")
+
+
+def ask_for_resources(own_rule):
+    """Lay on a rule the memory and time that its jobs ask a cluster for, and their group.
+
+    What the user sets by --set-resources stays. Executors on this machine know no groups.
+    """
+    cost = JOB_COSTS.get(script_of(own_rule).rpartition("/")[2])
+    if cost is None:
+        return
+    set_by_user = workflow.resource_settings.overwrite_resources.get(own_rule.name, {})
+    for name, amount in job_requests.requests(cost).items():
+        if name not in set_by_user:
+            own_rule.resources[name] = amount
+    own_rule.group = job_requests.group_of(cost, own_rule.wildcard_names)
 
 
 SECTIONS = settings.load(SCHEMAS, "config")["properties"]
