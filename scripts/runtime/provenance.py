@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 SCRIPTS = Path(__file__).resolve().parents[1]
 LOCK = SCRIPTS.parent / "environment.lock"
+# Where Snakemake lays copies of what is in object storage: below this folder of the campaign.
+COPIES = (".snakemake", "storage")
 
 
 @cache
@@ -172,7 +174,13 @@ def _is_docstring(node) -> bool:
 
 
 def _name(path: str) -> str:
-    """Path relative to the campaign, or to the repository for what lies there."""
+    """Path relative to the campaign, or to the repository for what lies there.
+
+    Of what lies in object storage a job reads a copy, which has the name of the original.
+    """
+    parts = Path(path).parts
+    if COPIES in zip(parts, parts[1:], strict=False) and "results" in parts:
+        return Path(*parts[parts.index("results") :]).as_posix()
     absolute = Path(path).resolve()
     roots = [root for root in (Path.cwd(), SCRIPTS.parent) if absolute.is_relative_to(root)]
     return absolute.relative_to(roots[0]).as_posix() if roots else absolute.name

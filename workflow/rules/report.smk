@@ -28,8 +28,8 @@ rule report:
         artefacts=STAGES,
         verdicts=VERDICTS,
         cold=COLD_WORDS,
-        template=f"{PIPELINE}/workflow/report/report.html.j2",
-        captions=f"{PIPELINE}/workflow/report/captions.yaml",
+        template=local(f"{PIPELINE}/workflow/report/report.html.j2"),
+        captions=local(f"{PIPELINE}/workflow/report/captions.yaml"),
     output:
         "results/report.html",
     log:

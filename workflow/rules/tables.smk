@@ -119,7 +119,7 @@ rule checks:
     input:
         tables=[f"results/tables/{table}.csv" for table in TABLES],
         summary="results/summary.csv",
-        laws=Path(PIPELINE, "tests/artefacts").glob("*.py"),
+        laws=[local(str(path)) for path in Path(PIPELINE, "tests/artefacts").glob("*.py")],
     output:
         "results/tables/checks.csv",
     log:
