@@ -13,9 +13,9 @@ from typing import NamedTuple
 # memory or time is followed by one with twice as much (`retries` of the profile).
 MEMORY_MARGIN = 2.0
 TIME_MARGIN = 10.0
-# Parts of the work that are one job each, of a cell or group of cells and at last of the campaign, in
-# the order in which they depend on each other: `models` of a cell may borrow from `tests` of others,
-# `validation` from `models` of others. A job that its own followers wait for would be a circle.
+# Parts of the work that are one job each, of a cell or group of cells and at last of the campaign,
+# in the order in which they depend on each other: `models` of a cell may borrow from `tests` of
+# others, `validation` from `models` of others. Snakemake refuses parts that wait for each other.
 PARTS = ("tests", "models", "validation", "packs", "figures", "campaign")
 
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import re
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -179,7 +180,7 @@ def _name(path: str) -> str:
     Of what lies in object storage a job reads a copy, which has the name of the original.
     """
     parts = Path(path).parts
-    if COPIES in zip(parts, parts[1:], strict=False) and "results" in parts:
+    if COPIES in pairwise(parts) and "results" in parts:
         return Path(*parts[parts.index("results") :]).as_posix()
     absolute = Path(path).resolve()
     roots = [root for root in (Path.cwd(), SCRIPTS.parent) if absolute.is_relative_to(root)]

@@ -3,8 +3,8 @@
     ./run python scripts/tools/job_costs.py TABLE SNAKEMAKE_ARGUMENTS...
     ./run python scripts/tools/job_costs.py costs.csv --directory CAMPAIGN --cores 1
 
-Each Python process of a job writes, as it ends, its CPU time (user and system) and the highest memory
-that the kernel saw (VmHWM, Linux). That needs no sampling, so that jobs of half a second count too.
+Each Python process of a job writes, as it ends, its CPU time (user and system) and the highest
+memory that the kernel saw (VmHWM, Linux). Nothing is sampled, so that jobs of half a second count.
 TABLE then has one row a rule: jobs, CPU of all of them, of the longest one, and the highest peak.
 Rows of a TABLE that is there already stay where the run started no job of their rule, and where it
 did the larger values are kept, so that several campaigns add up to one table.
@@ -23,7 +23,7 @@ MEASURED = ("jobs", "cpu_second", "longest_cpu_second", "peak_megabyte")
 COLUMNS = ("rule", "part", *MEASURED)
 # Python imports a module of this name as it starts. Snakemake copies the script of a job to
 # .snakemake/scripts/tmp<letters>.<script>.py.
-AT_END = '''
+AT_END = """
 import atexit, sys
 
 def note():
@@ -36,7 +36,7 @@ def note():
 
 if any("/.snakemake/scripts/" in word for word in sys.orig_argv):
     atexit.register(note)
-'''
+"""
 
 
 def measured(arguments) -> list[tuple[str, float, float]]:

@@ -1,4 +1,4 @@
-"""A campaign whose artefacts lie in S3-compatible object storage, against a server on this machine."""
+"""A campaign whose artefacts lie in object storage: an S3-compatible server on this machine."""
 
 import socket
 import subprocess
@@ -8,7 +8,7 @@ import urllib.error
 import urllib.request
 
 import pytest
-from conftest import TARGETS, command, needs, write_campaign
+from two_cells import TARGETS, command, needs, write_campaign
 
 BUCKET = "campaign"
 LOGIN = {"access_key": "test", "secret_key": "test"}

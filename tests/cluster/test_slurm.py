@@ -1,4 +1,4 @@
-"""A campaign on Slurm, on this machine: one job is killed, and the bytes are those of a plain run."""
+"""A campaign on Slurm, on this machine: a job is killed, and the bytes are those of a plain run."""
 
 import os
 import re
@@ -7,7 +7,7 @@ import subprocess
 import time
 
 import pytest
-from conftest import ROOT, TARGETS, artefacts, command, needs, write_campaign
+from two_cells import ROOT, TARGETS, artefacts, command, needs, write_campaign
 
 SCRIPT = ROOT / "tests" / "cluster" / "slurm.sh"
 DAEMONS = ("munged", "slurmctld", "slurmd")
@@ -59,7 +59,7 @@ def test_a_campaign_on_slurm_ends_with_the_bytes_of_a_plain_run(cluster, tmp_pat
     assert process.returncode == 0, said
     assert artefacts(folder / "results") == local_artefacts
     submitted = re.findall(r"SLURM jobid (\d+) \(log: \S*slurm_logs/(\w+)/", said)
-    parts = {part: name for part, name in submitted}
+    parts = dict(submitted)
     assert killed in parts, "the killed job is one of this run"
     again = [name for _, name in submitted if name == parts[killed]]
     assert len(again) >= 2, f"job {killed} was not submitted again:\n{said}"
