@@ -13,10 +13,11 @@ from typing import NamedTuple
 # memory or time is followed by one with twice as much (`retries` of the profile).
 MEMORY_MARGIN = 2.0
 TIME_MARGIN = 10.0
-# Parts of the work that are one job each, of a cell or group of cells and at last of the campaign,
-# in the order in which they depend on each other: `models` of a cell may borrow from `tests` of
-# others, `validation` from `models` of others. Snakemake refuses parts that wait for each other.
-PARTS = ("tests", "models", "validation", "packs", "figures", "campaign")
+# Parts of the work of a cell or group of cells that are one job each, in the order in which they
+# depend on each other: `models` of a cell may borrow from `tests` of others, `validation` from
+# `models` of others. Snakemake refuses parts that wait for each other; looking for such, it walks
+# through what each of their jobs depends on. Tables and report depend on all jobs and go alone.
+PARTS = ("tests", "models", "validation", "packs", "figures")
 
 
 class Cost(NamedTuple):
@@ -59,7 +60,5 @@ def requests(cost: Cost) -> dict:
 
 def group_of(cost: Cost, wildcard_names) -> str | None:
     """Name of the group of a rule's jobs, with a wildcard in it; None where a job goes alone."""
-    if cost.part in ("", "campaign"):
-        return cost.part or None
     owner = "cell" if "cell" in wildcard_names else "group"
-    return f"{cost.part}_{{{owner}}}"
+    return f"{cost.part}_{{{owner}}}" if cost.part else None

@@ -26,8 +26,7 @@ def test_a_job_asks_for_more_than_was_measured_and_twice_as_much_at_each_attempt
     [
         ("tests", {"cell", "test"}, "tests_{cell}"),
         ("packs", {"group", "test"}, "packs_{group}"),
-        ("campaign", {"table"}, "campaign"),
-        ("", {"cell"}, None),
+        ("", {"table"}, None),
     ],
 )
 def test_a_group_is_of_one_part_of_one_cell_or_group(part, wildcards, group):
