@@ -7,6 +7,8 @@
 # for as long as this cluster runs; where one lies already, this script touches nothing and ends.
 set -eu
 conf=/etc/slurm/slurm.conf
+# Every user must be able to reach the socket, through folders that nobody else can write to.
+munge=/run/cellwright-slurm
 fail() { printf 'slurm.sh: %s\n' "$*" >&2; exit 1; }
 
 [ $# -eq 2 ] || fail "wanted: slurm.sh start|stop FOLDER"
@@ -19,9 +21,9 @@ start() {
         command -v $program >/dev/null || fail "$program is missing (apt-get install slurm-wlm munge)"
     done
     [ ! -e $conf ] || fail "$conf exists: another cluster's, which stays as it is"
-    # munged trusts no folder that others can write to.
-    mkdir -p "$folder/munge" "$folder/state" "$folder/spool" && chmod 755 "$folder" "$folder/munge"
-    (umask 077 && head -c 1024 /dev/urandom >"$folder/munge.key")
+    mkdir -p "$folder/state" "$folder/spool"
+    mkdir -p -m 755 $munge
+    (umask 077 && head -c 1024 /dev/urandom >$munge/key)
     name=$(hostname -s)
     memory=$(awk '/^MemTotal/ {print int($2 / 1024)}' /proc/meminfo)
     cat >$conf <<END
@@ -30,7 +32,7 @@ ClusterName=cellwright
 SlurmctldHost=$name(127.0.0.1)
 SlurmUser=root
 AuthType=auth/munge
-AuthInfo=socket=$folder/munge/socket
+AuthInfo=socket=$munge/socket
 CredType=cred/munge
 SlurmctldPort=16817
 SlurmdPort=16818
@@ -53,9 +55,8 @@ MinJobAge=3600
 NodeName=$name NodeAddr=127.0.0.1 CPUs=$(nproc) RealMemory=$memory State=UNKNOWN
 PartitionName=cells Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 END
-    munged --key-file="$folder/munge.key" --socket="$folder/munge/socket" \
-        --pid-file="$folder/munge/pid" --log-file="$folder/munge/log" \
-        --seed-file="$folder/munge/seed"
+    munged --key-file=$munge/key --socket=$munge/socket --pid-file=$munge/pid \
+        --log-file=$munge/log --seed-file=$munge/seed
     slurmctld
     slurmd
     for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15; do
@@ -69,7 +70,7 @@ stop() {
     for pid in "$folder/slurmd.pid" "$folder/slurmctld.pid" "$folder/munge/pid"; do
         [ ! -e "$pid" ] || kill "$(cat "$pid")" 2>/dev/null || :
     done
-    ! grep -qs "^AuthInfo=socket=$folder/munge/socket$" $conf || rm -f $conf
+    ! grep -qs "^AuthInfo=socket=$munge/socket$" $conf || rm -f $conf
 }
 
 case $1 in
