@@ -67,10 +67,11 @@ END
 }
 
 stop() {
-    for pid in "$folder/slurmd.pid" "$folder/slurmctld.pid" "$folder/munge/pid"; do
+    grep -qs "^StateSaveLocation=$folder/state$" $conf || return 0
+    for pid in "$folder/slurmd.pid" "$folder/slurmctld.pid" $munge/pid; do
         [ ! -e "$pid" ] || kill "$(cat "$pid")" 2>/dev/null || :
     done
-    ! grep -qs "^AuthInfo=socket=$munge/socket$" $conf || rm -f $conf
+    rm -rf $conf $munge
 }
 
 case $1 in
