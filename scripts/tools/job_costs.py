@@ -39,21 +39,18 @@ if any("/.snakemake/scripts/" in word for word in sys.orig_argv):
 """
 
 
-def measured(arguments) -> list[tuple[str, float, float]]:
-    """Rule, CPU [s] and peak [MB] of each job of a run of Snakemake with these arguments."""
+def measured(arguments) -> tuple[list[tuple[str, float, float]], int]:
+    """Rule, CPU [s] and peak [MB] of each job of a run of Snakemake, and its exit status."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "sitecustomize.py").write_text(AT_END, encoding="utf-8")
         notes = Path(folder, "jobs.tsv")
         notes.touch()
         paths = [folder, *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = {"PYTHONPATH": os.pathsep.join(paths), "JOB_COSTS": str(notes)}
-        subprocess.run(
-            [sys.executable, "-m", "snakemake", *arguments],
-            env=os.environ | environment,
-            check=True,
-        )
+        program = [sys.executable, "-m", "snakemake", *arguments]
+        status = subprocess.run(program, env=os.environ | environment, check=False).returncode
         lines = [line.split("\t") for line in notes.read_text(encoding="utf-8").splitlines()]
-    return [(rule, float(cpu), int(kilobyte) / 1000) for rule, cpu, kilobyte in lines]
+    return [(rule, float(cpu), int(kilobyte) / 1000) for rule, cpu, kilobyte in lines], status
 
 
 def merged(before, jobs) -> list[dict]:
@@ -79,17 +76,20 @@ def _rounded(row):
 
 
 def main(table, *arguments):
+    """Run Snakemake and write the table; returns the run's exit status, of failed jobs too."""
     table = Path(table)
     before = []
     if table.exists():
         with open(table, encoding="utf-8", newline="") as file:
             before = list(csv.DictReader(file))
-    rows = merged(before, measured(arguments))
+    jobs, status = measured(arguments)
+    rows = merged(before, jobs)
     with open(table, "w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
+    return status
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    sys.exit(main(*sys.argv[1:]))
