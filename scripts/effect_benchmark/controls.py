@@ -75,9 +75,8 @@ def _mixed(stack, seed):
         order[rows] = np.concatenate([blocks[j] for j in random.permutation(len(blocks))])
     current = stack.current_ampere[order]
     held = np.concatenate([[0.0], current[:-1]]) * (1.0 - stack.fresh)
-    return stack._replace(
-        current_ampere=current, held_ampere=held, direction=stack.direction[order], responses={}
-    )
+    rows = {"current_ampere": current, "held_ampere": held, "direction": stack.direction[order]}
+    return stack._replace(**rows, responses={}, courses={})
 
 
 def tried(case, first: search.Round, effect: Effect) -> search.Trial:

@@ -93,7 +93,7 @@ def _write_numbers(panel, edges, rms, top):
         size, spot = rms[row, column], (middles[column], row + 0.5)
         colour = "white" if size > 0.6 * top else style.INK
         look = {"ha": "center", "va": "center", "fontsize": 6, "color": colour}
-        panel.annotate(f"{size:.1f}", spot, **look)
+        panel.annotate(f"{size:.1f}", spot, **look, in_layout=False)
 
 
 def _separate_tests(panel, tests):
@@ -259,7 +259,8 @@ def _pair(panel, row, column, value, same):
     """The number of a pair, and a frame where the two cannot be distinguished."""
     colour = "white" if value > 0.6 else style.INK
     spot = column + 0.5, row + 0.5
-    panel.annotate(f"{value:.2f}", spot, ha="center", va="center", fontsize=5.5, color=colour)
+    look = {"ha": "center", "va": "center", "fontsize": 5.5, "color": colour}
+    panel.annotate(f"{value:.2f}", spot, **look, in_layout=False)
     if same:
         frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) + [column, row]
         panel.plot(*frame.T, color=style.ERROR, lw=1.3)

@@ -72,7 +72,10 @@ def stage_of(path) -> str:
 
 
 def write(path, content, about):
-    """Write an artefact by its suffix, with `about`: provenance, reason, origin, notes, facts."""
+    """Write an artefact by its suffix, with `about`: provenance, reason, origin, notes, facts.
+
+    Returns the table of a Parquet artefact, else None.
+    """
     suffix = Path(path).suffix
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     if suffix == ".json":
@@ -94,6 +97,8 @@ def write(path, content, about):
             compression="zstd",
             compression_level=1,
         )
+        return table
+    return None
 
 
 def _arrow(values):
@@ -163,17 +168,32 @@ class Passed(Refusal):
 class Job:
     """Loads and saves of one script: `with artefact.Job(snakemake) as job: … job.save(columns)`.
 
+    Of a script of several steps each step has a block of its own, with the outputs that it makes,
+    so that what is refused in one step is refused there and in the steps that need its outcome.
+
+    Parameters
+    ----------
+    outputs : of a step, the paths that it makes; by default all outputs of the job
+    inputs : of a step, the paths that it reads; by default all inputs of the job
+    after : the step before, whose tables are loaded from memory
+
     A refusal inside the block is written as the reason into every output that is not saved yet.
     So is any other exception, as an internal error with its traceback in the log: a fault in one
     cell's job must not cost the other cells their report, and the report names it on top.
     """
 
-    def __init__(self, snakemake):
+    def __init__(self, snakemake, *outputs, inputs=None, after=None):
         self.snakemake = snakemake
+        self.outputs = list(outputs or snakemake.output)
+        self.inputs = snakemake.input if inputs is None else inputs
+        self.step = stage_of(outputs[0]) if outputs else None
         self.saved = set()
+        self.made = dict(after.made) if after else {}
         self.notes = []
 
     def __enter__(self):
+        if self.step:
+            self.log(f"{', '.join(self.outputs)}\n")
         return self
 
     def __exit__(self, kind, error, trace):
@@ -183,22 +203,23 @@ class Job:
         reason = str(error) if expected else f"internal error: {kind.__name__}: {error}"
         log = "".join(traceback.format_exception(error)) if not expected else reason + "\n"
         self.log(log)
-        for path in self.snakemake.output:
+        for path in self.outputs:
             if path not in self.saved:
                 write(path, {}, self.about(reason, getattr(error, "origin", path)))
         return True
 
     def load(self, path) -> dict:
         """Content of an artefact. Raises Passed where the artefact carries a reason."""
-        return load(path)
+        made = self.made.get(path)
+        return load(path) if made is None else arrays_of(made)
 
     def save(self, content, path=None, **facts):
         """Write `content` (columns, rows or a JSON document) with facts beside it.
 
-        `path` is one of the job's outputs (default: the only one).
+        `path` is one of the outputs (default: the only one).
         """
-        path = path or self.snakemake.output[0]
-        write(path, content, self.about() | {"facts": plain(facts)})
+        path = path or self.outputs[0]
+        self.made[path] = write(path, content, self.about() | {"facts": plain(facts)})
         self.saved.add(path)
 
     def note(self, *notes):
@@ -216,7 +237,8 @@ class Job:
 
     def about(self, reason=None, origin=None) -> dict:
         """Provenance, reason, origin, notes and facts that an artefact of this job carries."""
-        return provenance.record(self.snakemake) | {
+        return provenance.record(self.snakemake, self.inputs) | {
+            "step": self.step,
             "reason": reason,
             "origin": origin,
             "notes": self.notes,
@@ -238,7 +260,11 @@ def load(path) -> dict:
     if Path(path).suffix == ".json":
         return {key: value for key, value in _read_json(path).items() if key != "provenance"}
     with pq.ParquetFile(path) as file:
-        table = file.read(use_threads=False)
+        return arrays_of(file.read(use_threads=False))
+
+
+def arrays_of(table) -> dict:
+    """Columns of an Arrow table: name → array."""
     return {name: table[name].to_numpy() for name in table.column_names}
 
 

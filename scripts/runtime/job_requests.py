@@ -60,5 +60,5 @@ def requests(cost: Cost) -> dict:
 
 def group_of(cost: Cost, wildcard_names) -> str | None:
     """Name of the group of a rule's jobs, with a wildcard in it; None where a job goes alone."""
-    owner = "cell" if "cell" in wildcard_names else "group"
-    return f"{cost.part}_{{{owner}}}" if cost.part else None
+    owner = next((name for name in ("cell", "group", "owner") if name in wildcard_names), None)
+    return f"{cost.part}_{{{owner}}}" if cost.part and owner else None

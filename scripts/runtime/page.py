@@ -1,10 +1,16 @@
-"""The report: one HTML page with tables, figures and notes of every cell and group."""
+"""The report: one HTML file with tables, figures and notes of every cell and group.
+
+Each cell's page lies in it compressed and is unpacked in the browser when it is looked at, so that
+a report of a hundred cells opens at once and still is one file to send and to keep.
+"""
 
 import base64
+import re
 from pathlib import Path
 
 import jinja2
 import pandas as pd
+import pyarrow as pa
 import yaml
 
 from runtime import artefact
@@ -34,12 +40,20 @@ def render(job) -> str:
     for page in pages:
         page["effect"], page["cold"] = effects.get(page["name"]), cold.get(page["name"])
         page["verdicts"] = _of(tables["missing_effect"], page["name"]).to_dict("records")
-    template = Path(inputs.template).read_text(encoding="utf-8")
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.filters |= {"number": number, "milli": milli, "percent": percent}
-    return environment.from_string(template).render(
+    excluded = tables["excluded"].to_dict("records")
+    template = environment.get_template(Path(inputs.page).name)
+    for page in pages:
+        page["packed"] = packed(template.render(page=page, excluded=excluded))
+    return environment.get_template(Path(inputs.template).name).render(
         title=params.title,
-        excluded=tables["excluded"].to_dict("records"),
+        excluded=excluded,
         checks=_text(inputs.checks).to_dict("records"),
         summary=_text(inputs.summary).to_dict("records"),
         overview=[_picture(path, captions) for path in params.figures["campaign"]],
@@ -49,6 +63,16 @@ def render(job) -> str:
         environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
         artefacts=len(abouts),
     )
+
+
+def packed(html: str) -> str:
+    """A page as gzip in base64.
+
+    By pyarrow's own compressor, whose version the locked environment holds: the same page then has
+    the same bytes on any machine, which Python's, built on the system's, does not promise.
+    """
+    codec = pa.Codec("gzip", compression_level=9)
+    return base64.b64encode(codec.compress(html.encode(), asbytes=True)).decode()
 
 
 def _text(path) -> pd.DataFrame:
@@ -153,6 +177,16 @@ def _picture(path, captions) -> dict:
     fitting = [kind for kind in captions if name == kind or name.startswith(f"{kind}_")]
     kind = max(fitting, key=len, default=None)
     caption = captions.get(kind, {"title": name, "read": ""})
-    data = base64.b64encode(Path(path).read_bytes()).decode()
+    data = _as_url(Path(path).read_text(encoding="utf-8"))
     test = name.removeprefix(f"{kind}_") if kind and name != kind else ""
     return {"title": caption["title"], "read": caption["read"], "test": test, "data": data}
+
+
+def _as_url(svg: str) -> str:
+    """A picture as what follows `data:image/svg+xml,`, plain text that compresses well.
+
+    Its provenance stays with the file of the figure: checksums do not compress, and nobody reads
+    them in a picture.
+    """
+    drawing = re.sub(r"<(metadata|desc)>.*?</\1>", "", svg[svg.index("<svg") :], flags=re.S)
+    return drawing.replace("%", "%25").replace("#", "%23").replace("\n", "%0A")

@@ -1,10 +1,10 @@
 """Provenance of artefacts: hashes of input files, of code, of the environment."""
 
 import ast
-import copy
 import hashlib
 import json
 import re
+import sys
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -45,14 +45,44 @@ def code_of(script: str) -> str:
     change nothing, and a changed formula in any imported module changes the hash. Of the public
     interface and of the settings only the functions and classes that are used count.
     """
-    digest = hashlib.sha256()
-    for piece in sorted(pieces_of(script)):
-        digest.update(f"{piece.path.relative_to(SCRIPTS).as_posix()}:{piece.name}".encode())
-        digest.update(_tree_dump(piece).encode())
-        package = piece.path.name == "__init__.py"  # it builds the C sources in its folder
-        for source in sorted(piece.path.parent.glob("*.c")) if package else []:
-            digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
+    digests = [digest_of(piece) for piece in sorted(pieces_of(script))]
+    return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]
+
+
+@cache
+def digest_of(piece: Piece) -> str:
+    """SHA-256 of a piece's place and syntax tree; of a package, also of the C sources beside it."""
+    digest = hashlib.sha256(f"{piece.path.relative_to(SCRIPTS).as_posix()}:{piece.name}".encode())
+    digest.update(ast.dump(_tree(piece)).encode())
+    package = piece.path.name == "__init__.py"  # it builds the C sources in its folder
+    for source in sorted(piece.path.parent.glob("*.c")) if package else []:
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+def codes_of(scripts, kept_in: Path) -> dict[str, str]:
+    """`code_of` of each script; the hashes of sources that have not changed are read from a file.
+
+    Parameters
+    ----------
+    scripts : names as `protocols/ocv`
+    kept_in : the file with the hashes of an earlier start and the SHA-256 of the bytes of all
+        sources that they are of. One of other sources, or none, is replaced.
+    """
+    sources = hashlib.sha256(sys.version.encode())
+    for path in sorted([*SCRIPTS.rglob("*.py"), *SCRIPTS.rglob("*.c")]):
+        sources.update(f"{path.relative_to(SCRIPTS).as_posix()}\n".encode() + path.read_bytes())
+    try:
+        kept = json.loads(kept_in.read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # no earlier start, or one that was killed as it wrote
+        kept = {}
+    known = kept["codes"] if kept.get("sources") == sources.hexdigest() else {}
+    codes = {script: known.get(script) or code_of(script) for script in scripts}
+    if known != codes:
+        kept_in.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps({"sources": sources.hexdigest(), "codes": known | codes})
+        kept_in.write_text(text, encoding="utf-8")
+    return codes
 
 
 def pieces_of(script: str) -> set[Piece]:
@@ -68,7 +98,13 @@ def pieces_of(script: str) -> set[Piece]:
 
 @cache
 def _parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
+    """Syntax tree of a module without docstrings."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and body and _is_docstring(body[0]):
+            node.body = body[1:]
+    return tree
 
 
 @cache
@@ -138,6 +174,7 @@ def _attributes_of_modules(nodes) -> list[str]:
     return [f"{modules[n.value.id]}.{n.attr}" for n in taken if n.value.id in modules]
 
 
+@cache
 def _pieces_named(name: str) -> set[Piece]:
     """The module of a dotted name and each package above it, where they lie in scripts/."""
     parts = name.split(".")
@@ -151,19 +188,10 @@ def _pieces_named(name: str) -> set[Piece]:
     return pieces
 
 
+@cache
 def _gives_names(file: Path) -> bool:
     """Whether the names of this file are hashed one by one."""
     return file.parent.relative_to(SCRIPTS).as_posix() in PARTED or LAZY in _entries(file)
-
-
-@cache
-def _tree_dump(piece: Piece) -> str:
-    tree = copy.deepcopy(_tree(piece))
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list) and body and _is_docstring(body[0]):
-            node.body = body[1:]
-    return ast.dump(tree)
 
 
 def _is_docstring(node) -> bool:
@@ -187,11 +215,12 @@ def _name(path: str) -> str:
     return absolute.relative_to(roots[0]).as_posix() if roots else absolute.name
 
 
-def record(job) -> dict:
+def record(job, inputs) -> dict:
     """The provenance block of what this job writes: no date, host or absolute path in it.
 
-    `job` is Snakemake's script object. The same inputs give the same block on any machine, and in
-    a workflow that uses this one as a module under other names of rules (`params.rule`).
+    `job` is Snakemake's script object, `inputs` are the paths that it is made from. The same
+    inputs give the same block on any machine, and in a workflow that uses this one as a module
+    under other names of rules (`params.rule`).
     """
     laid_on_every_rule = ("code", "contract", "rule")
     params = {k: value for k, value in job.params.items() if k not in laid_on_every_rule}
@@ -199,7 +228,7 @@ def record(job) -> dict:
         "rule": job.params.get("rule", job.rule),
         "wildcards": dict(job.wildcards.items()),
         "params": json.loads(json.dumps(params, default=str, sort_keys=True)),
-        "inputs": {_name(path): sha256_of(path) for path in sorted(set(map(str, job.input)))},
+        "inputs": {_name(path): sha256_of(path) for path in sorted(set(map(str, inputs)))},
         "code": job.params.get("code"),
         "contract": job.params.get("contract"),
         "environment_lock": sha256_of(LOCK),

@@ -34,7 +34,7 @@ def rows_of(paths, tests) -> list[dict]:
 def excluded(paths, files) -> "DataFrame":
     """Refused files and analyses, one row each, at the stage that refused them.
 
-    A job of several outputs refuses all of them for one reason: it has one row.
+    A step of several outputs refuses all of them for one reason: it has one row.
     """
     from pandas import DataFrame
 
@@ -46,10 +46,12 @@ def excluded(paths, files) -> "DataFrame":
         wildcards = about["wildcards"]
         name, test = wildcards.get("cell") or wildcards.get("group"), wildcards.get("test", "")
         file = ";".join(files.get(f"{name}/{test}", []))
-        rows.append((name, test, file, stage_of(path), about["reason"], about["rule"]))
-    shown = ["cell", "test", "reason", "rule"]
-    table = DataFrame(rows, columns=["cell", "test", "file", "stage", "reason", "rule"])
-    return table.drop_duplicates(shown).drop(columns="rule")
+        step = about["reason"], about["rule"], about["step"]
+        rows.append((name, test, file, stage_of(path), *step))
+    names = ["cell", "test", "file", "stage", "reason", "rule", "step"]
+    table = DataFrame(rows, columns=names)
+    once = table.drop_duplicates(["cell", "test", "reason", "rule", "step"])
+    return once.drop(columns=["rule", "step"])
 
 
 def verdicts(documents) -> list[dict]:
@@ -86,6 +88,17 @@ def load_frame(path) -> "DataFrame":
     # Only an empty cell is unknown: a test may be called NA.
     settings = {"keep_default_na": False, "na_values": [""]}
     return read_csv(path, dtype={"cell": str, "test": str}, **settings)
+
+
+def load_frames(paths) -> dict:
+    """CSV tables by their names."""
+    return {Path(path).stem: load_frame(path) for path in paths}
+
+
+def load_models(paths) -> dict:
+    """Models that could be made, by the name of their cell."""
+    loaded = [(path, artefact.load_all([path])) for path in paths]
+    return {Path(path).stem: model for path, found in loaded for model, _ in found}
 
 
 def summary(cells, tables, models) -> "DataFrame":
@@ -156,10 +169,17 @@ def _pooled(errors, weights):
 
 
 def manifest(paths) -> str:
-    """`sha256<tab>path` of each file, sorted by path."""
+    """`sha256<tab>path` of each file and of those in each folder, sorted by path."""
     from runtime.provenance import sha256_of
 
-    return "".join(f"{sha256_of(path)}\t{path}\n" for path in sorted(set(paths)))
+    files = {file for path in paths for file in _files_of(Path(path))}
+    return "".join(f"{sha256_of(path)}\t{path}\n" for path in sorted(files))
+
+
+def _files_of(path):
+    """A file itself; of a folder its files without those that Snakemake keeps there."""
+    inside = [path] if path.is_file() else path.iterdir()
+    return [file.as_posix() for file in inside if not file.name.startswith(".snakemake")]
 
 
 def changed(manifest_path) -> list[str]:

@@ -15,7 +15,7 @@ CELLS = ("C1", "C2")
 TARGETS = [
     "results/tables/capacity.csv",
     *(f"results/basis/{cell}.json" for cell in CELLS),
-    *(f"results/figures/{cell}/capacity.svg" for cell in CELLS),
+    *(f"results/figures/{cell}" for cell in CELLS),
 ]
 
 

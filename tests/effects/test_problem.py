@@ -117,6 +117,15 @@ def test_a_chord_reaches_the_same_place():
     np.testing.assert_allclose(at(near), at(whole), atol=1e-2)
 
 
+def test_a_further_parameter_is_made_anew_beside_derivatives_that_stay():
+    two = fit(linear()._replace(free=linear().free[:2]), ZERO)
+    kept = {"columns": two.columns, "white": two.white}
+    np.testing.assert_allclose(at(fit(linear(), ZERO, **kept)), at(fit(linear(), ZERO)), atol=1e-6)
+    by_name = fit(linear(), ZERO, columns=MATRIX * [1.0, 1.0, 0.0], renew=("c",))
+    np.testing.assert_allclose(at(fit(linear(), ZERO, **kept)), at(by_name), rtol=1e-12)
+    assert two.columns.shape == two.white.shape == (200, 2)
+
+
 def test_standard_deviations_cover():
     far = []
     for seed in range(300):

@@ -125,10 +125,11 @@ def test_pairs_that_the_tests_cannot_tell_apart_are_framed():
 
 
 def test_the_report_shows_every_figure_that_the_rules_of_the_search_write():
-    rules = Path(__file__).resolve().parents[2] / "workflow" / "rules" / "figures_of_models.smk"
-    written = set(re.findall(r"/(effect_\w+)\.svg", rules.read_text(encoding="utf-8")))
-    assert len(written) == 6
-    assert written == set(page.PROOFS)
+    rules = Path(__file__).resolve().parents[2] / "workflow" / "rules" / "drawing.smk"
+    tables = rules.read_text(encoding="utf-8").partition("\ndef ")[0]
+    written = [f"effect_{name}" for name in re.findall(r'^    "(?:group_)?(\w+)":', tables, re.M)]
+    assert len(written) == 7, "the ranking of a cell and that of a group have one name"
+    assert set(written) == set(page.PROOFS)
 
 
 BOTH = ("before", "after")

@@ -6,11 +6,13 @@ import truth
 from sheets_facts import cell_facts, measured_test
 from truth import stated
 
+from cellwright.filters import evaluate
 from cellwright.filters.bank import bank_of
 from cellwright.filters.estimate import METHODS, Start, estimate
 from cellwright.filters.evaluate import chi_square, convergence_second, innovation_tests, soc_runs
-from cellwright.filters.plant import Noise
+from cellwright.filters.plant import Noise, plant_of
 from cellwright.numerics.lags import lag
+from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 from cellwright.settings import Soc
 
@@ -286,12 +288,31 @@ SETTINGS = {
 }
 
 
-def test_a_test_is_run_by_every_filter_start_and_scenario():
-    time, current, voltage, soc = world(9)
+def measured(seed):
+    time, current, voltage, soc = world(seed)
     charge = (soc - soc[0]) * truth.CAPACITY_AMPERE_HOUR
     names = ["test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour"]
     series = dict(zip(names, (time, current, voltage, charge), strict=True))
-    test = measured_test(series, soc=0.95, role="validation")
+    return measured_test(series, soc=0.95, role="validation")
+
+
+@pytest.mark.parametrize("scenario", SETTINGS["scenarios"])
+def test_a_scenario_is_laid_out_as_its_own_record_and_bank_would_be(scenario):
+    facts, settings = cell_facts(3.0, 4.2), Soc(**SETTINGS)
+    record = laid_out(measured(9), stated(), facts, split_rest_second=120.0, proof=True)
+    factor = np.linspace(1.0, 1.2, len(record.soc))
+    given = (record._replace(resistance_factor=factor), BANK, MATCHED, "first_order", settings)
+    plant = evaluate._plants(("nominal", scenario), *given)[scenario]
+    own, bank, _ = evaluate._disturbed(scenario, given[0], BANK, Start(0.5), settings)
+    columns = own.test_time_second, own.current_ampere, own.voltage_volt
+    options = {"hold": "first_order", "resistance_factor": own.resistance_factor}
+    expected = plant_of(bank, *columns, MATCHED, **options, track_ohmic=True)
+    for name, one, other in zip(plant._fields, plant, expected, strict=True):
+        np.testing.assert_array_equal(one, other, err_msg=name)
+
+
+def test_a_test_is_run_by_every_filter_start_and_scenario():
+    test = measured(9)
     runs = soc_runs(
         stated(), cell_facts(3.0, 4.2), test, settings=Soc(**SETTINGS), split_rest_second=120.0
     )
@@ -300,5 +321,8 @@ def test_a_test_is_run_by_every_filter_start_and_scenario():
     assert nominal["coulomb"]["reason"] == "counting keeps the error of its start"
     assert nominal["aekf"]["convergence_second"] < 300
     assert nominal["aekf"]["rmse_soc"] < 0.015
+    looked_up = [row for row in runs.rows if (row["filter"], row["scenario"]) == ("ocv", "nominal")]
+    assert [row["initial_soc_error"] for row in looked_up] == pytest.approx([-0.3, -0.95], abs=1e-3)
+    assert looked_up[0]["rmse_soc"] == looked_up[1]["rmse_soc"]
     assert "estimated_dual_soc" in runs.series
     assert "innovation_coulomb_volt" not in runs.series

@@ -107,7 +107,7 @@ def test_a_setting_is_in_the_parameters_of_the_rules_that_use_it_only(section):
 def test_settings_are_told_apart():
     """What the test above stands on: keys differ between rules of one section."""
     scripts = {rule: used(script) for rule, script, _ in CHECKED}
-    assert scripts["validate"] == {"models.split_rest_second"}
+    assert scripts["compensation"] == {"models.split_rest_second"}
     assert scripts["identify"] == {"models.split_rest_second", "models.members"}
     assert scripts["ocv"] == {"ocv.least_hour"}
     assert scripts["ocv_rests"] == {"ocv.rest_second"}

@@ -19,8 +19,9 @@ from synthetic import (
 
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch, simulate_model
 from cellwright.circuits.temperature import resistance_factor
+from cellwright.identification.columns import MOST_KEPT, base_of, columns_of, ocv_of, on_table
 from cellwright.identification.identify import data_of, limits_of
-from cellwright.identification.regression import columns_of, ocv_of, on_table
+from cellwright.identification.search import shared_of
 from cellwright.records.record import bridged, fit_mask, record_of
 from cellwright.refusal import Refusal
 
@@ -206,7 +207,7 @@ def absent(result):
 
 def predicted(ready, result):
     """Voltage of the used rows by the columns of the design."""
-    columns, values = columns_of(ready, result.held), result.solution.values
+    columns, values = columns_of(base_of(ready), result.held), result.solution.values
     measured_volt = np.concatenate([r.voltage_volt[r.used] for r in ready.records])
     over = sum(column @ values[name] for name, column in columns.resistances)
     return measured_volt - columns.target_volt + columns.shift @ values["shift"] + over
@@ -338,3 +339,17 @@ def test_kinetics_settle_to_the_true_resistance(r_ohm):
     (record,) = ready.records
     gap = record.voltage_volt[record.used] - predicted(ready, fitted)
     np.testing.assert_allclose(gap, fitted.solution.residual_volt, atol=3e-4)
+
+
+def test_members_that_share_columns_and_searches_are_those_fitted_alone():
+    ready = data(*harsh(11, extra=(transfer(0.05), hysteresis())))
+    shared = shared_of(ready)
+    for member in ("1RC", "2RC", "2RC+H", "DRT+K", "DRT+H+K+D"):
+        alone, together = (fit(ready, member, shared=one) for one in (None, shared))
+        assert together.held.tau_second == alone.held.tau_second
+        residual_volt = together.solution.residual_volt
+        np.testing.assert_allclose(residual_volt, alone.solution.residual_volt, atol=1e-9)
+        for one, other in zip(together.condition.branches, alone.condition.branches, strict=True):
+            for name, values in one.values.items():
+                np.testing.assert_allclose(values, other.values[name], rtol=1e-6, atol=1e-9)
+    assert len(shared.base.kept) <= MOST_KEPT

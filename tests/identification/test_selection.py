@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import NOISE_VOLT, data, fit, hysteresis, measured
+from synthetic import NOISE_VOLT, data, fit, hysteresis, measured, with_target
 
 from cellwright.identification.choice import Score, choose, left_out
 from cellwright.identification.regression import held_out
@@ -48,10 +48,8 @@ def test_rows_are_predicted_from_the_other_folds_only():
     rng = np.random.default_rng(1)
     fold = rng.integers(0, 3, len(fit_of_member.system.target))
     clean = held_out(fit_of_member.system, fit_of_member.solution, fold)
-    spoiled = fit_of_member.system._replace(
-        target=fit_of_member.system.target
-        + np.where(fold == 1, 0.05 * fit_of_member.system.weight, 0.0)
-    )
+    shift = np.where(fold == 1, 0.05 * fit_of_member.system.weight, 0.0)
+    spoiled = with_target(fit_of_member.system, fit_of_member.system.target + shift)
     moved = held_out(spoiled, fit_of_member.solution, fold) - clean
     np.testing.assert_allclose(moved[fold == 1], 0.05, atol=1e-9)
     assert np.abs(moved[fold != 1]).max() > 1e-3

@@ -26,6 +26,7 @@ def test_a_job_asks_for_more_than_was_measured_and_twice_as_much_at_each_attempt
     [
         ("tests", {"cell", "test"}, "tests_{cell}"),
         ("packs", {"group", "test"}, "packs_{group}"),
+        ("figures", {"owner"}, "figures_{owner}"),
         ("", {"table"}, None),
     ],
 )

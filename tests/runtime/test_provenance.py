@@ -40,7 +40,15 @@ def file_of(key):
 
 def forget():
     """Files are read anew."""
-    names = ("code_of", "_parsed", "_entries", "_needs", "_tree_dump")
+    names = (
+        "code_of",
+        "digest_of",
+        "_parsed",
+        "_entries",
+        "_needs",
+        "_pieces_named",
+        "_gives_names",
+    )
     for name in names:
         getattr(provenance, name).cache_clear()
 
@@ -127,3 +135,25 @@ def test_what_a_used_function_of_the_interface_runs_counts(code, change):
 )
 def test_what_other_functions_of_the_interface_run_does_not_count(code, change):
     assert code(PUBLIC, **change) == code(PUBLIC)
+
+
+def test_hashes_are_kept_until_a_source_changes(code, tmp_path):
+    kept = tmp_path / "kept" / "codes.json"
+    first = {"job": code()}
+    assert provenance.codes_of(["job"], kept) == first
+    forget()
+    before = kept.stat().st_mtime_ns
+    assert provenance.codes_of(["job"], kept) == first
+    assert provenance._parsed.cache_info().misses == 0
+    assert kept.stat().st_mtime_ns == before
+    changed = code(helper="f = abs\n")
+    forget()
+    assert provenance.codes_of(["job"], kept) == {"job": changed} != first
+
+
+@pytest.mark.parametrize("content", ["", "{", "{}"])
+def test_a_file_of_hashes_that_cannot_be_read_is_replaced(code, tmp_path, content):
+    wanted, kept = code(), tmp_path / "codes.json"
+    kept.write_text(content)
+    assert provenance.codes_of(["job"], kept) == {"job": wanted}
+    assert wanted in kept.read_text()

@@ -39,7 +39,7 @@ def toy(tmp_path):
 
 def command(folder, *config, nap=0):
     program = [sys.executable, "-m", "snakemake", "--cores", "1", "--directory", str(folder)]
-    return [*program, "--config", f"nap={nap}", *config]
+    return [*program, "--profile", "none", "--config", f"nap={nap}", *config]
 
 
 def run(toy, *config):

@@ -193,3 +193,15 @@ def test_the_laboratory_has_an_environment_of_its_own(clone):
     ran = run(clone, "--lab", "python", "-c", "import lab; print('ran')", HOME="")
     assert ran.stdout == "ran\n", ran.stderr
     assert run(clone, "python", "-c", "import lab", HOME="").returncode == 1
+
+
+def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_named(clone):
+    """By a profile in the environment, which a command line's or the user's own replaces."""
+    said = ["sh", "-c", 'echo "$PYTHONPATH $SNAKEMAKE_PROFILE"']
+    ours = f"{clone}/workflow/profiles/warm"
+    paths = f"{clone}/scripts:{clone}/plugins/snakemake-executor-plugin-warm"
+    assert run(clone, *said, HOME="").stdout == f"{paths} {ours}\n"
+    assert run(clone, *said, HOME="", SNAKEMAKE_PROFILE="own").stdout == f"{paths} own\n"
+    (clone / "environment-lab.lock").write_text((clone / "environment.lock").read_text())
+    lab = run(clone, "--lab", *said, HOME="", SNAKEMAKE_PROFILE=ours)
+    assert lab.stdout == f"{paths} \n"  # the laboratory's scripts need other packages

@@ -15,6 +15,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 import tiny
+from report_text import PACKED, unpacked
 
 from runtime import artefact
 
@@ -64,6 +65,11 @@ def report_of(folder):
     return (folder / "results/report.html").read_bytes()
 
 
+def read(folder):
+    """The report's text as its reader sees it."""
+    return unpacked(report_of(folder).decode())
+
+
 def test_pulses_are_identified_by_every_method(first):
     """Of A, the cell with a pulse test; the one pair of its truth is told whatever the method."""
     rows = table(first, "identification_methods")
@@ -86,7 +92,7 @@ def test_pulses_are_identified_by_every_method(first):
 def test_bad_files_do_not_end_the_run(first):
     assert first.status == 0, first.said[-4000:]
     assert "Traceback" not in first.said
-    assert "internal error" not in report_of(first.folder).decode()
+    assert "internal error" not in read(first.folder)
 
 
 @pytest.mark.parametrize("bad", tiny.BAD)
@@ -97,7 +103,7 @@ def test_a_bad_file_is_out_with_what_was_found(first, bad):
     assert (row["cell"], row["stage"]) == ("B", "ingest")
     assert raw.name.startswith(bad)
     assert tiny.BAD[bad].format(digest=digest) in row["reason"]
-    assert row["reason"] in html.unescape(report_of(first.folder).decode())
+    assert row["reason"] in html.unescape(read(first.folder))
 
 
 def test_nothing_else_is_out(first):
@@ -148,7 +154,7 @@ def test_every_cell_with_a_test_for_proof_has_a_verdict(first):
     assert set(said.values()) <= {"none", "named", "ambiguous", "unknown"}
     with open(first.folder / "results/summary.csv", encoding="utf-8", newline="") as file:
         assert {row["cell"]: row["verdict"] for row in csv.DictReader(file)} == said
-    page = report_of(first.folder).decode()
+    page = read(first.folder)
     assert page.count("What its model lacks") >= len(tiny.TRUTH)
     assert page.count("Effects that were tried") >= 1
 
@@ -170,7 +176,7 @@ def test_a_group_with_one_test_is_told_why_it_has_no_verdict(first):
     path = first.folder / "results/missing_effect/pair/verdict.json"
     about = json.loads(path.read_text())["provenance"]
     assert "another of role validation were wanted" in about["reason"]
-    assert "What one of its branches has of its own" in report_of(first.folder).decode()
+    assert "What one of its branches has of its own" in read(first.folder)
 
 
 def test_the_parallel_pair_is_scored(first):
@@ -199,16 +205,16 @@ def test_a_second_run_finds_nothing_to_do(copy):
 def test_a_changed_file_runs_only_what_comes_from_it(copy):
     tiny.restate(copy, tiny.save(copy, "B", "drive", seed=2))
     planned = snakemake(copy, "--dry-run").said
-    on_the_way = ["ingest", "clean", "segment", "validate", "soc"]
-    on_the_way += ["figure_records", "figure_validation", "figure_soc"]
-    on_the_way += ["effect_search", "missing_effect", "figure_missing_effect"]
-    on_the_way += ["missing_effect_group"]
-    together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
+    on_the_way = ["series", "prediction"]
+    on_the_way += ["effect_search", "missing_effect", "missing_effect_group"]
+    together = ["figure_overview", "tables_of_models", "summary", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
-    maybe = ["model", "export", "pack", "figure_pack", "figure_parameters"]
+    maybe = ["model", "export", "pack"]
     once = dict.fromkeys([*on_the_way, *maybe, *together, "campaign"], 1)
-    assert jobs(planned) == once | {"table": 5}  # choice, models, packs, soc and validation
+    # Figures: of the cell and of its group.
+    assert jobs(planned) == once | {"figures": 2}
     assert "Read B drive" in planned
+    assert "Figures of A." not in planned
 
 
 def test_a_report_made_again_has_the_same_bytes(copy):
@@ -224,6 +230,34 @@ def test_an_artefact_has_the_same_bytes_in_another_place(first, tmp_path):
     other = snakemake(tiny.write(tmp_path / "elsewhere"), target)
     assert other.status == 0
     assert (other.folder / target).read_bytes() == (first.folder / target).read_bytes()
+
+
+def test_the_report_is_small_and_a_cells_page_takes_no_space_until_it_is_looked_at(first):
+    """Limits of a campaign of two cells and a group, with some forty figures."""
+    html = report_of(first.folder).decode()
+    pages = {len(page) for page in PACKED.findall(html)}
+    assert len(pages) == 3, "two cells and their group"
+    assert max(pages) < 250_000
+    assert len(html) - sum(pages) < 150_000
+    for figure in (first.folder / "results/figures").glob("*/*.svg"):
+        assert figure.stat().st_size < 200_000, figure
+
+
+def test_a_figure_that_cannot_be_drawn_says_why_and_takes_no_other_with_it(first):
+    """The pair has one test alone: nothing was searched. B has bad files, and its other figures."""
+    drawn = first.folder / "results/figures/B"
+    assert len(list(drawn.glob("*.svg"))) >= 5
+    blank = {path.stem for path in drawn.glob("*.svg") if "<path" not in path.read_text()}
+    reasons = [json.loads(figure_about(drawn / f"{name}.svg"))["reason"] for name in blank]
+    assert all(reasons)
+    assert {"capacity", "records", "validation_drive", "soc_drive"} <= {
+        path.stem for path in drawn.glob("*.svg")
+    } - blank
+
+
+def figure_about(path):
+    """What a figure that could not be drawn says of itself."""
+    return html.unescape(re.search(r"<desc>(.*?)</desc>", path.read_text(), re.S)[1])
 
 
 def test_a_strict_run_fails_but_writes_its_report(copy):

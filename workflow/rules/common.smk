@@ -1,6 +1,5 @@
 # What all rules share: the campaign's sheets, which artefact exists for whom, the code's hash.
 
-import re
 import sys
 import time
 from pathlib import Path
@@ -25,7 +24,7 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
 sys.path.insert(0, SCRIPTS)
 
 from runtime import contract, job_environment, job_requests, settings, sheets, snakemake_state
-from runtime.provenance import code_of
+from runtime.provenance import codes_of
 
 job_environment.prepare(SCRIPTS)
 STARTED = time.time()
@@ -105,6 +104,16 @@ def either(names):
     return "|".join(sorted(names)) or "(?!)"
 
 
+def only_these(rows):
+    """Wildcard constraint of `cell`: a name in a path that ends in one of its tests in `rows`."""
+    names, alike = {}, {}
+    for row in rows:
+        names.setdefault(row["cell"], []).append(row["test"])
+    for name, tests_of_name in names.items():
+        alike.setdefault(either(tests_of_name), []).append(name)
+    return "|".join(f"(?:{either(alike[of])})(?=/(?:{of})\\.)" for of in alike) or "(?!)"
+
+
 def script_of(rule):
     """The script of a rule of this pipeline, as `protocols/ocv`; None for all other rules."""
     path = rule.script and Path(str(rule.basedir.get_path_or_uri(secret_free=True)), rule.script)
@@ -112,31 +121,18 @@ def script_of(rule):
     return path.resolve().relative_to(SCRIPTS).with_suffix("").as_posix() if inside else None
 
 
-def own_parameters(rule):
+def own_parameters(rule, codes):
     """Parameters of a rule that decide, beside its own, whether it runs again.
 
-    `code` is the hash of its script and of all that this imports, `contract` that of what its
-    files are held against. A rule that the using workflow renamed keeps its own name in the
+    `code` is the hash of its script and of all that this imports, out of `codes`; `contract` that
+    of what its files are held against, which their folders and suffixes tell. A rule that the using workflow renamed keeps its own name in the
     provenance of what it makes, so that the same inputs give the same bytes.
     """
     script = script_of(rule)
     own_name = script.rpartition("/")[2]
     renamed = {"rule": own_name} if rule.name != own_name else {}
-    return {"code": code_of(script), "contract": held_against(rule.output), **renamed}
-
-
-def held_against(outputs):
-    """A parameter of a rule: the hash of what the contract says of the files that it writes.
-
-    A function of the wildcards alone, for Snakemake runs nothing again for others.
-    """
-    patterns = [str(path) for path in outputs]
-
-    def contract_of(wildcards):
-        filled = [re.sub(r"\{(\w+)[^}]*\}", lambda m: wildcards[m[1]], path) for path in patterns]
-        return contract.fingerprint(*filled)
-
-    return contract_of
+    held_against = contract.fingerprint(*map(str, rule.output))
+    return {"code": codes[script], "contract": held_against, **renamed}
 
 
 JOB_COSTS = job_requests.read(PIPELINE / "workflow" / "job_costs.csv")
@@ -169,6 +165,8 @@ def of_analysis(section):
 CAPACITY_KINDS = ("capacity", "ocv")
 PULSE_KINDS = ("hppc", "pulse_resistance")
 RELAXATION_KINDS = config["relaxation"]["kinds"]
+# Hashes of the code of all rules, kept from one start to the next.
+CODES = Path(".snakemake", "cellwright", "codes.json")
 SERIES_KINDS = sorted({row["kind"] for row in CAMPAIGN.tests} - {"eis"})
 # Of each test what tables say beside its results.
 TEST_FACTS = {

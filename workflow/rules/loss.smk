@@ -102,36 +102,23 @@ rule fast_charge_law:
         "../../scripts/loss/fast_charge_law.py"
 
 
-rule ageing_cycles:
+rule ageing:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
     output:
-        "results/ageing_cycles/{cell}/{test}.parquet",
+        cycles="results/ageing_cycles/{cell}/{test}.parquet",
+        summary="results/ageing_temperature/{cell}/{test}.parquet",
+        laws="results/ageing_temperature_laws/{cell}/{test}.parquet",
+        compensated="results/ageing_temperature_cycles/{cell}/{test}.parquet",
+        periodogram="results/ageing_temperature_periods/{cell}/{test}.parquet",
     log:
-        "logs/ageing_cycles/{cell}/{test}.log",
+        "logs/ageing/{cell}/{test}.log",
     params:
+        settings=config["ageing"],
         test=test_facts,
         cell=cell_facts,
     message:
-        "Cycles of {wildcards.cell} in {wildcards.test}."
+        "Cycles of {wildcards.cell} in {wildcards.test}: fade, temperature and daily cycle."
     script:
-        "../../scripts/loss/ageing_cycles.py"
-
-
-rule ageing_temperature:
-    input:
-        "results/ageing_cycles/{cell}/{test}.parquet",
-    output:
-        summary="results/ageing_temperature/{cell}/{test}.parquet",
-        laws="results/ageing_temperature_laws/{cell}/{test}.parquet",
-        cycles="results/ageing_temperature_cycles/{cell}/{test}.parquet",
-        periodogram="results/ageing_temperature_periods/{cell}/{test}.parquet",
-    log:
-        "logs/ageing_temperature/{cell}/{test}.log",
-    params:
-        settings=config["ageing"],
-    message:
-        "Fade, temperature and daily cycle of {wildcards.cell} in {wildcards.test}."
-    script:
-        "../../scripts/loss/ageing_temperature.py"
+        "../../scripts/loss/ageing.py"

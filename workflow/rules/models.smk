@@ -243,44 +243,25 @@ rule export:
         "../../scripts/models/export.py"
 
 
-rule validate:
+rule prediction:
     input:
         model="results/models/{cell}.json",
         series="results/clean/{cell}/{test}.parquet",
     output:
         scores="results/validation/{cell}/{test}.parquet",
-        series="results/simulation/{cell}/{test}.parquet",
+        simulation="results/simulation/{cell}/{test}.parquet",
+        soc="results/soc/{cell}/{test}.parquet",
+        soc_series="results/soc_series/{cell}/{test}.parquet",
     log:
-        "logs/validate/{cell}/{test}.log",
+        "logs/prediction/{cell}/{test}.log",
     wildcard_constraints:
         cell=either(MODELLED),
     params:
+        soc=config["soc"],
         split_rest_second=config["models"]["split_rest_second"],
         test=test_facts,
         cell=cell_facts,
     message:
-        "Simulate {wildcards.cell} through {wildcards.test} and compare with the measurement."
+        "Voltage of {wildcards.cell} in {wildcards.test} by its model, SoC by filters, and their errors."
     script:
-        "../../scripts/models/validate.py"
-
-
-rule soc:
-    input:
-        model="results/models/{cell}.json",
-        series="results/clean/{cell}/{test}.parquet",
-    output:
-        scores="results/soc/{cell}/{test}.parquet",
-        series="results/soc_series/{cell}/{test}.parquet",
-    log:
-        "logs/soc/{cell}/{test}.log",
-    wildcard_constraints:
-        cell=either(MODELLED),
-    params:
-        settings=config["soc"],
-        split_rest_second=config["models"]["split_rest_second"],
-        test=test_facts,
-        cell=cell_facts,
-    message:
-        "State of charge of {wildcards.cell} in {wildcards.test} by filters, from wrong starts."
-    script:
-        "../../scripts/models/soc.py"
+        "../../scripts/models/prediction.py"

@@ -20,7 +20,9 @@ REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16
 TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}
 KEPT_RESPONSES = 40
+KEPT_COURSES = 4  # of the SoC, and of the OCV over each
 SOC_LIMITS = (-0.5, 1.5)  # of a trial step of the fit, so that nothing overflows
+TABLE_LIMITS = (-0.05, 1.05)  # of the SoC at which the OCV's table is read
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
 LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
 FIRST_TAU_SECOND = {"log_tau1": 8.0, "log_tau2": 130.0}
@@ -64,7 +66,7 @@ class Cell(NamedTuple):
 
     def ocv_at(self, soc):
         """OCV [V]; up to 5 % of SoC beyond the table on its last slope, constant from there."""
-        spot = np.clip(soc, -0.05, 1.05) * (len(self.ocv_volt) - 1)
+        spot = np.clip(soc, *TABLE_LIMITS) * (len(self.ocv_volt) - 1)
         below = np.clip(spot.astype(int), 0, len(self.ocv_volt) - 2)
         low, high = self.ocv_volt[below], self.ocv_volt[below + 1]
         return low + (spot - below) * (high - low)
@@ -113,19 +115,60 @@ def fields_of(cell, stack, values, effects=()):
             fields = effect.act(fields, stack, effect.sizes_of(values))
         return fields
 
-    fields = through("current", _begun(cell, stack, values))
-    hours = stack.step_second / 3600.0
-    fields = fields._replace(moved=fields.held * hours + stack.unseen_ampere_hour)
-    fields = through("counting", fields)
-    fields = _counted(stack, values, fields)
-    fields = through("resistance", fields)
-    fields = through("ocv", fields._replace(ocv=_open_circuit(cell, values, fields.soc)))
+    def counted():
+        fields = through("current", _begun(cell, stack, values))
+        moved = fields.held * (stack.step_second / 3600.0) + stack.unseen_ampere_hour
+        return _counted(stack, values, through("counting", fields._replace(moved=moved)))
+
+    course = _course(cell, stack, values, staged["current"] + staged["counting"], counted)
+    fields = through("resistance", course.fields)
+    fields = fields._replace(ocv=_open_circuit(cell, values, fields.soc, course))
+    fields = through("ocv", fields)
     fields = fields._replace(ohmic=fields.r0 * fields.current)
     fields = fields._replace(volt=fields.ocv + slow_volt(stack, fields))
     fields = through("overpotential", fields)
     template = values.get("known", 1.0) * stack.template_volt
     fields = fields._replace(volt=fields.volt + fields.ohmic + template)
     return through("reading", fields)
+
+
+class Course(NamedTuple):
+    """Fields after the counting of charge, kept: most parameters of a model do not change it.
+
+    of : columns and effects that it was counted from; held here, so that the numbers by which they
+    are known stay theirs.
+    ocv_volt : OCV over its SoC (n,) [V], by the table and the errors at the knots.
+    """
+
+    of: tuple
+    fields: Fields
+    ocv_volt: dict
+
+
+def _course(cell, stack, values, early, counted):
+    """Course of the fields after the counting: one that is kept, else by the function `counted`.
+
+    early : effects that act before the SoC is known.
+    """
+    starts = (f"soc0[{k}]" for k in range(len(stack.first)))
+    names = ["capacity", *starts, *(name for effect in early for name in effect.names)]
+    # An effect of the current may look at the resistances.
+    names += LOGARITHMS if early else ()
+    of, kept = (stack.held_ampere, stack.celsius, *early), stack.courses
+    key = (cell.capacity_ampere_hour, *(values[name] for name in names), *map(id, of))
+    if key not in kept:
+        _make_room(kept)
+        kept[key] = Course(of, counted(), {})
+    if early:
+        return kept[key]
+    counts = {n: getattr(kept[key].fields, n) for n in ("held", "moved", "capacity", "soc")}
+    return kept[key]._replace(fields=_begun(cell, stack, values)._replace(**counts))
+
+
+def _make_room(kept):
+    """Take out the oldest of what is kept, so that one more finds room."""
+    while len(kept) >= KEPT_COURSES:
+        del kept[next(iter(kept))]
 
 
 def _begun(cell, stack, values):
@@ -141,19 +184,44 @@ def _begun(cell, stack, values):
 
 def _counted(stack, values, fields):
     """SoC by counting, each record from its own start."""
-    moved = np.cumsum(fields.moved / fields.capacity)
     starts = np.array([values[f"soc0[{k}]"] for k in range(len(stack.first))])
-    soc = moved + (starts - moved[stack.first])[stack.file]
-    return fields._replace(soc=np.clip(soc, *SOC_LIMITS))
+    types = (count, array, array, count, array, array, real, real, array)
+    kernel = function("counted_soc", *types)
+    if kernel is None:
+        moved = np.cumsum(fields.moved / fields.capacity)
+        soc = np.clip(moved + (starts - moved[stack.first])[stack.file], *SOC_LIMITS)
+        return fields._replace(soc=soc)
+    moved, soc = np.ascontiguousarray(fields.moved, float), np.empty(len(stack.fresh))
+    capacity = np.ascontiguousarray(np.atleast_1d(fields.capacity), float)
+    moves = len(capacity) > 1
+    kernel(len(soc), moved, capacity, moves, stack.fresh, starts, *SOC_LIMITS, soc)
+    return fields._replace(soc=soc)
 
 
-def _open_circuit(cell, values, soc):
-    """OCV of the table plus its error, straight between the knots [V]."""
-    error = np.array([values[f"ocv[{k}]"] for k in range(OCV_KNOTS)])
-    spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
-    below = knot_below(soc)
-    low, high = error[below], error[below + 1]
-    return cell.ocv_at(soc) + low + (spot - below) * (high - low)
+def _open_circuit(cell, values, soc, course):
+    """OCV of the table plus its error, straight between the knots [V]; kept for a course's SoC."""
+    knots = tuple(values[f"ocv[{k}]"] for k in range(OCV_KNOTS))
+    if soc is not course.fields.soc:
+        return _looked_up(cell, knots, soc)
+    key, kept = (id(cell.ocv_volt), knots), course.ocv_volt
+    if key not in kept:
+        _make_room(kept)
+        kept[key] = cell.ocv_volt, _looked_up(cell, knots, soc)
+    return kept[key][1]
+
+
+def _looked_up(cell, knots, soc):
+    """OCV at each SoC by the table and its error at the knots [V]."""
+    error = np.array(knots, float)
+    kernel = function("open_circuit", count, count, array, real, real, count, *[array] * 3)
+    if kernel is None:
+        spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
+        below = knot_below(soc)
+        low, high = error[below], error[below + 1]
+        return cell.ocv_at(soc) + low + (spot - below) * (high - low)
+    table, volt = np.ascontiguousarray(cell.ocv_volt, float), np.empty(len(soc))
+    kernel(len(soc), len(table), table, *TABLE_LIMITS, len(error), error, soc, volt)
+    return volt
 
 
 def slow_volt(stack, fields):

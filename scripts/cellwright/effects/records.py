@@ -40,7 +40,8 @@ class Stack(NamedTuple):
     used : (n,) bool, rows that are compared. unseen_ampere_hour : (n,) charge since
     the row before that the current between them does not explain: a gap in the record [Ah].
     responses : lags of the measured current, by time constant; kept, as most
-    parameters of a model change neither.
+    parameters of a model change neither. courses : `base.Course` of the last parameters that moved
+    the charge, by their values; kept likewise.
     """
 
     tests: tuple
@@ -62,6 +63,7 @@ class Stack(NamedTuple):
     used: np.ndarray
     unseen_ampere_hour: np.ndarray
     responses: dict
+    courses: dict
 
     def part(self, files):
         """The rows of some of the records, by their numbers, as a mask (n,)."""
@@ -111,6 +113,7 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         used=np.concatenate([record.used for record in records]),
         unseen_ampere_hour=unseen,
         responses={},
+        courses={},
     )
 
 

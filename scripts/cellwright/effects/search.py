@@ -182,10 +182,8 @@ def tried(case, possible, free, before, score, filters):
     if effect.bends:
         solution = fit(problem, score.values, steps=ANEW_STEPS)
     else:
-        columns, of_effect = before.solution.columns, frees_of(effect)
-        columns = np.concatenate([columns, np.zeros((len(columns), len(of_effect)))], axis=1)
-        renew = tuple(f.name for f in of_effect)
-        solution = fit(problem, score.values, columns=columns, renew=renew, steps=CHORD_STEPS)
+        kept = {"columns": before.solution.columns, "white": before.solution.white}
+        solution = fit(problem, score.values, **kept, steps=CHORD_STEPS)
     return _trial(case, before, effect, effects, score.chi_square, solution, filters)
 
 

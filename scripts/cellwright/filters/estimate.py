@@ -96,22 +96,31 @@ def estimate(
     """
     # ASSUME: What a model errs by at rest keeps its value over about `error_soc` of the charge, the
     # error of its circuit for about `error_second`.
+    noise, record = noise or Noise(), (test_time_second, current_ampere, voltage_volt)
+    settings = {"hold": hold, "resistance_factor": resistance_factor, "track_ohmic": track_ohmic}
+    plant = plant_of(bank, *record, noise, **settings, track_capacity=method == "dual")
+    return estimate_on(plant, start, method=method, noise=noise)
+
+
+def estimate_on(plant, start, *, method, noise):
+    """As `estimate`, on a record and a bank that are laid out already.
+
+    Parameters
+    ----------
+    plant : Plant, with the capacity among its states for "dual" alone. start, method : as above.
+    noise : Noise that the plant was laid out with.
+    """
     if method not in METHODS:
         raise Refusal(f"SoC method {method!r} is unknown; known are {', '.join(METHODS)}")
     if not (0.0 <= start.soc <= 1.0 and start.soc_std > 0.0):
         raise Refusal(
             f"SoC {start.soc:g} ± {start.soc_std:g} at the start; wanted 0 to 1, with some doubt"
         )
-    noise = (noise or Noise())._replace(adaptive=method in ("aekf", "dual"))
-    dual = method == "dual"
-    record = (test_time_second, current_ampere, voltage_volt)
-    settings = {"hold": hold, "resistance_factor": resistance_factor}
-    plant = plant_of(bank, *record, noise, **settings, track_capacity=dual, track_ohmic=track_ohmic)
     if method == "coulomb":
         return _without_innovations(*_counted(plant, start, noise))
     if method == "ocv":
-        return _without_innovations(*_looked_up(plant, noise))
-    return _filtered(plant, start, noise)
+        return _without_innovations(*_looked_up(plant))
+    return _filtered(plant, start, noise._replace(adaptive=method in ("aekf", "dual")))
 
 
 def _without_innovations(soc, std):
@@ -124,7 +133,7 @@ def _counted(plant, start, noise):
     return start.soc + passed, np.sqrt(start.soc_std**2 + noise.soc_walk[0] * seconds)
 
 
-def _looked_up(plant, noise):
+def _looked_up(plant):
     """SoC (n,) at which the OCV is the voltage less the overpotentials, and its deviation."""
     grid = plant.soc_first + plant.soc_spacing * np.arange(len(plant.tables))
     inside = (grid > -1e-9) & (grid < 1.0 + 1e-9)

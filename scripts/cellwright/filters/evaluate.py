@@ -7,8 +7,8 @@ import numpy as np
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
 from cellwright.circuits.model_file import member_of
 from cellwright.filters.bank import bank_of, resistance_factor_of
-from cellwright.filters.estimate import Start, estimate
-from cellwright.filters.plant import Noise
+from cellwright.filters.estimate import Start, estimate_on
+from cellwright.filters.plant import Noise, plant_of, with_tracked
 from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import laid_out
@@ -199,9 +199,10 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
     first, *others = _starts(settings, record.soc[0])
     plans = [("nominal", start) for start in (first, *others)]
     plans += [(scenario, first) for scenario in settings.scenarios]
+    plants = _plants(("nominal", *settings.scenarios), record, bank, noise, hold, settings)
     rows, columns = [], {}
     for method in settings.filters:
-        runs = [_run(method, plan, record, bank, noise, hold, settings) for plan in plans]
+        runs = _runs(method, plans, record, bank, plants, noise, settings)
         rows += [row for row, _ in runs]
         columns |= _series_of(method, runs[0][1])
     rows = [row | {"model": model["chosen"]} for row in rows]
@@ -287,26 +288,49 @@ def _disturbed(scenario, record, bank, start, settings):
     return record, bank, start
 
 
-def _run(method, plan, record, bank, noise, hold, settings):
-    """Row and estimate of one filter, scenario and start."""
-    scenario, start = plan
-    disturbed, bank, start = _disturbed(scenario, record, bank, start, settings)
-    tracked = settings.track_resistance
-    options = {"noise": noise, "resistance_factor": disturbed.resistance_factor}
-    options |= {"track_ohmic": tracked, "hold": hold}
-    columns = (disturbed.test_time_second, disturbed.current_ampere, disturbed.voltage_volt)
-    estimated = estimate(bank, *columns, start, method=method, **options)
-    error = float(start.soc - disturbed.soc[0])
-    row = {"filter": method, "scenario": scenario, "initial_soc_error": error}
-    row |= scores(
-        disturbed.test_time_second,
-        estimated,
-        disturbed.soc,
-        disturbed.used,
-        band=settings.convergence_band,
-        hold_second=settings.convergence_hold_second,
-    )
-    return row | {"reason": _reason(row, bank, disturbed, noise, settings)}, estimated
+def _plants(scenarios, record, bank, noise, hold, settings):
+    """Plant of each scenario, without the capacity among its states: every filter starts on one."""
+
+    def laid(disturbed, size):
+        columns = (disturbed.test_time_second, disturbed.current_ampere, disturbed.voltage_volt)
+        options = {"hold": hold, "resistance_factor": disturbed.resistance_factor}
+        return plant_of(size, *columns, noise, **options, track_ohmic=settings.track_resistance)
+
+    nominal, plants = laid(record, bank), {}
+    for scenario in scenarios:
+        disturbed, size, _ = _disturbed(scenario, record, bank, Start(0.0), settings)
+        # Of another voltage or capacity nothing else of a plant comes.
+        same_current = disturbed.current_ampere is record.current_ampere
+        plants[scenario] = (
+            nominal._replace(
+                voltage_volt=disturbed.voltage_volt, capacity_ampere_hour=size.capacity_ampere_hour
+            )
+            if same_current
+            else laid(disturbed, size)
+        )
+    return plants
+
+
+def _runs(method, plans, record, bank, plants, noise, settings):
+    """Row and estimate of one filter for each scenario and start."""
+    tracked = {"track_capacity": method == "dual", "track_ohmic": settings.track_resistance}
+    plants = {name: with_tracked(p, bank, noise, **tracked) for name, p in plants.items()}
+    limits = {"band": settings.convergence_band, "hold_second": settings.convergence_hold_second}
+    runs, scored = [], {}
+    for scenario, first in plans:
+        disturbed, size, start = _disturbed(scenario, record, bank, first, settings)
+        # A look-up has no start: what it finds in a scenario is the same from all.
+        key = (scenario, None if method == "ocv" else first)
+        if key not in scored:
+            estimated = estimate_on(plants[scenario], start, method=method, noise=noise)
+            reference = (disturbed.test_time_second, estimated, disturbed.soc, disturbed.used)
+            scored[key] = estimated, scores(*reference, **limits)
+        estimated, score = scored[key]
+        error = float(start.soc - disturbed.soc[0])
+        row = {"filter": method, "scenario": scenario, "initial_soc_error": error} | score
+        reason = _reason(row, size, disturbed, noise, settings)
+        runs.append((row | {"reason": reason}, estimated))
+    return runs
 
 
 def _reason(row, bank, record, noise, settings):

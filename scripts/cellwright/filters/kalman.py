@@ -433,10 +433,9 @@ def _stated(plant, soc):
 def _steady_lag(plant, e, c_rate):
     """Standard deviation of a lag of element e at the start: its value after a steady current."""
     current = c_rate * plant.capacity_ampere_hour
-    inside = np.clip(_grid(plant), 0.0, 1.0) == _grid(plant)
     if plant.source[e] < 0:
-        return np.median(plant.tables[inside, GAIN + e]) * current
-    largest = np.abs(plant.drives[plant.source[e]]).max(axis=0).mean()
+        return plant.usual_gain[e] * current
+    largest = plant.largest[plant.source[e]]
     swing = np.abs(plant.current_ampere).max()
     return largest * (1.0 if plant.by_charge[e] else min(1.0, current / max(swing, current, 1e-9)))
 

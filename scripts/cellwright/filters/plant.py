@@ -119,7 +119,8 @@ class Plant(NamedTuple):
     soc_first, soc_spacing : their uniform grid.
     shifts_soc, direct, source, by_charge : (E,) whether an element's output is an offset of the
         SoC; the share that acts at once; its row of `drives`, −1 for a gain; its clock.
-    drives : (q, n, nodes) of what is not linear in the current.
+    drives : (q, n, nodes) of what is not linear in the current. largest : (q,) mean over SoC of the
+        largest of them. usual_gain : (E,) median of the gains over SoC 0 to 1, else 0.
     element, share, moves : (L,) of each lag; `moves` where its constant changes over SoC.
     white_variance, fast_variance, slow_variance : of the noise, of what acts at once, and of the
         model's error beside the tables' [V²].
@@ -141,6 +142,8 @@ class Plant(NamedTuple):
     source: np.ndarray
     by_charge: np.ndarray
     drives: np.ndarray
+    largest: np.ndarray
+    usual_gain: np.ndarray
     element: np.ndarray
     share: np.ndarray
     moves: np.ndarray
@@ -199,6 +202,7 @@ def plant_of(
     driving = resistance_factor * current, resistance_factor * between
     curved = [k for k, e in enumerate(bank.elements) if e.gain is None]
     rows = [drives(bank.elements[k], driving[by_charge[k]]) for k in curved]
+    drives_of_curved = np.ascontiguousarray(np.reshape(rows, (-1, len(time), len(NODES))))
     levels = levels_of(bank, driving[0], dict(zip(curved, rows, strict=True)))
     constants = [relaxation.constant for relaxation in bank.lags]
     spots = _places(bank, noise, track_capacity, track_ohmic)
@@ -220,7 +224,9 @@ def plant_of(
             [(curved.index(k) if k in curved else -1) for k in range(len(bank.elements))], np.int64
         ),
         by_charge=by_charge,
-        drives=np.ascontiguousarray(np.reshape(rows, (-1, len(time), len(NODES)))),
+        drives=drives_of_curved,
+        largest=np.array([np.abs(drive).max(axis=0).mean() for drive in drives_of_curved]),
+        usual_gain=_usual_gain(bank),
         element=np.array([relaxation.element for relaxation in bank.lags], np.int64),
         share=np.array([relaxation.share for relaxation in bank.lags], float),
         moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
@@ -229,6 +235,27 @@ def plant_of(
         **_variances(bank, levels, noise),
         **spots,
     )
+
+
+def _usual_gain(bank):
+    grid = bank.soc[0] + (bank.soc[1] - bank.soc[0]) * np.arange(len(bank.soc))
+    inside = np.clip(grid, 0.0, 1.0) == grid
+    gains = [0.0 if e.gain is None else np.median(e.gain[inside]) for e in bank.elements]
+    return np.array(gains, float)
+
+
+def with_tracked(plant, bank, noise, *, track_capacity, track_ohmic):
+    """The same plant with other tracked states.
+
+    Parameters
+    ----------
+    plant : Plant. bank, noise, track_capacity, track_ohmic : as in `plant_of`.
+
+    Raises
+    ------
+    Refusal : too many states.
+    """
+    return plant._replace(**_places(bank, noise, track_capacity, track_ohmic))
 
 
 def _variances(bank, levels, noise):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import circuit_at, member_of, open_circuit_volt
-from cellwright.identification.regression import FAST_SECOND
+from cellwright.identification.columns import FAST_SECOND
 from cellwright.numerics.statistics import rms
 from cellwright.records.basis import REFERENCE_CELSIUS, reference_of
 from cellwright.refusal import Refusal

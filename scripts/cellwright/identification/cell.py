@@ -15,7 +15,7 @@ from cellwright.identification.identify import (
     identify,
     limits_of,
 )
-from cellwright.identification.search import ABSENT_SECOND
+from cellwright.identification.search import ABSENT_SECOND, shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import REFERENCE_CELSIUS, stated_or_reference
@@ -201,12 +201,12 @@ def _condition(fit_records, energy, basis, members, split_rest_second, diffusion
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
     rest = {"rest_second": split_rest_second, "rest_ampere": REST_C_RATE * capacity}
     block = np.concatenate(blocks_of_used(data.records, **rest))
-    entries, scores = {}, {}
+    entries, scores, shared = {}, {}, shared_of(data)
     for name in members:
         try:
             held = {"diffusion_second": _diffusion_at(diffusion, fit_records.celsius)}
             held["limits_second"] = limits if member_named(name).pairs is None else None
-            fitted = identify(data, member_named(name), **held, **settings)
+            fitted = identify(data, member_named(name), shared=shared, **held, **settings)
             scores[name] = left_out(fitted, block)
         except Refusal as refusal:
             notes.append(f"{name} not identified at {fit_records.celsius:g} °C: {refusal}")

@@ -13,22 +13,19 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
-from cellwright.identification.regression import (
-    SCALES,
-    Data,
-    Held,
-    columns_of,
-    pull_of,
-    solved,
-    system_of,
-)
+from cellwright.identification.columns import Data, Held
+from cellwright.identification.regression import SCALES, pull_of, solved
 from cellwright.identification.search import (
     Condition,
     cheapest,
     condition_of,
     cost_of,
+    key_of,
+    once,
     refined,
     settled,
+    shared_of,
+    system_about,
 )
 from cellwright.numerics.linear import solve
 from cellwright.records.thinning import edges, thin, without_edges
@@ -76,7 +73,7 @@ def data_of(
 
     Returns
     -------
-    data : regression.Data.
+    data : columns.Data.
 
     Raises
     ------
@@ -130,17 +127,19 @@ def identify(
     celsius=25.0,
     limits_second=None,
     diffusion_second=None,
+    shared=None,
 ):
     """Fit one member of the family to the records of one temperature.
 
     Parameters
     ----------
-    data : regression.Data, from `data_of`.
+    data : columns.Data, from `data_of`.
     member : circuit.Member.
     capacity_ampere_hour : of the cell; sets the charge constants that are tried [Ah].
     celsius : temperature of the condition, for the scale of the kinetics [degC].
     limits_second : shortest and longest time constant [s]; None: what the data can show.
     diffusion_second : diffusion time to hold where the member has one [s]; None: the best of a few.
+    shared : search.Shared of the data, where several members are fitted to them; None: made here.
 
     Returns
     -------
@@ -155,19 +154,28 @@ def identify(
     # ASSUME: OCV at a test's temperature and direction is the slow test's curve plus a shift over
     # SoC, and a capacity within a few per cent, fitted with the resistances from fitted data only.
     # ASSUME: Time constants of a cell do not depend on SoC, its resistances do (linear between).
+    shared = shared or shared_of(data)
     low, high = limits_of(data) if limits_second is None else limits_second
-    held = Held(tuple(_taus(data, member, low, high)))
-    start = settled(data, held)
-    held, factor = start.held, start.solution.factor
+    held, factor = once(
+        shared, (member.pairs, low, high), lambda: _start(shared, member, low, high)
+    )
     for name, values in _candidates(
         member, capacity_ampere_hour, celsius, diffusion_second
     ).items():
-        held = cheapest(data, [held._replace(**{name: value}) for value in values], factor)
-    fit = settled(data, held)
+        tries = [held._replace(**{name: value}) for value in values]
+        key = (*map(key_of, tries), factor)
+        held = once(shared, key, lambda tries=tries: cheapest(shared, tries, factor))
+    fit = settled(shared, held)
     bounds = None if member.pairs is None else (low, high)
     if member.pairs:
-        fit = refined(data, fit, bounds)
-    return Fitted(condition_of(data, member, fit, bounds), *fit)
+        fit = refined(shared, fit, bounds)
+    return Fitted(condition_of(shared, member, fit, bounds), fit.held, fit.system, fit.solution)
+
+
+def _start(shared, member, low, high):
+    """Held time constants and SoC scale of a member without its other parts, and their weight."""
+    fit = settled(shared, Held(tuple(_taus(shared, member, low, high))))
+    return fit.held, fit.solution.factor
 
 
 def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):
@@ -191,7 +199,7 @@ def limits_of(data):
 
     Parameters
     ----------
-    data : regression.Data.
+    data : columns.Data.
 
     Returns
     -------
@@ -208,25 +216,37 @@ def limits_of(data):
     return max(low, 0.05), max(max(steady), 20 * low)
 
 
-def _taus(data, member, low, high):
+def _taus(shared, member, low, high):
     decades = np.log10(high / low)
     if member.pairs is None:
         return np.geomspace(2 * low, high, max(round(decades * PER_DECADE), 2))
     if member.pairs == 0:
         return ()
     grid = np.geomspace(low, high, max(round(decades * GRID_PER_DECADE), member.pairs + 1))
-    system = system_of(columns_of(data, Held(tuple(grid))), data.knots)
+    weighted = once(shared, tuple(grid), lambda: _weighted_grid(shared, grid))
+    count = len(shared.base.data.knots)
+    start = _best_on_grid(weighted, grid, member.pairs, count)
+    return _pattern_search(shared, start, low, high, weighted.factor)
+
+
+class WeightedGrid(NamedTuple):
+    """Normal equations of all time constants of a grid: Gram matrix, moment, weight of the data."""
+
+    gram: np.ndarray
+    moment: np.ndarray
+    factor: float
+
+
+def _weighted_grid(shared, grid):
+    system = system_about(shared, Held(tuple(grid)))
     factor = solved(system).factor
-    return _pattern_search(
-        data, _best_on_grid(system, grid, member.pairs, factor), low, high, factor
-    )
+    gram = factor * system.gram + system.prior
+    return WeightedGrid(gram, factor * system.moment - pull_of(system), factor)
 
 
-def _best_on_grid(system, grid, pairs, factor):
+def _best_on_grid(weighted, grid, pairs, count):
     """Combination of grid time constants with the lowest cost [s]; one system serves all."""
-    gram = factor * system.matrix.T @ system.matrix + system.prior
-    moment = factor * system.matrix.T @ system.target - pull_of(system)
-    count = len(system.knots)
+    gram, moment, _ = weighted
     first = 2 * count + SCALES
     best, cost = None, np.inf
     for chosen in combinations(range(len(grid)), pairs):
@@ -240,14 +260,14 @@ def _best_on_grid(system, grid, pairs, factor):
     return best
 
 
-def _pattern_search(data, start, low, high, factor):
+def _pattern_search(shared, start, low, high, factor):
     """Time constants [s] by pattern search on their logarithms from the best on the grid."""
     log_tau, step = np.log(start), np.log(10) / GRID_PER_DECADE / 2
-    best = cost_of(data, Held(tuple(start)), factor)
+    best = cost_of(shared, Held(tuple(start)), factor)
     while step > FINEST:
         moves = [log_tau + sign * step * unit for unit in np.eye(len(log_tau)) for sign in (1, -1)]
         moves = [np.clip(np.sort(move), np.log(low), np.log(high)) for move in moves]
-        costs = [cost_of(data, Held(tuple(np.exp(move))), factor) for move in moves]
+        costs = [cost_of(shared, Held(tuple(np.exp(move))), factor) for move in moves]
         if min(costs) < best:
             best, log_tau = min(costs), moves[int(np.argmin(costs))]
         else:
@@ -363,7 +383,9 @@ def _costs_of_energies(fit_records, data_of_records, capacity):
     costs, factor = [], None
     for energy in TRIED_JOULE_PER_MOLE:
         data = data_of_records(at_activation_energy(fit_records, energy))
-        fitted = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=fit_records.celsius)
+        settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
+        shared = shared_of(data)
+        fitted = identify(data, PLAIN, shared=shared, **settings)
         factor = factor or fitted.solution.factor
-        costs.append(cost_of(data, fitted.held, factor))
+        costs.append(cost_of(shared, fitted.held, factor))
     return costs

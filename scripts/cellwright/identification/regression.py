@@ -1,194 +1,17 @@
-"""Linear least squares of an identification: its columns over SoC, priors and solution.
+"""Linear least squares of an identification: priors and solution of the columns over SoC.
 
 For given time constants, charge constant of the hysteresis and scale of the kinetics, the voltage
-is V = U(z') + Σ over knots of (shift, R0, R_j, M) × column, where z' is the counted SoC stretched
-by a factor. Each quantity is a course over the same SoC knots, straight between them.
+is V = U(z') + Σ over knots of (shift, R0, R_j, M) × column (`columns`), where z' is the counted SoC
+stretched by a factor. Each quantity is a course over the same SoC knots, straight between them.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.circuit import SPHERE_MODES, UNRESOLVED_SECOND
-from cellwright.circuits.temperature import table_soc
-from cellwright.numerics.lags import lag, lag_by_charge
-from cellwright.numerics.linear import hats, solve
+from cellwright.numerics.linear import solve
 from cellwright.numerics.statistics import correlation_factor
 from cellwright.refusal import Refusal
-
-SOC_WINDOW = 0.01  # over which the slope of an OCV table is taken
-FAST_SECOND = 5.0  # what relaxes faster may be charge transfer, what is slower is diffusion
-
-
-class Held(NamedTuple):
-    """Parameters that are held while the linear ones are solved for.
-
-    tau_second : (m,) time constants of the RC pairs [s].
-    charge_ampere_hour : charge constant of the hysteresis [Ah], None without.
-    scale_volt : scale of the kinetics [V], None for linear resistance.
-    transfer_ohm : (k,) charge-transfer resistance at the knots that the scale acts on [ohm], None
-        at first: linear.
-    missing, stretch : the OCV table is read at 1 − missing − (1 − SoC)·(1 + stretch): what a full
-        charge left out (in the cold it ends early), and by how much the capacity is smaller [1].
-    """
-
-    tau_second: tuple
-    charge_ampere_hour: float | None = None
-    scale_volt: float | None = None
-    transfer_ohm: np.ndarray | None = None
-    missing: float = 0.0
-    stretch: float = 0.0
-    diffusion_second: float | None = None
-
-
-class Data(NamedTuple):
-    """Records, OCV table and SoC knots of an identification.
-
-    records : tuple of Record. knots : (k,) SoC, ascending [1]. ocv_soc, ocv_volt : (p,) table.
-    hold : hold of the current between samples. most_volt : (k,) largest hysteresis at the knots
-    [V], None where no slow test bounds it.
-    """
-
-    records: tuple
-    knots: np.ndarray
-    ocv_soc: np.ndarray
-    ocv_volt: np.ndarray
-    hold: str
-    capacity_ampere_hour: float
-    most_volt: np.ndarray | None = None
-
-
-class Columns(NamedTuple):
-    """A linear problem over the used rows.
-
-    target_volt : (n,) V − U(z'). shift : (n, k). scale : (n, 2) change of U by what is missing at
-    full, and by the stretch [V].
-    resistances : list of (name, (n, k)), each not negative. slope_volt : (n,) of U over SoC [V].
-    held_scale : (2,) the SoC's scale about which all this holds [1]. most_volt : as in Data.
-    """
-
-    target_volt: np.ndarray
-    shift: np.ndarray
-    scale: np.ndarray
-    resistances: list
-    slope_volt: np.ndarray
-    held_scale: np.ndarray
-    most_volt: np.ndarray | None = None
-
-
-def on_table(soc, held):
-    """SoC of the OCV table that belongs to a counted SoC."""
-    return table_soc(soc, held.missing, held.stretch)
-
-
-def ocv_of(data, soc_of_table):
-    """OCV at a SoC of the table (n,), on its first and last slope outside the table [V].
-
-    What is missing at full would else hit the table's flat end.
-    """
-    table, volt = data.ocv_soc, data.ocv_volt
-    low = (volt[1] - volt[0]) / (table[1] - table[0])
-    high = (volt[-1] - volt[-2]) / (table[-1] - table[-2])
-    beyond = (
-        np.minimum(soc_of_table - table[0], 0.0) * low
-        + np.maximum(soc_of_table - table[-1], 0.0) * high
-    )
-    return np.interp(soc_of_table, table, volt) + beyond
-
-
-def slope_of(data, soc_of_table):
-    """Slope of `ocv_of`, as the difference over a window [V]."""
-    half = SOC_WINDOW / 2
-    return (ocv_of(data, soc_of_table + half) - ocv_of(data, soc_of_table - half)) / SOC_WINDOW
-
-
-def columns_of(data, held):
-    """All columns of the linear problem for what is held.
-
-    Parameters
-    ----------
-    data : Data.
-    held : Held.
-
-    Returns
-    -------
-    columns : Columns; "r0" first, then one entry a time constant, then "m" with hysteresis. With
-        kinetics the ohmic "r0" is followed by "rct", the transfer that no sample resolves.
-    """
-    parts = [_record_columns(data, record, held) for record in data.records]
-    used = [record.used for record in data.records]
-
-    def joined(values):
-        return np.concatenate([value[u] for value, u in zip(values, used, strict=True)])
-
-    names = [name for name, _ in parts[0]]
-    stacked = [joined([part[i][1] for part in parts]) for i in range(len(names))]
-    soc = joined([record.soc for record in data.records])
-    volt = joined([record.voltage_volt for record in data.records])
-    surface_soc = on_table(soc, held)
-    if held.diffusion_second is not None:
-        surface_soc = surface_soc + joined(
-            [lead(data, record, held.diffusion_second) for record in data.records]
-        )
-    slope = slope_of(data, surface_soc)
-    return Columns(
-        volt - ocv_of(data, surface_soc),
-        hats(soc, data.knots),
-        -slope[:, None] * np.column_stack([np.ones(len(soc)), 1.0 - soc]),
-        list(zip(names, stacked, strict=True)),
-        slope,
-        np.array([held.missing, held.stretch]),
-        data.most_volt,
-    )
-
-
-def _record_columns(data, record, held):
-    """Columns (name, (n, k)) of each resistance and of the hysteresis over a record."""
-    shape = hats(record.soc, data.knots)
-    ohmic = shape * (record.current_ampere * record.resistance_factor)[:, None]
-    damped = ohmic if held.scale_volt is None else ohmic * damping(record, shape, held)[:, None]
-    columns = [("r0", ohmic)]
-    step = np.diff(record.test_time_second)
-    if held.scale_volt is not None:
-        columns.append(("rct", lag(step, UNRESOLVED_SECOND, damped, hold=data.hold)))
-    for number, tau in enumerate(held.tau_second, 1):
-        drive = damped if tau <= FAST_SECOND else ohmic
-        columns.append((f"r{number}", lag(step, tau, drive, hold=data.hold)))
-    if held.charge_ampere_hour is not None:
-        columns.append(("m", _hysteresis(record, shape, held.charge_ampere_hour, data.hold)))
-    return columns
-
-
-def lead(data, record, diffusion_second):
-    """SoC at the particles' surface less the mean SoC (n,) [1].
-
-    In the steady state tau/15 times the rate of change of the SoC (a sphere under constant flux).
-    """
-    step = np.diff(record.test_time_second)
-    gain = diffusion_second / 15.0 / 3600.0 / data.capacity_ampere_hour
-    drive = gain * record.current_ampere * record.resistance_factor
-    return sum(
-        share * lag(step, diffusion_second * constant, drive, hold=data.hold)
-        for constant, share in SPHERE_MODES
-    )
-
-
-def damping(record, shape, held):
-    """Factor asinh(x)/x, x = r·I/scale, of kinetics relative to their small-current resistance."""
-    if held.transfer_ohm is None:
-        return np.ones(len(record.soc))
-    over = np.abs(shape @ held.transfer_ohm * record.current_ampere * record.resistance_factor)
-    x = np.maximum(over / held.scale_volt, 1e-6)
-    return np.arcsinh(x) / x
-
-
-def _hysteresis(record, shape, charge_ampere_hour, hold):
-    current = record.current_ampere
-    mean = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
-    passed = np.abs(mean) * np.diff(record.test_time_second) / 3600.0
-    return lag_by_charge(passed, charge_ampere_hour, shape[:-1] * np.sign(mean)[:, None])
-
 
 SCALES = 2  # numbers of the SoC's scale: what is missing at full, and the stretch
 
@@ -232,7 +55,8 @@ class System(NamedTuple):
 
     prior : (p, p) precision. held : (p,) what the priors count and the columns do not: the scale
     about which the problem holds, so that the prior is of the scale and not of its last change.
-    most : (p,) upper bounds, None without any.
+    most : (p,) upper bounds, None without any. gram, moment : (p, p), (p,) products of the matrix
+    with itself and with the target.
     """
 
     matrix: np.ndarray
@@ -242,26 +66,29 @@ class System(NamedTuple):
     held: np.ndarray
     names: tuple
     knots: np.ndarray
-    most: np.ndarray | None = None
+    most: np.ndarray | None
+    gram: np.ndarray
+    moment: np.ndarray
 
 
 class Solution(NamedTuple):
     """Solution of a weighted linear problem.
 
-    values, stds : dict name → (k,), with "shift". scale : (2,) change of the SoC's scale [1].
-    vector, covariance : (p,), (p, p) of all parameters, NaN where a bound holds.
+    values : dict name → (k,), with "shift". scale : (2,) change of the SoC's scale [1].
+    vector : (p,) of all parameters.
     residual_volt : (n,) measured minus modelled. factor : weight of a row's square: one over the
     residuals' variance and correlation. cost : factor·Σ residual² + priors' penalty.
+    above_zero : dict of weighting, "first" or "found" → dict name → (k,)
+    bool, which values are above zero.
     """
 
     values: dict
-    stds: dict
     scale: np.ndarray
     vector: np.ndarray
-    covariance: np.ndarray
     residual_volt: np.ndarray
     factor: float
     cost: float
+    above_zero: dict
 
 
 def system_of(columns, knots, *, noise=None, prior=None):
@@ -291,15 +118,24 @@ def system_of(columns, knots, *, noise=None, prior=None):
         noise.soc * columns.slope_volt,
     )
     weight = 1.0 / np.sqrt(sum(np.square(scale) for scale in scales))
-    blocks = [columns.shift, columns.scale, *(c for _, c in columns.resistances)]
-    matrix = np.hstack(blocks) * weight[:, None]
-    target = columns.target_volt * weight
-    sizes = _typical_sizes(columns, matrix, target, len(knots))
+    matrix, target = _weighted(columns, weight, len(knots)), columns.target_volt * weight
+    gram, moment = matrix.T @ matrix, matrix.T @ target
+    sizes = _typical_sizes(names, gram, moment, len(knots))
     precision = _precision(knots, sizes, prior)
     held = np.zeros(len(precision))
     held[len(knots) : len(knots) + SCALES] = columns.held_scale
     most = _upper_bounds(columns.most_volt, names, len(precision))
-    return System(matrix, target, weight, precision, held, names, knots, most)
+    return System(matrix, target, weight, precision, held, names, knots, most, gram, moment)
+
+
+def _weighted(columns, weight, knots):
+    """Matrix (n, p) of all columns times the weight of each row, column by column in memory."""
+    blocks = [columns.shift, columns.scale, *(c for _, c in columns.resistances)]
+    transposed = np.empty((SCALES + knots * (len(blocks) - 1), len(weight)))
+    ends = np.cumsum([block.shape[1] for block in blocks])
+    for block, end in zip(blocks, ends, strict=True):
+        np.multiply(block.T, weight, out=transposed[end - block.shape[1] : end])
+    return transposed.T
 
 
 def _upper_bounds(most_volt, names, size):
@@ -309,21 +145,19 @@ def _upper_bounds(most_volt, names, size):
     return np.append(np.full(size - len(most_volt), np.inf), most_volt)
 
 
-def _typical_sizes(columns, matrix, target, knots):
+def _typical_sizes(names, gram, moment, knots):
     """Size of each resistance if constant over SoC [ohm], the scale of the smoothness prior."""
-    count = len(columns.resistances)
-    ends = SCALES + knots + knots * np.arange(count + 1)
-    groups = [matrix[:, :knots].sum(axis=1)]
-    groups += [matrix[:, a:b].sum(axis=1) for a, b in pairwise(ends)]
-    reduced = np.column_stack(groups)
-    norm = np.linalg.norm(reduced, axis=0)
-    names = [name for name, _ in columns.resistances]
+    # A constant course adds its columns: sums over blocks of the products, without the SoC's scale.
+    starts = np.append([0, knots], knots + SCALES + knots * np.arange(len(names)))
+    rows = np.delete(np.arange(len(starts)), 1)
+    reduced = np.add.reduceat(np.add.reduceat(gram, starts), starts, axis=1)[np.ix_(rows, rows)]
+    target = np.add.reduceat(moment, starts)[rows]
+    norm = np.diag(reduced)
     silent = [name for name, size in zip(names, norm[1:], strict=True) if not size > 0]
     if silent:
         raise Refusal(f"nothing in the data excites {', '.join(silent)}: the current never flows")
-    gram = reduced.T @ reduced
-    gram += np.diag(1e-6 * np.diag(gram))  # two columns may say the same
-    sizes = solve(gram, reduced.T @ target, 1)[1:]
+    reduced = reduced + np.diag(1e-6 * norm)  # two columns may say the same
+    sizes = solve(reduced, target, 1)[1:]
     ohmic = np.array([name != "m" for name in names])
     if not sizes[ohmic].any():
         raise Refusal("no resistance above zero: the voltage moves against the current's sign")
@@ -351,7 +185,7 @@ def _precision(knots, sizes, prior):
     return precision
 
 
-def solved(system, *, factor=None, rounds=2):
+def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
     """Solution of a system, weighted by the residuals and their correlation.
 
     Parameters
@@ -359,26 +193,44 @@ def solved(system, *, factor=None, rounds=2):
     system : System.
     factor : weight of the data; None: found here. Costs compare only at one factor.
     rounds : how often it is taken anew where it is found.
+    expected : dict of weighting → dict name → (k,) bool, which values are expected above zero,
+        "first" at the weight that a search begins with, "found" at the one that it ends with;
+        changes the time alone.
+    scale_free : False: the SoC's scale stays where it is held.
 
     Returns
     -------
     solution : Solution.
     """
-    gram, moment = system.matrix.T @ system.matrix, system.matrix.T @ system.target
-    signed, weight, pull = len(system.knots) + SCALES, factor or 1.0 / 30.0, pull_of(system)
-    for _ in range(rounds if factor is None else 1):
-        normal = weight * gram + system.prior
-        vector = solve(normal, weight * moment - pull, signed, system.most)
-        residual = system.target - system.matrix @ vector
+    gram, moment, matrix = system.gram, system.moment, system.matrix
+    count = len(system.knots)
+    signed, weight, pull = count + SCALES, factor or 1.0 / 30.0, pull_of(system)
+    scale = slice(count, signed)
+    if not scale_free:
+        gram, moment = gram.copy(), moment.copy()
+        gram[scale] = gram[:, scale] = moment[scale] = 0.0
+    expected, above_zero = expected or {}, {}
+    weightings = ["first", *["found"] * (rounds - 1)] if factor is None else ["found"]
+    for weighting in weightings:
+        normal, free = weight * gram + system.prior, _free(system, expected.get(weighting, {}))
+        vector = solve(normal, weight * moment - pull, signed, system.most, free=free)
+        above_zero[weighting], effective = vector > 0, vector.copy()
+        effective[scale] *= scale_free
+        residual = system.target - matrix @ effective
         if factor is None:
             spread = max(np.mean(residual**2), 1e-12) * max(correlation_factor(residual), 1.0)
             weight = 1.0 / spread
-    covariance = _covariance(weight * gram + system.prior, vector, signed, system.most)
     total = vector + system.held
     cost = weight * (residual @ residual) + total @ system.prior @ total
-    values, stds = named(system, vector), named(system, np.sqrt(np.diag(covariance)))
-    volt = residual / system.weight
-    return Solution(values, stds, values["scale"], vector, covariance, volt, weight, float(cost))
+    values, volt = named(system, vector), residual / system.weight
+    above = {weighting: named(system, free) for weighting, free in above_zero.items()}
+    return Solution(values, values["scale"], vector, volt, weight, float(cost), above)
+
+
+def _free(system, expected):
+    """Which parameters are expected off their bound (p,)."""
+    signed, every = np.ones(len(system.knots) + SCALES, bool), np.ones(len(system.knots), bool)
+    return np.concatenate([signed, *(expected.get(name, every) for name in system.names)])
 
 
 def pull_of(system):
@@ -399,10 +251,17 @@ def named(system, vector):
     return dict(zip(("shift", "scale", *system.names), np.split(vector, ends), strict=True))
 
 
-def _covariance(precision, vector, signed, most):
-    """Covariance of the free parameters; NaN for those at a bound, zero or the largest allowed."""
+def covariance_of(system, solution):
+    """Covariance of all parameters (p, p); NaN for those at a bound, zero or the largest allowed.
+
+    Parameters
+    ----------
+    system : System. solution : Solution, of a free SoC scale.
+    """
+    signed, vector = len(system.knots) + SCALES, solution.vector
+    precision = solution.factor * system.gram + system.prior
     free = np.append(np.ones(signed, bool), vector[signed:] > 0)
-    free &= vector < (np.inf if most is None else most)
+    free &= vector < (np.inf if system.most is None else system.most)
     covariance = np.full(precision.shape, np.nan)
     covariance[np.ix_(free, free)] = np.linalg.inv(precision[np.ix_(free, free)])
     return covariance
@@ -416,13 +275,14 @@ def held_out(system, solution, fold):
     system, solution : System, Solution of all rows.
     fold : (n,) number of the fold of each row, 0, 1, …; −1: never left out.
     """
-    gram, moment = system.matrix.T @ system.matrix, system.matrix.T @ system.target
     signed, pull = len(system.knots) + SCALES, pull_of(system)
+    free = _free(system, solution.above_zero["found"])
     residual_volt, factor = solution.residual_volt.copy(), solution.factor
     for number in range(fold.max() + 1):
         fold_rows = fold == number
         matrix, target = system.matrix[fold_rows], system.target[fold_rows]
-        rest = factor * (gram - matrix.T @ matrix) + system.prior
-        vector = solve(rest, factor * (moment - matrix.T @ target) - pull, signed, system.most)
+        rest = factor * (system.gram - matrix.T @ matrix) + system.prior
+        moment = factor * (system.moment - matrix.T @ target) - pull
+        vector = solve(rest, moment, signed, system.most, free=free)
         residual_volt[fold_rows] = (target - matrix @ vector) / system.weight[fold_rows]
     return residual_volt

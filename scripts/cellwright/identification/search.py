@@ -5,14 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import UNRESOLVED_SECOND
-from cellwright.identification.regression import (
+from cellwright.identification.columns import (
     FAST_SECOND,
-    SCALES,
+    Base,
+    base_of,
     columns_of,
-    named,
-    solved,
-    system_of,
+    resistance_columns,
 )
+from cellwright.identification.regression import covariance_of, named, solved, system_of
 from cellwright.numerics.statistics import rms
 
 WIDEST = 0.1  # change of the SoC's scale that is believed
@@ -20,29 +20,120 @@ SETTLED = 2e-4  # change of the SoC's scale that is small enough
 STEADY = 0.003  # change of the charge-transfer resistance that is small enough, of its largest
 
 
+class Shared(NamedTuple):
+    """What fits of several members to the same data have in common, filled while they are made.
+
+    base : columns.Base. searched : dict of searches that are finished, such as the time constants
+    of two pairs. expected : dict of weighting → dict name → (k,) bool, which values of the last
+    solution were above zero: the next one's are nearly the same. system : dict of the last Held
+    and its system.
+    """
+
+    base: Base
+    searched: dict
+    expected: dict
+    system: dict
+
+
+def shared_of(data):
+    """Shared of a set of data, with nothing searched yet.
+
+    Parameters
+    ----------
+    data : columns.Data.
+    """
+    return Shared(base_of(data), {}, {}, {})
+
+
+def once(shared, key, search):
+    """Result of a search over the data, which another member may have asked for before.
+
+    Parameters
+    ----------
+    shared : Shared. key : hashable, all that the search depends on beside the data.
+    search : function of no argument.
+    """
+    if key not in shared.searched:
+        shared.searched[key] = search()
+    return shared.searched[key]
+
+
 class Fit(NamedTuple):
-    """Held parameters, the regression.System about them, and its Solution."""
+    """Held parameters, the regression.System about them, its Solution, and a covariance (p, p).
+
+    The solution is that at the held SoC scale, the covariance that with a free one.
+    """
 
     held: object
     system: object
     solution: object
+    covariance: np.ndarray
 
 
-def settled(data, held, *, passes=10):
+def settled(shared, held, *, passes=10):
     """Fit after the SoC's scale and the kinetics have converged.
 
     Parameters
     ----------
-    data : regression.Data.
-    held : regression.Held.
+    shared : Shared.
+    held : columns.Held.
     passes : largest number of solutions, each about the scale and kinetics of the last.
     """
+    held = _approached(shared, held, passes - 1)
+    system = system_about(shared, held)
+    solution = _solved(shared, system)
+    covariance = covariance_of(system, solution)
+    # A last change of the scale that is not made would leave values that belong to another scale.
+    solution = _solved(shared, system, scale_free=False)
+    return Fit(_with_transfer(held, solution), system, solution, covariance)
+
+
+def system_about(shared, held):
+    """The linear problem about held parameters; the last one is kept, it is often asked for again.
+
+    Parameters
+    ----------
+    shared : Shared. held : columns.Held.
+
+    Returns
+    -------
+    system : regression.System.
+    """
+    key = key_of(held)
+    if key not in shared.system:
+        shared.system.clear()
+        columns = columns_of(shared.base, held)
+        shared.system[key] = system_of(columns, shared.base.data.knots)
+    return shared.system[key]
+
+
+def key_of(held):
+    """Held parameters as a key of dictionaries.
+
+    Parameters
+    ----------
+    held : columns.Held.
+    """
+    transfer = held.transfer_ohm
+    return held._replace(transfer_ohm=None if transfer is None else tuple(transfer))
+
+
+def _solved(shared, system, **settings):
+    """Solution of a system, begun from which values the last one had above zero."""
+    solution = solved(system, expected=shared.expected, **settings)
+    for weighting, above_zero in solution.above_zero.items():
+        shared.expected.setdefault(weighting, {}).update(above_zero)
+    return solution
+
+
+def _approached(shared, held, passes):
+    """Held parameters after so many passes, fewer where the SoC's scale and kinetics are still."""
     if held.scale_volt is not None and held.transfer_ohm is None:
-        linear = solved(system_of(columns_of(data, held._replace(scale_volt=None)), data.knots))
+        linear = _solved(shared, system_about(shared, held._replace(scale_volt=None)))
         held = held._replace(transfer_ohm=_transfer(held, linear.values, half=True))
     last, share = 0.0, 1.0
-    for _ in range(passes - 1):
-        solution = solved(system_of(columns_of(data, held), data.knots))
+    for _ in range(passes):
+        solution = _solved(shared, system_about(shared, held))
         scale = np.clip(np.array([held.missing, held.stretch]) + solution.scale, -WIDEST, WIDEST)
         still = np.abs(solution.scale).max() < SETTLED
         held = held._replace(missing=float(scale[0]), stretch=float(scale[1]))
@@ -55,27 +146,14 @@ def settled(data, held, *, passes=10):
             last = change
         if still:
             break
-    system = system_of(columns_of(data, held), data.knots)
-    solution = at_scale(system, solved(system))
-    if held.scale_volt is not None:
-        held = held._replace(transfer_ohm=_transfer(held, solution.values))
-    return Fit(held, system, solution)
+    return held
 
 
-def at_scale(system, solution):
-    """Solution at the held SoC scale, with the deviations of a free scale.
-
-    A last change that is not made would leave values that belong to another scale.
-
-    Parameters
-    ----------
-    system, solution : regression.System, its Solution with the scale's change.
-    """
-    count = len(system.knots)
-    matrix = system.matrix.copy()
-    matrix[:, count : count + SCALES] = 0.0
-    held = solved(system._replace(matrix=matrix))
-    return held._replace(stds=solution.stds, covariance=solution.covariance)
+def _with_transfer(held, solution):
+    """Held parameters with the charge transfer of a solution, where there are kinetics."""
+    if held.scale_volt is None:
+        return held
+    return held._replace(transfer_ohm=_transfer(held, solution.values))
 
 
 def _transfer(held, values, *, half=False):
@@ -84,31 +162,40 @@ def _transfer(held, values, *, half=False):
     return sum(fast, 0.5 * values["r0"] if half else values["rct"])
 
 
-def cheapest(data, tries, factor):
-    """Held parameters of the lowest cost at one weight of the data, after two passes each.
+def cheapest(shared, tries, factor):
+    """Held parameters of the lowest cost at one weight of the data, after one pass each.
 
     Parameters
     ----------
-    data : regression.Data. tries : list of regression.Held.
+    shared : Shared. tries : list of columns.Held.
     factor : weight of the data, of one solution.
 
     Returns
     -------
-    held : regression.Held.
+    held : columns.Held.
     """
-    candidates = [settled(data, held, passes=2).held for held in tries]
-    costs = [cost_of(data, held, factor) for held in candidates]
+    candidates = [_after_one_pass(shared, held) for held in tries]
+    if len(candidates) == 1:
+        return candidates[0]
+    costs = [cost_of(shared, held, factor) for held in candidates]
     return candidates[int(np.argmin(costs))]
 
 
-def cost_of(data, held, factor):
+def _after_one_pass(shared, held):
+    held = _approached(shared, held, 1)
+    if held.scale_volt is None:
+        return held
+    return _with_transfer(held, _solved(shared, system_about(shared, held), scale_free=False))
+
+
+def cost_of(shared, held, factor):
     """Cost of held parameters at a given weight of the data (see `regression.Solution`).
 
     Parameters
     ----------
-    data : regression.Data. held : regression.Held. factor : weight of the data.
+    shared : Shared. held : columns.Held. factor : weight of the data.
     """
-    return solved(system_of(columns_of(data, held), data.knots), factor=factor).cost
+    return _solved(shared, system_about(shared, held), factor=factor).cost
 
 
 STEP = 0.01  # of a logarithm, for central differences
@@ -125,41 +212,46 @@ class Free(NamedTuple):
     slope: np.ndarray
 
 
-def with_time_constants(data, fit):
+def with_time_constants(shared, fit):
     """Precision and slope with the logarithms of the time constants free as well.
 
     Parameters
     ----------
-    data : regression.Data. fit : Fit.
+    shared : Shared. fit : Fit.
 
     Returns
     -------
     free : Free.
     """
-    held, system, solution = fit
-    changes = [_change(data, held, n, solution.values) for n in range(len(held.tau_second))]
-    matrix = np.column_stack([system.matrix, *(change * system.weight for change in changes)])
+    held, system, solution = fit[:3]
+    count = len(held.tau_second)
+    changes = [_change(shared.base, held, n, solution.values) for n in range(count)]
+    weighted = np.column_stack(changes) * system.weight[:, None]
     size = len(solution.vector)
-    precision = solution.factor * matrix.T @ matrix
-    precision[:size, :size] += system.prior
-    slope = solution.factor * matrix.T @ (solution.residual_volt * system.weight)
+    precision = np.empty((size + count, size + count))
+    precision[:size, :size] = solution.factor * system.gram + system.prior
+    precision[:size, size:] = solution.factor * system.matrix.T @ weighted
+    precision[size:, :size] = precision[:size, size:].T
+    precision[size:, size:] = solution.factor * weighted.T @ weighted
+    residual = solution.residual_volt * system.weight
+    slope = solution.factor * np.append(system.matrix.T @ residual, weighted.T @ residual)
     slope[:size] -= system.prior @ (solution.vector + system.held)
     return Free(precision, slope)
 
 
-def _change(data, held, number, values):
+def _change(base, held, number, values):
     """Derivative of the voltage by the logarithm of one time constant (n,) [V]."""
     sides = []
     for sign in (1, -1):
         tau = list(held.tau_second)
         tau[number] *= np.exp(sign * STEP)
-        sides.append(columns_of(data, held._replace(tau_second=tuple(tau))).resistances)
+        sides.append(resistance_columns(base, held._replace(tau_second=tuple(tau))))
     up, down = sides
     change = sum((a - b) @ values[name] for (name, a), (_, b) in zip(up, down, strict=True))
     return change / (2 * STEP)
 
 
-def refined(data, fit, bounds, *, steps=3, enough=0.1):
+def refined(shared, fit, bounds, *, steps=3, enough=0.1):
     """Fit after Newton steps of the time constants, as long as they lower the cost.
 
     The search ends a few per cent from the optimum, and ran without hysteresis, kinetics and
@@ -167,7 +259,7 @@ def refined(data, fit, bounds, *, steps=3, enough=0.1):
 
     Parameters
     ----------
-    data, fit : as in `with_time_constants`.
+    shared, fit : as in `with_time_constants`.
     bounds : (low, high) of time constants [s].
     steps : how many at most.
     enough : step that is small enough, over the standard deviation [1].
@@ -177,22 +269,22 @@ def refined(data, fit, bounds, *, steps=3, enough=0.1):
     fit : Fit, as given where no step helps.
     """
     factor = fit.solution.factor
-    best = cost_of(data, fit.held, factor)
+    best = cost_of(shared, fit.held, factor)
     for _ in range(steps):
-        step, std = _step(with_time_constants(data, fit), fit.solution)
+        step, std = _step(with_time_constants(shared, fit), fit)
         tau = np.clip(np.asarray(fit.held.tau_second) * np.exp(np.clip(step, -0.5, 0.5)), *bounds)
         tried = fit.held._replace(tau_second=tuple(np.sort(tau)))
-        cost = cost_of(data, tried, factor)
+        cost = cost_of(shared, tried, factor)
         if cost >= best:
             break
-        fit = settled(data, tried, passes=3)
-        best = cost_of(data, fit.held, factor)
+        fit = settled(shared, tried, passes=3)
+        best = cost_of(shared, fit.held, factor)
         if np.all(np.abs(step) <= enough * std):
             break
     return fit
 
 
-def covariance_of(free, solution):
+def whole_covariance(free, fit):
     """Covariance with the time constants free, (p + m, p + m); NaN where a bound holds.
 
     Where the data do not tell the time constants apart, these have none, and all else is as known
@@ -200,24 +292,25 @@ def covariance_of(free, solution):
 
     Parameters
     ----------
-    free : Free. solution : regression.Solution.
+    free : Free. fit : Fit.
     """
-    size, diagonal = len(solution.vector), np.diag(free.precision)
-    loose = np.append(np.isfinite(np.diag(solution.covariance)), diagonal[size:] > 0)
+    size, diagonal = len(fit.covariance), np.diag(free.precision)
+    loose = np.append(np.isfinite(np.diag(fit.covariance)), diagonal[size:] > 0)
     rows, scale = np.ix_(loose, loose), np.sqrt(diagonal[loose])
     unit = free.precision[rows] / np.outer(scale, scale)
     covariance = np.full(free.precision.shape, np.nan)
     if np.linalg.eigvalsh(unit)[0] > RESOLVED:
         covariance[rows] = np.linalg.inv(unit) / np.outer(scale, scale)
     else:
-        covariance[:size, :size] = solution.covariance
+        covariance[:size, :size] = fit.covariance
     return covariance
 
 
-def _step(free, solution):
+def _step(free, fit):
     """Newton step of the logarithms of the time constants, and their standard deviations."""
-    covariance = covariance_of(free, solution)[len(solution.vector) :]
-    std = np.sqrt(np.diag(covariance[:, len(solution.vector) :]))
+    size = len(fit.covariance)
+    covariance = whole_covariance(free, fit)[size:]
+    std = np.sqrt(np.diag(covariance[:, size:]))
     return np.nan_to_num(covariance) @ free.slope, np.nan_to_num(std)
 
 
@@ -255,23 +348,23 @@ class Condition(NamedTuple):
     samples: int
 
 
-def condition_of(data, member, fit, bounds):
+def condition_of(shared, member, fit, bounds):
     """Condition of a solution, with deviations of the time constants where these were searched.
 
     Parameters
     ----------
-    data : regression.Data. member : circuit.Member. fit : Fit.
+    shared : Shared. member : circuit.Member. fit : Fit.
     bounds : (low, high) of searched time constants [s]; None where they are a fixed series.
 
     Returns
     -------
     condition : Condition.
     """
-    held, system, solution = fit
-    values, stds, tau_stds = solution.values, solution.stds, np.full(len(held.tau_second), np.nan)
-    at_bound = []
+    data, (held, system, solution, covariance) = shared.base.data, fit
+    stds = named(system, np.sqrt(np.diag(covariance)))
+    values, tau_stds, at_bound = solution.values, np.full(len(held.tau_second), np.nan), []
     if bounds is not None and held.tau_second:
-        stds, tau_stds = _with_time_constants(data, fit)
+        stds, tau_stds = _with_time_constants(shared, fit)
         log = np.log(held.tau_second)
         edge = (np.abs(log - np.log(bounds[0])) < AT_BOUND) | (
             np.abs(log - np.log(bounds[1])) < AT_BOUND
@@ -333,8 +426,8 @@ def _elements(data, member, held, values, stds, tau_stds):
     return tuple(elements)
 
 
-def _with_time_constants(data, fit):
+def _with_time_constants(shared, fit):
     """Standard deviations with the time constants free: of the linear parameters, of tau [s]."""
-    std = np.sqrt(np.diag(covariance_of(with_time_constants(data, fit), fit.solution)))
+    std = np.sqrt(np.diag(whole_covariance(with_time_constants(shared, fit), fit)))
     size = len(fit.solution.vector)
     return named(fit.system, std[:size]), std[size:] * np.asarray(fit.held.tau_second)

@@ -4,6 +4,12 @@
  * and the exponential is taken anew only where step or time constant change. */
 #include <math.h>
 #include <stdint.h>
+#include <string.h>
+
+/* Steps whose weights are kept. Those of a thinned record differ from row to row, but are few:
+ * whole samples of its clock. */
+#define KNOWN_BITS 9
+#define KNOWN (1 << KNOWN_BITS)
 
 static void weights(double step, double tau, int64_t first_order, double *decay, double *before,
                     double *after) {
@@ -44,17 +50,25 @@ void lag(int64_t n, int64_t m, const double *step, const double *tau, int64_t ta
  * fresh[k] is not zero the state begins anew at start[k]. */
 void lag_fresh(int64_t n, const double *step, const double *fresh, const double *linear, double tau,
                const double *start, const double *drive, double *state) {
-    double decay = 1.0, before = 0.0, after = 0.0, last_step = -1.0, last_linear = -1.0;
+    struct {
+        double step, linear, decay, before, after;
+    } known[KNOWN];
+    for (int64_t i = 0; i < KNOWN; i++) known[i].step = -1.0;
     for (int64_t k = 0; k < n; k++) {
         if (fresh[k] != 0.0) {
             state[k] = start[k];
             continue;
         }
-        if (step[k] != last_step || linear[k] != last_linear) {
-            weights(step[k], tau, linear[k] != 0.0, &decay, &before, &after);
-            last_step = step[k];
-            last_linear = linear[k];
+        uint64_t bits;
+        memcpy(&bits, step + k, sizeof bits);
+        const uint64_t i = (bits * 0x9E3779B97F4A7C15u) >> (64 - KNOWN_BITS);
+        if (known[i].step != step[k] || known[i].linear != linear[k]) {
+            known[i].step = step[k];
+            known[i].linear = linear[k];
+            weights(step[k], tau, linear[k] != 0.0, &known[i].decay, &known[i].before,
+                    &known[i].after);
         }
-        state[k] = decay * state[k - 1] + (before * drive[k - 1] + after * drive[k]);
+        state[k] = known[i].decay * state[k - 1] +
+                   (known[i].before * drive[k - 1] + known[i].after * drive[k]);
     }
 }
