@@ -202,7 +202,7 @@ def _is_docstring(node) -> bool:
     )
 
 
-def _name(path: str) -> str:
+def name_of(path: str) -> str:
     """Path relative to the campaign, or to the repository for what lies there.
 
     Of what lies in object storage a job reads a copy, which has the name of the original.
@@ -228,7 +228,7 @@ def record(job, inputs) -> dict:
         "rule": job.params.get("rule", job.rule),
         "wildcards": dict(job.wildcards.items()),
         "params": json.loads(json.dumps(params, default=str, sort_keys=True)),
-        "inputs": {_name(path): sha256_of(path) for path in sorted(set(map(str, inputs)))},
+        "inputs": {name_of(path): sha256_of(path) for path in sorted(set(map(str, inputs)))},
         "code": job.params.get("code"),
         "contract": job.params.get("contract"),
         "environment_lock": sha256_of(LOCK),
