@@ -33,7 +33,7 @@ def options():
 
 
 def test_every_profile_is_tested():
-    assert {path.name for path in PROFILES.iterdir()} == {"default", *ELSEWHERE}
+    assert {path.name for path in PROFILES.iterdir()} == {"default", "warm", *ELSEWHERE}
 
 
 @pytest.mark.parametrize("name", ELSEWHERE)

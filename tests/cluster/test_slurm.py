@@ -67,5 +67,5 @@ def test_a_campaign_on_slurm_ends_with_the_bytes_of_a_plain_run(cluster, tmp_pat
         "group_tests",
         "group_models",
         "group_figures",
-        "rule_table",
+        "rule_tables_of_tests",
     }

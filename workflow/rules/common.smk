@@ -23,10 +23,12 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
-from runtime import contract, job_environment, job_requests, settings, sheets, snakemake_state
+from runtime import contract, job_environment, job_requests, object_storage
+from runtime import settings, sheets, snakemake_state
 from runtime.provenance import codes_of
 
 job_environment.prepare(SCRIPTS)
+object_storage.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
 STARTED = time.time()
 if workflow.is_main_process:
     snakemake_state.clear_stale_locks(Path.cwd())
