@@ -5,8 +5,8 @@ def keep_wildcard_constraints(provider):
     """Let rules with the same output patterns be told apart by the constraints of their wildcards.
 
     Snakemake writes the constraints into the address of an output and matches files against the
-    path of its local copy. The S3 plugin (0.3.6) makes that path once, before there are constraints;
-    here it follows from the address as it is.
+    path of its local copy. The S3 plugin (0.3.6) makes that path once, before there are
+    constraints; here it follows from the address as it is.
 
     Parameters
     ----------
