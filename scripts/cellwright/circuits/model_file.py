@@ -285,10 +285,13 @@ def circuit_at(conditions, soc, temperature_celsius):
         pairs = zip(conditions, elements, strict=True)
         return [_course(c, e[index][1][name], soc) for c, e in pairs]
 
+    met = [k for k, weight in enumerate(weights) if weight.any()]  # a record sees few temperatures
+
     def mixed(index, name):
-        logs = [np.log(np.maximum(course, SMALLEST)) for course in courses(index, name)]
+        pairs = [(conditions[k], elements[k][index][1][name]) for k in met]
+        logs = [np.log(np.maximum(_course(c, values, soc), SMALLEST)) for c, values in pairs]
         factor = beyond if name in instrument.WARMED else 1.0
-        return factor * np.exp(mixed_by(weights, logs))
+        return factor * np.exp(mixed_by([weights[k] for k in met], logs))
 
     resistive = [k for k, (_, parameters) in enumerate(elements[0]) if "r_ohm" in parameters]
     origins = [elements[0][k][0] for k in resistive]
