@@ -15,7 +15,7 @@ from figures import (
     resistance,
     temperature,
 )
-from runtime import artefact
+from runtime import artefact, provenance
 
 
 def part_of(job, name, drawn):
@@ -38,6 +38,16 @@ def part_of(job, name, drawn):
         params=shared | {"figure": drawn["kind"]} | drawn["settings"],
         log=job.log,
     )
+
+
+def located(drawn, inputs):
+    """The same figure, drawn from copies where its artefacts lie in object storage."""
+    copies = {provenance.name_of(path): path for path in inputs}
+    parts = {
+        name: copies[part] if isinstance(part, str) else [copies[path] for path in part]
+        for name, part in drawn["inputs"].items()
+    }
+    return drawn | {"inputs": parts}
 
 
 def _listed(part):

@@ -25,11 +25,13 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
-from runtime import contract, job_environment, settings, sheets, snakemake_state
+from runtime import contract, job_environment, job_requests, object_storage
+from runtime import settings, sheets, snakemake_state
 from runtime.provenance import codes_of
 
 job_environment.prepare(SCRIPTS)
 snakemake_state.compare_parameters_without_pandas()
+object_storage.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
 STARTED = time.time()
 if workflow.is_main_process:
     snakemake_state.clear_stale_locks(Path.cwd())
@@ -159,6 +161,24 @@ def own_parameters(rule, codes):
     renamed = {"rule": own_name} if rule.name != own_name else {}
     held_against = contract.fingerprint(*map(str, rule.output))
     return {"code": codes[script], "contract": held_against, **renamed}
+
+
+JOB_COSTS = job_requests.read(PIPELINE / "workflow" / "job_costs.csv")
+
+
+def ask_for_resources(own_rule):
+    """Lay on a rule the memory and time that its jobs ask a cluster for, and their group.
+
+    What the user sets by --set-resources stays. Executors on this machine know no groups.
+    """
+    cost = JOB_COSTS.get(script_of(own_rule).rpartition("/")[2])
+    if cost is None:
+        return
+    set_by_user = workflow.resource_settings.overwrite_resources.get(own_rule.name, {})
+    for name, amount in job_requests.requests(cost).items():
+        if name not in set_by_user:
+            own_rule.resources[name] = amount
+    own_rule.group = job_requests.group_of(cost, own_rule.wildcard_names)
 
 
 SECTIONS = settings.load(SCHEMAS, "config")["properties"]

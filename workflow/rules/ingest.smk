@@ -2,9 +2,12 @@
 
 
 def raw_files(wildcards):
-    """The files of a test that are there; what is missing the job itself will report."""
+    """The files of a test that are there; what is missing the job itself will report.
+
+    They stay where the laboratory wrote them, also where artefacts lie in object storage.
+    """
     row = TESTS[wildcards.cell, wildcards.test]
-    return [file for file in row["file"] if Path(file).is_file()]
+    return [local(file) for file in row["file"] if Path(file).is_file()]
 
 
 def reading(wildcards):

@@ -29,10 +29,10 @@ rule report:
         artefacts=STAGES,
         verdicts=VERDICTS,
         cold=COLD_WORDS,
-        template=f"{PIPELINE}/workflow/report/report.html.j2",
-        page=f"{PIPELINE}/workflow/report/page.html.j2",
-        parts=f"{PIPELINE}/workflow/report/parts.html.j2",
-        captions=f"{PIPELINE}/workflow/report/captions.yaml",
+        template=local(f"{PIPELINE}/workflow/report/report.html.j2"),
+        page=local(f"{PIPELINE}/workflow/report/page.html.j2"),
+        parts=local(f"{PIPELINE}/workflow/report/parts.html.j2"),
+        captions=local(f"{PIPELINE}/workflow/report/captions.yaml"),
     output:
         "results/report.html",
     log:

@@ -106,7 +106,7 @@ rule summary:
         tables=[f"results/tables/{table}.csv" for table in TABLES if table != "excluded"],
         stages=STAGES,
         models=MODELS,
-        laws=Path(PIPELINE, "tests/artefacts").glob("*.py"),
+        laws=[local(str(path)) for path in Path(PIPELINE, "tests/artefacts").glob("*.py")],
     output:
         excluded="results/tables/excluded.csv",
         summary="results/summary.csv",
