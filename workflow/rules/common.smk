@@ -127,9 +127,14 @@ def one_of(names):
         endings.setdefault(name[0], set()).add(name[1:])
     for letter, rest in sorted(endings.items()):
         letters.setdefault(one_of(frozenset(rest)), []).append(re.escape(letter))
-    parts = [(of[0] if len(of) == 1 else f"[{''.join(of)}]") + rest for rest, of in letters.items()]
+    parts = [
+        f"{of[0]}{rest}" if len(of) == 1 else f"[{''.join(of)}]{rest}"
+        for rest, of in letters.items()
+    ]
     grouped = parts[0] if len(parts) == 1 and "" not in names else f"(?:{'|'.join(parts)})"
-    return "" if not parts else grouped + "?" * ("" in names)
+    if not parts:
+        return ""
+    return f"{grouped}?" if "" in names else grouped
 
 
 def only_these(rows):
