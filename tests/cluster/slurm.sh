@@ -68,8 +68,13 @@ END
 
 stop() {
     grep -qs "^StateSaveLocation=$folder/state$" $conf || return 0
+    # Each writes files (munged its seed) until it has ended.
     for pid in "$folder/slurmd.pid" "$folder/slurmctld.pid" $munge/pid; do
-        [ ! -e "$pid" ] || kill "$(cat "$pid")" 2>/dev/null || :
+        [ -e "$pid" ] && process=$(cat "$pid") && kill "$process" 2>/dev/null || continue
+        for _ in 1 2 3 4 5 6 7 8 9 10; do
+            kill -0 "$process" 2>/dev/null || break
+            sleep 1
+        done
     done
     rm -rf $conf $munge
 }
