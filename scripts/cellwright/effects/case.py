@@ -8,9 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.judge import by_starts, rests_of, started
+from cellwright.effects.judge import rests_of, start_errors, started
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.proof import (
+    blocks_of,
+    consistency,
+    excess_volt,
+    floor_of,
+    inflation,
+)
 from cellwright.effects.records import lacking, stacked
 from cellwright.effects.screen import candidates, chi_square_of, screened
 from cellwright.effects.search import State, frees_of
@@ -44,16 +51,9 @@ class Gates(NamedTuple):
     refits: int = SEARCH.refits
     bic: float = SEARCH.bic
     validation_chi_square: float = SEARCH.validation_chi_square
-    validation_fall: float = SEARCH.validation_fall
     visible_chi_square: float = SEARCH.visible_chi_square
     material_volt: float = SEARCH.material_volt
-    material_share: float = SEARCH.material_share
-    nothing_ratio: float = SEARCH.nothing_ratio
-    nothing_volt: float = SEARCH.nothing_volt
-    adequate_ratio: float = SEARCH.adequate_ratio
-    adequate_closed: float = SEARCH.adequate_closed
-    partial_closed: float = SEARCH.partial_closed
-    unknown_ratio: float = SEARCH.unknown_ratio
+    unknown_volt: float = SEARCH.unknown_volt
     tie_absolute: float = SEARCH.tie_absolute
     tie_relative: float = SEARCH.tie_relative
     rounds: int = SEARCH.rounds
@@ -65,18 +65,21 @@ class Gates(NamedTuple):
 STEADY_C_RATE = 0.02
 LOGGED = {"current_offset", "leakage"}  # what the current logged at rest decides between
 SLOW = "slow_diffusion"
+MOST_WHITE = 1.5  # times the scatter of neighbouring rows
+SHARPER = 0.8  # fall of the misfit for which a round is repeated
 FAR_LOG = 0.2  # change of a log resistance or time constant up to which derivatives are kept
 
 
 class Filters(NamedTuple):
     """Whitening of both stacks by one noise, and which of their rows an rms error counts.
 
-    noise : noise.Noise. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV, where a
-    little
-    charge is many millivolts, do not count.
+    noise : noise.Noise of the readings. misfit : tuple of Noise, of each record fitted, with what
+    no effect explains in it. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV,
+    where a little charge is many millivolts, do not count.
     """
 
     noise: noise.Noise
+    misfit: tuple
     extra_volt: tuple
     fit: noise.Whitening
     validation: noise.Whitening
@@ -100,6 +103,11 @@ class Case(NamedTuple):
     polish_share: float = 0.3  # of the best J, from which a misled trial is refitted
     settled: float = SETTLED
     keeps_derivatives: bool = True
+
+    @property
+    def steady_ampere(self):
+        """Change of the current between two rows up to which it counts as steady [A]."""
+        return STEADY_C_RATE * self.cell.capacity_ampere_hour
 
     def possible(self, library):
         """Effects, by key, that the records excite and that current and voltage can show."""
@@ -133,17 +141,30 @@ class Case(NamedTuple):
         return candidates(predict, solution.prediction, solution.values, further)
 
     def filters_for(self, residual, filters, earlier):
-        """Filters by the noise of the residual of a model with all candidates in it."""
+        """Filters by the noise and the misfit of the residual with all candidates in the model."""
         limits = {
             name: getattr(self.gates, name) for name in ("most_slow_volt", "most_slow_second")
         }
-        spread = noise.estimate_noise(
-            residual, self.fit, extra_volt=filters.extra_volt[0], **limits
-        )
-        return filters_of(self, spread, filters.extra_volt)
+        extra = {"extra_volt": filters.extra_volt[0]}
+        spread = noise.estimate_noise(residual, self.fit, **extra, **limits)
+        # What a reading scatters by, neighbouring rows show; more of it is misfit of the model.
+        read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
+        spread = spread._replace(white_volt=min(spread.white_volt, MOST_WHITE * read))
+        misfit = noise.with_misfit(spread, residual, self.fit, **extra)
+        return filters_of(self, spread, filters.extra_volt, misfit)
 
     def sharper(self, trial, filters):
-        """None: the noise of a cell is taken once a round."""
+        """Filters by the residual of a trial where its misfit is 20 % smaller, else None.
+
+        The misfit is first taken from a linear extrapolation, which fails for a strong effect.
+        """
+        extra = {"extra_volt": filters.extra_volt[0]}
+        residual = trial.state.solution.residual
+        misfit = noise.with_misfit(filters.noise, residual, self.fit, **extra)
+        sizes = [rms([one.volt for one in noises]) for noises in (misfit, filters.misfit)]
+        if sizes[0] > SHARPER * sizes[1]:
+            return None
+        return filters_of(self, filters.noise, filters.extra_volt, misfit)
 
     def screened(self, lined_up, before, free, possible, filters):
         """Scores, best first, and keys of effects that the records cannot show."""
@@ -153,13 +174,55 @@ class Case(NamedTuple):
         """State of a fitted model: its errors on the records that judge."""
         return state_of(self, effects, solution, filters)
 
-    def floor_volt(self, residual, filters, earlier):
-        """Noise that no model can explain: white, from neighbouring rows, and slow [V]."""
+    def floor(self, before, free, residual, filters, earlier):
+        """Error that readings and stated tolerances leave, of the plain model: proof.Floor."""
         if earlier:
-            return earlier[0].floor_volt
-        steady = STEADY_C_RATE * self.cell.capacity_ampere_hour
-        white = noise.read_volt(residual, self.fit, steady_ampere=steady)
-        return float(np.hypot(min(white, filters.noise.white_volt), filters.noise.slow_volt))
+            return earlier[0].floor
+        read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
+        read = min(read, filters.noise.white_volt)
+        return floor_of(self, before, free, filters.validation_rows, read)
+
+    def proof(self, before, after, filters):
+        """How evenly a further effect helps: (Consistency, whether records that judge show it).
+
+        Where it changes nothing there that matters, it is judged on the records fitted.
+        """
+        values = after.values
+        soc = base.fields_of(self.cell, self.validation, values, after.effects).soc
+        blocks = blocks_of(self.validation, soc, filters.validation_rows)
+        sides = before.validation, after.validation
+        limit = {"material_volt": self.gates.material_volt}
+        shown = consistency(*sides, blocks, self.validation.file, **limit)
+        if shown.excited:
+            return shown, True
+        values = after.solution.values
+        soc = base.fields_of(self.cell, self.fit, values, after.effects).soc
+        blocks = blocks_of(self.fit, soc, filters.fit_rows)
+        sides = before.solution.residual, after.solution.residual
+        return consistency(*sides, blocks, self.fit.file, **limit), False
+
+    def inflation(self, state):
+        """By how much the chi-square of each record that judges is too large by correlation."""
+        stack = self.validation
+        return inflation(state.validation_white, stack.file, len(stack.first))
+
+    def explained(self, before, floor):
+        """Whether no error is left that would be material beyond the floor."""
+        fit = excess_volt(before.rmse_volt, floor.fit_volt)
+        proof = excess_volt(before.validation_rmse_volt, floor.validation_volt)
+        return max(fit, proof) <= self.gates.material_volt
+
+    def significant(self, before, trial):
+        """Whether a trial is no chance, in the fit and evenly over the records that judge."""
+        judged = trial.delta_validation > self.gates.validation_chi_square or not trial.proven
+        return trial.delta_bic > self.gates.bic and judged and trial.proof.holds
+
+    def matters(self, first, before, trial, floor):
+        """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
+        was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
+        if not trial.proven:
+            was, now = before.rmse_volt, trial.state.rmse_volt
+        return trial.material and excess_volt(was, now) >= self.gates.material_volt
 
     def misled(self, before, trial):
         """Whether resistances or time constants moved too far for kept derivatives to hold."""
@@ -187,9 +250,8 @@ class Case(NamedTuple):
 
 
 def not_excited(case, effect):
-    """What the records of either role lack for this effect, in words; empty: nothing."""
-    capacity = case.cell.capacity_ampere_hour
-    return lacking(effect, case.fit, capacity) or lacking(effect, case.validation, capacity)
+    """What the records fitted lack to excite this effect, in words; empty: nothing."""
+    return lacking(effect, case.fit, case.cell.capacity_ampere_hour)
 
 
 def _by_rest_current(case, trial):
@@ -242,16 +304,17 @@ def state_of(case, effects, solution, filters):
     rests = rests_of(case.cell, case.fit, solution)
     values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs, rests)
     volt = base.voltage(case.cell, stack, values, effects)
-    error = stack.voltage_volt - volt
     about = case.cell, stack, values, effects, case.tolerance
-    white = filters.validation.apply(error)
-    explained = by_starts(*about, volt, filters.validation, pairs)
+    moved, explained = start_errors(*about, volt, filters.validation, pairs)
+    error = stack.voltage_volt - volt - moved
+    white = filters.validation.apply(stack.voltage_volt - volt)
     return State(
         effects,
         solution,
         values,
         error,
-        float(white @ white) - explained,
+        filters.validation.apply(error),
+        np.bincount(stack.file, white**2) - explained,
         rms(solution.residual[filters.fit_rows]),
         rms(error[filters.validation_rows]),
     )
@@ -268,12 +331,14 @@ def extra_volt_of(case, values):
     return tuple(extra)
 
 
-def filters_of(case, spread, extra):
-    """Filters of both stacks for a noise. extra: see `extra_volt_of`."""
+def filters_of(case, spread, extra, misfit=None):
+    """Filters of both stacks for a noise. extra, misfit: see `extra_volt_of`, `Filters`."""
+    misfit = misfit or (spread,) * len(case.fit.first)
     return Filters(
         spread,
+        misfit,
         extra,
-        noise.whitening(spread, case.fit, extra_volt=extra[0]),
+        noise.whitening(misfit, case.fit, extra_volt=extra[0]),
         noise.whitening(spread, case.validation, extra_volt=extra[1]),
         extra[0] <= case.gates.steep_volt,
         extra[1] <= case.gates.steep_volt,

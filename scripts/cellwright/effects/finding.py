@@ -118,7 +118,7 @@ def of_case(name, case, library, *, split_rest_second=None):
     hidden |= {name for name in library if tie_of(name) is not None}
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     menu, advice = _advised(case, result, rounds, library, untestable)
-    place = worst(residuals, result.floor_volt)
+    place = worst(residuals, result.floor.validation_volt)
     verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
     verdict["paragraph"] = paragraph(verdict, library)
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)

@@ -14,9 +14,13 @@ Both have these methods and values:
 `screened(candidates, before, free, possible, filters)` : scores, best first; keys of effects that
     the records cannot show.
 `state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
-`floor_volt(residual, filters, earlier)` : noise that no model can explain.
+`floor(before, free, residual, filters, earlier)` : error that no effect can explain, `proof.Floor`.
+`proof(before, after, filters)` : how evenly an effect helps, and whether records that judge show it.
+`inflation(state)` : by how much the chi-square of each record that judges is too large.
+`explained(before, floor)`, `significant(before, trial)`, `matters(first, before, trial, floor)` :
+    when nothing is left to explain, and when an effect counts.
 `denied(trials)`, `ties(chosen, tied, denied, possible)` : by measurements outside the fit.
-`gates`, `polish_share`, `misled(before, trial)` : when an effect counts; which trials go on.
+`gates`, `polish_share`, `misled(before, trial)` : limits; which trials go on.
 `settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
     serve its refit to another noise.
 """
@@ -38,8 +42,9 @@ OUTDONE = 0.5  # of the best J: no effect below it is chosen, where the better o
 class State(NamedTuple):
     """A fitted model: its effects, and its errors on the records fitted and those that judge.
 
-    values : of the validation records, with their own starts. validation : residual (m,).
-    validation_chi_square : of it, whitened by the same noise. rmse_volt, validation_rmse_volt :
+    values : of the validation records, with their own starts. validation : residual (m,), errors of
+    the starts taken out. validation_white : the same whitened. validation_chi_squares : (f,) of
+    each validation record. rmse_volt, validation_rmse_volt :
     of a cell's voltage, of a group's branch currents times their cells' ohmic resistance [V].
     """
 
@@ -47,7 +52,8 @@ class State(NamedTuple):
     solution: object
     values: dict
     validation: np.ndarray
-    validation_chi_square: float
+    validation_white: np.ndarray
+    validation_chi_squares: np.ndarray
     rmse_volt: float
     validation_rmse_volt: float
 
@@ -61,7 +67,9 @@ class Trial(NamedTuple):
     """A candidate refitted, compared with the model without it.
 
     score : fall of chi-square that the screen expected. delta_bic, delta_validation : fall of the
-    criterion on the records fitted, of chi-square on those that judge. material : its size matters.
+    criterion on the records fitted, of chi-square on those that judge, the latter corrected for
+    correlated misfit. material : its size matters. proof : proof.Consistency. proven : whether the
+    records that judge show it; else it was judged on the records fitted.
     """
 
     effect: object
@@ -70,30 +78,34 @@ class Trial(NamedTuple):
     delta_validation: float
     material: bool
     state: State
+    proof: object = None
+    proven: bool = True
 
     @property
     def j(self):
-        return self.delta_bic + self.delta_validation
+        return self.delta_bic + (self.delta_validation if self.proven else 0.0)
 
 
 class Round(NamedTuple):
     """One round of the search: the model before it, the trials, and the choice.
 
     before : State without the choice. noise : noise.Noise, of a group a tuple of them, one a
-    channel. floor_volt : what no model can explain. scores : list of screen.Score, best first.
+    channel. floor : proof.Floor. scores : list of screen.Score, best first.
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
-    hidden : keys of effects that these records cannot show.
+    hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
+    do not count any more beside the choice.
     """
 
     before: State
     noise: object
-    floor_volt: float
+    floor: object
     scores: list
     trials: list
     chosen: Trial | None
     tied: tuple
     hidden: tuple
+    dropped: tuple = ()
 
 
 def search(case, library):
@@ -109,7 +121,7 @@ def search(case, library):
     """
     possible = case.possible(library)
     free, values, filters = case.begun()
-    effects, rounds = (), []
+    plain, effects, rounds = free, (), []
     solution = fit(case.problem(effects, free, filters), values, settled=case.settled)
     for _ in range(case.gates.rounds + 1):
         step, filters = _round(case, possible, effects, free, solution, filters, rounds)
@@ -121,7 +133,47 @@ def search(case, library):
         problem = case.problem(effects, free, filters)
         values = step.chosen.state.solution.values
         solution = fit(problem, values, steps=POLISH_STEPS, settled=case.settled)
+        model = effects, free, solution
+        effects, free, solution, dropped = _needed(case, plain, *model, filters, rounds)
+        rounds[-1] = step._replace(dropped=dropped)
+        possible = {key: effect for key, effect in possible.items() if key not in dropped}
     return rounds
+
+
+def _needed(case, plain, effects, free, solution, filters, rounds):
+    """The model without effects that count no more, now that all are refitted together.
+
+    What a first effect took up may be the work of the next; each is taken out, the rest refitted,
+    and held to what would make it a choice beside the others.
+    """
+    dropped = []
+    first, floor = rounds[0].before, rounds[0].floor
+    while effects:
+        weakest = None
+        for effect in effects:
+            others = tuple(e for e in effects if e is not effect)
+            fewer = _free_of(case, plain, others)
+            problem = case.problem(others, fewer, filters)
+            refitted = fit(problem, solution.values, steps=POLISH_STEPS, settled=case.settled)
+            before = case.state(others, refitted, filters)
+            trial = _trial(case, before, effect, effects, 0.0, solution, filters)
+            trial = _judged(case, before, [trial], filters)[0]
+            counts = case.significant(before, trial) and case.matters(first, before, trial, floor)
+            if not counts and (weakest is None or trial.j < weakest[0]):
+                weakest = trial.j, effect, others, fewer, refitted
+        if weakest is None:
+            break
+        _, effect, effects, free, solution = weakest
+        dropped.append(effect.key)
+    return effects, free, solution, tuple(dropped)
+
+
+def _free_of(case, plain, effects):
+    """Free parameters of the healthy model and of some effects."""
+    free = plain
+    for effect in effects:
+        free = case.with_effect(free, effect)
+    return free
 
 
 def _round(case, possible, effects, free, solution, filters, earlier):
@@ -138,11 +190,12 @@ def _round(case, possible, effects, free, solution, filters, earlier):
         solution, filters = step.before.solution, sharper
     else:
         step = _tested(case, possible, effects, free, solution, filters, candidates)
-    step = step._replace(floor_volt=case.floor_volt(residual, filters, earlier))
+    floor = case.floor(step.before, free, residual, filters, earlier)
     first = earlier[0].before if earlier else step.before
     denied = case.denied(step.trials)
     allowed = [t for t in step.trials if t.effect.key not in denied]
-    chosen, tied = best_of(case.gates, first, step.before, allowed, step.floor_volt)
+    chosen, tied = best_of(case, first, step.before, allowed, floor)
+    step = step._replace(floor=floor)
     if chosen is not None:
         tied = case.ties(chosen, tied, denied, possible)
     return step._replace(chosen=chosen, tied=tied), filters
@@ -160,7 +213,8 @@ def _tested(case, possible, effects, free, solution, filters, candidates):
         tried(case, possible, free, before, score, filters) for score in scores[: case.gates.refits]
     ]
     trials = _polished(case, free, before, trials, filters)
-    return Round(before, filters.noise, np.nan, scores, trials, None, (), hidden)
+    trials = _judged(case, before, trials, filters)
+    return Round(before, filters.noise, None, scores, trials, None, (), hidden)
 
 
 def tried(case, possible, free, before, score, filters):
@@ -194,10 +248,27 @@ def _trial(case, before, effect, effects, promised, solution, filters):
         effect,
         promised,
         before.solution.cost - solution.cost - counted,
-        before.validation_chi_square - state.validation_chi_square,
+        float(np.sum(before.validation_chi_squares - state.validation_chi_squares)),
         _material(effect, solution.values),
         state,
     )
+
+
+def _judged(case, before, trials, filters):
+    """Trials with their proof, best first; falls of chi-square corrected for correlated misfit.
+
+    The misfit is that of the best trial: what is left with it is no effect that was tried.
+    """
+    if not trials:
+        return []
+    inflation = case.inflation(max(trials, key=lambda t: t.delta_bic).state)
+    judged = []
+    for trial in trials:
+        falls = before.validation_chi_squares - trial.state.validation_chi_squares
+        proof, proven = case.proof(before, trial.state, filters)
+        fall = float(np.sum(falls / inflation))
+        judged.append(trial._replace(delta_validation=fall, proof=proof, proven=proven))
+    return sorted(judged, key=lambda t: -t.j)
 
 
 def _polished(case, free, before, trials, filters):
@@ -221,7 +292,7 @@ def frees_of(effect):
     """Free parameters of an effect; those without a step are set by its starts, not fitted."""
     pairs = zip(effect.parameters, effect.names, strict=True)
     return tuple(
-        Free(name, p.step, p.neutral, np.inf, p.lower, p.upper) for p, name in pairs if p.step
+        Free(name, p.step, p.neutral, p.prior_std, p.lower, p.upper) for p, name in pairs if p.step
     )
 
 
@@ -233,43 +304,21 @@ def _material(effect, values):
     )
 
 
-def best_of(gates, first, before, trials, floor):
-    """The best trial that passes the gates, and the keys of those that explain as much.
+def best_of(case, first, before, trials, floor):
+    """The best trial that counts, and the keys of those that explain as much.
 
     Parameters
     ----------
-    gates : case.Gates. first, before : State of the healthy model, and of the model so far.
-    trials : list of Trial, best first. floor : noise that no model can explain [V].
+    case : as in `search`. first, before : State of the healthy model, and of the model so far.
+    trials : list of Trial, best first. floor : proof.Floor.
     """
-    if before.worst_volt <= max(gates.nothing_ratio * floor, gates.nothing_volt):
+    if case.explained(before, floor):
         return None, ()
-    if before is not first and before.worst_volt <= gates.adequate_ratio * floor:
-        return None, ()
-    proven = [t for t in trials if significant(gates, before, t)]
-    passed = [t for t in proven if matters(gates, first, before, t, floor)]
-    if not passed or passed[0].j < OUTDONE * proven[0].j:
+    shown = [t for t in trials if case.significant(before, t)]
+    passed = [t for t in shown if case.matters(first, before, t, floor)]
+    if not passed or passed[0].j < OUTDONE * shown[0].j:
         return None, ()
     best = passed[0]
-    within = max(gates.tie_absolute, gates.tie_relative * best.j)
+    within = max(case.gates.tie_absolute, case.gates.tie_relative * best.j)
     near = [t.effect.key for t in passed[1:] if best.j - t.j <= within]
     return best, tuple(dict.fromkeys(key for key in near if key != best.effect.key))
-
-
-def significant(gates, before, trial):
-    """Whether a trial improves the fit by more than chance, on both kinds of records."""
-    was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
-    return (
-        trial.delta_bic > gates.bic
-        and trial.delta_validation > gates.validation_chi_square
-        and now <= (1.0 - gates.validation_fall) * was
-    )
-
-
-def matters(gates, first, before, trial, floor):
-    """Whether an effect takes enough off the error [V], also as a share of the first gap."""
-    was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
-    whole = max(first.validation_rmse_volt**2 - floor**2, 1e-12)
-    taken = was**2 - now**2
-    return (
-        trial.material and taken >= gates.material_volt**2 and taken / whole >= gates.material_share
-    )

@@ -2,51 +2,55 @@
 
 from typing import NamedTuple
 
+from cellwright.effects.proof import excess_volt
 from cellwright.numerics.least_squares import stds
 
 
 class Outcome(NamedTuple):
     """Result of a search in one word, and the errors behind it.
 
-    word : "none", "named", "ambiguous" or "unknown". steps : rounds that chose an effect.
-    last : State at the end. floor_volt : [V]. closed : share of the gap that is closed on the
-    validation records, by all effects. adequate : the error left is within the gates.
+    word : "none", "named", "ambiguous" or "unknown". steps : rounds whose choice is in the model
+    at the end. last : State at the end. floor : proof.Floor. closed : share of the gap that is
+    closed on the validation records, by all effects. excess_volt : error left beyond the floor, of
+    the side, fit or proof, where it is larger. adequate : nobody would act on that.
     """
 
     word: str
     steps: tuple
     last: object
-    floor_volt: float
+    floor: object
     closed: float | None
+    excess_volt: float
     adequate: bool
 
 
-def outcome(rounds, gates, *, adequate_volt=0.0, alternatives=lambda step: step.tied):
+def outcome(rounds, gates, *, alternatives=lambda step: step.tied):
     """Outcome of the rounds of a search: its word, and what is left of the gap.
 
     Parameters
     ----------
     rounds : list of search.Round. gates : case.Gates or groups.case.GroupGates.
-    adequate_volt : error that may be left, however small the noise [V].
     alternatives : function (round) → ids of effects that its data cannot tell from the choice.
 
     Returns
     -------
     outcome : Outcome.
     """
-    first, last, floor = rounds[0].before, rounds[-1].before, rounds[-1].floor_volt
-    steps = tuple(step for step in rounds if step.chosen is not None)[: gates.rounds]
+    first, last, floor = rounds[0].before, rounds[-1].before, rounds[0].floor
+    kept = {effect.key for effect in last.effects}
+    chose = (step for step in rounds if step.chosen is not None)
+    steps = tuple(step for step in chose if step.chosen.effect.key in kept)
+    excess = max(
+        excess_volt(last.rmse_volt, floor.fit_volt),
+        excess_volt(last.validation_rmse_volt, floor.validation_volt),
+    )
+    adequate = excess <= gates.unknown_volt
     if not steps:
-        most = max(gates.unknown_ratio * floor, gates.nothing_volt)
-        word = "none" if first.worst_volt <= most else "unknown"
-        return Outcome(word, (), first, floor, None, word == "none")
-    closed = gap_closed(first.validation_rmse_volt, last.validation_rmse_volt, floor)
-    small = last.worst_volt <= max(gates.adequate_ratio * floor, adequate_volt)
-    adequate = small or (closed is not None and closed >= gates.adequate_closed)
-    if not adequate and (closed is None or closed < gates.partial_closed):
-        return Outcome("unknown", steps, last, floor, closed, False)
+        return Outcome("none" if adequate else "unknown", (), first, floor, None, excess, adequate)
+    errors = first.validation_rmse_volt, last.validation_rmse_volt
+    closed = gap_closed(*errors, floor.validation_volt)
     word = "ambiguous" if any(alternatives(step) for step in steps) else "named"
-    return Outcome(word, steps, last, floor, closed, adequate)
+    return Outcome(word, steps, last, floor, closed, excess, adequate)
 
 
 def gap_closed(before_volt, after_volt, floor_volt):
@@ -66,7 +70,7 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     name : of the cell or group. result : Outcome. rounds : list of search.Round.
     place : dict, where most of the error left lies, see `judge.worst`; None.
     next_test : sentence, or None. not_testable : ids.
-    entry : function (round, state after it, floor) → dict of one effect; None: `entry_of`.
+    entry : function (round, state after it, outcome) → dict of one effect; None: `entry_of`.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     """
     states = [step.before for step in rounds[1 : len(result.steps)]] + [result.last]
     entries = [
-        (entry or entry_of)(step, after, result.floor_volt)
+        (entry or entry_of)(step, after, result)
         for step, after in zip(result.steps, states, strict=False)
     ]
     settled = result.word in ("named", "ambiguous")
@@ -86,7 +90,9 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
         "effects": entries if settled else [],
         "partial": [] if settled else entries,
         "located_at": None if result.adequate else place,
-        "floor_volt": result.floor_volt,
+        "floor_volt": result.floor.validation_volt,
+        "floors": [{"test": k, "volt": volt} for k, volt in result.floor.by_test.items()],
+        "remainder": {"excess_volt": result.excess_volt, "adequate": result.adequate},
         "rmse_volt": {"before": first.rmse_volt, "after": last.rmse_volt},
         "validation_rmse_volt": {
             "before": first.validation_rmse_volt,
@@ -98,32 +104,35 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     }
 
 
-def entry_of(step, after, floor_volt):
-    """Entry of one effect in a verdict: sizes, errors before and after, proof.
+def entry_of(step, after, result):
+    """Entry of one effect in a verdict: sizes at the end, errors before and after it, proof.
 
     Parameters
     ----------
     step : search.Round that chose it. after : search.State with it, from which the next round
-    begins. floor_volt : [V].
+    begins. result : Outcome.
     """
-    effect, before = step.chosen.effect, step.before
+    effect, before, proof = step.chosen.effect, step.before, step.chosen.proof
     was, now = before.validation_rmse_volt, after.validation_rmse_volt
-    deviations = stds(after.solution)
+    final = result.last.solution
+    deviations = stds(final)
     return {
         "effect": effect.id,
         "alternatives": list(step.tied),
         "parameters": {
             p.name: {
-                "value": float(after.solution.values[name]),
+                "value": float(final.values[name]),
                 "std": deviations.get(name),
                 "unit": p.unit,
-                "at_bound": name in after.solution.at_bound,
+                "at_bound": name in final.at_bound,
             }
             for p, name in zip(effect.parameters, effect.names, strict=True)
         },
         "rmse_volt": {"before": before.rmse_volt, "after": after.rmse_volt},
         "validation_rmse_volt": {"before": was, "after": now},
-        "gap_closed": gap_closed(was, now, floor_volt),
+        "gap_closed": gap_closed(was, now, result.floor.validation_volt),
+        "proof": "proven" if step.chosen.proven else "unproven",
+        "blocks": proof._asdict() if proof else None,
         "delta_bic": step.chosen.delta_bic,
         "delta_validation_chi_square": step.chosen.delta_validation,
         # Whether the fitted records alone would have chosen it.

@@ -18,6 +18,7 @@ from cellwright.effects.groups.model import (
 )
 from cellwright.effects.judge import READ_VOLT
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.proof import Floor, excess_volt
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.effects.screen import Score, candidates
 from cellwright.effects.search import State, frees_of
@@ -65,19 +66,9 @@ class GroupGates(NamedTuple):
     shared_slow_volt: float = GATES.shared_slow_volt
 
     @property
-    def nothing_volt(self):
-        """Error of the healthy group up to which nothing is missing: `adequate_volt` [V]."""
+    def unknown_volt(self):
+        """Error beyond the noise up to which there is no unknown effect: `adequate_volt` [V]."""
         return self.adequate_volt
-
-    @property
-    def unknown_ratio(self):
-        """Ratio of error to noise up to which there is no unknown effect: `adequate_ratio`."""
-        return self.adequate_ratio
-
-    @property
-    def material_share(self):
-        """0: an effect of a branch counts by its size alone, not by a share of the first error."""
-        return 0.0
 
 
 class Channels(NamedTuple):
@@ -197,14 +188,44 @@ class GroupCase(NamedTuple):
         error = rows - predicted(self, self.validation, self.validation_soc, values, effects)
         white = filters.validation.apply(error)
         sizes = error_volt(self, solution.residual), error_volt(self, error)
-        return State(effects, solution, values, error, float(white @ white), *sizes)
+        return State(effects, solution, values, error, white, np.array([white @ white]), *sizes)
 
-    def floor_volt(self, residual, filters, earlier):
-        """Size of the noise alone, in the measure of `error_volt` [V]."""
-        if not self.sensors:
-            return filters.noise[0].volt
-        pairs = zip(filters.noise[1:], ohms(self), strict=True)
-        return rms([channel.volt * ohm for channel, ohm in pairs])
+    def floor(self, before, free, residual, filters, earlier):
+        """Size of the noise alone, in the measure of `error_volt`: proof.Floor."""
+        volt = filters.noise[0].volt
+        if self.sensors:
+            pairs = zip(filters.noise[1:], ohms(self), strict=True)
+            volt = rms([channel.volt * ohm for channel, ohm in pairs])
+        return Floor(volt, volt, {})
+
+    def proof(self, before, after, filters):
+        """No consistency over blocks: an effect of a branch counts by the gates."""
+        return None, True
+
+    def inflation(self, state):
+        """1: the misfit of branch currents is carried in the noise of the shared voltage."""
+        return 1.0
+
+    def explained(self, before, floor):
+        """Whether the error is within what healthy branches leave."""
+        gates, worst = self.gates, before.worst_volt
+        if worst <= max(gates.nothing_ratio * floor.fit_volt, gates.adequate_volt):
+            return True
+        return bool(before.effects) and worst <= gates.adequate_ratio * floor.fit_volt
+
+    def significant(self, before, trial):
+        """Whether a trial improves the fit by more than chance, on both kinds of records."""
+        gates, was = self.gates, before.validation_rmse_volt
+        return (
+            trial.delta_bic > gates.bic
+            and trial.delta_validation > gates.validation_chi_square
+            and trial.state.validation_rmse_volt <= (1.0 - gates.validation_fall) * was
+        )
+
+    def matters(self, first, before, trial, floor):
+        """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
+        errors = before.validation_rmse_volt, trial.state.validation_rmse_volt
+        return trial.material and excess_volt(*errors) >= self.gates.material_volt
 
     def misled(self, before, trial):
         """True: the best trials are always refitted with derivatives at their own optimum."""

@@ -378,7 +378,6 @@ def group_verdict(group, case, rounds, library):
     result = outcome(
         rounds,
         case.gates,
-        adequate_volt=case.gates.adequate_volt,
         alternatives=lambda step: _alternatives(case, step),
     )
     if result.word == "unknown" and not result.steps and not case.sensors:
