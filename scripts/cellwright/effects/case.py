@@ -66,8 +66,9 @@ STEADY_C_RATE = 0.02
 LOGGED = {"current_offset", "leakage"}  # what the current logged at rest decides between
 SLOW = "slow_diffusion"
 MOST_WHITE = 1.5  # times the scatter of neighbouring rows
-SHARPER = 0.8  # fall of the misfit for which a round is repeated
+ALIKE_MISFIT = 1.3  # ratio of the misfit of a record up to which a round is not repeated
 FAR_LOG = 0.2  # change of a log resistance or time constant up to which derivatives are kept
+FAR_SOC = 0.003  # and of the SoC at the start of a record
 
 
 class Filters(NamedTuple):
@@ -141,7 +142,10 @@ class Case(NamedTuple):
         return candidates(predict, solution.prediction, solution.values, further)
 
     def filters_for(self, residual, filters, earlier):
-        """Filters by the noise and the misfit of the residual with all candidates in the model."""
+        """Filters by the noise of the residual with all candidates in the model.
+
+        The misfit of each record stays as it was known: at first none.
+        """
         limits = {
             name: getattr(self.gates, name) for name in ("most_slow_volt", "most_slow_second")
         }
@@ -150,19 +154,20 @@ class Case(NamedTuple):
         # What a reading scatters by, neighbouring rows show; more of it is misfit of the model.
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         spread = spread._replace(white_volt=min(spread.white_volt, MOST_WHITE * read))
-        misfit = noise.with_misfit(spread, residual, self.fit, **extra)
-        return filters_of(self, spread, filters.extra_volt, misfit)
+        kept = filters.misfit if earlier else (spread,) * len(self.fit.first)
+        return filters_of(self, spread, filters.extra_volt, kept)
 
-    def sharper(self, trial, filters):
-        """Filters by the residual of a trial where its misfit is 20 % smaller, else None.
+    def sharper(self, trials, filters):
+        """Filters by the misfit of the best model tried, where it differs; else None.
 
-        The misfit is first taken from a linear extrapolation, which fails for a strong effect.
+        What that model leaves in a record lasts for minutes to hours and is no reading noise.
         """
+        best = max(trials, key=lambda t: t.delta_bic)
+        residual = best.state.solution.residual
         extra = {"extra_volt": filters.extra_volt[0]}
-        residual = trial.state.solution.residual
         misfit = noise.with_misfit(filters.noise, residual, self.fit, **extra)
-        sizes = [rms([one.volt for one in noises]) for noises in (misfit, filters.misfit)]
-        if sizes[0] > SHARPER * sizes[1]:
+        ratios = [new.volt / old.volt for new, old in zip(misfit, filters.misfit, strict=True)]
+        if max(*ratios, 1.0 / min(ratios)) < ALIKE_MISFIT:
             return None
         return filters_of(self, filters.noise, filters.extra_volt, misfit)
 
@@ -217,17 +222,21 @@ class Case(NamedTuple):
         judged = trial.delta_validation > self.gates.validation_chi_square or not trial.proven
         return trial.delta_bic > self.gates.bic and judged and trial.proof.holds
 
-    def matters(self, first, before, trial, floor):
+    def matters(self, first, before, trial, floor, share=1.0):
         """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
-        was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
-        if not trial.proven:
-            was, now = before.rmse_volt, trial.state.rmse_volt
-        return trial.material and excess_volt(was, now) >= self.gates.material_volt
+        after = trial.state
+        taken = excess_volt(before.rmse_volt, after.rmse_volt)
+        if trial.proven:
+            errors = before.validation_rmse_volt, after.validation_rmse_volt
+            taken = max(taken, excess_volt(*errors)) if errors[1] < errors[0] else 0.0
+        return trial.material and taken >= share * self.gates.material_volt
 
     def misled(self, before, trial):
-        """Whether resistances or time constants moved too far for kept derivatives to hold."""
+        """Whether resistances, time constants or starts moved too far for kept derivatives."""
         then, now = before.solution.values, trial.state.solution.values
-        return max(abs(now[name] - then[name]) for name in base.LOGARITHMS) > FAR_LOG
+        moved = {name: abs(now[name] - then[name]) for name in before.solution.names}
+        starts = (size for name, size in moved.items() if name.startswith("soc0["))
+        return max(moved[name] for name in base.LOGARITHMS) > FAR_LOG or max(starts) > FAR_SOC
 
     def denied(self, trials):
         """Keys of trials that a measurement outside the fit contradicts.

@@ -28,8 +28,8 @@ class Consistency(NamedTuple):
     std : its standard error by the scatter between the blocks. changed_volt : rms change over all
     rows that count [V]. excited, helped, hurt : numbers of blocks that the effect changes by more
     than is material; of those among them, and of all blocks, whose error falls or rises by as much.
-    harm : of all blocks together, what their rms errors rise by over what they fall by, both times
-    their rows. worse_volt : largest rise of the rms error of one record [V].
+    harm : of the excited blocks together, what rms errors rise by over what they fall by, both
+    times the blocks' rows. worse_volt : largest rise of the rms error of one record [V].
     """
 
     gain: float
@@ -84,8 +84,8 @@ def consistency(before, after, block, record, *, material_volt):
     gain = float(np.average(each, weights=weight)) if weight.any() else 0.0
     spread = np.sqrt(np.sum((weight * (each - gain)) ** 2)) / max(weight.sum(), 1e-300)
     excited = kept & (energy >= material_volt**2)
-    rise = rows * (now - was)
-    harm = rise[rise > 0].sum() / max(-rise[rise < 0].sum(), 1e-300)
+    rise = (rows * (now - was))[excited]
+    harm = rise[rise > 0].sum() / max(-rise[rise < 0].sum(), 1e-300) if excited.any() else 0.0
     files = np.unique(record[counts], return_inverse=True)[1]
     of_file = np.bincount(files)
     worse = np.sqrt(mean(after**2, files, of_file)) - np.sqrt(mean(before**2, files, of_file))

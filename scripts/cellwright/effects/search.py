@@ -10,14 +10,14 @@ Both have these methods and values:
 `candidates(effects, solution, possible, further)` : what each further effect would change,
     list of `screen.Candidate`.
 `filters_for(residual, filters, earlier)` : whitening by the noise of a residual (`.noise`, `.fit`).
-`sharper(trial, filters)` : the same where the best trial shows a smaller noise, else None.
+`sharper(trials, filters)` : the same where the best trial shows another noise, else None.
 `screened(candidates, before, free, possible, filters)` : scores, best first; keys of effects that
     the records cannot show.
 `state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
 `floor(before, free, residual, filters, earlier)` : error that no effect can explain, `proof.Floor`.
 `proof(before, after, filters)` : how evenly an effect helps, and whether records that judge show it.
 `inflation(state)` : by how much the chi-square of each record that judges is too large.
-`explained(before, floor)`, `significant(before, trial)`, `matters(first, before, trial, floor)` :
+`explained(before, floor)`, `significant(before, trial)`, `matters(first, before, trial, floor, share)` :
     when nothing is left to explain, and when an effect counts.
 `denied(trials)`, `ties(chosen, tied, denied, possible)` : by measurements outside the fit.
 `gates`, `polish_share`, `misled(before, trial)` : limits; which trials go on.
@@ -35,7 +35,8 @@ from cellwright.numerics.least_squares import Free, fit
 
 CHORD_STEPS, POLISH_STEPS, ANEW_STEPS, NOISE_STEPS = 6, 4, 4, 3
 POLISHED = 3  # how many trials at most
-SHARPENED = 2  # how often at most a round is repeated with a smaller noise
+SHARPENED = 2  # how often at most a round is repeated with another noise
+STAYS = 0.7  # of the size from which an effect counts: with that much, one that was chosen stays
 OUTDONE = 0.5  # of the best J: no effect below it is chosen, where the better ones are immaterial
 
 
@@ -137,6 +138,11 @@ def search(case, library):
         effects, free, solution, dropped = _needed(case, plain, *model, filters, rounds)
         rounds[-1] = step._replace(dropped=dropped)
         possible = {key: effect for key, effect in possible.items() if key not in dropped}
+        if step.chosen.effect.key in dropped:
+            # At the edge of what counts. A rival that explains less must not take its place.
+            before = case.state(effects, solution, filters)
+            rounds.append(step._replace(before=before, chosen=None, tied=(), dropped=()))
+            return rounds
     return rounds
 
 
@@ -158,7 +164,8 @@ def _needed(case, plain, effects, free, solution, filters, rounds):
             before = case.state(others, refitted, filters)
             trial = _trial(case, before, effect, effects, 0.0, solution, filters)
             trial = _judged(case, before, [trial], filters)[0]
-            counts = case.significant(before, trial) and case.matters(first, before, trial, floor)
+            counts = case.significant(before, trial)
+            counts = counts and case.matters(first, before, trial, floor, share=STAYS)
             if not counts and (weakest is None or trial.j < weakest[0]):
                 weakest = trial.j, effect, others, fewer, refitted
         if weakest is None:
@@ -177,14 +184,14 @@ def _free_of(case, plain, effects):
 
 
 def _round(case, possible, effects, free, solution, filters, earlier):
-    """The next Round and its filters; repeated while its best trial shows a smaller noise."""
+    """The next Round and its filters; repeated while its best trial shows another noise."""
     further = {key: effect for key, effect in possible.items() if effect not in effects}
     candidates = case.candidates(effects, solution, possible, tuple(further.values()))
     residual = residual_with_all(solution, candidates, filters.fit)
     filters = case.filters_for(residual, filters, earlier)
     for _ in range(SHARPENED):
         step = _tested(case, possible, effects, free, solution, filters, candidates)
-        sharper = case.sharper(step.trials[0], filters) if step.trials else None
+        sharper = case.sharper(step.trials, filters) if step.trials else None
         if sharper is None:
             break
         solution, filters = step.before.solution, sharper
@@ -272,11 +279,16 @@ def _judged(case, before, trials, filters):
 
 
 def _polished(case, free, before, trials, filters):
-    """Trials, best first; the best refitted with new derivatives where kept ones do not hold."""
+    """Trials, best first; the best refitted with new derivatives where kept ones do not hold.
+
+    The best by the fit is among them, whatever it does on other records before it is refitted.
+    """
     trials = sorted(trials, key=lambda t: -t.j)
     best = max(trials[0].j, 0.0) if trials else 0.0
-    for n, trial in enumerate(trials[:POLISHED]):
-        if trial.j >= case.polish_share * best and case.misled(before, trial):
+    by_fit = max(trials, key=lambda t: t.delta_bic, default=None)
+    for n, trial in enumerate(trials):
+        near = n < POLISHED and trial.j >= case.polish_share * best
+        if (near or trial is by_fit) and case.misled(before, trial):
             trials[n] = _refitted(case, free, before, trial, filters)
     return sorted(trials, key=lambda t: -t.j)
 
@@ -284,7 +296,7 @@ def _polished(case, free, before, trials, filters):
 def _refitted(case, free, before, trial, filters):
     effect, effects = trial.effect, trial.state.effects
     problem = case.problem(effects, case.with_effect(free, effect), filters)
-    solution = fit(problem, trial.state.solution.values, steps=POLISH_STEPS)
+    solution = fit(problem, trial.state.solution.values, steps=2 * POLISH_STEPS)
     return _trial(case, before, effect, effects, trial.score, solution, filters)
 
 

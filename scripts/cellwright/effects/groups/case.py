@@ -164,12 +164,12 @@ class GroupCase(NamedTuple):
         """Filters by the noise of a residual; with more effects the noise does not grow."""
         return _filters(self, noises_of(self, residual, filters.noise if earlier else None))
 
-    def sharper(self, trial, filters):
-        """Filters by the residual of a trial where its slow noise is 20 % smaller, else None.
+    def sharper(self, trials, filters):
+        """Filters by the residual of the best trial where its slow noise is 20 % smaller, else None.
 
         The noise is first taken from a linear extrapolation, which fails for a strong effect.
         """
-        noises = noises_of(self, trial.state.solution.residual, filters.noise)
+        noises = noises_of(self, trials[0].state.solution.residual, filters.noise)
         pairs = zip(noises, filters.noise, strict=True)
         alike = all(new.slow_volt > SHARPER * old.slow_volt for new, old in pairs)
         return None if alike else _filters(self, noises)
@@ -222,10 +222,10 @@ class GroupCase(NamedTuple):
             and trial.state.validation_rmse_volt <= (1.0 - gates.validation_fall) * was
         )
 
-    def matters(self, first, before, trial, floor):
+    def matters(self, first, before, trial, floor, share=1.0):
         """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
         errors = before.validation_rmse_volt, trial.state.validation_rmse_volt
-        return trial.material and excess_volt(*errors) >= self.gates.material_volt
+        return trial.material and excess_volt(*errors) >= share * self.gates.material_volt
 
     def misled(self, before, trial):
         """True: the best trials are always refitted with derivatives at their own optimum."""

@@ -130,7 +130,8 @@ EFFECTS = (
                 Parameter(
                     *(f"wave_{wave}_volt_per_kelvin", "V/K", 0.0, -3e-3, 3e-3),
                     step=2e-5,
-                    shape=True,
+                    plausible=1e-4,
+                    material=2e-5,
                     prior_std=2e-4,
                 )
                 for wave in WAVES
