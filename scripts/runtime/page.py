@@ -28,11 +28,13 @@ def render(job) -> str:
     known = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
     effects = {_owner(artefact.read_about(path)): _said(path) for path in inputs.verdicts}
+    witnesses = {_owner(artefact.read_about(p)): _witnesses(p) for p in inputs.witnesses}
     cold = {_owner(artefact.read_about(path)): _said(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
     pages = [_page(name, params, tables, abouts, known) for name in owners + groups]
     for one in pages:
         one["effect"], one["cold"] = effects.get(one["name"]), cold.get(one["name"])
+        one["witnesses"] = witnesses.get(one["name"], [])
         one["verdicts"] = _of(tables["missing_effect"], one["name"]).to_dict("records")
     template = Path(inputs.template).read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
@@ -74,6 +76,13 @@ def _said(path) -> dict:
     """The paragraph of an analysis that answers in words, or why it says nothing."""
     reason = artefact.read_about(path)["reason"]
     return {"text": reason or artefact.load(path)["paragraph"], "reason": reason}
+
+
+def _witnesses(path) -> list[dict]:
+    """Rows of the witnesses of a verdict, those that speak first; none without a verdict."""
+    if artefact.read_about(path)["reason"] is not None:
+        return []
+    return sorted(artefact.rows(artefact.load(path)), key=lambda row: row["says"] == "silent")
 
 
 def number(text) -> str:

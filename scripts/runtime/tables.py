@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cellwright.effects.story.words import doubts, one_line
 from runtime import artefact
 from runtime.artefact import stage_of
 
@@ -49,9 +50,38 @@ def excluded(paths, files) -> "DataFrame":
     return table.drop_duplicates(told).drop(columns="rule")
 
 
-def verdicts(found) -> list[dict]:
-    """Rows of tables/missing_effect from verdict files: one an effect, one where there is none."""
-    return [_verdict_row(v, effect) for v in found for effect in v["effects"] or [NO_EFFECT | v]]
+def verdicts(found, witnesses=(), own=None) -> list[dict]:
+    """Rows of tables/missing_effect from verdict files: one an effect, one where there is none.
+
+    `witnesses` are rows of all cells, each with its cell; those of effects that are not named stand
+    in the row of a cell's first effect. `own` are verdicts on the models in use, by cell.
+    """
+    rows = []
+    for verdict in found:
+        mine = [row for row in witnesses if row["cell"] == verdict["cell"]]
+        line = one_line(verdict, (own or {}).get(verdict["cell"]))
+        for place, effect in enumerate(verdict["effects"] or [NO_EFFECT | verdict]):
+            others = [row for row in mine if not row["named"] and place == 0]
+            named = verdict["effects"] or verdict.get("partial", [])
+            names = {effect["effect"]} if verdict["effects"] else {one["effect"] for one in named}
+            said = [row for row in mine if row["named"] and row["effect"] in names]
+            row = _verdict_row(verdict, effect) | {"in_one_line": line}
+            rows.append(row | _sure(effect, said) | _counts([*said, *others]))
+    return rows
+
+
+def _sure(effect, witnesses) -> dict:
+    """Whether nothing speaks against a name; of no name it is not asked."""
+    if not effect["effect"]:
+        return {"sure": None, "doubts": ""}
+    against = doubts(effect, witnesses)
+    return {"sure": not against, "doubts": "; ".join(against)}
+
+
+def _counts(witnesses) -> dict:
+    words = [row["says"] for row in witnesses]
+    names = {"agrees": "agree", "contradicts": "contradict", "silent": "silent"}
+    return {f"witnesses_{name}": words.count(word) for word, name in names.items()}
 
 
 NO_EFFECT = {"effect": None, "alternatives": [], "rmse_volt": {}, "validation_rmse_volt": {}}
@@ -111,6 +141,7 @@ def _summary_row(facts, mine, model) -> dict:
         "soc_rmse": _pooled(filtered["rmse_soc"], np.ones(len(filtered))),
         "verdict": next(iter(missing["verdict"]), None),
         "missing_effect": ";".join(missing["effect"].dropna()),
+        "in_one_line": next(iter(missing["in_one_line"]), None),
         "exclusions": len(mine["excluded"]),
         "notes": "; ".join(model.get("notes", [])),
     }

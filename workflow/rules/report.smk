@@ -27,6 +27,7 @@ rule report:
         figures=[path for paths in FIGURES.values() for path in paths],
         artefacts=STAGES,
         verdicts=VERDICTS,
+        witnesses=WITNESSES,
         cold=COLD_WORDS,
         template=f"{PIPELINE}/workflow/report/report.html.j2",
         captions=f"{PIPELINE}/workflow/report/captions.yaml",

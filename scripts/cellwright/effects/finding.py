@@ -13,8 +13,11 @@ from cellwright.effects.planner import next_test
 from cellwright.effects.prepare import prepared
 from cellwright.effects.screen import evidence
 from cellwright.effects.search import frees_of, search
+from cellwright.effects.story.places import worsened
+from cellwright.effects.story.words import explained, paragraph
 from cellwright.effects.ties import tie_of
-from cellwright.effects.verdict import outcome, paragraph, verdict_of
+from cellwright.effects.verdict import outcome, verdict_of
+from cellwright.effects.witnesses.collected import values_of
 from cellwright.numerics.least_squares import stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
@@ -117,9 +120,14 @@ def of_case(name, case, library, *, split_rest_second=None):
     menu, advice = _advised(case, found, rounds, library, untestable)
     place = worst(left, found.floor_volt)
     verdict = verdict_of(name, found, rounds, place, next_test=advice, not_testable=untestable)
-    verdict["paragraph"] = paragraph(verdict, library)
+    shown = _evidence(case, found)
+    shares = explained(shown)
+    for one in (*verdict["effects"], *verdict["partial"]):
+        one["explained"] = shares.get(one["effect"])
+    verdict["worsened"] = worsened(left)
     kept = bool(found.steps) and found.word in KEPT
     model = model_of(case, found.last if kept else rounds[0].before)
+    verdict["paragraph"] = paragraph(verdict, library, values=values_of(model))
     if kept and split_rest_second is not None:
         again = {"split_rest_second": split_rest_second}
         model["folds"] = folds(case, found.last, rounds[-1].noise, **again)
@@ -127,7 +135,7 @@ def of_case(name, case, library, *, split_rest_second=None):
         verdict,
         ranking_of(rounds),
         left,
-        _evidence(case, found),
+        shown,
         _series(case, rounds[0].before, found.last),
         _confounding(case, rounds, library),
         menu,

@@ -5,7 +5,8 @@ import numpy as np
 from cellwright.effects.groups.case import error_volt, predicted, rows_of
 from cellwright.effects.groups.model import group_fields, group_run
 from cellwright.effects.records import LOADED_C_RATE
-from cellwright.effects.verdict import Phrases, entry_of, outcome, paragraph, verdict_of
+from cellwright.effects.story.words import Phrases, paragraph
+from cellwright.effects.verdict import entry_of, outcome, verdict_of
 
 BLOCKS = 4  # of each record
 

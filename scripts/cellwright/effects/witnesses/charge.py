@@ -5,15 +5,19 @@ import numpy as np
 from cellwright.effects.ties import AT_REST_C_RATE, REST_SECOND, STEADY_C_RATE
 from cellwright.effects.witnesses.statement import (
     LEAST_SHARE,
+    REFERENCE_CELSIUS,
+    SAME_CELSIUS,
     Measured,
+    celsius_of,
+    cycle_of,
     silent,
     spread,
 )
 from cellwright.numerics.lags import lag
 
 SLOW_C_RATE = 0.1  # up to which the polarisation ends a discharge at nearly the OCV
-SAME_RATE, SAME_CELSIUS, REFERENCE_CELSIUS = 1.1, 3.0, 25.0
-WARM_KELVIN = 3.0
+SAME_RATE = 1.1  # ratio of rates that are one
+WARM_KELVIN = 3.0  # of rise, from which it is held against the heat
 DAY_HOUR = 24.0
 TAU_SECOND = np.geomspace(60.0, 6000.0, 9)
 
@@ -33,23 +37,20 @@ def of_capacities(rows):
     return [_over_temperature(rows), _later(rows)]
 
 
-def _celsius(row):
-    celsius = row.get("ambient_temperature_celsius")
-    return REFERENCE_CELSIUS if celsius is None or not np.isfinite(celsius) else float(celsius)
-
-
 def _over_temperature(rows):
     effect, name = "capacity_temperature", "capacities"
-    first = min((_cycle(row) for row in rows), default=0.0)
-    slow = [row for row in rows if row["c_rate"] <= SLOW_C_RATE and _cycle(row) == first]
+    first = min((cycle_of(row) for row in rows), default=0.0)
+    slow = [row for row in rows if row["c_rate"] <= SLOW_C_RATE and cycle_of(row) == first]
     slowest = min((row["c_rate"] for row in slow), default=0.0)
     points = [
-        (_celsius(row), row["capacity_ampere_hour"])
+        (celsius_of(row), row["capacity_ampere_hour"])
         for row in slow
         if row["c_rate"] <= SAME_RATE * slowest
     ]
     if np.ptp([c for c, _ in points] or [0.0]) < SAME_CELSIUS:
-        reason = "no discharges of C/10 or slower at two temperatures: faster ones end by resistance"
+        reason = (
+            "no discharges of C/10 or slower at two temperatures: faster ones end by resistance"
+        )
         return silent(name, (effect,), reason)
     celsius, ampere_hour = np.array(sorted(points)).T
     line = np.polyfit(celsius - REFERENCE_CELSIUS, ampere_hour, 1)
@@ -66,28 +67,27 @@ def _over_temperature(rows):
 def _later(rows):
     """Change of the capacity from the first check-up to the last, of discharges that compare."""
     effect, name = "capacity_error", "check-ups"
-    known = sorted(rows, key=_cycle)
+    known = sorted(rows, key=cycle_of)
     before = [row for row in known if _compare(row, known[-1])]
     if not before:
         return silent(name, (effect,), "no capacities of two check-ups at one rate and temperature")
     last = known[-1]
     share = last["capacity_ampere_hour"] / before[0]["capacity_ampere_hour"] - 1.0
-    words = f"change of the capacity from cycle {_cycle(before[0]):g} to {_cycle(last):g}"
+    words = f"change of the capacity from cycle {cycle_of(before[0]):g} to {cycle_of(last):g}"
     return Measured(
         *(name, (effect,), words, "capacity", (), float(share), np.nan, "share", 0.0),
         material=bool(abs(share) > LEAST_SHARE),
     )
 
 
-def _cycle(row):
-    """Number of the check-up; a test without one was made on the fresh cell."""
-    return row.get("cycle") or 0.0
-
-
 def _compare(row, other):
     rates = sorted([row["c_rate"], other["c_rate"]])
     alike = rates[1] <= SAME_RATE * rates[0]
-    return _cycle(row) < _cycle(other) and alike and abs(_celsius(row) - _celsius(other)) <= 3.0
+    return (
+        cycle_of(row) < cycle_of(other)
+        and alike
+        and abs(celsius_of(row) - celsius_of(other)) <= SAME_CELSIUS
+    )
 
 
 def of_records(series, ambient, values):

@@ -8,6 +8,7 @@ from cellwright.effects.witnesses.resistances import of_pulses, of_spectra
 from cellwright.effects.witnesses.statement import (
     AGREES,
     CONTRADICTS,
+    DEVIATIONS,
     SILENT,
     Witness,
     in_words,
@@ -97,9 +98,16 @@ def _of_named(one, effect, entry, values):
     stated = np.isfinite([one.std, doubt]).all()
     std = float(np.hypot(one.std, doubt)) if stated else np.nan
     agrees = same(one.value, value, std, neutral=one.neutral)
+    alike = (
+        np.isfinite(std)
+        and value != one.neutral
+        and abs(one.value - one.neutral) <= DEVIATIONS * std
+    )
     said = in_words(one.value, one.unit, one.std)
     text = f"{one.quantity}: {said} measured, {in_words(value, one.unit, doubt)} by the verdict"
     word = AGREES if agrees else CONTRADICTS
+    if agrees and alike:
+        word, text = SILENT, f"{text}: as near to no such effect"
     return Witness(one.name, effect.id, True, word, one.value, value, one.unit, std, text)
 
 

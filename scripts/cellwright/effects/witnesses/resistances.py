@@ -12,7 +12,12 @@ from cellwright.effects.base import TAU_SECOND
 from cellwright.effects.witnesses.statement import (
     FACTOR,
     LEAST_VOLT,
+    REFERENCE_CELSIUS,
+    SAME_CELSIUS,
     Measured,
+    celsius_of,
+    cycle_of,
+    is_material,
     silent,
     spread,
 )
@@ -21,12 +26,12 @@ from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 SOC_ENDS = (0.1, 0.9)
 SOC_SPAN = 0.5  # least range of SoC over which a course is told
 LEVELS = (0.2, 0.5, 0.8)  # of SoC at which temperatures are compared
-REFERENCE_CELSIUS = 25.0
-SAME_CELSIUS, APART_CELSIUS = 3.0, 8.0
-SAME_RATE = 1.15
-RATES_APART = 2.0
+NEAR_CELSIUS = 8.0  # from 25 °C, within which directions and rates are compared
+SAME_RATE = 1.15  # ratio of rates that are one
+RATES_APART = 2.0  # ratio of two rates whose pulses are compared
 # ASSUME: Charge transfer follows Butler–Volmer with a transfer coefficient of one half.
-THERMAL_VOLT = 8.314462618 * 298.15 / 96485.33212
+FARADAY = 96485.33212  # C/mol
+THERMAL_VOLT = GAS_CONSTANT * (25.0 + ZERO_CELSIUS_KELVIN) / FARADAY
 OVER_SOC = ("resistance_soc", "polarisation_soc")
 
 
@@ -108,8 +113,8 @@ def _known(row, *names):
 
 def _earliest(rows):
     """Rows of the first check-up."""
-    cycles = [row.get("cycle") or 0.0 for row in rows]
-    return [row for row, cycle in zip(rows, cycles, strict=True) if cycle == min(cycles)]
+    first = min(map(cycle_of, rows), default=0.0)
+    return [row for row in rows if cycle_of(row) == first]
 
 
 def _delays(rows):
@@ -123,18 +128,14 @@ def _delays(rows):
     return (quick[-1] if quick else usual[0]), usual[-1]
 
 
-def _celsius(row):
-    # ASSUME: A test without a stated temperature was made at 25 °C.
-    celsius = row.get("ambient_temperature_celsius")
-    return REFERENCE_CELSIUS if celsius is None or not np.isfinite(celsius) else float(celsius)
-
-
 def _courses(rows):
     """Resistance over SoC: (celsius, direction, rate, delay) → (SoC rising, ohm)."""
     found = {}
     for row in rows:
-        rate = np.exp(np.round(np.log(float(row["c_rate"])) / np.log(SAME_RATE)) * np.log(SAME_RATE))
-        key = (_celsius(row), row["direction"], float(rate), float(row["delay_second"]))
+        rate = np.exp(
+            np.round(np.log(float(row["c_rate"])) / np.log(SAME_RATE)) * np.log(SAME_RATE)
+        )
+        key = (celsius_of(row), row["direction"], float(rate), float(row["delay_second"]))
         found.setdefault(key, []).append((float(row["soc"]), float(row["resistance_ohm"])))
     return {key: np.array(sorted(pairs)).T for key, pairs in found.items()}
 
@@ -155,7 +156,7 @@ def _spectral(rows, names):
     found = {}
     for row in rows:
         pair = float(row["soc"]), sum(float(row[name]) for name in names)
-        found.setdefault((_celsius(row), "", 0.0, 0.0), []).append(pair)
+        found.setdefault((celsius_of(row), "", 0.0, 0.0), []).append(pair)
     return {key: np.array(sorted(pairs)).T for key, pairs in found.items()}
 
 
@@ -180,12 +181,8 @@ def _over_soc(name, effect, what, courses, ampere):
         *(name, (effect,), f"{what} at {100 * low:.0f} % over that at {100 * high:.0f} % SoC"),
         *("ohmic_over_soc" if effect == "resistance_soc" else "relaxing_over_soc", (low, high)),
         *(float(factor), spread(ends[:, 0] / ends[:, 1]), "1", 1.0),
-        material=_material(factor, ampere * (at_low - at_high)),
+        material=is_material(factor, ampere * (at_low - at_high)),
     )
-
-
-def _material(factor, volt):
-    return bool(abs(np.log(factor)) > np.log(FACTOR) and abs(volt) > LEAST_VOLT)
 
 
 def _over_temperature(name, what, courses):
@@ -236,7 +233,11 @@ def _directions(courses, ampere):
     effect, ratios, volts = "resistance_asymmetry", [], []
     for (celsius, direction, rate, delay), (soc, ohm) in courses.items():
         other = courses.get((celsius, "charge", rate, delay))
-        if direction != "discharge" or other is None or abs(celsius - REFERENCE_CELSIUS) > 8:
+        if (
+            direction != "discharge"
+            or other is None
+            or abs(celsius - REFERENCE_CELSIUS) > NEAR_CELSIUS
+        ):
             continue
         inside = [k for k, one in enumerate(soc) if 0.15 < one < 0.85 and _holds(other, one)]
         ratios += [float(np.interp(soc[k], *other) / ohm[k]) for k in inside]
@@ -255,7 +256,7 @@ def _rates(courses, ampere):
     """Resistance of the largest over that of the smallest pulses at the same SoC."""
     effect, families = "charge_transfer_nonlinearity", {}
     for (celsius, direction, rate, _), course in courses.items():
-        if abs(celsius - REFERENCE_CELSIUS) <= APART_CELSIUS:
+        if abs(celsius - REFERENCE_CELSIUS) <= NEAR_CELSIUS:
             families.setdefault((celsius, direction), {})[rate] = course
     best = max(families.values(), key=lambda one: max(one) / min(one), default={})
     if not best or max(best) / min(best) < RATES_APART:
@@ -289,7 +290,7 @@ def _split_by_arc(rows):
 def _butler_volmer(rows, ampere):
     """Resistance at 1C over that at small currents, from the charge transfer near 50 % SoC."""
     effect = "charge_transfer_nonlinearity"
-    near = [row for row in rows if abs(_celsius(row) - REFERENCE_CELSIUS) <= SAME_CELSIUS]
+    near = [row for row in rows if abs(celsius_of(row) - REFERENCE_CELSIUS) <= SAME_CELSIUS]
     near = [row for row in near if abs(float(row["soc"]) - 0.5) <= 0.2]
     if not near:
         return silent("impedance", (effect,), "no charge-transfer arc near 25 °C and 50 % SoC")

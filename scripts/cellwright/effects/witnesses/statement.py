@@ -9,6 +9,8 @@ DEVIATIONS = 2.0  # combined standard deviations up to which two stated sizes ar
 FACTOR = 1.5  # up to which two sizes of one sign are the same where deviations are not stated
 LEAST_VOLT = 5e-3  # of voltage at the rated current, below which nobody acts on a resistance
 LEAST_SHARE = 0.02  # of the capacity, below which nobody acts on it
+REFERENCE_CELSIUS = 25.0
+SAME_CELSIUS = 3.0  # between tests that were made at one temperature
 FEWEST = 3  # readings whose spread is a deviation
 
 
@@ -83,6 +85,34 @@ def same(measured, implied, std, *, neutral=0.0):
 def size_of(value, neutral):
     """Signed distance from the value without an effect; of a factor the logarithm."""
     return float(np.log(max(value, 1e-9))) if neutral == 1.0 else value - neutral
+
+
+def is_material(factor, volt):
+    """Whether somebody acts on a change of a resistance: more than a factor of 1.5, and 5 mV.
+
+    Parameters
+    ----------
+    factor : of the resistance. volt : change of the voltage at 1C [V].
+    """
+    return bool(abs(np.log(factor)) > np.log(FACTOR) and abs(volt) > LEAST_VOLT)
+
+
+def celsius_of(row, name="ambient_temperature_celsius"):
+    """Temperature of a row of a table [degC].
+
+    Parameters
+    ----------
+    row : dict. name : of its column.
+    """
+    # ASSUME: A test without a stated temperature was made at 25 °C.
+    celsius = row.get(name)
+    return REFERENCE_CELSIUS if celsius is None or not np.isfinite(celsius) else float(celsius)
+
+
+def cycle_of(row):
+    """Number of the check-up of a row; a test without one was made on the fresh cell."""
+    cycle = row.get("cycle")
+    return 0.0 if cycle is None or not np.isfinite(cycle) else float(cycle)
 
 
 def spread(values):

@@ -1,21 +1,26 @@
-"""What rests and slow tests tell: slow diffusion, polarisation, hysteresis, entropy, a moved OCV."""
+"""What rests and slow tests tell: slow diffusion, polarisation, hysteresis, the OCV itself."""
 
 import numpy as np
 
 from cellwright.effects.base import LOGARITHMS
 from cellwright.effects.witnesses.probes import EARLIER_SECOND, PROBES
-from cellwright.effects.witnesses.resistances import (
+from cellwright.effects.witnesses.resistances import SOC_ENDS, SOC_SPAN
+from cellwright.effects.witnesses.statement import (
+    LEAST_VOLT,
     REFERENCE_CELSIUS,
     SAME_CELSIUS,
-    SOC_ENDS,
-    SOC_SPAN,
-    _material,
+    Measured,
+    celsius_of,
+    cycle_of,
+    is_material,
+    silent,
+    spread,
 )
-from cellwright.effects.witnesses.statement import LEAST_VOLT, Measured, silent, spread
 from cellwright.protocols.ocv.gap import HYSTERESIS, shows_hysteresis, slow_gap
 
 LONG_SECOND = 1800.0  # of a rest that shows what relaxes later than ten minutes
-MIDDLE = (0.2, 0.8)
+MIDDLE = (0.2, 0.8)  # of SoC
+INSIDE = "temperature_celsius"  # of a rest
 USUAL_KELVIN = 20.0  # over which a laboratory tests
 
 
@@ -32,19 +37,16 @@ def of_rests(rows, values, *, capacity_ampere_hour):
     measured : list of Measured: slow diffusion, and polarisation over SoC.
     """
     kept = [row for row in rows if row.get("chosen") in (True, "True") and _told(row)]
-    near = min((abs(_celsius(row) - REFERENCE_CELSIUS) for row in kept), default=0.0)
-    kept = [r for r in kept if abs(_celsius(r) - REFERENCE_CELSIUS) <= near + SAME_CELSIUS]
+    near = min((abs(celsius_of(row, INSIDE) - REFERENCE_CELSIUS) for row in kept), default=0.0)
+    kept = [
+        r for r in kept if abs(celsius_of(r, INSIDE) - REFERENCE_CELSIUS) <= near + SAME_CELSIUS
+    ]
     return [_slow(kept, values), _polarisation(kept, capacity_ampere_hour)]
 
 
 def _told(row):
     current = row.get("current_before_ampere")
     return current is not None and abs(current) > 0 and row.get("load_second", 0) > 0
-
-
-def _celsius(row):
-    celsius = row.get("temperature_celsius")
-    return REFERENCE_CELSIUS if celsius is None or not np.isfinite(celsius) else float(celsius)
 
 
 def _slow(rows, values):
@@ -89,7 +91,7 @@ def _polarisation(rows, ampere):
     return Measured(
         *("relaxations", (effect,), words, "relaxing_over_soc", (float(low), float(high))),
         *(float(at_low / at_high), np.nan, "1", 1.0),
-        material=_material(at_low / at_high, ampere * (at_low - at_high)),
+        material=is_material(at_low / at_high, ampere * (at_low - at_high)),
     )
 
 
@@ -107,7 +109,7 @@ def of_slow_test(basis, values):
     effects = tuple(sorted(HYSTERESIS, reverse=True))
     if basis.get("borrowed_from") is not None:
         return [silent("slow test", effects, f"its OCV is that of {basis['borrowed_from']}")]
-    known = [(abs(_ambient(c) - REFERENCE_CELSIUS), slow_gap(c)) for c in basis.get("ocv", ())]
+    known = [(abs(celsius_of(c) - REFERENCE_CELSIUS), slow_gap(c)) for c in basis.get("ocv", ())]
     known = [pair for pair in known if np.isfinite(pair[1].half_gap_volt)]
     if not known or not all(name in values for name in LOGARITHMS):
         return [silent("slow test", effects, "no slow test with both directions")]
@@ -125,11 +127,6 @@ def of_slow_test(basis, values):
             material=shows_hysteresis(gap, ohm),
         )
     ]
-
-
-def _ambient(curve):
-    celsius = curve["ambient_temperature_celsius"]
-    return REFERENCE_CELSIUS if celsius is None else celsius
 
 
 def of_entropy(rows):
@@ -162,11 +159,6 @@ def of_entropy(rows):
     ]
 
 
-def _cycle(curve):
-    """Number of the check-up; a test without one was made on the fresh cell."""
-    return curve.get("cycle") or 0.0
-
-
 def of_moved_ocv(basis):
     """Change of the OCV from the first to the last slow test, at one temperature.
 
@@ -178,9 +170,9 @@ def of_moved_ocv(basis):
     -------
     measured : list of Measured, one.
     """
-    curves = sorted(basis.get("ocv", ()), key=_cycle)
-    alike = [c for c in curves if abs(_ambient(c) - _ambient(curves[0])) <= SAME_CELSIUS]
-    if len({_cycle(c) for c in alike}) < 2:
+    curves = sorted(basis.get("ocv", ()), key=cycle_of)
+    alike = [c for c in curves if abs(celsius_of(c) - celsius_of(curves[0])) <= SAME_CELSIUS]
+    if len({cycle_of(c) for c in alike}) < 2:
         return [silent("check-ups", ("ocv_shift",), "no slow tests of two check-ups")]
     soc = np.linspace(*SOC_ENDS, 41)
     before, after = (np.interp(soc, c["soc"], c["ocv_volt"]) for c in (alike[0], alike[-1]))
