@@ -38,7 +38,7 @@ def render(job) -> str:
         one["verdicts"] = _of(tables["missing_effect"], one["name"]).to_dict("records")
     template = Path(inputs.template).read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"number": number, "milli": milli, "percent": percent}
+    environment.filters |= {"number": number, "milli": milli}
     return environment.from_string(template).render(
         title=params.title,
         excluded=tables["excluded"].to_dict("records"),
@@ -65,11 +65,6 @@ def _of(table, name, column="cell") -> pd.DataFrame:
 def milli(text) -> str:
     """Volts as millivolts; a dash for what is not known."""
     return f"{1e3 * float(text):.2f}" if text else "–"
-
-
-def percent(text) -> str:
-    """A share as per cent; a dash for what is not known."""
-    return f"{100 * float(text):.0f} %" if text else "–"
 
 
 def _said(path) -> dict:

@@ -19,12 +19,12 @@ CAPACITY = SERIES | {"capacity", "basis", "relaxation", "figure_records", "figur
 METHODS = {"identification_methods", "figure_identification_methods"}
 # Of each campaign the other rules, among them the search, which says what it would need.
 PLANNED = {
-    "bad_file_only": CAPACITY | {"effect_search"},
-    "capacity_only": CAPACITY | {"effect_search"},
+    "bad_file_only": CAPACITY | {"effect_search", "witnesses"},
+    "capacity_only": CAPACITY | {"effect_search", "witnesses"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
     | {"ocv", "resistance", "polarisation", "identify", "model", "export", "validate", "soc"}
-    | {"effect_search", "figure_missing_effect", "figure_ocv", "figure_resistance"}
+    | {"effect_search", "witnesses", "figure_missing_effect", "figure_ocv", "figure_resistance"}
     | {"figure_relaxation", "figure_polarisation", "figure_parameters", "figure_validation"}
     | {"figure_soc"},
     "spectra_only": {"spectrum", "impedance", "basis", "temperature", "cold_limit"}
@@ -32,7 +32,14 @@ PLANNED = {
     | {"figure_temperature"},
     "pulses_over_temperature": CAPACITY
     | METHODS
-    | {"resistance", "temperature", "resistance_surface", "cold_limit", "effect_search"}
+    | {
+        "resistance",
+        "temperature",
+        "resistance_surface",
+        "cold_limit",
+        "effect_search",
+        "witnesses",
+    }
     | {"figure_missing_effect", "figure_resistance", "figure_surface", "figure_arrhenius"}
     | {"figure_temperature"},
     "parallel_group": SERIES

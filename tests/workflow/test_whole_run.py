@@ -201,7 +201,7 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     planned = snakemake(copy, "--dry-run").said
     on_the_way = ["ingest", "clean", "segment", "validate", "soc"]
     on_the_way += ["figure_records", "figure_validation", "figure_soc"]
-    on_the_way += ["effect_search", "missing_effect", "figure_missing_effect"]
+    on_the_way += ["effect_search", "witnesses", "missing_effect", "figure_missing_effect"]
     on_the_way += ["missing_effect_group"]
     together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
