@@ -104,7 +104,11 @@ def test_resistance_over_temperature(make, name):
     celsius = (0.0, 10.0, 25.0, 40.0)
     one = entry("resistance_temperature", 500.0, activation_energy_joule_per_mole=24e3)
     assert says(make(energy=24e3, celsius=celsius), name, one) == "agrees"
-    assert says(make(energy=12e3, celsius=celsius), name, one) == "contradicts"
+    other = heard(make(energy=12e3, celsius=celsius), one)[name, one["effect"]]
+    assert (other.says, other.shown) == ("contradicts", True)
+    assert other.text.endswith("the effect is there, with another size")
+    absent = heard(make(energy=1e3, celsius=celsius), one)[name, one["effect"]]
+    assert (absent.says, absent.shown) == ("contradicts", False)
     assert says(make(energy=-24e3, celsius=celsius), name, one) == "contradicts"
     assert says(make(energy=24e3), name, one) == "silent", "one temperature"
     witness = heard(make(energy=24e3, celsius=celsius), one)[name, one["effect"]]

@@ -124,7 +124,9 @@ def test_a_size_at_its_bound_and_a_witness_against_it_are_doubts():
     parameters = step()["parameters"]
     parameters["bowl"] = parameters["bowl"] | {"at_bound": True}
     assert doubts(step(parameters=parameters)) == ("bowl ended on a bound",)
-    heard = [{"name": "pulses", "says": "contradicts"}, {"name": "impedance", "says": "agrees"}]
+    heard = [{"name": "pulses", "says": "contradicts", "shown": False}]
+    heard += [{"name": "impedance", "says": "agrees", "shown": True}]
+    heard += [{"name": "relaxations", "says": "contradicts", "shown": True}]
     assert doubts(step(), heard) == ("contradicted by pulses",)
     assert doubts(step(), heard[1:]) == ()
 

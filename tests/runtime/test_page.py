@@ -40,7 +40,14 @@ VERDICT = {
     "in_one_line": "shows slow diffusion",
 }
 WITNESS = {"name": "relaxations", "effect": "slow_diffusion", "named": True, "says": "silent"}
-WITNESS |= {"measured": 0.0, "implied": 0.0, "unit": "Ohm", "std": 0.0, "text": "no long rest"}
+WITNESS |= {
+    "measured": 0.0,
+    "implied": 0.0,
+    "unit": "Ohm",
+    "std": 0.0,
+    "shown": False,
+    "text": "no long rest",
+}
 HEARD = WITNESS | {"name": "pulses", "effect": "resistance_soc", "named": False}
 HEARD |= {"says": "contradicts", "text": "not named, although < 3"}
 

@@ -134,7 +134,7 @@ def test_names_that_look_like_numbers_or_like_nothing_stay_names():
 
 
 WITNESSES = [
-    {"cell": "B", "effect": effect, "named": named, "says": says, "name": name}
+    {"cell": "B", "effect": effect, "named": named, "says": says, "name": name, "shown": False}
     for effect, named, says, name in (
         ("leakage", True, "silent", "current at rest"),
         ("ocv_edge", True, "agrees", "slow test"),

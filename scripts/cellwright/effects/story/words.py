@@ -230,8 +230,8 @@ def doubts(one, witnesses=()):
 
     Parameters
     ----------
-    one : dict, entry of a verdict. witnesses : of this effect: sequence of dict or rows with name
-        and says.
+    one : dict, entry of a verdict. witnesses : of this effect: sequence of dict with name, says
+        and shown; one that shows the effect with another size is no doubt of its name.
 
     Returns
     -------
@@ -240,7 +240,7 @@ def doubts(one, witnesses=()):
     both, blocks = one["validation_rmse_volt"], one.get("blocks") or {}
     bounds = [name.replace("_", " ") for name, p in one["parameters"].items() if p["at_bound"]]
     explained = one.get("explained")
-    against = [w["name"] for w in witnesses if w["says"] == "contradicts"]
+    against = [w["name"] for w in witnesses if w["says"] == "contradicts" and not w["shown"]]
     reasons = (
         (one["alternatives"] or one.get("branch_alternatives"), "another explains it as well"),
         (one.get("proof") == "unproven", "no record that took no part in the fit excites it"),

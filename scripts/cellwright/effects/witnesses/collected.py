@@ -13,6 +13,7 @@ from cellwright.effects.witnesses.statement import (
     Witness,
     in_words,
     same,
+    size_of,
 )
 from cellwright.effects.witnesses.voltages import of_entropy, of_moved_ocv, of_rests, of_slow_test
 
@@ -83,16 +84,18 @@ def witnesses(verdict, model, measured, library):
     hidden = [
         _of_unnamed(one)
         for one in measured
-        if one.material
-        and not {*entries, *explained} & set(one.effects)
-        and not same(one.value, one.neutral, one.std, neutral=one.neutral)
+        if _shows(one) and not {*entries, *explained} & set(one.effects)
     ]
     return [*spoken, *hidden]
 
 
+def _shows(one):
+    return one.material and not same(one.value, one.neutral, one.std, neutral=one.neutral)
+
+
 def _of_named(one, effect, entry, values):
     if one.reason:
-        blank = (np.nan, np.nan, one.unit, np.nan)
+        blank = (np.nan, np.nan, one.unit, np.nan, False)
         return Witness(one.name, effect.id, True, SILENT, *blank, one.reason)
     value, doubt = implied(one.probe, effect, entry, values, one.at)
     stated = np.isfinite([one.std, doubt]).all()
@@ -106,13 +109,18 @@ def _of_named(one, effect, entry, values):
     said = in_words(one.value, one.unit, one.std)
     text = f"{one.quantity}: {said} measured, {in_words(value, one.unit, doubt)} by the verdict"
     word = AGREES if agrees else CONTRADICTS
+    alongside = size_of(one.value, one.neutral) * size_of(value, one.neutral) > 0
+    shown = bool(alongside and _shows(one))
     if agrees and alike:
         word, text = SILENT, f"{text}: as near to no such effect"
-    return Witness(one.name, effect.id, True, word, one.value, value, one.unit, std, text)
+    elif shown and not agrees:
+        text += ": the effect is there, with another size"
+    numbers = (one.value, value, one.unit, std)
+    return Witness(one.name, effect.id, True, word, *numbers, shown, text)
 
 
 def _of_unnamed(one):
     said = in_words(one.value, one.unit, one.std)
     text = f"not named, although {one.quantity} is {said}"
     numbers = (one.value, one.neutral, one.unit, one.std)
-    return Witness(one.name, one.effects[0], False, CONTRADICTS, *numbers, text)
+    return Witness(one.name, one.effects[0], False, CONTRADICTS, *numbers, True, text)

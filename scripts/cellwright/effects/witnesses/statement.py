@@ -44,7 +44,9 @@ class Witness(NamedTuple):
     name : of the measurement. effect : id. named : whether the verdict names it. says : "agrees",
     "contradicts" or "silent". measured, implied : the same quantity as measured and as the verdict
     has it [unit]; for an effect that is not named, implied is its value without the effect.
-    std : combined standard deviation, NaN where none is stated. text : one sentence.
+    std : combined standard deviation, NaN where none is stated. shown : whether the measurement by
+    itself shows the effect, large enough for somebody to act on and in the verdict's direction: it
+    may do so with another size than the verdict's. text : one sentence.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Witness(NamedTuple):
     implied: float
     unit: str
     std: float
+    shown: bool
     text: str
 
 
