@@ -210,7 +210,7 @@ def _residual_over_change(panel, effect, columns):
     # Below zero the verdict calls it unsure, for the same reason (`story.words.doubts`).
     alone = f"{100 * share:.0f} %" if share > 0 else "nothing"
     panel.set(
-        title=f"{_in_words(effect)}: by itself it explains {alone} of what was left",
+        title=f"{_in_words(effect)}:\nby itself it explains {alone} of what was left",
         xlabel="what the effect changes [mV]",
         ylabel="measured − model without it [mV]",
     )

@@ -75,7 +75,7 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
     ready = prepared(cell, basis, tests, **options)
     case, beside, note = _beside(ready.case, references, options)
     found = of_case(cell.cell, case, library, split_rest_second=settings["split_rest_second"])
-    said = " ".join([found.verdict["paragraph"], *ready.caveats])
+    said = "\n".join([found.verdict["paragraph"], *ready.caveats])
     verdict = found.verdict | {"references": beside, "paragraph": said}
     return found._replace(verdict=verdict, notes=(*ready.notes, *note, *found.notes))
 

@@ -73,7 +73,7 @@ def group_paragraph(verdict, library):
     what = "branch currents (each times its cell's resistance)" if logged else "the group's voltage"
     where = f"in {what} of tests that took no part in the fit"
     text = paragraph(verdict, library, Phrases(where, HEALTHY, "no effect of one branch"))
-    return text if logged else f"{text} {BLIND}"
+    return text if logged else f"{text}\n{BLIND}"
 
 
 LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"

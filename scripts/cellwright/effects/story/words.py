@@ -137,7 +137,7 @@ def paragraph(verdict, library, phrases=None, values=None):
 
     Returns
     -------
-    text : str.
+    text : str, a line for each part: what is shown, each effect, what is left, what to do.
     """
     phrases = phrases or BASES[verdict.get("base") or "plain"]
     opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
@@ -150,7 +150,7 @@ def paragraph(verdict, library, phrases=None, values=None):
     ]
     if verdict["next_test"]:
         parts.append(f"To test next: {verdict['next_test'].rstrip('.')}.")
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def _none(verdict, library, phrases, values):
