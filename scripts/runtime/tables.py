@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cellwright.effects.story.words import doubts, one_line
 from runtime import artefact
 from runtime.artefact import stage_of
 
@@ -56,6 +55,8 @@ def verdicts(found, witnesses=(), own=None) -> list[dict]:
     `witnesses` are rows of all cells, each with its cell; those of effects that are not named stand
     in the row of a cell's first effect. `own` are verdicts on the models in use, by cell.
     """
+    from cellwright.effects.story.words import one_line
+
     rows = []
     for verdict in found:
         mine = [row for row in witnesses if row["cell"] == verdict["cell"]]
@@ -74,6 +75,8 @@ def _sure(effect, witnesses) -> dict:
     """Whether nothing speaks against a name; of no name it is not asked."""
     if not effect["effect"]:
         return {"sure": None, "doubts": ""}
+    from cellwright.effects.story.words import doubts
+
     against = doubts(effect, witnesses)
     return {"sure": not against, "doubts": "; ".join(against)}
 
