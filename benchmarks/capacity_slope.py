@@ -1,7 +1,7 @@
 """dQ/dV of a slow charge with a coarse voltage converter, and its peaks."""
 
 import numpy as np
-from timing import Entry, Topic, where_importable
+from timing import Entry, Goal, Topic, where_importable
 
 from cellwright.protocols.ica import incremental_capacity, peaks
 
@@ -25,8 +25,11 @@ def topic():
     makers = {
         "**Cellwright**": lambda: _entry("**Cellwright**", _ours, runs=21),
         "interp": lambda: _entry("uniform grid by interpolation, scipy savgol_filter", _by_grid),
+        "PyProBE": lambda: _entry("PyProBE, level evaluation (LEAN)", _by_levels, runs=3),
+        "cellpy": lambda: _entry("cellpy dqdv_np, its own settings", _by_cellpy, runs=1),
     }
-    entries, skipped = where_importable({}, makers)
+    needed = {"PyProBE": ("pyprobe", "polars"), "cellpy": ("cellpy",)}
+    entries, skipped = where_importable(needed, makers)
     return Topic(
         "dQ/dV of a slow charge",
         f"{ROWS:,} rows of a charge read in steps of {1e3 * STEP_VOLT:g} mV, with 0.05 mV of "
@@ -36,6 +39,7 @@ def topic():
         "false peaks",
         entries,
         skipped,
+        goals=(Goal("**Cellwright**", 1e-3),),
     )
 
 
@@ -70,6 +74,28 @@ def _by_grid(volt, charge):
     grid = np.arange(levels[0], levels[-1], 1e-3)
     slope = savgol_filter(np.interp(grid, levels, charge[first]), 39, 5, deriv=1, delta=1e-3)
     return grid, slope, None
+
+
+def _by_levels(volt, charge):
+    """PyProBE counts how often a voltage level was read, and smooths over five levels."""
+    import polars
+    from pyprobe.analysis.differentiation import differentiate_lean
+    from pyprobe.result import Result
+
+    names = ("Capacity [Ah]", "Voltage [V]")
+    frame = polars.DataFrame(dict(zip(names, (charge, volt), strict=True)))
+    record_of = Result(lf=frame, info={})
+    found = differentiate_lean(record_of, *names, gradient="dxdy")
+    slope = next(name for name in found.columns if name.startswith("d("))
+    return found.get(names[1]), found.get(slope), None
+
+
+def _by_cellpy(volt, charge):
+    """Without its last step, which scales the curve to the charge of the half cycle."""
+    from cellpy.utils.ica import dqdv_np
+
+    grid, slope = dqdv_np(volt, charge, post_normalization=False)
+    return np.asarray(grid), np.asarray(slope), None
 
 
 def _tops(volt, slope, found):

@@ -2,7 +2,7 @@
 
 import cell
 import numpy as np
-from timing import Entry, Topic, where_importable
+from timing import Entry, Goal, Topic, where_importable
 
 from cellwright.circuits.fast import simulate_counted
 
@@ -40,6 +40,7 @@ def adaptive():
         skipped,
         SAMPLES,
         "step",
+        (Goal("its recursion alone", 3e-8),),
     )
 
 
@@ -82,9 +83,8 @@ def _ours(time, current, volt, _soc):
 def _recursion(time, current, volt, _soc):
     from cellwright.filters.bank import bank_of
     from cellwright.filters.estimate import Start
-    from cellwright.filters.kalman import run
+    from cellwright.filters.kalman import acquire, run
     from cellwright.filters.plant import plant_of
-    from cellwright.filters.start import acquire
 
     noise = _three_states()["noise"]
     bank = bank_of(cell.model(), "2RC", 25.0)

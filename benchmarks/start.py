@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from timing import Entry, Topic, missing
+from timing import Entry, Goal, Topic, missing
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 JOBS = {
@@ -39,6 +39,7 @@ def topic():
         [entry._replace(accuracy=lambda _found: "–") for entry in entries],
         skipped,
         unit="process",
+        goals=(Goal("**Cellwright**, simulation and fit", 0.3),),
     )
 
 

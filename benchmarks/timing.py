@@ -22,9 +22,19 @@ class Entry(NamedTuple):
     note: str = ""
 
 
+class Goal(NamedTuple):
+    """What an entry should take at most: `second` [s] per unit, or `times` the entry named `of`."""
+
+    name: str
+    second: float = 0.0
+    times: float = 0.0
+    of: str = ""
+
+
 class Topic(NamedTuple):
     """One table: the work that every entry does, the first entry ours; `unit` of what is divided
-    by `units` (samples, steps), 1 where a run counts as a whole. skipped: (name, reason)."""
+    by `units` (samples, steps), 1 where a run counts as a whole. skipped: (name, reason).
+    goals : tuple of Goal."""
 
     title: str
     work: str
@@ -33,6 +43,7 @@ class Topic(NamedTuple):
     skipped: list
     units: int = 1
     unit: str = "run"
+    goals: tuple = ()
 
 
 class Timed(NamedTuple):

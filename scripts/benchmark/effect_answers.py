@@ -1,6 +1,6 @@
 """Search one batch of the benchmark's cells, and try the controls on them."""
 
-from effect_benchmark.batch import answered, task
+from effect_benchmark.answers import answered, task
 from runtime import artefact
 
 with artefact.Job(snakemake) as job:

@@ -5,7 +5,7 @@ from runtime import artefact, facts, lending
 
 with artefact.Job(snakemake) as job:
     params, inputs = snakemake.params, snakemake.input
-    reduced = lending.left_out(inputs.left_out)
+    reduced = lending.models_without(inputs.left_out)
     about = (params.cell, job.load(inputs.whole), reduced, facts.tests(inputs.series))
     found = cw.compare_temperature_laws(*about, split_rest_second=params.split_rest_second)
     job.note(*found.notes)

@@ -5,7 +5,7 @@ from runtime import artefact, facts, lending
 
 with artefact.Job(snakemake) as job:
     params, inputs = snakemake.params, snakemake.input
-    models = (job.load(inputs.whole), lending.left_out(inputs.left_out))
+    models = (job.load(inputs.whole), lending.models_without(inputs.left_out))
     about = (params.cell, *models, job.load(inputs.laws), facts.tests(inputs.series))
     found = cw.predict_left_out(*about, split_rest_second=params.split_rest_second)
     job.note(*found.notes)

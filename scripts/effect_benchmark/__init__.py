@@ -1,5 +1,5 @@
 """How well missing effects are found, measured on hidden campaigns of the virtual laboratory.
 
-`campaign`, `answers`, `controls` and `batch` see raw files and sheets alone; `truth`, `scoring`
-and `page` see the truth.
+`campaign`, `answers` and `controls` read raw files and sheets alone; `scoring` and `page` read the
+truth.
 """

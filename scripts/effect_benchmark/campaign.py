@@ -1,10 +1,10 @@
-"""Raw files of a campaign to what a search is about, in one process instead of a job a step."""
+"""Hidden campaigns read for the searches: raw files to tests and basis, in one process."""
 
 from pathlib import Path
 from typing import NamedTuple
 
 import cellwright as cw
-from cellwright.api import given
+from cellwright.api import inputs
 from cellwright.records.basis import Lender
 from runtime import raw_files, sheets
 
@@ -12,7 +12,7 @@ SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
 FACTS = ("test", "kind", "ambient_temperature_celsius", "cycle", "soc", "role")
 
 
-class Place(NamedTuple):
+class Campaign(NamedTuple):
     """A campaign's folder and sheets; the rows of tests by cell or group, of branches by group."""
 
     folder: Path
@@ -30,70 +30,74 @@ class Loaded(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Settings of the stages before a search: two sections of the config, and a key of `ocv`."""
+    """Settings of the stages before a search: sections clean, segment, and ocv.least_hour [h]."""
 
     clean: dict
     segment: dict
     least_hour: float
 
 
-def place(folder) -> Place:
+def read(folder) -> Campaign:
     """The campaign in a folder, its sheets checked as the workflow checks them."""
-    read = sheets.read(folder, SCHEMAS)
+    sheet_rows = sheets.read(folder, SCHEMAS)
     tests, branches = {}, {}
-    for row in read.tests:
+    for row in sheet_rows.tests:
         tests.setdefault(row["cell"], []).append(row)
-    for row in sorted(read.groups, key=lambda row: row["position"]):
-        branches.setdefault(row["group"], []).append(given.branch_facts(row))
-    return Place(Path(folder), {row["cell"]: row for row in read.cells}, tests, branches)
+    for row in sorted(sheet_rows.groups, key=lambda row: row["position"]):
+        branches.setdefault(row["group"], []).append(inputs.branch_facts(row))
+    return Campaign(Path(folder), {row["cell"]: row for row in sheet_rows.cells}, tests, branches)
 
 
-def searched(place: Place) -> list[str]:
-    """Cells and groups that a search is for: no reference, and no branch of a group."""
-    inside = {row.cell for rows in place.branches.values() for row in rows}
-    cells = [c for c, row in place.cells.items() if row["reference"] != "yes" and c not in inside]
-    return sorted([*cells, *place.branches])
+def searched(campaign: Campaign) -> list[str]:
+    """Cells and groups to be searched: neither references nor branches of a group."""
+    inside = {row.cell for rows in campaign.branches.values() for row in rows}
+    cells = [
+        c for c, row in campaign.cells.items() if row["reference"] != "yes" and c not in inside
+    ]
+    return sorted([*cells, *campaign.branches])
 
 
-def lenders(place: Place, steps: Steps) -> dict[str, list[Lender]]:
-    """The marked cells of each chemistry, with the OCV and capacities that others borrow."""
-    found = {}
-    for cell, row in place.cells.items():
+def lenders(campaign: Campaign, steps: Steps) -> dict[str, list[Lender]]:
+    """Reference cells of each chemistry, with the OCV and capacities that others borrow."""
+    by_chemistry = {}
+    for cell, row in campaign.cells.items():
         if row["reference"] == "yes":
-            records = tests_of(place, cell, steps)
+            records = tests_of(campaign, cell, steps)
             shown = (_curves(records, row, steps), _capacities(records, row, steps))
-            one = cw.lender(row, *shown, marked=True)
-            found.setdefault(row["chemistry"], []).append(one)
-    return found
+            lender = cw.lender(row, *shown, marked=True)
+            by_chemistry.setdefault(row["chemistry"], []).append(lender)
+    return by_chemistry
 
 
-def loaded(place: Place, cell: str, known: dict[str, list[Lender]], steps: Steps) -> Loaded:
-    """One cell with what its SoC refers to.
+def loaded(
+    campaign: Campaign, cell: str, lenders_of: dict[str, list[Lender]], steps: Steps
+) -> Loaded:
+    """Facts, basis and tests of one cell.
 
     Raises
     ------
     Refusal : a file that cannot be read, or no capacity.
     """
-    row, records = place.cells[cell], tests_of(place, cell, steps)
-    found = cw.basis(
+    row, records = campaign.cells[cell], tests_of(campaign, cell, steps)
+    basis = cw.basis(
         row,
         _curves(records, row, steps),
         _capacities(records, row, steps),
-        [one for one in known.get(row["chemistry"], []) if one.cell != cell],
+        [lender for lender in lenders_of.get(row["chemistry"], []) if lender.cell != cell],
     )
-    return Loaded(row, found.content, records)
+    return Loaded(row, basis.content, records)
 
 
-def tests_of(place: Place, cell: str, steps: Steps) -> list[tuple]:
-    """The cleaned tests of a cell or group, with their steps apart: (TestFacts, columns) each."""
+def tests_of(campaign: Campaign, cell: str, steps: Steps) -> list[tuple]:
+    """The cleaned tests of a cell or group: (TestFacts, columns) each."""
     return [
-        (cw.TestFacts(**{name: row[name] for name in FACTS}), _series(place, row, steps))
-        for row in place.tests[cell]
+        (cw.TestFacts(**{name: row[name] for name in FACTS}), _series(campaign, row, steps))
+        for row in campaign.tests[cell]
     ]
 
 
-def _series(place, row, steps):
-    files = [str(place.folder / file) for file in row["file"]]
+def _series(campaign, row, steps):
+    files = [str(campaign.folder / file) for file in row["file"]]
     contents = raw_files.contents(files, row["sha256"])
     stated = {"instrument": row["instrument"], "current_sign": row["current_sign"]}
     return cw.clean(cw.read(contents, **stated), steps.clean).columns
@@ -109,13 +113,13 @@ def _curves(records, row, steps):
 
 def _capacities(records, row, steps):
     kinds = ("capacity", "ocv")
-    mine = [one for one in records if one[0].kind in kinds and one[0].role == "fit"]
-    tried = [(facts, _capacity(facts, series, row, steps)) for facts, series in mine]
-    return [(facts, found) for facts, found in tried if found]
+    fitted = [record for record in records if record[0].kind in kinds and record[0].role == "fit"]
+    tried = [(facts, _capacity(facts, series, row, steps)) for facts, series in fitted]
+    return [(facts, capacity) for facts, capacity in tried if capacity]
 
 
 def _capacity(facts, series, row, steps):
-    """None, as in the workflow, of a test without a complete charge."""
+    """Capacities of a test; None, as in the workflow, without a complete half cycle."""
     try:
         cut = cw.segment(series, row, steps.segment)
         return cw.capacity(series, cut, row, whole_swing=facts.kind == "ocv")

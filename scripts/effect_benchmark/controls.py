@@ -1,4 +1,4 @@
-"""Terms that must not help: what a search would make of them, tried as it tries an effect.
+"""Control terms, tried as the search tries an effect: none of them should be named.
 
 A random smooth function of state of charge, current and temperature, with as many parameters as
 the effect that was named; the named effect, computed from a current whose blocks were put into
@@ -7,8 +7,8 @@ another order; and an extra RC pair, whether or not one is missing.
 
 import numpy as np
 
-from cellwright.effects import base, plain, search
-from cellwright.effects.case import filters_of, steep
+from cellwright.effects import base, search
+from cellwright.effects.case import extra_volt_of, filters_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.screen import candidates, scored
@@ -33,13 +33,13 @@ def random_term(count: int, capacity_ampere_hour: float, random) -> Effect:
     phase = random.uniform(0.0, 2.0 * np.pi, (count, WAVES))
     names = [f"size{k}" for k in range(count)]
 
-    def act(fields, stack, own):
+    def act(fields, stack, p):
         rate = stack.current_ampere / capacity_ampere_hour
         where = np.stack([fields.soc, rate, stack.celsius - base.REFERENCE_CELSIUS])
         volt = fields.volt
         for name, turns, start in zip(names, frequency, phase, strict=True):
             wave = np.cos(turns @ where + start[:, None]).sum(axis=0)
-            volt = volt + own[name] * np.sqrt(2.0 / WAVES) * wave
+            volt = volt + p[name] * np.sqrt(2.0 / WAVES) * wave
         return fields._replace(volt=volt)
 
     sizes = tuple(Parameter(name, "V", 0.0, -0.2, 0.2, 1e-3, 5e-3) for name in names)
@@ -47,7 +47,7 @@ def random_term(count: int, capacity_ampere_hour: float, random) -> Effect:
 
 
 def permuted(effect: Effect, cell, values: dict, seed: int) -> Effect:
-    """An effect as it would be, had the current flowed in another order.
+    """An effect computed from the same current in another order.
 
     Parameters
     ----------
@@ -55,10 +55,10 @@ def permuted(effect: Effect, cell, values: dict, seed: int) -> Effect:
     """
     name = "control_permuted"
 
-    def act(fields, stack, own):
+    def act(fields, stack, p):
         mixed = _mixed(stack, seed)
         starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
-        full = values | starts | {f"{effect.id}.{k}": v for k, v in own.items()}
+        full = values | starts | {f"{effect.id}.{k}": v for k, v in p.items()}
         without = base.voltage(cell, mixed, full)
         change = base.voltage(cell, mixed, full, (effect,)) - without
         return fields._replace(volt=fields.volt + change)
@@ -75,9 +75,8 @@ def _mixed(stack, seed):
         order[rows] = np.concatenate([blocks[j] for j in random.permutation(len(blocks))])
     current = stack.current_ampere[order]
     held = np.concatenate([[0.0], current[:-1]]) * (1.0 - stack.fresh)
-    return stack._replace(
-        current_ampere=current, held_ampere=held, direction=stack.direction[order], responses={}
-    )
+    rows = {"current_ampere": current, "held_ampere": held, "direction": stack.direction[order]}
+    return stack._replace(**rows, responses={}, courses={})
 
 
 def tried(case, first: search.Round, effect: Effect) -> search.Trial:
@@ -87,9 +86,9 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
     ----------
     case : search.Case. first : the first round of its search. effect : the term.
     """
-    start = plain.first_values(case.cell, case.fit)
-    free = plain.frees(case.fit, start, case.tolerance)
-    filters = filters_of(case, first.noise, steep(case, start))
+    start = base.first_values(case.cell, case.fit)
+    free = base.frees(case.fit, start, case.tolerance)
+    filters = filters_of(case, first.noise, extra_volt_of(case, start))
     solution = first.before.solution
     residual = filters.fit.apply(solution.residual)
 
@@ -97,7 +96,9 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
         return base.voltage(case.cell, case.fit, values, (one,))
 
     lined_up = candidates(predict, solution.prediction, solution.values, [effect])
-    own = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
-    scores = scored(lined_up, own, residual, solution.white, solution.precision, solution.values)
+    whitened = filters.fit.apply(np.concatenate([c.columns for c in lined_up], axis=1))
+    scores = scored(
+        lined_up, whitened, residual, solution.white, solution.precision, solution.values
+    )
     best = max(scores, key=lambda one: one.chi_square)
     return search.tried(case, LIBRARY, free, first.before, best, filters)

@@ -43,10 +43,10 @@ def markdown(table, options: str) -> str:
     ----------
     table : of `scoring.judged`. options : the campaign's sizes and seed, in words.
     """
-    mine = table[table["method"] == "search"]
-    silent = int(mine["verdict"].isna().sum())
+    searched = table[table["method"] == "search"]
+    silent = int(searched["verdict"].isna().sum())
     parts = [
-        INTRODUCTION.format(options=options, cells=len(mine), silent=silent),
+        INTRODUCTION.format(options=options, cells=len(searched), silent=silent),
         "## Goals\n\n" + _goals(scoring.goals(table)),
         "## Power\n\n![Power against strength](effect-power.svg)\n\n"
         + _power(scoring.power(table)),
@@ -94,28 +94,28 @@ def lines(header, rows) -> str:
 
 
 def _goals(goals):
-    rows = [[one.name, _wanted(one), _measured(one), MARK[one.reached]] for one in goals]
+    rows = [[goal.name, _wanted(goal), _measured(goal), MARK[goal.reached]] for goal in goals]
     return lines(["what", "goal", "measured", "reached"], rows)
 
 
-def _wanted(one):
-    if not one.side:
+def _wanted(goal):
+    if not goal.side:
         return "–"
-    sign = {"at least": "≥", "at most": "≤"}[one.side]
-    return f"{sign} {one.wanted:g} s" if _seconds(one) else f"{sign} {100 * one.wanted:g} %"
+    sign = {"at least": "≥", "at most": "≤"}[goal.side]
+    return f"{sign} {goal.wanted:g} s" if _seconds(goal) else f"{sign} {100 * goal.wanted:g} %"
 
 
-def _measured(one):
-    if isinstance(one, scoring.Share):
-        return percent(one)
-    if not one.of:
+def _measured(goal):
+    if isinstance(goal, scoring.Share):
+        return percent(goal)
+    if not goal.of:
         return "not measured"
-    value = f"{one.value:.2f} s" if _seconds(one) else f"{100 * one.value:.1f} %"
-    return f"{value}, of {one.of}"
+    value = f"{goal.value:.2f} s" if _seconds(goal) else f"{100 * goal.value:.1f} %"
+    return f"{value}, of {goal.of}"
 
 
-def _seconds(one):
-    return getattr(one, "unit", "") == "s"
+def _seconds(goal):
+    return getattr(goal, "unit", "") == "s"
 
 
 def _power(rows):
@@ -136,7 +136,7 @@ def _power(rows):
 
 
 def _shares(shares):
-    return lines(["answer", "share"], [[one.name, percent(one)] for one in shares])
+    return lines(["answer", "share"], [[share.name, percent(share)] for share in shares])
 
 
 def _rankings(rows):
@@ -217,8 +217,8 @@ def power(table):
         _panel(panel, name, [row for row in rows if row["effect"] == name])
     for panel in axes.flat[len(names) :]:
         panel.set_visible(False)
-    known = drawn.axes[0].get_legend_handles_labels()
-    drawn.legend(*known, loc="outside upper right", ncols=2)
+    legend = drawn.axes[0].get_legend_handles_labels()
+    drawn.legend(*legend, loc="outside upper right", ncols=2)
     for panel in axes[:, 0]:
         panel.set_ylabel("share [%]")
     for panel in axes[-1]:
@@ -227,15 +227,15 @@ def power(table):
 
 
 def _panel(axes, name, rows):
-    """All cells, and the open marks: right or rightly silent."""
+    """Share of one effect over strength: named right, and (open marks) right or rightly silent."""
     for key, colour, mark, shift in (
         ("content", style.QUIET, "o", 1.06),
         ("right", "#0b6fb8", "s", 1),
     ):
         shares = [row[key] for row in rows]
         at = np.array([row["strength_millivolt"] for row in rows]) * shift
-        value = np.array([100 * one.share for one in shares])
-        low, high = 100 * np.array([one.interval for one in shares]).T
+        value = np.array([100 * share.share for share in shares])
+        low, high = 100 * np.array([share.interval for share in shares]).T
         reach = [np.maximum(value - low, 0), np.maximum(high - value, 0)]
         open_mark = {"markerfacecolor": "white"} if key == "content" else {}
         look = {"color": colour, "capsize": 2, "label": PANEL_WORDS[key]} | open_mark

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from effect_benchmark import truth
 from effect_benchmark.answers import (
     BIC,
     BLIND,
@@ -46,7 +45,7 @@ ANSWERED = ("rounds", "cpu_second", "floor_volt", "validation_before_volt", "val
 
 
 class Share(NamedTuple):
-    """How many of how many, the Wilson interval, and what was wanted: "at least", "at most", ""."""
+    """Hits of a number of cells, and the wanted share; `side` is "at least", "at most" or ""."""
 
     name: str
     hits: int
@@ -69,7 +68,7 @@ class Share(NamedTuple):
 
 
 class Level(NamedTuple):
-    """A measured number beside its goal; `of` is how many it was taken from."""
+    """A measured number and its goal; `of` is how many values it summarises."""
 
     name: str
     value: float
@@ -89,7 +88,7 @@ def reached(value, side, wanted) -> bool | None:
 
 
 def judged(folder, answers: list[dict]) -> pd.DataFrame:
-    """What each method said of each hidden cell or group and what that is worth.
+    """Answer of each method on each hidden cell or group, and whether it is right.
 
     A cell that a method left without an answer has a row without a verdict.
 
@@ -97,33 +96,33 @@ def judged(folder, answers: list[dict]) -> pd.DataFrame:
     ----------
     folder : of the campaign with its truth. answers : rows of `batch.answered`.
     """
-    known = files.read_json(files.campaign(folder).truth / "missing_effect.json")
-    hidden = {row["cell"]: row for row in known if row["kind"] != "reference"}
-    given = {(row["method"], row["cell"]): row for row in answers}
+    cells = files.read_json(files.campaign(folder).truth / "missing_effect.json")
+    hidden = {row["cell"]: row for row in cells if row["kind"] != "reference"}
+    answered = {(row["method"], row["cell"]): row for row in answers}
     methods = dict.fromkeys([SEARCH, *(row["method"] for row in answers)])
     rows = [
-        _row(one, given.get((method, cell)), method)
+        _row(truth_of_cell, answered.get((method, cell)), method)
         for method in methods
-        for cell, one in sorted(hidden.items())
-        if method == SEARCH or (method, cell) in given
+        for cell, truth_of_cell in sorted(hidden.items())
+        if method == SEARCH or (method, cell) in answered
     ]
     return pd.DataFrame(rows)
 
 
 def _row(hidden, answer, method):
-    said = json.loads(answer["document"]) if answer and answer["document"] else None
-    asked = hidden | {"kind": "unknown"} if method == LEFT_OUT else hidden
-    row = verdicts._judged(hidden["cell"], asked, said)
-    names = {one["effect"] for one in hidden["effects"]}
+    verdict = json.loads(answer["document"]) if answer and answer["document"] else None
+    expected = hidden | {"kind": "unknown"} if method == LEFT_OUT else hidden
+    row = verdicts._judged(hidden["cell"], expected, verdict)
+    names = {effect["effect"] for effect in hidden["effects"]}
     outside = "outside: " if hidden["kind"] == "unknown" else ""
     return row | {
         "hidden": outside + row["hidden"],
         "method": method,
         "sort": SORTS[hidden["cell"][0]],
-        "strength_millivolt": truth.strength(hidden),
+        "strength_millivolt": strength(hidden),
         "dynamic": bool(names) and names <= set(DYNAMIC),
-        "tie": any(len(one["accept"]) > 1 for one in hidden["effects"]),
-        "branch_right": truth.branch_right(hidden, said),
+        "tie": any(len(effect["accept"]) > 1 for effect in hidden["effects"]),
+        "branch_right": branch_right(hidden, verdict),
         "reason": answer["reason"] if answer else "",
         "gap_closed": answer["gap_closed"] if answer else np.nan,
         **{name: answer[name] if answer else np.nan for name in ANSWERED},
@@ -152,8 +151,8 @@ def goals(table: pd.DataFrame) -> list:
 
     A cell without an answer counts as not right, and among the false ones not at all.
     """
-    mine = table[table["method"] == SEARCH]
-    cells = mine[mine["sort"] == "cell"]
+    searched = table[table["method"] == SEARCH]
+    cells = searched[searched["sort"] == "cell"]
     healthy = cells["kind"].isin(verdicts.HEALTHY)
     dynamic = cells[(cells["kind"] == "single") & cells["visible"] & cells["dynamic"]]
     two, unknown = cells[cells["kind"] == "two"], cells[cells["kind"] == "unknown"]
@@ -167,24 +166,26 @@ def goals(table: pd.DataFrame) -> list:
         share("false alarms on healthy cells", cells[healthy], alarm, "at most", 0.01),
         share("unknown effects called unknown", unknown, right, "at least", 0.9),
         *_gaps(cells),
-        share("offset or leak: as a tie, or by the log at rest", *_ties(cells), *ALL),
+        share(
+            "offset or leak: as a tie, or by the log at rest",
+            cells[right(cells) & cells["tie"]],
+            _tie_handled,
+            *ALL,
+        ),
         share("both of two effects", two, right, "at least", 0.8),
         share("an extra name beside two effects", two, _extra, "at most", 0.08),
-        *_beyond(mine),
+        *_beyond(searched),
         *_cost(cells),
     ]
 
 
-def _ties(cells):
-    """Cells rightly answered whose effect has a structural partner, and how it is well told."""
-    return cells[right(cells) & cells["tie"]], _told
-
-
-def _told(table):
+def _tie_handled(table):
+    """Rows whose tie of two effects is stated, or resolved by the log at rest."""
     return (table["verdict"] == "ambiguous") | (table["said"] == table["hidden"])
 
 
 def _extra(table):
+    """Rows that name more effects than are hidden."""
     return table["extra_names"] > 0
 
 
@@ -199,11 +200,11 @@ def _gaps(cells):
     ]
 
 
-def _beyond(mine):
-    """Cells by physics and groups."""
-    physics, groups = mine[mine["sort"] == "physics"], mine[mine["sort"] == "group"]
+def _beyond(searched):
+    """Goals of cells simulated by physics and of groups."""
+    physics, groups = searched[searched["sort"] == "physics"], searched[searched["sort"] == "group"]
     named = physics[physics["kind"] == "single"]
-    found = groups[(groups["kind"] == "single") & groups["visible"]]
+    visible = groups[(groups["kind"] == "single") & groups["visible"]]
     alarm = is_outcome("false alarm")
     return [
         share("cells by physics, paired: right class", named, right, "at least", 0.8),
@@ -214,7 +215,7 @@ def _beyond(mine):
             "at most",
             0.15,
         ),
-        share("groups, branch currents logged: right class first", found, truth.first),
+        share("groups, branch currents logged: right class first", visible, first_right),
         share(
             "groups, branch currents logged: alarms",
             _healthy(groups),
@@ -249,12 +250,12 @@ def flat(table: pd.DataFrame) -> dict:
 def goal_rows(table: pd.DataFrame) -> list[dict]:
     """The goals as rows: measured, with its interval, beside what is wanted."""
     rows = []
-    for one in goals(table):
-        shared = isinstance(one, Share)
-        low, high = one.interval if shared else (np.nan, np.nan)
-        measured = {"measured": one.share if shared else one.value, "low": low, "high": high}
-        wanted = {"of": one.of, "side": one.side, "wanted": one.wanted}
-        rows.append({"goal": one.name, **measured, **wanted, "reached": bool(one.reached)})
+    for goal in goals(table):
+        shared = isinstance(goal, Share)
+        low, high = goal.interval if shared else (np.nan, np.nan)
+        measured = {"measured": goal.share if shared else goal.value, "low": low, "high": high}
+        wanted = {"of": goal.of, "side": goal.side, "wanted": goal.wanted}
+        rows.append({"goal": goal.name, **measured, **wanted, "reached": bool(goal.reached)})
     return rows
 
 
@@ -268,9 +269,9 @@ def power(table: pd.DataFrame) -> list[dict]:
     `visible` counts the cells whose effect shows beyond the noise; in the others silence is right,
     too, and is counted in `content`.
     """
-    mine = table[(table["method"] == SEARCH) & (table["kind"] == "single")]
+    single = table[(table["method"] == SEARCH) & (table["kind"] == "single")]
     rows = []
-    for (effect, strength), part in mine.groupby(["hidden", "strength_millivolt"]):
+    for (effect, strength), part in single.groupby(["hidden", "strength_millivolt"]):
         rows.append(
             {
                 "effect": effect,
@@ -281,40 +282,38 @@ def power(table: pd.DataFrame) -> list[dict]:
                 "content": share("content", part, is_outcome(*CONTENT)),
             }
         )
-    return sorted(rows, key=_dynamic_first)
-
-
-def _dynamic_first(row):
-    return not row["dynamic"], row["effect"], row["strength_millivolt"]
+    return sorted(
+        rows, key=lambda row: (not row["dynamic"], row["effect"], row["strength_millivolt"])
+    )
 
 
 def rankings(table: pd.DataFrame) -> list[dict]:
     """Each way of ranking on the same cells: right, false names, false alarms."""
     rows = []
     for method in (SEARCH, BIC, VALIDATION):
-        mine = table[(table["method"] == method) & (table["sort"] == "cell")]
-        seen = mine[(mine["kind"] == "single") & mine["visible"] & mine["dynamic"]]
+        cells = table[(table["method"] == method) & (table["sort"] == "cell")]
+        seen = cells[(cells["kind"] == "single") & cells["visible"] & cells["dynamic"]]
         wrong = is_outcome("false name")
-        healthy = mine["kind"].isin(verdicts.HEALTHY)
+        healthy = cells["kind"].isin(verdicts.HEALTHY)
         rows.append(
             {
                 "method": method,
                 "right": share("right", seen, right),
-                "false_names": share("false names", mine[~healthy], wrong),
-                "alarms": share("alarms", mine[healthy], is_outcome("false alarm")),
+                "false_names": share("false names", cells[~healthy], wrong),
+                "alarms": share("alarms", cells[healthy], is_outcome("false alarm")),
             }
         )
     return rows
 
 
 def left_out(table: pd.DataFrame) -> list[Share]:
-    """What is said where the library lacks the effect that is there."""
-    mine = table[(table["method"] == LEFT_OUT) & (table["sort"] == "cell")]
-    strong = mine[mine["dynamic"] & (mine["strength_millivolt"] == 6.0)]
+    """Answers where the hidden effect was removed from the library."""
+    cells = table[(table["method"] == LEFT_OUT) & (table["sort"] == "cell")]
+    strong = cells[cells["dynamic"] & (cells["strength_millivolt"] == 6.0)]
     return [
-        share("called unknown", mine, right),
-        share("another name", mine, is_outcome("false name")),
-        share("said to lack nothing", mine, is_outcome("missed", "rightly silent")),
+        share("called unknown", cells, right),
+        share("another name", cells, is_outcome("false name")),
+        share("said to lack nothing", cells, is_outcome("missed", "rightly silent")),
         share("dynamic effects at 6 mV: called unknown", strong, right),
         share("dynamic effects at 6 mV: another name", strong, is_outcome("false name")),
     ]
@@ -325,32 +324,32 @@ def groups(table: pd.DataFrame) -> list[dict]:
 
     `sensors`: answers that name the sensor of a branch; without branch currents nobody can know.
     """
-    mine = table[table["sort"] == "group"]
+    answered = table[table["sort"] == "group"]
     ways = (SEARCH, ONE_TEMPERATURE, BLIND)
-    return [_group_row(way, mine[mine["method"] == way]) for way in ways]
+    return [_group_row(way, answered[answered["method"] == way]) for way in ways]
 
 
-def _group_row(way, mine):
-    found = mine[(mine["kind"] == "single") & mine["visible"]]
-    healthy = mine[mine["kind"].isin(verdicts.HEALTHY)]
-    answered = mine[mine["verdict"].notna()]
+def _group_row(way, answers):
+    visible = answers[(answers["kind"] == "single") & answers["visible"]]
+    healthy = answers[answers["kind"].isin(verdicts.HEALTHY)]
+    answered = answers[answers["verdict"].notna()]
     return {
         "method": way,
-        "first": share("first name right", found, truth.first),
-        "right": share("right, ties counted", found, right),
-        "branch": share("right name and branch", found, _first_in_its_branch),
-        "extra": share("an extra name", found, lambda t: t["extra_names"] > 0),
+        "first": share("first name right", visible, first_right),
+        "right": share("right, ties counted", visible, right),
+        "branch": share("right name and branch", visible, _right_in_branch),
+        "extra": share("an extra name", visible, _extra),
         "alarms": share("alarms", healthy, is_outcome("false alarm")),
         "sensors": share("sensors", answered, lambda t: t["said"].str.contains("branch_current_")),
     }
 
 
-def _first_in_its_branch(table):
-    return truth.first(table) & table["branch_right"]
+def _right_in_branch(table):
+    return first_right(table) & table["branch_right"]
 
 
 def controls(table: pd.DataFrame) -> list[dict]:
-    """Terms that must not help: how often they would be named, how much of the gap they close.
+    """Control terms: how often they would be named, and which share of the gap they close.
 
     Beside them, on the same cells, what the search named. Cells with one visible effect.
     """
@@ -361,12 +360,12 @@ def controls(table: pd.DataFrame) -> list[dict]:
 
 
 def _control(method, seen, healthy):
-    mine, well = seen[seen["method"] == method], healthy[healthy["method"] == method]
-    closed = mine["gap_closed"].dropna().to_numpy(float)
+    hidden, well = seen[seen["method"] == method], healthy[healthy["method"] == method]
+    closed = hidden["gap_closed"].dropna().to_numpy(float)
     middle = float(np.median(closed)) if len(closed) else float("nan")
     return {
         "method": method,
-        "named": share("named", mine, _named),
+        "named": share("named", hidden, _named),
         "named_healthy": share("named", well, _named),
         "gap_closed": middle,
     }
@@ -378,8 +377,8 @@ def _named(table):
 
 def confusion(table: pd.DataFrame) -> pd.DataFrame:
     """Numbers of cells and groups: what was hidden against the first answer."""
-    mine = table[table["method"] == SEARCH]
-    counts = verdicts.answers(mine[mine["verdict"].notna()])
+    searched = table[table["method"] == SEARCH]
+    counts = verdicts.answers(searched[searched["verdict"].notna()])
     rows = _order(counts.index, ["healthy", "unknown", "two effects"])
     columns = _order(counts.columns, ["none", "unknown"])
     return counts.reindex(index=rows, columns=columns)
@@ -394,9 +393,49 @@ def _order(names, last):
 
 def misses(table: pd.DataFrame) -> list[dict]:
     """Cells and groups whose answer by the search is wrong, or that have none, with the reason."""
-    mine = table[(table["method"] == SEARCH) & table["sort"].isin(["cell", "group"])]
-    bad = mine["outcome"].isin(["false name", "false alarm", "missed", "one of two", "no verdict"])
-    bad |= mine["outcome"] == "called unknown"
+    searched = table[(table["method"] == SEARCH) & table["sort"].isin(["cell", "group"])]
+    bad = searched["outcome"].isin(
+        ["false name", "false alarm", "missed", "one of two", "no verdict"]
+    )
+    bad |= searched["outcome"] == "called unknown"
     names = ["cell", "hidden", "strength_millivolt", "verdict", "said", "outcome", "reason"]
-    ordered = mine[bad].sort_values(["outcome", "hidden", "cell"])
+    ordered = searched[bad].sort_values(["outcome", "hidden", "cell"])
     return ordered[names].fillna("").to_dict("records")
+
+
+STRENGTHS = (1.0, 2.5, 6.0)
+
+
+def strength(hidden: dict) -> float:
+    """Largest strength of the hidden effects [mV]: as asked for, else the nearest to that seen."""
+    sizes = []
+    for effect in hidden["effects"]:
+        visible = effect.get("visible_gap_millivolt", 0.0)
+        nearest = min(STRENGTHS, key=lambda strength: abs(strength - visible))
+        sizes.append(effect.get("target_gap_millivolt") or nearest)
+    return max(sizes, default=0.0)
+
+
+def branch_right(hidden: dict, verdict: dict | None) -> bool:
+    """Whether the first effect named in a group is in the branch where it is hidden."""
+    true = [effect.get("parameters", {}).get("branch", 0) for effect in hidden["effects"]]
+    return bool(
+        true and verdict and [effect.get("branch") for effect in verdict["effects"]][:1] == true
+    )
+
+
+def first_right(table):
+    """Rows whose first name is the hidden effect, alternatives not counted."""
+    return table["said"].str.split(" + ", regex=False).str[0] == table["hidden"]
+
+
+def hidden_names(folder) -> dict[str, list[str]]:
+    """Right names by cell, of cells with one visible effect; nothing else of the truth.
+
+    Parameters
+    ----------
+    folder : of the campaign with its truth.
+    """
+    cells = files.read_json(files.campaign(folder).truth / "missing_effect.json")
+    single = [row for row in cells if row["kind"] == "single" and row["visible"]]
+    return {row["cell"]: sorted(row["effects"][0]["accept"]) for row in single}

@@ -1,9 +1,9 @@
-"""What cycles and fast charges tell: fade with its temperature and periods, charge over time."""
+"""Figures of ageing records and fast charges: fade, temperature, periods, charge over time."""
 
 import numpy as np
 
 from figures import style
-from figures.columns import ambient_celsius, thinned
+from figures.style import ambient_celsius, thinned
 
 PERIOD_TICKS_HOUR = (6, 12, 24, 48, 96, 192)
 
@@ -31,7 +31,7 @@ def _over_cycles(axes, cycles):
         axes.plot(x[used], at_reference[used], ".", color=style.SERIES[1], label="temperature out")
     axes.plot(x, cycles["fade_ampere_hour"], color=style.SERIES[1], label="fade")
     axes.set(xlabel="cycle", ylabel="discharge capacity [Ah]", title="Over cycles")
-    style.legend_once(axes, ncols=4, fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.18))
+    style.legend_once(axes, ncols=4, fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.22))
 
 
 def _over_temperature(axes, cycles, summary):
@@ -103,22 +103,24 @@ def draw_fast_charge(tests):
 
 
 def _shares(axes, charges, minutes):
-    place = np.arange(len(charges))
+    position = np.arange(len(charges))
     constant = np.array([100 * charge["constant_current"] for charge in charges])
     whole = np.array([100 * charge["share"] for charge in charges])
-    axes.bar(place, constant, color=style.SERIES[0], label="at constant current")
-    axes.bar(place, whole - constant, bottom=constant, color=style.YELLOW, label="at held voltage")
-    for x, value in zip(place, whole, strict=True):
+    axes.bar(position, constant, color=style.SERIES[0], label="at constant current")
+    axes.bar(
+        position, whole - constant, bottom=constant, color=style.YELLOW, label="at held voltage"
+    )
+    for x, value in zip(position, whole, strict=True):
         axes.annotate(f"{value:.0f} %", (x, value), (0, 2), textcoords="offset points", ha="center")
     labels = [f"{style.temperature_label(c['celsius'])}\n{c['rate']:.2g}C" for c in charges]
-    axes.set_xticks(place, labels, fontsize=7)
+    axes.set_xticks(position, labels, fontsize=7)
     axes.set(title=f"Charged within {minutes:g} min", ylim=(0, 110))
     axes.grid(False, axis="x")
     style.legend_once(axes, loc="upper left")
 
 
 def _charge(series, steps, numbers, about):
-    """What is drawn of one charge: its course from the step of the largest charge on."""
+    """Values drawn of one charge: charged share over time from the start of its largest step."""
     number = {name: values[0] for name, values in numbers.items()}
     largest = int(np.argmax(steps["charge_ampere_hour"]))
     first = max(int(steps["first_row"][largest]) - 1, 0)

@@ -1,4 +1,4 @@
-"""The campaign at a glance, and what was recorded of each cell."""
+"""Figures of the whole campaign, and of all records of a cell."""
 
 import numpy as np
 
@@ -18,27 +18,29 @@ THUMBNAILS_ACROSS = 4
 def draw_overview(cells, capacity, resistance, validation):
     """Capacity, resistance and model error of every cell, from rows of the tables so named."""
     figure, axes = style.subplots(1, 3, height=1.2 + 0.22 * len(cells), sharey=True)
-    place = {cell: len(cells) - index for index, cell in enumerate(cells)}
+    height_of = {cell: len(cells) - index for index, cell in enumerate(cells)}
     half = [r for r in resistance if abs(_number(r["soc"]) - 0.5) < 0.06]
     after_10_s = [r for r in half if _number(r["delay_second"]) == 10]
-    _dots(axes[0, 0], place, capacity, "capacity_ampere_hour", 1, "direction")
-    _dots(axes[0, 1], place, after_10_s, "resistance_ohm", 1e3, "direction")
-    chosen = [row for row in validation if row["chosen"] == "True"]
-    _dots(axes[0, 2], place, chosen, "rmse_volt", 1e3, None)
+    _dots(axes[0, 0], height_of, capacity, "capacity_ampere_hour", 1, "direction")
+    _dots(axes[0, 1], height_of, after_10_s, "resistance_ohm", 1e3, "direction")
+    chosen_rows = [row for row in validation if row["chosen"] == "True"]
+    _dots(axes[0, 2], height_of, chosen_rows, "rmse_volt", 1e3, None)
     axes[0, 0].set(title="Capacity [Ah]", xlabel="all tests")
     axes[0, 1].set(title="Resistance [mΩ]", xlabel="10 s into a pulse, SoC 44–56 %")
     axes[0, 2].set(title="Model error [mV RMS]", xlabel="validation tests, chosen model")
-    axes[0, 0].set_yticks(list(place.values()), list(place), fontsize=8)
+    axes[0, 0].set_yticks(list(height_of.values()), list(height_of), fontsize=8)
     axes[0, 0].set_ylim(0.4, len(cells) + 0.6)
     _temperature_legend(axes[0, 2], [*capacity, *after_10_s, *validation])
     return figure
 
 
-def _dots(axes, place, rows, name, scale, marker_by):
+def _dots(axes, height_of, rows, name, scale, marker_by):
     for row in rows:
         marker = style.MARKERS.get(row.get(marker_by), "o") if marker_by else "o"
         colour = style.temperature_colour(_number(row["ambient_temperature_celsius"]))
-        axes.plot(scale * _number(row[name]), place[row["cell"]], marker, color=colour, alpha=0.8)
+        axes.plot(
+            scale * _number(row[name]), height_of[row["cell"]], marker, color=colour, alpha=0.8
+        )
     axes.set_xlim(left=0)
 
 
@@ -77,7 +79,9 @@ def _thumbnail(axes, series, steps):
     hours, volt = series["test_time_second"] / 3600, series["voltage_volt"]
     for kind, colour in STEP_COLOURS.items():
         drawn = np.full(len(volt), np.nan)
-        mine = steps["kind"] == kind
-        for first, last in zip(steps["first_row"][mine], steps["last_row"][mine], strict=True):
+        of_kind = steps["kind"] == kind
+        for first, last in zip(
+            steps["first_row"][of_kind], steps["last_row"][of_kind], strict=True
+        ):
             drawn[max(first - 1, 0) : last + 1] = volt[max(first - 1, 0) : last + 1]
         style.plot_thinned(axes, hours, drawn, points=400, color=colour, linewidth=0.8)

@@ -1,9 +1,9 @@
-"""Capacity of a cell over rate and ageing, and what temperature and rate take of it."""
+"""Figures of capacity: over rate, ageing and temperature; incremental capacity and its peaks."""
 
 import numpy as np
 
 from figures import style
-from figures.columns import ambient_celsius, rows_where
+from figures.style import ambient_celsius, rows_where
 
 REACHED, FALSE_LOSS, TRUE_LOSS = style.SERIES[0], style.YELLOW, style.ERROR
 
@@ -34,15 +34,15 @@ def draw_capacity(tests):
 
 def _points(axes, x, columns, celsius):
     for direction, marker in style.MARKERS.items():
-        chosen = columns["direction"] == direction
-        spread = columns["capacity_std_ampere_hour"][chosen]
+        in_direction = columns["direction"] == direction
+        spread = columns["capacity_std_ampere_hour"][in_direction]
         axes.errorbar(
-            x[chosen],
-            columns["capacity_ampere_hour"][chosen],
+            x[in_direction],
+            columns["capacity_ampere_hour"][in_direction],
             yerr=np.where(np.isfinite(spread), spread, 0),
             fmt=marker,
             color=style.temperature_colour(celsius),
-            label=style.temperature_label(celsius) if chosen.any() else None,
+            label=style.temperature_label(celsius) if in_direction.any() else None,
             capsize=2,
         )
 
@@ -71,7 +71,7 @@ def draw_capacity_loss(losses):
 
 
 def _bars(axes, rows):
-    place = np.arange(len(rows["c_rate"]))
+    position = np.arange(len(rows["c_rate"]))
     known = rows["known"].astype(bool)
     reached = 100 - rows["total_percent"]
     true, false = (
@@ -85,14 +85,14 @@ def _bars(axes, rows):
         (either, hatched | {"label": "true or false: not knowable"}),
         (true, {"color": TRUE_LOSS, "label": "true: not reached even slowly"}),
     ]
-    axes.bar(place, reached, color=REACHED, label="reached", width=0.75)
+    axes.bar(position, reached, color=REACHED, label="reached", width=0.75)
     base = reached
     for share, look in parts:
         height = np.maximum(share, 0)  # a share below zero is scatter, and is not drawn
-        axes.bar(place, height, bottom=base, width=0.75, **look)
+        axes.bar(position, height, bottom=base, width=0.75, **look)
         base = base + height
     axes.errorbar(
-        place[known],
+        position[known],
         (100 - np.maximum(rows["true_percent"], 0))[known],
         yerr=1.96 * rows["true_std_percent"][known],
         fmt="none",
@@ -101,5 +101,89 @@ def _bars(axes, rows):
         label="95 % interval of the true part",
     )
     names = zip(rows["temperature_celsius"], rows["c_rate"], strict=True)
-    axes.set_xticks(place, [f"{t:g} °C\n{rate:.2g}C" for t, rate in names], fontsize=7)
+    axes.set_xticks(position, [f"{t:g} °C\n{rate:.2g}C" for t, rate in names], fontsize=7)
     axes.grid(False, axis="x")
+
+
+def draw_ica(tests):
+    """Incremental capacity over voltage with its peaks; `tests` are (curve, peaks, about)."""
+    figure, axes = style.subplots(1, 1, height=3.0)
+    panel = axes[0, 0]
+    for index, (curve, peaks, about) in enumerate(tests):
+        colour = style.SERIES[index % len(style.SERIES)]
+        panel.plot(
+            curve["voltage_volt"],
+            curve["dq_dv_ampere_hour_per_volt"],
+            color=colour,
+            label=about["wildcards"]["test"],
+        )
+        heights = peaks.get("height_ampere_hour_per_volt", [])
+        for volt, height in zip(peaks.get("voltage_volt", []), heights, strict=True):
+            panel.plot(volt, height, "o", color=colour)
+            panel.annotate(f"{volt:.3f} V", (volt, height), (0, 5), textcoords="offset points")
+    panel.set(xlabel="voltage [V]", ylabel="dQ/dV [Ah/V]", title="Incremental capacity on charge")
+    style.legend_once(panel)
+    return figure
+
+
+def draw_ica_temperature(curves, peaks, matches):
+    """Incremental capacity by temperature, one curve above the other, matched peaks joined.
+
+    `curves` and `peaks` are columns of stages `ica_temperature_curve` and `ica_temperature_peaks`,
+    `matches` rows of `ica_temperature`. The warmest curve is on top.
+    """
+    levels = sorted(set(curves["temperature_celsius"]), reverse=True)
+    gap = 0.55 * curves["dq_dv_ampere_hour_per_volt"].max()
+    figure, axes = style.subplots(1, 1, height=1.6 + 0.7 * len(levels))
+    panel = axes[0, 0]
+    base = {celsius: gap * (len(levels) - 1 - k) for k, celsius in enumerate(levels)}
+    peaks_at = {c: rows_where(peaks, peaks["temperature_celsius"] == c) for c in base}
+    for celsius in levels:
+        at_celsius = curves["temperature_celsius"] == celsius
+        _curve(panel, celsius, base[celsius], rows_where(curves, at_celsius), peaks_at[celsius])
+    for match in matches:
+        if match["reference_peaks"] and match["peaks"]:
+            _join(panel, match, base, peaks_at)
+    panel.set(xlabel="voltage [V]", ylabel="dQ/dV [Ah/V], shifted", title="Peaks over temperature")
+    panel.set_xlim(right=curves["voltage_volt"].max() + 0.09)
+    return figure
+
+
+def _curve(axes, celsius, base, curve, peaks):
+    colour = style.temperature_colour(celsius)
+    volt, height = curve["voltage_volt"], curve["dq_dv_ampere_hour_per_volt"]
+    axes.plot(volt, base + height, color=colour)
+    axes.annotate(
+        style.temperature_label(celsius),
+        (volt[-1], base + height[-1]),
+        (4, 0),
+        textcoords="offset points",
+        va="center",
+        color=colour,
+    )
+    tops = peaks["voltage_volt"], peaks["height_ampere_hour_per_volt"], peaks["clear"]
+    for volt, height, clear in zip(*tops, strict=True):
+        face = colour if clear else "white"
+        axes.plot(volt, base + height, "o", color=colour, markerfacecolor=face)
+
+
+def _join(axes, match, base, peaks):
+    """Lines from the peaks at the reference to those that they became, with a word for the rest."""
+    at_reference = _tops(match["reference_celsius"], match["reference_peaks"], base, peaks)
+    at_temperature = _tops(match["temperature_celsius"], match["peaks"], base, peaks)
+    line = ":" if match["fate"] == "unresolved" else "-"
+    for start in at_reference:
+        for end in at_temperature:
+            axes.plot(*np.array([start, end]).T, line, color=style.QUIET, lw=0.7, zorder=0)
+    if match["fate"] not in ("kept", "changed"):
+        axes.annotate(
+            match["fate"], at_temperature[0], (3, 6), textcoords="offset points", fontsize=7
+        )
+
+
+def _tops(celsius, numbers, base, peaks):
+    """(voltage, drawn height) of the peaks at a temperature whose numbers are `1+2`."""
+    indices = [int(number) - 1 for number in numbers.split("+")]
+    tops = rows_where(peaks[celsius], indices)
+    height = base[celsius] + tops["height_ampere_hour_per_volt"]
+    return list(zip(tops["voltage_volt"], height, strict=True))

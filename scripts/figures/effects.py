@@ -1,4 +1,4 @@
-"""What the search for a missing effect found: residuals, effects tried, evidence, look-alikes."""
+"""Figures of the search for a missing effect: residuals, effects tried, evidence, proof tests."""
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -6,7 +6,7 @@ from matplotlib.patches import Patch
 
 from cellwright.effects.story.words import explained
 from figures import style
-from figures.columns import rows_where
+from figures.style import rows_where
 
 RATES = {
     "rest": "rest",
@@ -44,7 +44,9 @@ def draw_residual_map(columns):
     """
     names = dict(sorted(_lines(columns).items()))
     edges = np.unique(np.round([*columns["soc_low"], *columns["soc_high"]], DIGITS))
-    sizes = {model: 1e3 * _rms(columns, names, edges, f"{model}_rms_volt") for model in MODELS}
+    sizes = {
+        model: 1e3 * _rms_of_bins(columns, names, edges, f"{model}_rms_volt") for model in MODELS
+    }
     top = max(np.nanpercentile(np.concatenate(list(sizes.values())), TOP_PERCENTILE), 1e-3)
     figure, axes = style.subplots(1, 2, height=1.4 + 0.2 * len(names), sharey=True)
     look = {"vmin": 0, "vmax": top, "cmap": "YlOrRd", "linewidth": 0}
@@ -58,7 +60,7 @@ def draw_residual_map(columns):
     axes[0, 0].set_yticks(np.arange(len(names)) + 0.5, list(names.values()), fontsize=7.5)
     axes[0, 0].invert_yaxis()
     label = "RMS of measured − model [mV]"
-    figure.colorbar(shown, ax=list(axes[0]), label=label, pad=0.01, extend="max")
+    style.colour_bar(figure, shown, list(axes[0]), label=label, extend="max")
     return figure
 
 
@@ -72,27 +74,27 @@ def _lines(columns):
     }
 
 
-def _rms(columns, lines, edges, name):
+def _rms_of_bins(columns, lines, edges, name):
     """Residual of each line and bin of SoC (lines, bins), NaN where nothing was measured."""
-    place = {line: k for k, line in enumerate(lines)}
+    index = {line: k for k, line in enumerate(lines)}
     order, squares = list(RATES), np.zeros((len(lines), len(edges) - 1))
     counts = np.zeros_like(squares)
     for k, rows in enumerate(columns["rows"]):
         line = columns["role"][k] != "fit", f"{columns['test'][k]}", order.index(columns["rate"][k])
         soc_bin = int(np.searchsorted(edges, np.round(columns["soc_low"][k], DIGITS)))
-        squares[place[line], soc_bin] += rows * columns[name][k] ** 2
-        counts[place[line], soc_bin] += rows
+        squares[index[line], soc_bin] += rows * columns[name][k] ** 2
+        counts[index[line], soc_bin] += rows
     with np.errstate(invalid="ignore"):
         return np.sqrt(squares / counts)
 
 
 def _write_numbers(panel, edges, rms, top):
-    middles = 50 * (edges[1:] + edges[:-1])
-    for row, column in np.argwhere(np.isfinite(rms)):
-        size, spot = rms[row, column], (middles[column], row + 0.5)
-        colour = "white" if size > 0.6 * top else style.INK
-        look = {"ha": "center", "va": "center", "fontsize": 6, "color": colour}
-        panel.annotate(f"{size:.1f}", spot, **look)
+    rows, columns = np.nonzero(np.isfinite(rms))
+    sizes = rms[rows, columns]
+    middles = 50 * (edges[1:] + edges[:-1])[columns]
+    colours = np.where(sizes > 0.6 * top, "white", style.INK).tolist()
+    texts = [f"{size:.1f}" for size in sizes]
+    style.write_numbers(panel, middles, rows + 0.5, texts, colours=colours, size=6)
 
 
 def _separate_tests(panel, tests):
@@ -103,7 +105,7 @@ def _separate_tests(panel, tests):
 
 
 def draw_ranking(columns, gates):
-    """Which effects were tried, how much better each makes the model, and which passed.
+    """Effects that were tried: improvement J of the model by each, and which passed the gates.
 
     `columns` are those of `missing_effect/<cell>/ranking`, `gates` the limits of the search.
     """
@@ -117,9 +119,9 @@ def draw_ranking(columns, gates):
     figure, axes = style.subplots(len(rounds), 1, height=height, height_ratios=ratios, sharex=True)
     gate = gates["bic"] + gates["validation_chi_square"]
     for panel, number in zip(axes[:, 0], rounds, strict=True):
-        mine = sorted((r for r in rows if r["round"] == number), key=lambda r: -r["j"])
-        _round(panel, mine, gate)
-        panel.set(title=_round_title(number, mine))
+        in_round = sorted((r for r in rows if r["round"] == number), key=lambda r: -r["j"])
+        _round(panel, in_round, gate)
+        panel.set(title=_round_title(number, in_round))
     largest = max(abs(row["j"]) for row in rows)
     axes[0, 0].set_xscale("symlog", linthresh=LINEAR)
     low = min(0.0, *(row["j"] for row in rows))
@@ -149,12 +151,14 @@ def _in_words(effect):
 
 
 def _round(panel, rows, gate):
-    for place, row in enumerate(rows):
+    for position, row in enumerate(rows):
         hatch = None if row["in_range"] else HATCH
-        panel.barh(place, row["j"], height=0.7, color=_colour(row), hatch=hatch, edgecolor="white")
+        panel.barh(
+            position, row["j"], height=0.7, color=_colour(row), hatch=hatch, edgecolor="white"
+        )
         fit, proof = _signed(row["delta_bic"]), _signed(row["delta_validation_chi_square"])
         where = {"xytext": (3, 0), "textcoords": "offset points", "va": "center"}
-        spot = max(row["j"], gate), place
+        spot = max(row["j"], gate), position
         panel.annotate(f"fit {fit}, proof {proof}", spot, **where, fontsize=7)
     panel.axvline(gate, color=style.ERROR, lw=0.9, ls="--")
     panel.axvline(0.0, color=style.QUIET, lw=0.8)
@@ -183,7 +187,7 @@ def _ranking_legend(figure, gates):
 
 
 def draw_evidence(columns):
-    """What each effect explains: the residual before it was added, over what it changes.
+    """Residual [mV] before each effect was added, over the change [mV] that the effect makes.
 
     One panel an effect, in order of addition; `columns` are those of
     `missing_effect/<cell>/evidence`.
@@ -218,7 +222,7 @@ def _residual_over_change(panel, effect, columns):
 
 
 def draw_confounding(columns):
-    """How alike any two effects look in the tests of a cell: correlation of every pair.
+    """Correlation of every pair of effects in the tests of a cell.
 
     `columns` are those of `missing_effect/<cell>/confounding`.
     """
@@ -230,15 +234,15 @@ def draw_confounding(columns):
     panel = axes[0, 0]
     edges = np.arange(len(effects) + 1)
     shown = panel.pcolormesh(edges, edges, correlation, vmin=0, vmax=1, cmap="Blues")
-    for row, column in np.argwhere(correlation > LEAST_WRITTEN):
-        _pair(panel, row, column, correlation[row, column], same[row, column])
+    _write_pairs(panel, correlation, same)
     names = [_in_words(effect) for effect in effects]
     panel.set_xticks(edges[:-1] + 0.5, names, rotation=55, ha="right", fontsize=7.5)
     panel.set_yticks(edges[:-1] + 0.5, names, fontsize=7.5)
     panel.invert_yaxis()
     panel.grid(visible=False)
     panel.set(title="How alike two effects look in the tests that were fitted (framed: the same)")
-    figure.colorbar(shown, ax=panel, label="correlation [1]: 0 different, 1 the same", pad=0.01)
+    label = "correlation [1]: 0 different, 1 the same"
+    style.colour_bar(figure, shown, [panel], label=label)
     return figure
 
 
@@ -253,11 +257,167 @@ def _pairs(columns, effects):
     return correlation, same
 
 
-def _pair(panel, row, column, value, same):
-    """The number of a pair, and a frame where the two cannot be told apart."""
-    colour = "white" if value > 0.6 else style.INK
-    spot = column + 0.5, row + 0.5
-    panel.annotate(f"{value:.2f}", spot, ha="center", va="center", fontsize=5.5, color=colour)
-    if same:
+def _write_pairs(panel, correlation, same):
+    """The number of each pair, and a frame where the two cannot be distinguished."""
+    rows, columns = np.nonzero(correlation > LEAST_WRITTEN)
+    values = correlation[rows, columns]
+    colours = np.where(values > 0.6, "white", style.INK).tolist()
+    texts = [f"{value:.2f}" for value in values]
+    style.write_numbers(panel, columns + 0.5, rows + 0.5, texts, colours=colours, size=5.5)
+    for row, column in np.argwhere((correlation > LEAST_WRITTEN) & same):
         frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) + [column, row]
         panel.plot(*frame.T, color=style.ERROR, lw=1.3)
+
+
+MOST_TESTS = 3
+POINTS = 1200  # of a line
+COLOURS = {"before": style.SERIES[1], "after": style.SERIES[0]}
+
+OF_CELL = {"before": "plain model", "after": "with what was missing"}
+CLOSE_HOUR = 0.1  # length of the close look
+GAP_HOUR = 0.2  # without a row, at which a line stays open
+
+OF_GROUP = {"before": "healthy cells within the declared spread", "after": "with what was found"}
+
+
+def _models(verdict):
+    """Names of the drawn models: the one after the search only where it found an effect."""
+    return ["before", "after"] if verdict["effects"] or verdict["partial"] else ["before"]
+
+
+def _tests_for_proof(series):
+    return list(dict.fromkeys(series["test"][series["role"] == "validation"].tolist()))
+
+
+def draw_effect_validation(verdict, series):
+    """Measured voltage of a cell, and models without and with the effects found, on proof tests.
+
+    `verdict` and `series` are verdict.json and series.parquet of `missing_effect/<cell>`.
+    """
+    tests = _tests_for_proof(series)
+    shown = tests[:MOST_TESTS]
+    figure, axes = style.subplots(
+        2 * len(shown),
+        2,
+        height=4.2 * len(shown),
+        height_ratios=[3, 2] * len(shown),
+        width_ratios=[2.2, 1],
+    )
+    for upper, lower, test in zip(axes[::2], axes[1::2], shown, strict=True):
+        rows = (series["test"] == test) & (series["role"] == "validation") & series["used"]
+        samples = rows_where(series, rows)
+        _whole_and_worst(upper, lower, test, samples, _models(verdict), verdict["floor_volt"])
+    if len(tests) > len(shown):
+        figure.suptitle(f"{len(shown)} of {len(tests)} tests", x=0.01, ha="left", fontsize=8)
+    return figure
+
+
+def _whole_and_worst(upper, lower, test, series, models, floor):
+    """One test, voltage over residual: all of it, and the minutes where it is worst."""
+    series = series | {"hours": series["test_time_second"] / 3600}
+    worst = _worst(series["hours"], series["voltage_volt"] - series["before_volt"])
+    for voltage, residual, part in zip(
+        upper, lower, (series, rows_where(series, worst)), strict=True
+    ):
+        _voltage(voltage, part, models)
+        _residual(residual, part, models, floor)
+        voltage.sharex(residual)
+        voltage.tick_params(labelbottom=False)
+        residual.set(xlabel="time [h]")
+    title = f"{test}: voltage of a test that took no part in the fit"
+    upper[0].set(ylabel="voltage [V]", title=title)
+    upper[1].set(title="Its worst six minutes")
+    sizes = [1e3 * _rms(series["voltage_volt"] - series[f"{model}_volt"]) for model in models]
+    errors = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
+    title = f"Residual, RMS: {', '.join(errors)} (grey: noise floor {1e3 * floor:.2f} mV)"
+    lower[0].set(ylabel="measured − model [mV]", title=title)
+    style.legend_once(upper[0], loc="best")
+
+
+def _rms(error):
+    return np.sqrt(np.mean(error**2))
+
+
+def _voltage(axes, series, models):
+    hours, measured = series["hours"], series["voltage_volt"]
+    _line(axes, hours, measured, color=style.MEASURED, label="measured")
+    for model in models:
+        look = {"color": COLOURS[model], "lw": 0.9, "label": OF_CELL[model]}
+        _line(axes, hours, series[f"{model}_volt"], **look)
+
+
+def _residual(axes, series, models, floor):
+    axes.axhspan(-1e3 * floor, 1e3 * floor, color=style.GRID, zorder=0)
+    for model in models:
+        error = 1e3 * (series["voltage_volt"] - series[f"{model}_volt"])
+        _line(axes, series["hours"], error, color=COLOURS[model], lw=0.7, alpha=0.85)
+
+
+def _worst(hours, error):
+    """Rows of the stretch in which the mean square of the error is largest."""
+    stop = np.searchsorted(hours, hours + CLOSE_HOUR)
+    total = np.concatenate([[0.0], np.cumsum(error**2)])
+    mean = (total[stop] - total[:-1]) / np.maximum(stop - np.arange(len(hours)), 1)
+    whole = hours + CLOSE_HOUR <= hours[-1]
+    first = int(np.argmax(np.where(whole, mean, -1.0)))
+    return (hours >= hours[first]) & (hours <= hours[first] + CLOSE_HOUR)
+
+
+def _line(axes, hours, values, **look):
+    """A line that stays open where nothing was recorded, or the rows are not shown."""
+    late = np.concatenate([[False], np.diff(hours) > GAP_HOUR])
+    style.plot_thinned(axes, hours, np.where(late, np.nan, values), points=POINTS, **look)
+
+
+def draw_effect_branches(verdict, series):
+    """Measured and simulated current of each branch; the group's voltage where none was logged.
+
+    `verdict` and `series` are verdict.json and series.parquet of `missing_effect/<group>`.
+    """
+    shown = _tests_for_proof(series)[:MOST_TESTS]
+    panels = _panels_of_group(series)
+    figure, axes = style.subplots(
+        2 * len(panels),
+        len(shown),
+        width=7.6 if len(shown) == 1 else 3.8 * len(shown),
+        height=2.6 * len(panels) + 0.6,
+        height_ratios=[3, 2] * len(panels),
+    )
+    for column, test in zip(axes.T, shown, strict=True):
+        samples = rows_where(series, (series["role"] == "validation") & (series["test"] == test))
+        for upper, lower, panel in zip(column[::2], column[1::2], panels, strict=True):
+            _branch(upper, lower, samples, panel, _models(verdict))
+        column[0].set(title=f"{test}: {panels[0][0]}")
+        column[-1].set(xlabel="time [h]")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def _panels_of_group(series):
+    """(name, measured column, column of each model, quantity, unit, its thousandth)."""
+    count = sum(name.startswith("soc_branch_") for name in series)
+    currents = [f"branch_{k}_current_ampere" for k in range(1, count + 1)]
+    if currents[0] in series:
+        return [
+            (f"branch {k}", name, f"{{}}_{name}", "current", "A", "mA")
+            for k, name in enumerate(currents, 1)
+        ]
+    return [("the group", "voltage_volt", "{}_volt", "voltage", "V", "mV")]
+
+
+def _branch(upper, lower, series, panel, models):
+    name, measured, modelled, quantity, unit, thousandth = panel
+    hours, values = series["test_time_second"] / 3600, series[measured]
+    style.plot_thinned(upper, hours, values, points=POINTS, color=style.MEASURED, label="measured")
+    sizes = []
+    for model in models:
+        expected = series[modelled.format(model)]
+        error = 1e3 * (values - expected)
+        look = {"points": POINTS, "color": COLOURS[model], "lw": 0.9}
+        style.plot_thinned(upper, hours, expected, **look, label=OF_GROUP[model])
+        style.plot_thinned(lower, hours, error, **look)
+        sizes.append(f"{_rms(error):.3g}")
+    upper.set(ylabel=f"{quantity} [{unit}]", title=name)
+    title = f"RMS left: {' → '.join(sizes)} {thousandth}"
+    lower.set(ylabel=f"left [{thousandth}]", title=title)
+    upper.tick_params(labelbottom=False)

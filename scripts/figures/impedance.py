@@ -1,10 +1,10 @@
-"""Impedance spectra of a cell: Nyquist plots, what the fit leaves, and relaxation times."""
+"""Figures of impedance spectra: Nyquist plots, errors of the fit, relaxation times."""
 
 import matplotlib
 import numpy as np
 
 from figures import style
-from figures.columns import evenly_spread
+from figures.style import evenly_spread
 
 MOST_PANELS = 6
 ACROSS = 3
@@ -31,9 +31,9 @@ class Layout:
         spectra = {}
         for (columns, _), fact in zip(tests, facts, strict=True):
             spectra.setdefault(fact[key], []).append((columns, fact))
-        chosen = self._chosen(spectra)
-        self.panels = {value: spectra[value] for value in chosen}
-        self.not_drawn = len(spectra) - len(chosen)
+        drawn = self._chosen(spectra)
+        self.panels = {value: spectra[value] for value in drawn}
+        self.not_drawn = len(spectra) - len(drawn)
 
     @staticmethod
     def _chosen(spectra):
@@ -62,8 +62,8 @@ class Layout:
         rows, columns = style.grid_of(len(self.panels), across=ACROSS)
         figure, axes = style.subplots(rows, columns, height=height * rows)
         if self.not_drawn:
-            told = f"{self.not_drawn} other states not drawn"
-            figure.suptitle(told, fontsize=8, color=style.QUIET)
+            note = f"{self.not_drawn} other states not drawn"
+            figure.suptitle(note, fontsize=8, color=style.QUIET)
         style.hide(axes.flat[len(self.panels) :])
         return figure, axes.ravel()[: len(self.panels)]
 

@@ -1,9 +1,12 @@
-"""Parameters of a cell's model over SoC, and its errors at temperatures left out of the fit."""
+"""Figures of models: parameters, identification methods, validation, SoC, parallel cells."""
+
+from itertools import cycle
 
 import numpy as np
 
 from cellwright.numerics.statistics import rms
 from figures import style
+from figures.style import thinned
 
 TIMES = {"after 10 s": 10.0, "after 100 s": 100.0, "settled": np.inf}  # of a small step of current
 MIDDLE_SOC = 0.5  # at which resistances are drawn over their time constants
@@ -106,7 +109,7 @@ def _with_spread(panel, x, values, std, look):
 
 
 def draw_compensation(laws, proof):
-    """Errors at temperatures left out of the fit, beside those of the model that knows them.
+    """Errors at temperatures left out of the fit, beside those of the model fitted with them.
 
     `laws` and `proof` are rows of stages `compensation` and `temperature_prediction`.
     """
@@ -120,15 +123,17 @@ def _error_of_laws(axes, rows):
     """Error of each law at each temperature left out, root mean square over its tests."""
     names = list(dict.fromkeys(row["law"] for row in rows))
     for colour, name in zip(style.SERIES, names, strict=False):
-        mine = [row for row in rows if row["law"] == name]
-        celsius = sorted({row["left_out_celsius"] for row in mine})
-        volts = [[r["rmse_volt"] for r in mine if r["left_out_celsius"] == t] for t in celsius]
+        of_law = [row for row in rows if row["law"] == name]
+        celsius = sorted({row["left_out_celsius"] for row in of_law})
+        volts = [[r["rmse_volt"] for r in of_law if r["left_out_celsius"] == t] for t in celsius]
         error = [1e3 * rms(v) for v in volts]
-        places = {"beyond" if row["beyond"] else "between" for row in mine if row["chosen"]}
+        places = {"beyond" if row["beyond"] else "between" for row in of_law if row["chosen"]}
         label = f"{name} (chosen {' and '.join(sorted(places, reverse=True))})" if places else name
         axes.plot(celsius, error, "o-", color=colour, label=label)
-    known = {row["left_out_celsius"]: 1e3 * row["own_rmse_volt"] for row in rows}
-    axes.plot(*zip(*sorted(known.items()), strict=True), "_", color=style.QUIET, label="told of it")
+    fitted = {row["left_out_celsius"]: 1e3 * row["own_rmse_volt"] for row in rows}
+    axes.plot(
+        *zip(*sorted(fitted.items()), strict=True), "_", color=style.QUIET, label="fitted with it"
+    )
     axes.set(xlabel="temperature left out [°C]", ylabel="RMS error [mV]", yscale="log")
     axes.set_title("Tests of the fit: which law")
     style.legend_once(axes)
@@ -136,14 +141,248 @@ def _error_of_laws(axes, rows):
 
 def _error_of_tests(axes, rows):
     """One pair of bars a test: error of the model fitted with its temperature, and without."""
-    for place, row in enumerate(rows):
+    for position, row in enumerate(rows):
         fitted, left_out = 1e3 * row["own_rmse_volt_soc_5_95"], 1e3 * row["rmse_volt_soc_5_95"]
-        axes.barh(place - BAR / 2, fitted, height=BAR, color=style.QUIET)
+        axes.barh(position - BAR / 2, fitted, height=BAR, color=style.QUIET)
         colour = style.temperature_colour(row["left_out_celsius"])
         hatch = "////" if row["beyond"] else None
-        axes.barh(place + BAR / 2, left_out, height=BAR, color=colour, hatch=hatch)
+        axes.barh(position + BAR / 2, left_out, height=BAR, color=colour, hatch=hatch)
         ratio = f" ×{row['ratio']:.2f}"
-        axes.annotate(ratio, (left_out, place + BAR / 2), va="center", fontsize=7)
+        axes.annotate(ratio, (left_out, position + BAR / 2), va="center", fontsize=7)
     names = [f"{row['predicted_test']}, {row['left_out_celsius']:g} °C" for row in rows]
     style.name_bars(axes, names, fontsize=7)
-    axes.set(xlabel="RMS error, SoC 5–95 % [mV]", title="Tests for proof: not told of it, and told")
+    axes.set(
+        xlabel="RMS error, SoC 5–95 % [mV]",
+        title="Validation tests (grey: fitted with the temperature)",
+    )
+
+
+NORMAL_95 = 1.96
+FILTERS_WITH_INTERVAL = ("ekf", "aekf", "dual")
+
+
+def draw_validation(series, scores, test):
+    """Measured and simulated voltage, their residual, and the errors of all members.
+
+    `series` are columns of stage `simulation`, `scores` rows of `validation`.
+    """
+    height = 5.2 + 0.16 * len(scores)
+    ratios = [3, 2, 1, 0.6 + 0.25 * len(scores)]
+    figure, axes = style.subplots(4, 1, height=height, height_ratios=ratios)
+    voltage, residual, current, members = axes[:, 0]
+    chosen = next(row for row in scores if row["chosen"])
+    hours, measured = series["test_time_second"] / 3600, series["voltage_volt"]
+    simulated = series[f"simulated_{chosen['model']}_volt"]
+    label = f"{chosen['model']}: RMSE {1e3 * chosen['rmse_volt']:.1f} mV"
+    lines = ((measured, style.MEASURED, "measured"), (simulated, style.SERIES[0], label))
+    for values, colour, name in lines:
+        style.plot_thinned(voltage, hours, values, color=colour, linewidth=0.8, label=name)
+    error = 1e3 * (measured - simulated)
+    residual.axhline(0.0, color=style.QUIET, linewidth=0.6)
+    style.plot_thinned(residual, hours, error, color=style.SERIES[0], linewidth=0.7)
+    style.shade_unscored(residual, hours, series["scored"])
+    style.plot_thinned(current, hours, series["current_ampere"], color=style.QUIET, linewidth=0.6)
+    voltage.set(ylabel="voltage [V]", title=f"{test}: model over measurement")
+    residual.set(ylabel="residual [mV]", title="Measured − simulated (grey: not scored)")
+    current.set(ylabel="current [A]", xlabel="time [h]")
+    for panel in (residual, current):
+        panel.sharex(voltage)
+    for panel in (voltage, residual):
+        panel.tick_params(labelbottom=False)
+    style.legend_once(voltage, loc="lower left")
+    _members(members, scores)
+    return figure
+
+
+def _members(axes, scores):
+    """RMS error of every member, the chosen one in colour."""
+    for position, row in enumerate(scores):
+        colour = style.SERIES[0] if row["chosen"] else style.QUIET
+        size = 1e3 * row["rmse_volt"]
+        axes.barh(position, size, height=0.7, color=colour)
+        axes.annotate(f" {size:.1f}", (size, position), va="center", fontsize=8)
+    names = [row["model"] + (" (chosen)" if row["chosen"] else "") for row in scores]
+    style.name_bars(axes, names, fontsize=8)
+    axes.set(xlabel="RMS error of every member [mV]")
+
+
+def draw_soc(series, scores, test):
+    """Estimated state of charge over the counted one, with the filters' own intervals.
+
+    `series` are columns of stage `soc_series`, `scores` rows of `soc`.
+    """
+    figure, axes = style.subplots(2, 1, height=4.6, sharex=True, height_ratios=[3, 2])
+    level, error = axes[:, 0]
+    hours, counted = series["test_time_second"] / 3600, 100 * series["soc"]
+    style.plot_thinned(level, hours, counted, color=style.MEASURED, linewidth=1, label="counted")
+    first_run = {}  # of each filter: the series that is kept
+    for row in scores:
+        first_run.setdefault(row["filter"], row)
+    for (name, row), colour in zip(first_run.items(), cycle(style.SERIES), strict=False):
+        estimated = 100 * series[f"estimated_{name}_soc"]
+        look = {"color": colour, "linewidth": 0.8}
+        style.plot_thinned(level, hours, estimated, **look, label=_filter_label(row))
+        if name in FILTERS_WITH_INTERVAL:
+            style.plot_thinned(error, hours, estimated - counted, **look)
+            half_width = NORMAL_95 * (100 * series[f"std_{name}_soc"])
+            _interval(error, hours, estimated - counted, half_width, colour)
+    style.shade_unscored(error, hours, series["scored"])
+    level.set(ylabel="SoC [%]", title=f"{test}: state of charge by filters", ylim=(-5, 105))
+    error.set(ylabel="error [%]", xlabel="time [h]", ylim=(-15, 15))
+    error.set_title("Estimated − counted, with 95 % intervals (grey: not scored)")
+    style.legend_once(level, loc="lower left")
+    return figure
+
+
+def _interval(axes, hours, middle, half_width, colour):
+    grid = np.linspace(hours[0], hours[-1], 500)
+    edges = [thinned(hours, middle + side * half_width) for side in (-1, 1)]
+    low, high = (np.interp(grid, *edge) for edge in edges)
+    axes.fill_between(grid, low, high, color=colour, alpha=0.15, linewidth=0)
+
+
+def _filter_label(row):
+    after = row["convergence_second"]
+    when = "does not converge" if np.isnan(after) else f"{after:.0f} s, then"
+    return f"{row['filter']}: {when} RMSE {100 * row['rmse_soc']:.1f} %"
+
+
+def draw_pack(series, scores, test):
+    """Branch currents of parallel cells: those of the models over the measured ones.
+
+    `series` are columns of stage `pack_series`, `scores` rows of `pack`.
+    """
+    figure, axes = style.subplots(3, 1, height=5.4, sharex=True, height_ratios=[3, 2, 2])
+    current, residual, voltage = axes[:, 0]
+    hours = series["test_time_second"] / 3600
+    for index, row in enumerate(scores):
+        colour, branch = style.SERIES[index % len(style.SERIES)], row["branch"]
+        measured = series[f"branch_{branch}_current_ampere"]
+        simulated = series[f"simulated_branch_{branch}_current_ampere"]
+        label = f"branch {branch}: RMSE {1e3 * row['current_rmse_ampere']:.0f} mA"
+        style.plot_thinned(current, hours, measured, color=colour, linewidth=0.6, alpha=0.6)
+        style.plot_thinned(current, hours, simulated, color=colour, linewidth=1.2, label=label)
+        error = 1e3 * (measured - simulated)
+        style.plot_thinned(residual, hours, error, color=colour, linewidth=0.7)
+    style.shade_unscored(residual, hours, series["scored"])
+    measured, simulated = series["voltage_volt"], series["simulated_voltage_volt"]
+    label = f"simulated: RMSE {1e3 * scores[0]['voltage_rmse_volt']:.0f} mV"
+    style.plot_thinned(voltage, hours, measured, color=style.MEASURED, label="measured")
+    style.plot_thinned(voltage, hours, simulated, color=style.ERROR, linewidth=0.8, label=label)
+    current.set(ylabel="current [A]", title=f"{test}: branch currents (pale: measured)")
+    residual.set(ylabel="residual [mA]", title="Measured − simulated (grey: fitted, not scored)")
+    voltage.set(ylabel="voltage [V]", xlabel="time [h]")
+    style.legend_once(current)
+    style.legend_once(voltage)
+    return figure
+
+
+NAMES = ("r0_ohm", "r1_ohm", "r2_ohm", "tau1_second", "tau2_second")
+LABELS = {
+    "genetic": "genetic algorithm",
+    "autoregressive": "autoregressive form",
+    "rest_exponentials": "exponentials of the rest",
+    "lmfit": "lmfit",
+    "separable": "separable least squares",
+}
+METHODS = tuple(LABELS)
+UNITS = {"ohm": (1e3, "mΩ"), "second": (1.0, "s")}
+MARKS = dict(zip(METHODS, ("s", "x", "^", "o", "."), strict=True))
+COLOURS = dict(zip(METHODS, (style.SERIES[k] for k in (1, 2, 3, 0, 4)), strict=True))
+SIZES = dict(zip(METHODS, (4, 4, 4, 6, 4), strict=True))
+
+
+def draw_identification_methods(rows):
+    """Figure of a cell: rows of stage `identification_methods`."""
+    identified = [row for row in rows if np.isfinite(row["r0_ohm"])]
+    if not identified:
+        return style.message("No pulse was identified by any method.")
+    figure, axes = style.subplots(2, 4, width=12.0, height=5.6)
+    celsius = _shown_temperature(identified)
+    at_celsius = [row for row in identified if _celsius(row) == celsius]
+    panels = axes.flat
+    for name in NAMES:
+        _method_over_soc(next(panels), at_celsius, name)
+    error = next(panels)
+    _method_over_soc(error, at_celsius, "rmse_volt")
+    _spread(next(panels), identified)
+    _work(next(panels), identified)
+    axes[0, 0].set_title(f"R0 at {style.temperature_label(celsius)}")
+    handles, labels = error.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(METHODS))
+    return figure
+
+
+def _celsius(row):
+    celsius = row["ambient_temperature_celsius"]
+    return celsius if np.isfinite(celsius) else None
+
+
+def _shown_temperature(rows):
+    """The temperature nearest 25 °C, at which the courses over SoC are drawn."""
+    stated = [_celsius(row) for row in rows if _celsius(row) is not None]
+    return min(stated, key=lambda celsius: abs(celsius - 25.0), default=None)
+
+
+def _method_over_soc(axes, rows, name):
+    """A column of the table over SoC, one mark a method, with its deviations where it has some."""
+    quantity, unit = name.rsplit("_", 1)
+    factor, short = UNITS.get(unit, (1e3, "mV"))
+    for method in METHODS:
+        of_method = [r for r in rows if r["method"] == method]
+        std = [factor * np.nan_to_num(r.get(f"{quantity}_std_{unit}", 0.0)) for r in of_method]
+        axes.errorbar(
+            [100 * r["soc"] for r in of_method],
+            [factor * r[name] for r in of_method],
+            yerr=std,
+            fmt=MARKS[method],
+            markersize=SIZES[method],
+            markerfacecolor="none" if method in ("lmfit", "genetic") else COLOURS[method],
+            elinewidth=0.7,
+            color=COLOURS[method],
+            label=LABELS[method],
+        )
+    title = {"rmse": "error over pulse and rest"}.get(quantity, quantity.replace("r", "R"))
+    axes.set(xlabel="SoC [%]", ylabel=f"[{short}]", title=title.replace("tau", "τ"))
+    _log_where_wide(axes, [row[name] for row in rows])
+
+
+def _log_where_wide(axes, values):
+    positive = [value for value in values if value > 0]
+    if positive and max(positive) > 8 * min(positive):
+        axes.set_yscale("log")
+
+
+def _spread(axes, rows):
+    """Median of each parameter's scatter about its neighbours, as a share of the parameter."""
+    for index, method in enumerate(METHODS):
+        of_method = [row for row in rows if row["method"] == method]
+        shares = [_median_share(of_method, name) for name in NAMES]
+        at = np.arange(len(NAMES)) + 0.16 * (index - 2)
+        axes.plot(at, shares, MARKS[method], color=COLOURS[method], markersize=4)
+    axes.set(ylabel="[% of the value]", title="scatter about the neighbours in SoC", yscale="log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
+    axes.set_xticks(range(len(NAMES)), ["R0", "R1", "R2", "τ1", "τ2"])
+
+
+def _median_share(rows, name):
+    quantity, unit = name.split("_")
+    shares = [row[f"{quantity}_spread_{unit}"] / row[name] for row in rows if row[name] > 0]
+    finite = [share for share in shares if np.isfinite(share)]
+    return 100 * float(np.median(finite)) if finite else np.nan
+
+
+def _work(axes, rows):
+    """Median of the passes over the samples, a bar a method."""
+    methods = [method for method in METHODS if any(row["method"] == method for row in rows)]
+    medians = [
+        np.median([row["evaluations"] for row in rows if row["method"] == method])
+        for method in methods
+    ]
+    axes.barh(
+        range(len(methods)), medians, color=[COLOURS[method] for method in methods], height=0.6
+    )
+    axes.set_yticks(range(len(methods)), [LABELS[method] for method in methods])
+    axes.set(xscale="log", xlabel="passes over the samples", title="work for one pulse")
+    axes.invert_yaxis()

@@ -1,9 +1,9 @@
-"""Open-circuit voltage of a cell over SoC, and what temperature does to it."""
+"""Figures of the open-circuit voltage of a cell over SoC and temperature."""
 
 import numpy as np
 
 from figures import style
-from figures.columns import ambient_celsius, rows_where
+from figures.style import ambient_celsius, rows_where
 
 ERRORS = {  # of an OCV function: (label, colour, place of its bar)
     "rmse_volt": ("fitted", style.QUIET, -0.2),
@@ -52,12 +52,12 @@ def draw_ocv_temperature(bias, entropic, surface, functions):
 
 def _bias(axes, columns, reference):
     for celsius in np.unique(columns["temperature_celsius"]):
-        here = rows_where(columns, columns["temperature_celsius"] == celsius)
-        colour, soc = style.temperature_colour(celsius), 100 * here["soc"]
-        inside = np.where(here["tested"], 1e3 * here["bias_volt"], np.nan)
-        axes.plot(soc, 1e3 * here["bias_volt"], color=colour, linewidth=0.8, linestyle=":")
+        curve = rows_where(columns, columns["temperature_celsius"] == celsius)
+        colour, soc = style.temperature_colour(celsius), 100 * curve["soc"]
+        inside = np.where(curve["tested"], 1e3 * curve["bias_volt"], np.nan)
+        axes.plot(soc, 1e3 * curve["bias_volt"], color=colour, linewidth=0.8, linestyle=":")
         axes.plot(soc, inside, color=colour, label=f"{celsius:.0f} °C")
-        axes.plot(soc, 1e3 * here["measured_bias_volt"], ".", color=colour, markersize=2)
+        axes.plot(soc, 1e3 * curve["measured_bias_volt"], ".", color=colour, markersize=2)
     tested = np.append(1e3 * columns["bias_volt"][columns["tested"]], 0.0)
     margin = 0.3 * np.ptp(tested) + 1
     axes.axhline(0, color=style.INK, linewidth=0.6)
@@ -72,30 +72,32 @@ def _bias(axes, columns, reference):
 
 def _bias_map(axes, columns):
     levels = np.unique(columns["temperature_celsius"])
-    at = [rows_where(columns, columns["temperature_celsius"] == celsius) for celsius in levels]
-    soc = 100 * at[0]["soc"]
-    bias = 1e3 * np.stack([here["bias_volt"] for here in at])
+    curves = [rows_where(columns, columns["temperature_celsius"] == celsius) for celsius in levels]
+    soc = 100 * curves[0]["soc"]
+    bias = 1e3 * np.stack([curve["bias_volt"] for curve in curves])
     tested = columns["tested"].reshape(len(levels), -1) if len(soc) else None
     shown = np.where(tested, bias, np.nan)
     largest = max(np.nanmax(np.abs(shown)), 1.0) if np.isfinite(shown).any() else 1.0
     limit = 5 * np.ceil(largest / 5)
     filled = axes.contourf(soc, levels, shown, levels=np.linspace(-limit, limit, 21), cmap="RdBu_r")
     reference = np.argmin(np.nansum(np.abs(shown), axis=1))
-    others = np.where(np.arange(len(levels))[:, None] == reference, np.nan, shown)
-    axes.contour(soc, levels, others, levels=[0.0], colors=style.INK, linewidths=1.0)
-    axes.figure.colorbar(filled, ax=axes, label="bias [mV]", ticks=np.linspace(-limit, limit, 5))
+    without_reference = np.where(np.arange(len(levels))[:, None] == reference, np.nan, shown)
+    axes.contour(soc, levels, without_reference, levels=[0.0], colors=style.INK, linewidths=1.0)
+    ticks = np.linspace(-limit, limit, 5)
+    style.colour_bar(axes.figure, filled, [axes], label="bias [mV]", ticks=ticks)
     axes.set(xlabel="SoC [%]", ylabel="temperature [°C]", title="Bias map (line: no bias)")
 
 
 def _entropic(axes, columns):
     for colour, source in zip(style.SERIES, np.unique(columns["source"]), strict=False):
-        mine = columns["source"] == source
-        soc = 100 * columns["soc"][mine]
+        of_source = columns["source"] == source
+        soc = 100 * columns["soc"][of_source]
         value, low, high = (
-            columns[f"{name}_millivolt_per_kelvin"][mine] for name in ("entropic", "lower", "upper")
+            columns[f"{name}_millivolt_per_kelvin"][of_source]
+            for name in ("entropic", "lower", "upper")
         )
         line = "o-" if len(soc) < 40 else "-"
-        used = " (used)" if columns["used"][mine][0] else ""
+        used = " (used)" if columns["used"][of_source][0] else ""
         axes.plot(soc, value, line, color=colour, label=f"{source}{used}")
         axes.fill_between(soc, low, high, color=colour, alpha=0.2, linewidth=0)
     value = np.append(columns["entropic_millivolt_per_kelvin"], 0.0)
@@ -114,11 +116,11 @@ def _entropic(axes, columns):
 
 def _functions(axes, rows):
     rows = [row for row in rows if np.isfinite(row["rmse_volt"])]
-    place = np.arange(len(rows))
+    position = np.arange(len(rows))
     for name, (label, colour, offset) in ERRORS.items():
         values = [1e3 * row[name] for row in rows]
-        axes.barh(place + offset, values, height=0.38, color=colour, label=label)
+        axes.barh(position + offset, values, height=0.38, color=colour, label=label)
     names = [row["function"].removesuffix("(T)") + " ★" * row["chosen"] for row in rows]
-    axes.set_yticks(place, names)
+    axes.set_yticks(position, names)
     axes.set(xlabel="RMSE [mV]", title="Functions (★ chosen)")
-    style.legend_once(axes, loc="upper center", bbox_to_anchor=(0.4, -0.15), ncols=2)
+    style.legend_once(axes, loc="upper center", bbox_to_anchor=(0.4, -0.24), ncols=2)

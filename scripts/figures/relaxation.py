@@ -1,11 +1,11 @@
-"""Rests of a cell with the exponentials through them, and the polarisation that they tell."""
+"""Figures of rests: fitted exponentials, and polarisation over SoC and temperature."""
 
 import numpy as np
 
 from cellwright.laws.polarisation import Point, over_temperature
 from cellwright.laws.temperature import arrhenius_law
 from figures import style
-from figures.columns import ambient_celsius
+from figures.style import ambient_celsius
 
 MOST_RESTS = 6
 MIDDLE_SOC = 0.5
@@ -13,7 +13,7 @@ FACTOR = {"V": (1e3, "mV"), "s": (1.0, "s")}
 
 
 def draw_relaxation(tests):
-    """One rest of each temperature with the exponentials through it, and what those leave.
+    """One rest of each temperature with its fitted exponentials and their residuals.
 
     `tests` are (columns, about) of stage `relaxation_curve`.
     """
@@ -33,7 +33,7 @@ def draw_relaxation(tests):
 
 
 def _of_each_temperature(tests):
-    """Of each temperature the rest nearest 50 % SoC, coldest first, of at most so many."""
+    """The rest nearest 50 % SoC of each temperature, coldest first, at most `MOST_RESTS`."""
     nearest = {}
     for columns, about in sorted(tests, key=lambda test: abs(test[0]["soc"][0] - MIDDLE_SOC)):
         nearest.setdefault(ambient_celsius(about), (columns, about))
@@ -63,9 +63,9 @@ def draw_polarisation(points, laws):
     figure, axes = style.subplots(2, len(names), width=11.0, height=5.4)
     courses = over_temperature(points)
     for (upper, lower), name in zip(axes.T, names, strict=True):
-        mine = [point for point in points if point.quantity == name]
-        factor, unit = FACTOR[mine[0].unit]
-        _over_soc(upper, mine, factor)
+        of_quantity = [point for point in points if point.quantity == name]
+        factor, unit = FACTOR[of_quantity[0].unit]
+        _over_soc(upper, of_quantity, factor)
         upper.set(xlabel="SoC [%]", ylabel=f"{name} [{unit}]", title=f"{name} over SoC")
         own_laws = [r for r in laws if r["quantity"] == f"polarisation {name}, median over SoC"]
         _over_temperature(lower, *courses[name], own_laws, factor)
@@ -78,11 +78,11 @@ def draw_polarisation(points, laws):
 
 def _over_soc(axes, points, factor):
     for celsius in sorted({point.temperature_celsius for point in points}):
-        mine = sorted(p for p in points if p.temperature_celsius == celsius)
+        at_celsius = sorted(p for p in points if p.temperature_celsius == celsius)
         axes.errorbar(
-            [100 * point.soc for point in mine],
-            [factor * point.value for point in mine],
-            yerr=[factor * np.nan_to_num(point.std) for point in mine],
+            [100 * point.soc for point in at_celsius],
+            [factor * point.value for point in at_celsius],
+            yerr=[factor * np.nan_to_num(point.std) for point in at_celsius],
             fmt="o-",
             linewidth=0.5,
             markersize=3,

@@ -4,7 +4,7 @@ import numpy as np
 
 from cellwright.laws.surface import FORMS
 from figures import style
-from figures.columns import ambient_celsius, rows_where
+from figures.style import ambient_celsius, rows_where
 
 WANTED_DELAY_SECOND = 10  # the second panel shows the delay nearest to this one
 TOO_FEW = "too few temperatures\nto leave one out"
@@ -34,9 +34,9 @@ def _pulses(axes, columns, look):
     """One line a direction and rate, over SoC."""
     rates = np.round(columns["c_rate"], 1)
     for direction, marker in style.MARKERS.items():
-        mine = columns["direction"] == direction
-        for rate in np.unique(rates[mine]):
-            same = np.flatnonzero(mine & (rates == rate))
+        in_direction = columns["direction"] == direction
+        for rate in np.unique(rates[in_direction]):
+            same = np.flatnonzero(in_direction & (rates == rate))
             order = same[np.argsort(columns["soc"][same])]
             axes.errorbar(
                 100 * columns["soc"][order],
@@ -58,15 +58,15 @@ def draw_resistance_surface(points, laws):
         len(quantities), 2 + len(FORMS), width=14, height=2.9 * len(quantities)
     )
     for panels, quantity in zip(axes, quantities, strict=True):
-        here = rows_where(points, points["quantity"] == quantity)
-        what, when = quantity.split(", ")
-        rows = [row for row in laws if row["quantity"].startswith(what + " over")]
+        of_quantity = rows_where(points, points["quantity"] == quantity)
+        resistance, when = quantity.split(", ")
+        rows = [row for row in laws if row["quantity"].startswith(resistance + " over")]
         rows = [row for row in rows if row["quantity"].endswith(", " + when)]
         chosen = next(row["law"] for row in rows if row["chosen"])
-        _fitted(panels[0], here, chosen, quantity)
-        _surface(figure, panels[1], here, chosen)
+        _fitted(panels[0], of_quantity, chosen, quantity)
+        _surface(figure, panels[1], of_quantity, chosen)
         largest = [
-            _error_left_out(panel, here, form, form == chosen)
+            _error_left_out(panel, of_quantity, form, form == chosen)
             for panel, form in zip(panels[2:], FORMS, strict=True)
         ]
         limit = 1.1 * np.nanmax([*largest, 1.0])
@@ -77,12 +77,12 @@ def draw_resistance_surface(points, laws):
 
 def _fitted(axes, points, chosen, title):
     """Pulses and the chosen form over SoC, one colour a temperature."""
-    for celsius, here in _by_temperature(points):
+    for celsius, pulses in _by_temperature(points):
         look = style.temperature_style(celsius)
-        soc = 100 * here["soc"]
-        axes.plot(soc, 1e3 * here["resistance_ohm"], "o", **look)
+        soc = 100 * pulses["soc"]
+        axes.plot(soc, 1e3 * pulses["resistance_ohm"], "o", **look)
         # A table runs through every pulse: the line shows what it reads between them.
-        axes.plot(soc, 1e3 * here[f"{chosen}_ohm"], "-", color=look["color"])
+        axes.plot(soc, 1e3 * pulses[f"{chosen}_ohm"], "-", color=look["color"])
     axes.set(xlabel="SoC [%]", ylabel="[mΩ]", title=title)
     style.legend_once(axes, fontsize=7)
 
@@ -93,27 +93,27 @@ def _surface(figure, axes, points, chosen):
     ohm = 1e3 * points[f"{chosen}_ohm"]
     filled = axes.tricontourf(soc, celsius, ohm, levels=12, cmap="viridis_r")
     axes.plot(soc, celsius, ".", color=style.INK, markersize=2)
-    figure.colorbar(filled, ax=axes, label="[mΩ]")
+    style.colour_bar(figure, filled, [axes], label="[mΩ]")
     axes.set(xlabel="SoC [%]", ylabel="temperature [°C]", title=f"surface: {chosen}")
 
 
 def _error_left_out(axes, points, form, chosen):
     """Error of a form at temperatures left out of its fit; returns the largest one [%]."""
     percent = 100 * (points[f"{form}_left_out_ohm"] / points["resistance_ohm"] - 1)
-    for celsius, here in _by_temperature(points | {"percent": percent}):
+    for celsius, pulses in _by_temperature(points | {"percent": percent}):
         colour = style.temperature_colour(celsius)
-        axes.plot(100 * here["soc"], here["percent"], "o-", color=colour)
+        axes.plot(100 * pulses["soc"], pulses["percent"], "o-", color=colour)
     axes.axhline(0, color=style.QUIET, linewidth=0.8)
     star = " ★" if chosen else ""
     axes.set(xlim=(-3, 103), xlabel="SoC [%]", ylabel="error [%]", title=f"left out: {form}{star}")
-    known = percent[np.isfinite(percent)]
-    if not len(known):
+    finite = percent[np.isfinite(percent)]
+    if not len(finite):
         axes.text(0.5, 0.6, TOO_FEW, ha="center", transform=axes.transAxes)
-    return np.quantile(np.abs(known), 0.98) if len(known) else 0.0
+    return np.quantile(np.abs(finite), 0.98) if len(finite) else 0.0
 
 
 def _by_temperature(points):
     """(temperature, its points in the order of SoC), coldest first."""
     for celsius in np.unique(points["temperature_celsius"]):
-        here = np.flatnonzero(points["temperature_celsius"] == celsius)
-        yield celsius, rows_where(points, here[np.argsort(points["soc"][here])])
+        rows = np.flatnonzero(points["temperature_celsius"] == celsius)
+        yield celsius, rows_where(points, rows[np.argsort(points["soc"][rows])])

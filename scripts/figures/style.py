@@ -1,4 +1,4 @@
-"""Style of all figures: SVG that has the same bytes for the same data, on any machine."""
+"""Style of all figures, SVG with the same bytes on any machine, and selection of what is drawn."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures.columns import thinned
+from figures import canvas, svg
+from figures.layout import GridLayout
 
 INK, QUIET, GRID = "#1d2733", "#8a94a0", "#e6e9ed"
 MEASURED, ERROR = "#1d2733", "#c0392b"
@@ -24,6 +25,7 @@ STYLE = {
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # fixed, or each layout measures all ticks again to place it
     "axes.grid": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -45,7 +47,7 @@ matplotlib.rcParams.update(STYLE)
 
 def subplots(rows=1, columns=1, *, width=9.0, height=3.2, **settings):
     """A new figure and its axes (2-d array), `width` × `height` [inch]."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=GridLayout(canvas.MEASURING))
     return figure, figure.subplots(rows, columns, squeeze=False, **settings)
 
 
@@ -55,7 +57,7 @@ def grid_of(panels: int, *, across: int) -> tuple[int, int]:
 
 
 def hide(panels):
-    """Panels of a grid that hold nothing are not drawn."""
+    """Switch off empty panels of a grid."""
     for panel in panels:
         panel.axis("off")
 
@@ -86,7 +88,7 @@ def temperature_style(celsius) -> dict:
 
 
 def plot_thinned(axes, x, y, *, points=2000, **style):
-    """A line through at most about so many points that looks like the one through all."""
+    """Plot a line thinned to about `points` points, with all its extremes."""
     axes.plot(*thinned(x, y, points=points), **style)
 
 
@@ -96,6 +98,18 @@ def legend_once(axes, **settings):
     if labels:
         unique = dict(zip(labels, handles, strict=True))
         axes.legend(unique.values(), unique.keys(), **settings)
+
+
+def colour_bar(figure, shown, panels, **settings):
+    """A colour bar of `shown` at the right of panels, the rightmost of them last."""
+    axes = figure.add_axes((0.9, 0.1, 0.02, 0.8))
+    figure.colorbar(shown, cax=axes, **settings)
+    figure.get_layout_engine().bars.append((axes, panels))
+
+
+def write_numbers(axes, x, y, texts, *, colours, size):
+    """Write a text into each cell of a map, centred at `x`, `y` (n,); `size` [point]."""
+    axes.add_artist(canvas.Numbers(x, y, texts, colours, size))
 
 
 def shade_unscored(axes, hours, scored):
@@ -117,5 +131,42 @@ def save(figure, job, path=None):
     path = path or job.snakemake.output[0]
     about = json.dumps(job.about(), sort_keys=True)
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, metadata={"Date": None, "Creator": "Cellwright", "Description": about})
+    Path(path).write_text(svg.text_of(figure, description=about), encoding="utf-8")
     job.saved.add(path)
+
+
+def rows_where(columns: dict, selection) -> dict:
+    """The same columns with some of their rows: `selection` (n,) is a mask, or row numbers."""
+    return {name: values[selection] for name, values in columns.items()}
+
+
+def ambient_celsius(about: dict):
+    """Temperature [°C] that the sheet states for the test of an artefact; None where it does not.
+
+    `about` : provenance of the artefact.
+    """
+    return about["params"]["test"]["ambient_temperature_celsius"]
+
+
+def evenly_spread(count: int, most: int) -> np.ndarray:
+    """Places of at most `most` of `count` items, first and last among them."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int))
+
+
+def thinned(x, y, *, points=2000):
+    """Fewer points (x, y) that draw the same line: lowest and highest of each stretch, in order.
+
+    A figure of full width in the report has about a thousand columns of pixels; a stretch of the
+    default is at most one of them, so no spike is lost. Stretches without a value stay open.
+    """
+    if len(x) <= points:
+        return x, y
+    size = -(-len(x) // (points // 2))
+    starts = np.arange(0, len(x), size)
+    stretches = np.full((len(starts), size), np.nan)
+    stretches.flat[: len(x)] = y
+    missing = np.isnan(stretches)
+    lowest = np.argmin(np.where(missing, np.inf, stretches), axis=1)
+    highest = np.argmax(np.where(missing, -np.inf, stretches), axis=1)
+    keep = np.unique([0, *(starts + lowest), *(starts + highest), len(x) - 1])
+    return x[keep], y[keep]

@@ -6,7 +6,7 @@ import numpy as np
 from cellwright.laws.temperature import LAWS, drawn_pieces, turn_in_words
 from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from figures import style
-from figures.columns import evenly_spread
+from figures.style import evenly_spread
 
 ACROSS = 3  # panels beside each other
 MOST_LEVELS = 5  # states of charge drawn of each family, evenly chosen
@@ -23,13 +23,13 @@ def draw_temperature_laws(points, laws):
     rows, columns = style.grid_of(len(quantities), across=ACROSS)
     figure, axes = style.subplots(rows, columns, width=3.4 * columns + 0.4, height=2.8 * rows)
     for panel, quantity in zip(axes.flat, quantities, strict=False):
-        mine = points["quantity"] == quantity
-        celsius, value = points["temperature_celsius"][mine], points["value"][mine]
+        of_quantity = points["quantity"] == quantity
+        celsius, value = points["temperature_celsius"][of_quantity], points["value"][of_quantity]
         panel.plot(celsius, value, "o", color=style.MEASURED, label="measured")
         for colour, law in zip(style.SERIES, LAWS, strict=False):
-            own = [r for r in laws if r["quantity"] == quantity and r["law"] == law]
-            _law(panel, celsius, own, law, colour)
-        unit, title = points["unit"][mine][0], quantity.replace(", ", "\n", 1)
+            law_rows = [r for r in laws if r["quantity"] == quantity and r["law"] == law]
+            _law(panel, celsius, law_rows, law, colour)
+        unit, title = points["unit"][of_quantity][0], quantity.replace(", ", "\n", 1)
         panel.set(xlabel="temperature [°C]", ylabel=f"[{unit}]", title=title)
         style.legend_once(panel)
     style.hide(axes.flat[len(quantities) :])
@@ -63,7 +63,7 @@ def _law(axes, celsius, rows, law, colour):
 
 
 def draw_arrhenius(points, laws):
-    """Resistance over inverse temperature with the laws, and below what the laws leave.
+    """Resistance over inverse temperature with the laws, and below the residuals of the laws.
 
     `points` and `laws` are rows of stages `temperature_points` and `temperature`.
     """
@@ -87,17 +87,17 @@ def _family(upper, lower, points, laws):
     levels = sorted({row["soc"] for row in points})
     shown = evenly_spread(len(levels), MOST_LEVELS)
     for k in shown:
-        mine = [row for row in points if row["soc"] == levels[k]]
+        at_level = [row for row in points if row["soc"] == levels[k]]
         colour = matplotlib.colormaps["viridis_r"](0.1 + 0.85 * levels[k])
-        _level(upper, lower, mine, laws, colour)
+        _level(upper, lower, at_level, laws, colour)
     temperatures = sorted({row["temperature_celsius"] for row in points})
     for panel in (upper, lower):
         panel.set_xticks(_inverse(temperatures), [f"{celsius:g}" for celsius in temperatures])
         panel.minorticks_off()
-    some = f"\n{len(shown)} of {len(levels)} states of charge" if len(shown) < len(levels) else ""
+    note = f"\n{len(shown)} of {len(levels)} states of charge" if len(shown) < len(levels) else ""
     values = 1e3 * np.array([row["value"] for row in points])
     limits = values.min() / MARGIN, values.max() * MARGIN
-    upper.set(yscale="log", ylim=limits, ylabel="[mΩ]", title=points[0]["family"] + some)
+    upper.set(yscale="log", ylim=limits, ylabel="[mΩ]", title=points[0]["family"] + note)
     upper.yaxis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
     upper.yaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
     upper.yaxis.set_minor_formatter(matplotlib.ticker.NullFormatter())

@@ -1,11 +1,10 @@
 """The open-circuit voltage of one cell over SoC and temperature."""
 
 import cellwright as cw
-from runtime import artefact, lean, lending, tables
+from runtime import artefact, lending, tables
 
 with artefact.Job(snakemake) as job:
     inputs, output = snakemake.input, snakemake.output
-    lean.import_lmfit()
     steps = tables.rows_of(inputs.steps, {})
     curves = lending.curves(inputs.curves)
     found = cw.ocv_over_temperature(curves, steps, snakemake.params.settings)

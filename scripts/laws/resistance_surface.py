@@ -1,11 +1,10 @@
 """Resistance of one cell over SoC and temperature: three forms, and whether it separates."""
 
 import cellwright as cw
-from runtime import artefact, lean, tables
+from runtime import artefact, tables
 
 with artefact.Job(snakemake) as job:
     params = snakemake.params
-    lean.import_lmfit()
     rows = tables.rows_of(snakemake.input.resistance, params.tests)
     settings = {"delay_second": params.delay_second, "c_rate": params.c_rate}
     found = cw.resistance_surface(rows, **settings)

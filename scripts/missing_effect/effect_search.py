@@ -1,7 +1,7 @@
 """Search for what the model of one cell lacks, and prove it on tests that took no part."""
 
 import cellwright as cw
-from runtime import artefact, facts, known
+from runtime import artefact, facts, search_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
@@ -10,7 +10,9 @@ with artefact.Job(snakemake) as job:
         job.load(inputs.basis),
         facts.tests(inputs.series),
         params.settings,
-        references=known.references(params.references, inputs.lent_basis, inputs.lent_series),
+        references=search_inputs.references(
+            params.references, inputs.lent_basis, inputs.lent_series
+        ),
         split_rest_second=params.split_rest_second,
     )
     job.note(*found.notes)

@@ -1,11 +1,11 @@
 """Search for what one branch of a parallel group has of its own, and prove it on other tests."""
 
 import cellwright as cw
-from runtime import artefact, facts, known
+from runtime import artefact, facts, search_inputs
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
-    cells = known.known_cells(facts.branches(params.branches), params.lenders, inputs.models)
+    cells = search_inputs.known_cells(params.branches, params.lenders, inputs.models)
     tests, group = facts.tests(inputs.series), snakemake.wildcards.group
     found = cw.missing_group_effect(group, params.branches, cells, tests, params.settings)
     job.note(*found.notes)

@@ -5,8 +5,8 @@ from runtime import artefact, lending
 
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
-    own = lending.shown(inputs.basis, None, inputs.peaks, inputs.onset, params.references)
-    peers = [lending.shown(*paths, params.references) for paths in lending.by_cell(inputs)]
+    own = lending.cell_shows(inputs.basis, None, inputs.peaks, inputs.onset, params.references)
+    peers = [lending.cell_shows(*paths, params.references) for paths in lending.peer_paths(inputs)]
     found = cw.borrow_model(own, peers)
     job.note(*found.notes)
     job.save(found.content)

@@ -5,7 +5,6 @@ from runtime import artefact
 
 with artefact.Job(snakemake) as job:
     record = job.load(snakemake.input.series), job.load(snakemake.input.steps)
-    slow = snakemake.params.test["kind"] == "ocv"
-    found = cw.capacity(*record, snakemake.params.cell, whole_swing=slow)
+    found = cw.capacity(*record, snakemake.params.cell, whole_swing=False)
     job.note(*found.notes)
     job.save(found.rows)

@@ -1,11 +1,15 @@
-"""Fit a circuit to one spectrum, test the spectrum itself, and find its relaxation times."""
+"""Read one spectrum, fit a circuit to it, test the spectrum itself, find its relaxation times."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, raw_files
 
-with artefact.Job(snakemake) as job:
-    output = snakemake.output
-    found = cw.impedance(job.load(snakemake.input.spectrum), snakemake.params.settings)
+params, output = snakemake.params, snakemake.output
+with artefact.Job(snakemake, output.spectrum) as reading:
+    file = raw_files.single(params.reading["file"], params.reading["sha256"])
+    found = cw.read(file, kind="impedance", instrument=params.reading["instrument"])
+    reading.save(found.columns, instrument=found.instrument[0])
+with artefact.Job(snakemake, *output[1:], after=reading) as job:
+    found = cw.impedance(job.load(output.spectrum), params.settings)
     job.note(*found.notes)
     job.save([found.row], output.fit)
     job.save(found.curve, output.curve)

@@ -1,13 +1,18 @@
-"""Open-circuit voltage of one slow test, as table and as analytic functions."""
+"""Capacity and open-circuit voltage of one slow test, as table and as analytic functions."""
 
 import cellwright as cw
-from runtime import artefact, lean
+from runtime import artefact
 
-with artefact.Job(snakemake) as job:
-    params = snakemake.params
-    lean.import_lmfit()
-    found = cw.ocv(job.load(snakemake.input.series), params.cell, least_hour=params.least_hour)
+inputs, output, params = snakemake.input, snakemake.output, snakemake.params
+with artefact.Job(snakemake, output.capacity) as job:
+    found = cw.capacity(
+        job.load(inputs.series), job.load(inputs.steps), params.cell, whole_swing=True
+    )
+    job.note(*found.notes)
+    job.save(found.rows)
+with artefact.Job(snakemake, output.curve, output.functions, inputs=[inputs.series]) as job:
+    found = cw.ocv(job.load(inputs.series), params.cell, least_hour=params.least_hour)
     job.note(*found.notes)
     arrays, facts = artefact.split(found.curve)
-    job.save(arrays, snakemake.output.curve, **facts)
-    job.save(found.functions, snakemake.output.functions)
+    job.save(arrays, output.curve, **facts)
+    job.save(found.functions, output.functions)

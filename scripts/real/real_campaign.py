@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from real_cells import campaigns, record, tables
+from real_cells import campaigns, record
 
 out, params, log = Path(snakemake.output[0]), snakemake.params, snakemake.log[0]
 campaigns.copy_campaign(params.campaign, out.parent)
@@ -11,4 +11,4 @@ try:
     campaigns.run(out.parent, whole=params.whole, log=log)
 except RuntimeError as failure:
     sys.exit(str(failure))
-record.write(tables.of_campaign(out.parent), out)
+record.write(record.of_campaign(out.parent), out)

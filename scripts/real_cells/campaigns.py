@@ -1,4 +1,4 @@
-"""Campaigns of real cells: which there are, copied to folders of their own, and run there."""
+"""Campaigns of real cells: listed, copied to separate folders, and run there."""
 
 import csv
 import hashlib
@@ -34,18 +34,20 @@ def names_in(folder) -> list[str]:
 
 
 def wanted(folder, names) -> list[str]:
-    """Names of the campaigns that are asked for; all that lie there where none is named.
+    """Names of the requested campaigns; all of the folder where none is requested.
 
     Raises
     ------
     FileNotFoundError
         Where one of them is not there.
     """
-    there = names_in(folder)
-    missing = [name for name in names if name not in there]
+    available = names_in(folder)
+    missing = [name for name in names if name not in available]
     if missing:
-        raise FileNotFoundError(f"{folder}: found no {', '.join(missing)}, wanted one of {there}")
-    return list(names) or there
+        raise FileNotFoundError(
+            f"{folder}: found no {', '.join(missing)}, wanted one of {available}"
+        )
+    return list(names) or available
 
 
 def files(folder, name: str) -> list[Path]:

@@ -1,18 +1,120 @@
-"""Numbers of one finished campaign, read from its tables, artefacts and sheets.
+"""Numbers of one finished campaign, from its tables, artefacts and sheets, and what each means.
 
-Each function yields (cell, quantity, where, value) of the quantities of `quantities.QUANTITIES`;
-`MEASUREMENTS` is the list of these functions. `campaign` is the folder with `results/`, `config/`.
+The functions of `MEASUREMENTS` yield (cell, quantity, where, value) of `QUANTITIES`; `campaign` is
+the folder with `results/` and `config/`.
 """
 
 import json
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from real_cells.quantities import celsius_in_words, place, rate_in_words
 from virtual_lab.score.verdicts import NAMED, outcome
+
+# Columns of a table of numbers: what it is a number of, and what is to be known of it.
+KEYS = ["campaign", "cell", "quantity", "where"]
+COLUMNS = [*KEYS, "value", "unit", "better", "tolerance_absolute", "tolerance_relative"]
+COLUMNS += ["published", "published_source"]
+
+C_RATES = {
+    **{f"C/{k}": 1 / k for k in (100, 50, 40, 30, 25, 20, 15, 10, 8, 5, 4, 3, 2)},
+    **{f"{k:g}C": k for k in (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15, 20)},
+}
+
+
+class Quantity(NamedTuple):
+    """Unit, better side, tolerance and topic of a measured quantity.
+
+    unit : of the number; "word" for a word.
+    better : "lower" and "higher" say which side is better; "near" means that it must stay, unless
+        it comes nearer to the published one; "equal" is for words that must stay; "shown" is never
+        checked.
+    absolute : how much it may change [unit].
+    relative : that much more, as a part of the recorded number.
+    topic : heading of the page below which it stands.
+    """
+
+    unit: str
+    better: str
+    absolute: float
+    relative: float
+    topic: str
+
+
+CELL, MODEL, SEARCH, RUN = "Cells", "Models and filters", "What is missing", "The run"
+TRUTH = "Against the truth"
+TOLERATED_ERROR = {"better": "lower", "absolute": 0.3, "relative": 0.05}  # mV or mA, and 5 % more
+SOC = {"unit": "% of SoC", "better": "lower", "absolute": 0.3, "relative": 0.0}
+COUNT = {"better": "lower", "absolute": 0.0, "relative": 0.0, "topic": RUN}
+SHOWN = {"better": "shown", "absolute": 0.0, "relative": 0.0}
+
+QUANTITIES = {
+    "capacity": Quantity("Ah", "near", 0.0, 0.002, CELL),
+    "open-circuit voltage": Quantity("V", "near", 0.002, 0.0, CELL),
+    "pulse resistance": Quantity("mohm", "near", 0.0, 0.02, CELL),
+    "spectrum: real part where it crosses the axis": Quantity("mohm", "near", 0.0, 0.02, CELL),
+    "spectrum: ohmic resistance": Quantity("mohm", "near", 0.0, 0.02, CELL),
+    "spectrum: charge-transfer resistance": Quantity("mohm", "near", 0.0, 0.05, CELL),
+    "resistance of the model, mean over SoC": Quantity("mohm", "near", 0.0, 0.05, CELL),
+    "capacity inside the group": Quantity("Ah", "near", 0.0, 0.005, CELL),
+    "chosen member": Quantity("word", topic=MODEL, **SHOWN),
+    "best member": Quantity("word", topic=MODEL, **SHOWN),
+    "error of the chosen member": Quantity("mV", topic=MODEL, **TOLERATED_ERROR),
+    "error of the best member": Quantity("mV", topic=MODEL, **TOLERATED_ERROR),
+    "error of the chosen member over the best member's": Quantity("1", "lower", 0.05, 0.05, MODEL),
+    "error of a filter's SoC": Quantity(topic=MODEL, **SOC),
+    "error of a filter's SoC, with a fault": Quantity(topic=MODEL, **SOC),
+    "error of the dual filter's capacity": Quantity("%", "lower", 0.3, 0.05, MODEL),
+    "error of the branch current": Quantity("mA", topic=MODEL, **TOLERATED_ERROR),
+    "error of the group's voltage": Quantity("mV", topic=MODEL, **TOLERATED_ERROR),
+    "verdict": Quantity("word", "equal", 0.0, 0.0, SEARCH),
+    "named effects": Quantity("word", "equal", 0.0, 0.0, SEARCH),
+    "error before the search": Quantity("mV", topic=SEARCH, **SHOWN),
+    "error after the search": Quantity("mV", topic=SEARCH, **TOLERATED_ERROR),
+    "gap closed": Quantity("%", "higher", 3.0, 0.0, SEARCH),
+    "right verdicts": Quantity("count", "higher", 0.0, 0.0, SEARCH),
+    "false names and false alarms": Quantity("count", "lower", 0.0, 0.0, SEARCH),
+    "left out": Quantity("count", **COUNT),
+    "internal errors": Quantity("count", **COUNT),
+    "laws of physics broken": Quantity("count", **COUNT),
+    "flagged samples": Quantity("count", **COUNT),
+    "time of all jobs": Quantity("s", topic=RUN, **SHOWN),
+    "error against the truth": Quantity("", "lower", 0.0, 0.1, TRUTH),
+    "rows that the truth has and the results have not": Quantity("count", "lower", 0.0, 0.0, TRUTH),
+    "share that is right": Quantity("%", "higher", 0.5, 0.0, TRUTH),
+}
+
+
+def topics() -> list[str]:
+    """Headings below which the quantities stand, in the order of the list."""
+    return list(dict.fromkeys(quantity.topic for quantity in QUANTITIES.values()))
+
+
+def rate_in_words(c_rate: float) -> str:
+    """The customary rate next to this one: C/20, 1C.
+
+    Parameters
+    ----------
+    c_rate : float [1/h]
+        Current over rated capacity, of either sign.
+    """
+    if not c_rate or math.isnan(c_rate):
+        return "rate not known"
+    return min(C_RATES, key=lambda name: abs(math.log(abs(c_rate) / C_RATES[name])))
+
+
+def celsius_in_words(temperature: float) -> str:
+    """A chamber temperature [°C] with its unit, or that it is not known."""
+    return "temperature not known" if math.isnan(temperature) else f"{temperature:g} °C"
+
+
+def place(*parts: str) -> str:
+    """Where a number was measured, out of several parts; empty parts are left out."""
+    return ", ".join(part for part in parts if part)
+
 
 MILLI, PERCENT = 1e3, 1e2
 TEXT_COLUMNS = (
@@ -138,8 +240,8 @@ def open_circuit_voltages(campaign):
         off=(tests[TEMPERATURE].astype(float) - 25).abs(),
         age=tests["cycle"].astype(float).fillna(0.0),
     )
-    for cell, own in tests.groupby("cell"):
-        first = own.sort_values(["age", "off"]).iloc[0]
+    for cell, slow_tests in tests.groupby("cell"):
+        first = slow_tests.sort_values(["age", "off"]).iloc[0]
         curve = curves[cell, first["test"]]
         celsius = celsius_in_words(float(first[TEMPERATURE]))
         for soc in np.arange(0.1, 0.95, 0.1):
@@ -231,8 +333,8 @@ def filter_capacities(campaign):
     rows = read_table(campaign, "soc")
     rows = rows[(rows["filter"] == "dual") & (rows["scenario"] == "nominal")]
     basis = read_documents(campaign, "basis/*.json")
-    known = {cell: document["capacity_ampere_hour"] for cell, document in basis.items()}
-    rows = rows.assign(basis=rows["cell"].map(known).astype(float))
+    by_cell = {cell: document["capacity_ampere_hour"] for cell, document in basis.items()}
+    rows = rows.assign(basis=rows["cell"].map(by_cell).astype(float))
     error = (rows["capacity_ampere_hour"] / rows["basis"] - 1).abs()
     for cell, part in error.dropna().groupby(rows["cell"]):
         yield cell, "error of the dual filter's capacity", "median", PERCENT * part.median()
@@ -278,12 +380,12 @@ def right_verdicts(campaign):
     if not path.is_file():
         return
     hidden = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    hidden = {cell: one for cell, one in hidden.items() if one["kind"] != "reference"}
-    given = read_documents(campaign, "missing_effect/*/verdict.json")
-    outcomes = [outcome(one, given.get(cell)) for cell, one in hidden.items()]
+    hidden = {cell: truth for cell, truth in hidden.items() if truth["kind"] != "reference"}
+    documents = read_documents(campaign, "missing_effect/*/verdict.json")
+    words = [outcome(truth, documents.get(cell)) for cell, truth in hidden.items()]
     where, right = f"of {len(hidden)} cells", (*NAMED, "rightly silent")
-    yield "all", "right verdicts", where, sum(one in right for one in outcomes)
-    wrong = sum(one in WRONG_VERDICTS for one in outcomes)
+    yield "all", "right verdicts", where, sum(word in right for word in words)
+    wrong = sum(word in WRONG_VERDICTS for word in words)
     yield "all", "false names and false alarms", where, wrong
 
 
@@ -318,7 +420,7 @@ def job_seconds(campaign):
     """Time [s] of all jobs, one after the other, from Snakemake's records of them."""
     folder = Path(campaign) / ".snakemake" / "metadata"
     records = [json.loads(path.read_text()) for path in folder.rglob("*") if path.is_file()]
-    jobs = {(one["rule"], *one["log"]): one["endtime"] - one["starttime"] for one in records}
+    jobs = {(job["rule"], *job["log"]): job["endtime"] - job["starttime"] for job in records}
     if jobs:
         yield "all", "time of all jobs", "", sum(jobs.values())
 

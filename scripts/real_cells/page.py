@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from real_cells import record
-from real_cells.quantities import KEYS, QUANTITIES, topics
+from real_cells.measured import KEYS, QUANTITIES, topics
 
 ABOUT = """\
 <!-- Made by scripts/tools/real_record.py from real-cells/*.csv. Do not edit. -->
@@ -24,9 +24,9 @@ defaults. Each number is what the results of the run say; nothing is fitted or c
   square over the tests of a temperature, and the worst test. The best member is the one with the
   lowest error there, known only afterwards; the chosen one is chosen without these tests.
 * Errors of a filter's SoC are over whole tests, from wrong starts. Of campaigns with more than
-  eight cells, models and verdicts are told over all cells.
+  eight cells, models and verdicts are summarised over all cells.
 * A number may change by what the last column says: more, to the worse side, fails the check. The
-  rule stands in [quantities.py](../scripts/real_cells/quantities.py); a tolerance edited in
+  rule stands in [measured.py](../scripts/real_cells/measured.py); a tolerance edited in
   recorded.csv stays when the record is renewed, a blank one is filled by the rule.
 * Times are those of all jobs, one after the other, on the machine of the record; not checked.
 """
@@ -72,7 +72,7 @@ def text(numbers: pd.DataFrame, before: pd.DataFrame, *, recorded: bool = True) 
     rows["column"] = [match[1] if match else "" for match in places]
     rows["rest"] = [TEMPERATURE.sub("", where) for where in rows["where"]]
     parts = [ABOUT.format(made=RECORDED if recorded else MEASURED), _glance(rows)]
-    parts += [_campaign(name, group) for name, group in rows.groupby("campaign")]
+    parts += [_campaign(name, part) for name, part in rows.groupby("campaign")]
     return "\n".join(parts)
 
 
@@ -92,13 +92,13 @@ def write(content: str, path):
 def _glance(rows) -> str:
     """One line a campaign: the range over its cells and temperatures."""
     lines = []
-    for name, group in rows.groupby("campaign"):
+    for name, part in rows.groupby("campaign"):
         # Places with a detail, such as "worst test" or a stage, stand below.
-        group = group[(group["rest"] == "") | group["quantity"].eq("right verdicts")]
-        lines.append([name, *(_range(group[group["quantity"] == quantity]) for quantity in GLANCE)])
+        part = part[(part["rest"] == "") | part["quantity"].eq("right verdicts")]
+        lines.append([name, *(_range(part[part["quantity"] == quantity]) for quantity in GLANCE)])
     head = ["campaign", *GLANCE.values()]
-    about = "From the lowest to the highest over cells and temperatures."
-    return f"## At a glance\n\n{about}\n\n{_table(head, lines)}"
+    sentence = "From the lowest to the highest over cells and temperatures."
+    return f"## At a glance\n\n{sentence}\n\n{_table(head, lines)}"
 
 
 def _range(rows) -> str:
@@ -112,9 +112,9 @@ def _range(rows) -> str:
 def _campaign(name, rows) -> str:
     parts = [f"## {name}\n"]
     for topic in topics():
-        mine = rows[[QUANTITIES[quantity].topic == topic for quantity in rows["quantity"]]]
-        if len(mine):
-            parts.append(f"### {topic} of {name}\n\n{_topic(mine)}")
+        of_topic = rows[[QUANTITIES[quantity].topic == topic for quantity in rows["quantity"]]]
+        if len(of_topic):
+            parts.append(f"### {topic} of {name}\n\n{_topic(of_topic)}")
     sources = rows.loc[rows["published_source"] != "", ["quantity", "published_source"]]
     lines = [f"* {quantity}: {source}" for quantity, source in sources.drop_duplicates().values]
     if lines:
@@ -127,12 +127,12 @@ def _topic(rows) -> str:
     columns = sorted(rows["column"].unique(), key=_degrees)
     keys = ["cell", "quantity", "rest"]
     lines = []
-    for (cell, quantity, rest), group in rows.groupby(keys, sort=False):
-        entries = {row["column"]: _entry(row) for row in group.to_dict("records")}
-        what = f"{quantity}, {rest}" if rest else quantity
-        unit = group["unit"].iloc[0].replace("word", "").removeprefix("1")
+    for (cell, quantity, rest), part in rows.groupby(keys, sort=False):
+        entries = {row["column"]: _entry(row) for row in part.to_dict("records")}
+        label = f"{quantity}, {rest}" if rest else quantity
+        unit = part["unit"].iloc[0].replace("word", "").removeprefix("1")
         entries = [entries.get(column, "") for column in columns]
-        lines.append([cell, what, unit, *entries, _tolerance(group.iloc[0])])
+        lines.append([cell, label, unit, *entries, _tolerance(part.iloc[0])])
     heads = ["value" if columns == [""] else column or "all" for column in columns]
     return _table(["cell", "quantity", "unit", *heads, "may change by"], lines)
 

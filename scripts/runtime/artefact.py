@@ -10,6 +10,7 @@ import io
 import json
 import sys
 import traceback
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -18,22 +19,41 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cellwright.refusal import Refusal
-from runtime import contract, lean, provenance
+from runtime import contract, provenance
 
 KEY = b"cellwright"
 
 
-def _keep_pyarrow_from_importing_pandas():
-    """Let pyarrow convert its first array while pandas cannot be imported.
+class _Hidden:
+    """An entry of `sys.meta_path` that lets the import of some packages fail."""
 
-    At its first array each way it imports pandas, to recognise pandas' own objects. Nothing here
-    has any, and the import takes most of a second of each of the run's hundreds of jobs.
-    """
-    with lean.without("pandas"):
-        pa.chunked_array([pa.array(np.zeros(1))]).to_numpy()
+    def __init__(self, names):
+        self.names = names
+
+    def find_spec(self, name, path=None, target=None):
+        if name in self.names:
+            raise ModuleNotFoundError(f"{name} is not looked for here")
 
 
-_keep_pyarrow_from_importing_pandas()
+@contextmanager
+def without(*names):
+    """Within the block these packages cannot be imported, unless they already were."""
+    hidden = _Hidden(names)
+    sys.meta_path.insert(0, hidden)
+    try:
+        yield
+    finally:
+        sys.meta_path.remove(hidden)
+
+
+# At its first array each way pyarrow imports pandas, to recognise pandas' own objects. There are
+# none here, and the import takes most of a second of each of the run's hundreds of jobs.
+with without("pandas"):
+    pa.chunked_array([pa.array(np.zeros(1))]).to_numpy()
+
+# Every job checks what it writes. Read here, the contract is there already in a process that was
+# forked from one with this module; reading it takes 0.06 s of CPU, half of a small job.
+contract.stages()
 
 
 def columns_of(content) -> dict:
@@ -50,12 +70,16 @@ def columns_of(content) -> dict:
 
 
 def stage_of(path) -> str:
-    """The stage an artefact belongs to: the folder below `results`."""
+    """Stage of an artefact: the folder below `results`."""
     parts = Path(path).parts
     return parts[parts.index("results") + 1]
 
 
 def write(path, content, about):
+    """Write an artefact by its suffix, with `about`: provenance, reason, origin, notes, facts.
+
+    Returns the table of a Parquet artefact, else None.
+    """
     suffix = Path(path).suffix
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     if suffix == ".json":
@@ -71,12 +95,17 @@ def write(path, content, about):
             contract.check(contract.entry_of(path), columns)
         table = pa.table({name: _arrow(values) for name, values in columns.items()})
         text = json.dumps(about, sort_keys=True)
+        # Readings hardly repeat: a dictionary of them takes four times as long and a fourth more.
+        repeating = [field.name for field in table.schema if not pa.types.is_floating(field.type)]
         pq.write_table(
             table.replace_schema_metadata({KEY: text}),
             path,
             compression="zstd",
             compression_level=1,
+            use_dictionary=repeating,
         )
+        return table
+    return None
 
 
 def _arrow(values):
@@ -85,10 +114,10 @@ def _arrow(values):
 
 
 def _write_csv(path, columns, about):
-    known = contract.stages()[contract.entry_of(path)]["columns"]
-    names = [name for name in known if "<" not in name]
-    stems = tuple(name.split("<")[0] for name in known if "<" in name)
-    names += [name for name in columns if name not in known and name.startswith(stems)]
+    contracted = contract.stages()[contract.entry_of(path)]["columns"]
+    names = [name for name in contracted if "<" not in name]
+    stems = tuple(name.split("<")[0] for name in contracted if "<" in name)
+    names += [name for name in columns if name not in contracted and name.startswith(stems)]
     length = len(next(iter(columns.values()), []))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -100,7 +129,7 @@ def _write_csv(path, columns, about):
 
 
 def _blank_figure(about) -> str:
-    """A figure that could not be drawn says why."""
+    """SVG with the reason why a figure could not be drawn."""
     from xml.sax.saxutils import escape
 
     return (
@@ -112,7 +141,7 @@ def _blank_figure(about) -> str:
 
 
 def _cell(value):
-    """Nine digits are more than any instrument here resolves; not known is an empty cell."""
+    """A value of a CSV table, with nine digits: more than any instrument resolves; NaN is empty."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return ""
     return f"{value:.9g}" if isinstance(value, float) else value
@@ -136,7 +165,7 @@ def plain(value):
 
 
 class Passed(Refusal):
-    """A refusal that an earlier stage made and this one only passes on."""
+    """A refusal made by an earlier stage, passed on by this one."""
 
     def __init__(self, reason: str, origin: str):
         super().__init__(reason)
@@ -144,19 +173,34 @@ class Passed(Refusal):
 
 
 class Job:
-    """What a script loads and saves: `with artefact.Job(snakemake) as job: … job.save(columns)`.
+    """Loads and saves of one script: `with artefact.Job(snakemake) as job: … job.save(columns)`.
+
+    Of a script of several steps each step has a block of its own, with the outputs that it makes,
+    so that what is refused in one step is refused there and in the steps that need its outcome.
+
+    Parameters
+    ----------
+    outputs : of a step, the paths that it makes; by default all outputs of the job
+    inputs : of a step, the paths that it reads; by default all inputs of the job
+    after : the step before, whose tables are loaded from memory
 
     A refusal inside the block is written as the reason into every output that is not saved yet.
     So is any other exception, as an internal error with its traceback in the log: a fault in one
     cell's job must not cost the other cells their report, and the report names it on top.
     """
 
-    def __init__(self, snakemake):
+    def __init__(self, snakemake, *outputs, inputs=None, after=None):
         self.snakemake = snakemake
+        self.outputs = list(outputs or snakemake.output)
+        self.inputs = snakemake.input if inputs is None else inputs
+        self.step = stage_of(outputs[0]) if outputs else None
         self.saved = set()
+        self.made = dict(after.made) if after else {}
         self.notes = []
 
     def __enter__(self):
+        if self.step:
+            self.log(f"{', '.join(self.outputs)}\n")
         return self
 
     def __exit__(self, kind, error, trace):
@@ -166,22 +210,23 @@ class Job:
         reason = str(error) if expected else f"internal error: {kind.__name__}: {error}"
         log = "".join(traceback.format_exception(error)) if not expected else reason + "\n"
         self.log(log)
-        for path in self.snakemake.output:
+        for path in self.outputs:
             if path not in self.saved:
                 write(path, {}, self.about(reason, getattr(error, "origin", path)))
         return True
 
     def load(self, path) -> dict:
         """Content of an artefact. Raises Passed where the artefact carries a reason."""
-        return load(path)
+        made = self.made.get(path)
+        return load(path) if made is None else arrays_of(made)
 
     def save(self, content, path=None, **facts):
         """Write `content` (columns, rows or a JSON document) with facts beside it.
 
-        `path` is one of the job's outputs (default: the only one).
+        `path` is one of the outputs (default: the only one).
         """
-        path = path or self.snakemake.output[0]
-        write(path, content, self.about() | {"facts": plain(facts)})
+        path = path or self.outputs[0]
+        self.made[path] = write(path, content, self.about() | {"facts": plain(facts)})
         self.saved.add(path)
 
     def note(self, *notes):
@@ -198,8 +243,9 @@ class Job:
             sys.stderr.write(text)
 
     def about(self, reason=None, origin=None) -> dict:
-        """What an artefact of this job says of itself."""
-        return provenance.record(self.snakemake) | {
+        """Provenance, reason, origin, notes and facts that an artefact of this job carries."""
+        return provenance.record(self.snakemake, self.inputs) | {
+            "step": self.step,
             "reason": reason,
             "origin": origin,
             "notes": self.notes,
@@ -221,7 +267,11 @@ def load(path) -> dict:
     if Path(path).suffix == ".json":
         return {key: value for key, value in _read_json(path).items() if key != "provenance"}
     with pq.ParquetFile(path) as file:
-        table = file.read(use_threads=False)
+        return arrays_of(file.read(use_threads=False))
+
+
+def arrays_of(table) -> dict:
+    """Columns of an Arrow table: name → array."""
     return {name: table[name].to_numpy() for name in table.column_names}
 
 
@@ -263,7 +313,7 @@ def load_together(pairs) -> list[tuple[dict, dict, dict]]:
     loaded = [
         (load(first), load(second), about[1])
         for (first, second), about in zip(pairs, abouts, strict=True)
-        if all(one["reason"] is None for one in about)
+        if all(metadata["reason"] is None for metadata in about)
     ]
     if not loaded:
         for path in (path for pair in pairs for path in pair):
@@ -275,14 +325,6 @@ def load_table(path) -> list[dict]:
     """Rows of a CSV table as text, an empty cell for what is not known."""
     with open(path, encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
-
-
-UNITS = {"test_time": "second", "current": "ampere", "voltage": "volt", "charge": "ampere_hour"}
-
-
-def columns(series: dict, *names) -> list[np.ndarray]:
-    """Columns of a series by their quantity, in the order asked: `"voltage"` → voltage_volt."""
-    return [series[f"{name}_{UNITS[name]}"] for name in names]
 
 
 def split(result) -> tuple[dict, dict]:
@@ -299,7 +341,7 @@ def rows(columns: dict) -> list[dict]:
 
 
 def read_about(path) -> dict:
-    """What an artefact says of itself: its provenance, reason, origin, notes and facts."""
+    """Provenance, reason, origin, notes and facts that an artefact carries."""
     if Path(path).suffix == ".json":
         return _read_json(path)["provenance"]
     return json.loads(pq.read_schema(path).metadata[KEY])

@@ -1,8 +1,8 @@
-"""The contract that every artefact is held against: workflow/schemas/artefacts.yaml."""
+"""The contract of every artefact, workflow/schemas/artefacts.yaml: columns, units, ranges."""
 
 import hashlib
 import json
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,15 @@ import numpy as np
 CONTRACT = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "artefacts.yaml"
 
 
-@cache
 def stages() -> dict:
     """The contract of all artefacts: stage → column → unit, meaning, range."""
+    about = CONTRACT.stat()
+    return _stages_of_file(about.st_mtime_ns, about.st_size, about.st_ino)
+
+
+@lru_cache(maxsize=1)
+def _stages_of_file(*version) -> dict:
+    """Content of the file, read anew where its time, size or inode is another than before."""
     import yaml
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -20,12 +26,12 @@ def stages() -> dict:
 
 
 def name_of(stage: str, stem: str) -> str:
-    """Entry of a file: `stage/stem` where the stage's files differ from one another, else stage."""
+    """Entry of the contract: `stage/stem` where the files of a stage differ, else the stage."""
     return f"{stage}/{stem}" if f"{stage}/{stem}" in stages() else stage
 
 
 def entry_of(path) -> str | None:
-    """Entry that a file below `results` is held against; None where files of its kind have none."""
+    """Entry of the contract for a file below `results`; None for files without one."""
     parts, stem, suffix = Path(path).parts, Path(path).stem, Path(path).suffix
     if "results" not in parts or suffix not in (".parquet", ".csv"):
         return None
@@ -37,37 +43,39 @@ def entry_of(path) -> str | None:
 
 @cache
 def fingerprint(*paths: str) -> str:
-    """Hash of what files are held against: names, order, ranges and need of their columns.
+    """Hash of the contract of some files: names, order, ranges of columns, and which may be absent.
 
     Units and meanings are words for people and leave it as it is, and so does every other entry.
     """
     entries = [stages().get(entry, {}).get("columns") for entry in map(entry_of, paths) if entry]
     held = [
-        [(name, spec.get("range"), spec.get("required", True)) for name, spec in one.items()]
-        for one in entries
-        if one
+        [(name, spec.get("range"), spec.get("required", True)) for name, spec in columns.items()]
+        for columns in entries
+        if columns
     ]
     return hashlib.sha256(json.dumps(held).encode()).hexdigest()[:16] if held else ""
 
 
 def check(stage: str, columns: dict):
-    """Hold columns against the contract of their stage.
+    """Check columns against the contract of their stage.
 
     Raises
     ------
     ValueError
-        A column that is missing, not in the contract or out of its range: a fault of ours.
+        A column that is missing, not in the contract or out of its range: a programming error.
     """
-    known = stages()[stage]["columns"]
-    for name, spec in known.items():
+    contracted = stages()[stage]["columns"]
+    for name, spec in contracted.items():
         if spec.get("required", True) and "<" not in name and name not in columns:
             raise ValueError(f"{stage}: column {name} is missing; found {sorted(columns)}")
-    families = {name.split("<")[0]: spec for name, spec in known.items() if "<" in name}
+    families = {name.split("<")[0]: spec for name, spec in contracted.items() if "<" in name}
     for name, values in columns.items():
         family = next((spec for stem, spec in families.items() if name.startswith(stem)), None)
-        spec = known.get(name, family)
+        spec = contracted.get(name, family)
         if spec is None:
-            raise ValueError(f"{stage}: column {name} is not in the contract; known: {list(known)}")
+            raise ValueError(
+                f"{stage}: column {name} is not in the contract; known: {list(contracted)}"
+            )
         if spec.get("range"):
             _check_range(stage, name, np.asarray(values), *spec["range"])
 

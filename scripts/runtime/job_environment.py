@@ -1,4 +1,4 @@
-"""What every job's process needs of its environment, set before the first job starts."""
+"""Environment of every job's process: where packages are, how many threads."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ def prepare(scripts: str):
     would depend on how many cores there are. A number of threads that is set already stays.
     """
     sys.path[:] = [scripts, *[path for path in sys.path if path != scripts]]
-    known = [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
-    os.environ["PYTHONPATH"] = os.pathsep.join([scripts, *[p for p in known if p != scripts]])
+    inherited = [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
+    os.environ["PYTHONPATH"] = os.pathsep.join([scripts, *[p for p in inherited if p != scripts]])
     for library in ("OMP", "OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")

@@ -1,4 +1,4 @@
-"""What one cell lends another: OCV curves, capacities, and what each cell of a type shows."""
+"""Artefacts of one cell for the model of another: OCV curves, capacities, peaks, models."""
 
 from statistics import median
 
@@ -24,12 +24,12 @@ def capacities(paths) -> list[dict]:
 
 def _dated(about) -> dict:
     """Name, temperature and cycle of the test that an artefact is of."""
-    known = facts.of_artefact(about)
-    return {n: getattr(known, n) for n in ("test", "ambient_temperature_celsius", "cycle")}
+    test = facts.of_artefact(about)
+    return {n: getattr(test, n) for n in ("test", "ambient_temperature_celsius", "cycle")}
 
 
 def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
-    """The cells that the artefacts belong to, as lenders."""
+    """Lenders: the cells of the artefacts with their curves and capacities."""
     owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in ocv_paths}
     owner |= {path: artefact.read_about(path)["wildcards"]["cell"] for path in capacity_paths}
     return [
@@ -43,10 +43,10 @@ def lenders(ocv_paths, capacity_paths, references) -> list[Lender]:
     ]
 
 
-def left_out(paths) -> dict:
+def models_without(paths) -> dict:
     """Models that were identified without one temperature, by that temperature [°C]."""
-    found = artefact.load_all(paths)
-    return {float(about["wildcards"]["celsius"]): model for model, about in found}
+    models = artefact.load_all(paths)
+    return {float(about["wildcards"]["celsius"]): model for model, about in models}
 
 
 def charges(pairs, celsius) -> list[Charge]:
@@ -62,8 +62,8 @@ def charges(pairs, celsius) -> list[Charge]:
 FULL_SOC = 0.95
 
 
-def shown(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
-    """What one cell shows, from its artefacts; `model_path` is None for a cell without a model."""
+def cell_shows(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
+    """Basis, model, peaks and onset resistance of a cell; `model_path`: None without a model."""
     basis = artefact.load(basis_path)
     models = artefact.load_all([model_path] if model_path else [])
     peaks = [row for columns, _ in artefact.load_all(peak_paths) for row in artefact.rows(columns)]
@@ -77,7 +77,7 @@ def shown(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
     )
 
 
-def by_cell(inputs):
+def peer_paths(inputs):
     """(basis, model, peaks, onset) paths of each peer that has a model, of `bias_correction`."""
     pairs = zip(inputs.peer_basis, inputs.peer_models, strict=True)
     usable = [pair for pair in pairs if artefact.read_about(pair[1])["reason"] is None]
@@ -88,10 +88,10 @@ def by_cell(inputs):
 
 
 def _onset(paths) -> dict:
-    """Median resistance at the onset of discharges from full, by delay."""
+    """Median resistance [ohm] at the onset of discharges from full, by delay [s]."""
     tables = [artefact.rows(columns) for columns, _ in artefact.load_all(paths)]
-    found = {}
+    by_delay = {}
     for row in (row for rows in tables for row in rows):
         if row["direction"] == "discharge" and row["soc"] > FULL_SOC:
-            found.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
-    return {delay: median(values) for delay, values in found.items()}
+            by_delay.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
+    return {delay: median(values) for delay, values in by_delay.items()}

@@ -1,15 +1,22 @@
-"""The report's page: what is shown of each cell, and the stage's words."""
+"""The report: one HTML file with tables, figures and notes of every cell and group.
+
+Each cell's page lies in it compressed and is unpacked in the browser when it is looked at, so that
+a report of a hundred cells opens at once and still is one file to send and to keep.
+"""
 
 import base64
+import re
 from pathlib import Path
 
 import jinja2
 import pandas as pd
+import pyarrow as pa
 import yaml
 
 from runtime import artefact
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
+TABLES_OF_PAGE = [*TABLES_OF_CELL, "packs", "choice", "missing_effect"]
 SHOWN_ROWS = 60
 NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
 PROOFS = [f"effect_{name}" for name in NAMES]
@@ -25,26 +32,41 @@ def render(job) -> str:
     inputs, params = job.input, job.params
     tables = {Path(path).stem: _text(path) for path in inputs.tables}
     abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
-    known = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
+    captions = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
-    effects = {_owner(artefact.read_about(path)): _said(path) for path in inputs.verdicts}
+    effects = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.verdicts}
     witnesses = {_owner(artefact.read_about(p)): _witnesses(p) for p in inputs.witnesses}
-    cold = {_owner(artefact.read_about(path)): _said(path) for path in inputs.cold}
+    cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
-    pages = [_page(name, params, tables, abouts, known) for name in owners + groups]
-    for one in pages:
-        one["effect"], one["cold"] = effects.get(one["name"]), cold.get(one["name"])
-        one["witnesses"] = witnesses.get(one["name"], [])
-        one["verdicts"] = _of(tables["missing_effect"], one["name"]).to_dict("records")
-    template = Path(inputs.template).read_text(encoding="utf-8")
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    abouts_of = {}
+    for about in abouts.values():
+        abouts_of.setdefault(_owner(about), []).append(about)
+    parts = _by_owner(tables, owners + groups)
+    pages = [
+        _page(name, params, parts[name], abouts_of.get(name, []), captions)
+        for name in owners + groups
+    ]
+    for page in pages:
+        page["effect"], page["cold"] = effects.get(page["name"]), cold.get(page["name"])
+        page["witnesses"] = witnesses.get(page["name"], [])
+        page["verdicts"] = parts[page["name"]]["missing_effect"].to_dict("records")
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.filters |= {"number": number, "milli": milli}
-    return environment.from_string(template).render(
+    excluded = tables["excluded"].to_dict("records")
+    template = environment.get_template(Path(inputs.page).name)
+    for page in pages:
+        page["packed"] = packed(template.render(page=page, excluded=excluded))
+    return environment.get_template(Path(inputs.template).name).render(
         title=params.title,
-        excluded=tables["excluded"].to_dict("records"),
+        excluded=excluded,
         checks=_text(inputs.checks).to_dict("records"),
         summary=_text(inputs.summary).to_dict("records"),
-        overview=[_picture(path, known) for path in params.figures["campaign"]],
+        overview=[_picture(path, captions) for path in params.figures["campaign"]],
         pages=pages,
         assumptions=params.assumptions,
         choices=params.choices,
@@ -53,13 +75,35 @@ def render(job) -> str:
     )
 
 
+def packed(html: str) -> str:
+    """A page as gzip in base64.
+
+    By pyarrow's own compressor, whose version the locked environment holds: the same page then has
+    the same bytes on any machine, which Python's, built on the system's, does not promise.
+    """
+    codec = pa.Codec("gzip", compression_level=9)
+    return base64.b64encode(codec.compress(html.encode(), asbytes=True)).decode()
+
+
 def _text(path) -> pd.DataFrame:
     """A CSV table as it is written, for people: every cell text."""
     return pd.read_csv(path, dtype=str, keep_default_na=False)
 
 
-def _of(table, name, column="cell") -> pd.DataFrame:
-    return table[table[column] == name]
+def _by_owner(tables, owners) -> dict:
+    """Rows of each table for each cell and group.
+
+    A table is divided once: a look through it for each page would take a time that grows with the
+    square of the number of cells.
+    """
+    parts = {
+        name: dict(iter(tables[name].groupby("group" if name == "packs" else "cell", sort=False)))
+        for name in TABLES_OF_PAGE
+    }
+    return {
+        owner: {name: part.get(owner, tables[name].iloc[:0]) for name, part in parts.items()}
+        for owner in owners
+    }
 
 
 def milli(text) -> str:
@@ -67,17 +111,17 @@ def milli(text) -> str:
     return f"{1e3 * float(text):.2f}" if text else "–"
 
 
-def _said(path) -> dict:
-    """The paragraph of an analysis that answers in words, or why it says nothing."""
-    reason = artefact.read_about(path)["reason"]
-    return {"text": reason or artefact.load(path)["paragraph"], "reason": reason}
-
-
 def _witnesses(path) -> list[dict]:
     """Rows of the witnesses of a verdict, those that speak first; none without a verdict."""
     if artefact.read_about(path)["reason"] is not None:
         return []
     return sorted(artefact.rows(artefact.load(path)), key=lambda row: row["says"] == "silent")
+
+
+def _paragraph(path) -> dict:
+    """The paragraph of an analysis, or the reason why it has none."""
+    reason = artefact.read_about(path)["reason"]
+    return {"text": reason or artefact.load(path)["paragraph"], "reason": reason}
 
 
 def number(text) -> str:
@@ -88,11 +132,11 @@ def number(text) -> str:
         return text
 
 
-def _page(name, params, tables, abouts, known) -> dict:
+def _page(name, params, tables, abouts, captions) -> dict:
+    """What the template shows of a cell or group, from its own rows of tables and artefacts."""
     facts = next((row for row in params.cells if row["cell"] == name), {})
     branches = [row for row in params.groups if row["group"] == name]
-    shown = {table: _of(tables[table], name) for table in TABLES_OF_CELL}
-    shown["packs"] = _of(tables["packs"], name, "group")
+    shown = {table: tables[table] for table in [*TABLES_OF_CELL, "packs"]}
     pictures = params.figures.get(name, [])
     unmodelled = facts and name not in params.modelled
     return {
@@ -100,23 +144,25 @@ def _page(name, params, tables, abouts, known) -> dict:
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
         "branches": branches,
         "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
-        "proofs": [_picture(path, known) for path in pictures if Path(path).stem in PROOFS],
-        "pictures": [_picture(path, known) for path in pictures if Path(path).stem not in PROOFS],
-        "choice": _choice(_of(tables["choice"], name)),
+        "proofs": [_picture(path, captions) for path in pictures if Path(path).stem in PROOFS],
+        "pictures": [
+            _picture(path, captions) for path in pictures if Path(path).stem not in PROOFS
+        ],
+        "choice": _choice(tables["choice"]),
         "tables": {table: _short(rows) for table, rows in shown.items() if len(rows)},
-        "notes": [*([NO_MODEL] if unmodelled else []), *_notes(name, abouts)],
+        "notes": [*([NO_MODEL] if unmodelled else []), *_notes(abouts)],
     }
 
 
 def _choice(rows) -> dict:
-    """Errors of each member by temperature, and why it is the chosen one or not; none: empty."""
+    """Errors of each member by temperature and the reason of the choice; empty without members."""
     members = {
         model: {
-            "chosen": own["chosen"].iloc[0] == "True",
-            "reason": own["reason"].iloc[0],
-            "errors": own.to_dict("records"),
+            "chosen": part["chosen"].iloc[0] == "True",
+            "reason": part["reason"].iloc[0],
+            "errors": part.to_dict("records"),
         }
-        for model, own in rows.groupby("model", sort=False)
+        for model, part in rows.groupby("model", sort=False)
     }
     celsius = rows["ambient_temperature_celsius"].unique().tolist()
     return {"celsius": celsius, "members": members} if members else {}
@@ -129,17 +175,17 @@ def _short(rows) -> dict:
 
 
 def _test(row, abouts) -> dict:
-    mine = [about for about in abouts.values() if about["wildcards"].get("test") == row["test"]]
-    mine = [about for about in mine if _owner(about) == row["cell"]]
-    reasons = list(dict.fromkeys(about["reason"] for about in mine if about["reason"]))
+    of_test = [about for about in abouts if about["wildcards"].get("test") == row["test"]]
+    reasons = list(dict.fromkeys(about["reason"] for about in of_test if about["reason"]))
     return row | {"reasons": reasons}
 
 
-def _notes(name, abouts) -> list[dict]:
+def _notes(abouts) -> list[dict]:
     notes = {}
-    mine = [about for about in abouts.values() if _owner(about) == name]
-    said = [(note, one["wildcards"].get("test", "")) for one in mine for note in one["notes"]]
-    for note, test in said:
+    texts = [
+        (note, about["wildcards"].get("test", "")) for about in abouts for note in about["notes"]
+    ]
+    for note, test in texts:
         notes.setdefault(note, set()).add(test)
     return [{"text": text, "tests": sorted(tests - {""})} for text, tests in notes.items()]
 
@@ -148,11 +194,21 @@ def _owner(about):
     return about["wildcards"].get("cell") or about["wildcards"].get("group")
 
 
-def _picture(path, known) -> dict:
+def _picture(path, captions) -> dict:
     name = Path(path).stem
-    fitting = [kind for kind in known if name == kind or name.startswith(f"{kind}_")]
+    fitting = [kind for kind in captions if name == kind or name.startswith(f"{kind}_")]
     kind = max(fitting, key=len, default=None)
-    caption = known.get(kind, {"title": name, "read": ""})
-    data = base64.b64encode(Path(path).read_bytes()).decode()
+    caption = captions.get(kind, {"title": name, "read": ""})
+    data = _as_url(Path(path).read_text(encoding="utf-8"))
     test = name.removeprefix(f"{kind}_") if kind and name != kind else ""
     return {"title": caption["title"], "read": caption["read"], "test": test, "data": data}
+
+
+def _as_url(svg: str) -> str:
+    """A picture as what follows `data:image/svg+xml,`, plain text that compresses well.
+
+    Its provenance stays with the file of the figure: checksums do not compress, and nobody reads
+    them in a picture.
+    """
+    drawing = re.sub(r"<(metadata|desc)>.*?</\1>", "", svg[svg.index("<svg") :], flags=re.S)
+    return drawing.replace("%", "%25").replace("#", "%23").replace("\n", "%0A")

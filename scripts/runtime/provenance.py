@@ -1,16 +1,19 @@
-"""What an artefact was made from: hashes of files, of code, of the environment."""
+"""Provenance of artefacts: hashes of input files, of code, of the environment."""
 
 import ast
-import copy
 import hashlib
 import json
 import re
+import sys
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 SCRIPTS = Path(__file__).resolve().parents[1]
 LOCK = SCRIPTS.parent / "environment.lock"
+# Where Snakemake lays copies of what is in object storage: below this folder of the campaign.
+COPIES = (".snakemake", "storage")
 
 
 @cache
@@ -21,79 +24,110 @@ def sha256_of(path) -> str:
 
 
 class Piece(NamedTuple):
-    """A module that a script runs, or of a module of independent entries the one that it uses."""
+    """A module that a script runs; with a name, one function or class of it."""
 
     path: Path
     name: str = ""
 
 
-# Modules whose entries have nothing to do with each other: each counts for itself.
+# Folders of modules whose functions and classes are hashed one by one.
 PARTED = ("cellwright/api", "cellwright/settings")
-# Names of a package's `__init__` that it takes, when asked for, from the module named here.
+# Table of a package's `__init__`: name → module that it is imported from at first use.
 LAZY = "MODULE_OF"
+IMPORTS = (ast.Import, ast.ImportFrom)
 
 
 @cache
 def code_of(script: str) -> str:
-    """Hash of the code that `scripts/<script>.py` runs: itself and all it imports from here.
+    """Hash of the code that `scripts/<script>.py` runs: itself and all it imports from scripts/.
 
     Hashed is the syntax tree without docstrings, so that comments, layout and documentation
     change nothing, and a changed formula in any imported module changes the hash. Of the public
     interface and of the settings only the functions and classes that are used count.
     """
-    digest = hashlib.sha256()
-    for piece in sorted(pieces_of(script)):
-        digest.update(f"{piece.path.relative_to(SCRIPTS).as_posix()}:{piece.name}".encode())
-        digest.update(_tree_dump(piece).encode())
-        for source in _compiled_by(piece.path):
-            digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
+    digests = [digest_of(piece) for piece in sorted(pieces_of(script))]
+    return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]
+
+
+@cache
+def digest_of(piece: Piece) -> str:
+    """SHA-256 of a piece's place and syntax tree; of a package, also of the C sources beside it."""
+    digest = hashlib.sha256(f"{piece.path.relative_to(SCRIPTS).as_posix()}:{piece.name}".encode())
+    digest.update(ast.dump(_tree(piece)).encode())
+    package = piece.path.name == "__init__.py"  # it builds the C sources in its folder
+    for source in sorted(piece.path.parent.glob("*.c")) if package else []:
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+def codes_of(scripts, kept_in: Path) -> dict[str, str]:
+    """`code_of` of each script; the hashes of sources that have not changed are read from a file.
+
+    Parameters
+    ----------
+    scripts : names as `protocols/ocv`
+    kept_in : the file with the hashes of an earlier start and the SHA-256 of the bytes of all
+        sources that they are of. One of other sources, or none, is replaced.
+    """
+    sources = hashlib.sha256(sys.version.encode())
+    for path in sorted([*SCRIPTS.rglob("*.py"), *SCRIPTS.rglob("*.c")]):
+        sources.update(f"{path.relative_to(SCRIPTS).as_posix()}\n".encode() + path.read_bytes())
+    try:
+        kept = json.loads(kept_in.read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # no earlier start, or one that was killed as it wrote
+        kept = {}
+    known = kept["codes"] if kept.get("sources") == sources.hexdigest() else {}
+    codes = {script: known.get(script) or code_of(script) for script in scripts}
+    if known != codes:
+        kept_in.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps({"sources": sources.hexdigest(), "codes": known | codes})
+        kept_in.write_text(text, encoding="utf-8")
+    return codes
 
 
 def pieces_of(script: str) -> set[Piece]:
     """The pieces of code that `scripts/<script>.py` runs, itself among them."""
-    found, waiting = set(), [Piece(SCRIPTS / f"{script}.py")]
+    reached, waiting = set(), [Piece(SCRIPTS / f"{script}.py")]
     while waiting:
         piece = waiting.pop()
-        if piece not in found:
-            found.add(piece)
+        if piece not in reached:
+            reached.add(piece)
             waiting += _needs(piece)
-    return found
-
-
-def _compiled_by(path: Path) -> list[Path]:
-    """C sources that a package builds: those beside its `__init__`."""
-    return sorted(path.parent.glob("*.c")) if path.name == "__init__.py" else []
+    return reached
 
 
 @cache
 def _parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
-def _parted(path: Path) -> bool:
-    return path.parent.relative_to(SCRIPTS).as_posix() in PARTED
+    """Syntax tree of a module without docstrings."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and body and _is_docstring(body[0]):
+            node.body = body[1:]
+    return tree
 
 
 @cache
 def _entries(path: Path) -> dict:
-    """Of a module each name at its top level, with the statement that makes it."""
-    found = {}
+    """Statement that defines each top-level name of a module."""
+    statements = {}
     for node in _parsed(path).body:
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            found |= {alias.asname or alias.name: _only(node, alias) for alias in node.names}
+        if isinstance(node, IMPORTS):
+            statements |= {alias.asname or alias.name: _only(node, alias) for alias in node.names}
         elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found[node.name] = node
+            statements[node.name] = node
         elif isinstance(node, ast.Assign):
-            found |= {target.id: node for target in node.targets if isinstance(target, ast.Name)}
-    if LAZY in found:
-        for name, module in ast.literal_eval(found[LAZY].value).items():
-            found[name] = ast.ImportFrom(module, [ast.alias(name)], 0)
-    return found
+            statements |= {
+                target.id: node for target in node.targets if isinstance(target, ast.Name)
+            }
+    if LAZY in statements:
+        for name, module in ast.literal_eval(statements[LAZY].value).items():
+            statements[name] = ast.ImportFrom(module, [ast.alias(name)], 0)
+    return statements
 
 
 def _only(node, alias):
-    """An import of several names as if it were of one."""
+    """The import statement of one of its names."""
     if isinstance(node, ast.ImportFrom):
         return ast.ImportFrom(node.module, [alias], node.level)
     return ast.Import([alias])
@@ -106,15 +140,17 @@ def _tree(piece: Piece) -> ast.AST:
 @cache
 def _needs(piece: Piece) -> frozenset:
     """The pieces that a piece imports or, within its own module, uses."""
-    nodes = list(ast.walk(_tree(piece)))
+    nodes, needed = list(ast.walk(_tree(piece))), set()
+    if piece.name:
+        entries = _entries(piece.path)
+        used = {node.id for node in nodes if isinstance(node, ast.Name)} & set(entries)
+        needed = {Piece(piece.path, name) for name in used}
+        nodes += [entries[name] for name in used if isinstance(entries[name], IMPORTS)]
     package = piece.path.parent.relative_to(SCRIPTS).parts
     names = [name for node in nodes for name in _imported(node, package)]
-    names += [name for whole in _modules(nodes, package) for name in _attributes(nodes, *whole)]
-    found = {one for name in names for one in _pieces_named(name)}
-    if piece.name:
-        used = {node.id for node in nodes if isinstance(node, ast.Name)} & set(_entries(piece.path))
-        found |= {Piece(piece.path, name) for name in used}
-    return frozenset(found - {piece})
+    names += _attributes_of_modules(nodes)
+    needed.update(*(_pieces_named(name) for name in names))
+    return frozenset(needed - {piece})
 
 
 def _imported(node, package) -> list[str]:
@@ -127,55 +163,35 @@ def _imported(node, package) -> list[str]:
     return [stem, *(f"{stem}.{alias.name}" for alias in node.names)]
 
 
-def _modules(nodes, package) -> list[tuple[str, str]]:
-    """(what it is called here, its name) of each name that may be a module imported as a whole."""
-    imports = [node for node in nodes if isinstance(node, ast.Import)]
-    modules = [(alias.asname or alias.name, alias.name) for n in imports for alias in n.names]
-    for node in nodes:
-        if isinstance(node, ast.ImportFrom):
-            stem = _imported(node, package)[0]
-            modules += [(a.asname or a.name, f"{stem}.{a.name}") for a in node.names]
-    return modules
-
-
-def _attributes(nodes, called: str, name: str) -> list[str]:
-    """Dotted names of what is taken from a package that is imported as a whole."""
+def _attributes_of_modules(nodes) -> list[str]:
+    """Dotted names of what is taken from modules that are imported as a whole: `module.name`."""
+    modules = {}
+    for node in (node for node in nodes if isinstance(node, IMPORTS)):
+        stem = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+        modules |= {alias.asname or alias.name: stem + alias.name for alias in node.names}
     attributes = [node for node in nodes if isinstance(node, ast.Attribute)]
-    taken = [one for one in attributes if isinstance(one.value, ast.Name)]
-    return [f"{name}.{one.attr}" for one in taken if one.value.id == called]
-
-
-def _pieces_named(name: str) -> set[Piece]:
-    """The module of a dotted name and each package on the way, where they are ours."""
-    parts = name.split(".")
-    stems = [SCRIPTS.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
-    files = [stem / "__init__.py" for stem in stems] + [stems[-1].with_suffix(".py")]
-    found = {Piece(file) for file in files if file.is_file() and not _gives_names(file)}
-    holder = next((f for f in _files_at(stems[:-1]) if _gives_names(f)), None)
-    if holder and parts[-1] in _entries(holder):
-        found.add(Piece(holder, parts[-1]))
-    return found
-
-
-def _gives_names(file: Path) -> bool:
-    """Whether names are taken from this file one by one."""
-    return _parted(file) or LAZY in _entries(file)
-
-
-def _files_at(stems) -> list[Path]:
-    """The module or package that a dotted name ends in."""
-    places = [stems[-1].with_suffix(".py"), stems[-1] / "__init__.py"] if stems else []
-    return [place for place in places if place.is_file()]
+    taken = [node for node in attributes if isinstance(node.value, ast.Name)]
+    return [f"{modules[n.value.id]}.{n.attr}" for n in taken if n.value.id in modules]
 
 
 @cache
-def _tree_dump(piece: Piece) -> str:
-    tree = copy.deepcopy(_tree(piece))
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list) and body and _is_docstring(body[0]):
-            node.body = body[1:]
-    return ast.dump(tree)
+def _pieces_named(name: str) -> set[Piece]:
+    """The module of a dotted name and each package above it, where they lie in scripts/."""
+    parts = name.split(".")
+    stems = [SCRIPTS.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
+    files = [stem / "__init__.py" for stem in stems] + [stems[-1].with_suffix(".py")]
+    pieces = {Piece(file) for file in files if file.is_file() and not _gives_names(file)}
+    owners = [stems[-2].with_suffix(".py"), stems[-2] / "__init__.py"] if len(stems) > 1 else []
+    holder = next((f for f in owners if f.is_file() and _gives_names(f)), None)
+    if holder and parts[-1] in _entries(holder):
+        pieces.add(Piece(holder, parts[-1]))
+    return pieces
+
+
+@cache
+def _gives_names(file: Path) -> bool:
+    """Whether the names of this file are hashed one by one."""
+    return file.parent.relative_to(SCRIPTS).as_posix() in PARTED or LAZY in _entries(file)
 
 
 def _is_docstring(node) -> bool:
@@ -186,24 +202,33 @@ def _is_docstring(node) -> bool:
     )
 
 
-def _name(path: str) -> str:
-    """Path relative to the campaign, or to the repository for what lies there."""
+def name_of(path: str) -> str:
+    """Path relative to the campaign, or to the repository for what lies there.
+
+    Of what lies in object storage a job reads a copy, which has the name of the original.
+    """
+    parts = Path(path).parts
+    if COPIES in pairwise(parts) and "results" in parts:
+        return Path(*parts[parts.index("results") :]).as_posix()
     absolute = Path(path).resolve()
     roots = [root for root in (Path.cwd(), SCRIPTS.parent) if absolute.is_relative_to(root)]
     return absolute.relative_to(roots[0]).as_posix() if roots else absolute.name
 
 
-def record(job) -> dict:
+def record(job, inputs) -> dict:
     """The provenance block of what this job writes: no date, host or absolute path in it.
 
-    `job` is Snakemake's script object. The same inputs give the same block on any machine.
+    `job` is Snakemake's script object, `inputs` are the paths that it is made from. The same
+    inputs give the same block on any machine, and in a workflow that uses this one as a module
+    under other names of rules (`params.rule`).
     """
-    params = {k: value for k, value in job.params.items() if k not in ("code", "contract")}
+    laid_on_every_rule = ("code", "contract", "rule")
+    params = {k: value for k, value in job.params.items() if k not in laid_on_every_rule}
     return {
-        "rule": job.rule,
+        "rule": job.params.get("rule", job.rule),
         "wildcards": dict(job.wildcards.items()),
         "params": json.loads(json.dumps(params, default=str, sort_keys=True)),
-        "inputs": {_name(path): sha256_of(path) for path in sorted(set(map(str, job.input)))},
+        "inputs": {name_of(path): sha256_of(path) for path in sorted(set(map(str, inputs)))},
         "code": job.params.get("code"),
         "contract": job.params.get("contract"),
         "environment_lock": sha256_of(LOCK),
@@ -212,10 +237,10 @@ def record(job) -> dict:
 
 def assumptions() -> list[dict]:
     """Every `# ASSUME:` of the code: where it stands and what it says."""
-    found = []
+    sentences = []
     for path in sorted(SCRIPTS.glob("cellwright/**/*.py")):
         text = path.read_text(encoding="utf-8")
         for match in re.finditer(r"# ASSUME: (.+(?:\n\s*# (?!ASSUME).+)*)", text):
             sentence = re.sub(r"\s*\n\s*# ", " ", match.group(1)).strip()
-            found.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
-    return found
+            sentences.append({"module": path.relative_to(SCRIPTS).as_posix(), "text": sentence})
+    return sentences

@@ -51,7 +51,7 @@ def _bytes(file, wanted) -> bytes:
         raise Refusal(f"{file}: cannot be read: {error.strerror}") from None
     if not data:
         raise Refusal(f"{file}: the file is empty (0 bytes)")
-    found = hashlib.sha256(data).hexdigest()
-    if wanted and found != wanted.lower():
-        raise Refusal(f"{file}: SHA-256 is {found}, tests.tsv says {wanted}")
+    checksum = hashlib.sha256(data).hexdigest()
+    if wanted and checksum != wanted.lower():
+        raise Refusal(f"{file}: SHA-256 is {checksum}, tests.tsv says {wanted}")
     return data

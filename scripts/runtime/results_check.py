@@ -1,4 +1,4 @@
-"""Run the tests of results (tests/artefacts) on a finished run and say how each ended."""
+"""Run tests/artefacts on the results of a run, and list the outcome of each test."""
 
 import contextlib
 import io
@@ -20,9 +20,9 @@ class _Collector:
     def pytest_runtest_logreport(self, report):
         if report.when == "call" or report.outcome != "passed":
             lines = [x for x in report.longreprtext.splitlines() if x.startswith("E ")]
-            found = lines[0].removeprefix("E ").strip() if report.failed and lines else ""
+            message = lines[0].removeprefix("E ").strip() if report.failed and lines else ""
             law = self.documented[report.nodeid].strip().splitlines()[0]
-            self.rows.append({"check": law, "outcome": report.outcome, "found": found})
+            self.rows.append({"check": law, "outcome": report.outcome, "found": message})
 
 
 def outcomes(folder) -> list[dict]:

@@ -1,4 +1,4 @@
-"""A campaign's choices: held against their schema and completed by its defaults."""
+"""Settings of a campaign: checked against the schema and completed by its defaults."""
 
 import difflib
 import math
@@ -16,16 +16,16 @@ def load(schemas, name: str) -> dict:
     return yaml.load(text, Loader=LOADER)
 
 
-def fault(place: str, found, wanted: str, known=()) -> str:
-    """One line: where, what was found, what is wanted, and what was probably meant."""
-    near = difflib.get_close_matches(str(found), map(str, known), n=1)
-    meant = f"; did you mean {near[0]!r}?" if near and near[0] != found else ""
-    shown = repr(found) if len(repr(found)) <= 80 else f"{repr(found)[:77]}…"
+def fault(place: str, value, wanted: str, names=()) -> str:
+    """A fault in one line: place, value found, what is allowed, and the nearest allowed name."""
+    near = difflib.get_close_matches(str(value), map(str, names), n=1)
+    meant = f"; did you mean {near[0]!r}?" if near and near[0] != value else ""
+    shown = repr(value) if len(repr(value)) <= 80 else f"{repr(value)[:77]}…"
     return f"{place}: found {shown}, wanted {wanted}{meant}"
 
 
 def wanted(spec: dict) -> str:
-    """What the schema of one value allows, in words."""
+    """Allowed values of one schema entry, in words."""
     if "enum" in spec:
         return f"one of {', '.join(map(str, spec['enum']))}"
     if "wanted" in spec:
@@ -52,19 +52,19 @@ def _range(spec) -> str:
     return "".join(f" {word} {spec[key]:g}" for key, word in words.items() if key in spec)
 
 
-def read(folder, schema: dict, given: dict, *, alone=False) -> tuple[dict, list[str]]:
-    """Settings of a campaign, with all defaults, and what is wrong with them.
+def read(folder, schema: dict, overrides: dict, *, alone=False) -> tuple[dict, list[str]]:
+    """Settings of a campaign with all defaults, and a list of their faults.
 
-    `given` (Snakemake's --config and --configfile) goes before what the file says. Where it is
+    `overrides` (Snakemake's --config and --configfile) goes before what the file says. Where it is
     `alone` (the `config:` of a module), the file is not looked at.
     """
     path = Path(folder) / FILE
-    there = path.is_file() and not alone
-    written, lines, faults = _written(path.read_bytes()) if there else ({}, {}, [])
+    has_file = path.is_file() and not alone
+    written, lines, faults = _written(path.read_bytes()) if has_file else ({}, {}, [])
     faults += faults_of(written, schema, lambda path: f"{FILE}, line {lines.get(tuple(path), 1)}")
     source = "config of the module" if alone else "--config"
-    faults += faults_of(given, schema, lambda path: source)
-    return ({} if faults else _filled(_merged(written, given), schema)), faults
+    faults += faults_of(overrides, schema, lambda path: source)
+    return ({} if faults else _filled(_merged(written, overrides), schema)), faults
 
 
 def defaults(schema: dict) -> dict:
@@ -140,7 +140,7 @@ def _is_number(checker, value) -> bool:
 
 
 def faults_of(content, schema, place=lambda path: "config") -> list[str]:
-    """What is wrong with settings, one line a fault; `place` names the place of a path of keys."""
+    """Faults of settings, one line each; `place` gives the place of a path of keys in the file."""
     content, faults = _without_blanks(content, schema), []
     if not content:  # the common case, which need not wait for jsonschema
         return []
@@ -158,15 +158,15 @@ def faults_of(content, schema, place=lambda path: "config") -> list[str]:
 
 
 def _unknown(place, path, key, schema, section) -> str:
-    known = list(section["properties"])
+    names = list(section["properties"])
     elsewhere = [name for name, _ in keys(schema) if name.split(".")[-1] == str(key)]
     meant = f"; did you mean {elsewhere[0]!r}?" if elsewhere else ""
     where = f"key of {'.'.join(map(str, path))}" if path else "key"
-    return fault(place, key, f"a known {where}: {', '.join(known) or 'it has none'}", known) + meant
+    return fault(place, key, f"a known {where}: {', '.join(names) or 'it has none'}", names) + meant
 
 
 def _hint(error) -> str:
-    """YAML takes 1e-3 for a text: only 1.0e-3 is a number to it."""
+    """Hint for a number that YAML reads as text: 1e-3 must be written 1.0e-3."""
     try:
         return f"; write {float(error.instance)!r}" if isinstance(error.instance, str) else ""
     except ValueError:
@@ -174,14 +174,14 @@ def _hint(error) -> str:
 
 
 def _without_blanks(content: dict, schema: dict) -> dict:
-    """A section whose keys are all commented out is no fault."""
+    """Content without empty sections (all keys commented out): they are no fault."""
     sections = [name for name, spec in schema["properties"].items() if spec["type"] == "object"]
     return {k: v for k, v in content.items() if v is not None or k not in sections}
 
 
-def _merged(written: dict, given: dict) -> dict:
+def _merged(written: dict, overrides: dict) -> dict:
     merged = dict(written)
-    for key, value in given.items():
+    for key, value in overrides.items():
         both = isinstance(value, dict) and isinstance(written.get(key), dict)
         merged[key] = _merged(written[key], value) if both else value
     return merged

@@ -1,4 +1,4 @@
-"""A campaign's sheets and choices: read, checked and completed before any rule is planned."""
+"""Sheets and settings of a campaign: read, checked, completed by defaults."""
 
 import csv
 import io
@@ -17,7 +17,7 @@ COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
 class Sheet(NamedTuple):
-    """What a sheet says: one dict of typed values and one place ("file, row, line") per row."""
+    """A sheet: one dict of typed values and one place ("file, row, line") per row, and faults."""
 
     rows: list[dict]
     places: list[str]
@@ -32,8 +32,8 @@ def sheet_rows(folder, name: str, schema: dict) -> Sheet:
     """
     path, file = Path(folder) / "config" / name, f"config/{name}"
     if not path.is_file():
-        found = "a directory" if path.is_dir() else "no such file"
-        return Sheet([], [], [fault(f"{file} in {folder}", found, "a tab-separated sheet")])
+        obstacle = "a directory" if path.is_dir() else "no such file"
+        return Sheet([], [], [fault(f"{file} in {folder}", obstacle, "a tab-separated sheet")])
     text, faults = _decoded(path.read_bytes(), file)
     lines, broken = _lines(text, file)
     if not lines:
@@ -76,15 +76,15 @@ def _lines(text: str, file: str) -> tuple[list, list[str]]:
 
 
 def _header(line, cells, file, schema) -> tuple[list[str], list[str]]:
-    """Column names as they stand, and what is wrong with them."""
-    place, known = f"{file}, line {line}", list(schema["properties"])
+    """Column names of a sheet, and their faults."""
+    place, names = f"{file}, line {line}", list(schema["properties"])
     if len(cells) == 1 and re.search("[,;]", cells[0]):
         return cells, [fault(place, cells[0], "columns separated by tabs")]
-    columns = f"one of the columns {', '.join(known)}"
-    unknown = [name for name in cells if name and name not in known]
+    columns = f"one of the columns {', '.join(names)}"
+    unknown = [name for name in cells if name and name not in names]
     twice = sorted({name for name in cells if name and cells.count(name) > 1})
     missing = [name for name in schema["required"] if name not in cells]
-    faults = [fault(place, name, columns, known) for name in unknown]
+    faults = [fault(place, name, columns, names) for name in unknown]
     faults += [fault(place, name, "each column once") for name in twice]
     faults += [f"{place}: found no column {name!r}, wanted one" for name in missing]
     return cells, faults
@@ -104,7 +104,7 @@ def _row(cells, header, readers, place, faults) -> dict:
 
 
 def _reader(spec: dict):
-    """Text → (value, None) or (None, (what is wanted, known values)) for one column."""
+    """Function text → (value, None) or (None, (what is allowed, allowed values)) of one column."""
     memory = {}
 
     def reader(text):
@@ -130,9 +130,9 @@ def _read_value(text: str, spec: dict):
 
 
 def _text(text, spec):
-    known = spec.get("enum", ())
-    if (known and text not in known) or not re.fullmatch(spec.get("pattern", r"[\s\S]*"), text):
-        return None, (wanted(spec), known)
+    names = spec.get("enum", ())
+    if (names and text not in names) or not re.fullmatch(spec.get("pattern", r"[\s\S]*"), text):
+        return None, (wanted(spec), names)
     return text, None
 
 
@@ -156,7 +156,7 @@ def _with_defaults(rows, schema) -> list[dict]:
 
 
 class Campaign(NamedTuple):
-    """One laboratory's tests: choices with all defaults, and one dict of typed values per row."""
+    """A campaign: settings with all defaults, and one dict of typed values per row of a sheet."""
 
     config: dict
     cells: list[dict]
@@ -168,7 +168,7 @@ class CampaignError(ValueError):
     """All faults of a campaign's sheets and config, one per line."""
 
 
-def read(folder, schemas, given=None, *, alone=False) -> Campaign:
+def read(folder, schemas, overrides=None, *, alone=False) -> Campaign:
     """Read and check a campaign. Whether its raw files are there and sound is not looked at.
 
     Parameters
@@ -177,10 +177,10 @@ def read(folder, schemas, given=None, *, alone=False) -> Campaign:
         The campaign; its sheets lie in `config/`. config.yaml and groups.tsv may be absent.
     schemas : path
         Folder of the schemas.
-    given : dict, optional
+    overrides : dict, optional
         Settings that go before config.yaml (Snakemake's --config).
     alone : bool
-        Whether `given` stands for config.yaml (the `config:` of a module), which is not read.
+        Whether `overrides` stands for config.yaml (the `config:` of a module), which is not read.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def read(folder, schemas, given=None, *, alone=False) -> Campaign:
     """
     folder = Path(folder)
     config, faults = settings.read(
-        folder, settings.load(schemas, "config"), given or {}, alone=alone
+        folder, settings.load(schemas, "config"), overrides or {}, alone=alone
     )
     cells, tests = (_sheet(folder, schemas, name) for name in ("cells", "tests"))
     groups = Sheet([], [], [])
@@ -204,7 +204,7 @@ def read(folder, schemas, given=None, *, alone=False) -> Campaign:
 
 
 def choices(config: dict, schemas) -> dict:
-    """What a campaign chose otherwise than the defaults: dotted key → value."""
+    """Settings of a campaign that differ from the defaults: dotted key → value."""
     standard = settings.flat(settings.defaults(settings.load(schemas, "config")))
     return {key: value for key, value in settings.flat(config).items() if value != standard[key]}
 
@@ -242,22 +242,22 @@ def _cells(cells):
 def _groups(groups, cells):
     yield from _repeated(groups, "group", "position")
     yield from _repeated(groups, "group", "cell")
-    known = {row["cell"] for row in cells.rows}
+    cell_names = {row["cell"] for row in cells.rows}
     for row, place in zip(groups.rows, groups.places, strict=True):
-        if row["cell"] is not None and row["cell"] not in known:
-            yield fault(f"{place}, cell", row["cell"], "a cell of cells.tsv", known)
-        if row["group"] in known and row["group"] is not None:
+        if row["cell"] is not None and row["cell"] not in cell_names:
+            yield fault(f"{place}, cell", row["cell"], "a cell of cells.tsv", cell_names)
+        if row["group"] in cell_names and row["group"] is not None:
             yield fault(f"{place}, group", row["group"], "a name that no cell of cells.tsv has")
 
 
 def _tests(tests, cells, groups):
     yield from _repeated(tests, "cell", "test")
-    known = {row["cell"] for row in cells.rows}
-    known_groups = {row["group"] for row in groups.rows}
+    cell_names = {row["cell"] for row in cells.rows}
+    group_names = {row["group"] for row in groups.rows}
     for row, place in zip(tests.rows, tests.places, strict=True):
         group = row["kind"] == "group"
-        owners, sheet_name = (known_groups, "groups.tsv") if group else (known, "cells.tsv")
-        no_cells = not (group or known)  # one fault, not one for each test
+        owners, sheet_name = (group_names, "groups.tsv") if group else (cell_names, "cells.tsv")
+        no_cells = not (group or cell_names)  # one fault, not one for each test
         if row["cell"] is not None and row["cell"] not in owners and not no_cells:
             wanted = f"a {'group' if group else 'cell'} of {sheet_name} (kind {row['kind']})"
             yield fault(f"{place}, cell", row["cell"], wanted, owners)

@@ -11,27 +11,30 @@ from runtime.artefact import stage_of
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
     from pandas import DataFrame
 
-# What a row that is from several tests, in a table with others that are from one, says of its own.
+# Facts of a row that is computed from several tests, in a table of rows of single tests.
 OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
 
 
 def rows_of(paths, tests) -> list[dict]:
     """Rows of all artefacts with content, each with its cell, test and facts of the sheet."""
-    found = []
+    table_rows = []
     for columns, about in artefact.load_all(paths):
-        who = dict(about["wildcards"])
-        none = {} if "test" in who else OF_NO_TEST
-        facts = tests.get(f"{who.get('cell') or who.get('group')}/{who.get('test')}", none)
-        found += [who | facts | row for row in artefact.rows(columns)]
+        wildcards = dict(about["wildcards"])
+        facts_without_test = {} if "test" in wildcards else OF_NO_TEST
+        facts = tests.get(
+            f"{wildcards.get('cell') or wildcards.get('group')}/{wildcards.get('test')}",
+            facts_without_test,
+        )
+        table_rows += [wildcards | facts | row for row in artefact.rows(columns)]
     # Stages that share a table may have columns that the others lack: not known there.
-    names = dict.fromkeys(name for row in found for name in row)
-    return [dict.fromkeys(names) | row for row in found]
+    names = dict.fromkeys(name for row in table_rows for name in row)
+    return [dict.fromkeys(names) | row for row in table_rows]
 
 
 def excluded(paths, files) -> "DataFrame":
-    """What was refused, once, at the stage where it arose; never where it was passed on.
+    """Refused files and analyses, one row each, at the stage that refused them.
 
-    A job of several outputs refuses all of them for one reason: the first one tells it.
+    A step of several outputs refuses all of them for one reason: it has one row.
     """
     from pandas import DataFrame
 
@@ -40,16 +43,18 @@ def excluded(paths, files) -> "DataFrame":
         about = artefact.read_about(path)
         if about["reason"] is None or about["origin"] != path:
             continue
-        who = about["wildcards"]
-        name, test = who.get("cell") or who.get("group"), who.get("test", "")
+        wildcards = about["wildcards"]
+        name, test = wildcards.get("cell") or wildcards.get("group"), wildcards.get("test", "")
         file = ";".join(files.get(f"{name}/{test}", []))
-        rows.append((name, test, file, stage_of(path), about["reason"], about["rule"]))
-    told = ["cell", "test", "reason", "rule"]
-    table = DataFrame(rows, columns=["cell", "test", "file", "stage", "reason", "rule"])
-    return table.drop_duplicates(told).drop(columns="rule")
+        step = about["reason"], about["rule"], about["step"]
+        rows.append((name, test, file, stage_of(path), *step))
+    names = ["cell", "test", "file", "stage", "reason", "rule", "step"]
+    table = DataFrame(rows, columns=names)
+    once = table.drop_duplicates(["cell", "test", "reason", "rule", "step"])
+    return once.drop(columns=["rule", "step"])
 
 
-def verdicts(found, witnesses=(), own=None) -> list[dict]:
+def verdicts(documents, witnesses=(), own=None) -> list[dict]:
     """Rows of tables/missing_effect from verdict files: one an effect, one where there is none.
 
     `witnesses` are rows of all cells, each with its cell; those of effects that are not named stand
@@ -58,7 +63,7 @@ def verdicts(found, witnesses=(), own=None) -> list[dict]:
     from cellwright.effects.story.words import one_line
 
     rows = []
-    for verdict in found:
+    for verdict in documents:
         mine = [row for row in witnesses if row["cell"] == verdict["cell"]]
         line = one_line(verdict, (own or {}).get(verdict["cell"]))
         for place, effect in enumerate(verdict["effects"] or [NO_EFFECT | verdict]):
@@ -116,28 +121,43 @@ def load_frame(path) -> "DataFrame":
     return read_csv(path, dtype={"cell": str, "test": str}, **settings)
 
 
+def load_frames(paths) -> dict:
+    """CSV tables by their names."""
+    return {Path(path).stem: load_frame(path) for path in paths}
+
+
+def load_models(paths) -> dict:
+    """Models that could be made, by the name of their cell."""
+    loaded = [(path, artefact.load_all([path])) for path in paths]
+    return {Path(path).stem: model for path, found in loaded for model, _ in found}
+
+
 def summary(cells, tables, models) -> "DataFrame":
     """One row per cell from the tables (name → DataFrame) and the models (cell → document)."""
     from pandas import DataFrame
 
+    # Each table is divided once: a look through it for every cell would grow with their square.
+    parts = {name: dict(iter(frame.groupby("cell", sort=False))) for name, frame in tables.items()}
     rows = []
     for facts in cells:
-        mine = {name: frame[frame["cell"] == facts["cell"]] for name, frame in tables.items()}
-        rows.append(_summary_row(facts, mine, models.get(facts["cell"], {})))
+        of_cell = {
+            name: parts[name].get(facts["cell"], frame.iloc[:0]) for name, frame in tables.items()
+        }
+        rows.append(_summary_row(facts, of_cell, models.get(facts["cell"], {})))
     return DataFrame(rows, dtype=object)
 
 
-def _summary_row(facts, mine, model) -> dict:
-    capacity = model.get("capacity_ampere_hour") or _slowest(mine["capacity"])
-    rated, scored = facts["rated_capacity_ampere_hour"], mine["validation"]
-    missing, filtered = mine["missing_effect"], mine["soc"]
+def _summary_row(facts, of_cell, model) -> dict:
+    capacity = model.get("capacity_ampere_hour") or _slowest(of_cell["capacity"])
+    rated, scored = facts["rated_capacity_ampere_hour"], of_cell["validation"]
+    missing, filtered = of_cell["missing_effect"], of_cell["soc"]
     scored = scored[scored["chosen"].eq(True)]
     filtered = filtered[filtered["filter"].eq("aekf") & filtered["scenario"].eq("nominal")]
     return {
         "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
         "soh": capacity / rated if capacity and rated else None,
-        "r0_50_25_ohm": _resistance(mine["resistance"]),
+        "r0_50_25_ohm": _resistance(of_cell["resistance"]),
         "best_model": model.get("chosen"),
         "validation_rmse_volt": _pooled(scored["rmse_volt"], scored["samples"]),
         # Every test and start of the adaptive filter alike, without the faulty ones.
@@ -145,13 +165,13 @@ def _summary_row(facts, mine, model) -> dict:
         "verdict": next(iter(missing["verdict"]), None),
         "missing_effect": ";".join(missing["effect"].dropna()),
         "in_one_line": next(iter(missing["in_one_line"]), None),
-        "exclusions": len(mine["excluded"]),
+        "exclusions": len(of_cell["excluded"]),
         "notes": "; ".join(model.get("notes", [])),
     }
 
 
 def _slowest(rows):
-    """Capacity of the slowest discharge, of the earliest cycle."""
+    """Capacity [Ah] of the slowest discharge of the earliest cycle."""
     full = rows[rows["direction"] == "discharge"]
     full = rows if full.empty else full
     if full.empty:
@@ -162,7 +182,7 @@ def _slowest(rows):
 
 
 def _resistance(rows):
-    """First-sample resistance of the discharge pulse nearest 50 % SoC within 10 %, at 20–30 °C."""
+    """First-sample resistance [ohm] of the discharge pulse nearest 50 ± 10 % SoC at 20–30 °C."""
     rows = rows[rows["direction"].eq("discharge") & rows["delay_second"].eq(0)]
     if rows.empty:
         return None
@@ -178,28 +198,35 @@ def _resistance(rows):
 
 
 def _pooled(errors, weights):
-    """Root mean square of errors, each counted by its weight; None where there are none."""
+    """Weighted root mean square of errors; None without weights."""
     if not weights.sum():
         return None
     return float(np.average(errors**2, weights=weights) ** 0.5)
 
 
 def manifest(paths) -> str:
-    """`sha256<tab>path` of each file, sorted by path."""
+    """`sha256<tab>path` of each file and of those in each folder, sorted by path."""
     from runtime.provenance import sha256_of
 
-    return "".join(f"{sha256_of(path)}\t{path}\n" for path in sorted(set(paths)))
+    files = {file for path in paths for file in _files_of(Path(path))}
+    return "".join(f"{sha256_of(path)}\t{path}\n" for path in sorted(files))
+
+
+def _files_of(path):
+    """A file itself; of a folder its files without those that Snakemake keeps there."""
+    inside = [path] if path.is_file() else path.iterdir()
+    return [file.as_posix() for file in inside if not file.name.startswith(".snakemake")]
 
 
 def changed(manifest_path) -> list[str]:
-    """What of a manifest is missing or has other bytes than it says."""
+    """Files of a manifest that are missing or whose bytes have changed."""
     from runtime.provenance import sha256_of
 
-    found = []
+    differences = []
     for line in Path(manifest_path).read_text(encoding="utf-8").splitlines():
         digest, path = line.split("\t")
         if not Path(path).is_file():
-            found.append(f"{path}: missing")
+            differences.append(f"{path}: missing")
         elif sha256_of(path) != digest:
-            found.append(f"{path}: changed since the run that made it")
-    return found
+            differences.append(f"{path}: changed since the run that made it")
+    return differences

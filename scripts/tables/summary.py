@@ -1,14 +1,16 @@
-"""One row per cell: results/summary.csv."""
+"""What was left out and why, one row per cell, and the results held against tests/artefacts."""
 
 from pathlib import Path
 
-from runtime import artefact, tables
+from runtime import artefact, results_check, tables
 
-with artefact.Job(snakemake) as job:
-    found = {Path(path).stem: tables.load_frame(path) for path in snakemake.input.tables}
-    models = {
-        Path(path).stem: model
-        for path in snakemake.input.models
-        for model, _ in artefact.load_all([path])
-    }
-    job.save(tables.summary(snakemake.params.cells, found, models))
+inputs, output, params = snakemake.input, snakemake.output, snakemake.params
+with artefact.Job(snakemake, output.excluded, inputs=inputs.stages) as job:
+    job.save(tables.excluded(inputs.stages, params.files))
+sources = [*inputs.tables, output.excluded]
+with artefact.Job(snakemake, output.summary, inputs=[*sources, *inputs.models]) as job:
+    frames = tables.load_frames(sources)
+    job.save(tables.summary(params.cells, frames, tables.load_models(inputs.models)))
+checked = [*sources, output.summary, *inputs.laws]
+with artefact.Job(snakemake, output.checks, inputs=checked) as job:
+    job.save(results_check.outcomes(Path(output.excluded).parent))

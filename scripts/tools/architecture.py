@@ -31,14 +31,14 @@ def _purpose(folder: Path) -> str:
 
 def imports() -> dict[str, set[str]]:
     """Which rooms each room imports."""
-    known = set(rooms())
-    needs = {room: set() for room in known}
-    for room in known:
+    names_of_rooms = set(rooms())
+    needs = {room: set() for room in names_of_rooms}
+    for room in names_of_rooms:
         for path in (SCIENCE / room).rglob("*.py"):
             tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
             names = [node.module or "" for node in tree if isinstance(node, ast.ImportFrom)]
             parts = [name.split(".") for name in names if name.startswith("cellwright.")]
-            needs[room] |= {part[1] for part in parts if part[1] in known} - {room}
+            needs[room] |= {part[1] for part in parts if part[1] in names_of_rooms} - {room}
     return needs
 
 
@@ -88,13 +88,13 @@ def picture() -> str:
     widest = max(map(len, rows))
     width = widest * (WIDTH + GAP_X) - GAP_X + 2 * MARGIN
     height = len(rows) * (HEIGHT + GAP_Y) - GAP_Y + 2 * MARGIN
-    place = {}
+    corner = {}
     for number, row in enumerate(rows):
         start = (width - len(row) * (WIDTH + GAP_X) + GAP_X) / 2
         top = MARGIN + (len(rows) - 1 - number) * (HEIGHT + GAP_Y)
-        place |= {room: (start + k * (WIDTH + GAP_X), top) for k, room in enumerate(row)}
-    arrows = "".join(_arrow(place[room], place[below]) for room, below in direct(needs))
-    boxes = "".join(_box(room, purposes[room], place[room]) for room in place)
+        corner |= {room: (start + k * (WIDTH + GAP_X), top) for k, room in enumerate(row)}
+    arrows = "".join(_arrow(corner[room], corner[below]) for room, below in direct(needs))
+    boxes = "".join(_box(room, purposes[room], corner[room]) for room in corner)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" '
         f'font-family="sans-serif" role="img">\n<title>The rooms of cellwright</title>\n'
@@ -112,8 +112,8 @@ def _arrow(upper, lower) -> str:
     return f'<path d="{path}" fill="none" stroke="#8a94a0" marker-end="url(#tip)"/>\n'
 
 
-def _box(room, purpose, place) -> str:
-    x, y = place
+def _box(room, purpose, corner) -> str:
+    x, y = corner
     words = [purpose.partition(":")[0].rstrip(".").split()]
     lines = [""]
     for word in words[0]:

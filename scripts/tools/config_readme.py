@@ -12,11 +12,11 @@ SCHEMAS = ROOT / "workflow" / "schemas"
 README = ROOT / "config" / "README.md"
 INTRODUCTION = """\
 <!-- Made by scripts/tools/config_readme.py from workflow/schemas. Do not edit. -->
-# What a campaign says of itself
+# Sheets and settings of a campaign
 
 Facts stand in tab-separated sheets, choices in `config.yaml`. UTF-8, one header row, columns in
 any order, blank = not known. Unknown columns, ids, kinds and keys are faults; all faults of all
-files are told at once, before anything runs.
+files are reported at once, before anything runs.
 """
 
 

@@ -6,15 +6,15 @@ against its truth, --from takes a folder of finished campaigns.
 
 import sys
 
-from real_cells import record, tables
+from real_cells import record
 
 if __name__ == "__main__":
-    given = tables.command_line(__doc__.partition("\n")[0]).parse_args()
+    given = record.command_line(__doc__.partition("\n")[0]).parse_args()
     recorded = record.read(record.RECORDED)
     if faults := record.faults_of(recorded):
         sys.exit("\n".join([f"{record.RECORDED.name}:", *faults]))
     try:
-        measured = tables.of_command_line(given)
+        measured = record.of_command_line(given)
     except FileNotFoundError as missing:
         sys.exit(str(missing))
     rows = record.compare(recorded, measured)

@@ -7,17 +7,17 @@ measured and only the page is made again.
 
 import sys
 
-from real_cells import campaigns, page, record, tables
+from real_cells import campaigns, page, record
 
 if __name__ == "__main__":
-    options = tables.command_line(__doc__.partition("\n")[0])
+    options = record.command_line(__doc__.partition("\n")[0])
     options.add_argument("--why", help="a sentence for the list of renewals")
     options.add_argument("--before", action="store_true", help="write before.csv instead")
     options.add_argument("--page", action="store_true", help="only make the page again")
     given = options.parse_args()
     try:
         reason = "" if given.page else record.reason_of_renewal(given.why)
-        measured = None if given.page else tables.of_command_line(given)
+        measured = None if given.page else record.of_command_line(given)
     except (ValueError, FileNotFoundError) as fault:
         sys.exit(str(fault))
     if measured is not None:

@@ -34,12 +34,12 @@ TYPES = {"number": "float", "integer": "int", "boolean": "bool", "string": "str"
 def files() -> dict[str, str]:
     """The text of each file of the package, by its name."""
     sections = settings.load(SCHEMAS, "config")["properties"]
-    found = {"__init__.py": _package()}
-    for file, (about, names) in FILES.items():
-        classes = [one for name in names for one in _classes(class_name(name), sections[name])]
-        head = f'"""{about}\n\n{MADE}\nDo not edit.\n"""\n\nfrom typing import NamedTuple\n'
-        found[file] = "\n\n".join([head, *classes])
-    return found
+    texts = {"__init__.py": _package()}
+    for file, (purpose, names) in FILES.items():
+        classes = [text for name in names for text in _classes(class_name(name), sections[name])]
+        head = f'"""{purpose}\n\n{MADE}\nDo not edit.\n"""\n\nfrom typing import NamedTuple\n'
+        texts[file] = "\n\n".join([head, *classes])
+    return texts
 
 
 def class_name(section: str) -> str:
@@ -49,18 +49,18 @@ def class_name(section: str) -> str:
 
 def of_science(spec: dict) -> dict:
     """Keys of a section that reach an analysis, with their schemas."""
-    return {name: one for name, one in spec["properties"].items() if not one.get("plans")}
+    return {name: key for name, key in spec["properties"].items() if not key.get("plans")}
 
 
 def _package() -> str:
-    about = "Settings of every step as typed values: units, meanings, defaults of a campaign."
-    lines = [f'"""{about}\n\n{MADE}\nDo not edit.\n"""\n']
+    purpose = "Settings of every step as typed values: units, meanings, defaults of a campaign."
+    lines = [f'"""{purpose}\n\n{MADE}\nDo not edit.\n"""\n']
     names = []
     for file, (_, sections) in sorted(FILES.items()):
-        mine = sorted(class_name(section) for section in sections)
-        names += mine
+        classes = sorted(class_name(section) for section in sections)
+        names += classes
         module = file.removesuffix(".py")
-        joined = "".join(f"    {name},\n" for name in mine)
+        joined = "".join(f"    {name},\n" for name in classes)
         lines.append(f"from cellwright.settings.{module} import (\n{joined})")
     every = "".join(f'    "{name}",\n' for name in sorted(names))
     return "\n".join(lines) + f"\n\n__all__ = [\n{every}]\n"
@@ -69,15 +69,21 @@ def _package() -> str:
 def _classes(name: str, spec: dict) -> list[str]:
     """The class of a section, after those of the sections in it."""
     keys = of_science(spec)
-    inner = {key: name + class_name(key) for key, one in keys.items() if one["type"] == "object"}
+    inner = {
+        key: name + class_name(key)
+        for key, key_spec in keys.items()
+        if key_spec["type"] == "object"
+    }
     parts = [text for key, inside in inner.items() for text in _classes(inside, keys[key])]
     about = [*_wrapped(spec["description"]), ""]
-    about += [line for key, one in keys.items() for line in _wrapped(_meaning(key, one), "    ")]
+    about += [
+        line for key, key_spec in keys.items() for line in _wrapped(_meaning(key, key_spec), "    ")
+    ]
     fields = [
         f"{key}: {inner[key]} = {inner[key]}()"
         if key in inner
-        else f"{key}: {_type(one)} = {_value(one)}"
-        for key, one in keys.items()
+        else f"{key}: {_type(key_spec)} = {_value(key_spec)}"
+        for key, key_spec in keys.items()
     ]
     about[0] = f'    """{about[0].strip()}'
     body = "\n".join([*about, '    """', "", *(_short(field) for field in fields)])
@@ -91,9 +97,9 @@ def _meaning(key: str, spec: dict) -> str:
 
 
 def _wrapped(text: str, indent: str = "") -> list[str]:
-    first, others = "    ", "    " + indent
+    first, later = "    ", "    " + indent
     return textwrap.wrap(
-        text, 97, initial_indent=first, subsequent_indent=others, break_on_hyphens=False
+        text, 97, initial_indent=first, subsequent_indent=later, break_on_hyphens=False
     )
 
 

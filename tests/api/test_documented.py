@@ -16,7 +16,7 @@ def test_the_page_runs_from_a_raw_file_to_a_verdict(monkeypatch):
     names = {}
     for number, block in enumerate(BLOCKS):
         exec(compile(block, f"docs/api.md, block {number}", "exec"), names)
-    assert names["found"].verdict["verdict"] in ("none", "named", "ambiguous", "unknown")
+    assert names["lacking"].verdict["verdict"] in ("none", "named", "ambiguous", "unknown")
     assert 4.0 < names["basis"].content["capacity_ampere_hour"] < 5.0
     case = cw.prepared_case(names["cell"], names["basis"], names["tests"])
     assert [case.fit.tests, case.validation.tests] == [("hppc_25C",), ("us06_25C",)]

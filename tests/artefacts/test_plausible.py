@@ -1,5 +1,8 @@
 """What must hold of any cell's results, whatever the laboratory: physics first."""
 
+import itertools
+import math
+
 
 def _faults(rows, wrong, *names):
     """Rows that are wrong, as short texts."""
@@ -18,15 +21,17 @@ def test_resistance_is_positive_and_below_ten_ohm(table):
 
 
 def test_resistance_does_not_fall_within_a_pulse(table):
-    """Polarisation only adds to a pulse's resistance: later delays are never lower (5 % noise)."""
+    """Polarisation only adds to a pulse's resistance: later delays are lower by noise at most."""
     pulses = {}
     for row in table("resistance"):
         key = (row["cell"], row["test"], row["start_time_second"])
-        pulses.setdefault(key, []).append((row["delay_second"], row["resistance_ohm"]))
+        value = (row["delay_second"], row["resistance_ohm"], row["resistance_std_ohm"] or 0.0)
+        pulses.setdefault(key, []).append(value)
     falling = [
         key
         for key, values in pulses.items()
-        if any(b[1] < 0.95 * a[1] for a, b in zip(sorted(values), sorted(values)[1:], strict=False))
+        for (_, earlier, std), (_, later, later_std) in itertools.pairwise(sorted(values))
+        if earlier - later > max(0.05 * earlier, 2.0 * math.hypot(std, later_std))
     ]
     assert not falling
 

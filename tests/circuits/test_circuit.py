@@ -112,9 +112,9 @@ def test_every_kind_has_an_example_and_a_closed_form():
 @every_circuit
 def test_constant_current_is_the_closed_form(name, current, hold):
     time = np.cumsum(np.random.default_rng(1).exponential(3.0, 500))
-    found = over(CIRCUITS[name], time, np.full(500, current), hold)
+    over_volt = over(CIRCUITS[name], time, np.full(500, current), hold)
     expected = [CLOSED[b.kind](current, time - time[0], **b.parameters) for b in CIRCUITS[name]]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(over_volt, expected, rtol=0, atol=1e-13)
 
 
 @settings(deadline=None, max_examples=10)
@@ -193,8 +193,8 @@ def curved(soc):
 def test_sensitivities_are_finite_differences(name, hold):
     time, current = staircase(np.random.default_rng(5))
     curve = OpenCircuit(curved, np.full(len(time), 0.5))
-    found = sensitivities(CIRCUITS[name], time, current, hold=hold, open_circuit=curve)
-    for (index, key), derivative in found.items():
+    derivatives = sensitivities(CIRCUITS[name], time, current, hold=hold, open_circuit=curve)
+    for (index, key), derivative in derivatives.items():
         branch = CIRCUITS[name][index]
         value, step = branch.parameters[key], 1e-5 * branch.parameters[key]
         low, high = (
@@ -276,8 +276,8 @@ def test_the_thesis_low_pass_is_an_rc_pair_of_either_sign(gain):
     for k in range(399):
         f[k + 1] = decay * f[k] - current[k]
     pair = {"r_ohm": -gain / (1 - decay), "tau_second": -step / np.log(decay)}
-    found = over((Branch("RC", pair),), step * np.arange(400), current, HOLDS[0])
-    np.testing.assert_allclose(found[0], gain * f, atol=1e-13)
+    over_volt = over((Branch("RC", pair),), step * np.arange(400), current, HOLDS[0])
+    np.testing.assert_allclose(over_volt[0], gain * f, atol=1e-13)
 
 
 def test_compiled_lag_is_its_twin(monkeypatch):

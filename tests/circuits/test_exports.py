@@ -145,12 +145,12 @@ def test_a_distribution_of_relaxation_times_is_read_back_too(exported, celsius):
 def test_pybamm_reads_the_ocv_where_the_model_does():
     """Between its knots too: they are those of the tables, on the scale of the condition."""
     model, soc = distribution(), np.linspace(0.001, 0.999, 777)
-    found = pybamm_parameters(model, None, 0.0)
+    pybamm_tables = pybamm_parameters(model, None, 0.0)
     rested = simulate_model(model, None, 60.0 * np.arange(777), 0 * soc, soc, 0.0).ocv_volt
-    volt = np.interp(soc, found["soc"], found["ocv_volt"])
+    volt = np.interp(soc, pybamm_tables["soc"], pybamm_tables["ocv_volt"])
     np.testing.assert_allclose(volt, rested, rtol=0, atol=1e-9)
     assert np.abs(rested - np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT)).max() > 0.01
-    assert min(np.min(one["r_ohm"]) for one in found["elements"]) > 0
+    assert min(np.min(one["r_ohm"]) for one in pybamm_tables["elements"]) > 0
 
 
 def test_the_table_holds_units_and_says_where_it_extrapolates(exported):
@@ -168,29 +168,29 @@ def test_the_table_holds_units_and_says_where_it_extrapolates(exported):
 
 
 def test_pybamm_tables_are_our_look_up_at_their_knots():
-    found = pybamm_parameters(family(), None, 0.0)
-    soc = found["soc"]
-    np.testing.assert_allclose(found["r0_ohm"], 2.5 * np.interp(soc, truth.KNOTS, truth.R0))
+    pybamm_tables = pybamm_parameters(family(), None, 0.0)
+    soc = pybamm_tables["soc"]
+    np.testing.assert_allclose(pybamm_tables["r0_ohm"], 2.5 * np.interp(soc, truth.KNOTS, truth.R0))
     np.testing.assert_allclose(
-        found["ocv_volt"], np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT), rtol=1e-12
+        pybamm_tables["ocv_volt"], np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT), rtol=1e-12
     )
-    assert found["identified_soc"] == [0.1, 0.9]
-    assert [one["kind"] for one in found["elements"]] == ["RC", "RC"]
-    np.testing.assert_allclose(found["elements"][1]["tau_second"], 150.0)
+    assert pybamm_tables["identified_soc"] == [0.1, 0.9]
+    assert [one["kind"] for one in pybamm_tables["elements"]] == ["RC", "RC"]
+    np.testing.assert_allclose(pybamm_tables["elements"][1]["tau_second"], 150.0)
 
 
 def test_linear_kinds_become_rc_pairs_with_the_same_impedance():
     from cellwright.circuits.circuit import Branch, impedance, rc_circuit
 
     warburg = branch("warburg", r_ohm=0.02, tau_second=300.0)
-    found = pybamm_parameters(family(("w", [RC, warburg])), "w", 25.0)
-    pairs = [(one["r_ohm"][0], one["tau_second"][0]) for one in found["elements"]]
+    pybamm_tables = pybamm_parameters(family(("w", [RC, warburg])), "w", 25.0)
+    pairs = [(one["r_ohm"][0], one["tau_second"][0]) for one in pybamm_tables["elements"]]
     frequency = np.geomspace(1e-5, 1e2, 30)
     circuit = (
-        *rc_circuit(found["r0_ohm"][0], [0.01], [10.0]),
+        *rc_circuit(pybamm_tables["r0_ohm"][0], [0.01], [10.0]),
         Branch("warburg", {"r_ohm": 0.02, "tau_second": 300.0}),
     )
-    plain = rc_circuit(found["r0_ohm"][0], *zip(*pairs, strict=True))
+    plain = rc_circuit(pybamm_tables["r0_ohm"][0], *zip(*pairs, strict=True))
     np.testing.assert_allclose(impedance(plain, frequency), impedance(circuit, frequency))
 
 

@@ -98,8 +98,8 @@ def with_kinetics(**entry):
     kinetic = {"kind": "kinetic", "r_ohm": [0.01] * 5, "tau_second": [1.0] * 5}
     kinetic |= {"scale_volt": [0.05] * 5}
     members = [("2RC", one["branches"]), ("DRT+K", [*one["branches"], kinetic])]
-    found = [{"model": n, "conditions": [one | {"branches": b}]} for n, b in members]
-    return model | {"members": found, "chosen": "DRT+K"}
+    member_entries = [{"model": n, "conditions": [one | {"branches": b}]} for n, b in members]
+    return model | {"members": member_entries, "chosen": "DRT+K"}
 
 
 def test_the_member_of_pairs_is_taken_and_its_ocv_read_on_its_scale():
@@ -130,10 +130,10 @@ def solved(time, current):
         r = [np.interp(state[0], GRID, one) for one in R[:2]]
         return [ampere / 7200.0, *((np.array(r) * ampere - state[1:]) / TAU[:2])]
 
-    found = solve_ivp(slope, time[[0, -1]], [0.8, 0, 0], "LSODA", time, rtol=1e-10, atol=1e-12)
-    soc = found.y[0]
+    solution = solve_ivp(slope, time[[0, -1]], [0.8, 0, 0], "LSODA", time, rtol=1e-10, atol=1e-12)
+    soc = solution.y[0]
     own = np.interp(soc, GRID, OCV) + np.interp(soc, GRID, R0) * current
-    return own + found.y[1:].sum(axis=0), soc
+    return own + solution.y[1:].sum(axis=0), soc
 
 
 def test_a_general_solver_gives_the_same_voltage():

@@ -12,8 +12,8 @@ SOC = np.array([0.5, 0.5, 0.4, 0.5])  # of 10 Ah, the old current flowing until 
 
 
 def test_a_member_without_blocks_leaves_a_record_as_it_is():
-    found = instrument.corrected({}, 10.0, TIME, CURRENT, SOC, 25.0)
-    assert found == (CURRENT, CURRENT, SOC)
+    record = instrument.corrected({}, 10.0, TIME, CURRENT, SOC, 25.0)
+    assert record == (CURRENT, CURRENT, SOC)
     assert instrument.as_read({}, TIME, CURRENT, CURRENT, hold="zero_order") is CURRENT
     assert instrument.capacity_factor({}) == 1.0
     assert instrument.words_of({}) == []
@@ -22,18 +22,18 @@ def test_a_member_without_blocks_leaves_a_record_as_it_is():
 def test_charge_is_counted_without_offset_losses_and_leak():
     counting = {"leak_ampere": 0.2, "lost_share_of_charge": 0.1, "capacity_relative": 0.25}
     member = {"reading": {"current_offset_ampere": 0.1}, "counting": counting}
-    found = instrument.corrected(member, 10.0, TIME, CURRENT, SOC, 25.0)
-    np.testing.assert_allclose(found.current_ampere, [-0.1, -1.1, 0.9, -0.1])
-    np.testing.assert_allclose(found.charging_ampere, [-0.3, -1.3, 0.61, -0.3])
+    record = instrument.corrected(member, 10.0, TIME, CURRENT, SOC, 25.0)
+    np.testing.assert_allclose(record.current_ampere, [-0.1, -1.1, 0.9, -0.1])
+    np.testing.assert_allclose(record.charging_ampere, [-0.3, -1.3, 0.61, -0.3])
     moved = [0.0, -0.1 - 0.2, -1.1 - 0.2, 0.9 * 0.9 - 0.2]
-    np.testing.assert_allclose(found.soc, 0.5 + np.cumsum(moved) / 12.5)
+    np.testing.assert_allclose(record.soc, 0.5 + np.cumsum(moved) / 12.5)
 
 
 def test_a_wrong_ammeter_counted_the_capacity_too():
     member = {"reading": {"current_gain_relative": 0.25}}
-    found = instrument.corrected(member, 10.0, TIME, CURRENT, SOC, 25.0)
-    np.testing.assert_allclose(found.soc, SOC)
-    np.testing.assert_allclose(found.current_ampere, 0.8 * CURRENT)
+    record = instrument.corrected(member, 10.0, TIME, CURRENT, SOC, 25.0)
+    np.testing.assert_allclose(record.soc, SOC)
+    np.testing.assert_allclose(record.current_ampere, 0.8 * CURRENT)
     assert instrument.capacity_factor(member) == pytest.approx(0.8)
 
 
@@ -63,7 +63,7 @@ def test_a_delay_moves_an_edge_and_nothing_else():
     np.testing.assert_allclose(volt, [3, 3, 4, 4, 4, 4])
 
 
-def test_a_hysteresis_begins_on_the_side_it_was_led_to():
+def test_a_hysteresis_begins_on_the_side_of_the_load_before_the_record():
     circuit = (
         Branch("hysteresis", {"m_volt": np.full(4, 0.02), "charge_ampere_hour": np.full(4, 2.0)}),
         Branch("switch", {"m_volt": np.full(4, 0.01)}),
@@ -71,11 +71,15 @@ def test_a_hysteresis_begins_on_the_side_it_was_led_to():
     )
     member = {"history": {"near_end_soc": 0.1}}
     for soc, side in ((0.95, 1.0), (0.5, 0.0), (0.05, -1.0)):
-        given = (member, circuit, TIME, CURRENT, SOC - 0.5 + soc, 10.0)
-        found = instrument.led(*given, hold="zero_order")
-        np.testing.assert_allclose(found[0], side * 0.02 * np.exp([0, 0, -0.5, -1.0]))
-        np.testing.assert_allclose(found[1], [side * 0.01, 0, 0, 0])
-        assert not found[2].any()
+        over_volt = instrument.with_history(
+            *(member, circuit, np.zeros((3, 4)), (TIME, CURRENT), CURRENT),
+            soc_at_start=soc,
+            capacity_ampere_hour=10.0,
+            hold="zero_order",
+        )
+        np.testing.assert_allclose(over_volt[0], side * 0.02 * np.exp([0, 0, -0.5, -1.0]))
+        np.testing.assert_allclose(over_volt[1], 0.01 * np.append(side, [-1, 1, 1]))
+        assert not over_volt[2].any()
 
 
 def test_own_heat_lowers_resistance():
@@ -88,5 +92,5 @@ def test_own_heat_lowers_resistance():
     settled = np.exp(30e3 / 8.314462618 * (1 / 308.15 - 1 / 298.15))
     np.testing.assert_allclose(warm[0].parameters["r_ohm"], 0.03 * np.array([1, *[settled] * 3]))
     assert warm[1].parameters == {"m_volt": 0.01}
-    assert instrument.heating(circuit) == instrument.at_once(circuit) == [0]
+    assert instrument.heating(member, circuit) == instrument.at_once(circuit) == [0]
     assert instrument.words_of(member)[0].startswith("the cell is warmer inside")

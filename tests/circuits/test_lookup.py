@@ -29,18 +29,18 @@ def test_the_model_file_simulates_the_true_cell():
 def test_between_temperatures_resistance_follows_arrhenius():
     kelvin = np.array([273.15, 283.15, 298.15])
     scale = np.exp(3000 * (1 / kelvin - 1 / 298.15))
-    found = parameters_at(conditions((25, 1.0), (0, scale[0])), np.full(1, 0.5), 10.0)
-    np.testing.assert_allclose(found.r0_ohm, scale[1] * truth.R0[2], rtol=1e-12)
-    np.testing.assert_allclose(found.r_ohm[:, 0], scale[1] * truth.R[:, 2], rtol=1e-12)
-    np.testing.assert_allclose(found.tau_second[:, 0], truth.TAU)
+    sampled = parameters_at(conditions((25, 1.0), (0, scale[0])), np.full(1, 0.5), 10.0)
+    np.testing.assert_allclose(sampled.r0_ohm, scale[1] * truth.R0[2], rtol=1e-12)
+    np.testing.assert_allclose(sampled.r_ohm[:, 0], scale[1] * truth.R[:, 2], rtol=1e-12)
+    np.testing.assert_allclose(sampled.tau_second[:, 0], truth.TAU)
 
 
 def test_outside_the_measured_range_the_last_value_holds_and_is_marked():
     soc, warm = np.array([0.5, 0.05, 0.95]), np.array([60.0, 25.0, 10.0])
-    found = parameters_at(conditions((0, 2.0), (25, 1.0)), soc, warm)
-    np.testing.assert_array_equal(found.outside_temperature, [True, False, False])
-    np.testing.assert_array_equal(found.outside_soc, [False, True, True])
-    np.testing.assert_allclose(found.r0_ohm[:2], truth.R0[[2, 0]])
+    sampled = parameters_at(conditions((0, 2.0), (25, 1.0)), soc, warm)
+    np.testing.assert_array_equal(sampled.outside_temperature, [True, False, False])
+    np.testing.assert_array_equal(sampled.outside_soc, [False, True, True])
+    np.testing.assert_allclose(sampled.r0_ohm[:2], truth.R0[[2, 0]])
 
 
 def test_a_resistance_of_zero_stays_harmless():
@@ -51,8 +51,8 @@ def test_a_resistance_of_zero_stays_harmless():
 def test_one_condition_of_unknown_temperature_serves_any():
     entry = conditions((25, 1.0))
     entry[0]["ambient_temperature_celsius"] = None
-    found = parameters_at(entry, np.full(1, 0.5), np.nan)
-    np.testing.assert_allclose(found.r0_ohm, truth.R0[2])
+    sampled = parameters_at(entry, np.full(1, 0.5), np.nan)
+    np.testing.assert_allclose(sampled.r0_ohm, truth.R0[2])
     with pytest.raises(Refusal, match="a temperature is not known"):
         parameters_at(entry * 2, np.full(1, 0.5), 25.0)
 
@@ -71,10 +71,10 @@ def test_ocv_between_temperatures_lies_between_the_tables():
         {"soc": [0, 1], "ocv_volt": [3.0 + d, 4.0 + d], "ambient_temperature_celsius": t}
         for d, t in ((0.0, 25), (0.02, 0))
     ]
-    found = ocv_at(tables, np.full(3, 0.5), np.array([-20.0, 12.0, 25.0]))
-    assert found[0] == pytest.approx(3.52)
-    assert 3.505 < found[1] < 3.515
-    assert found[2] == pytest.approx(3.5)
+    ocv_volt = ocv_at(tables, np.full(3, 0.5), np.array([-20.0, 12.0, 25.0]))
+    assert ocv_volt[0] == pytest.approx(3.52)
+    assert 3.505 < ocv_volt[1] < 3.515
+    assert ocv_volt[2] == pytest.approx(3.5)
 
 
 def test_a_member_that_is_not_there_is_named():

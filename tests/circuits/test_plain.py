@@ -14,11 +14,11 @@ def family(chosen, **members):
     """A model of members name=(error of what was left out, branches)."""
     model = truth.model()
     entry = model["members"][0]["conditions"][0]
-    found = [
+    member_entries = [
         {"model": name, "left_out_rmse_volt": error, "conditions": [entry | {"branches": branches}]}
         for name, (error, branches) in members.items()
     ]
-    return model | {"members": found, "chosen": chosen}
+    return model | {"members": member_entries, "chosen": chosen}
 
 
 def test_the_chosen_one_where_it_is_plain_whatever_its_error():

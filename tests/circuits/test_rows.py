@@ -8,12 +8,12 @@ from cellwright.refusal import Refusal
 
 
 def model():
-    found = truth.model()
-    entry = found["members"][0]["conditions"][0]
+    true_model = truth.model()
+    entry = true_model["members"][0]["conditions"][0]
     entry |= {"r0_std_ohm": [1e-4] * 5, "at_bound": ["tau2", "R1 at SoC 0.300"]}
     for branch in entry["branches"]:
         branch |= {"r_std_ohm": [2e-4] * 5, "tau_std_second": [0.5] * 5}
-    return found
+    return true_model
 
 
 def test_a_group_hands_out_its_cells():
@@ -48,10 +48,10 @@ def of_every_kind():
     flags = ["RCT at SoC 0.100", "R1 at SoC 0.300", "M at SoC 0.500"]
     whole = {"ocv_scale": {"missing": 0.02, "stretch": -0.01}, "ocv_shift_volt": same}
     whole |= {"activation_energy_joule_per_mole": 2e4}
-    found = model()
-    entry = found["members"][0]["conditions"][0] | whole
-    found["members"][0]["conditions"] = [entry | {"branches": branches, "at_bound": flags}]
-    return parameter_rows(found)
+    true_model = model()
+    entry = true_model["members"][0]["conditions"][0] | whole
+    true_model["members"][0]["conditions"] = [entry | {"branches": branches, "at_bound": flags}]
+    return parameter_rows(true_model)
 
 
 def test_every_kind_of_branch_has_its_names_and_units():

@@ -9,11 +9,9 @@ import truth
 
 from cellwright.circuits.circuit import Branch, rc_circuit
 from cellwright.circuits.simulate import (
-    OpenCircuit,
     overpotentials,
     sensitivities,
     simulate,
-    simulate_cells,
 )
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
@@ -40,25 +38,6 @@ def test_a_single_sample_shows_what_acts_at_once():
     assert simulate(CIRCUIT, [5.0], [2.0], 3.7, hold="first_order") == pytest.approx([3.74])
     moving = rc_circuit(np.array([0.02]), [np.array([0.01])], [np.array([5.0])])
     assert simulate(moving, [5.0], [2.0], 3.7, hold="zero_order") == pytest.approx([3.74])
-
-
-@pytest.mark.parametrize("shared_current", [True, False])
-def test_many_cells_are_each_its_own(shared_current):
-    time, first = truth.drive(np.random.default_rng(1), 2000)
-    currents = first if shared_current else np.array([first, 0.5 * first, -first])
-    diffusion = (Branch("R", {"r_ohm": 0.01}), _diffusion())
-    cells = (CIRCUIT, rc_circuit(0.03, [0.02], [9.0]), diffusion)
-    curve = OpenCircuit(lambda soc: 3.0 + soc, np.full(2000, 0.5))
-    run = simulate_cells(cells, time, currents, 3.7, hold="first_order", open_circuits=[curve] * 3)
-    assert run.shape == (3, 2000)
-    for cell, current, row in zip(cells, np.broadcast_to(currents, run.shape), run, strict=True):
-        alone = simulate(cell, time, current, 3.7, hold="first_order", open_circuit=curve)
-        np.testing.assert_array_equal(row, alone)
-
-
-def test_rows_that_do_not_fit_the_cells_are_refused():
-    with pytest.raises(Refusal, match=r"shape \(3, 4\); for 2 circuits it must be \(4,\)"):
-        simulate_cells([CIRCUIT] * 2, np.arange(4.0), np.ones((3, 4)), 3.7, hold="zero_order")
 
 
 def _diffusion():

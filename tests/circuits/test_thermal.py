@@ -14,15 +14,15 @@ BODY = {"heat_capacity_joule_per_kelvin": 45.0, "resistance_kelvin_per_watt": 8.
 
 def test_constant_heat_is_the_closed_form_and_an_edge_changes_nothing():
     time = np.array([0.0, 10.0, 10.0, 100.0, 1e5])
-    found = temperature(time, np.full(5, 0.5), 20.0, initial_celsius=22.0, **BODY)
-    np.testing.assert_allclose(found, 24.0 - 2.0 * np.exp(-time / 360.0), atol=1e-12)
+    celsius = temperature(time, np.full(5, 0.5), 20.0, initial_celsius=22.0, **BODY)
+    np.testing.assert_allclose(celsius, 24.0 - 2.0 * np.exp(-time / 360.0), atol=1e-12)
     np.testing.assert_allclose(temperature(time, np.zeros(5), 20.0, **BODY), 20.0)
 
 
 def test_the_ambient_is_followed():
     time = np.linspace(0, 3600, 721)
-    found = temperature(time, 0 * time, time / 100, **BODY)
-    np.testing.assert_allclose(found, (time - 360 * -np.expm1(-time / 360)) / 100, atol=1e-10)
+    celsius = temperature(time, 0 * time, time / 100, **BODY)
+    np.testing.assert_allclose(celsius, (time - 360 * -np.expm1(-time / 360)) / 100, atol=1e-10)
 
 
 def test_losses_warm_both_ways_and_reversible_heat_turns_with_the_current():
@@ -103,9 +103,9 @@ def record(rng, *, entropic=0.0, gap=False, noise_kelvin=0.02):
 def test_the_fit_recovers_the_truth(entropic, gap):
     noisy = record(np.random.default_rng(1), entropic=entropic, gap=gap)
     fit = fit_thermal(*noisy, 25.0, entropic=entropic > 0)
-    found = [fit.heat_capacity_joule_per_kelvin, fit.resistance_kelvin_per_watt]
+    values = [fit.heat_capacity_joule_per_kelvin, fit.resistance_kelvin_per_watt]
     std = [fit.heat_capacity_std_joule_per_kelvin, fit.resistance_std_kelvin_per_watt]
-    np.testing.assert_array_less(np.abs(np.subtract(found, [45.0, 8.0])), 4 * np.array(std))
+    np.testing.assert_array_less(np.abs(np.subtract(values, [45.0, 8.0])), 4 * np.array(std))
     np.testing.assert_array_less(std, [0.2, 0.04])
     assert fit.ambient_offset_kelvin == pytest.approx(0.3, abs=0.01)
     assert fit.entropic_volt_per_kelvin == pytest.approx(entropic, abs=1e-6)

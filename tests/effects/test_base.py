@@ -35,26 +35,76 @@ def test_kernel_and_twin_agree(monkeypatch, share):
     np.testing.assert_allclose(kernel, base.lag_fresh(*given), rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("name", [None, *sorted(LIBRARY)])
+def test_the_voltage_is_that_of_the_twins(monkeypatch, stack, name):
+    effects = [] if name is None else [LIBRARY[name]]
+    values = values_for(stack) | {f"ocv[{k}]": 1e-3 * (-1) ** k for k in range(base.OCV_KNOTS)}
+    values |= {n: x for e in effects for n, x in _plausible(e).items()}
+    compiled = base.fields_of(small.CELL, stack, values, effects)
+    stack = stack._replace(responses={}, courses={})
+    monkeypatch.setattr(base, "function", lambda *_, **__: None)
+    twin = base.fields_of(small.CELL, stack, values, effects)
+    np.testing.assert_allclose(compiled.soc, twin.soc, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(compiled.ocv, twin.ocv, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(compiled.volt, twin.volt, rtol=0, atol=1e-12)
+
+
+def _plausible(effect):
+    return neutral(effect) | {
+        name: p.neutral + (p.plausible or p.step)
+        for p, name in zip(effect.parameters, effect.names, strict=True)
+        if not p.shape
+    }
+
+
+@pytest.mark.parametrize("name", [None, *sorted(LIBRARY)])
+def test_what_is_kept_of_other_values_changes_nothing(stack, name):
+    """Any parameter moved and moved back, on records that keep courses, as on ones that do not."""
+    effects = () if name is None else (LIBRARY[name],)
+    values = values_for(stack) | {n: x for e in effects for n, x in _plausible(e).items()}
+    for moved in values:
+        for changed in (values | {moved: 1.001 * values[moved] + 1e-4}, values):
+            kept = base.fields_of(small.CELL, stack, changed, effects)
+            anew = stack._replace(responses={}, courses={})
+            fields = base.fields_of(small.CELL, anew, changed, effects)
+            for one, other in zip(kept, fields, strict=True):
+                np.testing.assert_array_equal(one, other)
+
+
+def test_a_course_is_kept_for_one_cell_and_one_form_of_an_effect(stack):
+    values = values_for(stack) | _plausible(LIBRARY["leakage"])
+    cells = small.CELL, small.CELL._replace(ocv_volt=small.CELL.ocv_volt + 0.1)
+    volts = [base.voltage(cell, stack, values) for cell in cells]
+    np.testing.assert_allclose(volts[1] - volts[0], 0.1, atol=1e-12)
+
+    def none(fields, stack, p):
+        return fields
+
+    both = LIBRARY["leakage"], LIBRARY["leakage"]._replace(act=none)
+    socs = [base.fields_of(small.CELL, stack, values, (effect,)).soc for effect in both]
+    assert np.abs(socs[0] - socs[1]).max() > 1e-3
+
+
 @pytest.mark.parametrize("every", [1.0, 7.0])
 def test_a_pulse_is_the_analytic_one_whatever_the_sampling(every):
     pulse = np.r_[0.0, np.full(40, -2.0)]
-    one = stacked([small.record("p", pulse, every=every, soc=0.6)], capacity_ampere_hour=2.5)
-    found = base.fields_of(small.CELL, one, values_for(one))
-    t = np.maximum(one.second - every, 0.0)
+    stack = stacked([small.record("p", pulse, every=every, soc=0.6)], capacity_ampere_hour=2.5)
+    fields = base.fields_of(small.CELL, stack, values_for(stack))
+    t = np.maximum(stack.second - every, 0.0)
     slow = 0.010 * -np.expm1(-t / 8.0) + 0.012 * -np.expm1(-t / 130.0)
     soc = 0.6 - 2.0 * t / 3600.0 / 2.5
-    np.testing.assert_allclose(found.soc, soc, atol=1e-12)
+    np.testing.assert_allclose(fields.soc, soc, atol=1e-12)
     volt = small.CELL.ocv_at(soc) + pulse * (0.025 + slow)
-    np.testing.assert_allclose(found.volt, volt, atol=1e-12)
+    np.testing.assert_allclose(fields.volt, volt, atol=1e-12)
 
 
 def test_a_ramp_is_the_analytic_one_on_linear_intervals():
     ramp = 0.1 * np.arange(60.0)
-    one = small.record("ramp", ramp, every=4.0)
-    one = stacked([one], capacity_ampere_hour=2.5, hold="first_order")
-    t = one.second
+    stack = small.record("ramp", ramp, every=4.0)
+    stack = stacked([stack], capacity_ampere_hour=2.5, hold="first_order")
+    t = stack.second
     exact = 0.025 * (t - 9.0 * -np.expm1(-t / 9.0))
-    np.testing.assert_allclose(base.relaxed(one, ramp, 9.0), exact, atol=1e-12)
+    np.testing.assert_allclose(base.relaxed(stack, ramp, 9.0), exact, atol=1e-12)
 
 
 def test_a_gain_scales_a_lag_and_keeps_what_was_kept(stack):
@@ -98,4 +148,5 @@ def test_the_error_of_the_ocv_is_straight_between_knots():
     soc = np.linspace(0, 1, 301)
     knots = np.random.default_rng(1).normal(size=base.OCV_KNOTS)
     straight = np.interp(soc, np.linspace(0, 1, base.OCV_KNOTS), knots)
-    np.testing.assert_allclose(base.hats(soc) @ knots, straight, atol=1e-12)
+    flat = base.Cell(1.0, np.zeros(11))
+    np.testing.assert_allclose(base._looked_up(flat, tuple(knots), soc), straight, atol=1e-12)

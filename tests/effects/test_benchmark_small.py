@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from effect_benchmark import answers as methods
-from effect_benchmark import batch, scoring, truth
+from effect_benchmark import scoring
 from runtime import settings
 from virtual_lab import campaigns
 from virtual_lab.campaigns import making
@@ -49,8 +49,8 @@ def table(tmp_path_factory):
     making.make_sheets(plan, folder)
     config = settings.defaults(settings.load(SCHEMAS, "config"))
     config["benchmark"] |= {"control_every": 1}
-    work = batch.task(folder, truth.hidden_names(folder), config)
-    return scoring.judged(folder, batch.answered(work, 0, 1))
+    work = methods.task(folder, scoring.hidden_names(folder), config)
+    return scoring.judged(folder, methods.answered(work, 0, 1))
 
 
 def of(table, method, kind):
@@ -58,9 +58,9 @@ def of(table, method, kind):
 
 
 def test_every_cell_was_answered(table):
-    mine = table[table["method"] == methods.SEARCH]
-    assert len(mine) == len(HIDDEN) + 4 + 2
-    assert not (mine["outcome"] == "no verdict").any(), mine["reason"].tolist()
+    answers = table[table["method"] == methods.SEARCH]
+    assert len(answers) == len(HIDDEN) + 4 + 2
+    assert not (answers["outcome"] == "no verdict").any(), answers["reason"].tolist()
 
 
 def test_no_healthy_cell_gets_a_name(table):
@@ -68,24 +68,24 @@ def test_no_healthy_cell_gets_a_name(table):
 
 
 def test_strong_effects_are_named(table):
-    mine = of(table, methods.SEARCH, "single")
-    assert scoring.right(mine).sum() >= len(HIDDEN) - 1, mine[["hidden", "said"]].to_string()
-    assert not (mine["outcome"] == "false name").any()
-    assert mine["gap_closed"].median() >= 0.9
+    answers = of(table, methods.SEARCH, "single")
+    assert scoring.right(answers).sum() >= len(HIDDEN) - 1, answers[["hidden", "said"]].to_string()
+    assert not (answers["outcome"] == "false name").any()
+    assert answers["gap_closed"].median() >= 0.9
 
 
 def test_what_no_library_knows_gets_no_name(table):
-    mine = of(table, methods.SEARCH, "unknown")
-    assert (mine["outcome"] == "right").sum() >= 1
-    assert (mine["outcome"] == "false name").sum() == 0
+    answers = of(table, methods.SEARCH, "unknown")
+    assert (answers["outcome"] == "right").sum() >= 1
+    assert (answers["outcome"] == "false name").sum() == 0
 
 
 def test_without_the_true_class_most_are_unknown(table):
-    mine = table[table["method"] == methods.LEFT_OUT]
-    assert len(mine) == len(HIDDEN)
-    assert (mine["verdict"] == "unknown").sum() >= len(HIDDEN) // 2
+    answers = table[table["method"] == methods.LEFT_OUT]
+    assert len(answers) == len(HIDDEN)
+    assert (answers["verdict"] == "unknown").sum() >= len(HIDDEN) // 2
 
 
 def test_terms_that_must_not_help_close_little_of_the_gap(table):
-    mine = of(table, methods.RANDOM, "single")
-    assert mine["gap_closed"].median() < 0.5
+    answers = of(table, methods.RANDOM, "single")
+    assert answers["gap_closed"].median() < 0.5

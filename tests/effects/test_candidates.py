@@ -28,39 +28,39 @@ def least(columns, prior):
     """Smallest cost of a linear model, and where."""
     precision = columns.T @ columns + prior
     x = np.linalg.solve(precision, columns.T @ ROWS)
-    left = ROWS - columns @ x
-    return left @ left + x @ prior @ x, x
+    residual = ROWS - columns @ x
+    return residual @ residual + x @ prior @ x, x
 
 
-def score(one):
+def score(made_up):
     cost, x = least(NUISANCES, PRIOR)
     precision = NUISANCES.T @ NUISANCES + PRIOR
-    candidate = Candidate(one, ("made_up.one", "made_up.two"), neutral(one), OWN)
+    candidate = Candidate(made_up, ("made_up.one", "made_up.two"), neutral(made_up), OWN)
     residual = ROWS - NUISANCES @ x
     return cost, scored([candidate], OWN, residual, NUISANCES, precision, {})[0]
 
 
 def test_the_score_is_the_gain_of_a_linear_refit():
-    cost, found = score(effect())
+    cost, result = score(effect())
     prior = np.zeros((6, 6))
     prior[:4, :4] = PRIOR
     after, x = least(np.concatenate([NUISANCES, OWN], axis=1), prior)
-    assert found.chi_square == pytest.approx(cost - after, rel=1e-4)
-    np.testing.assert_allclose(found.estimate, x[4:], rtol=1e-3)
+    assert result.chi_square == pytest.approx(cost - after, rel=1e-4)
+    np.testing.assert_allclose(result.estimate, x[4:], rtol=1e-3)
 
 
 def test_a_plausible_size_tells_what_could_be_seen():
-    found = score(effect())[1]
-    assert found.visible == pytest.approx(0.25 * np.diag(found.information).max())
+    result = score(effect())[1]
+    assert result.visible == pytest.approx(0.25 * np.diag(result.information).max())
 
 
 def test_an_effect_that_the_nuisances_mimic_is_not_visible():
-    one = effect()
+    made_up = effect()
     columns = NUISANCES[:, [0, 2]]
-    candidate = Candidate(one, ("made_up.one", "made_up.two"), neutral(one), columns)
+    candidate = Candidate(made_up, ("made_up.one", "made_up.two"), neutral(made_up), columns)
     precision = NUISANCES.T @ NUISANCES
-    found = scored([candidate], columns, ROWS, NUISANCES, precision, {})[0]
-    assert found.visible < 1e-6
+    result = scored([candidate], columns, ROWS, NUISANCES, precision, {})[0]
+    assert result.visible < 1e-6
 
 
 def test_a_one_sided_effect_takes_no_wrong_sign():
@@ -69,29 +69,29 @@ def test_a_one_sided_effect_takes_no_wrong_sign():
 
 
 def test_two_candidates_are_scored_as_each_alone():
-    one, (_, alone) = effect(), score(effect())
+    made_up, (_, alone) = effect(), score(effect())
     names = ("made_up.one", "made_up.two")
     x = least(NUISANCES, PRIOR)[1]
-    both = [Candidate(one, names, {}, OWN[:, ::-1]), Candidate(one, names, {}, OWN)]
+    both = [Candidate(made_up, names, {}, OWN[:, ::-1]), Candidate(made_up, names, {}, OWN)]
     columns = np.concatenate([c.columns for c in both], axis=1)
     precision = NUISANCES.T @ NUISANCES + PRIOR
-    found = scored(both, columns, ROWS - NUISANCES @ x, NUISANCES, precision, {})
-    assert found[1].chi_square == pytest.approx(alone.chi_square)
-    np.testing.assert_allclose(found[0].estimate, alone.estimate[::-1])
+    result = scored(both, columns, ROWS - NUISANCES @ x, NUISANCES, precision, {})
+    assert result[1].chi_square == pytest.approx(alone.chi_square)
+    np.testing.assert_allclose(result[0].estimate, alone.estimate[::-1])
 
 
 def test_columns_are_the_change_by_each_size_at_each_start():
-    one = effect(starts=({"width": 2.0}, {"width": 4.0, "one": 0.5}))
+    made_up = effect(starts=({"width": 2.0}, {"width": 4.0, "one": 0.5}))
     base = RANDOM.normal(size=50)
 
     def predict(values, _):
         width = values["made_up.width"]
         return base + width * values["made_up.one"] * np.arange(50) - values["made_up.two"]
 
-    found = candidates(predict, base, {}, [one])
-    assert [c.start["made_up.width"] for c in found] == [2.0, 4.0]
-    assert found[1].start["made_up.one"] == 0.5
-    for candidate, width in zip(found, (2.0, 4.0), strict=True):
+    result = candidates(predict, base, {}, [made_up])
+    assert [c.start["made_up.width"] for c in result] == [2.0, 4.0]
+    assert result[1].start["made_up.one"] == 0.5
+    for candidate, width in zip(result, (2.0, 4.0), strict=True):
         assert candidate.sizes == ("made_up.one", "made_up.two")
         np.testing.assert_allclose(candidate.columns[:, 0], width * np.arange(50), atol=1e-9)
         np.testing.assert_allclose(candidate.columns[:, 1], -1.0, atol=1e-9)

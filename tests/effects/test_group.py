@@ -8,12 +8,12 @@ from group_pair import CELLS, TABLE, record
 
 from cellwright.effects.groups.finding import branch_of, group_finding
 from cellwright.effects.groups.model import fields_of, group_run
-from cellwright.effects.groups.records import group_stacked
+from cellwright.effects.records import group_stacked
 from cellwright.refusal import Refusal
 
 
 @cache
-def found(**asked):
+def finding(**asked):
     return searched(**asked)
 
 
@@ -37,25 +37,25 @@ HIDDEN = {
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_the_effect_of_one_branch_is_named_with_its_size(effect):
     name, size, parameter = HIDDEN[effect]
-    verdict = found(**{name: size}).verdict
+    verdict = finding(**{name: size}).verdict
     first = verdict["effects"][0]
     assert (first["effect"], first["branch"]) == (effect, 2)
-    told = first["parameters"][parameter]
-    assert told["value"] == pytest.approx(size, rel=0.15)
-    assert abs(told["value"] - size) < 3 * told["std"] + 0.02 * abs(size)
+    size_found = first["parameters"][parameter]
+    assert size_found["value"] == pytest.approx(size, rel=0.15)
+    assert abs(size_found["value"] - size) < 3 * size_found["std"] + 0.02 * abs(size)
     assert verdict["gap_closed"] > 0.9
 
 
 def test_the_gap_closed_is_the_contracts():
-    verdict = found(wire=0.008).verdict
+    verdict = finding(wire=0.008).verdict
     floor, both = verdict["floor_volt"], verdict["validation_rmse_volt"]
-    left, whole = (both[end] ** 2 - floor**2 for end in ("after", "before"))
-    assert verdict["gap_closed"] == pytest.approx(1.0 - left / whole)
+    remaining, whole = (both[end] ** 2 - floor**2 for end in ("after", "before"))
+    assert verdict["gap_closed"] == pytest.approx(1.0 - remaining / whole)
     assert verdict["effects"][0]["gap_closed"] == pytest.approx(verdict["gap_closed"])
 
 
 def test_the_model_of_a_group_runs_as_the_search_left_it():
-    result = found(wire=0.008)
+    result = finding(wire=0.008)
     fits = [record(f"fit{t:g}", 1, celsius=t, wire=0.008) for t in (25.0, 5.0)]
     stack = group_stacked(fits, branches=2, hold=result.model["hold"])
     voltage = group_run(fields_of(result.model), stack).voltage
@@ -64,16 +64,16 @@ def test_the_model_of_a_group_runs_as_the_search_left_it():
 
 
 def test_a_healthy_group_lacks_nothing():
-    verdict = found().verdict
+    verdict = finding().verdict
     assert (verdict["verdict"], verdict["effects"]) == ("none", [])
 
 
 def test_what_is_within_the_declared_spread_is_healthy():
-    assert found(soc=0.003, resistance=0.01).verdict["verdict"] == "none"
+    assert finding(soc=0.003, resistance=0.01).verdict["verdict"] == "none"
 
 
 def test_a_warm_cell_and_a_low_resistance_are_one_at_one_temperature():
-    verdict = found(celsius=(25.0,), warmer=6.0).verdict
+    verdict = finding(celsius=(25.0,), warmer=6.0).verdict
     first = verdict["effects"][0]
     assert verdict["verdict"] == "ambiguous"
     assert {first["effect"], *first["alternatives"]} >= {
@@ -99,11 +99,11 @@ def test_without_branch_currents_no_name_is_sure(hidden):
 
 def test_the_same_records_give_the_same_verdict():
     asked = {"celsius": (25.0,), "warmer": 6.0}
-    assert searched(**asked).verdict == found(**asked).verdict
+    assert searched(**asked).verdict == finding(**asked).verdict
 
 
 def test_ranking_and_series_have_columns_of_one_length():
-    result = found(wire=0.008)
+    result = finding(wire=0.008)
     for columns in (result.ranking, result.series):
         assert len({len(column) for column in columns.values()}) == 1
 

@@ -6,7 +6,7 @@ from group_pair import CELLS, record
 
 from cellwright.effects.groups import model
 from cellwright.effects.groups.model import group_fields, group_names, group_run
-from cellwright.effects.groups.records import group_stacked
+from cellwright.effects.records import group_stacked
 from cellwright.numerics.least_squares import bounded_minimum
 
 HOLDS = pytest.mark.parametrize("hold", ["zero_order", "first_order"])
@@ -24,23 +24,23 @@ def run(monkeypatch, hold, *, compiled):
 def test_kernel_and_twin_agree(monkeypatch, hold):
     _, fast = run(monkeypatch, hold, compiled=True)
     _, slow = run(monkeypatch, hold, compiled=False)
-    for one, other in zip(fast, slow, strict=True):
-        assert one == pytest.approx(other, abs=1e-10)
+    for compiled, twin in zip(fast, slow, strict=True):
+        assert compiled == pytest.approx(twin, abs=1e-10)
 
 
 @HOLDS
 def test_branch_currents_add_up_to_the_total(monkeypatch, hold):
-    stack, found = run(monkeypatch, hold, compiled=True)
-    assert found.current.sum(axis=1) == pytest.approx(stack.current_ampere, abs=1e-9)
+    stack, simulated = run(monkeypatch, hold, compiled=True)
+    assert simulated.current.sum(axis=1) == pytest.approx(stack.current_ampere, abs=1e-9)
 
 
 def test_another_integration_says_the_same():
-    one = record("a", 1)
-    stack = group_stacked([one], branches=2)
+    measured = record("a", 1)
+    stack = group_stacked([measured], branches=2)
     values = dict.fromkeys(group_names(1, 2), 0.0)
-    found = group_run(group_fields(CELLS, np.full((1, 2), 0.9), values), stack)
-    assert np.std(found.voltage - one.voltage_volt) < 1.1e-3
-    assert np.std(found.current - one.branch_current_ampere) < 3e-3
+    simulated = group_run(group_fields(CELLS, np.full((1, 2), 0.9), values), stack)
+    assert np.std(simulated.voltage - measured.voltage_volt) < 1.1e-3
+    assert np.std(simulated.current - measured.branch_current_ampere) < 3e-3
 
 
 def test_the_minimum_within_bounds_meets_its_conditions():

@@ -7,8 +7,10 @@ from sheets_facts import branch_facts, measured_test
 
 from cellwright.effects.groups import finding
 from cellwright.effects.groups.finding import GroupFinding, KnownCell, missing_group_effect
-from cellwright.effects.groups.model import Shared, Spread, group_frees
+from cellwright.effects.groups.model import group_frees
 from cellwright.refusal import Refusal
+from cellwright.settings.effects import MissingEffectGroupShared as Shared
+from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
 SETTINGS = {"most_rows": 1000} | {n: k()._asdict() for n, k in finding.SECTIONS.items()}
 BRANCHES = branch_facts(["c1", "c2"], [0.9, 0.8])
@@ -37,29 +39,29 @@ def asked(monkeypatch):
     )
 
     def ask(*tests, known=KNOWN):
-        found = missing_group_effect("pair", BRANCHES, known, list(tests), settings=SETTINGS)
-        return *found.model["given"][1:], found.model["options"], found.notes
+        result = missing_group_effect("pair", BRANCHES, known, list(tests), settings=SETTINGS)
+        return *result.model["given"][1:], result.model["options"], result.notes
 
     return ask
 
 
 def test_tests_keep_their_roles_and_long_ones_are_averaged(asked):
     _, records, options, notes = asked(a_test("a", "fit"), a_test("b", "validation"))
-    assert [(role, one.test) for role, one in records] == [("fit", "a"), ("validation", "b")]
-    assert all(len(one.test_time_second) == 600 for _, one in records)
+    assert [(role, record.test) for role, record in records] == [("fit", "a"), ("validation", "b")]
+    assert all(len(record.test_time_second) == 600 for _, record in records)
     assert (options["hold"], options["settings"]["spread"]) == ("first_order", Spread())
     assert notes == ()
 
 
 def test_of_three_tests_to_fit_one_judges(asked):
     _, records, _, notes = asked(*[a_test(name, "fit") for name in "abc"])
-    assert [(role, one.test) for role, one in records][-1] == ("validation", "c")
+    assert [(role, record.test) for role, record in records][-1] == ("validation", "c")
     assert "c judged instead" in notes[0]
 
 
 def test_the_start_is_the_tests_else_the_sheets(asked):
     _, records, _, _ = asked(a_test("a", "fit", soc=0.5), a_test("b", "validation"))
-    assert [one.initial_soc.tolist() for _, one in records] == [[0.5, 0.5], [0.9, 0.8]]
+    assert [record.initial_soc.tolist() for _, record in records] == [[0.5, 0.5], [0.9, 0.8]]
 
 
 def test_a_cell_of_the_type_stands_in_for_one_without_tests(asked):
@@ -72,7 +74,7 @@ def test_a_cell_of_the_type_stands_in_for_one_without_tests(asked):
 def test_without_branch_currents_that_is_said(asked):
     tests = a_test("a", "fit", branches=0), a_test("b", "validation", branches=0)
     _, records, _, notes = asked(*tests)
-    assert [one.branch_current_ampere for _, one in records] == [None, None]
+    assert [record.branch_current_ampere for _, record in records] == [None, None]
     assert notes[0] == "a: branch currents were not logged"
 
 
@@ -102,7 +104,7 @@ def test_a_start_under_load_must_be_stated():
 def test_cells_never_warmed_are_held_to_no_activation_energy():
     def spread_of(cells):
         free = group_frees(cells, 1, Spread(), Shared(), sensors=True)
-        return next(one.std for one in free if one.name == "energy")
+        return next(parameter.std for parameter in free if parameter.name == "energy")
 
     cold = [cell._replace(activation_joule_per_mole=0.0) for cell in CELLS]
     assert spread_of(cold) == Shared().type_activation_joule_per_mole > spread_of(CELLS)

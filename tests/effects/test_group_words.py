@@ -2,7 +2,7 @@
 
 import pytest
 
-from cellwright.effects.groups.verdict import group_paragraph
+from cellwright.effects.groups.finding import group_paragraph
 from cellwright.effects.library.groups import GROUP_LIBRARY
 
 PARAMETERS = {

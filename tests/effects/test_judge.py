@@ -5,8 +5,8 @@ import pytest
 from small_cells import CAPACITY, CELL, PLAIN, drive
 
 from cellwright.effects import base
+from cellwright.effects.base import Tolerance
 from cellwright.effects.judge import Rests, by_starts, rests_of, started
-from cellwright.effects.plain import Tolerance
 from cellwright.effects.records import stacked
 from cellwright.numerics.least_squares import Solution
 from cellwright.numerics.noise import FIRST, whitening
@@ -22,13 +22,13 @@ def laid(soc=TRUE, volt=0.0, seed=1):
     return stack._replace(voltage_volt=measured)
 
 
-def left(stack, values):
+def residual_of(stack, values):
     return stack.voltage_volt - base.voltage(CELL, stack, values)
 
 
 def test_a_record_begins_where_its_rest_says():
-    found = started(CELL, laid(soc=TRUE - 0.01), PLAIN, (), TOLERANCE)
-    assert found["soc0[0]"] == pytest.approx(TRUE, abs=1e-4)
+    result = started(CELL, laid(soc=TRUE - 0.01), PLAIN, (), TOLERANCE)
+    assert result["soc0[0]"] == pytest.approx(TRUE, abs=1e-4)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -40,9 +40,9 @@ def test_a_rest_is_read_as_rests_of_fitted_records_were(seed):
     resting = np.arange(len(stack.file)) < np.argmax(np.abs(stack.current_ampere) > 0.1)
     stack = stack._replace(voltage_volt=stack.voltage_volt + off * resting)
     alone = started(CELL, stack, PLAIN, (), TOLERANCE)
-    beside = started(CELL, stack, PLAIN, (), TOLERANCE, rests=many)
+    with_rests = started(CELL, stack, PLAIN, (), TOLERANCE, rests=many)
     far = started(CELL, stack, PLAIN, (), TOLERANCE, rests=many._replace(soc=np.full(9, 0.5)))
-    assert abs(beside["soc0[0]"] - TRUE) < 0.15 * abs(alone["soc0[0]"] - TRUE)
+    assert abs(with_rests["soc0[0]"] - TRUE) < 0.15 * abs(alone["soc0[0]"] - TRUE)
     assert far == alone
 
 
@@ -50,10 +50,10 @@ def test_the_rests_of_fitted_records_are_those_before_their_first_load():
     stack = laid(volt=2e-3)
     values = PLAIN | {"soc0[0]": TRUE}
     blank = (None,) * len(Solution._fields)
-    solution = Solution(*blank)._replace(values=values, residual=left(stack, values))
-    found = rests_of(CELL, stack, solution)
-    assert found.soc == pytest.approx([TRUE])
-    assert found.error_volt == pytest.approx([2e-3])
+    solution = Solution(*blank)._replace(values=values, residual=residual_of(stack, values))
+    result = rests_of(CELL, stack, solution)
+    assert result.soc == pytest.approx([TRUE])
+    assert result.error_volt == pytest.approx([2e-3])
 
 
 def explained(stack, values):

@@ -1,4 +1,4 @@
-"""The found model without some blocks: which were left out, and that they had no say."""
+"""The model of a search fitted without some blocks: which, and that they had no influence."""
 
 import numpy as np
 import pytest
@@ -14,40 +14,40 @@ REST_SECOND = 60.0
 
 @pytest.fixture(scope="module")
 def searched():
-    one, found = case(TRUTH), rounds(TRUTH)
-    return one, outcome(found, one.gates).last, found[-1].noise
+    cell, steps = case(TRUTH), rounds(TRUTH)
+    return cell, outcome(steps, cell.gates).last, steps[-1].noise
 
 
 def test_every_row_is_left_out_once(searched):
-    one, last, noise = searched
-    found = folds(one, last, noise, split_rest_second=REST_SECOND)
-    assert len(found) == 4
-    blocks = sorted(tuple(block) for fold in found for block in fold["blocks"])
+    cell, last, noise = searched
+    steps = folds(cell, last, noise, split_rest_second=REST_SECOND)
+    assert len(steps) == 4
+    blocks = sorted(tuple(block) for fold in steps for block in fold["blocks"])
     assert len(set(blocks)) == len(blocks)
-    for file, test in enumerate(one.fit.tests):
+    for file, test in enumerate(cell.fit.tests):
         spans = [(begin, end) for name, begin, end in blocks if name == test]
-        second = one.fit.second[one.fit.part([file])]
+        second = cell.fit.second[cell.fit.part([file])]
         inside = [(second >= begin) & (second <= end) for begin, end in spans]
         assert (np.sum(inside, axis=0) == 1).all()
 
 
 def test_the_size_of_the_effect_hardly_needs_a_fold(searched):
-    one, last, noise = searched
-    sizes = [f["values"][SIZE] for f in folds(one, last, noise, split_rest_second=REST_SECOND)]
+    cell, last, noise = searched
+    sizes = [f["values"][SIZE] for f in folds(cell, last, noise, split_rest_second=REST_SECOND)]
     assert last.solution.values[SIZE] == pytest.approx(0.3, abs=0.06)
     np.testing.assert_allclose(sizes, 0.3, atol=0.08)
     assert len(set(sizes)) == len(sizes)
 
 
 def test_a_spoiled_block_moves_all_folds_but_its_own(searched):
-    one, last, noise = searched
-    clean = folds(one, last, noise, split_rest_second=REST_SECOND)
+    cell, last, noise = searched
+    clean = folds(cell, last, noise, split_rest_second=REST_SECOND)
     test, begin, end = clean[1]["blocks"][0]
-    stack = one.fit
+    stack = cell.fit
     rows = stack.part([stack.tests.index(test)]) & (stack.second >= begin) & (stack.second <= end)
     volt = np.where(rows, stack.voltage_volt + 0.02 * np.sign(stack.current_ampere), 0.0)
     volt = np.where(rows, volt, stack.voltage_volt)
-    spoiled = one._replace(fit=stack._replace(voltage_volt=volt))
+    spoiled = cell._replace(fit=stack._replace(voltage_volt=volt))
     moved = folds(spoiled, last, noise, split_rest_second=REST_SECOND)
     shift = [
         abs(a["values"]["log_r0"] - b["values"]["log_r0"])
@@ -59,7 +59,7 @@ def test_a_spoiled_block_moves_all_folds_but_its_own(searched):
 
 
 def test_one_block_has_no_folds(searched):
-    one, last, noise = searched
-    assert folds(one, last, noise, split_rest_second=1e9)[0]["values"].keys() >= {"log_r0"}
-    single = one._replace(fit=one.fit._replace(used=one.fit.part([0])))
+    cell, last, noise = searched
+    assert folds(cell, last, noise, split_rest_second=1e9)[0]["values"].keys() >= {"log_r0"}
+    single = cell._replace(fit=cell.fit._replace(used=cell.fit.part([0])))
     assert folds(single, last, noise, split_rest_second=1e9) == []

@@ -22,7 +22,7 @@ from cellwright.effects.member import (
 )
 from cellwright.effects.records import stacked
 from cellwright.filters.bank import bank_of
-from cellwright.filters.evaluate import _as_it_was
+from cellwright.filters.evaluate import _without_instrument_faults
 from cellwright.identification.cell import cell_model
 from cellwright.identification.choice import fitted_records
 from cellwright.records.record import laid_out, record_of
@@ -55,7 +55,7 @@ def sizes(*effects):
     return {f"{e}.{p.name}": p.neutral if p.shape else p.plausible for e, p in parameters}
 
 
-def found(*effects, hold="zero_order", **changed):
+def effect_model(*effects, hold="zero_order", **changed):
     values = PLAIN | {"soc0[0]": 0.5} | sizes(*effects) | changed
     return {
         "capacity_ampere_hour": CAPACITY,
@@ -70,7 +70,7 @@ def found(*effects, hold="zero_order", **changed):
 
 def family(scale=1.0):
     """A model of the family: the plain circuit at one temperature, its resistances off."""
-    wrong = found()
+    wrong = effect_model()
     wrong["values"] |= {name: PLAIN[name] + np.log(scale) for name in ("log_r0", "log_r1")}
     table = {"soc": SOC.tolist(), "ocv_volt": OCV.tolist(), "ambient_temperature_celsius": 25.0}
     model = {"cell": "A", "capacity_ampere_hour": CAPACITY, "ocv": [table], "members": []}
@@ -113,7 +113,7 @@ def temperatures_of(given):
 @pytest.mark.parametrize("celsius", CELSIUS)
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_every_effect_gives_the_same_voltage_as_a_member(effect, celsius, hold):
-    assert largest(found(effect, hold=hold), celsius) < 1e-4
+    assert largest(effect_model(effect, hold=hold), celsius) < 1e-4
 
 
 @pytest.mark.parametrize(
@@ -126,21 +126,21 @@ def test_every_effect_gives_the_same_voltage_as_a_member(effect, celsius, hold):
     ],
 )
 def test_other_forms_and_signs_too(effect, changed):
-    assert largest(found(effect, **changed), 10.0) < 1e-4
+    assert largest(effect_model(effect, **changed), 10.0) < 1e-4
 
 
 @pytest.mark.parametrize("record", [{"soc": 0.6}, {"soc": 1.0, "kind": "capacity"}, {"soc": 0.97}])
 @pytest.mark.parametrize("effect", ["capacity_error", "leakage", "hysteresis_one_state"])
 def test_wherever_a_record_begins_and_of_whatever_kind(effect, record):
-    assert largest(found(effect), 10.0, **record) < 1e-4
+    assert largest(effect_model(effect), 10.0, **record) < 1e-4
 
 
 def test_several_effects_at_once():
     several = ["resistance_temperature", "resistance_soc", "hysteresis_one_state"]
     several += ["current_gain", "current_offset", "capacity_temperature", "voltage_offset"]
-    assert largest(found(*several), 10.0) < 2e-4
+    assert largest(effect_model(*several), 10.0) < 2e-4
     several = ["resistance_temperature", "self_heating", "slow_diffusion"]
-    assert largest(found(*several), 10.0) < 3e-4
+    assert largest(effect_model(*several), 10.0) < 3e-4
 
 
 # What a look-up over SoC and temperature cannot hold: a sum of resistances of which only some
@@ -155,12 +155,12 @@ APPROXIMATE = {
 @pytest.mark.parametrize("pair", list(combinations(LIBRARY, 2)), ids="-".join)
 def test_two_effects_give_the_same_voltage_as_a_member(pair):
     """In whichever order they were found."""
-    assert largest(found(*reversed(pair)), 12.0) < APPROXIMATE.get(pair, 1.5e-4)
+    assert largest(effect_model(*reversed(pair)), 12.0) < APPROXIMATE.get(pair, 1.5e-4)
 
 
 def test_a_member_holds_what_was_found_and_no_more():
     model = family()
-    member = effect_member(found("current_offset", "leakage"), model, [25.0])
+    member = effect_member(effect_model("current_offset", "leakage"), model, [25.0])
     assert member["reading"] == {"current_offset_ampere": 0.02}
     assert member["counting"].keys() == {
         *("leak_ampere", "capacity_relative", "capacity_test_relative")
@@ -171,8 +171,8 @@ def test_a_member_holds_what_was_found_and_no_more():
     assert member["conditions"][0]["r0_std_ohm"][0] == pytest.approx(0.01 * 0.03)
     assert len(words_of(member)) == 2
     assert is_plain(member)
-    assert not is_plain(effect_member(found("self_heating"), model, [25.0]))
-    energy = effect_member(found("resistance_temperature"), model, [5.0])["conditions"][0]
+    assert not is_plain(effect_member(effect_model("self_heating"), model, [25.0]))
+    energy = effect_member(effect_model("resistance_temperature"), model, [5.0])["conditions"][0]
     assert energy["activation_energy_joule_per_mole"] == pytest.approx(2e4)
 
 
@@ -185,8 +185,8 @@ def test_temperatures_are_those_tested_and_close_enough_for_the_ocv():
 
 def test_what_is_not_known_is_refused():
     with pytest.raises(Refusal, match="gremlins are not in the library"):
-        effect_member(found() | {"effects": ["gremlins"]}, family(), [25.0])
-    uneven = found() | {"ocv_soc": (SOC**2).tolist()}
+        effect_member(effect_model() | {"effects": ["gremlins"]}, family(), [25.0])
+    uneven = effect_model() | {"ocv_soc": (SOC**2).tolist()}
     with pytest.raises(Refusal, match="wanted even"):
         effect_member(uneven, family(), [25.0])
 
@@ -230,7 +230,7 @@ def folds_of(given, *changes):
 def searched(given, folds):
     """What a search would say that fitted both tests."""
     starts = {"soc0[0]": 0.95, "soc0[1]": 0.95}
-    folds = [one | {"values": one["values"] | starts} for one in folds]
+    folds = [fold | {"values": fold["values"] | starts} for fold in folds]
     about = {"tests": [f"D{celsius:g}" for celsius in CELSIUS], "folds": folds}
     return given | about | {"values": given["values"] | starts}
 
@@ -241,12 +241,12 @@ def family_of(tests):
 
 
 def finished_of(given, tests, folds=None):
-    found = searched(given, folds_of(given) if folds is None else folds)
-    return finished(family_of(tests), BASIS, SHEET, tests, found, split_rest_second=200.0)
+    effect_model = searched(given, folds_of(given) if folds is None else folds)
+    return finished(family_of(tests), BASIS, SHEET, tests, effect_model, split_rest_second=200.0)
 
 
 def test_the_better_of_both_is_chosen_by_blocks_that_were_left_out():
-    given = found("resistance_asymmetry", "current_gain")
+    given = effect_model("resistance_asymmetry", "current_gain")
     model, rows = finished_of(given, series_of(given))
     assert model["chosen"] == NAME
     assert f"{NAME} chosen, clearly before 1RC" in model["choice"]
@@ -259,8 +259,8 @@ def test_the_better_of_both_is_chosen_by_blocks_that_were_left_out():
 
 
 def test_a_member_that_simulates_badly_is_not_chosen_and_told_so():
-    given = found("resistance_asymmetry", "current_gain")
-    worse = found("resistance_asymmetry", "current_gain", log_r0=np.log(0.09))
+    given = effect_model("resistance_asymmetry", "current_gain")
+    worse = effect_model("resistance_asymmetry", "current_gain", log_r0=np.log(0.09))
     model, rows = finished_of(worse, series_of(given))
     assert model["chosen"] == "1RC"
     (reason,) = {row["reason"] for row in rows if row["model"] == NAME}
@@ -269,7 +269,7 @@ def test_a_member_that_simulates_badly_is_not_chosen_and_told_so():
 
 def test_what_is_good_only_where_it_was_fitted_is_not_chosen():
     """A model that without a block would have been off by 30 mV there has not understood it."""
-    given = found("resistance_asymmetry", "current_gain")
+    given = effect_model("resistance_asymmetry", "current_gain")
     folds = folds_of(given, *({"ocv[20]": 0.3, "ocv[40]": -0.3, "log_r0": np.log(0.08)},) * 3)
     model, rows = finished_of(given, series_of(given), folds)
     assert model["chosen"] == "1RC"
@@ -278,7 +278,7 @@ def test_what_is_good_only_where_it_was_fitted_is_not_chosen():
 
 
 def test_each_block_is_predicted_by_the_model_fitted_without_it():
-    given = found("voltage_offset")
+    given = effect_model("voltage_offset")
     name = "voltage_offset.offset_volt"
     off = [{name: given["values"][name] + volt} for volt in (0.01, 0.02, 0.04)]
     tests = series_of(given)
@@ -293,7 +293,7 @@ def test_each_block_is_predicted_by_the_model_fitted_without_it():
 
 
 def test_a_record_begins_at_the_soc_that_was_found_with_the_rest_of_it():
-    given = found("resistance_asymmetry")
+    given = effect_model("resistance_asymmetry")
     tests = series_of(given)
     tests = [test._replace(facts=test.facts._replace(soc=0.94)) for test in tests]
     model = family_of(tests)
@@ -306,27 +306,27 @@ def test_a_record_begins_at_the_soc_that_was_found_with_the_rest_of_it():
 
 
 def test_without_effects_the_family_is_judged_alone():
-    tests = series_of(found("resistance_temperature"))
-    model, rows = finished_of(found(), tests)
+    tests = series_of(effect_model("resistance_temperature"))
+    model, rows = finished_of(effect_model(), tests)
     assert model["chosen"] == "1RC"
     assert {row["model"] for row in rows} == {"0RC", "1RC"}
 
 
 def test_a_borrowed_model_is_left_as_it_is():
     model = family()
-    again = finished(model, BASIS, SHEET, [], found("leakage"), split_rest_second=200.0)
+    again = finished(model, BASIS, SHEET, [], effect_model("leakage"), split_rest_second=200.0)
     assert again == (model, [])
 
 
 def test_effects_that_no_model_file_holds_cost_the_cell_only_that_member():
-    tests = series_of(found("resistance_temperature"))
-    model, _ = finished_of(found() | {"effects": ["gremlins"]}, tests)
+    tests = series_of(effect_model("resistance_temperature"))
+    model, _ = finished_of(effect_model() | {"effects": ["gremlins"]}, tests)
     assert model["chosen"] == "1RC"
     assert any("not made: effects gremlins" in note for note in model["notes"])
 
 
 def test_records_that_are_gone_are_a_refusal():
-    tests = series_of(found("resistance_temperature"))
+    tests = series_of(effect_model("resistance_temperature"))
     with pytest.raises(Refusal, match="D28 cannot be read again"):
         fitted_records(family_of(tests), BASIS, SHEET, tests[:1], split_rest_second=200.0)
 
@@ -342,7 +342,7 @@ def holding(given):
 
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_every_member_is_a_bank_and_rows_and_an_export_or_a_reason(effect):
-    model = holding(found(effect))
+    model = holding(effect_model(effect))
     bank = bank_of(model, NAME, 20.0)
     assert np.isfinite(bank.ocv_volt).all()
     assert len(bank.elements) >= 3
@@ -353,11 +353,11 @@ def test_every_member_is_a_bank_and_rows_and_an_export_or_a_reason(effect):
 
 
 def test_a_filter_sees_the_true_current_and_voltage():
-    given = found("current_offset", "voltage_offset", "voltage_gain", "capacity_error")
+    given = effect_model("current_offset", "voltage_offset", "voltage_gain", "capacity_error")
     tests = series_of(given)
     model = holding(given)
     read = laid_out(tests[0], model, SHEET, split_rest_second=300.0)
-    record = _as_it_was(model, member_of(model, NAME), read)
+    record = _without_instrument_faults(model, member_of(model, NAME), read)
     true = tests[0].series["current_ampere"] - 0.02
     np.testing.assert_allclose(record.current_ampere, true)
     volt = tests[0].series["voltage_volt"] / 1.003 - 0.01

@@ -22,14 +22,14 @@ OHM = 0.04
 
 
 def _branch(p, r0_ohm, capacity_ampere_hour):
-    own = {"r_ohm": p["resistance_ohm"], "tau_second": 20.0, "scale_volt": 0.02}
-    return r0_ohm, "kinetic", own
+    parameters = {"r_ohm": p["resistance_ohm"], "tau_second": 20.0, "scale_volt": 0.02}
+    return r0_ohm, "kinetic", parameters
 
 
 def _act(fields, stack, p):
-    _, kind, own = _branch(p, None, None)
-    drive = KINDS[kind].drive(fields.current, **own)
-    return fields._replace(volt=fields.volt + base.relaxed(stack, drive, own["tau_second"]))
+    _, kind, parameters = _branch(p, None, None)
+    drive = KINDS[kind].drive(fields.current, **parameters)
+    return fields._replace(volt=fields.volt + base.relaxed(stack, drive, parameters["tau_second"]))
 
 
 NEW = Effect(
@@ -66,27 +66,27 @@ def measured(seed):
 
 
 @cache
-def found():
+def finding():
     return of_case("cell", Case(CELL, measured(1), measured(2)), WITH_NEW)
 
 
 def test_it_is_found_with_its_size():
-    verdict = found().verdict
+    verdict = finding().verdict
     assert verdict["verdict"] == "named"
-    assert [one["effect"] for one in verdict["effects"]] == [NEW.id]
+    assert [entry["effect"] for entry in verdict["effects"]] == [NEW.id]
     size = verdict["effects"][0]["parameters"]["resistance_ohm"]
     assert abs(size["value"] - OHM) < 4 * size["std"]
 
 
 def test_it_is_said_in_its_own_words():
-    text = found().verdict["paragraph"]
+    text = finding().verdict["paragraph"]
     assert text.startswith(f"Shows {NEW.id.replace('_', ' ')}: it takes the error")
     assert f"{NEW.sentence[0].upper()}{NEW.sentence[1:]} (resistance " in text
     assert NEW.consequence in text
 
 
 def test_it_is_ranked_before_its_rivals():
-    ranking = found().ranking
+    ranking = finding().ranking
     assert ranking["effect"][0] == NEW.id
     assert ranking["chosen"][0] is True
     assert set(ranking["effect"]) > {NEW.id}
@@ -102,7 +102,7 @@ def family():
 
 
 def test_a_model_file_holds_it_and_simulates_as_the_search_did():
-    model, searched = family(), found().model
+    model, searched = family(), finding().model
     model["members"] = [effect_member(searched, model, [25.0], WITH_NEW)]
     branch = model["members"][0]["conditions"][0]["branches"][-1]
     assert branch["kind"] == "kinetic"
@@ -118,4 +118,4 @@ def test_a_model_file_holds_it_and_simulates_as_the_search_did():
 def test_one_without_a_place_in_a_model_file_is_refused_by_name():
     homeless = NEW._replace(circuit=None)
     with pytest.raises(Refusal, match="'film_kinetics' has no place in a model file"):
-        effect_member(found().model, family(), [25.0], {NEW.id: homeless})
+        effect_member(finding().model, family(), [25.0], {NEW.id: homeless})

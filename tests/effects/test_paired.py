@@ -45,9 +45,9 @@ def record(test, current, seed, hidden=(), warm=25.0, jitter=0.0):
     stack = records.stacked([empty], capacity_ampere_hour=CAPACITY)
     names = {name.split(".")[0] for name in (*COMMON, *hidden)}
     effects = [LIBRARY[name] for name in LIBRARY if name in names]
-    own = np.random.default_rng(seed // 10).normal(size=5)
+    scatter = np.random.default_rng(seed // 10).normal(size=5)
     values = dict.fromkeys(base.base_names(1), 0.0) | {"soc0[0]": 1.0} | COMMON | dict(hidden)
-    logs = np.log([0.02, 0.01, 8.0, 0.012, 130.0]) + 0.1 * own
+    logs = np.log([0.02, 0.01, 8.0, 0.012, 130.0]) + 0.1 * scatter
     values |= dict(zip(base.LOGARITHMS, logs, strict=True))
     volt = base.voltage(CELL, stack, values, effects) + 1e-3 * random.normal(size=len(clock))
     return empty._replace(voltage_volt=volt)
@@ -73,7 +73,7 @@ def library():
 
 
 def names(rounds):
-    return [one.chosen.effect.id for one in rounds if one.chosen]
+    return [step.chosen.effect.id for step in rounds if step.chosen]
 
 
 def test_a_healthy_cell_alone_is_named_and_beside_others_is_not():
@@ -85,21 +85,21 @@ def test_a_healthy_cell_alone_is_named_and_beside_others_is_not():
 def test_what_a_cell_has_beyond_healthy_ones_is_named_first_and_recovered():
     rounds = search.search(paired(case(9, HIDDEN), references()).case, library())
     assert names(rounds)[0] == "hysteresis_instant"
-    found = rounds[0].chosen.state.solution.values["hysteresis_instant.amplitude_volt"]
-    assert found == pytest.approx(0.008, rel=0.1)
+    amplitude_volt = rounds[0].chosen.state.solution.values["hysteresis_instant.amplitude_volt"]
+    assert amplitude_volt == pytest.approx(0.008, rel=0.1)
 
 
 def test_the_template_takes_most_of_what_a_plain_model_leaves():
     healthy = case(8)
     plain = search.search(healthy, library())[0].before
-    beside = search.search(paired(healthy, references()).case, library())[0].before
-    assert beside.validation_rmse_volt < 0.5 * plain.validation_rmse_volt
+    with_template = search.search(paired(healthy, references()).case, library())[0].before
+    assert with_template.validation_rmse_volt < 0.5 * plain.validation_rmse_volt
 
 
 def test_a_template_is_needed_where_the_circuit_fails_healthy_cells():
-    found = paired(case(8), references())
-    assert found.needed
-    assert found.read_volt == pytest.approx(1e-3, rel=0.1)
+    result = paired(case(8), references())
+    assert result.needed
+    assert result.read_volt == pytest.approx(1e-3, rel=0.1)
     assert not paired(case(8), references(), Pairing(needed_ratio=100.0)).needed
 
 
@@ -153,17 +153,17 @@ def test_a_record_that_ends_early_is_refused():
 def test_clocks_are_tied_at_long_rests():
     slow = np.concatenate([np.zeros(300), np.full(3000, -2.0), np.zeros(300), np.full(900, 2.0)])
     late = np.concatenate([np.zeros(300), np.full(3100, -2.0), np.zeros(300), np.full(900, 2.0)])
-    found = counterpart_second(alone(slow), alone(late))
-    assert found[3300] == pytest.approx(3400, abs=2)
-    assert found[4000] == pytest.approx(4100, abs=2)
+    second = counterpart_second(alone(slow), alone(late))
+    assert second[3300] == pytest.approx(3400, abs=2)
+    assert second[4000] == pytest.approx(4100, abs=2)
 
 
 def test_rows_that_a_reference_has_not_are_not_compared():
     others = references(2) | {"r3": shortened(case(3))}
-    found = paired(case(8), others).case
-    assert not found.fit.used[-100:].any()
-    assert found.fit.used[:-201].all()
-    assert found.validation.used.all()
+    result = paired(case(8), others).case
+    assert not result.fit.used[-100:].any()
+    assert result.fit.used[:-201].all()
+    assert result.validation.used.all()
 
 
 def shortened(whole):
@@ -175,6 +175,6 @@ def shortened(whole):
 
 
 def test_a_template_is_never_larger_than_it_was_by_more_than_its_prior():
-    found = paired(case(8), references(), Pairing(scale_std=1e-6))
-    values = search.search(found.case, library())[0].before.solution.values
+    result = paired(case(8), references(), Pairing(scale_std=1e-6))
+    values = search.search(result.case, library())[0].before.solution.values
     assert values["known"] == pytest.approx(1.0, abs=1e-3)

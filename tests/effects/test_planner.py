@@ -24,14 +24,14 @@ def asked(usual, effect, *alternatives, **more):
     return next_test(case, model, effect, alternatives, library=LIBRARY, **more)
 
 
-def left(advice, test):
+def after(advice, test):
     return dict(zip(advice.table["test"], advice.table["chi_square"], strict=True))[test]
 
 
 def test_a_slow_cycle_separates_hysteresis_from_diffusion_better_than_a_drive(usual):
     advice = asked(usual, "hysteresis_one_state", "slow_diffusion")
     assert advice.test == "c20_both"
-    assert left(advice, "c20_both") - advice.now > 20 * (left(advice, "drive_warm") - advice.now)
+    assert after(advice, "c20_both") - advice.now > 20 * (after(advice, "drive_warm") - advice.now)
     assert advice.sentence.startswith("To tell hysteresis one state from slow diffusion: ")
     assert "a C/20 discharge and charge (about 41 h), which would leave" in advice.sentence
     assert f"now {advice.now:.0f}" in advice.sentence
@@ -40,7 +40,7 @@ def test_a_slow_cycle_separates_hysteresis_from_diffusion_better_than_a_drive(us
 def test_so_it_does_where_diffusion_is_the_truth(usual):
     advice = asked(usual, "slow_diffusion", "hysteresis_one_state")
     assert advice.test in ("c20_both", "cccv_4")
-    assert left(advice, "c20_both") - advice.now > 3 * (left(advice, "drive_warm") - advice.now)
+    assert after(advice, "c20_both") - advice.now > 3 * (after(advice, "drive_warm") - advice.now)
 
 
 def test_another_temperature_is_no_advice_for_what_does_not_depend_on_it(usual):
@@ -52,7 +52,7 @@ def test_another_temperature_is_no_advice_for_what_does_not_depend_on_it(usual):
 def test_other_temperatures_show_resistance_over_temperature(usual):
     advice = asked(usual, "resistance_temperature")
     assert advice.test in ("drive_warm", "drive_cold")
-    assert advice.now < 25.0 < left(advice, advice.test) / 10
+    assert advice.now < 25.0 < after(advice, advice.test) / 10
 
 
 def test_self_heating_against_resistance_over_temperature(usual):
@@ -93,23 +93,23 @@ def test_what_no_test_of_the_cell_tells_asks_for_a_check(usual, pair, word):
 def test_an_effect_in_the_model_is_weighed_at_its_estimate(usual):
     """Four times the size is sixteen times the chi-square, rival or not."""
     case, model = usual
-    own = LIBRARY["hysteresis_one_state"]
-    found = []
+    hidden = LIBRARY["hysteresis_one_state"]
+    advices = []
     for size in (0.002, 0.008):
-        values = model.values | {own.names[0]: size, own.names[1]: 12.0}
-        state = Model(values, (own,))
-        found.append(next_test(case, state, own.id, ("slow_diffusion",), library=LIBRARY))
-    low, high = (one.table["chi_square"][0] for one in found)
+        values = model.values | {hidden.names[0]: size, hidden.names[1]: 12.0}
+        state = Model(values, (hidden,))
+        advices.append(next_test(case, state, hidden.id, ("slow_diffusion",), library=LIBRARY))
+    low, high = (advice.table["chi_square"][0] for advice in advices)
     assert high == pytest.approx(16 * low, rel=0.02)
 
 
 def test_an_estimate_of_zero_leaves_nothing(usual):
     case, model = usual
-    own = LIBRARY["leakage"]
-    state = Model(model.values | {own.names[0]: 0.0}, (own,))
-    advice = next_test(case, state, own.id, library=LIBRARY)
+    hidden = LIBRARY["leakage"]
+    state = Model(model.values | {hidden.names[0]: 0.0}, (hidden,))
+    advice = next_test(case, state, hidden.id, library=LIBRARY)
     assert advice.test is None
-    assert own.shows in advice.sentence
+    assert hidden.shows in advice.sentence
     assert max(advice.table["chi_square"]) < 1e-6
 
 
@@ -124,7 +124,7 @@ def test_an_unknown_effect_is_refused(usual):
         asked(usual, "leakage", "gremlins")
 
 
-@pytest.mark.parametrize("test", TESTS, ids=lambda one: one.id)
+@pytest.mark.parametrize("test", TESTS, ids=lambda test: test.id)
 def test_a_planned_test_stays_within_the_rating(test):
     record = test.record
     rates = record.current_ampere / small.CAPACITY
@@ -140,23 +140,23 @@ def test_a_planned_test_stays_within_the_rating(test):
 
 def test_the_drive_goes_no_further_than_the_cell_may():
     tests = planner.menu(small.CELL, RATING._replace(least_celsius=20.0), celsius=25.0)
-    cold = next(one for one in tests if one.id == "drive_cold")
+    cold = next(test for test in tests if test.id == "drive_cold")
     assert cold.words == "the same drive 5 K colder"
     assert np.all(cold.record.celsius == 20.0)
 
 
 def test_the_rating_is_that_of_the_records(usual):
-    found = planner.rating_of(usual[0].fit, small.CAPACITY)
-    assert 1.8 < found.discharge_c_rate <= 2.0
-    assert 1.0 < found.charge_c_rate <= 1.2
+    rating = planner.rating_of(usual[0].fit, small.CAPACITY)
+    assert 1.8 < rating.discharge_c_rate <= 2.0
+    assert 1.0 < rating.charge_c_rate <= 1.2
 
 
 def test_a_fitted_leak_is_told_from_an_offset_by_no_test_of_the_cell(usual):
     """Not even by the curvature of the OCV, over which the leak has carried the cell."""
     case, model = usual
-    own = LIBRARY["leakage"]
-    state = Model(model.values | {own.names[0]: 0.01}, (own,))
-    advice = next_test(case, state, own.id, ("current_offset",), library=LIBRARY)
+    hidden = LIBRARY["leakage"]
+    state = Model(model.values | {hidden.names[0]: 0.01}, (hidden,))
+    advice = next_test(case, state, hidden.id, ("current_offset",), library=LIBRARY)
     assert advice.test == "check"
     assert max(advice.table["chi_square"]) < 10.0
     assert "in which only a leak discharges the cell" in advice.sentence

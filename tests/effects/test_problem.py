@@ -28,33 +28,33 @@ def at(solution):
 
 
 def test_a_linear_problem_is_solved_in_one_step():
-    found = fit(linear(), ZERO, steps=1)
+    solution = fit(linear(), ZERO, steps=1)
     least = np.linalg.lstsq(MATRIX, ROWS, rcond=None)[0]
-    np.testing.assert_allclose(at(found), least, atol=1e-4)
-    np.testing.assert_allclose(found.residual, ROWS - MATRIX @ at(found), atol=1e-12)
-    assert found.chi_square == pytest.approx(found.residual @ found.residual)
-    assert found.names == NAMES
-    assert found.at_bound == ()
+    np.testing.assert_allclose(at(solution), least, atol=1e-4)
+    np.testing.assert_allclose(solution.residual, ROWS - MATRIX @ at(solution), atol=1e-12)
+    assert solution.chi_square == pytest.approx(solution.residual @ solution.residual)
+    assert solution.names == NAMES
+    assert solution.at_bound == ()
 
 
 def test_priors_pull_as_on_paper():
     free = (Free("a", 0.1, 3.0, 0.05), Free("b", 0.1), Free("c", 0.1))
     coupling = np.zeros((3, 3))
     coupling[1:, 1:] = [[50.0, -20.0], [-20.0, 40.0]]
-    found = fit(linear(free, coupling=coupling), ZERO)
+    solution = fit(linear(free, coupling=coupling), ZERO)
     weight = np.diag([400.0, 0.0, 0.0])
     precision = MATRIX.T @ MATRIX + weight + coupling
     exact = np.linalg.solve(precision, MATRIX.T @ ROWS + weight @ [3.0, 0.0, 0.0])
-    np.testing.assert_allclose(at(found), exact, atol=1e-5)
-    np.testing.assert_allclose(found.precision, precision, rtol=1e-6)
+    np.testing.assert_allclose(at(solution), exact, atol=1e-5)
+    np.testing.assert_allclose(solution.precision, precision, rtol=1e-6)
 
 
 def test_a_bound_holds_and_is_told():
     free = (Free("a", 0.1, upper=0.3), Free("b", 0.1), Free("c", 0.1))
-    found = fit(linear(free), ZERO)
-    assert found.values["a"] == 0.3
-    assert found.at_bound == ("a",)
-    assert found.cost < fit(linear(free), ZERO, steps=0).cost
+    solution = fit(linear(free), ZERO)
+    assert solution.values["a"] == 0.3
+    assert solution.at_bound == ("a",)
+    assert solution.cost < fit(linear(free), ZERO, steps=0).cost
 
 
 def test_parameters_that_move_rows_of_their_own_are_moved_together():
@@ -66,10 +66,12 @@ def test_parameters_that_move_rows_of_their_own_are_moved_together():
 
     problem = linear()._replace(predict=predict, apart=lambda values: [(NAMES, owner)])
     values = {"a": 1.0, "b": 2.0, "c": 3.0}
-    here = predict(values)
-    one = derivatives(problem, values, here)
+    prediction = predict(values)
+    together = derivatives(problem, values, prediction)
     assert len(asked) == 2
-    np.testing.assert_allclose(one, derivatives(problem._replace(apart=None), values, here))
+    np.testing.assert_allclose(
+        together, derivatives(problem._replace(apart=None), values, prediction)
+    )
 
 
 def test_what_is_not_on_a_bound_follows_what_is_in_the_same_step():
@@ -78,17 +80,17 @@ def test_what_is_not_on_a_bound_follows_what_is_in_the_same_step():
     problem = linear(free, rows=mixed @ TRUE)._replace(
         predict=lambda values: mixed @ np.array([values[name] for name in NAMES])
     )
-    found = fit(problem, ZERO, steps=1)
+    solution = fit(problem, ZERO, steps=1)
     exact = lsq_linear(mixed, mixed @ TRUE, ([-np.inf, -np.inf, -0.2], [0.3, np.inf, np.inf]))
-    np.testing.assert_allclose(at(found), exact.x, atol=1e-4)
-    assert found.at_bound == ("a",)
+    np.testing.assert_allclose(at(solution), exact.x, atol=1e-4)
+    assert solution.at_bound == ("a",)
 
 
 def test_a_derivative_stays_below_the_upper_bound():
     free = (Free("a", 0.1, upper=0.05), *(Free(name, 0.1) for name in NAMES[1:]))
     problem = linear(free)
-    found = derivatives(problem, ZERO, problem.predict(ZERO))
-    np.testing.assert_allclose(found, MATRIX, atol=1e-12)
+    solution = derivatives(problem, ZERO, problem.predict(ZERO))
+    np.testing.assert_allclose(solution, MATRIX, atol=1e-12)
 
 
 def test_a_bent_problem_is_solved_and_the_cost_never_rises():
@@ -103,10 +105,10 @@ def test_a_bent_problem_is_solved_and_the_cost_never_rises():
     start = {"size": 0.3, "rate": -1.0}
     costs = [fit(problem, start, steps=n).cost for n in range(12)]
     assert (np.diff(costs) <= 1e-9).all()
-    found = fit(problem, start)
-    assert found.values["size"] == pytest.approx(2.0, abs=4 * stds(found)["size"])
-    assert found.values["rate"] == pytest.approx(0.7, abs=4 * stds(found)["rate"])
-    assert found.chi_square == pytest.approx(300, rel=0.3)
+    solution = fit(problem, start)
+    assert solution.values["size"] == pytest.approx(2.0, abs=4 * stds(solution)["size"])
+    assert solution.values["rate"] == pytest.approx(0.7, abs=4 * stds(solution)["rate"])
+    assert solution.chi_square == pytest.approx(300, rel=0.3)
 
 
 def test_a_chord_reaches_the_same_place():
@@ -115,19 +117,28 @@ def test_a_chord_reaches_the_same_place():
     np.testing.assert_allclose(at(near), at(whole), atol=1e-2)
 
 
+def test_a_further_parameter_is_made_anew_beside_derivatives_that_stay():
+    two = fit(linear()._replace(free=linear().free[:2]), ZERO)
+    kept = {"columns": two.columns, "white": two.white}
+    np.testing.assert_allclose(at(fit(linear(), ZERO, **kept)), at(fit(linear(), ZERO)), atol=1e-6)
+    by_name = fit(linear(), ZERO, columns=MATRIX * [1.0, 1.0, 0.0], renew=("c",))
+    np.testing.assert_allclose(at(fit(linear(), ZERO, **kept)), at(by_name), rtol=1e-12)
+    assert two.columns.shape == two.white.shape == (200, 2)
+
+
 def test_standard_deviations_cover():
     far = []
     for seed in range(300):
         rows = MATRIX @ TRUE + np.random.default_rng(seed).normal(size=200)
-        found = fit(linear(rows=rows), ZERO, steps=1)
+        solution = fit(linear(rows=rows), ZERO, steps=1)
         far.append(
-            [(found.values[n] - t) / stds(found)[n] for n, t in zip(NAMES, TRUE, strict=True)]
+            [(solution.values[n] - t) / stds(solution)[n] for n, t in zip(NAMES, TRUE, strict=True)]
         )
     assert np.mean(np.square(far)) == pytest.approx(1.0, abs=0.15)
     assert np.mean(np.abs(far) < 1.96) == pytest.approx(0.95, abs=0.03)
 
 
 def test_what_a_model_lacks_widens_them():
-    found = fit(linear(), ZERO)
+    solution = fit(linear(), ZERO)
     worse = fit(linear(rows=ROWS * 3), ZERO)
-    assert stds(worse)["a"] == pytest.approx(3 * stds(found)["a"], rel=0.15)
+    assert stds(worse)["a"] == pytest.approx(3 * stds(solution)["a"], rel=0.15)

@@ -22,16 +22,16 @@ CLASSES = {"hysteresis_instant": ("hysteresis_instant", "hysteresis_one_state")}
 EVERY = {"time_skew": 0.5}  # a delay is seen at edges that are sampled as finely
 
 
-def found(effect, without=()):
+def searched(effect, without=()):
     """(Outcome, rounds) of a search."""
     truth = HIDDEN[effect][0] if effect in HIDDEN else HEALTHY
-    searched = rounds(truth, without=without, every=EVERY.get(effect, 2.0))
-    return outcome(searched, Gates()), searched
+    steps = rounds(truth, without=without, every=EVERY.get(effect, 2.0))
+    return outcome(steps, Gates()), steps
 
 
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_the_hidden_effect_is_named_alone(effect):
-    result, _ = found(effect)
+    result, _ = searched(effect)
     assert result.word == "named"
     assert [step.chosen.effect.id for step in result.steps] == [effect]
     assert result.closed > 0.9
@@ -41,7 +41,7 @@ def test_the_hidden_effect_is_named_alone(effect):
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_its_size_is_recovered(effect):
     _, name, size = HIDDEN[effect]
-    solution = found(effect)[0].last.solution
+    solution = searched(effect)[0].last.solution
     name = f"{effect}.{name}"
     assert abs(solution.values[name] - size) < max(4 * stds(solution)[name], 0.2 * size)
     assert stds(solution)[name] < 0.2 * size
@@ -49,13 +49,13 @@ def test_its_size_is_recovered(effect):
 
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_the_floor_is_the_noise(effect):
-    result, _ = found(effect)
+    result, _ = searched(effect)
     assert 1.35e-3 < result.floor_volt < 2.1e-3
     assert result.last.worst_volt == pytest.approx(1.5e-3, rel=0.06)
 
 
 def test_a_healthy_cell_lacks_nothing():
-    result, rounds = found("none")
+    result, rounds = searched("none")
     assert result.word == "none"
     assert len(rounds) == 1
     assert rounds[0].chosen is None
@@ -65,7 +65,7 @@ def test_a_healthy_cell_lacks_nothing():
 # An offset is not among them: see test_ways_it_goes_wrong for its tie.
 @pytest.mark.parametrize("effect", [name for name in HIDDEN if name != "current_offset"])
 def test_without_its_class_no_other_takes_its_name(effect):
-    result, _ = found(effect, CLASSES.get(effect, (effect,)))
+    result, _ = searched(effect, CLASSES.get(effect, (effect,)))
     assert result.word in ("unknown", "none")
 
 
@@ -79,12 +79,12 @@ def test_a_leak_and_an_offset_stay_tied_where_the_log_reads_zero_at_rest():
 
 
 def test_an_offset_that_stands_in_the_log_at_rest_is_no_leak():
-    result, _ = found("current_offset")
+    result, _ = searched("current_offset")
     assert result.steps[0].tied == ()
 
 
 def test_an_offset_that_stands_in_the_log_is_no_leak_even_where_no_offset_is_known():
-    result, _ = found("current_offset", ("current_offset",))
+    result, _ = searched("current_offset", ("current_offset",))
     assert "leakage" not in {
         name for step in result.steps for name in (step.chosen.effect.id, *step.tied)
     }

@@ -42,7 +42,7 @@ def trial(name, *effects, ohm=0.05):
     values = logs | {"slow_diffusion.resistance_ohm": ohm}
     state = SimpleNamespace(
         solution=SimpleNamespace(values=values),
-        effects=[LIBRARY[one] for one in (*effects, name)],
+        effects=[LIBRARY[effect_id] for effect_id in (*effects, name)],
     )
     return SimpleNamespace(effect=LIBRARY[name], state=state)
 

@@ -31,8 +31,8 @@ LEFT = {
 
 def verdict(truth, **options):
     searched = rounds(truth, every=2.0, without=())
-    found = outcome(searched, Gates())
-    return verdict_of("h1", found, searched, worst(LEFT, found.floor_volt), **options)
+    result = outcome(searched, Gates())
+    return verdict_of("h1", result, searched, worst(LEFT, result.floor_volt), **options)
 
 
 @pytest.fixture(scope="module")
@@ -49,12 +49,12 @@ def test_it_has_all_keys_of_the_contract_and_is_plain_json(named):
 
 
 def test_an_effect_has_its_numbers_with_units(named):
-    one = named["effects"][0]
+    entry = named["effects"][0]
     assert named["verdict"] == "named"
-    assert set(one) >= OF_AN_EFFECT
-    assert one["effect"] == "hysteresis_instant"
-    assert one["alternatives"] == []
-    size = one["parameters"]["amplitude_volt"]
+    assert set(entry) >= OF_AN_EFFECT
+    assert entry["effect"] == "hysteresis_instant"
+    assert entry["alternatives"] == []
+    size = entry["parameters"]["amplitude_volt"]
     assert size["unit"] == LIBRARY["hysteresis_instant"].parameters[0].unit
     assert size["value"] == pytest.approx(0.012, rel=0.05)
     assert 0 < size["std"] < 1e-3
@@ -62,27 +62,27 @@ def test_an_effect_has_its_numbers_with_units(named):
 
 
 def test_before_and_after_fall_and_close_the_gap(named):
-    one, floor = named["effects"][0], named["floor_volt"]
+    entry, floor = named["effects"][0], named["floor_volt"]
     for name in ("rmse_volt", "validation_rmse_volt"):
-        assert one[name]["before"] > 3 * one[name]["after"]
-    both = one["validation_rmse_volt"]
-    left, whole = (both[k] ** 2 - floor**2 for k in ("after", "before"))
-    assert one["gap_closed"] == pytest.approx(1 - left / whole)
+        assert entry[name]["before"] > 3 * entry[name]["after"]
+    both = entry["validation_rmse_volt"]
+    remaining, whole = (both[k] ** 2 - floor**2 for k in ("after", "before"))
+    assert entry["gap_closed"] == pytest.approx(1 - remaining / whole)
 
 
 def test_a_healthy_cell_has_an_empty_verdict():
-    found = verdict(HEALTHY)
-    assert found["verdict"] == "none"
-    assert found["effects"] == found["partial"] == []
-    assert found["located_at"] is None
-    assert found["next_test"] is None
+    result = verdict(HEALTHY)
+    assert result["verdict"] == "none"
+    assert result["effects"] == result["partial"] == []
+    assert result["located_at"] is None
+    assert result["next_test"] is None
 
 
 def test_what_is_unknown_is_located_and_not_named():
-    found = verdict(Truth(ripple=0.008))
-    assert found["verdict"] == "unknown"
-    assert found["effects"] == []
-    assert found["located_at"]["file"] == "b"
+    result = verdict(Truth(ripple=0.008))
+    assert result["verdict"] == "unknown"
+    assert result["effects"] == []
+    assert result["located_at"]["file"] == "b"
 
 
 def test_the_share_of_the_gap():

@@ -33,35 +33,35 @@ GATES = Gates()
 SINKS = ("current_offset", "slow_diffusion", "coulombic_inefficiency", "leakage", "ocv_shift")
 
 
-def word(found):
-    return outcome(found, GATES).word
+def word(steps):
+    return outcome(steps, GATES).word
 
 
-def named(found):
+def named(steps):
     """Ids that a reader would take for the answer."""
-    result = outcome(found, GATES)
+    result = outcome(steps, GATES)
     steps = result.steps if result.word in ("named", "ambiguous") else ()
     return [step.chosen.effect.id for step in steps]
 
 
 def test_the_base_fit_does_not_swallow_a_skew_as_a_fast_pair():
-    found = rounds(Truth(delay=0.5), every=0.5)
-    assert named(found) == ["time_skew"]
-    values = outcome(found, GATES).last.solution.values
+    steps = rounds(Truth(delay=0.5), every=0.5)
+    assert named(steps) == ["time_skew"]
+    values = outcome(steps, GATES).last.solution.values
     assert np.exp(values["log_tau1"]) == pytest.approx(9.0, rel=0.1)
 
 
 def test_the_noise_does_not_swallow_slow_diffusion():
-    found = rounds(Truth(slow_ohm=0.04))
-    assert found[0].noise.slow_volt < 5e-4
-    assert named(found) == ["slow_diffusion"]
+    steps = rounds(Truth(slow_ohm=0.04))
+    assert steps[0].noise.slow_volt < 5e-4
+    assert named(steps) == ["slow_diffusion"]
 
 
 @pytest.mark.parametrize("wave", [-1.5e-3, 1.5e-3])
 def test_an_error_of_the_ocv_within_its_tolerance_fills_no_sink(wave):
-    found = rounds(Truth(wave=wave))
-    assert word(found) == "none"
-    assert not set(named(found)) & set(SINKS)
+    steps = rounds(Truth(wave=wave))
+    assert word(steps) == "none"
+    assert not set(named(steps)) & set(SINKS)
 
 
 def test_what_the_validation_does_not_excite_is_not_testable():
@@ -73,17 +73,17 @@ def test_what_the_validation_does_not_excite_is_not_testable():
     assert "temperatures" in not_excited(proof, effect)[0]
     verdict = of_case("c", proof, LIBRARY).verdict
     assert "resistance_temperature" in verdict["not_testable"]
-    assert "resistance_temperature" not in [one["effect"] for one in verdict["effects"]]
+    assert "resistance_temperature" not in [entry["effect"] for entry in verdict["effects"]]
 
 
 @pytest.mark.parametrize("truth", [HEALTHY, Truth(activation=3e4)])
 def test_a_wobble_of_one_chamber_is_no_activation_energy(truth):
     made = case(truth, celsius=(25.0, 25.0))
     assert not_excited(made, LIBRARY["resistance_temperature"])
-    found = rounds(truth, celsius=(25.0, 25.0))
-    tried = {trial.effect.id for one in found for trial in one.trials}
+    steps = rounds(truth, celsius=(25.0, 25.0))
+    tried = {trial.effect.id for step in steps for trial in step.trials}
     assert not tried & {"resistance_temperature", "entropic_ocv", "capacity_temperature"}
-    assert "resistance_temperature" not in named(found)
+    assert "resistance_temperature" not in named(steps)
 
 
 def test_significance_without_size_is_no_name():
@@ -101,49 +101,49 @@ def test_a_far_better_explanation_too_small_to_matter_stops_a_worse_one():
     first = rounds(HYSTERESIS)[0]
     best, other = first.trials[:2]
     trials = [best._replace(material=False), other._replace(delta_bic=0.3 * best.delta_bic)]
-    found = best_of(GATES, first.before, first.before, trials, first.floor_volt)
-    assert found == (None, ())
+    best = best_of(GATES, first.before, first.before, trials, first.floor_volt)
+    assert best == (None, ())
 
 
 @pytest.mark.parametrize("name", ["delta_bic", "delta_validation"])
 def test_no_gain_on_either_side_is_no_name(name):
     first = rounds(HYSTERESIS)[0]
     trials = [t._replace(**{name: -1.0}) for t in first.trials]
-    found = best_of(GATES, first.before, first.before, trials, first.floor_volt)
-    assert found == (None, ())
+    best = best_of(GATES, first.before, first.before, trials, first.floor_volt)
+    assert best == (None, ())
 
 
 def test_an_optimum_at_a_bound_is_flagged():
     effect = LIBRARY["hysteresis_instant"]
     narrow = effect._replace(parameters=(effect.parameters[0]._replace(upper=0.011),))
     few = {effect.id: narrow, "resistance_asymmetry": LIBRARY["resistance_asymmetry"]}
-    found = of_case("c", case(HYSTERESIS), few)
-    size = found.verdict["effects"][0]["parameters"]["amplitude_volt"]
+    finding = of_case("c", case(HYSTERESIS), few)
+    size = finding.verdict["effects"][0]["parameters"]["amplitude_volt"]
     assert size["at_bound"]
     assert size["value"] == 0.011
-    assert "ended on a bound" in found.verdict["paragraph"]
-    rows = zip(found.ranking["chosen"], found.ranking["in_range"], strict=True)
+    assert "ended on a bound" in finding.verdict["paragraph"]
+    rows = zip(finding.ranking["chosen"], finding.ranking["in_range"], strict=True)
     assert (True, False) in rows
 
 
 def test_a_rival_that_half_explains_is_not_the_name():
     truth = Truth(slope_r1=1.0)
     assert named(rounds(truth)) == ["polarisation_soc"]
-    found = rounds(truth, without=("polarisation_soc",))
-    assert outcome(found, GATES).steps
-    assert word(found) == "unknown"
+    steps = rounds(truth, without=("polarisation_soc",))
+    assert outcome(steps, GATES).steps
+    assert word(steps) == "unknown"
 
 
 @pytest.mark.parametrize("late", [0, 3])
 def test_edges_that_are_sampled_coarsely_show_no_skew(late):
     """A row every 10 s, at the steps of the current or 6 s after them."""
-    judging = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    judging = [measured(*drive_of, 0.95, seed=k) for k, drive_of in enumerate(proofs(), 30)]
     made = laid(*([thinned(r, late) for r in side] for side in (fitted(), judging)))
     assert not_excited(made, LIBRARY["time_skew"])
     assert not not_excited(case(HEALTHY), LIBRARY["time_skew"])
-    found = search(made, LIBRARY)
-    assert "time_skew" not in {t.effect.id for one in found for t in one.trials}
-    assert not named(found)
+    steps = search(made, LIBRARY)
+    assert "time_skew" not in {t.effect.id for step in steps for t in step.trials}
+    assert not named(steps)
 
 
 def thinned(record, late):
@@ -152,10 +152,10 @@ def thinned(record, late):
 
 
 def test_a_start_from_an_unrelaxed_rest_is_no_effect():
-    whole = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    whole = [measured(*drive_of, 0.95, seed=k) for k, drive_of in enumerate(proofs(), 30)]
     parts = [cut(record, 460) for record in whole]
-    found = search(laid(fitted(), parts), LIBRARY)
-    assert not named(found)
+    steps = search(laid(fitted(), parts), LIBRARY)
+    assert not named(steps)
 
 
 def proofs():
@@ -173,9 +173,9 @@ def fitted(truth=HEALTHY):
 def cut(record, row):
     """What is left of a record from a row on, within a rest whose load ended 40 s before."""
     moved = np.sum(record.current_ampere[:row]) * plant.ROW_SECOND / 3600 / CAPACITY
-    left = rows_of(record, slice(row, None))
-    soc = np.append(record.soc[0] + moved, left.soc[1:])
-    return left._replace(test_time_second=left.test_time_second - left.test_time_second[0], soc=soc)
+    rest = rows_of(record, slice(row, None))
+    soc = np.append(record.soc[0] + moved, rest.soc[1:])
+    return rest._replace(test_time_second=rest.test_time_second - rest.test_time_second[0], soc=soc)
 
 
 def changed(records, **factors):
@@ -184,13 +184,13 @@ def changed(records, **factors):
 
 
 def test_a_flipped_sign_of_the_current_is_no_effect():
-    judging = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    judging = [measured(*drive_of, 0.95, seed=k) for k, drive_of in enumerate(proofs(), 30)]
     both = [changed(side, current_ampere=-1.0) for side in (fitted(), judging)]
     assert word(search(laid(*both), LIBRARY)) == "unknown"
 
 
 def test_millivolts_in_the_place_of_volts_are_no_effect():
-    judging = [measured(*one, 0.95, seed=k) for k, one in enumerate(proofs(), 30)]
+    judging = [measured(*drive_of, 0.95, seed=k) for k, drive_of in enumerate(proofs(), 30)]
     both = [changed(side, voltage_volt=1e3) for side in (fitted(), judging)]
     assert not named(search(laid(*both), LIBRARY))
 
@@ -200,19 +200,22 @@ def test_one_part_of_a_record_judges_from_the_start_that_the_other_found():
     fit = fitted()
     split = np.arange(len(fit[1].current_ampere)) % 200 < 100
     halves = [fit[1]._replace(used=split), fit[1]._replace(used=~split)]
-    found = search(laid([fit[0], halves[0], fit[2]], [halves[1]]), LIBRARY)
-    before = found[0].before
+    steps = search(laid([fit[0], halves[0], fit[2]], [halves[1]]), LIBRARY)
+    before = steps[0].before
     assert before.values["soc0[0]"] == before.solution.values["soc0[1]"]
-    assert word(found) == "none"
+    assert word(steps) == "none"
 
 
 def test_the_order_of_the_records_does_not_matter():
-    made = [fitted(HYSTERESIS), [measured(*one, 0.95, HYSTERESIS, seed=30) for one in proofs()]]
+    made = [
+        fitted(HYSTERESIS),
+        [measured(*drive_of, 0.95, HYSTERESIS, seed=30) for drive_of in proofs()],
+    ]
     sizes = []
     for order in (1, -1):
-        found = search(laid(*(side[::order] for side in made)), LIBRARY)
-        assert named(found) == ["hysteresis_instant"]
-        values = outcome(found, GATES).last.solution.values
+        steps = search(laid(*(side[::order] for side in made)), LIBRARY)
+        assert named(steps) == ["hysteresis_instant"]
+        values = outcome(steps, GATES).last.solution.values
         sizes.append(values["hysteresis_instant.amplitude_volt"])
     assert sizes[0] == pytest.approx(sizes[1], rel=1e-3)
 
@@ -225,5 +228,5 @@ def test_other_noise_is_the_same_answer(seed):
 
 def test_the_same_records_are_the_same_answer_to_the_last_digit():
     again = search(case_of(HYSTERESIS), LIBRARY)
-    one, other = (found[-1].before.solution.values for found in (rounds(HYSTERESIS), again))
-    assert one == other
+    first, second = (steps[-1].before.solution.values for steps in (rounds(HYSTERESIS), again))
+    assert first == second

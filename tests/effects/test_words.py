@@ -94,7 +94,7 @@ def test_what_is_unknown_has_no_name():
     assert "no effect of the vocabulary explains it" in said("unknown")
     text = said("unknown", partial=[step("slow_diffusion")])
     assert "The nearest explanation, slow diffusion, leaves 1.9 mV" in text
-    assert "is not the name of it" in text
+    assert "too much for it to be named" in text
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Figures of the search: what is drawn is what was found, and nothing found is said."""
+"""Figures of the search for a missing effect: every part is drawn, what is empty says so."""
 
 import re
 from pathlib import Path
@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 from figure_panels import rendered, title
 
-from figures import effects
+from figures import canvas, effects
 from runtime import page
 
 GATES = {"bic": 10, "validation_chi_square": 25}
+
+
+def numbers(panel):
+    """Texts written into the cells of a map."""
+    return [text for a in panel.artists if isinstance(a, canvas.Numbers) for text in a.texts]
 
 
 def bins(*rows):
@@ -38,7 +43,7 @@ def test_the_map_has_a_line_for_each_test_and_current_and_one_scale():
     assert left.get_clim() == right.get_clim()
     assert 2.0 < left.get_clim()[1] <= pooled
     assert "[mV]" in bar.get_ylabel()
-    assert sorted(text.get_text() for text in after.texts) == ["0.1", "0.2", "0.3"]
+    assert sorted(numbers(after)) == ["0.1", "0.2", "0.3"]
 
 
 def test_evidence_has_a_panel_an_effect_with_the_line_of_full_explanation():
@@ -118,14 +123,72 @@ def test_pairs_that_the_tests_cannot_tell_apart_are_framed():
         "current offset",
         "ocv edge",
     ]
-    assert [text.get_text() for text in panel.texts] == ["1.00", "0.40"]
+    assert numbers(panel) == ["1.00", "0.40"]
     (frame,) = panel.get_lines()
     assert frame.get_xydata().mean(axis=0) == pytest.approx([0.4, 1.4])
     assert "[1]" in bar.get_ylabel()
 
 
 def test_the_report_shows_every_figure_that_the_rules_of_the_search_write():
-    rules = Path(__file__).resolve().parents[2] / "workflow" / "rules" / "figures_of_models.smk"
-    written = set(re.findall(r"/(effect_\w+)\.svg", rules.read_text(encoding="utf-8")))
-    assert len(written) == 6
-    assert written == set(page.PROOFS)
+    rules = Path(__file__).resolve().parents[2] / "workflow" / "rules" / "drawing.smk"
+    tables = rules.read_text(encoding="utf-8").partition("\ndef ")[0]
+    written = [f"effect_{name}" for name in re.findall(r'^    "(?:group_)?(\w+)":', tables, re.M)]
+    assert len(written) == 7, "the ranking of a cell and that of a group have one name"
+    assert set(written) == set(page.PROOFS)
+
+
+BOTH = ("before", "after")
+SECOND = np.arange(0.0, 7200.0, 10.0)
+
+
+def series(*tests):
+    """One record a test; the plain model is 4 mV too low, in the second hour of the last 6 mV."""
+    late = np.where(SECOND >= 3600, 6e-3, 4e-3)
+    one = {"test_time_second": SECOND, "voltage_volt": 3.7 + 0 * SECOND}
+    one |= {"before_volt": 3.7 - late, "after_volt": 3.699 + 0 * SECOND}
+    many = {name: np.tile(values, len(tests)) for name, values in one.items()}
+    many["test"] = np.repeat([name for name, _ in tests], len(SECOND))
+    many["used"] = np.ones(len(many["test"]), bool)
+    return many | {"role": np.repeat([role for _, role in tests], len(SECOND))}
+
+
+def test_only_tests_for_proof_are_drawn_whole_and_where_the_plain_model_is_worst():
+    verdict = {"effects": [{"effect": "leakage"}], "floor_volt": 0.8e-3}
+    found = series(("hppc", "fit"), ("udds", "validation"))
+    voltage, worst, residual, _ = rendered(effects.draw_effect_validation(verdict, found))
+    assert title(voltage).startswith("udds: ")
+    rms = 1e3 * np.sqrt(np.mean((found["voltage_volt"] - found["before_volt"])[: len(SECOND)] ** 2))
+    assert f"plain model {rms:.2f} mV, with what was missing 1.00 mV" in title(residual)
+    assert "noise floor 0.80 mV" in title(residual)
+    before, after = [line.get_ydata() for line in residual.get_lines()]
+    assert (before.min(), before.max()) == pytest.approx((4.0, 6.0))
+    np.testing.assert_allclose(after, 1.0)
+    hours = worst.get_lines()[0].get_xdata()
+    assert hours.min() >= 1.0
+    assert hours.max() - hours.min() == pytest.approx(0.1)
+
+
+def test_a_cell_that_lacks_nothing_has_one_model_and_many_tests_are_counted():
+    verdict = {"effects": [], "partial": [], "floor_volt": 1e-3}
+    figure = effects.draw_effect_validation(
+        verdict, series(*((f"t{k}", "validation") for k in range(5)))
+    )
+    panels = rendered(figure)
+    assert len(panels) == 12
+    assert figure.get_suptitle() == "3 of 5 tests"
+    assert len(panels[0].get_lines()) == 2
+    assert "with what was missing" not in title(panels[2])
+
+
+def test_a_group_is_drawn_branch_by_branch():
+    one = series(("drive", "validation"), ("soft", "fit"))
+    for k in (1, 2):
+        one |= {f"soc_branch_{k}": one["voltage_volt"]}
+        one |= {f"branch_{k}_current_ampere": one["voltage_volt"]}
+        one |= {f"{end}_branch_{k}_current_ampere": one[f"{end}_volt"] for end in BOTH}
+    found = {"effects": [{"effect": "branch_capacity"}], "partial": []}
+    panels = rendered(effects.draw_effect_branches(found, one))
+    assert [title(panel) for panel in panels][::2] == ["drive: branch 1", "branch 2"]
+    assert "1 mA" in title(panels[1])
+    blind = {name: x for name, x in one.items() if not name.startswith("branch_")}
+    assert len(rendered(effects.draw_effect_branches(found, blind))) == 2

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from figures import style
-from figures.columns import evenly_spread, rows_where, thinned
+from figures.style import evenly_spread, rows_where, thinned
 from runtime import artefact
 
 

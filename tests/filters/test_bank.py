@@ -36,12 +36,12 @@ def test_every_kind_of_branch_is_made_of_gains_or_drives(kind):
     current = np.array([1.5, -2.0, 0.0, 3.0])
     kind_of = KINDS[kind]
     expected = kind_of.drive(current, **{name: VALUES[name] for name in kind_of.parameters})
-    found = (
+    result = (
         element.gain[0] * current
         if element.gain is not None
-        else drives(element, current)[:, len(NODES) // 2]
+        else drives(element, current)[len(NODES) // 2]
     )
-    np.testing.assert_allclose(found, expected, atol=1e-15)
+    np.testing.assert_allclose(result, expected, atol=1e-15)
 
 
 def test_error_lies_between_the_temperatures():
@@ -103,9 +103,9 @@ def test_the_factor_is_of_the_models_own_resistance_along_the_course():
     model = stated()
     cold = truth.model(celsius=0.0, scale=2.0)["members"][0]["conditions"][0]
     model["members"][0]["conditions"].append(cold | {"fit_rmse_volt": 0.01})
-    found = resistance_factor_of(model, None, np.array([0.0, 25.0, 12.0]), 25.0)
-    assert found[:2] == pytest.approx([2.0, 1.0])
-    assert 1.3 < found[2] < 1.6
+    factor = resistance_factor_of(model, None, np.array([0.0, 25.0, 12.0]), 25.0)
+    assert factor[:2] == pytest.approx([2.0, 1.0])
+    assert 1.3 < factor[2] < 1.6
     np.testing.assert_allclose(
         resistance_factor_of(stated(), None, np.array([0.0, 40.0]), 25.0), 1.0
     )

@@ -6,11 +6,13 @@ import truth
 from sheets_facts import cell_facts, measured_test
 from truth import stated
 
+from cellwright.filters import evaluate
 from cellwright.filters.bank import bank_of
 from cellwright.filters.estimate import METHODS, Start, estimate
 from cellwright.filters.evaluate import chi_square, convergence_second, innovation_tests, soc_runs
-from cellwright.filters.plant import Noise
+from cellwright.filters.plant import Noise, plant_of
 from cellwright.numerics.lags import lag
+from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 from cellwright.settings import Soc
 
@@ -54,8 +56,8 @@ def test_intervals_cover_where_the_model_errs_slowly(method):
     starts = np.random.default_rng(0).uniform(0, 1, 40)
 
     def share(noise):
-        found = [run(d, method, Start(s), noise) for d, s in zip(worlds, starts, strict=True)]
-        inside = [np.abs(f.soc - d[3]) < 1.96 * f.std for f, d in zip(found, worlds, strict=True)]
+        values = [run(d, method, Start(s), noise) for d, s in zip(worlds, starts, strict=True)]
+        inside = [np.abs(f.soc - d[3]) < 1.96 * f.std for f, d in zip(values, worlds, strict=True)]
         return np.mean(inside)
 
     assert 0.92 < share(MATCHED) < 0.985
@@ -66,17 +68,17 @@ def test_intervals_cover_where_the_model_errs_slowly(method):
 @pytest.mark.parametrize("soc", [*np.linspace(0, 1, 11), 0.98, 0.6])
 def test_any_start_ends_at_the_same_soc(method, soc):
     data = world(1)
-    found = run(data, method, Start(soc), Noise())
-    error = found.soc - data[3]
+    estimated = run(data, method, Start(soc), Noise())
+    error = estimated.soc - data[3]
     assert convergence_second(data[0], error, band=0.03, hold_second=600) < 300
     assert np.sqrt(np.mean(error[300:] ** 2)) < 0.015
 
 
 def test_a_start_away_from_rest_is_covered_too():
     data = [column[700:] for column in world(2)]
-    found = run(data, "aekf", Start(0.3, c_rate=1.0), Noise())
-    assert np.abs(found.soc - data[3])[600:].max() < 0.03
-    assert np.mean(np.abs(found.soc - data[3]) < 1.96 * found.std) > 0.9
+    estimated = run(data, "aekf", Start(0.3, c_rate=1.0), Noise())
+    assert np.abs(estimated.soc - data[3])[600:].max() < 0.03
+    assert np.mean(np.abs(estimated.soc - data[3]) < 1.96 * estimated.std) > 0.9
 
 
 def test_capacity_is_found_and_its_error_is_honest():
@@ -84,9 +86,9 @@ def test_capacity_is_found_and_its_error_is_honest():
     off = []
     for seed in range(24):
         wrong = BANK._replace(capacity_ampere_hour=2.0 * (1 + 0.1 * rng.normal()))
-        found = run(world(seed, 8000), "dual", Start(0.65), bank=wrong)
-        std = found.capacity_std_ampere_hour[-1]
-        off.append(((found.capacity_ampere_hour[-1] - 2.0) / std, std))
+        estimated = run(world(seed, 8000), "dual", Start(0.65), bank=wrong)
+        std = estimated.capacity_std_ampere_hour[-1]
+        off.append(((estimated.capacity_ampere_hour[-1] - 2.0) / std, std))
     ratio, std = np.array(off).T
     assert 0.6 < np.sqrt(np.mean(ratio**2)) < 1.5
     assert std.mean() < 0.05
@@ -116,10 +118,10 @@ def test_an_error_that_stands_over_soc_is_covered_if_it_is_stated(method):
         inside, ratio = [], []
         for seed, start in enumerate(starts):
             data = standing(seed)
-            found = run(data, method, Start(start, capacity_error=0.05), noise, bank)
-            inside.append(np.mean(np.abs(found.soc - data[3]) < 1.96 * found.std))
-            off = found.capacity_ampere_hour[-1] - 2.0
-            ratio.append(off / found.capacity_std_ampere_hour[-1])
+            estimated = run(data, method, Start(start, capacity_error=0.05), noise, bank)
+            inside.append(np.mean(np.abs(estimated.soc - data[3]) < 1.96 * estimated.std))
+            off = estimated.capacity_ampere_hour[-1] - 2.0
+            ratio.append(off / estimated.capacity_std_ampere_hour[-1])
         return np.mean(inside), np.sqrt(np.mean(np.square(ratio)))
 
     inside, ratio = judged(MATCHED._replace(error_soc=SPAN), ERROR)
@@ -135,9 +137,11 @@ def test_an_error_that_stands_over_soc_is_covered_if_it_is_stated(method):
 @pytest.mark.parametrize("method", ["ekf", "aekf"])
 def test_a_resistance_that_grew_is_found_instead_of_a_wrong_soc(method):
     data = world(4, r0_scale=1.4)
-    found = run(data, method, Start(0.65), Noise())
-    assert found.ohmic_scale[-1] == pytest.approx(1.4, abs=3 * found.ohmic_scale_std[-1] + 0.03)
-    assert np.sqrt(np.mean((found.soc - data[3])[300:] ** 2)) < 0.02
+    estimated = run(data, method, Start(0.65), Noise())
+    assert estimated.ohmic_scale[-1] == pytest.approx(
+        1.4, abs=3 * estimated.ohmic_scale_std[-1] + 0.03
+    )
+    assert np.sqrt(np.mean((estimated.soc - data[3])[300:] ** 2)) < 0.02
 
 
 def test_a_voltage_that_is_read_late_does_not_kick_the_soc():
@@ -183,9 +187,9 @@ def test_sensor_faults_stay_inside_what_is_stated(fault):
     }[fault]
     bank = BANK._replace(capacity_ampere_hour=2.2) if fault == "capacity" else BANK
     method = "dual" if fault == "capacity" else "aekf"
-    found = estimate(bank, *given, Start(0.65), method=method)
-    assert np.sqrt(np.mean((found.soc - soc)[300:] ** 2)) < 0.025
-    assert np.mean(np.abs(found.soc - soc) < 1.96 * found.std) > 0.85
+    estimated = estimate(bank, *given, Start(0.65), method=method)
+    assert np.sqrt(np.mean((estimated.soc - soc)[300:] ** 2)) < 0.025
+    assert np.mean(np.abs(estimated.soc - soc) < 1.96 * estimated.std) > 0.85
 
 
 def test_innovations_of_a_matched_filter_pass_their_tests():
@@ -194,15 +198,15 @@ def test_innovations_of_a_matched_filter_pass_their_tests():
     assert np.mean([t.nis_low < t.nis_mean < t.nis_high for t in tests]) > 0.6
     assert np.mean([t.white for t in tests]) > 0.6
     half = MATCHED._replace(sensor_volt=0.001)
-    found = run(world(1), "ekf", Start(0.5), half)
-    test = innovation_tests(found.innovation_volt[1:], found.innovation_std_volt[1:])
+    estimated = run(world(1), "ekf", Start(0.5), half)
+    test = innovation_tests(estimated.innovation_volt[1:], estimated.innovation_std_volt[1:])
     assert test.nis_mean > test.nis_high
 
 
 def test_the_adaptive_filter_finds_the_noise_that_was_understated():
     quiet = MATCHED._replace(sensor_volt=0.0005)
-    found = run(world(6), "aekf", Start(0.5), quiet)
-    assert np.mean((found.innovation_volt / found.innovation_std_volt)[1000:] ** 2) < 1.2
+    estimated = run(world(6), "aekf", Start(0.5), quiet)
+    assert np.mean((estimated.innovation_volt / estimated.innovation_std_volt)[1000:] ** 2) < 1.2
     fixed = run(world(6), "ekf", Start(0.5), quiet)
     assert np.mean((fixed.innovation_volt / fixed.innovation_std_volt)[1000:] ** 2) > 3
 
@@ -222,8 +226,10 @@ def test_a_flat_ocv_teaches_nothing_and_the_filter_says_so():
     model["ocv"][0]["ocv_volt"] = (3.3 + 1e-3 * np.array(model["ocv"][0]["soc"])).tolist()
     time, current = truth.drive(np.random.default_rng(8), 3000)
     voltage = np.full(len(time), 3.3) + 0.03 * current
-    found = estimate(bank_of(model, None, 25.0), time, current, voltage, Start(0.5), method="ekf")
-    assert found.std[-1] > 0.2
+    estimated = estimate(
+        bank_of(model, None, 25.0), time, current, voltage, Start(0.5), method="ekf"
+    )
+    assert estimated.std[-1] > 0.2
 
 
 def test_convergence_needs_to_stay():
@@ -282,19 +288,41 @@ SETTINGS = {
 }
 
 
-def test_a_test_is_run_by_every_filter_start_and_scenario():
-    time, current, voltage, soc = world(9)
+def measured(seed):
+    time, current, voltage, soc = world(seed)
     charge = (soc - soc[0]) * truth.CAPACITY_AMPERE_HOUR
     names = ["test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour"]
     series = dict(zip(names, (time, current, voltage, charge), strict=True))
-    test = measured_test(series, soc=0.95, role="validation")
-    found = soc_runs(
+    return measured_test(series, soc=0.95, role="validation")
+
+
+@pytest.mark.parametrize("scenario", SETTINGS["scenarios"])
+def test_a_scenario_is_laid_out_as_its_own_record_and_bank_would_be(scenario):
+    facts, settings = cell_facts(3.0, 4.2), Soc(**SETTINGS)
+    record = laid_out(measured(9), stated(), facts, split_rest_second=120.0, proof=True)
+    factor = np.linspace(1.0, 1.2, len(record.soc))
+    given = (record._replace(resistance_factor=factor), BANK, MATCHED, "first_order", settings)
+    plant = evaluate._plants(("nominal", scenario), *given)[scenario]
+    own, bank, _ = evaluate._disturbed(scenario, given[0], BANK, Start(0.5), settings)
+    columns = own.test_time_second, own.current_ampere, own.voltage_volt
+    options = {"hold": "first_order", "resistance_factor": own.resistance_factor}
+    expected = plant_of(bank, *columns, MATCHED, **options, track_ohmic=True)
+    for name, one, other in zip(plant._fields, plant, expected, strict=True):
+        np.testing.assert_array_equal(one, other, err_msg=name)
+
+
+def test_a_test_is_run_by_every_filter_start_and_scenario():
+    test = measured(9)
+    runs = soc_runs(
         stated(), cell_facts(3.0, 4.2), test, settings=Soc(**SETTINGS), split_rest_second=120.0
     )
-    assert len(found.rows) == len(METHODS) * (2 + 5)
-    nominal = {row["filter"]: row for row in found.rows if row["scenario"] == "nominal"}
+    assert len(runs.rows) == len(METHODS) * (2 + 5)
+    nominal = {row["filter"]: row for row in runs.rows if row["scenario"] == "nominal"}
     assert nominal["coulomb"]["reason"] == "counting keeps the error of its start"
     assert nominal["aekf"]["convergence_second"] < 300
     assert nominal["aekf"]["rmse_soc"] < 0.015
-    assert "estimated_dual_soc" in found.series
-    assert "innovation_coulomb_volt" not in found.series
+    looked_up = [row for row in runs.rows if (row["filter"], row["scenario"]) == ("ocv", "nominal")]
+    assert [row["initial_soc_error"] for row in looked_up] == pytest.approx([-0.3, -0.95], abs=1e-3)
+    assert looked_up[0]["rmse_soc"] == looked_up[1]["rmse_soc"]
+    assert "estimated_dual_soc" in runs.series
+    assert "innovation_coulomb_volt" not in runs.series

@@ -80,7 +80,7 @@ def test_every_table_of_the_results_is_in_the_readme():
 
 
 def test_every_flag_is_documented():
-    from cellwright.series.flags import Flag
+    from cellwright.series.cleaning import Flag
 
     assert not [
         flag.name for flag in Flag if f"`{flag.name.lower()}`" not in TEXTS["docs/cleaning.md"]

@@ -25,7 +25,6 @@ OF_THEIR_OWN = (
     "effect_left_out",
     "effect_answers",
     "missing_effect_benchmark",
-    "identification_methods",
 )
 
 
@@ -71,7 +70,7 @@ def of_step(step) -> set[str]:
             found.add(f"{held[default.value.id]}.{default.attr}")
     names = {function, *(n for n in tree.body if calls(function, n))}
     for node in (node for one in names for node in ast.walk(one)):
-        if isinstance(node, ast.Call) and ast.unparse(node.func) == "given.chosen":
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "inputs.settings_of":
             found |= whole(SECTIONS[ast.unparse(node.args[0])])
     return found
 
@@ -108,7 +107,7 @@ def test_a_setting_is_in_the_parameters_of_the_rules_that_use_it_only(section):
 def test_settings_are_told_apart():
     """What the test above stands on: keys differ between rules of one section."""
     scripts = {rule: used(script) for rule, script, _ in CHECKED}
-    assert scripts["validate"] == {"models.split_rest_second"}
+    assert scripts["compensation"] == {"models.split_rest_second"}
     assert scripts["identify"] == {"models.split_rest_second", "models.members"}
     assert scripts["ocv"] == {"ocv.least_hour"}
     assert scripts["ocv_rests"] == {"ocv.rest_second"}

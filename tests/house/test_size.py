@@ -15,7 +15,8 @@ RULES = sorted((ROOT / "workflow" / "rules").glob("*.smk"))
 RUN_BY_RULES = {
     script for path in RULES for script in re.findall(r"scripts/([\w/]+)\.py\"", path.read_text())
 }
-every_module = pytest.mark.parametrize("path", modules(SCRIPTS), ids=name)
+OURS = [*modules(SCRIPTS), *modules(ROOT / "plugins")]
+every_module = pytest.mark.parametrize("path", OURS, ids=name)
 
 
 def body_lines(function) -> int:

@@ -9,16 +9,27 @@ from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
 from cellwright.identification.methods.autoregressive import (
     circuit_of_coefficients,
-    coefficients_of_circuit,
     track,
 )
-from cellwright.numerics.lags import HOLDS
+from cellwright.numerics.lags import HOLDS, lag_weights
 from cellwright.refusal import Refusal
 
 STEP = 1.0
 CURRENT = np.repeat(np.random.default_rng(1).normal(size=300), 20) * 3.0
 TIME = np.arange(6000) * STEP
 R0, R, TAU = 0.02, np.array([0.01, 0.015]), np.array([5.0, 80.0])
+
+
+def coefficients_of_circuit(r0_ohm, r_ohm, tau_second, step_second, *, hold):
+    """The recurrence of a circuit, (2m + 1,) c_1…c_m, d_0…d_m: the way back."""
+    steps = np.full(len(tau_second), float(step_second))
+    pole, before, after = lag_weights(steps, np.asarray(tau_second, float), hold=hold)
+    denominator = np.poly(pole)
+    numerator = r0_ohm * denominator
+    for j, r in enumerate(r_ohm):
+        rest = np.poly(np.delete(pole, j))
+        numerator = numerator + r * np.convolve([after[j], before[j]], rest)
+    return np.concatenate([-denominator[1:], numerator])
 
 
 def voltage(pairs, hold="zero_order", r0=R0, current=CURRENT):
@@ -30,8 +41,8 @@ def voltage(pairs, hold="zero_order", r0=R0, current=CURRENT):
 @given(st.floats(1.5, 20), st.floats(3, 30), st.floats(1e-3, 0.1), st.sampled_from(HOLDS))
 def test_there_and_back(fast, ratio, r0, hold):
     tau = np.array([fast, fast * ratio])
-    there = coefficients_of_circuit(r0, R, tau, STEP, hold=hold)
-    back = circuit_of_coefficients(there, STEP, hold=hold, n_rc=2)
+    coefficients = coefficients_of_circuit(r0, R, tau, STEP, hold=hold)
+    back = circuit_of_coefficients(coefficients, STEP, hold=hold, n_rc=2)
     np.testing.assert_allclose(
         [back.r0_ohm, *back.r_ohm, *back.tau_second], [r0, *R, *tau], rtol=1e-6
     )
@@ -51,17 +62,17 @@ def test_the_simulation_obeys_the_recurrence(pairs, hold):
 @pytest.mark.parametrize("pairs", [1, 2])
 def test_recovery_without_noise(pairs, hold):
     estimate = track(CURRENT, voltage(pairs, hold), 3.7, n_rc=pairs)
-    found = circuit_of_coefficients(estimate.coefficient[-1], STEP, hold=hold, n_rc=pairs)
-    assert found.r0_ohm == pytest.approx(R0, rel=1e-6)
-    np.testing.assert_allclose(found.r_ohm, R[:pairs], rtol=1e-4)
-    np.testing.assert_allclose(found.tau_second, TAU[:pairs], rtol=1e-4)
+    circuit = circuit_of_coefficients(estimate.coefficient[-1], STEP, hold=hold, n_rc=pairs)
+    assert circuit.r0_ohm == pytest.approx(R0, rel=1e-6)
+    np.testing.assert_allclose(circuit.r_ohm, R[:pairs], rtol=1e-4)
+    np.testing.assert_allclose(circuit.tau_second, TAU[:pairs], rtol=1e-4)
 
 
 def test_the_error_of_the_ocv_is_found():
     estimate = track(CURRENT, voltage(1), 3.69, n_rc=1, free_ocv=True)
-    found = circuit_of_coefficients(estimate.coefficient[-1], STEP, hold="zero_order")
-    assert found.ocv_offset_volt == pytest.approx(0.01, rel=1e-4)
-    assert found.tau_second[0] == pytest.approx(5.0, rel=1e-4)
+    circuit = circuit_of_coefficients(estimate.coefficient[-1], STEP, hold="zero_order")
+    assert circuit.ocv_offset_volt == pytest.approx(0.01, rel=1e-4)
+    assert circuit.tau_second[0] == pytest.approx(5.0, rel=1e-4)
 
 
 def test_forgetting_follows_a_resistance_that_grows():
@@ -76,14 +87,14 @@ def test_forgetting_follows_a_resistance_that_grows():
 
 def test_noise_shortens_the_time_constants():
     """The bias that the page states: past voltages are regressors, and noisy."""
-    rng, found = np.random.default_rng(2), {}
+    rng, content = np.random.default_rng(2), {}
     for noise in (1e-4, 1e-3):
         volt = voltage(2) + noise * rng.normal(size=len(TIME))
         last = track(CURRENT, volt, 3.7, n_rc=2).coefficient[-1]
-        found[noise] = circuit_of_coefficients(last, STEP, hold="zero_order", n_rc=2)
-    assert found[1e-4].tau_second[1] < 80.0
-    assert found[1e-3].tau_second[1] < 0.5 * found[1e-4].tau_second[1]
-    assert found[1e-3].r0_ohm == pytest.approx(R0, rel=0.01)
+        content[noise] = circuit_of_coefficients(last, STEP, hold="zero_order", n_rc=2)
+    assert content[1e-4].tau_second[1] < 80.0
+    assert content[1e-3].tau_second[1] < 0.5 * content[1e-4].tau_second[1]
+    assert content[1e-3].r0_ohm == pytest.approx(R0, rel=0.01)
 
 
 @pytest.mark.parametrize(

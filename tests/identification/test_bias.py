@@ -34,18 +34,18 @@ def changes(noise=0.0):
 
 
 def test_calibration_recovers_the_coefficients():
-    found = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
-    np.testing.assert_allclose(found.r0, R0_TRUE, atol=1e-9)
-    np.testing.assert_allclose(found.ocv, OCV_TRUE, atol=1e-9)
-    assert found.polarisation == pytest.approx(0.27)
-    assert found.r0_left_out_ohm < 1e-9
-    assert found.cells == 4
+    calibration = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
+    np.testing.assert_allclose(calibration.r0, R0_TRUE, atol=1e-9)
+    np.testing.assert_allclose(calibration.ocv, OCV_TRUE, atol=1e-9)
+    assert calibration.polarisation == pytest.approx(0.27)
+    assert calibration.r0_left_out_ohm < 1e-9
+    assert calibration.cells == 4
 
 
 def test_the_left_out_error_tells_the_noise():
-    found = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes(noise=1e-3))
-    assert 0.6e-3 < found.polarisation_left_out_ohm < 1.5e-3
-    assert found.r0_left_out_ohm > 0.6e-3
+    calibration = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes(noise=1e-3))
+    assert 0.6e-3 < calibration.polarisation_left_out_ohm < 1.5e-3
+    assert calibration.r0_left_out_ohm > 0.6e-3
 
 
 @pytest.mark.parametrize(
@@ -72,10 +72,10 @@ def test_peaks_match_by_order_or_by_nearness():
 
 
 def test_biased_model_is_the_reference_plus_the_bias():
-    found = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
+    calibration = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
     reference = truth.model()
     model = borrowed.biased_model(
-        reference, found, cell="B", main_shift_volt=0.05, mean_shift_volt=0.04, capacity=1.8
+        reference, calibration, cell="B", main_shift_volt=0.05, mean_shift_volt=0.04, capacity=1.8
     )
     entry = model["members"][0]["conditions"][0]
     expected = truth.R0 + borrowed.quadratic_bias(0.05, truth.KNOTS, R0_TRUE)
@@ -87,9 +87,9 @@ def test_biased_model_is_the_reference_plus_the_bias():
 
 
 def test_no_shift_is_the_reference_itself():
-    found = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
+    calibration = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
     model = borrowed.biased_model(
-        truth.model(), found, cell="B", main_shift_volt=0.0, mean_shift_volt=0.0, capacity=2.0
+        truth.model(), calibration, cell="B", main_shift_volt=0.0, mean_shift_volt=0.0, capacity=2.0
     )
     np.testing.assert_allclose(model["members"][0]["conditions"][0]["r0_ohm"], truth.R0)
 
@@ -134,9 +134,9 @@ def test_a_cell_of_another_size_runs_the_same_at_the_same_rate(member):
 
 
 def test_the_bias_moves_fast_and_slow_resistance_and_nothing_else():
-    found = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
+    calibration = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
     model = borrowed.biased_model(
-        whole(), found, cell="B", main_shift_volt=0.05, mean_shift_volt=0.04, capacity=2.0
+        whole(), calibration, cell="B", main_shift_volt=0.05, mean_shift_volt=0.04, capacity=2.0
     )
     entry = model["members"][1]["conditions"][0]
     kinetic, slow, hysteresis, diffusion = entry["branches"]
@@ -151,8 +151,8 @@ def test_the_bias_moves_fast_and_slow_resistance_and_nothing_else():
 
 
 def test_no_resistance_falls_below_a_tenth():
-    found = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
-    far = found._replace(r0=-100 * R0_TRUE, polarisation=-10.0)
+    calibration = borrowed.calibrate(SHIFT, SHIFT, SOC, *changes())
+    far = calibration._replace(r0=-100 * R0_TRUE, polarisation=-10.0)
     model = borrowed.biased_model(
         whole(), far, cell="B", main_shift_volt=0.1, mean_shift_volt=0.1, capacity=2.0
     )

@@ -20,14 +20,14 @@ def peaks(shift=0.0, rate=0.1):
 
 def true_model(name, shift):
     """The reference's model, changed by the bias functions as thesis eq. 4.3 has it."""
-    found = truth.model(name)
-    entry = found["members"][0]["conditions"][0]
+    model = truth.model(name)
+    entry = model["members"][0]["conditions"][0]
     entry["r0_ohm"] = (truth.R0 + quadratic_bias(shift, truth.KNOTS, R0_BIAS)).tolist()
     ratio = 1 + RP_BIAS * shift / truth.R.sum(axis=0)
     for branch, r in zip(entry["branches"], truth.R, strict=True):
         branch["r_ohm"] = (ratio * r).tolist()
     entry["ocv_shift_volt"] = quadratic_bias(shift, truth.KNOTS, OCV_BIAS).tolist()
-    return found
+    return model
 
 
 def shown(name, shift=0.0, *, marked=False, capacity=2.0, **change):
@@ -45,12 +45,12 @@ def entry_of(model):
 def test_peaks_give_the_true_model_where_enough_cells_calibrate():
     others = [shown(f"C{k}", shift) for k, shift in enumerate([0.02, 0.05, 0.09, 0.15])]
     model = borrowed_model(OWN, [*others, shown("R", marked=True)])
-    found, true = entry_of(model), entry_of(true_model("X", 0.06))
-    np.testing.assert_allclose(found["r0_ohm"], true["r0_ohm"], rtol=2e-3)
+    entry, true = entry_of(model), entry_of(true_model("X", 0.06))
+    np.testing.assert_allclose(entry["r0_ohm"], true["r0_ohm"], rtol=2e-3)
     np.testing.assert_allclose(
-        found["branches"][1]["r_ohm"], true["branches"][1]["r_ohm"], rtol=1e-2
+        entry["branches"][1]["r_ohm"], true["branches"][1]["r_ohm"], rtol=1e-2
     )
-    np.testing.assert_allclose(found["ocv_shift_volt"], true["ocv_shift_volt"], atol=2e-4)
+    np.testing.assert_allclose(entry["ocv_shift_volt"], true["ocv_shift_volt"], atol=2e-4)
     assert (model["kind"], model["cell"], model["capacity_ampere_hour"]) == ("bias", "X", 1.7)
     assert "leave-one-cell-out errors" in model["notes"][1]
 
@@ -120,9 +120,9 @@ def test_the_ocv_of_cells_is_compared_where_their_models_read_it():
     others[0].model["ocv"] = [table | {"ocv_volt": volt.tolist()}]
     read = entry_of(others[0].model) | {"ocv_scale": {"missing": 0.02, "stretch": 0.0}}
     others[0].model["members"][0]["conditions"] = [read]
-    found = entry_of(borrowed_model(OWN, [*others, shown("R", marked=True)]))
+    entry = entry_of(borrowed_model(OWN, [*others, shown("R", marked=True)]))
     true = entry_of(true_model("X", 0.06))
-    np.testing.assert_allclose(found["ocv_shift_volt"], true["ocv_shift_volt"], atol=2e-4)
+    np.testing.assert_allclose(entry["ocv_shift_volt"], true["ocv_shift_volt"], atol=2e-4)
 
 
 def test_no_peer_is_refused():

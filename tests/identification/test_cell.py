@@ -28,8 +28,8 @@ def curve(volt=truth.OCV_VOLT, celsius=25.0, branches="both", discharge_ampere=N
 
 
 def basis(*curves):
-    found = {"capacity_ampere_hour": truth.CAPACITY_AMPERE_HOUR, "borrowed_from": None}
-    return found | {"ocv": [curve()] if not curves else list(curves)}
+    content = {"capacity_ampere_hour": truth.CAPACITY_AMPERE_HOUR, "borrowed_from": None}
+    return content | {"ocv": [curve()] if not curves else list(curves)}
 
 
 def pulses():
@@ -161,10 +161,10 @@ def test_the_drop_of_a_single_slow_branch_is_put_back():
     resistance = np.interp(truth.OCV_SOC, truth.KNOTS, truth.R0 + truth.R.sum(axis=0))
     slow = curve(truth.OCV_VOLT - 0.1 * resistance, branches="discharge", discharge_ampere=-0.1)
     model = cell_model(CELL, basis(slow), [fit_test()], **SETTINGS)
-    soc, found = (np.array(model["ocv"][0][name]) for name in ("soc", "ocv_volt"))
+    soc, ocv_volt = (np.array(model["ocv"][0][name]) for name in ("soc", "ocv_volt"))
     inner = (soc > 0.25) & (soc < 0.85)
     np.testing.assert_allclose(
-        found[inner], np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT)[inner], atol=1.5e-3
+        ocv_volt[inner], np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT)[inner], atol=1.5e-3
     )
 
 
@@ -173,8 +173,8 @@ def test_a_curve_from_rests_is_taken_as_it_is():
     rests = curve(truth.OCV_VOLT, branches="rests", discharge_ampere=-0.1)
     model = cell_model(CELL, basis(rests), [fit_test()], **SETTINGS | {"members": ["1RC"]})
     assert model["ocv"][0]["branches"] == "rests"
-    soc, found = (np.array(model["ocv"][0][name]) for name in ("soc", "ocv_volt"))
-    np.testing.assert_allclose(found, np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT), atol=1e-9)
+    soc, ocv_volt = (np.array(model["ocv"][0][name]) for name in ("soc", "ocv_volt"))
+    np.testing.assert_allclose(ocv_volt, np.interp(soc, truth.OCV_SOC, truth.OCV_VOLT), atol=1e-9)
 
 
 def still(name="still", *, celsius=0.0):

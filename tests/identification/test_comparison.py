@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from sheets_facts import cell_facts, facts_of
 
+import cellwright as cw
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
 from cellwright.identification.methods.comparison import (
@@ -67,18 +68,18 @@ ALLOWED = {
 def test_every_method_finds_the_circuit(method):
     noise, allowed = ALLOWED[method]
     (record,) = records_of(pulse_test(PULSE, noise=noise)).records
-    found = identify_pulse(record, method)
-    assert found.reason == ""
-    assert (np.abs(found.values / TRUE - 1) < allowed).all(), found.values
-    assert found.evaluations > 0
+    identified = identify_pulse(record, method)
+    assert identified.reason == ""
+    assert (np.abs(identified.values / TRUE - 1) < allowed).all(), identified.values
+    assert identified.evaluations > 0
 
 
 @pytest.mark.parametrize("method", ["lmfit", "separable"])
 def test_stated_deviations_hold_the_truth(method):
     (record,) = records_of(pulse_test(PULSE, noise=3e-4)).records
-    found = identify_pulse(record, method)
-    assert (np.abs(found.values - TRUE) < 4 * found.std).all()
-    assert (found.std < 0.2 * TRUE).all()
+    identified = identify_pulse(record, method)
+    assert (np.abs(identified.values - TRUE) < 4 * identified.std).all()
+    assert (identified.std < 0.2 * TRUE).all()
 
 
 def test_the_profile_holds_the_slower_time_constant():
@@ -129,16 +130,16 @@ def test_what_a_method_cannot_identify_has_a_reason_and_no_values():
 def test_noise_shortens_the_time_constants_of_the_autoregressive_form():
     """Its deviations do not say so: past voltages are regressors, and noisy."""
     (record,) = records_of(pulse_test(PULSE, noise=1e-3)).records
-    found = identify_pulse(record, "autoregressive")
-    assert found.values[4] + 10 * found.std[4] < TRUE[4]
-    assert found.values[0] == pytest.approx(TRUE[0], rel=0.02)
+    identified = identify_pulse(record, "autoregressive")
+    assert identified.values[4] + 10 * identified.std[4] < TRUE[4]
+    assert identified.values[0] == pytest.approx(TRUE[0], rel=0.02)
 
 
 def test_where_two_pairs_have_no_circuit_the_autoregressive_form_gives_one():
     (record,) = records_of(pulse_test(PULSE, noise=5e-3)).records
-    found = identify_pulse(record, "autoregressive")
-    assert found.reason.startswith("one pair is given; of two, r1_ohm is -")
-    assert np.isnan(found.values).tolist() == [False, False, True, False, True]
+    identified = identify_pulse(record, "autoregressive")
+    assert identified.reason.startswith("one pair is given; of two, r1_ohm is -")
+    assert np.isnan(identified.values).tolist() == [False, False, True, False, True]
 
 
 def test_a_negative_resistance_is_no_circuit(monkeypatch):
@@ -146,9 +147,9 @@ def test_a_negative_resistance_is_no_circuit(monkeypatch):
     good = identify_pulse(record, "separable")
     wrong = good._replace(values=good.values * [1, -1, 1, 1, 1])
     monkeypatch.setitem(METHODS, "separable", lambda _: wrong)
-    found = identify_pulse(record, "separable")
-    assert found.reason.startswith("r1_ohm is -0.01")
-    assert np.isnan(found.values).all()
+    identified = identify_pulse(record, "separable")
+    assert identified.reason.startswith("r1_ohm is -0.01")
+    assert np.isnan(identified.values).all()
 
 
 def test_pulses_are_taken_evenly_over_soc_and_tests():
@@ -166,9 +167,9 @@ def test_only_pulses_of_one_rate_and_from_rest_are_taken():
     """After 40 s of rest the pulse before still decays; a stronger pulse has other parameters."""
     soon = ((-5.0, 10.0), (0.0, 40.0), (3.0, 10.0), (0.0, 900.0))
     loads = [*soon, *PORTION, *soon, *PORTION, (-10.0, 10.0), (0.0, 900.0)]
-    found = records_of(pulse_test(loads))
-    assert [round(one.level_ampere) for one in found.records] == [-5, -5]
-    assert found.left_out == ("hppc: 2 pulses at 1C of 3 in all",)
+    pulses = records_of(pulse_test(loads))
+    assert [round(one.level_ampere) for one in pulses.records] == [-5, -5]
+    assert pulses.left_out == ("hppc: 2 pulses at 1C of 3 in all",)
 
 
 def test_records_are_thinned_dense_at_first_and_end_where_the_rest_counts():
@@ -198,11 +199,23 @@ def test_the_curve_of_the_test_temperature_is_taken_also_at_zero_celsius():
 
 
 def test_a_cell_without_such_pulses_has_no_row_and_the_reason():
-    found = compare_methods([pulse_test(((-5.0, 600.0), (0.0, 900.0)))], BASIS, FULL, **SETTINGS)
-    assert {len(column) for column in found.rows} == {0}
-    assert found.rows.method.dtype.kind == "U"
-    (reason,) = found.left_out
+    comparison = compare_methods(
+        [pulse_test(((-5.0, 600.0), (0.0, 900.0)))], BASIS, FULL, **SETTINGS
+    )
+    assert {len(column) for column in comparison.rows} == {0}
+    assert comparison.rows.method.dtype.kind == "U"
+    (reason,) = comparison.left_out
     assert reason.startswith("hppc: no pulse of 4 samples with a rest after it and, before it,")
+
+
+def test_the_step_of_the_interface_gives_the_same_rows():
+    test = pulse_test(PULSE)
+    comparison = compare_methods([test], BASIS, FULL, **SETTINGS)
+    step = cw.compare_identification_methods(FULL, BASIS, [tuple(test)], pulses_per_cell=24)
+    columns = comparison.rows._asdict()
+    assert step.notes == comparison.left_out
+    for name, values in step.rows._asdict().items():
+        np.testing.assert_array_equal(values, columns[name])
 
 
 def test_the_spread_of_a_straight_line_is_zero_and_of_noise_its_deviation():

@@ -105,23 +105,23 @@ def test_each_kind_of_resistance_keeps_its_own_activation_energy():
         ohms = [0.02 * resistance_factor(celsius, 25.0, energy) for energy in (12e3, 60e3)]
         return entry(celsius, *ohms)
 
-    found = circuit_at([of(0.0), of(40.0)], np.array([0.5]), 20.0).circuit
-    assert found[0].parameters["r_ohm"][0] == pytest.approx(of(20.0)["r0_ohm"][0], rel=1e-9)
+    circuit = circuit_at([of(0.0), of(40.0)], np.array([0.5]), 20.0).circuit
+    assert circuit[0].parameters["r_ohm"][0] == pytest.approx(of(20.0)["r0_ohm"][0], rel=1e-9)
     kinetic = of(20.0)["branches"][0]["r_ohm"][0]
-    assert found[1].parameters["r_ohm"][0] == pytest.approx(kinetic, rel=1e-9)
+    assert circuit[1].parameters["r_ohm"][0] == pytest.approx(kinetic, rel=1e-9)
 
 
 def test_a_kind_that_is_nothing_somewhere_joins_the_others():
-    found = circuit_at([entry(0.0, 0.04, 0.0), entry(40.0, 0.01, 0.01)], np.array([0.5]), 20.0)
-    total = sum(branch.parameters["r_ohm"][0] for branch in found.circuit)
+    sampled = circuit_at([entry(0.0, 0.04, 0.0), entry(40.0, 0.01, 0.01)], np.array([0.5]), 20.0)
+    total = sum(branch.parameters["r_ohm"][0] for branch in sampled.circuit)
     assert 0.02 < total < 0.04
 
 
 def test_tests_and_ocv_of_a_temperature_go_and_the_last_ocv_stays():
     tests = [a_test({}, t) for t in (0.0, 1.5, 25.0)]
-    left = without(basis(0.0, 25.0), tests, celsius=0.0)
-    assert [t.facts.ambient_temperature_celsius for t in left.tests] == [25.0]
-    assert [c["ambient_temperature_celsius"] for c in left.basis["ocv"]] == [25.0]
+    reduced = without(basis(0.0, 25.0), tests, celsius=0.0)
+    assert [t.facts.ambient_temperature_celsius for t in reduced.tests] == [25.0]
+    assert [c["ambient_temperature_celsius"] for c in reduced.basis["ocv"]] == [25.0]
     assert len(without(basis(0.0), tests, celsius=0.0).basis["ocv"]) == 1
     with pytest.raises(Refusal, match="no test is left without those at 25 °C"):
         without(basis(25.0), tests[2:], celsius=25.0)

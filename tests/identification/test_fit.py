@@ -167,9 +167,9 @@ def test_kernel_and_twin_agree(fast, slow, hold, sloped):
     time = np.cumsum(np.random.default_rng(11).choice([0.1, 0.1, 0.1, 2.0, 0.0], 777))
     load = load_of(time, CURRENT[:777], CURRENT[:777] + 3.7, 3.7, hold, ("offset", "slope"))
     tau, linear = np.array([fast, slow]), np.array([0.02, 1e-3, 0.1, 0.01, 0.015])
-    found = exponentials.normal_equations(load, tau, linear, sloped=sloped)
+    equations = exponentials.normal_equations(load, tau, linear, sloped=sloped)
     twin = exponentials._by_numpy(load, tau, linear, sloped=sloped)
-    for one, other in zip(found, twin, strict=True):
+    for one, other in zip(equations, twin, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-12 * np.abs(other).max())
 
 

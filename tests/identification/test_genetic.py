@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pulse_train import CURRENT, TIME, TRUE, noisy, voltage
 
+from cellwright.identification.methods import genetic
 from cellwright.identification.methods.genetic import cost_function, evolve_by_genes
 from cellwright.identification.methods.pulse import fit_circuit
 from cellwright.numerics.lags import HOLDS
@@ -29,14 +30,22 @@ def test_the_cost_is_the_mean_squared_error_of_the_simulation(hold):
     np.testing.assert_allclose(cost(np.log(others)), np.mean(np.square(errors), axis=1), rtol=1e-9)
 
 
+@pytest.mark.parametrize("hold", HOLDS)
+def test_kernel_and_twin_agree(monkeypatch, hold):
+    logs = np.log(TRUE) + 0.3 * np.random.default_rng(2).normal(size=(7, len(TRUE)))
+    compiled = cost_function(RECORD, hold=hold)(logs)
+    monkeypatch.setattr(genetic, "function", lambda *_, **__: None)
+    np.testing.assert_allclose(compiled, cost_function(RECORD, hold=hold)(logs), rtol=1e-12)
+
+
 def test_the_gradient_is_at_least_as_good():
-    found = evolve_by_genes(RECORD, BOUNDS, **HOLD)
+    evolved = evolve_by_genes(RECORD, BOUNDS, **HOLD)
     best = fit_circuit(*RECORD, **HOLD)
     (cost,) = cost_function(RECORD, **HOLD)(np.log(best.values[None]))
-    assert cost <= found.mean_square_volt2 * (1 + 1e-9)
-    assert found.mean_square_volt2 < 1.01 * cost
-    np.testing.assert_allclose(found.values, best.values, rtol=0.25)
-    assert best.iterations * 100 < found.evaluations
+    assert cost <= evolved.mean_square_volt2 * (1 + 1e-9)
+    assert evolved.mean_square_volt2 < 1.01 * cost
+    np.testing.assert_allclose(evolved.values, best.values, rtol=0.25)
+    assert best.iterations * 100 < evolved.evaluations
 
 
 def test_a_seed_repeats_itself_and_the_best_never_gets_worse():
@@ -51,10 +60,10 @@ def test_a_seed_repeats_itself_and_the_best_never_gets_worse():
 
 
 def test_a_hundred_generations_are_the_default():
-    found = evolve_by_genes(RECORD, BOUNDS, **HOLD, population=10)
-    assert len(found.course) == 101
-    low, high = np.array([BOUNDS[name] for name in found.names]).T
-    assert ((found.values >= low) & (found.values <= high)).all()
+    evolved = evolve_by_genes(RECORD, BOUNDS, **HOLD, population=10)
+    assert len(evolved.course) == 101
+    low, high = np.array([BOUNDS[name] for name in evolved.names]).T
+    assert ((evolved.values >= low) & (evolved.values <= high)).all()
 
 
 def test_refusals():

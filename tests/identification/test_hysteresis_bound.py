@@ -26,16 +26,16 @@ def basis(*curves, borrowed_from=None):
 
 
 def test_half_the_gap_is_the_most_with_the_reading_of_the_branches():
-    found = largest_hysteresis(basis(slow()), 25.0, KNOTS)
-    np.testing.assert_allclose(found.most_volt, 0.02 + READING_VOLT)
-    assert found.words == "at most half the gap of ocv_25, 23 to 23 mV"
+    bound = largest_hysteresis(basis(slow()), 25.0, KNOTS)
+    np.testing.assert_allclose(bound.most_volt, 0.02 + READING_VOLT)
+    assert bound.words == "at most half the gap of ocv_25, 23 to 23 mV"
 
 
 def test_a_steep_gap_is_taken_where_it_is_widest_within_the_socs_doubt():
     curve = slow()
     curve["half_gap_volt"] = np.linspace(0.1, 0.0, 201).tolist()
-    found = largest_hysteresis(basis(curve), 25.0, np.array([0.5]))
-    np.testing.assert_allclose(found.most_volt, 0.052 + READING_VOLT)
+    bound = largest_hysteresis(basis(curve), 25.0, np.array([0.5]))
+    np.testing.assert_allclose(bound.most_volt, 0.052 + READING_VOLT)
 
 
 @pytest.mark.parametrize(
@@ -56,9 +56,9 @@ def test_the_nearest_slow_test_that_was_not_warmer_serves(celsius, test):
     ],
 )
 def test_where_no_slow_test_tells_there_is_no_bound(known, words):
-    found = largest_hysteresis(known, 0.0, KNOTS)
-    assert found.most_volt is None
-    assert f"not bounded: {words}" in found.words
+    bound = largest_hysteresis(known, 0.0, KNOTS)
+    assert bound.most_volt is None
+    assert f"not bounded: {words}" in bound.words
 
 
 def sizes(condition):
@@ -89,7 +89,7 @@ def test_a_bound_is_kept_when_blocks_are_left_out():
 
     ready = data(*measured(1, extra=(hysteresis(),)))
     most = np.full(len(ready.knots), 0.005)
-    found = fit(ready._replace(most_volt=most), "2RC+H")
-    fold = np.arange(len(found.solution.residual_volt)) * 4 // len(found.solution.residual_volt)
-    assert np.isfinite(held_out(found.system, found.solution, fold)).all()
-    assert sizes(found.condition).max() <= 0.005
+    fitted = fit(ready._replace(most_volt=most), "2RC+H")
+    fold = np.arange(len(fitted.solution.residual_volt)) * 4 // len(fitted.solution.residual_volt)
+    assert np.isfinite(held_out(fitted.system, fitted.solution, fold)).all()
+    assert sizes(fitted.condition).max() <= 0.005

@@ -19,8 +19,9 @@ from synthetic import (
 
 from cellwright.circuits.model_file import condition_entry, ocv_from_slow_branch, simulate_model
 from cellwright.circuits.temperature import resistance_factor
-from cellwright.identification.columns import columns_of, ocv_of, on_table
+from cellwright.identification.columns import MOST_KEPT, base_of, columns_of, ocv_of, on_table
 from cellwright.identification.identify import data_of, limits_of
+from cellwright.identification.search import shared_of
 from cellwright.records.record import bridged, fit_mask, record_of
 from cellwright.refusal import Refusal
 
@@ -41,7 +42,7 @@ def pulls(condition):
         (b.values["tau_second"][:1], true, b.stds["tau_second"][:1])
         for b, true in zip(condition.branches, truth.TAU, strict=True)
     ]
-    return [(found - true) / std for found, true, std in named]
+    return [(result - true) / std for result, true, std in named]
 
 
 @pytest.fixture(scope="module")
@@ -62,23 +63,23 @@ def test_recovers_the_true_cell_within_its_uncertainty(recovered):
 
 def test_without_noise_the_truth_is_found(recovered):
     time, current, _, soc = measured(0)
-    found = fit(data(time, current, truth.voltage(time, current, soc), soc)).condition
-    np.testing.assert_allclose(found.r0_ohm, truth.R0, rtol=3e-3)
-    taus = [branch.values["tau_second"][0] for branch in found.branches]
+    condition = fit(data(time, current, truth.voltage(time, current, soc), soc)).condition
+    np.testing.assert_allclose(condition.r0_ohm, truth.R0, rtol=3e-3)
+    taus = [branch.values["tau_second"][0] for branch in condition.branches]
     np.testing.assert_allclose(taus, truth.TAU, rtol=5e-3)
-    assert found.fit_rmse_volt < 5e-5
+    assert condition.fit_rmse_volt < 5e-5
 
 
 def test_an_error_of_the_ocv_table_does_not_become_resistance():
-    found = fit(data(*measured(6, shift=0.015))).condition
-    total = sum(branch.values["r_ohm"] for branch in found.branches)
-    np.testing.assert_allclose(found.r0_ohm, truth.R0, rtol=0.02)
+    condition = fit(data(*measured(6, shift=0.015))).condition
+    total = sum(branch.values["r_ohm"] for branch in condition.branches)
+    np.testing.assert_allclose(condition.r0_ohm, truth.R0, rtol=0.02)
     np.testing.assert_allclose(total, truth.R.sum(axis=0), rtol=0.05)
 
 
 def test_the_size_of_a_hysteresis_is_found():
-    found = fit(data(*measured(1, extra=(hysteresis(),))), "2RC+H")
-    branch = found.condition.branches[-1]
+    fitted = fit(data(*measured(1, extra=(hysteresis(),))), "2RC+H")
+    branch = fitted.condition.branches[-1]
     assert branch.kind == "hysteresis"
     np.testing.assert_allclose(branch.values["charge_ampere_hour"], 0.06)
     z = (branch.values["m_volt"] - 0.02) / branch.stds["m_volt"]
@@ -87,44 +88,44 @@ def test_the_size_of_a_hysteresis_is_found():
 
 
 def test_where_there_is_no_hysteresis_little_is_found():
-    found = fit(data(*measured(1)), "2RC+H").condition
-    branch = found.branches[-1]
+    condition = fit(data(*measured(1)), "2RC+H").condition
+    branch = condition.branches[-1]
     free = np.isfinite(branch.stds["m_volt"])
     np.testing.assert_array_equal(branch.values["m_volt"][~free], 0.0)
     assert (branch.values["m_volt"] < 3 * branch.stds["m_volt"])[free].all()
-    np.testing.assert_allclose(found.r0_ohm, truth.R0, rtol=0.03)
+    np.testing.assert_allclose(condition.r0_ohm, truth.R0, rtol=0.03)
 
 
 @pytest.mark.parametrize("electrodes", [1, 2])
 def test_the_scale_of_the_kinetics_is_found(electrodes):
     scale = electrodes * THERMAL_VOLT
-    found = fit(data(*harsh(1, extra=(transfer(scale),))), "2RC+K")
-    (kinetic,) = [b for b in found.condition.branches if b.kind == "kinetic"]
-    assert found.held.scale_volt == pytest.approx(scale)
+    fitted = fit(data(*harsh(1, extra=(transfer(scale),))), "2RC+K")
+    (kinetic,) = [b for b in fitted.condition.branches if b.kind == "kinetic"]
+    assert fitted.held.scale_volt == pytest.approx(scale)
     np.testing.assert_allclose(kinetic.values["scale_volt"], scale)
     np.testing.assert_allclose(kinetic.values["r_ohm"], 0.04, rtol=0.05)
     linear = fit(data(*harsh(1, extra=(transfer(scale),)))).condition
-    assert found.condition.fit_rmse_volt < 0.5 * linear.fit_rmse_volt
+    assert fitted.condition.fit_rmse_volt < 0.5 * linear.fit_rmse_volt
 
 
 def test_a_linear_cell_stays_linear():
     """A scale may be tried, but next to nothing of the resistance follows it."""
-    found = fit(data(*harsh(2)), "2RC+K").condition
-    (kinetic,) = [b for b in found.branches if b.kind == "kinetic"]
+    condition = fit(data(*harsh(2)), "2RC+K").condition
+    (kinetic,) = [b for b in condition.branches if b.kind == "kinetic"]
     assert (kinetic.values["r_ohm"] < 0.05 * truth.R0).all()
-    np.testing.assert_allclose(found.r0_ohm + kinetic.values["r_ohm"], truth.R0, rtol=0.01)
+    np.testing.assert_allclose(condition.r0_ohm + kinetic.values["r_ohm"], truth.R0, rtol=0.01)
 
 
 @pytest.mark.parametrize("second", [1000.0, 4000.0])
 def test_the_diffusion_time_is_found_within_a_step_of_its_grid(second):
-    found = fit(data(*measured(2, extra=(diffusion(second),))), "2RC+D")
-    assert 0.5 <= found.held.diffusion_second / second <= 2.0
-    assert found.condition.fit_rmse_volt < 1.1 * NOISE_VOLT
+    fitted = fit(data(*measured(2, extra=(diffusion(second),))), "2RC+D")
+    assert 0.5 <= fitted.held.diffusion_second / second <= 2.0
+    assert fitted.condition.fit_rmse_volt < 1.1 * NOISE_VOLT
 
 
 def test_where_nothing_diffuses_no_diffusion_is_found():
-    found = fit(data(*measured(2)), "2RC+D")
-    assert found.held.diffusion_second is None
+    fitted = fit(data(*measured(2)), "2RC+D")
+    assert fitted.held.diffusion_second is None
     assert fit(data(*measured(2)), "2RC+D", diffusion_second=2000.0).held.diffusion_second == 2000
 
 
@@ -134,21 +135,21 @@ def test_the_scale_of_the_soc_is_found(missing, stretch):
     time, current, volt, soc = measured(3)
     counted = 1.0 - (1.0 - soc - missing) / (1.0 + stretch)
     ready = data(time, current, volt, counted)
-    found = fit(ready)
-    assert found.condition.missing == pytest.approx(missing, abs=0.01)
-    assert found.condition.stretch == pytest.approx(stretch, abs=0.012)
-    shift = np.interp(counted, found.condition.soc, found.condition.ocv_shift_volt)
-    error = ocv_of(ready, on_table(counted, found.held)) + shift - truth.ocv_at(soc)
+    fitted = fit(ready)
+    assert fitted.condition.missing == pytest.approx(missing, abs=0.01)
+    assert fitted.condition.stretch == pytest.approx(stretch, abs=0.012)
+    shift = np.interp(counted, fitted.condition.soc, fitted.condition.ocv_shift_volt)
+    error = ocv_of(ready, on_table(counted, fitted.held)) + shift - truth.ocv_at(soc)
     inner = (soc > 0.15) & (soc < 0.9)
     assert np.abs(error[inner]).max() < 4e-3
-    np.testing.assert_allclose(found.condition.r0_ohm, truth.R0, rtol=0.03)
+    np.testing.assert_allclose(fitted.condition.r0_ohm, truth.R0, rtol=0.03)
 
 
 def test_a_distribution_predicts_a_drive_of_a_cell_of_two_pairs():
-    found = fit(data(*measured(4)), "DRT").condition
-    assert found.fit_rmse_volt < 1.5 * NOISE_VOLT
+    condition = fit(data(*measured(4)), "DRT").condition
+    assert condition.fit_rmse_volt < 1.5 * NOISE_VOLT
     time, current, volt, soc = measured(14)
-    run = simulate_model(model_file("DRT", found), None, time, current, soc, 25.0)
+    run = simulate_model(model_file("DRT", condition), None, time, current, soc, 25.0)
     inner = (soc > 0.1) & (soc < 0.9)
     assert np.sqrt(np.mean((run.voltage_volt - volt)[inner] ** 2)) < 1.5 * NOISE_VOLT
 
@@ -187,26 +188,26 @@ MEMBERS = ("0RC", "1RC", "2RC", "2RC+H", "DRT", "DRT+K", "DRT+D", "DRT+H+K+D")
 def test_the_file_simulates_what_was_fitted(warmed, name, hold):
     """Entry → JSON → look-up → simulation gives the voltage of the columns it was solved with."""
     ready = warmed[hold]
-    found = fit(ready, name)
+    fitted = fit(ready, name)
     (record,) = ready.records
     celsius = np.interp(record.test_time_second, np.arange(4000.0), COURSE)
     args = (record.test_time_second, record.current_ampere, record.soc, celsius)
-    run = simulate_model(model_file(name, found.condition), None, *args, hold=hold)
+    run = simulate_model(model_file(name, fitted.condition), None, *args, hold=hold)
     simulated = run.voltage_volt[record.used]
-    np.testing.assert_allclose(simulated, predicted(ready, found), rtol=0, atol=absent(found))
+    np.testing.assert_allclose(simulated, predicted(ready, fitted), rtol=0, atol=absent(fitted))
     rmse = np.sqrt(np.mean((simulated - record.voltage_volt[record.used]) ** 2))
-    assert rmse == pytest.approx(found.condition.fit_rmse_volt, rel=0.005)
+    assert rmse == pytest.approx(fitted.condition.fit_rmse_volt, rel=0.005)
 
 
-def absent(found):
+def absent(result):
     """A diffusion that was not found is written as one of next to nothing."""
-    written = any(branch.kind == "diffusion" for branch in found.condition.branches)
-    return 1e-7 if written and found.held.diffusion_second is None else 1e-9
+    written = any(branch.kind == "diffusion" for branch in result.condition.branches)
+    return 1e-7 if written and result.held.diffusion_second is None else 1e-9
 
 
-def predicted(ready, found):
+def predicted(ready, result):
     """Voltage of the used rows by the columns of the design."""
-    columns, values = columns_of(ready, found.held), found.solution.values
+    columns, values = columns_of(base_of(ready), result.held), result.solution.values
     measured_volt = np.concatenate([r.voltage_volt[r.used] for r in ready.records])
     over = sum(column @ values[name] for name, column in columns.resistances)
     return measured_volt - columns.target_volt + columns.shift @ values["shift"] + over
@@ -215,9 +216,9 @@ def predicted(ready, found):
 def test_a_linear_fit_is_simulated_to_its_own_residual(warmed):
     """The SoC's scale that is written is the one that the values belong to, also where it ran."""
     for name in ("0RC", "2RC+H", "DRT"):
-        found, ready = fit(warmed["first_order"], name), warmed["first_order"]
-        residual = ready.records[0].voltage_volt[ready.records[0].used] - predicted(ready, found)
-        np.testing.assert_allclose(residual, found.solution.residual_volt, rtol=0, atol=1e-9)
+        fitted, ready = fit(warmed["first_order"], name), warmed["first_order"]
+        residual = ready.records[0].voltage_volt[ready.records[0].used] - predicted(ready, fitted)
+        np.testing.assert_allclose(residual, fitted.solution.residual_volt, rtol=0, atol=1e-9)
 
 
 def test_a_gap_that_is_bridged_costs_nothing():
@@ -258,9 +259,9 @@ def test_rows_that_are_not_used_do_not_move_the_fit():
 
 
 def test_a_time_constant_at_its_bound_is_named_and_has_no_deviation():
-    found = fit(data(*measured(9)), limits_second=(0.5, 60.0)).condition
-    assert "tau2" in found.at_bound
-    assert np.isnan(found.branches[1].stds["tau_second"]).all()
+    condition = fit(data(*measured(9)), limits_second=(0.5, 60.0)).condition
+    assert "tau2" in condition.at_bound
+    assert np.isnan(condition.branches[1].stds["tau_second"]).all()
 
 
 def test_more_pairs_than_the_cell_has_are_still_fitted():
@@ -268,9 +269,9 @@ def test_more_pairs_than_the_cell_has_are_still_fitted():
     time, current, _, soc = measured(9)
     noise = np.random.default_rng(9).normal(0, NOISE_VOLT, len(time))
     ohmic = truth.ocv_at(soc) + 0.03 * current + noise
-    found = fit(data(time, current, ohmic, soc), "3RC").condition
-    np.testing.assert_allclose(found.r0_ohm, 0.03, rtol=5e-3)
-    assert np.isfinite([branch.values["r_ohm"] for branch in found.branches]).all()
+    condition = fit(data(time, current, ohmic, soc), "3RC").condition
+    np.testing.assert_allclose(condition.r0_ohm, 0.03, rtol=5e-3)
+    assert np.isfinite([branch.values["r_ohm"] for branch in condition.branches]).all()
 
 
 def test_limits_are_what_the_record_can_show():
@@ -281,8 +282,8 @@ def test_limits_are_what_the_record_can_show():
 
 
 def test_entry_is_plain_and_complete():
-    found = fit(data(*measured(10)), "2RC+H").condition
-    entry = condition_entry(found, ambient_temperature_celsius=np.nan, tests=("a",))
+    condition = fit(data(*measured(10)), "2RC+H").condition
+    entry = condition_entry(condition, ambient_temperature_celsius=np.nan, tests=("a",))
     assert entry["ambient_temperature_celsius"] is None
     assert [len(entry[k]) for k in ("soc", "r0_ohm", "r0_std_ohm", "ocv_shift_volt")] == [5] * 4
     assert [branch["kind"] for branch in entry["branches"]] == ["RC", "RC", "hysteresis"]
@@ -293,12 +294,14 @@ def test_entry_is_plain_and_complete():
 
 def test_one_slow_branch_gives_the_true_ocv_back():
     """Where resistance does not change with SoC the correction is exact."""
-    found = fit(data(*measured(11))).condition
-    true = [b._replace(values={"r_ohm": r}) for b, r in zip(found.branches, truth.R, strict=True)]
+    condition = fit(data(*measured(11))).condition
+    true = [
+        b._replace(values={"r_ohm": r}) for b, r in zip(condition.branches, truth.R, strict=True)
+    ]
     total = np.interp(truth.OCV_SOC, truth.KNOTS, truth.R0 + truth.R.sum(axis=0))
     slow = truth.OCV_VOLT - 0.1 * total
     corrected = ocv_from_slow_branch(
-        truth.OCV_SOC, slow, -0.1, found._replace(r0_ohm=truth.R0, branches=tuple(true))
+        truth.OCV_SOC, slow, -0.1, condition._replace(r0_ohm=truth.R0, branches=tuple(true))
     )
     np.testing.assert_allclose(corrected, truth.OCV_VOLT, atol=1e-12)
 
@@ -331,8 +334,22 @@ def test_refusals():
 def test_kinetics_settle_to_the_true_resistance(r_ohm):
     """Resistance damps itself: what is written is what it was solved with."""
     ready = data(*harsh(6, extra=(transfer(THERMAL_VOLT, r_ohm),)))
-    found = fit(ready, "DRT+K")
-    np.testing.assert_allclose(found.held.transfer_ohm, r_ohm, rtol=0.08)
+    fitted = fit(ready, "DRT+K")
+    np.testing.assert_allclose(fitted.held.transfer_ohm, r_ohm, rtol=0.08)
     (record,) = ready.records
-    gap = record.voltage_volt[record.used] - predicted(ready, found)
-    np.testing.assert_allclose(gap, found.solution.residual_volt, atol=3e-4)
+    gap = record.voltage_volt[record.used] - predicted(ready, fitted)
+    np.testing.assert_allclose(gap, fitted.solution.residual_volt, atol=3e-4)
+
+
+def test_members_that_share_columns_and_searches_are_those_fitted_alone():
+    ready = data(*harsh(11, extra=(transfer(0.05), hysteresis())))
+    shared = shared_of(ready)
+    for member in ("1RC", "2RC", "2RC+H", "DRT+K", "DRT+H+K+D"):
+        alone, together = (fit(ready, member, shared=one) for one in (None, shared))
+        assert together.held.tau_second == alone.held.tau_second
+        residual_volt = together.solution.residual_volt
+        np.testing.assert_allclose(residual_volt, alone.solution.residual_volt, atol=1e-9)
+        for one, other in zip(together.condition.branches, alone.condition.branches, strict=True):
+            for name, values in one.values.items():
+                np.testing.assert_allclose(values, other.values[name], rtol=1e-6, atol=1e-9)
+    assert len(shared.base.kept) <= MOST_KEPT

@@ -25,22 +25,22 @@ def by_name(fit, what):
 
 
 def test_same_optimum_and_errors_as_our_own_fit():
-    found, own = fit_by_lmfit(START, lmfit_parameters(START), RECORD, **HOLD), fitted(RECORD[2])
-    assert (np.abs(by_name(found, found.values) - own.values) < 0.01 * own.std).all()
-    np.testing.assert_allclose(by_name(found, found.std), own.std, rtol=1e-3)
-    errors = [found.result.params[name].stderr for name in ORDER]
+    by_lmfit, own = fit_by_lmfit(START, lmfit_parameters(START), RECORD, **HOLD), fitted(RECORD[2])
+    assert (np.abs(by_name(by_lmfit, by_lmfit.values) - own.values) < 0.01 * own.std).all()
+    np.testing.assert_allclose(by_name(by_lmfit, by_lmfit.std), own.std, rtol=1e-3)
+    errors = [by_lmfit.result.params[name].stderr for name in ORDER]
     np.testing.assert_allclose(errors, own.std, rtol=1e-3)
-    assert found.rmse_volt == pytest.approx(own.rmse_volt, rel=1e-9)
-    run = simulate(found.circuit, TIME, CURRENT, 3.7, **HOLD)
-    assert np.sqrt(np.mean((run - RECORD[2]) ** 2)) == pytest.approx(found.rmse_volt)
+    assert by_lmfit.rmse_volt == pytest.approx(own.rmse_volt, rel=1e-9)
+    run = simulate(by_lmfit.circuit, TIME, CURRENT, 3.7, **HOLD)
+    assert np.sqrt(np.mean((run - RECORD[2]) ** 2)) == pytest.approx(by_lmfit.rmse_volt)
 
 
 def test_a_fixed_parameter_stays():
     parameters = lmfit_parameters(START)
     parameters["tau_second_1"].set(value=3.0, vary=False)
-    found = fit_by_lmfit(START, parameters, RECORD, **HOLD)
-    assert "tau_second_1" not in found.names
-    assert found.circuit[1].parameters["tau_second"] == 3.0
+    by_lmfit = fit_by_lmfit(START, parameters, RECORD, **HOLD)
+    assert "tau_second_1" not in by_lmfit.names
+    assert by_lmfit.circuit[1].parameters["tau_second"] == 3.0
 
 
 def test_a_tied_parameter_follows_its_expression_and_one_may_be_added():
@@ -49,23 +49,23 @@ def test_a_tied_parameter_follows_its_expression_and_one_may_be_added():
     parameters.add("c_farad_1", value=500.0, min=0)
     parameters["tau_second_1"].expr = "r_ohm_1*c_farad_1"
     parameters["ocv_offset_volt"].vary = True
-    found = fit_by_lmfit(START, parameters, RECORD, **HOLD)
-    values = dict(zip(found.names, found.values, strict=True))
+    by_lmfit = fit_by_lmfit(START, parameters, RECORD, **HOLD)
+    values = dict(zip(by_lmfit.names, by_lmfit.values, strict=True))
     own = fitted(RECORD[2], free_ocv=("offset",))
     assert values["c_farad_1"] * values["r_ohm_1"] == pytest.approx(own.values[4], rel=1e-4)
     assert values["ocv_offset_volt"] == pytest.approx(own.values[1], abs=1e-2 * own.std[1])
-    assert found.result.nfev < 40
+    assert by_lmfit.result.nfev < 40
 
 
 def test_a_parameter_at_a_bound_has_no_error():
     parameters = lmfit_parameters(START)
     parameters["r_ohm_1"].max = 0.008
-    found = fit_by_lmfit(START, parameters, RECORD, **HOLD)
-    assert found.at_bound == ("r_ohm_1",)
-    assert np.isnan(by_name(found, found.std)[1])
-    assert np.isfinite(np.delete(by_name(found, found.std), 1)).all()
+    by_lmfit = fit_by_lmfit(START, parameters, RECORD, **HOLD)
+    assert by_lmfit.at_bound == ("r_ohm_1",)
+    assert np.isnan(by_name(by_lmfit, by_lmfit.std)[1])
+    assert np.isfinite(np.delete(by_name(by_lmfit, by_lmfit.std), 1)).all()
     own = fitted(RECORD[2], bounds={"r1_ohm": (0, 0.008)})
-    np.testing.assert_allclose(by_name(found, found.values), own.values, rtol=1e-3)
+    np.testing.assert_allclose(by_name(by_lmfit, by_lmfit.values), own.values, rtol=1e-3)
 
 
 def test_a_circuit_that_is_not_of_rc_pairs():
@@ -80,9 +80,9 @@ def test_a_circuit_that_is_not_of_rc_pairs():
     for name in ("r_ohm_0", "r_ohm_1", "tau_second_1", "m_volt_2"):
         parameters[name].value *= 1.4
     parameters["scale_volt_1"].vary = False
-    found = fit_by_lmfit(true, parameters, (TIME, CURRENT, volt, 3.7), **HOLD)
-    assert found.rmse_volt < 1e-7
-    for one, other in zip(found.circuit, true, strict=True):
+    by_lmfit = fit_by_lmfit(true, parameters, (TIME, CURRENT, volt, 3.7), **HOLD)
+    assert by_lmfit.rmse_volt < 1e-7
+    for one, other in zip(by_lmfit.circuit, true, strict=True):
         assert one.parameters == pytest.approx(other.parameters, rel=1e-3)
 
 

@@ -31,13 +31,13 @@ def score(facts=FACTS, *, model=None, **change):
 
 
 def test_the_truth_has_no_error():
-    found = score()
-    (row,) = found.rows
+    scored = score()
+    (row,) = scored.rows
     assert row["rmse_volt"] < 1e-12
     assert (row["model"], row["chosen"], row["samples"]) == ("2RC", True, len(TIME))
     assert (row["soc_start"], row["soc_anchor"]) == (0.95, "stated at the start")
-    assert found.notes == ("simulated at the chamber's temperature",)
-    np.testing.assert_allclose(found.series["simulated_2RC_volt"], found.series["voltage_volt"])
+    assert scored.notes == ("simulated at the chamber's temperature",)
+    np.testing.assert_allclose(scored.series["simulated_2RC_volt"], scored.series["voltage_volt"])
 
 
 def test_what_lies_outside_the_identified_range_is_counted():
@@ -49,16 +49,16 @@ def test_what_lies_outside_the_identified_range_is_counted():
 
 def test_an_offset_is_the_error():
     (row,) = score(voltage_volt=series()["voltage_volt"] + 0.01).rows
-    found = [row[name] for name in ("rmse_volt", "max_abs_volt", "mean_volt")]
-    np.testing.assert_allclose(found, 0.01, rtol=1e-9)
+    values = [row[name] for name in ("rmse_volt", "max_abs_volt", "mean_volt")]
+    np.testing.assert_allclose(values, 0.01, rtol=1e-9)
 
 
 def test_a_split_record_is_scored_on_even_blocks_only():
     odd = (TIME // 1500) % 2 == 0
-    found = score(FACTS._replace(role="split"), voltage_volt=series()["voltage_volt"] + odd)
-    np.testing.assert_array_equal(found.series["scored"], ~odd)
-    assert found.rows[0]["samples"] == (~odd).sum()
-    assert found.rows[0]["max_abs_volt"] < 1e-9
+    scored = score(FACTS._replace(role="split"), voltage_volt=series()["voltage_volt"] + odd)
+    np.testing.assert_array_equal(scored.series["scored"], ~odd)
+    assert scored.rows[0]["samples"] == (~odd).sum()
+    assert scored.rows[0]["max_abs_volt"] < 1e-9
 
 
 def two_temperatures():
@@ -87,10 +87,10 @@ def test_it_is_simulated_at_the_measured_surface_else_at_the_chamber():
 
 
 def test_scores_are_arithmetic():
-    found = scores(np.array([3.0, -1.0, 1.0, -1.0]), np.array([0.01, 0.5, 0.6, 0.95]))
-    assert found["rmse_volt"] == pytest.approx(np.sqrt(3.0))
-    assert found["rmse_volt_soc_5_95"] == 1.0
-    assert (found["max_abs_volt"], found["mean_volt"], found["samples"]) == (3.0, 0.5, 4)
+    errors = scores(np.array([3.0, -1.0, 1.0, -1.0]), np.array([0.01, 0.5, 0.6, 0.95]))
+    assert errors["rmse_volt"] == pytest.approx(np.sqrt(3.0))
+    assert errors["rmse_volt_soc_5_95"] == 1.0
+    assert (errors["max_abs_volt"], errors["mean_volt"], errors["samples"]) == (3.0, 0.5, 4)
     assert np.isnan(scores(np.ones(2), np.zeros(2))["rmse_volt_soc_5_95"])
 
 

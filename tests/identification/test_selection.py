@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import NOISE_VOLT, data, fit, hysteresis, measured
+from synthetic import NOISE_VOLT, data, fit, hysteresis, measured, with_target
 
 from cellwright.identification.choice import Score, choose, left_out
 from cellwright.identification.regression import held_out
@@ -21,40 +21,42 @@ def choice(ready, *names):
 
 
 def test_of_one_and_two_pairs_the_true_two():
-    found = choice(data(*measured(7, seconds=9000)), "1RC", "2RC")
-    assert found.name == "2RC"
-    assert "2RC chosen, clearly before 1RC" in found.words
-    assert found.rmse_volt["2RC"] == pytest.approx(NOISE_VOLT, rel=0.1)
-    assert found.rmse_volt["1RC"] > 1.5 * NOISE_VOLT
+    chosen = choice(data(*measured(7, seconds=9000)), "1RC", "2RC")
+    assert chosen.name == "2RC"
+    assert "2RC chosen, clearly before 1RC" in chosen.words
+    assert chosen.rmse_volt["2RC"] == pytest.approx(NOISE_VOLT, rel=0.1)
+    assert chosen.rmse_volt["1RC"] > 1.5 * NOISE_VOLT
 
 
 def test_where_two_pairs_are_enough_the_third_is_equal_and_not_chosen():
-    found = choice(data(*measured(8, seconds=9000)), "2RC", "3RC")
-    assert found.name == "2RC"
-    assert "2RC chosen: equal within chance to 3RC, and simpler." in found.words
+    chosen = choice(data(*measured(8, seconds=9000)), "2RC", "3RC")
+    assert chosen.name == "2RC"
+    assert "2RC chosen: equal within chance to 3RC, and simpler." in chosen.words
 
 
 def test_with_hysteresis_the_true_member():
     ready = data(*measured(9, seconds=9000, extra=(hysteresis(),)))
-    found = choice(ready, "1RC", "2RC", "2RC+H")
-    assert found.name == "2RC+H"
-    assert "clearly before" in found.words
+    chosen = choice(ready, "1RC", "2RC", "2RC+H")
+    assert chosen.name == "2RC+H"
+    assert "clearly before" in chosen.words
 
 
 def test_rows_are_predicted_from_the_other_folds_only():
     """Spoiling a fold's voltage moves its own errors by just that, whatever the fit."""
     ready = data(*measured(10))
-    found = fit(ready, "1RC")
+    fit_of_member = fit(ready, "1RC")
     rng = np.random.default_rng(1)
-    fold = rng.integers(0, 3, len(found.system.target))
-    clean = held_out(found.system, found.solution, fold)
-    spoiled = found.system._replace(
-        target=found.system.target + np.where(fold == 1, 0.05 * found.system.weight, 0.0)
-    )
-    moved = held_out(spoiled, found.solution, fold) - clean
+    fold = rng.integers(0, 3, len(fit_of_member.system.target))
+    clean = held_out(fit_of_member.system, fit_of_member.solution, fold)
+    shift = np.where(fold == 1, 0.05 * fit_of_member.system.weight, 0.0)
+    spoiled = with_target(fit_of_member.system, fit_of_member.system.target + shift)
+    moved = held_out(spoiled, fit_of_member.solution, fold) - clean
     np.testing.assert_allclose(moved[fold == 1], 0.05, atol=1e-9)
     assert np.abs(moved[fold != 1]).max() > 1e-3
-    assert (held_out(found.system, found.solution, fold - 3) == found.solution.residual_volt).all()
+    assert (
+        held_out(fit_of_member.system, fit_of_member.solution, fold - 3)
+        == fit_of_member.solution.residual_volt
+    ).all()
 
 
 def score(*square_volt2, rows=100):
@@ -63,9 +65,9 @@ def score(*square_volt2, rows=100):
 
 def test_one_block_near_empty_does_not_outvote_the_others():
     better, worse = [1e-6, 1.1e-6, 0.9e-6] * 5, [4e-6, 4.4e-6, 3.6e-6] * 5
-    found = choose({"1RC": score(*better, 9e-2), "2RC": score(*worse, 2e-2)})
-    assert found.name == "1RC"
-    assert found.rmse_volt["1RC"] > found.rmse_volt["2RC"]
+    chosen = choose({"1RC": score(*better, 9e-2), "2RC": score(*worse, 2e-2)})
+    assert chosen.name == "1RC"
+    assert chosen.rmse_volt["1RC"] > chosen.rmse_volt["2RC"]
 
 
 def test_of_members_alike_in_most_blocks_the_one_without_a_corner_is_chosen():
@@ -74,9 +76,9 @@ def test_of_members_alike_in_most_blocks_the_one_without_a_corner_is_chosen():
 
 
 def test_equal_is_a_difference_within_the_scatter_of_blocks():
-    found = choose({"2RC": score(1e-6, 2e-6, 1e-6), "1RC": score(1.3e-6, 1.7e-6, 1.2e-6)})
-    assert found.name == "1RC"
-    assert "1RC chosen: equal within chance to 2RC, and simpler" in found.words
+    chosen = choose({"2RC": score(1e-6, 2e-6, 1e-6), "1RC": score(1.3e-6, 1.7e-6, 1.2e-6)})
+    assert chosen.name == "1RC"
+    assert "1RC chosen: equal within chance to 2RC, and simpler" in chosen.words
     clear = choose({"2RC": score(1e-6, 2e-6, 1e-6), "1RC": score(2e-6, 4.2e-6, 2e-6)})
     assert "2RC chosen, clearly before 1RC" in clear.words
     assert "the only one left" in choose({"DRT": score(1e-6)}).words
@@ -114,22 +116,22 @@ def test_what_a_search_found_must_be_better_beyond_chance_and_nowhere_worse():
     spread = np.exp(np.random.default_rng(3).normal(0.0, 0.6, 12))
     own, chance = score(*4e-6 * spread), score(*4e-6 * np.roll(spread, 1))
     name, better = "2RC+effects", score(*1e-6 * spread)
-    assert choose({"2RC": own, name: better}, found=[name]).name == name
-    same = choose({"2RC": own, name: chance}, found=[name])
+    assert choose({"2RC": own, name: better}, searched=[name]).name == name
+    same = choose({"2RC": own, name: chance}, searched=[name])
     assert same.name == "2RC"
     assert same.reasons[name].startswith("not better than 2RC beyond chance")
     larger = score(*np.append(1e-6 * spread[:-1], 1.0))
-    assert choose({"2RC": own, name: larger}, found=[name]).name == "2RC"
+    assert choose({"2RC": own, name: larger}, searched=[name]).name == "2RC"
     worse_in_the_cold = {"2RC": own * 2, name: [*score(*1.2e-5 * spread), *score(*1e-7 * spread)]}
-    told = choose(worse_in_the_cold, celsius=[-10.0, 25.0], found=[name])
+    told = choose(worse_in_the_cold, celsius=[-10.0, 25.0], searched=[name])
     assert told.name == "2RC"
     assert "at some temperature" in told.reasons[name] or "rms" in told.reasons[name]
 
 
 def test_refusals():
-    found = fit(data(*measured(11, seconds=3000)), "0RC")
+    fit_of_member = fit(data(*measured(11, seconds=3000)), "0RC")
     with pytest.raises(Refusal, match="the data are one block"):
-        left_out(found, np.zeros(len(found.system.target), int))
+        left_out(fit_of_member, np.zeros(len(fit_of_member.system.target), int))
     with pytest.raises(Refusal, match="no member of the family could be fitted"):
         choose({})
     with pytest.raises(Refusal, match="not scored on the same blocks"):

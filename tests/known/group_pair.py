@@ -1,4 +1,4 @@
-"""The pair of `group_plant` as the product knows it, and its records."""
+"""The pair of `group_plant` as branches of the search, and its records."""
 
 from functools import cache
 
@@ -6,7 +6,7 @@ import group_plant
 import numpy as np
 
 from cellwright.effects.groups.model import Branch
-from cellwright.records.group import GroupRecord
+from cellwright.records.record import GroupRecord
 
 TABLE = np.array([group_plant.ocv(soc) for soc in np.linspace(0.0, 1.0, 401).tolist()])
 CELLS = [
@@ -28,6 +28,7 @@ measured = cache(group_plant.measured)
 
 
 def record(name, seed, *, currents=True, celsius=25.0, **hidden):
+    """GroupRecord of the pair with hidden effects, with or without branch currents."""
     time, total, volt, read = measured(seed, celsius=celsius, **hidden)
     read = read if currents else None
     return GroupRecord(name, time, total, volt, np.full(len(time), celsius), read)

@@ -33,10 +33,10 @@ def plant(total, r0, r1, tau1, r2, tau2, capacity, soc):
     for k, ampere in enumerate(total.tolist()):
         for sub in range(round(SECOND / FINE)):
             source = [ocv(z) + u + v for z, u, v in cells]
-            one = (ampere + sum(s * g for s, g in zip(source, flow, strict=True))) / all_flow
-            branch = [(one - s) * g for s, g in zip(source, flow, strict=True)]
+            common = (ampere + sum(s * g for s, g in zip(source, flow, strict=True))) / all_flow
+            branch = [(common - s) * g for s, g in zip(source, flow, strict=True)]
             if sub == 0:
-                current[k], volt[k] = branch, one
+                current[k], volt[k] = branch, common
             for b, cell in enumerate(cells):
                 cell[0] += branch[b] * rates[b]
                 cell[1] += first[b][1] * branch[b] - first[b][0] * cell[1]
@@ -68,21 +68,23 @@ def measured(
     gain=0.0,
     branch=1,
 ):
-    """Time, total, voltage, branch currents of a pair with something about one branch."""
-    own = np.arange(2) == branch
-    factor = resistance_factor(celsius + warmer * own) * (1.0 + resistance * own)
+    """Time [s], total [A], voltage [V], branch currents [A] of a pair with one faulty branch."""
+    faulty = np.arange(2) == branch
+    factor = resistance_factor(celsius + warmer * faulty) * (1.0 + resistance * faulty)
     total = load(seed)
     current, volt = plant(
         total,
-        (R0 * factor + WIRE + wire * own).tolist(),
+        (R0 * factor + WIRE + wire * faulty).tolist(),
         (R1 * factor).tolist(),
         TAU1,
         (R2 * factor).tolist(),
         TAU2,
-        (CAPACITY * (1.0 + capacity * own)).tolist(),
-        (0.9 + soc * own).tolist(),
+        (CAPACITY * (1.0 + capacity * faulty)).tolist(),
+        (0.9 + soc * faulty).tolist(),
     )
     random = np.random.default_rng(seed + 100)
     volt = volt + random.normal(0.0, 1e-3, len(volt))
-    read = current * (1.0 + gain * own) + offset * own + random.normal(0.0, 2e-3, current.shape)
+    read = (
+        current * (1.0 + gain * faulty) + offset * faulty + random.normal(0.0, 2e-3, current.shape)
+    )
     return SECOND * np.arange(len(total)), total, volt, read

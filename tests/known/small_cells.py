@@ -1,4 +1,4 @@
-"""Small made-up cells and records for ties and plans: currents only, no voltage is looked at."""
+"""Made-up cells and records for ties and plans: currents only, without a voltage."""
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def capacity_test(celsius=25.0):
 
 def case(fit, validation):
     """(Case, Model at the truth) of records."""
-    laid = [stacked(one, capacity_ampere_hour=CAPACITY) for one in (fit, validation)]
+    laid = [stacked(side, capacity_ampere_hour=CAPACITY) for side in (fit, validation)]
     starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(laid[0].soc_at_start)}
     return Case(CELL, *laid), Model(PLAIN | starts)
 

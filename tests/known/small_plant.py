@@ -1,6 +1,6 @@
-"""A small simulator of one cell, in a plain loop: it shares no line with the model that is fitted.
+"""A simulator of one cell in a plain loop, which shares no code with the model that is fitted.
 
-Two RC pairs on fine steps; what may be hidden in a cell is a word and a size (`Truth`).
+Two RC pairs on fine steps; hidden effects are set by their sizes (`Truth`).
 """
 
 from functools import cache
@@ -23,7 +23,7 @@ OWN_HEAT = 30e3  # activation energy by which a warm core shows itself [J/mol]
 
 
 class Truth(NamedTuple):
-    """What a cell has. All zero: it is healthy."""
+    """Hidden effects of a cell; all zero: it is healthy."""
 
     activation: float = 0.0  # of resistances [J/mol]
     hysteresis: float = 0.0  # sign of the last load [V]
@@ -36,13 +36,14 @@ class Truth(NamedTuple):
     asymmetry: float = 0.0  # of R0 on charge, relative
     wave: float = 0.0  # of the OCV over its table [V]
     slope_r1: float = 0.0  # logarithm of R1 and R2 from full to empty
-    ripple: float = 0.0  # a voltage that swings with the charge that passed: no one knows it [V]
+    ripple: float = 0.0  # of the OCV over SoC, which no effect of the library explains [V]
 
 
 HEALTHY = Truth()
 
 
 def ocv(soc):
+    """OCV of the table [V]."""
     return 3.35 + 0.75 * soc + 0.06 * np.sin(7 * soc) - 0.2 * np.exp(-np.maximum(soc, 0) / 0.04)
 
 
@@ -86,8 +87,7 @@ def measured(test, rows, celsius, soc, truth=None, *, seed, kind="drive", every=
     at = np.maximum(fine * np.arange(len(rows)) - round(truth.delay / FINE_SECOND), 0)
     read = volts[at] + NOISE_VOLT * random.normal(size=len(rows))
     clock = every * np.arange(len(rows))
-    told = {"test": test, "kind": kind, "celsius": warm}
-    return record_of(clock, rows + truth.offset, read, soc, **told)
+    return record_of(clock, rows + truth.offset, read, soc, test=test, kind=kind, celsius=warm)
 
 
 def drive(seed, *, rows=1300, highest=1.2):
@@ -149,5 +149,5 @@ def case(truth, **options):
 @cache
 def rounds(truth, *, without=(), **options):
     """Rounds of a search of such a case, made once, by the library without some of its effects."""
-    known = {name: one for name, one in LIBRARY.items() if name not in without}
-    return search(case(truth, **options), known)
+    library = {name: effect for name, effect in LIBRARY.items() if name not in without}
+    return search(case(truth, **options), library)

@@ -55,3 +55,8 @@ def data(*measured, resistance_factor=1.0, used=None, **change):
 
 def fit(ready, member="2RC", **settings):
     return identify(ready, member_named(member), capacity_ampere_hour=CAPACITY, **settings)
+
+
+def with_target(system, target):
+    """The same columns for another measurement."""
+    return system._replace(target=target, moment=system.matrix.T @ target)

@@ -6,7 +6,7 @@ from sheets_facts import measured_test
 
 from cellwright.packs.group import group_models
 from cellwright.packs.parallel import Group, group_of, simulate_parallel
-from cellwright.records.group import branch_currents
+from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 
 GRID = np.linspace(0, 1, 201)
@@ -51,35 +51,35 @@ def record(celsius=None):
 
 
 @pytest.fixture(scope="module")
-def found():
+def models_of_group():
     return group_models(*record(), ["A", "B"])
 
 
-def test_capacities_are_the_charges_received_without_the_offsets_of_the_sensors(found):
+def test_capacities_are_the_charges_received_without_the_offsets_of_the_sensors(models_of_group):
     """Over the 8 h of the charge an offset of 20 mA would be a tenth of the capacity."""
     test, steps = record()
     series = test.series
     before, after = steps["last_row"][0], steps["last_row"][2]
     current = branch_currents(series)[before : after + 1] - OFFSET
     received = (current[1:] + current[:-1]).sum(axis=0) * 10.0 / 7200.0
-    assert list(found) == ["A", "B"]
-    sizes = [model["capacity_ampere_hour"] for model in found.values()]
+    assert list(models_of_group) == ["A", "B"]
+    sizes = [model["capacity_ampere_hour"] for model in models_of_group.values()]
     np.testing.assert_allclose(sizes, received, rtol=2e-3)
 
 
-def test_the_models_predict_the_discharge_that_they_have_not_seen(found):
+def test_the_models_predict_the_discharge_that_they_have_not_seen(models_of_group):
     test, steps = record()
     series = test.series
     rows = slice(steps["first_row"][3], None)
     time, total = series["test_time_second"][rows], series["current_ampere"][rows]
-    group = group_of(list(found.values()), temperature_celsius=25.0)
+    group = group_of(list(models_of_group.values()), temperature_celsius=25.0)
     run = simulate_parallel(time, total, group, initial_soc=1.0)
     error = run.branch_current_ampere - (branch_currents(series)[rows] - OFFSET)
     assert np.sqrt(np.mean(error**2)) < 0.03
     assert np.sqrt(np.mean((run.voltage_volt - series["voltage_volt"][rows]) ** 2)) < 0.03
 
 
-def test_only_the_charge_between_its_rests_is_seen(found):
+def test_only_the_charge_between_its_rests_is_seen(models_of_group):
     test, steps = record()
     series = test.series
     for name in series:
@@ -87,15 +87,15 @@ def test_only_the_charge_between_its_rests_is_seen(found):
             series[name] = series[name].copy()
             series[name][steps["first_row"][3] :] *= 0.7
     steps["charge_ampere_hour"] = steps["charge_ampere_hour"].copy()
-    assert group_models(test, steps, ["A", "B"]) == found
-    fitted = found["A"]["fitted"]
+    assert group_models(test, steps, ["A", "B"]) == models_of_group
+    fitted = models_of_group["A"]["fitted"]
     assert fitted["test"] == "pair"
     assert fitted["from_second"] == 10.0 * (SPANS["rest"] - 1)
     assert fitted["to_second"] == 10.0 * (SPANS["rest"] + SPANS["charge"] + SPANS["rest after"] - 1)
 
 
-def test_what_the_models_say_of_themselves(found):
-    model = found["B"]
+def test_what_the_models_say_of_themselves(models_of_group):
+    model = models_of_group["B"]
     (entry,) = model["members"][0]["conditions"]
     assert (model["cell"], model["kind"], model["chosen"]) == ("B", "group", "1RC")
     assert entry["ambient_temperature_celsius"] == 25.0

@@ -37,15 +37,15 @@ def score(series, rows=None, models=MODELS, **facts):
 
 
 def test_the_truth_has_no_error_and_currents_sum_to_the_total():
-    found = score(record(), celsius=None)
-    for row, model in zip(found.rows, MODELS, strict=True):
+    scored = score(record(), celsius=None)
+    for row, model in zip(scored.rows, MODELS, strict=True):
         assert row["current_rmse_ampere"] < 1e-9
         assert row["voltage_rmse_volt"] < 1e-9
         assert row["kcl_residual_ampere"] < 1e-9
         assert row["samples"] == len(TIME)
         assert row["capacity_ampere_hour"] == model["capacity_ampere_hour"]
-    assert [(row["branch"], row["cell"]) for row in found.rows] == [(1, "A"), (2, "B")]
-    assert found.notes == ()
+    assert [(row["branch"], row["cell"]) for row in scored.rows] == [(1, "A"), (2, "B")]
+    assert scored.notes == ()
 
 
 def test_a_member_that_a_group_cannot_run_is_replaced_and_it_is_said():
@@ -54,10 +54,10 @@ def test_a_member_that_a_group_cannot_run_is_replaced_and_it_is_said():
     kinetic |= {"scale_volt": [0.05] * 5}
     more = {"model": "DRT+K", "conditions": [entry | {"branches": [kinetic]}]}
     first = MODELS[0] | {"members": [more, *MODELS[0]["members"]], "chosen": "DRT+K"}
-    found = score(record(), models=[first, MODELS[1]])
-    assert [row["model"] for row in found.rows] == ["2RC", "2RC"]
-    assert found.notes == ("A simulated as 2RC: its DRT+K is more than RC pairs",)
-    assert found.rows[0]["current_rmse_ampere"] < 1e-9
+    scored = score(record(), models=[first, MODELS[1]])
+    assert [row["model"] for row in scored.rows] == ["2RC", "2RC"]
+    assert scored.notes == ("A simulated as 2RC: its DRT+K is more than RC pairs",)
+    assert scored.rows[0]["current_rmse_ampere"] < 1e-9
 
 
 def test_an_error_of_one_sensor_is_that_branch_alone():
@@ -78,11 +78,11 @@ def test_what_a_model_was_fitted_to_is_not_scored():
     series = record()
     seen = (TIME >= 1000.0) & (TIME <= 3000.0)
     series["branch_1_current_ampere"] = series["branch_1_current_ampere"] + seen
-    found = score(series, models=fitted(1000.0, 3000.0))
-    np.testing.assert_array_equal(found.series["scored"], ~seen)
-    assert found.rows[0]["current_max_ampere"] < 1e-9
-    assert found.rows[0]["samples"] == (~seen).sum()
-    assert found.notes == (f"{seen.mean():.0%} of the record was fitted and is not scored",)
+    scored = score(series, models=fitted(1000.0, 3000.0))
+    np.testing.assert_array_equal(scored.series["scored"], ~seen)
+    assert scored.rows[0]["current_max_ampere"] < 1e-9
+    assert scored.rows[0]["samples"] == (~seen).sum()
+    assert scored.notes == (f"{seen.mean():.0%} of the record was fitted and is not scored",)
     other = score(series, models=fitted(1000.0, 3000.0, test="another"))
     assert other.series["scored"].all()
     with pytest.raises(Refusal, match="nothing is left to score"):
@@ -90,9 +90,9 @@ def test_what_a_model_was_fitted_to_is_not_scored():
 
 
 def test_soc_at_the_start_is_found_from_the_rest_voltage_where_not_stated():
-    found = score(record(), branches(soc=[None, None]))
-    assert found.notes == ("SoC at the start from the group's first voltage",)
-    assert found.rows[0]["current_rmse_ampere"] < 2e-3
+    scored = score(record(), branches(soc=[None, None]))
+    assert scored.notes == ("SoC at the start from the group's first voltage",)
+    assert scored.rows[0]["current_rmse_ampere"] < 2e-3
     mixed = score(record(soc=[0.8, 0.9]), branches(soc=[0.8, None]))
     assert mixed.series["simulated_voltage_volt"][0] == pytest.approx(
         record([0.8, 0.9])["voltage_volt"][0], abs=0.03
@@ -103,9 +103,9 @@ def test_soc_at_the_start_is_found_from_the_rest_voltage_where_not_stated():
 
 
 def test_wires_that_are_not_stated_are_none_and_it_is_said():
-    found = score(record(wire=[0.01, 0.0]), branches(wire=[0.01, None]))
-    assert found.rows[0]["current_rmse_ampere"] < 1e-9
-    assert found.notes == ("wire resistances are not stated: taken as none beyond the cells' own",)
+    scored = score(record(wire=[0.01, 0.0]), branches(wire=[0.01, None]))
+    assert scored.rows[0]["current_rmse_ampere"] < 1e-9
+    assert scored.notes == ("wire resistances are not stated: taken as none beyond the cells' own",)
 
 
 def test_refuses_another_number_of_branches():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from cellwright.identification.borrowed import scaled_reference
 from cellwright.packs import parallel
-from cellwright.packs.branches import identify_branches, rest_offset
+from cellwright.packs.group import identify_branches, rest_offset
 from cellwright.packs.parallel import Group, group_of, simulate_parallel
 from cellwright.refusal import Refusal
 
@@ -154,13 +154,13 @@ def test_cells_are_found_again_from_their_branch_currents():
     run = simulate_parallel(up, total, true, initial_soc=0.0)
     noise = np.random.default_rng(3).normal(0, 1e-3, len(up))
     branches = run.branch_current_ampere + np.outer(noise, [1.0, -1.0])
-    found = identify_branches(up, branches, run.voltage_volt)
-    assert found.fit_rmse_volt < 2e-3
+    identified = identify_branches(up, branches, run.voltage_volt)
+    assert identified.fit_rmse_volt < 2e-3
     time = np.arange(0.0, 12000.0, 10.0)
     load = np.where(time % 4000 < 3000, -0.8, 0.2)
     start = run.soc[-1]
     truly = simulate_parallel(time, load, true, initial_soc=start)
-    again = simulate_parallel(time, load, found.group, initial_soc=1.0)
+    again = simulate_parallel(time, load, identified.group, initial_soc=1.0)
     error = again.branch_current_ampere - truly.branch_current_ampere
     assert np.sqrt(np.mean(error**2)) < 0.02
     assert np.sqrt(np.mean((again.voltage_volt - truly.voltage_volt) ** 2)) < 0.02
@@ -173,10 +173,10 @@ def test_measured_pair(shared):
     branch = np.column_stack(branch)
     rest, fit = (time > 2000) & (time < 2990), (time > 2950) & (time < 33370)
     branch -= rest_offset(branch[rest], total[rest], rest_ampere=0.01)
-    found = identify_branches(time[fit], branch[fit], volt[fit])
-    np.testing.assert_allclose(found.group.capacity_ampere_hour, [1.83, 1.93], rtol=0.06)
+    identified = identify_branches(time[fit], branch[fit], volt[fit])
+    np.testing.assert_allclose(identified.group.capacity_ampere_hour, [1.83, 1.93], rtol=0.06)
     rows = slice(fit.argmax(), None, 2)
-    run = simulate_parallel(time[rows], total[rows], found.group, initial_soc=0.0)
+    run = simulate_parallel(time[rows], total[rows], identified.group, initial_soc=0.0)
     score = ((time > 33370) & (time < 59770))[rows]
     current_error = (run.branch_current_ampere - branch[rows])[score]
     assert np.sqrt(np.mean(current_error**2)) < 0.018

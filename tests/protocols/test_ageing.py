@@ -34,11 +34,11 @@ def series(*parts, full=2.0, soc=1.0, step=10.0, pulses=False):
     }
 
 
-def run(found, *, lower=3.0, upper=4.0, **settings):
+def run(columns, *, lower=3.0, upper=4.0, **settings):
     names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
-    steps = segment(*[found[name] for name in names], rated_capacity_ampere_hour=2.0)
+    steps = segment(*[columns[name] for name in names], rated_capacity_ampere_hour=2.0)
     return ageing_cycles(
-        found,
+        columns,
         steps,
         rated_capacity_ampere_hour=2.0,
         lower_cutoff_volt=lower,
@@ -73,12 +73,12 @@ def test_without_temperatures_they_are_not_known():
 
 
 def test_a_cut_cycle_takes_the_next_half_with_it():
-    found = run(series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.5), (1.0, 1.0), (-1.0, 0.0)))
-    assert found.rows.cycle.tolist() == [1, 2, 3]
-    assert found.rows.direction.tolist() == ["discharge", "charge", "discharge"]
-    assert "cycle 2, discharge: it ends at 3.500 V, before the cut-off of 3 V" in found.left_out[0]
-    assert "cycle 3, charge: it does not start empty" in found.left_out[1]
-    assert np.isnan(found.rows.coulombic_efficiency[2])
+    ageing = run(series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.5), (1.0, 1.0), (-1.0, 0.0)))
+    assert ageing.rows.cycle.tolist() == [1, 2, 3]
+    assert ageing.rows.direction.tolist() == ["discharge", "charge", "discharge"]
+    assert "cycle 2, discharge: it ends at 3.500 V, before the cut-off of 3 V" in ageing.left_out[0]
+    assert "cycle 3, charge: it does not start empty" in ageing.left_out[1]
+    assert np.isnan(ageing.rows.coulombic_efficiency[2])
 
 
 def test_a_pulsed_discharge_counts():
@@ -89,23 +89,26 @@ def test_a_pulsed_discharge_counts():
 
 def test_a_hold_after_a_pause_is_part_of_the_charge():
     """As Arbin schedules have it: constant current, a pause of two minutes, then the hold."""
-    found = series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0))
-    time, begin = found["test_time_second"], np.flatnonzero(found["current_ampere"] > 0)[-1] + 12
-    current, voltage = found["current_ampere"].copy(), found["voltage_volt"].copy()
+    columns = series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0))
+    time, begin = (
+        columns["test_time_second"],
+        np.flatnonzero(columns["current_ampere"] > 0)[-1] + 12,
+    )
+    current, voltage = columns["current_ampere"].copy(), columns["voltage_volt"].copy()
     current[begin : begin + 40] = 0.5 * np.exp(-np.arange(40) / 20)
     voltage[begin : begin + 40] = 4.0
     voltage[begin - 12 : begin] = 3.95
     charge = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2) * 10 / 3600)
     changed = {"current_ampere": current, "voltage_volt": voltage, "charge_ampere_hour": charge}
-    rows = run(found | changed | {"test_time_second": time}).rows
+    rows = run(columns | changed | {"test_time_second": time}).rows
     held = current[begin : begin + 40].sum() * 10 / 3600
     assert rows.capacity_ampere_hour[1] == pytest.approx(2.0 + held, abs=0.01)
 
 
 def test_a_record_from_an_unknown_start_begins_with_the_next_half():
-    found = run(series((1.0, 1.0), (-1.0, 0.0), soc=0.4))
-    assert found.rows.direction.tolist() == ["discharge"]
-    assert "the record begins with it at 3.400 V" in found.left_out[0]
+    ageing = run(series((1.0, 1.0), (-1.0, 0.0), soc=0.4))
+    assert ageing.rows.direction.tolist() == ["discharge"]
+    assert "the record begins with it at 3.400 V" in ageing.left_out[0]
 
 
 def test_nothing_complete_and_no_cut_off_are_refused():

@@ -81,10 +81,10 @@ def test_mean_and_spread_of_three():
 
 
 def test_incomplete_is_left_out_with_its_reason():
-    found = run(cycle((1.0, -1.0), 1.0, -1.0))
-    assert found.rows.direction.tolist() == ["discharge"]
-    assert "ends at 3.5" in found.left_out[0]
-    assert "does not start empty" in found.left_out[1]
+    capacities = run(cycle((1.0, -1.0), 1.0, -1.0))
+    assert capacities.rows.direction.tolist() == ["discharge"]
+    assert "ends at 3.5" in capacities.left_out[0]
+    assert "does not start empty" in capacities.left_out[1]
 
 
 def test_remainder_counts_only_in_the_whole_swing():
@@ -162,8 +162,8 @@ def test_published_capacities(shared, path, sign, rated, limits, published):
     time, current, voltage = table(shared / "campaigns" / path)
     data = (time, sign * current, voltage, counted(time, sign * current))
     rows = run(data, rated=rated, lower=limits[0], upper=limits[1]).rows
-    found = rows.capacity_ampere_hour[rows.direction == "discharge"]
-    assert np.isclose(found[0], published, rtol=0.01)
+    discharges = rows.capacity_ampere_hour[rows.direction == "discharge"]
+    assert np.isclose(discharges[0], published, rtol=0.01)
 
 
 def test_published_swing_of_a123(shared):

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+import cellwright as cw
 from cellwright.laws.points import fast_charge_points
 from cellwright.protocols.fast_charge import fast_charge
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
+from runtime import artefact
 
 HELD_SOC = 0.6
 
@@ -39,33 +41,33 @@ def series(*, ampere=4.0, soc=0.0, full=2.0, minutes=30.0, held=HELD_SOC, begin_
     }
 
 
-def run(found, **settings):
+def run(columns, **settings):
     names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
-    steps = segment(*[found[name] for name in names], rated_capacity_ampere_hour=2.0)
+    steps = segment(*[columns[name] for name in names], rated_capacity_ampere_hour=2.0)
     limits = {"lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
     settings = {"capacity_ampere_hour": 2.0, "rated_capacity_ampere_hour": 2.0} | limits | settings
-    return fast_charge(found, steps, **settings)
+    return fast_charge(columns, steps, **settings)
 
 
 def test_charge_shares_and_times():
-    found, notes = run(series(begin_full=True))
+    charged, notes = run(series(begin_full=True))
     # 0.6 at 2C in 18 min; then 4 A · 6/ln 2 min · (1 − 2^(−12/6)).
     held = 4 * 6 / np.log(2) / 60 * (1 - 0.25) / 2
-    assert found.share == pytest.approx(0.6 + held, abs=0.01)
-    assert found.constant_current_share == pytest.approx(0.6 / (0.6 + held), abs=0.01)
-    assert found.constant_current_share + found.constant_voltage_share == pytest.approx(1)
-    assert found.minutes_constant_current == pytest.approx(18, abs=0.2)
+    assert charged.share == pytest.approx(0.6 + held, abs=0.01)
+    assert charged.constant_current_share == pytest.approx(0.6 / (0.6 + held), abs=0.01)
+    assert charged.constant_current_share + charged.constant_voltage_share == pytest.approx(1)
+    assert charged.minutes_constant_current == pytest.approx(18, abs=0.2)
     over = -6 * np.log2(1 - 0.2 * 2 * 60 * np.log(2) / 24)
-    assert found.minutes_to_80 == pytest.approx(18 + over, abs=0.3)
-    assert found.c_rate == pytest.approx(2)
-    assert found.warming_kelvin > 0
-    assert found.from_empty
+    assert charged.minutes_to_80 == pytest.approx(18 + over, abs=0.3)
+    assert charged.c_rate == pytest.approx(2)
+    assert charged.warming_kelvin > 0
+    assert charged.from_empty
     assert not notes
 
 
 def test_the_time_is_a_setting_and_a_shorter_charge_says_so():
-    found, _ = run(series(begin_full=True), minutes=9.0)
-    assert found.share == pytest.approx(0.3, abs=0.01)
+    charged, _ = run(series(begin_full=True), minutes=9.0)
+    assert charged.share == pytest.approx(0.3, abs=0.01)
     short, notes = run(series(begin_full=True, minutes=10.0))
     assert short.share == pytest.approx(1 / 3, abs=0.01)
     assert np.isnan(short.minutes_to_80)
@@ -74,16 +76,16 @@ def test_the_time_is_a_setting_and_a_shorter_charge_says_so():
 
 
 def test_a_charge_from_half_full_has_no_time_to_80():
-    found, notes = run(series(soc=0.3))
-    assert not found.from_empty
-    assert np.isnan(found.minutes_to_80)
+    charged, notes = run(series(soc=0.3))
+    assert not charged.from_empty
+    assert np.isnan(charged.minutes_to_80)
     assert any("not known to be empty" in note for note in notes)
 
 
 def test_in_the_cold_the_limit_is_met_at_once():
-    found, _ = run(series(begin_full=True, held=0.001))
-    assert found.constant_current_share < 0.02
-    assert found.c_rate == pytest.approx(2, rel=0.05)
+    charged, _ = run(series(begin_full=True, held=0.001))
+    assert charged.constant_current_share < 0.02
+    assert charged.c_rate == pytest.approx(2, rel=0.05)
 
 
 def test_refusals_by_name():
@@ -96,9 +98,9 @@ def test_refusals_by_name():
 
 
 def test_points_over_temperature_of_one_rate():
-    found = run(series(begin_full=True))[0]._asdict()
+    row = run(series(begin_full=True))[0]._asdict()
     rows = [
-        found | {"ambient_temperature_celsius": celsius, "cycle": None, "share": share}
+        row | {"ambient_temperature_celsius": celsius, "cycle": None, "share": share}
         for celsius, share in ((25.0, 0.9), (0.0, 0.6), (-20.0, 0.2))
     ]
     points = fast_charge_points([*rows, rows[0] | {"from_empty": False}])
@@ -107,3 +109,15 @@ def test_points_over_temperature_of_one_rate():
     assert shares == [0.9, 0.6, 0.2]
     assert ratios == pytest.approx([9, 1.5, 0.25])
     assert len({p.quantity for p in points}) == 4
+
+
+def test_points_are_what_the_contract_of_their_artefact_allows(tmp_path):
+    row = run(series(begin_full=True))[0]._asdict() | {"cycle": None}
+    rows = [
+        row | {"ambient_temperature_celsius": celsius, "share": share}
+        for celsius, share in ((25.0, 0.9), (0.0, 0.6), (-20.0, 0.2))
+    ]
+    points = cw.fast_charge_laws(rows).points
+    path = tmp_path / "results" / "fast_charge_points" / "T1.parquet"
+    artefact.write(path, points, {"reason": None})
+    assert list(artefact.load(path)["quantity"]) == [point.quantity for point in points]

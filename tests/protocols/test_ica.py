@@ -38,25 +38,27 @@ def record(rows, seed, step_volt=3e-4, noise_volt=5e-5):
 
 
 def test_twenty_seeds_find_the_three_peaks_and_no_other():
-    found = [peaks(incremental_capacity(*record(200_000, seed))) for seed in range(20)]
-    assert {len(one.voltage_volt) for one in found} == {3}
-    position = np.array([one.voltage_volt for one in found]) - VOLT[TOPS]
-    height = np.array([one.height_ampere_hour_per_volt for one in found]) / DENSITY[TOPS] - 1
+    peaks_found = [peaks(incremental_capacity(*record(200_000, seed))) for seed in range(20)]
+    assert {len(one.voltage_volt) for one in peaks_found} == {3}
+    position = np.array([one.voltage_volt for one in peaks_found]) - VOLT[TOPS]
+    height = np.array([one.height_ampere_hour_per_volt for one in peaks_found]) / DENSITY[TOPS] - 1
     assert np.sqrt(np.mean(position**2, axis=0)).max() < 1e-4
     assert np.abs(height.mean(axis=0)).max() < 0.01
 
 
 def test_standard_deviation_of_the_position_is_of_the_right_size():
-    found = [peaks(incremental_capacity(*record(20_000, s, noise_volt=5e-4))) for s in range(20)]
-    errors = np.array([one.voltage_volt for one in found]) - VOLT[TOPS]
-    stated = np.mean([one.voltage_std_volt for one in found], axis=0)
+    peaks_found = [
+        peaks(incremental_capacity(*record(20_000, s, noise_volt=5e-4))) for s in range(20)
+    ]
+    errors = np.array([one.voltage_volt for one in peaks_found]) - VOLT[TOPS]
+    stated = np.mean([one.voltage_std_volt for one in peaks_found], axis=0)
     ratio = stated / np.sqrt(np.mean(errors**2, axis=0))
     assert ((ratio > 0.5) & (ratio < 3)).all()
 
 
 def test_coarse_sampling_of_thirty_seconds_still_finds_them():
-    found = peaks(incremental_capacity(*record(2400, 1, step_volt=1e-3, noise_volt=3e-4)))
-    np.testing.assert_allclose(found.voltage_volt, VOLT[TOPS], atol=4e-3)
+    peaks_found = peaks(incremental_capacity(*record(2400, 1, step_volt=1e-3, noise_volt=3e-4)))
+    np.testing.assert_allclose(peaks_found.voltage_volt, VOLT[TOPS], atol=4e-3)
 
 
 def test_areas_add_up_to_the_charge_of_the_curve():
@@ -68,8 +70,8 @@ def test_areas_add_up_to_the_charge_of_the_curve():
 def test_a_straight_charge_has_no_peaks():
     rng = np.random.default_rng(0)
     voltage = np.linspace(3.2, 4.2, 20_000) + 2e-4 * rng.standard_normal(20_000)
-    found = peaks(incremental_capacity(voltage, np.linspace(0, 2, 20_000)))
-    assert all(len(column) == 0 for column in found)
+    peaks_found = peaks(incremental_capacity(voltage, np.linspace(0, 2, 20_000)))
+    assert all(len(column) == 0 for column in peaks_found)
 
 
 def test_peaks_as_columns_are_numbered_and_none_is_a_refusal():

@@ -13,12 +13,12 @@ from cellwright.protocols.impedance.analysis import (
     best,
     characteristic_frequency,
     compare,
-    confused,
     contract,
+    why_inseparable,
+    zero_crossing,
 )
-from cellwright.protocols.impedance.circuits import circuit_impedance
-from cellwright.protocols.impedance.fit import fit_circuit, parse_constraints, zero_crossing
-from cellwright.protocols.impedance.levenberg import TYPES, search_by_numpy
+from cellwright.protocols.impedance.circuits import circuit_impedance, parse_constraints
+from cellwright.protocols.impedance.fit import TYPES, fit_circuit, search_by_numpy
 from cellwright.refusal import Refusal
 
 # Thesis 3.2: its stated errors of Rs, Rct, T, P, Y0.
@@ -28,8 +28,8 @@ POOR |= {"warburg_y0": 1.0}
 
 
 def values(fit):
-    found = dict(zip(fit.names, fit.values, strict=True))
-    return np.array([found[name] for name in NAMES])
+    fitted = dict(zip(fit.names, fit.values, strict=True))
+    return np.array([fitted[name] for name in NAMES])
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +42,8 @@ def table():
 
 
 def test_the_45_spectra_of_table_3_1_are_recovered_within_its_errors(table):
-    found = [(fit_circuit(FREQUENCY, spectrum), truth) for truth, spectrum in table]
-    errors = np.array([values(fit) / truth - 1 for fit, truth in found])
+    fitted = [(fit_circuit(FREQUENCY, spectrum), truth) for truth, spectrum in table]
+    errors = np.array([values(fit) / truth - 1 for fit, truth in fitted])
     assert errors.shape == (45, 5)
     assert (np.abs(errors) < STATED).all()
     # Far better as a rule: the noise allows 0.14, 0.3, 1.4, 0.4 and 1.2 % (Cramér and Rao).
@@ -97,17 +97,17 @@ def test_exact_spectrum_gives_its_parameters_back():
 
 def test_noise_is_covered_by_the_standard_deviations():
     clean = thesis_impedance(THESIS)
-    found = [fit_circuit(FREQUENCY, noisy(clean, seed=seed)) for seed in range(60)]
-    places = [found[0].names.index(name) for name in NAMES]
-    scores = np.array([(values(fit) - THESIS) / fit.std[places] for fit in found])
+    fitted = [fit_circuit(FREQUENCY, noisy(clean, seed=seed)) for seed in range(60)]
+    places = [fitted[0].names.index(name) for name in NAMES]
+    scores = np.array([(values(fit) - THESIS) / fit.std[places] for fit in fitted])
     np.testing.assert_allclose(np.sqrt(np.mean(scores**2, axis=0)), 1, atol=0.3)
 
 
 def test_correlations_are_those_of_repeated_measurements():
     clean = thesis_impedance(THESIS)
-    found = [fit_circuit(FREQUENCY, noisy(clean, seed=seed)) for seed in range(150)]
-    seen = np.corrcoef(np.array([fit.values for fit in found]).T)
-    np.testing.assert_allclose(found[0].correlation, seen, atol=0.25)
+    fitted = [fit_circuit(FREQUENCY, noisy(clean, seed=seed)) for seed in range(150)]
+    seen = np.corrcoef(np.array([fit.values for fit in fitted]).T)
+    np.testing.assert_allclose(fitted[0].correlation, seen, atol=0.25)
 
 
 @pytest.mark.parametrize("circuit", ["R-(CPE|R)-(CPE|(R-W))", "R-(C|(R-FLW))", "L-R-G-(C|R)"])
@@ -134,10 +134,10 @@ def test_fixed_and_tied_parameters_keep_what_they_are_told():
     circuit = "R-(CPE|R)-(CPE|R)"
     spectrum = noisy(circuit_impedance(circuit, FREQUENCY, truth))
     fit = fit_circuit(FREQUENCY, spectrum, circuit=circuit, fixed=fixed, tied=tied)
-    found = dict(zip(fit.names, fit.values, strict=True))
-    assert found["cpe1_p"] == pytest.approx(0.9, rel=1e-12)
-    assert found["r3_ohm"] == pytest.approx(2 * found["r2_ohm"], rel=1e-12)
-    assert found["r2_ohm"] == pytest.approx(2e-3, rel=0.03)
+    fitted = dict(zip(fit.names, fit.values, strict=True))
+    assert fitted["cpe1_p"] == pytest.approx(0.9, rel=1e-12)
+    assert fitted["r3_ohm"] == pytest.approx(2 * fitted["r2_ohm"], rel=1e-12)
+    assert fitted["r2_ohm"] == pytest.approx(2e-3, rel=0.03)
     assert fit.free == 5
     assert np.isnan(fit.std[fit.names.index("cpe1_p")])
     tied_pair = [fit.names.index(name) for name in ("r2_ohm", "r3_ohm")]
@@ -214,11 +214,11 @@ def test_contract_columns_of_two_arcs_are_those_of_the_slower():
 
 
 def test_charge_transfer_and_diffusion_that_look_alike_are_said_to():
-    assert confused(fit_circuit(FREQUENCY, noisy(thesis_impedance(THESIS)))) == ""
+    assert why_inseparable(fit_circuit(FREQUENCY, noisy(thesis_impedance(THESIS)))) == ""
     truth = (3e-3, 1.7e-2, 12.0, 0.62, 100.0)  # the arc's top lies at 2 Hz
     for above, words in ((20, "correlated"), (50, "warburg_y0 is not told")):
         fast = FREQUENCY[above < FREQUENCY]
-        assert words in confused(fit_circuit(fast, noisy(thesis_impedance(truth, fast))))
+        assert words in why_inseparable(fit_circuit(fast, noisy(thesis_impedance(truth, fast))))
 
 
 def test_evidence_prefers_the_circuit_that_made_the_spectrum():
@@ -234,13 +234,13 @@ def test_evidence_prefers_the_circuit_that_made_the_spectrum():
 
 
 def test_a_candidate_that_is_no_circuit_has_a_reason_and_is_never_best():
-    found = compare(FREQUENCY, thesis_impedance(THESIS), ["R-X", "R-(CPE|(R-W))"], starts=2)
-    assert "where an element" in found[0].reason
-    assert best(found, criterion="bic").circuit == "R-(CPE|(R-W))"
+    fitted = compare(FREQUENCY, thesis_impedance(THESIS), ["R-X", "R-(CPE|(R-W))"], starts=2)
+    assert "where an element" in fitted[0].reason
+    assert best(fitted, criterion="bic").circuit == "R-(CPE|(R-W))"
     with pytest.raises(Refusal, match="R-X"):
-        best(found[:1], criterion="bic")
+        best(fitted[:1], criterion="bic")
     with pytest.raises(Refusal, match="known: bic"):
-        best(found, criterion="aic")
+        best(fitted, criterion="aic")
 
 
 # published.md: real part where Im = 0, of the Panasonic cell [mΩ].

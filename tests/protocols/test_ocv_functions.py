@@ -29,21 +29,21 @@ def curve(name):
 
 @pytest.mark.parametrize("name", TRUTH)
 def test_each_function_recovers_itself_and_is_the_best(name):
-    found = fits(curve(name))
-    np.testing.assert_allclose(found[name].parameters, TRUTH[name], rtol=2e-3)
-    assert found[name].rmse_volt < 1e-6
-    assert found[name].chosen
-    assert sum(fit.chosen for fit in found.values()) == 1
+    functions = fits(curve(name))
+    np.testing.assert_allclose(functions[name].parameters, TRUTH[name], rtol=2e-3)
+    assert functions[name].rmse_volt < 1e-6
+    assert functions[name].chosen
+    assert sum(fit.chosen for fit in functions.values()) == 1
 
 
 @pytest.mark.parametrize("name", TRUTH)
 def test_noise_is_covered_by_the_standard_deviations(name):
     rng = np.random.default_rng(2)
     noisy = [curve(name) + 1e-3 * rng.standard_normal(len(SOC)) for _ in range(6)]
-    found = [fits(volt)[name] for volt in noisy]
-    scores = np.array([(fit.parameters - TRUTH[name]) / fit.std for fit in found])
+    functions = [fits(volt)[name] for volt in noisy]
+    scores = np.array([(fit.parameters - TRUTH[name]) / fit.std for fit in functions])
     assert 0.4 < np.sqrt(np.mean(scores**2)) < 2
-    assert found[0].rmse_volt == pytest.approx(1e-3, rel=0.15)
+    assert functions[0].rmse_volt == pytest.approx(1e-3, rel=0.15)
 
 
 @given(st.sampled_from(sorted(FORMS)), st.floats(0.02, 0.98))
@@ -55,10 +55,10 @@ def test_slope_is_the_derivative(name, soc):
 
 
 def test_a_curve_of_no_function_is_best_told_by_its_table():
-    found = fits(3.3 + 0.3 * SOC + 0.05 * np.tanh((SOC - 0.3) / 0.02) + 0.04 * np.sin(25 * SOC))
-    assert found["table"].chosen
-    assert len(found["table"].parameters) == 0
-    assert found["polynomial"].rmse_volt < found["polynomial"].cross_validation_rmse_volt
+    functions = fits(3.3 + 0.3 * SOC + 0.05 * np.tanh((SOC - 0.3) / 0.02) + 0.04 * np.sin(25 * SOC))
+    assert functions["table"].chosen
+    assert len(functions["table"].parameters) == 0
+    assert functions["polynomial"].rmse_volt < functions["polynomial"].cross_validation_rmse_volt
 
 
 def test_too_few_points_are_refused():

@@ -5,12 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cellwright.protocols.ocv.rests import RestPoints, ocv_of_rests
-from cellwright.protocols.rests import rest_points
+import cellwright as cw
+from cellwright.protocols.ocv.rests import RestPoints, ocv_of_rests, rest_points
 from cellwright.records.anchor import rest_scale
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
 
+NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 CAPACITY, LIMITS = 3.0, {"lower_cutoff_volt": 2.5, "upper_cutoff_volt": 4.2}
 PAIRS = [(0.020, 60.0), (0.015, 900.0)]
 
@@ -205,3 +206,17 @@ def test_a_short_last_portion_ends_empty_but_a_larger_pulse_does_not(ampere, sou
         current, voltage, np.array([0, -1.4, -2.9]), steps, rated_capacity_ampere_hour=3.0, **LIMITS
     )
     assert source in scale.source
+
+
+def test_step_of_the_interface_gives_the_same_curve():
+    """With the cell's facts as a mapping and as typed values."""
+    columns = record()
+    curve = found_from(columns)[0]
+    series = dict(zip(NAMES, columns, strict=True))
+    steps = segment(*columns, rated_capacity_ampere_hour=CAPACITY)
+    facts = {"cell": "A", "rated_capacity_ampere_hour": CAPACITY, **LIMITS}
+    for cell in (facts, cw.CellFacts(**facts)):
+        ocv = cw.ocv_from_rests(
+            series, steps, cell, {"cell": "A", "test": "pulses", "kind": "hppc"}
+        )
+        assert np.array_equal(ocv.curve.ocv_volt, curve.ocv_volt)

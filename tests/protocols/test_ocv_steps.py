@@ -90,10 +90,10 @@ def test_rests_are_joined_and_counted_and_the_first_without_steps_is_named():
     parts = steps((0, 99), (101, n - 1), (n, n + 800), (n + 801, 2 * n - 1))
     assert joined_rests(parts) == [(0, 99), (101, 2 * n - 1)]
     parts = steps((0, 99), (101, n - 1), (n + 1, 2 * n - 1))
-    found = chamber_shifts(time, np.tile(voltage, 2), np.tile(celsius, 2), soc, parts)
-    assert {(row["rest"], row["soc"]) for row in found.rows} == {(1, 0.9), (2, 0.2)}
-    assert len(found.left_out) == 1
-    assert "none away from the first" in found.left_out[0]
+    step_shifts = chamber_shifts(time, np.tile(voltage, 2), np.tile(celsius, 2), soc, parts)
+    assert {(row["rest"], row["soc"]) for row in step_shifts.rows} == {(1, 0.9), (2, 0.2)}
+    assert len(step_shifts.left_out) == 1
+    assert "none away from the first" in step_shifts.left_out[0]
 
 
 def test_a_short_first_rest_is_refused_with_its_length():
@@ -122,9 +122,9 @@ def test_temperature_is_the_surface_then_the_chamber():
 
 def test_plateaus_leave_the_way_between_out():
     time, celsius = chamber()
-    found = plateaus_of(time, celsius, settled_kelvin_per_hour=1.0, least_second=1200)
-    assert len(found) == len(LEVELS) + 1
-    assert np.allclose([p.celsius for p in found[:-1]], LEVELS, atol=0.4)
+    plateaus = plateaus_of(time, celsius, settled_kelvin_per_hour=1.0, least_second=1200)
+    assert len(plateaus) == len(LEVELS) + 1
+    assert np.allclose([p.celsius for p in plateaus[:-1]], LEVELS, atol=0.4)
     assert plateaus_of(time[:5], celsius[:5], settled_kelvin_per_hour=1, least_second=60) == []
 
 

@@ -87,26 +87,26 @@ def test_sparse_rest_before_does_not_shift_the_edge():
 
 
 def test_stated_deviation_is_that_of_the_error():
-    found = [
+    resistances = [
         measure(*pulse(noise=0.001, grain=0.0005, seed=seed), delays=(10,)).rows
         for seed in range(60)
     ]
-    error = np.array([rows.resistance_ohm[0] - truth(10) for rows in found])
-    stated = np.array([rows.resistance_std_ohm[0] for rows in found])
+    error = np.array([rows.resistance_ohm[0] - truth(10) for rows in resistances])
+    stated = np.array([rows.resistance_std_ohm[0] for rows in resistances])
     assert 0.75 < np.std(error) / stated.mean() < 1.25
     assert np.mean(np.abs(error) < 2 * stated) > 0.85
 
 
 def test_ends_of_the_pulse_are_counted_as_reasons():
-    found = measure(*pulse(seconds=5.0), delays=(0, 10, 30))
-    assert found.rows.delay_second.tolist() == [0]
-    assert found.left_out == ("1 × pulse ends before 10 s", "1 × pulse ends before 30 s")
+    resistances = measure(*pulse(seconds=5.0), delays=(0, 10, 30))
+    assert resistances.rows.delay_second.tolist() == [0]
+    assert resistances.left_out == ("1 × pulse ends before 10 s", "1 × pulse ends before 30 s")
 
 
 def test_coarse_sampling_gives_no_early_delay():
-    found = measure(*pulse(seconds=60, step=10.0), delays=(1, 10, 30))
-    assert found.rows.delay_second.tolist() == [10, 30]
-    assert "later than 1 s" in found.left_out[0]
+    resistances = measure(*pulse(seconds=60, step=10.0), delays=(1, 10, 30))
+    assert resistances.rows.delay_second.tolist() == [10, 30]
+    assert "later than 1 s" in resistances.left_out[0]
 
 
 def test_current_that_is_not_held_gives_no_late_delay():
@@ -114,9 +114,9 @@ def test_current_that_is_not_held_gives_no_late_delay():
     falls = (time > 65) & (current < 0)
     current[falls] *= np.exp(-(time[falls] - 65) / 10)
     voltage[falls] = voltage[np.argmax(falls) - 1]
-    found = measure(time, current, voltage)
-    assert found.rows.delay_second.tolist() == [0, 1]
-    assert "not held until 10 s" in found.left_out[0]
+    resistances = measure(time, current, voltage)
+    assert resistances.rows.delay_second.tolist() == [0, 1]
+    assert "not held until 10 s" in resistances.left_out[0]
 
 
 @settings(max_examples=20, deadline=None)
@@ -151,8 +151,8 @@ def test_published_panasonic(shared, place, first, ten):
     soc = 1 + data["Net Capacity / Ah"].to_numpy() / 2.9  # the record has holes: the counter
     rows = measure(*columns, rated=2.9, soc=soc, delays=(0, 10)).rows
     half = (np.abs(rows.c_rate - 1) < 0.05) & (np.abs(rows.soc - 0.5) < 0.02)
-    found = 1e3 * rows.resistance_ohm[half]
-    assert np.allclose(found, [first, ten], rtol=0.005)
+    milliohm_measured = 1e3 * rows.resistance_ohm[half]
+    assert np.allclose(milliohm_measured, [first, ten], rtol=0.005)
 
 
 @pytest.mark.parametrize(

@@ -30,10 +30,10 @@ def rests(time, current, voltage, **settings):
     return rests_of(time, current, voltage, 0.5 + charge / 10, steps, **settings)
 
 
-def only(found):
+def only(rests_fitted):
     """The chosen row of the only rest, as a dict."""
-    (row,) = np.flatnonzero(found.rows.chosen)
-    return {name: values[row] for name, values in found.rows._asdict().items()}
+    (row,) = np.flatnonzero(rests_fitted.rows.chosen)
+    return {name: values[row] for name, values in rests_fitted.rows._asdict().items()}
 
 
 @pytest.mark.parametrize(("sign", "direction"), [(-1, "discharge"), (1, "charge")])
@@ -72,14 +72,14 @@ def _covered(rows, row, name, value):
 
 
 def test_a_third_time_constant_is_said_and_chosen():
-    found = rests(*record(tau=np.array([6.0, 60, 700]), r=np.array([0.006, 0.003, 0.003])))
-    assert found.rows.exponentials.tolist() == [2, 3]
-    assert found.rows.chosen.tolist() == [False, True]
-    row = only(found)
+    result = rests(*record(tau=np.array([6.0, 60, 700]), r=np.array([0.006, 0.003, 0.003])))
+    assert result.rows.exponentials.tolist() == [2, 3]
+    assert result.rows.chosen.tolist() == [False, True]
+    row = only(result)
     assert "three time constants are visible (" in row["reason"]
     for name, value in (("fast_tau", 6), ("tau1", 60), ("tau2", 700)):
         assert abs(row[f"{name}_second"] - value) < 3.5 * row[f"{name}_std_second"]
-    assert found.rows.r_squared[1] > found.rows.r_squared[0]
+    assert result.rows.r_squared[1] > result.rows.r_squared[0]
 
 
 def test_two_of_them_alone_mistake_the_fast_one_in_the_cold():
@@ -142,10 +142,10 @@ def test_a_hole_in_the_rest_does_not_move_the_answer():
 def test_after_a_gap_there_is_no_rest_to_fit():
     time, current, voltage = record()
     kept = (time < 1000) | (time > 1800)
-    found = rests(time[kept], current[kept], voltage[kept])
-    assert len(found.rows.rest) == 0
-    assert found.left_out == ("no rest after a load lasts 600 s: no depolarisation",)
-    assert example(found.rows, time, voltage).time_second.size == 0
+    result = rests(time[kept], current[kept], voltage[kept])
+    assert len(result.rows.rest) == 0
+    assert result.left_out == ("no rest after a load lasts 600 s: no depolarisation",)
+    assert example(result.rows, time, voltage).time_second.size == 0
 
 
 def test_true_time_stamps_count():
@@ -194,7 +194,7 @@ def test_the_chamber_tells_before_the_cell():
 
 def test_the_example_is_the_fit():
     time, current, voltage = record(noise=5e-5)
-    found = rests(time, current, voltage)
-    curve = example(found.rows, time, voltage)
+    result = rests(time, current, voltage)
+    curve = example(result.rows, time, voltage)
     assert np.sqrt(np.mean((curve.voltage_volt - curve.fitted_volt) ** 2)) < 1e-4
-    assert curve.soc[0] == found.rows.soc[0]
+    assert curve.soc[0] == result.rows.soc[0]

@@ -40,25 +40,25 @@ def test_kramers_kronig_refuses_too_few_points():
 def test_points_of_a_valid_spectrum_are_all_kept_in_any_order():
     clean = noisy(thesis_impedance(THESIS))
     for order in (np.arange(61), np.arange(61)[::-1], np.random.default_rng(0).permutation(61)):
-        found = trusted_points(FREQUENCY[order], clean[order], drift_tolerance=0.01)
-        assert found.keep.all()
-        assert not found.notes
+        result = trusted_points(FREQUENCY[order], clean[order], drift_tolerance=0.01)
+        assert result.keep.all()
+        assert not result.notes
 
 
 def test_a_noisy_spectrum_is_not_taken_for_a_drifting_one():
-    found = trusted_points(
+    result = trusted_points(
         FREQUENCY, noisy(thesis_impedance(THESIS), relative=0.02), drift_tolerance=0.01
     )
-    assert found.keep.all()
+    assert result.keep.all()
 
 
 def test_slow_points_that_drift_are_left_out_with_the_reason():
     spectrum = drifting()
-    found = trusted_points(FREQUENCY, spectrum, drift_tolerance=0.01)
-    assert not found.keep[:3].any()
-    assert found.keep[FREQUENCY > 0.05].all()
-    assert "Kramers-Kronig" in found.notes[0]
-    assert "drifted" in found.notes[0]
+    result = trusted_points(FREQUENCY, spectrum, drift_tolerance=0.01)
+    assert not result.keep[:3].any()
+    assert result.keep[FREQUENCY > 0.05].all()
+    assert "Kramers-Kronig" in result.notes[0]
+    assert "drifted" in result.notes[0]
     bent = analyse(FREQUENCY, spectrum, drift_tolerance=1.0).row
     kept = analyse(FREQUENCY, spectrum).row
     true = THESIS[1]
@@ -81,10 +81,10 @@ def test_inductive_points_are_modelled_or_cut():
 @pytest.mark.parametrize("relative", [0.0, 0.003, 0.01])
 def test_relaxation_times_of_two_arcs(relative):
     spectrum = noisy(circuit_impedance(TWO_ARCS, FREQUENCY, TWO), relative=relative)
-    found = relaxation_times(FREQUENCY, spectrum)
-    rows = [row for row in peaks(found) if row["share"] > 0.1]
-    assert (found.gamma_ohm >= 0).all()
-    assert found.r_ohmic_ohm == pytest.approx(2e-3, rel=0.05)
+    distribution = relaxation_times(FREQUENCY, spectrum)
+    rows = [row for row in peaks(distribution) if row["share"] > 0.1]
+    assert (distribution.gamma_ohm >= 0).all()
+    assert distribution.r_ohmic_ohm == pytest.approx(2e-3, rel=0.05)
     tops = [(1 / (r * t)) ** (1 / p) / (2 * np.pi) for t, p, r in (TWO[1:4], TWO[4:])]
     assert [row["resistance_ohm"] for row in rows] == pytest.approx([3e-3, 5e-3], rel=0.1)
     np.testing.assert_allclose([row["frequency_hertz"] for row in rows], tops, rtol=0.3)
@@ -101,15 +101,15 @@ def test_more_noise_makes_a_smoother_distribution():
 
 
 def test_analysis_of_a_good_spectrum_has_nothing_to_note():
-    found = analyse(FREQUENCY, noisy(thesis_impedance(THESIS, henry=2e-7)))
-    assert found.notes == ()
-    assert found.row["r_charge_transfer_ohm"] == pytest.approx(THESIS[1], rel=0.02)
-    assert found.row["arc_in_range"]
-    assert found.row["charge_transfer_told"]
-    assert np.isnan(found.row["temperature_celsius"])
-    assert {row["parameter"] for row in found.parameters} >= {"inductance_henry", "cpe_p"}
-    assert all(row[f"correlation_{row['parameter']}"] == 1 for row in found.parameters) or True
-    (chosen,) = [row for row in found.candidates if row["chosen"]]
+    result = analyse(FREQUENCY, noisy(thesis_impedance(THESIS, henry=2e-7)))
+    assert result.notes == ()
+    assert result.row["r_charge_transfer_ohm"] == pytest.approx(THESIS[1], rel=0.02)
+    assert result.row["arc_in_range"]
+    assert result.row["charge_transfer_told"]
+    assert np.isnan(result.row["temperature_celsius"])
+    assert {row["parameter"] for row in result.parameters} >= {"inductance_henry", "cpe_p"}
+    assert all(row[f"correlation_{row['parameter']}"] == 1 for row in result.parameters) or True
+    (chosen,) = [row for row in result.candidates if row["chosen"]]
     assert chosen["circuit"] == "L-R-(CPE|(R-W))"
     assert chosen["delta_bic"] == 0
 
@@ -130,16 +130,16 @@ def test_a_circuit_that_misses_is_told_and_evidence_finds_the_better():
 def test_an_arc_outside_the_frequencies_is_told():
     fast = np.geomspace(5, 1e3, 40)
     cold = (3e-3, 1.7e-2, 12.0, 0.62, 3000.0)  # its top lies at 2 Hz
-    found = analyse(fast, noisy(thesis_impedance(cold, fast), relative=0.001))
-    assert not found.row["arc_in_range"]
-    assert any("outside the frequencies fitted" in note for note in found.notes)
+    result = analyse(fast, noisy(thesis_impedance(cold, fast), relative=0.001))
+    assert not result.row["arc_in_range"]
+    assert any("outside the frequencies fitted" in note for note in result.notes)
 
 
 def test_a_temperature_that_moves_during_the_spectrum_is_told():
     celsius = np.linspace(24, 27, 61)
-    found = analyse(FREQUENCY, noisy(thesis_impedance(THESIS)), temperature_celsius=celsius)
-    assert found.row["temperature_celsius"] == 25.5
-    assert found.notes == ("temperature moved by 3.0 K during the spectrum",)
+    result = analyse(FREQUENCY, noisy(thesis_impedance(THESIS)), temperature_celsius=celsius)
+    assert result.row["temperature_celsius"] == 25.5
+    assert result.notes == ("temperature moved by 3.0 K during the spectrum",)
 
 
 def test_a_rested_reading_waits_until_the_cells_own_heat_is_gone():
@@ -175,9 +175,9 @@ def test_thermometers_that_agree_or_cannot_be_compared_are_told():
 def test_panasonics_chamber_that_moved_is_seen_as_drift(shared):
     """25 °C, 30 %: the file's own temperature falls by 3 K between 1 and 0.01 Hz."""
     path = shared / "campaigns/panasonic/raw/eis/25C/3541_EIS00009.csv.gz"
-    found = analyse(*measured(path))
-    assert any("left out of the fit" in note for note in found.notes)
-    assert found.row["points"] - found.row["points_fitted"] in range(2, 8)
+    result = analyse(*measured(path))
+    assert any("left out of the fit" in note for note in result.notes)
+    assert result.row["points"] - result.row["points_fitted"] in range(2, 8)
 
 
 def test_panasonics_spectra_read_warmer_than_its_pulses(shared):

@@ -26,13 +26,13 @@ def by_sorting(monkeypatch):
 @given(LEVELS)
 def test_the_count_is_that_of_numpy(voltage):
     charge = np.linspace(-1.0, 2.0, len(voltage))
-    found = tally(voltage, charge)
+    levels = tally(voltage, charge)
     volt, rows = np.unique(voltage, return_counts=True)
-    np.testing.assert_array_equal(found.volt, volt)
-    np.testing.assert_array_equal(found.rows, rows)
+    np.testing.assert_array_equal(levels.volt, volt)
+    np.testing.assert_array_equal(levels.rows, rows)
     sums = [charge[voltage == one].sum() for one in volt]
-    np.testing.assert_allclose(found.charge_ampere_hour, sums, rtol=0, atol=1e-13)
-    np.testing.assert_array_equal(volt_at_rank(found, np.arange(len(voltage))), np.sort(voltage))
+    np.testing.assert_allclose(levels.charge_ampere_hour, sums, rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(volt_at_rank(levels, np.arange(len(voltage))), np.sort(voltage))
 
 
 @pytest.mark.parametrize("levels", [50, 3000, 60_000])

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from real_cells import measured, tables
-from real_cells.quantities import KEYS, rate_in_words
+from real_cells import measured, record
+from real_cells.measured import KEYS, rate_in_words
 
 CONTENT = {
     "capacity": {
@@ -111,7 +111,7 @@ def _json(path, content, reason=None):
 
 
 def numbers_of(campaign):
-    rows = tables.of_campaign(campaign)
+    rows = record.of_campaign(campaign)
     keys = rows[["cell", "quantity", "where"]].itertuples(index=False, name=None)
     return dict(zip(keys, rows["value"], strict=True))
 
@@ -152,7 +152,7 @@ def test_a_number_stands_with_its_place(campaign, cell, quantity, where, value):
 
 
 def test_every_number_stands_once_and_what_is_not_known_not_at_all(campaign):
-    rows = tables.of_campaign(campaign)
+    rows = record.of_campaign(campaign)
     assert not rows.duplicated(KEYS).any()
     assert "spectrum: charge-transfer resistance" not in set(rows["quantity"])
     assert not [key for key in numbers_of(campaign) if "coulomb" in key[2]]
@@ -185,7 +185,7 @@ def test_right_verdicts_are_counted_where_the_campaign_says_what_is_hidden(campa
 def test_a_campaign_without_a_table_is_named(campaign):
     (campaign / "results/tables/soc.csv").unlink()
     with pytest.raises(FileNotFoundError, match=r"soc\.csv: there is no such table"):
-        tables.of_campaign(campaign)
+        record.of_campaign(campaign)
 
 
 def test_a_published_number_stands_beside_its_own_and_alone_where_there_is_none(campaign):
@@ -198,7 +198,7 @@ def test_a_published_number_stands_beside_its_own_and_alone_where_there_is_none(
         ],
         columns=columns,
     )
-    rows = tables.with_published(tables.of_campaign(campaign), published)
+    rows = record.with_published(record.of_campaign(campaign), published)
     rows = rows[rows["published"] != ""]
     assert rows["value"].tolist() == ["2.1", ""]
     assert rows["published"].tolist() == ["2.15", "2.3"]

@@ -7,8 +7,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from real_cells import page, record, tables
-from real_cells.quantities import QUANTITIES, SIDES
+from real_cells import page, record
+from real_cells.measured import QUANTITIES
 
 ROOT = Path(__file__).resolve().parents[2]
 PLACE = {"cell": "A", "where": "25 °C"}
@@ -26,7 +26,7 @@ def table(changes=None, without=(), **columns):
     """Numbers of a made-up campaign, some of them changed or left out."""
     values = {**dict(ROWS), **(changes or {})}
     rows = [{"quantity": q, "value": v, **PLACE} for q, v in values.items() if q not in without]
-    return tables.described(pd.DataFrame(rows), "made_up").assign(**columns)
+    return record.described(pd.DataFrame(rows), "made_up").assign(**columns)
 
 
 def outcomes(changes=None, recorded=None, **options):
@@ -164,7 +164,8 @@ def test_the_page_has_a_column_for_each_temperature_and_the_numbers_before():
 
 
 def test_every_quantity_has_a_side_and_words_have_no_tolerance():
-    assert {one.better for one in QUANTITIES.values()} <= set(SIDES)
+    sides = {"lower", "higher", "near", "equal", "shown"}
+    assert {one.better for one in QUANTITIES.values()} <= sides
     words = [one for one in QUANTITIES.values() if one.unit == "word"]
     assert all(one.absolute == one.relative == 0 for one in words)
 
@@ -176,8 +177,8 @@ def test_errors_against_the_truth_are_numbers_like_the_others():
         ["faults", "spike", "count", "scored", None, 0.5, 1],
         ["health", "soh", "1", "not made by the pipeline yet", None, None, None],
     ]
-    found = list(tables.errors_against_truth(pd.DataFrame(scored, columns=columns)))
-    rows = tables.described(
+    found = list(record.errors_against_truth(pd.DataFrame(scored, columns=columns)))
+    rows = record.described(
         pd.DataFrame(found, columns=["cell", "quantity", "where", "value", "unit"]), "demo"
     )
     assert rows[["where", "value", "unit", "better"]].values.tolist() == [

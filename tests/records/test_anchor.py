@@ -21,15 +21,15 @@ def filled():
 
 
 def test_stated_start_comes_first():
-    found = soc_series(*filled(), capacity_ampere_hour=2.0, soc_at_start=0.3, **LIMITS, **TABLE)
-    assert np.allclose(found.soc, 0.3 + filled()[0] / 2)
-    assert found.anchor == "stated at the start"
+    anchored = soc_series(*filled(), capacity_ampere_hour=2.0, soc_at_start=0.3, **LIMITS, **TABLE)
+    assert np.allclose(anchored.soc, 0.3 + filled()[0] / 2)
+    assert anchored.anchor == "stated at the start"
 
 
 def test_full_charge_in_the_record_is_one():
-    found = soc_series(*filled(), capacity_ampere_hour=2.0, **LIMITS, **TABLE)
-    assert np.isclose(found.soc[4], 1.0)
-    assert np.isclose(found.soc[-1], 0.5)
+    anchored = soc_series(*filled(), capacity_ampere_hour=2.0, **LIMITS, **TABLE)
+    assert np.isclose(anchored.soc[4], 1.0)
+    assert np.isclose(anchored.soc[-1], 0.5)
 
 
 def test_charge_pulse_that_touches_the_limit_is_not_full():
@@ -40,22 +40,22 @@ def test_charge_pulse_that_touches_the_limit_is_not_full():
 
 def test_rest_voltage_is_looked_up_and_counting_is_not_clipped():
     charge, current, voltage = np.array([0.0, 0, -1.9]), np.array([0.0, -1, -1]), [3.9, 3.7, 3.0]
-    found = soc_series(charge, current, voltage, capacity_ampere_hour=2.0, **LIMITS, **TABLE)
-    assert np.allclose(found.soc, [0.75, 0.75, -0.2])
-    assert "rest voltage" in found.anchor
+    anchored = soc_series(charge, current, voltage, capacity_ampere_hour=2.0, **LIMITS, **TABLE)
+    assert np.allclose(anchored.soc, [0.75, 0.75, -0.2])
+    assert "rest voltage" in anchored.anchor
 
 
 @given(st.floats(2.0, 5.0))
 def test_looked_up_start_stays_within_the_scale(volt):
     still = np.zeros(3)
-    found = soc_series(still, still, still + volt, capacity_ampere_hour=2.0, **LIMITS, **TABLE)
-    assert 0 <= found.soc[0] <= 1
+    anchored = soc_series(still, still, still + volt, capacity_ampere_hour=2.0, **LIMITS, **TABLE)
+    assert 0 <= anchored.soc[0] <= 1
 
 
 def test_flat_table_is_allowed():
     still, table = np.zeros(3), {"ocv_soc": [0, 0.3, 0.6, 1], "ocv_volt": [3.0, 3.3, 3.3, 3.4]}
-    found = soc_series(still, still, still + 3.35, capacity_ampere_hour=2.0, **LIMITS, **table)
-    assert np.isclose(found.soc[0], 0.8)
+    anchored = soc_series(still, still, still + 3.35, capacity_ampere_hour=2.0, **LIMITS, **table)
+    assert np.isclose(anchored.soc[0], 0.8)
 
 
 @pytest.mark.parametrize(("moved", "first"), [(1.9, 0.975), (2.0, 1.0), (2.1, 1.0), (1.79, None)])
@@ -67,9 +67,9 @@ def test_a_record_of_nearly_the_whole_scale_has_its_place(moved, first):
         with pytest.raises(Refusal, match="no OCV table"):
             soc_series(charge, np.full(5, -1.0), np.full(5, 3.7), **settings)
         return
-    found = soc_series(charge, np.full(5, -1.0), np.full(5, 3.7), **settings)
-    assert np.allclose(found.soc, first + charge / 2)
-    assert "moves" in found.anchor
+    anchored = soc_series(charge, np.full(5, -1.0), np.full(5, 3.7), **settings)
+    assert np.allclose(anchored.soc, first + charge / 2)
+    assert "moves" in anchored.anchor
 
 
 @pytest.mark.parametrize(

@@ -36,11 +36,11 @@ def row(size, rate=1.0, celsius=25.0, cycle=None, direction="discharge", test="c
 def test_an_own_slow_test_goes_before_everything():
     lender = Lender("R", True, [curve(out=9.0)], [])
     curves = [curve(0, 1.7, test="cold"), curve(23, 1.95), curve(None, 3.0, test="unstated")]
-    found = basis("A", curves, [row(1.8)], [lender], rated_capacity_ampere_hour=2.2)
-    assert found["capacity_ampere_hour"] == 1.95
-    assert found["capacity_source"] == "slow test ocv"
-    assert found["borrowed_from"] is None
-    assert found["ocv"] == curves
+    content = basis("A", curves, [row(1.8)], [lender], rated_capacity_ampere_hour=2.2)
+    assert content["capacity_ampere_hour"] == 1.95
+    assert content["capacity_source"] == "slow test ocv"
+    assert content["borrowed_from"] is None
+    assert content["ocv"] == curves
 
 
 def test_of_slow_tests_at_one_temperature_the_earliest_counts():
@@ -51,9 +51,9 @@ def test_of_slow_tests_at_one_temperature_the_earliest_counts():
 @pytest.mark.parametrize(("back", "capacity"), [(2.05, 2.0), (2.2, 2.1), (1.8, 1.9)])
 def test_slow_directions_that_part_are_averaged(back, capacity):
     """A sensor's offset adds to one direction what it takes from the other."""
-    found = basis("A", [curve(out=2.0, back=back)], [], [])
-    assert found["capacity_ampere_hour"] == pytest.approx(capacity)
-    assert ("mean of" in found["capacity_source"]) == (capacity != 2.0)
+    content = basis("A", [curve(out=2.0, back=back)], [], [])
+    assert content["capacity_ampere_hour"] == pytest.approx(capacity)
+    assert ("mean of" in content["capacity_source"]) == (capacity != 2.0)
 
 
 def test_the_first_marked_reference_lends_else_the_largest():
@@ -63,9 +63,9 @@ def test_the_first_marked_reference_lends_else_the_largest():
     both = [small, large._replace(marked=True)]
     assert basis("A", [], [row(1.8)], both)["borrowed_from"] == "S"  # the first of the sheet
     plain = small._replace(marked=False)
-    found = basis("A", [], [row(1.8)], [plain, large])
-    assert found["borrowed_from"] == "L"
-    assert found["ocv"] == large.curves
+    content = basis("A", [], [row(1.8)], [plain, large])
+    assert content["borrowed_from"] == "L"
+    assert content["ocv"] == large.curves
 
 
 def test_own_capacity_is_carried_by_the_lenders_ratio():
@@ -76,21 +76,21 @@ def test_own_capacity_is_carried_by_the_lenders_ratio():
         row(1.99, direction="charge"),
         row(1.9, 1.02),
     ]
-    found = basis("A", [], [row(1.71)], [Lender("R", True, [curve()], lent)])
-    assert found["capacity_ampere_hour"] == pytest.approx(1.8)
-    assert "carried to the slow rate as in R" in found["capacity_source"]
+    content = basis("A", [], [row(1.71)], [Lender("R", True, [curve()], lent)])
+    assert content["capacity_ampere_hour"] == pytest.approx(1.8)
+    assert "carried to the slow rate as in R" in content["capacity_source"]
 
 
 def test_a_lender_measured_as_far_on_the_other_side_of_25_celsius_is_not_alike():
     lender = Lender("R", True, [curve()], [row(1.9, celsius=40.0)])
-    found = basis("A", [], [row(1.71, celsius=10.0)], [lender])
-    assert found["capacity_ampere_hour"] == 1.71
+    content = basis("A", [], [row(1.71, celsius=10.0)], [lender])
+    assert content["capacity_ampere_hour"] == 1.71
 
 
 def test_two_tests_without_a_temperature_are_alike():
     lender = Lender("R", True, [curve()], [row(1.9, celsius=None)])
-    found = basis("A", [], [row(1.71, celsius=None)], [lender])
-    assert found["capacity_ampere_hour"] == pytest.approx(1.8)
+    content = basis("A", [], [row(1.71, celsius=None)], [lender])
+    assert content["capacity_ampere_hour"] == pytest.approx(1.8)
 
 
 def test_of_several_capacity_tests_the_nearest_freshest_slowest_counts():
@@ -101,15 +101,15 @@ def test_of_several_capacity_tests_the_nearest_freshest_slowest_counts():
         row(1.9, 0.5),
         row(2.0, 0.5, cycle=9),
     ]
-    found = basis("A", [], [*rows, row(3.0, 0.01, direction="charge")], [])
-    assert found["capacity_ampere_hour"] == 1.9
-    assert found["capacity_source"] == "discharge of capacity at 0.5C"
-    assert found["ocv"] == []
+    content = basis("A", [], [*rows, row(3.0, 0.01, direction="charge")], [])
+    assert content["capacity_ampere_hour"] == 1.9
+    assert content["capacity_source"] == "discharge of capacity at 0.5C"
+    assert content["ocv"] == []
 
 
 def test_the_rating_serves_last():
-    found = basis("A", [], [], [], rated_capacity_ampere_hour=2.2)
-    assert (found["capacity_ampere_hour"], found["capacity_source"]) == (2.2, "rating")
+    content = basis("A", [], [], [], rated_capacity_ampere_hour=2.2)
+    assert (content["capacity_ampere_hour"], content["capacity_source"]) == (2.2, "rating")
     with pytest.raises(Refusal, match="no complete discharge, no slow test and no rating"):
         basis("A", [], [row(1.9, direction="charge")], [])
 
@@ -132,8 +132,8 @@ def test_soc_is_looked_up_in_the_curve_nearest_in_temperature():
     known = basis("A", [curve(0), curve(40), curve(25)], [], [])
     for celsius in (0, 25, 40):
         facts = facts_of(soc=None, celsius=celsius)
-        found = soc_of(series(3.5 + 0.001 * celsius), known, facts, CELL)
-        assert found.soc[0] == pytest.approx(0.5, abs=1e-9)
+        anchored = soc_of(series(3.5 + 0.001 * celsius), known, facts, CELL)
+        assert anchored.soc[0] == pytest.approx(0.5, abs=1e-9)
     unstated = soc_of(series(3.525), known, facts._replace(ambient_temperature_celsius=None), CELL)
     assert unstated.soc[0] == pytest.approx(0.5, abs=1e-9)
 
@@ -141,8 +141,8 @@ def test_soc_is_looked_up_in_the_curve_nearest_in_temperature():
 def test_soc_is_counted_over_the_capacity_of_the_basis():
     known = basis("A", [], [row(1.6)], [])
     facts = facts_of(soc=0.9, celsius=25)
-    found = soc_of(series(3.5, -0.8), known, facts, CELL)
-    assert found.soc[-1] == pytest.approx(0.4)
+    anchored = soc_of(series(3.5, -0.8), known, facts, CELL)
+    assert anchored.soc[-1] == pytest.approx(0.4)
     with pytest.raises(Refusal, match="there is no OCV table"):
         soc_of(series(3.5, -0.8), known, facts._replace(soc=None), CELL)
 
@@ -154,18 +154,18 @@ def test_without_any_anchor_soc_is_not_known_and_says_why():
     }
     facts = facts_of(soc=None, celsius=25.0)
     bare = {"capacity_ampere_hour": 2.0, "ocv": []}
-    found = soc_or_unknown(columns, bare, facts, CELL)
-    assert np.isnan(found.soc).all()
-    assert found.anchor.startswith("not known: no state of charge")
+    anchored = soc_or_unknown(columns, bare, facts, CELL)
+    assert np.isnan(anchored.soc).all()
+    assert anchored.anchor.startswith("not known: no state of charge")
     assert soc_or_unknown(columns, bare, facts._replace(soc=0.5), CELL).soc[0] == 0.5
 
 
 def rests(celsius, size, load, test, cycle=None):
     """A curve from rests: straight from 3 to 4 V over its own capacity."""
-    found = curve(celsius, size, test=test, cycle=cycle) | {"branches": "rests"}
-    found |= {"discharge_current_ampere": -load, "charge_current_ampere": None}
-    found |= {"capacity_source": "taken out", "measured_soc": [0.1, 1.0]}
-    return found | {"ocv_volt": (3 + SOC).tolist()}
+    rest_curve = curve(celsius, size, test=test, cycle=cycle) | {"branches": "rests"}
+    rest_curve |= {"discharge_current_ampere": -load, "charge_current_ampere": None}
+    rest_curve |= {"capacity_source": "taken out", "measured_soc": [0.1, 1.0]}
+    return rest_curve | {"ocv_volt": (3 + SOC).tolist()}
 
 
 def test_own_rests_go_behind_a_slow_test_and_a_lender():
@@ -173,11 +173,11 @@ def test_own_rests_go_behind_a_slow_test_and_a_lender():
     assert basis("A", [curve()], [row(1.8)], [], rests=own)["ocv"] == [curve()]
     lender = Lender("R", True, [curve()], [])
     assert basis("A", [], [row(1.8)], [lender], rests=own)["borrowed_from"] == "R"
-    found = basis("A", [], [row(1.8)], [Lender("W", True, [], [row(2.5)])], rests=own)
-    assert found["ocv"] == own
-    assert found["borrowed_from"] is None
-    assert found["capacity_ampere_hour"] == 1.9
-    assert found["capacity_source"] == "taken out (rests of hppc)"
+    content = basis("A", [], [row(1.8)], [Lender("W", True, [], [row(2.5)])], rests=own)
+    assert content["ocv"] == own
+    assert content["borrowed_from"] is None
+    assert content["capacity_ampere_hour"] == 1.9
+    assert content["capacity_source"] == "taken out (rests of hppc)"
     rated = [own[0] | {"capacity_source": "rating"}]
     assert basis("A", [], [], [], rests=rated)["capacity_source"] == "rating"
 
@@ -190,16 +190,16 @@ def test_of_several_pulse_tests_the_slowest_of_each_temperature_counts():
         rests(30.0, 1.95, 0.502, "warm as slow"),
         rests(30.0, 1.7, 0.3, "warm, aged", cycle=200),
     ]
-    found = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
-    assert [c["test"] for c in found["ocv"]] == ["warm slow", "cold slow"]
-    assert found["capacity_ampere_hour"] == 1.9
+    content = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
+    assert [c["test"] for c in content["ocv"]] == ["warm slow", "cold slow"]
+    assert content["capacity_ampere_hour"] == 1.9
 
 
 def test_curves_from_rests_share_charge_from_full():
     """1 Ah taken out is the same voltage in both, whatever each record's own capacity is."""
     tests = [rests(25.0, 2.0, 1.0, "warm"), rests(0.0, 1.6, 1.0, "cold")]
-    found = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
-    cold = found["ocv"][1]
+    content = basis("A", [], [], [], rests=tests, lower_cutoff_volt=2.9)
+    cold = content["ocv"][1]
     assert np.interp(0.5, cold["soc"], cold["ocv_volt"]) == pytest.approx(4 - 1 / 1.6)
     assert min(cold["ocv_volt"]) == pytest.approx(2.9, abs=1e-5)  # straight on, to the cut-off
     assert (np.diff(cold["ocv_volt"]) > 0).all()

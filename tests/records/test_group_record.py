@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sheets_facts import branch_facts, facts_of, measured_test
 
-from cellwright.records.group import branch_currents, group_record, stated_soc
+from cellwright.records.record import branch_currents, group_record, stated_soc
 from cellwright.refusal import Refusal
 
 ROWS = np.arange(5.0)
@@ -17,8 +17,8 @@ def made(branches, soc=None, **more):
 
 
 def test_branches_stand_in_the_order_of_their_numbers():
-    found = branch_currents(made((10, 2, 1, 11, 3)).series)
-    np.testing.assert_array_equal(found[1], [1, 2, 3, 10, 11])
+    currents = branch_currents(made((10, 2, 1, 11, 3)).series)
+    np.testing.assert_array_equal(currents[1], [1, 2, 3, 10, 11])
     assert branch_currents(made(()).series) is None
 
 

@@ -40,15 +40,15 @@ def names_of(group):
 
 
 def test_groups_are_cold_first_and_within_two_kelvin():
-    found, notes = grouped(
+    conditions, notes = grouped(
         made("c", celsius=25.0), made("a", celsius=-10.0), made("b", celsius=24.0)
     )
-    assert [(one.celsius, names_of(one)) for one in found] == [
+    assert [(one.celsius, names_of(one)) for one in conditions] == [
         (-10.0, ("a",)),
         (24.0, ("b", "c")),
     ]
     assert notes == []
-    for group in found:
+    for group in conditions:
         assert all((record.resistance_factor == 1.0).all() for record in group.records)
 
 
@@ -84,9 +84,9 @@ def test_the_temperature_of_a_cell_is_its_surface_s_else_the_chamber_s():
         (made("a", surface=np.where(TIME == 5, np.nan, 20.0)), 25.0, "the chamber's"),
     ]
     for test, celsius, source in cases:
-        found = cell_temperature(test.facts, test.series)
-        np.testing.assert_array_equal(found[0], np.broadcast_to(celsius, len(TIME)))
-        assert found[1] == source
+        celsius_and_source = cell_temperature(test.facts, test.series)
+        np.testing.assert_array_equal(celsius_and_source[0], np.broadcast_to(celsius, len(TIME)))
+        assert celsius_and_source[1] == source
 
 
 def test_a_bridged_gap_has_a_temperature_too():
@@ -106,25 +106,25 @@ def data_for(group):
 
 
 def activation(*tests):
-    found, _ = grouped(*tests)
+    conditions, _ = grouped(*tests)
     capacity = truth.CAPACITY_AMPERE_HOUR
-    return found, activation_of(found, data_for, capacity_ampere_hour=capacity)
+    return conditions, activation_of(conditions, data_for, capacity_ampere_hour=capacity)
 
 
 def test_the_activation_energy_is_found_between_temperatures():
     kelvins = {celsius: resistance_factor(celsius, 25.0, 35e3) for celsius in (0.0, 10.0, 25.0)}
     tests = [made(f"t{c}", celsius=c, factor=factor) for c, factor in kelvins.items()]
-    _, found = activation(*tests)
-    np.testing.assert_allclose(found.joule_per_mole, 35e3, rtol=0.05)
-    assert "0 °C 3" in found.words
+    _, activation_energy = activation(*tests)
+    np.testing.assert_allclose(activation_energy.joule_per_mole, 35e3, rtol=0.05)
+    assert "0 °C 3" in activation_energy.words
 
 
 def test_the_activation_energy_is_found_from_the_cell_s_own_warming():
     surface = 25.0 + 10.0 * np.sin(TIME / 700.0)
     factor = resistance_factor(surface, 25.0, 30e3)
-    groups, found = activation(made("a", surface=surface, factor=factor))
-    assert found.joule_per_mole == (30e3,)
-    assert "30 kJ/mol, from the cell's own warming by 19 K" in found.words
+    groups, activation_energy = activation(made("a", surface=surface, factor=factor))
+    assert activation_energy.joule_per_mole == (30e3,)
+    assert "30 kJ/mol, from the cell's own warming by 19 K" in activation_energy.words
     (record,) = at_activation_energy(groups[0], 30e3).records
     np.testing.assert_allclose(record.resistance_factor, factor)
     assert groups[0].records[0].resistance_factor.max() == 1.0
@@ -137,19 +137,19 @@ def test_a_temperature_of_a_few_rows_takes_the_energy_of_its_neighbours():
     )
     few = made("b", celsius=10.0)
     few = few._replace(series={name: values[297:305] for name, values in few.series.items()})
-    _, found = activation(cold, few, warm)
+    _, activation_energy = activation(cold, few, warm)
     _, without = activation(cold, warm)
-    np.testing.assert_allclose(found.joule_per_mole, without.joule_per_mole[0])
+    np.testing.assert_allclose(activation_energy.joule_per_mole, without.joule_per_mole[0])
     assert activation(few, cold)[1].joule_per_mole == (0.0, 0.0)
 
 
 def test_a_cell_that_keeps_its_temperature_shows_none():
-    _, found = activation(made("a", surface=np.full(len(TIME), 25.0)))
-    assert found == ((0.0,), "")
+    _, activation_energy = activation(made("a", surface=np.full(len(TIME), 25.0)))
+    assert activation_energy == ((0.0,), "")
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0])
 def test_resistance_that_does_not_fall_with_temperature_has_no_activation_energy(scale):
     """An energy below zero is an error of the fit, not a property."""
-    _, found = activation(made("a", celsius=0.0, factor=scale), made("b", celsius=25.0))
-    np.testing.assert_allclose(found.joule_per_mole, 0.0, atol=500.0)
+    _, activation_energy = activation(made("a", celsius=0.0, factor=scale), made("b", celsius=25.0))
+    np.testing.assert_allclose(activation_energy.joule_per_mole, 0.0, atol=500.0)

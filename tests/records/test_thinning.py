@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cellwright.records.group import GroupRecord
-from cellwright.records.record import record_of
+from cellwright.records.record import GroupRecord, record_of
 from cellwright.records.thinning import (
     averaged,
     averaged_to,

@@ -1,6 +1,9 @@
 """Artefacts: what is saved is loaded, reasons are passed on, the contract is held."""
 
+import importlib
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -154,3 +157,77 @@ def test_load_together_keeps_pairs(snakemake):
     bad = _refused(snakemake, "results/ica_curve/A/bad.parquet")
     found = artefact.load_together([(PATH, bad), (PATH, PATH)])
     assert len(found) == 1
+
+
+def test_what_is_hidden_cannot_be_imported_and_can_be_afterwards():
+    sys.modules.pop("colorsys", None)
+    with artefact.without("colorsys"), pytest.raises(ModuleNotFoundError, match="not looked for"):
+        importlib.import_module("colorsys")
+    assert importlib.import_module("colorsys").rgb_to_yiq(0.0, 0.0, 0.0) == (0.0, 0.0, 0.0)
+
+
+def test_a_job_that_makes_no_table_for_people_imports_no_pandas():
+    code = (
+        "import sys; from runtime import artefact, lending, tables; "
+        "assert not {'pandas', 'matplotlib', 'lmfit'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+FIRST, SECOND, THIRD = (
+    f"results/{stage}/A/t.parquet" for stage in ("ingest", "clean", "ica_curve")
+)
+SERIES = {name: np.zeros(2) for name in ("test_time_second", "current_ampere", "voltage_volt")}
+
+
+def _steps(snakemake, *, first=SERIES, third=CURVE):
+    """A job of three steps, of which the second reads the first and the third reads nothing."""
+    job = snakemake(FIRST, SECOND, THIRD)
+    with artefact.Job(job, FIRST) as one:
+        one.note("of the first step")
+        one.save(first)
+    with artefact.Job(job, SECOND, after=one) as two:
+        two.save(two.load(FIRST) | {"charge_ampere_hour": np.zeros(2)})
+    with artefact.Job(job, THIRD, inputs=[]) as three:
+        three.save(third)
+
+
+def test_a_step_takes_the_outcome_of_the_step_before_as_its_file_holds_it(snakemake):
+    job = snakemake(FIRST, SECOND)
+    with artefact.Job(job, FIRST) as one:
+        one.save({name: values.tolist() for name, values in SERIES.items()})
+    with artefact.Job(job, SECOND, after=one) as two:
+        handed, read = two.load(FIRST), artefact.load(FIRST)
+    assert list(handed) == list(read)
+    for name, values in read.items():
+        assert handed[name].dtype == values.dtype
+        assert np.array_equal(handed[name], values)
+
+
+def test_a_refusal_in_a_step_reaches_those_that_need_it_and_no_other(snakemake):
+    job = snakemake(FIRST, SECOND, THIRD)
+    with artefact.Job(job, FIRST):
+        raise Refusal("empty file")
+    with artefact.Job(job, SECOND) as two:
+        two.load(FIRST)
+    with artefact.Job(job, THIRD) as three:
+        three.save(CURVE)
+    abouts = [artefact.read_about(path) for path in (FIRST, SECOND, THIRD)]
+    assert [about["reason"] for about in abouts] == ["empty file", "empty file", None]
+    assert [about["origin"] for about in abouts] == [FIRST, FIRST, None]
+
+
+def test_each_step_has_its_own_notes_inputs_and_name(snakemake):
+    _steps(snakemake)
+    abouts = [artefact.read_about(path) for path in (FIRST, SECOND, THIRD)]
+    assert [about["notes"] for about in abouts] == [["of the first step"], [], []]
+    assert [about["step"] for about in abouts] == ["ingest", "clean", "ica_curve"]
+    log = Path("job.log").read_text().splitlines()
+    assert log == [FIRST, "of the first step", SECOND, THIRD]
+
+
+def test_an_internal_error_in_a_step_costs_no_other_step(snakemake, capsys):
+    _steps(snakemake, third={"volt": np.zeros(2)})
+    assert artefact.read_about(SECOND)["reason"] is None
+    assert artefact.read_about(THIRD)["reason"].startswith("internal error: ValueError")
+    assert "Traceback" in capsys.readouterr().err

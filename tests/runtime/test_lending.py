@@ -1,8 +1,9 @@
-"""Lenders from artefacts: whose curve, whose capacity, and what is said of it."""
+"""Lenders from artefacts: whose curve, whose capacity, and the notes on both."""
 
 import numpy as np
 import pytest
 
+from cellwright.api.models import _basis_notes
 from cellwright.refusal import Refusal
 from runtime import artefact, lending
 
@@ -87,7 +88,7 @@ SLOW, RESTS = [{"test": "ocv", "branches": "both"}], [{"test": "hppc", "branches
 )
 def test_what_is_borrowed_or_missing_is_said(borrowed, ocv, said):
     facts = {"capacity_ampere_hour": 1.98765, "capacity_source": "rating"}
-    first, *rest = lending.sentences(facts | {"borrowed_from": borrowed, "ocv": ocv})
+    first, *rest = _basis_notes(facts | {"borrowed_from": borrowed, "ocv": ocv})
     assert first == "SoC refers to 1.988 Ah: rating"
     assert len(rest) == (said is not None)
     assert all(sentence.startswith(said) for sentence in rest)

@@ -1,11 +1,19 @@
 """The report: exclusions on top, a page per cell and group, nothing that is not escaped."""
 
 import base64
+import gzip
+import html as html_module
+import re
+import shutil
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
+from urllib.parse import unquote
 
+import numpy as np
 import pandas as pd
 import pytest
+from report_text import PACKED, unpacked
 
 from cellwright.refusal import Refusal
 from runtime import artefact, page
@@ -60,6 +68,13 @@ def write_witnesses(snakemake):
     with artefact.Job(snakemake(paths[1], wildcards={"cell": "B"})):
         raise Refusal("no validation test")
     return paths
+
+
+# As the drawing of a figure writes it: a head, provenance, and the drawing.
+PICTURE = """<?xml version="1.0"?>
+<svg xmlns="http://www.w3.org/2000/svg"><metadata>%s</metadata>
+<path fill="#0b6fb8" d="M0 0l5 5"/><text>97 %% &amp; more</text></svg>
+""" % ("ab" * 32)
 
 
 def write_verdicts(snakemake):
@@ -134,7 +149,7 @@ def job(snakemake):
             )
     verdicts = write_verdicts(snakemake)
     Path("results/figures/A").mkdir(parents=True)
-    Path("results/figures/A/validation_udds.svg").write_text("<svg>picture</svg>")
+    Path("results/figures/A/validation_udds.svg").write_text(PICTURE)
     inputs = SimpleNamespace(
         tables=[paths[name] for name in TABLES],
         checks=paths["checks"],
@@ -144,6 +159,7 @@ def job(snakemake):
         witnesses=write_witnesses(snakemake),
         cold=write_cold(snakemake),
         template=ROOT / "workflow/report/report.html.j2",
+        page=ROOT / "workflow/report/page.html.j2",
         captions=ROOT / "workflow/report/captions.yaml",
     )
     params = SimpleNamespace(
@@ -160,8 +176,7 @@ def job(snakemake):
 
 
 def test_report_holds_everything_escaped_and_in_order(job):
-    html = page.render(job)
-    assert html == page.render(job)
+    html = unpacked(page.render(job))
     wanted = ["1 exclusion: what could not be used", "time &amp; &lt;i&gt;space", "raw/bad.csv"]
     wanted += ["1 of 1 checks of the results failed", "No charge from nothing.", "0.9877"]
     wanted += ['<section id="cell-A">', "&lt;b&gt;odd&lt;/b&gt;", "1.988", "and 10 more rows"]
@@ -176,9 +191,9 @@ def test_report_holds_everything_escaped_and_in_order(job):
 def test_a_page_begins_with_the_verdict_its_reading_and_its_proof(job):
     job.params.cells = [CELL, CELL | {"cell": "B"}]
     proof = Path("results/figures/A/effect_map.svg")
-    proof.write_text("<svg>map</svg>")
+    proof.write_text(PICTURE)
     job.params.figures["A"].append(str(proof))
-    html = page.render(job)
+    html = unpacked(page.render(job))
     wanted = ['<section id="cell-A">', "A shows slow diffusion.", "<strong>ambiguous</strong>"]
     wanted += ["unsure: another explains it as well", "leakage, current offset", "4.21 → 0.99"]
     wanted += [
@@ -196,7 +211,7 @@ def test_a_page_begins_with_the_verdict_its_reading_and_its_proof(job):
 
 def test_what_limits_in_the_cold_stands_beside_the_plots(job):
     job.params.cells = [CELL, CELL | {"cell": "B"}]
-    html = page.render(job)
+    html = unpacked(page.render(job))
     wanted = ["<h2>What limits it in the cold</h2>", "charge transfer &amp; age"]
     wanted += ["Model over measurement: udds", '<section id="cell-B">', "Not known: neither"]
     places = [html.find(text) for text in wanted]
@@ -205,7 +220,7 @@ def test_what_limits_in_the_cold_stands_beside_the_plots(job):
 
 
 def test_every_member_says_why_it_is_the_chosen_one_or_not(job):
-    html = page.render(job)
+    html = unpacked(page.render(job))
     wanted = ["<h2>Why this model</h2>", "<th>25 °C</th>", "<strong>2RC</strong>"]
     wanted += ["12.30 (2.34)", "2RC chosen", "45.60 (2.34)", "far &amp; off"]
     places = [html.find(text) for text in wanted]
@@ -213,19 +228,49 @@ def test_every_member_says_why_it_is_the_chosen_one_or_not(job):
     assert places == sorted(places)
 
 
+def test_notes_of_a_cell_stand_on_its_page_and_do_not_stretch_the_overview(job):
+    html = unpacked(page.render(job))
+    overview = html[html.index('<section id="overview">') : html.index('<section id="cell-A">')]
+    assert '<a href="#cell-A">on its page</a>' in overview
+    assert "as new" not in overview
+
+
 def test_report_is_one_file_with_its_pictures_inside(job):
+    html = unpacked(page.render(job))
+    links = [html_module.unescape(link) for link in re.findall(r'(?:src|href)="([^"]*)"', html)]
+    assert all(link.startswith(("#", "data:")) for link in links)
+    (picture,) = [unquote(link) for link in links if link.startswith("data:image/svg+xml,")]
+    drawn = '<path fill="#0b6fb8" d="M0 0l5 5"/><text>97 % &amp; more</text></svg>'
+    assert picture.partition(",")[2].split("\n")[1:3] == [drawn, ""]
+    assert "abababab" not in picture, "provenance stays with the file of the figure"
+
+
+def test_pages_are_packed_each_in_its_section_and_the_same_bytes_every_time(job):
     html = page.render(job)
-    picture = base64.b64encode(b"<svg>picture</svg>").decode()
-    assert f"data:image/svg+xml;base64,{picture}" in html
-    assert "http://" not in html
-    assert "https://" not in html
+    assert html == page.render(job)
+    ids = re.findall(r'<section id="([\w-]+)"><script type="application/gzip">', html)
+    assert ids == ["cell-A", "cell-pair"]
+    assert len(PACKED.findall(html)) == 2
+    assert "97 %25" not in html
+    assert "raw/bad.csv" in html, "what was excluded is read without unpacking anything"
+
+
+def test_a_packed_page_has_no_time_in_it_and_is_a_tenth_of_a_drawing():
+    steps = np.cumsum(np.random.default_rng(1).integers(-9, 9, 2000))
+    page_text = "".join(f"<path d='M0 0l{k}-{k}'/>" for k in steps % 7)
+    raw = base64.b64decode(page.packed(page_text))
+    assert raw[:3] == b"\x1f\x8b\x08"
+    assert raw[4:8] == bytes(4)
+    assert gzip.decompress(raw).decode() == page_text
+    assert len(raw) < 0.1 * len(page_text)
 
 
 def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     abouts = {path: artefact.read_about(path) for path in job.input.artefacts}
     columns = ["cell", "group", "model", "ambient_temperature_celsius"]
     tables = {name: pd.DataFrame(columns=columns, dtype=str) for name in TABLES}
-    found = page._page("A", job.params, tables, abouts, {"validation": {"title": "V", "read": "r"}})
+    captions = {"validation": {"title": "V", "read": "r"}}
+    found = page._page("A", job.params, tables, list(abouts.values()), captions)
     assert [row["reasons"] for row in found["tests"]] == [["time & <i>space</i>"], []]
     assert found["notes"] == [{"text": "sign found from the data", "tests": ["bad", "good"]}]
     assert found["facts"] == {"cell": "A", "chemistry": "NMC"}
@@ -242,6 +287,26 @@ def test_numbers_have_four_digits(text, shown):
 
 
 def test_a_cell_without_a_model_is_told_what_it_lacks(job):
-    assert "No model, and no simulation" not in page.render(job)
+    assert "No model, and no simulation" not in unpacked(page.render(job))
     job.params.modelled = []
-    assert "No model, and no simulation: that needs an hppc test" in page.render(job)
+    assert "No model, and no simulation: that needs an hppc test" in unpacked(page.render(job))
+
+
+@pytest.mark.parametrize(("page_id", "seen"), [("cell-A", 1), ("all", 1), ("overview", 0)])
+def test_a_browser_unpacks_the_page_that_is_looked_at_without_a_server(
+    job, tmp_path, page_id, seen
+):
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if not browser:
+        pytest.skip("no Chromium here to open the report with")
+    report = tmp_path / "report.html"
+    report.write_text(page.render(job), encoding="utf-8")
+    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"]
+    command += ["--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}"]
+    command += ["--virtual-time-budget=5000", f"file://{report}#{page_id}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    assert f'data-shown="{page_id}"' in done.stdout
+    assert done.stdout.count("data:image/svg+xml,") == seen
+    assert ("<h1>A</h1>" in done.stdout) is bool(seen)
+    packed = set(re.findall(r'id="cell-(\w+)"[^>]*><script', done.stdout))
+    assert packed == {"cell-A": {"pair"}, "all": set(), "overview": {"A", "pair"}}[page_id]

@@ -20,13 +20,14 @@ PUBLIC = SOURCES | {
     ),
     "cellwright/api/__init__.py": "",
     "cellwright/api/steps.py": (
+        "from cellwright.api import inputs\n"
         "from cellwright.settings import One, Two\nONE = One()\n"
         "def shared(x):\n    return x\n"
-        "def first(x, *, size=ONE.size):\n    from cellwright.api import given\n"
-        "    from room import deep\n    return shared(deep.g(given.taken(x)))\n"
+        "def first(x, *, size=ONE.size):\n    from room import deep\n"
+        "    return shared(deep.g(inputs.take(x)))\n"
         "def second(x):\n    import other\n    return x, Two()\n"
     ),
-    "cellwright/api/given.py": "def taken(x):\n    return x\ndef unused(x):\n    return x\n",
+    "cellwright/api/inputs.py": "def take(x):\n    return x\ndef name(x):\n    return str(x)\n",
     "cellwright/settings/__init__.py": "from cellwright.settings.all import One, Two\n",
     "cellwright/settings/all.py": "class One:\n    size = 1\nclass Two:\n    size = 2\n",
 }
@@ -39,7 +40,15 @@ def file_of(key):
 
 def forget():
     """Files are read anew."""
-    names = ("code_of", "_parsed", "_entries", "_needs", "_tree_dump")
+    names = (
+        "code_of",
+        "digest_of",
+        "_parsed",
+        "_entries",
+        "_needs",
+        "_pieces_named",
+        "_gives_names",
+    )
     for name in names:
         getattr(provenance, name).cache_clear()
 
@@ -82,8 +91,8 @@ def test_every_assumption_is_found_with_its_place():
 
 
 STEPS = PUBLIC["cellwright/api/steps.py"]
+INPUTS = PUBLIC["cellwright/api/inputs.py"]
 SETTINGS = PUBLIC["cellwright/settings/all.py"]
-GIVEN = PUBLIC["cellwright/api/given.py"]
 
 
 @pytest.mark.parametrize(
@@ -91,11 +100,17 @@ GIVEN = PUBLIC["cellwright/api/given.py"]
     [
         {"cellwright__api__steps": STEPS.replace("shared(deep", "abs(deep")},
         {"cellwright__api__steps": STEPS.replace("return x\n", "return -x\n")},
+        {"cellwright__api__inputs": INPUTS.replace("return x\n", "return +x\n")},
         {"cellwright__settings__all": SETTINGS.replace("size = 1", "size = 3")},
         {"room__deeper": "ONE = 2\n"},
-        {"cellwright__api__given": GIVEN.replace("return x", "return -x", 1)},
     ],
-    ids=["the function", "its helper", "its settings", "the science below", "a module beside"],
+    ids=[
+        "the function",
+        "its helper",
+        "a module it takes names from",
+        "its settings",
+        "the science below",
+    ],
 )
 def test_what_a_used_function_of_the_interface_runs_counts(code, change):
     assert code(PUBLIC, **change) != code(PUBLIC)
@@ -105,22 +120,40 @@ def test_what_a_used_function_of_the_interface_runs_counts(code, change):
     "change",
     [
         {"cellwright__api__steps": STEPS.replace("return x, Two()", "return x, Two(), 1")},
+        {"cellwright__api__inputs": INPUTS.replace("str(x)", "repr(x)")},
         {"cellwright__settings__all": SETTINGS.replace("size = 2", "size = 3")},
         {"other": "TWO = 3\n"},
-        {
-            "cellwright__api__given": GIVEN.replace(
-                "unused(x):\n    return x", "unused(x):\n    return 1"
-            )
-        },
         {"cellwright____init__": PUBLIC["cellwright/__init__.py"].replace("second", "third")},
     ],
     ids=[
         "another function",
+        "what it takes",
         "settings of another",
         "the science of another",
-        "another of a module beside",
         "a public name",
     ],
 )
 def test_what_other_functions_of_the_interface_run_does_not_count(code, change):
     assert code(PUBLIC, **change) == code(PUBLIC)
+
+
+def test_hashes_are_kept_until_a_source_changes(code, tmp_path):
+    kept = tmp_path / "kept" / "codes.json"
+    first = {"job": code()}
+    assert provenance.codes_of(["job"], kept) == first
+    forget()
+    before = kept.stat().st_mtime_ns
+    assert provenance.codes_of(["job"], kept) == first
+    assert provenance._parsed.cache_info().misses == 0
+    assert kept.stat().st_mtime_ns == before
+    changed = code(helper="f = abs\n")
+    forget()
+    assert provenance.codes_of(["job"], kept) == {"job": changed} != first
+
+
+@pytest.mark.parametrize("content", ["", "{", "{}"])
+def test_a_file_of_hashes_that_cannot_be_read_is_replaced(code, tmp_path, content):
+    wanted, kept = code(), tmp_path / "codes.json"
+    kept.write_text(content)
+    assert provenance.codes_of(["job"], kept) == {"job": wanted}
+    assert wanted in kept.read_text()

@@ -59,7 +59,7 @@ def test_only_discharges_from_full_tell_the_onset(write):
         write("results/ica/A/u.parquet", "no charge"),
     ]
     model = write("results/identify/A.json", {"chosen": "1RC"})
-    found = lending.shown(basis, model, peaks, onset, ["A"])
+    found = lending.cell_shows(basis, model, peaks, onset, ["A"])
     assert found.onset_ohm == {10.0: 0.04, 0.0: 0.02}
     assert found.peaks == [PEAK]
     assert (found.cell, found.marked, found.capacity_ampere_hour) == ("A", True, 2.0)
@@ -68,9 +68,9 @@ def test_only_discharges_from_full_tell_the_onset(write):
 
 def test_a_cell_without_a_model_of_its_own(write):
     basis = write("results/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
-    assert lending.shown(basis, None, [], [], []).model is None
+    assert lending.cell_shows(basis, None, [], [], []).model is None
     refused = write("results/identify/B.json", "no OCV curve")
-    found = lending.shown(basis, refused, [], [], ["B"])
+    found = lending.cell_shows(basis, refused, [], [], ["B"])
     assert (found.model, found.marked, found.onset_ohm) == (None, False, {})
     assert np.array_equal(found.peaks, [])
 
@@ -86,7 +86,7 @@ def test_paths_of_each_peer_stay_together_and_peers_without_a_model_are_left_out
         peer_peaks = ("results/ica/AB/x.parquet", "results/ica/A/x.parquet")
         peer_onset = ("results/onset/AB/A.parquet",)
 
-    first, second = lending.by_cell(Inputs)
+    first, second = lending.peer_paths(Inputs)
     assert first == (
         *[f"results/{s}/A.json" for s in ("basis", "identify")],
         ["results/ica/A/x.parquet"],

@@ -53,6 +53,18 @@ def test_excluded_names_each_refusal_once_where_it_arose(campaign):
     ]
 
 
+def test_two_steps_of_one_job_that_refuse_for_one_reason_are_two_rows(snakemake):
+    paths = [f"results/{stage}/A/drive.parquet" for stage in ("validation", "simulation", "soc")]
+    job = snakemake(*paths, wildcards={"cell": "A", "test": "drive"})
+    for outputs in (paths[:2], paths[2:]):
+        with artefact.Job(job, *outputs):
+            raise Refusal("no row to compare")
+    assert [row["stage"] for row in tables.excluded(paths, {}).to_dict("records")] == [
+        "validation",
+        "soc",
+    ]
+
+
 COLUMNS = {
     "capacity": "cell direction c_rate cycle capacity_ampere_hour",
     "resistance": "cell direction delay_second soc c_rate cycle ambient_temperature_celsius "

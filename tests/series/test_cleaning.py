@@ -170,10 +170,10 @@ def test_labview_clocks_of_their_own(shared):
     """K2: each kind of step has its own clock, and 5 to 8 % of the currents are marks."""
     path = shared / "campaigns/k2lfp/raw/hppc/10SOCK220.txt.gz"
     columns = formats.read(path.read_bytes(), name=path.name).columns
-    found = counts(flag(columns))
-    assert 0.05 < found["sentinel"] / columns["test_time_second"].size < 0.08
-    assert 24 <= found["clock"] <= 48
-    assert found["gap"] == found["spike"] == 0
+    numbers = counts(flag(columns))
+    assert 0.05 < numbers["sentinel"] / columns["test_time_second"].size < 0.08
+    assert 24 <= numbers["clock"] <= 48
+    assert numbers["gap"] == numbers["spike"] == 0
     cleaned = clean(columns).columns["test_time_second"]
     assert cleaned[-1] - cleaned[0] == pytest.approx(columns["test_time_second"].size, rel=2e-4)
     assert np.diff(cleaned).max() < 6

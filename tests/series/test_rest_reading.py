@@ -51,30 +51,32 @@ def moved(current):
 @pytest.mark.parametrize("rests_only", [True, False])
 def test_an_offset_in_rests_is_told_and_not_counted(rests_only):
     columns, true = record(reads=CAPACITY / 125, rests_only=rests_only)
-    found = clean(columns)
+    cleaned = clean(columns)
     rests = open_circuit(columns["test_time_second"], columns["current_ampere"])
     loads = 8 * 180 * STEP / 3600 * CAPACITY / 125
-    left = 0.0 if rests_only else loads  # what no rest shows
-    assert found.columns["charge_ampere_hour"][-1] == pytest.approx(moved(true) + left, abs=4e-3)
-    assert found.actions["flag"].tolist() == ["rest_reading"] * len(rests[0])
-    assert found.actions["value"] == pytest.approx(CAPACITY / 125, abs=1e-4)
-    assert "+20 mA" in found.notes[0]
-    assert "not counted" in found.notes[0]
+    under_load = 0.0 if rests_only else loads  # what no rest shows
+    assert cleaned.columns["charge_ampere_hour"][-1] == pytest.approx(
+        moved(true) + under_load, abs=4e-3
+    )
+    assert cleaned.actions["flag"].tolist() == ["rest_reading"] * len(rests[0])
+    assert cleaned.actions["value"] == pytest.approx(CAPACITY / 125, abs=1e-4)
+    assert "+20 mA" in cleaned.notes[0]
+    assert "not counted" in cleaned.notes[0]
 
 
 def test_a_small_load_that_the_voltage_follows_is_counted():
     columns, true = record(flows=-CAPACITY / 125)
-    found = clean(columns)
-    assert "logged_current_ampere" not in found.columns
-    assert found.columns["charge_ampere_hour"][-1] == pytest.approx(moved(true), abs=2e-3)
-    assert "; counted: in" in found.notes[0]
+    cleaned = clean(columns)
+    assert "logged_current_ampere" not in cleaned.columns
+    assert cleaned.columns["charge_ampere_hour"][-1] == pytest.approx(moved(true), abs=2e-3)
+    assert "; counted: in" in cleaned.notes[0]
 
 
 def test_a_dither_that_the_voltage_answers_is_a_current():
     columns, true = record(flows=3e-3, dither=2e-2)
-    found = clean(columns)
-    assert found.columns["charge_ampere_hour"][-1] == pytest.approx(moved(true), abs=2e-3)
-    assert "; counted: its changes move the voltage by 20" in found.notes[0]
+    cleaned = clean(columns)
+    assert cleaned.columns["charge_ampere_hour"][-1] == pytest.approx(moved(true), abs=2e-3)
+    assert "; counted: its changes move the voltage by 20" in cleaned.notes[0]
 
 
 def test_noise_of_one_sign_that_the_voltage_does_not_answer_is_the_sensors():
@@ -82,24 +84,24 @@ def test_noise_of_one_sign_that_the_voltage_does_not_answer_is_the_sensors():
     rng = np.random.default_rng(2)
     columns["current_ampere"] += (true == 0) * (rng.random(len(true)) < 0.1) * 0.02
     columns["voltage_volt"] = columns["voltage_volt"].round(4)
-    found = clean(columns)
-    assert found.columns["charge_ampere_hour"][-1] == pytest.approx(moved(true), abs=1e-3)
+    cleaned = clean(columns)
+    assert cleaned.columns["charge_ampere_hour"][-1] == pytest.approx(moved(true), abs=1e-3)
 
 
 def test_what_nobody_can_tell_is_counted_and_said():
     columns, true = record(reads=5e-3, scatter=0.0)
     charge = np.cumsum(true) * STEP / 3600
     columns["voltage_volt"] -= 0.9 * charge / CAPACITY  # a flat OCV, as of an LFP cell
-    found = clean(columns)
-    assert "logged_current_ampere" not in found.columns
-    assert "counted: nothing tells a small load from an offset" in found.notes[0]
+    cleaned = clean(columns)
+    assert "logged_current_ampere" not in cleaned.columns
+    assert "counted: nothing tells a small load from an offset" in cleaned.notes[0]
 
 
 def test_a_record_without_an_offset_stays_as_it_is():
     columns, _ = record()
-    found = clean(columns)
-    assert found.notes == ()
-    np.testing.assert_array_equal(found.columns["current_ampere"], columns["current_ampere"])
+    cleaned = clean(columns)
+    assert cleaned.notes == ()
+    np.testing.assert_array_equal(cleaned.columns["current_ampere"], columns["current_ampere"])
 
 
 @pytest.mark.parametrize(("counts", "kept"), [(True, True), (False, False)])
@@ -125,9 +127,9 @@ def test_a_small_current_at_a_held_voltage_is_no_rest():
 
 def test_who_searches_for_faults_gets_what_was_read():
     columns, _ = record(reads=CAPACITY / 125)
-    found = as_logged(clean(columns).columns)
-    np.testing.assert_array_equal(found["current_ampere"], columns["current_ampere"])
-    assert found["charge_ampere_hour"][-1] == pytest.approx(moved(columns["current_ampere"]))
+    logged = as_logged(clean(columns).columns)
+    np.testing.assert_array_equal(logged["current_ampere"], columns["current_ampere"])
+    assert logged["charge_ampere_hour"][-1] == pytest.approx(moved(columns["current_ampere"]))
 
 
 def test_an_offset_does_not_hide_the_rests_at_which_a_record_is_cut():
@@ -141,6 +143,8 @@ def test_a_real_cell_returns_what_its_capacity_test_gave(shared):
     raw = shared / "campaigns/k2lfp/raw/hppc"
     files = [raw / name for name in ("10SOCK220.txt.gz", "5SOCK220.txt.gz")]
     readings = [formats.read(gzip.decompress(f.read_bytes()), name=f.stem) for f in files]
-    found = clean(assemble(readings).columns)
-    assert found.columns["charge_ampere_hour"][-1] == pytest.approx(-2.187, abs=2e-3)  # was −2.086
-    assert "+5.25 mA" in found.notes[0]
+    cleaned = clean(assemble(readings).columns)
+    assert cleaned.columns["charge_ampere_hour"][-1] == pytest.approx(
+        -2.187, abs=2e-3
+    )  # was −2.086
+    assert "+5.25 mA" in cleaned.notes[0]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from cellwright import formats
 from cellwright.refusal import Refusal
 from cellwright.series import assemble
-from cellwright.series.sign import charge_positive, current_sign
+from cellwright.series.joining import charge_positive, current_sign
 
 
 def cell(current, *, dt=1.0, ohm=0.03, ah=2.0, soc=0.5, lag=0, noise=3e-4, seed=0):
@@ -39,8 +39,8 @@ def test_a_drive_tells_its_sign_either_way_round(seed, lag, scale):
 
 def test_trend_tells_where_nothing_steps():
     time, current, voltage = cell(blocks(-1, rows=2000), soc=1)
-    found = current_sign(time, current, voltage)
-    assert (found.sign, found.evidence) == (1, pytest.approx(1))
+    sign = current_sign(time, current, voltage)
+    assert (sign.sign, sign.evidence) == (1, pytest.approx(1))
 
 
 @pytest.mark.parametrize(

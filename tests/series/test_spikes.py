@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.series.flags import spike_free, spike_rows
+from cellwright.series.cleaning import spike_free, spike_rows
 
 
 def rest_and_pulses(rows=400, seed=0):

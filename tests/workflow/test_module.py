@@ -1,15 +1,14 @@
 """The workflow as a module of another one: its rules renamed, its sheets and config that one's."""
 
-import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+import starts
 import tiny
 
 from runtime import artefact
@@ -53,19 +52,14 @@ def largest(path, column):
 """
 
 
-def snakemake(folder, *arguments):
-    program = [sys.executable, "-m", "snakemake", "--cores", "1"]
-    # As in an environment that has the packages, without the launcher `run`.
-    plain = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    done = subprocess.run(
-        [*program, *arguments], cwd=folder, env=plain, capture_output=True, text=True, check=False
-    )
-    return done.returncode, done.stdout + done.stderr
+def snakemake(folder, *arguments, start=starts.forked):
+    """Run Snakemake as in an environment that has the packages, without the launcher `run`."""
+    return start("--cores", "1", *arguments, folder=folder, environment=starts.plain())
 
 
 def write(folder, using=USING):
-    """The tiny campaign, and a workflow beside its sheets that uses ours."""
-    tiny.write(folder)
+    """The tiny campaign's capacity tests, and a workflow beside its sheets that uses ours."""
+    _capacities(folder)
     (folder / "scripts").mkdir()
     (folder / "scripts/largest.py").write_text(SCRIPT)
     (folder / "scripts/tables.py").write_text(TABLES)
@@ -76,30 +70,38 @@ def write(folder, using=USING):
     return folder
 
 
+def _capacities(folder):
+    """Write the tiny campaign with no other tests than these, a job of each kind is enough here."""
+    sheet = tiny.write(folder) / "config/tests.tsv"
+    head, *rows = sheet.read_text().splitlines(keepends=True)
+    sheet.write_text(head + "".join(row for row in rows if "\tcapacity\tcapacity\t" in row))
+    return folder
+
+
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory):
     """A workflow that uses ours, run to its own default target."""
     folder = write(tmp_path_factory.mktemp("module") / "fleet")
-    return folder, *snakemake(folder)
+    return folder, *snakemake(folder, start=starts.anew)
 
 
 def test_its_default_target_is_made_by_our_jobs(fleet):
     folder, status, said = fleet
     assert status == 0, said
     assert "Capacity for the fleet: B." in said
-    assert "cellwright_segment" in said
+    assert "cellwright_series" in said
     assert (folder / "largest.txt").read_text() == "A ['column']\n"
 
 
 def test_its_config_is_the_module_s_and_its_sheets_are_its_folder_s(fleet):
     about = artefact.read_about(fleet[0] / "results/clean/B/capacity.parquet")
-    assert about["params"]["settings"]["gap_second"] == 60
-    assert about["params"]["settings"]["spike_limit_volt"] == 0.01
+    assert about["params"]["clean"]["gap_second"] == 60
+    assert about["params"]["clean"]["spike_limit_volt"] == 0.01
     assert about["reason"] is None
 
 
 def test_an_artefact_is_the_same_as_without_the_other_workflow(fleet, tmp_path):
-    folder = tiny.write(tmp_path / "alone")
+    folder = _capacities(tmp_path / "alone")
     (folder / "config/config.yaml").write_text("clean:\n  gap_second: 60\n")
     house = ["--snakefile", str(ROOT / "Snakefile")]
     status, said = snakemake(folder, *house, CAPACITY)
@@ -144,13 +146,13 @@ def test_without_a_config_of_the_module_the_campaign_s_file_is_read(tmp_path):
 
 def test_a_few_rules_can_be_used_under_their_own_names(tmp_path):
     start, end = USING.index("use rule *"), USING.index("rule largest")
-    few = "use rule ingest, clean, segment, capacity from cellwright\n\n"
+    few = "use rule series, capacity from cellwright\n\n"
     folder = write(tmp_path / "fleet", USING[:start] + few + USING[end:])
     status, said = snakemake(folder, "--dry-run", CAPACITY)
     assert status == 0, said
     planned = said.split("Job stats:")[1].split("\ntotal")[0]
     jobs = re.findall(r"^(\w+) +\d+$", planned, re.M)
-    assert sorted(jobs) == ["capacity", "clean", "ingest", "segment"]
+    assert sorted(jobs) == ["capacity", "series"]
 
 
 def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
@@ -162,7 +164,7 @@ def test_the_example_of_the_documents_plans_what_it_says(tmp_path):
     jobs = dict(
         re.findall(r"^(\w+) +(\d+)$", said.split("Job stats:")[1].split("\ntotal")[0], re.M)
     )
-    assert {"everything", "largest", "cellwright_table", "cellwright_ingest"} <= set(jobs)
+    assert {"everything", "largest", "cellwright_tables_of_tests", "cellwright_series"} <= set(jobs)
 
 
 def test_a_workflow_without_its_scripts_says_that_a_clone_is_needed(tmp_path):

@@ -10,14 +10,17 @@ from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))
+import starts
+
 ROOT = Path(__file__).resolve().parents[2]
 WORKFLOW = """
 import sys
 from pathlib import Path
 sys.path.insert(0, {scripts!r})
-from runtime import stale_lock
+from runtime import snakemake_state
 if workflow.is_main_process:
-    stale_lock.clear(Path.cwd())
+    snakemake_state.clear_stale_locks(Path.cwd())
 rule copy:
     input: "raw.txt"
     output: "copy.txt"
@@ -37,16 +40,14 @@ def toy(tmp_path):
     return repository, folder
 
 
-def command(folder, *config, nap=0):
-    program = [sys.executable, "-m", "snakemake", "--cores", "1", "--directory", str(folder)]
-    return [*program, "--config", f"nap={nap}", *config]
+def arguments(folder, *config, nap=0):
+    given = ["--cores", "1", "--directory", str(folder), "--profile", "none"]
+    return [*given, "--config", f"nap={nap}", *config]
 
 
 def run(toy, *config):
     repository, folder = toy
-    call = command(folder, *config)
-    result = subprocess.run(call, cwd=repository, capture_output=True, text=True, check=False)
-    return result.stdout + result.stderr
+    return starts.forked(*arguments(folder, *config), folder=repository).said
 
 
 def test_only_what_changed_is_made_again(toy):
@@ -62,7 +63,7 @@ def test_only_what_changed_is_made_again(toy):
 def test_a_killed_run_does_not_lock_the_folder(toy):
     repository, folder = toy
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    call = command(folder, nap=60)
+    call = [sys.executable, "-m", "snakemake", *arguments(folder, nap=60)]
     first = subprocess.Popen(call, cwd=repository, start_new_session=True, **quiet)
     locks = folder / ".snakemake" / "locks"
     end = time.monotonic() + 30
@@ -76,24 +77,24 @@ def test_a_killed_run_does_not_lock_the_folder(toy):
 
 
 def test_another_machine_may_still_be_running(tmp_path):
-    from runtime import stale_lock
+    from runtime import snakemake_state
 
     locks, starts = (tmp_path / ".snakemake" / name for name in ("locks", "starts"))
     locks.mkdir(parents=True)
     starts.mkdir()
     (starts / "1@elsewhere").write_text("0.0")
-    stale_lock.clear(tmp_path)
+    snakemake_state.clear_stale_locks(tmp_path)
     assert locks.is_dir()
     (starts / "1@elsewhere").unlink()
     (starts / f"{os.getppid()}@{os.uname().nodename}").write_text("0.0")  # a number used again
-    stale_lock.clear(tmp_path)
+    snakemake_state.clear_stale_locks(tmp_path)
     assert not locks.exists()
 
 
 def test_a_lock_of_a_live_process_stays(tmp_path):
     import psutil
 
-    from runtime import stale_lock
+    from runtime import snakemake_state
 
     locks, starts = (tmp_path / ".snakemake" / name for name in ("locks", "starts"))
     locks.mkdir(parents=True)
@@ -101,5 +102,5 @@ def test_a_lock_of_a_live_process_stays(tmp_path):
     parent = psutil.Process(os.getppid())
     (starts / f"{parent.pid}@{os.uname().nodename}").write_text(str(parent.create_time()))
     (starts / f"99999999@{os.uname().nodename}").write_text("0.0")
-    stale_lock.clear(tmp_path)
+    snakemake_state.clear_stale_locks(tmp_path)
     assert locks.is_dir()

@@ -3,10 +3,8 @@
 import ast
 import contextlib
 import json
-import os
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
 from fnmatch import fnmatch
@@ -19,6 +17,7 @@ from setuptools import Distribution
 from setuptools.config.pyprojecttoml import apply_configuration
 
 sys.path.insert(0, str(Path(__file__).parent))
+import starts
 import tiny
 
 from runtime import artefact, settings
@@ -93,18 +92,12 @@ def test_the_files_of_the_image_are_enough_to_run_its_command(tmp_path):
     entry = json.loads(re.search(r"^ENTRYPOINT (.*?\])$", RECIPE.replace("\\\n", ""), re.M)[1])
     command = [word.replace("/cellwright", str(image)) for word in entry[1:]]
     campaign = tiny.write(tmp_path / "campaign")
-    plain = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    for arguments in (["--dry-run"], ["results/capacity/B/capacity.parquet"]):
-        done = subprocess.run(
-            [sys.executable, "-m", entry[0], *command, "--cores", "1", *arguments],
-            cwd=campaign,
-            env=plain,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-    assert artefact.read_about(campaign / arguments[0])["reason"] is None
+    assert entry[0] == "snakemake"
+    artefact_of_b = "results/capacity/B/capacity.parquet"
+    for start, wanted in ((starts.forked, "--dry-run"), (starts.anew, artefact_of_b)):
+        done = start(*command, "--cores", "1", wanted, folder=campaign, environment=starts.plain())
+        assert done.status == 0, done.said
+    assert artefact.read_about(campaign / artefact_of_b)["reason"] is None
 
 
 @pytest.mark.parametrize("name", ["cells", "tests", "groups", "config"])

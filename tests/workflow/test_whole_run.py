@@ -5,7 +5,6 @@ import html
 import json
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +13,9 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+import starts
 import tiny
+from report_text import PACKED, unpacked
 
 from runtime import artefact
 
@@ -29,18 +30,16 @@ class Run(NamedTuple):
     said: str
 
 
-def snakemake(folder, *arguments, house=ROOT):
-    program = [sys.executable, "-m", "snakemake", "--cores", "2", "--directory", str(folder)]
-    result = subprocess.run(
-        [*program, *arguments], cwd=house, capture_output=True, text=True, check=False
-    )
-    return Run(folder, result.returncode, result.stdout + result.stderr)
+def snakemake(folder, *arguments, house=ROOT, start=starts.forked):
+    done = start("--cores", "2", "--directory", str(folder), *arguments, folder=house)
+    return Run(folder, *done)
 
 
 @pytest.fixture(scope="module")
 def first(tmp_path_factory):
     """The one whole run that all tests here look at; what is to be changed is copied first."""
-    return snakemake(tiny.write(tmp_path_factory.mktemp("run") / "tiny"))
+    folder = tiny.write(tmp_path_factory.mktemp("run") / "tiny")
+    return snakemake(folder, start=starts.anew)
 
 
 @pytest.fixture
@@ -62,6 +61,11 @@ def jobs(said):
 
 def report_of(folder):
     return (folder / "results/report.html").read_bytes()
+
+
+def read(folder):
+    """The report's text as its reader sees it."""
+    return unpacked(report_of(folder).decode())
 
 
 def test_pulses_are_identified_by_every_method(first):
@@ -86,7 +90,7 @@ def test_pulses_are_identified_by_every_method(first):
 def test_bad_files_do_not_end_the_run(first):
     assert first.status == 0, first.said[-4000:]
     assert "Traceback" not in first.said
-    assert "internal error" not in report_of(first.folder).decode()
+    assert "internal error" not in read(first.folder)
 
 
 @pytest.mark.parametrize("bad", tiny.BAD)
@@ -97,7 +101,7 @@ def test_a_bad_file_is_out_with_what_was_found(first, bad):
     assert (row["cell"], row["stage"]) == ("B", "ingest")
     assert raw.name.startswith(bad)
     assert tiny.BAD[bad].format(digest=digest) in row["reason"]
-    assert row["reason"] in html.unescape(report_of(first.folder).decode())
+    assert row["reason"] in html.unescape(read(first.folder))
 
 
 def test_nothing_else_is_out(first):
@@ -148,7 +152,7 @@ def test_every_cell_with_a_test_for_proof_has_a_verdict(first):
     assert set(said.values()) <= {"none", "named", "ambiguous", "unknown"}
     with open(first.folder / "results/summary.csv", encoding="utf-8", newline="") as file:
         assert {row["cell"]: row["verdict"] for row in csv.DictReader(file)} == said
-    page = report_of(first.folder).decode()
+    page = read(first.folder)
     assert page.count("What its model lacks") >= len(tiny.TRUTH)
     assert page.count("Effects that were tried") >= 1
 
@@ -170,7 +174,7 @@ def test_a_group_with_one_test_is_told_why_it_has_no_verdict(first):
     path = first.folder / "results/missing_effect/pair/verdict.json"
     about = json.loads(path.read_text())["provenance"]
     assert "another of role validation were wanted" in about["reason"]
-    assert "What one of its branches has of its own" in report_of(first.folder).decode()
+    assert "What one of its branches has of its own" in read(first.folder)
 
 
 def test_the_parallel_pair_is_scored(first):
@@ -188,8 +192,8 @@ def test_results_hold_the_laws_of_tests_artefacts(first):
 
 
 def test_a_second_run_finds_nothing_to_do(copy):
+    """New file times of the same bytes are no change."""
     before = report_of(copy)
-    assert "Nothing to be done" in snakemake(copy).said
     for path in [*copy.glob("raw/*"), *copy.glob("config/*")]:
         path.touch()
     assert "Nothing to be done" in snakemake(copy).said
@@ -199,16 +203,16 @@ def test_a_second_run_finds_nothing_to_do(copy):
 def test_a_changed_file_runs_only_what_comes_from_it(copy):
     tiny.restate(copy, tiny.save(copy, "B", "drive", seed=2))
     planned = snakemake(copy, "--dry-run").said
-    on_the_way = ["ingest", "clean", "segment", "validate", "soc"]
-    on_the_way += ["figure_records", "figure_validation", "figure_soc"]
-    on_the_way += ["effect_search", "witnesses", "missing_effect", "figure_missing_effect"]
-    on_the_way += ["missing_effect_group"]
-    together = ["figure_overview", "table", "excluded", "summary", "checks", "report", "manifest"]
+    on_the_way = ["series", "prediction"]
+    on_the_way += ["effect_search", "witnesses", "missing_effect", "missing_effect_group"]
+    together = ["figure_overview", "tables_of_models", "summary", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
-    maybe = ["model", "export", "pack", "figure_pack", "figure_parameters"]
+    maybe = ["model", "export", "pack"]
     once = dict.fromkeys([*on_the_way, *maybe, *together, "campaign"], 1)
-    assert jobs(planned) == once | {"table": 5}  # choice, models, packs, soc and validation
+    # Figures: of the cell and of its group.
+    assert jobs(planned) == once | {"figures": 2}
     assert "Read B drive" in planned
+    assert "Figures of A." not in planned
 
 
 def test_a_report_made_again_has_the_same_bytes(copy):
@@ -224,6 +228,34 @@ def test_an_artefact_has_the_same_bytes_in_another_place(first, tmp_path):
     other = snakemake(tiny.write(tmp_path / "elsewhere"), target)
     assert other.status == 0
     assert (other.folder / target).read_bytes() == (first.folder / target).read_bytes()
+
+
+def test_the_report_is_small_and_a_cells_page_takes_no_space_until_it_is_looked_at(first):
+    """Limits of a campaign of two cells and a group, with some forty figures."""
+    html = report_of(first.folder).decode()
+    pages = {len(page) for page in PACKED.findall(html)}
+    assert len(pages) == 3, "two cells and their group"
+    assert max(pages) < 250_000
+    assert len(html) - sum(pages) < 150_000
+    for figure in (first.folder / "results/figures").glob("*/*.svg"):
+        assert figure.stat().st_size < 200_000, figure
+
+
+def test_a_figure_that_cannot_be_drawn_says_why_and_takes_no_other_with_it(first):
+    """The pair has one test alone: nothing was searched. B has bad files, and its other figures."""
+    drawn = first.folder / "results/figures/B"
+    assert len(list(drawn.glob("*.svg"))) >= 5
+    blank = {path.stem for path in drawn.glob("*.svg") if "<path" not in path.read_text()}
+    reasons = [json.loads(figure_about(drawn / f"{name}.svg"))["reason"] for name in blank]
+    assert all(reasons)
+    assert {"capacity", "records", "validation_drive", "soc_drive"} <= {
+        path.stem for path in drawn.glob("*.svg")
+    } - blank
+
+
+def figure_about(path):
+    """What a figure that could not be drawn says of itself."""
+    return html.unescape(re.search(r"<desc>(.*?)</desc>", path.read_text(), re.S)[1])
 
 
 def test_a_strict_run_fails_but_writes_its_report(copy):
@@ -251,20 +283,23 @@ def test_a_model_that_cannot_be_made_is_told_as_left_out(copy):
 
 def test_a_group_kept_for_validation_is_never_fitted(copy):
     """Its cells have no tests of their own: they stay without a model, and the run goes on."""
+    roles = {"fitted": "fit", "kept": "validation"}
     cells, tests = copy / "config/cells.tsv", copy / "config/tests.tsv"
-    cells.write_text(cells.read_text() + "".join(f"{c}\t\t\t3.0\t4.2\t\n" for c in "CD"))
-    with open(copy / "config/groups.tsv", "a", encoding="utf-8") as groups:
-        groups.write("kept\t1\tC\nkept\t2\tD\n")
     row = next(row for row in tests.read_text().splitlines() if row.startswith("pair\t"))
-    fields = row.split("\t")
-    fields[0] = "kept"
-    for role, fitted in (("fit", True), ("validation", False)):
-        fields[6] = role
-        base = [line for line in tests.read_text().splitlines() if not line.startswith("kept\t")]
-        tests.write_text("\n".join([*base, "\t".join(fields)]) + "\n")
-        run = snakemake(copy, "--dry-run")
-        assert run.status == 0, run.said
-        assert ("branches" in run.said) is fitted
+    for group, role in roles.items():
+        members = [f"{group}{position}" for position in (1, 2)]
+        cells.write_text(cells.read_text() + "".join(f"{m}\t\t\t3.0\t4.2\t\n" for m in members))
+        with open(copy / "config/groups.tsv", "a", encoding="utf-8") as groups:
+            groups.writelines(f"{group}\t{k}\t{m}\n" for k, m in enumerate(members, start=1))
+        # A file of its own, for what is fitted may not be kept for validation.
+        raw = copy / f"raw/{group}.csv"
+        raw.write_text((copy / "raw/pair.csv").read_text() + "\n" * (role == "validation"))
+        fields = [group, *row.split("\t")[1:3], f"raw/{raw.name}", "25", "", role, tiny.digest(raw)]
+        tests.write_text(tests.read_text() + "\t".join(fields) + "\n")
+    run = snakemake(copy, "--dry-run")
+    assert run.status == 0, run.said
+    assert jobs(run.said)["branches"] == 1
+    assert "Models of the cells of group fitted from" in run.said
 
 
 def test_verify_finds_what_was_edited_by_hand(copy):

@@ -89,7 +89,7 @@ rule missing_effect_benchmark:
     input:
         tests=rules.effect_campaign.output.tests,
         truth=rules.effect_campaign.output.truth,
-        answers=expand(rules.effect_answers.output[0], batch=range(BENCHMARK["batches"])),
+        answers=[f"results/effect_answers/{n}.parquet" for n in range(BENCHMARK["batches"])],
     output:
         page="results/effect_scores/benchmark.md",
         confusion="results/effect_scores/effect-confusion.svg",

@@ -3,9 +3,9 @@
 SLOW_KINDS = (*CAPACITY_KINDS, "ica")
 
 
-COLD = [cell for cell in CELLS if len(chamber_temperatures(cell, *SLOW_KINDS)) >= 2]
-COLD_PEAKS = [cell for cell in CELLS if len(chamber_temperatures(cell, "ica")) >= 2]
-COLD_FAST = [cell for cell in CELLS if len(chamber_temperatures(cell, "fast_charge")) >= 3]
+COLD = cells_where(lambda cell: len(chamber_temperatures(cell, *SLOW_KINDS)) >= 2)
+COLD_PEAKS = cells_where(lambda cell: len(chamber_temperatures(cell, "ica")) >= 2)
+COLD_FAST = cells_where(lambda cell: len(chamber_temperatures(cell, "fast_charge")) >= 3)
 LOSS_LAWS = [
     *[f"results/capacity_loss_laws/{cell}.parquet" for cell in COLD],
     *[f"results/fast_charge_laws/{cell}.parquet" for cell in COLD_FAST],
@@ -102,36 +102,23 @@ rule fast_charge_law:
         "../../scripts/loss/fast_charge_law.py"
 
 
-rule ageing_cycles:
+rule ageing:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
     output:
-        "results/ageing_cycles/{cell}/{test}.parquet",
+        cycles="results/ageing_cycles/{cell}/{test}.parquet",
+        summary="results/ageing_temperature/{cell}/{test}.parquet",
+        laws="results/ageing_temperature_laws/{cell}/{test}.parquet",
+        compensated="results/ageing_temperature_cycles/{cell}/{test}.parquet",
+        periodogram="results/ageing_temperature_periods/{cell}/{test}.parquet",
     log:
-        "logs/ageing_cycles/{cell}/{test}.log",
+        "logs/ageing/{cell}/{test}.log",
     params:
+        settings=config["ageing"],
         test=test_facts,
         cell=cell_facts,
     message:
-        "Cycles of {wildcards.cell} in {wildcards.test}."
+        "Cycles of {wildcards.cell} in {wildcards.test}: fade, temperature and daily cycle."
     script:
-        "../../scripts/loss/ageing_cycles.py"
-
-
-rule ageing_temperature:
-    input:
-        "results/ageing_cycles/{cell}/{test}.parquet",
-    output:
-        summary="results/ageing_temperature/{cell}/{test}.parquet",
-        laws="results/ageing_temperature_laws/{cell}/{test}.parquet",
-        cycles="results/ageing_temperature_cycles/{cell}/{test}.parquet",
-        periodogram="results/ageing_temperature_periods/{cell}/{test}.parquet",
-    log:
-        "logs/ageing_temperature/{cell}/{test}.log",
-    params:
-        settings=config["ageing"],
-    message:
-        "Fade, temperature and daily cycle of {wildcards.cell} in {wildcards.test}."
-    script:
-        "../../scripts/loss/ageing_temperature.py"
+        "../../scripts/loss/ageing.py"

@@ -11,8 +11,8 @@ def searchable(cell):
 
 
 # A cell with any such test has a verdict file; one that cannot be searched says there why.
-ASKED = [c for c in CELLS if config["missing_effect"]["enabled"] and tests(c, *EFFECT_KINDS)]
-SEARCHED = [cell for cell in ASKED if searchable(cell)]
+ASKED = cells_where(lambda cell: config["missing_effect"]["enabled"] and tests(cell, *EFFECT_KINDS))
+SEARCHED = cells_where(lambda cell: cell in ASKED and searchable(cell))
 # A group is asked where it has tests. A branch is held against its cell's model, else its type's.
 GROUPS_ASKED = [
     group for group in BRANCHES if config["missing_effect"]["enabled"] and tests(group, "group")
@@ -39,7 +39,7 @@ def group_searchable(group):
 
 
 GROUPS_SEARCHED = [group for group in GROUPS_ASKED if group_searchable(group)]
-VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in ASKED + GROUPS_ASKED]
+VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in [*ASKED, *GROUPS_ASKED]]
 GROUP_PARTS = ["ranking.parquet", "series.parquet", "model.json"]
 EFFECT_PARTS = [
     *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
@@ -50,7 +50,7 @@ WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKE
 
 def healthy_like(cell):
     """Cells marked as reference of the type, where there are three to be held against."""
-    marked = [c for c in peers(cell) if CELLS[c]["reference"] == "yes"]
+    marked = references(cell)
     return marked if len(marked) >= 3 else []
 
 

@@ -7,12 +7,22 @@ def type_of(cell):
     return row["chemistry"], row["rated_capacity_ampere_hour"]
 
 
+# Cells of each stated type, and those of them that are marked as reference.
+OF_TYPE, MARKED_OF_TYPE = {}, {}
+for cell in cells_where(lambda cell: None not in type_of(cell)):
+    OF_TYPE.setdefault(type_of(cell), []).append(cell)
+    if CELLS[cell]["reference"] == "yes":
+        MARKED_OF_TYPE.setdefault(type_of(cell), []).append(cell)
+
+
+def references(cell):
+    """Other cells of the type that are marked as reference."""
+    return [c for c in MARKED_OF_TYPE.get(type_of(cell), []) if c != cell]
+
+
 def peers(cell):
     """Other cells of the type, from which a cell may borrow: the marked ones, else all."""
-    mine = type_of(cell)
-    alike = [c for c in CELLS if c != cell and None not in mine and type_of(c) == mine]
-    marked = [c for c in alike if CELLS[c]["reference"] == "yes"]
-    return marked or alike
+    return references(cell) or [c for c in OF_TYPE.get(type_of(cell), []) if c != cell]
 
 
 def curve_lenders(cell):
@@ -21,9 +31,8 @@ def curve_lenders(cell):
     Where no peer is marked as reference, a cell with a slow test of its own asks nobody: a
     campaign of a thousand such cells would else make a million dependencies.
     """
-    marked = any(CELLS[c]["reference"] == "yes" for c in peers(cell))
-    asked = marked or not tests(cell, "ocv", roles=["fit"])
-    return [c for c in peers(cell) if asked and tests(c, "ocv", roles=["fit"])]
+    asked = references(cell) or not tests(cell, "ocv", roles=["fit"])
+    return [c for c in peers(cell) if tests(c, "ocv", roles=["fit"])] if asked else []
 
 
 # Kinds of test that a model may be fitted to, and in which roles.
@@ -46,25 +55,23 @@ def fit_series(cell):
 
 def calibrating(cell):
     """Cells of the type that have a model of their own."""
-    mine = type_of(cell)
-    alike = [c for c in IDENTIFIED if c != cell and type_of(c) == mine]
-    return [] if None in mine else alike
+    return [c for c in OF_TYPE.get(type_of(cell), []) if c != cell and c in IDENTIFIED]
 
 
 # A cell's model comes from its own tests, else from its type's reference, else from its group.
-IDENTIFIED = [cell for cell in CELLS if fit_tests(cell)]
-BIASED = [
-    cell
-    for cell in CELLS
-    if cell not in IDENTIFIED and tests(cell, "ica", "drive", "capacity") and calibrating(cell)
-]
+IDENTIFIED = cells_where(fit_tests)
+BIASED = cells_where(
+    lambda cell: cell not in IDENTIFIED
+    and tests(cell, "ica", "drive", "capacity")
+    and calibrating(cell)
+)
 GROUPED = {
     row["cell"]: group
     for group, rows in BRANCHES.items()
     for row in rows
-    if row["cell"] not in IDENTIFIED + BIASED and tests(group, "group", roles=["fit"])
+    if row["cell"] not in IDENTIFIED | BIASED and tests(group, "group", roles=["fit"])
 }
-MODELLED = [*IDENTIFIED, *BIASED, *GROUPED]
+MODELLED = IDENTIFIED | BIASED | GROUPED
 SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for cell in MODELLED}
 
 
@@ -93,7 +100,7 @@ rule basis:
         "logs/basis/{cell}.log",
     params:
         cell=cell_facts,
-        references=lambda w: [c for c in peers(w.cell) if CELLS[c]["reference"] == "yes"],
+        references=lambda w: references(w.cell),
     message:
         "What the SoC of {wildcards.cell} refers to: capacity and OCV curves."
     script:
@@ -160,7 +167,7 @@ rule bias_correction:
     wildcard_constraints:
         cell=either(BIASED),
     params:
-        references=lambda w: [c for c in calibrating(w.cell) if CELLS[c]["reference"] == "yes"],
+        references=lambda w: [c for c in references(w.cell) if c in IDENTIFIED],
     message:
         "Model of {wildcards.cell} from the reference cell and the shift of its IC peaks."
     script:
@@ -243,44 +250,25 @@ rule export:
         "../../scripts/models/export.py"
 
 
-rule validate:
+rule prediction:
     input:
         model="results/models/{cell}.json",
         series="results/clean/{cell}/{test}.parquet",
     output:
         scores="results/validation/{cell}/{test}.parquet",
-        series="results/simulation/{cell}/{test}.parquet",
+        simulation="results/simulation/{cell}/{test}.parquet",
+        soc="results/soc/{cell}/{test}.parquet",
+        soc_series="results/soc_series/{cell}/{test}.parquet",
     log:
-        "logs/validate/{cell}/{test}.log",
+        "logs/prediction/{cell}/{test}.log",
     wildcard_constraints:
         cell=either(MODELLED),
     params:
+        soc=config["soc"],
         split_rest_second=config["models"]["split_rest_second"],
         test=test_facts,
         cell=cell_facts,
     message:
-        "Simulate {wildcards.cell} through {wildcards.test} and compare with the measurement."
+        "Voltage of {wildcards.cell} in {wildcards.test} by its model, SoC by filters, and their errors."
     script:
-        "../../scripts/models/validate.py"
-
-
-rule soc:
-    input:
-        model="results/models/{cell}.json",
-        series="results/clean/{cell}/{test}.parquet",
-    output:
-        scores="results/soc/{cell}/{test}.parquet",
-        series="results/soc_series/{cell}/{test}.parquet",
-    log:
-        "logs/soc/{cell}/{test}.log",
-    wildcard_constraints:
-        cell=either(MODELLED),
-    params:
-        settings=config["soc"],
-        split_rest_second=config["models"]["split_rest_second"],
-        test=test_facts,
-        cell=cell_facts,
-    message:
-        "State of charge of {wildcards.cell} in {wildcards.test} by filters, from wrong starts."
-    script:
-        "../../scripts/models/soc.py"
+        "../../scripts/models/prediction.py"

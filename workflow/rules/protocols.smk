@@ -9,9 +9,11 @@ rule capacity:
         "results/capacity/{cell}/{test}.parquet",
     log:
         "logs/capacity/{cell}/{test}.log",
+    wildcard_constraints:
+        cell=only_these(row for row in CAMPAIGN.tests if row["kind"] != "ocv"),
     params:
-        test=test_facts,
         cell=cell_facts,
+        test=test_facts,
     message:
         "Capacity of {wildcards.cell} in {wildcards.test}, per direction and rate."
     script:
@@ -25,14 +27,17 @@ rule ocv:
     output:
         curve="results/ocv/{cell}/{test}.parquet",
         functions="results/ocv_functions/{cell}/{test}.parquet",
+        capacity="results/capacity/{cell}/{test}.parquet",
     log:
         "logs/ocv/{cell}/{test}.log",
+    wildcard_constraints:
+        cell=only_these(row for row in CAMPAIGN.tests if row["kind"] == "ocv"),
     params:
         least_hour=config["ocv"]["least_hour"],
         test=test_facts,
         cell=cell_facts,
     message:
-        "Open-circuit voltage of {wildcards.cell} from the slow test {wildcards.test}."
+        "Open-circuit voltage and capacity of {wildcards.cell} from the slow test {wildcards.test}."
     script:
         "../../scripts/protocols/ocv.py"
 
@@ -57,6 +62,34 @@ rule ocv_rests:
         "../../scripts/protocols/ocv_rests.py"
 
 
+# Pulses and the rests after them tell the resistance and its relaxation: one job where both are asked.
+BOTH_KINDS = {*PULSE_KINDS} & {*RELAXATION_KINDS}
+
+
+rule pulses:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+        basis="results/basis/{cell}.json",
+    output:
+        resistance="results/resistance/{cell}/{test}.parquet",
+        rests="results/relaxation/{cell}/{test}.parquet",
+        curve="results/relaxation_curve/{cell}/{test}.parquet",
+    log:
+        "logs/pulses/{cell}/{test}.log",
+    wildcard_constraints:
+        cell=only_these(row for row in CAMPAIGN.tests if row["kind"] in BOTH_KINDS),
+    params:
+        resistance=config["resistance"],
+        relaxation=of_analysis("relaxation"),
+        test=test_facts,
+        cell=cell_facts,
+    message:
+        "Resistance of {wildcards.cell} in the pulses of {wildcards.test}, depolarisation in its rests."
+    script:
+        "../../scripts/protocols/pulses.py"
+
+
 rule resistance:
     input:
         series="results/clean/{cell}/{test}.parquet",
@@ -66,6 +99,8 @@ rule resistance:
         "results/resistance/{cell}/{test}.parquet",
     log:
         "logs/resistance/{cell}/{test}.log",
+    wildcard_constraints:
+        cell=only_these(row for row in CAMPAIGN.tests if row["kind"] not in BOTH_KINDS),
     params:
         settings=config["resistance"],
         test=test_facts,
@@ -86,6 +121,8 @@ rule relaxation:
         curve="results/relaxation_curve/{cell}/{test}.parquet",
     log:
         "logs/relaxation/{cell}/{test}.log",
+    wildcard_constraints:
+        cell=only_these(row for row in CAMPAIGN.tests if row["kind"] not in BOTH_KINDS),
     params:
         settings=of_analysis("relaxation"),
         test=test_facts,
@@ -119,8 +156,9 @@ rule ica:
 
 rule impedance:
     input:
-        spectrum="results/spectrum/{cell}/{test}.parquet",
+        raw=raw_files,
     output:
+        spectrum="results/spectrum/{cell}/{test}.parquet",
         fit="results/eis/{cell}/{test}.parquet",
         curve="results/eis_curve/{cell}/{test}.parquet",
         parameters="results/eis_parameters/{cell}/{test}.parquet",
@@ -130,10 +168,11 @@ rule impedance:
     log:
         "logs/impedance/{cell}/{test}.log",
     params:
+        reading=reading,
         settings=config["impedance"],
         test=test_facts,
     message:
-        "Fit {params.settings[circuit]} to the spectrum {wildcards.cell} {wildcards.test}."
+        "Read the spectrum {wildcards.cell} {wildcards.test} and fit {params.settings[circuit]} to it."
     script:
         "../../scripts/protocols/impedance.py"
 

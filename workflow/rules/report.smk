@@ -15,7 +15,8 @@ FINAL = [
     *VERDICTS,
     *[f"results/missing_effect/{cell}/{part}" for cell in ASKED for part in EFFECT_PARTS],
     *[f"results/missing_effect/{g}/{part}" for g in GROUPS_ASKED for part in GROUP_PARTS],
-    *[path for paths in FIGURES.values() for path in paths],
+    *FIGURES["campaign"],
+    *FIGURE_FOLDERS,
 ]
 
 
@@ -24,13 +25,15 @@ rule report:
         tables=[f"results/tables/{table}.csv" for table in TABLES],
         checks="results/tables/checks.csv",
         summary="results/summary.csv",
-        figures=[path for paths in FIGURES.values() for path in paths],
+        figures=[*FIGURES["campaign"], *FIGURE_FOLDERS],
         artefacts=STAGES,
         verdicts=VERDICTS,
         witnesses=WITNESSES,
         cold=COLD_WORDS,
-        template=f"{PIPELINE}/workflow/report/report.html.j2",
-        captions=f"{PIPELINE}/workflow/report/captions.yaml",
+        template=local(f"{PIPELINE}/workflow/report/report.html.j2"),
+        page=local(f"{PIPELINE}/workflow/report/page.html.j2"),
+        parts=local(f"{PIPELINE}/workflow/report/parts.html.j2"),
+        captions=local(f"{PIPELINE}/workflow/report/captions.yaml"),
     output:
         "results/report.html",
     log:
@@ -40,7 +43,7 @@ rule report:
         tests=CAMPAIGN.tests,
         groups=CAMPAIGN.groups,
         figures=FIGURES,
-        modelled=MODELLED,
+        modelled=list(MODELLED),
         title=config["title"],
         choices=CHOICES,
         assumptions=ASSUMPTIONS,

@@ -9,7 +9,8 @@ SCORES, FILTERED = (
     for stage in ("validation", "soc")
 )
 MODELS = [f"results/models/{cell}.json" for cell in MODELLED]
-TABLE_INPUTS = {
+# Tables of what the tests tell by themselves, which need no model, and of the models.
+TABLES_OF_TESTS = {
     "capacity": [*everywhere("capacity", *CAPACITY_KINDS), *everywhere("ageing_cycles", "ageing")],
     "resistance": everywhere("resistance", *PULSE_KINDS),
     "ocv": [
@@ -17,9 +18,6 @@ TABLE_INPUTS = {
         *[f"results/ocv_functions_temperature/{cell}.parquet" for cell in STEPPED],
     ],
     "eis": everywhere("eis", "eis"),
-    "temperature_prediction": [
-        f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
-    ],
     "temperature": [
         *[f"results/temperature/{cell}.parquet" for cell in VARIED],
         *[f"results/resistance_surface/{cell}.parquet" for cell in PULSED],
@@ -33,6 +31,11 @@ TABLE_INPUTS = {
     "fast_charge": everywhere("fast_charge", "fast_charge"),
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
+}
+TABLES_OF_MODELS = {
+    "temperature_prediction": [
+        f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
+    ],
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
     "identification_methods": [
         f"results/identification_methods/{cell}.parquet" for cell in COMPARED
@@ -42,6 +45,7 @@ TABLE_INPUTS = {
     "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
+TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_MODELS
 TABLES = [*TABLE_INPUTS, "missing_effect", "excluded"]
 COLD_WORDS = [f"results/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
@@ -67,64 +71,52 @@ STAGES = [
 ]
 
 
-rule table:
+rule tables_of_tests:
     input:
-        lambda w: TABLE_INPUTS[w.table],
+        unpack(lambda w: TABLES_OF_TESTS),
     output:
-        table="results/tables/{table}.csv",
+        **{name: f"results/tables/{name}.csv" for name in TABLES_OF_TESTS},
     log:
-        "logs/table/{table}.log",
-    wildcard_constraints:
-        table=either(TABLE_INPUTS),
+        "logs/tables_of_tests.log",
     params:
         tests=TEST_FACTS,
     message:
-        "Table {wildcards.table}.csv of the whole campaign."
+        "Tables of what the tests of the whole campaign tell."
     script:
-        "../../scripts/tables/table.py"
+        "../../scripts/tables/tables_of_tests.py"
 
 
-rule excluded:
+rule tables_of_models:
     input:
-        STAGES,
+        unpack(lambda w: TABLES_OF_MODELS),
     output:
-        "results/tables/excluded.csv",
+        **{name: f"results/tables/{name}.csv" for name in TABLES_OF_MODELS},
     log:
-        "logs/excluded.log",
+        "logs/tables_of_models.log",
     params:
-        files={f"{cell}/{test}": row["file"] for (cell, test), row in TESTS.items()},
+        tests=TEST_FACTS,
     message:
-        "What was left out, at which stage, and why."
+        "Tables of the models of the whole campaign, and of their errors."
     script:
-        "../../scripts/tables/excluded.py"
+        "../../scripts/tables/tables_of_models.py"
 
 
 rule summary:
     input:
-        tables=[f"results/tables/{table}.csv" for table in TABLES],
+        tables=[f"results/tables/{table}.csv" for table in TABLES if table != "excluded"],
+        stages=STAGES,
         models=MODELS,
+        laws=[local(str(path)) for path in Path(PIPELINE, "tests/artefacts").glob("*.py")],
     output:
-        "results/summary.csv",
+        excluded="results/tables/excluded.csv",
+        summary="results/summary.csv",
+        checks="results/tables/checks.csv",
     log:
         "logs/summary.log",
     params:
         cells=list(CELLS.values()),
+        files={f"{cell}/{test}": row["file"] for (cell, test), row in TESTS.items()},
     message:
-        "One row per cell: capacity, health, resistance, model and its error."
+        "What was left out and why, one row per cell, and the results held against physics."
     script:
         "../../scripts/tables/summary.py"
-
-
-rule checks:
-    input:
-        tables=[f"results/tables/{table}.csv" for table in TABLES],
-        summary="results/summary.csv",
-        laws=Path(PIPELINE, "tests/artefacts").glob("*.py"),
-    output:
-        "results/tables/checks.csv",
-    log:
-        "logs/checks.log",
-    message:
-        "Hold the results against physics (tests/artefacts)."
-    script:
-        "../../scripts/tables/checks.py"

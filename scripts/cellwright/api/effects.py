@@ -1,5 +1,6 @@
-"""What a model lacks, of a cell or of a branch of a parallel group; parallel groups themselves."""
+"""Missing effects of a cell or of a branch of a parallel group; models of parallel groups."""
 
+from cellwright.api import inputs, results
 from cellwright.settings import MissingEffect, MissingEffectGroup, Models
 
 MODELS = Models()
@@ -16,41 +17,39 @@ def missing_effect(
     split_rest_second=MODELS.split_rest_second,
     **changes,
 ):
-    """Search a cell for what a plain model of it lacks, proved on tests that took no part.
+    """Effects that a plain model of a cell lacks, proved on tests that were not fitted.
 
     Parameters
     ----------
     cell, basis, tests : as of `identify`, with tests of roles fit, split and validation.
     settings : `settings.MissingEffect`, or its keys as keywords.
-    references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is held
-        against them.
+    references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
+        compared with them.
     library : effects by id that are tried, None: all of `effects.library.LIBRARY`.
     split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
     Returns
     -------
-    found : MissingEffect; its verdict is the document of docs/missing-effect.md.
+    finding : MissingEffect; its verdict is the document of docs/missing-effect.md.
 
     Raises
     ------
-    Refusal
-        No OCV, nothing to fit, or nothing that judges.
+    Refusal : no OCV, no test to fit, or none for validation.
 
     Source: docs/missing-effect.md.
     """
-    from cellwright.api import given, results
     from cellwright.effects.finding import missing_effect as searched
     from cellwright.effects.library import LIBRARY
 
-    found = searched(
-        given.cell_facts(cell),
-        given.content(basis),
-        given.tests(tests),
+    finding = searched(
+        inputs.cell_facts(cell),
+        inputs.content(basis),
+        inputs.tests(tests),
         LIBRARY if library is None else library,
         settings=_search(settings, split_rest_second, changes),
-        references=[_reference(one) for one in references],
+        references=[_reference(reference) for reference in references],
     )
-    return results.MissingEffect(**found._asdict())
+    return results.MissingEffect(**finding._asdict())
 
 
 def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
@@ -71,14 +70,13 @@ def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=No
 
     Source: docs/missing-effect.md.
     """
-    from cellwright.api import given, results
     from cellwright.effects.library import LIBRARY
     from cellwright.effects.witnesses.collected import measured_of
     from cellwright.effects.witnesses.collected import witnesses as held_against
 
-    content, known = given.content(basis), dict(tables)
-    series = given.columns(known.pop("series", {}))
-    rows = {name: given.rows(table) for name, table in known.items()}
+    content, known = inputs.content(basis), dict(tables)
+    series = inputs.columns(known.pop("series", {}))
+    rows = {name: inputs.rows(table) for name, table in known.items()}
     ambient = ambient_celsius or {}
     measured = measured_of(rows | {"series": series}, content, model, ambient=ambient)
     return results.Table(held_against(verdict, model, measured, library or LIBRARY))
@@ -87,12 +85,12 @@ def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=No
 def prepared_case(
     cell, basis, tests, settings=None, *, split_rest_second=MODELS.split_rest_second, **changes
 ):
-    """The records and the plain model of one cell, as a search for missing effects takes them.
+    """The records and the plain model of a cell, as the search for missing effects takes them.
 
     Parameters
     ----------
     cell, basis, tests, settings, split_rest_second : as of `missing_effect`; tests of other kinds
-        than those searched are left out.
+        than those searched are skipped.
 
     Returns
     -------
@@ -100,75 +98,69 @@ def prepared_case(
 
     Raises
     ------
-    Refusal
-        No OCV, nothing to fit, or nothing that judges.
+    Refusal : no OCV, no test to fit, or none for validation.
     """
-    from cellwright.api import given
-    from cellwright.effects import prepare
+    from cellwright.effects.case import KINDS, prepared
     from cellwright.effects.finding import settings_of
 
     plain = _search(settings, split_rest_second, changes)
     gates, tolerance = settings_of(plain)
     options = {"tolerance": tolerance, "gates": gates, "settings": plain}
-    known = [(given.test_facts(facts), series) for facts, series in tests]
-    mine = given.tests([one for one in known if one[0].kind in prepare.KINDS])
-    facts = given.cell_facts(cell)
-    return prepare.prepared(facts, given.content(basis), mine, **options).case
+    known = [(inputs.test_facts(facts), series) for facts, series in tests]
+    mine = inputs.tests([one for one in known if one[0].kind in KINDS])
+    facts = inputs.cell_facts(cell)
+    return prepared(facts, inputs.content(basis), mine, **options).case
 
 
 def _search(settings, split_rest_second, changes) -> dict:
-    from cellwright.api import given
 
-    chosen = given.chosen(MissingEffect, settings, changes)
-    return chosen._asdict() | {"split_rest_second": split_rest_second}
+    search = inputs.settings_of(MissingEffect, settings, changes)
+    return search._asdict() | {"split_rest_second": split_rest_second}
 
 
-def _reference(one):
+def _reference(reference):
     """A healthy cell of the type, as the search takes it."""
-    from cellwright.api import given
     from cellwright.effects.finding import Reference
 
-    cell, basis, tests = one
-    return Reference(given.cell_facts(cell), given.content(basis), given.tests(tests))
+    cell, basis, tests = reference
+    return Reference(inputs.cell_facts(cell), inputs.content(basis), inputs.tests(tests))
 
 
-def missing_group_effect(group, branches, known, tests, settings=None, **changes):
-    """Search a parallel group for what one of its branches has of its own.
+def missing_group_effect(group, branches, known_cells, tests, settings=None, **changes):
+    """Effects that one branch of a parallel group has and the others have not.
 
     Parameters
     ----------
     group : its name. branches : rows of groups.tsv in order of position.
-    known : `effects.groups.finding.KnownCell` of each branch.
+    known_cells : `effects.groups.finding.KnownCell` of each branch.
     tests : (test, clean series with branch currents) each.
     settings : `settings.MissingEffectGroup`, or its keys as keywords.
 
     Returns
     -------
-    found : MissingEffect, with empty residual_map, evidence, confounding and menu.
+    finding : MissingEffect, with empty residual_map, evidence, confounding and menu.
 
     Raises
     ------
-    Refusal
-        A branch without a model, nothing to fit, or nothing that judges.
+    Refusal : a branch without a model, no test to fit, or none for validation.
 
     Source: docs/missing-effect.md.
     """
-    from cellwright.api import given, results
     from cellwright.effects.groups.finding import missing_group_effect as searched
 
-    chosen = given.chosen(MissingEffectGroup, settings, changes)
+    search = inputs.settings_of(MissingEffectGroup, settings, changes)
     plain = {
         name: value._asdict() if hasattr(value, "_asdict") else value
-        for name, value in chosen._asdict().items()
+        for name, value in search._asdict().items()
     }
-    rows = [given.branch_facts(branch) for branch in branches]
-    found = searched(group, rows, known, given.tests(tests), settings=plain)
+    rows = [inputs.branch_facts(branch) for branch in branches]
+    finding = searched(group, rows, known_cells, inputs.tests(tests), settings=plain)
     empty = {key: {} for key in ("residual_map", "evidence", "confounding", "menu")}
-    return results.MissingEffect(**empty, **found._asdict())
+    return results.MissingEffect(**empty, **finding._asdict())
 
 
 def identify_branches(series, steps, cells, test):
-    """Models of all cells of a group from the longest charge in its own record.
+    """Models of all cells of a group, from the longest charge in the group's record.
 
     Parameters
     ----------
@@ -182,26 +174,24 @@ def identify_branches(series, steps, cells, test):
 
     Raises
     ------
-    Refusal
-        No branch currents, or no charge between two rests.
+    Refusal : No branch currents, or no charge between two rests.
 
     Source: docs/packs.md.
     """
-    from cellwright.api import given, results
     from cellwright.circuits.model_file import parameter_rows
     from cellwright.packs.group import group_models
     from cellwright.records.facts import MeasuredTest
 
-    measured = MeasuredTest(given.test_facts(test), given.columns(series, *given.NAMES))
-    models = group_models(measured, given.steps(steps)._asdict(), cells)
-    rows = [{"cell": cell} | row for cell, one in models.items() for row in parameter_rows(one)]
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    models = group_models(measured, inputs.steps(steps)._asdict(), cells)
+    rows = [{"cell": cell} | row for cell, model in models.items() for row in parameter_rows(model)]
     return results.Document({"models": models}, (), rows)
 
 
 def simulate_group(
     models, current, *, initial_soc, wire_resistance_ohm=0.0, temperature_celsius=25.0
 ):
-    """Branch currents and voltage of cells in parallel under a total current.
+    """Branch currents [A], SoC [1] and voltage [V] of cells in parallel under a total current.
 
     Parameters
     ----------
@@ -217,24 +207,22 @@ def simulate_group(
 
     Raises
     ------
-    Refusal
-        No model, or one that no member of RC pairs stands for.
+    Refusal : no model, or one without a member of RC pairs.
 
     Source: docs/packs.md.
     """
     import numpy as np
 
-    from cellwright.api import given, results
     from cellwright.packs.parallel import group_of, simulate_parallel
 
-    documents = [given.content(model) for model in models]
-    group = group_of(documents, temperature_celsius=temperature_celsius)
-    time, total = given.quantities(current, ("test_time_second", "current_ampere"))
+    documents = [inputs.content(model) for model in models]
+    pack = group_of(documents, temperature_celsius=temperature_celsius)
+    time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
     start, wire = (
         np.broadcast_to(np.asarray(value, float), len(documents))
         for value in (initial_soc, wire_resistance_ohm)
     )
-    run = simulate_parallel(time, total, group, initial_soc=start, wire_resistance_ohm=wire)
+    run = simulate_parallel(time, total, pack, initial_soc=start, wire_resistance_ohm=wire)
     columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
     for k in range(len(documents)):
         columns[f"branch_{k + 1}_current_ampere"] = run.branch_current_ampere[:, k]
@@ -243,7 +231,7 @@ def simulate_group(
 
 
 def validate_group(models, branches, series, test):
-    """A parallel group simulated through its record, its branch currents scored.
+    """Errors of a parallel group simulated through its record: branch currents [A], voltage [V].
 
     Parameters
     ----------
@@ -257,16 +245,14 @@ def validate_group(models, branches, series, test):
 
     Raises
     ------
-    Refusal
-        Other branch currents than branches, or no SoC at the start.
+    Refusal : Other branch currents than branches, or no SoC at the start.
 
     Source: docs/packs.md.
     """
-    from cellwright.api import given, results
     from cellwright.packs.group import validate_group as validated
     from cellwright.records.facts import MeasuredTest
 
-    measured = MeasuredTest(given.test_facts(test), given.columns(series, *given.NAMES))
-    rows = [given.branch_facts(branch) for branch in branches]
-    found = validated([given.content(model) for model in models], rows, measured)
-    return results.Scored(found.rows, found.series, tuple(found.notes))
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    rows = [inputs.branch_facts(branch) for branch in branches]
+    scores = validated([inputs.content(model) for model in models], rows, measured)
+    return results.Scored(scores.rows, scores.series, tuple(scores.notes))

@@ -1,5 +1,6 @@
 """Laws over temperature, SoC and rate, from the rows of many tests."""
 
+from cellwright.api import inputs, results
 from cellwright.settings import (
     Ageing,
     CapacityLoss,
@@ -12,7 +13,7 @@ TEMPERATURE = Temperature()
 
 
 def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, **changes):
-    """Resistance and capacity of one cell over temperature: quadratic and Arrhenius.
+    """Laws of resistance and capacity of one cell over temperature: quadratic and Arrhenius.
 
     Parameters
     ----------
@@ -26,19 +27,17 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
 
     Raises
     ------
-    Refusal
-        No quantity is known at three temperatures.
+    Refusal : No quantity is known at three temperatures.
 
     Source: thesis ch. 3; docs/temperature.md.
     """
-    from cellwright.api import given, results
     from cellwright.laws import points as measured
     from cellwright.laws.temperature import law_rows
 
-    chosen = given.chosen(Temperature, settings, changes)
+    options = inputs.settings_of(Temperature, settings, changes)
     sizes = measured.capacity_points(_rows(capacities))
     circuits = measured.impedance_points(_rows(spectra))
-    pulses = measured.resistance_points(_rows(resistances), **chosen._asdict())
+    pulses = measured.resistance_points(_rows(resistances), **options._asdict())
     points = measured.with_enough_temperatures([*sizes, *circuits.points, *pulses.points])
     points = measured.mean_per_temperature(points)
     rows, reasons = law_rows(points)
@@ -47,14 +46,12 @@ def temperature_laws(capacities=(), resistances=(), spectra=(), settings=None, *
 
 def _rows(tables):
     """Rows of a table, or of (test, result) each, with the facts of their tests."""
-    from cellwright.api import given
-
     pairs = isinstance(tables, list | tuple) and not hasattr(tables, "_asdict")
-    return given.entries(tables) if pairs else given.rows(tables)
+    return inputs.entries(tables) if pairs else inputs.rows(tables)
 
 
 def temperature_laws_of_type(resistances, settings=None, **changes):
-    """Pulse resistance over temperature across cells of one type.
+    """Laws of pulse resistance over temperature across cells of one type.
 
     Parameters
     ----------
@@ -67,25 +64,23 @@ def temperature_laws_of_type(resistances, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        No quantity is known at three temperatures.
+    Refusal : No quantity is known at three temperatures.
 
     Source: docs/temperature.md.
     """
-    from cellwright.api import given, results
     from cellwright.laws.of_type import points_of_type, sentences_of_type
     from cellwright.laws.points import with_enough_temperatures
     from cellwright.laws.temperature import law_rows
 
-    chosen = given.chosen(Temperature, settings, changes)
-    found = points_of_type(given.rows(resistances), **chosen._asdict())
-    points = with_enough_temperatures(found.points)
+    options = inputs.settings_of(Temperature, settings, changes)
+    compared = points_of_type(inputs.rows(resistances), **options._asdict())
+    points = with_enough_temperatures(compared.points)
     rows, reasons = law_rows(points)
-    return results.Laws(rows, points, (*found.notes, *sentences_of_type(points), *reasons))
+    return results.Laws(rows, points, (*compared.notes, *sentences_of_type(points), *reasons))
 
 
 def fast_charge_laws(charges):
-    """Fast charge of one cell over temperature.
+    """Laws of the fast charge of one cell over temperature.
 
     Parameters
     ----------
@@ -97,12 +92,10 @@ def fast_charge_laws(charges):
 
     Raises
     ------
-    Refusal
-        Fewer than three temperatures.
+    Refusal : Fewer than three temperatures.
 
     Source: docs/fast-charge.md.
     """
-    from cellwright.api import results
     from cellwright.laws.points import fast_charge_points, with_enough_temperatures
     from cellwright.laws.temperature import law_rows
 
@@ -112,11 +105,11 @@ def fast_charge_laws(charges):
 
 
 def cold_limit(laws, points=None):
-    """What limits a cell in the cold, in words.
+    """A paragraph on the part of the resistance that limits a cell in the cold.
 
     Parameters
     ----------
-    laws : result of `temperature_laws`, or its rows. points : rows of its points, None: its own.
+    laws : result of `temperature_laws`, or its rows. points : rows of its points; None: of `laws`.
 
     Returns
     -------
@@ -124,30 +117,28 @@ def cold_limit(laws, points=None):
 
     Raises
     ------
-    Refusal
-        Too few parts of the resistance were measured over temperature.
+    Refusal : Too few parts of the resistance were measured over temperature.
 
     Source: docs/temperature.md.
     """
-    from cellwright.api import given, results
     from cellwright.laws.cold import cold_limit as limited
     from cellwright.laws.points import Point
 
-    points = given.rows(laws.points if points is None else points)
-    return results.Document(limited([Point(**row) for row in points], given.rows(laws))._asdict())
+    points = inputs.rows(laws.points if points is None else points)
+    return results.Document(limited([Point(**row) for row in points], inputs.rows(laws))._asdict())
 
 
 def resistance_surface(
     resistances, *, delay_second=TEMPERATURE.delay_second, c_rate=TEMPERATURE.c_rate
 ):
-    """Resistance of one cell over SoC and temperature: three forms, and whether it separates.
+    """Resistance [ohm] of one cell over SoC and temperature in three forms, and which fits best.
 
     Parameters
     ----------
     resistances : rows of `resistance` with ambient_temperature_celsius and cycle, or (test,
         result) each.
-    delay_second : delays into the pulse that are followed [s].
-    c_rate : rate of the pulses that is preferred [1/h].
+    delay_second : delays into the pulse [s].
+    c_rate : preferred rate of the pulses [1/h].
 
     Returns
     -------
@@ -155,21 +146,19 @@ def resistance_surface(
 
     Raises
     ------
-    Refusal
-        Too few pulses.
+    Refusal : Too few pulses.
 
     Source: docs/resistance-surface.md.
     """
-    from cellwright.api import results
     from cellwright.laws import surface
 
-    found, reasons = surface.surfaces(_rows(resistances), delay_second=delay_second, c_rate=c_rate)
-    notes = (*reasons, *surface.sentences(found))
-    return results.Laws(surface.law_rows(found), surface.point_rows(found), notes)
+    fits, reasons = surface.surfaces(_rows(resistances), delay_second=delay_second, c_rate=c_rate)
+    notes = (*reasons, *surface.sentences(fits))
+    return results.Laws(surface.law_rows(fits), surface.point_rows(fits), notes)
 
 
 def polarisation_laws(rests):
-    """Polarisation of one cell over SoC and temperature, and its laws.
+    """Polarisation of one cell over SoC and temperature: amplitudes [V], time constants [s], laws.
 
     Parameters
     ----------
@@ -177,16 +166,10 @@ def polarisation_laws(rests):
 
     Returns
     -------
-    laws : Laws.
-
-    Raises
-    ------
-    Refusal
-        No rests that compare.
+    laws : Laws; without points where no rests compare, the reason in its notes.
 
     Source: thesis 3.3; docs/relaxation.md.
     """
-    from cellwright.api import results
     from cellwright.laws.polarisation import comparable_rests, law_rows, laws_of, paragraph
 
     found = comparable_rests(_rows(rests))
@@ -195,7 +178,7 @@ def polarisation_laws(rests):
 
 
 def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
-    """Open-circuit voltage of one cell over SoC and temperature.
+    """Open-circuit voltage [V] of one cell over SoC and temperature.
 
     Parameters
     ----------
@@ -208,18 +191,16 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        Fewer than two temperatures.
+    Refusal : Fewer than two temperatures.
 
     Source: thesis 3.1; docs/ocv-temperature.md.
     """
-    from cellwright.api import given, results
     from cellwright.api.models import _curves
     from cellwright.laws.ocv import over_temperature as ocv
 
-    chosen = given.chosen(OcvTemperature, settings, changes)
-    slow = given.entries(curves, _curves)
-    result = ocv.over_temperature(slow, given.entries(steps), **chosen._asdict())
+    chosen = inputs.settings_of(OcvTemperature, settings, changes)
+    slow = inputs.entries(curves, _curves)
+    result = ocv.over_temperature(slow, inputs.entries(steps), **chosen._asdict())
     return results.OcvMap(
         ocv.law_rows(result),
         ocv.map_columns(result),
@@ -231,7 +212,7 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
 
 
 def capacity_loss(capacities, settings=None, **changes):
-    """Capacity of one cell lost to temperature and rate, split into true and false.
+    """Capacity of one cell lost to temperature and rate [%], split into true and false.
 
     Parameters
     ----------
@@ -245,16 +226,14 @@ def capacity_loss(capacities, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        No capacity that losses can be counted from.
+    Refusal : No slow test, or fewer than two comparable capacities.
 
     Source: thesis 4.2; docs/capacity-loss.md.
     """
-    from cellwright.api import given, results
     from cellwright.laws.capacity_loss import capacity_losses, law_rows
 
-    chosen = given.chosen(CapacityLoss, settings, changes)
-    losses, notes = capacity_losses(_rows(capacities), **chosen._asdict())
+    options = inputs.settings_of(CapacityLoss, settings, changes)
+    losses, notes = capacity_losses(_rows(capacities), **options._asdict())
     return results.Laws(law_rows(losses), losses, tuple(notes))
 
 
@@ -272,27 +251,24 @@ def ica_over_temperature(charges, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        Fewer than two temperatures.
+    Refusal : Fewer than two temperatures.
 
     Source: docs/ica-temperature.md.
     """
-    from cellwright.api import given, results
     from cellwright.laws.peaks import peaks_over_temperature
 
-    chosen = given.chosen(IcaTemperature, settings, changes)
-    found = peaks_over_temperature([_charge(one) for one in charges], **chosen._asdict())
-    return results.PeakMatches(found.matches, found.peaks, found.curves, tuple(found.notes))
+    options = inputs.settings_of(IcaTemperature, settings, changes)
+    matched = peaks_over_temperature([_charge(charge) for charge in charges], **options._asdict())
+    return results.PeakMatches(matched.matches, matched.peaks, matched.curves, tuple(matched.notes))
 
 
-def _charge(one):
-    """A charge as it is, or from (test, result of `ica`)."""
-    from cellwright.api import given
+def _charge(charge):
+    """`laws.peaks.Charge` as it is, or made of (test, result of `ica`)."""
     from cellwright.laws.peaks import Charge
 
-    if isinstance(one, Charge):
-        return one
-    test, ica = given.test_facts(one[0]), one[1]
+    if isinstance(charge, Charge):
+        return charge
+    test, ica = inputs.test_facts(charge[0]), charge[1]
     names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
     curve = [getattr(ica.curve, name) for name in names]
     return Charge(test.test, test.ambient_temperature_celsius, ica.c_rate, *curve)
@@ -312,19 +288,17 @@ def ageing_over_temperature(cycles, test, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        Too few cycles.
+    Refusal : Too few cycles.
 
     Source: docs/ageing.md.
     """
-    from cellwright.api import given, results
     from cellwright.laws.ageing import cycle_temperature, law_rows
     from cellwright.protocols.ageing import AgeingCycles
 
     table = getattr(cycles, "rows", cycles)
     if not isinstance(table, AgeingCycles):
-        table = AgeingCycles(**given.columns(table, *AgeingCycles._fields))
-    found = cycle_temperature(table, **given.chosen(Ageing, settings, changes)._asdict())
-    rows = law_rows(found.summary, test=given.test_facts(test).test)
-    notes = tuple(filter(None, [found.summary["reason"]]))
-    return results.AgeingLaws(found.summary, rows, found.cycles, found.periodogram, notes)
+        table = AgeingCycles(**inputs.columns(table, *AgeingCycles._fields))
+    ageing = cycle_temperature(table, **inputs.settings_of(Ageing, settings, changes)._asdict())
+    rows = law_rows(ageing.summary, test=inputs.test_facts(test).test)
+    notes = tuple(filter(None, [ageing.summary["reason"]]))
+    return results.AgeingLaws(ageing.summary, rows, ageing.cycles, ageing.periodogram, notes)

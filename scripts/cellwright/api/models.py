@@ -1,12 +1,13 @@
-"""Equivalent circuits and state of charge: what SoC refers to, identification, validation."""
+"""Equivalent circuits and state of charge: basis, identification, simulation, validation."""
 
-from cellwright.settings import Models, Soc
+from cellwright.api import inputs, results
+from cellwright.settings import IdentificationMethods, Models, Soc
 
 MODELS = Models()
 
 
 def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
-    """What the state of charge of a cell refers to: capacity and OCV curves, own or borrowed.
+    """The capacity and OCV curves that the SoC of a cell refers to, its own or borrowed.
 
     Parameters
     ----------
@@ -23,29 +24,27 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
 
     Raises
     ------
-    Refusal
-        No capacity test, no slow test and no rating.
+    Refusal : No capacity test, no slow test and no rating.
 
     Source: docs/state-of-charge.md.
     """
-    from cellwright.api import given, results
     from cellwright.records.basis import basis as basis_of
 
-    facts = given.cell_facts(cell)
-    found = basis_of(
+    facts = inputs.cell_facts(cell)
+    content = basis_of(
         facts.cell,
-        given.entries(curves, _curves),
-        given.entries(capacities),
+        inputs.entries(curves, _curves),
+        inputs.entries(capacities),
         lenders,
-        rests=given.entries(rests, _curves),
+        rests=inputs.entries(rests, _curves),
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
     )
-    return results.Document(found, tuple(_basis_notes(found)), _curve_rows(found["ocv"]))
+    return results.Document(content, tuple(_basis_notes(content)), _curve_rows(content["ocv"]))
 
 
 def lender(cell, curves, capacities, *, marked=False):
-    """A cell that others of its type may borrow from.
+    """OCV curves and capacities of a cell, for other cells of its type to borrow.
 
     Parameters
     ----------
@@ -55,20 +54,17 @@ def lender(cell, curves, capacities, *, marked=False):
     -------
     lender : `records.basis.Lender`.
     """
-    from cellwright.api import given
     from cellwright.records.basis import Lender
 
-    shown = (given.entries(curves, _curves), given.entries(capacities))
-    return Lender(given.cell_facts(cell).cell, marked, *shown)
+    shown = (inputs.entries(curves, _curves), inputs.entries(capacities))
+    return Lender(inputs.cell_facts(cell).cell, marked, *shown)
 
 
 def _curves(result):
-    """One curve as plain lists; of rests with where its capacity is from."""
-    from cellwright.api import given
-
+    """The OCV curve of a result as plain lists; of rests with the source of its capacity."""
     source = getattr(result, "capacity_source", None)
-    about = {} if source is None else {"capacity_source": source}
-    return [given.plain(result.curve._asdict()) | about]
+    source_fact = {} if source is None else {"capacity_source": source}
+    return [inputs.plain(result.curve._asdict()) | source_fact]
 
 
 def _curve_rows(curves):
@@ -81,16 +77,18 @@ def _curve_rows(curves):
 
 
 def _basis_notes(basis):
-    """What a reader must know of where capacity and OCV come from."""
-    said = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
+    """Sentences on where capacity [Ah] and OCV come from."""
+    notes = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
     if basis["borrowed_from"]:
-        said.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
+        notes.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
     elif not basis["ocv"]:
-        said.append("no OCV: no slow test of its own, and no cell of its type has one")
+        notes.append("no OCV: no slow test of its own, and no cell of its type has one")
     tests = [curve["test"] for curve in basis["ocv"] if curve["branches"] == "rests"]
     if tests and not basis["borrowed_from"]:
-        said.append(f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type")
-    return said
+        notes.append(
+            f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type"
+        )
+    return notes
 
 
 def state_of_charge(series, basis, test, cell):
@@ -107,15 +105,10 @@ def state_of_charge(series, basis, test, cell):
     anchored : `records.anchor.Anchored`: soc (n,) [1], NaN where it cannot be known, and in words
         what it is counted from.
     """
-    from cellwright.api import given
     from cellwright.records.basis import soc_or_unknown
 
-    about = (
-        given.content(basis),
-        given.test_facts(test),
-        given.cell_facts(cell),
-    )
-    return soc_or_unknown(given.columns(series, *given.COUNTED), *about)
+    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
+    return soc_or_unknown(columns, inputs.content(basis), inputs.test_facts(test), facts)
 
 
 def identify(
@@ -137,20 +130,17 @@ def identify(
 
     Raises
     ------
-    Refusal
-        No OCV, or no test that can be fitted; the reasons are named.
+    Refusal : No OCV, or no test that can be fitted; the reasons are named.
 
     Source: docs/models.md, docs/identification.md.
     """
-    from cellwright.api import given
     from cellwright.identification.cell import cell_model
 
-    about = (given.cell_facts(cell), given.content(basis), given.tests(tests))
-    return _model(cell_model(*about, members=members, split_rest_second=split_rest_second))
+    measured = (inputs.cell_facts(cell), inputs.content(basis), inputs.tests(tests))
+    return _model(cell_model(*measured, members=members, split_rest_second=split_rest_second))
 
 
 def _model(content):
-    from cellwright.api import results
     from cellwright.circuits.model_file import parameter_rows
 
     return results.Document(content, tuple(content["notes"]), parameter_rows(content))
@@ -159,7 +149,7 @@ def _model(content):
 def identify_without(
     cell, whole, basis, tests, *, celsius, split_rest_second=MODELS.split_rest_second
 ):
-    """The chosen member of a model identified anew, without the tests of one temperature.
+    """The chosen member of a model, identified without the tests of one temperature.
 
     Parameters
     ----------
@@ -174,25 +164,57 @@ def identify_without(
 
     Raises
     ------
-    Refusal
-        No test is left, or none that can be fitted.
+    Refusal : No test is left, or none that can be fitted.
 
     Source: docs/compensation.md.
     """
-    from cellwright.api import given
     from cellwright.identification.cell import cell_model
     from cellwright.identification.compensation import without
 
-    rest = without(given.content(basis), given.tests(tests), celsius=celsius)
-    members = [given.content(whole)["chosen"]]
-    facts = given.cell_facts(cell)
+    rest = without(inputs.content(basis), inputs.tests(tests), celsius=celsius)
+    members = [inputs.content(whole)["chosen"]]
+    facts = inputs.cell_facts(cell)
     return _model(cell_model(facts, *rest, members=members, split_rest_second=split_rest_second))
+
+
+def compare_identification_methods(cell, basis, tests, settings=None, **changes):
+    """R0 and two RC pairs from the same pulses by each identification method, side by side.
+
+    Parameters
+    ----------
+    cell : CellFacts or mapping.
+    basis : result of `basis`.
+    tests : (test, clean series, result of `segment`) each, of tests with pulses.
+    settings : `settings.IdentificationMethods`, or its keys as keywords.
+
+    Returns
+    -------
+    comparison : Table; one row a pulse and method: r0_ohm, r1_ohm, r2_ohm [ohm], tau1_second,
+        tau2_second [s], rmse_volt [V], evaluations, and the reason where a method has no circuit.
+        Without a pulse that counts there is no row, and `notes` say why.
+
+    Source: thesis 2.3 and table 2.2; docs/identification.md.
+    """
+    from cellwright.identification.methods.comparison import compare_methods
+    from cellwright.identification.methods.pulse_records import PulseTest
+
+    measured = [
+        PulseTest(
+            inputs.test_facts(test), inputs.columns(series, *inputs.COUNTED), inputs.steps(steps)
+        )
+        for test, series, steps in tests
+    ]
+    chosen = inputs.settings_of(IdentificationMethods, settings, changes)
+    comparison = compare_methods(
+        measured, inputs.content(basis), inputs.cell_facts(cell), **chosen._asdict()
+    )
+    return results.Table(comparison.rows, comparison.left_out)
 
 
 def compare_temperature_laws(
     cell, whole, reduced, tests, *, split_rest_second=MODELS.split_rest_second
 ):
-    """Which law over temperature predicts best the temperatures that were left out of the fit.
+    """Errors [V] of each law over temperature at temperatures left out of the fit, the best chosen.
 
     Parameters
     ----------
@@ -206,18 +228,16 @@ def compare_temperature_laws(
 
     Raises
     ------
-    Refusal
-        Nothing was predicted.
+    Refusal : Nothing was predicted.
 
     Source: docs/compensation.md.
     """
-    from cellwright.api import given, results
     from cellwright.identification.compensation import choose_laws, laws_beyond, predicted
 
-    whole = given.content(whole)
-    models = {celsius: given.content(model) for celsius, model in reduced.items()}
-    about = (whole, models, given.cell_facts(cell), given.tests(tests))
-    rows, notes = predicted(*about, split_rest_second=split_rest_second)
+    whole = inputs.content(whole)
+    models = {celsius: inputs.content(model) for celsius, model in reduced.items()}
+    measured = (inputs.cell_facts(cell), inputs.tests(tests))
+    rows, notes = predicted(whole, models, *measured, split_rest_second=split_rest_second)
     offered, refused = laws_beyond(whole)
     choice = choose_laws(rows, beyond=offered)
     marked = [row | {"chosen": row["law"] == choice.laws[row["beyond"]]} for row in rows]
@@ -227,7 +247,7 @@ def compare_temperature_laws(
 def predict_left_out(
     cell, whole, reduced, laws, tests, *, split_rest_second=MODELS.split_rest_second
 ):
-    """Tests for validation at temperatures that the model which predicts them does not know.
+    """Errors [V] on validation tests at temperatures that the predicting model was not fitted to.
 
     Parameters
     ----------
@@ -238,13 +258,18 @@ def predict_left_out(
     -------
     predictions : Table; one row a test: errors [V].
     """
-    from cellwright.api import given, results
     from cellwright.identification.compensation import laws_kept, predicted
 
-    models = {celsius: given.content(model) for celsius, model in reduced.items()}
-    about = (given.content(whole), models, given.cell_facts(cell), given.tests(tests))
-    settings = {"laws": laws_kept(given.rows(laws)), "proof": True}
-    rows, notes = predicted(*about, **settings, split_rest_second=split_rest_second)
+    models = {celsius: inputs.content(model) for celsius, model in reduced.items()}
+    rows, notes = predicted(
+        inputs.content(whole),
+        models,
+        inputs.cell_facts(cell),
+        inputs.tests(tests),
+        laws=laws_kept(inputs.rows(laws)),
+        proof=True,
+        split_rest_second=split_rest_second,
+    )
     return results.Table(rows, tuple(notes))
 
 
@@ -258,7 +283,7 @@ def finish_model(
     effects=None,
     split_rest_second=MODELS.split_rest_second,
 ):
-    """A model as it is to be used: its law over temperature, effects found, its member chosen.
+    """A model ready for use: its law over temperature, the effects found, its member chosen.
 
     Parameters
     ----------
@@ -274,30 +299,34 @@ def finish_model(
 
     Raises
     ------
-    Refusal
-        A group's document that has no model of the cell.
+    Refusal : A group's document that has no model of the cell.
     """
-    from cellwright.api import given, results
     from cellwright.circuits.model_file import model_of, parameter_rows
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
 
-    facts = given.cell_facts(cell)
-    content = model_of(given.content(model), facts.cell)
+    facts = inputs.cell_facts(cell)
+    content = model_of(inputs.content(model), facts.cell)
     for law in laws:
-        content = with_laws(content, laws_kept(given.rows(law)))
-    about = (given.content(basis), facts, given.tests(tests), effects)
-    content, choice = finished(content, *about, split_rest_second=split_rest_second)
+        content = with_laws(content, laws_kept(inputs.rows(law)))
+    content, choice = finished(
+        content,
+        inputs.content(basis),
+        facts,
+        inputs.tests(tests),
+        effects,
+        split_rest_second=split_rest_second,
+    )
     notes = (content["choice"],) if choice else ()
     return results.FinishedModel(content, parameter_rows(content), choice, notes)
 
 
-def borrow_model(own, peers):
-    """Model of a cell without pulses from the reference cell of its type.
+def borrow_model(cell, peers):
+    """Model of a cell without pulses, borrowed from the reference cell of its type.
 
     Parameters
     ----------
-    own : `identification.borrowed.Shown`, what the cell shows. peers : the same of cells with one.
+    cell : `identification.borrowed.Shown`, what its tests show. peers : the same of modelled cells.
 
     Returns
     -------
@@ -305,18 +334,17 @@ def borrow_model(own, peers):
 
     Raises
     ------
-    Refusal
-        No peer has a model, or the cell shows too little.
+    Refusal : No peer has a model, or the cell shows too little.
 
     Source: thesis 4.5; docs/bias.md.
     """
     from cellwright.identification.borrowed import borrowed_model
 
-    return _model(borrowed_model(own, peers))
+    return _model(borrowed_model(cell, peers))
 
 
 def export_model(model):
-    """A model for other tools: PyBaMM's Thevenin model, a look-up table, one over temperature.
+    """A model for other tools: as PyBaMM's Thevenin model, and as tables over SoC and temperature.
 
     Parameters
     ----------
@@ -328,17 +356,16 @@ def export_model(model):
 
     Source: docs/exports.md.
     """
-    from cellwright.api import given, results
     from cellwright.circuits.exports import lookup_table, pybamm_document
     from cellwright.circuits.instrument import words_of
     from cellwright.circuits.model_file import plain_member
     from cellwright.identification.compensation import temperature_table
 
-    model = given.content(model)
+    model = inputs.content(model)
     document, member = pybamm_document(model), plain_member(model)
     notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
-    for one in model["members"]:
-        notes += [f"{one['model']}, not exported: {told}" for told in words_of(one)]
+    for entry in model["members"]:
+        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(entry)]
     if member != model["chosen"]:
         notes.append(f"the look-up table holds {member}: {model['chosen']} is more than RC pairs")
     tables = (lookup_table(model, member), temperature_table(model, None))
@@ -362,22 +389,20 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
 
     Raises
     ------
-    Refusal
-        The model has no such member, or the SoC at the start is not within 0 to 1.
+    Refusal : The model has no such member, or the SoC at the start is not within 0 to 1.
 
     Source: docs/circuits.md.
     """
     import numpy as np
 
-    from cellwright.api import given, results
     from cellwright.circuits.model_file import member_of, simulate_model
     from cellwright.refusal import Refusal
     from cellwright.series.cleaning import net_charge
 
-    model = given.content(model)
+    model = inputs.content(model)
     if not 0.0 <= initial_soc <= 1.0:
         raise Refusal(f"SoC {initial_soc:g} at the start; wanted 0 to 1")
-    time, ampere = given.quantities(current, ("test_time_second", "current_ampere"))
+    time, ampere = inputs.quantities(current, ("test_time_second", "current_ampere"))
     charge = net_charge(time, ampere)
     soc = initial_soc + (charge - charge[0]) / model["capacity_ampere_hour"]
     celsius = np.broadcast_to(np.asarray(temperature_celsius, float), time.shape)
@@ -388,7 +413,7 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
 
 
 def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_second):
-    """Every member of a model simulated through a test that took no part in its fit, and scored.
+    """Errors [V] of every member of a model, simulated through a test it was not fitted to.
 
     Parameters
     ----------
@@ -403,18 +428,20 @@ def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_s
 
     Raises
     ------
-    Refusal
-        No SoC at the start can be known, or nothing is left to score.
+    Refusal : No SoC at the start can be known, or nothing is left to score.
 
     Source: docs/models.md.
     """
-    from cellwright.api import given, results
     from cellwright.identification.validation import validate as validated
 
-    (measured,) = given.tests([(test, series)])
-    about = (given.content(model), given.cell_facts(cell), measured)
-    found = validated(*about, split_rest_second=split_rest_second)
-    return results.Scored(found.rows, found.series, tuple(found.notes))
+    (measured,) = inputs.tests([(test, series)])
+    scores = validated(
+        inputs.content(model),
+        inputs.cell_facts(cell),
+        measured,
+        split_rest_second=split_rest_second,
+    )
+    return results.Scored(scores.rows, scores.series, tuple(scores.notes))
 
 
 def estimate_soc(
@@ -427,7 +454,7 @@ def estimate_soc(
     split_rest_second=MODELS.split_rest_second,
     **changes,
 ):
-    """State of charge over a test by every filter, from wrong starts, held against counting.
+    """State of charge [1] over a test by every filter, from wrong starts, with its error.
 
     Parameters
     ----------
@@ -441,20 +468,18 @@ def estimate_soc(
 
     Raises
     ------
-    Refusal
-        No SoC at the start can be known, nothing is left to score, or an unknown filter.
+    Refusal : No SoC at the start can be known, nothing is left to score, or an unknown filter.
 
     Source: thesis 2.4; docs/soc-filters.md.
     """
-    from cellwright.api import given, results
     from cellwright.filters.evaluate import soc_runs
 
-    (measured,) = given.tests([(test, series)])
-    found = soc_runs(
-        given.content(model),
-        given.cell_facts(cell),
+    (measured,) = inputs.tests([(test, series)])
+    runs = soc_runs(
+        inputs.content(model),
+        inputs.cell_facts(cell),
         measured,
-        settings=given.chosen(Soc, settings, changes),
+        settings=inputs.settings_of(Soc, settings, changes),
         split_rest_second=split_rest_second,
     )
-    return results.Scored(found.rows, found.series, tuple(found.notes))
+    return results.Scored(runs.rows, runs.series, tuple(runs.notes))

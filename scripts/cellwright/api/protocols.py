@@ -1,5 +1,6 @@
-"""What one test tells: capacity, open-circuit voltage, pulses, rests, dQ/dV, impedance, ageing."""
+"""Analyses of one test: capacity, OCV, pulses, rests, dQ/dV, impedance, fast charge, ageing."""
 
+from cellwright.api import inputs, results
 from cellwright.settings import FastCharge, Ica, Impedance, Ocv, OcvStep, Relaxation, Resistance
 
 OCV = Ocv()
@@ -7,51 +8,49 @@ ICA = Ica()
 
 
 def capacity(series, steps, cell, *, whole_swing=False):
-    """Capacities of the complete charges and discharges of one test.
+    """Capacities [Ah] of the complete charges and discharges of one test.
 
     Parameters
     ----------
     series : DataFrame or columns of a clean series, (n,) each.
     steps : result of `segment`, or a table of its columns.
     cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
-    whole_swing : also a half cycle that ends short of the cut-off counts, as in slow OCV tests.
+    whole_swing : a half cycle that ends short of the cut-off counts too, as in slow OCV tests.
 
     Returns
     -------
     capacities : Table; rows: `protocols.capacity.CapacityRows`, (k,): charge [Ah], energy [Wh],
-        rate [1/h], efficiency [1]. What was left out is in the notes.
+        rate [1/h], efficiency [1]. Half cycles left out are in the notes.
 
     Raises
     ------
-    Refusal
-        No complete charge or discharge.
+    Refusal : No complete charge or discharge.
 
     Source: docs/capacity.md.
     """
-    from cellwright.api import given, results
     from cellwright.protocols.capacity import capacity as capacities
 
-    columns, facts = given.columns(series, *given.COUNTED), given.cell_facts(cell)
-    found = capacities(
-        *given.quantities(columns, given.COUNTED),
-        given.steps(steps),
+    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
+    half_cycles = capacities(
+        *inputs.quantities(columns, inputs.COUNTED),
+        inputs.steps(steps),
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
         surface_temperature_celsius=columns.get("surface_temperature_celsius"),
         whole_swing=whole_swing,
     )
-    return results.Table(found.rows, tuple(found.left_out))
+    return results.Table(half_cycles.rows, tuple(half_cycles.left_out))
 
 
 def ocv(series, cell, *, least_hour=OCV.least_hour):
-    """Open-circuit voltage of one slow test, as a table over SoC and as analytic functions.
+    """Open-circuit voltage [V] over SoC of one slow test: a curve, and functions fitted to it.
 
     Parameters
     ----------
     series : DataFrame or columns of a clean series, (n,) each.
     cell : CellFacts or mapping: cut-offs [V].
-    least_hour : a charge or discharge that takes longer is slow enough [h].
+    least_hour : shortest charge or discharge that is slow enough [h].
 
     Returns
     -------
@@ -59,18 +58,16 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
 
     Raises
     ------
-    Refusal
-        No charge or discharge is slow enough or complete.
+    Refusal : No charge or discharge is slow enough or complete.
 
     Source: docs/ocv.md.
     """
-    from cellwright.api import given, results
     from cellwright.protocols.ocv.functions import fit_functions
     from cellwright.protocols.ocv.slow import slow_ocv
 
-    columns, facts = given.columns(series, *given.COUNTED), given.cell_facts(cell)
+    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
     curve = slow_ocv(
-        *given.quantities(columns, given.COUNTED),
+        *inputs.quantities(columns, inputs.COUNTED),
         file_index=columns.get("file_index"),
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
@@ -81,7 +78,7 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
 
 
 def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.rest_second):
-    """Open-circuit voltage of a cell without a slow test, from the rests of a pulse test.
+    """Open-circuit voltage [V] over SoC from the rests of a pulse test.
 
     Parameters
     ----------
@@ -96,22 +93,19 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
 
     Raises
     ------
-    Refusal
-        No capacity, or too few rests.
+    Refusal : No capacity, or too few rests.
 
     Source: docs/ocv.md.
     """
-    from cellwright.api import given, results
-    from cellwright.protocols.ocv.rests import ocv_of_rests, soc_at
-    from cellwright.protocols.rests import rest_points
+    from cellwright.protocols.ocv.rests import ocv_of_rests, rest_points, soc_at
     from cellwright.records.anchor import rest_scale
 
-    cell, test, steps = given.cell_facts(cell), given.test_facts(test), given.steps(steps)
-    columns = given.quantities(series, given.COUNTED)
+    cell, test, steps = inputs.cell_facts(cell), inputs.test_facts(test), inputs.steps(steps)
+    columns = inputs.quantities(series, inputs.COUNTED)
     scale = rest_scale(
         *columns[1:],
         steps,
-        given.entries(capacities),
+        inputs.entries(capacities),
         rated_capacity_ampere_hour=cell.rated_capacity_ampere_hour,
         lower_cutoff_volt=cell.lower_cutoff_volt,
         upper_cutoff_volt=cell.upper_cutoff_volt,
@@ -126,7 +120,7 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
 
 
 def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
-    """Shift of the open-circuit voltage in rests of one test in a chamber that steps.
+    """Shifts [V] of the open-circuit voltage in rests while the chamber temperature steps.
 
     Parameters
     ----------
@@ -141,28 +135,26 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        No rest with two steady temperatures.
+    Refusal : No rest with two steady temperatures.
 
     Source: thesis 3.3; docs/ocv-temperature.md.
     """
-    from cellwright.api import given, results
     from cellwright.api.models import state_of_charge
     from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
 
-    columns, anchored = given.columns(series), state_of_charge(series, basis, test, cell)
-    found = chamber_shifts(
-        *given.quantities(columns, ("test_time_second", "voltage_volt")),
+    columns, anchored = inputs.columns(series), state_of_charge(series, basis, test, cell)
+    shifts = chamber_shifts(
+        *inputs.quantities(columns, ("test_time_second", "voltage_volt")),
         cell_temperature(columns),
         anchored.soc,
-        given.steps(steps),
-        **given.chosen(OcvStep, settings, changes)._asdict(),
+        inputs.steps(steps),
+        **inputs.settings_of(OcvStep, settings, changes)._asdict(),
     )
-    return results.Table(found.rows, (f"SoC: {anchored.anchor}", *found.left_out))
+    return results.Table(shifts.rows, (f"SoC: {anchored.anchor}", *shifts.left_out))
 
 
 def resistance(series, steps, basis, test, cell, settings=None, **changes):
-    """Resistance at stated delays into each pulse of one test.
+    """Resistance [ohm] at stated delays into each pulse of one test.
 
     Parameters
     ----------
@@ -178,28 +170,26 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        The record has no pulse from a rest, or none that can be read.
+    Refusal : The record has no pulse from a rest, or none that can be read.
 
     Source: docs/resistance.md.
     """
-    from cellwright.api import given, results
     from cellwright.api.models import state_of_charge
     from cellwright.protocols.resistance import pulse_resistance
 
     anchored = state_of_charge(series, basis, test, cell)
-    found = pulse_resistance(
-        *given.quantities(series),
+    pulses = pulse_resistance(
+        *inputs.quantities(series),
         anchored.soc,
-        given.steps(steps),
-        rated_capacity_ampere_hour=given.content(basis)["capacity_ampere_hour"],
-        **given.chosen(Resistance, settings, changes)._asdict(),
+        inputs.steps(steps),
+        rated_capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
+        **inputs.settings_of(Resistance, settings, changes)._asdict(),
     )
-    return results.Table(found.rows, (f"SoC: {anchored.anchor}", *found.left_out))
+    return results.Table(pulses.rows, (f"SoC: {anchored.anchor}", *pulses.left_out))
 
 
 def relaxation(series, steps, basis, test, cell, settings=None, **changes):
-    """Depolarisation in the rests of one test: two exponentials each, or why not.
+    """Two exponentials fitted to the voltage of each rest of one test: amplitudes, time constants.
 
     Parameters
     ----------
@@ -211,36 +201,34 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
     Returns
     -------
     relaxation : Relaxation; rows: `protocols.rests.RestRows`, (k,): amplitudes [V], time constants
-        [s] and their uncertainty; curve: the course of one rest.
+        [s] and their uncertainty; curve: voltage over time of one rest.
 
     Raises
     ------
-    Refusal
-        No rest after a load is long enough.
+    Refusal : No rest after a load is long enough.
 
     Source: thesis 3.3; docs/relaxation.md.
     """
-    from cellwright.api import given, results
     from cellwright.api.models import state_of_charge
     from cellwright.protocols.rests import chamber_or_cell, example, rests_of
 
-    columns = given.columns(series, *given.NAMES)
-    time, current, voltage = given.quantities(columns)
-    found = rests_of(
+    columns = inputs.columns(series, *inputs.NAMES)
+    time, current, voltage = inputs.quantities(columns)
+    rests = rests_of(
         time,
         current,
         voltage,
         state_of_charge(columns, basis, test, cell).soc,
-        given.steps(steps),
+        inputs.steps(steps),
         temperature_celsius=chamber_or_cell(columns),
-        **given.chosen(Relaxation, settings, changes)._asdict(),
+        **inputs.settings_of(Relaxation, settings, changes)._asdict(),
     )
-    shown = example(found.rows, time, voltage)
-    return results.Relaxation(found.rows, shown, tuple(found.left_out))
+    shown = example(rests.rows, time, voltage)
+    return results.Relaxation(rests.rows, shown, tuple(rests.left_out))
 
 
 def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
-    """Incremental capacity dQ/dV of the constant-current charge in one test.
+    """Incremental capacity dQ/dV [Ah/V] over voltage of the constant-current charge in one test.
 
     Parameters
     ----------
@@ -253,16 +241,14 @@ def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
 
     Raises
     ------
-    Refusal
-        No constant-current charge, or one over too small a voltage.
+    Refusal : No constant-current charge, or one over too small a voltage.
 
     Source: docs/ica.md.
     """
-    from cellwright.api import given, results
     from cellwright.protocols.ica import constant_current_charge, incremental_capacity
 
-    steps = given.steps(steps)._asdict()
-    voltage, charge = given.quantities(series, ("voltage_volt", "charge_ampere_hour"))
+    steps = inputs.steps(steps)._asdict()
+    voltage, charge = inputs.quantities(series, ("voltage_volt", "charge_ampere_hour"))
     first, last, step = constant_current_charge(steps, charge)
     rows = slice(first, last + 1)
     widths = {"bin_volt": bin_volt, "smooth_volt": smooth_volt}
@@ -271,7 +257,7 @@ def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
 
 
 def ica_peaks(ica, *, prominence=ICA.prominence):
-    """Peaks of the incremental capacity of one charge.
+    """Peaks of the incremental capacity of one charge: voltage [V], height [Ah/V], area [Ah].
 
     Parameters
     ----------
@@ -284,17 +270,15 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
 
     Raises
     ------
-    Refusal
-        No peaks.
+    Refusal : No peaks.
     """
-    from cellwright.api import results
     from cellwright.protocols.ica import charge_peaks
 
     return results.Table(charge_peaks(ica.curve, c_rate=ica.c_rate, prominence=prominence))
 
 
 def impedance(spectrum, settings=None, **changes):
-    """A circuit fitted to one spectrum, the spectrum tested, its relaxation times found.
+    """One spectrum analysed: Kramers-Kronig test, circuit fit, distribution of relaxation times.
 
     Parameters
     ----------
@@ -308,27 +292,25 @@ def impedance(spectrum, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        An unknown circuit, too few points, or none that can be trusted.
+    Refusal : An unknown circuit, too few points, or none that can be trusted.
 
     Source: thesis 3.2; docs/impedance.md.
     """
-    from cellwright.api import given, results
     from cellwright.protocols.impedance import analyse
 
     names = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
-    columns = given.columns(spectrum, *names)
-    found = analyse(
+    columns = inputs.columns(spectrum, *names)
+    analysis = analyse(
         columns[names[0]],
         columns[names[1]] + 1j * columns[names[2]],
         temperature_celsius=columns.get("surface_temperature_celsius"),
-        **given.chosen(Impedance, settings, changes)._asdict(),
+        **inputs.settings_of(Impedance, settings, changes)._asdict(),
     )
-    return results.Impedance(**found._asdict())
+    return results.Impedance(**analysis._asdict())
 
 
 def thermometer(spectra, series):
-    """The temperature in a cell's spectra beside that of its other records at rest.
+    """Offset [K] between the temperature in a cell's spectra and that of its other records at rest.
 
     Parameters
     ----------
@@ -336,32 +318,26 @@ def thermometer(spectra, series):
 
     Returns
     -------
-    offsets : Table; one row a chamber temperature: the offset [K].
-
-    Raises
-    ------
-    Refusal
-        Nothing to compare.
+    offsets : Table; one row a chamber temperature: the offset [K], NaN without either reading.
     """
-    from cellwright.api import given, results
     from cellwright.protocols.impedance.trust import rested_temperature, temperature_offsets
 
     names = ("test_time_second", "current_ampere", "surface_temperature_celsius")
-    read = [(test, getattr(one, "row", one)["temperature_celsius"]) for test, one in spectra]
+    read = [(test, getattr(entry, "row", entry)["temperature_celsius"]) for test, entry in spectra]
     at_rest = [
-        (test, rested_temperature(*[given.columns(one).get(name) for name in names]))
-        for test, one in series
+        (test, rested_temperature(*[inputs.columns(entry).get(name) for name in names]))
+        for test, entry in series
     ]
     pairs = [
-        [(given.test_facts(test).ambient_temperature_celsius, celsius) for test, celsius in one]
-        for one in (read, at_rest)
+        [(inputs.test_facts(test).ambient_temperature_celsius, celsius) for test, celsius in entry]
+        for entry in (read, at_rest)
     ]
     rows, notes = temperature_offsets(*pairs)
     return results.Table(rows, tuple(notes))
 
 
 def fast_charge(series, steps, basis, cell, settings=None, **changes):
-    """How much a fast charge puts in, and what limits it.
+    """Share of the capacity [1] that a fast charge reaches in its minutes, and what limits it.
 
     Parameters
     ----------
@@ -376,25 +352,23 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        No charge of the record is worth the name.
+    Refusal : No upper cut-off, or no charge of at least 2 % of the capacity.
 
     Source: docs/fast-charge.md.
     """
-    from cellwright.api import given, results
     from cellwright.protocols.fast_charge import fast_charge as charged
 
-    facts = given.cell_facts(cell)
-    found, notes = charged(
-        given.columns(series, *given.COUNTED),
-        given.steps(steps),
-        capacity_ampere_hour=given.content(basis)["capacity_ampere_hour"],
+    facts = inputs.cell_facts(cell)
+    charge, notes = charged(
+        inputs.columns(series, *inputs.COUNTED),
+        inputs.steps(steps),
+        capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
-        **given.chosen(FastCharge, settings, changes)._asdict(),
+        **inputs.settings_of(FastCharge, settings, changes)._asdict(),
     )
-    return results.Table([found], tuple(notes))
+    return results.Table([charge], tuple(notes))
 
 
 def ageing_cycles(series, steps, test, cell):
@@ -411,21 +385,19 @@ def ageing_cycles(series, steps, test, cell):
 
     Raises
     ------
-    Refusal
-        No complete cycle.
+    Refusal : No complete cycle.
 
     Source: docs/ageing.md.
     """
-    from cellwright.api import given, results
     from cellwright.protocols.ageing import ageing_cycles as cycles
 
-    facts = given.cell_facts(cell)
-    found = cycles(
-        given.columns(series, *given.COUNTED),
-        given.steps(steps),
-        first_cycle=given.test_facts(test).cycle or 0.0,
+    facts = inputs.cell_facts(cell)
+    complete = cycles(
+        inputs.columns(series, *inputs.COUNTED),
+        inputs.steps(steps),
+        first_cycle=inputs.test_facts(test).cycle or 0.0,
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
     )
-    return results.Table(found.rows, tuple(found.left_out))
+    return results.Table(complete.rows, tuple(complete.left_out))

@@ -1,4 +1,4 @@
-"""What the steps of the public interface give: named parts, and each as a DataFrame."""
+"""Results of the steps of the public interface: NamedTuples that have `to_frame()`."""
 
 from typing import NamedTuple
 
@@ -54,7 +54,7 @@ class CleanSeries(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Rows of one analysis, as a NamedTuple of (k,) columns or a list of rows, and what to know."""
+    """Rows of one analysis, a NamedTuple of (k,) columns or a list of rows, and notes."""
 
     rows: object
     notes: tuple = ()
@@ -65,7 +65,7 @@ class Table(NamedTuple):
 
 
 class Document(NamedTuple):
-    """A plain document, such as it stands in a JSON file, its table, and what to know of it."""
+    """A document as it is written to a JSON file, its table, and notes."""
 
     content: dict
     notes: tuple = ()
@@ -92,7 +92,7 @@ class Ocv(NamedTuple):
 
 
 class RestOcv(NamedTuple):
-    """Open-circuit voltage from the rests of a pulse test: the curve, the rests, their scale."""
+    """Open-circuit voltage from the rests of a pulse test: curve, rests, source of the capacity."""
 
     curve: object
     points: dict
@@ -105,7 +105,7 @@ class RestOcv(NamedTuple):
 
 
 class Relaxation(NamedTuple):
-    """Depolarisation in rests: one row a rest, and the course of one of them."""
+    """Exponentials in rests: one row a rest, and voltage over time of one of them."""
 
     rows: object
     curve: object
@@ -117,7 +117,7 @@ class Relaxation(NamedTuple):
 
 
 class Ica(NamedTuple):
-    """Incremental capacity of a charge: the curve dQ/dV, and the rate of the charge [1/h]."""
+    """Incremental capacity of a charge: the curve dQ/dV [Ah/V], the rate of the charge [1/h]."""
 
     curve: object
     c_rate: float
@@ -130,8 +130,8 @@ class Ica(NamedTuple):
 class Impedance(NamedTuple):
     """A spectrum analysed.
 
-    row : the circuit's values and how well it fits. curve : (n,) measured and fitted. parameters,
-    candidates, processes : rows. distribution : of relaxation times.
+    row : values of the circuit and the error of its fit. curve : (n,) measured and fitted.
+    parameters, candidates, processes : rows. distribution : of relaxation times.
     """
 
     row: dict
@@ -148,7 +148,7 @@ class Impedance(NamedTuple):
 
 
 class Laws(NamedTuple):
-    """Laws over temperature: rows of the laws, the points that they were fitted to."""
+    """Laws over temperature: rows of the laws, and the points that they were fitted to."""
 
     rows: list
     points: object
@@ -160,7 +160,7 @@ class Laws(NamedTuple):
 
 
 class OcvMap(NamedTuple):
-    """Open-circuit voltage over SoC and temperature: rows of the laws and of what they say."""
+    """Open-circuit voltage over SoC and temperature: laws, map, entropic coefficient, as rows."""
 
     rows: list
     map: object
@@ -216,7 +216,7 @@ class Simulation(NamedTuple):
 
 
 class Scored(NamedTuple):
-    """A model or a filter held against a test: rows of scores, and the series they are taken of."""
+    """Scores of a model or filter on a test, and the series that they are computed from."""
 
     rows: list
     series: dict
@@ -228,7 +228,7 @@ class Scored(NamedTuple):
 
 
 class FinishedModel(NamedTuple):
-    """A model as it is used: its document, the rows of its parameters, and of the choice."""
+    """A model ready for use: its document, rows of its parameters, rows of the choice of member."""
 
     content: dict
     parameters: list
@@ -254,7 +254,7 @@ class Exported(NamedTuple):
 
 
 class MissingEffect(NamedTuple):
-    """What a search for a missing effect found.
+    """Result of a search for missing effects.
 
     verdict : dict of the verdict file. ranking, residual_map, evidence, series, confounding, menu :
     columns, of a group only ranking and series. model : dict, the plain model and its effects.
@@ -271,5 +271,5 @@ class MissingEffect(NamedTuple):
     notes: tuple
 
     def to_frame(self):
-        """One row an effect that was tried."""
+        """One row for each effect tried."""
         return frame(self.ranking)

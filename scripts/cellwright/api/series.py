@@ -1,5 +1,6 @@
 """From an instrument's files to one clean series and its steps."""
 
+from cellwright.api import inputs, results
 from cellwright.refusal import Refusal
 from cellwright.settings import Clean, Segment
 
@@ -11,23 +12,21 @@ def read(source, *, kind="series", name=None, instrument=None, current_sign=None
     ----------
     source : a path, bytes, (name, bytes), or a list of them: the files of one test in time order.
     kind : what the files must hold, "series" or "impedance".
-    name : what messages call the file, where bytes are given.
-    instrument : its reader; None finds it from the content.
-    current_sign : "charge_positive" or "discharge_positive"; None finds it from the data.
+    name : of the file in messages, where `source` is bytes.
+    instrument : name of its reader; None: recognised from the content.
+    current_sign : "charge_positive" or "discharge_positive"; None: determined from the data.
 
     Returns
     -------
     raw : Raw. Of a series test_time_second [s], current_ampere [A], positive on charge,
-        voltage_volt [V], file_index [1] and what else there is; of a spectrum frequency_hertz [Hz],
+        voltage_volt [V], file_index [1] and other columns; of a spectrum frequency_hertz [Hz],
         impedance_real_ohm, impedance_imaginary_ohm [ohm].
 
     Raises
     ------
-    Refusal
-        No such file, no reader for it, a broken file, or a sign that cannot be known.
+    Refusal : No such file, no reader for it, a broken file, or a sign that cannot be known.
     """
     from cellwright import formats
-    from cellwright.api.results import Raw
     from cellwright.series.joining import assemble
 
     parts = source if isinstance(source, list) else [source]
@@ -35,16 +34,16 @@ def read(source, *, kind="series", name=None, instrument=None, current_sign=None
     readings = [formats.read(data, name=called, instrument=instrument) for called, data in files]
     instruments = [reading.instrument for reading in readings]
     if kind == "series":
-        found = assemble(readings, stated_sign=current_sign)
-        return Raw(found.columns, kind, instruments, tuple(found.notes))
+        joined = assemble(readings, stated_sign=current_sign)
+        return results.Raw(joined.columns, kind, instruments, tuple(joined.notes))
     if len(readings) != 1 or readings[0].kind != kind:
         held = ", ".join(reading.kind for reading in readings)
         raise Refusal(f"the files hold {held or 'nothing'}, wanted one of {kind}")
-    return Raw(readings[0].columns, kind, instruments, ())
+    return results.Raw(readings[0].columns, kind, instruments, ())
 
 
 def _named_bytes(part, name):
-    """(what it is called, its bytes)."""
+    """(name for messages, bytes) of a path, of bytes, or of (name, bytes)."""
     if isinstance(part, bytes):
         return name, part
     if isinstance(part, tuple):
@@ -57,12 +56,12 @@ def _named_bytes(part, name):
 
 
 def clean(series, settings=None, **changes):
-    """A series without corrupt samples, its charge counted, and a list of what was done.
+    """A series without corrupt samples and with its charge [Ah], and the list of flagged samples.
 
     Parameters
     ----------
     series : DataFrame or columns: test_time_second [s], current_ampere [A], positive on charge,
-        voltage_volt [V], (n,) each, and what else is to be kept.
+        voltage_volt [V], (n,) each; other columns are kept.
     settings : `settings.Clean`, or its keys as keywords.
 
     Returns
@@ -71,17 +70,15 @@ def clean(series, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        Fewer than two samples are left.
+    Refusal : Fewer than two samples are left.
 
     Source: thesis ch. 5.2 and table 5.1; docs/cleaning.md.
     """
-    from cellwright.api import given, results
     from cellwright.series.cleaning import clean as cleaned
 
-    chosen = given.chosen(Clean, settings, changes)
-    found = cleaned(given.columns(series, *given.NAMES), **chosen._asdict())
-    return results.CleanSeries(found.columns, found.actions, tuple(found.notes))
+    options = inputs.settings_of(Clean, settings, changes)
+    cleaning = cleaned(inputs.columns(series, *inputs.NAMES), **options._asdict())
+    return results.CleanSeries(cleaning.columns, cleaning.actions, tuple(cleaning.notes))
 
 
 def segment(series, cell=None, settings=None, **changes):
@@ -90,7 +87,7 @@ def segment(series, cell=None, settings=None, **changes):
     Parameters
     ----------
     series : DataFrame or columns of a clean series, (n,) each.
-    cell : CellFacts or mapping; its rating is what a C-rate refers to, None: the charge moved.
+    cell : CellFacts or mapping; C-rates refer to its rating; None: to the charge moved.
     settings : `settings.Segment`, or its keys as keywords.
 
     Returns
@@ -100,20 +97,18 @@ def segment(series, cell=None, settings=None, **changes):
 
     Raises
     ------
-    Refusal
-        As `series.steps.segment`: a record without two samples.
+    Refusal : As `series.steps.segment`: a record without two samples.
 
     Source: docs/segmentation.md.
     """
-    from cellwright.api import given, results
     from cellwright.series.steps import segment as segmented
 
-    columns = given.columns(series, *given.COUNTED)
-    rated = given.cell_facts(cell).rated_capacity_ampere_hour if cell else None
+    columns = inputs.columns(series, *inputs.COUNTED)
+    rated = inputs.cell_facts(cell).rated_capacity_ampere_hour if cell else None
     steps = segmented(
-        *given.quantities(columns, given.COUNTED),
+        *inputs.quantities(columns, inputs.COUNTED),
         file_index=columns.get("file_index"),
         rated_capacity_ampere_hour=rated,
-        **given.chosen(Segment, settings, changes)._asdict(),
+        **inputs.settings_of(Segment, settings, changes)._asdict(),
     )
     return results.Table(steps)

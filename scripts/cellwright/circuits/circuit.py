@@ -42,7 +42,7 @@ class Lag(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """What a kind of branch is made of.
+    """Definition of a kind of branch: parameters, drive and lags.
 
     parameters : names; their values come as keywords.
     drive : function (current_ampere, **parameters) → drive [V] (or [1]), odd in the current.
@@ -235,8 +235,8 @@ def kind_of(branch):
         raise Refusal(f"branch kind {branch.kind!r} is unknown; known are {', '.join(KINDS)}")
     kind = KINDS[branch.kind]
     if set(branch.parameters) != set(kind.parameters):
-        found, wanted = ", ".join(branch.parameters), ", ".join(kind.parameters)
-        raise Refusal(f"branch {branch.kind} has parameters {found}; it takes {wanted}")
+        given, expected = ", ".join(branch.parameters), ", ".join(kind.parameters)
+        raise Refusal(f"branch {branch.kind} has parameters {given}; it takes {expected}")
     return kind
 
 
@@ -244,7 +244,7 @@ OPTIONS = {"H": "hysteresis", "K": "kinetics", "D": "diffusion in the particles"
 
 
 class Member(NamedTuple):
-    """What one member of the family has beside OCV and ohmic resistance.
+    """Elements of one member of the family beside OCV and ohmic resistance.
 
     pairs : number of RC pairs with fitted time constants; None: a resistance on each of a fixed
         series of time constants ("DRT", distribution of relaxation times).
@@ -261,7 +261,7 @@ class Member(NamedTuple):
 
 
 def member_named(name):
-    """Member of a name: "0RC" … "4RC" or "DRT", then any of "+H", "+K", "+D".
+    """Member by its name: "0RC" … "4RC" or "DRT", then any of "+H", "+K", "+D".
 
     H is hysteresis, K kinetics, D diffusion. Of the thesis' six (chapter 2.2) "0RC" is the simple
     model, "1RC" and "2RC" are themselves, "1RC+H" is (2.14), and "2RC+H" is one-state hysteresis
@@ -281,7 +281,7 @@ def member_named(name):
 
 
 def size_of(member):
-    """How much a member holds, for the choice between equals: courses over SoC and numbers.
+    """Number of courses over SoC and single parameters of a member, to prefer the simpler one.
 
     Parameters
     ----------

@@ -3,8 +3,13 @@
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
-from cellwright.circuits.instrument import capacity_factor
-from cellwright.circuits.model_file import circuit_at, is_plain, member_of, open_circuit_volt
+from cellwright.circuits.model_file import (
+    capacity_of,
+    circuit_at,
+    is_plain,
+    member_of,
+    open_circuit_volt,
+)
 from cellwright.circuits.temperature import celsius_of, temperature_weights
 from cellwright.refusal import Refusal
 
@@ -12,7 +17,7 @@ SCHEMA = "cellwright-pybamm/1"
 DIVIDED = {"r_ohm", "m_volt"}  # parameters that a capacitance is made by
 # Of the kinds that are not linear, these are PyBaMM's elements with parameters over the current.
 OVER_CURRENT = ("R_two_way", "kinetic", "hysteresis")
-NONE = 1e-9  # ohm, volt: stands for a resistance or hysteresis of zero, over which tools divide
+SMALLEST = 1e-9  # ohm, volt: stands for a resistance or hysteresis of zero, over which tools divide
 SAME_SOC = 1e-9
 NO_ELEMENT = {
     "switch": "none of its elements remembers at rest which way the last current ran",
@@ -47,18 +52,17 @@ def pybamm_parameters(model, member, temperature_celsius):
     Source: PyBaMM, pybamm.equivalent_circuit.Thevenin: of an element du/dt = (R·I − u)/(R·C), R and
     C functions of temperature, current and SoC.
     """
-    soc, own = _knots(model, member, temperature_celsius), member_of(model, member)
-    found = circuit_at(own["conditions"], soc, temperature_celsius)
-    ocv = open_circuit_volt(model, found, temperature_celsius)
+    soc, entry = _knots(model, member, temperature_celsius), member_of(model, member)
+    sampled = circuit_at(entry["conditions"], soc, temperature_celsius)
+    ocv = open_circuit_volt(model, sampled, temperature_celsius)
     r0, elements = np.zeros(len(soc)), []
-    for branch in found.circuit:
-        direct, more = _elements(branch, len(soc))
-        r0, elements = r0 + direct, elements + more
-    inside = soc[~found.outside_soc]
+    for branch in sampled.circuit:
+        direct, lagged = _elements(branch, len(soc))
+        r0, elements = r0 + direct, elements + lagged
+    inside = soc[~sampled.outside_soc]
     return {
         "temperature_celsius": float(temperature_celsius),
-        "capacity_ampere_hour": model["capacity_ampere_hour"]
-        * float(capacity_factor(own, temperature_celsius)),
+        "capacity_ampere_hour": capacity_of(model, entry, temperature_celsius),
         "identified_soc": [inside.min(), inside.max()],
         "soc": soc,
         "ocv_volt": ocv,
@@ -68,7 +72,7 @@ def pybamm_parameters(model, member, temperature_celsius):
 
 
 def pybamm_document(model):
-    """All members of a model at all their temperatures, and why any member is not among them.
+    """PyBaMM tables of all members of a model at all temperatures, and why members are missing.
 
     Parameters
     ----------
@@ -92,7 +96,7 @@ def pybamm_document(model):
 
 
 def lookup_table(model, member):
-    """A member of RC pairs as columns, one row per temperature and SoC, on one grid of SoC.
+    """Look-up table of a member of RC pairs: one row per temperature and SoC, on one grid of SoC.
 
     Parameters
     ----------
@@ -108,72 +112,82 @@ def lookup_table(model, member):
     ------
     Refusal : a branch that is no RC pair.
     """
-    found = member_of(model, member)
-    if not is_plain(found):
+    entry = member_of(model, member)
+    if not is_plain(entry):
         raise Refusal(f"{member} holds more than RC pairs; a look-up table has no column for it")
-    known = _temperatures(found)
-    soc = _distinct(np.concatenate([_knots(model, member, celsius) for celsius in known]))
-    blocks = [_lookup_block(model, found, soc, celsius) for celsius in known]
+    temperatures = _temperatures(entry)
+    soc = _distinct_soc(
+        np.concatenate([_knots(model, member, celsius) for celsius in temperatures])
+    )
+    blocks = [_lookup_block(model, entry, soc, celsius) for celsius in temperatures]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
 
 def _lookup_block(model, member, soc, celsius):
-    found = circuit_at(member["conditions"], soc, celsius)
+    sampled = circuit_at(member["conditions"], soc, celsius)
     columns = {
         "model": np.full(len(soc), member["model"]),
         "ambient_temperature_celsius": np.full(len(soc), celsius),
         "soc": soc,
-        "ocv_volt": open_circuit_volt(model, found, celsius),
-        "extrapolated": found.outside_soc,
-        "r0_ohm": found.circuit[0].parameters["r_ohm"],
+        "ocv_volt": open_circuit_volt(model, sampled, celsius),
+        "extrapolated": sampled.outside_soc,
+        "r0_ohm": sampled.circuit[0].parameters["r_ohm"],
     }
-    for k, branch in enumerate(found.circuit[1:], 1):
+    for k, branch in enumerate(sampled.circuit[1:], 1):
         r, tau = _positive(branch.parameters["r_ohm"]), branch.parameters["tau_second"]
         columns |= {f"r{k}_ohm": r, f"tau{k}_second": tau, f"c{k}_farad": tau / r}
     return columns
 
 
 def _knots(model, member, celsius):
-    """SoC of all knots of what is looked up at a measured temperature, so that linear is exact."""
+    """SoC of all knots of parameters and OCV at a measured temperature, ascending."""
     conditions = [
-        one
-        for one in member_of(model, member)["conditions"]
-        if np.array_equal(celsius_of(one["ambient_temperature_celsius"]), celsius, equal_nan=True)
+        condition
+        for condition in member_of(model, member)["conditions"]
+        if np.array_equal(
+            celsius_of(condition["ambient_temperature_celsius"]), celsius, equal_nan=True
+        )
     ]
     tables = _tables_at(model["ocv"], celsius)
-    read = [_counted(one, np.asarray(table["soc"])) for one in conditions for table in tables]
-    soc = np.concatenate([[0.0, 1.0], *(one["soc"] for one in conditions), *read])
-    return _distinct(np.clip(soc, 0.0, 1.0))
+    table_knots = [
+        _counted_soc(condition, np.asarray(table["soc"]))
+        for condition in conditions
+        for table in tables
+    ]
+    soc = np.concatenate(
+        [[0.0, 1.0], *(condition["soc"] for condition in conditions), *table_knots]
+    )
+    return _distinct_soc(np.clip(soc, 0.0, 1.0))
 
 
 def _tables_at(tables, celsius):
-    """The OCV tables that count at a temperature."""
+    """OCV tables with a weight above zero at a temperature [degC]."""
     tables = sorted(tables, key=lambda t: celsius_of(t["ambient_temperature_celsius"]))
-    known = np.array([celsius_of(t["ambient_temperature_celsius"]) for t in tables])
-    weights = temperature_weights(known, np.array([celsius]))
+    temperatures = np.array([celsius_of(t["ambient_temperature_celsius"]) for t in tables])
+    weights = temperature_weights(temperatures, np.array([celsius]))
     return [table for table, weight in zip(tables, weights, strict=True) if weight[0] > 0]
 
 
-def _counted(condition, table_soc):
+def _counted_soc(condition, table_soc):
     """Counted SoC at which an OCV table is read at its own knots, see `circuit_at`."""
     scale = condition.get("ocv_scale", {"missing": 0.0, "stretch": 0.0})
     return (table_soc + scale["missing"] + scale["stretch"]) / (1.0 + scale["stretch"])
 
 
-def _distinct(soc):
-    """Ascending, without those that differ by rounding only."""
+def _distinct_soc(soc):
+    """SoC values ascending, without those that differ by rounding only."""
     soc = np.unique(soc)
     return soc[np.append(True, np.diff(soc) > SAME_SOC)]
 
 
 def _positive(values):
     """Values with a small one for zero, so that a capacitance is finite."""
-    return np.where(np.abs(values) < NONE, NONE, values)
+    return np.where(np.abs(values) < SMALLEST, SMALLEST, values)
 
 
 def _temperatures(member):
-    known = [one["ambient_temperature_celsius"] for one in member["conditions"]]
-    return sorted({np.nan if celsius is None else float(celsius) for celsius in known})
+    temperatures = [condition["ambient_temperature_celsius"] for condition in member["conditions"]]
+    return sorted({np.nan if celsius is None else float(celsius) for celsius in temperatures})
 
 
 def _elements(branch, points):

@@ -112,7 +112,7 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
     ----------
     model : dict of schema cellwright-model/2.
     temperature_celsius : [degC]; None only for a model of one condition.
-    member : name of a member of RC pairs, or None for that of `plain.plain_member`.
+    member : name of a member of RC pairs, or None for that of `model_file.plain_member`.
     points : size of the grid; where its knots lie on the grid the tables say what the model says.
 
     Returns
@@ -121,14 +121,14 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
 
     Raises
     ------
-    Refusal : a member with more than RC pairs, or as `lookup.circuit_at`.
+    Refusal : a member with more than RC pairs, or as `model_file.circuit_at`.
     """
     soc = np.linspace(0.0, 1.0, points)
     temperature = np.nan if temperature_celsius is None else temperature_celsius
-    found = member_of(model, plain_member(model) if member is None else member)
-    if not is_plain(found):
-        raise Refusal(f"{found['model']} holds more than RC pairs, which is all that runs here")
-    conditions = found["conditions"]
+    entry = member_of(model, plain_member(model) if member is None else member)
+    if not is_plain(entry):
+        raise Refusal(f"{entry['model']} holds more than RC pairs, which is all that runs here")
+    conditions = entry["conditions"]
     ocv = open_circuit_volt(model, circuit_at(conditions, soc, temperature), temperature)
     return Tables(ocv, *parameters_at(conditions, soc, temperature)[:3])
 
@@ -140,9 +140,14 @@ def _run(tables, step, current, soc, hold, ampere_second):
         return _run_by_lags(tables, step, current, soc, hold, ampere_second)
     pairs, points = np.shape(tables.r_ohm)
     moves = np.ndim(tables.tau_second) == 2
-    columns = [tables.ocv_volt, tables.r0_ohm, *tables.r_ohm]
-    at = np.stack([*columns, *tables.tau_second] if moves else columns, axis=1)
-    rows = np.ascontiguousarray(np.concatenate([at[:-1], np.diff(at, axis=0)], axis=1))
+    width = 2 + pairs + (pairs if moves else 0)
+    columns = np.empty((width, points))
+    columns[0], columns[1], columns[2 : 2 + pairs] = tables.ocv_volt, tables.r0_ohm, tables.r_ohm
+    if moves:
+        columns[2 + pairs :] = tables.tau_second
+    rows = np.empty((points - 1, 2 * width))
+    rows[:, :width] = columns[:, :-1].T
+    rows[:, width:] = (columns[:, 1:] - columns[:, :-1]).T
     tau = np.ones(pairs) if moves else np.ascontiguousarray(tables.tau_second, float)
     voltage = np.empty(len(current))
     settings = (len(step) != len(current) - 1, hold == "first_order")
@@ -152,7 +157,7 @@ def _run(tables, step, current, soc, hold, ampere_second):
 
 
 def _run_by_lags(tables, step, current, soc, hold, ampere_second):
-    """Twin of the kernel: SoC, then look-up, then one lag per pair."""
+    """The kernel's result in numpy: SoC, then look-up, then one lag per pair."""
     step = np.broadcast_to(step, len(current) - 1)
     if ampere_second > 0:
         between = (current[:-1] + current[1:]) / 2 if hold == "first_order" else current[:-1]
@@ -181,8 +186,9 @@ def _checked(tables, step_second, current_ampere, hold):
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
     if len(current) < 1 or (np.ndim(step_second) and len(step) != len(current) - 1):
         raise Refusal(f"{len(step)} steps for {len(current)} currents; one less is needed")
-    if not (step.min(initial=0.0) >= 0 and step.max(initial=0.0) < np.inf):
+    shortest, longest = (step.min(), step.max()) if len(step) else (0.0, 0.0)
+    if not (shortest >= 0 and longest < np.inf):
         raise Refusal("a step is below zero or not finite")
     if not np.isfinite(current).all():
         raise Refusal("a current is not finite")
-    return current, step[:1] if len(step) and step.min() == step.max() else step
+    return current, step[:1] if shortest == longest else step

@@ -36,7 +36,7 @@ def heat(
     temperature_celsius=None,
     entropic_volt_per_kelvin=None,
 ):
-    """Heat that a cell makes: its losses, and the reversible heat where its coefficient is given.
+    """Heat of a cell [W]: its losses, and the reversible heat where its coefficient is given.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def temperature(
     resistance_kelvin_per_watt,
     initial_celsius=None,
 ):
-    """Temperature of a cell from its heat, exact for heat and ambient that run straight.
+    """Temperature of a cell from its heat [degC], exact for heat and ambient linear in time.
 
     C·dT/dt = heat − (T − T_ambient)/R, a first-order lag of T_ambient + R·heat with tau = R·C.
 
@@ -97,8 +97,8 @@ def temperature(
     """
     # ASSUME: A cell has one temperature, and all its heat leaves through one resistance.
     if not (heat_capacity_joule_per_kelvin > 0 and resistance_kelvin_per_watt > 0):
-        found = f"{heat_capacity_joule_per_kelvin:g} J/K and {resistance_kelvin_per_watt:g} K/W"
-        raise Refusal(f"heat capacity and resistance are {found}; both must be above zero")
+        given = f"{heat_capacity_joule_per_kelvin:g} J/K and {resistance_kelvin_per_watt:g} K/W"
+        raise Refusal(f"heat capacity and resistance are {given}; both must be above zero")
     ambient = np.broadcast_to(np.asarray(ambient_celsius, float), np.shape(heat_watt))
     start = ambient[0] if initial_celsius is None else initial_celsius
     tau = resistance_kelvin_per_watt * heat_capacity_joule_per_kelvin
@@ -122,14 +122,14 @@ def simulate_warm(
     passes=30,
     tolerance_kelvin=0.001,
 ):
-    """Terminal voltage of a cell's model at the temperature that its own heat gives it.
+    """Terminal voltage [V] and temperature of a cell's model that warms itself.
 
     Voltage and temperature are computed in turn until the temperature stands still. As heat acts
     only on what comes after it, that always ends, if the passes suffice.
 
     Parameters
     ----------
-    model, member, test_time_second, current_ampere, soc, hold : as in `lookup.simulate_model`.
+    model, member, test_time_second, current_ampere, soc, hold : as in `model_file.simulate_model`.
     ambient_celsius : scalar or (n,) [degC].
     heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt, initial_celsius : as in
         `temperature`. entropic_volt_per_kelvin : as in `heat`.
@@ -150,24 +150,26 @@ def simulate_warm(
         "initial_celsius": initial_celsius,
     }
     current = np.asarray(current_ampere, float)
-    now = temperature(test_time_second, 0.0 * current, ambient_celsius, **cooling)
-    moved = np.inf
+    celsius = temperature(test_time_second, 0.0 * current, ambient_celsius, **cooling)
+    change = np.inf
     for turn in range(1, passes + 1):
-        run = simulate_model(model, member, test_time_second, current, soc, now, hold=hold)
+        run = simulate_model(model, member, test_time_second, current, soc, celsius, hold=hold)
         reversible = {"entropic_volt_per_kelvin": entropic_volt_per_kelvin}
-        watt = heat(current, run.voltage_volt, run.ocv_volt, temperature_celsius=now, **reversible)
-        before, now = now, temperature(test_time_second, watt, ambient_celsius, **cooling)
-        moved = np.abs(now - before).max()
-        if moved < tolerance_kelvin:
+        watt = heat(
+            current, run.voltage_volt, run.ocv_volt, temperature_celsius=celsius, **reversible
+        )
+        before, celsius = celsius, temperature(test_time_second, watt, ambient_celsius, **cooling)
+        change = np.abs(celsius - before).max()
+        if change < tolerance_kelvin:
             return Warmed(run, before, watt, turn)
-    raise Refusal(f"temperature still moves by {moved:.2g} K after {passes} passes")
+    raise Refusal(f"temperature still moves by {change:.2g} K after {passes} passes")
 
 
 SLOPE_STEP = 1e-4  # of ln tau
 
 
 class ThermalFit(NamedTuple):
-    """Lumped thermal state of a cell as its surface shows it.
+    """Thermal parameters of a cell fitted to its surface temperature.
 
     heat_capacity_joule_per_kelvin, resistance_kelvin_per_watt : with standard deviations.
     ambient_offset_kelvin : what the cell rests above the stated ambient.
@@ -230,12 +232,12 @@ def fit_thermal(
     time, current, voltage, ocv, surface = record
     drives = [heat(current, voltage, ocv)]
     drives += [current * (surface + ZERO_CELSIUS_KELVIN)] if entropic else []
-    task = _Task(*_parts(time, gap_second), np.column_stack(drives), ambient, surface)
-    log_tau = _searched(task, tau_bounds_second)
-    return _result(task, log_tau, entropic)
+    task = _ThermalRecord(*_parts(time, gap_second), np.column_stack(drives), ambient, surface)
+    log_tau = _best_log_tau(task, tau_bounds_second)
+    return _thermal_fit(task, log_tau, entropic)
 
 
-class _Task(NamedTuple):
+class _ThermalRecord(NamedTuple):
     """Rows of a record: `parts` slices between gaps, `age` since each began, `weight` in √s."""
 
     parts: list
@@ -255,7 +257,7 @@ def _check(record, ambient):
 
 
 def _parts(time, gap_second):
-    """Slices between the gaps, the time itself, the age in each, and the weight of each row."""
+    """Slices between gaps, time [s], time since each slice began [s], weight of each row [√s]."""
     steps = np.diff(time)
     edges = [0, *(np.flatnonzero(steps > gap_second) + 1).tolist(), len(time)]
     parts = [slice(a, b) for a, b in pairwise(edges)]
@@ -266,13 +268,13 @@ def _parts(time, gap_second):
 
 
 def _design(task, log_tau):
-    """Weighted columns (drives, offset, start of each part) and what they are to explain."""
+    """Weighted columns (drives, offset, start of each part) and the weighted target [K·√s]."""
     tau = np.exp(log_tau)
-    both = np.column_stack([task.drives, task.ambient])
-    first = [np.r_[np.zeros(both.shape[1] - 1), task.ambient[p.start]] for p in task.parts]
+    driven = np.column_stack([task.drives, task.ambient])
+    first = [np.r_[np.zeros(driven.shape[1] - 1), task.ambient[p.start]] for p in task.parts]
     lagged = np.concatenate(
         [
-            lag(np.diff(task.time[p]), tau, both[p], hold="first_order", initial=start)
+            lag(np.diff(task.time[p]), tau, driven[p], hold="first_order", initial=start)
             for p, start in zip(task.parts, first, strict=True)
         ]
     )
@@ -294,7 +296,7 @@ def _solved(task, log_tau):
     return design, linear, target - design @ linear
 
 
-def _searched(task, bounds):
+def _best_log_tau(task, bounds):
     from scipy.optimize import minimize_scalar
 
     grid = np.linspace(*np.log(bounds), 25)
@@ -303,22 +305,22 @@ def _searched(task, bounds):
         residual = _solved(task, log_tau)[2]
         return residual @ residual
 
-    best = int(np.argmin([error(one) for one in grid]))
+    best = int(np.argmin([error(log_tau) for log_tau in grid]))
     if best in (0, len(grid) - 1):
         raise Refusal(f"the thermal time constant is not within {bounds[0]:g}–{bounds[1]:g} s")
     around = (grid[best - 1], grid[best + 1])
     return float(minimize_scalar(error, bounds=around, method="bounded").x)
 
 
-def _result(task, log_tau, entropic):
+def _thermal_fit(task, log_tau, entropic):
     design, linear, residual = _solved(task, log_tau)
     if linear[0] <= 0:
         raise Refusal(f"thermal resistance {linear[0]:.3g} K/W: the temperature falls with heat")
-    moved = [
+    shifted = [
         target - columns @ linear
         for columns, target in (_design(task, log_tau + d) for d in (-SLOPE_STEP, SLOPE_STEP))
     ]
-    slope = (moved[0] - moved[1]) / (2 * SLOPE_STEP)
+    slope = (shifted[0] - shifted[1]) / (2 * SLOPE_STEP)
     jacobian = np.column_stack([design[:, 0], slope, design[:, 1:]])
     covariance = covariance_from_jacobian(jacobian, residual) * correlation_factor(residual)
     resistance, parts = linear[0], np.array([linear[0], log_tau])

@@ -1,4 +1,4 @@
-"""What a member knows beside its circuit: of the instrument, of the charge, of its own heat.
+"""Blocks of a member beside its circuit: instrument, counting of charge, own heat, history.
 
 Blocks of a member of a model file, each with the names that it needs and no others; what is not
 named is zero. A member without blocks is its circuit alone.
@@ -37,7 +37,7 @@ LOADED_C_RATE = 0.01  # below it a current turns no hysteresis
 
 
 class Corrected(NamedTuple):
-    """A record as it was in truth, by a member: (n,) each.
+    """Current and SoC of a record corrected by a member; (n,) each.
 
     current_ampere : through the cell [A]. charging_ampere : what of it, less the leak, moves the
     SoC [A]. soc : state of charge, counted on from the stated start [1].
@@ -51,7 +51,7 @@ class Corrected(NamedTuple):
 def corrected(
     member, capacity_ampere_hour, test_time_second, current_ampere, soc, celsius, *, kind=None
 ):
-    """Current and SoC of a record without the faults of the instrument, with losses of charge.
+    """Current [A] and SoC [1] of a record, corrected for instrument errors and losses of charge.
 
     Parameters
     ----------
@@ -71,16 +71,16 @@ def corrected(
     lost, leak = (counting.get(name, 0.0) for name in ("lost_share_of_charge", "leak_ampere"))
     hours = np.diff(test_time_second, prepend=test_time_second[0]) / 3600.0
     read = np.diff(soc, prepend=soc[0]) * capacity_ampere_hour
-    moved = through_cell(read, offset=offset * hours, gain_relative=gain)
-    moved = stored(moved, lost_share=lost, leak=leak * hours)
+    charge = through_cell(read, offset=offset * hours, gain_relative=gain)
+    charge = stored(charge, lost_share=lost, leak=leak * hours)
     current = through_cell(np.asarray(current_ampere, float), offset=offset, gain_relative=gain)
     size = capacity_ampere_hour * capacity_factor(member, celsius, kind=kind)
     charging = stored(current, lost_share=lost, leak=leak)
-    return Corrected(current, charging, soc[0] + np.cumsum(moved / size))
+    return Corrected(current, charging, soc[0] + np.cumsum(charge / size))
 
 
 def through_cell(read, *, offset=0.0, gain_relative=0.0):
-    """Current or charge through the cell, of what the ammeter read: (read − offset)/(1 + gain).
+    """Current or charge through the cell from the ammeter's reading: (read − offset)/(1 + gain).
 
     A capacity that was counted by the same ammeter is one of these charges.
 
@@ -93,7 +93,7 @@ def through_cell(read, *, offset=0.0, gain_relative=0.0):
 
 
 def stored(moved, *, lost_share=0.0, leak=0.0):
-    """Current or charge that changes the SoC, of what flows through the terminals.
+    """Current or charge that changes the SoC, after side reactions and leak.
 
     Parameters
     ----------
@@ -124,15 +124,15 @@ def capacity_factor(member, celsius=None, *, kind=None):
     counting, reading = member.get("counting", {}), member.get("reading", {})
     name = "capacity_test_relative" if kind == "capacity" else "capacity_relative"
     counted = through_cell(1.0, gain_relative=reading.get("current_gain_relative", 0.0))
-    known = np.asarray(REFERENCE_CELSIUS if celsius is None else celsius, float)
-    known = np.where(np.isnan(known), REFERENCE_CELSIUS, known)
+    temperature = np.asarray(REFERENCE_CELSIUS if celsius is None else celsius, float)
+    temperature = np.where(np.isnan(temperature), REFERENCE_CELSIUS, temperature)
     slope = counting.get("capacity_relative_per_kelvin", 0.0)
-    warm = capacity_over_temperature(known, slope)
-    return counted * (1.0 + counting.get(name, 0.0)) * warm
+    warm_factor = capacity_over_temperature(temperature, slope)
+    return counted * (1.0 + counting.get(name, 0.0)) * warm_factor
 
 
 def hold_of(member, current_ampere):
-    """Hold of the current between samples that a member was found with.
+    """Hold of the current between samples for a member: "zero_order" or "first_order".
 
     Where the current stepped between steady stretches it did so at once, whatever it does in a
     drive: there it is held until the step.
@@ -146,22 +146,22 @@ def hold_of(member, current_ampere):
 
 
 def words_of(member, blocks=tuple(ABOUT)):
-    """What of a member is not its circuit, one sentence each: exports and filters say so.
+    """Sentences on the blocks of a member beside its circuit, for exports and filters.
 
     Parameters
     ----------
     member : dict of a model file. blocks : names of those to tell of.
     """
-    found = []
+    sentences = []
     for block in blocks:
         numbers = {n: v for n, v in member.get(block, {}).items() if not isinstance(v, list)}
         values = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items())
-        found += [f"{ABOUT[block]} ({values})"] if values else []
-    return found
+        sentences += [f"{ABOUT[block]} ({values})"] if values else []
+    return sentences
 
 
 def as_read(member, test_time_second, voltage_volt, at_once_volt, *, hold):
-    """Voltage of a simulation as the instrument of the fitted records would have read it.
+    """Simulated voltage [V] with the delay, gain and offset of the voltmeter.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def as_read(member, test_time_second, voltage_volt, at_once_volt, *, hold):
 
 
 def displayed(volt, *, offset_volt=0.0, gain_relative=0.0):
-    """Voltage that an instrument shows, of that of the terminals: (V + offset)·(1 + gain) [V].
+    """Voltage that the voltmeter shows: (V + offset)·(1 + gain) [V].
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def displayed(volt, *, offset_volt=0.0, gain_relative=0.0):
 
 
 def delayed(clock_second, volt, at_once_volt, *, delay_second, step_second, stepped):
-    """Voltage of t − delay, on the course of the simulation between its rows.
+    """Voltage at time t − delay [V], interpolated between the rows of the simulation.
 
     Where the current stepped, the old one flowed until `EDGE_SECOND` before the stamp; there the
     course has a corner, without which a delay shorter than the sampling interval would smear
@@ -222,7 +222,8 @@ def delayed(clock_second, volt, at_once_volt, *, delay_second, step_second, step
     edge = np.minimum(EDGE_SECOND, step_second / 2.0)
     begins = step_second <= 0
     old_at_once, old = (
-        np.where(begins, one, np.concatenate([one[:1], one[:-1]])) for one in (at_once_volt, volt)
+        np.where(begins, column, np.concatenate([column[:1], column[:-1]]))
+        for column in (at_once_volt, volt)
     )
     part = np.divide(edge, step_second, out=np.zeros(len(edge)), where=edge > 0)
     straight = volt + part * (old - volt)
@@ -233,7 +234,7 @@ def delayed(clock_second, volt, at_once_volt, *, delay_second, step_second, step
 
 
 def true_volt(member, voltage_volt):
-    """Voltage of the terminals, from what the instrument read; a delay is left in it [V].
+    """Terminal voltage from the voltmeter's reading [V]; its delay is not removed.
 
     Parameters
     ----------
@@ -245,7 +246,7 @@ def true_volt(member, voltage_volt):
 
 
 def warmed_within(member, circuit, heat_watt, step_second, celsius, *, hold):
-    """Circuit of a cell whose core its own heat has warmed.
+    """Circuit with its resistances at the core temperature that the cell's own heat gives.
 
     Parameters
     ----------
@@ -258,31 +259,33 @@ def warmed_within(member, circuit, heat_watt, step_second, celsius, *, hold):
     -------
     circuit : tuple of Branch.
     """
-    own = member["own_heat"]
-    rise = lag(step_second, own["time_constant_second"], heat_watt, hold=hold)
-    inside = celsius + own["thermal_resistance_kelvin_per_watt"] * rise
-    factor = resistance_factor(inside, celsius, own["activation_energy_joule_per_mole"])
+    heating_of = member["own_heat"]
+    rise = lag(step_second, heating_of["time_constant_second"], heat_watt, hold=hold)
+    core_celsius = celsius + heating_of["thermal_resistance_kelvin_per_watt"] * rise
+    factor = resistance_factor(
+        core_celsius, celsius, heating_of["activation_energy_joule_per_mole"]
+    )
 
     def warmed(parameters):
         return {name: v * factor if name in WARMED else v for name, v in parameters.items()}
 
-    apart = own.get("branches_apart", [])
+    excluded = heating_of.get("branches_apart", [])
     return tuple(
-        branch if k in apart else branch._replace(parameters=warmed(branch.parameters))
+        branch if k in excluded else branch._replace(parameters=warmed(branch.parameters))
         for k, branch in enumerate(circuit)
     )
 
 
 def heating(member, circuit):
-    """Numbers of the branches of a circuit whose losses warm it and that its own heat changes.
+    """Numbers of the ohmic branches that heat the cell and change with that heat.
 
     Parameters
     ----------
     member : dict of a model file with `own_heat`. circuit : tuple of Branch.
     """
-    apart = member["own_heat"].get("branches_apart", [])
+    excluded = member["own_heat"].get("branches_apart", [])
     ohmic = [k for k, branch in enumerate(circuit) if set(WARMED[:3]) & branch.parameters.keys()]
-    return [k for k in ohmic if k not in apart]
+    return [k for k in ohmic if k not in excluded]
 
 
 def at_once(circuit):
@@ -300,7 +303,7 @@ def at_once(circuit):
 
 
 def load_direction(current_ampere, *, least_ampere, soc_at_start, near_end_soc):
-    """Sign of the last load of a record: (n,).
+    """Sign of the last load at each sample (n,): 1 charge, −1 discharge, 0 none yet.
 
     Parameters
     ----------
@@ -320,7 +323,7 @@ def load_direction(current_ampere, *, least_ampere, soc_at_start, near_end_soc):
 def with_history(
     member, circuit, over_volt, record, read_ampere, *, soc_at_start, capacity_ampere_hour, hold
 ):
-    """Voltage over each branch, with hystereses as the load before the record left them [V].
+    """Voltage over each branch [V], hysteresis started from the load before the record.
 
     Parameters
     ----------
@@ -341,8 +344,8 @@ def with_history(
         p = branch.parameters
         if branch.kind == "hysteresis":
             charge = np.broadcast_to(p["charge_ampere_hour"], current.shape)[:-1]
-            gone = lag_by_charge(passed, charge, np.ones(len(passed)))
-            over_volt[k] += direction[0] * p["m_volt"] * (1.0 - gone)
+            decayed = lag_by_charge(passed, charge, np.ones(len(passed)))
+            over_volt[k] += direction[0] * p["m_volt"] * (1.0 - decayed)
         if branch.kind == "switch":
             over_volt[k] = direction * p["m_volt"]
     return over_volt

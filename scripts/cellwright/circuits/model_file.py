@@ -1,4 +1,4 @@
-"""A finished model (results/models/<cell>.json): values per sample, simulation, rows."""
+"""Model file (results/models/<cell>.json): entries, parameters per sample, simulation, table."""
 
 from typing import NamedTuple
 
@@ -64,7 +64,7 @@ def _branch(element):
 
 
 def ocv_from_slow_branch(soc, slow_volt, current_ampere, condition):
-    """Open-circuit voltage from one slow branch, its resistive drop put back.
+    """Open-circuit voltage [V] from one slow branch, corrected by its resistive drop.
 
     At a slow steady current every relaxation has settled, so in the linear model the drop is
     exactly I·(R0 + ΣR). Identify with the branch itself first, correct, identify again.
@@ -98,7 +98,7 @@ SMALLEST_RESISTANCE_OHM = 1e-9  # of a resistance [ohm] and of a share: none has
 
 
 def with_shared_scale(circuit):
-    """Kinetic branches of a cell follow one asinh: each has its share of the common scale.
+    """Circuit whose kinetic branches share one scale by their part of the resistance.
 
     The share is taken where the resistances are looked up: between two knots or temperatures of
     which one holds no resistance, a share of its own would have no meaning.
@@ -176,22 +176,23 @@ def parameter_rows(model):
 def _rows(member, condition):
     celsius = condition["ambient_temperature_celsius"]
     about = {"model": member, "ambient_temperature_celsius": celsius}
+    flags = condition.get("at_bound", [])
     for name, flag, values, stds, unit in _columns(condition):
         stds = stds or [None] * len(values)
         for soc, value, std in zip(condition["soc"], values, stds, strict=True):
             row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
-            yield about | row | {"at_bound": _bounded(condition, name, flag, soc)}
+            yield about | row | {"at_bound": name in flags or f"{flag} at SoC {soc:.3f}" in flags}
     scale = condition.get("ocv_scale", {})
-    whole = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
+    scale_rows = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
     energy = condition.get("activation_energy_joule_per_mole")
-    for name, value, unit in [*whole, ("activation_energy", energy, "J/mol")]:
+    for name, value, unit in [*scale_rows, ("activation_energy", energy, "J/mol")]:
         row = {"soc": None, "parameter": name, "value": value, "std": None, "unit": unit}
         if value is not None:
             yield about | row | {"at_bound": False}
 
 
 def _columns(condition):
-    """Name, name of the bound, values, deviations and unit of everything that runs over SoC."""
+    """Name, name of the bound, values, deviations and unit of each quantity over SoC."""
     yield "r0", "R0", condition["r0_ohm"], condition["r0_std_ohm"], "Ohm"
     number = 0
     for branch in condition["branches"]:
@@ -207,11 +208,6 @@ def _columns(condition):
             yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
     if "ocv_shift_volt" in condition:
         yield "ocv_shift", "", condition["ocv_shift_volt"], None, "V"
-
-
-def _bounded(condition, name, flag, soc):
-    flags = condition.get("at_bound", [])
-    return name in flags or f"{flag} at SoC {soc:.3f}" in flags
 
 
 SAME_KELVIN = 5.0
@@ -252,7 +248,7 @@ class Simulated(NamedTuple):
 
 
 def circuit_at(conditions, soc, temperature_celsius):
-    """Circuit of a model's member with its parameters looked up at every sample.
+    """Circuit of a member with its parameters at every SoC and temperature.
 
     Linear in SoC inside each condition and held flat outside its knots; between two temperatures
     the logarithms of the sums of the resistances of one kind (ohmic, kinetic, relaxing) and of
@@ -278,21 +274,24 @@ def circuit_at(conditions, soc, temperature_celsius):
     # ASSUME: Between two measured temperatures every model parameter follows an Arrhenius law.
     # ASSUME: Outside the measured range of SoC or temperature the model keeps its last value.
     conditions = sorted(conditions, key=lambda c: celsius_of(c["ambient_temperature_celsius"]))
-    known = np.array([celsius_of(c["ambient_temperature_celsius"]) for c in conditions])
-    here = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
-    weights = temperature_weights(known, here)
+    measured = np.array([celsius_of(c["ambient_temperature_celsius"]) for c in conditions])
+    celsius = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
+    weights = temperature_weights(measured, celsius)
     elements = [_elements(condition) for condition in conditions]
-    by_law = law_weights(known, here, laws_of(conditions))
-    beyond = factor_beyond(conditions, known, here)
+    by_law = law_weights(measured, celsius, laws_of(conditions))
+    beyond = factor_beyond(conditions, measured, celsius)
 
     def courses(index, name):
         pairs = zip(conditions, elements, strict=True)
         return [_course(c, e[index][1][name], soc) for c, e in pairs]
 
+    met = [k for k, weight in enumerate(weights) if weight.any()]  # a record sees few temperatures
+
     def mixed(index, name):
-        logs = [np.log(np.maximum(course, SMALLEST)) for course in courses(index, name)]
+        pairs = [(conditions[k], elements[k][index][1][name]) for k in met]
+        logs = [np.log(np.maximum(_course(c, values, soc), SMALLEST)) for c, values in pairs]
         factor = beyond if name in instrument.WARMED else 1.0
-        return factor * np.exp(mixed_by(weights, logs))
+        return factor * np.exp(mixed_by([weights[k] for k in met], logs))
 
     resistive = [k for k, (_, parameters) in enumerate(elements[0]) if "r_ohm" in parameters]
     origins = [elements[0][k][0] for k in resistive]
@@ -312,11 +311,13 @@ def circuit_at(conditions, soc, temperature_celsius):
     ]
     shifts = [c.get("ocv_shift_volt", np.zeros(len(c["soc"]))) for c in conditions]
     shift = mixed_by(weights, [_course(c, s, soc) for c, s in zip(conditions, shifts, strict=True)])
-    far = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
-    outside = mixed_by(weights, far) > 0
+    outside_knots = [(soc < c["soc"][0]) | (soc > c["soc"][-1]) for c in conditions]
+    outside = mixed_by(weights, outside_knots) > 0
     circuit = with_shared_scale(circuit)
     scaled = scaled_soc(conditions, weights, soc)
-    return SampledCircuit(circuit, scaled, shift, outside, _outside(known, here))
+    # Cells warm a little in a chamber: a few kelvin beyond the measured range count as inside.
+    cold, hot = measured[0] - SAME_KELVIN, measured[-1] + SAME_KELVIN
+    return SampledCircuit(circuit, scaled, shift, outside, (celsius < cold) | (celsius > hot))
 
 
 def parameters_at(conditions, soc, temperature_celsius):
@@ -330,19 +331,19 @@ def parameters_at(conditions, soc, temperature_celsius):
     -------
     parameters : SampledParameters.
     """
-    at = circuit_at(conditions, soc, temperature_celsius)
-    pairs = [branch.parameters for branch in at.circuit if branch.kind == "RC"]
+    sampled = circuit_at(conditions, soc, temperature_celsius)
+    pairs = [branch.parameters for branch in sampled.circuit if branch.kind == "RC"]
     values = ([pair[name] for pair in pairs] for name in ("r_ohm", "tau_second"))
-    r, tau = (np.reshape(one, (-1, len(soc))) for one in values)
-    return SampledParameters(at.circuit[0].parameters["r_ohm"], r, tau, *at[2:])
+    r, tau = (np.reshape(column, (-1, len(soc))) for column in values)
+    return SampledParameters(sampled.circuit[0].parameters["r_ohm"], r, tau, *sampled[2:])
 
 
-def open_circuit_volt(model, found, temperature_celsius):
-    """Open-circuit voltage of a member where its circuit was looked up.
+def open_circuit_volt(model, sampled, temperature_celsius):
+    """Open-circuit voltage of a member at the samples of its circuit [V].
 
     Parameters
     ----------
-    model : dict of a model file. found : SampledCircuit, from `circuit_at`.
+    model : dict of a model file. sampled : SampledCircuit, from `circuit_at`.
     temperature_celsius : scalar or (n,) [degC], as in `circuit_at`.
 
     Returns
@@ -350,18 +351,29 @@ def open_circuit_volt(model, found, temperature_celsius):
     ocv_volt : (n,) [V].
     """
     return (
-        continued_ocv_at(model["ocv"], found.table_soc, temperature_celsius) + found.ocv_shift_volt
+        continued_ocv_at(model["ocv"], sampled.table_soc, temperature_celsius)
+        + sampled.ocv_shift_volt
     )
 
 
 def member_of(model, name=None):
     """Member of a model by name ("1RC", "2RC"), or its chosen one."""
     name = model["chosen"] if name is None else name
-    found = [member for member in model["members"] if member["model"] == name]
-    if not found:
-        known = ", ".join(member["model"] for member in model["members"])
-        raise Refusal(f"model of {model['cell']} has no member {name!r}; it has {known}")
-    return found[0]
+    members = [member for member in model["members"] if member["model"] == name]
+    if not members:
+        available = ", ".join(member["model"] for member in model["members"])
+        raise Refusal(f"model of {model['cell']} has no member {name!r}; it has {available}")
+    return members[0]
+
+
+def capacity_of(model, member, celsius=None):
+    """Capacity of a cell by a member of its model at a temperature [Ah].
+
+    Parameters
+    ----------
+    model, member : dicts of a model file. celsius : scalar [degC]; None or NaN: as at 25 °C.
+    """
+    return model["capacity_ampere_hour"] * float(instrument.capacity_factor(member, celsius))
 
 
 def simulate_model(
@@ -392,30 +404,30 @@ def simulate_model(
     -------
     simulated : Simulated; `instrument` says what a member may correct of the record.
     """
-    own = member_of(model, member)
+    entry = member_of(model, member)
     capacity, time, celsius = model["capacity_ampere_hour"], test_time_second, temperature_celsius
     read = (time, current_ampere, np.asarray(soc, float))
-    true = instrument.corrected(own, capacity, *read, celsius, kind=kind)
-    found = circuit_at(own["conditions"], true.soc, celsius)
-    ocv = open_circuit_volt(model, found, celsius)
-    curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), found.table_soc)
-    settings = {"hold": hold or instrument.hold_of(own, current_ampere), "open_circuit": curve}
+    true = instrument.corrected(entry, capacity, *read, celsius, kind=kind)
+    sampled = circuit_at(entry["conditions"], true.soc, celsius)
+    ocv = open_circuit_volt(model, sampled, celsius)
+    curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), sampled.table_soc)
+    settings = {"hold": hold or instrument.hold_of(entry, current_ampere), "open_circuit": curve}
     record = (time, np.asarray(true.current_ampere, float))
-    over = _overpotentials(own, found.circuit, record, celsius, settings)
-    if "history" in own:
+    over = _overpotentials(entry, sampled.circuit, record, celsius, settings)
+    if "history" in entry:
         over = instrument.with_history(
-            *(own, found.circuit, over, record, current_ampere),
+            *(entry, sampled.circuit, over, record, current_ampere),
             soc_at_start=true.soc[0],
             capacity_ampere_hour=capacity,
             hold=settings["hold"],
         )
-    at_once = over[instrument.at_once(found.circuit)].sum(axis=0)
-    volt = instrument.as_read(own, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
-    return Simulated(volt, ocv, over, *found[3:])
+    at_once = over[instrument.at_once(sampled.circuit)].sum(axis=0)
+    volt = instrument.as_read(entry, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
+    return Simulated(volt, ocv, over, *sampled[3:])
 
 
 def _overpotentials(member, circuit, record, celsius, settings):
-    """Over each branch; where the cell's own heat counts, once to know it and once with it."""
+    """Voltage over each branch (branches, n) [V], run again at the warmed circuit with own heat."""
     over = overpotentials(circuit, *record, **settings)
     if "own_heat" not in member:
         return over
@@ -424,11 +436,6 @@ def _overpotentials(member, circuit, record, celsius, settings):
     steps = np.diff(time)
     warm = instrument.warmed_within(member, circuit, heat, steps, celsius, hold=settings["hold"])
     return overpotentials(warm, *record, **settings)
-
-
-def _outside(known, here):
-    """Further than a few kelvin from all that was measured: cells warm a little in a chamber."""
-    return (here < known[0] - SAME_KELVIN) | (here > known[-1] + SAME_KELVIN)
 
 
 def _elements(condition):
@@ -445,7 +452,7 @@ def _course(condition, values, soc):
 
 
 def is_plain(member):
-    """Whether a member is made of an ohmic resistance and RC pairs, and of nothing that warms them.
+    """Whether a member is an ohmic resistance and RC pairs only, without own heat.
 
     Parameters
     ----------
@@ -458,7 +465,7 @@ def is_plain(member):
 
 
 def plain_member(model):
-    """Name of the member for tools that know resistors and capacitors only.
+    """Name of the member of RC pairs that stands for a model in tools without other elements.
 
     Kinetics are not taken linear, nor hysteresis left out: the rest of such a member was fitted
     beside them and is no model by itself.
@@ -481,9 +488,9 @@ def plain_member(model):
         raise Refusal(f"no member of the model of {model['cell']} is made of RC pairs alone")
     if model["chosen"] in [member["model"] for member in plain]:
         return model["chosen"]
-    return min(plain, key=_rank)["model"]
+    return min(plain, key=_left_out_rank)["model"]
 
 
-def _rank(member):
+def _left_out_rank(member):
     error = member.get("left_out_rmse_volt")
     return np.inf if error is None else error, -len(member["conditions"][0]["branches"])

@@ -45,14 +45,14 @@ def overpotentials(circuit, test_time_second, current_ampere, *, hold, open_circ
     """
     time, current = _checked(test_time_second, current_ampere)
     steps = np.diff(time)
-    found = []
+    over_volt = []
     for branch in circuit:
         _check_parameters(branch, current.shape)
         output = _response(branch, steps, current, hold)
         if kind_of(branch).output == "soc":
             output = _shifted(output, open_circuit)
-        found.append(output)
-    return np.array(found)
+        over_volt.append(output)
+    return np.array(over_volt)
 
 
 def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold, open_circuit=None):
@@ -70,39 +70,6 @@ def simulate(circuit, test_time_second, current_ampere, ocv_volt, *, hold, open_
     # ASSUME: Every simulated record starts from rest: all its relaxation voltages begin at zero.
     settings = {"hold": hold, "open_circuit": open_circuit}
     return ocv_volt + overpotentials(circuit, test_time_second, current_ampere, **settings).sum(0)
-
-
-def simulate_cells(
-    circuits, test_time_second, current_ampere, ocv_volt, *, hold, open_circuits=None
-):
-    """Terminal voltages of several cells over the same time stamps.
-
-    One cell after another: interleaving them was measured and gains nothing.
-
-    Parameters
-    ----------
-    circuits : sequence of circuits, one per cell, of any members.
-    test_time_second, hold : as in `overpotentials`.
-    current_ampere : (n,) for all cells, or (cells, n) [A].
-    ocv_volt : scalar, (n,) or (cells, n) [V].
-    open_circuits : sequence of OpenCircuit or None, one per cell; None where no cell needs one.
-
-    Returns
-    -------
-    voltage_volt : (cells, n) [V].
-
-    Raises
-    ------
-    Refusal : as in `overpotentials`, or as many circuits as rows of current or OCV are not given.
-    """
-    shape = (len(circuits), len(test_time_second))
-    current, ocv = (_of_each(values, shape) for values in (current_ampere, ocv_volt))
-    opens = [None] * shape[0] if open_circuits is None else open_circuits
-    runs = [
-        simulate(one, test_time_second, i, volt, hold=hold, open_circuit=curve)
-        for one, i, volt, curve in zip(circuits, current, ocv, opens, strict=True)
-    ]
-    return np.reshape(runs, shape)
 
 
 def sensitivities(circuit, test_time_second, current_ampere, *, hold, open_circuit=None):
@@ -124,39 +91,41 @@ def sensitivities(circuit, test_time_second, current_ampere, *, hold, open_circu
     Source: W. Squire, G. Trapp, SIAM Review 40 (1998) 110.
     """
     settings = {"hold": hold, "open_circuit": open_circuit}
-    found = {}
+    derivatives = {}
     for index, branch in enumerate(circuit):
         for name in kind_of(branch).parameters:
-            moved = branch.parameters | {name: branch.parameters[name] + 1j * STEP}
-            one = (Branch(branch.kind, moved),)
-            run = overpotentials(one, test_time_second, current_ampere, **settings)
-            found[index, name] = run[0].imag / STEP
-    return found
+            shifted = branch.parameters | {name: branch.parameters[name] + 1j * STEP}
+            single = (Branch(branch.kind, shifted),)
+            run = overpotentials(single, test_time_second, current_ampere, **settings)
+            derivatives[index, name] = run[0].imag / STEP
+    return derivatives
 
 
 def _response(branch, steps, current, hold):
-    """What a branch puts out (n,): the share that acts at once, and its lags."""
+    """Output of a branch (n,) [V] or [1]: the share that acts at once plus its lags."""
     kind = kind_of(branch)
     lags = kind.lags(**branch.parameters)
     drive = kind.drive(current, **branch.parameters)
-    if any(one.clock == "ampere_hour" for one in lags):
+    if any(lagged.clock == "ampere_hour" for lagged in lags):
         return _by_charge(kind, branch.parameters, lags, steps, current, hold)
-    output = (1.0 - sum(one.share for one in lags)) * drive
-    for one in lags:
-        output = output + one.share * lag(steps, _at_start(one.constant), drive, hold=hold)
+    output = (1.0 - sum(lagged.share for lagged in lags)) * drive
+    for lagged in lags:
+        output = output + lagged.share * lag(steps, _at_start(lagged.constant), drive, hold=hold)
     return output
 
 
 def _by_charge(kind, parameters, lags, steps, current, hold):
-    """Lags that move with the charge passed: over each step with its mean current."""
+    """Sum of the lags that move with the charge passed, each step with its mean current."""
     between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
     drive = kind.drive(between, **{name: _at_start(value) for name, value in parameters.items()})
     passed = np.abs(between) * steps / 3600.0
-    return sum(one.share * lag_by_charge(passed, _at_start(one.constant), drive) for one in lags)
+    return sum(
+        lagged.share * lag_by_charge(passed, _at_start(lagged.constant), drive) for lagged in lags
+    )
 
 
 def _at_start(value):
-    """Of each step the value at its start; a scalar serves all."""
+    """Value at the start of each step; a scalar stays a scalar."""
     return value if np.ndim(value) == 0 else np.asarray(value)[:-1]
 
 
@@ -170,13 +139,6 @@ def _shifted(offset, open_circuit):
         return shift
     slope = (volt_at(surface + SOC_STEP) - volt_at(surface - SOC_STEP)) / (2 * SOC_STEP)
     return shift + 1j * slope * offset.imag
-
-
-def _of_each(values, shape):
-    if np.shape(values) not in ((), shape[1:], shape):
-        found = f"current or OCV has shape {np.shape(values)}"
-        raise Refusal(f"{found}; for {shape[0]} circuits it must be {shape[1:]} or {shape}")
-    return np.broadcast_to(values, shape)
 
 
 def _checked(test_time_second, current_ampere):
@@ -195,7 +157,7 @@ def _checked(test_time_second, current_ampere):
 def _check_parameters(branch, shape):
     for name, value in branch.parameters.items():
         if np.ndim(value) and np.shape(value) != shape:
-            found = f"{name} of branch {branch.kind} has shape {np.shape(value)}"
-            raise Refusal(f"{found}; it must be a scalar or one value per sample, {shape}")
+            given = f"{name} of branch {branch.kind} has shape {np.shape(value)}"
+            raise Refusal(f"{given}; it must be a scalar or one value per sample, {shape}")
         if not np.isfinite(value).all():
             raise Refusal(f"{name} of branch {branch.kind} is not finite")

@@ -1,4 +1,4 @@
-"""A model between and beyond its measured temperatures: weights, OCV tables, laws."""
+"""Parameters between and beyond the measured temperatures: weights, OCV tables, laws."""
 
 from typing import NamedTuple
 
@@ -24,8 +24,8 @@ def ocv_at(tables, soc, temperature_celsius):
     ocv_volt : (n,) [V].
     """
     tables = sorted(tables, key=lambda t: celsius_of(t["ambient_temperature_celsius"]))
-    known = np.array([celsius_of(t["ambient_temperature_celsius"]) for t in tables])
-    weights = temperature_weights(known, np.broadcast_to(temperature_celsius, np.shape(soc)))
+    measured = np.array([celsius_of(t["ambient_temperature_celsius"]) for t in tables])
+    weights = temperature_weights(measured, np.broadcast_to(temperature_celsius, np.shape(soc)))
     curves = [np.interp(soc, table["soc"], table["ocv_volt"]) for table in tables]
     return sum(weight * curve for weight, curve in zip(weights, curves, strict=True))
 
@@ -39,12 +39,19 @@ def continued_ocv_at(tables, soc, temperature_celsius):
     ----------
     tables, soc, temperature_celsius : as in `ocv_at`.
     """
-    inside = np.clip(soc, 0.0, 1.0)
+    soc = np.asarray(soc, float)
+    volt = ocv_at(tables, np.clip(soc, 0.0, 1.0), temperature_celsius)
+    outside = (soc < 0.0) | (soc > 1.0)
+    if not outside.any():
+        return volt
+    there, celsius = soc[outside], np.broadcast_to(temperature_celsius, soc.shape)[outside]
     ends = np.array([0.0, 0.005, 0.995, 1.0])
-    at = [ocv_at(tables, np.full(np.shape(soc), end), temperature_celsius) for end in ends]
-    below, above = np.minimum(soc, 0.0), np.maximum(soc - 1.0, 0.0)
-    beyond = below * (at[1] - at[0]) / 0.005 + above * (at[3] - at[2]) / 0.005
-    return ocv_at(tables, inside, temperature_celsius) + beyond
+    end_volt = [ocv_at(tables, np.full(there.shape, end), celsius) for end in ends]
+    below, above = np.minimum(there, 0.0), np.maximum(there - 1.0, 0.0)
+    volt[outside] += (
+        below * (end_volt[1] - end_volt[0]) / 0.005 + above * (end_volt[3] - end_volt[2]) / 0.005
+    )
+    return volt
 
 
 def table_soc(soc, missing, stretch):
@@ -69,7 +76,7 @@ def scaled_soc(conditions, weights, soc):
     """
     scales = [c.get("ocv_scale", {"missing": 0.0, "stretch": 0.0}) for c in conditions]
     names = ("missing", "stretch")
-    return table_soc(soc, *(mixed_by(weights, [one[name] for one in scales]) for name in names))
+    return table_soc(soc, *(mixed_by(weights, [scale[name] for scale in scales]) for name in names))
 
 
 def resistance_factor(celsius, reference_celsius, activation_joule_per_mole):
@@ -84,12 +91,12 @@ def resistance_factor(celsius, reference_celsius, activation_joule_per_mole):
     return np.exp(activation_joule_per_mole / GAS_CONSTANT * (inverse[0] - inverse[1]))
 
 
-def temperature_weights(known, temperature):
+def temperature_weights(measured, temperature):
     """Weight of each measured temperature at each sample, linear in 1/T between two.
 
     Parameters
     ----------
-    known : (c,) measured temperatures, ascending [degC]. temperature : (n,) [degC].
+    measured : (c,) measured temperatures, ascending [degC]. temperature : (n,) [degC].
 
     Returns
     -------
@@ -99,15 +106,15 @@ def temperature_weights(known, temperature):
     ------
     Refusal : nothing measured, or several temperatures of which one is not known.
     """
-    if not len(known):
+    if not len(measured):
         raise Refusal("the model holds nothing measured: no temperature to look up")
-    if len(known) == 1:
+    if len(measured) == 1:
         return [np.ones(len(temperature))]
-    if np.isnan(known).any() or np.isnan(temperature).any():
-        raise Refusal(f"{len(known)} measured conditions, but a temperature is not known")
-    inverse = -1.0 / (known + ZERO_CELSIUS_KELVIN)
-    here = -1.0 / (temperature + ZERO_CELSIUS_KELVIN)
-    return [np.interp(here, inverse, row) for row in np.eye(len(known))]
+    if np.isnan(measured).any() or np.isnan(temperature).any():
+        raise Refusal(f"{len(measured)} measured conditions, but a temperature is not known")
+    inverse = -1.0 / (measured + ZERO_CELSIUS_KELVIN)
+    inverse_here = -1.0 / (temperature + ZERO_CELSIUS_KELVIN)
+    return [np.interp(inverse_here, inverse, row) for row in np.eye(len(measured))]
 
 
 def mixed_by(weights, values):
@@ -141,7 +148,7 @@ class Laws(NamedTuple):
     beyond: str = LAWS[0]
 
 
-def law_weights(known, temperature, laws):
+def law_weights(measured, temperature, laws):
     """Weight of each measured temperature in a logarithm that follows a law in 1/T.
 
     A polynomial in 1/T through all measured temperatures by least squares ("arrhenius": a line,
@@ -150,7 +157,7 @@ def law_weights(known, temperature, laws):
 
     Parameters
     ----------
-    known : (c,) measured temperatures, ascending [degC]. temperature : (n,) [degC].
+    measured : (c,) measured temperatures, ascending [degC]. temperature : (n,) [degC].
     laws : Laws, inside the measured range and beyond it.
 
     Returns
@@ -166,33 +173,37 @@ def law_weights(known, temperature, laws):
         raise Refusal(
             f"law over temperature {min(unknown)!r} is unknown; allowed are {', '.join(LAWS)}"
         )
-    nearest = np.clip(temperature, known[0], known[-1])
-    inside, here, edge = (
-        _by_polynomial(known, *asked)
-        for asked in ((nearest, laws.inside), (temperature, laws.beyond), (nearest, laws.beyond))
+    nearest = np.clip(temperature, measured[0], measured[-1])
+    by_inside, by_beyond, at_edge = (
+        _by_polynomial(measured, *settings)
+        for settings in ((nearest, laws.inside), (temperature, laws.beyond), (nearest, laws.beyond))
     )
-    return list((inside + here - edge).T)
+    return list((by_inside + by_beyond - at_edge).T)
 
 
-def _by_polynomial(known, temperature, law):
-    straight = np.array(temperature_weights(known, temperature)).T
-    if law == LAWS[0] or len(known) == 1:
+def _by_polynomial(measured, temperature, law):
+    straight = np.array(temperature_weights(measured, temperature)).T
+    if law == LAWS[0] or len(measured) == 1:
         return straight
-    degree = min(LAWS.index(law), len(known) - 1)
-    measured, here = (_powers(celsius, degree, known) for celsius in (known, temperature))
-    fitted = np.linalg.pinv(measured)
-    return here @ fitted + straight @ (np.eye(len(known)) - measured @ fitted)
+    degree = min(LAWS.index(law), len(measured) - 1)
+    at_measured, at_temperature = (
+        _powers(celsius, degree, measured) for celsius in (measured, temperature)
+    )
+    fitted = np.linalg.pinv(at_measured)
+    return at_temperature @ fitted + straight @ (np.eye(len(measured)) - at_measured @ fitted)
 
 
-def _powers(celsius, degree, known):
+def _powers(celsius, degree, measured):
     """Columns of a polynomial in 1/T, scaled to the measured range."""
     inverse = 1.0 / (np.asarray(celsius) + ZERO_CELSIUS_KELVIN)
-    ends = 1.0 / (np.asarray(known)[[0, -1]] + ZERO_CELSIUS_KELVIN)
+    ends = 1.0 / (np.asarray(measured)[[0, -1]] + ZERO_CELSIUS_KELVIN)
     return np.vander((inverse - ends.mean()) / (ends[0] - ends[1]), degree + 1)
 
 
 def mixed_resistances(courses, origins, weights, by_law):
-    """Resistances (m, n) between temperatures: a sum for each origin by a law, shares straight.
+    """Resistances (m, n) between temperatures [ohm]: sums per origin by a law.
+
+    The shares of a sum are linear in 1/T.
 
     Ions in the electrolyte, charge transfer and diffusion have activation energies of their own. A
     resistance that is zero at one temperature and not at the next has no logarithm to mix: so it is
@@ -208,12 +219,14 @@ def mixed_resistances(courses, origins, weights, by_law):
     for rows in _by_origin(courses, origins):
         totals = np.maximum(courses[rows].sum(axis=0), SMALLEST)
         total = np.exp(mixed_by(by_law, np.log(totals)))
-        mixed[rows] = total * np.array([mixed_by(weights, one / totals) for one in courses[rows]])
+        mixed[rows] = total * np.array(
+            [mixed_by(weights, course / totals) for course in courses[rows]]
+        )
     return mixed
 
 
 def _by_origin(courses, origins):
-    """Rows of each origin, the smallest joined to the next until each counts everywhere."""
+    """Rows of each origin; one below `LEAST_SHARE` somewhere is joined to the next larger one."""
     whole = np.maximum(courses.sum(axis=0), SMALLEST)
 
     def least(rows):
@@ -228,7 +241,7 @@ def _by_origin(courses, origins):
     return groups
 
 
-def factor_beyond(conditions, known, here):
+def factor_beyond(conditions, measured, celsius):
     """Factor on resistances beyond the measured temperatures, 1 between them.
 
     There they follow the activation energy of the nearest. Where they follow a law over all
@@ -236,15 +249,15 @@ def factor_beyond(conditions, known, here):
 
     Parameters
     ----------
-    conditions : sequence of condition dicts, coldest first. known : (c,) their temperatures [degC].
-    here : (n,) [degC].
+    conditions : sequence of condition dicts, coldest first. measured : (c,) their temperatures
+        [degC]. celsius : (n,) [degC].
     """
     energies = [c.get("activation_energy_joule_per_mole") or 0.0 for c in conditions]
-    if np.isnan(known).any() or not any(energies) or laws_of(conditions).beyond != LAWS[0]:
+    if np.isnan(measured).any() or not any(energies) or laws_of(conditions).beyond != LAWS[0]:
         return 1.0
-    nearest = np.clip(here, known[0], known[-1])
-    energy = np.where(here < known[0], energies[0], energies[-1])
-    return np.where(np.isnan(here), 1.0, resistance_factor(here, nearest, energy))
+    nearest = np.clip(celsius, measured[0], measured[-1])
+    energy = np.where(celsius < measured[0], energies[0], energies[-1])
+    return np.where(np.isnan(celsius), 1.0, resistance_factor(celsius, nearest, energy))
 
 
 def laws_of(conditions):

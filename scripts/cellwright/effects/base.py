@@ -1,4 +1,4 @@
-"""The model that is searched for what it lacks, and its fit without any effect.
+"""The model of the search: its voltage with effects, and its fit without any.
 
 One function computes the voltage of all records for one vector of parameters, in stages that an
 effect may step into: the current through the cell, the counting of charge, the resistances, the
@@ -8,24 +8,36 @@ OCV, the overpotentials, the reading. Without effects it is the plain isothermal
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import nnls
 
 from cellwright.native import array, count, function, real
 from cellwright.numerics.lags import lag_weights
+from cellwright.numerics.least_squares import Free
+from cellwright.settings import MissingEffect
 
 STAGES = ("current", "counting", "resistance", "ocv", "overpotential", "reading")
 REFERENCE_CELSIUS = 25.0
 OCV_KNOTS = 16
 TAU_SECOND = {"tau1": (2.0, 40.0), "tau2": (40.0, 600.0)}
 KEPT_RESPONSES = 40
-SOC_LIMITS = (-0.5, 1.5)  # beyond them a trial step has lost its way, and only must not overflow
+KEPT_COURSES = 4  # of the SoC, and of the OCV over each
+SOC_LIMITS = (-0.5, 1.5)  # of a trial step of the fit, so that nothing overflows
+TABLE_LIMITS = (-0.05, 1.05)  # of the SoC at which the OCV's table is read
 LOGARITHMS = ("log_r0", "log_r1", "log_tau1", "log_r2", "log_tau2")
+LOG_STEP, SOC_STEP, VOLT_STEP = 0.01, 2e-4, 1e-3
+FIRST_TAU_SECOND = {"log_tau1": 8.0, "log_tau2": 130.0}
+RESISTANCES = ("log_r0", "log_r1", "log_r2")
+NO_LOG_OHM, UNIT = np.log(1e-7), 1e-2  # no resistance; a step for derivatives [ohm]
+LOG_STD = {"log_r0": 1.5, "log_r1": 1.5, "log_r2": 1.5, "log_tau1": 0.8, "log_tau2": 0.8}
+STEEP = 2.0  # times the usual slope of the OCV
+OWN_KNOT = 0.1  # of the tolerance of the OCV: what each knot may err alone
 
 
 class Fields(NamedTuple):
-    """What the stages hand on; scalars or (n,).
+    """Quantities that the stages pass on and change; scalars or (n,).
 
-    current : through the cell [A]. held : the same since the row before [A]. moved : charge that
-    has moved since the row before, + on charge [Ah]. capacity : [Ah]. soc : [1].
+    current : through the cell [A]. held : mean of it since the row before [A]. moved : charge
+    passed since the row before, + on charge [Ah]. capacity : [Ah]. soc : [1].
     celsius : inside the cell [degC]. r0, r1, r2 : [ohm]. tau1, tau2 : [s]. ocv : [V].
     ohmic : voltage that follows the current at once [V]. volt : of the terminals [V].
     """
@@ -47,21 +59,21 @@ class Fields(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """What is known of a cell before the search: capacity [Ah], OCV table on an even grid [V]."""
+    """A cell as it is measured before the search: capacity [Ah], OCV table on an even grid [V]."""
 
     capacity_ampere_hour: float
     ocv_volt: np.ndarray
 
     def ocv_at(self, soc):
-        """OCV [V]; beyond the table on its last slope, bounded, so that nothing runs away."""
-        spot = np.clip(soc, -0.05, 1.05) * (len(self.ocv_volt) - 1)
-        left = np.clip(spot.astype(int), 0, len(self.ocv_volt) - 2)
-        low, high = self.ocv_volt[left], self.ocv_volt[left + 1]
-        return low + (spot - left) * (high - low)
+        """OCV [V]; up to 5 % of SoC beyond the table on its last slope, constant from there."""
+        spot = np.clip(soc, *TABLE_LIMITS) * (len(self.ocv_volt) - 1)
+        below = np.clip(spot.astype(int), 0, len(self.ocv_volt) - 2)
+        low, high = self.ocv_volt[below], self.ocv_volt[below + 1]
+        return low + (spot - below) * (high - low)
 
 
 def base_names(files):
-    """Names of the plain model's parameters for a number of records.
+    """Names of the plain model's parameters for so many records.
 
     Logarithms of resistances and time constants, relative error of the capacity, SoC at the start
     of each record, and the error of the OCV table at evenly spaced knots [V].
@@ -70,20 +82,10 @@ def base_names(files):
     return (*LOGARITHMS, "capacity", *starts, *(f"ocv[{k}]" for k in range(OCV_KNOTS)))
 
 
-def left_knot(soc):
+def knot_below(soc):
     """Number of the knot of the OCV error below each SoC: (n,)."""
     spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
     return np.minimum(spot.astype(int), OCV_KNOTS - 2)
-
-
-def hats(soc):
-    """Share of each knot of the OCV error at each SoC: (n, knots), straight between knots."""
-    spot, left = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1), left_knot(soc)
-    part = spot - left
-    found = np.zeros((len(spot), OCV_KNOTS))
-    rows = np.arange(len(spot))
-    found[rows, left], found[rows, left + 1] = 1.0 - part, part
-    return found
 
 
 def voltage(cell, stack, values, effects=()):
@@ -103,33 +105,74 @@ def voltage(cell, stack, values, effects=()):
 
 
 def fields_of(cell, stack, values, effects=()):
-    """As `voltage`, with everything that led to it: Fields."""
+    """Fields of all stages for `voltage`: currents, SoC, resistances, OCV and terminal voltage."""
     staged = {stage: [] for stage in STAGES}
     for effect in effects:
-        own = {p.name: values[f"{effect.id}.{p.name}"] for p in effect.parameters}
-        staged[effect.stage].append((effect, own))
+        staged[effect.stage].append(effect)
 
     def through(stage, fields):
-        for effect, own in staged[stage]:
-            fields = effect.act(fields, stack, own)
+        for effect in staged[stage]:
+            fields = effect.act(fields, stack, effect.sizes_of(values))
         return fields
 
-    fields = through("current", _begun(cell, stack, values))
-    hours = stack.step_second / 3600.0
-    fields = fields._replace(moved=fields.held * hours + stack.unseen_ampere_hour)
-    fields = through("counting", fields)
-    fields = _counted(stack, values, fields)
-    fields = through("resistance", fields)
-    fields = through("ocv", fields._replace(ocv=_open_circuit(cell, values, fields.soc)))
+    def counted():
+        fields = through("current", _begun(cell, stack, values))
+        moved = fields.held * (stack.step_second / 3600.0) + stack.unseen_ampere_hour
+        return _counted(stack, values, through("counting", fields._replace(moved=moved)))
+
+    course = _course(cell, stack, values, staged["current"] + staged["counting"], counted)
+    fields = through("resistance", course.fields)
+    fields = fields._replace(ocv=_open_circuit(cell, values, fields.soc, course))
+    fields = through("ocv", fields)
     fields = fields._replace(ohmic=fields.r0 * fields.current)
     fields = fields._replace(volt=fields.ocv + slow_volt(stack, fields))
     fields = through("overpotential", fields)
-    known = values.get("known", 1.0) * stack.known_volt
-    fields = fields._replace(volt=fields.volt + fields.ohmic + known)
+    template = values.get("known", 1.0) * stack.template_volt
+    fields = fields._replace(volt=fields.volt + fields.ohmic + template)
     return through("reading", fields)
 
 
+class Course(NamedTuple):
+    """Fields after the counting of charge, kept: most parameters of a model do not change it.
+
+    of : columns and effects that it was counted from; held here, so that the numbers by which they
+    are known stay theirs.
+    ocv_volt : OCV over its SoC (n,) [V], by the table and the errors at the knots.
+    """
+
+    of: tuple
+    fields: Fields
+    ocv_volt: dict
+
+
+def _course(cell, stack, values, early, counted):
+    """Course of the fields after the counting: one that is kept, else by the function `counted`.
+
+    early : effects that act before the SoC is known.
+    """
+    starts = (f"soc0[{k}]" for k in range(len(stack.first)))
+    names = ["capacity", *starts, *(name for effect in early for name in effect.names)]
+    # An effect of the current may look at the resistances.
+    names += LOGARITHMS if early else ()
+    of, kept = (stack.held_ampere, stack.celsius, *early), stack.courses
+    key = (cell.capacity_ampere_hour, *(values[name] for name in names), *map(id, of))
+    if key not in kept:
+        _make_room(kept)
+        kept[key] = Course(of, counted(), {})
+    if early:
+        return kept[key]
+    counts = {n: getattr(kept[key].fields, n) for n in ("held", "moved", "capacity", "soc")}
+    return kept[key]._replace(fields=_begun(cell, stack, values)._replace(**counts))
+
+
+def _make_room(kept):
+    """Take out the oldest of what is kept, so that one more finds room."""
+    while len(kept) >= KEPT_COURSES:
+        del kept[next(iter(kept))]
+
+
 def _begun(cell, stack, values):
+    """Fields before the first stage: measured current and temperature, resistances, capacity."""
     r0, r1, tau1, r2, tau2 = (np.exp(values[name]) for name in LOGARITHMS)
     none = np.zeros(0)
     capacity = cell.capacity_ampere_hour * (1.0 + values["capacity"])
@@ -141,28 +184,54 @@ def _begun(cell, stack, values):
 
 def _counted(stack, values, fields):
     """SoC by counting, each record from its own start."""
-    moved = np.cumsum(fields.moved / fields.capacity)
     starts = np.array([values[f"soc0[{k}]"] for k in range(len(stack.first))])
-    soc = moved + (starts - moved[stack.first])[stack.file]
-    return fields._replace(soc=np.clip(soc, *SOC_LIMITS))
+    types = (count, array, array, count, array, array, real, real, array)
+    kernel = function("counted_soc", *types)
+    if kernel is None:
+        moved = np.cumsum(fields.moved / fields.capacity)
+        soc = np.clip(moved + (starts - moved[stack.first])[stack.file], *SOC_LIMITS)
+        return fields._replace(soc=soc)
+    moved, soc = np.ascontiguousarray(fields.moved, float), np.empty(len(stack.fresh))
+    capacity = np.ascontiguousarray(np.atleast_1d(fields.capacity), float)
+    moves = len(capacity) > 1
+    kernel(len(soc), moved, capacity, moves, stack.fresh, starts, *SOC_LIMITS, soc)
+    return fields._replace(soc=soc)
 
 
-def _open_circuit(cell, values, soc):
-    error = np.array([values[f"ocv[{k}]"] for k in range(OCV_KNOTS)])
-    spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
-    left = np.minimum(spot.astype(int), OCV_KNOTS - 2)
-    low, high = error[left], error[left + 1]
-    return cell.ocv_at(soc) + low + (spot - left) * (high - low)
+def _open_circuit(cell, values, soc, course):
+    """OCV of the table plus its error, straight between the knots [V]; kept for a course's SoC."""
+    knots = tuple(values[f"ocv[{k}]"] for k in range(OCV_KNOTS))
+    if soc is not course.fields.soc:
+        return _looked_up(cell, knots, soc)
+    key, kept = (id(cell.ocv_volt), knots), course.ocv_volt
+    if key not in kept:
+        _make_room(kept)
+        kept[key] = cell.ocv_volt, _looked_up(cell, knots, soc)
+    return kept[key][1]
+
+
+def _looked_up(cell, knots, soc):
+    """OCV at each SoC by the table and its error at the knots [V]."""
+    error = np.array(knots, float)
+    kernel = function("open_circuit", count, count, array, real, real, count, *[array] * 3)
+    if kernel is None:
+        spot = np.clip(soc, 0.0, 1.0) * (OCV_KNOTS - 1)
+        below = knot_below(soc)
+        low, high = error[below], error[below + 1]
+        return cell.ocv_at(soc) + low + (spot - below) * (high - low)
+    table, volt = np.ascontiguousarray(cell.ocv_volt, float), np.empty(len(soc))
+    kernel(len(soc), len(table), table, *TABLE_LIMITS, len(error), error, soc, volt)
+    return volt
 
 
 def slow_volt(stack, fields):
     """Voltage of the two RC pairs [V]."""
-    one = relaxed(stack, fields.current, fields.tau1, gain=fields.r1)
-    return one + relaxed(stack, fields.current, fields.tau2, gain=fields.r2)
+    fast = relaxed(stack, fields.current, fields.tau1, gain=fields.r1)
+    return fast + relaxed(stack, fields.current, fields.tau2, gain=fields.r2)
 
 
 def relaxed(stack, drive, tau_second, *, gain=1.0):
-    """First-order lag of gain·drive that begins at rest in every record; unit of their product."""
+    """First-order lag of gain·drive, at rest at the start of every record; unit of gain·drive."""
     start = np.zeros(len(drive))
     if np.ndim(gain) or drive is not stack.current_ampere:
         return lag_fresh(
@@ -204,7 +273,7 @@ def lag_fresh(step, fresh, linear, drive, constant, start):
 def _twin(step, fresh, linear, drive, constant, start):
     held, moved = (lag_weights(step, constant, hold=hold) for hold in ("zero_order", "first_order"))
     pairs = zip(moved, held, strict=True)
-    decay, before, after = (np.where(linear > 0, one, other) for one, other in pairs)
+    decay, before, after = (np.where(linear > 0, ramp, step) for ramp, step in pairs)
     state = np.empty(len(drive))
     for k in range(len(drive)):
         if fresh[k]:
@@ -212,3 +281,121 @@ def _twin(step, fresh, linear, drive, constant, start):
         else:
             state[k] = decay[k] * state[k - 1] + before[k] * drive[k - 1] + after[k] * drive[k]
     return state
+
+
+SEARCH = MissingEffect()  # the schema's defaults
+
+
+class Tolerance(NamedTuple):
+    """Standard deviations of what is known before the fit.
+
+    ocv_volt : error of the OCV table, smooth over `ocv_soc`. capacity : relative.
+    soc : of the state of charge at the start of a record. steep_soc : an error of the SoC that no
+    parameter follows, so that rows on a steep OCV count less. known : relative, of the scale of the
+    template of healthy cells in this cell (paired mode).
+    """
+
+    ocv_volt: float = SEARCH.ocv_volt_tolerance
+    ocv_soc: float = SEARCH.ocv_soc_tolerance
+    capacity: float = SEARCH.capacity_tolerance
+    soc: float = SEARCH.soc_tolerance
+    steep_soc: float = SEARCH.steep_soc_tolerance
+    known: float = SEARCH.known_tolerance
+
+
+def frees(stack, start, tolerance):
+    """Free parameters of the plain model.
+
+    Parameters
+    ----------
+    stack : records.Stack. start : dict of first values. tolerance : Tolerance.
+
+    Returns
+    -------
+    free : tuple of least_squares.Free, in the order of `base_names`; in paired mode the scale of
+        the template of healthy cells after them.
+    """
+    logs = [Free(name, LOG_STEP, start[name], LOG_STD[name], *_limits(name)) for name in LOGARITHMS]
+    capacity = Free("capacity", LOG_STEP / 10, 0.0, tolerance.capacity)
+    socs = [
+        Free(f"soc0[{k}]", SOC_STEP, soc, tolerance.soc) for k, soc in enumerate(stack.soc_at_start)
+    ]
+    knots = [Free(f"ocv[{k}]", VOLT_STEP) for k in range(OCV_KNOTS)]
+    scale = [Free("known", LOG_STEP, 1.0, tolerance.known)] if stack.template_volt.any() else []
+    return (*logs, capacity, *socs, *knots, *scale)
+
+
+def _limits(name):
+    low, high = TAU_SECOND.get(name.removeprefix("log_"), (1e-7, 10.0))
+    return np.log(low), np.log(high)
+
+
+def coupling(free, tolerance):
+    """Prior precision (k, k) of the OCV's error: of its tolerance's size, smooth over SoC."""
+    soc = np.linspace(0.0, 1.0, OCV_KNOTS)
+    near = np.exp(-0.5 * (np.subtract.outer(soc, soc) / tolerance.ocv_soc) ** 2)
+    covariance = tolerance.ocv_volt**2 * (near + OWN_KNOT**2 * np.eye(len(soc)))
+    precision = np.zeros((len(free), len(free)))
+    knots = [k for k, parameter in enumerate(free) if parameter.name.startswith("ocv[")]
+    precision[np.ix_(knots, knots)] = np.linalg.inv(covariance)
+    return precision
+
+
+def first_values(cell, stack):
+    """First values of a fit: resistances by linear regression at usual time constants.
+
+    Parameters
+    ----------
+    cell : Cell. stack : records.Stack.
+
+    Returns
+    -------
+    values : dict of all parameters of the plain model.
+    """
+    values = dict.fromkeys(base_names(len(stack.first)), 0.0) | {"known": 1.0}
+    values |= {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
+    return regressed(cell, stack, values)
+
+
+def regressed(cell, stack, values, effects=(), sizes=()):
+    """Values with the resistances estimated by linear regression, effects held at given values.
+
+    For a fit whose resistances have settled at a local optimum, a start beyond it.
+
+    Parameters
+    ----------
+    cell, stack : as above. values : dict. effects : sequence of Effect.
+    sizes : names of further parameters, zero or above, that the voltage is proportional to.
+    """
+    values = values | {name: float(np.log(tau)) for name, tau in FIRST_TAU_SECOND.items()}
+    without = values | dict.fromkeys(RESISTANCES, NO_LOG_OHM) | dict.fromkeys(sizes, 0.0)
+    volt = voltage(cell, stack, without, effects)
+    units = dict.fromkeys(RESISTANCES, np.log(UNIT)) | dict.fromkeys(sizes, UNIT)
+    columns = [
+        (voltage(cell, stack, without | {name: unit}, effects) - volt)[stack.used]
+        for name, unit in units.items()
+    ]
+    error = (stack.voltage_volt - volt)[stack.used]
+    sizes_by_name = dict(
+        zip(units, UNIT * _nonnegative(np.stack(columns, axis=1), error), strict=True)
+    )
+    floor = max(max(sizes_by_name.values()), 1e-5) / 30
+    logs = {name: float(np.log(max(sizes_by_name[name], floor))) for name in RESISTANCES}
+    return values | logs | {name: float(sizes_by_name[name]) for name in sizes}
+
+
+def _nonnegative(columns, target):
+    """Non-negative least squares by way of the normal equations: few columns, many rows."""
+    gram = columns.T @ columns
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    gram = gram / np.outer(size, size) + 1e-9 * np.eye(len(size))
+    root = np.linalg.cholesky(gram)
+    moment = np.linalg.solve(root, (columns.T @ target) / size)
+    return nnls(root.T, moment)[0] / size
+
+
+def steep_volt(cell, soc, tolerance):
+    """Error of a steep OCV by an error `steep_soc` of the SoC [V]: (n,); 0 where it is flat."""
+    slope = np.abs(cell.ocv_at(soc + 5e-3) - cell.ocv_at(soc - 5e-3)) / 0.01
+    usual = STEEP * abs(np.median(np.diff(cell.ocv_volt))) * (len(cell.ocv_volt) - 1)
+    return tolerance.steep_soc * np.maximum(slope - usual, 0.0)

@@ -1,58 +1,78 @@
-"""A cell as the search sees it: its records, its fits, its noise, and what is known beside them."""
+"""One cell as a case of the search: from its tests to the records fitted and those that judge.
+
+Also its fits, the noise of its residuals, and measurements that decide between tied effects.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, plain
+from cellwright.effects import base
 from cellwright.effects.judge import by_starts, rests_of, started
+from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.records import lacking
-from cellwright.effects.screen import candidates, screened
+from cellwright.effects.records import lacking, stacked
+from cellwright.effects.screen import candidates, chi_square_of, screened
 from cellwright.effects.search import State, frees_of
 from cellwright.effects.ties import offset_or_leak, rest_current, tie_of, with_partners
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
 from cellwright.numerics.statistics import rms
-from cellwright.protocols.ocv.gap import HYSTERESIS, SlowGap, shows_hysteresis
+from cellwright.protocols.ocv.gap import HYSTERESIS, SlowGap, shows_hysteresis, slow_gap
+from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.facts import of_first_checkup
+from cellwright.records.record import laid_out_to_fit
+from cellwright.records.thinning import averaged_to, thin
+from cellwright.refusal import Refusal
+from cellwright.settings import MissingEffect
 
-UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it tells nothing
+UNUSED_VOLT = 1e4  # error of a row that is not compared: so large that it has no weight
+KINDS = ("capacity", "hppc", "pulse_resistance", "drive")
+GRID = np.linspace(0.0, 1.0, 1001)
+EDGE_PART = 200.0  # a change of this part of a record's largest ends a steady stretch
+RATED_CAPACITY = 0.05  # tolerance of a capacity that nobody measured
+JUDGING = ("validation", "split")  # roles of tests that judge
+HOLDS = ("zero_order", "first_order")
+
+
+SEARCH = MissingEffect()  # the schema's defaults
 
 
 class Gates(NamedTuple):
     """When an effect counts; meaning and source in config/README.md (missing_effect)."""
 
-    refits: int = 8
-    bic: float = 10.0
-    validation_chi_square: float = 25.0
-    validation_fall: float = 0.03
-    visible_chi_square: float = 25.0
-    material_volt: float = 3e-4
-    material_share: float = 0.005
-    nothing_ratio: float = 1.15
-    nothing_volt: float = 1.5e-3
-    adequate_ratio: float = 1.3
-    adequate_closed: float = 0.85
-    partial_closed: float = 0.7
-    unknown_ratio: float = 1.5
-    tie_absolute: float = 6.0
-    tie_relative: float = 0.03
-    rounds: int = 4
-    most_slow_volt: float = 1.2e-3
-    most_slow_second: float = 300.0
-    steep_volt: float = 2e-3
+    refits: int = SEARCH.refits
+    bic: float = SEARCH.bic
+    validation_chi_square: float = SEARCH.validation_chi_square
+    validation_fall: float = SEARCH.validation_fall
+    visible_chi_square: float = SEARCH.visible_chi_square
+    material_volt: float = SEARCH.material_volt
+    material_share: float = SEARCH.material_share
+    nothing_ratio: float = SEARCH.nothing_ratio
+    nothing_volt: float = SEARCH.nothing_volt
+    adequate_ratio: float = SEARCH.adequate_ratio
+    adequate_closed: float = SEARCH.adequate_closed
+    partial_closed: float = SEARCH.partial_closed
+    unknown_ratio: float = SEARCH.unknown_ratio
+    tie_absolute: float = SEARCH.tie_absolute
+    tie_relative: float = SEARCH.tie_relative
+    rounds: int = SEARCH.rounds
+    most_slow_volt: float = SEARCH.most_slow_volt
+    most_slow_second: float = SEARCH.most_slow_second
+    steep_volt: float = SEARCH.steep_volt
 
 
 STEADY_C_RATE = 0.02
-LOGGED = {"current_offset", "leakage"}  # told apart by the current logged at rest
+LOGGED = {"current_offset", "leakage"}  # what the current logged at rest decides between
 SLOW = "slow_diffusion"
-FAR_LOG = 0.2  # of a resistance or time constant: beyond it kept derivatives mislead
+FAR_LOG = 0.2  # change of a log resistance or time constant up to which derivatives are kept
 
 
 class Filters(NamedTuple):
     """Whitening of both stacks by one noise, and which of their rows an rms error counts.
 
-    noise : noise.Noise. extra_volt : of `steep`. Rows on a steep end of the OCV, where a little
+    noise : noise.Noise. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV, where a
+    little
     charge is many millivolts, do not count.
     """
 
@@ -65,16 +85,16 @@ class Filters(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A cell, the records fitted and those that judge (records.Stack), tolerances and gates.
+    """A cell, its records fitted and those that judge (records.Stack), tolerances and gates.
 
-    gap : what the slow test's branches leave between them, slow_gap.SlowGap. The methods are those
-    that `search` asks of what it searches.
+    gap : voltage between the branches of the slow test, gap.SlowGap. The methods are those
+    that `search` needs.
     """
 
     cell: base.Cell
     fit: object
     validation: object
-    tolerance: plain.Tolerance = plain.Tolerance()
+    tolerance: base.Tolerance = base.Tolerance()
     gates: Gates = Gates()
     gap: SlowGap = SlowGap()
     polish_share: float = 0.3  # of the best J, from which a misled trial is refitted
@@ -82,18 +102,21 @@ class Case(NamedTuple):
     keeps_derivatives: bool = True
 
     def possible(self, library):
-        """Effects that the records excite and that current and voltage could ever show."""
-        excited = {key: one for key, one in library.items() if not not_excited(self, one)}
-        return {key: one for key, one in excited.items() if tie_of(one.id) is None}
+        """Effects, by key, that the records excite and that current and voltage can show."""
+        return {
+            key: effect
+            for key, effect in library.items()
+            if not not_excited(self, effect) and tie_of(effect.id) is None
+        }
 
     def begun(self):
         """Free parameters of the plain model, its first values, and filters of a first noise."""
-        values = plain.first_values(self.cell, self.fit)
-        free = plain.frees(self.fit, values, self.tolerance)
-        return free, values, filters_of(self, noise.FIRST, steep(self, values))
+        values = base.first_values(self.cell, self.fit)
+        free = base.frees(self.fit, values, self.tolerance)
+        return free, values, filters_of(self, noise.FIRST, extra_volt_of(self, values))
 
     def with_effect(self, free, effect):
-        """Free parameters beside those of an effect."""
+        """Free parameters with those of an effect after them."""
         return (*free, *frees_of(effect))
 
     def problem(self, effects, free, filters):
@@ -110,7 +133,7 @@ class Case(NamedTuple):
         return candidates(predict, solution.prediction, solution.values, further)
 
     def filters_for(self, residual, filters, earlier):
-        """Filters by the noise of a residual in which nothing is missing."""
+        """Filters by the noise of the residual of a model with all candidates in it."""
         limits = {
             name: getattr(self.gates, name) for name in ("most_slow_volt", "most_slow_second")
         }
@@ -127,11 +150,11 @@ class Case(NamedTuple):
         return screened(self, lined_up, before, possible, filters)
 
     def state(self, effects, solution, filters):
-        """How a fitted model does on the records that judge."""
+        """State of a fitted model: its errors on the records that judge."""
         return state_of(self, effects, solution, filters)
 
     def floor_volt(self, residual, filters, earlier):
-        """Noise that no model can explain: white as neighbouring rows show it, and slow [V]."""
+        """Noise that no model can explain: white, from neighbouring rows, and slow [V]."""
         if earlier:
             return earlier[0].floor_volt
         steady = STEADY_C_RATE * self.cell.capacity_ampere_hour
@@ -139,27 +162,26 @@ class Case(NamedTuple):
         return float(np.hypot(min(white, filters.noise.white_volt), filters.noise.slow_volt))
 
     def misled(self, before, trial):
-        """Whether resistances or time constants went far from where derivatives were taken."""
+        """Whether resistances or time constants moved too far for kept derivatives to hold."""
         then, now = before.solution.values, trial.state.solution.values
         return max(abs(now[name] - then[name]) for name in base.LOGARITHMS) > FAR_LOG
 
     def denied(self, trials):
-        """Keys of trials that something measured beside the records speaks against.
+        """Keys of trials that a measurement outside the fit contradicts.
 
-        The current logged at rest tells an offset from a leak. A gap between the branches of the
-        slow test that no resistance explains is hysteresis, which slow diffusion must not stand in
-        for.
+        The current logged at rest decides between an offset and a leak. A gap between the branches
+        of the slow test that no resistance explains is hysteresis, and no slow diffusion.
         """
-        told = {t.effect.id: _told(self, t) for t in trials if t.effect.id in LOGGED}
-        against = {name for name, word in told.items() if word not in (None, name)}
+        at_rest = {t.effect.id: _by_rest_current(self, t) for t in trials if t.effect.id in LOGGED}
+        denied = {name for name, effect in at_rest.items() if effect not in (None, name)}
         slow = [t for t in trials if t.effect.id == SLOW and _in_place_of_hysteresis(self, t)]
-        return against | {t.effect.key for t in slow}
+        return denied | {t.effect.key for t in slow}
 
     def ties(self, chosen, tied, denied, library):
         """The ties of a choice with their structural partners, without those that are denied."""
         values = chosen.state.solution.values
         tied = with_partners(chosen.effect.id, tied, library, values)
-        if chosen.effect.id in LOGGED and _told(self, chosen) is not None:
+        if chosen.effect.id in LOGGED and _by_rest_current(self, chosen) is not None:
             denied = denied | LOGGED
         return tuple(name for name in tied if name not in denied)
 
@@ -170,19 +192,20 @@ def not_excited(case, effect):
     return lacking(effect, case.fit, capacity) or lacking(effect, case.validation, capacity)
 
 
-def _told(case, trial):
-    """Which of an offset and a leak the log at rest says it is; None where it cannot tell."""
+def _by_rest_current(case, trial):
+    """Which of current offset and leak the log at rest shows; None where it does not decide."""
     name = trial.effect.names[0]
     size, std = trial.state.solution.values[name], stds(trial.state.solution)[name]
     rest = rest_current(case.fit, capacity_ampere_hour=case.cell.capacity_ampere_hour)
-    return offset_or_leak(rest, size_ampere=size, std_ampere=std)[0]
+    return offset_or_leak(rest, size_ampere=size, std_ampere=std)
 
 
 def _in_place_of_hysteresis(case, trial):
+    """Whether slow diffusion is fitted to a gap that is hysteresis by the slow test's branches."""
     values = trial.state.solution.values
-    own = sum(np.exp(values[name]) for name in ("log_r0", "log_r1", "log_r2"))
-    there = HYSTERESIS & {effect.id for effect in trial.state.effects}
-    return not there and shows_hysteresis(case.gap, own + values[f"{SLOW}.resistance_ohm"])
+    ohm = sum(np.exp(values[name]) for name in ("log_r0", "log_r1", "log_r2"))
+    modelled = HYSTERESIS & {effect.id for effect in trial.state.effects}
+    return not modelled and shows_hysteresis(case.gap, ohm + values[f"{SLOW}.resistance_ohm"])
 
 
 def problem_of(case, effects, free, filters):
@@ -192,22 +215,28 @@ def problem_of(case, effects, free, filters):
         case.fit.voltage_volt,
         filters.fit.apply,
         free,
-        plain.coupling(free, case.tolerance),
-        lambda values: _apart(case, effects, values),
+        base.coupling(free, case.tolerance),
+        lambda values: _of_own_rows(case, effects, values),
     )
 
 
-def _apart(case, effects, values):
-    """A start moves the rows of its record, every other knot of the OCV's error those around it."""
+def _of_own_rows(case, effects, values):
+    """Parameters that move rows of their own, for `Problem.apart`.
+
+    SoC at the start of a record: its rows. Every other knot of the OCV's error: those around it.
+    """
     soc = base.fields_of(case.cell, case.fit, values, effects).soc
-    left = base.left_knot(soc)
+    below = base.knot_below(soc)
     starts = [f"soc0[{k}]" for k in range(len(case.fit.first))]
     even, odd = ([f"ocv[{k}]" for k in range(first, base.OCV_KNOTS, 2)] for first in (0, 1))
-    return [(starts, case.fit.file), (even, (left + 1) // 2), (odd, left // 2)]
+    return [(starts, case.fit.file), (even, (below + 1) // 2), (odd, below // 2)]
 
 
 def state_of(case, effects, solution, filters):
-    """How a fitted model does on the records that judge; only their first rest is looked at."""
+    """State of a fitted model: its errors on the records that judge.
+
+    Of these records only the first rest enters a parameter, their SoC at the start.
+    """
     stack = case.validation
     pairs = [(k, case.fit.tests.index(t)) for k, t in enumerate(stack.tests) if t in case.fit.tests]
     rests = rests_of(case.cell, case.fit, solution)
@@ -228,19 +257,19 @@ def state_of(case, effects, solution, filters):
     )
 
 
-def steep(case, values):
-    """What each row of both stacks may err beyond noise [V]: on a steep OCV, or not compared."""
-    found = []
+def extra_volt_of(case, values):
+    """Error of each row of both stacks beyond noise [V]: on a steep OCV, or not compared."""
+    extra = []
     for stack in (case.fit, case.validation):
         socs = {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
         soc = base.fields_of(case.cell, stack, values | socs).soc
-        lost = np.where(stack.used, 0.0, UNUSED_VOLT)
-        found.append(lost + plain.steep_volt(case.cell, soc, case.tolerance))
-    return tuple(found)
+        unused = np.where(stack.used, 0.0, UNUSED_VOLT)
+        extra.append(unused + base.steep_volt(case.cell, soc, case.tolerance))
+    return tuple(extra)
 
 
 def filters_of(case, spread, extra):
-    """Filters for a noise. extra: of `steep`."""
+    """Filters of both stacks for a noise. extra: see `extra_volt_of`."""
     return Filters(
         spread,
         extra,
@@ -249,3 +278,136 @@ def filters_of(case, spread, extra):
         extra[0] <= case.gates.steep_volt,
         extra[1] <= case.gates.steep_volt,
     )
+
+
+class Prepared(NamedTuple):
+    """A case; notes on how it was made; caveats that weaken a proof by it, part of the verdict."""
+
+    case: Case
+    notes: tuple
+    caveats: tuple = ()
+
+
+def prepared(cell, basis, tests, *, tolerance, gates, settings):
+    """Case of a cell's tests: laid out over SoC, thinned, and divided into fitted and judging.
+
+    Tests of role fit are fitted, of role validation judge; of a split test the odd blocks are
+    fitted and the even ones judge. Where no test judges, every third one is kept out of the fit
+    for it, so that rates and temperatures stay on both sides.
+
+    Parameters
+    ----------
+    cell : CellFacts. basis : dict, from `basis.basis`.
+    tests : list of MeasuredTest. tolerance : base.Tolerance. gates : Gates.
+    settings : dict with most_rows, split_rest_second.
+
+    Returns
+    -------
+    prepared : Prepared.
+
+    Raises
+    ------
+    Refusal : no OCV, nothing to fit, or nothing that judges.
+    """
+    if not basis["ocv"]:
+        raise Refusal(
+            "no OCV curve: no slow test of the cell or its type, and no rests that tell one"
+        )
+    fitted, judging, notes = _sides(cell, basis, tests, settings)
+    if basis["capacity_source"] == "rating":
+        tolerance = tolerance._replace(capacity=RATED_CAPACITY)
+        notes.append("no measured capacity: the rating, to 5 %")
+    curve = _curve_at_reference(basis)
+    caveats = (*_stand_in(tests, judging), *_of_rests(curve, judging))
+    capacity = basis["capacity_ampere_hour"]
+    most = settings["most_rows"]
+    fitted, judging = _thinned(fitted, most, capacity), _thinned(judging, most, capacity)
+    measured = base.Cell(capacity, np.interp(GRID, curve["soc"], curve["ocv_volt"]))
+    sides = (fitted, judging)
+    cases = []
+    for hold in HOLDS:
+        both = [stacked(side, capacity_ampere_hour=capacity, hold=hold) for side in sides]
+        cases.append(Case(measured, *both, tolerance, gates, slow_gap(curve)))
+    return Prepared(min(cases, key=_misfit), tuple(notes), caveats)
+
+
+def _sides(cell, basis, tests, settings):
+    """Records that are fitted and that judge, with notes on those that cannot be used."""
+    young, later = of_first_checkup(tests)
+    fitted, judging, notes = [], [], [f"not used, of a later check-up: {n}" for n in later]
+    for test in young:
+        role, given = test.facts.role, (test, basis, cell, settings)
+        try:
+            fitted += [] if role == "validation" else [_record(*given)]
+            judging += [_record(*given, proof=True)] if role in JUDGING else []
+        except Refusal as refusal:
+            notes.append(f"not used: {test.facts.test}: {refusal}")
+    if not judging and len(fitted) >= 3:
+        kept = [k for k in range(len(fitted)) if k % 3 == (k // 3) % 3]
+        judging = [fitted[k] for k in kept]
+        fitted = [record for k, record in enumerate(fitted) if k not in kept]
+        names = ", ".join(record.test for record in judging)
+        notes.append(f"no test of role validation: {names} judged instead, and were not fitted")
+    if not fitted or not judging:
+        which = "fitted" if not fitted else "kept out of the fit for validation"
+        raise Refusal(f"no test can be {which}; {'; '.join(notes)}")
+    return fitted, judging, notes
+
+
+def _record(test, basis, cell, settings, *, proof=False):
+    # What the instrument read, with what cleaning did not count: an offset is one of the effects.
+    cut = {"split_rest_second": settings["split_rest_second"]}
+    return laid_out_to_fit(test, basis, cell, proof=proof, as_read=True, **cut)
+
+
+def _curve_at_reference(basis):
+    """OCV curve of the temperature nearest 25 °C."""
+
+    def distance_kelvin(curve):
+        celsius = curve["ambient_temperature_celsius"]
+        return abs(REFERENCE_CELSIUS - (REFERENCE_CELSIUS if celsius is None else celsius))
+
+    return min(basis["ocv"], key=distance_kelvin)
+
+
+def _stand_in(tests, judging):
+    """Caveat of a cell without a test for validation, where others judge."""
+    if not any(test.facts.role in JUDGING for test in tests):
+        names = ", ".join(record.test for record in judging)
+        yield f"No test of this cell is for validation: {names} judged, unfitted; that is no proof."
+
+
+def _of_rests(curve, judging):
+    """Caveat of an OCV that is from a test's own rests."""
+    if curve.get("branches") == "rests":
+        judges = any(record.test == curve["test"] for record in judging)
+        also = "it is one of those that judge" if judges else "what they had not relaxed is in it"
+        yield f"The open-circuit voltage is from the rests of {curve['test']}: {also}."
+
+
+def _thinned(records, most_rows, capacity_ampere_hour):
+    """Records thinned for the search: whole seconds, steady stretches sparse, `most_rows`."""
+
+    def sparse(record):
+        largest = np.abs(np.diff(record.current_ampere)).max(initial=0.0)
+        return thin(
+            record, step_ampere=largest / EDGE_PART, capacity_ampere_hour=capacity_ampere_hour
+        )
+
+    return averaged_to(records, most_rows=most_rows, thinned=sparse)
+
+
+def _misfit(case):
+    """Chi-square of the plain model on the records fitted, the least over delays of the voltage.
+
+    Without the delays, a time skew of the readings would choose the hold that imitates it.
+    """
+    values = base.first_values(case.cell, case.fit)
+    filters = filters_of(case, noise.FIRST, extra_volt_of(case, values))
+    skew = LIBRARY["time_skew"]
+    costs = [chi_square_of(case, values, (), filters)]
+    for start in skew.starts:
+        skewed = values | {skew.names[0]: start["voltage_delay_second"]}
+        skewed = base.regressed(case.cell, case.fit, skewed, (skew,))
+        costs.append(chi_square_of(case, skewed, (skew,), filters))
+    return min(costs)

@@ -1,4 +1,4 @@
-"""How a fitted model does on records that took no part in its fit, and where it disagrees."""
+"""Error of a fitted model on records that took no part in its fit, and where it lies."""
 
 from typing import NamedTuple
 
@@ -9,29 +9,33 @@ from cellwright.effects.records import LOADED_C_RATE
 from cellwright.numerics.statistics import rms
 
 READ_VOLT = 2e-3  # of a single reading at rest
-LEAST_SLOPE_VOLT = 1e-3  # of the OCV over the whole SoC, below which a rest tells nothing
+LEAST_SLOPE_VOLT = 1e-3  # of the OCV over the whole SoC; below it a rest shows no SoC
 PASSES = 3
 SETTLED_SOC = 1e-5  # a change below it ends them
 SOC_STEP = 2e-4
 ALIKE_SOC = 0.02  # between two rests whose OCV errs alike
+BANDS = 10  # of the SoC
+LOW_C_RATE, HIGH_C_RATE = 0.05, 0.7
+RATES = ("rest", "discharge_low", "discharge_high", "charge_low", "charge_high")
+LEAST_ROWS = 5
 
 
 class Rests(NamedTuple):
-    """First rests of fitted records: soc [1], and the mean error of the model in each [V]."""
+    """First rests of fitted records: their SoC [1], and the mean error of the model in each [V]."""
 
     soc: np.ndarray
     error_volt: np.ndarray
 
 
 def rests_of(cell, stack, solution):
-    """First rests of the records that were fitted.
+    """SoC and mean error of the first rests of the records that were fitted: Rests.
 
-    Their starts were found by all of their rows, so that what is left of these rests is how far the
-    OCV is off there; it is steepest, and least known, where most records begin.
+    Their SoC at the start was fitted to all of their rows, so that the residual of these rests is
+    the error of the OCV there; it is steepest, and least certain, where most records begin.
 
     Parameters
     ----------
-    cell : base.Cell. stack : records.Stack. solution : problem.Solution of it.
+    cell : base.Cell. stack : records.Stack. solution : least_squares.Solution of it.
 
     Returns
     -------
@@ -46,24 +50,25 @@ def rests_of(cell, stack, solution):
 
 
 def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
-    """SoC at the start of each record from its first rest, weighed against what is stated.
+    """Values with the SoC at the start of each record: of its first rest and as stated, weighted.
 
     Nothing else of these records enters a parameter.
 
     Parameters
     ----------
     cell : base.Cell. stack : records.Stack. values : dict. effects : sequence of Effect.
-    tolerance : plain.Tolerance. shared : (number here, number in the fit) of records of which one
-        part was fitted and another judges: they have one start, and the fit has found it.
+    tolerance : base.Tolerance. shared : (number here, number in the fit) of records of which one
+        part was fitted and another judges: they have one start, that of the fit.
     rests : Rests of the records fitted: a rest at a SoC near by is taken to have their error.
 
     Returns
     -------
     values : dict, with the starts of this stack in the place of others.
     """
+    # Within the tolerance: a model that lacks an effect may fit a start far beyond it.
+    least, most = stack.soc_at_start - tolerance.soc, stack.soc_at_start + tolerance.soc
     shared_starts = {
-        f"soc0[{k}]": _near(values[f"soc0[{n}]"], stack.soc_at_start[k], tolerance.soc)
-        for k, n in shared
+        f"soc0[{k}]": float(np.clip(values[f"soc0[{n}]"], least[k], most[k])) for k, n in shared
     }
     values = values | {f"soc0[{k}]": float(s) for k, s in enumerate(stack.soc_at_start)}
     values = values | shared_starts
@@ -75,8 +80,8 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
             name, stated = f"soc0[{k}]", stack.soc_at_start[k]
             rest = _first_rest(stack, k, loaded)
             beyond = error[rest] - _error_near(values[name], rests)
-            known = _weighed(cell, values[name], stated, beyond, tolerance)
-            values = values | {name: shared_starts.get(name, known)}
+            soc = _start_soc(cell, values[name], stated, beyond, tolerance)
+            values = values | {name: shared_starts.get(name, soc)}
         starts = [f"soc0[{k}]" for k in range(len(stack.first))]
         if max(abs(values[name] - earlier[name]) for name in starts) < SETTLED_SOC:
             break
@@ -84,15 +89,15 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
 
 
 def by_starts(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
-    """Chi-square of a residual that errors of the starts explain, each as likely as it is.
+    """Chi-square of a residual that errors of the SoC at the starts explain, their priors held.
 
-    A start that is known to a millivolt only moves the whole record by one. That is no noise of
-    single rows, and without this an effect that moves a record, too, would take it for proof.
+    A start that is known to a millivolt moves the whole record by as much. That is no noise of
+    single rows; counted as such, it would be proof of an effect that also moves whole records.
 
     Parameters
     ----------
-    cell, stack, effects, tolerance, shared : as in `started`. values : with the starts that it
-    gave. prediction : (n,) voltage at them [V]. whitening : noise.Whitening.
+    cell, stack, effects, tolerance, shared : as in `started`. values : with the starts of
+    `started`. prediction : (n,) voltage at them [V]. whitening : noise.Whitening.
 
     Returns
     -------
@@ -106,8 +111,8 @@ def by_starts(cell, stack, values, effects, tolerance, prediction, whitening, sh
     for k in sorted(set(range(len(starts))) - fitted):
         column, error = both[stack.file == k].T
         rows = len(_first_rest(stack, k, loaded))
-        known = sum(_weights(_slope(cell, values[starts[k]]), rows, tolerance))
-        fall += (column @ error) ** 2 / (column @ column + known)
+        precision = sum(_precisions(_slope(cell, values[starts[k]]), rows, tolerance))
+        fall += (column @ error) ** 2 / (column @ column + precision)
     return float(fall)
 
 
@@ -116,16 +121,11 @@ def _loaded(cell, stack):
 
 
 def _error_near(soc, rests):
-    """Mean error of rests near a SoC [V]; a rest without error is counted with them."""
+    """Mean error of the rests near a SoC [V], one more rest without error among them."""
     if rests is None:
         return 0.0
     near = rests.error_volt[np.abs(rests.soc - soc) <= ALIKE_SOC]
     return float(near.sum() / (len(near) + 1))
-
-
-def _near(fitted, stated, tolerance):
-    """A start from the fit, within the tolerance: a model that lacks much moves it far beyond."""
-    return float(np.clip(fitted, stated - tolerance, stated + tolerance))
 
 
 def _first_rest(stack, k, loaded):
@@ -134,36 +134,29 @@ def _first_rest(stack, k, loaded):
     return rows[: int(np.argmax(loaded[rows])) if loaded[rows].any() else len(rows)]
 
 
-def _weighed(cell, soc, stated, error, tolerance):
+def _start_soc(cell, soc, stated, error, tolerance):
+    """SoC at a start [1]: as stated and by the error of its rest [V], weighted."""
     slope = _slope(cell, soc)
-    known, told = _weights(slope, len(error), tolerance)
-    return (
-        stated
-        if not told
-        else (stated * known + (soc + error.mean() / slope) * told) / (known + told)
-    )
+    by_sheet, by_rest = _precisions(slope, len(error), tolerance)
+    if not by_rest:
+        return stated
+    return (stated * by_sheet + (soc + error.mean() / slope) * by_rest) / (by_sheet + by_rest)
 
 
 def _slope(cell, soc):
-    """Slope of the OCV [V]."""
+    """Slope of the OCV over SoC [V]."""
     return float(np.diff(cell.ocv_at(soc + np.array([-0.005, 0.005])))[0]) / 0.01
 
 
-def _weights(slope, rows, tolerance):
-    """Precision of a start as it is stated, and as a rest of so many rows tells it."""
+def _precisions(slope, rows, tolerance):
+    """Precisions of the SoC at a start: as stated, and by a rest of so many rows."""
     if not rows or abs(slope) < LEAST_SLOPE_VOLT:
         return tolerance.soc**-2.0, 0.0
     return tolerance.soc**-2.0, slope**2 / (READ_VOLT**2 / rows + tolerance.ocv_volt**2)
 
 
-BANDS = 10  # of the SoC
-LOW_C_RATE, HIGH_C_RATE = 0.05, 0.7
-RATES = ("rest", "discharge_low", "discharge_high", "charge_low", "charge_high")
-LEAST_ROWS = 5
-
-
 def rate_of(current_ampere, capacity_ampere_hour):
-    """Number of the class of RATES of each row."""
+    """Class of the current of each row: index into RATES."""
     rate = np.asarray(current_ampere) / capacity_ampere_hour
     size = np.abs(rate)
     high = (size > HIGH_C_RATE).astype(int)
@@ -171,7 +164,7 @@ def rate_of(current_ampere, capacity_ampere_hour):
 
 
 def residual_map(stack, role, soc, before, after, capacity_ampere_hour, rows):
-    """RMS and mean of what two models leave, over record, band of the SoC and class of the rate.
+    """RMS and mean residual of two models [V], by record, band of the SoC and class of the rate.
 
     Parameters
     ----------
@@ -181,15 +174,15 @@ def residual_map(stack, role, soc, before, after, capacity_ampere_hour, rows):
 
     Returns
     -------
-    found : dict of lists, one entry a class that holds five rows or more.
+    residuals : dict of lists, one entry a class that holds five rows or more.
     """
     band = np.clip((soc * BANDS).astype(int), 0, BANDS - 1)
     rate = rate_of(stack.current_ampere, capacity_ampere_hour)
     key = (stack.file * BANDS + band) * len(RATES) + rate
     entries = []
     for number in np.unique(key[rows]):
-        here = rows & (key == number)
-        if here.sum() < LEAST_ROWS:
+        inside = rows & (key == number)
+        if inside.sum() < LEAST_ROWS:
             continue
         file, rest = divmod(int(number), BANDS * len(RATES))
         low, kind = divmod(rest, len(RATES))
@@ -200,25 +193,26 @@ def residual_map(stack, role, soc, before, after, capacity_ampere_hour, rows):
                 "soc_low": low / BANDS,
                 "soc_high": (low + 1) / BANDS,
                 "rate": RATES[kind],
-                "temperature_celsius": float(stack.celsius[here].mean()),
-                "rows": int(here.sum()),
-                "before_rms_volt": rms(before[here]),
-                "before_mean_volt": float(before[here].mean()),
-                "after_rms_volt": rms(after[here]),
-                "after_mean_volt": float(after[here].mean()),
+                "temperature_celsius": float(stack.celsius[inside].mean()),
+                "rows": int(inside.sum()),
+                "before_rms_volt": rms(before[inside]),
+                "before_mean_volt": float(before[inside].mean()),
+                "after_rms_volt": rms(after[inside]),
+                "after_mean_volt": float(after[inside].mean()),
             }
         )
     return {name: [entry[name] for entry in entries] for name in entries[0]} if entries else {}
 
 
-def joined(maps):
-    """Several maps as one."""
-    maps = [one for one in maps if one]
-    return {name: [v for one in maps for v in one[name]] for name in maps[0]} if maps else {}
+def joined(tables):
+    """Tables (dicts of lists) one below the other, without the empty ones."""
+    tables = [table for table in tables if table]
+    names = tables[0] if tables else ()
+    return {name: [value for table in tables for value in table[name]] for name in names}
 
 
 def worst(residuals, floor_volt):
-    """The class that holds the largest share of what is left beyond the floor, or None.
+    """The class with the largest share of the residual beyond the floor, or None.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""A found model with its effects as a member of a cell's model file, judged like any other.
+"""The model of a search, with its effects, as a member of a cell's model file.
 
-What a circuit can hold is asked of the found model itself, at every knot of SoC and every
-temperature; the rest goes into the blocks of `cellwright.circuits.instrument`.
+Resistances, branches and OCV are read off that model at every knot of SoC and every temperature;
+what no circuit holds goes into the blocks of `cellwright.circuits.instrument`.
 """
 
 from itertools import pairwise
@@ -11,8 +11,8 @@ import numpy as np
 from cellwright.circuits.instrument import FOLLOWS, words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
-from cellwright.effects import base, plain
-from cellwright.effects.case import filters_of, problem_of, steep
+from cellwright.effects import base
+from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.overpotential import DIFFUSION_KINDS
 from cellwright.effects.library.vocabulary import in_order
@@ -28,7 +28,6 @@ from cellwright.identification.choice import (
     inner_rmse,
 )
 from cellwright.numerics.least_squares import fit
-from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import blocks, cell_temperature, record_of
 from cellwright.refusal import Refusal
@@ -40,57 +39,60 @@ PROBED = ("counting", "resistance", "ocv")  # stages that a circuit holds by its
 SAME_KELVIN, FURTHEST_KELVIN = 2.0, 15.0
 
 
-def effect_member(found, model, celsius, library=LIBRARY):
-    """Member of a model file that gives the voltages of a found model.
+def effect_member(effect_model, model, celsius, library=LIBRARY):
+    """Member of a model file that gives the voltages of the model of a search.
 
     Parameters
     ----------
-    found : dict, see `finding.Finding`: capacity_ampere_hour, ocv_soc, ocv_volt, hold, values, std
+    effect_model : dict, see `finding.Finding`: capacity_ampere_hour, ocv_soc, ocv_volt, hold,
+        values, std
         and effects (ids).
     model : dict of schema cellwright-model/2, whose capacity and OCV tables it stands beside.
     celsius : temperatures at which it has conditions [degC].
-    library : dict of Effect by id, which has the effects of the found model.
+    library : dict of Effect by id, which has the effects of that model.
 
     Returns
     -------
-    member : dict; its conditions say nothing of how well they fit yet.
+    member : dict; its conditions have no error of the fit yet.
 
     Raises
     ------
     Refusal : an effect that the library does not have, or OCV knots that are not even.
     """
-    unknown = [name for name in found["effects"] if name not in library]
+    unknown = [name for name in effect_model["effects"] if name not in library]
     if unknown:
         raise Refusal(f"effects {', '.join(unknown)} are not in the library")
-    effects = in_order([library[name] for name in found["effects"]], library)
+    effects = in_order([library[name] for name in effect_model["effects"]], library)
     for effect in effects:
         _check_place(effect)
-    cell = base.Cell(found["capacity_ampere_hour"], np.asarray(found["ocv_volt"], float))
-    spacing = np.diff(found["ocv_soc"])
+    cell = base.Cell(
+        effect_model["capacity_ampere_hour"], np.asarray(effect_model["ocv_volt"], float)
+    )
+    spacing = np.diff(effect_model["ocv_soc"])
     if np.ptp(spacing) > 1e-6:
         raise Refusal(f"OCV knots are {spacing.min():g} to {spacing.max():g} apart, wanted even")
-    conditions = [_condition(cell, found, effects, model["ocv"], float(t)) for t in celsius]
+    conditions = [_condition(cell, effect_model, effects, model["ocv"], float(t)) for t in celsius]
     tested = cell.capacity_ampere_hour / model["capacity_ampere_hour"]
-    tested = tested * (1.0 + found["values"].get("capacity", 0.0))
+    tested = tested * (1.0 + effect_model["values"].get("capacity", 0.0))
     return {
         "model": NAME,
-        "effects": list(found["effects"]),
+        "effects": list(effect_model["effects"]),
         "left_out_rmse_volt": None,
-        "hold": found["hold"],
+        "hold": effect_model["hold"],
         "conditions": conditions,
-        **_blocks(effects, found["values"], tested, conditions[0]["branches"]),
+        **_blocks(effects, effect_model["values"], tested, conditions[0]["branches"]),
     }
 
 
 def _check_place(effect):
-    """Refuses an effect that neither a course, a branch nor a block of a member would hold."""
+    """Refuse an effect that is in no course, branch or block of a member."""
     if effect.stage in ("resistance", "ocv") or effect.circuit or effect.blocks:
         return
     raise Refusal(f"effect {effect.id!r} has no place in a model file: see docs/add-an-effect.md")
 
 
 def temperatures(courses, stated, effects):
-    """Temperatures at which a member has conditions: those tested, and what lies between them.
+    """Temperatures at which a member has conditions: those tested, and some between them [degC].
 
     Parameters
     ----------
@@ -100,31 +102,32 @@ def temperatures(courses, stated, effects):
         that was measured counts as well: there a look-up is straight in 1/T, and ends.
     """
     means = [
-        float(np.mean(course)) if known is None else float(known)
-        for course, known in zip(courses, stated, strict=True)
+        float(np.mean(course)) if chamber is None else float(chamber)
+        for course, chamber in zip(courses, stated, strict=True)
     ]
-    kept = _apart(sorted(means))
+    kept = _distinct(sorted(means))
     if "entropic_ocv" not in effects:
         return kept
     ends = [float(np.floor(min(c.min() for c in courses)))]
     ends += [float(np.ceil(max(c.max() for c in courses)))]
-    known = _apart(sorted([*kept, *ends]))
-    counts = [(a, b, int(np.ceil((b - a) / FURTHEST_KELVIN))) for a, b in pairwise(known)]
+    measured = _distinct(sorted([*kept, *ends]))
+    counts = [(a, b, int(np.ceil((b - a) / FURTHEST_KELVIN))) for a, b in pairwise(measured)]
     inner = [a + (b - a) * k / count for a, b, count in counts for k in range(count)]
-    return [*inner, known[-1]]
+    return [*inner, measured[-1]]
 
 
-def _apart(ordered):
-    found = ordered[:1]
-    for one in ordered[1:]:
-        found += [one] if one - found[-1] > SAME_KELVIN else []
-    return found
+def _distinct(ordered):
+    """Sorted temperatures without those within 2 K above the one before [degC]."""
+    kept = ordered[:1]
+    for celsius in ordered[1:]:
+        kept += [celsius] if celsius - kept[-1] > SAME_KELVIN else []
+    return kept
 
 
-def _condition(cell, found, effects, tables, celsius):
-    """Resistances, branches and OCV of the found model at one temperature."""
-    values, std = found["values"], found.get("std", {})
-    out, back = (_probed(cell, found, effects, celsius, sign) for sign in (-1.0, 1.0))
+def _condition(cell, effect_model, effects, tables, celsius):
+    """Resistances, branches and OCV of the model of a search at one temperature."""
+    values, std = effect_model["values"], effect_model.get("std", {})
+    out, back = (_probed(cell, effect_model, effects, celsius, sign) for sign in (-1.0, 1.0))
     gain = 1.0 + values.get("current_gain.gain_relative", 0.0)
     r0, excess = np.minimum(out.r0, back.r0), out.r0 - back.r0
     branches = [
@@ -134,7 +137,7 @@ def _condition(cell, found, effects, tables, celsius):
     if np.any(excess != 0.0):
         ways = {"r_charge_ohm": np.maximum(-excess, 0.0), "r_discharge_ohm": np.maximum(excess, 0)}
         branches.append(_branch("R_two_way", None, **ways))
-    for effect in (one for one in effects if one.circuit):
+    for effect in (e for e in effects if e.circuit):
         r0, kind, parameters = effect.circuit(effect.sizes_of(values), r0, out.capacity / gain)
         branches.append(_branch(kind, None, **parameters))
     shift = out.ocv - continued_ocv_at(tables, KNOTS, celsius)
@@ -146,31 +149,32 @@ def _condition(cell, found, effects, tables, celsius):
         "branches": branches,
         "ocv_shift_volt": _listed(shift),
         "ocv_scale": {"missing": 0.0, "stretch": 0.0},
-        "activation_energy_joule_per_mole": _energy(cell, found, effects, celsius),
+        "activation_energy_joule_per_mole": _energy(cell, effect_model, effects, celsius),
         "at_bound": [],
     }
 
 
-def _probed(cell, found, effects, celsius, sign):
-    """Fields of the found model at every knot, at rest but for the sign of the current."""
+def _probed(cell, effect_model, effects, celsius, sign):
+    """Fields of the model of a search at every knot of SoC, at C/1000 of the sign given."""
     capacity = cell.capacity_ampere_hour
     current = sign * 1e-3 * capacity
     rows = [record_of([0.0], [current], [0.0], soc, celsius=celsius) for soc in KNOTS]
-    stack = stacked(rows, capacity_ampere_hour=capacity, hold=found["hold"])
+    stack = stacked(rows, capacity_ampere_hour=capacity, hold=effect_model["hold"])
     starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(KNOTS)}
     held = [effect for effect in effects if effect.stage in PROBED]
-    return base.fields_of(cell, stack, found["values"] | starts, held)
+    return base.fields_of(cell, stack, effect_model["values"] | starts, held)
 
 
-def _energy(cell, found, effects, celsius):
+def _energy(cell, effect_model, effects, celsius):
     """Activation energy of the sum of the resistances at half charge [J/mol]."""
     kelvin = celsius + ZERO_CELSIUS_KELVIN + np.array([-0.5, 0.5])
-    fields = [_probed(cell, found, effects, t - ZERO_CELSIUS_KELVIN, -1.0) for t in kelvin]
-    logs = [np.log(_total(one)) for one in fields]
+    fields = [_probed(cell, effect_model, effects, t - ZERO_CELSIUS_KELVIN, -1.0) for t in kelvin]
+    logs = [np.log(_total_ohm(at_celsius)) for at_celsius in fields]
     return float(GAS_CONSTANT * (logs[0] - logs[1]) / (1.0 / kelvin[0] - 1.0 / kelvin[1]))
 
 
-def _total(fields):
+def _total_ohm(fields):
+    """Sum of the ohmic resistance and those of both RC pairs at half charge [ohm]."""
     return sum(
         np.broadcast_to(r, KNOTS.shape)[len(KNOTS) // 2] for r in (fields.r0, fields.r1, fields.r2)
     )
@@ -195,29 +199,29 @@ def _spread(value, relative):
 
 
 def _blocks(effects, values, tested, branches):
-    """What no circuit holds; a name stands only where its effect was found."""
+    """Blocks of a member: what no circuit holds, of the effects in the model alone."""
     sizes = {"capacity_relative": tested - 1.0, "capacity_test_relative": tested - 1.0}
     blocks = {"counting": {name: float(size) for name, size in sizes.items()}}
-    for effect in (one for one in effects if one.blocks):
+    for effect in (e for e in effects if e.blocks):
         blocks = effect.blocks(effect.sizes_of(values), blocks)
     if any(branch["kind"] in FOLLOWS for branch in branches):
         blocks["history"] = {"near_end_soc": NEAR_END}
     if "own_heat" in blocks:
-        # The heat was that of the plain circuit: what slow diffusion loses was not among it.
-        apart = [k for k, one in enumerate(branches, 1) if one["kind"] in DIFFUSION_KINDS]
-        blocks["own_heat"] |= {"branches_apart": apart[PLAIN_PAIRS:]}
+        # The search takes the heat of the plain circuit, without the loss of slow diffusion.
+        diffusion = [k for k, b in enumerate(branches, 1) if b["kind"] in DIFFUSION_KINDS]
+        blocks["own_heat"] |= {"branches_apart": diffusion[PLAIN_PAIRS:]}
     return blocks
 
 
 def folds(case, state, noise, *, split_rest_second):
-    """Values of a found model without each fold of the blocks, a block being a load and its rest.
+    """Model of a search fitted without each fold of its blocks, a block being a load and its rest.
 
     Every fourth block is left out together with its like, as in the choice between members of the
-    circuit family (`models.selection.left_out`). Effects and noise stay as found.
+    circuit family (`identification.choice`). Effects and noise stay as they are.
 
     Parameters
     ----------
-    case : Case. state : case.State, the model with its effects. noise : noise.Noise.
+    case : case.Case. state : search.State, the model with its effects. noise : noise.Noise.
     split_rest_second : shortest rest that ends a block [s].
 
     Returns
@@ -229,23 +233,24 @@ def folds(case, state, noise, *, split_rest_second):
     count = min(FOLDS, len(spans))
     if count < 2:
         return []
-    values = plain.first_values(case.cell, case.fit)
-    own = [one for effect in state.effects for one in frees_of(effect)]
-    free = (*plain.frees(case.fit, values, case.tolerance), *own)
-    renew = tuple(one.name for one in own)
-    found = []
+    values = base.first_values(case.cell, case.fit)
+    of_effects = [parameter for effect in state.effects for parameter in frees_of(effect)]
+    free = (*base.frees(case.fit, values, case.tolerance), *of_effects)
+    renew = tuple(parameter.name for parameter in of_effects)
+    folds = []
     for fold in range(count):
         kept = case.fit.used & (numbers % count != fold)
         part = case._replace(fit=case.fit._replace(used=kept))
-        filters = filters_of(part, noise, steep(part, values))
+        filters = filters_of(part, noise, extra_volt_of(part, values))
         problem = problem_of(part, state.effects, free, filters)
         start = state.solution
         solution = fit(
             problem, start.values, columns=start.columns, renew=renew, steps=POLISH_STEPS
         )
-        left = [span for number, span in enumerate(spans) if number % count == fold]
-        found.append({"values": _plain(solution.values), "blocks": left})
-    return found
+        blocks_of_fold = [span for number, span in enumerate(spans) if number % count == fold]
+        values_of_fold = {name: float(value) for name, value in solution.values.items()}
+        folds.append({"values": values_of_fold, "blocks": blocks_of_fold})
+    return folds
 
 
 def _blocks_of_case(case, rest_second):
@@ -256,57 +261,54 @@ def _blocks_of_case(case, rest_second):
         rows = np.flatnonzero(stack.file == file)
         second, current = stack.second[rows], stack.current_ampere[rows]
         block = blocks(second, current, rest_second=rest_second, rest_ampere=rest_ampere)
-        for one in np.unique(block[stack.used[rows]]):
-            inside = rows[block == one]
+        for number in np.unique(block[stack.used[rows]]):
+            inside = rows[block == number]
             numbers[inside] = len(spans)
             spans.append([test, float(stack.second[inside[0]]), float(stack.second[inside[-1]])])
     return numbers, spans
 
 
-def _plain(values):
-    return {name: float(value) for name, value in values.items()}
-
-
-def finished(model, basis, cell, tests, found, *, split_rest_second):
-    """A cell's model as the pipeline uses it: with the effects found, and its member chosen.
+def finished(model, basis, cell, tests, effect_model, *, split_rest_second):
+    """A cell's model as the pipeline uses it: its member of the effects added, and one chosen.
 
     Parameters
     ----------
     model : dict of schema cellwright-model/2, from whatever source.
     basis : dict, from `basis.basis`. cell : CellFacts.
     tests : list of MeasuredTest: those fitted, and those that effects were searched in.
-    found : dict, see `with_effects`, or None where nothing was searched.
+    effect_model : dict, see `with_effects`, or None where nothing was searched.
     split_rest_second : shortest rest that cuts a record of role `split` [s].
 
     Returns
     -------
-    model : dict of the same schema. rows : list of dict, see `models.choice.decided`; none for a
+    model : dict of the same schema. rows : list of dict, see `identification.choice.decided`;
+        none for a
         borrowed model, whose cell has no records that its members were fitted to.
     """
     if not model.get("left_out"):
         return model, []
     conditions = fitted_records(model, basis, cell, tests, split_rest_second=split_rest_second)
     searched = {}
-    if found and found["effects"]:
+    if effect_model and effect_model["effects"]:
         try:
-            model, searched[NAME] = with_effects(model, found, tests, conditions)
+            model, searched[NAME] = with_effects(model, effect_model, tests, conditions)
         except Refusal as refusal:
             model = model | {"notes": [*model["notes"], f"{NAME} not made: {refusal}"]}
     return decided(model, conditions, searched)
 
 
-def with_effects(model, found, tests, conditions):
-    """A cell's model with a member that holds the effects found, and how that member does.
+def with_effects(model, effect_model, tests, conditions):
+    """A cell's model with a member that holds the effects of a search, and its error by blocks.
 
     Every block of the records fitted is predicted by the effects' model fitted without that block;
     a record that took no part in the search's fit by the model as it is. A record begins at the SoC
-    that was found with the rest of it, as the family's members have its error in their OCV.
+    that was fitted with the rest of it, as the family's members have its error in their OCV.
 
     Parameters
     ----------
     model : dict of schema cellwright-model/2.
-    found : dict, see `model.effect_member`, with `tests` (of the search's fit) and `folds`
-        (`left_out.folds`).
+    effect_model : dict, see `effect_member`, with `tests` (of the search's fit) and `folds`
+        (see `folds`).
     tests : list of MeasuredTest, whose temperatures the member is to hold.
     conditions : list of lists of choice.FittedRecord, one a condition of the model.
 
@@ -321,55 +323,57 @@ def with_effects(model, found, tests, conditions):
     """
     courses = [cell_temperature(*test)[0] for test in tests]
     stated = [test.facts.ambient_temperature_celsius for test in tests]
-    known = temperatures(courses, stated, found["effects"])
-    fits = [found, *(found | {"values": one["values"]} for one in found["folds"])]
-    models = [_with(model, effect_member(one, model, known)) for one in fits]
-    errors = [[_errors(one, models, fits) for one in part] for part in conditions]
+    celsius = temperatures(courses, stated, effect_model["effects"])
+    folds = effect_model["folds"]
+    fits = [effect_model, *(effect_model | {"values": fold["values"]} for fold in folds)]
+    members = [effect_member(fit, model, celsius) for fit in fits]
+    models = [model | {"members": [*model["members"], member]} for member in members]
+    errors = [[_errors(record, models, fits) for record in part] for part in conditions]
     member = models[0]["members"][-1]
-    whole = np.concatenate([one[0] for part in errors for one in part])
-    fitted = {"fit_rmse_volt": rms(whole), "samples": len(whole)}
+    whole = np.concatenate([by_fit[0] for part in errors for by_fit in part])
+    fitted = {"fit_rmse_volt": float(np.sqrt(np.mean(whole**2))), "samples": len(whole)}
     for condition in member["conditions"]:
-        condition |= fitted | {"tests": [one.record.test for part in conditions for one in part]}
+        condition |= fitted | {
+            "tests": [fitted_record.record.test for part in conditions for fitted_record in part]
+        }
     pairs = list(zip(conditions, errors, strict=True))
     judged = Judged(
-        [_score(part, of_part, found["folds"]) for part, of_part in pairs],
-        np.array([inner_rmse(part, [one[0] for one in of_part]) for part, of_part in pairs]),
+        [_score(part, of_part, folds) for part, of_part in pairs],
+        np.array([inner_rmse(part, [by_fit[0] for by_fit in of_part]) for part, of_part in pairs]),
     )
-    notes = [*model["notes"], *(f"{NAME}: {told}" for told in words_of(member))]
+    notes = [*model["notes"], *(f"{NAME}: {words}" for words in words_of(member))]
     return models[0] | {"notes": notes}, judged
 
 
-def _with(model, member):
-    return model | {"members": [*model["members"], member]}
-
-
-def _errors(one, models, fits):
+def _errors(fitted_record, models, fits):
     """Errors of a record by the whole fit and by each fold's, (1 + folds, used rows) [V]."""
-    soc, found = one.record.soc, []
-    for model, fitted in zip(models, fits, strict=True):
-        names = {test: f"soc0[{k}]" for k, test in enumerate(fitted["tests"])}
-        start = fitted["values"].get(names.get(one.record.test), soc[0])
-        moved = one._replace(record=one.record._replace(soc=soc + (start - soc[0])))
-        found.append(errors_of(model, NAME, moved))
-    return np.array(found)
+    record = fitted_record.record
+    soc, errors = record.soc, []
+    for model, effect_model in zip(models, fits, strict=True):
+        names = {test: f"soc0[{k}]" for k, test in enumerate(effect_model["tests"])}
+        start = effect_model["values"].get(names.get(record.test), soc[0])
+        moved = record._replace(soc=soc + (start - soc[0]))
+        errors.append(errors_of(model, NAME, fitted_record._replace(record=moved)))
+    return np.array(errors)
 
 
 def _score(records, errors, folds):
     """Error of each block of one condition, each row by the model that was fitted without it."""
-    unseen = []
-    for one, by_fit in zip(records, errors, strict=True):
-        record = one.record
+    held_out = []
+    for fitted_record, by_fit in zip(records, errors, strict=True):
+        record = fitted_record.record
         fold = _fold_of(record.test, record.test_time_second[record.used], folds)
-        unseen.append(by_fit[fold + 1, np.arange(len(fold))])
-    _, at = np.unique(np.concatenate([one.block for one in records]), return_inverse=True)
+        held_out.append(by_fit[fold + 1, np.arange(len(fold))])
+    blocks = np.concatenate([fitted_record.block for fitted_record in records])
+    _, at = np.unique(blocks, return_inverse=True)
     rows = np.bincount(at)
-    return Score(np.bincount(at, np.concatenate(unseen) ** 2) / rows, rows)
+    return Score(np.bincount(at, np.concatenate(held_out) ** 2) / rows, rows)
 
 
 def _fold_of(test, time_second, folds):
-    """Number of the fold that left a time of a test out; −1: the test was not in the fit at all."""
+    """Number of the fold whose fit lacks a time of a test; −1: the test was not fitted at all."""
     spans = [
-        (begin, k) for k, one in enumerate(folds) for t, begin, _ in one["blocks"] if t == test
+        (begin, k) for k, fold in enumerate(folds) for t, begin, _ in fold["blocks"] if t == test
     ]
     if not spans:
         return np.full(len(time_second), -1)

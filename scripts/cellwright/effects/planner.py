@@ -1,4 +1,4 @@
-"""Which test to run next: the menu of tests, and the one that leaves most between two explanations.
+"""Which test to run next: the menu of tests, and the one that separates two explanations best.
 
 Every test begins full unless it says otherwise. Rows lie as a tester would log them: dense after
 a step of the current, sparse later.
@@ -10,8 +10,9 @@ import numpy as np
 
 from cellwright.effects.base import STAGES
 from cellwright.effects.records import stacked
-from cellwright.effects.sensitivity import USUAL_NOISE, Model, at_starts_of, information, projected
+from cellwright.effects.sensitivity import Model, at_starts_of, information, projected
 from cellwright.effects.ties import tie_of
+from cellwright.numerics.noise import FIRST
 from cellwright.records.record import Record, record_of
 from cellwright.refusal import Refusal
 
@@ -20,10 +21,14 @@ KELVIN = 15.0
 SHARP_SECOND, SLOW_SECOND = 0.1, 30.0  # between rows, of sharp edges and of slow tests
 FALL = 0.9  # of the current until a constant-voltage charge ends: from C/2 to C/20
 DRIVE = (-0.4, -1.2, 0.3, 0.0, -0.8, -1.6, 0.5, -0.2, 0.0, -1.0, 0.8, -0.6)  # of 1C, 20 s each
+RIVAL_STD = 100.0  # plausible sizes within which a rival may move to take an effect's place
+WORTH_IT = 25.0  # chi-square that a test has to add to be worth its hours
+# ASSUME: a circuit errs by 3 % of its overpotential: slow tests are trusted more than fast ones.
+CIRCUIT_ERROR = 0.03
 
 
 class Rating(NamedTuple):
-    """What a cell may be asked for.
+    """Limits of a cell that a planned test keeps.
 
     discharge_c_rate, charge_c_rate : largest loads [1/h]. least_celsius, most_celsius : [degC].
     """
@@ -38,7 +43,7 @@ class Planned(NamedTuple):
     """A test of the menu.
 
     words : for people, within a sentence. record : without a voltage. elsewhere : at another
-    temperature, where a model of one temperature knows only what depends on it.
+    temperature than the records on hand.
     """
 
     id: str
@@ -48,7 +53,7 @@ class Planned(NamedTuple):
 
     @property
     def hours(self):
-        """How long it takes [h]."""
+        """Duration [h]."""
         return float(self.record.test_time_second[-1] / 3600.0)
 
 
@@ -61,7 +66,7 @@ class Step(NamedTuple):
 
 
 def rating_of(stack, capacity_ampere_hour):
-    """Rating as the records show it: the largest loads that the cell was given, C/2 at least.
+    """Rating by the largest loads in the records, C/2 at least.
 
     Parameters
     ----------
@@ -76,18 +81,18 @@ def rating_of(stack, capacity_ampere_hour):
 
 
 def menu(cell, rating, *, celsius, drive=None):
-    """All tests that may be asked for.
+    """All tests that may be advised.
 
     Parameters
     ----------
     cell : base.Cell. rating : Rating. celsius : temperature of the records on hand [degC].
-    drive : Record to be repeated at other temperatures; without one a drive is made up.
+    drive : Record to be repeated at other temperatures; without one a drive of set loads.
 
     Returns
     -------
     tests : tuple of Planned.
     """
-    made = {
+    steps_of = {
         "c20_both": ("a C/20 discharge and charge", _slow_cycle()),
         "rest_48h": ("a rest of 48 h at half charge", _long_rest()),
         "cccv_4": ("four cycles with constant-current constant-voltage charges", _cycles(rating)),
@@ -98,15 +103,18 @@ def menu(cell, rating, *, celsius, drive=None):
         "pulse_pairs": ("pulses of equal size in both directions", _pairs(rating)),
     }
     capacity = cell.capacity_ampere_hour
-    tests = [_planned(one, words, steps, capacity, celsius) for one, (words, steps) in made.items()]
+    tests = [_planned(i, words, steps, capacity, celsius) for i, (words, steps) in steps_of.items()]
     drive = drive or _planned("drive", "", _drive(rating), capacity, celsius).record
     pulses = next(test.record for test in tests if test.id == "hppc")
     same = (("drive", "drive", drive), ("hppc", "HPPC", pulses))
-    return (*tests, *(_elsewhere(*one, sign, rating, celsius) for one in same for sign in (1, -1)))
+    return (
+        *tests,
+        *(_elsewhere(*test, sign, rating, celsius) for test in same for sign in (1, -1)),
+    )
 
 
 def _elsewhere(test, word, record, sign, rating, celsius):
-    """The same test warmer or colder, as far as the cell may be taken."""
+    """The same test warmer or colder by 15 K, within the rating."""
     at = float(np.clip(celsius + sign * KELVIN, rating.least_celsius, rating.most_celsius))
     words = f"the same {word} {abs(at - celsius):.0f} K {'warmer' if sign > 0 else 'colder'}"
     name = f"{test}_{'warm' if sign > 0 else 'cold'}"
@@ -114,14 +122,15 @@ def _elsewhere(test, word, record, sign, rating, celsius):
     return Planned(name, words, record, elsewhere=True)
 
 
-def _planned(one, words, steps, capacity, celsius):
+def _planned(test, words, steps, capacity, celsius):
+    """A test of the menu from its steps of constant current."""
     gaps = [_gaps(step) for step in steps]
     second = np.concatenate([[0.0], np.cumsum(np.concatenate(gaps))])
     current = np.repeat([s.c_rate * capacity for s in steps], [len(g) for g in gaps])
     current = np.append(current, current[-1])
     blank = np.zeros(len(second))
-    told = {"test": one, "kind": one, "celsius": celsius}
-    return Planned(one, words, record_of(second, current, blank, 1.0, **told))
+    record = record_of(second, current, blank, 1.0, test=test, kind=test, celsius=celsius)
+    return Planned(test, words, record)
 
 
 def _gaps(step):
@@ -130,9 +139,11 @@ def _gaps(step):
     grown = np.log(max(step.every / first, 1.0)) / np.log(GROWTH)
     rising = first * GROWTH ** np.arange(int(grown) + 1)
     rising = rising[np.cumsum(rising) <= step.second]
-    left = step.second - rising.sum()
-    rows = max(round(left / step.every), 1)
-    return np.concatenate([rising, np.full(rows, left / rows)]) if left > 1e-9 else rising
+    even_second = step.second - rising.sum()
+    if even_second <= 1e-9:
+        return rising
+    rows = max(round(even_second / step.every), 1)
+    return np.concatenate([rising, np.full(rows, even_second / rows)])
 
 
 def _slow_cycle():
@@ -153,20 +164,20 @@ def _cycles(rating):
     second = 0.125 * 3600.0 / (0.5 * fall.mean()) / len(fall)
     tail = [Step(0.5 * part, second, SLOW_SECOND) for part in fall]
     down, up = 0.94 * 3600.0 / load, 0.815 * 7200.0
-    one = [Step(-load, down, SLOW_SECOND), rest, Step(0.5, up, SLOW_SECOND), *tail]
-    return [*one, rest] * 4
+    cycle = [Step(-load, down, SLOW_SECOND), rest, Step(0.5, up, SLOW_SECOND), *tail]
+    return [*cycle, rest] * 4
 
 
 def _hppc(rating):
-    """Down by tenths: pulses of three rates, one back, rest; rows each second in the pulses."""
-    found = [Step(0.0, 60.0, 10.0)]
+    """Discharge by tenths; at each three pulses, one charge pulse and a rest, rows each second."""
+    steps = [Step(0.0, 60.0, 10.0)]
     for _ in range(10):
         for share in (0.25, 0.5, 1.0):
             load = share * min(rating.discharge_c_rate, 3.0)
-            found += [Step(-load, 10.0, 1.0), Step(0.0, 40.0, 5.0)]
-        found += [Step(min(rating.charge_c_rate, 1.0), 10.0, 1.0), Step(0.0, 600.0, 20.0)]
-        found += [Step(-0.5, 0.09 * 7200.0, 20.0), Step(0.0, 1800.0, 60.0)]
-    return found
+            steps += [Step(-load, 10.0, 1.0), Step(0.0, 40.0, 5.0)]
+        steps += [Step(min(rating.charge_c_rate, 1.0), 10.0, 1.0), Step(0.0, 600.0, 20.0)]
+        steps += [Step(-0.5, 0.09 * 7200.0, 20.0), Step(0.0, 1800.0, 60.0)]
+    return steps
 
 
 def _long_load(rating):
@@ -181,12 +192,12 @@ def _rest_after_load():
 
 def _edges(rating):
     load = min(3.0, rating.discharge_c_rate)
-    one = Step(-load, 1.0, SHARP_SECOND), Step(0.0, 1.0, SHARP_SECOND)
-    return [Step(-0.5, 3600.0, 10.0), Step(0.0, 600.0, 20.0), *one * 100]
+    pulse = Step(-load, 1.0, SHARP_SECOND), Step(0.0, 1.0, SHARP_SECOND)
+    return [Step(-0.5, 3600.0, 10.0), Step(0.0, 600.0, 20.0), *pulse * 100]
 
 
 def _pairs(rating):
-    """Both directions, short and long, at four states of charge."""
+    """Pulses in both directions, short and long, at four states of charge."""
     load = min(1.0, rating.discharge_c_rate, rating.charge_c_rate)
     down = [Step(-0.5, 0.2 * 7200.0, 20.0), Step(0.0, 900.0, 20.0)]
     pulses = [Step(sign * load, second, 1.0) for second in (10.0, 60.0) for sign in (-1.0, 1.0)]
@@ -198,19 +209,13 @@ def _drive(rating):
     return [Step(rate, 20.0, 1.0) for rate in shares] * 15
 
 
-RIVAL_STD = 100.0  # plausible sizes within which a rival may move to take an effect's place
-TOLD = 25.0  # chi-square that a test has to add to be worth its hours
-# ASSUME: a circuit errs by 3 % of its overpotential: slow tests are trusted more than fast ones.
-CIRCUIT_ERROR = 0.03
-
-
 class Advice(NamedTuple):
     """What to run next.
 
-    test : id of the menu; "check" where another instrument helps and no test of the cell; None
-    where nothing known does. sentence : for people. now : chi-square on the records on hand.
+    test : id of the menu; "check" where only another instrument helps; None where nothing in the
+    menu helps. sentence : for people. now : chi-square on the records on hand.
     table : dict of lists test, hours, chi_square, a row per test of the menu, the best first;
-    chi_square : what the records on hand and this test together would leave. Tests at other
+    chi_square : see `between`, of the records on hand and this test together. Tests at other
     temperatures are advised only for what depends on temperature.
     """
 
@@ -221,10 +226,10 @@ class Advice(NamedTuple):
 
 
 class Question(NamedTuple):
-    """What is asked of records: an effect at its size, and rivals in its place.
+    """What a test is to answer: an effect at its size, or one of its rivals instead.
 
-    effects : tuple of Effect: the effect unless it is in the model, the rivals, and what else
-    depends on temperature.
+    effects : tuple of Effect: the effect unless it is in the model, the rivals, and the other
+    effects of temperature.
     estimated : the effect's size is that of a fit, not a plausible one.
     """
 
@@ -235,16 +240,16 @@ class Question(NamedTuple):
 
 
 def next_test(
-    case, state, effect, alternatives=(), *, library, spread=USUAL_NOISE, rating=None, drive=None
+    case, state, effect, alternatives=(), *, library, spread=FIRST, rating=None, drive=None
 ):
-    """Advice on the test that tells an effect from its alternatives, or shows it at all.
+    """Advice on the test that tells an effect from its alternatives, or shows it without any.
 
     Parameters
     ----------
-    case : case.Case. state : case.State, with the effect in it or not; or sensitivity.Model.
+    case : case.Case. state : search.State, with the effect in it or not; or sensitivity.Model.
     effect : id; where the state holds it at its estimated size, else at a plausible one.
     alternatives : ids as good; without any, the effect is weighed against the model without it.
-    library : dict of Effect by id. spread : noise.Noise. rating : menu.Rating; without one, as the
+    library : dict of Effect by id. spread : noise.Noise. rating : Rating; without one, as the
     records show it. drive : Record to repeat at other temperatures; without one, of the records.
 
     Returns
@@ -255,70 +260,76 @@ def next_test(
     ------
     Refusal : an id that the library does not hold.
     """
-    unknown = [one for one in (effect, *alternatives) if one not in library]
+    unknown = [name for name in (effect, *alternatives) if name not in library]
     if unknown:
         raise Refusal(f"no effect {unknown[0]!r} to plan a test for; known: {', '.join(library)}")
-    given = state if isinstance(state, Model) else Model(state.solution.values, state.effects)
-    model, question = _asked(given, effect, tuple(alternatives), library)
+    model = state if isinstance(state, Model) else Model(state.solution.values, state.effects)
+    model, question = _question(model, effect, tuple(alternatives), library)
     facts = {"tolerance": case.tolerance, "spread": spread, "circuit_error": CIRCUIT_ERROR}
     facts["asked"] = effect if question.estimated else None
 
-    def told(stack):
+    def informed_by(stack):
         return information(case.cell, stack, at_starts_of(model, stack), question.effects, **facts)
 
     on_hand = information(case.cell, case.fit, model, question.effects, **facts)
-    on_hand = on_hand.with_more(told(case.validation))
+    on_hand = on_hand.with_more(informed_by(case.validation))
     now = between(on_hand, question, case.tolerance)
     tests = _tests(case, rating, drive)
-    laid = {"capacity_ampere_hour": case.cell.capacity_ampere_hour, "hold": case.fit.hold}
-    stacks = [stacked([test.record], **laid) for test in tests]
-    left = [between(on_hand.with_more(told(s)), question, case.tolerance) for s in stacks]
-    return _advice(question, library, tests, left, now)
+    layout = {"capacity_ampere_hour": case.cell.capacity_ampere_hour, "hold": case.fit.hold}
+    stacks = [stacked([test.record], **layout) for test in tests]
+    sums = (on_hand.with_more(informed_by(stack)) for stack in stacks)
+    chi_square = [between(total, question, case.tolerance) for total in sums]
+    return _advice(question, library, tests, chi_square, now)
 
 
-def between(found, question, tolerance):
-    """Chi-square that is left between an effect and the nearest of its rivals.
+def between(information, question, tolerance):
+    """Chi-square between an effect and the nearest of its rivals [1].
 
     Parameters
     ----------
-    found : sensitivity.Information of all records. question : Question.
-    tolerance : plain.Tolerance.
+    information : sensitivity.Information of all records. question : Question.
+    tolerance : base.Tolerance.
 
     Returns
     -------
-    chi_square : scalar. A rival has taken what it can, and so have the nuisances, and what
-    depends on temperature within its plausible size. Without an estimate: the mean over the
+    chi_square : scalar, of the effect once a rival, the nuisances, and the effects of temperature
+    within their plausible size have taken what they can. Without an estimate: the mean over the
     effect's starts and sizes, each at plausible size.
     """
-    left = projected(found, tolerance).left
-    own = [k for k, label in enumerate(found.labels) if label.effect == question.effect]
-    beside = [_beside(found.labels, left, own, question, r) for r in question.rivals or (None,)]
-    whole = [one.sum() if question.estimated else np.diag(one).mean() for one in beside]
-    return float(max(min(whole), 0.0))
+    chi_square = projected(information, tolerance)
+    asked = [k for k, label in enumerate(information.labels) if label.effect == question.effect]
+    remaining = [
+        _without_rival(information.labels, chi_square, asked, question, rival)
+        for rival in question.rivals or (None,)
+    ]
+    totals = [m.sum() if question.estimated else np.diag(m).mean() for m in remaining]
+    return float(max(min(totals), 0.0))
 
 
-def _beside(labels, left, own, question, rival):
-    """Information of the effect once one rival, and what depends on temperature, have followed."""
+def _without_rival(labels, chi_square, asked, question, rival):
+    """Information of the effect with one rival and the effects of temperature projected out."""
     others = {question.effect, *question.rivals} - {rival}
     rest = [k for k, label in enumerate(labels) if label.effect not in others]
     weight = [RIVAL_STD**-2.0 if labels[k].effect == rival else 1.0 for k in rest]
-    mixed = left[np.ix_(rest, own)]
-    return left[np.ix_(own, own)] - mixed.T @ np.linalg.solve(
-        left[np.ix_(rest, rest)] + np.diag(weight), mixed
+    mixed = chi_square[np.ix_(rest, asked)]
+    return chi_square[np.ix_(asked, asked)] - mixed.T @ np.linalg.solve(
+        chi_square[np.ix_(rest, rest)] + np.diag(weight), mixed
     )
 
 
-def _asked(given, effect, rivals, library):
-    """The model without the rivals, and the question."""
-    pair = (effect, *rivals)
-    inside = any(one.id == effect for one in given.effects)
-    model = given._replace(effects=tuple(e for e in given.effects if e.id not in rivals))
-    cells = [e for e in library.values() if e.stage in STAGES]
-    known = {*pair, *(one.id for one in model.effects)}
+def _question(model, effect, rivals, library):
+    """The model without the rivals, and the Question."""
+    inside = any(e.id == effect for e in model.effects)
+    model = model._replace(effects=tuple(e for e in model.effects if e.id not in rivals))
+    named = {effect, *rivals, *(e.id for e in model.effects)}
     # ASSUME: at another temperature resistances, OCV and capacity may differ by plausible laws.
-    warm = [e for e in cells if "temperature" in e.needs and e.id not in known]
-    own = [] if inside else [library[effect]]
-    effects = (*own, *(library[one] for one in rivals), *warm)
+    warm = [
+        e
+        for e in library.values()
+        if e.stage in STAGES and "temperature" in e.needs and e.id not in named
+    ]
+    asked = [] if inside else [library[effect]]
+    effects = (*asked, *(library[rival] for rival in rivals), *warm)
     return model, Question(effect, rivals, effects, inside)
 
 
@@ -331,30 +342,33 @@ def _tests(case, rating, drive):
 
 def _drive_of(stack):
     """The longest drive of a stack as a Record, or None."""
-    found = [k for k, kind in enumerate(stack.kinds) if kind == "drive"]
-    if not found:
+    drives = [k for k, kind in enumerate(stack.kinds) if kind == "drive"]
+    if not drives:
         return None
-    k = max(found, key=lambda k: np.sum(stack.file == k))
+    k = max(drives, key=lambda k: np.sum(stack.file == k))
     rows = stack.file == k
     columns = (stack.second, stack.current_ampere, stack.voltage_volt)
-    read = (column[rows] for column in columns)
-    told = {"test": stack.tests[k], "celsius": stack.celsius[rows]}
-    return record_of(*read, float(stack.soc_at_start[k]), **told)
+    return record_of(
+        *(column[rows] for column in columns),
+        float(stack.soc_at_start[k]),
+        test=stack.tests[k],
+        celsius=stack.celsius[rows],
+    )
 
 
-def _advice(question, library, tests, left, now):
-    order = np.argsort(left, kind="stable")[::-1]
+def _advice(question, library, tests, chi_square, now):
+    order = np.argsort(chi_square, kind="stable")[::-1]
     warm = any("temperature" in library[e].needs for e in (question.effect, *question.rivals))
     first = next(k for k in order if warm or not tests[k].elsewhere)
-    best, most = tests[first], left[first]
+    best, most = tests[first], chi_square[first]
     table = {
         "test": [tests[k].id for k in order],
         "hours": [tests[k].hours for k in order],
-        "chi_square": [left[k] for k in order],
+        "chi_square": [chi_square[k] for k in order],
     }
     ties = [tie_of(question.effect, rival) for rival in question.rivals or (None,)]
     ties = [tie for tie in ties if tie is not None]
-    helps = most - now >= TOLD and not any(tie.exact for tie in ties)
+    helps = most - now >= WORTH_IT and not any(tie.exact for tie in ties)
     test = best.id if helps else "check" if ties else None
     effect = library[question.effect]
     return Advice(test, _sentence(effect, question, ties, best, most, now, helps), now, table)
@@ -365,7 +379,9 @@ def _sentence(effect, question, ties, best, most, now, helps):
     ways = [tie.check for tie in dict.fromkeys(ties)]
     if helps:
         gain = f"which would leave chi-square {most:.0f} {of}; now {now:.0f}"
-        ways.append(f"{best.words} (about {_long(best.hours)}), {gain}")
+        hours = best.hours
+        lasting = f"{hours:.0f} h" if hours >= 1.5 else f"{60 * hours:.0f} min"
+        ways.append(f"{best.words} (about {lasting}), {gain}")
     elif not ways:
         ways = [f"{effect.shows}; no test of the menu leaves more than chi-square {most:.0f} {of}"]
     return f"{goal}: {'; or '.join(ways)}."
@@ -380,7 +396,3 @@ def _goal(question, ties):
 
 def _named(effect):
     return effect.replace("_", " ")
-
-
-def _long(hours):
-    return f"{hours:.0f} h" if hours >= 1.5 else f"{60 * hours:.0f} min"

@@ -1,4 +1,4 @@
-"""The records of one cell as the search sees them, and what they excite."""
+"""Records of a cell or of a parallel group laid end to end, and what they excite."""
 
 from typing import NamedTuple
 
@@ -9,10 +9,19 @@ from cellwright.records.record import checked
 from cellwright.records.thinning import driven
 from cellwright.refusal import Refusal
 
-GAP_SECOND = 30.0  # between two rows, for the counter to be asked what passed meanwhile
-UNSEEN_SOC = 2e-3  # between two rows: less is how the current is read, more is a gap
-ALIKE = 5.0  # ratio of changes of the current in two rows, up to which it goes on the same way
+GAP_SECOND = 30.0  # between two rows, from which the charge between them is the counter's
+UNSEEN_SOC = 2e-3  # between two rows: less is error of the current, more is a gap
+ALIKE = 5.0  # ratio of changes of the current in two rows, up to which they are alike
 NEAR_END = 0.1  # of the SoC: a record that starts there was filled or emptied before
+MOST_BRANCHES = 64
+ADDS_UP = 0.25  # of the total's size, by which the branch currents may miss it
+KELVIN = 5.0
+SOC_RANGE = 0.3
+REST_SECOND = 540.0
+RATE_RATIO = 2.0
+BOTH_SHARE = 0.02
+EDGES = 20
+SAMPLING_SECOND = 2.0
 
 
 class Stack(NamedTuple):
@@ -27,11 +36,12 @@ class Stack(NamedTuple):
     held_ampere : (n,) current that flowed since the row before [A], 0 in first rows.
     soc_at_start : (f,) [1]. hold : of the current between rows, see `stacked`.
     linear : (n,) 1 where the current moved on a straight line since the row before, else 0.
-    known_volt : (n,) what healthy cells have beyond the plain model in these rows (paired mode),
-    else zero [V]. used : (n,) bool, rows that are compared. unseen_ampere_hour : (n,) charge since
+    template_volt : (n,) mean residual of healthy cells (paired mode), else zero [V].
+    used : (n,) bool, rows that are compared. unseen_ampere_hour : (n,) charge since
     the row before that the current between them does not explain: a gap in the record [Ah].
-    responses : answers of lags to the measured current, by time constant: kept, for most
-    parameters of a model change neither.
+    responses : lags of the measured current, by time constant; kept, as most
+    parameters of a model change neither. courses : `base.Course` of the last parameters that moved
+    the charge, by their values; kept likewise.
     """
 
     tests: tuple
@@ -49,10 +59,11 @@ class Stack(NamedTuple):
     soc_at_start: np.ndarray
     hold: str
     linear: np.ndarray
-    known_volt: np.ndarray
+    template_volt: np.ndarray
     used: np.ndarray
     unseen_ampere_hour: np.ndarray
     responses: dict
+    courses: dict
 
     def part(self, files):
         """The rows of some of the records, by their numbers, as a mask (n,)."""
@@ -60,7 +71,7 @@ class Stack(NamedTuple):
 
 
 def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
-    """Lay records one after the other.
+    """Stack of the records of a cell, one after the other.
 
     Parameters
     ----------
@@ -82,13 +93,8 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         raise Refusal("no record to look for a missing effect in")
     for record in records:
         _check(record)
-    sizes = [len(r.test_time_second) for r in records]
-    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    file = np.repeat(np.arange(len(records)), sizes)
-    fresh = np.zeros(len(file))
-    fresh[first] = 1.0
-    second, current = _joined(records, "test_time_second"), _joined(records, "current_ampere")
-    step = np.diff(second, prepend=second[0]) * (1.0 - fresh)
+    rows = _rows(records, hold)
+    step, fresh, current = rows["step_second"], rows["fresh"], rows["current_ampere"]
     before = np.concatenate([[0.0], current[:-1]])
     linear = np.concatenate([_linear(r, hold) for r in records])
     held = np.where(linear, (before + current) / 2, before)
@@ -97,37 +103,50 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
     loads = [load_direction(r.current_ampere, soc_at_start=r.soc[0], **least) for r in records]
     held, unseen = _counted(records, held, step, linear, capacity_ampere_hour)
     return Stack(
-        tuple(r.test for r in records),
-        tuple(r.kind for r in records),
-        first,
-        file,
-        second,
-        step,
-        fresh,
-        current,
-        held,
-        np.concatenate(loads),
-        _joined(records, "voltage_volt"),
-        _joined(records, "celsius"),
-        np.array([r.soc[0] for r in records]),
-        hold,
-        linear * (1.0 - fresh),
-        np.zeros(len(file)),
-        np.concatenate([r.used for r in records]),
-        unseen,
-        {},
+        **rows,
+        kinds=tuple(record.kind for record in records),
+        held_ampere=held,
+        direction=np.concatenate(loads),
+        soc_at_start=np.array([record.soc[0] for record in records]),
+        linear=linear * (1.0 - fresh),
+        template_volt=np.zeros(len(fresh)),
+        used=np.concatenate([record.used for record in records]),
+        unseen_ampere_hour=unseen,
+        responses={},
+        courses={},
     )
 
 
+def _rows(records, hold):
+    """Columns of any stack, by name: records one after the other."""
+    sizes = [len(record.test_time_second) for record in records]
+    first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    fresh = np.zeros(sum(sizes))
+    fresh[first] = 1.0
+    second = _joined(records, "test_time_second")
+    return {
+        "tests": tuple(record.test for record in records),
+        "first": first,
+        "file": np.repeat(np.arange(len(records)), sizes),
+        "second": second,
+        "step_second": np.diff(second, prepend=second[0]) * (1.0 - fresh),
+        "fresh": fresh,
+        "current_ampere": _joined(records, "current_ampere"),
+        "voltage_volt": _joined(records, "voltage_volt"),
+        "celsius": _joined(records, "celsius"),
+        "hold": hold,
+    }
+
+
 def _joined(records, name):
-    return np.concatenate([np.asarray(getattr(r, name), float) for r in records])
+    return np.ascontiguousarray(np.concatenate([getattr(r, name) for r in records]), float)
 
 
 def _linear(record, hold):
-    """Rows to which the current moved on a straight line; in a drive the hold says, for all rows.
+    """Mask of rows to which the current moved on a straight line; in a drive all or none, by hold.
 
-    Between steady stretches it jumps, unless it goes on the same way for three rows, as while a
-    voltage is held. Taken for held there, it would count up to a percent of a charge too much.
+    Between steady stretches it steps, unless it changes alike in three rows (constant voltage).
+    Held from row to row there, it would count up to a percent of a charge too much.
     """
     moved = np.diff(record.current_ampere, prepend=record.current_ampere[:1])
     thinned = record.thinned
@@ -144,10 +163,10 @@ def _linear(record, hold):
 
 
 def _counted(records, held, step, linear, capacity):
-    """Currents between rows as the counter has them, and charge that no current explains [Ah].
+    """Mean currents between rows by the charge counter [A], and charge that none explains [Ah].
 
-    The counter knows what passed between rows that were thinned out, where the current has not
-    jumped; across a gap of the record it alone knows, where that is more than rounding.
+    Where rows were thinned out and the current has not stepped, the counter has the charge between
+    the rows left; across a gap of the record only the counter has it, beyond rounding.
     """
     passed = np.concatenate([np.diff(r.soc, prepend=r.soc[:1]) for r in records]) * capacity
     beyond = np.nan_to_num(passed - held * step / 3600.0)
@@ -159,19 +178,94 @@ def _counted(records, held, step, linear, capacity):
 
 
 def _check(record):
+    """Refuse a record that `checked` refuses, with the name of its test."""
     try:
         checked(record)
     except Refusal as refusal:
         raise Refusal(f"{record.test}: {refusal}") from refusal
 
 
-KELVIN = 5.0
-SOC_RANGE = 0.3
-REST_SECOND = 540.0
-RATE_RATIO = 2.0
-BOTH_SHARE = 0.02
-EDGES = 20
-SAMPLING_SECOND = 2.0
+class GroupStack(NamedTuple):
+    """Rows of several records of one group, one record after the other.
+
+    tests : names. first : (f,) index of first rows. file : (n,) number of the record of each row.
+    second : (n,) time within the record [s]. step_second : (n,) since the row before, 0 in first
+    rows [s]. fresh : (n,) 1.0 in first rows, else 0.0. hold : of the total between rows.
+    branch_current_ampere : (n, branches) or None [A]. branches : how many.
+    """
+
+    tests: tuple
+    first: np.ndarray
+    file: np.ndarray
+    second: np.ndarray
+    step_second: np.ndarray
+    fresh: np.ndarray
+    current_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    celsius: np.ndarray
+    branch_current_ampere: np.ndarray | None
+    branches: int
+    hold: str
+
+
+def group_stacked(records, *, branches, hold="zero_order"):
+    """Stack of the records of a group, one after the other.
+
+    Parameters
+    ----------
+    records : sequence of GroupRecord. branches : how many cells are in parallel.
+    hold : "zero_order": between two rows the total of the earlier one flows; "first_order": it
+        moves on a straight line.
+
+    Returns
+    -------
+    stack : GroupStack. Where one record lacks branch currents, those of the others are not used.
+
+    Raises
+    ------
+    Refusal : no record; fewer than two branches; a value that is not finite; a clock that runs
+        back; another number of branch currents than branches; branch currents that do not add up
+        to the total (a turned sign, another unit).
+    """
+    if not records:
+        raise Refusal("no record to look for a missing effect of a group in")
+    if not 2 <= branches <= MOST_BRANCHES:
+        raise Refusal(f"a group of {branches} branches; 2 to {MOST_BRANCHES} were wanted")
+    for record in records:
+        _check_group(record, branches)
+    logged = all(record.branch_current_ampere is not None for record in records)
+    currents = _joined(records, "branch_current_ampere") if logged else None
+    return GroupStack(**_rows(records, hold), branch_current_ampere=currents, branches=branches)
+
+
+def _check_group(record, branches):
+    names = ["test_time_second", "current_ampere", "voltage_volt", "celsius"]
+    if record.branch_current_ampere is not None:
+        names.append("branch_current_ampere")
+    for name in names:
+        values = np.asarray(getattr(record, name), float)
+        wrong = np.argwhere(~np.isfinite(values))
+        if len(wrong):
+            value = values[tuple(wrong[0])]
+            raise Refusal(f"{record.test}: row {wrong[0][0]} of {name} is {value}, not a number")
+    back = np.flatnonzero(np.diff(record.test_time_second) < 0)
+    if len(back):
+        raise Refusal(f"{record.test}: the clock runs back after row {back[0]}")
+    if record.branch_current_ampere is not None:
+        _check_sum(record, branches)
+
+
+def _check_sum(record, branches):
+    currents = np.asarray(record.branch_current_ampere)
+    if currents.shape != (len(record.test_time_second), branches):
+        raise Refusal(f"{record.test}: branch currents {currents.shape} of {branches} branches")
+    total = record.current_ampere
+    miss, size = (np.sqrt(np.mean(np.square(x))) for x in (currents.sum(axis=1) - total, total))
+    if miss > ADDS_UP * size:
+        raise Refusal(
+            f"{record.test}: the branch currents miss the total by {miss:.3g} A (root mean square) "
+            f"of {size:.3g} A: is a sign turned, a branch missing, or a unit another?"
+        )
 
 
 def _temperature(stack, capacity):
@@ -225,7 +319,7 @@ FACTORS = {
 
 
 def lacking(effect, stack, capacity_ampere_hour):
-    """What a stack of records does not excite of what an effect needs, in words; empty: nothing."""
+    """Needs of an effect that a stack of records does not excite, in words: tuple of str."""
     return tuple(
         FACTORS[name][1]
         for name in effect.needs

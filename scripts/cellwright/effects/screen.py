@@ -1,11 +1,13 @@
-"""Candidates for what is missing, and the score test of each."""
+"""Candidates for the missing effect, and the score test of each."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base, plain
+from cellwright.effects import base
 from cellwright.effects.library.vocabulary import in_order
+
+BINS = 60
 
 
 class Candidate(NamedTuple):
@@ -23,13 +25,13 @@ class Candidate(NamedTuple):
 
     @property
     def form(self):
-        """Values of the parameters that no fit moves: which form of the effect this is."""
-        own = zip(self.effect.parameters, self.effect.names, strict=True)
-        return tuple(self.start[name] for p, name in own if not p.step)
+        """Values of the parameters without a step, which no fit moves: the form of the effect."""
+        pairs = zip(self.effect.parameters, self.effect.names, strict=True)
+        return tuple(self.start[name] for p, name in pairs if not p.step)
 
 
 def candidates(predict, prediction, values, library):
-    """Every effect at every one of its starts.
+    """Candidates: every effect at every one of its starts.
 
     Parameters
     ----------
@@ -39,7 +41,7 @@ def candidates(predict, prediction, values, library):
 
     Returns
     -------
-    found : list of Candidate.
+    candidates : list of Candidate.
     """
     return [
         _candidate(predict, prediction, values, effect, start)
@@ -70,10 +72,9 @@ def _candidate(predict, prediction, values, effect, start):
 class Score(NamedTuple):
     """Result of the score test of a candidate.
 
-    chi_square : fall of chi-square that the candidate promises once all nuisances have followed.
-    estimate : (k,) sizes at which. information : (k, k) of the sizes, nuisances projected out.
-    visible : chi-square that a plausible size would leave. values : those of a model from which a
-    refit begins.
+    chi_square : expected fall of chi-square by the candidate, the nuisances having followed.
+    estimate : (k,) its sizes there. information : (k, k) of the sizes, nuisances projected out.
+    visible : chi-square of a plausible size. values : first values of a refit.
     """
 
     candidate: Candidate
@@ -85,7 +86,7 @@ class Score(NamedTuple):
 
 
 def scored(candidates, white, residual, columns, precision, values):
-    """Score (Lagrange multiplier) tests with the nuisances projected out.
+    """Score (Lagrange multiplier) test of each candidate, the nuisances projected out.
 
     Parameters
     ----------
@@ -106,9 +107,9 @@ def scored(candidates, white, residual, columns, precision, values):
     slope = white.T @ residual
     scores, first = [], 0
     for candidate in candidates:
-        own = slice(first, first + len(candidate.sizes))
-        first = own.stop
-        blocks = information[own, own], whole[own, own], slope[own]
+        part = slice(first, first + len(candidate.sizes))
+        first = part.stop
+        blocks = information[part, part], whole[part, part], slope[part]
         scores.append(_score(candidate, *blocks, values))
     return scores
 
@@ -126,11 +127,8 @@ def _score(candidate, information, whole, slope, values):
     return Score(candidate, float(gain), estimate, information, visible, first)
 
 
-BINS = 60
-
-
 def evidence(step, candidate_columns, sizes, residual, whitening):
-    """Residual beside the change that an effect makes, nuisances projected out of both, in bins.
+    """Residual over the change that an effect makes, nuisances projected out of both, in bins.
 
     Parameters
     ----------
@@ -139,25 +137,25 @@ def evidence(step, candidate_columns, sizes, residual, whitening):
 
     Returns
     -------
-    found : dict of lists sensitivity_volt, residual_volt, rows, one entry a bin of equal count.
+    bins : dict of lists sensitivity_volt, residual_volt, rows, one entry a bin of equal count.
     """
     solution = step.solution
     change = candidate_columns @ sizes
     both = np.stack([change, residual], axis=1)
     white = whitening.apply(both)
     follow = np.linalg.solve(solution.precision, solution.white.T @ white)
-    left = both - solution.columns @ follow
-    order = np.argsort(left[:, 0])
+    projected = both - solution.columns @ follow
+    order = np.argsort(projected[:, 0])
     parts = np.array_split(order, min(BINS, max(len(order) // 20, 1)))
     return {
-        "sensitivity_volt": [float(left[p, 0].mean()) for p in parts],
-        "residual_volt": [float(left[p, 1].mean()) for p in parts],
+        "sensitivity_volt": [float(projected[p, 0].mean()) for p in parts],
+        "residual_volt": [float(projected[p, 1].mean()) for p in parts],
         "rows": [len(p) for p in parts],
     }
 
 
 def residual_with_all(solution, candidates, whitening):
-    """Residual with every effect let in, by ridge regression on what each would change.
+    """Residual with all candidates in the model, by ridge regression on what each would change.
 
     Parameters
     ----------
@@ -197,35 +195,34 @@ def screened(case, candidates, before, possible, filters):
     solution, best, hidden = before.solution, {}, {}
     residual = filters.fit.apply(solution.residual)
     many = filters.fit.apply(np.concatenate([c.columns for c in candidates], axis=1))
-    regressed = plain.regressed(case.cell, case.fit, solution.values, before.effects)
+    regressed = base.regressed(case.cell, case.fit, solution.values, before.effects)
     without = chi_square_of(case, regressed, before.effects, filters)
     slopes = solution.white, solution.precision, solution.values
-    for one in scored(candidates, many, residual, *slopes):
-        candidate = one.candidate
+    for score in scored(candidates, many, residual, *slopes):
+        candidate = score.candidate
         if candidate.effect.bends:
-            one = _score_by_regression(case, before, possible, one, filters, without)
-        seen = one.visible >= case.gates.visible_chi_square
-        kept, name = best if seen else hidden, (candidate.effect.key, candidate.form)
-        if name not in kept or one.chi_square > kept[name].chi_square:
-            kept[name] = one
+            score = _score_by_regression(case, before, possible, score, filters, without)
+        visible = score.visible >= case.gates.visible_chi_square
+        kept, name = best if visible else hidden, (candidate.effect.key, candidate.form)
+        if name not in kept or score.chi_square > kept[name].chi_square:
+            kept[name] = score
     shown = {name for name, _ in best}
     invisible = tuple(dict.fromkeys(name for name, _ in hidden if name not in shown))
     return sorted(best.values(), key=lambda s: -s.chi_square), invisible
 
 
 def _score_by_regression(case, before, possible, score, filters, without):
-    """The score of an effect whose lack bends a model, with resistances estimated again.
+    """Score of an effect without which resistances and time constants are fitted far off.
 
-    Without it resistances and time constants have moved until no small step leads back. With the
-    effect at each of its starts they are estimated again by linear regression; the chi-square of
-    that is compared with the one without the effect.
+    Where they are, no derivative shows the effect. With the effect at each of its starts they are
+    estimated again by linear regression; its chi-square is compared with that without the effect.
     """
     candidate = score.candidate
     effects = in_order((*before.effects, candidate.effect), possible)
     given = candidate.effect.given(candidate.start)
     free = tuple(name for name in candidate.sizes if name not in given)
     first = before.solution.values | candidate.start
-    values = plain.regressed(case.cell, case.fit, first, effects, free)
+    values = base.regressed(case.cell, case.fit, first, effects, free)
     sizes = np.array([values[name] for name in candidate.sizes])
     fall = without - chi_square_of(case, values, effects, filters)
     return score._replace(chi_square=fall, estimate=sizes, values=values)

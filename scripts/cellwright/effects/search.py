@@ -1,7 +1,7 @@
-"""The search: a healthy model, then round by round the one effect that explains most, with proof.
+"""The search: a model without effects, then round by round the effect that explains most.
 
 What is searched is a case: a cell (`case.Case`) or a parallel group (`groups.case.GroupCase`).
-Each says by the same methods what only it can know:
+Both have these methods and values:
 
 `possible(library)` : dict of Effect by key that its records excite.
 `begun()` : free parameters of the healthy model, its first values, and filters of a first noise.
@@ -11,10 +11,11 @@ Each says by the same methods what only it can know:
     list of `screen.Candidate`.
 `filters_for(residual, filters, earlier)` : whitening by the noise of a residual (`.noise`, `.fit`).
 `sharper(trial, filters)` : the same where the best trial shows a smaller noise, else None.
-`screened(candidates, before, free, possible, filters)` : scores, best first; keys that cannot show.
-`state(effects, solution, filters)` : how a fit does on the records that judge, `State`.
+`screened(candidates, before, free, possible, filters)` : scores, best first; keys of effects that
+    the records cannot show.
+`state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
 `floor_volt(residual, filters, earlier)` : noise that no model can explain.
-`denied(trials)`, `ties(chosen, tied, denied, possible)` : what is known beside the records.
+`denied(trials)`, `ties(chosen, tied, denied, possible)` : by measurements outside the fit.
 `gates`, `polish_share`, `misled(before, trial)` : when an effect counts; which trials go on.
 `settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
     serve its refit to another noise.
@@ -31,11 +32,11 @@ from cellwright.numerics.least_squares import Free, fit
 CHORD_STEPS, POLISH_STEPS, ANEW_STEPS, NOISE_STEPS = 6, 4, 4, 3
 POLISHED = 3  # how many trials at most
 SHARPENED = 2  # how often at most a round is repeated with a smaller noise
-OUTDONE = 0.5  # of the best J: where far better explanations are too small, no worse one is named
+OUTDONE = 0.5  # of the best J: no effect below it is chosen, where the better ones are immaterial
 
 
 class State(NamedTuple):
-    """A model fitted: its effects, and how it does on both kinds of records.
+    """A fitted model: its effects, and its errors on the records fitted and those that judge.
 
     values : of the validation records, with their own starts. validation : residual (m,).
     validation_chi_square : of it, whitened by the same noise. rmse_volt, validation_rmse_volt :
@@ -57,9 +58,9 @@ class State(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """A candidate refitted, beside the model without it.
+    """A candidate refitted, compared with the model without it.
 
-    score : fall of chi-square that the screen promised. delta_bic, delta_validation : fall of the
+    score : fall of chi-square that the screen expected. delta_bic, delta_validation : fall of the
     criterion on the records fitted, of chi-square on those that judge. material : its size matters.
     """
 
@@ -76,11 +77,12 @@ class Trial(NamedTuple):
 
 
 class Round(NamedTuple):
-    """One round.
+    """One round of the search: the model before it, the trials, and the choice.
 
     before : State without the choice. noise : noise.Noise, of a group a tuple of them, one a
     channel. floor_volt : what no model can explain. scores : list of screen.Score, best first.
-    trials : list of Trial, best first. chosen : Trial, or None. tied : keys as good as the choice.
+    trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
+    much.
     hidden : keys of effects that these records cannot show.
     """
 
@@ -95,7 +97,7 @@ class Round(NamedTuple):
 
 
 def search(case, library):
-    """All rounds, until nothing material is left or nothing that is known explains it.
+    """Rounds of the search, until no effect of the library is proven to explain more.
 
     Parameters
     ----------
@@ -110,40 +112,40 @@ def search(case, library):
     effects, rounds = (), []
     solution = fit(case.problem(effects, free, filters), values, settled=case.settled)
     for _ in range(case.gates.rounds + 1):
-        one, filters = _round(case, possible, effects, free, solution, filters, rounds)
-        rounds.append(one)
-        if one.chosen is None or len(rounds) > case.gates.rounds:
+        step, filters = _round(case, possible, effects, free, solution, filters, rounds)
+        rounds.append(step)
+        if step.chosen is None or len(rounds) > case.gates.rounds:
             return rounds
-        effects = one.chosen.state.effects
-        free = case.with_effect(free, one.chosen.effect)
+        effects = step.chosen.state.effects
+        free = case.with_effect(free, step.chosen.effect)
         problem = case.problem(effects, free, filters)
-        values = one.chosen.state.solution.values
+        values = step.chosen.state.solution.values
         solution = fit(problem, values, steps=POLISH_STEPS, settled=case.settled)
     return rounds
 
 
 def _round(case, possible, effects, free, solution, filters, earlier):
-    """The next Round and its filters; repeated while its best model shows a smaller noise."""
+    """The next Round and its filters; repeated while its best trial shows a smaller noise."""
     further = {key: effect for key, effect in possible.items() if effect not in effects}
     candidates = case.candidates(effects, solution, possible, tuple(further.values()))
     residual = residual_with_all(solution, candidates, filters.fit)
     filters = case.filters_for(residual, filters, earlier)
     for _ in range(SHARPENED):
-        one = _tested(case, possible, effects, free, solution, filters, candidates)
-        sharper = case.sharper(one.trials[0], filters) if one.trials else None
+        step = _tested(case, possible, effects, free, solution, filters, candidates)
+        sharper = case.sharper(step.trials[0], filters) if step.trials else None
         if sharper is None:
             break
-        solution, filters = one.before.solution, sharper
+        solution, filters = step.before.solution, sharper
     else:
-        one = _tested(case, possible, effects, free, solution, filters, candidates)
-    one = one._replace(floor_volt=case.floor_volt(residual, filters, earlier))
-    first = earlier[0].before if earlier else one.before
-    denied = case.denied(one.trials)
-    allowed = [t for t in one.trials if t.effect.key not in denied]
-    chosen, tied = best_of(case.gates, first, one.before, allowed, one.floor_volt)
+        step = _tested(case, possible, effects, free, solution, filters, candidates)
+    step = step._replace(floor_volt=case.floor_volt(residual, filters, earlier))
+    first = earlier[0].before if earlier else step.before
+    denied = case.denied(step.trials)
+    allowed = [t for t in step.trials if t.effect.key not in denied]
+    chosen, tied = best_of(case.gates, first, step.before, allowed, step.floor_volt)
     if chosen is not None:
         tied = case.ties(chosen, tied, denied, possible)
-    return one._replace(chosen=chosen, tied=tied), filters
+    return step._replace(chosen=chosen, tied=tied), filters
 
 
 def _tested(case, possible, effects, free, solution, filters, candidates):
@@ -155,14 +157,14 @@ def _tested(case, possible, effects, free, solution, filters, candidates):
     before = case.state(effects, solution, filters)
     scores, hidden = case.screened(candidates, before, free, possible, filters)
     trials = [
-        tried(case, possible, free, before, one, filters) for one in scores[: case.gates.refits]
+        tried(case, possible, free, before, score, filters) for score in scores[: case.gates.refits]
     ]
     trials = _polished(case, free, before, trials, filters)
     return Round(before, filters.noise, np.nan, scores, trials, None, (), hidden)
 
 
 def tried(case, possible, free, before, score, filters):
-    """Refit of a candidate from where its score test points.
+    """Trial of a candidate: refitted from the values that its score test estimates.
 
     Parameters
     ----------
@@ -180,10 +182,8 @@ def tried(case, possible, free, before, score, filters):
     if effect.bends:
         solution = fit(problem, score.values, steps=ANEW_STEPS)
     else:
-        known, own = before.solution.columns, frees_of(effect)
-        columns = np.concatenate([known, np.zeros((len(known), len(own)))], axis=1)
-        renew = tuple(f.name for f in own)
-        solution = fit(problem, score.values, columns=columns, renew=renew, steps=CHORD_STEPS)
+        kept = {"columns": before.solution.columns, "white": before.solution.white}
+        solution = fit(problem, score.values, **kept, steps=CHORD_STEPS)
     return _trial(case, before, effect, effects, score.chi_square, solution, filters)
 
 
@@ -201,7 +201,7 @@ def _trial(case, before, effect, effects, promised, solution, filters):
 
 
 def _polished(case, free, before, trials, filters):
-    """Trials, best first; the best refitted with fresh derivatives where the kept ones mislead."""
+    """Trials, best first; the best refitted with new derivatives where kept ones do not hold."""
     trials = sorted(trials, key=lambda t: -t.j)
     best = max(trials[0].j, 0.0) if trials else 0.0
     for n, trial in enumerate(trials[:POLISHED]):
@@ -218,21 +218,23 @@ def _refitted(case, free, before, trial, filters):
 
 
 def frees_of(effect):
-    """Free parameters of an effect, for a fit; one without a step is tried, not fitted."""
-    own = zip(effect.parameters, effect.names, strict=True)
+    """Free parameters of an effect; those without a step are set by its starts, not fitted."""
+    pairs = zip(effect.parameters, effect.names, strict=True)
     return tuple(
-        Free(name, p.step, p.neutral, np.inf, p.lower, p.upper) for p, name in own if p.step
+        Free(name, p.step, p.neutral, np.inf, p.lower, p.upper) for p, name in pairs if p.step
     )
 
 
 def _material(effect, values):
-    own = effect.sizes_of(values)
-    sizes = [p for p in effect.parameters if not p.shape]
-    return any(abs(own[p.name] - p.neutral) >= p.material for p in sizes)
+    """Whether one of the sizes of an effect is large enough for anyone to act on."""
+    sizes = effect.sizes_of(values)
+    return any(
+        abs(sizes[p.name] - p.neutral) >= p.material for p in effect.parameters if not p.shape
+    )
 
 
 def best_of(gates, first, before, trials, floor):
-    """The best trial that passes the gates, and the keys of those as good.
+    """The best trial that passes the gates, and the keys of those that explain as much.
 
     Parameters
     ----------
@@ -254,7 +256,7 @@ def best_of(gates, first, before, trials, floor):
 
 
 def significant(gates, before, trial):
-    """Whether a trial is better than chance on the records fitted, and on those that judge."""
+    """Whether a trial improves the fit by more than chance, on both kinds of records."""
     was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
     return (
         trial.delta_bic > gates.bic
@@ -264,7 +266,7 @@ def significant(gates, before, trial):
 
 
 def matters(gates, first, before, trial, floor):
-    """Whether what it takes off the error is large enough, in itself and beside the first gap."""
+    """Whether an effect takes enough off the error [V], also as a share of the first gap."""
     was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
     whole = max(first.validation_rmse_volt**2 - floor**2, 1e-12)
     taken = was**2 - now**2

@@ -6,11 +6,11 @@ from cellwright.numerics.least_squares import stds
 
 
 class Outcome(NamedTuple):
-    """What a search came to.
+    """Result of a search in one word, and the errors behind it.
 
     word : "none", "named", "ambiguous" or "unknown". steps : rounds that chose an effect.
     last : State at the end. floor_volt : [V]. closed : share of the gap that is closed on the
-    validation records, by all effects. adequate : little enough is left.
+    validation records, by all effects. adequate : the error left is within the gates.
     """
 
     word: str
@@ -22,20 +22,20 @@ class Outcome(NamedTuple):
 
 
 def outcome(rounds, gates, *, adequate_volt=0.0, alternatives=lambda step: step.tied):
-    """The word of the verdict, and what is left.
+    """Outcome of the rounds of a search: its word, and what is left of the gap.
 
     Parameters
     ----------
     rounds : list of search.Round. gates : case.Gates or groups.case.GroupGates.
     adequate_volt : error that may be left, however small the noise [V].
-    alternatives : function (round) → ids of what its data cannot tell from the choice.
+    alternatives : function (round) → ids of effects that its data cannot tell from the choice.
 
     Returns
     -------
     outcome : Outcome.
     """
     first, last, floor = rounds[0].before, rounds[-1].before, rounds[-1].floor_volt
-    steps = tuple(one for one in rounds if one.chosen is not None)[: gates.rounds]
+    steps = tuple(step for step in rounds if step.chosen is not None)[: gates.rounds]
     if not steps:
         most = max(gates.unknown_ratio * floor, gates.nothing_volt)
         word = "none" if first.worst_volt <= most else "unknown"
@@ -50,7 +50,7 @@ def outcome(rounds, gates, *, adequate_volt=0.0, alternatives=lambda step: step.
 
 
 def gap_closed(before_volt, after_volt, floor_volt):
-    """1 − (after² − floor²)/(before² − floor²): the share of the gap that is gone [1].
+    """Share of the gap that is closed [1]: 1 − (after² − floor²)/(before² − floor²).
 
     Above 1 where the model does better than the floor; None where there was no gap.
     """
@@ -58,47 +58,48 @@ def gap_closed(before_volt, after_volt, floor_volt):
     return None if whole <= 0 else float(1.0 - (after_volt**2 - floor_volt**2) / whole)
 
 
-def verdict_of(name, found, rounds, place, *, next_test=None, not_testable=(), entry=None):
-    """The verdict file of the contract.
+def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), entry=None):
+    """Verdict of a cell or group as dict of the contract.
 
     Parameters
     ----------
-    name : of the cell or group. found : Outcome. rounds : list of search.Round.
-    place : dict, where most of what is left sits, see `judge.worst`; None.
+    name : of the cell or group. result : Outcome. rounds : list of search.Round.
+    place : dict, where most of the error left lies, see `judge.worst`; None.
     next_test : sentence, or None. not_testable : ids.
     entry : function (round, state after it, floor) → dict of one effect; None: `entry_of`.
 
     Returns
     -------
-    verdict : dict, as in the contract; `partial` holds what an "unknown" gap is half explained by.
+    verdict : dict, as in the contract; `partial` holds effects that
+    explain part of an "unknown" gap.
     """
-    states = [one.before for one in rounds[1 : len(found.steps)]] + [found.last]
+    states = [step.before for step in rounds[1 : len(result.steps)]] + [result.last]
     entries = [
-        (entry or entry_of)(step, after, found.floor_volt)
-        for step, after in zip(found.steps, states, strict=False)
+        (entry or entry_of)(step, after, result.floor_volt)
+        for step, after in zip(result.steps, states, strict=False)
     ]
-    settled = found.word in ("named", "ambiguous")
-    first, last = rounds[0].before, found.last
+    settled = result.word in ("named", "ambiguous")
+    first, last = rounds[0].before, result.last
     return {
         "cell": name,
-        "verdict": found.word,
+        "verdict": result.word,
         "effects": entries if settled else [],
         "partial": [] if settled else entries,
-        "located_at": None if found.adequate else place,
-        "floor_volt": found.floor_volt,
+        "located_at": None if result.adequate else place,
+        "floor_volt": result.floor_volt,
         "rmse_volt": {"before": first.rmse_volt, "after": last.rmse_volt},
         "validation_rmse_volt": {
             "before": first.validation_rmse_volt,
             "after": last.validation_rmse_volt,
         },
-        "gap_closed": found.closed,
+        "gap_closed": result.closed,
         "next_test": next_test,
         "not_testable": list(not_testable),
     }
 
 
 def entry_of(step, after, floor_volt):
-    """What a verdict says of one effect.
+    """Entry of one effect in a verdict: sizes, errors before and after, proof.
 
     Parameters
     ----------
@@ -125,6 +126,6 @@ def entry_of(step, after, floor_volt):
         "gap_closed": gap_closed(was, now, floor_volt),
         "delta_bic": step.chosen.delta_bic,
         "delta_validation_chi_square": step.chosen.delta_validation,
-        # Who would have been chosen by the fitted records alone.
+        # Whether the fitted records alone would have chosen it.
         "same_without_validation": max(step.trials, key=lambda t: t.delta_bic).effect == effect,
     }

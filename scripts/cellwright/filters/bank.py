@@ -1,19 +1,18 @@
-"""A member of the circuit family at one temperature, as tables over SoC: what filters run on."""
+"""Tables over SoC of one member at one temperature, as filters use them."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.circuits.circuit import kind_of
-from cellwright.circuits.instrument import capacity_factor
-from cellwright.circuits.model_file import circuit_at, member_of
+from cellwright.circuits.model_file import capacity_of, circuit_at, member_of
 from cellwright.circuits.temperature import continued_ocv_at
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 BEYOND = 0.25  # how far the tables go on below empty and above full
 NODES = np.linspace(0.0, 1.0, 21)  # SoC at which a drive that is not linear is taken
-NOTHING = 1e-6  # [V] or [1] at 1C: a branch that was not found is kept in a model, as this or less
+ABSENT = 1e-6  # [V] or [1] at 1C: a branch that was not found is kept in a model, as this or less
 STRAIGHT = 1e-6  # a drive that departs by less from a straight line up to ±20C is one
 UNSEEN = 2.0  # error on data not seen over that of the fit, where a model does not tell it
 SIDE = 0.01  # of the SoC, to both sides: over which the slope of the OCV is taken
@@ -81,23 +80,23 @@ def bank_of(model, member, temperature_celsius, *, points=201):
     ------
     Refusal : the model does not say how well it fits (`fit_rmse_volt`), or as `circuit_at`.
     """
-    own = member_of(model, member)
-    capacity = model["capacity_ampere_hour"] * float(capacity_factor(own, temperature_celsius))
+    entry = member_of(model, member)
+    capacity = capacity_of(model, entry, temperature_celsius)
     beyond = round(BEYOND * (points - 1))
     soc = np.arange(-beyond, points + beyond) / (points - 1)
     celsius = np.full(len(soc), float(temperature_celsius))
-    found = circuit_at(own["conditions"], soc, celsius)
-    ocv_volt = continued_ocv_at(model["ocv"], found.table_soc, celsius)
-    stretch = np.gradient(found.table_soc, soc)
-    branches = [b for k, b in enumerate(found.circuit) if k == 0 or _there(b, soc, capacity)]
-    rest, load = _errors(own, temperature_celsius)
+    sampled = circuit_at(entry["conditions"], soc, celsius)
+    ocv_volt = continued_ocv_at(model["ocv"], sampled.table_soc, celsius)
+    stretch = np.gradient(sampled.table_soc, soc)
+    branches = [b for k, b in enumerate(sampled.circuit) if k == 0 or _has_effect(b, soc, capacity)]
+    rest, load = _model_errors(entry, temperature_celsius)
     return Bank(
         soc=soc,
         ocv_volt=ocv_volt,
-        shift_volt=found.ocv_shift_volt,
-        error_volt=rest * _shape(soc, ocv_volt + found.ocv_shift_volt, found.outside_soc),
+        shift_volt=sampled.ocv_shift_volt,
+        error_volt=rest * _error_shape(soc, ocv_volt + sampled.ocv_shift_volt, sampled.outside_soc),
         load_error_volt=load,
-        outside=found.outside_soc,
+        outside=sampled.outside_soc,
         elements=tuple(_element(branch, soc, stretch, capacity) for branch in branches),
         lags=tuple(lag for k, branch in enumerate(branches) for lag in _lags(k, branch, soc)),
         capacity_ampere_hour=capacity,
@@ -114,17 +113,17 @@ def drives(element, current_ampere):
 
     Returns
     -------
-    drive : (n, nodes) over `NODES`.
+    drive : (nodes, n) over `NODES`.
     """
     rows = [
         element.drive(current_ampere, **{name: v[k] for name, v in element.parameters.items()})
         for k in range(len(NODES))
     ]
-    return np.array(rows).T
+    return np.array(rows)
 
 
 def resistance_factor_of(model, member, celsius, reference_celsius):
-    """Resistance of a cell along a course of its temperature, over that at one temperature.
+    """Resistance of a cell along its temperature (n,), relative to one temperature [1].
 
     Parameters
     ----------
@@ -141,23 +140,23 @@ def resistance_factor_of(model, member, celsius, reference_celsius):
     conditions = member_of(model, member)["conditions"]
     circuit = circuit_at(conditions, np.full(len(grid), 0.5), grid).circuit
     total = sum(b.parameters["r_ohm"] for b in circuit if "r_ohm" in b.parameters)
-    at = np.interp(course, grid, total)
-    return at[:-1] / at[-1]
+    resistance = np.interp(course, grid, total)
+    return resistance[:-1] / resistance[-1]
 
 
-def _there(branch, soc, capacity):
-    """Whether a branch has any parameter but zero; a member has the same branches everywhere."""
-    one = np.full(len(soc), capacity)
-    return np.abs(kind_of(branch).drive(one, **branch.parameters)).max() > NOTHING
+def _has_effect(branch, soc, capacity):
+    """Whether the drive of a branch at 1C is above `ABSENT`."""
+    current = np.full(len(soc), capacity)
+    return np.abs(kind_of(branch).drive(current, **branch.parameters)).max() > ABSENT
 
 
 def _element(branch, soc, stretch, capacity):
-    """`stretch` (m,): SoC of the OCV table per SoC; an offset is one of the table's."""
+    """Element of a branch; `stretch` (m,): change of the OCV table's SoC per counted SoC."""
     kind = kind_of(branch)
     lags = kind.lags(**{name: values[0] for name, values in branch.parameters.items()})
     direct = 1.0 - sum(lag.share for lag in lags)
     direct = 0.0 if abs(direct) < 1e-12 else direct
-    if kind.linear or _straight(kind, branch, soc, capacity):
+    if kind.linear or _is_straight(kind, branch, soc, capacity):
         gain = kind.drive(np.ones(len(soc)), **branch.parameters)
         gain = gain / stretch if kind.output == "soc" else gain
         return Element(kind.output, direct, gain, None, {})
@@ -165,11 +164,11 @@ def _element(branch, soc, stretch, capacity):
     return Element(kind.output, direct, None, kind.drive, nodes)
 
 
-def _straight(kind, branch, soc, capacity):
-    """Kinetics whose scale was found to be out of reach are a resistance."""
+def _is_straight(kind, branch, soc, capacity):
+    """Whether a drive is proportional to the current up to 20C."""
     currents = capacity * np.array([1.0, 20.0, -1.0, -20.0])
-    each = [kind.drive(np.full(len(soc), i), **branch.parameters) / i for i in currents]
-    return np.ptp(each, axis=0).max() <= STRAIGHT * np.abs(each[0]).max()
+    resistances = [kind.drive(np.full(len(soc), i), **branch.parameters) / i for i in currents]
+    return np.ptp(resistances, axis=0).max() <= STRAIGHT * np.abs(resistances[0]).max()
 
 
 def _lags(index, branch, soc):
@@ -180,8 +179,8 @@ def _lags(index, branch, soc):
 
 # ASSUME: Of the error that all temperatures share, half the variance is the OCV's; the other half,
 # and what some temperatures add to it, is the circuit's and there under load only.
-def _errors(member, celsius):
-    """RMS error on unseen data, at rest and of the circuit.
+def _model_errors(member, celsius):
+    """RMS errors on unseen data [V]: at rest, and what the circuit adds under load.
 
     Over temperature as in the fit, straight in °C; in all that of the blocks left out of it.
     """
@@ -192,19 +191,23 @@ def _errors(member, celsius):
     errors = np.array([error for _, error in pairs])
     left_out = member.get("left_out_rmse_volt")
     samples = [c.get("samples", 1) for c in conditions]
-    whole = np.sqrt(np.average(errors**2, weights=samples))
-    errors = errors * (UNSEEN if left_out is None else left_out / max(whole, 1e-9))
+    overall = np.sqrt(np.average(errors**2, weights=samples))
+    errors = errors * (UNSEEN if left_out is None else left_out / max(overall, 1e-9))
     rest = errors.min() / np.sqrt(2.0)
-    order = np.argsort([known or 0.0 for known, _ in pairs])
-    known = np.array([known for known, _ in pairs])[order]
-    here = errors[0] if len(pairs) == 1 else np.interp(celsius, known, errors[order])
-    return float(rest), float(np.sqrt(here**2 - rest**2))
+    order = np.argsort([celsius_of_conditions or 0.0 for celsius_of_conditions, _ in pairs])
+    celsius_of_conditions = np.array([celsius_of_conditions for celsius_of_conditions, _ in pairs])[
+        order
+    ]
+    at_celsius = (
+        errors[0] if len(pairs) == 1 else np.interp(celsius, celsius_of_conditions, errors[order])
+    )
+    return float(rest), float(np.sqrt(at_celsius**2 - rest**2))
 
 
 # ASSUME: A model's error goes with the slope of the OCV, as that of a wrong SoC: it is told as one
 # number, most of which comes from near empty, where voltage and resistance bend.
-def _shape(soc, volt, outside):
-    """Share of the error at every SoC; its mean square over what was measured is one."""
+def _error_shape(soc, volt, outside):
+    """Relative error at every SoC (m,); its mean square over the measured range is one."""
     sides = soc + SIDE, soc - SIDE
     slope = np.abs(np.interp(sides[0], soc, volt) - np.interp(sides[1], soc, volt)) / (2 * SIDE)
     measured = (~outside) & (soc >= 0.0) & (soc <= 1.0)

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.filters.bank import NODES
-from cellwright.filters.kalman import run
+from cellwright.filters.kalman import acquire, run
 from cellwright.filters.plant import ERROR, GAIN, SLOPE, TOTAL, Noise, plant_of
-from cellwright.filters.start import acquire
 from cellwright.numerics.lags import lag
 from cellwright.refusal import Refusal
 
@@ -17,7 +16,7 @@ FLAT_VOLT = 1e-9  # a slope of the OCV that tells nothing
 
 
 class Start(NamedTuple):
-    """What is known before the first sample.
+    """Estimate before the first sample.
 
     soc, soc_std : state of charge and its standard deviation [1].
     c_rate : current that may have flowed before, as a rate; its settled relaxations are the
@@ -34,7 +33,7 @@ class Start(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """State of charge (n,) [1] with its standard deviation, and what it was found by.
+    """State of charge (n,) [1] with its standard deviation, innovations and tracked parameters.
 
     innovation_volt, innovation_std_volt : measured minus predicted voltage, and what its standard
         deviation should be; NaN where a method has none [V].
@@ -65,7 +64,7 @@ def estimate(
     resistance_factor=1.0,
     track_ohmic=True,
 ):
-    """State of charge over a record, from a start that may be wrong.
+    """State of charge over a record (n,) [1] by one method, from a start that may be wrong.
 
     "coulomb" counts from the stated start (2.21). "ocv" looks each sample up alone: the voltage
     less the model's overpotentials, in the OCV table. "ekf" filters with the stated noise, "aekf"
@@ -97,67 +96,90 @@ def estimate(
     """
     # ASSUME: What a model errs by at rest keeps its value over about `error_soc` of the charge, the
     # error of its circuit for about `error_second`.
+    noise, record = noise or Noise(), (test_time_second, current_ampere, voltage_volt)
+    settings = {"hold": hold, "resistance_factor": resistance_factor, "track_ohmic": track_ohmic}
+    plant = plant_of(bank, *record, noise, **settings, track_capacity=method == "dual")
+    return estimate_on(plant, start, method=method, noise=noise)
+
+
+def estimate_on(plant, start, *, method, noise):
+    """As `estimate`, on a record and a bank that are laid out already.
+
+    Parameters
+    ----------
+    plant : Plant, with the capacity among its states for "dual" alone. start, method : as above.
+    noise : Noise that the plant was laid out with.
+    """
     if method not in METHODS:
         raise Refusal(f"SoC method {method!r} is unknown; known are {', '.join(METHODS)}")
     if not (0.0 <= start.soc <= 1.0 and start.soc_std > 0.0):
         raise Refusal(
             f"SoC {start.soc:g} ± {start.soc_std:g} at the start; wanted 0 to 1, with some doubt"
         )
-    noise = (noise or Noise())._replace(adaptive=method in ("aekf", "dual"))
-    dual = method == "dual"
-    record = (test_time_second, current_ampere, voltage_volt)
-    settings = {"hold": hold, "resistance_factor": resistance_factor}
-    plant = plant_of(bank, *record, noise, **settings, track_capacity=dual, track_ohmic=track_ohmic)
     if method == "coulomb":
-        return _plain(*_counted(plant, start, noise))
+        return _without_innovations(*_counted(plant, start, noise))
     if method == "ocv":
-        return _plain(*_looked_up(plant, noise))
-    return _filtered(plant, start, noise)
+        return _without_innovations(*_looked_up(plant))
+    return _filtered(plant, start, noise._replace(adaptive=method in ("aekf", "dual")))
 
 
-def _plain(soc, std):
+def _without_innovations(soc, std):
     return Estimate(soc, std, *[np.full(len(soc), np.nan)] * 6)
 
 
 def _counted(plant, start, noise):
-    moved = np.cumsum(plant.charge_ampere_hour) / plant.capacity_ampere_hour
+    passed = np.cumsum(plant.charge_ampere_hour) / plant.capacity_ampere_hour
     seconds = np.cumsum(plant.step_second)
-    return start.soc + moved, np.sqrt(start.soc_std**2 + noise.soc_walk[0] * seconds)
+    return start.soc + passed, np.sqrt(start.soc_std**2 + noise.soc_walk[0] * seconds)
 
 
-def _looked_up(plant, noise):
-    """SoC at which the OCV is the voltage less the overpotentials at that SoC, sample by sample."""
+def _looked_up(plant):
+    """SoC (n,) at which the OCV is the voltage less the overpotentials, and its deviation."""
     grid = plant.soc_first + plant.soc_spacing * np.arange(len(plant.tables))
     inside = (grid > -1e-9) & (grid < 1.0 + 1e-9)
     curve = np.maximum.accumulate(plant.tables[inside, TOTAL])
     soc = np.interp(plant.voltage_volt, curve, grid[inside])
     for _ in range(PASSES):
-        over = _overpotential(plant, soc, grid)
+        over = _overpotential(plant, soc)
         soc = np.interp(plant.voltage_volt - over, curve, grid[inside])
-    at = [np.interp(soc, grid, plant.tables[:, column]) for column in (SLOPE, ERROR)]
-    volt = np.sqrt(at[1] ** 2 + plant.slow_variance + plant.white_variance)
-    std = volt / np.maximum(at[0], FLAT_VOLT)
+    at = _places(plant, soc)
+    error = _looked(plant, at, ERROR)
+    volt = np.sqrt(error**2 + plant.slow_variance + plant.white_variance)
+    std = volt / np.maximum(_looked(plant, at, SLOPE), FLAT_VOLT)
     return soc, np.minimum(std, 1.0 / np.sqrt(12.0))
 
 
-def _overpotential(plant, soc, grid):
+def _places(plant, soc):
+    """Row of the tables below each SoC (n,), and the part of the way to the next one."""
+    spot = (soc - plant.soc_first) / plant.soc_spacing
+    row = np.minimum(spot.astype(int), len(plant.tables) - 2)
+    return row, spot - row
+
+
+def _looked(plant, places, column):
+    """A column of the tables at each place (n,), linear between two rows."""
+    values = np.ascontiguousarray(plant.tables[:, column])
+    return values[places[0]] + places[1] * np.diff(values)[places[0]]
+
+
+def _overpotential(plant, soc):
     """Voltage over the circuit (n,) along a course of the SoC; what shifts the SoC by the slope."""
-    drives, over = [], np.zeros(len(soc))
-    slope = np.interp(soc, grid, plant.tables[:, SLOPE])
-    rows = np.arange(len(soc))
+    drives, over, at = [], np.zeros(len(soc)), _places(plant, soc)
+    slope = _looked(plant, at, SLOPE)
+    spot = np.clip(soc, 0.0, 1.0) * (len(NODES) - 1)
+    cell, samples = np.minimum(spot.astype(int), len(NODES) - 2), np.arange(len(soc))
     for e, source in enumerate(plant.source):
         current = plant.between_ampere if plant.by_charge[e] else plant.current_ampere
         if source < 0:
-            drive = np.interp(soc, grid, plant.tables[:, GAIN + e]) * current
+            drive = _looked(plant, at, GAIN + e) * current
         else:
-            spot = np.clip(soc, 0.0, 1.0) * (len(NODES) - 1)
-            cell = np.minimum(spot.astype(int), len(NODES) - 2)
-            low, high = (plant.drives[source, rows, cell + side] for side in (0, 1))
+            low, high = (plant.drives[source, cell + side, samples] for side in (0, 1))
             drive = low + (spot - cell) * (high - low)
-        drives.append(drive * np.where(plant.shifts_soc[e], slope, 1.0))
+        drives.append(drive * (slope if plant.shifts_soc[e] else 1.0))
         over += plant.direct[e] * drives[-1]
     for j, e in enumerate(plant.element):
-        constant = np.interp(soc, grid, plant.tables[:, GAIN + len(drives) + j])[:-1]
+        column = GAIN + len(drives) + j
+        constant = _looked(plant, at, column)[:-1] if plant.moves[j] else plant.tables[0, column]
         held = plant.by_charge[e] or not plant.first_order
         clock = plant.passed_ampere_hour if plant.by_charge[e] else plant.step_second
         driven = np.append(drives[e][1:], 0.0) if plant.by_charge[e] else drives[e]
@@ -168,20 +190,20 @@ def _overpotential(plant, soc, grid):
 
 def _filtered(plant, start, noise):
     state, innovation, variance = acquire(plant, start, noise)
-    found = run(plant, noise, state)
-    found[0, 2:4] = innovation, variance
-    nothing = np.full(len(found), np.nan)
-    capacity, ohmic = (nothing, nothing), (nothing, nothing)
+    rows = run(plant, noise, state)
+    rows[0, 2:4] = innovation, variance
+    unknown = np.full(len(rows), np.nan)
+    capacity, ohmic = (unknown, unknown), (unknown, unknown)
     if plant.capacity >= 0:
-        size = plant.capacity_ampere_hour / found[:, 4]
-        capacity = size, size * np.sqrt(found[:, 5]) / found[:, 4]
+        size = plant.capacity_ampere_hour / rows[:, 4]
+        capacity = size, size * np.sqrt(rows[:, 5]) / rows[:, 4]
     if plant.ohmic >= 0:
-        ohmic = found[:, 6], np.sqrt(found[:, 7])
+        ohmic = rows[:, 6], np.sqrt(rows[:, 7])
     return Estimate(
-        found[:, 0],
-        np.sqrt(found[:, 1]),
-        found[:, 2],
-        np.sqrt(found[:, 3]),
+        rows[:, 0],
+        np.sqrt(rows[:, 1]),
+        rows[:, 2],
+        np.sqrt(rows[:, 3]),
         *capacity,
         *ohmic,
     )

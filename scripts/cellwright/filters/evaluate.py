@@ -7,8 +7,8 @@ import numpy as np
 from cellwright.circuits.instrument import corrected, hold_of, true_volt, words_of
 from cellwright.circuits.model_file import member_of
 from cellwright.filters.bank import bank_of, resistance_factor_of
-from cellwright.filters.estimate import Start, estimate
-from cellwright.filters.plant import Noise
+from cellwright.filters.estimate import Start, estimate_on
+from cellwright.filters.plant import Noise, plant_of, with_tracked
 from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import laid_out
@@ -111,7 +111,7 @@ def scores(test_time_second, estimate, reference_soc, scored, *, band, hold_seco
     Parameters
     ----------
     test_time_second : (n,) [s].
-    estimate : soc.Estimate.
+    estimate : estimate.Estimate.
     reference_soc : (n,) [1].
     scored : (n,) bool, the samples that count.
     band, hold_second : as in `convergence_second`.
@@ -184,31 +184,34 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
     """
     record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=True)
     celsius = _loaded_mean(model, record)
-    bank, own = bank_of(model, None, celsius), member_of(model, None)
-    hold = hold_of(own, record.current_ampere)
-    record = _as_it_was(model, own, record)._replace(
+    bank, entry = bank_of(model, None, celsius), member_of(model, None)
+    hold = hold_of(entry, record.current_ampere)
+    record = _without_instrument_faults(model, entry, record)._replace(
         resistance_factor=resistance_factor_of(model, None, record.celsius, celsius)
     )
     source = record.temperature_source
     notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
-    seen = ("reading", "counting")
-    notes += [f"filters and their reference know that {told}" for told in words_of(own, seen)]
+    blocks = ("reading", "counting")
+    notes += [
+        f"filters and their reference know that {sentence}" for sentence in words_of(entry, blocks)
+    ]
     noise = noise_of(settings, record.test_time_second)
     first, *others = _starts(settings, record.soc[0])
     plans = [("nominal", start) for start in (first, *others)]
     plans += [(scenario, first) for scenario in settings.scenarios]
+    plants = _plants(("nominal", *settings.scenarios), record, bank, noise, hold, settings)
     rows, columns = [], {}
     for method in settings.filters:
-        found = [_one(method, plan, record, bank, noise, hold, settings) for plan in plans]
-        rows += [row for row, _ in found]
-        columns |= _columns(method, found[0][1])
+        runs = _runs(method, plans, record, bank, plants, noise, settings)
+        rows += [row for row, _ in runs]
+        columns |= _series_of(method, runs[0][1])
     rows = [row | {"model": model["chosen"]} for row in rows]
-    shown = {"test_time_second": record.test_time_second, "soc": record.soc}
-    return SocRuns(rows, shown | {"scored": record.used} | columns, tuple(notes))
+    series = {"test_time_second": record.test_time_second, "soc": record.soc}
+    return SocRuns(rows, series | {"scored": record.used} | columns, tuple(notes))
 
 
 def noise_of(settings, test_time_second):
-    """What the config states of sensors and model, as the filters take it.
+    """Noise of the filters from the settings of sensors and model.
 
     A current error of `c` (a rate) that keeps its value is taken as a walk that has gone as far
     after an hour: variance c²/3600 per second.
@@ -238,8 +241,8 @@ def noise_of(settings, test_time_second):
     )
 
 
-def _as_it_was(model, member, record):
-    """A record without the faults of the instrument that a member knows: filters are given it."""
+def _without_instrument_faults(model, member, record):
+    """Record corrected for the instrument errors that a member states."""
     read = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
     true = corrected(member, model["capacity_ampere_hour"], *read, kind=record.kind)
     return record._replace(
@@ -250,7 +253,7 @@ def _as_it_was(model, member, record):
 
 
 def _loaded_mean(model, record):
-    """One temperature for the tables of the whole record: where the load is, not the rests."""
+    """Mean temperature of a record under load [degC], for the tables of the whole record."""
     # ASSUME: OCV and time constants of a filter stand at the mean temperature of a record under
     # load; resistances follow the temperature.
     limit = REST_C_RATE * model["capacity_ampere_hour"]
@@ -259,11 +262,11 @@ def _loaded_mean(model, record):
 
 
 def _starts(settings, soc):
-    """Wrong starts, kept within 0…1."""
+    """Starts with the stated errors of the SoC, clipped to 0…1."""
     stated = [soc + error for error in settings.initial_soc_error]
     stated += settings.initial_soc
-    kept = [float(np.clip(value, 0.0, 1.0)) for value in stated]
-    return [Start(value, soc_std=settings.initial_soc_std) for value in dict.fromkeys(kept)]
+    clipped = [float(np.clip(value, 0.0, 1.0)) for value in stated]
+    return [Start(value, soc_std=settings.initial_soc_std) for value in dict.fromkeys(clipped)]
 
 
 def _disturbed(scenario, record, bank, start, settings):
@@ -279,46 +282,65 @@ def _disturbed(scenario, record, bank, start, settings):
         size = bank.capacity_ampere_hour * (1.0 + sign * settings.capacity_error)
         return record, bank._replace(capacity_ampere_hour=size), start
     if scenario == "mid_drive":
-        kept = rows_of(record, slice(len(record.used) // 3, None))
-        moved = kept.soc[0] + start.soc - record.soc[0]
-        return kept, bank, start._replace(soc=float(np.clip(moved, 0.0, 1.0)), c_rate=1.0)
+        later = rows_of(record, slice(len(record.used) // 3, None))
+        start_soc = later.soc[0] + start.soc - record.soc[0]
+        return later, bank, start._replace(soc=float(np.clip(start_soc, 0.0, 1.0)), c_rate=1.0)
     return record, bank, start
 
 
-def _one(method, plan, record, bank, noise, hold, settings):
-    """Row and estimate of one filter, scenario and start."""
-    scenario, start = plan
-    given, bank, start = _disturbed(scenario, record, bank, start, settings)
-    tracked = settings.track_resistance
-    known = {"noise": noise, "resistance_factor": given.resistance_factor}
-    known |= {"track_ohmic": tracked, "hold": hold}
-    columns = (given.test_time_second, given.current_ampere, given.voltage_volt)
-    found = estimate(bank, *columns, start, method=method, **known)
-    error = float(start.soc - given.soc[0])
-    row = {"filter": method, "scenario": scenario, "initial_soc_error": error}
-    row |= _scored(given, found, settings)
-    return row | {"reason": _reason(row, bank, given, noise, settings)}, found
+def _plants(scenarios, record, bank, noise, hold, settings):
+    """Plant of each scenario, without the capacity among its states: every filter starts on one."""
+
+    def laid(disturbed, size):
+        columns = (disturbed.test_time_second, disturbed.current_ampere, disturbed.voltage_volt)
+        options = {"hold": hold, "resistance_factor": disturbed.resistance_factor}
+        return plant_of(size, *columns, noise, **options, track_ohmic=settings.track_resistance)
+
+    nominal, plants = laid(record, bank), {}
+    for scenario in scenarios:
+        disturbed, size, _ = _disturbed(scenario, record, bank, Start(0.0), settings)
+        # Of another voltage or capacity nothing else of a plant comes.
+        same_current = disturbed.current_ampere is record.current_ampere
+        plants[scenario] = (
+            nominal._replace(
+                voltage_volt=disturbed.voltage_volt, capacity_ampere_hour=size.capacity_ampere_hour
+            )
+            if same_current
+            else laid(disturbed, size)
+        )
+    return plants
 
 
-def _scored(given, found, settings):
-    return scores(
-        given.test_time_second,
-        found,
-        given.soc,
-        given.used,
-        band=settings.convergence_band,
-        hold_second=settings.convergence_hold_second,
-    )
+def _runs(method, plans, record, bank, plants, noise, settings):
+    """Row and estimate of one filter for each scenario and start."""
+    tracked = {"track_capacity": method == "dual", "track_ohmic": settings.track_resistance}
+    plants = {name: with_tracked(p, bank, noise, **tracked) for name, p in plants.items()}
+    limits = {"band": settings.convergence_band, "hold_second": settings.convergence_hold_second}
+    runs, scored = [], {}
+    for scenario, first in plans:
+        disturbed, size, start = _disturbed(scenario, record, bank, first, settings)
+        # A look-up has no start: what it finds in a scenario is the same from all.
+        key = (scenario, None if method == "ocv" else first)
+        if key not in scored:
+            estimated = estimate_on(plants[scenario], start, method=method, noise=noise)
+            reference = (disturbed.test_time_second, estimated, disturbed.soc, disturbed.used)
+            scored[key] = estimated, scores(*reference, **limits)
+        estimated, score = scored[key]
+        error = float(start.soc - disturbed.soc[0])
+        row = {"filter": method, "scenario": scenario, "initial_soc_error": error} | score
+        reason = _reason(row, size, disturbed, noise, settings)
+        runs.append((row | {"reason": reason}, estimated))
+    return runs
 
 
-def _reason(row, bank, given, noise, settings):
-    """Why there is no convergence: in words, with the numbers that say so."""
+def _reason(row, bank, record, noise, settings):
+    """Why a filter did not converge, with numbers; empty where it did."""
     if not np.isnan(row["convergence_second"]):
         return ""
     if row["filter"] == "coulomb":
         return "counting keeps the error of its start"
     band, hold = settings.convergence_band, settings.convergence_hold_second
-    visited = np.clip(given.soc, 0.0, 1.0)
+    visited = np.clip(record.soc, 0.0, 1.0)
     total = bank.ocv_volt + bank.shift_volt
     ends = [np.interp(np.clip(visited + side, 0, 1), bank.soc, total) for side in (-0.05, 0.05)]
     slope = float(np.median(ends[1] - ends[0]))
@@ -326,13 +348,13 @@ def _reason(row, bank, given, noise, settings):
     stated = float(np.hypot(np.median(stated), bank.load_error_volt))
     error = max(noise.error_factor * stated, noise.least_error_volt)
     if error * 0.1 > band * slope:
-        told = f"the OCV slope of {1e3 * slope:.1f} mV per 10 % is below what a model error of"
-        return f"{told} {1e3 * error:.1f} mV allows for {100 * band:g} %"
+        sentence = f"the OCV slope of {1e3 * slope:.1f} mV per 10 % is below what a model error of"
+        return f"{sentence} {1e3 * error:.1f} mV allows for {100 * band:g} %"
     return f"never within {100 * band:g} % for {hold:g} s"
 
 
-def _columns(method, found):
-    columns = {f"estimated_{method}_soc": found.soc, f"std_{method}_soc": found.std}
-    if np.isfinite(found.innovation_volt).any():
-        columns[f"innovation_{method}_volt"] = found.innovation_volt
+def _series_of(method, estimated):
+    columns = {f"estimated_{method}_soc": estimated.soc, f"std_{method}_soc": estimated.std}
+    if np.isfinite(estimated.innovation_volt).any():
+        columns[f"innovation_{method}_volt"] = estimated.innovation_volt
     return columns

@@ -1,4 +1,4 @@
-"""What a filter knows before it starts and at one SoC: tables and record laid out for it."""
+"""Tables and record laid out as arrays for a filter, and their values at one SoC."""
 
 from typing import NamedTuple
 
@@ -11,16 +11,16 @@ from cellwright.refusal import Refusal
 
 
 def levels_of(bank, current_ampere, curved):
-    """RMS of every element's drive at half charge under a load.
+    """RMS of every element's drive over a record at half charge (E,) [V].
 
-    One level for the whole record: were the noise to follow the current, an error of a resistance
-    would be heard at rest and not under load, and drive the SoC away, cycle by cycle.
+    One level for the whole record: with noise in proportion to the current an error of a resistance
+    would count at rest and not under load, and move the SoC off with every cycle.
 
     Parameters
     ----------
     bank : Bank.
     current_ampere : (n,) [A].
-    curved : dict, index of an element that is not linear → its drives (n, nodes).
+    curved : dict, index of an element that is not linear → its drives (nodes, n).
 
     Returns
     -------
@@ -30,13 +30,13 @@ def levels_of(bank, current_ampere, curved):
     slope = (bank.ocv_volt[half + 1] - bank.ocv_volt[half - 1]) / (bank.soc[2] - bank.soc[0])
     for k, element in enumerate(bank.elements):
         middle = len(NODES) // 2
-        drive = curved[k][:, middle] if k in curved else element.gain[half] * current_ampere
+        drive = curved[k][middle] if k in curved else element.gain[half] * current_ampere
         levels[k] = rms(drive) * (slope if element.output == "soc" else 1.0)
     return levels
 
 
 def edges_of(bank, level_volt, step_second, current_ampere, skew_second, *, hold):
-    """Variance of the voltage that a change of the current leaves unknown for a while.
+    """Variance of the voltage after steps of the current (n,) [V²], from the skew of the sensors.
 
     Into and out of a load alike, so that it favours neither; a record that starts under load starts
     with a step.
@@ -59,9 +59,9 @@ def edges_of(bank, level_volt, step_second, current_ampere, skew_second, *, hold
     if skew_second <= 0.0 or power == 0.0:
         return np.zeros(len(current_ampere))
     at_once = np.array([e.direct for e in bank.elements])
-    for one in bank.lags:
-        within = skew_second / (skew_second + one.constant[_half(bank)])
-        at_once[one.element] += one.share * within * (one.clock == "second")
+    for relaxation in bank.lags:
+        within = skew_second / (skew_second + relaxation.constant[_half(bank)])
+        at_once[relaxation.element] += relaxation.share * within * (relaxation.clock == "second")
     behind = current_ampere - lag(step_second[1:], skew_second, current_ampere, hold=hold)
     return (level_volt @ at_once) ** 2 / power * behind**2
 
@@ -76,7 +76,7 @@ LARGEST = 32  # states that the compiled kernel takes
 
 
 class Noise(NamedTuple):
-    """What is not known, stated before a filter runs.
+    """Noise of sensors and model that a filter assumes.
 
     sensor_volt : white noise of the voltage sensor, standard deviation [V].
     resistance_error : relative error of the model's overpotentials [1].
@@ -119,7 +119,8 @@ class Plant(NamedTuple):
     soc_first, soc_spacing : their uniform grid.
     shifts_soc, direct, source, by_charge : (E,) whether an element's output is an offset of the
         SoC; the share that acts at once; its row of `drives`, −1 for a gain; its clock.
-    drives : (q, n, nodes) of what is not linear in the current.
+    drives : (q, nodes, n) of what is not linear in the current. largest : (q,) mean over SoC of the
+        largest of them. usual_gain : (E,) median of the gains over SoC 0 to 1, else 0.
     element, share, moves : (L,) of each lag; `moves` where its constant changes over SoC.
     white_variance, fast_variance, slow_variance : of the noise, of what acts at once, and of the
         model's error beside the tables' [V²].
@@ -141,6 +142,8 @@ class Plant(NamedTuple):
     source: np.ndarray
     by_charge: np.ndarray
     drives: np.ndarray
+    largest: np.ndarray
+    usual_gain: np.ndarray
     element: np.ndarray
     share: np.ndarray
     moves: np.ndarray
@@ -169,7 +172,7 @@ def plant_of(
     track_capacity=False,
     track_ohmic=False,
 ):
-    """Lay a bank and a record out for the recursion.
+    """Arrays of a bank and a record for the recursion of a filter.
 
     Parameters
     ----------
@@ -193,15 +196,16 @@ def plant_of(
     step = np.diff(time, prepend=time[0])
     before = np.concatenate([current[:1], current[:-1]])
     between = before if hold == "zero_order" else (before + current) / 2
-    by_charge = _clocks(bank)
+    by_charge = _by_charge(bank)
     # ASSUME: Along a record all resistances move by one factor; what is linear or kinetic takes it
     # as a factor on the current, what follows the sign of the current does not feel it.
     driving = resistance_factor * current, resistance_factor * between
     curved = [k for k, e in enumerate(bank.elements) if e.gain is None]
     rows = [drives(bank.elements[k], driving[by_charge[k]]) for k in curved]
+    drives_of_curved = np.ascontiguousarray(np.reshape(rows, (-1, len(NODES), len(time))))
     levels = levels_of(bank, driving[0], dict(zip(curved, rows, strict=True)))
-    constants = [one.constant for one in bank.lags]
-    spots = _layout(bank, noise, track_capacity, track_ohmic)
+    constants = [relaxation.constant for relaxation in bank.lags]
+    spots = _places(bank, noise, track_capacity, track_ohmic)
     skew = noise.skew_second
     return Plant(
         step_second=step,
@@ -220,9 +224,11 @@ def plant_of(
             [(curved.index(k) if k in curved else -1) for k in range(len(bank.elements))], np.int64
         ),
         by_charge=by_charge,
-        drives=np.ascontiguousarray(np.reshape(rows, (-1, len(time), len(NODES)))),
-        element=np.array([one.element for one in bank.lags], np.int64),
-        share=np.array([one.share for one in bank.lags], float),
+        drives=drives_of_curved,
+        largest=np.array([np.abs(drive).max(axis=1).mean() for drive in drives_of_curved]),
+        usual_gain=_usual_gain(bank),
+        element=np.array([relaxation.element for relaxation in bank.lags], np.int64),
+        share=np.array([relaxation.share for relaxation in bank.lags], float),
         moves=np.array([np.ptp(c) > 1e-9 * c.max() for c in constants], np.int64),
         capacity_ampere_hour=float(bank.capacity_ampere_hour),
         first_order=hold == "first_order",
@@ -231,8 +237,29 @@ def plant_of(
     )
 
 
+def _usual_gain(bank):
+    grid = bank.soc[0] + (bank.soc[1] - bank.soc[0]) * np.arange(len(bank.soc))
+    inside = np.clip(grid, 0.0, 1.0) == grid
+    gains = [0.0 if e.gain is None else np.median(e.gain[inside]) for e in bank.elements]
+    return np.array(gains, float)
+
+
+def with_tracked(plant, bank, noise, *, track_capacity, track_ohmic):
+    """The same plant with other tracked states.
+
+    Parameters
+    ----------
+    plant : Plant. bank, noise, track_capacity, track_ohmic : as in `plant_of`.
+
+    Raises
+    ------
+    Refusal : too many states.
+    """
+    return plant._replace(**_places(bank, noise, track_capacity, track_ohmic))
+
+
 def _variances(bank, levels, noise):
-    """Of what changes at each sample, within seconds and within minutes [V²]."""
+    """White, fast (seconds) and slow (minutes) variance of the voltage [V²]."""
     at_once = float(levels @ [e.direct for e in bank.elements])
     fast = (noise.resistance_error * at_once) ** 2
     load = max(noise.error_factor * bank.load_error_volt, noise.least_error_volt)
@@ -243,29 +270,29 @@ def _variances(bank, levels, noise):
     }
 
 
-def _layout(bank, noise, track_capacity, track_ohmic):
-    """Places of the states: SoC, lags, model errors, capacity, ohmic scale."""
+def _places(bank, noise, track_capacity, track_ohmic):
+    """Index of each tracked state after SoC and lags, −1 if not tracked, and their number."""
     errors = (noise.error_second, noise.fast_second, noise.error_soc)
     tracked = (*(span > 0 for span in errors), track_capacity, track_ohmic)
     elements, spots, size = len(bank.elements), {}, 1 + len(bank.lags)
-    for name, there in zip(TRACKED, tracked, strict=True):
-        spots[name] = size if there else -1
-        size += int(there)
+    for name, is_tracked in zip(TRACKED, tracked, strict=True):
+        spots[name] = size if is_tracked else -1
+        size += int(is_tracked)
     if max(size, elements) > LARGEST:
-        found = f"{size} states and {elements} elements"
-        raise Refusal(f"the filter would have {found}; at most {LARGEST} are allowed")
+        sizes = f"{size} states and {elements} elements"
+        raise Refusal(f"the filter would have {sizes}; at most {LARGEST} are allowed")
     return spots | {"size": size}
 
 
-def _clocks(bank):
-    found = np.zeros(len(bank.elements), np.int64)
-    for one in bank.lags:
-        found[one.element] = one.clock == "ampere_hour"
-    return found
+def _by_charge(bank):
+    by_charge = np.zeros(len(bank.elements), np.int64)
+    for relaxation in bank.lags:
+        by_charge[relaxation.element] = relaxation.clock == "ampere_hour"
+    return by_charge
 
 
 def _tables(bank, noise, constants):
-    """Columns side by side, so that one SoC touches one place in memory."""
+    """Tables (m, 4 + E + L) with all columns of one SoC next to each other in memory."""
     total, half = bank.ocv_volt + bank.shift_volt, noise.slope_window_soc / 2
     ends = [np.interp(bank.soc + side, bank.soc, total) for side in (-half, half)]
     width = [np.interp(bank.soc + side, bank.soc, bank.soc) for side in (-half, half)]
@@ -294,7 +321,7 @@ SPREAD = np.sqrt(3.0)  # of a chord, in standard deviations: that of a Gaussian'
 
 
 def slope_at(plant, soc, variance, noise):
-    """Slope of the OCV over what is not known of the SoC, and what a chord misses in its middle."""
+    """Slope of the OCV as a chord over the uncertainty of the SoC, and the chord's error [V]."""
     reach = SPREAD * np.sqrt(variance)
     if reach <= noise.slope_window_soc / 2:
         return look_at(plant, soc)[SLOPE], 0.0
@@ -304,18 +331,18 @@ def slope_at(plant, soc, variance, noise):
 
 
 def relaxation_at(plant, k, j, soc):
-    """Decay of lag j over the step to sample k, and what the drive adds to it."""
+    """Decay of lag j over the step to sample k, and the contribution of its drive."""
     e = plant.element[j]
     column = GAIN + len(plant.direct) + j
-    near = place_at(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
-    constant, now = plant.tables[near, column], drive_at(plant, e, k, soc)
+    row = place_at(plant, soc + plant.soc_spacing / 2)[0] if plant.moves[j] else 0
+    constant, drive = plant.tables[row, column], drive_at(plant, e, k, soc)
     if plant.by_charge[e]:
         gain = -np.expm1(-plant.passed_ampere_hour[k] / constant)
-        return 1.0 - gain, gain * now
+        return 1.0 - gain, gain * drive
     hold = "first_order" if plant.first_order else "zero_order"
     step = plant.step_second[k : k + 1]
     decay, before, after = (w[0] for w in lag_weights(step, constant, hold=hold))
-    return decay, before * drive_at(plant, e, k - 1, soc) + after * now
+    return decay, before * drive_at(plant, e, k - 1, soc) + after * drive
 
 
 def drive_at(plant, e, k, soc):
@@ -326,18 +353,18 @@ def drive_at(plant, e, k, soc):
     cells = len(NODES) - 1
     spot = min(max(soc, 0.0), 1.0) * cells
     i = min(int(spot), cells - 1)
-    low, high = plant.drives[plant.source[e], k, i : i + 2]
+    low, high = plant.drives[plant.source[e], i : i + 2, k]
     return low + (spot - i) * (high - low)
 
 
 def look_at(plant, soc):
-    """Row of the tables, straight between two points."""
+    """Row of the tables at a SoC, linear between two points."""
     i, part = place_at(plant, soc)
     return plant.tables[i] + part * (plant.tables[i + 1] - plant.tables[i])
 
 
 def place_at(plant, soc):
-    """Cell of the tables, and where in it; beyond the ends on the last slope."""
+    """Index of the table row below a SoC, and the fraction to the next one."""
     spot = (soc - plant.soc_first) / plant.soc_spacing
     i = int(min(max(spot, 0.0), len(plant.tables) - 2.0))
     return i, spot - i

@@ -1,7 +1,7 @@
 """An instrument's file as columns with standard names and units.
 
 The caller hands the bytes: nothing here opens a file. The sign of the current is the file's own;
-series.sign turns it.
+series.joining turns it.
 """
 
 from typing import NamedTuple

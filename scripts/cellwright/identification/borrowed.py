@@ -19,7 +19,7 @@ RESISTANCES = ("r_ohm", "r_charge_ohm", "r_discharge_ohm")
 
 
 def fast_and_slow(elements):
-    """Resistance that acts within `FAST_SECOND`, and what is slower.
+    """Sums of the resistances that act within `FAST_SECOND` and of the slower ones (k,) [ohm].
 
     Which part of the fast resistance is ohmic, charge transfer or a short time constant depends on
     the sampling and on the member; their sum compares between cells.
@@ -34,15 +34,20 @@ def fast_and_slow(elements):
     fast_ohm, slow_ohm : (k,) at small currents [ohm].
     """
     pairs = [
-        (np.asarray(one["r_ohm"], float), np.asarray(one.get("tau_second", 0.0)) <= FAST_SECOND)
-        for one in elements
-        if "r_ohm" in one
+        (
+            np.asarray(element["r_ohm"], float),
+            np.asarray(element.get("tau_second", 0.0)) <= FAST_SECOND,
+        )
+        for element in elements
+        if "r_ohm" in element
     ]
-    return tuple(sum(np.where(fast == way, r, 0.0) for r, fast in pairs) for way in (True, False))
+    return tuple(
+        sum(np.where(fast == is_fast, r, 0.0) for r, fast in pairs) for is_fast in (True, False)
+    )
 
 
 def ratio_of(resistance, more):
-    """By what a resistance is to be multiplied to grow by a difference, at least `LEAST`.
+    """Factor on a resistance that adds a difference to it [1], at least `LEAST`.
 
     Parameters
     ----------
@@ -64,8 +69,7 @@ def changed(reference, change, *, cell, capacity, kind, note):
         each a scalar or one value per knot.
     cell : id of the new cell.
     capacity : its capacity [Ah].
-    kind : what it was made from, "bias" or "scaled".
-    note : what is to be said of it.
+    kind : of the model, "bias" or "scaled". note : sentence for the report.
 
     Returns
     -------
@@ -86,10 +90,15 @@ def changed(reference, change, *, cell, capacity, kind, note):
         member | {"conditions": [entry_of(entry) for entry in member["conditions"]]}
         for member in reference["members"]
     ]
-    own = {"cell": cell, "capacity_ampere_hour": float(capacity), "kind": kind, "members": members}
+    cell_fields = {
+        "cell": cell,
+        "capacity_ampere_hour": float(capacity),
+        "kind": kind,
+        "members": members,
+    }
     # What was left out of the reference's fit says nothing of this cell.
-    known = {name: value for name, value in reference.items() if name != "left_out"}
-    return {**known, **own, "notes": [note]}
+    rest = {name: value for name, value in reference.items() if name != "left_out"}
+    return {**rest, **cell_fields, "notes": [note]}
 
 
 def _branch(branch, fast, slow, size):
@@ -98,15 +107,15 @@ def _branch(branch, fast, slow, size):
     at_once = np.asarray(branch.get("tau_second", 0.0)) <= FAST_SECOND
     factors = dict.fromkeys(RESISTANCES, np.where(at_once, fast, slow))
     factors |= {"soc_per_ampere": 1.0 / size, "charge_ampere_hour": size}
-    moved = {n: (np.asarray(branch[n]) * f).tolist() for n, f in factors.items() if n in branch}
-    return branch | moved
+    scaled = {n: (np.asarray(branch[n]) * f).tolist() for n, f in factors.items() if n in branch}
+    return branch | scaled
 
 
 class Calibration(NamedTuple):
     """Coefficients of the bias functions and their leave-one-cell-out errors.
 
     r0, ocv : (4,) [ohm/V², ohm/V ×3], [1/V, 1 ×3]; polarisation : [ohm/V]; errors RMS. R0 stands
-    for all that acts within seconds, polarisation for the rest, see `changed.fast_and_slow`.
+    for all that acts within seconds, polarisation for the rest, see `fast_and_slow`.
     """
 
     r0: np.ndarray
@@ -234,15 +243,18 @@ def biased_model(reference, calibration, *, cell, main_shift_volt, mean_shift_vo
     Returns
     -------
     model : dict, kind "bias". Of R0 and all branches, fast and slow resistances are scaled to what
-        the bias functions give for their sums (`changed.fast_and_slow`), at least to a tenth of the
+        the bias functions give for their sums (`fast_and_slow`), at least to a tenth of the
         reference's. All else as in `scaled_reference`.
     """
 
     def change(entry):
         soc = np.asarray(entry["soc"])
         fast, slow = fast_and_slow([{"r_ohm": entry["r0_ohm"]}, *entry["branches"]])
-        more = quadratic_bias(main_shift_volt, soc, calibration.r0)
-        ratios = ratio_of(fast, more), ratio_of(slow, calibration.polarisation * mean_shift_volt)
+        fast_change = quadratic_bias(main_shift_volt, soc, calibration.r0)
+        ratios = (
+            ratio_of(fast, fast_change),
+            ratio_of(slow, calibration.polarisation * mean_shift_volt),
+        )
         return ratios, quadratic_bias(main_shift_volt, soc, calibration.ocv)
 
     note = (
@@ -292,10 +304,10 @@ def _fitted(columns, change):
     """Least squares over all cells, and the RMS error of each cell predicted from the others."""
     width, cells = columns.shape[-1], np.arange(len(change))
     errors = []
-    for left in cells:
-        others = cells != left
+    for cell in cells:
+        others = cells != cell
         part = np.linalg.lstsq(columns[others].reshape(-1, width), change[others].ravel())[0]
-        errors.append(columns[left] @ part - change[left])
+        errors.append(columns[cell] @ part - change[cell])
     fit = np.linalg.lstsq(columns.reshape(-1, width), change.ravel())[0]
     return fit, rms(errors)
 
@@ -305,7 +317,7 @@ KNOTS = np.linspace(0.1, 0.9, 9)
 
 
 class Shown(NamedTuple):
-    """What a cell shows: its model (None for the one that has none), IC peaks, load resistance.
+    """Measurements of a cell that a borrowed model uses: model or None, IC peaks, load resistance.
 
     peaks : list of dict, rows of stage `ica`. onset_ohm : resistance at the onset of its discharges
     from full, delay [s] → [ohm]; empty where none was measured.
@@ -319,7 +331,7 @@ class Shown(NamedTuple):
     onset_ohm: dict
 
 
-def borrowed_model(own, peers):
+def borrowed_model(cell, peers):
     """Model from the reference cell of the type, by the shift of IC peaks or by scaling.
 
     1. The reference is the first marked cell, else the largest. 2. Where enough other cells have
@@ -330,7 +342,7 @@ def borrowed_model(own, peers):
 
     Parameters
     ----------
-    own : Shown, with model None.
+    cell : Shown, with model None.
     peers : list of Shown, with models.
 
     Returns
@@ -347,20 +359,20 @@ def borrowed_model(own, peers):
     reference = reference_of(peers, capacity=lambda peer: peer.capacity_ampere_hour)
     others = [peer for peer in peers if peer is not reference]
     try:
-        return _biased(own, reference, others)
+        return _biased(cell, reference, others)
     except Refusal as refusal:
-        ratio, how = _resistance_ratio(own, reference)
+        ratio, sentence = _resistance_ratio(cell, reference)
         model = scaled_reference(
             reference.model,
-            cell=own.cell,
-            capacity=own.capacity_ampere_hour,
+            cell=cell.cell,
+            capacity=cell.capacity_ampere_hour,
             resistance_ratio=ratio,
         )
-        return model | {"notes": [*model["notes"], how, f"not by IC peaks: {refusal}"]}
+        return model | {"notes": [*model["notes"], sentence, f"not by IC peaks: {refusal}"]}
 
 
-def _biased(own, reference, others):
-    main, mean = _shift(reference, own)
+def _biased(cell, reference, others):
+    main, mean = _shift(reference, cell)
     base, shifts, changes = _courses(reference.model, reference.model["chosen"]), [], []
     for peer in others:
         try:
@@ -376,10 +388,10 @@ def _biased(own, reference, others):
     model = biased_model(
         reference.model,
         calibration,
-        cell=own.cell,
+        cell=cell.cell,
         main_shift_volt=main,
         mean_shift_volt=mean,
-        capacity=own.capacity_ampere_hour,
+        capacity=cell.capacity_ampere_hour,
     )
     left_out = (
         f"leave-one-cell-out errors: R0 {1e3 * calibration.r0_left_out_ohm:.2f} mΩ, polarisation "
@@ -406,16 +418,16 @@ def _shift(reference, cell):
 
 def _courses(model, member):
     """Fast and slow resistance and OCV over the knots at 25 °C, of the same member of all cells."""
-    found = circuit_at(member_of(model, member)["conditions"], KNOTS, REFERENCE_CELSIUS)
-    fast, slow = fast_and_slow([branch.parameters for branch in found.circuit])
-    return fast, slow, open_circuit_volt(model, found, REFERENCE_CELSIUS)
+    sampled = circuit_at(member_of(model, member)["conditions"], KNOTS, REFERENCE_CELSIUS)
+    fast, slow = fast_and_slow([branch.parameters for branch in sampled.circuit])
+    return fast, slow, open_circuit_volt(model, sampled, REFERENCE_CELSIUS)
 
 
-def _resistance_ratio(own, reference):
-    """Ratio at the longest delay that both cells have; one where they have none in common."""
-    common = sorted(set(own.onset_ohm) & set(reference.onset_ohm))
+def _resistance_ratio(cell, reference):
+    """Ratio of the onset resistances at the longest common delay [1], 1 without any; its source."""
+    common = sorted(set(cell.onset_ohm) & set(reference.onset_ohm))
     if not common:
         return 1.0, "its resistance is not known: taken as the reference's"
     delay = common[-1]
-    ratio = own.onset_ohm[delay] / reference.onset_ohm[delay]
+    ratio = cell.onset_ohm[delay] / reference.onset_ohm[delay]
     return ratio, f"resistance by the onset of its discharges from full ({delay:g} s)"

@@ -15,10 +15,10 @@ from cellwright.identification.identify import (
     identify,
     limits_of,
 )
-from cellwright.identification.search import ABSENT_SECOND
+from cellwright.identification.search import ABSENT_SECOND, shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.basis import REFERENCE_CELSIUS
+from cellwright.records.basis import REFERENCE_CELSIUS, stated_or_reference
 from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import blocks_of_used, records_by_temperature
 from cellwright.refusal import Refusal
@@ -29,7 +29,7 @@ PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
 
 
 class Identified(NamedTuple):
-    """One temperature: its OCV table, entries and scores by member, and what is to be said."""
+    """Identification at one temperature: OCV table, entries and scores by member, notes."""
 
     ocv: dict
     entries: dict
@@ -82,31 +82,31 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
     )
     if later:
         notes.append(f"not fitted, of a later check-up: {', '.join(later)}")
-    found, energies = _identified(by_temperature, basis, members, split_rest_second, notes)
-    if not found:
+    identified, energies = _identified(by_temperature, basis, members, split_rest_second, notes)
+    if not identified:
         raise Refusal("; ".join(notes) or "no test can be fitted")
-    scores = _common([one.scores for one in found])
+    scores = _scored_everywhere([condition.scores for condition in identified])
     choice = choose(scores)
     return {
         "schema": SCHEMA,
         "cell": cell.cell,
         "capacity_ampere_hour": basis["capacity_ampere_hour"],
         "borrowed_from": basis["borrowed_from"],
-        "ocv": [one.ocv for one in found],
+        "ocv": [condition.ocv for condition in identified],
         "members": [
             {"model": name, "left_out_rmse_volt": choice.rmse_volt[name]}
-            | {"conditions": [one.entries[name] for one in found]}
+            | {"conditions": [condition.entries[name] for condition in identified]}
             for name in choice.rmse_volt
         ],
         "chosen": choice.name,
         "choice": choice.words,
         "left_out": [
             {
-                "ambient_temperature_celsius": one.ocv["ambient_temperature_celsius"],
-                "rows": one.scores[choice.name].rows.tolist(),
-                "square_volt2": {n: one.scores[n].square_volt2.tolist() for n in scores},
+                "ambient_temperature_celsius": condition.ocv["ambient_temperature_celsius"],
+                "rows": condition.scores[choice.name].rows.tolist(),
+                "square_volt2": {n: condition.scores[n].square_volt2.tolist() for n in scores},
             }
-            for one in found
+            for condition in identified
         ],
         "kind": "hppc" if any(fit_records.pulsed for fit_records in by_temperature) else "drive",
         "notes": [*notes, *filter(None, [energies])],
@@ -114,7 +114,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
 
 
 def _identified(by_temperature, basis, members, split_rest_second, notes):
-    """(one Identified a temperature, what is said of the activation energies)."""
+    """List of Identified, one per temperature, and a sentence on the activation energies."""
     capacity, usable = basis["capacity_ampere_hour"], []
     for fit_records in by_temperature:
         try:
@@ -124,30 +124,36 @@ def _identified(by_temperature, basis, members, split_rest_second, notes):
             notes.append(f"not identified at {fit_records.celsius:g} °C: {refusal}")
     if not usable:
         return [], ""
-    activation = activation_of(usable, lambda one: _data(one, basis), capacity_ampere_hour=capacity)
-    limits = _limits([limits_of(_data(fit_records, basis)) for fit_records in usable])
-    energies = dict(zip((one.celsius for one in usable), activation.joule_per_mole, strict=True))
-    found, diffusion = {}, Diffusion(None, None, float(np.mean(activation.joule_per_mole)))
-    for fit_records in sorted(usable, key=lambda one: abs(one.celsius - REFERENCE_CELSIUS)):
+    activation = activation_of(
+        usable, lambda identified: _data(identified, basis), capacity_ampere_hour=capacity
+    )
+    limits = _widest_limits([limits_of(_data(fit_records, basis)) for fit_records in usable])
+    energies = dict(
+        zip((identified.celsius for identified in usable), activation.joule_per_mole, strict=True)
+    )
+    by_celsius, diffusion = {}, Diffusion(None, None, float(np.mean(activation.joule_per_mole)))
+    for fit_records in sorted(
+        usable, key=lambda identified: abs(identified.celsius - REFERENCE_CELSIUS)
+    ):
         energy = energies[fit_records.celsius]
         ready = at_activation_energy(fit_records, energy)
-        one = _condition(ready, energy, basis, members, split_rest_second, diffusion, limits)
-        notes += one.notes
-        if one.entries:
-            found[fit_records.celsius] = one
-            diffusion = _first_diffusion(diffusion, one, fit_records.celsius)
-    return [found[celsius] for celsius in sorted(found)], activation.words
+        identified = _condition(ready, energy, basis, members, split_rest_second, diffusion, limits)
+        notes += identified.notes
+        if identified.entries:
+            by_celsius[fit_records.celsius] = identified
+            diffusion = _first_diffusion(diffusion, identified, fit_records.celsius)
+    return [by_celsius[celsius] for celsius in sorted(by_celsius)], activation.words
 
 
-def _limits(limits):
-    """A distribution has the same time constants at every temperature, so that it can be mixed."""
+def _widest_limits(limits):
+    """Widest limits of the time constants over all temperatures [s], so that all can be mixed."""
     low, high = zip(*limits, strict=True)
     return min(low), max(high)
 
 
-def _first_diffusion(diffusion, one, celsius):
-    """The diffusion time of the first condition, the one nearest 25 °C, serves them all."""
-    branches = [branch for entry in one.entries.values() for branch in entry["branches"]]
+def _first_diffusion(diffusion, identified, celsius):
+    """Diffusion with the time of the first condition that has one; that is nearest 25 °C."""
+    branches = [branch for entry in identified.entries.values() for branch in entry["branches"]]
     times = [b["tau_second"][0] for b in branches if b["kind"] == "diffusion"]
     times = [second for second in times if second > ABSENT_SECOND]
     if diffusion.second is not None or not times:
@@ -164,24 +170,24 @@ def _diffusion_at(diffusion, celsius):
     )
 
 
-def _common(scores):
+def _scored_everywhere(scores):
     """Scores of the members that could be fitted and scored at every temperature."""
-    names = [name for name in scores[0] if all(name in one for one in scores)]
-    return {name: [one[name] for one in scores] for name in names}
+    names = [name for name in scores[0] if all(name in by_member for by_member in scores)]
+    return {name: [by_member[name] for by_member in scores] for name in names}
 
 
 def _data(fit_records, basis):
     return data_of(
         fit_records.records,
         GRID,
-        ocv_at(_dated(basis["ocv"]), GRID, fit_records.celsius),
+        ocv_at(_with_temperature(basis["ocv"]), GRID, fit_records.celsius),
         capacity_ampere_hour=basis["capacity_ampere_hour"],
         spacing=PULSED_SPACING if fit_records.pulsed else DRIVEN_SPACING,
     )
 
 
 def _condition(fit_records, energy, basis, members, split_rest_second, diffusion, limits):
-    """Every member at one temperature; one that cannot be fitted costs the others nothing."""
+    """Identified of every member that can be fitted at one temperature."""
     capacity, curve = basis["capacity_ampere_hour"], _nearest(basis["ocv"], fit_records.celsius)
     settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
     data, notes = _data(fit_records, basis), []
@@ -195,12 +201,12 @@ def _condition(fit_records, energy, basis, members, split_rest_second, diffusion
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
     rest = {"rest_second": split_rest_second, "rest_ampere": REST_C_RATE * capacity}
     block = np.concatenate(blocks_of_used(data.records, **rest))
-    entries, scores = {}, {}
+    entries, scores, shared = {}, {}, shared_of(data)
     for name in members:
         try:
             held = {"diffusion_second": _diffusion_at(diffusion, fit_records.celsius)}
             held["limits_second"] = limits if member_named(name).pairs is None else None
-            fitted = identify(data, member_named(name), **held, **settings)
+            fitted = identify(data, member_named(name), shared=shared, **held, **settings)
             scores[name] = left_out(fitted, block)
         except Refusal as refusal:
             notes.append(f"{name} not identified at {fit_records.celsius:g} °C: {refusal}")
@@ -223,11 +229,13 @@ def _table(celsius, data, curve):
     }
 
 
-def _dated(curves):
+def _with_temperature(curves):
     """OCV tables with a temperature each: 25 °C where the sheet states none."""
-    known = "ambient_temperature_celsius"
-    return [c | {known: REFERENCE_CELSIUS if c[known] is None else c[known]} for c in curves]
+    stated = "ambient_temperature_celsius"
+    return [c | {stated: stated_or_reference(c[stated])} for c in curves]
 
 
 def _nearest(curves, celsius):
-    return min(_dated(curves), key=lambda c: abs(c["ambient_temperature_celsius"] - celsius))
+    return min(
+        _with_temperature(curves), key=lambda c: abs(c["ambient_temperature_celsius"] - celsius)
+    )

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import member_named, size_of
-from cellwright.circuits.model_file import simulate_model
 from cellwright.identification.identify import ready_records
 from cellwright.identification.regression import held_out
+from cellwright.identification.validation import simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.record import Record, blocks_of_used, records_by_temperature
@@ -38,7 +38,7 @@ class Score(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """The chosen member, the rms error of every member [V], and in words how clear it is.
+    """The chosen member, the rms error of every member [V], and a sentence on how clear it is.
 
     reasons : name of the member → why it was chosen, or why not.
     """
@@ -52,8 +52,8 @@ class Choice(NamedTuple):
 def left_out(fitted, block):
     """Errors of a fitted member by block, each block predicted without its fold.
 
-    Every fourth block is left out together with its like, so that what is predicted lies between
-    what was fitted, as in use. Time constants and scales are not searched anew.
+    Every fourth block is left out at once, so that blocks predicted lie between blocks fitted, as
+    in use. Time constants and scales are not searched anew.
 
     Parameters
     ----------
@@ -68,17 +68,17 @@ def left_out(fitted, block):
     ------
     Refusal : fewer than two blocks: nothing can be left out.
     """
-    numbers, at = np.unique(block, return_inverse=True)
+    numbers, block_index = np.unique(block, return_inverse=True)
     if len(numbers) < 2:
         raise Refusal("the data are one block: nothing can be left out to choose a model by")
     folds = min(FOLDS, len(numbers))
-    error = held_out(fitted.system, fitted.solution, at % folds)
-    rows = np.bincount(at)
-    return Score(np.bincount(at, error**2) / rows, rows)
+    error = held_out(fitted.system, fitted.solution, block_index % folds)
+    rows = np.bincount(block_index)
+    return Score(np.bincount(block_index, error**2) / rows, rows)
 
 
-def choose(scores, *, celsius=None, fitted_volt=None, found=()):
-    """The simplest member among those that no other predicts what was left out better than.
+def choose(scores, *, celsius=None, fitted_volt=None, searched=()):
+    """The simplest of the members that predict blocks left out of their fit equally well.
 
     1. No member is chosen that, simulated through the records fitted, errs far more than the best
     of the family at any temperature: more than `FAR` times, and more than `MATERIAL_VOLT` beyond.
@@ -87,7 +87,7 @@ def choose(scores, *, celsius=None, fitted_volt=None, found=()):
     by block, is less than one standard error; of these, those whose rms error over all blocks is
     within a tenth of the smallest, for what fails in one corner is not equal to what does not. The
     simplest of them is chosen.
-    3. A member `found` by a search has been looked for in the same records. It takes that one's
+    3. A member of `searched` was found by a search of the same records. It takes that one's
     place if it is better by two standard errors, its rms error is not larger, and it is at no
     temperature worse by more than a tenth.
 
@@ -97,7 +97,7 @@ def choose(scores, *, celsius=None, fitted_volt=None, found=()):
     celsius : temperature of each condition, for the words [degC].
     fitted_volt : dict name of the member → (conditions,) rms error of its simulation over the
         records fitted [V]; None: not looked at.
-    found : names of the members that a search has found.
+    searched : names of the members that a search has found.
 
     Returns
     -------
@@ -115,11 +115,11 @@ def choose(scores, *, celsius=None, fitted_volt=None, found=()):
     rmse = {name: float(np.sqrt(np.average(s, weights=weight))) for name, s in square.items()}
     logs = {name: np.log(np.maximum(s, SMALLEST_VOLT2)) for name, s in square.items()}
     by_condition = {name: np.array([rmse_of(s) for s in parts]) for name, parts in scores.items()}
-    reasons = _far_from_best(fitted_volt or {}, found, celsius)
+    reasons = _far_from_best(fitted_volt or {}, searched, celsius)
     sound = [name for name in scores if name not in reasons]
-    chosen, equal, other = _simplest([n for n in sound if n not in found], logs, rmse)
+    chosen, equal, other = _simplest([n for n in sound if n not in searched], logs, rmse)
     reasons |= other
-    for name in (one for one in sound if one in found):
+    for name in (member for member in sound if member in searched):
         against = _against(name, chosen, logs, rmse, by_condition)
         reasons[chosen if not against else name] = against or f"{name} is better beyond chance"
         chosen, equal = (chosen, equal) if against else (name, [name])
@@ -139,7 +139,7 @@ def rmse_of(score):
 
 
 def typical_of(score):
-    """Error of a usual block, by the mean of its logarithm [V].
+    """Geometric mean of the blocks' rms errors [V].
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def typical_of(score):
 
 
 def _weight_of(scores):
-    """Rows of every block, which all members must have in common."""
+    """Number of rows of every block (b,), which must be the same for all members."""
     if not scores:
         raise Refusal("no member of the family could be fitted and scored at every temperature")
     rows = {name: np.concatenate([s.rows for s in parts]) for name, parts in scores.items()}
@@ -158,46 +158,46 @@ def _weight_of(scores):
     return next(iter(rows.values())).astype(float)
 
 
-def _far_from_best(errors, found, celsius):
-    """Why members are out of the question, by name; of the family one always stays.
+def _far_from_best(errors, searched, celsius):
+    """Reasons against members that err far more than the best, by name; one member always stays.
 
     The best is one of the family: what a search has fitted to the same records says nothing against
     the others before it has been better on what was left out.
     """
-    family = [name for name in errors if name not in found]
-    worst, said = {}, {}
+    family = [name for name in errors if name not in searched]
+    worst, reasons = {}, {}
     best = np.min([errors[name] for name in family], axis=0) if family else None
     for name, error in errors.items():
         ratio = np.where(error > best + MATERIAL_VOLT, error / np.maximum(best, 1e-9), 1.0)
         worst[name] = ratio.max()
         if worst[name] > FAR:
             k = int(np.argmax(ratio))
-            at = f" at {celsius[k]:g} °C" if celsius else ""
+            place = f" at {celsius[k]:g} °C" if celsius else ""
             least = min(family, key=lambda other, k=k: errors[other][k])
-            told = f"errs by {1e3 * error[k]:.2g} mV{at} over the records fitted, {least} by"
-            said[name] = f"{told} {1e3 * best[k]:.2g} mV"
-    if family and set(family) <= set(said):
-        said.pop(min(family, key=worst.get))
-    return said
+            sentence = f"errs by {1e3 * error[k]:.2g} mV{place} over the records fitted, {least} by"
+            reasons[name] = f"{sentence} {1e3 * best[k]:.2g} mV"
+    if family and set(family) <= set(reasons):
+        reasons.pop(min(family, key=worst.get))
+    return reasons
 
 
 def _simplest(names, logs, rmse):
-    """(The simplest of the equals, the equals, why each of the others is not chosen)."""
+    """The simplest of the equally good members, all of these, and why each other is not chosen."""
     best = min(names, key=lambda name: logs[name].mean())
     alike = [name for name in names if _equal(logs[name] - logs[best])]
     smallest = min(rmse[name] for name in alike)
     equal = [name for name in alike if rmse[name] <= NEAR * smallest]
     chosen = min(equal, key=lambda name: (size_of(member_named(name)), logs[name].mean()))
-    said = dict.fromkeys(names, f"predicts blocks left out worse than {best}")
-    said |= dict.fromkeys(
+    reasons = dict.fromkeys(names, f"predicts blocks left out worse than {best}")
+    reasons |= dict.fromkeys(
         alike, f"equal to {best} in most blocks, but its rms error is over a tenth larger"
     )
-    said |= dict.fromkeys(equal, f"no better than {chosen}, which is simpler")
-    return chosen, equal, said
+    reasons |= dict.fromkeys(equal, f"no better than {chosen}, which is simpler")
+    return chosen, equal, reasons
 
 
 def _against(name, chosen, logs, rmse, by_condition):
-    """What speaks against a member that a search has found; None where nothing does."""
+    """Reason against a member that a search has found, None where there is none."""
     better = logs[chosen] - logs[name]
     error = better.std(ddof=1) / np.sqrt(len(better)) if len(better) > 2 else np.inf
     if better.mean() <= SURE * error:
@@ -207,14 +207,14 @@ def _against(name, chosen, logs, rmse, by_condition):
         )
     if rmse[name] > rmse[chosen]:
         return f"errs by {1e3 * rmse[name]:.2g} mV rms, {chosen} by {1e3 * rmse[chosen]:.2g} mV"
-    mine, theirs = by_condition[name], by_condition[chosen]
-    if np.any(mine > np.maximum(NEAR * theirs, theirs + MATERIAL_VOLT)):
+    candidate, incumbent = by_condition[name], by_condition[chosen]
+    if np.any(candidate > np.maximum(NEAR * incumbent, incumbent + MATERIAL_VOLT)):
         return f"worse than {chosen} at some temperature"
     return None
 
 
 def _equal(difference):
-    """A mean difference that the scatter between blocks could make by chance."""
+    """Whether a mean difference is within the scatter between blocks."""
     if len(difference) < 3:
         return difference.mean() <= 0
     return difference.mean() <= CLEAR * difference.std(ddof=1) / np.sqrt(len(difference))
@@ -225,9 +225,9 @@ def _words(chosen, equal, typical, rmse, far):
     listed = ", ".join(f"{n} {1e3 * typical[n]:.2g} mV ({1e3 * rmse[n]:.2g})" for n in ranked)
     listed = f"Typical error of a block left out of the fit, rms of all in brackets: {listed}"
     listed += f". Out of the question over the records fitted: {', '.join(far)}" if far else ""
-    same = [name for name in ranked if name in equal and name != chosen]
-    if same:
-        return f"{chosen} chosen: equal within chance to {', '.join(same)}, and simpler. {listed}"
+    equals = [name for name in ranked if name in equal and name != chosen]
+    if equals:
+        return f"{chosen} chosen: equal within chance to {', '.join(equals)}, and simpler. {listed}"
     second = next((name for name in ranked if name != chosen and name not in far), None)
     clear = f", clearly before {second}" if second else ", the only one left"
     return f"{chosen} chosen{clear}. {listed}"
@@ -248,8 +248,9 @@ class FittedRecord(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """How a member does: scores, list of Score, one a condition, of blocks left out of its fit.
+    """Errors of a member.
 
+    scores : list of Score of blocks left out of its fit, one per condition.
     fit_rmse_volt : (conditions,) simulated through the records fitted, SoC 5–95 % [V].
     """
 
@@ -277,14 +278,17 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
     """
     entries = model["members"][0]["conditions"]
     names = [name for entry in entries for name in entry["tests"]]
-    known = [test for test in tests if test.facts.test in names]
-    known = sorted(known, key=lambda test: names.index(test.facts.test))
+    fitted = [test for test in tests if test.facts.test in names]
+    fitted = sorted(fitted, key=lambda test: names.index(test.facts.test))
     by_temperature, _ = records_by_temperature(
-        known, basis, cell, split_rest_second=split_rest_second
+        fitted, basis, cell, split_rest_second=split_rest_second
     )
     rest = {"rest_second": split_rest_second}
     rest["rest_ampere"] = REST_C_RATE * basis["capacity_ampere_hour"]
-    by_names = {tuple(record.test for record in one.records): one for one in by_temperature}
+    by_names = {
+        tuple(record.test for record in fit_records.records): fit_records
+        for fit_records in by_temperature
+    }
     conditions = []
     for entry in entries:
         fit_records = by_names.get(tuple(entry["tests"]))
@@ -296,17 +300,15 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
     return conditions
 
 
-def errors_of(model, name, one):
+def errors_of(model, name, fitted_record):
     """Measured less simulated voltage of a member over the used rows of a record (n,) [V].
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2. name : of the member. one : FittedRecord.
+    model : dict of schema cellwright-model/2. name : of the member. fitted_record : FittedRecord.
     """
-    record = one.record
-    read = (record.test_time_second, record.current_ampere, record.soc)
-    run = simulate_model(model, name, *read, record.celsius, kind=record.kind)
-    return (record.voltage_volt - run.voltage_volt)[record.used]
+    record = fitted_record.record
+    return (record.voltage_volt - simulated(model, name, record).voltage_volt)[record.used]
 
 
 def inner_rmse(records, errors_volt):
@@ -316,20 +318,20 @@ def inner_rmse(records, errors_volt):
     ----------
     records : list of FittedRecord. errors_volt : list of (used rows,) of each, see `errors_of`.
     """
-    soc = np.concatenate([one.record.soc[one.record.used] for one in records])
+    soc = np.concatenate([fitted.record.soc[fitted.record.used] for fitted in records])
     error = np.concatenate(errors_volt)
     inner = (soc >= INNER_SOC[0]) & (soc <= INNER_SOC[1])
     return rms(error[inner] if inner.any() else error)
 
 
-def decided(model, conditions, found=None):
-    """A model with the member chosen that is best in use, and the table that says why.
+def decided(model, conditions, searched=None):
+    """A model with its chosen member, and the table of reasons.
 
     Parameters
     ----------
     model : dict of schema cellwright-model/2, with `left_out`.
     conditions : list of lists of FittedRecord, from `fitted_records`.
-    found : dict name → Judged, of members that a search has found.
+    searched : dict name → Judged, of members that a search has found.
 
     Returns
     -------
@@ -341,39 +343,46 @@ def decided(model, conditions, found=None):
     judged = {
         name: _judged(model, name, conditions) for name in model["left_out"][0]["square_volt2"]
     }
-    judged |= found or {}
+    judged |= searched or {}
     celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
     choice = choose(
-        {name: one.scores for name, one in judged.items()},
+        {name: verdict.scores for name, verdict in judged.items()},
         celsius=celsius,
-        fitted_volt={name: one.fit_rmse_volt for name, one in judged.items()},
-        found=tuple(found or ()),
+        fitted_volt={name: verdict.fit_rmse_volt for name, verdict in judged.items()},
+        searched=tuple(searched or ()),
     )
     rows = [
         row | {"chosen": name == choice.name, "reason": choice.reasons[name]}
-        for name, one in judged.items()
-        for row in _rows(name, one, celsius)
+        for name, verdict in judged.items()
+        for row in _rows(name, verdict, celsius)
     ]
     members = [m | {"left_out_rmse_volt": choice.rmse_volt[m["model"]]} for m in model["members"]]
     return model | {"members": members, "chosen": choice.name, "choice": choice.words}, rows
 
 
 def _judged(model, name, conditions):
-    """A member of the family, by what its identification left out, and simulated."""
+    """Judged of a member of the family: left-out blocks and its simulation."""
     scores = [
-        Score(np.array(one["square_volt2"][name]), np.array(one["rows"]))
-        for one in model["left_out"]
+        Score(np.array(fitted["square_volt2"][name]), np.array(fitted["rows"]))
+        for fitted in model["left_out"]
     ]
-    errors = [[errors_of(model, name, one) for one in part] for part in conditions]
+    errors = [[errors_of(model, name, fitted) for fitted in condition] for condition in conditions]
     pairs = zip(conditions, errors, strict=True)
-    return Judged(scores, np.array([inner_rmse(part, of_part) for part, of_part in pairs]))
+    return Judged(
+        scores,
+        np.array(
+            [inner_rmse(condition, condition_errors) for condition, condition_errors in pairs]
+        ),
+    )
 
 
 def _rows(name, judged, celsius):
-    for score, volt, at in zip(judged.scores, judged.fit_rmse_volt, celsius, strict=True):
+    for score, volt, condition_celsius in zip(
+        judged.scores, judged.fit_rmse_volt, celsius, strict=True
+    ):
         yield {
             "model": name,
-            "ambient_temperature_celsius": at,
+            "ambient_temperature_celsius": condition_celsius,
             "blocks": len(score.rows),
             "typical_volt": typical_of(score),
             "left_out_rmse_volt": rmse_of(score),

@@ -1,9 +1,4 @@
-"""The columns of an identification that is linear once a few numbers are held.
-
-For given time constants, charge constant of the hysteresis and scale of the kinetics, the voltage
-is V = U(z') + Σ over knots of (shift, R0, R_j, M) × column, where z' is the counted SoC stretched
-by a factor. Each quantity is a course over the same SoC knots, straight between them.
-"""
+"""Columns of the linear problem of an identification: what each parameter adds to the voltage."""
 
 from typing import NamedTuple
 
@@ -19,7 +14,7 @@ FAST_SECOND = 5.0  # what relaxes faster may be charge transfer, what is slower 
 
 
 class Held(NamedTuple):
-    """What is held while the rest is solved for.
+    """Parameters that are held while the linear ones are solved for.
 
     tau_second : (m,) time constants of the RC pairs [s].
     charge_ampere_hour : charge constant of the hysteresis [Ah], None without.
@@ -40,7 +35,7 @@ class Held(NamedTuple):
 
 
 class Data(NamedTuple):
-    """Records and what they are compared with.
+    """Records, OCV table and SoC knots of an identification.
 
     records : tuple of Record. knots : (k,) SoC, ascending [1]. ocv_soc, ocv_volt : (p,) table.
     hold : hold of the current between samples. most_volt : (k,) largest hysteresis at the knots
@@ -79,7 +74,7 @@ def on_table(soc, held):
     return table_soc(soc, held.missing, held.stretch)
 
 
-def ocv_of(data, at):
+def ocv_of(data, soc_of_table):
     """OCV at a SoC of the table (n,), on its first and last slope outside the table [V].
 
     What is missing at full would else hit the table's flat end.
@@ -87,22 +82,75 @@ def ocv_of(data, at):
     table, volt = data.ocv_soc, data.ocv_volt
     low = (volt[1] - volt[0]) / (table[1] - table[0])
     high = (volt[-1] - volt[-2]) / (table[-1] - table[-2])
-    beyond = np.minimum(at - table[0], 0.0) * low + np.maximum(at - table[-1], 0.0) * high
-    return np.interp(at, table, volt) + beyond
+    beyond = (
+        np.minimum(soc_of_table - table[0], 0.0) * low
+        + np.maximum(soc_of_table - table[-1], 0.0) * high
+    )
+    return np.interp(soc_of_table, table, volt) + beyond
 
 
-def slope_of(data, at):
+def slope_of(data, soc_of_table):
     """Slope of `ocv_of`, as the difference over a window [V]."""
     half = SOC_WINDOW / 2
-    return (ocv_of(data, at + half) - ocv_of(data, at - half)) / SOC_WINDOW
+    return (ocv_of(data, soc_of_table + half) - ocv_of(data, soc_of_table - half)) / SOC_WINDOW
 
 
-def columns_of(data, held):
-    """All columns of the linear problem for what is held.
+class Base(NamedTuple):
+    """What the columns of a set of data have in common, whatever is held.
+
+    shapes : tuple of (rows, k), hats of each record over the knots. ohmic_ampere : tuple of
+    (rows, k), the same times the current, scaled by the resistance factor [A].
+    soc, voltage_volt : (n,) of the used rows of all records. hats : (n, k) of these. scale_soc :
+    (n, 2) change of the table's SoC by what is missing at full, and by the stretch, negative.
+    kept : dict of columns that do not change while a model is searched for, filled as they are
+    asked for: by the time constant, the charge constant and the diffusion time.
+    """
+
+    data: Data
+    shapes: tuple
+    ohmic_ampere: tuple
+    soc: np.ndarray
+    voltage_volt: np.ndarray
+    hats: np.ndarray
+    scale_soc: np.ndarray
+    kept: dict
+
+
+MOST_KEPT = 48  # columns of time constants and the like: a drive's take some megabytes each
+
+
+def base_of(data):
+    """Base of a set of data, with no column kept yet.
 
     Parameters
     ----------
     data : Data.
+
+    Returns
+    -------
+    base : Base.
+    """
+    shapes = tuple(hats(record.soc, data.knots) for record in data.records)
+    ampere = [record.current_ampere * record.resistance_factor for record in data.records]
+    ohmic = tuple(shape * a[:, None] for shape, a in zip(shapes, ampere, strict=True))
+    soc = _joined(data, [record.soc for record in data.records])
+    volt = _joined(data, [record.voltage_volt for record in data.records])
+    scale = np.column_stack([np.ones(len(soc)), 1.0 - soc])
+    return Base(data, shapes, ohmic, soc, volt, _joined(data, shapes), scale, {})
+
+
+def _joined(data, values):
+    """Used rows of all records, one after the other; columns lie one by one in memory."""
+    pairs = zip(data.records, values, strict=True)
+    return np.asfortranarray(np.concatenate([value[record.used] for record, value in pairs]))
+
+
+def columns_of(base, held):
+    """All columns of the linear problem for what is held.
+
+    Parameters
+    ----------
+    base : Base, from `base_of`.
     held : Held.
 
     Returns
@@ -110,50 +158,97 @@ def columns_of(data, held):
     columns : Columns; "r0" first, then one entry a time constant, then "m" with hysteresis. With
         kinetics the ohmic "r0" is followed by "rct", the transfer that no sample resolves.
     """
-    parts = [_of_record(data, record, held) for record in data.records]
-    used = [record.used for record in data.records]
-
-    def joined(values):
-        return np.concatenate([value[u] for value, u in zip(values, used, strict=True)])
-
-    names = [name for name, _ in parts[0]]
-    stacked = [joined([part[i][1] for part in parts]) for i in range(len(names))]
-    soc = joined([record.soc for record in data.records])
-    volt = joined([record.voltage_volt for record in data.records])
-    at = on_table(soc, held)
+    data, surface_soc = base.data, on_table(base.soc, held)
     if held.diffusion_second is not None:
-        at = at + joined([lead(data, record, held.diffusion_second) for record in data.records])
-    slope = slope_of(data, at)
+        surface_soc = surface_soc + _kept_lead(base, held.diffusion_second)
+    slope = slope_of(data, surface_soc)
     return Columns(
-        volt - ocv_of(data, at),
-        hats(soc, data.knots),
-        -slope[:, None] * np.column_stack([np.ones(len(soc)), 1.0 - soc]),
-        list(zip(names, stacked, strict=True)),
+        base.voltage_volt - ocv_of(data, surface_soc),
+        base.hats,
+        -slope[:, None] * base.scale_soc,
+        resistance_columns(base, held),
         slope,
         np.array([held.missing, held.stretch]),
         data.most_volt,
     )
 
 
-def _of_record(data, record, held):
-    """(name, (n, k)) of each resistance and of the hysteresis, over all rows of a record."""
-    shape = hats(record.soc, data.knots)
-    ohmic = shape * (record.current_ampere * record.resistance_factor)[:, None]
-    damped = ohmic if held.scale_volt is None else ohmic * damping(record, shape, held)[:, None]
-    found = [("r0", ohmic)]
-    step = np.diff(record.test_time_second)
-    if held.scale_volt is not None:
-        found.append(("rct", lag(step, UNRESOLVED_SECOND, damped, hold=data.hold)))
+def resistance_columns(base, held):
+    """Columns (name, (n, k)) of each resistance and of the hysteresis over the used rows.
+
+    Parameters
+    ----------
+    base : Base. held : Held.
+    """
+    columns = [("r0", _kept(base, "r0", lambda: _joined(base.data, base.ohmic_ampere)))]
+    damped = _damped(base, held)
+    if damped is not None:
+        columns.append(("rct", _relaxing(base.data, damped, UNRESOLVED_SECOND)))
     for number, tau in enumerate(held.tau_second, 1):
-        drive = damped if tau <= FAST_SECOND else ohmic
-        found.append((f"r{number}", lag(step, tau, drive, hold=data.hold)))
+        if damped is not None and tau <= FAST_SECOND:
+            columns.append((f"r{number}", _relaxing(base.data, damped, tau)))
+        else:
+            columns.append((f"r{number}", _kept_relaxing(base, tau)))
     if held.charge_ampere_hour is not None:
-        found.append(("m", _hysteresis(record, shape, held.charge_ampere_hour, data.hold)))
-    return found
+        columns.append(("m", _kept_hysteresis(base, held.charge_ampere_hour)))
+    return columns
+
+
+def _kept(base, key, make):
+    """A column that was made before, else made now; where too many are kept the oldest goes."""
+    if key not in base.kept:
+        if len(base.kept) >= MOST_KEPT:
+            del base.kept[next(iter(base.kept))]
+        base.kept[key] = make()
+    return base.kept[key]
+
+
+def _kept_relaxing(base, tau_second):
+    return _kept(
+        base,
+        ("tau", float(tau_second)),
+        lambda: _relaxing(base.data, base.ohmic_ampere, tau_second),
+    )
+
+
+def _relaxing(data, drives, tau_second):
+    """Lag of each record's drive by one time constant, over the used rows (n, k)."""
+    pairs = zip(data.records, drives, strict=True)
+    return _joined(
+        data,
+        [lag(np.diff(r.test_time_second), tau_second, drive, hold=data.hold) for r, drive in pairs],
+    )
+
+
+def _damped(base, held):
+    """Drive of the charge transfer in each record (rows, k) [A]; None where it is linear."""
+    if held.scale_volt is None:
+        return None
+    parts = zip(base.data.records, base.shapes, base.ohmic_ampere, strict=True)
+    return [ohmic * damping(record, shape, held)[:, None] for record, shape, ohmic in parts]
+
+
+def _kept_hysteresis(base, charge_ampere_hour):
+    data = base.data
+
+    def make():
+        pairs = zip(data.records, base.shapes, strict=True)
+        return _joined(data, [_hysteresis(*pair, charge_ampere_hour, data.hold) for pair in pairs])
+
+    return _kept(base, ("charge", float(charge_ampere_hour)), make)
+
+
+def _kept_lead(base, diffusion_second):
+    data = base.data
+
+    def make():
+        return _joined(data, [lead(data, record, diffusion_second) for record in data.records])
+
+    return _kept(base, ("lead", float(diffusion_second)), make)
 
 
 def lead(data, record, diffusion_second):
-    """By how much the SoC at the particles' surface leads the mean, (n,) [1].
+    """SoC at the particles' surface less the mean SoC (n,) [1].
 
     In the steady state tau/15 times the rate of change of the SoC (a sphere under constant flux).
     """
@@ -167,7 +262,7 @@ def lead(data, record, diffusion_second):
 
 
 def damping(record, shape, held):
-    """asinh(x)/x with x = r·I/scale: by how much kinetics fall short of their small-current law."""
+    """Factor asinh(x)/x, x = r·I/scale, of kinetics relative to their small-current resistance."""
     if held.transfer_ohm is None:
         return np.ones(len(record.soc))
     over = np.abs(shape @ held.transfer_ohm * record.current_ampere * record.resistance_factor)

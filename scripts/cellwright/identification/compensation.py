@@ -1,4 +1,4 @@
-"""Does a model that knows other temperatures predict this one, by which law, and what it then says.
+"""Laws over temperature, tested by predicting a temperature that was left out of the model.
 
 1. All tests at a temperature are taken away, its OCV curve with them, and the chosen member of the
 family is identified anew from the rest. 2. Each law over temperature predicts the tests
@@ -16,9 +16,9 @@ from cellwright.circuits.model_file import (
     circuit_at,
     member_of,
     open_circuit_volt,
-    simulate_model,
 )
 from cellwright.circuits.temperature import LAWS, Laws, celsius_of
+from cellwright.identification.validation import simulated
 from cellwright.numerics.statistics import rms
 from cellwright.records.record import SAME_CELSIUS, laid_out
 from cellwright.refusal import Refusal
@@ -27,14 +27,14 @@ SMALLEST_VOLT = 1e-6
 
 
 class Reduced(NamedTuple):
-    """What is left without a temperature: basis and tests as `cell.cell_model` takes them."""
+    """Basis and tests without those of one temperature, as `cell.cell_model` takes them."""
 
     basis: dict
     tests: list
 
 
 def without(basis, tests, *, celsius):
-    """Take the tests and the OCV curve of one temperature away.
+    """Basis and tests of a cell without those of one temperature.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ def without(basis, tests, *, celsius):
     ------
     Refusal : no test is left.
     """
-    kept = [t for t in tests if not _near(t.facts.ambient_temperature_celsius, celsius)]
-    if not kept:
+    remaining = [t for t in tests if not _near(t.facts.ambient_temperature_celsius, celsius)]
+    if not remaining:
         raise Refusal(f"no test is left without those at {celsius:g} °C")
     stated = "ambient_temperature_celsius"
     curves = [curve for curve in basis["ocv"] if not _near(curve[stated], celsius)]
-    return Reduced(basis | {"ocv": curves or basis["ocv"]}, kept)
+    return Reduced(basis | {"ocv": curves or basis["ocv"]}, remaining)
 
 
 def with_laws(model, laws):
@@ -63,25 +63,25 @@ def with_laws(model, laws):
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2. laws : temperature_laws.Laws.
+    model : dict of schema cellwright-model/2. laws : temperature.Laws.
     """
-    kept = {"resistance_laws": laws._asdict()}
+    entry = {"resistance_laws": laws._asdict()}
     members = [
-        member | {"conditions": [condition | kept for condition in member["conditions"]]}
+        member | {"conditions": [condition | entry for condition in member["conditions"]]}
         for member in model["members"]
     ]
     return model | {"members": members}
 
 
 def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest_second):
-    """Errors of a model that knows a temperature beside those of one that does not, by law.
+    """Errors of models with and without a temperature in their fit, by law over temperature.
 
     Parameters
     ----------
     whole : dict of the model of all temperatures. reduced : dict temperature [degC] → model
         identified without it.
     cell : CellFacts. tests : list of MeasuredTest, any temperature.
-    laws : temperature_laws.Laws that are asked, or None: all are tried.
+    laws : temperature.Laws that are asked, or None: all are tried.
     proof : score what took no part in fits (roles validation, split), else what did (fit, split).
     split_rest_second : shortest rest that cuts a test of role `split` [s].
 
@@ -95,13 +95,13 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
     """
     rows, notes = [], []
     settings = {"name": whole["chosen"], "proof": proof, "split_rest_second": split_rest_second}
-    there = [
+    pairs = [
         (t, test)
         for t in reduced
         for test in tests
         if _near(test.facts.ambient_temperature_celsius, t)
     ]
-    for celsius, test in there:
+    for celsius, test in pairs:
         try:
             rows += _rows(celsius, (whole, reduced[celsius]), cell, test, laws, settings)
         except Refusal as refusal:
@@ -110,23 +110,26 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
 
 
 def _rows(celsius, models, cell, test, laws, settings):
-    """One row a law; the model that knows the temperature is the same beside all of them."""
-    whole, other = models
-    beyond = _beyond(other, celsius)
+    """Rows of one test, one per law; the errors of the whole model are the same in each."""
+    whole, reduced = models
+    temperatures = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
+    beyond = not min(temperatures) - SAME_KELVIN < celsius < max(temperatures) + SAME_KELVIN
     tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
-    own = _errors(whole, cell, test, **settings)
-    found = [_errors(with_laws(other, Laws(law, law)), cell, test, **settings) for law in tried]
+    reference = _errors(whole, cell, test, **settings)
+    by_law = [_errors(with_laws(reduced, Laws(law, law)), cell, test, **settings) for law in tried]
     about = {
         "left_out_celsius": float(celsius),
         "predicted_test": test.facts.test,
         "model": settings["name"],
         "beyond": beyond,
     }
-    return [about | _compared(law, one, own) for law, one in zip(tried, found, strict=True)]
+    return [
+        about | _compared(law, error, reference) for law, error in zip(tried, by_law, strict=True)
+    ]
 
 
 class LawChoice(NamedTuple):
-    """The laws that predict left-out temperatures best, and in words what each of them errs by."""
+    """The laws that predict left-out temperatures best, and a sentence with their errors."""
 
     laws: Laws
     words: str
@@ -141,7 +144,7 @@ def choose_laws(rows, *, beyond=LAWS):
     ----------
     rows : list of dict, from `predicted` with the tests that may be fitted.
     beyond : names of the laws that may go on beyond the tested temperatures; see
-        `over_temperature.laws_beyond`.
+        `laws_beyond`.
 
     Returns
     -------
@@ -153,29 +156,34 @@ def choose_laws(rows, *, beyond=LAWS):
     """
     if not rows:
         raise Refusal("no temperature could be left out and predicted")
-    typical = [_typical([row for row in rows if row["beyond"] is out]) for out in (False, True)]
-    offered = [
-        {k: v for k, v in one.items() if k in some}
-        for one, some in zip(typical, (LAWS, beyond), strict=True)
+    typical = [
+        _typical([row for row in rows if row["beyond"] is is_beyond]) for is_beyond in (False, True)
     ]
-    laws = Laws(*(min(one, key=one.get, default=LAWS[0]) for one in offered))
+    offered = [
+        {k: v for k, v in errors.items() if k in names}
+        for errors, names in zip(typical, (LAWS, beyond), strict=True)
+    ]
+    laws = Laws(*(min(errors, key=errors.get, default=LAWS[0]) for errors in offered))
     listed = [
         f"{place} by {law}: typical error at a temperature left out "
-        + ", ".join(f"{name} {1e3 * volt:.3g} mV" for name, volt in one.items())
-        for place, law, one in zip(("between", "beyond"), laws, typical, strict=True)
-        if one
+        + ", ".join(f"{name} {1e3 * volt:.3g} mV" for name, volt in errors.items())
+        for place, law, errors in zip(("between", "beyond"), laws, typical, strict=True)
+        if errors
     ]
     return LawChoice(laws, "resistance at other temperatures: " + "; ".join(listed))
 
 
 def _typical(rows):
-    """Geometric mean of each law's error [V], to a tenth of a microvolt: equals are equal."""
-    logs = {name: [_log(row["rmse_volt"]) for row in rows if row["law"] == name] for name in LAWS}
+    """Geometric mean of each law's error [V], rounded to 0.1 µV so that equal errors compare."""
+    logs = {
+        name: [np.log(max(row["rmse_volt"], SMALLEST_VOLT)) for row in rows if row["law"] == name]
+        for name in LAWS
+    }
     return {name: round(float(np.exp(np.mean(some))), 7) for name, some in logs.items() if some}
 
 
 def laws_kept(tried):
-    """The laws that a table of tried ones marks as chosen.
+    """The laws that are marked as chosen in a table of tried ones.
 
     Parameters
     ----------
@@ -183,14 +191,14 @@ def laws_kept(tried):
 
     Returns
     -------
-    laws : temperature_laws.Laws.
+    laws : temperature.Laws.
     """
-    kept = {row["beyond"]: row["law"] for row in tried if row["chosen"]}
-    return Laws(kept.get(False, LAWS[0]), kept.get(True, LAWS[0]))
+    chosen = {row["beyond"]: row["law"] for row in tried if row["chosen"]}
+    return Laws(chosen.get(False, LAWS[0]), chosen.get(True, LAWS[0]))
 
 
 class Errors(NamedTuple):
-    """RMS of a simulation, all of it and SoC 5–95 % [V], and the share beyond what is known."""
+    """RMS errors of a simulation, over all rows and SoC 5–95 % [V], and the extrapolated share."""
 
     rmse_volt: float
     inner_volt: float
@@ -199,8 +207,7 @@ class Errors(NamedTuple):
 
 def _errors(model, cell, test, *, name, proof, split_rest_second):
     record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=proof)
-    given = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
-    run = simulate_model(model, name, *given, kind=record.kind)
+    run = simulated(model, name, record)
     used = record.used
     error = record.voltage_volt - run.voltage_volt
     outside = (run.extrapolated | run.outside_temperature)[used]
@@ -208,29 +215,20 @@ def _errors(model, cell, test, *, name, proof, split_rest_second):
     return Errors(rms(error[used]), rms(error[inner]), float(outside.mean()))
 
 
-def _compared(law, other, own):
+def _compared(law, error, reference):
     return {
         "law": law,
-        "rmse_volt": other.rmse_volt,
-        "rmse_volt_soc_5_95": other.inner_volt,
-        "own_rmse_volt": own.rmse_volt,
-        "own_rmse_volt_soc_5_95": own.inner_volt,
-        "ratio": other.inner_volt / own.inner_volt,
-        "extrapolated": other.extrapolated,
+        "rmse_volt": error.rmse_volt,
+        "rmse_volt_soc_5_95": error.inner_volt,
+        "own_rmse_volt": reference.rmse_volt,
+        "own_rmse_volt_soc_5_95": reference.inner_volt,
+        "ratio": error.inner_volt / reference.inner_volt,
+        "extrapolated": error.extrapolated,
     }
-
-
-def _beyond(reduced, celsius):
-    known = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
-    return not min(known) - SAME_KELVIN < celsius < max(known) + SAME_KELVIN
 
 
 def _near(stated, celsius):
     return stated is not None and abs(stated - celsius) <= SAME_CELSIUS
-
-
-def _log(volt):
-    return np.log(max(volt, SMALLEST_VOLT))
 
 
 SOC = np.linspace(0.0, 1.0, 21)
@@ -240,7 +238,7 @@ KINDS = {"r_ohmic_ohm": "ohmic", "r_kinetic_ohm": "kinetic", RELAXING: "relaxing
 
 
 def temperature_table(model, member, *, step_kelvin=5.0, beyond_kelvin=10.0):
-    """What a member says at and between its temperatures, and a little beyond them.
+    """Table of OCV and resistances of a member at, between and slightly beyond its temperatures.
 
     Parameters
     ----------
@@ -255,10 +253,11 @@ def temperature_table(model, member, *, step_kelvin=5.0, beyond_kelvin=10.0):
         temperatures that were tested), extrapolated_soc (outside the SoC that was identified). A
         model of one unknown temperature has that one, NaN.
     """
-    own = member_of(model, member)
-    known = sorted(celsius_of(c["ambient_temperature_celsius"]) for c in own["conditions"])
+    entry = member_of(model, member)
+    temperatures = sorted(celsius_of(c["ambient_temperature_celsius"]) for c in entry["conditions"])
     blocks = [
-        _block(model, own, celsius, known) for celsius in _grid(known, step_kelvin, beyond_kelvin)
+        _block(model, entry, celsius, temperatures)
+        for celsius in _grid(temperatures, step_kelvin, beyond_kelvin)
     ]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
@@ -276,11 +275,11 @@ def laws_beyond(model):
 
     Returns
     -------
-    offered : tuple of names of `temperature_laws.LAWS`.
+    offered : tuple of names of `temperature.LAWS`.
     words : str, which is not offered and why, or "".
     """
     rising = {name: _rising(with_laws(model, Laws(beyond=name))) for name in LAWS}
-    turned = {name: sorted(found - rising[LAWS[0]]) for name, found in rising.items()}
+    turned = {name: sorted(places - rising[LAWS[0]]) for name, places in rising.items()}
     offered = tuple(name for name in LAWS if not turned[name])
     words = [
         f"{name} is not offered beyond the tested temperatures: by it the {KINDS[kind]} resistance "
@@ -291,36 +290,41 @@ def laws_beyond(model):
 
 
 def _rising(model):
-    """(temperature, kind of resistance, SoC) beyond the tested range where a kelvin adds ohms."""
+    """Set of (temperature, kind, SoC) beyond the tested range where resistance rises with it."""
     table = temperature_table(model, None, step_kelvin=1.0)
     celsius = np.unique(table["temperature_celsius"])
     outside = table["extrapolated_temperature"].reshape(len(celsius), -1)[:, 0]
-    found = set()
+    places = set()
     for kind in KINDS:
         rises = np.diff(table[kind].reshape(len(celsius), -1), axis=0) > 0
         rises &= (outside[1:] | outside[:-1])[:, None]
-        found |= {(celsius[k], kind, SOC[s]) for k, s in np.argwhere(rises)}
-    return found
+        places |= {(celsius[k], kind, SOC[s]) for k, s in np.argwhere(rises)}
+    return places
 
 
-def _grid(known, step, beyond):
-    if np.isnan(known).any():
+def _grid(temperatures, step, beyond):
+    if np.isnan(temperatures).any():
         return [np.nan]
-    low, high = np.ceil((known[0] - beyond) / step), np.floor((known[-1] + beyond) / step)
-    return np.unique(np.concatenate([np.arange(low, high + 0.5) * step, known]))
+    low, high = (
+        np.ceil((temperatures[0] - beyond) / step),
+        np.floor((temperatures[-1] + beyond) / step),
+    )
+    return np.unique(np.concatenate([np.arange(low, high + 0.5) * step, temperatures]))
 
 
-def _block(model, member, celsius, known):
-    found = circuit_at(member["conditions"], SOC, celsius)
+def _block(model, member, celsius, temperatures):
+    sampled = circuit_at(member["conditions"], SOC, celsius)
     sums = {name: np.zeros(len(SOC)) for name in (*ORIGINS.values(), RELAXING)}
-    for branch in found.circuit:
+    for branch in sampled.circuit:
         sums[ORIGINS.get(branch.kind, RELAXING)] += branch.parameters.get("r_ohm", 0.0)
     return {
         "model": np.full(len(SOC), member["model"]),
         "temperature_celsius": np.full(len(SOC), celsius),
         "soc": SOC,
-        "ocv_volt": open_circuit_volt(model, found, celsius),
+        "ocv_volt": open_circuit_volt(model, sampled, celsius),
         **sums,
-        "extrapolated_temperature": np.full(len(SOC), not known[0] <= celsius <= known[-1]),
-        "extrapolated_soc": found.outside_soc,
+        "extrapolated_temperature": np.full(
+            len(SOC), not temperatures[0] <= celsius <= temperatures[-1]
+        ),
+        "extrapolated_soc": sampled.outside_soc,
     }

@@ -1,7 +1,7 @@
 """Courses of OCV shift, resistances and hysteresis over SoC, and time constants, from records.
 
 Once time constants, charge constant and kinetic scale are held, everything else is linear
-(`design`, `regression`). So only those few numbers are searched for (variable projection, Golub &
+(`regression`). So only those few numbers are searched for (variable projection, Golub &
 Pereyra 1973): time constants over all combinations of a grid, which is global, then by least
 squares from the best; charge constant and kinetic scale over a short list.
 """
@@ -13,15 +13,19 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
-from cellwright.identification.columns import Data, Held, columns_of
-from cellwright.identification.regression import SCALES, pull_of, solved, system_of
+from cellwright.identification.columns import Data, Held
+from cellwright.identification.regression import SCALES, pull_of, solved
 from cellwright.identification.search import (
     Condition,
     cheapest,
     condition_of,
     cost_of,
+    key_of,
+    once,
     refined,
     settled,
+    shared_of,
+    system_about,
 )
 from cellwright.numerics.linear import solve
 from cellwright.records.thinning import edges, thin, without_edges
@@ -38,7 +42,7 @@ EMPTY_KNOTS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15)
 
 
 class Fitted(NamedTuple):
-    """An identification: the condition, and the system it solved, for what is left out."""
+    """Fitted condition, with the linear system and solution behind it."""
 
     condition: Condition
     held: Held
@@ -56,7 +60,7 @@ def data_of(
     spacing=0.05,
     knots=None,
 ):
-    """Records made ready: steady stretches thinned, edges left out, knots laid over their SoC.
+    """Data of an identification: thinned records without edges, SoC knots, OCV table.
 
     Parameters
     ----------
@@ -123,17 +127,19 @@ def identify(
     celsius=25.0,
     limits_second=None,
     diffusion_second=None,
+    shared=None,
 ):
     """Fit one member of the family to the records of one temperature.
 
     Parameters
     ----------
     data : columns.Data, from `data_of`.
-    member : members.Member.
+    member : circuit.Member.
     capacity_ampere_hour : of the cell; sets the charge constants that are tried [Ah].
     celsius : temperature of the condition, for the scale of the kinetics [degC].
     limits_second : shortest and longest time constant [s]; None: what the data can show.
     diffusion_second : diffusion time to hold where the member has one [s]; None: the best of a few.
+    shared : search.Shared of the data, where several members are fitted to them; None: made here.
 
     Returns
     -------
@@ -148,37 +154,48 @@ def identify(
     # ASSUME: OCV at a test's temperature and direction is the slow test's curve plus a shift over
     # SoC, and a capacity within a few per cent, fitted with the resistances from fitted data only.
     # ASSUME: Time constants of a cell do not depend on SoC, its resistances do (linear between).
+    shared = shared or shared_of(data)
     low, high = limits_of(data) if limits_second is None else limits_second
-    held = Held(tuple(_taus(data, member, low, high)))
-    held, _, solution = settled(data, held)
-    for name, values in _tries(member, capacity_ampere_hour, celsius, diffusion_second).items():
-        held = cheapest(data, [held._replace(**{name: value}) for value in values], solution.factor)
-    held, system, solution = settled(data, held)
+    held, factor = once(
+        shared, (member.pairs, low, high), lambda: _start(shared, member, low, high)
+    )
+    for name, values in _candidates(
+        member, capacity_ampere_hour, celsius, diffusion_second
+    ).items():
+        tries = [held._replace(**{name: value}) for value in values]
+        key = (*map(key_of, tries), factor)
+        held = once(shared, key, lambda tries=tries: cheapest(shared, tries, factor))
+    fit = settled(shared, held)
     bounds = None if member.pairs is None else (low, high)
     if member.pairs:
-        held, system, solution = refined(data, held, system, solution, bounds)
-    condition = condition_of(data, member, held, system, solution, bounds)
-    return Fitted(condition, held, system, solution)
+        fit = refined(shared, fit, bounds)
+    return Fitted(condition_of(shared, member, fit, bounds), fit.held, fit.system, fit.solution)
 
 
-def _tries(member, capacity_ampere_hour, celsius, diffusion_second):
-    """What is tried for each number that a member may hold: first that it is not there at all.
+def _start(shared, member, low, high):
+    """Held time constants and SoC scale of a member without its other parts, and their weight."""
+    fit = settled(shared, Held(tuple(_taus(shared, member, low, high))))
+    return fit.held, fit.solution.factor
+
+
+def _candidates(member, capacity_ampere_hour, celsius, diffusion_second):
+    """Values to try for each held number of a member, None (absent) first.
 
     Diffusion that was found at one temperature is there at all of them.
     """
     thermal = 2 * GAS_CONSTANT * (celsius + ZERO_CELSIUS_KELVIN) / FARADAY
     diffusions = (None, *DIFFUSION_SECOND) if diffusion_second is None else (diffusion_second,)
     charges = [share * capacity_ampere_hour for share in CHARGE_SHARES]
-    asked = {
+    choices = {
         "scale_volt": member.kinetic and [None, *(n * thermal for n in ELECTRODES)],
         "diffusion_second": member.diffusion and diffusions,
         "charge_ampere_hour": member.hysteresis and [None, *charges],
     }
-    return {name: values for name, values in asked.items() if values}
+    return {name: values for name, values in choices.items() if values}
 
 
 def limits_of(data):
-    """Shortest and longest time constant that records can show: sampling, longest steady stretch.
+    """Shortest and longest time constant that records resolve [s].
 
     Parameters
     ----------
@@ -199,23 +216,37 @@ def limits_of(data):
     return max(low, 0.05), max(max(steady), 20 * low)
 
 
-def _taus(data, member, low, high):
+def _taus(shared, member, low, high):
     decades = np.log10(high / low)
     if member.pairs is None:
         return np.geomspace(2 * low, high, max(round(decades * PER_DECADE), 2))
     if member.pairs == 0:
         return ()
     grid = np.geomspace(low, high, max(round(decades * GRID_PER_DECADE), member.pairs + 1))
-    system = system_of(columns_of(data, Held(tuple(grid))), data.knots)
+    weighted = once(shared, tuple(grid), lambda: _weighted_grid(shared, grid))
+    count = len(shared.base.data.knots)
+    start = _best_on_grid(weighted, grid, member.pairs, count)
+    return _pattern_search(shared, start, low, high, weighted.factor)
+
+
+class WeightedGrid(NamedTuple):
+    """Normal equations of all time constants of a grid: Gram matrix, moment, weight of the data."""
+
+    gram: np.ndarray
+    moment: np.ndarray
+    factor: float
+
+
+def _weighted_grid(shared, grid):
+    system = system_about(shared, Held(tuple(grid)))
     factor = solved(system).factor
-    return _refined(data, _searched(system, grid, member.pairs, factor), low, high, factor)
+    gram = factor * system.gram + system.prior
+    return WeightedGrid(gram, factor * system.moment - pull_of(system), factor)
 
 
-def _searched(system, grid, pairs, factor):
-    """Best combination of time constants on a grid: one set of columns serves them all."""
-    gram = factor * system.matrix.T @ system.matrix + system.prior
-    moment = factor * system.matrix.T @ system.target - pull_of(system)
-    count = len(system.knots)
+def _best_on_grid(weighted, grid, pairs, count):
+    """Combination of grid time constants with the lowest cost [s]; one system serves all."""
+    gram, moment, _ = weighted
     first = 2 * count + SCALES
     best, cost = None, np.inf
     for chosen in combinations(range(len(grid)), pairs):
@@ -223,25 +254,25 @@ def _searched(system, grid, pairs, factor):
         rows = np.concatenate([np.arange(first), *pair_rows])
         part = gram[np.ix_(rows, rows)]
         vector = solve(part, moment[rows], count + SCALES)
-        here = vector @ part @ vector - 2 * vector @ moment[rows]
-        if here < cost:
-            best, cost = grid[list(chosen)], here
+        trial = vector @ part @ vector - 2 * vector @ moment[rows]
+        if trial < cost:
+            best, cost = grid[list(chosen)], trial
     return best
 
 
-def _refined(data, start, low, high, factor):
-    """Pattern search on the logarithms, from the grid's best: it can only go down."""
-    at, step = np.log(start), np.log(10) / GRID_PER_DECADE / 2
-    best = cost_of(data, Held(tuple(start)), factor)
+def _pattern_search(shared, start, low, high, factor):
+    """Time constants [s] by pattern search on their logarithms from the best on the grid."""
+    log_tau, step = np.log(start), np.log(10) / GRID_PER_DECADE / 2
+    best = cost_of(shared, Held(tuple(start)), factor)
     while step > FINEST:
-        moves = [at + sign * step * unit for unit in np.eye(len(at)) for sign in (1, -1)]
+        moves = [log_tau + sign * step * unit for unit in np.eye(len(log_tau)) for sign in (1, -1)]
         moves = [np.clip(np.sort(move), np.log(low), np.log(high)) for move in moves]
-        costs = [cost_of(data, Held(tuple(np.exp(move))), factor) for move in moves]
+        costs = [cost_of(shared, Held(tuple(np.exp(move))), factor) for move in moves]
         if min(costs) < best:
-            best, at = min(costs), moves[int(np.argmin(costs))]
+            best, log_tau = min(costs), moves[int(np.argmin(costs))]
         else:
             step /= 2
-    return tuple(np.exp(at))
+    return tuple(np.exp(log_tau))
 
 
 PLAIN = member_named("DRT+D")
@@ -251,7 +282,7 @@ TRIED_JOULE_PER_MOLE = (0.0, 10e3, 20e3, 30e3, 40e3, 50e3)
 
 
 class Activation(NamedTuple):
-    """Activation energy of the resistance at each temperature [J/mol], and what is said of it."""
+    """Activation energy of the resistance at each temperature [J/mol], and a sentence on it."""
 
     joule_per_mole: tuple
     words: str
@@ -267,7 +298,7 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
     Parameters
     ----------
     by_temperature : list of FitRecords, ascending in temperature.
-    data_of_records : function (FitRecords) → columns.Data.
+    data_of_records : function (FitRecords) → regression.Data.
     capacity_ampere_hour : [Ah].
 
     Returns
@@ -276,12 +307,15 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
     """
     if len(by_temperature) > 1:
         resistance = [
-            _resistance(data_of_records(one), one, capacity_ampere_hour) for one in by_temperature
+            _resistance(data_of_records(fit_records), fit_records, capacity_ampere_hour)
+            for fit_records in by_temperature
         ]
-        energies = _neighbours([one.celsius for one in by_temperature], resistance)
+        energies = _energies_from_neighbours(
+            [fit_records.celsius for fit_records in by_temperature], resistance
+        )
         listed = ", ".join(
-            f"{one.celsius:g} °C {e / 1e3:.0f}"
-            for one, e in zip(by_temperature, energies, strict=True)
+            f"{fit_records.celsius:g} °C {e / 1e3:.0f}"
+            for fit_records, e in zip(by_temperature, energies, strict=True)
         )
         return Activation(
             tuple(energies), f"activation energy of the resistance [kJ/mol]: {listed}"
@@ -290,7 +324,7 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
     if varied < VARIED_KELVIN:
         return Activation((0.0,), "")
     try:
-        costs = _costs(by_temperature[0], data_of_records, capacity_ampere_hour)
+        costs = _costs_of_energies(by_temperature[0], data_of_records, capacity_ampere_hour)
     except Refusal as refusal:
         return Activation((0.0,), f"activation energy not known, taken as 0: {refusal}")
     best = TRIED_JOULE_PER_MOLE[int(np.argmin(costs))]
@@ -323,33 +357,35 @@ def _resistance(data, fit_records, capacity):
         fitted = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=fit_records.celsius)
     except Refusal:
         return np.nan
-    found = fitted.condition
+    condition = fitted.condition
     fast = [
         b.values["r_ohm"]
-        for b in found.branches
+        for b in condition.branches
         if b.kind == "RC" and b.values["tau_second"][0] <= SLOWEST_SECOND
     ]
-    total = sum(fast, found.r0_ohm)
-    return float(np.interp(0.5, found.soc, total))
+    total = sum(fast, condition.r0_ohm)
+    return float(np.interp(0.5, condition.soc, total))
 
 
-def _neighbours(celsius, resistance):
-    """Mean slope to the neighbours; a temperature without a resistance takes the nearest ones'."""
-    known = np.isfinite(resistance)
-    if known.sum() < 2:
+def _energies_from_neighbours(celsius, resistance):
+    """Activation energy at each temperature [J/mol]: mean slope to its neighbours."""
+    resolved = np.isfinite(resistance)
+    if resolved.sum() < 2:
         return [0.0] * len(celsius)
-    at, ohm = np.asarray(celsius)[known], np.asarray(resistance)[known]
-    slope = GAS_CONSTANT * np.diff(np.log(ohm)) / np.diff(1.0 / (at + ZERO_CELSIUS_KELVIN))
+    temperature, ohm = np.asarray(celsius)[resolved], np.asarray(resistance)[resolved]
+    slope = GAS_CONSTANT * np.diff(np.log(ohm)) / np.diff(1.0 / (temperature + ZERO_CELSIUS_KELVIN))
     slope = np.clip(slope, 0.0, 100e3)
-    means = [np.mean(slope[max(k - 1, 0) : k + 1]) for k in range(len(at))]
-    return np.interp(celsius, at, means).tolist()
+    means = [np.mean(slope[max(k - 1, 0) : k + 1]) for k in range(len(temperature))]
+    return np.interp(celsius, temperature, means).tolist()
 
 
-def _costs(fit_records, data_of_records, capacity):
+def _costs_of_energies(fit_records, data_of_records, capacity):
     costs, factor = [], None
     for energy in TRIED_JOULE_PER_MOLE:
         data = data_of_records(at_activation_energy(fit_records, energy))
-        found = identify(data, PLAIN, capacity_ampere_hour=capacity, celsius=fit_records.celsius)
-        factor = factor or found.solution.factor
-        costs.append(cost_of(data, found.held, factor))
+        settings = {"capacity_ampere_hour": capacity, "celsius": fit_records.celsius}
+        shared = shared_of(data)
+        fitted = identify(data, PLAIN, shared=shared, **settings)
+        factor = factor or fitted.solution.factor
+        costs.append(cost_of(shared, fitted.held, factor))
     return costs

@@ -1,12 +1,10 @@
-"""Solving for courses over SoC: least squares with stated priors, and what was not fitted.
+"""Linear least squares of an identification: priors and solution of the columns over SoC.
 
-Without priors a knot that no datum touches would take any value, and a fit of a drive's blocks
-would say nothing of the SoC between them. The priors are weak and physical: resistances change
-smoothly with SoC, faster near empty; an OCV table is right to some tens of millivolts; capacity
-is known to two per cent. They matter only where the data are silent.
+For given time constants, charge constant of the hysteresis and scale of the kinetics, the voltage
+is V = U(z') + Σ over knots of (shift, R0, R_j, M) × column (`columns`), where z' is the counted SoC
+stretched by a factor. Each quantity is a course over the same SoC knots, straight between them.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +17,7 @@ SCALES = 2  # numbers of the SoC's scale: what is missing at full, and the stret
 
 
 class Noise(NamedTuple):
-    """How far the model is trusted: variances of a row add.
+    """Standard deviations of a row's error, whose variances add.
 
     floor_volt : at rest [V]. relative : of the overpotential [1]. soc : of the counted SoC [1],
     which counts where the OCV is steep.
@@ -31,7 +29,12 @@ class Noise(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """What is believed before the data; standard deviations.
+    """Standard deviations of the parameters before the data.
+
+    Without priors a knot without data could take any value, and a fit of a drive's blocks would
+    say nothing of the SoC between them. The priors are weak and physical: resistances change
+    smoothly with SoC, faster near empty; an OCV table is right to some tens of millivolts; capacity
+    is known to a few per cent. They count only where the data say little.
 
     shift_volt : of the OCV table. shift_walk_volt : of its change over the whole of SoC.
     walk : relative change of a resistance over the whole of SoC [1].
@@ -52,7 +55,8 @@ class System(NamedTuple):
 
     prior : (p, p) precision. held : (p,) what the priors count and the columns do not: the scale
     about which the problem holds, so that the prior is of the scale and not of its last change.
-    most : (p,) upper bounds, None without any.
+    most : (p,) upper bounds, None without any. gram, moment : (p, p), (p,) products of the matrix
+    with itself and with the target.
     """
 
     matrix: np.ndarray
@@ -62,26 +66,29 @@ class System(NamedTuple):
     held: np.ndarray
     names: tuple
     knots: np.ndarray
-    most: np.ndarray | None = None
+    most: np.ndarray | None
+    gram: np.ndarray
+    moment: np.ndarray
 
 
 class Solution(NamedTuple):
-    """What solves a system.
+    """Solution of a weighted linear problem.
 
-    values, stds : dict name → (k,), with "shift". scale : (2,) change of the SoC's scale [1].
-    vector, covariance : (p,), (p, p) of all parameters, NaN where a bound holds.
+    values : dict name → (k,), with "shift". scale : (2,) change of the SoC's scale [1].
+    vector : (p,) of all parameters.
     residual_volt : (n,) measured minus modelled. factor : weight of a row's square: one over the
     residuals' variance and correlation. cost : factor·Σ residual² + priors' penalty.
+    above_zero : dict of weighting, "first" or "found" → dict name → (k,)
+    bool, which values are above zero.
     """
 
     values: dict
-    stds: dict
     scale: np.ndarray
     vector: np.ndarray
-    covariance: np.ndarray
     residual_volt: np.ndarray
     factor: float
     cost: float
+    above_zero: dict
 
 
 def system_of(columns, knots, *, noise=None, prior=None):
@@ -89,7 +96,7 @@ def system_of(columns, knots, *, noise=None, prior=None):
 
     Parameters
     ----------
-    columns : design.Columns.
+    columns : Columns.
     knots : (k,) SoC [1].
     noise, prior : Noise, Prior; None: the defaults.
 
@@ -111,44 +118,51 @@ def system_of(columns, knots, *, noise=None, prior=None):
         noise.soc * columns.slope_volt,
     )
     weight = 1.0 / np.sqrt(sum(np.square(scale) for scale in scales))
-    blocks = [columns.shift, columns.scale, *(c for _, c in columns.resistances)]
-    matrix = np.hstack(blocks) * weight[:, None]
-    target = columns.target_volt * weight
-    sizes = _typical(columns, matrix, target, len(knots))
+    matrix, target = _weighted(columns, weight, len(knots)), columns.target_volt * weight
+    gram, moment = matrix.T @ matrix, matrix.T @ target
+    sizes = _typical_sizes(names, gram, moment, len(knots))
     precision = _precision(knots, sizes, prior)
     held = np.zeros(len(precision))
     held[len(knots) : len(knots) + SCALES] = columns.held_scale
-    most = _most(columns.most_volt, names, len(precision))
-    return System(matrix, target, weight, precision, held, names, knots, most)
+    most = _upper_bounds(columns.most_volt, names, len(precision))
+    return System(matrix, target, weight, precision, held, names, knots, most, gram, moment)
 
 
-def _most(most_volt, names, size):
+def _weighted(columns, weight, knots):
+    """Matrix (n, p) of all columns times the weight of each row, column by column in memory."""
+    blocks = [columns.shift, columns.scale, *(c for _, c in columns.resistances)]
+    transposed = np.empty((SCALES + knots * (len(blocks) - 1), len(weight)))
+    ends = np.cumsum([block.shape[1] for block in blocks])
+    for block, end in zip(blocks, ends, strict=True):
+        np.multiply(block.T, weight, out=transposed[end - block.shape[1] : end])
+    return transposed.T
+
+
+def _upper_bounds(most_volt, names, size):
     """Upper bounds of all parameters: only the hysteresis, "m", has one, and it comes last."""
     if most_volt is None or "m" not in names:
         return None
     return np.append(np.full(size - len(most_volt), np.inf), most_volt)
 
 
-def _typical(columns, matrix, target, knots):
-    """Size of each resistance if it did not depend on SoC: what "smooth" is measured by."""
-    count = len(columns.resistances)
-    ends = SCALES + knots + knots * np.arange(count + 1)
-    groups = [matrix[:, :knots].sum(axis=1)]
-    groups += [matrix[:, a:b].sum(axis=1) for a, b in pairwise(ends)]
-    reduced = np.column_stack(groups)
-    norm = np.linalg.norm(reduced, axis=0)
-    names = [name for name, _ in columns.resistances]
+def _typical_sizes(names, gram, moment, knots):
+    """Size of each resistance if constant over SoC [ohm], the scale of the smoothness prior."""
+    # A constant course adds its columns: sums over blocks of the products, without the SoC's scale.
+    starts = np.append([0, knots], knots + SCALES + knots * np.arange(len(names)))
+    rows = np.delete(np.arange(len(starts)), 1)
+    reduced = np.add.reduceat(np.add.reduceat(gram, starts), starts, axis=1)[np.ix_(rows, rows)]
+    target = np.add.reduceat(moment, starts)[rows]
+    norm = np.diag(reduced)
     silent = [name for name, size in zip(names, norm[1:], strict=True) if not size > 0]
     if silent:
         raise Refusal(f"nothing in the data excites {', '.join(silent)}: the current never flows")
-    gram = reduced.T @ reduced
-    gram += np.diag(1e-6 * np.diag(gram))  # two columns may say the same
-    found = solve(gram, reduced.T @ target, 1)[1:]
+    reduced = reduced + np.diag(1e-6 * norm)  # two columns may say the same
+    sizes = solve(reduced, target, 1)[1:]
     ohmic = np.array([name != "m" for name in names])
-    if not found[ohmic].any():
+    if not sizes[ohmic].any():
         raise Refusal("no resistance above zero: the voltage moves against the current's sign")
-    least = np.where(ohmic, 0.05 * found[ohmic].max(), 0.005)
-    return np.maximum(found, least)
+    least = np.where(ohmic, 0.05 * sizes[ohmic].max(), 0.005)
+    return np.maximum(sizes, least)
 
 
 def _precision(knots, sizes, prior):
@@ -159,55 +173,73 @@ def _precision(knots, sizes, prior):
     change = np.diff(np.eye(count), axis=0)
     smooth = change.T @ (change / path[:, None])
     size = count + SCALES + count * len(sizes)
-    found = np.zeros((size, size))
-    found[:count, :count] = smooth / prior.shift_walk_volt**2
-    found[:count, :count] += np.eye(count) / prior.shift_volt**2
-    found[count, count] = 1.0 / prior.missing**2
-    found[count + 1, count + 1] = 1.0 / prior.stretch**2
+    precision = np.zeros((size, size))
+    precision[:count, :count] = smooth / prior.shift_walk_volt**2
+    precision[:count, :count] += np.eye(count) / prior.shift_volt**2
+    precision[count, count] = 1.0 / prior.missing**2
+    precision[count + 1, count + 1] = 1.0 / prior.stretch**2
     for number, typical in enumerate(sizes):
-        at = slice(count + SCALES + number * count, count + SCALES + (number + 1) * count)
-        found[at, at] = smooth / (prior.walk * typical) ** 2
-        found[at, at] += np.eye(count) / ((10.0 * typical) ** 2 * count)
-    return found
+        block = slice(count + SCALES + number * count, count + SCALES + (number + 1) * count)
+        precision[block, block] = smooth / (prior.walk * typical) ** 2
+        precision[block, block] += np.eye(count) / ((10.0 * typical) ** 2 * count)
+    return precision
 
 
-def solved(system, *, factor=None, rounds=2):
-    """Solve a system; the data's weight follows from the residuals and their correlation.
+def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):
+    """Solution of a system, weighted by the residuals and their correlation.
 
     Parameters
     ----------
     system : System.
     factor : weight of the data; None: found here. Costs compare only at one factor.
     rounds : how often it is taken anew where it is found.
+    expected : dict of weighting → dict name → (k,) bool, which values are expected above zero,
+        "first" at the weight that a search begins with, "found" at the one that it ends with;
+        changes the time alone.
+    scale_free : False: the SoC's scale stays where it is held.
 
     Returns
     -------
     solution : Solution.
     """
-    gram, moment = system.matrix.T @ system.matrix, system.matrix.T @ system.target
-    signed, found, pull = len(system.knots) + SCALES, factor or 1.0 / 30.0, pull_of(system)
-    for _ in range(rounds if factor is None else 1):
-        normal = found * gram + system.prior
-        vector = solve(normal, found * moment - pull, signed, system.most)
-        residual = system.target - system.matrix @ vector
+    gram, moment, matrix = system.gram, system.moment, system.matrix
+    count = len(system.knots)
+    signed, weight, pull = count + SCALES, factor or 1.0 / 30.0, pull_of(system)
+    scale = slice(count, signed)
+    if not scale_free:
+        gram, moment = gram.copy(), moment.copy()
+        gram[scale] = gram[:, scale] = moment[scale] = 0.0
+    expected, above_zero = expected or {}, {}
+    weightings = ["first", *["found"] * (rounds - 1)] if factor is None else ["found"]
+    for weighting in weightings:
+        normal, free = weight * gram + system.prior, _free(system, expected.get(weighting, {}))
+        vector = solve(normal, weight * moment - pull, signed, system.most, free=free)
+        above_zero[weighting], effective = vector > 0, vector.copy()
+        effective[scale] *= scale_free
+        residual = system.target - matrix @ effective
         if factor is None:
             spread = max(np.mean(residual**2), 1e-12) * max(correlation_factor(residual), 1.0)
-            found = 1.0 / spread
-    covariance = _covariance(found * gram + system.prior, vector, signed, system.most)
-    whole = vector + system.held
-    cost = found * (residual @ residual) + whole @ system.prior @ whole
-    values, stds = named(system, vector), named(system, np.sqrt(np.diag(covariance)))
-    volt = residual / system.weight
-    return Solution(values, stds, values["scale"], vector, covariance, volt, found, float(cost))
+            weight = 1.0 / spread
+    total = vector + system.held
+    cost = weight * (residual @ residual) + total @ system.prior @ total
+    values, volt = named(system, vector), residual / system.weight
+    above = {weighting: named(system, free) for weighting, free in above_zero.items()}
+    return Solution(values, values["scale"], vector, volt, weight, float(cost), above)
+
+
+def _free(system, expected):
+    """Which parameters are expected off their bound (p,)."""
+    signed, every = np.ones(len(system.knots) + SCALES, bool), np.ones(len(system.knots), bool)
+    return np.concatenate([signed, *(expected.get(name, every) for name in system.names)])
 
 
 def pull_of(system):
-    """By what the priors draw a solution of a system back from what is held already, (p,)."""
+    """Gradient of the priors at the held scale (p,)."""
     return system.prior @ system.held
 
 
 def named(system, vector):
-    """Parts of a parameter vector by name.
+    """Parts of a parameter vector, name → (k,).
 
     Parameters
     ----------
@@ -219,13 +251,20 @@ def named(system, vector):
     return dict(zip(("shift", "scale", *system.names), np.split(vector, ends), strict=True))
 
 
-def _covariance(precision, vector, signed, most):
-    """Of the free parameters; NaN for those at their bound, zero or the largest allowed."""
+def covariance_of(system, solution):
+    """Covariance of all parameters (p, p); NaN for those at a bound, zero or the largest allowed.
+
+    Parameters
+    ----------
+    system : System. solution : Solution, of a free SoC scale.
+    """
+    signed, vector = len(system.knots) + SCALES, solution.vector
+    precision = solution.factor * system.gram + system.prior
     free = np.append(np.ones(signed, bool), vector[signed:] > 0)
-    free &= vector < (np.inf if most is None else most)
-    found = np.full(precision.shape, np.nan)
-    found[np.ix_(free, free)] = np.linalg.inv(precision[np.ix_(free, free)])
-    return found
+    free &= vector < (np.inf if system.most is None else system.most)
+    covariance = np.full(precision.shape, np.nan)
+    covariance[np.ix_(free, free)] = np.linalg.inv(precision[np.ix_(free, free)])
+    return covariance
 
 
 def held_out(system, solution, fold):
@@ -236,13 +275,14 @@ def held_out(system, solution, fold):
     system, solution : System, Solution of all rows.
     fold : (n,) number of the fold of each row, 0, 1, …; −1: never left out.
     """
-    gram, moment = system.matrix.T @ system.matrix, system.matrix.T @ system.target
     signed, pull = len(system.knots) + SCALES, pull_of(system)
-    found, factor = solution.residual_volt.copy(), solution.factor
+    free = _free(system, solution.above_zero["found"])
+    residual_volt, factor = solution.residual_volt.copy(), solution.factor
     for number in range(fold.max() + 1):
-        out = fold == number
-        matrix, target = system.matrix[out], system.target[out]
-        rest = factor * (gram - matrix.T @ matrix) + system.prior
-        vector = solve(rest, factor * (moment - matrix.T @ target) - pull, signed, system.most)
-        found[out] = (target - matrix @ vector) / system.weight[out]
-    return found
+        fold_rows = fold == number
+        matrix, target = system.matrix[fold_rows], system.target[fold_rows]
+        rest = factor * (system.gram - matrix.T @ matrix) + system.prior
+        moment = factor * (system.moment - matrix.T @ target) - pull
+        vector = solve(rest, moment, signed, system.most, free=free)
+        residual_volt[fold_rows] = (target - matrix @ vector) / system.weight[fold_rows]
+    return residual_volt

@@ -1,12 +1,18 @@
-"""What is searched beside the linear part: SoC scale, kinetics, time constants."""
+"""Search of the non-linear parameters: SoC scale, kinetics, time constants."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.circuits.circuit import UNRESOLVED_SECOND
-from cellwright.identification.columns import FAST_SECOND, columns_of
-from cellwright.identification.regression import SCALES, named, solved, system_of
+from cellwright.identification.columns import (
+    FAST_SECOND,
+    Base,
+    base_of,
+    columns_of,
+    resistance_columns,
+)
+from cellwright.identification.regression import covariance_of, named, solved, system_of
 from cellwright.numerics.statistics import rms
 
 WIDEST = 0.1  # change of the SoC's scale that is believed
@@ -14,90 +20,186 @@ SETTLED = 2e-4  # change of the SoC's scale that is small enough
 STEADY = 0.003  # change of the charge-transfer resistance that is small enough, of its largest
 
 
-def settled(data, held, *, passes=10):
-    """Let the SoC's scale and the kinetics settle: (held, system, solution).
+class Shared(NamedTuple):
+    """What fits of several members to the same data have in common, filled while they are made.
+
+    base : columns.Base. searched : dict of searches that are finished, such as the time constants
+    of two pairs. expected : dict of weighting → dict name → (k,) bool, which values of the last
+    solution were above zero: the next one's are nearly the same. system : dict of the last Held
+    and its system.
+    """
+
+    base: Base
+    searched: dict
+    expected: dict
+    system: dict
+
+
+def shared_of(data):
+    """Shared of a set of data, with nothing searched yet.
 
     Parameters
     ----------
-    data : design.Data.
-    held : design.Held.
-    passes : how often at most the problem is solved about what was found before.
+    data : columns.Data.
     """
+    return Shared(base_of(data), {}, {}, {})
+
+
+def once(shared, key, search):
+    """Result of a search over the data, which another member may have asked for before.
+
+    Parameters
+    ----------
+    shared : Shared. key : hashable, all that the search depends on beside the data.
+    search : function of no argument.
+    """
+    if key not in shared.searched:
+        shared.searched[key] = search()
+    return shared.searched[key]
+
+
+class Fit(NamedTuple):
+    """Held parameters, the regression.System about them, its Solution, and a covariance (p, p).
+
+    The solution is that at the held SoC scale, the covariance that with a free one.
+    """
+
+    held: object
+    system: object
+    solution: object
+    covariance: np.ndarray
+
+
+def settled(shared, held, *, passes=10):
+    """Fit after the SoC's scale and the kinetics have converged.
+
+    Parameters
+    ----------
+    shared : Shared.
+    held : columns.Held.
+    passes : largest number of solutions, each about the scale and kinetics of the last.
+    """
+    held = _approached(shared, held, passes - 1)
+    system = system_about(shared, held)
+    solution = _solved(shared, system)
+    covariance = covariance_of(system, solution)
+    # A last change of the scale that is not made would leave values that belong to another scale.
+    solution = _solved(shared, system, scale_free=False)
+    return Fit(_with_transfer(held, solution), system, solution, covariance)
+
+
+def system_about(shared, held):
+    """The linear problem about held parameters; the last one is kept, it is often asked for again.
+
+    Parameters
+    ----------
+    shared : Shared. held : columns.Held.
+
+    Returns
+    -------
+    system : regression.System.
+    """
+    key = key_of(held)
+    if key not in shared.system:
+        shared.system.clear()
+        columns = columns_of(shared.base, held)
+        shared.system[key] = system_of(columns, shared.base.data.knots)
+    return shared.system[key]
+
+
+def key_of(held):
+    """Held parameters as a key of dictionaries.
+
+    Parameters
+    ----------
+    held : columns.Held.
+    """
+    transfer = held.transfer_ohm
+    return held._replace(transfer_ohm=None if transfer is None else tuple(transfer))
+
+
+def _solved(shared, system, **settings):
+    """Solution of a system, begun from which values the last one had above zero."""
+    solution = solved(system, expected=shared.expected, **settings)
+    for weighting, above_zero in solution.above_zero.items():
+        shared.expected.setdefault(weighting, {}).update(above_zero)
+    return solution
+
+
+def _approached(shared, held, passes):
+    """Held parameters after so many passes, fewer where the SoC's scale and kinetics are still."""
     if held.scale_volt is not None and held.transfer_ohm is None:
-        linear = solved(system_of(columns_of(data, held._replace(scale_volt=None)), data.knots))
+        linear = _solved(shared, system_about(shared, held._replace(scale_volt=None)))
         held = held._replace(transfer_ohm=_transfer(held, linear.values, half=True))
     last, share = 0.0, 1.0
-    for _ in range(passes - 1):
-        solution = solved(system_of(columns_of(data, held), data.knots))
+    for _ in range(passes):
+        solution = _solved(shared, system_about(shared, held))
         scale = np.clip(np.array([held.missing, held.stretch]) + solution.scale, -WIDEST, WIDEST)
         still = np.abs(solution.scale).max() < SETTLED
         held = held._replace(missing=float(scale[0]), stretch=float(scale[1]))
         if held.scale_volt is not None:
-            way = _transfer(held, solution.values) - held.transfer_ohm
+            change = _transfer(held, solution.values) - held.transfer_ohm
             # More resistance damps itself more: in whole steps the two may take turns for ever.
-            share = share / 2 if np.sum(way * last) < 0 else share
-            held = held._replace(transfer_ohm=held.transfer_ohm + share * way)
-            still = still and np.abs(way).max() < STEADY * held.transfer_ohm.max()
-            last = way
+            share = share / 2 if np.sum(change * last) < 0 else share
+            held = held._replace(transfer_ohm=held.transfer_ohm + share * change)
+            still = still and np.abs(change).max() < STEADY * held.transfer_ohm.max()
+            last = change
         if still:
             break
-    system = system_of(columns_of(data, held), data.knots)
-    solution = at_scale(system, solved(system))
-    if held.scale_volt is not None:
-        held = held._replace(transfer_ohm=_transfer(held, solution.values))
-    return held, system, solution
+    return held
 
 
-def at_scale(system, solution):
-    """What belongs to the scale as it is held, with the deviations of a scale that is free.
-
-    A last change that is not made would leave values that belong to another scale.
-
-    Parameters
-    ----------
-    system, solution : regression.System, its Solution with the scale's change.
-    """
-    count = len(system.knots)
-    matrix = system.matrix.copy()
-    matrix[:, count : count + SCALES] = 0.0
-    held = solved(system._replace(matrix=matrix))
-    return held._replace(stds=solution.stds, covariance=solution.covariance)
+def _with_transfer(held, solution):
+    """Held parameters with the charge transfer of a solution, where there are kinetics."""
+    if held.scale_volt is None:
+        return held
+    return held._replace(transfer_ohm=_transfer(held, solution.values))
 
 
 def _transfer(held, values, *, half=False):
-    """Charge-transfer resistance at the knots; before it was told apart, half of the ohmic one."""
+    """Charge-transfer resistance at the knots (k,) [ohm]; at first half of the ohmic one."""
     fast = [values[f"r{n}"] for n, tau in enumerate(held.tau_second, 1) if tau <= FAST_SECOND]
     return sum(fast, 0.5 * values["r0"] if half else values["rct"])
 
 
-def cheapest(data, tries, factor):
-    """What costs least, all measured by one noise, after two passes each.
+def cheapest(shared, tries, factor):
+    """Held parameters of the lowest cost at one weight of the data, after one pass each.
 
     Parameters
     ----------
-    data : design.Data. tries : list of design.Held. factor : weight of the data, of one solution.
+    shared : Shared. tries : list of columns.Held.
+    factor : weight of the data, of one solution.
 
     Returns
     -------
-    held : design.Held.
+    held : columns.Held.
     """
-    near = [settled(data, held, passes=2)[0] for held in tries]
-    costs = [cost_of(data, held, factor) for held in near]
-    return near[int(np.argmin(costs))]
+    candidates = [_after_one_pass(shared, held) for held in tries]
+    if len(candidates) == 1:
+        return candidates[0]
+    costs = [cost_of(shared, held, factor) for held in candidates]
+    return candidates[int(np.argmin(costs))]
 
 
-def cost_of(data, held, factor):
-    """Cost of what is held, at a given weight of the data (see `regression.Solution`).
+def _after_one_pass(shared, held):
+    held = _approached(shared, held, 1)
+    if held.scale_volt is None:
+        return held
+    return _with_transfer(held, _solved(shared, system_about(shared, held), scale_free=False))
+
+
+def cost_of(shared, held, factor):
+    """Cost of held parameters at a given weight of the data (see `regression.Solution`).
 
     Parameters
     ----------
-    data : design.Data. held : design.Held. factor : weight of the data.
+    shared : Shared. held : columns.Held. factor : weight of the data.
     """
-    return solved(system_of(columns_of(data, held), data.knots), factor=factor).cost
+    return _solved(shared, system_about(shared, held), factor=factor).cost
 
 
 STEP = 0.01  # of a logarithm, for central differences
-TOLD_APART = 1e-12  # smallest eigenvalue of the scaled precision: below it is rounding
+RESOLVED = 1e-12  # smallest eigenvalue of the scaled precision: below it is rounding
 
 
 class Free(NamedTuple):
@@ -110,77 +212,79 @@ class Free(NamedTuple):
     slope: np.ndarray
 
 
-def with_time_constants(data, held, system, solution):
+def with_time_constants(shared, fit):
     """Precision and slope with the logarithms of the time constants free as well.
 
     Parameters
     ----------
-    data : design.Data. held : design.Held.
-    system, solution : regression.System, Solution of what is held.
+    shared : Shared. fit : Fit.
 
     Returns
     -------
     free : Free.
     """
-    moved = [_change(data, held, n, solution.values) for n in range(len(held.tau_second))]
-    matrix = np.column_stack([system.matrix, *(one * system.weight for one in moved)])
+    held, system, solution = fit[:3]
+    count = len(held.tau_second)
+    changes = [_change(shared.base, held, n, solution.values) for n in range(count)]
+    weighted = np.column_stack(changes) * system.weight[:, None]
     size = len(solution.vector)
-    precision = solution.factor * matrix.T @ matrix
-    precision[:size, :size] += system.prior
-    slope = solution.factor * matrix.T @ (solution.residual_volt * system.weight)
+    precision = np.empty((size + count, size + count))
+    precision[:size, :size] = solution.factor * system.gram + system.prior
+    precision[:size, size:] = solution.factor * system.matrix.T @ weighted
+    precision[size:, :size] = precision[:size, size:].T
+    precision[size:, size:] = solution.factor * weighted.T @ weighted
+    residual = solution.residual_volt * system.weight
+    slope = solution.factor * np.append(system.matrix.T @ residual, weighted.T @ residual)
     slope[:size] -= system.prior @ (solution.vector + system.held)
     return Free(precision, slope)
 
 
-def _change(data, held, number, values):
-    """Change of the voltage by the logarithm of one time constant, by central differences."""
-    up, down = (
-        columns_of(data, _moved(held, number, np.exp(sign * STEP))).resistances for sign in (1, -1)
-    )
+def _change(base, held, number, values):
+    """Derivative of the voltage by the logarithm of one time constant (n,) [V]."""
+    sides = []
+    for sign in (1, -1):
+        tau = list(held.tau_second)
+        tau[number] *= np.exp(sign * STEP)
+        sides.append(resistance_columns(base, held._replace(tau_second=tuple(tau))))
+    up, down = sides
     change = sum((a - b) @ values[name] for (name, a), (_, b) in zip(up, down, strict=True))
     return change / (2 * STEP)
 
 
-def _moved(held, number, factor):
-    tau = list(held.tau_second)
-    tau[number] *= factor
-    return held._replace(tau_second=tuple(tau))
+def refined(shared, fit, bounds, *, steps=3, enough=0.1):
+    """Fit after Newton steps of the time constants, as long as they lower the cost.
 
-
-def refined(data, held, system, solution, bounds, *, steps=3, enough=0.1):
-    """Newton steps of the time constants, as long as they lower the cost.
-
-    The search stops a few per cent off, and ran before hysteresis, kinetics and diffusion were
-    found: the stated deviations would be smaller than that.
+    The search ends a few per cent from the optimum, and ran without hysteresis, kinetics and
+    diffusion: an error above the stated deviations.
 
     Parameters
     ----------
-    data, held, system, solution : as in `with_time_constants`.
+    shared, fit : as in `with_time_constants`.
     bounds : (low, high) of time constants [s].
     steps : how many at most.
     enough : step that is small enough, over the standard deviation [1].
 
     Returns
     -------
-    held, system, solution : as given where no step helps.
+    fit : Fit, as given where no step helps.
     """
-    factor = solution.factor
-    best = cost_of(data, held, factor)
+    factor = fit.solution.factor
+    best = cost_of(shared, fit.held, factor)
     for _ in range(steps):
-        step, std = _step(with_time_constants(data, held, system, solution), solution)
-        tau = np.clip(np.asarray(held.tau_second) * np.exp(np.clip(step, -0.5, 0.5)), *bounds)
-        tried = held._replace(tau_second=tuple(np.sort(tau)))
-        cost = cost_of(data, tried, factor)
+        step, std = _step(with_time_constants(shared, fit), fit)
+        tau = np.clip(np.asarray(fit.held.tau_second) * np.exp(np.clip(step, -0.5, 0.5)), *bounds)
+        tried = fit.held._replace(tau_second=tuple(np.sort(tau)))
+        cost = cost_of(shared, tried, factor)
         if cost >= best:
             break
-        held, system, solution = settled(data, tried, passes=3)
-        best = cost_of(data, held, factor)
+        fit = settled(shared, tried, passes=3)
+        best = cost_of(shared, fit.held, factor)
         if np.all(np.abs(step) <= enough * std):
             break
-    return held, system, solution
+    return fit
 
 
-def covariance_of(free, solution):
+def whole_covariance(free, fit):
     """Covariance with the time constants free, (p + m, p + m); NaN where a bound holds.
 
     Where the data do not tell the time constants apart, these have none, and all else is as known
@@ -188,24 +292,25 @@ def covariance_of(free, solution):
 
     Parameters
     ----------
-    free : Free. solution : regression.Solution.
+    free : Free. fit : Fit.
     """
-    size, diagonal = len(solution.vector), np.diag(free.precision)
-    loose = np.append(np.isfinite(np.diag(solution.covariance)), diagonal[size:] > 0)
-    at, scale = np.ix_(loose, loose), np.sqrt(diagonal[loose])
-    unit = free.precision[at] / np.outer(scale, scale)
-    found = np.full(free.precision.shape, np.nan)
-    if np.linalg.eigvalsh(unit)[0] > TOLD_APART:
-        found[at] = np.linalg.inv(unit) / np.outer(scale, scale)
+    size, diagonal = len(fit.covariance), np.diag(free.precision)
+    loose = np.append(np.isfinite(np.diag(fit.covariance)), diagonal[size:] > 0)
+    rows, scale = np.ix_(loose, loose), np.sqrt(diagonal[loose])
+    unit = free.precision[rows] / np.outer(scale, scale)
+    covariance = np.full(free.precision.shape, np.nan)
+    if np.linalg.eigvalsh(unit)[0] > RESOLVED:
+        covariance[rows] = np.linalg.inv(unit) / np.outer(scale, scale)
     else:
-        found[:size, :size] = solution.covariance
-    return found
+        covariance[:size, :size] = fit.covariance
+    return covariance
 
 
-def _step(free, solution):
-    """Step of the logarithms and their deviations; zero where there is no deviation."""
-    covariance = covariance_of(free, solution)[len(solution.vector) :]
-    std = np.sqrt(np.diag(covariance[:, len(solution.vector) :]))
+def _step(free, fit):
+    """Newton step of the logarithms of the time constants, and their standard deviations."""
+    size = len(fit.covariance)
+    covariance = whole_covariance(free, fit)[size:]
+    std = np.sqrt(np.diag(covariance[:, size:]))
     return np.nan_to_num(covariance) @ free.slope, np.nan_to_num(std)
 
 
@@ -227,7 +332,7 @@ class Condition(NamedTuple):
     """A fitted circuit over SoC at one temperature; a deviation is NaN at a bound or if held.
 
     soc : (k,). r0_ohm, r0_std_ohm, ocv_shift_volt : (k,). branches : tuple of Element.
-    missing, stretch : the SoC at which the OCV table is read, see `design.Held`.
+    missing, stretch : the SoC at which the OCV table is read, see `regression.Held`.
     at_bound : names. fit_rmse_volt, samples : of the rows used.
     """
 
@@ -243,39 +348,41 @@ class Condition(NamedTuple):
     samples: int
 
 
-def condition_of(data, member, held, system, solution, bounds):
-    """Name the pieces, with the deviations of the time constants where these were searched.
+def condition_of(shared, member, fit, bounds):
+    """Condition of a solution, with deviations of the time constants where these were searched.
 
     Parameters
     ----------
-    data : design.Data. member : members.Member. held : design.Held.
-    system, solution : regression.System, Solution of what is held.
+    shared : Shared. member : circuit.Member. fit : Fit.
     bounds : (low, high) of searched time constants [s]; None where they are a fixed series.
 
     Returns
     -------
     condition : Condition.
     """
-    values, stds, tau_stds = solution.values, solution.stds, np.full(len(held.tau_second), np.nan)
-    at_bound = []
+    data, (held, system, solution, covariance) = shared.base.data, fit
+    stds = named(system, np.sqrt(np.diag(covariance)))
+    values, tau_stds, at_bound = solution.values, np.full(len(held.tau_second), np.nan), []
     if bounds is not None and held.tau_second:
-        stds, tau_stds = _with_time_constants(data, held, system, solution)
+        stds, tau_stds = _with_time_constants(shared, fit)
         log = np.log(held.tau_second)
         edge = (np.abs(log - np.log(bounds[0])) < AT_BOUND) | (
             np.abs(log - np.log(bounds[1])) < AT_BOUND
         )
-        at_bound = [f"tau{n}" for n, at in enumerate(edge, 1) if at]
+        at_bound = [f"tau{n}" for n, is_at_bound in enumerate(edge, 1) if is_at_bound]
         tau_stds = np.where(edge, np.nan, tau_stds)
-    zero = [
+    bounded = [
         f"{name.upper()} at SoC {soc:.3f}"
         for name in system.names
         for soc, value in zip(data.knots, values[name], strict=True)
         if value == 0
     ]
     if held.charge_ampere_hour is not None and data.most_volt is not None:
-        full = zip(data.knots, values["m"] >= data.most_volt, strict=True)
-        zero += [
-            f"M at SoC {soc:.3f}, the most that the slow test allows" for soc, at in full if at
+        at_most = zip(data.knots, values["m"] >= data.most_volt, strict=True)
+        bounded += [
+            f"M at SoC {soc:.3f}, the most that the slow test allows"
+            for soc, is_at_bound in at_most
+            if is_at_bound
         ]
     return Condition(
         data.knots,
@@ -285,43 +392,42 @@ def condition_of(data, member, held, system, solution, bounds):
         values["shift"],
         held.missing,
         held.stretch,
-        (*at_bound, *zero),
+        (*at_bound, *bounded),
         rms(solution.residual_volt),
         len(solution.residual_volt),
     )
 
 
 def _elements(data, member, held, values, stds, tau_stds):
-    """Branches of a member, the same at every temperature: what was not found there is nothing."""
-    same, found = np.ones(len(data.knots)), []
+    """Branches of a member, the same at every temperature; one that was not fitted is near zero."""
+    ones, elements = np.ones(len(data.knots)), []
     taus = zip(held.tau_second, tau_stds, strict=True)
     pairs = [(f"r{n}", tau, std) for n, (tau, std) in enumerate(taus, 1)]
     if member.kinetic:
         pairs.insert(0, ("rct", UNRESOLVED_SECOND, np.nan))
     for name, tau, tau_std in pairs:
-        what = {"r_ohm": values.get(name, 0.0 * same), "tau_second": tau * same}
-        std = {"r_ohm": stds.get(name, np.nan * same), "tau_second": tau_std * same}
+        values_of = {"r_ohm": values.get(name, 0.0 * ones), "tau_second": tau * ones}
+        std = {"r_ohm": stds.get(name, np.nan * ones), "tau_second": tau_std * ones}
         kinetic = member.kinetic and tau <= FAST_SECOND
         if kinetic:
-            what["scale_volt"] = (held.scale_volt or LINEAR_VOLT) * same
-            std["scale_volt"] = np.nan * same
-        found.append(Element("kinetic" if kinetic else "RC", what, std))
+            values_of["scale_volt"] = (held.scale_volt or LINEAR_VOLT) * ones
+            std["scale_volt"] = np.nan * ones
+        elements.append(Element("kinetic" if kinetic else "RC", values_of, std))
     if member.diffusion:
         second = held.diffusion_second or ABSENT_SECOND
         gain = second / 15.0 / 3600.0 / data.capacity_ampere_hour
-        what = {"soc_per_ampere": gain * same, "tau_second": second * same}
-        found.append(Element("diffusion", what, dict.fromkeys(what, np.nan * same)))
+        values_of = {"soc_per_ampere": gain * ones, "tau_second": second * ones}
+        elements.append(Element("diffusion", values_of, dict.fromkeys(values_of, np.nan * ones)))
     if member.hysteresis:
         charge = held.charge_ampere_hour or ABSENT_SHARE * data.capacity_ampere_hour
-        what = {"m_volt": values.get("m", 0.0 * same), "charge_ampere_hour": charge * same}
-        std = {"m_volt": stds.get("m", np.nan * same), "charge_ampere_hour": np.nan * same}
-        found.append(Element("hysteresis", what, std))
-    return tuple(found)
+        values_of = {"m_volt": values.get("m", 0.0 * ones), "charge_ampere_hour": charge * ones}
+        std = {"m_volt": stds.get("m", np.nan * ones), "charge_ampere_hour": np.nan * ones}
+        elements.append(Element("hysteresis", values_of, std))
+    return tuple(elements)
 
 
-def _with_time_constants(data, held, system, solution):
-    """Deviations with the time constants free as well."""
-    free = with_time_constants(data, held, system, solution)
-    std = np.sqrt(np.diag(covariance_of(free, solution)))
-    size = len(solution.vector)
-    return named(system, std[:size]), std[size:] * np.asarray(held.tau_second)
+def _with_time_constants(shared, fit):
+    """Standard deviations with the time constants free: of the linear parameters, of tau [s]."""
+    std = np.sqrt(np.diag(whole_covariance(with_time_constants(shared, fit), fit)))
+    size = len(fit.solution.vector)
+    return named(fit.system, std[:size]), std[size:] * np.asarray(fit.held.tau_second)

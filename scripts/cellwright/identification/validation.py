@@ -18,6 +18,21 @@ class Validation(NamedTuple):
     notes: tuple
 
 
+def simulated(model, member, record):
+    """A member of a model simulated through a record, as the instrument reads it.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2. member : its name. record : Record.
+
+    Returns
+    -------
+    simulated : model_file.Simulated.
+    """
+    columns = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
+    return simulate_model(model, member, *columns, kind=record.kind)
+
+
 def validate(model, cell, test, *, split_rest_second):
     """Simulate every member of a model through a test that took no part in its fit.
 
@@ -37,11 +52,10 @@ def validate(model, cell, test, *, split_rest_second):
         The test cannot be laid out (see `record.laid_out`), or nothing is left to score.
     """
     record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=True)
-    given = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
     scored, rows, columns = record.used, [], {}
     for member in model["members"]:
         name = member["model"]
-        run = simulate_model(model, name, *given, kind=record.kind)
+        run = simulated(model, name, record)
         columns[f"simulated_{name}_volt"] = run.voltage_volt
         error = record.voltage_volt - run.voltage_volt
         row = scores(error[scored], record.soc[scored])
@@ -51,8 +65,8 @@ def validate(model, cell, test, *, split_rest_second):
             | {"chosen": name == model["chosen"]}
             | {"soc_start": float(record.soc[0]), "soc_anchor": record.anchor}
         )
-    shown = ("test_time_second", "current_ampere", "voltage_volt", "soc")
-    columns = {name: getattr(record, name) for name in shown} | {"scored": scored} | columns
+    names = ("test_time_second", "current_ampere", "voltage_volt", "soc")
+    columns = {name: getattr(record, name) for name in names} | {"scored": scored} | columns
     return Validation(rows, columns, (f"simulated at {record.temperature_source} temperature",))
 
 

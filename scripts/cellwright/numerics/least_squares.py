@@ -8,7 +8,7 @@ equations.
 
 `best_logarithms` searches the rates by lmfit; the linear parameters follow in closed form. Other
 hot loops have searches of their own: `exponentials` (one pass of a compiled kernel over a record)
-and `impedance.levenberg` (many starts in a compiled kernel).
+and `impedance.fit` (many starts in a compiled kernel).
 """
 
 from collections.abc import Callable
@@ -82,15 +82,16 @@ class Solution(NamedTuple):
     whitened: np.ndarray
 
 
-def fit(problem, values, *, columns=None, renew=(), steps=STEPS, settled=SETTLED):
+def fit(problem, values, *, columns=None, white=None, renew=(), steps=STEPS, settled=SETTLED):
     """Most likely values of a problem by damped Gauss–Newton steps, and the curvature there.
 
     Parameters
     ----------
     problem : Problem. values : dict, start; also holds what is not free.
-    columns : (n, k) derivatives to begin with, or None: they are made. Where given, only those
-        named in `renew` are made anew at each step (a chord method: near the solution the others
-        hardly change).
+    columns : (n, j) derivatives by the first j parameters to begin with, or None: they are made.
+        Where given, only those of further parameters and of those named in `renew` are made anew
+        at each step (a chord method: near the solution the others hardly change).
+    white : (n, j) those derivatives whitened, or None: they are whitened here.
     steps : at most so many. settled : a fall of the cost below it ends the walk.
 
     Returns
@@ -101,29 +102,32 @@ def fit(problem, values, *, columns=None, renew=(), steps=STEPS, settled=SETTLED
     state, damping = _evaluated(problem, values, prior, pull), 1e-6
     chord = columns is not None
     columns = columns if chord else derivatives(problem, state.values, state.prediction)
-    white = problem.whiten(columns)
+    white = problem.whiten(columns) if white is None else white
+    names, gram = [f.name for f in problem.free], None
+    at_renewed = [k for k, n in enumerate(names) if k >= columns.shape[1] or n in renew]
+    if at_renewed:
+        columns, white = (_widened(rows, len(names)) for rows in (columns, white))
     for _ in range(steps):
-        if chord and renew:
-            columns, white = _with_new_derivatives(problem, state, columns, white, renew)
-        precision = white.T @ white + prior
-        at = np.array([state.values[f.name] for f in problem.free])
+        if at_renewed:
+            _renew(problem, state, columns, white, at_renewed)
+        gram = white.T @ white if gram is None or at_renewed else gram
+        at = np.array([state.values[name] for name in names])
         gradient = white.T @ state.whitened + pull - prior @ at
         next_state, damping = _damped_step(
-            problem, state, gradient, precision, prior, pull, damping
+            problem, state, gradient, gram + prior, prior, pull, damping
         )
         fell, state = state.cost - next_state.cost, next_state
         if fell < settled:
             break
         if not chord:
             columns = derivatives(problem, state.values, state.prediction)
-            white = problem.whiten(columns)
+            white, gram = problem.whiten(columns), None
     free = [f for f in problem.free if f.lower < f.upper]
     bound = tuple(f.name for f in free if state.values[f.name] in (f.lower, f.upper))
     residual = problem.measured - state.prediction
     outcome = (state.values, state.prediction, residual, state.chi_square, state.cost)
-    names = tuple(f.name for f in problem.free)
-    precision = white.T @ white + prior
-    return Solution(*outcome, columns, white, precision, bound, names, state.whitened)
+    precision = (white.T @ white if gram is None else gram) + prior
+    return Solution(*outcome, columns, white, precision, bound, tuple(names), state.whitened)
 
 
 def derivatives(problem, values, prediction, names=None):
@@ -187,13 +191,18 @@ def priors(problem):
     return prior, weight * np.array([f.prior for f in problem.free])
 
 
-def _with_new_derivatives(problem, state, columns, white, renew):
-    """Derivatives, plain and whitened, with those of the named parameters made anew."""
-    at = [k for k, f in enumerate(problem.free) if f.name in renew]
-    columns, white = columns.copy(), white.copy()
-    columns[:, at] = derivatives(problem, state.values, state.prediction, renew)
+def _widened(rows, width):
+    """Copy of rows (n, j) with columns of zeros after them: (n, width)."""
+    wide = np.zeros((len(rows), width))
+    wide[:, : rows.shape[1]] = rows
+    return wide
+
+
+def _renew(problem, state, columns, white, at):
+    """Make the derivatives by some parameters (numbers `at`) anew, plain and whitened, in place."""
+    names = {problem.free[k].name for k in at}
+    columns[:, at] = derivatives(problem, state.values, state.prediction, names)
     white[:, at] = problem.whiten(columns[:, at])
-    return columns, white
 
 
 def _damped_step(problem, state, gradient, precision, prior, pull, damping):

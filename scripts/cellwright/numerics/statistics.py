@@ -146,8 +146,9 @@ def correlation_factor(residual):
     Source: Geyer, Statistical Science 7 (1992) 473, initial positive sequence, simplified.
     """
     centred = residual - residual.mean()
-    power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
-    auto = np.fft.irfft(power)[: len(centred)]
+    length = 1 << (2 * len(centred) - 1).bit_length()  # a power of two: fast whatever the length
+    power = np.abs(np.fft.rfft(centred, length)) ** 2
+    auto = np.fft.irfft(power, length)[: len(centred)]
     if auto[0] <= 0:
         return 1.0
     crossing = np.argmax(auto <= 0) or len(auto)

@@ -1,4 +1,9 @@
-"""Models of the cells of a parallel group, and the group simulated against its branch currents."""
+"""Models of cells known only from inside a parallel group: from their branch currents.
+
+All cells of a group see one voltage: V = f(z_c) + d_c(z_c) + R0_c(z_c)·I_c + u_c for every cell
+c. With the charge of each branch counted, this is linear in the common OCV curve f (monotone), in
+each cell's small deviation d_c from it, and in all resistances.
+"""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -7,12 +12,175 @@ import numpy as np
 
 from cellwright.circuits.model_file import plain_member
 from cellwright.identification.cell import SCHEMA
+from cellwright.numerics.lags import lag
+from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.statistics import rms
-from cellwright.packs.branches import identify_branches, rest_offset
-from cellwright.packs.parallel import group_of, simulate_parallel
-from cellwright.records.basis import REFERENCE_CELSIUS
-from cellwright.records.group import branch_currents, group_record, stated_soc
+from cellwright.packs.parallel import Group, group_of, simulate_parallel
+from cellwright.records.basis import stated_or_reference
+from cellwright.records.record import branch_currents, group_record, stated_soc
 from cellwright.refusal import Refusal
+
+
+class GroupFit(NamedTuple):
+    """Identified group (every SoC is 0 at the first sample) and how well it fits."""
+
+    group: Group
+    fit_rmse_volt: float
+
+
+class Knots(NamedTuple):
+    """SoC knots of the common OCV curve, of each cell's deviation and of each resistance."""
+
+    ocv: np.ndarray
+    deviation: np.ndarray
+    resistance: np.ndarray
+
+
+def rest_offset(branch_current_ampere, total_current_ampere, *, rest_ampere):
+    """Mean branch currents over a long rest, in which nothing should flow any more.
+
+    Parameters
+    ----------
+    branch_current_ampere, total_current_ampere : (n, cells), (n,) of the rest [A].
+    rest_ampere : total current below which the group rests [A].
+
+    Returns
+    -------
+    offset_ampere : (cells,) [A].
+
+    Raises
+    ------
+    Refusal : the rows are not a rest.
+    """
+    # ASSUME: What a branch sensor reads at the end of a long rest of the whole group is its offset.
+    if not len(total_current_ampere) or np.abs(total_current_ampere).max() > rest_ampere:
+        raise Refusal(f"no rest: the total current reaches more than {rest_ampere:g} A")
+    return np.mean(branch_current_ampere, axis=0)
+
+
+def identify_branches(
+    test_time_second,
+    branch_current_ampere,
+    voltage_volt,
+    *,
+    tau_second=(30.0, 100.0, 300.0, 1000.0, 3000.0),
+    knots=(60, 9, 5),
+    penalty=(1e-3, 1e-2, 1e-2),
+    hold="first_order",
+    points=201,
+):
+    """One-RC models of all cells of a group from one full slow charge of the group.
+
+    The stretch starts from rest at the group's empty state and ends after its full state; between
+    them the SoC of every cell runs from 0 to 1 by definition, and its charge is its capacity.
+
+    Parameters
+    ----------
+    test_time_second : (n,) [s].
+    branch_current_ampere : (n, cells) positive on charge, sensor offsets removed [A].
+    voltage_volt : (n,) [V].
+    tau_second : time constants to choose from, one for all cells [s].
+    knots : numbers of SoC knots of OCV, deviation and resistances.
+    penalty : on the bend of the OCV [V], the size of the deviations [1] and the bend of the
+        resistances [A], each against the voltage errors.
+    hold : hold of the branch currents between samples.
+    points : size of the SoC grid of the result.
+
+    Returns
+    -------
+    fit : GroupFit.
+
+    Raises
+    ------
+    Refusal : fewer than two branches, values not finite, or a branch that is not charged.
+    """
+    # ASSUME: Cells known only from a group share one OCV curve but for a small smooth deviation;
+    # their SoC 0 and 1 are the empty and full states of the group's own slow charge.
+    soc, capacity = _counted(test_time_second, branch_current_ampere, voltage_volt)
+    knots_at = Knots(_even_knots(soc.mean(axis=1), voltage_volt, knots[0]), *map(_grid, knots[1:]))
+    steps = np.diff(test_time_second)
+    fits = []
+    for tau in tau_second:
+        matrix = _design(steps, branch_current_ampere, soc, knots_at, tau, hold)
+        parameters = _solve(matrix, voltage_volt, knots_at, soc.shape[1], penalty)
+        error = matrix @ parameters - np.tile(voltage_volt, soc.shape[1])
+        fits.append((rms(error), tau, parameters))
+    rmse, tau, parameters = min(fits, key=lambda entry: entry[0])
+    return GroupFit(_group(parameters, knots_at, capacity, tau, points), rmse)
+
+
+def _counted(time, current, voltage):
+    if np.ndim(current) != 2 or current.shape[1] < 2:
+        raise Refusal("branch currents of at least two cells are needed")
+    if not (np.isfinite(current).all() and np.isfinite(voltage).all()):
+        raise Refusal("branch currents or voltage hold values that are not finite")
+    step_charge = np.diff(time)[:, None] * (current[1:] + current[:-1]) / 7200.0
+    charge = np.vstack([np.zeros(current.shape[1]), np.cumsum(step_charge, axis=0)])
+    if np.any(charge[-1] <= 0):
+        raise Refusal(f"branch {int(np.argmin(charge[-1])) + 1} is not charged in this stretch")
+    return charge / charge[-1], charge[-1]
+
+
+def _grid(count):
+    return np.linspace(0.0, 1.0, count)
+
+
+def _even_knots(soc, voltage, count):
+    """Knots of SoC at even distances along the OCV curve: dense where the voltage is steep."""
+    along = np.maximum.accumulate(soc + (voltage - voltage.min()) / np.ptp(voltage))
+    along, rows = np.unique(along, return_index=True)
+    middle = np.interp(np.linspace(along[0], along[-1], count)[1:-1], along, soc[rows])
+    inside = middle[(middle > 0.0) & (middle < 1.0)]
+    return np.unique(np.concatenate([[0.0], inside, [1.0]]))
+
+
+def _design(steps, current, soc, knots, tau, hold):
+    """Columns: deviations of all cells, OCV start and increments, then (R0, R1) of each cell."""
+    cells, rows = soc.shape[1], []
+    for c in range(cells):
+        driven = hats(soc[:, c], knots.resistance) * current[:, c : c + 1]
+        resistive = np.hstack([driven, lag(steps, tau, driven, hold=hold)])
+        deviation = hats(soc[:, c], knots.deviation)
+        ocv = np.cumsum(hats(soc[:, c], knots.ocv)[:, ::-1], axis=1)[:, ::-1]
+        spread = [np.kron(np.eye(cells)[c : c + 1], block) for block in (deviation, resistive)]
+        rows.append(np.hstack([spread[0], ocv, spread[1]]))
+    return np.vstack(rows)
+
+
+def _solve(matrix, voltage, knots, cells, penalty):
+    bend, size, wiggle = penalty
+    slope = np.diff(np.eye(len(knots.ocv)), axis=0) / np.diff(knots.ocv)[:, None]
+    increments = np.tril(np.ones((len(knots.ocv), len(knots.ocv))))
+    blocks = [
+        size * np.eye(cells * len(knots.deviation)),
+        bend * np.diff(slope, axis=0) @ increments,
+    ]
+    blocks += [wiggle * np.diff(np.eye(len(knots.resistance)), 2, axis=0)] * (2 * cells)
+    gram, column = matrix.T @ matrix, 0
+    for block in blocks:
+        columns = slice(column, column + block.shape[1])
+        gram[columns, columns] += len(matrix) * block.T @ block
+        column = columns.stop
+    moment = matrix.T @ np.tile(voltage, cells)
+    return solve(gram, moment, cells * len(knots.deviation))
+
+
+def _group(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
+    cells, grid = len(capacity), _grid(points)
+    cuts = np.cumsum([cells * len(knots.deviation), len(knots.ocv)])
+    deviation, ocv, resistance = np.split(parameters, cuts)
+    common = np.interp(grid, knots.ocv, np.cumsum(ocv))
+    deviations = [np.interp(grid, knots.deviation, d) for d in deviation.reshape(cells, -1)]
+    table = resistance.reshape(cells, 2, -1)
+    table = np.array([[np.interp(grid, knots.resistance, r) for r in cell] for cell in table])
+    return Group(
+        ocv_volt=np.maximum.accumulate(common + np.array(deviations), axis=1),
+        r0_ohm=np.maximum(table[:, 0], smallest_ohm),
+        r_ohm=table[:, 1:],
+        tau_second=np.full((cells, 1, points), tau),
+        capacity_ampere_hour=capacity,
+    )
+
 
 KNOTS = 21
 REST_SHARE = 0.02
@@ -52,8 +220,9 @@ def group_models(test, steps, cells):
     rows = slice(rest.stop - 1, steps["last_row"][last] + 1)
     time = series["test_time_second"][rows]
     fit = identify_branches(time, current[rows] - offset, series["voltage_volt"][rows])
+    # ASSUME: All cells of a group have the chamber's temperature, 25 °C where none is stated.
     fitted = {"test": facts.test, "from_second": float(time[0]), "to_second": float(time[-1])}
-    celsius = _chamber_celsius(facts)
+    celsius = stated_or_reference(facts.ambient_temperature_celsius)
     note = (
         f"identified inside its group from the charge at {time[0]:.0f} to {time[-1]:.0f} s of "
         f"{facts.test} (fit {1e3 * fit.fit_rmse_volt:.1f} mV); the rest of the record scores it"
@@ -68,12 +237,6 @@ def _logged(current):
     if current is None or current.shape[1] < 2:
         raise Refusal("the record has no currents of two or more branches")
     return current
-
-
-# ASSUME: All cells of a group have the chamber's temperature, 25 °C where none is stated.
-def _chamber_celsius(facts):
-    stated = facts.ambient_temperature_celsius
-    return REFERENCE_CELSIUS if stated is None else stated
 
 
 def _charge_between_rests(steps):
@@ -112,7 +275,7 @@ def _model(cell, group, branch, celsius, rmse, fitted, note):
 
 
 def _courses(group, branch, grid):
-    """What a condition of a model file says over SoC, of one branch of the group."""
+    """Condition of a model file for one branch of the group: its courses over SoC."""
     knots = np.linspace(0.0, 1.0, KNOTS)
     unknown = [None] * KNOTS
 
@@ -145,7 +308,7 @@ class GroupValidation(NamedTuple):
 
 
 def validate_group(models, branches, test):
-    """Simulate a group through its whole record and score what its models have not seen.
+    """Group simulated through its whole record, scored on the rows not used for the fit.
 
     Parameters
     ----------
@@ -165,7 +328,9 @@ def validate_group(models, branches, test):
     record = group_record(test, branches)
     measured = _logged(record.branch_current_ampere)
     time, total = record.test_time_second, record.current_ampere
-    group = group_of(models, temperature_celsius=_chamber_celsius(test.facts))
+    group = group_of(
+        models, temperature_celsius=stated_or_reference(test.facts.ambient_temperature_celsius)
+    )
     members = [plain_member(model) for model in models]
     notes = _replaced(models, members)
     wire = _wires(branches, notes)
@@ -173,8 +338,8 @@ def validate_group(models, branches, test):
     run = simulate_parallel(time, total, group, initial_soc=start, wire_resistance_ohm=wire)
     scored = _unseen(models, record, notes)
     rows = _rows(record, run, scored, branches, members, group)
-    shown = ("test_time_second", "current_ampere", "voltage_volt")
-    columns = {name: getattr(record, name) for name in shown}
+    names = ("test_time_second", "current_ampere", "voltage_volt")
+    columns = {name: getattr(record, name) for name in names}
     columns |= {"simulated_voltage_volt": run.voltage_volt, "scored": scored}
     for k in range(len(branches)):
         columns[f"branch_{k + 1}_current_ampere"] = measured[:, k]
@@ -183,7 +348,7 @@ def validate_group(models, branches, test):
 
 
 def _replaced(models, members):
-    """What is said where a cell's chosen member is none that the parallel solver can run."""
+    """Notes on cells simulated by another member than the chosen one."""
     return [
         f"{model['cell']} simulated as {member}: its {model['chosen']} is more than RC pairs"
         for model, member in zip(models, members, strict=True)
@@ -199,7 +364,7 @@ def _wires(branches, notes):
 
 
 def _initial_soc(stated, group, record, notes):
-    """As stated, else each cell's own SoC at the group's rest voltage at the start."""
+    """SoC of each cell at the start (cells,): stated, else from the rest voltage at the start."""
     if None not in stated:
         return np.array(stated, float)
     total = record.current_ampere
@@ -215,7 +380,7 @@ def _initial_soc(stated, group, record, notes):
 
 
 def _unseen(models, record, notes):
-    """Rows that no model was fitted to."""
+    """Rows (n,) of the record outside the stretch that the models were fitted to."""
     time = record.test_time_second
     unseen = np.ones(len(time), bool)
     for fitted in (model.get("fitted") for model in models):

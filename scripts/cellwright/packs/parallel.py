@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.fast import tables_of
-from cellwright.circuits.instrument import capacity_factor
-from cellwright.circuits.model_file import member_of, plain_member
+from cellwright.circuits.model_file import capacity_of, member_of, plain_member
 from cellwright.native import array, count, function
 from cellwright.refusal import Refusal
 
@@ -83,17 +82,17 @@ def simulate_parallel(
 def _run_compiled(kernel, group, wire, soc, steps, total):
     tables = (group.ocv_volt, group.r0_ohm, group.r_ohm, group.tau_second)
     cells, pairs, points = group.r_ohm.shape
-    given = (*tables, 3600.0 * group.capacity_ampere_hour, wire)
-    given = [np.ascontiguousarray(one, float) for one in given]
+    tables_and_cell = (*tables, 3600.0 * group.capacity_ampere_hour, wire)
+    tables_and_cell = [np.ascontiguousarray(table, float) for table in tables_and_cell]
     run = _empty_run(len(steps), cells)
     work = np.zeros((11 + 5 * pairs, cells))
     work[10] = soc
-    kernel(len(steps), steps, total, cells, pairs, points, *given, work, *run)
+    kernel(len(steps), steps, total, cells, pairs, points, *tables_and_cell, work, *run)
     return run
 
 
 def _run_step_by_step(group, wire, soc, steps, total):
-    """Twin of the kernel."""
+    """The kernel's result in numpy, step by step."""
     relaxed = np.zeros(group.r_ohm.shape[:2])
     run = _empty_run(len(steps), len(soc))
     for k, step in enumerate(steps):
@@ -120,17 +119,17 @@ def _step(group, wire, soc, relaxed, step_second, total_ampere):
 
 
 def _tables_at(group, soc):
-    """OCV continues on its last slope outside 0…1, a wall that keeps cells inside; R is flat."""
+    """OCV, its slope, R0, R and tau of each cell; outside 0…1 OCV on its end slope, R held."""
     last, rows = group.ocv_volt.shape[1] - 1, np.arange(len(soc))
-    left = np.clip((soc * last).astype(int), 0, last - 1)
-    share = soc * last - left
-    held = np.minimum(np.maximum(share, 0.0), 1.0)
-    ocv = group.ocv_volt[rows, left]
-    rise = group.ocv_volt[rows, left + 1] - ocv
-    r0 = group.r0_ohm[rows, left] * (1 - held) + group.r0_ohm[rows, left + 1] * held
-    column = held[:, None]
-    r = group.r_ohm[rows, :, left] * (1 - column) + group.r_ohm[rows, :, left + 1] * column
-    return ocv + rise * share, np.maximum(rise, 0.0) * last, r0, r, group.tau_second[rows, :, left]
+    lower = np.clip((soc * last).astype(int), 0, last - 1)
+    share = soc * last - lower
+    inside = np.minimum(np.maximum(share, 0.0), 1.0)
+    ocv = group.ocv_volt[rows, lower]
+    rise = group.ocv_volt[rows, lower + 1] - ocv
+    r0 = group.r0_ohm[rows, lower] * (1 - inside) + group.r0_ohm[rows, lower + 1] * inside
+    column = inside[:, None]
+    r = group.r_ohm[rows, :, lower] * (1 - column) + group.r_ohm[rows, :, lower + 1] * column
+    return ocv + rise * share, np.maximum(rise, 0.0) * last, r0, r, group.tau_second[rows, :, lower]
 
 
 def group_of(models, *, temperature_celsius=None, member=None, points=201):
@@ -140,8 +139,8 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
     ----------
     models : sequence of model dicts, in the order of the branches.
     temperature_celsius : temperature of the group [degC]; None only for models of one condition.
-    member : name of a member of RC pairs for all cells, or None for that of `plain.plain_member`
-        of each.
+    member : name of a member of RC pairs for all cells, or None for that of
+        `model_file.plain_member` of each.
     points : size of the SoC grid.
 
     Returns
@@ -156,20 +155,22 @@ def group_of(models, *, temperature_celsius=None, member=None, points=201):
         raise Refusal("a group without models cannot be simulated")
     celsius = temperature_celsius
     settings = {"temperature_celsius": celsius, "member": member, "points": points}
-    found = [tables_of(model, **settings) for model in models]
-    pairs = max(len(tables.r_ohm) for tables in found)
+    tables = [tables_of(model, **settings) for model in models]
+    pairs = max(len(cell_tables.r_ohm) for cell_tables in tables)
     return Group(
-        ocv_volt=np.array([tables.ocv_volt for tables in found]),
-        r0_ohm=np.array([tables.r0_ohm for tables in found]),
-        r_ohm=np.array([_padded(tables.r_ohm, pairs, 0.0) for tables in found]),
-        tau_second=np.array([_padded(tables.tau_second, pairs, 1.0) for tables in found]),
-        capacity_ampere_hour=np.array([_capacity(model, member, celsius) for model in models]),
+        ocv_volt=np.array([cell_tables.ocv_volt for cell_tables in tables]),
+        r0_ohm=np.array([cell_tables.r0_ohm for cell_tables in tables]),
+        r_ohm=np.array([_padded(cell_tables.r_ohm, pairs, 0.0) for cell_tables in tables]),
+        tau_second=np.array(
+            [_padded(cell_tables.tau_second, pairs, 1.0) for cell_tables in tables]
+        ),
+        capacity_ampere_hour=np.array(
+            [
+                capacity_of(model, member_of(model, member or plain_member(model)), celsius)
+                for model in models
+            ]
+        ),
     )
-
-
-def _capacity(model, member, celsius):
-    own = member_of(model, plain_member(model) if member is None else member)
-    return model["capacity_ampere_hour"] * float(capacity_factor(own, celsius))
 
 
 def _padded(table, pairs, fill):

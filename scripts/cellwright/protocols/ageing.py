@@ -36,13 +36,15 @@ class AgeingCycles(NamedTuple):
 
 
 class Ageing(NamedTuple):
-    """The table, and a sentence for every half cycle that was left out of it."""
+    """Complete half cycles, and a sentence for every half cycle that is not complete."""
 
     rows: AgeingCycles
     left_out: tuple
 
 
 class _Half(NamedTuple):
+    """A half cycle: sign (+1 charge), rows (inclusive), cycle number in the record, fault or ""."""
+
     sign: int
     first: int
     last: int
@@ -110,8 +112,8 @@ def ageing_cycles(
 
 
 def _halves(series, steps, rated, limits):
-    """Every half cycle, numbered by its discharge, with the reason why it is not complete."""
-    found, reached_before, number = [], None, 0
+    """Half cycles in time order, each with its cycle's number and why it is not complete."""
+    halves, reached_before, number = [], None, 0
     charge, voltage = series["charge_ampere_hour"], series["voltage_volt"]
     for sign, first, last in turns(charge, steps, least_ampere_hour=TURN_SHARE * rated):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
@@ -123,13 +125,13 @@ def _halves(series, steps, rated, limits):
         if not reached:
             cut_off = f"before the cut-off of {limits[sign > 0]:g} V"
             fault = f"it ends at {voltage[end]:.3f} V, {cut_off}"
-        found.append(_Half(sign, begin, end, number + (sign > 0), fault))
+        halves.append(_Half(sign, begin, end, number + (sign > 0), fault))
         reached_before = reached
-    return found
+    return halves
 
 
 def _end(voltage, steps, sign, loads, limits):
-    """Whether the cut-off is reached, and the load that ends the half cycle.
+    """Whether the cut-off is reached, and the last load of the half cycle.
 
     That is the first one that reaches it, or the last of those that hold it there afterwards, a
     rest between or not.
@@ -146,31 +148,33 @@ def _end(voltage, steps, sign, loads, limits):
 
 
 def _farthest(voltage, sign):
-    """Highest voltage of a charge, lowest of a discharge (negative); the last samples may point
-    beyond it, for the cut-off may lie between two of them."""
+    """Highest voltage of a charge, lowest of a discharge times -1 [V].
+
+    Read off a line through the last samples where that is further: the cut-off may lie between two.
+    """
     ahead = voltage[-1] + (voltage[-1] - voltage[max(len(voltage) - 6, 0)]) / 5
     return max(np.max(sign * voltage), sign * ahead)
 
 
 def _start_fault(volt, sign, limits, reached_before):
-    """Why it did not begin at the other end ("" where it did)."""
+    """Why the cell was not full (discharge) or empty (charge) at the start; "" where it was."""
     end = "full" if sign < 0 else "empty"
     if reached_before is not None:
         return "" if reached_before else f"it does not start {end}: what came before was cut short"
-    other = limits[sign < 0]
-    near = sign * (volt - other) <= FULL_SHARE * (limits[1] - limits[0])
+    start_limit = limits[sign < 0]
+    near = sign * (volt - start_limit) <= FULL_SHARE * (limits[1] - limits[0])
     return "" if near else f"it does not start {end}: the record begins with it at {volt:.3f} V"
 
 
 def _numbers(half, before, series, rated):
-    """All numbers of a complete half cycle but its cycle."""
+    """Columns of AgeingCycles after `cycle` for one complete half cycle."""
     rows = slice(half.first, half.last + 1)
     time, charge = series["test_time_second"][rows], series["charge_ampere_hour"][rows]
     moved, voltage = np.diff(charge), series["voltage_volt"][rows]
     capacity = abs(float(charge[-1] - charge[0]))
     surface = series.get("surface_temperature_celsius")
     ambient = series.get("ambient_temperature_celsius")
-    back = slice(max(half.first - REST_ROWS, 0), half.first + 1)
+    before_load = slice(max(half.first - REST_ROWS, 0), half.first + 1)
     return (
         NAMES[half.sign],
         float(time[0]),
@@ -180,13 +184,13 @@ def _numbers(half, before, series, rated):
         abs(float(np.sum((voltage[1:] + voltage[:-1]) / 2 * moved))),
         _efficiency(half, before, series["charge_ampere_hour"], capacity),
         _time_mean(ambient, rows, time),
-        np.nan if surface is None else _median(surface[back]),
+        _median(surface, before_load),
         _time_mean(surface, rows, time),
     )
 
 
 def _middle_current(current, moved):
-    """Size of the current at which half of the charge has moved, counted from the smallest [A]."""
+    """Median size of the current [A], weighted by the charge that it moves."""
     # Where a pulse ends between two samples the charge belongs to the larger of both.
     size = np.maximum(np.abs(current[1:]), np.abs(current[:-1]))
     order = np.argsort(size)
@@ -195,6 +199,7 @@ def _middle_current(current, moved):
 
 
 def _efficiency(half, before, charge, capacity):
+    """Capacity of a discharge over that of the charge before it [1]; NaN outside EFFICIENCY."""
     if half.sign > 0 or before is None or before.fault:
         return np.nan
     efficiency = capacity / abs(charge[before.last] - charge[before.first])
@@ -202,16 +207,17 @@ def _efficiency(half, before, charge, capacity):
 
 
 def _time_mean(values, rows, time):
-    """Mean over time of what was recorded; NaN where nothing was."""
+    """Mean over time of the finite values of some rows; NaN where fewer than two are."""
     if values is None:
         return np.nan
-    known = np.isfinite(values[rows])
-    values, time = values[rows][known], time[known]
+    measured = np.isfinite(values[rows])
+    values, time = values[rows][measured], time[measured]
     if len(time) < 2 or time[-1] <= time[0]:
         return np.nan
     return float(np.trapezoid(values, time) / (time[-1] - time[0]))
 
 
-def _median(values):
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else np.nan
+def _median(values, rows):
+    """Median of the finite values of some rows; NaN where there are none."""
+    measured = np.empty(0) if values is None else values[rows][np.isfinite(values[rows])]
+    return float(np.median(measured)) if len(measured) else np.nan

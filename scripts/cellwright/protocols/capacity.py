@@ -17,9 +17,12 @@ NAMES = {1: "charge", -1: "discharge"}
 
 
 class Half(NamedTuple):
-    """A half cycle: sign (+1 charge), its rows (inclusive; the first is the last one before the
-    load), size of its constant current [A], row where its voltage is first held (or its last),
-    and why it is not complete ("" where it is)."""
+    """One charge or discharge between two turns of the counted charge.
+
+    sign : +1 charge, -1 discharge. first_row, last_row : inclusive; the first is the last one
+    before the load. rate_ampere : size of its constant current [A]. held_row : where its voltage
+    is first held, or its last row. fault : why it is not complete, "" where it is.
+    """
 
     sign: int
     first_row: int
@@ -30,7 +33,7 @@ class Half(NamedTuple):
 
 
 def turns(charge_ampere_hour, steps, *, least_ampere_hour):
-    """Spans of steps between turns of the counted charge.
+    """Spans of steps between turning points of the counted charge.
 
     Parameters
     ----------
@@ -59,58 +62,63 @@ def turns(charge_ampere_hour, steps, *, least_ampere_hour):
     return [*spans, (sign, start, peak - 1)] if sign else spans
 
 
+class _Record(NamedTuple):
+    """Columns of a test (n,) [A], [V], [Ah], its steps, and its lower and upper cut-off [V], which
+    may be None."""
+
+    current: np.ndarray
+    voltage: np.ndarray
+    charge: np.ndarray
+    steps: object
+    limits: tuple
+
+    def end_limit(self, sign):
+        """Cut-off at which a charge (+1) or discharge (-1) ends [V], or None."""
+        return self.limits[sign > 0]
+
+
 # ASSUME: A record that begins under load with a discharge begins with a full cell.
 # ASSUME: A rest within 5 % of the voltage window of a cut-off is full there, or empty.
-def half_cycles(current, voltage, charge, steps, *, rated, limits, whole):
-    """The half cycles of a record, in time order, each judged.
+def _half_cycles(record, rated, *, whole):
+    """Half cycles of a record in time order, each with the reason why it is not complete.
 
-    Parameters
-    ----------
-    current, voltage, charge : (n,) [A], [V], [Ah], + on charge.
-    steps : Steps of the record.
-    rated : [Ah].
-    limits : (lower, upper) cut-off [V]; either may be None.
-    whole : count to the turn of the charge (True), or to where the limit is first reached.
-
-    Returns
-    -------
-    list of Half.
+    They are counted to the turn of the charge where `whole`, else to where the cut-off is first
+    reached.
     """
-    found, before = [], None
-    for sign, first, last in turns(charge, steps, least_ampere_hour=TURN_SHARE * rated):
+    steps, halves, reached_before = record.steps, [], None
+    for sign, first, last in turns(record.charge, steps, least_ampere_hour=TURN_SHARE * rated):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
-        half = _half(current, voltage, steps, sign, loads, limits, whole)
+        reached = _reaches(record, sign, loads)
+        half = _half(record, sign, loads, reached, whole)
         if not half.fault:
-            start = _start_fault(voltage, steps, sign, loads[0], limits, before)
-            half = half._replace(fault=start)
-        before = _reaches(voltage, steps, sign, loads, limits) is not None
-        found.append(half)
-    return _returned(found, charge)
+            half = half._replace(fault=_start_fault(record, sign, loads[0], reached_before))
+        reached_before = reached is not None
+        halves.append(half)
+    return _excused(halves, record.charge)
 
 
 # ASSUME: A first discharge that the complete charge after it returns within 3 % began full.
-def _returned(found, charge):
-    """The half cycles, the first excused for its start where the second returns its charge."""
-    if len(found) < 2 or "start" not in found[0].fault or found[1].fault:
-        return found
-    moved = [abs(charge[half.last_row] - charge[half.first_row]) for half in found[:2]]
-    if abs(moved[0] / moved[1] - 1) > RETURN_SHARE:
-        return found
-    return [found[0]._replace(fault=""), *found[1:]]
+def _excused(halves, charge):
+    """Half cycles; the first counts as begun full where the second returns its charge."""
+    if len(halves) < 2 or "start" not in halves[0].fault or halves[1].fault:
+        return halves
+    if abs(_moved(halves[0], charge) / _moved(halves[1], charge) - 1) > RETURN_SHARE:
+        return halves
+    return [halves[0]._replace(fault=""), *halves[1:]]
 
 
-def _half(current, voltage, steps, sign, loads, limits, whole):
-    """One half cycle over the given loads, judged by its end and its rate."""
-    reached = _reaches(voltage, steps, sign, loads, limits)
+def _half(record, sign, loads, reached, whole):
+    """Half cycle over the given loads, with the fault of its end or of its rate."""
+    steps = record.steps
     used = loads if whole or reached is None else loads[: loads.index(reached) + 1]
     moved = np.abs(steps.charge_ampere_hour[used])
     main = used[int(np.argmax(moved))]
-    rate, held = _rate(current, steps, main)
-    rates = np.array([_rate(current, steps, k)[0] for k in used])
+    rate, held = _rate(record, main)
+    rates = np.array([_rate(record, k)[0] for k in used])
     same = np.maximum(rates / rate, rate / rates) <= SAME_RATE
     fault = ""
     if reached is None:
-        fault = _end_fault(voltage, steps, sign, used, limits)
+        fault = _end_fault(record, sign, used[-1])
     elif steps.kind[main] == "dynamic":
         fault = "the load is dynamic, not a constant current"
     elif not whole and moved[same].sum() < RATE_SHARE * moved.sum():
@@ -119,27 +127,28 @@ def _half(current, voltage, steps, sign, loads, limits, whole):
     return Half(sign, first_row, int(steps.last_row[used[-1]]), rate, held, fault)
 
 
-def _rate(current, steps, step):
+def _rate(record, step):
     """Size of the current of a step before its voltage is held [A], and the row that ends it."""
-    held, last = int(steps.cv_first_row[step]), int(steps.last_row[step])
-    end = held if held > steps.first_row[step] else last + 1
-    size = float(np.median(np.abs(current[steps.first_row[step] : end])))
+    first = int(record.steps.first_row[step])
+    held, last = int(record.steps.cv_first_row[step]), int(record.steps.last_row[step])
+    end = held if held > first else last + 1
+    size = float(np.median(np.abs(record.current[first:end])))
     return max(size, 1e-12), min(end, last)
 
 
-def _reaches(voltage, steps, sign, loads, limits):
-    """The first of the loads that reaches the limit of its direction, or None.
+def _reaches(record, sign, loads):
+    """First of the loads that reaches the cut-off of its direction, or None.
 
-    Reached also where the last samples point there: the limit then lies between two of them.
+    Reached also where a line through its last samples does: the cut-off then lies between two.
     """
-    limit = limits[1] if sign > 0 else limits[0]
+    voltage, steps, limit = record.voltage, record.steps, record.end_limit(sign)
     if limit is None:
         return None
     for step in loads:
         first, last = steps.first_row[step], steps.last_row[step]
         along = sign * steps.charge_ampere_hour[step] > 0
-        back = max(last - 5, first)
-        slope = (voltage[last] - voltage[back]) / max(last - back, 1)
+        earlier = max(last - 5, first)
+        slope = (voltage[last] - voltage[earlier]) / max(last - earlier, 1)
         ahead = sign * (voltage[last] + slope)
         best = max(np.max(sign * voltage[first : last + 1]), ahead)
         if along and steps.kind[step] != "dynamic" and best >= sign * limit - NEAR_VOLT:
@@ -147,25 +156,27 @@ def _reaches(voltage, steps, sign, loads, limits):
     return None
 
 
-def _end_fault(voltage, steps, sign, loads, limits):
-    limit = limits[1] if sign > 0 else limits[0]
-    name = "upper" if sign > 0 else "lower"
+def _end_fault(record, sign, last_load):
+    """Why a half cycle that does not reach its cut-off is not complete."""
+    limit = record.end_limit(sign)
     if limit is None:
+        name = "upper" if sign > 0 else "lower"
         return f"the {name} cut-off is not stated, so its end cannot be told"
-    return f"it ends at {voltage[steps.last_row[loads[-1]]]:.3f} V, before the cut-off of {limit} V"
+    end = record.voltage[record.steps.last_row[last_load]]
+    return f"it ends at {end:.3f} V, before the cut-off of {limit} V"
 
 
-def _start_fault(voltage, steps, sign, load, limits, before):
-    """Why the cell was not at the other end when the half cycle began ("" where it was)."""
-    end, limit = ("full", limits[1]) if sign < 0 else ("empty", limits[0])
-    if before is not None:
-        return "" if before else f"it does not start {end}: what came before was incomplete"
+def _start_fault(record, sign, load, reached_before):
+    """Why the cell was not full (discharge) or empty (charge) at the start; "" where it was."""
+    end, limits = "full" if sign < 0 else "empty", record.limits
+    if reached_before is not None:
+        return "" if reached_before else f"it does not start {end}: what came before was incomplete"
     if load == 0:
         return "" if sign < 0 else "the record begins with it, from an unknown state of charge"
     if None in limits:
         return f"whether it starts {end} cannot be told: a cut-off is not stated"
-    rest = voltage[steps.first_row[load] - 1]
-    if sign * (rest - limit) <= FULL_SHARE * (limits[1] - limits[0]):
+    rest = record.voltage[record.steps.first_row[load] - 1]
+    if sign * (rest - record.end_limit(-sign)) <= FULL_SHARE * (limits[1] - limits[0]):
         return ""
     return f"it does not start {end}: the record begins at a rest voltage of {rest:.3f} V"
 
@@ -194,13 +205,15 @@ class CapacityRows(NamedTuple):
 
 
 class Capacities(NamedTuple):
-    """The table, and a sentence for every discharge or charge that was left out of it."""
+    """Capacities, and a sentence for every discharge or charge that is not complete."""
 
     rows: CapacityRows
     left_out: tuple
 
 
-class _One(NamedTuple):
+class _Measured(NamedTuple):
+    """Numbers of one complete half cycle: rate and current [A], capacities [Ah], energy [Wh]."""
+
     sign: int
     rate: float
     capacity: float
@@ -257,33 +270,25 @@ def capacity(
     current, voltage = np.asarray(current_ampere, float), np.asarray(voltage_volt, float)
     charge, time = np.asarray(charge_ampere_hour, float), np.asarray(test_time_second, float)
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
-    limits = (lower_cutoff_volt, upper_cutoff_volt)
-    halves = half_cycles(
-        current,
-        voltage,
-        charge,
-        steps,
-        rated=rated,
-        limits=limits,
-        whole=whole_swing,
-    )
+    record = _Record(current, voltage, charge, steps, (lower_cutoff_volt, upper_cutoff_volt))
+    halves = _half_cycles(record, rated, whole=whole_swing)
     left_out = tuple(
         f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {half.fault}"
         for half in halves
         if half.fault
     )
-    ones = [
-        _one(half, other, voltage, charge, surface_temperature_celsius)
-        for half, other in zip(halves, _partners(halves), strict=True)
+    complete = [
+        _measured(half, partner, voltage, charge, surface_temperature_celsius)
+        for half, partner in zip(halves, _partners(halves), strict=True)
         if not half.fault
     ]
-    if not ones:
+    if not complete:
         raise Refusal(f"no complete discharge or charge: {'; '.join(left_out) or 'none begins'}")
-    return Capacities(_table(ones, rated), left_out)
+    return Capacities(_table(complete, rated), left_out)
 
 
 def _partners(halves):
-    """For each half cycle the complete other half of its cycle, or None.
+    """Complete other half of the cycle of each half cycle, or None.
 
     A cycle is a charge and the discharge after it, or else a discharge and the charge after it.
     """
@@ -298,18 +303,18 @@ def _partners(halves):
     ]
 
 
-def _one(half, other, voltage, charge, temperature):
+def _measured(half, partner, voltage, charge, temperature):
     """Numbers of one complete half cycle; its partner gives the efficiency."""
     rows = slice(half.first_row, half.last_row + 1)
     moved = np.diff(charge[rows])
     middle = (voltage[rows][1:] + voltage[rows][:-1]) / 2
     celsius = np.nan if temperature is None else _mean(np.asarray(temperature, float)[rows])
-    return _One(
+    return _Measured(
         sign=half.sign,
         rate=half.rate_ampere,
         capacity=_moved(half, charge),
         energy=abs(float(np.sum(middle * moved))),
-        efficiency=_efficiency(half, other, charge),
+        efficiency=_efficiency(half, partner, charge),
         current=half.sign * half.rate_ampere,
         temperature=celsius,
         constant=abs(charge[half.held_row] - charge[half.first_row]),
@@ -317,44 +322,47 @@ def _one(half, other, voltage, charge, temperature):
 
 
 def _moved(half, charge):
+    """Charge of a half cycle [Ah]."""
     return abs(float(charge[half.last_row] - charge[half.first_row]))
 
 
-def _efficiency(half, other, charge):
-    if other is None:
+def _efficiency(half, partner, charge):
+    """Discharge over charge of a half cycle and its partner [1]; NaN where they are no cycle."""
+    if partner is None:
         return np.nan
-    mine, theirs = _moved(half, charge), _moved(other, charge)
-    efficiency = mine / theirs if half.sign < 0 else theirs / mine
+    discharge, its_charge = (half, partner) if half.sign < 0 else (partner, half)
+    efficiency = _moved(discharge, charge) / _moved(its_charge, charge)
     return efficiency if efficiency <= EFFICIENCY_MAX else np.nan  # the charge was cut short
 
 
 def _mean(values):
-    """Mean of what is a number; NaN where nothing is."""
-    some = values[np.isfinite(values)]
-    return float(some.mean()) if len(some) else np.nan
+    """Mean of the finite values; NaN where there are none."""
+    measured = values[np.isfinite(values)]
+    return float(measured.mean()) if len(measured) else np.nan
 
 
-def _table(ones, rated):
-    """The repeats of each direction and rate as one row."""
-    groups = []
-    for one in sorted(ones, key=lambda one: (-one.sign, one.rate)):
-        last = groups[-1][0] if groups else None
-        if last and last.sign == one.sign and one.rate <= SAME_RATE * last.rate:
-            groups[-1].append(one)
+def _table(complete, rated):
+    """CapacityRows with the repeats of each direction and rate as one row."""
+    repeats = []
+    for half in sorted(complete, key=lambda half: (-half.sign, half.rate)):
+        first = repeats[-1][0] if repeats else None
+        if first and first.sign == half.sign and half.rate <= SAME_RATE * first.rate:
+            repeats[-1].append(half)
         else:
-            groups.append([one])
-    columns = zip(*[_row(group, rated) for group in groups], strict=True)
+            repeats.append([half])
+    columns = zip(*[_row(halves, rated) for halves in repeats], strict=True)
     return CapacityRows(*[np.array(column) for column in columns])
 
 
-def _row(group, rated):
-    sizes = np.array([one.capacity for one in group])
+def _row(halves, rated):
+    """One row of CapacityRows: means over the repeats, standard deviation of the capacity."""
+    sizes = np.array([half.capacity for half in halves])
     mean = {
-        name: _mean(np.array([getattr(one, name) for one in group]))
+        name: _mean(np.array([getattr(half, name) for half in halves]))
         for name in ("rate", "energy", "efficiency", "current", "temperature", "constant")
     }
     return (
-        NAMES[group[0].sign],
+        NAMES[halves[0].sign],
         mean["rate"] / rated,
         sizes.mean(),
         sizes.std(ddof=1) if len(sizes) > 1 else np.nan,

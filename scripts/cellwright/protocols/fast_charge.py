@@ -12,7 +12,7 @@ FAST_CHARGE = FastCharge()
 
 
 class FastCharge(NamedTuple):
-    """One charge; NaN where a number is not known.
+    """One fast charge: charge [Ah], shares [1], times [min], temperatures; NaN where not known.
 
     c_rate : of the constant current. minutes : that were asked for. charge_ampere_hour, share :
     put in within them, and that over the cell's capacity. constant_current_share,
@@ -51,7 +51,7 @@ def fast_charge(
     upper_cutoff_volt,
     minutes=FAST_CHARGE.minutes,
 ):
-    """Charge put in over time at the limits of current and voltage.
+    """Charge put in within a given time at the limits of current and voltage.
 
     1. The charge of the record that moves the most. 2. Constant current ends where the upper
     cut-off is met within 10 mV. 3. What is in after `minutes` is read off the counted charge; a
@@ -66,7 +66,7 @@ def fast_charge(
 
     Returns
     -------
-    found : FastCharge.
+    charged : FastCharge.
     notes : list of sentences.
 
     Raises
@@ -78,21 +78,26 @@ def fast_charge(
     if upper_cutoff_volt is None:
         raise Refusal("the upper cut-off is not stated, so constant current and voltage are one")
     capacity = float(capacity_ampere_hour)
-    span, before = _main_charge(series["charge_ampere_hour"], steps, capacity)
-    rows = slice(max(int(steps.first_row[span[0]]) - 1, 0), int(steps.last_row[span[1]]) + 1)
+    steps_of_charge, steps_before = _main_charge(series["charge_ampere_hour"], steps, capacity)
+    rows = slice(
+        max(int(steps.first_row[steps_of_charge[0]]) - 1, 0),
+        int(steps.last_row[steps_of_charge[1]]) + 1,
+    )
     minute = (series["test_time_second"][rows] - series["test_time_second"][rows][0]) / 60
     charge = series["charge_ampere_hour"][rows] - series["charge_ampere_hour"][rows][0]
     voltage, current = series["voltage_volt"][rows], series["current_ampere"][rows]
     met = np.flatnonzero(voltage[1:] >= upper_cutoff_volt - NEAR_VOLT) + 1
     held = int(met[0]) if len(met) else len(voltage) - 1
-    empty = _from_empty(voltage[0], before, series, steps, lower_cutoff_volt, upper_cutoff_volt)
+    empty = _from_empty(
+        voltage[0], steps_before, series, steps, lower_cutoff_volt, upper_cutoff_volt
+    )
     within = float(np.interp(minutes, minute, charge))
     constant = float(np.interp(min(minute[held], minutes), minute, charge))
     energy = np.concatenate([[0.0], np.cumsum((voltage[1:] + voltage[:-1]) / 2 * np.diff(charge))])
     surface = series.get("surface_temperature_celsius", np.empty(0))[rows]
     surface = surface[np.isfinite(surface)]
     first, highest = (float(surface[0]), float(surface.max())) if len(surface) else (np.nan, np.nan)
-    found = FastCharge(
+    charged = FastCharge(
         c_rate=float(current[: held + 2].max() / (rated_capacity_ampere_hour or capacity)),
         minutes=float(minutes),
         charge_ampere_hour=within,
@@ -108,11 +113,11 @@ def fast_charge(
         capacity_ampere_hour=capacity,
         from_empty=empty,
     )
-    return found, _notes(found, voltage[0])
+    return charged, _notes(charged, voltage[0])
 
 
 def _main_charge(charge, steps, capacity):
-    """Steps of the charge that moves the most, and those of the half cycle before it, or None."""
+    """First and last step of the largest charge, and of the half cycle before it (or None)."""
     spans = turns(charge, steps, least_ampere_hour=TURN_SHARE * capacity)
     sizes = [
         (charge[steps.last_row[last]] - charge[steps.first_row[first]]) if sign > 0 else 0.0
@@ -125,18 +130,20 @@ def _main_charge(charge, steps, capacity):
     return (loads[0], loads[-1]), spans[best - 1][1:] if best else None
 
 
-def _from_empty(volt, before, series, steps, lower, upper):
+def _from_empty(start_volt, steps_before, series, steps, lower, upper):
     """Whether the cell was at its lower cut-off when the charge began."""
     if lower is None:
         return False
-    if before:
-        rows = slice(int(steps.first_row[before[0]]), int(steps.last_row[before[1]]) + 1)
+    if steps_before:
+        rows = slice(
+            int(steps.first_row[steps_before[0]]), int(steps.last_row[steps_before[1]]) + 1
+        )
         return bool(series["voltage_volt"][rows].min() <= lower + NEAR_VOLT)
-    return bool(volt - lower <= FULL_SHARE * (upper - lower))
+    return bool(start_volt - lower <= FULL_SHARE * (upper - lower))
 
 
 def _time_to(wanted, minute, charge):
-    """When the wanted charge is in [min]; NaN where it never is."""
+    """Time at which the wanted charge [Ah] is in [min]; NaN where it never is."""
     reached = np.flatnonzero(charge >= wanted)
     if not len(reached) or reached[0] == 0:
         return np.nan
@@ -144,14 +151,13 @@ def _time_to(wanted, minute, charge):
     return float(np.interp(wanted, charge[k - 1 : k + 1], minute[k - 1 : k + 1]))
 
 
-def _notes(found, volt):
-    notes = []
-    if not found.from_empty:
+def _notes(charged, volt):
+    """Sentences on what the record does not tell of the charge that begins at `volt` [V]."""
+    notes, ended = [], charged.duration_minutes
+    if not charged.from_empty:
         notes.append(f"the charge begins at {volt:.3f} V, not known to be empty: no time to 80 %")
-    if found.duration_minutes < found.minutes:
-        notes.append(
-            f"the charge ends after {found.duration_minutes:.1f} min, before {found.minutes:g} min"
-        )
-    if found.from_empty and not np.isfinite(found.minutes_to_80):
-        notes.append(f"80 % is not reached in {found.duration_minutes:.1f} min")
+    if ended < charged.minutes:
+        notes.append(f"the charge ends after {ended:.1f} min, before {charged.minutes:g} min")
+    if charged.from_empty and not np.isfinite(charged.minutes_to_80):
+        notes.append(f"80 % is not reached in {ended:.1f} min")
     return notes

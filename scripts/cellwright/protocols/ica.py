@@ -16,7 +16,7 @@ ROOM = 32768  # levels; half of the slots in ica.c
 
 
 class Tally(NamedTuple):
-    """Distinct voltages of a record in rising order, and what lies at each (k,).
+    """Number of rows and charge at each distinct voltage of a record, in rising order (k,).
 
     volt [V], rows [1], charge_ampere_hour: sum over the rows [Ah]. scatter_volt: white noise of
     one row along the axis of voltage, from the second differences [V].
@@ -29,7 +29,7 @@ class Tally(NamedTuple):
 
 
 def tally(voltage_volt, charge_ampere_hour):
-    """Rows and charge at each distinct voltage.
+    """Number of rows and charge at each distinct voltage, compiled where that is possible.
 
     Parameters
     ----------
@@ -57,30 +57,32 @@ def tally(voltage_volt, charge_ampere_hour):
     return Tally(volt[order], *sums, _scatter(bend[0], len(rows[0])))
 
 
-def volt_at_rank(counted, rank):
-    """Voltage at a place in the order of rising voltage.
+def volt_at_rank(levels, rank):
+    """Voltage at ranks in the order of rising voltage [V].
 
     Parameters
     ----------
-    counted : Tally.
+    levels : Tally.
     rank : (m,) places from 0 [1].
 
     Returns
     -------
     voltage_volt : (m,) [V].
     """
-    return counted.volt[np.searchsorted(np.cumsum(counted.rows), rank, side="right")]
+    return levels.volt[np.searchsorted(np.cumsum(levels.rows), rank, side="right")]
 
 
 def _tally_by_sorting(voltage, charge):
-    volt, place = np.unique(voltage, return_inverse=True)
+    """Tally without a compiler, with the same result."""
+    volt, level = np.unique(voltage, return_inverse=True)
     bend = np.sum(np.diff(voltage, 2) ** 2)
     return Tally(
-        volt, np.bincount(place) + 0.0, np.bincount(place, charge), _scatter(bend, len(voltage))
+        volt, np.bincount(level) + 0.0, np.bincount(level, charge), _scatter(bend, len(voltage))
     )
 
 
 def _scatter(bend, rows):
+    """White noise of one row [V], from the sum of squared second differences [V²]."""
     return float(np.sqrt(bend / max(rows - 2, 1) / 6))
 
 
@@ -114,37 +116,37 @@ def peaks(curve, *, prominence=ICA.prominence, noise_factor=5.0):
     slope = savitzky_golay_weights(half, curve.bin_volt, 1)
     rows = np.maximum(height * curve.bin_volt * curve.rows_per_ampere_hour, 1.0)
     noise = np.maximum(height, 0) * curve.scatter_volt / np.sqrt(rows)
-    least = np.maximum(prominence * height.max(), noise_factor * noise * np.linalg.norm(slope))
+    threshold = np.maximum(prominence * height.max(), noise_factor * noise * np.linalg.norm(slope))
     # Beside a peak narrower than the window the filter rings by up to a tenth of its height.
     padded = np.pad(height, 2 * half, mode="edge")
     near = np.lib.stride_tricks.sliding_window_view(padded, 4 * half + 1)
-    least = np.maximum(least, 0.1 * near.max(axis=1))
+    threshold = np.maximum(threshold, 0.1 * near.max(axis=1))
     tops = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
-    tops = tops[_steps_down(height, tops) > least[tops]]
-    tops = np.array([top for top in tops if _prominence(height, top) > least[top]], int)
+    tops = tops[_steps_down(height, tops) > threshold[tops]]
+    tops = np.array([top for top in tops if _prominence(height, top) > threshold[top]], int)
     # A parabola by least squares through a third of the window about the highest point.
     reach = max(half // 3, 1)
     offsets = np.arange(-reach, reach + 1) * curve.bin_volt
     _, steepness, bend = np.linalg.pinv(offsets[:, None] ** [0, 1, 2])
-    about = height[np.clip(tops[:, None] + np.arange(-reach, reach + 1), 0, len(height) - 1)]
+    heights = height[np.clip(tops[:, None] + np.arange(-reach, reach + 1), 0, len(height) - 1)]
     farthest = reach * curve.bin_volt
-    shift = np.clip(-about @ steepness / (2 * about @ bend), -farthest, farthest)
+    shift = np.clip(-heights @ steepness / (2 * heights @ bend), -farthest, farthest)
     steepness_noise = noise[tops] * np.linalg.norm(np.convolve(slope, steepness))
     edges = [0, *(a + height[a:b].argmin() for a, b in pairwise(tops)), len(height) - 1]
     inside = (height[1:] + height[:-1]) / 2 * curve.bin_volt
     area = [inside[a:b].sum() for a, b in pairwise(edges)]
     return Peaks(
         voltage_volt=curve.voltage_volt[tops] + shift,
-        voltage_std_volt=steepness_noise / np.abs(2 * about @ bend),
+        voltage_std_volt=steepness_noise / np.abs(2 * heights @ bend),
         height_ampere_hour_per_volt=height[tops],
         area_ampere_hour=np.array(area if len(tops) else []),
     )
 
 
 def _steps_down(height, tops):
-    """Bound of each prominence: the drop to the next valley, where a higher top lies behind it.
+    """Upper bound of each prominence: the drop to the next valley before a higher top.
 
-    It spares nearly all ripples the full look around.
+    With it nearly all ripples need no search over the whole curve.
     """
     if len(tops) < 2:
         return np.full(len(tops), np.inf)
@@ -156,15 +158,15 @@ def _steps_down(height, tops):
 
 
 def _prominence(height, top):
-    """Height above the higher of the two valleys that part a peak from higher ones."""
+    """Height of a peak above the higher of the two valleys between it and higher peaks."""
     higher = np.flatnonzero(height > height[top])
-    left = higher[higher < top].max(initial=-1) + 1
-    right = higher[higher > top].min(initial=len(height))
-    return height[top] - max(height[left : top + 1].min(), height[top:right].min())
+    from_row = higher[higher < top].max(initial=-1) + 1
+    to_row = higher[higher > top].min(initial=len(height))
+    return height[top] - max(height[from_row : top + 1].min(), height[top:to_row].min())
 
 
 class IncrementalCapacity(NamedTuple):
-    """Curve over a uniform grid of voltage, and what tells its noise.
+    """dQ/dV over a uniform grid of voltage, with the noise and density of its rows.
 
     voltage_volt, dq_dv_ampere_hour_per_volt : (n,). bin_volt, smooth_volt : width of a bin and of
     the smoothing window, as used. scatter_volt : white noise of one row along the axis of voltage.
@@ -245,18 +247,18 @@ def incremental_capacity(
     rising = charge if np.all(charge[1:] >= charge[:-1]) else np.sort(charge)
     if len(voltage) < 50 or rising[-1] <= rising[0]:
         raise Refusal(f"{len(voltage)} rows of charge are too few for dQ/dV; 50 are needed")
-    counted = tally(voltage, charge)
-    densest, typical = _spans(voltage, rising, counted)
+    levels = tally(voltage, charge)
+    densest, typical = _spans(voltage, rising, levels)
     density = 0.8 * len(voltage) / typical
-    quiet = _quiet_window(counted.scatter_volt, density, slope_noise)
+    quiet = _quiet_window(levels.scatter_volt, density, slope_noise)
     window = max(min(smooth_volt, densest_share * densest), quiet)
     finest = max(min(bin_volt, window / (2 * SAVITZKY_GOLAY_ORDER + 1)), 2 / density)
-    width = _whole_steps(counted, finest)
+    width = _whole_steps(levels, finest)
     half = max(round(window / width / 2), SAVITZKY_GOLAY_ORDER)
-    grid, mean_charge = _binned(counted, width)
+    grid, mean_charge = _binned(levels, width)
     if len(grid) < 4 * half:
         raise Refusal(
-            f"voltage spans {1e3 * np.ptp(counted.volt):.3g} mV in the charge; at least "
+            f"voltage spans {1e3 * np.ptp(levels.volt):.3g} mV in the charge; at least "
             f"{4e3 * half * width:.3g} mV are needed at this noise and sampling"
         )
     filters = (savitzky_golay_weights(half, width, derivative)[::-1] for derivative in (0, 1))
@@ -270,7 +272,7 @@ def incremental_capacity(
         dq_dv_ampere_hour_per_volt=slope,
         bin_volt=width,
         smooth_volt=(2 * half + 1) * width,
-        scatter_volt=float(max(counted.scatter_volt, between_bins)),
+        scatter_volt=float(max(levels.scatter_volt, between_bins)),
         rows_per_ampere_hour=float(rows_per_ampere_hour),
     )
 
@@ -292,31 +294,34 @@ def charge_peaks(curve, *, c_rate, prominence):
     ------
     Refusal : no peaks; a flat curve is typical of an aged cell or a high rate.
     """
-    found = peaks(curve, prominence=prominence)
-    count = len(found.voltage_volt)
+    columns = peaks(curve, prominence=prominence)._asdict()
+    count = len(columns["voltage_volt"])
     if not count:
         raise Refusal(f"no peaks: dQ/dV at {c_rate:.3g}C is flat within {prominence:.0%}")
-    return {"c_rate": np.full(count, c_rate), "peak": np.arange(1, count + 1)} | found._asdict()
+    return {
+        "c_rate": np.full(count, c_rate),
+        "peak": np.arange(1, count + 1),
+    } | columns
 
 
-def _spans(voltage, rising, counted):
-    """Narrowest range of voltage with a fifth of the charge, and that with its middle 80 %."""
+def _spans(voltage, rising, levels):
+    """Narrowest range of voltage with a fifth of the charge, and that of its middle 80 % [V]."""
     tenth = max(len(voltage) // 10, 1)
-    few = slice(None, None, tenth // 500 + 1)
-    if not np.median(voltage[-tenth:][few]) > np.median(voltage[:tenth][few]):
+    sampled = slice(None, None, tenth // 500 + 1)
+    if not np.median(voltage[-tenth:][sampled]) > np.median(voltage[:tenth][sampled]):
         raise Refusal("voltage does not rise in the charge")
     # Both in rising order give the monotone Q(V), whatever noise makes the voltage run back.
     shares = rising[0] + (rising[-1] - rising[0]) * np.linspace(0, 1, 101)
     rank = np.searchsorted(rising, shares, side="right") - 1
     after = np.minimum(rank + 1, len(rising) - 1)
     gap = np.maximum(rising[after] - rising[rank], np.finfo(float).tiny)
-    low, high = volt_at_rank(counted, rank), volt_at_rank(counted, after)
-    levels = low + (high - low) * (shares - rising[rank]) / gap
-    return (levels[20:] - levels[:-20]).min(), levels[90] - levels[10]
+    low, high = volt_at_rank(levels, rank), volt_at_rank(levels, after)
+    share_volt = low + (high - low) * (shares - rising[rank]) / gap
+    return (share_volt[20:] - share_volt[:-20]).min(), share_volt[90] - share_volt[10]
 
 
 def _quiet_window(scatter, density, slope_noise):
-    """Window in which white noise of the rows leaves that relative noise in the slope.
+    """Width of the window in which the noise of dQ/dV is the given share of it [V].
 
     The noise falls with the window's width to the power 1.5.
     """
@@ -325,24 +330,24 @@ def _quiet_window(scatter, density, slope_noise):
     return 2 * (constant * scatter / (slope_noise * np.sqrt(density))) ** (2 / 3)
 
 
-def _whole_steps(counted, wanted):
-    """Bin width near the one wanted that holds whole steps of the converter.
+def _whole_steps(levels, wanted):
+    """Bin width nearest the wanted one that holds whole steps of the converter [V].
 
-    Bins that hold now three, now four steps would print their own comb into dQ/dV.
+    Bins that hold three steps here and four there would make a comb of dQ/dV.
     """
-    levels, rows = len(counted.volt), counted.rows.sum()
-    step = np.quantile(np.diff(counted.volt), 0.1) if levels > 1 else 0.0
-    converter = step > 1e-6 and levels < 0.5 * rows
+    number, rows = len(levels.volt), levels.rows.sum()
+    step = np.quantile(np.diff(levels.volt), 0.1) if number > 1 else 0.0
+    converter = step > 1e-6 and number < 0.5 * rows
     return float(step * max(round(wanted / step), 1)) if converter else wanted
 
 
-def _binned(counted, width):
+def _binned(levels, width):
     """Voltages of the bins and the mean charge of the rows in each; empty bins by interpolation."""
     # Edges a quarter of a bin beside the lowest level: no level of the converter falls on one.
-    place = np.floor((counted.volt - counted.volt[0]) / width + 0.25).astype(int)
-    rows = np.bincount(place, counted.rows)
+    bin_number = np.floor((levels.volt - levels.volt[0]) / width + 0.25).astype(int)
+    rows = np.bincount(bin_number, levels.rows)
     filled = np.flatnonzero(rows)
-    mean_charge = np.bincount(place, counted.charge_ampere_hour)[filled] / rows[filled]
-    mean_voltage = np.bincount(place, counted.rows * counted.volt)[filled] / rows[filled]
-    grid = counted.volt[0] + width * (np.arange(len(rows)) + 0.25)
+    mean_charge = np.bincount(bin_number, levels.charge_ampere_hour)[filled] / rows[filled]
+    mean_voltage = np.bincount(bin_number, levels.rows * levels.volt)[filled] / rows[filled]
+    grid = levels.volt[0] + width * (np.arange(len(rows)) + 0.25)
     return grid, np.interp(grid, mean_voltage, mean_charge)

@@ -46,10 +46,10 @@ class Relaxation(NamedTuple):
 
 
 def fit_relaxation(time_second, voltage_volt, *, most=2):
-    """Fit exponentials to the voltage of a rest: two, or one where two cannot be told.
+    """Exponentials of the voltage of a rest: two, or one where the data do not determine two.
 
-    They are told where every amplitude and every time constant has a 95 % interval that stays away
-    from zero (relative standard deviation up to 0.51) and none lies at a limit of its search: a
+    They are determined where every amplitude and every time constant has a 95 % interval that
+    excludes zero (relative standard deviation up to 0.51) and none lies at a limit of its search: a
     quarter of the shortest step, and three times the length of the rest. Samples closer than the
     usual step are averaged first. The OCV's deviation holds only if the rest is exponential to its
     end: real ones have slower tails, and twice `drift_volt` is the better measure of how far off
@@ -84,37 +84,25 @@ def fit_relaxation(time_second, voltage_volt, *, most=2):
     whole = whole._replace(drift_volt=drift)
     if not abs(drift) > DRIFT * part.ocv_std_volt:
         return whole
-    words = f"the first half alone gives an OCV {1e3 * abs(drift):.2f} mV away: a slower tail"
-    return whole._replace(verdict="; ".join(filter(None, [whole.verdict, words])))
-
-
-def relaxed_voltage(relaxation, time_second):
-    """Voltage of a fitted relaxation (n,) [V].
-
-    Parameters
-    ----------
-    relaxation : Relaxation.
-    time_second : (n,) from the first sample of the rest [s].
-    """
-    decays = np.exp(-np.asarray(time_second, float)[:, None] / relaxation.tau_second)
-    return relaxation.ocv_volt + decays @ relaxation.amplitude_volt
+    slower_tail = f"the first half alone gives an OCV {1e3 * abs(drift):.2f} mV away: a slower tail"
+    return whole._replace(verdict="; ".join(filter(None, [whole.verdict, slower_tail])))
 
 
 def _best(time, voltage, most):
-    """As many exponentials as are told; one, and what of it is not, where two are not."""
-    found, lost = _fitted(time, voltage, most)
-    if not lost:
-        return found
+    """Fit of the most exponentials that the data determine; at least one, with what they do not."""
+    fit, undetermined = _fitted(time, voltage, most)
+    if not undetermined:
+        return fit
     if most > 2:
         return _best(time, voltage, most - 1)
-    one, alone = _fitted(time, voltage, 1)
-    words = f"two exponentials cannot be told ({lost}): one is given"
-    also = f"; of that, {alone}" if alone else ""
-    return one._replace(verdict=words + also)
+    single, single_undetermined = _fitted(time, voltage, 1)
+    verdict = f"two exponentials cannot be told ({undetermined}): one is given"
+    addition = f"; of that, {single_undetermined}" if single_undetermined else ""
+    return single._replace(verdict=verdict + addition)
 
 
 def _fitted(time, voltage, pairs):
-    """Fit of a number of exponentials, and in words what of it is not told."""
+    """Fit of a number of exponentials, and which of its parameters are not determined, in words."""
     steps = np.diff(time)
     limits = SHORTEST * float(steps[steps > 0].min()), LONGEST * float(time[-1])
     anywhere = np.full(1 + pairs, -np.inf), np.full(1 + pairs, np.inf)
@@ -131,15 +119,16 @@ def _fitted(time, voltage, pairs):
 
     tau, linear = best_of_grid(on_grid, 1, [limits] * pairs, anywhere)
     logs = np.log(limits)[:, None] * np.ones(pairs)
-    at, passes = levenberg(normal_at, np.log(tau), linear, (logs, anywhere), samples=len(time))
-    order = np.argsort(at.log_tau)
-    linear, tau = at.linear[[0, *(1 + order)]], np.exp(at.log_tau[order])
-    std, residual = _spread(time, voltage - level, linear, tau)
+    optimum, passes = levenberg(normal_at, np.log(tau), linear, (logs, anywhere), samples=len(time))
+    order = np.argsort(optimum.log_tau)
+    linear, tau = optimum.linear[[0, *(1 + order)]], np.exp(optimum.log_tau[order])
+    std, residual = _deviations(time, voltage - level, linear, tau)
     lost = _lost(linear, tau, std, limits)
     return _result(linear, tau, std, residual, voltage, level, time[-1], passes), lost
 
 
-def _spread(time, voltage, linear, tau):
+def _deviations(time, voltage, linear, tau):
+    """Standard deviations of OCV, amplitudes [V], time constants [s]; residuals (n,) [V]."""
     columns = _columns(time, tau, sloped=True)
     residual = voltage - linear @ columns[: len(linear)]
     columns[len(linear) :] *= linear[1:, None] / tau[:, None]
@@ -152,20 +141,21 @@ def _spread(time, voltage, linear, tau):
 
 
 def _lost(linear, tau, std, limits):
-    """Which parameters are not told, in words; empty where all are."""
+    """Which parameters the data do not determine, in words; empty where they determine all."""
     names = [f"amplitude{j + 1}_volt" for j in range(len(tau))]
     names += [f"tau{j + 1}_second" for j in range(len(tau))]
     values = np.concatenate([linear[1:], tau])
     vague = ~(std[1:] <= UNDETERMINED * np.abs(values))
-    said = [f"{name} is not told" for name, lost in zip(names, vague, strict=True) if lost]
+    reasons = [f"{name} is not told" for name, lost in zip(names, vague, strict=True) if lost]
     if tau[-1] >= limits[1] * (1 - 1e-6):
-        said.insert(0, f"tau{len(tau)}_second is longer than the rest tells, {limits[1]:.3g} s")
+        reasons.insert(0, f"tau{len(tau)}_second is longer than the rest tells, {limits[1]:.3g} s")
     if tau[0] <= limits[0] * (1 + 1e-6):
-        said.insert(0, f"tau1_second is no longer than {limits[0]:.3g} s, a quarter of a step")
-    return ", ".join(said)
+        reasons.insert(0, f"tau1_second is no longer than {limits[0]:.3g} s, a quarter of a step")
+    return ", ".join(reasons)
 
 
 def _result(linear, tau, std, residual, voltage, level, last, passes):
+    """Relaxation from fitted parameters; `level` is what was taken off the voltage [V]."""
     power, freedom = float(residual @ residual), len(voltage) - len(std)
     moved = voltage - level
     return Relaxation(
@@ -187,21 +177,22 @@ def _result(linear, tau, std, residual, voltage, level, last, passes):
 
 
 def _evened(time, voltage):
-    """Means of samples closer than the usual step, the one that most of the time passes in.
+    """Time and voltage with samples averaged that are closer than the usual step.
 
-    So a burst of samples after the load does not outvote the hours that tell the OCV; but a few of
-    it stay, each a quarter older than the one before, for only they tell the fast part.
+    The usual step is that in which half of the time passes. So a burst of samples after the load
+    does not outweigh the hours that determine the OCV; but a few of it stay, each a quarter older
+    than the one before, for they alone determine the fast part.
     """
     steps = np.diff(time)
     order = np.argsort(steps, kind="stable")
     past = np.cumsum(steps[order])
     usual = steps[order][np.searchsorted(past, past[-1] / 2)]
     # A quarter of a step keeps samples of a steady clock, whose stamps jitter, each by itself.
-    place = np.floor(time / usual + 0.25).astype(int)
+    bins = np.floor(time / usual + 0.25).astype(int)
     # Within the first step a burst keeps a sample in each quarter of its age, for what is fast.
     early = np.log(np.maximum(time, steps[steps > 0].min()) / usual) / np.log(1 + BURST)
-    place = np.where(place < 1, np.floor(np.minimum(early, -1)).astype(int), place)
-    first = np.flatnonzero(np.diff(place, prepend=place[0] - 1))
+    bins = np.where(bins < 1, np.floor(np.minimum(early, -1)).astype(int), bins)
+    first = np.flatnonzero(np.diff(bins, prepend=bins[0] - 1))
     if len(first) < FEWEST:
         return time, voltage
     count = np.diff(np.append(first, len(time)))
@@ -209,6 +200,7 @@ def _evened(time, voltage):
 
 
 def _columns(time, tau, *, sloped=False):
+    """Rows 1, exp(−t/tau_j) and, where `sloped`, their derivatives by ln tau_j."""
     ratio = time / tau[:, None]
     decays = np.exp(-ratio)
     slopes = [ratio * decays] if sloped else []
@@ -216,12 +208,14 @@ def _columns(time, tau, *, sloped=False):
 
 
 def _normal(columns, linear, target):
+    """Normal equations of the rows at given linear parameters."""
     residual = target - linear @ columns[: len(linear)]
     near = float(residual[1:] @ residual[:-1])
     return Normal(columns @ columns.T, columns @ residual, float(residual @ residual), near)
 
 
 def _check(time, voltage):
+    """Refuse what is no rest: see `fit_relaxation`."""
     if time.shape != voltage.shape or time.ndim != 1:
         raise Refusal(f"time has shape {time.shape}, voltage {voltage.shape}; both must be (n,)")
     if len(time) < FEWEST:
@@ -243,13 +237,13 @@ AT_NOISE = 1.2  # residual over noise up to which nothing is left to explain
 
 
 def grain_volt(voltage_volt):
-    """Smallest step that the logger shows (n,) → [V]; 0 where the voltage never moves."""
+    """Resolution of the logger, its smallest step [V]; 0 where the voltage never moves."""
     moved = np.abs(np.diff(voltage_volt))
     return float(moved[moved > 1e-7].min(initial=np.inf)) if (moved > 1e-7).any() else 0.0
 
 
 def noise_volt(voltage_volt):
-    """Standard deviation of a sample in the second half of a rest (n,) → [V].
+    """Standard deviation of one sample in the second half of a rest [V].
 
     From second differences, so that a slope is none; not below that of the logger's grain.
     """
@@ -259,12 +253,12 @@ def noise_volt(voltage_volt):
     return max(spread, grain_volt(voltage_volt) / np.sqrt(12))
 
 
-def why(two, three, voltage_volt, *, limit, grain, noise):
-    """What stands against two exponentials, or holds their R² below the limit.
+def reasons_against(two, three, voltage_volt, *, limit, grain, noise):
+    """Reasons against two exponentials, or for an R² below the limit, in words.
 
     Parameters
     ----------
-    two, three : relaxation.Relaxation, of at most two and three exponentials.
+    two, three : Relaxation, of at most two and three exponentials.
     voltage_volt : (n,) of the rest [V].
     limit : R² that is asked for.
     grain, noise : of the logger, of a sample [V].
@@ -275,18 +269,19 @@ def why(two, three, voltage_volt, *, limit, grain, noise):
     """
     best = three if len(three.tau_second) == 3 else two
     short = best.r_squared < limit
-    said = [
+    reasons = [
         *_small(voltage_volt, grain, noise, short=short or len(two.tau_second) < 2),
         *_three(two, three),
         *([f"two time constants are not told: {two.verdict}"] if len(two.tau_second) < 2 else []),
         *_short(best, voltage_volt, noise, limit),
     ]
     if len(best.tau_second) > 1 and best.verdict:
-        said.append(f"still drifting: {best.verdict}")
-    return "; ".join(said)
+        reasons.append(f"still drifting: {best.verdict}")
+    return "; ".join(reasons)
 
 
 def _small(voltage, grain, noise, *, short):
+    """Sentence where the voltage moves too little for its resolution or noise."""
     moved = float(np.ptp(voltage))
     if short and moved < COARSE * grain and noise < grain:
         yield f"quantised: {_mv(moved)} in steps of {_mv(grain)}"
@@ -295,6 +290,7 @@ def _small(voltage, grain, noise, *, short):
 
 
 def _three(two, three):
+    """Sentence where three time constants are determined."""
     if len(three.tau_second) == 3:
         taus = ", ".join(f"{tau:.3g}" for tau in three.tau_second)
         better = f"R² {three.r_squared:.4f} against {two.r_squared:.4f} of two"
@@ -302,14 +298,15 @@ def _three(two, three):
 
 
 def _short(best, voltage, noise, limit):
+    """Sentence on why R² is below the limit: noise, or what the exponentials do not describe."""
     if best.r_squared >= limit:
         return
     if best.rmse_volt <= AT_NOISE * noise:
         ceiling = 1 - noise**2 / max(float(np.var(voltage)), noise**2)
         yield f"the noise of {_mv(noise)} allows no R² above {ceiling:.3f}"
     else:
-        found = f"{_mv(best.rmse_volt)} are left where the noise is {_mv(noise)}"
-        yield f"more than {len(best.tau_second)} time constants, or a step within: {found}"
+        excess = f"{_mv(best.rmse_volt)} are left where the noise is {_mv(noise)}"
+        yield f"more than {len(best.tau_second)} time constants, or a step within: {excess}"
 
 
 def _mv(volt):

@@ -38,13 +38,16 @@ class ResistanceRows(NamedTuple):
 
 
 class Resistances(NamedTuple):
-    """The table, and a counted sentence for each reason why values are missing from it."""
+    """Resistances, and a sentence with a count for each reason why values are missing."""
 
     rows: ResistanceRows
     left_out: tuple
 
 
 class _Pulse(NamedTuple):
+    """One pulse: row of the voltage before it, start [s], level and step of the current [A]; of
+    each sample from arrival on the delay [s], the ratio [ohm] and whether the current is held."""
+
     before: int
     start: float
     level: float
@@ -105,11 +108,11 @@ def pulse_resistance(
     pulses = [_pulse(time, current, voltage, steps, step) for step in chosen]
     for pulse, asked in product(pulses, delay_second):
         try:
-            found = _at(pulse, float(asked))
+            value = _at(pulse, float(asked))
         except Refusal as refusal:
             reasons[str(refusal)] += 1
             continue
-        rows.append(_row(pulse, found, asked, soc, voltage, noise, rated_capacity_ampere_hour))
+        rows.append(_row(pulse, value, asked, soc, voltage, noise, rated_capacity_ampere_hour))
     left_out = tuple(f"{count} × {reason}" for reason, count in sorted(reasons.items()))
     if not rows:
         raise Refusal(f"no pulse gives a resistance: {'; '.join(left_out)}")
@@ -117,7 +120,7 @@ def pulse_resistance(
 
 
 def _chosen(steps):
-    """The pulses that follow a sample without a gap, or else such loads that begin from rest."""
+    """Numbers of the steps that are pulses without a gap before them, else of loads from rest."""
     follows = np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
     pulses = np.flatnonzero((steps.kind == "pulse") & follows)
     if len(pulses):
@@ -127,7 +130,7 @@ def _chosen(steps):
 
 
 def _pulse(time, current, voltage, steps, step):
-    """One pulse: its samples from arrival on, as delay [s] and ratio [ohm]."""
+    """One pulse from its step: delay [s] and ratio [ohm] of its samples from arrival on."""
     first, last = int(steps.first_row[step]), int(steps.last_row[step])
     end = int(steps.cv_first_row[step]) if steps.cv_first_row[step] > first else last + 1
     level = float(np.median(current[first:end]))
@@ -175,6 +178,7 @@ def _at(pulse, asked):
 
 
 def _positive(delay, resistance):
+    """Delay [s] and resistance [ohm]; refuses a resistance that is not positive."""
     if not (np.isfinite(resistance) and resistance > 0):
         raise Refusal("voltage does not move with the current")
     return float(delay), float(resistance)
@@ -193,9 +197,9 @@ def _noise(values, steps, *, resolution):
     return float(np.hypot(spread, grain))
 
 
-def _row(pulse, found, asked, soc, voltage, noise, rated):
-    """One line of the table: two samples of voltage and two of current share the error."""
-    actual, resistance = found
+def _row(pulse, value, asked, soc, voltage, noise, rated):
+    """One row of ResistanceRows; its deviation is that of two voltage and two current samples."""
+    actual, resistance = value
     error = np.sqrt(2) * np.hypot(noise[0], resistance * noise[1]) / abs(pulse.step)
     return (
         soc[pulse.before],

@@ -1,16 +1,14 @@
-"""Every rest of a test: its two exponentials, its curve as drawn, its points of an OCV curve."""
+"""Every rest of a test: its two exponentials, and one rest with its fit as drawn."""
 
 from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.ocv.rests import RestPoints
-from cellwright.protocols.relaxation import fit_relaxation, grain_volt, noise_volt, why
+from cellwright.protocols.relaxation import fit_relaxation, grain_volt, noise_volt, reasons_against
 from cellwright.refusal import Refusal
-from cellwright.settings import Ocv, Relaxation
+from cellwright.settings import Relaxation
 
-OCV = Ocv()
 RELAXATION = Relaxation()
 
 STEADY = ("CC", "pulse")  # loads of one current, whose polarisation is proportional to it
@@ -22,7 +20,7 @@ LAST_ROWS = 5  # of a load without one current: their median is the current befo
 
 
 class RestRows(NamedTuple):
-    """One entry a rest and number of exponentials told, arrays of shape (rows,).
+    """One entry a rest and number of exponentials, arrays of shape (rows,).
 
     rest counts the rests of the test. soc [1] and temperature_celsius at its begin and over it.
     direction, load (kind of step), current_before_ampere (+ on charge), load_second: of the step
@@ -72,10 +70,20 @@ class RestRows(NamedTuple):
 
 
 class Rests(NamedTuple):
-    """The table, and a counted sentence for each reason why a rest is missing from it."""
+    """Rests with their fits, and a sentence with a count for each reason why one is missing."""
 
     rows: RestRows
     left_out: tuple
+
+
+class _Series(NamedTuple):
+    """Columns of a test (n,): time [s], current [A], voltage [V], SoC [1], temperature [°C]."""
+
+    time: np.ndarray
+    current: np.ndarray
+    voltage: np.ndarray
+    soc: np.ndarray
+    celsius: np.ndarray
 
 
 # ASSUME: The cell had relaxed before the load that a rest follows.
@@ -90,7 +98,7 @@ def rests_of(
     shortest_rest_second=RELAXATION.shortest_rest_second,
     r_squared_limit=RELAXATION.r_squared_limit,
 ):
-    """Fit the depolarisation of every rest that follows a load.
+    """Depolarisation of every rest that follows a load, by two exponentials.
 
     1. A rest counts from `shortest_rest_second` on, where the record has no gap before it and the
     load was at least 0.02 C; its first sample is left out where it still shows the edge; it ends
@@ -102,7 +110,7 @@ def rests_of(
     ----------
     test_time_second, current_ampere, voltage_volt : (n,) [s], [A] positive on charge, [V].
     soc : (n,) [1], NaN where not known.
-    steps : series.segments.Steps.
+    steps : series.steps.Steps.
     temperature_celsius : (n,) of the chamber, else of the cell, or None [°C].
     shortest_rest_second : [s].
     r_squared_limit : R² from which a rest needs no reason (thesis 3.3: 0.98).
@@ -115,20 +123,21 @@ def rests_of(
     """
     time, voltage = np.asarray(test_time_second, float), np.asarray(voltage_volt, float)
     celsius = np.full(len(time), np.nan) if temperature_celsius is None else temperature_celsius
-    series = (time, np.asarray(current_ampere, float), voltage, np.asarray(soc, float), celsius)
+    current, soc = np.asarray(current_ampere, float), np.asarray(soc, float)
+    series = _Series(time, current, voltage, soc, celsius)
     kind = np.asarray(steps.kind)
     # Of rests those that follow a load without a gap between.
     follows = np.append(False, steps.start_time_second[1:] == steps.end_time_second[:-1])
     follows &= (kind == "rest") & (np.roll(kind, 1) != "rest")
-    found = np.flatnonzero(follows & (np.asarray(steps.duration_second) >= shortest_rest_second))
+    rests = np.flatnonzero(follows & (np.asarray(steps.duration_second) >= shortest_rest_second))
     rows, reasons = [], Counter()
-    for number, step in enumerate(found):
+    for number, step in enumerate(rests):
         try:
             rows += _rows_of(number, series, steps, step, shortest_rest_second, r_squared_limit)
         except Refusal as refusal:
             reasons[str(refusal)] += 1
     left_out = [f"{count} × {reason}" for reason, count in sorted(reasons.items())]
-    if not len(found):
+    if not len(rests):
         left_out = [f"no rest after a load lasts {shortest_rest_second:g} s: no depolarisation"]
     columns = {
         # Of the right type also where there is no row.
@@ -143,7 +152,7 @@ TYPES |= dict.fromkeys(("rest", "samples", "exponentials"), int) | {"chosen": bo
 
 
 def chamber_or_cell(series):
-    """Temperature that tells when the chamber moves (n,) [°C]: the chamber's, or None.
+    """Recorded temperature of the chamber, else of the cell's surface (n,) [°C]; None without.
 
     Parameters
     ----------
@@ -154,28 +163,30 @@ def chamber_or_cell(series):
 
 
 def _rows_of(number, series, steps, step, shortest, limit):
-    """Rows of one rest: of two exponentials or one, and of three where they are told."""
+    """Rows of RestRows of one rest: of two exponentials or one, and of three where determined."""
     if steps.c_rate[step - 1] < LEAST_C_RATE:
         raise Refusal(f"load before the rest is below {LEAST_C_RATE:g} C")
-    time, voltage, celsius = series[0], series[2], series[4]
+    time, voltage, celsius = series.time, series.voltage, series.celsius
     rows = np.arange(int(steps.first_row[step]), int(steps.last_row[step]) + 1)
     moved = np.abs(celsius[rows] - celsius[rows[0]]) > MOVED_KELVIN
     rows = rows[: int(np.argmax(moved))] if moved.any() else rows
     if rows[-1] < steps.last_row[step] and time[rows[-1]] - time[rows[0]] < shortest:
         raise Refusal(f"temperature moves by {MOVED_KELVIN:g} K within the first {shortest:g} s")
-    rows = rows[_of_the_edge(time[rows], voltage[rows]) :]
+    rows = rows[_edge_samples(time[rows], voltage[rows]) :]
     t, v = time[rows], voltage[rows]
     two, three = fit_relaxation(t, v), fit_relaxation(t, v, most=3)
     fits = [two, three] if len(three.tau_second) == 3 else [two]
     common = _load(series, steps, step, rows) | {"rest": number, "noise_volt": noise_volt(v)}
-    reason = why(two, three, v, limit=limit, grain=grain_volt(v), noise=common["noise_volt"])
+    reason = reasons_against(
+        two, three, v, limit=limit, grain=grain_volt(v), noise=common["noise_volt"]
+    )
     return [
         common | _fit(fit, common) | {"chosen": fit is fits[-1], "reason": reason} for fit in fits
     ]
 
 
-def _of_the_edge(time, voltage):
-    """1 where the first sample shows what decays between it and the next, else 0.
+def _edge_samples(time, voltage):
+    """Number of first samples to leave out (0 or 1): one that still shows the edge of the current.
 
     No time constant can be told from one sample, but it would draw those of the rest to itself.
     """
@@ -187,15 +198,15 @@ def _of_the_edge(time, voltage):
 
 
 def _load(series, steps, step, rows):
-    """What of a row does not depend on the number of exponentials."""
+    """Columns of RestRows that describe the rest and the load before it."""
     time, current, _, soc, celsius = series
-    load, known = steps.kind[step - 1], np.isfinite(celsius[rows])
+    load, measured = steps.kind[step - 1], np.isfinite(celsius[rows])
     last = current[max(int(steps.last_row[step - 1]) - LAST_ROWS + 1, 0) : rows[0]]
     before = steps.current_mean_ampere[step - 1] if load in STEADY else float(np.median(last))
     return {
         "start_time_second": float(time[rows[0]]),
         "soc": float(soc[rows[0]]),
-        "temperature_celsius": float(celsius[rows][known].mean()) if known.any() else np.nan,
+        "temperature_celsius": float(celsius[rows][measured].mean()) if measured.any() else np.nan,
         "direction": "charge" if steps.current_mean_ampere[step - 1] > 0 else "discharge",
         "load": str(load),
         "current_before_ampere": float(before),
@@ -207,14 +218,14 @@ def _load(series, steps, step, rows):
 
 
 def _fit(fit, load):
-    """Columns of one fit; the two slowest exponentials are a and b."""
+    """Columns of RestRows of one fit; the two slowest exponentials are a and b."""
     count = len(fit.tau_second)
     place = {"a": max(count - 2, 0), "b": count - 1 if count > 1 else None}
     place["fast"] = 0 if count == 3 else None
     tau = {"a": "tau1", "b": "tau2", "fast": "fast_tau"}
     row = {"exponentials": count}
-    for name, at in place.items():
-        values = [np.nan if at is None else float(part[at]) for part in fit[2:6]]
+    for name, index in place.items():
+        values = [np.nan if index is None else float(part[index]) for part in fit[2:6]]
         names = (
             f"{name}_volt",
             f"{name}_std_volt",
@@ -226,13 +237,13 @@ def _fit(fit, load):
         ("r1_ohm", "a_volt", "tau1_second"),
         ("r2_ohm", "b_volt", "tau2_second"),
     ):
-        row[name] = _resistance(row[volt], row[second], load)
+        row[name] = _pair_resistance(row[volt], row[second], load)
     same = ("ocv_volt", "ocv_std_volt", "ahead_volt", "drift_volt", "r_squared", "rmse_volt")
     return row | {name: float(getattr(fit, name)) for name in same}
 
 
-def _resistance(volt, tau, load):
-    """Of an RC pair that reaches `volt` within the load; NaN where that had no one current."""
+def _pair_resistance(volt, tau, load):
+    """Resistance of an RC pair that the load charged to `volt` [ohm]; NaN unless it was steady."""
     if load["load"] not in STEADY:
         return np.nan
     return volt / load["current_before_ampere"] / -np.expm1(-load["load_second"] / tau)
@@ -243,7 +254,7 @@ POINTS = 400  # more than a panel shows
 
 
 class Curve(NamedTuple):
-    """Arrays of shape (n,) from the first sample of the rest on; empty where none was fitted.
+    """One rest over time, arrays (n,) from its first sample on; empty where none was fitted.
 
     soc : of the rest, the same in each row.
     """
@@ -255,11 +266,11 @@ class Curve(NamedTuple):
 
 
 def example(rows, test_time_second, voltage_volt):
-    """Course and fit of the chosen fit nearest 50 % SoC, or of the middle rest without SoC.
+    """Voltage and chosen fit of the rest nearest 50 % SoC, or of the middle rest without SoC.
 
     Parameters
     ----------
-    rows : rests.RestRows. test_time_second, voltage_volt : (n,) of the test [s], [V].
+    rows : RestRows. test_time_second, voltage_volt : (n,) of the test [s], [V].
 
     Returns
     -------
@@ -268,117 +279,16 @@ def example(rows, test_time_second, voltage_volt):
     chosen = np.flatnonzero(rows.chosen)
     if not len(chosen):
         return Curve(*[np.zeros(0)] * len(Curve._fields))
-    off = np.abs(rows.soc[chosen] - MIDDLE_SOC)
-    k = chosen[np.nanargmin(off)] if np.isfinite(off).any() else chosen[len(chosen) // 2]
+    distance = np.abs(rows.soc[chosen] - MIDDLE_SOC)
+    k = chosen[np.nanargmin(distance)] if np.isfinite(distance).any() else chosen[len(chosen) // 2]
     since = np.asarray(test_time_second, float) - rows.start_time_second[k]
     inside = np.flatnonzero((since >= 0) & (since <= rows.rest_second[k] - rows.delay_second[k]))
     # Dense at first, where the voltage moves.
     kept = inside[np.unique(np.geomspace(1, len(inside), POINTS).astype(int)) - 1]
     fitted = np.full(len(kept), rows.ocv_volt[k])
-    for volt, tau in (("a_volt", "tau1_second"), ("b_volt", "tau2_second"), _FAST):
+    pairs = {"a_volt": "tau1_second", "b_volt": "tau2_second", "fast_volt": "fast_tau_second"}
+    for volt, tau in pairs.items():
         amplitude = np.nan_to_num(getattr(rows, volt)[k])
         fitted += amplitude * np.exp(-since[kept] / np.nan_to_num(getattr(rows, tau)[k], nan=1.0))
     volts = np.asarray(voltage_volt, float)[kept]
     return Curve(since[kept], volts, fitted, np.full(len(kept), rows.soc[k]))
-
-
-_FAST = ("fast_volt", "fast_tau_second")
-
-
-LEAST_PORTION = 0.003  # of the charge that the record moves: less before a rest is no load
-LATE = 0.02  # of a rest: its end
-PER_LOAD = 10.0  # lengths of the load: a shorter rest counts after so many, before the first one
-
-
-def rest_points(
-    test_time_second,
-    current_ampere,
-    voltage_volt,
-    charge_ampere_hour,
-    steps,
-    *,
-    rest_second=OCV.rest_second,
-):
-    """Rests of at least `rest_second` that follow a load, with what of them is still to relax.
-
-    Before the first of them, where the cell is nearly full, a rest after a discharge counts that is
-    ten times as long as its load: a pulse of seconds leaves little to relax.
-
-    Parameters
-    ----------
-    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A] positive on
-        charge, [V], net charge [Ah].
-    steps : series.segments.Steps.
-    rest_second : [s].
-
-    Returns
-    -------
-    points : protocols.ocv_rests.RestPoints.
-    """
-    time, voltage, charge = (
-        np.asarray(column, float) for column in (test_time_second, voltage_volt, charge_ampere_hour)
-    )
-    series = (time, np.asarray(current_ampere, float), voltage)
-    found = rests_of(
-        *series,
-        np.full(len(time), np.nan),
-        steps,
-        shortest_rest_second=rest_second,
-    ).rows
-    least = LEAST_PORTION * float(np.ptp(charge))
-    rows = [_long(found, k) for k in np.flatnonzero(found.chosen)]
-    rows = [row for row in rows if row.pop("portion") >= least]
-    first = min((row["start"] for row in rows), default=-np.inf)
-    rows = [*_short(steps, before=first), *rows]
-    rows = [row | _ends(time, voltage, charge, row) for row in rows]
-    return RestPoints(
-        **{name: np.array([row[name] for row in rows]) for name in RestPoints._fields}
-    )
-
-
-def _long(found, k):
-    """A rest with its exponentials, used where at least two are told."""
-    told = found.exponentials[k] >= 2 and np.isfinite(found.ocv_std_volt[k])
-    doubt = np.nanmax([2 * abs(found.drift_volt[k]), found.ocv_std_volt[k]])
-    return {
-        "start": found.start_time_second[k],
-        "end": found.start_time_second[k] - found.delay_second[k] + found.rest_second[k],
-        "relaxed_volt": found.ocv_volt[k] if told else np.nan,
-        "doubt_volt": doubt if told else np.nan,
-        "direction": found.direction[k],
-        "current_ampere": found.current_before_ampere[k],
-        "rest_second": found.rest_second[k],
-        "portion": abs(found.current_before_ampere[k]) * found.load_second[k] / 3600,
-    }
-
-
-def _short(steps, *, before):
-    """Rests much longer than the discharge before them, ahead of the first long rest."""
-    kind, last = np.asarray(steps.kind), steps.duration_second
-    for k in np.flatnonzero(kind[1:] == "rest") + 1:
-        joins = steps.start_time_second[k] == steps.end_time_second[k - 1]
-        early = (
-            joins and steps.end_time_second[k] <= before and steps.current_mean_ampere[k - 1] < 0
-        )
-        if early and last[k] >= PER_LOAD * last[k - 1]:
-            yield {
-                "start": steps.start_time_second[k],
-                "end": steps.end_time_second[k],
-                "relaxed_volt": np.nan,
-                "doubt_volt": np.nan,
-                "direction": "discharge",
-                "current_ampere": steps.current_mean_ampere[k - 1],
-                "rest_second": last[k],
-            }
-
-
-def _ends(time, voltage, charge, row):
-    """Voltage and charge at the end of a rest, and what was counted within it."""
-    inside = (time >= row["start"]) & (time <= row["end"])
-    late = inside & (time >= row["end"] - LATE * row["rest_second"])
-    within = charge[inside]
-    return {
-        "charge_ampere_hour": within[-1],
-        "end_volt": voltage[late].mean(),
-        "read_ampere_hour": within[-1] - within[0],
-    }

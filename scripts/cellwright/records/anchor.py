@@ -1,4 +1,4 @@
-"""Where on the SoC scale the counted charge of a record begins."""
+"""State of charge that the counted charge of a record begins at: anchors, full end, capacity."""
 
 from typing import NamedTuple
 
@@ -8,12 +8,12 @@ from cellwright.refusal import Refusal
 
 REST_C_RATE = 0.004
 START_C_RATE = 0.02  # of one row: its noise, or a leak that moves the voltage by a millivolt
-SPANNED = 0.9  # of the capacity: a record that moves so much has its place on the scale
+WHOLE_SWING = 0.9  # of the capacity: a record that moves so much has its place on the scale
 CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
 
 
 class Anchored(NamedTuple):
-    """State of charge (n,) [1], and in words where its zero was taken from."""
+    """State of charge (n,) [1], and in words which anchor it is counted from."""
 
     soc: np.ndarray
     anchor: str
@@ -65,20 +65,22 @@ def soc_series(
         raise Refusal(f"capacity is {capacity_ampere_hour}; SoC needs a positive one")
     counted = np.asarray(charge_ampere_hour, float) / capacity_ampere_hour
     if soc_at_start is not None:
-        return Anchored(_stated(soc_at_start) + counted - counted[0], "stated at the start")
+        if not 0 <= soc_at_start <= 1:
+            raise Refusal(f"stated SoC at the start is {soc_at_start}; allowed is 0 to 1")
+        return Anchored(float(soc_at_start) + counted - counted[0], "stated at the start")
     rate = np.asarray(current_ampere, float) / capacity_ampere_hour
     full = full_row(rate, voltage_volt, upper_cutoff_volt, full_c_rate=full_c_rate)
     if full is not None:
         return Anchored(1.0 + counted - counted[full], "end of the full charge in the record")
     if ocv_soc is not None and abs(rate[0]) <= START_C_RATE:
-        start = _look_up(voltage_volt[0], ocv_soc, ocv_volt)
+        start = _soc_of_rest(voltage_volt[0], ocv_soc, ocv_volt)
         return Anchored(start + counted - counted[0], "rest voltage at the start, by the OCV table")
     span = float(np.ptp(counted))
-    if span >= SPANNED:
+    if span >= WHOLE_SWING:
         top = min((1 + span) / 2, 1.0)
         words = f"the record moves {span:.1%} of the capacity: its highest SoC is {top:.3f}"
         return Anchored(top + counted - counted.max(), f"{words} ± {max(1 - span, 0) / 2:.3f}")
-    raise Refusal(_missing(rate[0], upper_cutoff_volt, ocv_soc))
+    raise Refusal(_why_not_anchored(rate[0], upper_cutoff_volt, ocv_soc))
 
 
 def full_row(rate, voltage_volt, upper_cutoff_volt, *, full_c_rate=0.1):
@@ -88,27 +90,21 @@ def full_row(rate, voltage_volt, upper_cutoff_volt, *, full_c_rate=0.1):
     """
     if upper_cutoff_volt is None:
         return None
-    near = np.asarray(voltage_volt) >= upper_cutoff_volt * (1 - CUTOFF_SHARE)
-    charging = near & (rate > REST_C_RATE)
+    at_cutoff = np.asarray(voltage_volt) >= upper_cutoff_volt * (1 - CUTOFF_SHARE)
+    charging = at_cutoff & (rate > REST_C_RATE)
     slow = charging & (rate <= full_c_rate)
     ends = np.flatnonzero(slow & ~np.append(charging[1:], False))
     return int(ends[0]) if len(ends) else None
 
 
-def _stated(soc):
-    if not 0 <= soc <= 1:
-        raise Refusal(f"stated SoC at the start is {soc}; allowed is 0 to 1")
-    return float(soc)
-
-
-def _look_up(voltage, ocv_soc, ocv_volt):
+def _soc_of_rest(voltage, ocv_soc, ocv_volt):
     """SoC at a rest voltage [V], 0 or 1 beyond the table; a flat stretch gives its upper end."""
     rising = np.maximum.accumulate(np.asarray(ocv_volt, float))
     return float(np.interp(voltage, rising, np.asarray(ocv_soc, float)))
 
 
-def _missing(first_rate, upper_cutoff_volt, ocv_soc):
-    """What stands in the way of each anchor, in one sentence."""
+def _why_not_anchored(first_rate, upper_cutoff_volt, ocv_soc):
+    """Why no anchor of the SoC applies to a record, in one sentence."""
     full = (
         "the upper cut-off is not stated, so no full charge can be told"
         if upper_cutoff_volt is None
@@ -122,10 +118,10 @@ def _missing(first_rate, upper_cutoff_volt, ocv_soc):
     return f"no state of charge: none is stated at the start, {full}, and {table}"
 
 
-NEARLY = 0.03  # of the voltage window: how near to the upper cut-off a full cell rests
-REACHED = 0.01  # of it: how near to the lower cut-off a discharge ends empty
-LIKE = 1.1  # of the usual current of the portions: the last of them may be short
-OTHERWISE_VOLT = 1.0  # the window where no upper cut-off is stated
+FULL_WINDOW = 0.03  # of the voltage window: how near to the upper cut-off a full cell rests
+EMPTY_WINDOW = 0.01  # of it: how near to the lower cut-off a discharge ends empty
+USUAL_CURRENT = 1.1  # of the usual current of the portions: the last of them may be short
+WINDOW_VOLT = 1.0  # the window where no upper cut-off is stated
 
 
 class Scale(NamedTuple):
@@ -191,67 +187,74 @@ def rest_scale(
     current, voltage, charge = (
         np.asarray(column, float) for column in (current_ampere, voltage_volt, charge_ampere_hour)
     )
-    upper, window = upper_cutoff_volt, OTHERWISE_VOLT
+    upper, window = upper_cutoff_volt, WINDOW_VOLT
     if upper is not None:
         window = upper - lower_cutoff_volt
-    known, source = _known(capacities, ambient_temperature_celsius, rated_capacity_ampere_hour)
-    empty = _ends_empty(steps, lower_cutoff_volt + REACHED * window)
-    rate = current / max(known, float(np.ptp(charge)))
+    nominal, source = _nominal_capacity(
+        capacities, ambient_temperature_celsius, rated_capacity_ampere_hour
+    )
+    ends_empty = _ends_empty(steps, lower_cutoff_volt + EMPTY_WINDOW * window)
+    rate = current / max(nominal, float(np.ptp(charge)))
     first = float(voltage[0]) if abs(rate[0]) <= START_C_RATE else np.nan
-    share = 1.0 if empty or not known else float(np.ptp(charge)) / known
+    share = 1.0 if ends_empty or not nominal else float(np.ptp(charge)) / nominal
     if soc_at_start is not None:
         anchor = _Anchor(charge[0], soc_at_start, f"SoC {soc_at_start:g} is stated at its start")
     else:
-        anchor = _full(rate, voltage, charge, upper, NEARLY * window, share, first)
-    out = float(anchor.charge_ampere_hour - charge.min())
-    if empty:
-        known, source = out / anchor.soc, "taken out to the lower cut-off, with rests between"
-    elif not known:
+        anchor = _full_anchor(rate, voltage, charge, upper, FULL_WINDOW * window, share, first)
+    discharged = float(anchor.charge_ampere_hour - charge.min())
+    if ends_empty:
+        nominal, source = (
+            discharged / anchor.soc,
+            "taken out to the lower cut-off, with rests between",
+        )
+    elif not nominal:
         raise Refusal("no capacity: the record does not end empty, no capacity test and no rating")
-    capacity = max(known, out / anchor.soc)
+    capacity = max(nominal, discharged / anchor.soc)
     full = anchor.charge_ampere_hour + (1 - anchor.soc) * capacity
     return Scale(float(full), capacity, first, source, anchor.words)
 
 
-def _known(capacities, celsius, rated):
-    """Capacity of the test nearest in temperature, else the rating; 0 where there is neither."""
-    full = [row for row in capacities if row["direction"] == "discharge"]
-    if not full:
+def _nominal_capacity(capacities, celsius, rated):
+    """Capacity [Ah] of the test nearest in temperature, else the rating, else 0, and its source."""
+    discharges = [row for row in capacities if row["direction"] == "discharge"]
+    if not discharges:
         return rated or 0.0, "rating"
 
-    def off(row):
-        both = row["ambient_temperature_celsius"], celsius
-        return (0.0 if None in both else abs(both[0] - both[1])), row["c_rate"]
+    def distance(row):
+        temperatures = row["ambient_temperature_celsius"], celsius
+        return (0.0 if None in temperatures else abs(temperatures[0] - temperatures[1])), row[
+            "c_rate"
+        ]
 
-    best = min(full, key=off)
+    best = min(discharges, key=distance)
     return best["capacity_ampere_hour"], f"discharge of {best['test']} at {best['c_rate']:.2g}C"
 
 
 def _ends_empty(steps, limit_volt):
-    """Whether a discharge ends at the lower cut-off; a larger pulse that does leaves charge."""
+    """Whether a discharge at the usual current, not a larger pulse, ends at the lower cut-off."""
     kind, current = np.asarray(steps.kind), steps.current_mean_ampere
     portions = -current[(kind == "CC") & (current < 0)]
     usual = np.median(portions) if len(portions) else 0.0
-    down = np.isin(kind, ("CC", "pulse")) & (current < 0) & (-current <= LIKE * usual)
+    down = np.isin(kind, ("CC", "pulse")) & (current < 0) & (-current <= USUAL_CURRENT * usual)
     return bool((down & (steps.voltage_end_volt <= limit_volt)).any())
 
 
 # ASSUME: A record that begins at rest within 3 % of the voltage window of the upper cut-off begins
 # full; where no upper cut-off is stated, one that moves 90 % of the capacity begins full.
-def _full(rate, voltage, charge, upper, near_volt, share, first_volt):
+def _full_anchor(rate, voltage, charge, upper, near_volt, share, first_volt):
     row = full_row(rate, voltage, upper)
     if row is not None:
         return _Anchor(charge[row], 1.0, "full at the end of its full charge")
     if upper is not None and first_volt >= upper - near_volt:
         words = f"full at its start, {1e3 * (upper - first_volt):.0f} mV below the upper cut-off"
         return _Anchor(charge[0], 1.0, words)
-    if upper is None and share >= SPANNED:
+    if upper is None and share >= WHOLE_SWING:
         words = "full at its start, taken so for it "
         words += f"moves {share:.1%} of the capacity" if share < 1 else "moves all of the capacity"
         return _Anchor(charge[0], 1.0, words)
-    at = "under load" if np.isnan(first_volt) else f"at {first_volt:.4g} V"
+    beginning = "under load" if np.isnan(first_volt) else f"at {first_volt:.4g} V"
     wanted = f"rest within {near_volt:.2g} V of {upper:g} V" if upper is not None else ""
     wanted = (
-        wanted or f"{SPANNED:.0%} of the capacity moved (found {share:.1%}), for want of limits"
+        wanted or f"{WHOLE_SWING:.0%} of the capacity moved (found {share:.1%}), for want of limits"
     )
-    raise Refusal(f"no SoC at the start: none is stated, it begins {at}; wanted: {wanted}")
+    raise Refusal(f"no SoC at the start: none is stated, it begins {beginning}; wanted: {wanted}")

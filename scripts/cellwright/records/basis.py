@@ -1,4 +1,4 @@
-"""What every state of charge of a cell refers to: its capacity and its open-circuit voltage."""
+"""Basis of a cell's SoC: the capacity and the open-circuit voltage curves that it refers to."""
 
 from typing import NamedTuple
 
@@ -64,45 +64,50 @@ def basis(
         No capacity test, no slow test and no rating.
     """
     # ASSUME: A cell without a slow test has the open-circuit voltage curve of its reference cell.
-    found = {"cell": cell, "borrowed_from": None, "ocv": curves}
+    content = {"cell": cell, "borrowed_from": None, "ocv": curves}
     if curves:
         capacity, source = _slow_capacity(min(curves, key=_first_choice))
-        return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
-    lender = reference_of([one for one in lenders if one.curves], capacity=_largest)
+        return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
+    lender = reference_of(
+        [lender for lender in lenders if lender.curves],
+        capacity=lambda lender: max(curve["capacity_ampere_hour"] for curve in lender.curves),
+    )
     if not lender and rests:
-        return found | _from_rests(rests, lower_cutoff_volt)
+        return content | _from_rests(rests, lower_cutoff_volt)
     if lender:
-        found |= {"borrowed_from": lender.cell, "ocv": lender.curves}
+        content |= {"borrowed_from": lender.cell, "ocv": lender.curves}
     capacity, source = _own_capacity(capacities, lender, rated_capacity_ampere_hour)
-    return found | {"capacity_ampere_hour": capacity, "capacity_source": source}
+    return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
 
 
-def _off_reference(row):
-    celsius = row["ambient_temperature_celsius"]
-    return abs(REFERENCE_CELSIUS - celsius) if celsius is not None else float("inf")
-
-
-def _celsius(row):
-    # ASSUME: A test without a stated temperature was made at 25 °C.
-    celsius = row["ambient_temperature_celsius"]
-    return REFERENCE_CELSIUS if celsius is None else celsius
-
-
-def _first_choice(row):
-    """Near 25 °C before young, but within 3 K of it age decides."""
-    return max(_off_reference(row), SAME_CELSIUS), row["cycle"] or 0
-
-
-def _largest(lender):
-    return max(curve["capacity_ampere_hour"] for curve in lender.curves)
-
-
-def reference_of(cells, *, capacity):
-    """The reference among cells of one type: the first marked one, else the largest; None of none.
+# ASSUME: A test without a stated temperature was made at 25 °C.
+def stated_or_reference(celsius):
+    """A stated temperature [degC], 25 °C where none is.
 
     Parameters
     ----------
-    cells : list of things with `marked`, in the order of the sheet.
+    celsius : number or None.
+    """
+    return REFERENCE_CELSIUS if celsius is None else celsius
+
+
+def _celsius(row):
+    return stated_or_reference(row["ambient_temperature_celsius"])
+
+
+def _first_choice(row):
+    """Sort key of tests: distance from 25 °C beyond 3 K first, then age in cycles."""
+    celsius = row["ambient_temperature_celsius"]
+    distance = abs(REFERENCE_CELSIUS - celsius) if celsius is not None else float("inf")
+    return max(distance, SAME_CELSIUS), row["cycle"] or 0
+
+
+def reference_of(cells, *, capacity):
+    """Reference among cells of one type: the first marked one, else the largest, else None.
+
+    Parameters
+    ----------
+    cells : list of cells with `marked`, in the order of the sheet.
     capacity : function, cell → its capacity [Ah].
     """
     marked = [cell for cell in cells if cell.marked]
@@ -110,12 +115,12 @@ def reference_of(cells, *, capacity):
 
 
 def _from_rests(curves, lower_cutoff_volt):
-    """One curve a temperature, all on the scale of the one nearest 25 °C, which stands first."""
-    warmest = sorted(curves, key=lambda c: (*_first_choice(c), -_celsius(c), _load(c)))
+    """Basis from rests: one OCV curve per temperature on the SoC scale of the one nearest 25 °C."""
+    ordered = sorted(curves, key=lambda c: (*_first_choice(c), -_celsius(c), _load(c)))
     chosen = []
-    for curve in warmest:
-        same = [c for c in warmest if abs(_celsius(c) - _celsius(curve)) < SAME_CELSIUS]
-        slowest = min(same, key=lambda c: (c["cycle"] or 0, _load(c)))
+    for curve in ordered:
+        same_temperature = [c for c in ordered if abs(_celsius(c) - _celsius(curve)) < SAME_CELSIUS]
+        slowest = min(same_temperature, key=lambda c: (c["cycle"] or 0, _load(c)))
         chosen += [slowest] if slowest not in chosen else []
     capacity, source = (chosen[0][name] for name in ("capacity_ampere_hour", "capacity_source"))
     if source != "rating":
@@ -125,7 +130,7 @@ def _from_rests(curves, lower_cutoff_volt):
 
 
 def _load(curve):
-    """Current of the loads between the rests [A], as exactly as tests of one protocol repeat it."""
+    """Current of the loads between the rests [A], rounded so that equal loads compare."""
     sides = (curve["discharge_current_ampere"], curve["charge_current_ampere"])
     largest = max((abs(side) for side in sides if side is not None), default=0.0)
     return float(f"{largest:.2g}")
@@ -133,40 +138,43 @@ def _load(curve):
 
 # ASSUME: Tests whose rests make OCV curves begin equally full, and charge from full tells the OCV.
 def _on_scale(curve, capacity, lower_cutoff_volt):
-    """A curve over the SoC of another capacity, continued straight where that one is larger."""
+    """An OCV curve over the SoC of another capacity; below its lowest SoC on its end slope."""
     soc, volt = (np.asarray(curve[name], float) for name in ("soc", "ocv_volt"))
     if curve["capacity_ampere_hour"] == capacity:
         return curve
     ratio = capacity / curve["capacity_ampere_hour"]
-    own = 1 - (1 - soc) * ratio
+    rescaled = 1 - (1 - soc) * ratio
     slope = (np.interp(0.05, soc, volt) - volt[0]) / 0.05
     floor = min(lower_cutoff_volt, volt[0])
-    below = np.maximum(volt[0] + slope * own, floor) + 1e-6 * soc
+    below = np.maximum(volt[0] + slope * rescaled, floor) + 1e-6 * soc
     low, high = curve["measured_soc"]
     return curve | {
-        "ocv_volt": np.where(own < 0, below, np.interp(own, soc, volt)).tolist(),
+        "ocv_volt": np.where(rescaled < 0, below, np.interp(rescaled, soc, volt)).tolist(),
         "measured_soc": [max(1 - (1 - low) / ratio, 0.0), 1 - (1 - high) / ratio],
     }
 
 
 def _slow_capacity(curve):
-    """Capacity of a slow test; where its two directions part, what an offset cannot have moved."""
-    out, back = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
-    if back is None or abs(out / back - 1) <= CLOSED:
-        return out, f"slow test {curve['test']}"
+    """Capacity of a slow test [Ah], the mean of its directions where they differ; its source."""
+    discharged, charged = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
+    if charged is None or abs(discharged / charged - 1) <= CLOSED:
+        return discharged, f"slow test {curve['test']}"
     # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an
     # offset, and the mean of the two is the capacity: the cell itself returns what it took.
-    mean = (out + back) / 2
-    return mean, f"slow test {curve['test']}, mean of {out:.4g} Ah out and {back:.4g} Ah back"
+    mean = (discharged + charged) / 2
+    return (
+        mean,
+        f"slow test {curve['test']}, mean of {discharged:.4g} Ah out and {charged:.4g} Ah back",
+    )
 
 
 def _own_capacity(capacities, lender, rated):
-    full = [row for row in capacities if row["direction"] == "discharge"]
-    if not full:
+    discharges = [row for row in capacities if row["direction"] == "discharge"]
+    if not discharges:
         if not rated:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
         return rated, "rating"
-    slowest = min(full, key=lambda row: (*_first_choice(row), row["c_rate"]))
+    slowest = min(discharges, key=lambda row: (*_first_choice(row), row["c_rate"]))
     source = f"discharge of {slowest['test']} at {slowest['c_rate']:.2g}C"
     ratio = _slow_ratio(slowest, lender) if lender else None
     if ratio is None:
@@ -177,16 +185,16 @@ def _own_capacity(capacities, lender, rated):
 
 # ASSUME: A cell that borrows its OCV loses as much capacity to rate as the lender does.
 def _slow_ratio(row, lender):
-    """The lender's slow capacity over its capacity at the rate and temperature of `row`."""
+    """Slow capacity of the lender over its capacity at the rate and temperature of `row` [1]."""
     slow, _ = _slow_capacity(min(lender.curves, key=_first_choice))
     alike = [
-        other
-        for other in lender.capacities
-        if other["direction"] == "discharge"
-        and abs(other["c_rate"] / row["c_rate"] - 1) < SAME_RATE
-        and abs(_celsius(other) - _celsius(row)) < SAME_CELSIUS
+        row_of_lender
+        for row_of_lender in lender.capacities
+        if row_of_lender["direction"] == "discharge"
+        and abs(row_of_lender["c_rate"] / row["c_rate"] - 1) < SAME_RATE
+        and abs(_celsius(row_of_lender) - _celsius(row)) < SAME_CELSIUS
     ]
-    youngest = min(alike, key=lambda other: other["cycle"] or 0, default=None)
+    youngest = min(alike, key=lambda row_of_lender: row_of_lender["cycle"] or 0, default=None)
     return slow / youngest["capacity_ampere_hour"] if youngest else None
 
 
@@ -209,10 +217,9 @@ def soc_of(series, basis, facts, cell):
     Refusal
         As `anchor.soc_series`.
     """
-    celsius = facts.ambient_temperature_celsius
-    celsius = REFERENCE_CELSIUS if celsius is None else celsius
-    none = {"soc": None, "ocv_volt": None}
-    curve = min(basis["ocv"], key=lambda one: abs(_celsius(one) - celsius), default=none)
+    celsius = stated_or_reference(facts.ambient_temperature_celsius)
+    no_curve = {"soc": None, "ocv_volt": None}
+    curve = min(basis["ocv"], key=lambda row: abs(_celsius(row) - celsius), default=no_curve)
     return soc_series(
         series["charge_ampere_hour"],
         series["current_ampere"],
@@ -229,7 +236,7 @@ def soc_of(series, basis, facts, cell):
 def soc_or_unknown(series, basis, facts, cell):
     """As `soc_of`, but NaN with the reason as anchor where no state of charge can be known.
 
-    For what is worth having without it, such as the resistance of a pulse.
+    For results that need no SoC, such as the resistance of a pulse.
     """
     try:
         return soc_of(series, basis, facts, cell)

@@ -1,4 +1,4 @@
-"""What a campaign's sheets say of a cell and of a test: the facts that analyses need."""
+"""Facts of cells, tests and branches from a campaign's sheets, as typed values."""
 
 from typing import NamedTuple
 
@@ -58,7 +58,7 @@ class MeasuredTest(NamedTuple):
 
 
 def of_first_checkup(tests):
-    """Tests of the earliest check-up, and the names of the others: a cell that ages is another.
+    """Tests of the earliest check-up, and the names of the later ones, which see an aged cell.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A test laid out on the SoC scale: its rows, what of them is compared, tests by temperature."""
+"""Tests of cells and of parallel groups laid out on the SoC scale, with the rows that are used."""
 
 from typing import NamedTuple
 
@@ -93,7 +93,7 @@ def record_of(
 
 
 def checked(record):
-    """The record itself, where its clock and columns can be used.
+    """The same record, refused where its values are not finite or its clock runs back.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
 
 
 def laid_out_to_fit(test, basis, cell, **settings):
-    """As `laid_out`, within the SoC scale and with its gaps filled: a course without a hole.
+    """As `laid_out`, with gaps filled and refused where the SoC leaves −0.1 to 1.1.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def cell_temperature(facts, series, *, as_read=False):
 
 
 def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
-    """Number of the block that each row belongs to, from 0: a load and the rest that follows it.
+    """Number of the block of each row, from 0; a block is a load and the rest that follows it.
 
     A relaxation so stays together with the load that caused it. A rest at the very start ends no
     block. Where the reading of the record's rests is above what counts as rest, a rest is also what
@@ -248,7 +248,7 @@ def blocks(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
 
 
 def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere):
-    """Cut a record into blocks at its rests: odd blocks fit, even blocks validate, counted from 1.
+    """Rows of a record that may be fitted: its odd blocks, counted from 1; even ones validate.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def fit_mask(test_time_second, current_ampere, *, rest_second=120.0, rest_ampere
 
 
 def blocks_of_used(records, *, rest_second, rest_ampere):
-    """Number of the block of each used row of several records, counted on from one to the next.
+    """Block number of each used row of several records, counted through all records.
 
     Parameters
     ----------
@@ -282,17 +282,17 @@ def blocks_of_used(records, *, rest_second, rest_ampere):
     -------
     block : list of (used rows,) integers, one a record.
     """
-    found, next_free = [], 0
+    numbers, next_free = [], 0
     for record in records:
         time, current = record.test_time_second, record.current_ampere
         block = blocks(time, current, rest_second=rest_second, rest_ampere=rest_ampere)
-        found.append(next_free + block[record.used])
+        numbers.append(next_free + block[record.used])
         next_free += block.max() + 1
-    return found
+    return numbers
 
 
 def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
-    """The record with its gaps filled by what must have happened in them.
+    """The record with each gap filled by a load that moves its charge, then a rest.
 
     Some testers store the pulses of an HPPC only, and not the discharges to the next set point.
     The relaxation after such a discharge goes on for hours and is in what follows; so the charge
@@ -311,23 +311,23 @@ def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
     """
     # ASSUME: The charge that passed in a gap of a record flowed at 1C at the gap's beginning.
     time, soc = record.test_time_second, record.soc
-    moved = np.diff(soc)
-    gaps = np.flatnonzero((np.diff(time) > gap_second) & (np.abs(moved) > 1e-4))
+    soc_change = np.diff(soc)
+    gaps = np.flatnonzero((np.diff(time) > gap_second) & (np.abs(soc_change) > 1e-4))
     if not len(gaps):
         return record
     length = np.diff(time)[gaps]
-    lasts = np.minimum(np.abs(moved[gaps]) * 3600.0 / c_rate, 0.9 * length)
-    ampere = moved[gaps] * capacity_ampere_hour * 3600.0 / lasts
+    lasts = np.minimum(np.abs(soc_change[gaps]) * 3600.0 / c_rate, 0.9 * length)
+    ampere = soc_change[gaps] * capacity_ampere_hour * 3600.0 / lasts
     share = np.array([0.0, 0.5, 1.0, 1.0])
     filled = {name: np.repeat(getattr(record, name)[gaps], 4) for name in row_fields(record)}
     filled |= {
         "test_time_second": (time[gaps, None] + lasts[:, None] * share).ravel(),
         "current_ampere": (ampere[:, None] * np.array([1.0, 1.0, 1.0, 0.0])).ravel(),
-        "soc": (soc[gaps, None] + moved[gaps, None] * share).ravel(),
+        "soc": (soc[gaps, None] + soc_change[gaps, None] * share).ravel(),
         "used": np.zeros(4 * len(gaps), bool),
     }
-    where = np.repeat(gaps + 1, 4)
-    columns = {name: np.insert(getattr(record, name), where, new) for name, new in filled.items()}
+    before = np.repeat(gaps + 1, 4)
+    columns = {name: np.insert(getattr(record, name), before, new) for name, new in filled.items()}
     return record._replace(**columns)
 
 
@@ -362,15 +362,15 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     conditions, notes = [], []
     settings = {"split_rest_second": split_rest_second}
     for celsius, members in _by_temperature(tests):
-        tried = [_tried(test, basis, cell, settings, notes) for test in members]
-        records = tuple(record for record in tried if record is not None)
+        laid = [_record_to_fit(test, basis, cell, settings, notes) for test in members]
+        records = tuple(record for record in laid if record is not None)
         if records:
             pulsed = any(test.facts.kind == "hppc" for test in members)
             conditions.append(FitRecords(celsius, records, pulsed))
     return conditions, notes
 
 
-def _tried(test, basis, cell, settings, notes):
+def _record_to_fit(test, basis, cell, settings, notes):
     """Record of a test, None with a note where it cannot be fitted."""
     try:
         record = laid_out_to_fit(test, basis, cell, **settings)
@@ -386,12 +386,12 @@ def _by_temperature(tests):
     by_celsius = {}
     for test in sorted(tests, key=_chamber_celsius):
         celsius = _chamber_celsius(test)
-        near = [t for t in by_celsius if abs(t - celsius) <= SAME_CELSIUS]
-        by_celsius.setdefault(near[0] if near else celsius, []).append(test)
+        same = [t for t in by_celsius if abs(t - celsius) <= SAME_CELSIUS]
+        by_celsius.setdefault(same[0] if same else celsius, []).append(test)
     for celsius, members in by_celsius.items():
         kinds = {test.facts.kind for test in members}
-        wanted = {"hppc", "capacity"} if "hppc" in kinds else {"drive"}
-        chosen = [test for test in members if test.facts.kind in wanted]
+        kinds_to_fit = {"hppc", "capacity"} if "hppc" in kinds else {"drive"}
+        chosen = [test for test in members if test.facts.kind in kinds_to_fit]
         if chosen:
             yield celsius, chosen
 
@@ -400,3 +400,74 @@ def _chamber_celsius(test):
     """Chamber temperature as stated, else the mean of the cell's, 25 °C where nothing is known."""
     stated = test.facts.ambient_temperature_celsius
     return float(cell_temperature(*test)[0].mean()) if stated is None else stated
+
+
+class GroupRecord(NamedTuple):
+    """One test of a parallel group; arrays (n,).
+
+    test : its name. celsius : (n,) temperature around the cells [degC].
+    branch_current_ampere : (n, branches), + on charge, or None where it was not logged [A].
+    initial_soc : (branches,) stated at its start [1], or None.
+    """
+
+    test: str
+    test_time_second: np.ndarray
+    current_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    celsius: np.ndarray
+    branch_current_ampere: np.ndarray | None = None
+    initial_soc: np.ndarray | None = None
+
+
+def group_record(test, branches):
+    """Record of a test of a parallel group.
+
+    Parameters
+    ----------
+    test : MeasuredTest of a group. branches : list of BranchFacts, in order of position.
+
+    Returns
+    -------
+    record : GroupRecord, without branch currents where none were logged.
+
+    Raises
+    ------
+    Refusal : another number of branch currents than of branches.
+    """
+    facts, series = test
+    currents = branch_currents(series)
+    if currents is not None and currents.shape[1] != len(branches):
+        logged = f"{currents.shape[1]} branch currents"
+        raise Refusal(f"{facts.test} has {logged} for {len(branches)} branches of groups.tsv")
+    initial_soc = stated_soc(facts, branches)
+    return GroupRecord(
+        facts.test,
+        series["test_time_second"],
+        series["current_ampere"],
+        series["voltage_volt"],
+        cell_temperature(facts, series, as_read=True)[0],
+        currents,
+        None if None in initial_soc else np.array(initial_soc, float),
+    )
+
+
+def branch_currents(series):
+    """Measured branch currents (n, branches) of a group's series [A], None where not logged.
+
+    Parameters
+    ----------
+    series : dict of (n,) columns, those of the branches named branch_<k>_current_ampere.
+    """
+    names = [name for name in series if name.startswith("branch_")]
+    names.sort(key=lambda name: int(name.split("_")[1]))  # branch 10 comes after 9, not after 1
+    return np.column_stack([series[name] for name in names]) if names else None
+
+
+def stated_soc(facts, branches):
+    """SoC of each branch at the start of a test [1]: the test's, else the branch's; None: neither.
+
+    Parameters
+    ----------
+    facts : TestFacts. branches : list of BranchFacts.
+    """
+    return [row.initial_soc if facts.soc is None else facts.soc for row in branches]

@@ -37,7 +37,7 @@ def averaged(record, *, width_second):
 
     def mean(column):
         if column.ndim == 2:
-            return np.stack([mean(one) for one in column.T], axis=1)
+            return np.stack([mean(column_part) for column_part in column.T], axis=1)
         if column.dtype == bool:
             return np.bincount(bins, column) == count
         return np.bincount(bins, column) / count
@@ -67,15 +67,15 @@ def averaged_to(records, *, most_rows, thinned=None):
         raise Refusal(f"{most_rows} rows were asked for of {len(records)} records; wanted more")
     width = FINEST_SECOND
     while True:
-        made = [averaged(record, width_second=width) for record in records]
-        made = made if thinned is None else [thinned(record) for record in made]
-        if sum(len(record.test_time_second) for record in made) <= most_rows:
-            return made
+        shorter = [averaged(record, width_second=width) for record in records]
+        shorter = shorter if thinned is None else [thinned(record) for record in shorter]
+        if sum(len(record.test_time_second) for record in shorter) <= most_rows:
+            return shorter
         width *= 2
 
 
 def row_fields(record):
-    """Names of the arrays of a record that have one entry a row.
+    """Names of the arrays of a record that have one entry per row.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def row_fields(record):
 
 
 def rows_of(record, rows):
-    """A record with some of its rows only.
+    """The chosen rows of a record.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def edges(record, *, step_ampere):
 
 
 def thin(record, *, step_ampere, growth=0.1, capacity_ampere_hour=None, portion_soc=0.005):
-    """Drop rows of steady current that say the same as their neighbours.
+    """Record without the rows of steady current that add nothing to their neighbours.
 
     A row stays if the current steps before or after it; in a steady stretch the rows stay at
     times since the last step that grow by `growth` each. At rest the relaxations between kept
@@ -133,12 +133,12 @@ def thin(record, *, step_ampere, growth=0.1, capacity_ampere_hour=None, portion_
         passed = np.abs(current) * np.diff(time, prepend=time[0]) / 3600.0 / capacity_ampere_hour
         keep |= np.diff(np.floor(np.cumsum(passed) / portion_soc), prepend=-1.0) != 0
     dropped = np.diff(np.flatnonzero(keep), prepend=-1) > 1
-    kept = rows_of(record, keep)
-    return kept._replace(thinned=kept.thinned | dropped)
+    shorter = rows_of(record, keep)
+    return shorter._replace(thinned=shorter.thinned | dropped)
 
 
 def without_edges(record, *, step_ampere):
-    """The record without the rows at which the current has just stepped between steady stretches.
+    """Record whose rows at a step of the current between steady stretches are not used.
 
     Such a row was sampled within the edge: its voltage may belong to the current before. In a
     drive, where the current steps at every row, none is left out.
@@ -155,7 +155,7 @@ def without_edges(record, *, step_ampere):
 
 
 def driven(current_ampere):
-    """Whether the current of a record steps at most rows where it steps at all: a drive.
+    """Whether a record is a drive: at least half of its current steps follow one another directly.
 
     Else it steps between steady stretches, and does so at once, however sparse the rows are.
 
@@ -164,7 +164,7 @@ def driven(current_ampere):
     current_ampere : (n,) [A].
     """
     current = np.asarray(current_ampere, float)
-    moved = np.abs(np.diff(current, prepend=current[:1]))
-    step = moved > moved.max(initial=0.0) / STEP_PART
+    change = np.abs(np.diff(current, prepend=current[:1]))
+    step = change > change.max(initial=0.0) / STEP_PART
     around = np.append(False, step[:-1]) | np.append(step[1:], False)
     return bool((step & ~around).sum() < DRIVE_SHARE * step.sum())

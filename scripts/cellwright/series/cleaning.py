@@ -1,13 +1,259 @@
-"""The one place that removes rows: a flagged series becomes a clean one, with a list of reasons."""
+"""A raw series becomes a clean one: rows flagged with a reason, then removed or repaired.
+
+Detectors flag and remove nothing; `remove` is the one place that removes rows.
+"""
 
 from collections.abc import Mapping
+from enum import IntFlag
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.refusal import Refusal
-from cellwright.series.flags import NO_READING, REMOVED, SERIES, Flag, flag, rebased, spike_free
 from cellwright.series.rest_current import RestReading, rest_reading
+from cellwright.settings import Clean
+
+CLEAN = Clean()
+
+NO_READING = 1e30  # instruments write ±3.4e38 for "no reading"
+SERIES = ("test_time_second", "current_ampere", "voltage_volt")
+
+
+class Flag(IntFlag):
+    """Reason why a row is flagged; a row may carry several."""
+
+    NAN = 1  # time, current or voltage is no number
+    SENTINEL = 2  # it holds an instrument's mark for "no reading"
+    REPEAT = 4  # it repeats the row before, or its time stamp without a step of the current
+    OUT_OF_PLACE = 8  # its time stamp alone lies behind that of the rows around it
+    CLOCK = 16  # the clock jumped before it and goes on from there
+    SPIKE = 32  # its voltage jumps out and back
+    GAP = 64  # the record is silent before it
+    REST_READING = 128  # a rest begins in which the current channel reads what is no current
+
+
+REMOVED = Flag.NAN | Flag.SENTINEL | Flag.REPEAT | Flag.OUT_OF_PLACE
+
+
+def flag(
+    columns: Mapping[str, np.ndarray],
+    *,
+    spike_limit_volt: float = CLEAN.spike_limit_volt,
+    spike_noise_factor: float = CLEAN.spike_noise_factor,
+    current_step_fraction: float = CLEAN.current_step_fraction,
+    gap_second: float = CLEAN.gap_second,
+    gap_factor: float = CLEAN.gap_factor,
+) -> np.ndarray:
+    """Flags of each row of a series: all that is wrong with it.
+
+    Parameters
+    ----------
+    columns : mapping of arrays
+        test_time_second [s], current_ampere [A], voltage_volt [V]; file_index where files are
+        joined.
+    spike_limit_volt : float [V]
+        Least step of the voltage to either neighbour that makes a spike.
+    spike_noise_factor : float
+        The same, in typical steps nearby.
+    current_step_fraction : float
+        Change of the current that counts as a step, as a fraction of its largest magnitude.
+    gap_second, gap_factor : float [s], float
+        An interval is a gap where it is longer than `gap_second`, and than `gap_factor` times both
+        the interval before and the one after.
+
+    Returns
+    -------
+    array of int, a combination of `Flag` for each row, 0 where nothing is wrong.
+    """
+    time, current, voltage = (columns[name] for name in SERIES)
+    flags = _unreadable(time, current, voltage)
+    step = current_step_fraction * float(np.max(np.abs(current[flags == 0]), initial=0.0))
+    _flag_among(flags, lambda rows: _repeats(time[rows], current[rows], step))
+    _flag_among(flags, lambda rows: _out_of_place(time[rows]))
+    _flag_among(flags, lambda rows: _clock_jumps(time[rows], rows, gap_factor))
+    _flag_among(flags, lambda rows: _gaps(rebased(time[rows], flags[rows]), gap_second, gap_factor))
+    spikes = {
+        "limit_volt": spike_limit_volt,
+        "noise_factor": spike_noise_factor,
+        "current_step_ampere": step,
+    }
+    rows = _kept(flags)
+    flags[rows[spike_rows(current[rows], voltage[rows], **spikes)]] |= Flag.SPIKE
+    if "file_index" in columns:
+        # What the cell did before a file begins is not in the record.
+        rows = _kept(flags)
+        flags[rows[1:][np.diff(columns["file_index"][rows]) != 0]] |= Flag.GAP
+    return flags
+
+
+def counts(flags: np.ndarray) -> dict[str, int]:
+    """Number of rows with each flag, by the flag's name in lower case."""
+    return {kind.name.lower(): int(np.count_nonzero(flags & kind)) for kind in Flag}
+
+
+def _flag_among(flags: np.ndarray, detector) -> None:
+    """Add to `flags` what a detector finds among the rows that are kept so far."""
+    rows = _kept(flags)
+    flags[rows] |= detector(rows)
+
+
+def _kept(flags: np.ndarray) -> np.ndarray:
+    """Rows that no flag so far removes."""
+    return np.flatnonzero((flags & REMOVED) == 0)
+
+
+def _unreadable(*columns: np.ndarray) -> np.ndarray:
+    """Flags (n,) of rows in which time, current or voltage is no reading."""
+    flags = np.zeros(columns[0].size, dtype=np.int16)
+    for column in columns:
+        flags[~np.isfinite(column)] |= Flag.NAN
+        flags[np.isfinite(column) & (np.abs(column) > NO_READING)] |= Flag.SENTINEL
+    flags[_dead(columns[2])] |= Flag.SENTINEL
+    return flags
+
+
+def _dead(voltage: np.ndarray) -> np.ndarray:
+    """Rows of exactly 0 V between rows of more than 1 V: the instrument did not measure."""
+    before, after = np.roll(voltage, 1), np.roll(voltage, -1)
+    return (voltage == 0) & (np.abs(before) > 1) & (np.abs(after) > 1)
+
+
+def _repeats(time: np.ndarray, current: np.ndarray, step: float) -> np.ndarray:
+    """Rows that repeat the time of the row before, but for edges, where the current steps."""
+    same_time = np.diff(time, prepend=np.nan) == 0
+    steps = np.abs(np.diff(current, prepend=np.inf)) > step
+    return np.where(same_time & ~steps, Flag.REPEAT, 0).astype(np.int16)
+
+
+def _out_of_place(time: np.ndarray) -> np.ndarray:
+    """Single rows out of order in time: behind the row before, or too far ahead of the next."""
+    flags = np.zeros(time.size, dtype=np.int16)
+    for row in np.flatnonzero(np.diff(time) < 0) + 1:
+        resumes = row + 1 >= time.size or time[row + 1] > time[row - 1]
+        overshot = row > 1 and time[row - 2] < time[row] < time[row - 1]
+        if resumes or overshot:
+            flags[row if resumes else row - 1] |= Flag.OUT_OF_PLACE
+    return flags
+
+
+def _clock_jumps(time: np.ndarray, rows: np.ndarray, gap_factor: float) -> np.ndarray:
+    """Rows before which the clock was set back, or forward again by what it had lost.
+
+    Rows without a reading are gone from between, but their time passed: each counts as a step.
+    """
+    flags = np.zeros(time.size, dtype=np.int16)
+    interval = np.diff(time)
+    if not (interval < 0).any():
+        return flags
+    typical, lost = float(np.median(interval[interval > 0])), 0.0
+    beyond = interval - typical * np.diff(rows)
+    for row in np.flatnonzero((interval < 0) | (beyond > (gap_factor - 1) * typical)) + 1:
+        ahead = beyond[row - 1]
+        if ahead < 0 or ahead <= 1.1 * lost:
+            flags[row] |= Flag.CLOCK
+            lost = max(lost - ahead, 0.0)
+    return flags
+
+
+def _gaps(time: np.ndarray, gap_second: float, gap_factor: float) -> np.ndarray:
+    """Rows before which the record has a gap, much longer than the sampling around it."""
+    interval = np.diff(time)
+    around = np.pad(interval, 1)
+    neighbour = np.maximum(around[:-2], around[2:])
+    gap = (interval > gap_second) & (interval > gap_factor * neighbour)
+    return np.where(np.concatenate([[False], gap]), Flag.GAP, 0).astype(np.int16)
+
+
+def rebased(time: np.ndarray, flags: np.ndarray) -> np.ndarray:
+    """Time [s] in which a row after a jump of the clock follows after the interval before it."""
+    jumps = np.flatnonzero(flags & Flag.CLOCK)
+    if not jumps.size:
+        return time
+    interval = np.diff(time, prepend=time[0])
+    good = np.flatnonzero((flags & Flag.CLOCK) == 0)[1:]
+    before = good[np.maximum(np.searchsorted(good, jumps) - 1, 0)]
+    interval[jumps] = interval[before]
+    return time[0] + np.cumsum(interval)
+
+
+def spike_rows(
+    current_ampere: np.ndarray,
+    voltage_volt: np.ndarray,
+    *,
+    limit_volt: float = CLEAN.spike_limit_volt,
+    noise_factor: float = CLEAN.spike_noise_factor,
+    current_step_ampere: float,
+) -> np.ndarray:
+    """Rows of the voltage that are spikes.
+
+    1. The steps to both neighbours exceed the limit and have opposite signs.
+    2. The limit is `limit_volt`, or `noise_factor` times the typical step nearby if that is more.
+    3. The current of the five samples around moves by less than `current_step_ampere`: a step of
+       the voltage that the current explains is never a spike, even where its channel lags by two.
+    4. Nor does the current jump out and back with it by three of its own small steps: on a
+       coarse grid a short pulse leaves little of its current and much of its voltage.
+    5. The four neighbours agree with each other better than with the spike: it jumped out of a
+       smooth curve, and back.
+
+    Parameters
+    ----------
+    current_ampere, voltage_volt : arrays [A], [V], same length
+    limit_volt : float [V]
+    noise_factor : float
+    current_step_ampere : float [A]
+
+    Returns
+    -------
+    array of row numbers
+
+    Source
+    ------
+    Thesis ch. 5.2 and table 5.1. Erratum: its test compares signed differences; the two steps of
+    a spike have opposite signs, so magnitudes and signs are compared here.
+    """
+    step = np.diff(voltage_volt)
+    if step.size < 4:
+        return np.empty(0, dtype=int)
+    rows = np.arange(2, voltage_volt.size - 2)
+    into, out = step[1:-2], step[2:-1]
+    least = np.minimum(np.abs(into), np.abs(out))
+    suspect = rows[(into * out < 0) & (least > limit_volt)]
+    limit = noise_factor * _typical_step(step, suspect)
+    suspect = suspect[least[suspect - 2] > limit]
+    around = suspect[:, None] + np.arange(-2, 3)
+    quiet = np.ptp(current_ampere[around], axis=1) < current_step_ampere
+    quiet &= ~_answered(current_ampere, voltage_volt, suspect, 0.1 * current_step_ampere)
+    neighbours = voltage_volt[around[:, [0, 1, 3, 4]]]
+    smooth = np.ptp(neighbours, axis=1) < 0.5 * least[suspect - 2]
+    return suspect[quiet & smooth]
+
+
+def spike_free(voltage_volt: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The voltage [V] with each spike replaced by the mean of its four neighbours."""
+    repaired = voltage_volt.copy()
+    around = rows[:, None] + np.array([-2, -1, 1, 2])
+    repaired[rows] = voltage_volt[around].mean(axis=1)
+    return repaired
+
+
+def _answered(
+    current: np.ndarray, voltage: np.ndarray, rows: np.ndarray, least_ampere: float
+) -> np.ndarray:
+    """Whether the current of each row jumps out and back as its voltage does."""
+    neighbours = rows[:, None] + np.array([-1, 1])
+    out_current = current[rows] - current[neighbours].mean(axis=1)
+    out_voltage = voltage[rows] - voltage[neighbours].mean(axis=1)
+    quiet = _typical_step(np.diff(current), rows, quantile=0.25)
+    limit = np.maximum(3 * quiet, least_ampere)
+    return (out_current * out_voltage > 0) & (np.abs(out_current) > limit)
+
+
+def _typical_step(
+    step: np.ndarray, rows: np.ndarray, *, quantile: float = 0.5, half_width: int = 10
+) -> np.ndarray:
+    """Quantile of the magnitude of the steps within `half_width` samples of each row."""
+    near = np.clip(rows[:, None] + np.arange(-half_width, half_width), 0, step.size - 1)
+    return np.quantile(np.abs(step[near]), quantile, axis=1)
 
 
 def net_charge(
@@ -43,15 +289,15 @@ def net_charge(
     counted = np.full(moved.size, np.nan)
     if counter_ampere_hour is not None:
         counted = np.diff(counter_ampere_hour)
-    better = _counter_is_surer(before, after, counted)
+    better = _counter_is_better(before, after, counted)
     moved[better] = counted[better]
     if gap_rows is not None and gap_rows.size:
         moved[gap_rows - 1] = _across_gaps(before, after, counted, gap_rows - 1)
     return np.concatenate([[0.0], np.cumsum(moved)])
 
 
-def _counter_is_surer(before: np.ndarray, after: np.ndarray, counted: np.ndarray) -> np.ndarray:
-    """Intervals in which the counter is surer than the trapezoid, and can be right."""
+def _counter_is_better(before: np.ndarray, after: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """Intervals in which the counter is more accurate than the trapezoid, and plausible."""
     if not np.any(counted[np.isfinite(counted)]):
         return np.zeros(counted.size, dtype=bool)
     digit = _digit(counted[np.isfinite(counted)])
@@ -62,7 +308,7 @@ def _counter_is_surer(before: np.ndarray, after: np.ndarray, counted: np.ndarray
 
 
 def _digit(steps: np.ndarray) -> float:
-    """The last digit that a counter shows, from 1 to 1e-9, by its steps."""
+    """Resolution of a counter [Ah], a power of ten from 1 to 1e-9, by its steps."""
     digits = 10.0 ** -np.arange(10)
     shown = (d for d in digits if np.all(np.abs(steps / d - np.rint(steps / d)) < 1e-3))
     return next(shown, digits[-1])
@@ -71,7 +317,7 @@ def _digit(steps: np.ndarray) -> float:
 def _across_gaps(
     before: np.ndarray, after: np.ndarray, counted: np.ndarray, gaps: np.ndarray
 ) -> np.ndarray:
-    """Charge [Ah] over each gap (a number of an interval)."""
+    """Charge over each gap [Ah]; `gaps` are numbers of intervals."""
     # ASSUME: In a gap of a record without a counter, a current that is the same on both sides
     # flowed all the time, and otherwise none did.
     same = np.abs(after[gaps] - before[gaps]) <= 0.1 * np.abs(after[gaps])
@@ -124,7 +370,7 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
     Refusal
         Fewer than two rows are left.
     """
-    kept = np.flatnonzero((flags & REMOVED) == 0)
+    kept = _kept(flags)
     if kept.size < 2:
         raise Refusal(f"{kept.size} of {flags.size} rows are left after cleaning")
     clean = {name: _blanked(column[kept]) for name, column in columns.items()}
@@ -142,6 +388,7 @@ def remove(columns: Mapping[str, np.ndarray], flags: np.ndarray) -> Cleaned:
 
 
 def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray) -> np.ndarray:
+    """Net charge of a clean series [Ah], by `net_charge`."""
     return net_charge(
         columns["test_time_second"],
         columns["current_ampere"],
@@ -151,7 +398,7 @@ def _charge(columns: Mapping[str, np.ndarray], gaps: np.ndarray) -> np.ndarray:
 
 
 def _at_open_circuit(columns: Mapping[str, np.ndarray], rests: RestReading) -> dict:
-    """The current with zero in the rests, and as it was read."""
+    """Columns of the current, zero in the rests, and of the current as it was logged [A]."""
     current = columns["current_ampere"].copy()
     for first, stop in zip(rests.first, rests.stop, strict=True):
         current[first:stop] = 0.0
@@ -159,7 +406,7 @@ def _at_open_circuit(columns: Mapping[str, np.ndarray], rests: RestReading) -> d
 
 
 def _blanked(column: np.ndarray) -> np.ndarray:
-    """A column with NaN for its marks of "no reading"; the row stays."""
+    """A column with NaN where the instrument marked "no reading"; no row is removed."""
     if not np.issubdtype(column.dtype, np.floating) or not (np.abs(column) > NO_READING).any():
         return column
     return np.where(np.abs(column) > NO_READING, np.nan, column)
@@ -172,8 +419,11 @@ def _actions(
     time, current, voltage = (columns[name] for name in SERIES)
     timed = Flag.OUT_OF_PLACE | Flag.CLOCK | Flag.GAP | Flag.REPEAT
     at_fault = np.where(np.abs(current) > NO_READING, current, voltage)
-    found = [(kind, (time if kind & timed else at_fault)) for kind in Flag]
-    lines = [(row, kind, by[row]) for kind, by in found for row in np.flatnonzero(flags & kind)]
+    lines = [
+        (row, kind, (time if kind & timed else at_fault)[row])
+        for kind in Flag
+        for row in np.flatnonzero(flags & kind)
+    ]
     if rests.verdict == "sensor":
         begins = zip(kept[rests.first], rests.mean_ampere, strict=True)
         lines += [(row, Flag.REST_READING, mean) for row, mean in begins]

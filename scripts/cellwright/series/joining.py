@@ -1,4 +1,8 @@
-"""The readings of one test as one series: files joined, clock and charge counter continued."""
+"""The readings of one test as one series: files joined, clock and counter continued, sign found.
+
+Cellwright counts charge positive, cyclers disagree. A cell's voltage rises when current is pushed
+in: at once, through its resistance, and slowly, through its state of charge. Both are looked at.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -7,20 +11,19 @@ import numpy as np
 
 from cellwright.formats import SIGN_RULE, Reading
 from cellwright.refusal import Refusal
-from cellwright.series.sign import charge_positive
 
 COUNTER = "net_capacity_ampere_hour"
 DATE_RESOLUTION = 2.0  # [s] what a date stamp of whole seconds may be wrong by, at either end
 
 
-class Joined(NamedTuple):
-    """One series, and how its files were put together."""
+class Assembled(NamedTuple):
+    """The files of one test as one series, and notes on how they were put together."""
 
-    columns: dict[str, np.ndarray]  # file_index says which file a row came from
+    columns: dict[str, np.ndarray]  # with file_index, the file that a row came from
     notes: tuple[str, ...]
 
 
-def join(series: Sequence[Mapping[str, np.ndarray]]) -> Joined:
+def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
     """Join the files of one test, given in time order.
 
     1. Where both files carry absolute time, the pause between them is the real one.
@@ -35,7 +38,7 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Joined:
 
     Returns
     -------
-    Joined
+    Assembled
 
     Raises
     ------
@@ -49,31 +52,30 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Joined:
         part, note = _continued(parts[-1], following, number)
         parts.append(part)
         notes.append(note)
+    sizes = [part["test_time_second"].size for part in parts]
+    unknown = [np.full(size, np.nan) for size in sizes]
     joined = {
-        name: np.concatenate(
-            [
-                (part[name] if name in part else np.full(part["test_time_second"].size, np.nan))
-                for part in parts
-            ]
-        )
+        name: np.concatenate([p.get(name, nan) for p, nan in zip(parts, unknown, strict=True)])
         for name in names
     }
-    sizes = [part["test_time_second"].size for part in parts]
-    return Joined({**joined, "file_index": np.repeat(np.arange(len(parts)), sizes)}, tuple(notes))
+    joined["file_index"] = np.repeat(np.arange(len(parts)), sizes)
+    return Assembled(joined, tuple(notes))
 
 
 def _continued(before: Mapping, after: Mapping, number: int) -> tuple[dict, str]:
-    """The next file on the clock and counter of the one before."""
+    """Columns of the next file on the clock and counter of the file before, and a note."""
     shift, note = _clock_shift(before, after, number)
     part = dict(after)
     part["test_time_second"] = after["test_time_second"] + shift
     if COUNTER in before and COUNTER in after:
-        part[COUNTER] = after[COUNTER] + _counter_shift(before[COUNTER], after[COUNTER])
+        # A counter that restarted goes on from the old level.
+        goes_on = abs(after[COUNTER][0] - before[COUNTER][-1]) <= abs(after[COUNTER][0])
+        part[COUNTER] = after[COUNTER] + (0.0 if goes_on else float(before[COUNTER][-1]))
     return part, note
 
 
 def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, str]:
-    """Seconds to add to the clock of a file, and where they come from."""
+    """Time to add to the clock of a file [s], and a note on where it comes from."""
     end, start = before["test_time_second"][-1], after["test_time_second"][0]
     interval = _sampling(after["test_time_second"])
     if "unix_time_second" in before and "unix_time_second" in after:
@@ -83,9 +85,8 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
                 f"file {number} begins {-pause:g} s before file {number - 1} ends, by their dates; "
                 "files must be given in time order"
             )
-        return end + max(
-            pause, interval
-        ) - start, f"file {number} follows after {pause:g} s (dates)"
+        shift = end + max(pause, interval) - start
+        return shift, f"file {number} follows after {pause:g} s (dates)"
     # A clock that had started anew would show about one sampling interval in its first row.
     if start > end and start > 2 * interval:
         return 0.0, f"file {number} follows after {start - end:g} s (its clock goes on)"
@@ -94,13 +95,13 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
 
 
 def _sampling(time: np.ndarray) -> float:
-    """Typical interval [s] between the first rows."""
+    """Median interval between the first 20 rows [s]; 1 s where the clock stands still."""
     steps = np.diff(time[:20])
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
 
 
 def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The same with a counter that goes on where the instrument set it to zero within the file.
+    """Columns with an ampere-hour counter without the resets that the instrument made in the file.
 
     A reset jumps by far more than the current could have moved, and lands near zero.
     """
@@ -115,17 +116,214 @@ def _with_steady_counter(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     return {**columns, COUNTER: counter[0] + np.concatenate([[0.0], np.cumsum(moved)])}
 
 
-def _counter_shift(before: np.ndarray, after: np.ndarray) -> float:
-    """What to add to a counter [Ah]: nothing where it goes on, the old level where it restarted."""
-    goes_on = abs(after[0] - before[-1]) <= abs(after[0])
-    return 0.0 if goes_on else float(before[-1])
+CONVENTIONS = {"charge_positive": 1, "discharge_positive": -1}
+NO_READING = 1e30  # beyond it stands an instrument's mark, not a number
+NO_CURRENT = "no current flows"
+MAGNITUDES = "the current never changes its sign while the voltage shows charge and discharge"
+LAGS = (0, -1, 1, 2)  # samples by which the voltage's channel may lag that of the current
+SHORTEST_TREND = 100.0  # [s] below it the resistance's relaxation hides the state of charge
+LONGEST_STEP = 300.0  # [s] beyond it the state of charge, not the resistance, moved the voltage
 
 
-class Assembled(NamedTuple):
-    """One series and what a person should know of how it came about."""
+class Sign(NamedTuple):
+    """Sign of the current according to the data, and how clear it is."""
+
+    sign: int  # +1 charge positive, -1 discharge positive, 0 the data cannot tell
+    evidence: float  # -1 … 1: how far steps and trends agree on it
+    reason: str
+
+
+def current_sign(
+    test_time_second: np.ndarray,
+    current_ampere: np.ndarray,
+    voltage_volt: np.ndarray,
+    *,
+    clear: float = 0.8,
+) -> Sign:
+    """Sign of the current, from steps and trends of the voltage that follow the current.
+
+    1. Steps: where the current changes by more than a tenth of its largest change, the voltage
+       must change in the same direction (its channel may lag by one or two samples). Votes weigh
+       by ΔI·ΔV.
+    2. Trend: over each long stretch of steady current the voltage must move in the direction of
+       the current. Votes weigh by ampere-hours.
+    3. Where both can be asked they must agree: a record of magnitudes, with charge and discharge
+       both positive, does not pass.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, voltage_volt : arrays [s], [A], [V]
+    clear : float
+        Evidence [-1…1, magnitude] below which the data cannot tell.
+
+    Returns
+    -------
+    Sign
+    """
+    good = np.isfinite(test_time_second) & (np.abs(current_ampere) < NO_READING)
+    good &= np.isfinite(voltage_volt)
+    time, current, voltage = (x[good] for x in (test_time_second, current_ampere, voltage_volt))
+    if time.size < 2 or not np.any(current):
+        return Sign(0, 0.0, NO_CURRENT)
+    step, trend = _step_vote(time, current, voltage), _trend_vote(time, current, voltage)
+    # Apart from noise around zero the current is never negative: the instrument may log its size.
+    unsigned = current.min() > -0.02 * current.max()
+    if unsigned and abs(step if np.isnan(trend) else trend) < 0.7:
+        return Sign(0, 0.0, MAGNITUDES)
+    return _verdict(step, trend, clear)
+
+
+def _verdict(step: float, trend: float, clear: float) -> Sign:
+    """The sign that step vote and trend vote (-1 … 1) agree on; a vote of NaN does not count."""
+    vote_text = f"steps {step:+.2f}, trend {trend:+.2f}".replace("+nan", "none")
+    if np.isnan(step) and np.isnan(trend):
+        return Sign(0, 0.0, "the current neither steps nor moves the voltage")
+    evidence, threshold = _agreed(step, trend), clear
+    if np.isnan(step) or np.isnan(trend):  # one vote alone has to be clearer
+        threshold = 0.5 * (1 + clear)
+    if abs(evidence) < threshold:
+        return Sign(0, evidence, f"voltage and current contradict each other ({vote_text})")
+    return Sign(int(np.sign(evidence)), evidence, vote_text)
+
+
+def _agreed(step: float, trend: float) -> float:
+    """Mean of step vote and trend vote (-1 … 1); 0 where they differ in sign.
+
+    Where the tester sets the voltage (holds, dithers), it does not follow the steps of the current:
+    where the step vote is unclear, a unanimous trend alone decides.
+    """
+    if np.isnan(step) or np.isnan(trend):
+        return float(np.nansum([step, trend]))
+    if abs(step) < 0.5 and abs(trend) > 0.9:
+        return trend
+    return 0.5 * (step + trend) if step * trend > 0 else 0.0
+
+
+def _step_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> float:
+    """Σ ΔI·ΔV over Σ |ΔI·ΔV| (-1 … 1) at the steps of the current, at the best lag of channels."""
+    change, moved = np.diff(current), np.diff(voltage)
+    least = max(0.1 * np.abs(change).max(), 0.05 * np.abs(current).max())
+    rows = np.flatnonzero(np.abs(change) > least)
+    rows = rows[np.diff(time)[rows] < LONGEST_STEP]
+    sums = np.array([_lagged(change, moved, rows, lag) for lag in LAGS])
+    best = np.argmax(np.abs(sums[:, 0]) * (1, 0.5, 0.5, 0.5))  # no lag, unless one fits far better
+    agreed, total = sums[best]
+    return float(agreed / total) if total > 0 else np.nan
+
+
+def _lagged(change: np.ndarray, moved: np.ndarray, rows: np.ndarray, lag: int) -> tuple:
+    """Σ ΔI·ΔV and Σ |ΔI·ΔV| [AV] with the voltage `lag` samples behind the current."""
+    paired = rows[(rows + lag >= 0) & (rows + lag < moved.size)]
+    product = change[paired] * moved[paired + lag]
+    return product.sum(), np.abs(product).sum()
+
+
+def _trend_vote(time: np.ndarray, current: np.ndarray, voltage: np.ndarray) -> float:
+    """Share of the charge (-1 … 1) of long steady currents that the voltage moves along with.
+
+    NaN where such stretches carry less than half of the charge: a drive cycle has no trend.
+    """
+    start, end = _stretches(time, current)
+    charge = current[start] * (time[end] - time[start])
+    moved = voltage[end] - voltage[start]
+    interval = np.diff(time)
+    flowed = 0.5 * np.abs(current[1:] + current[:-1]) * np.abs(interval)
+    long = (time[end] - time[start] > SHORTEST_TREND) & (moved != 0)
+    weight = np.abs(charge[long]).sum()
+    if weight < 0.4 * flowed[interval < LONGEST_STEP].sum():  # half, less the fifth left out below
+        return np.nan
+    return float(np.sum(charge[long] * np.sign(moved[long])) / weight)
+
+
+def _stretches(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and last rows of the stretches of steady current, past the first fifth's relaxation."""
+    steps = np.abs(np.diff(current)) > 0.05 * np.abs(current).max()
+    breaks = np.flatnonzero(steps | (np.diff(time) > LONGEST_STEP)) + 1
+    first = np.concatenate([[0], breaks])
+    length = np.diff(np.concatenate([first, [time.size]]))
+    level = np.repeat(current[first + np.minimum(2, length - 1)], length)
+    # A hold's taper is no step, but no steady current either: a stretch ends where it begins.
+    held = np.abs(current - level) < 0.1 * np.abs(level)
+    end = np.maximum.reduceat(np.where(held, np.arange(time.size), 0), first)
+    end = np.maximum(end, first)
+    return first + (end - first) // 5, end
+
+
+class Signed(NamedTuple):
+    """A series with its current positive on charge."""
 
     columns: dict[str, np.ndarray]
-    notes: tuple[str, ...]
+    note: str  # what was decided and why; empty where nothing is worth saying
+
+
+def charge_positive(
+    columns: Mapping[str, np.ndarray], *, stated: str | None = None, default: str | None = None
+) -> Signed:
+    """Turn the current of a series, and its branches and counter, positive on charge.
+
+    Parameters
+    ----------
+    columns : mapping of arrays
+        test_time_second [s], current_ampere [A], voltage_volt [V]; branch_…_current_ampere [A] and
+        net_capacity_ampere_hour [Ah] where there are any.
+    stated : {None, "charge_positive", "discharge_positive"}
+        What the sheet says of the file.
+    default : {None, "charge_positive", "discharge_positive"}
+        What the file's format says; it serves where the data cannot tell.
+
+    Raises
+    ------
+    Refusal
+        The data clearly contradict what is stated, or show magnitudes only; or nothing is stated
+        and nothing can tell.
+    """
+    series = ("test_time_second", "current_ampere", "voltage_volt")
+    shown = current_sign(*(columns[name] for name in series))
+    sign, note = _decided(shown, stated, default)
+    return Signed(_turned(columns, sign), note)
+
+
+def _decided(shown: Sign, stated: str | None, default: str | None) -> tuple[int, str]:
+    """Sign to use (+1 or -1), and a note where it is not what the data and the sheet both say."""
+    rule = stated or default
+    if shown.reason == NO_CURRENT:
+        return CONVENTIONS[rule or "charge_positive"], f"{NO_CURRENT}: its sign does not matter"
+    if shown.reason == MAGNITUDES or not (shown.sign or rule):
+        raise Refusal(
+            f"the data cannot tell the sign of the current: {shown.reason}; "
+            f"state current_sign ({' or '.join(CONVENTIONS)}) of a signed current"
+        )
+    if not shown.sign:
+        return CONVENTIONS[rule], f"current taken as {rule}: the data cannot tell ({shown.reason})"
+    direction = "charge_positive" if shown.sign > 0 else "discharge_positive"
+    if stated and stated != direction:
+        raise Refusal(
+            f"current_sign says {stated}, the voltage shows {direction} ({shown.reason}); "
+            "correct the sheet, or leave it blank"
+        )
+    against = f"current is {direction} by its voltage, against the format's rule {default}"
+    return shown.sign, "" if stated or default in (None, direction) else against
+
+
+def _turned(columns: Mapping[str, np.ndarray], sign: int) -> dict[str, np.ndarray]:
+    """Columns with all currents times the sign, and the counter rising with charge."""
+    turned = dict(columns)
+    for name in columns:
+        if name.endswith("current_ampere"):
+            turned[name] = columns[name] * sign
+    counter = columns.get("net_capacity_ampere_hour")
+    if counter is not None:
+        turned["net_capacity_ampere_hour"] = counter * _counter_sign(turned)
+    return turned
+
+
+def _counter_sign(columns: Mapping[str, np.ndarray]) -> int:
+    """-1 where the instrument's counter falls while charge flows in, else 1."""
+    time, current = columns["test_time_second"], columns["current_ampere"]
+    counter = columns["net_capacity_ampere_hour"]
+    flowed = 0.5 * (current[1:] + current[:-1]) * np.diff(time)
+    steady = np.abs(np.diff(current)) <= 0.5 * np.abs(current[1:])
+    return -1 if np.nansum((flowed * np.diff(counter))[steady]) < 0 else 1
 
 
 def assemble(readings: Sequence[Reading], *, stated_sign: str | None = None) -> Assembled:

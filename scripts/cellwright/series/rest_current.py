@@ -11,18 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 SIGMAS = 4.0  # beyond which chance is ruled out, with some tens of rests to look at
-AT_ONCE = 0.5  # of the resistance that a step of load shows: there without delay
+PROMPT_SHARE = 0.5  # of the resistance that a step of load shows: there without delay
 LOAD_STEP = 0.2  # of the largest current: a step that shows the resistance
 STEP_SECOND = 2.0  # after a step: later the cell has polarised, and the resistance is another
-TWICE = 2  # rests that must say so: one may be disturbed
-ENOUGH = 0.01  # of the charge that a record moves: a load that the cell relaxes from
+LEAST_RESTS = 2  # rests that must say so: one may be disturbed
+LEAST_CHARGE_SHARE = 0.01  # of the charge that a record moves: a load that the cell relaxes from
 # ASSUME: The open-circuit voltage changes with temperature by half a millivolt a kelvin at most.
 ENTROPIC_VOLT_PER_KELVIN = 5e-4
-FEWEST = 8  # rows in each half of a rest
+LEAST_ROWS = 8  # rows in each half of a rest
 
 
 class Evidence(StrEnum):
-    """What a piece of evidence takes the reading for."""
+    """What the evidence says the reading in rests is."""
 
     SENSOR = "sensor"
     CURRENT = "current"
@@ -30,15 +30,16 @@ class Evidence(StrEnum):
 
 
 class Judgement(NamedTuple):
-    """A verdict, why, and the share of the reading's changes that may be a current, at most."""
+    """Verdict of one test, its reason, and the largest share of the reading's changes [1] that may
+    be a current."""
 
     verdict: Evidence
     why: str
     share: float = 1.0
 
 
-def free(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """Rests in which the voltage moves by more than its scatter: no charger holds it.
+def relaxing_rests(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """Mask (k,) of rests in which the voltage moves by more than its scatter: no charger holds it.
 
     A small current at a held voltage is a current, though the voltage knows nothing of it.
 
@@ -51,15 +52,17 @@ def free(voltage: np.ndarray, first: np.ndarray, stop: np.ndarray) -> np.ndarray
     -------
     (k,) array of bool
     """
-    found = np.zeros(len(first), dtype=bool)
+    moves = np.zeros(len(first), dtype=bool)
     for rest, (a, b) in enumerate(zip(first, stop, strict=True)):
         late = voltage[(a + b) // 2 : b]
-        found[rest] = abs(voltage[a] - late.mean()) > SIGMAS * late.std()
-    return found
+        moves[rest] = abs(voltage[a] - late.mean()) > SIGMAS * late.std()
+    return moves
 
 
-def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Judgement:
-    """Whether the voltage answers the changes of the reading in rests as it answers a load.
+def judge_by_response(
+    columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray
+) -> Judgement:
+    """Judgement by the voltage's answer to changes of the reading in rests, compared with a load.
 
     From sample to sample a current moves the voltage by its ohmic resistance. Compared is the
     slope of the voltage's changes over the reading's, in the second halves of the rests, with the
@@ -67,7 +70,7 @@ def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndar
 
     Parameters
     ----------
-    columns : mapping of arrays, as in `rest_reading.rest_reading`
+    columns : mapping of arrays, as in `rest_reading`
     first, stop : (k,) rows of each rest
 
     Returns
@@ -83,23 +86,25 @@ def answered(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndar
     for a, b in zip((first + stop) // 2, stop, strict=True):
         late[a + 1 : b - 2] = True
     power = float(np.sum(step[late] ** 2))
-    at = np.flatnonzero(late)
+    late_rows = np.flatnonzero(late)
     if not large.any() or not power > 0 or not np.any(answer[late]):
         return Judgement(Evidence.NONE, "the voltage answers no change that could be compared")
     load = float(np.median(answer[large] / step[large]))
-    slopes = [float(step[at] @ answer[at + lag]) / power for lag in (-1, 0, 1)]
+    slopes = [float(step[late_rows] @ answer[late_rows + lag]) / power for lag in (-1, 0, 1)]
     std = float(answer[late].std()) / np.sqrt(power)
     slope, bound = max(slopes), max(slopes) + SIGMAS * std
-    share = float(np.clip(bound / (AT_ONCE * load), 0.0, 1.0)) if load > 0 else 1.0
+    share = float(np.clip(bound / (PROMPT_SHARE * load), 0.0, 1.0)) if load > 0 else 1.0
     seen = f"its changes move the voltage by {1e3 * slope:.2g} ± {1e3 * std:.1g} mOhm"
     why = f"{seen}, where steps of load show {1e3 * load:.3g} mOhm"
-    if slope - SIGMAS * std > AT_ONCE * load:
+    if slope - SIGMAS * std > PROMPT_SHARE * load:
         return Judgement(Evidence.CURRENT, why, share)
     return Judgement(Evidence.SENSOR if share < 1.0 else Evidence.NONE, why, share)
 
 
-def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray) -> Judgement:
-    """Whether the voltage of rests moves as the charge of the reading would have moved it.
+def judge_by_drift(
+    columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarray
+) -> Judgement:
+    """Judgement by the voltage's drift in rests, compared with what the reading's charge would do.
 
     Over the second half of a rest a real current moves the voltage by charge times the slope of
     the open-circuit voltage, taken from the ends of the rests beside, the flattest of them. What
@@ -111,7 +116,7 @@ def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarr
 
     Parameters
     ----------
-    columns : mapping of arrays, as in `rest_reading.rest_reading`
+    columns : mapping of arrays, as in `rest_reading`
     first, stop : (k,) rows of each rest
 
     Returns
@@ -121,79 +126,82 @@ def drifted(columns: Mapping[str, np.ndarray], first: np.ndarray, stop: np.ndarr
     voltage, charge = columns["voltage_volt"], columns["charge_ampere_hour"]
     before = np.r_[0, stop[:-1] - 1]
     pairs = list(zip(first, stop, strict=True))
-    ends = np.array([np.median(voltage[max(a, b - FEWEST) : b]) for a, b in pairs])
+    ends = np.array([np.median(voltage[max(a, b - LEAST_ROWS) : b]) for a, b in pairs])
     unmoved = turned = 0
     for rest, (a, b) in enumerate(pairs):
-        slope = _flattest(charge[stop - 1], ends, rest, stop - first)
-        relaxes = -_one_way(charge[before[rest] : a + 1], np.ptp(charge))
-        if slope is None or relaxes == 0 or b - a < 4 * FEWEST:
+        slope = _least_slope(charge[stop - 1], ends, rest, stop - first)
+        relaxes = -_load_sign(charge[before[rest] : a + 1], np.ptp(charge))
+        if slope is None or relaxes == 0 or b - a < 4 * LEAST_ROWS:
             continue
         late = slice((a + b) // 2, b)
         asked = slope * _change(charge[late])[0]
         moved, std = _change(voltage[late])
-        std = float(np.hypot(std, ENTROPIC_VOLT_PER_KELVIN * _warmed(columns, late)))
+        std = float(np.hypot(std, ENTROPIC_VOLT_PER_KELVIN * _temperature_change(columns, late)))
         asked, moved = relaxes * asked / std, relaxes * moved / std
         unmoved += asked > SIGMAS and moved < asked - SIGMAS
         turned += asked < -SIGMAS and moved < -SIGMAS
-    if unmoved >= TWICE and not turned:
+    if unmoved >= LEAST_RESTS and not turned:
         why = f"in {unmoved} of them its charge would have moved the voltage further than it went"
         return Judgement(Evidence.SENSOR, why)
-    if turned >= TWICE and not unmoved:
+    if turned >= LEAST_RESTS and not unmoved:
         why = f"in {turned} of them the voltage turns against its relaxation, as a load makes it"
         return Judgement(Evidence.CURRENT, why)
     return Judgement(Evidence.NONE, "the voltage of the rests tells neither")
 
 
-def _one_way(charge: np.ndarray, span: float) -> float:
-    """Sign of a load that moved charge one way only, and enough of it; else 0."""
+def _load_sign(charge: np.ndarray, span: float) -> float:
+    """Sign of a load that moved enough charge in one direction only; else 0."""
     moved = charge[-1] - charge[0]
     there_and_back = np.abs(np.diff(charge)).sum() - abs(moved)
-    enough = abs(moved) > ENOUGH * span and there_and_back < ENOUGH * abs(moved)
+    enough = abs(moved) > LEAST_CHARGE_SHARE * span and there_and_back < LEAST_CHARGE_SHARE * abs(
+        moved
+    )
     return float(np.sign(moved)) if enough else 0.0
 
 
-def _warmed(columns: Mapping, late: slice) -> float:
-    """By how much the cell's temperature changes over a stretch [K], 0 where nobody measured it."""
+def _temperature_change(columns: Mapping, late: slice) -> float:
+    """Change of temperature over a stretch [K], of cell or chamber; 0 where not measured."""
     names = ("surface_temperature_celsius", "ambient_temperature_celsius")
-    known = [columns[name][late] for name in names if name in columns]
-    return max((float(np.nan_to_num(abs(_change(c)[0]))) for c in known), default=0.0)
+    temperatures = [columns[name][late] for name in names if name in columns]
+    return max((float(np.nan_to_num(abs(_change(c)[0]))) for c in temperatures), default=0.0)
 
 
-def _flattest(charge: np.ndarray, volt: np.ndarray, rest: int, rows: np.ndarray) -> float | None:
-    """Smallest slope [V/Ah] from the end of a rest to those beside it; None where it is not known.
+def _least_slope(charge: np.ndarray, volt: np.ndarray, rest: int, rows: np.ndarray) -> float | None:
+    """Smallest slope of the OCV [V/Ah] between the ends of a rest and its neighbours, or None.
 
-    Rests that are half as long or more tell it, less than a hundredth of the charge away none; no
-    slope is negative.
+    Neighbours count that are at least half as long and at least a hundredth of the record's charge
+    away. A negative slope counts as 0.
     """
-    known = []
-    far = np.abs(charge - charge[rest]) > ENOUGH * np.ptp(charge)
+    slopes = []
+    far = np.abs(charge - charge[rest]) > LEAST_CHARGE_SHARE * np.ptp(charge)
     for others in (np.arange(rest)[::-1], np.arange(rest + 1, len(charge))):
-        told = others[far[others] & (rows[others] >= rows[rest] / 2)]
-        if told.size:
-            known.append((volt[told[0]] - volt[rest]) / (charge[told[0]] - charge[rest]))
-    return max(min(known), 0.0) if known else None
+        chosen = others[far[others] & (rows[others] >= rows[rest] / 2)]
+        if chosen.size:
+            slopes.append((volt[chosen[0]] - volt[rest]) / (charge[chosen[0]] - charge[rest]))
+    return max(min(slopes), 0.0) if slopes else None
 
 
 def _change(values: np.ndarray) -> tuple[float, float]:
     """Change from the first to the last quarter of a stretch, and its standard deviation.
 
-    The scatter about a parabola, widened by how far neighbours agree, with half a digit beside it.
+    The deviation is the scatter about a parabola, widened for correlated neighbours, and the
+    resolution of the values.
     """
     quarter = max(len(values) // 4, 2)
-    at = np.linspace(-1.0, 1.0, len(values))
-    left = values - np.polyval(np.polyfit(at, values, 2), at)
-    power = float(left @ left)
-    lags = np.array([left[k:] @ left[:-k] for k in range(1, max(len(left) // 4, 2))])
+    position = np.linspace(-1.0, 1.0, len(values))
+    residual = values - np.polyval(np.polyfit(position, values, 2), position)
+    power = float(residual @ residual)
+    lags = np.array([residual[k:] @ residual[:-k] for k in range(1, max(len(residual) // 4, 2))])
     zero = int(np.argmax(lags <= 0)) if np.any(lags <= 0) else len(lags)
     widened = 1.0 + 2.0 * lags[:zero].sum() / power if power > 0 else 1.0
     digit = np.diff(np.unique(values)).min(initial=np.ptp(values) or 0.0)
-    std = np.sqrt(left.var() * widened * 2.0 / quarter + digit**2 / 12.0)
+    std = np.sqrt(residual.var() * widened * 2.0 / quarter + digit**2 / 12.0)
     return float(values[-quarter:].mean() - values[:quarter].mean()), float(std)
 
 
-NEAR_ZERO = 0.01  # of a record's largest current: what is no step of it, as in `flags.flag`
+NEAR_ZERO = 0.01  # of a record's largest current: what is no step of it, as in `cleaning.flag`
 REST_SECOND = 60.0
-EXCURSION_SECOND = 10.0  # a longer reading beyond that is a load, as in `runs.rest_rows`
+EXCURSION_SECOND = 10.0  # a longer reading beyond that is a load, as in `steps.rest_rows`
 LEAST_SHARE = 0.003  # of the charge a record moves: as sure as a counted SoC is taken to be
 
 
@@ -214,7 +222,7 @@ class RestReading(NamedTuple):
 
 
 def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
-    """Find what a record reads in its rests, and whether the cell's voltage knows of it.
+    """Reading of the current in the rests of a record, and whether it is a current.
 
     1. A rest is a stretch of a minute or more within 1 % of the record's largest current that a
     load steps into, and in which the voltage is free to relax. 2. What its readings move must
@@ -238,7 +246,7 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
         columns[name] for name in ("test_time_second", "current_ampere", "charge_ampere_hour")
     )
     first, stop = open_circuit(time, current)
-    relaxing = free(columns["voltage_volt"], first, stop)
+    relaxing = relaxing_rests(columns["voltage_volt"], first, stop)
     first, stop = first[relaxing], stop[relaxing]
     means = np.array([current[a:b].mean() for a, b in zip(first, stop, strict=True)])
     hours = time / 3600.0
@@ -269,7 +277,7 @@ def rest_reading(columns: Mapping[str, np.ndarray]) -> RestReading:
 
 
 def as_logged(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """A clean series as its instrument read it: for whoever searches for faults of the reading.
+    """A clean series with the current as it was logged, for the search for faults of the sensor.
 
     Parameters
     ----------
@@ -282,8 +290,8 @@ def as_logged(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     if "logged_current_ampere" not in series:
         return dict(series)
     logged, hours = series["logged_current_ampere"], series["test_time_second"] / 3600.0
-    more = logged - series["current_ampere"]
-    added = np.concatenate([[0.0], np.cumsum((more[1:] + more[:-1]) / 2 * np.diff(hours))])
+    removed = logged - series["current_ampere"]
+    added = np.concatenate([[0.0], np.cumsum((removed[1:] + removed[:-1]) / 2 * np.diff(hours))])
     charge = series["charge_ampere_hour"] + added
     return {**series, "current_ampere": logged, "charge_ampere_hour": charge}
 
@@ -314,7 +322,7 @@ def open_circuit(time: np.ndarray, current: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float) -> float:
-    """What a record reads at rest [A] where that is above `rest_ampere`, else 0.
+    """Median current that a record logs at rest [A] where it exceeds `rest_ampere`, else 0.
 
     An offset of the reading larger than what counts as rest would turn every rest into a load.
 
@@ -329,17 +337,17 @@ def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float)
 
 
 def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tuple[str, str]:
-    """Whether the reading is the sensor's, a current, or unknown; and why."""
-    by_counter = _counted(columns, rests)
+    """Verdict "sensor", "current" or "unknown" on the reading in rests, and its reason."""
+    by_counter = _judge_by_counter(columns, rests)
     if by_counter:
         return by_counter
-    answer = answered(columns, rests.first, rests.stop)
-    drift = drifted(columns, rests.first, rests.stop)
+    answer = judge_by_response(columns, rests.first, rests.stop)
+    drift = judge_by_drift(columns, rests.first, rests.stop)
     mean = abs(readings.mean())
     error = readings.std() * np.sqrt(1.0 - answer.share)
     if answer.verdict == Evidence.CURRENT or drift.verdict == Evidence.CURRENT:
-        told = answer if answer.verdict == Evidence.CURRENT else drift
-        return "current", told.why
+        judgement = answer if answer.verdict == Evidence.CURRENT else drift
+        return "current", judgement.why
     if drift.verdict == Evidence.SENSOR:
         return "sensor", drift.why
     # ASSUME: A tester's output is open between loads, unless its reading or the voltage say else.
@@ -348,8 +356,8 @@ def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tupl
     return "unknown", f"nothing tells a small load from an offset of the sensor ({answer.why})"
 
 
-def _counted(columns: Mapping, rests: RestReading) -> tuple[str, str] | None:
-    """What the instrument's own counter says of the rests, None without one."""
+def _judge_by_counter(columns: Mapping, rests: RestReading) -> tuple[str, str] | None:
+    """Verdict and reason by the instrument's own counter; None where it has none."""
     counter = columns.get("net_capacity_ampere_hour")
     if counter is None or not np.any(np.diff(counter[np.isfinite(counter)])):
         return None

@@ -1,23 +1,201 @@
-"""A record cut into steps: rest, constant current, held voltage, pulse, dynamic load."""
+"""A record cut into steps: rest, constant current, held voltage, pulse, dynamic load.
+
+A run is a stretch between two edges, the raw material of a step. An edge is a step of current that
+the voltage answers; where the current falls while the voltage stands still, the tester holds the
+voltage and there is no edge.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.refusal import Refusal
-from cellwright.series.runs import (
-    Sampled,
-    drop_noise,
-    edge_rows,
-    gap_rows,
-    hold_tolerance,
-    join_transients,
-    rest_rows,
-    runs,
-)
 from cellwright.settings import Segment
 
 SEGMENT = Segment()
+
+EDGE_C_RATE = (0.01, 0.03)  # a step of current within six sigma of its noise is none; bounds
+EDGE_SHARE = 0.05  # nor is one below this share of the current itself
+SPECK_C_RATE = 0.05  # one or two samples off by less than this between equal levels are noise
+SPECK_SHARE = 0.2
+TRANSIENT_SECOND = 1.0  # rise and fall of the tester's output
+EXCURSION_SECOND = 10.0
+HOLD_FLOOR_VOLT = 0.003
+HOLD_CEILING_VOLT = 0.010
+
+
+class Sampled(NamedTuple):
+    """Columns that segmentation reads, (n,) each: time [s], current [A], voltage [V]; masks of rows
+    after a gap and of rows at rest."""
+
+    time: np.ndarray
+    current: np.ndarray
+    voltage: np.ndarray
+    gap: np.ndarray
+    rest: np.ndarray
+
+
+class Runs(NamedTuple):
+    """One entry a run: first and last row (inclusive), mean current `level` [A], length `span` [s],
+    whether it is a rest, whether it begins after a gap."""
+
+    first: np.ndarray
+    last: np.ndarray
+    level: np.ndarray
+    span: np.ndarray
+    rest: np.ndarray
+    gap: np.ndarray
+
+
+def gap_rows(time, file_index, *, gap_second):
+    """Mask (n,) of rows before which the record has a gap, longer than `gap_second` [s].
+
+    A slow sampling rate is no gap: the interval must exceed five times both its neighbours.
+    """
+    interval = np.diff(time, prepend=time[0])
+    neighbour = np.maximum(np.roll(interval, 1), np.roll(interval, -1))
+    neighbour[[0, -1]] = interval[[-2, -2]] if len(interval) > 2 else 0.0
+    return (interval > np.maximum(gap_second, 5 * neighbour)) | (np.diff(file_index, prepend=0) > 0)
+
+
+def rest_rows(time, current, *, threshold, rated):
+    """Mask (n,) of rows at rest; to leave rest the current must exceed twice the threshold [A].
+
+    A small and short excursion between two rests is an error of the sensor, not a load.
+    """
+    size = np.abs(current)
+    decided = (size <= threshold) | (size > 2 * threshold)
+    decided[0] = True
+    latest = np.maximum.accumulate(np.where(decided, np.arange(len(size)), 0))
+    rest = size[latest] <= threshold
+    turns = np.flatnonzero(np.diff(rest))  # last rows of stretches, rest and load in turn
+    leaves, returns = turns[rest[turns]], turns[~rest[turns]]
+    returns = returns[returns > leaves[0]] if len(leaves) else returns[:0]
+    for begin, end in zip(leaves + 1, returns, strict=False):
+        if time[end] - time[begin] <= EXCURSION_SECOND:
+            rest[begin : end + 1] = size[begin : end + 1].max() <= SPECK_C_RATE * rated
+    return rest
+
+
+def hold_tolerance(voltage, rest):
+    """Largest deviation of a held voltage [V]: four sigma of the noise at rest, within bounds."""
+    pairs = np.abs(np.diff(voltage))[rest[1:] & rest[:-1]]
+    noise = 1.4826 * np.median(pairs) if len(pairs) else 0.0
+    return float(np.clip(4 * noise, HOLD_FLOOR_VOLT, HOLD_CEILING_VOLT))
+
+
+def held_rows(record, tolerance):
+    """Mask (n,) of rows at which the current falls and the voltage does not: a held voltage.
+
+    One sample more on either side is compared, for testers that do not sample their two channels
+    together.
+    """
+    current, voltage, rows = record.current, record.voltage, np.arange(len(record.current))
+    falls = np.abs(current) <= np.abs(np.roll(current, 1))
+    same_sign = np.sign(current) == np.sign(np.roll(current, 1))
+    move = voltage[np.minimum(rows + 1, len(rows) - 1)] - voltage[np.maximum(rows - 2, 0)]
+    near = voltage - np.roll(voltage, 1)
+    gives = np.minimum(np.sign(current) * move, np.sign(current) * near) < -tolerance
+    return falls & same_sign & ~gives
+
+
+def edge_rows(record, rated, tolerance):
+    """Mask (n,) of rows that begin a run; the first row always does."""
+    size = np.abs(record.current)
+    change = np.diff(record.current, prepend=record.current[0])
+    noise = 1.05 * np.median(np.abs(change[~record.rest])) if not record.rest.all() else 0.0
+    least = np.clip(6 * noise, EDGE_C_RATE[0] * rated, EDGE_C_RATE[1] * rated)
+    bar = np.maximum(least, EDGE_SHARE * np.maximum(size, np.roll(size, 1)))
+    stepped = np.abs(change) > bar
+    turned = np.diff(record.rest, prepend=record.rest[0])
+    edges = (stepped & ~held_rows(record, tolerance) & ~(record.rest & ~turned)) | turned
+    edges |= record.gap
+    edges[0] = True
+    return edges
+
+
+def runs(record, edges):
+    """Runs between the edges; a run lasts from the last sample before it to its own last."""
+    first = np.flatnonzero(edges)
+    last = np.append(first[1:], len(edges)) - 1
+    level = np.add.reduceat(record.current, first) / (last - first + 1)
+    gap = record.gap[first] | (first == 0)
+    begin = record.time[np.where(gap, first, first - 1)]
+    return Runs(first, last, level, record.time[last] - begin, record.rest[first], gap)
+
+
+def drop_noise(record, edges, rated):
+    """Record with its rests corrected, and edges without those that stray samples made."""
+    for _ in range(3):
+        record, edges = _drop_specks(record, edges, rated)
+        stretches = runs(record, edges)
+        before = np.roll(stretches.level, 1)
+        bar = np.maximum(EDGE_C_RATE[0] * rated, EDGE_SHARE * np.abs(before))
+        equal = (np.abs(stretches.level - before) < bar) & (
+            stretches.rest == np.roll(stretches.rest, 1)
+        )
+        edges[stretches.first[equal & ~stretches.gap]] = False
+    return record, edges
+
+
+def _drop_specks(record, edges, rated):
+    """Record and edges with one or two stray samples joined to equal levels or a rest beside."""
+    stretches = runs(record, edges)
+    before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
+    bar = np.maximum(SPECK_C_RATE * rated, SPECK_SHARE * np.abs(before))
+    brief = (stretches.last - stretches.first < 2) & (np.arange(len(bar)) < len(bar) - 1)
+    without_gap = ~stretches.gap & ~np.roll(stretches.gap, -1)
+    speck = (
+        brief
+        & without_gap
+        & (np.abs(stretches.level - before) < bar)
+        & (np.abs(before - after) < bar / 2)
+    )
+    faint = brief & ~stretches.rest & (np.abs(stretches.level) < SPECK_C_RATE * rated) & ~speck
+    faint &= np.maximum(np.abs(before), np.abs(after)) > 5 * np.abs(stretches.level)
+    onset = faint & np.where(stretches.first == 0, ~np.roll(stretches.rest, -1), False)
+    trail = faint & np.roll(stretches.rest & ~stretches.gap, -1)
+    lead = faint & np.roll(stretches.rest, 1) & ~stretches.gap & ~trail
+    edges, rest = edges.copy(), record.rest.copy()
+    edges[stretches.first[speck | lead]] = edges[stretches.first[np.roll(speck | trail, 1)]] = False
+    rest_after = np.where(speck, np.roll(stretches.rest, 1), True)
+    chosen = speck | onset | trail | lead
+    size = stretches.last - stretches.first + 1
+    rest[np.repeat(chosen, size)] = np.repeat(rest_after[chosen], size[chosen])
+    return record._replace(rest=rest), edges
+
+
+def join_transients(record, edges):
+    """Edges without those within the rise or fall of the tester's output."""
+    for _ in range(8):
+        stretches = runs(record, edges)
+        onward, backward = _transients(stretches)
+        edges = edges.copy()
+        edges[stretches.first[np.roll(onward, 1)]] = edges[stretches.first[backward]] = False
+        if not (onward.any() or backward.any()):
+            return edges
+    return edges
+
+
+def _transients(stretches):
+    """Masks of runs that are the rise of the next run, and the fall of the one before."""
+    before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
+    longer = np.roll(stretches.span, -1), np.roll(stretches.span, 1)
+    between = (stretches.level - before) * (after - stretches.level) >= 0
+    rise = between | (np.roll(stretches.rest, 1) & (stretches.level * after > 0))
+    brief = ~stretches.rest & ~stretches.gap & (stretches.span <= TRANSIENT_SECOND)
+    few = ~stretches.rest & ~stretches.gap & (stretches.last - stretches.first < 2)
+    onward = rise & ~np.roll(stretches.rest | stretches.gap, -1)
+    onward &= (brief & (longer[0] >= 5 * stretches.span)) | (
+        few & (longer[0] >= 20 * stretches.span)
+    )
+    backward = between & np.roll(stretches.rest, -1) & ~np.roll(stretches.rest, 1) & ~onward
+    backward &= (brief & (longer[1] >= 5 * stretches.span)) | (
+        few & (longer[1] >= 20 * stretches.span)
+    )
+    onward[[0, -1]] = backward[[0, -1]] = False
+    return onward, backward
+
 
 CHAIN_RUNS = 8  # a dynamic load has at least so many direct changes of load …
 CHAIN_LEVELS = 5  # … between so many levels, a tenth of the largest apart
@@ -28,12 +206,12 @@ STEADY_ROWS = 0.85  # … in so many of its rows; the others are its rise and ov
 
 
 def dynamic_chains(record, edges, short_second):
-    """Edges without those inside dynamic loads, and the rows of these loads."""
+    """Edges without those inside dynamic loads, and the mask (n,) of rows of these loads."""
     stretches = runs(record, edges)
     short = stretches.span <= short_second
     pair = (short & ~stretches.rest) & np.roll(short & ~stretches.rest, -1)
-    beside = np.roll(pair, -1) | np.roll(pair, 2)  # two equal runs of a chain look like one
-    short |= beside & ~stretches.rest & (stretches.span <= 2 * short_second)
+    isolated = np.roll(pair, -1) | np.roll(pair, 2)  # two equal runs of a chain look like one
+    short |= isolated & ~stretches.rest & (stretches.span <= 2 * short_second)
     begins = np.flatnonzero(np.diff(short, prepend=False) | stretches.gap)
     ends = np.append(begins[1:], len(short))
     edges, dynamic = edges.copy(), np.zeros(len(edges), bool)
@@ -46,7 +224,7 @@ def dynamic_chains(record, edges, short_second):
 
 
 def _trim(stretches, begin, end):
-    """The chain without the long rests at its two ends."""
+    """First run and end of a chain of runs without the long rests at its two ends."""
     inside = ~(stretches.rest[begin:end] & (stretches.span[begin:end] > CHAIN_REST_SECOND))
     kept = np.flatnonzero(inside)
     return (begin + kept[0], begin + kept[-1] + 1) if len(kept) else (begin, begin + 1)
@@ -71,12 +249,13 @@ def run_kinds(record, stretches, dynamic, tolerance, pulse_max_second, rated):
             record, stretches.first[run], stretches.last[run], tolerance, STEADY_C_RATE * rated
         )
     brief = (stretches.span <= pulse_max_second) & ~stretches.rest & ~dynamic[stretches.first]
-    kind[brief & (_beside_rest(stretches) | _on_load(stretches))] = "pulse"
+    beside_rest = stretches.gap | np.roll(stretches.rest, 1) | np.roll(stretches.rest, -1)
+    kind[brief & (beside_rest | _on_load(stretches))] = "pulse"
     return kind, held
 
 
 def _load_kind(record, first, last, tolerance, slack):
-    """Kind of one load run, and its first row of held voltage."""
+    """Kind of one load run, and its first row of held voltage (−1: none)."""
     size = np.abs(record.current[first : last + 1])
     level = np.median(size)
     if np.median(size[-3:]) >= 0.9 * level and _steady(size, slack):
@@ -89,9 +268,7 @@ def _load_kind(record, first, last, tolerance, slack):
     before = size[np.argmax(size >= (1 - STEADY_SHARE) * level) : hold]
     if hold <= max(2, 0.02 * len(size)):
         return "CV", first + hold
-    return ("CCCV" if _steady(before, slack) else "dynamic"), first + hold if _steady(
-        before, slack
-    ) else -1
+    return ("CCCV", first + hold) if _steady(before, slack) else ("dynamic", -1)
 
 
 def _steady(size, slack):
@@ -101,21 +278,16 @@ def _steady(size, slack):
     return np.mean(near) >= STEADY_ROWS
 
 
-def _beside_rest(stretches):
-    """Runs that begin from rest (or with the record or after a gap), or end in one."""
-    return stretches.gap | np.roll(stretches.rest, 1) | np.roll(stretches.rest, -1)
-
-
 def _on_load(stretches):
-    """Short runs on top of a load that runs on at the same level, much longer than they."""
+    """Mask of short runs between two much longer runs of the same current."""
     before, after = np.roll(stretches.level, 1), np.roll(stretches.level, -1)
     same = np.abs(before - after) <= STEADY_SHARE * np.abs(before)
-    beside = np.minimum(np.roll(stretches.span, 1), np.roll(stretches.span, -1))
-    return same & (stretches.span <= 0.5 * beside)
+    shorter_neighbour = np.minimum(np.roll(stretches.span, 1), np.roll(stretches.span, -1))
+    return same & (stretches.span <= 0.5 * shorter_neighbour)
 
 
 def join_holds(record, stretches, kind, held, tolerance):
-    """A load and the held voltage that it ends in as one, though the current there is uneven."""
+    """Runs, kinds and first held rows with a load and the held voltage at its end as one run."""
     low = np.minimum.reduceat(record.voltage, stretches.first)
     high = np.maximum.reduceat(record.voltage, stretches.first)
     still = np.maximum(high, np.roll(record.voltage[stretches.last], 1)) - np.minimum(
@@ -139,14 +311,14 @@ def join_holds(record, stretches, kind, held, tolerance):
 
 
 def alike(stretches, kind):
-    """Runs that go on what the run before does: dynamic loads, and rests."""
+    """Mask of dynamic loads and rests that follow one of their kind without a gap."""
     again = (kind == np.roll(kind, 1)) & np.isin(kind, ("dynamic", "rest")) & ~stretches.gap
     again[0] = False
     return again
 
 
 def join(record, stretches, kind, held, again):
-    """The runs with those marked joined to the one before."""
+    """Runs, kinds and first held rows with the marked runs joined to the run before."""
     edges = np.zeros(len(record.time), bool)
     edges[stretches.first[~again]] = True
     return runs(record, edges), kind[~again], held[~again]
@@ -244,7 +416,10 @@ def segment(
     """
     time, current = np.asarray(test_time_second, float), np.asarray(current_ampere, float)
     voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
-    _check(time)
+    if len(time) < 3:
+        raise Refusal(f"the record has {len(time)} rows; steps need at least 3")
+    if np.any(np.diff(time) < 0):
+        raise Refusal("test time runs backwards; clean the record first")
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
     files = np.zeros(len(time), int) if file_index is None else np.asarray(file_index)
     gap = gap_rows(time, files, gap_second=gap_second)
@@ -259,13 +434,6 @@ def segment(
     stretches, kind, held = join_holds(record, stretches, kind, held, tolerance)
     stretches, kind, held = join(record, stretches, kind, held, alike(stretches, kind))
     return _steps(record, charge, stretches, kind, held, rated)
-
-
-def _check(time):
-    if len(time) < 3:
-        raise Refusal(f"the record has {len(time)} rows; steps need at least 3")
-    if np.any(np.diff(time) < 0):
-        raise Refusal("test time runs backwards; clean the record first")
 
 
 def _steps(record, charge, stretches, kind, held, rated):
@@ -297,8 +465,8 @@ def _mean_current(record, charge, stretches):
     """Mean current of each run over the time between its own samples [A]."""
     hour = (record.time[stretches.last] - record.time[stretches.first]) / 3600
     moved = charge[stretches.last] - charge[stretches.first]
-    some = (hour > 0) & (stretches.last - stretches.first > 2)
-    return np.divide(moved, hour, out=stretches.level.copy(), where=some)
+    timed = (hour > 0) & (stretches.last - stretches.first > 2)
+    return np.divide(moved, hour, out=stretches.level.copy(), where=timed)
 
 
 def _charge(charge, stretches):

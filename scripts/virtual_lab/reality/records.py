@@ -14,8 +14,7 @@ import numpy as np
 from cellwright import formats, series
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import net_charge
-from cellwright.series.runs import gap_rows
-from cellwright.series.steps import Steps, segment
+from cellwright.series.steps import Steps, gap_rows, segment
 
 
 class Number(NamedTuple):

@@ -235,6 +235,7 @@ TITLES = {
     "health": "State of health",
     "models": "Model parameters",
     "choice": "Choice of the model",
+    "identification_methods": "Identification methods",
     "soc": "State of charge",
     "validation": "Validation of models",
     "packs": "Parallel groups",
@@ -258,6 +259,9 @@ ABOUT = {
     "health": "State of health, method by method, at the same cycle (within 2).",
     "models": "The chosen circuit's resistance 10 ms (r0), 10 s and long after a step.",
     "choice": "Errors are measured against the records fitted, not against a truth.",
+    "identification_methods": "Methods side by side. The tables of the truth have resistances "
+    "at once, after 10 s and in the long run, which the chosen model and the pulses are scored by; "
+    "they have no RC pairs.",
     "soc": "State of charge at the ends of a test: counted, and by the filters from a wrong start.",
     "validation": "Errors of simulations are measured against the record, not against a truth.",
     "packs": "Branches of parallel groups as simulated: the charge of all discharges, the "

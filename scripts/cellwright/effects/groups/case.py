@@ -1,8 +1,7 @@
-"""A parallel group as the search sees it: its records, its fits, its noise, its candidates.
+"""One parallel group as a case of the search: its records, fits, noise and candidates.
 
-Healthy is a group whose branches scatter about what is known of their cells by no more than the
-declared spread; most of its free parameters have bounds therefore, and candidates are scored
-within them.
+A group is healthy if its branches differ from what is known of their cells by no more than the
+declared spread. So most free parameters have bounds, and candidates are scored within them.
 """
 
 from typing import NamedTuple
@@ -10,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.groups.model import (
-    Shared,
-    Spread,
     at_branch,
     group_coupling,
     group_fields,
@@ -19,6 +16,7 @@ from cellwright.effects.groups.model import (
     group_names,
     group_run,
 )
+from cellwright.effects.judge import READ_VOLT
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.effects.screen import Score, candidates
@@ -26,8 +24,11 @@ from cellwright.effects.search import State, frees_of
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import Problem, bounded_minimum, priors
 from cellwright.numerics.statistics import rms
+from cellwright.settings.effects import MissingEffectGroupGates
+from cellwright.settings.effects import MissingEffectGroupShared as Shared
+from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
-READ_VOLT = 2e-3  # of a single reading at rest
+GATES = MissingEffectGroupGates()  # the schema's defaults
 PASSES = 2
 SOC_APART = 0.005
 SLOW_SECOND = (30.0, 100.0, 300.0)
@@ -47,35 +48,35 @@ class GroupGates(NamedTuple):
     share, and that must not move their currents [V].
     """
 
-    refits: int = 6
-    bic: float = 10.0
-    validation_chi_square: float = 25.0
-    validation_fall: float = 0.03
-    material_volt: float = 0.1e-3
-    nothing_ratio: float = 1.15
-    adequate_ratio: float = 1.3
-    adequate_volt: float = 0.5e-3
-    adequate_closed: float = 0.85
-    partial_closed: float = 0.5
-    tie_absolute: float = 6.0
-    tie_relative: float = 0.003
-    rounds: int = 3
-    most_slow_volt: float = 0.3e-3
-    shared_slow_volt: float = 2e-3
+    refits: int = GATES.refits
+    bic: float = GATES.bic
+    validation_chi_square: float = GATES.validation_chi_square
+    validation_fall: float = GATES.validation_fall
+    material_volt: float = GATES.material_volt
+    nothing_ratio: float = GATES.nothing_ratio
+    adequate_ratio: float = GATES.adequate_ratio
+    adequate_volt: float = GATES.adequate_volt
+    adequate_closed: float = GATES.adequate_closed
+    partial_closed: float = GATES.partial_closed
+    tie_absolute: float = GATES.tie_absolute
+    tie_relative: float = GATES.tie_relative
+    rounds: int = GATES.rounds
+    most_slow_volt: float = GATES.most_slow_volt
+    shared_slow_volt: float = GATES.shared_slow_volt
 
     @property
     def nothing_volt(self):
-        """An error that may be left needs no explanation to begin with [V]."""
+        """Error of the healthy group up to which nothing is missing: `adequate_volt` [V]."""
         return self.adequate_volt
 
     @property
     def unknown_ratio(self):
-        """Of the noise, up to which an error without a name is no unknown effect."""
+        """Ratio of error to noise up to which there is no unknown effect: `adequate_ratio`."""
         return self.adequate_ratio
 
     @property
     def material_share(self):
-        """An effect of a branch counts by its size alone, not by its share of the first error."""
+        """0: an effect of a branch counts by its size alone, not by a share of the first error."""
         return 0.0
 
 
@@ -87,7 +88,8 @@ class Channels(NamedTuple):
     def apply(self, rows):
         """Whitened copy of rows (m,) or (m, k)."""
         parts = np.split(rows, len(self.channels))
-        return np.concatenate([w.apply(one) for w, one in zip(self.channels, parts, strict=True)])
+        pairs = zip(self.channels, parts, strict=True)
+        return np.concatenate([whitening.apply(part) for whitening, part in pairs])
 
 
 class GroupFilters(NamedTuple):
@@ -99,9 +101,11 @@ class GroupFilters(NamedTuple):
 
 
 class GroupCase(NamedTuple):
-    """cells : tuple of Branch. fit, validation : GroupStack. fit_soc, validation_soc : (f, b)
-    stated SoC at the start of each record. The methods are those that `search` asks of what it
-    searches."""
+    """A group, its records fitted and those that judge, tolerances and gates.
+
+    cells : tuple of Branch. fit, validation : records.GroupStack. fit_soc, validation_soc : (f, b)
+    stated SoC at the start of each record [1]. The methods are those that `search` needs.
+    """
 
     cells: tuple
     fit: object
@@ -119,7 +123,7 @@ class GroupCase(NamedTuple):
     def sensors(self):
         """Whether all records have branch currents."""
         logged = (self.fit.branch_current_ampere, self.validation.branch_current_ampere)
-        return all(one is not None for one in logged)
+        return all(currents is not None for currents in logged)
 
     def possible(self, library):
         """Every effect in every branch; of the branch sensors only where there are any."""
@@ -139,7 +143,7 @@ class GroupCase(NamedTuple):
         return free, dict.fromkeys(names, 0.0), _filters(self, tuple(noises))
 
     def with_effect(self, free, effect):
-        """Free parameters beside an effect, which takes the place of its branch's tolerance."""
+        """Free parameters and those of an effect; what it replaces is held at zero."""
         names = {f"{effect.position}.{name}" for name in effect.replaces}
         held = [f._replace(lower=0.0, upper=0.0) if f.name in names else f for f in free]
         return (*held, *frees_of(effect))
@@ -163,16 +167,16 @@ class GroupCase(NamedTuple):
             return predicted(self, self.fit, self.fit_soc, values, together)
 
         every = candidates(predict, solution.prediction, solution.values, further)
-        return [one for one in every if np.any(one.columns)]
+        return [candidate for candidate in every if np.any(candidate.columns)]
 
     def filters_for(self, residual, filters, earlier):
         """Filters by the noise of a residual; with more effects the noise does not grow."""
         return _filters(self, noises_of(self, residual, filters.noise if earlier else None))
 
     def sharper(self, trial, filters):
-        """Filters by the residual of a trial where its noise is plainly smaller, else None.
+        """Filters by the residual of a trial where its slow noise is 20 % smaller, else None.
 
-        The noise is first taken from a linear extrapolation, which a strong effect outruns.
+        The noise is first taken from a linear extrapolation, which fails for a strong effect.
         """
         noises = noises_of(self, trial.state.solution.residual, filters.noise)
         pairs = zip(noises, filters.noise, strict=True)
@@ -180,14 +184,14 @@ class GroupCase(NamedTuple):
         return None if alike else _filters(self, noises)
 
     def screened(self, lined_up, before, free, possible, filters):
-        """Scores, best first, and keys of effects that would not show at a plausible size."""
+        """Scores, best first, and keys of effects that do not show at a plausible size."""
         problem = self.problem(before.effects, free, filters)
         scores = _bounded_scores(self, problem, before.solution, lined_up)
         hidden = tuple(s.candidate.effect.key for s in scores if s.visible < VISIBLE)
         return sorted(scores, key=lambda s: -s.chi_square), hidden
 
     def state(self, effects, solution, filters):
-        """How a fitted model does on the records that judge."""
+        """State of a fitted model: its errors on the records that judge."""
         values = _started(self, solution.values, effects)
         rows = rows_of(self, self.validation)
         error = rows - predicted(self, self.validation, self.validation_soc, values, effects)
@@ -200,31 +204,31 @@ class GroupCase(NamedTuple):
         if not self.sensors:
             return filters.noise[0].volt
         pairs = zip(filters.noise[1:], ohms(self), strict=True)
-        return rms([one.volt * ohm for one, ohm in pairs])
+        return rms([channel.volt * ohm for channel, ohm in pairs])
 
     def misled(self, before, trial):
-        """True: rivals of the best are compared with derivatives at their own optimum."""
+        """True: the best trials are always refitted with derivatives at their own optimum."""
         return True
 
     def denied(self, trials):
-        """Nothing beside the records speaks against an effect of a branch."""
+        """No keys: no measurement outside the fit contradicts an effect of a branch."""
         return set()
 
     def ties(self, chosen, tied, denied, library):
-        """Keys as good as the choice."""
+        """Keys that explain as much as the choice: those of the fit alone."""
         return tied
 
 
 def _filters(case, noises):
     both = [
-        Channels(tuple(noise.whitening(one, stack) for one in noises))
+        Channels(tuple(noise.whitening(channel, stack) for channel in noises))
         for stack in (case.fit, case.validation)
     ]
     return GroupFilters(tuple(noises), *both)
 
 
 def _bounded_scores(case, problem, solution, lined_up):
-    """Scores at the minimum of the quadratic about the optimum, all bounds held."""
+    """Score of each candidate: the fall of the quadratic cost at its minimum within all bounds."""
     prior, pull = priors(problem)
     names = [f.name for f in problem.free]
     at = np.array([solution.values[name] for name in names])
@@ -234,15 +238,15 @@ def _bounded_scores(case, problem, solution, lined_up):
     without = 0.5 * healthy @ solution.precision @ healthy - moment @ healthy
     scores = []
     for candidate in lined_up:
-        effect, own = candidate.effect, problem.whiten(candidate.columns[:, 0])
-        mixed = solution.white.T @ own
-        precision = np.block([[solution.precision, mixed[:, None]], [mixed[None], own @ own]])
-        moments = np.append(moment, own @ residual + mixed @ at)
+        effect, column = candidate.effect, problem.whiten(candidate.columns[:, 0])
+        mixed = solution.white.T @ column
+        precision = np.block([[solution.precision, mixed[:, None]], [mixed[None], column @ column]])
+        moments = np.append(moment, column @ residual + mixed @ at)
         limits = _limits(case.with_effect(problem.free, effect))
         x = bounded_minimum(precision, moments, *limits, np.append(healthy, 0.0))
         fall = 2 * (without - (0.5 * x @ precision @ x - moments @ x))
         values = solution.values | dict(zip((*names, *effect.names), x.tolist(), strict=True))
-        information = own @ own - mixed @ np.linalg.solve(solution.precision, mixed)
+        information = column @ column - mixed @ np.linalg.solve(solution.precision, mixed)
         visible = float(information * effect.parameters[0].plausible ** 2)
         scores.append(Score(candidate, float(fall), x[-1:], information, visible, values))
     return scores
@@ -253,14 +257,14 @@ def _limits(free):
 
 
 def rows_of(case, stack):
-    """What was measured, as one column of rows (m,): voltage, then branch currents [V, A]."""
+    """Measured rows of all channels (m,): voltage [V], then branch currents [A]."""
     if not case.sensors:
         return stack.voltage_volt
     return np.concatenate([stack.voltage_volt, stack.branch_current_ampere.T.ravel()])
 
 
 def predicted(case, stack, soc, values, effects):
-    """The same rows by the model (m,)."""
+    """Rows of `rows_of` by the model (m,) [V, A]."""
     run = group_run(group_fields(case.cells, soc, values, effects), stack)
     if not case.sensors:
         return run.voltage
@@ -268,7 +272,7 @@ def predicted(case, stack, soc, values, effects):
 
 
 def ohms(case):
-    """Ohmic resistance of each cell beforehand (b,) [ohm]."""
+    """Ohmic resistance of each cell before the search (b,) [ohm]."""
     return np.array([cell.r_ohm[0] for cell in case.cells])
 
 
@@ -284,33 +288,33 @@ def error_volt(case, residual):
     return rms(currents * ohms(case)[:, None])
 
 
-def noises_of(case, residual, known=None):
-    """Most likely noise of each channel, from the residual of a model that lacks nothing.
+def noises_of(case, residual, earlier=None):
+    """Most likely noise of each channel, from the residual of a model with all candidates.
 
     Parameters
     ----------
-    case : GroupCase. residual : (m,) [V, A]. known : noises found with fewer effects, beyond which
+    case : GroupCase. residual : (m,) [V, A]. earlier : noises with fewer effects, beyond which
         it does not grow, or None.
     """
     channels = np.split(residual, 1 + len(case.cells) if case.sensors else 1)
     shared = case.gates.shared_slow_volt
     most = [shared, *(case.gates.most_slow_volt / ohms(case))]
-    if known is not None:
-        most = [one.slow_volt for one in known]
+    if earlier is not None:
+        most = [channel.slow_volt for channel in earlier]
     pairs = zip(channels, most, strict=False)
-    voltage, *currents = [_noise_of(one, case.fit, slow) for one, slow in pairs]
+    voltage, *currents = [_noise_of(rows, case.fit, slow) for rows, slow in pairs]
     if case.sensors:
         voltage = noise.Noise(voltage.white_volt, shared, SLOW_SECOND[-1])
     return (voltage, *currents)
 
 
 def _noise_of(residual, stack, most_slow):
-    """Beside a quiet ammeter's white noise, what the model leaves is mostly slow."""
+    """Noise of a channel: white from differences of rows, the slow part from the rest."""
     step = np.diff(residual)[stack.fresh[1:] == 0]
     white = max(1.4826 * float(np.median(np.abs(step))) / np.sqrt(2), noise.SMALLEST_VOLT)
     slow = min(np.sqrt(max(np.mean(residual**2) - white**2, 0.0)), most_slow)
     tried = [noise.Noise(white, slow, second) for second in SLOW_SECOND]
-    return min(tried, key=lambda one: _minus_log_likelihood(one, residual, stack))
+    return min(tried, key=lambda spread: _minus_log_likelihood(spread, residual, stack))
 
 
 def _minus_log_likelihood(spread, residual, stack):
@@ -319,7 +323,7 @@ def _minus_log_likelihood(spread, residual, stack):
 
 
 def _started(case, values, effects):
-    """Shift of the whole group's SoC at the start of each validation record, by its first rest."""
+    """Values with the shift of the group's SoC at the start of each validation record [1]."""
     stack, soc = case.validation, case.validation_soc
     rating = sum(cell.capacity_ampere_hour for cell in case.cells)
     loaded = np.abs(stack.current_ampere) > LOADED_C_RATE * rating
@@ -337,11 +341,12 @@ def _started(case, values, effects):
 
 
 def _shift(case, stated, shift, error):
+    """Shift of the SoC by the error of a first rest [V], weighted against none [1]."""
     near = np.mean(stated) + shift + np.array([-SOC_APART, SOC_APART])
     ocv = np.mean([cell.ocv_volt for cell in case.cells], axis=0)
     slope = np.diff(np.interp(near, np.linspace(0, 1, len(ocv)), ocv))[0] / (2 * SOC_APART)
     if not len(error) or abs(slope) < READ_VOLT:
         return shift
-    known = case.shared.soc**-2.0
-    told = slope**2 / (READ_VOLT**2 / len(error) + case.spread.type_ocv_volt**2)
-    return float((shift + error.mean() / slope) * told / (known + told))
+    by_sheet = case.shared.soc**-2.0
+    by_rest = slope**2 / (READ_VOLT**2 / len(error) + case.spread.type_ocv_volt**2)
+    return float((shift + error.mean() / slope) * by_rest / (by_sheet + by_rest))

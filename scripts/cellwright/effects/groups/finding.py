@@ -1,4 +1,4 @@
-"""The whole search for one parallel group: from its tests and cells' models to a verdict."""
+"""The search of one parallel group: from its tests and its cells' models to a verdict."""
 
 from typing import NamedTuple
 
@@ -6,33 +6,55 @@ import numpy as np
 
 from cellwright.effects.base import OCV_KNOTS
 from cellwright.effects.finding import KEPT, ranking_of
-from cellwright.effects.groups.case import GroupCase, GroupGates
+from cellwright.effects.groups.case import (
+    GroupCase,
+    GroupGates,
+    error_volt,
+    predicted,
+    rows_of,
+)
 from cellwright.effects.groups.model import (
     Branch,
-    Shared,
-    Spread,
     document,
     group_fields,
     group_run,
     smooth_ocv,
     smooth_shares,
 )
-from cellwright.effects.groups.records import group_stacked
-from cellwright.effects.groups.verdict import group_verdict
 from cellwright.effects.library.groups import GROUP_LIBRARY
-from cellwright.effects.records import LOADED_C_RATE
+from cellwright.effects.records import LOADED_C_RATE, group_stacked
 from cellwright.effects.search import search
-from cellwright.records.group import group_record
+from cellwright.effects.story.words import Phrases, paragraph
+from cellwright.effects.verdict import entry_of, outcome, verdict_of
+from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
+from cellwright.settings.effects import MissingEffectGroupShared as Shared
+from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 
 ENERGY = "resistance_temperature.activation_energy_joule_per_mole"
 FIRST_ROWS = 3
+LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
+SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
+BLOCKS = 4  # of each record
+BLIND = (
+    "Branch currents were not logged, and the group's voltage alone tells no branch from another: "
+    "a name is only what would explain that voltage, and a fault of a branch's sensor cannot show."
+)
+HEALTHY = "healthy cells within the declared spread are off by"
+LOG_CURRENTS = "log the branch currents: the group's voltage alone tells no branch from another"
+OTHER_TEMPERATURE = "repeat the group's drive at a chamber temperature 20 K away"
+KELVIN = 5.0  # between records; below it a warm cell and one of low resistance look alike
+WARM = {"branch_cell_resistance", "branch_temperature"}
+PARTS = 3
 
 
 class GroupFinding(NamedTuple):
-    """verdict : dict of the contract. ranking, series : dicts of columns. model : dict, see
-    `model.document`. notes : tuple of str."""
+    """Result of the search of a group.
+
+    verdict : dict of the contract. ranking, series : dicts of columns. model : dict, see
+    `model.document`. notes : tuple of str.
+    """
 
     verdict: dict
     ranking: dict
@@ -51,7 +73,7 @@ def group_finding(
     hold="zero_order",
     library=GROUP_LIBRARY,
 ):
-    """Search a group for what one of its branches has of its own.
+    """Verdict on a group: which effect one of its branches has, with ranking and series.
 
     Parameters
     ----------
@@ -60,7 +82,7 @@ def group_finding(
     initial_soc : (b,) stated SoC at the start of every record that states none of its own [1], or
         None: all alike, from the voltage of the first rows.
     settings : dict of tuples by name: "spread" (Spread), "shared" (Shared), "gates" (GroupGates);
-        those that lack are at their defaults.
+        the others are at their defaults.
     hold : of the total current between rows, see `group_stacked`. library : dict of Effect by id.
 
     Returns
@@ -80,7 +102,7 @@ def group_finding(
 
 
 def branch_of(cell, model, *, wire_ohm=0.0, own=True):
-    """Branch from the model that the search for a missing effect left of a cell (`Finding.model`).
+    """Branch of a group from the model of its cell (`Finding.model`).
 
     Parameters
     ----------
@@ -115,11 +137,11 @@ def _case(cells, records, initial_soc, settings, hold):
     stacks, socs = [], []
     cells = tuple(cell._replace(ocv_volt=smooth_ocv(cell.ocv_volt)) for cell in cells)
     for role in ("fit", "validation"):
-        own = [record for given, record in records if given == role]
-        if not own:
+        of_role = [record for given, record in records if given == role]
+        if not of_role:
             raise Refusal(f"the group has no record of role {role}")
-        stacks.append(group_stacked(own, branches=len(cells), hold=hold))
-        socs.append(np.array([_stated(cells, record, initial_soc) for record in own]))
+        stacks.append(group_stacked(of_role, branches=len(cells), hold=hold))
+        socs.append(np.array([_stated(cells, record, initial_soc) for record in of_role]))
     if any(stack.branch_current_ampere is None for stack in stacks):
         stacks = [stack._replace(branch_current_ampere=None) for stack in stacks]
     defaults = {"spread": Spread(), "shared": Shared(), "gates": GroupGates()}
@@ -137,13 +159,13 @@ def _stated(cells, record, initial_soc):
         raise Refusal(f"{record.test} begins under load, and no SoC at its start is stated")
     ocv = np.mean([cell.ocv_volt for cell in cells], axis=0)
     volt = np.median(record.voltage_volt[:FIRST_ROWS])
-    found = np.interp(volt, np.maximum.accumulate(ocv), np.linspace(0.0, 1.0, len(ocv)))
-    return np.full(len(cells), found)
+    soc = np.interp(volt, np.maximum.accumulate(ocv), np.linspace(0.0, 1.0, len(ocv)))
+    return np.full(len(cells), soc)
 
 
 def _series(case, rounds):
-    """Fit and validation records: what was measured, and both models."""
-    found = {}
+    """Columns of all records: what was measured, and both models (healthy, with effects)."""
+    columns = {}
     ends = rounds[0].before, rounds[-1].before
     for role, stack, soc in (
         ("fit", case.fit, case.fit_soc),
@@ -154,8 +176,8 @@ def _series(case, rounds):
             values = state.solution.values if role == "fit" else state.values
             runs.append(group_run(group_fields(case.cells, soc, values, state.effects), stack))
         for name, column in _columns(role, stack, runs, case.cells).items():
-            found.setdefault(name, []).append(column)
-    return {name: np.concatenate(parts) for name, parts in found.items()}
+            columns.setdefault(name, []).append(column)
+    return {name: np.concatenate(parts) for name, parts in columns.items()}
 
 
 def _columns(role, stack, runs, cells):
@@ -183,12 +205,8 @@ def _columns(role, stack, runs, cells):
     return columns
 
 
-LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
-SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
-
-
 class KnownCell(NamedTuple):
-    """What a branch's cell is known by.
+    """Model of a branch's cell, and whose it is.
 
     model : dict, as a search leaves it (`finding.Finding.model`); None where there is none.
     source : name of the cell that it is the model of: this very one, or one of its type.
@@ -198,51 +216,51 @@ class KnownCell(NamedTuple):
     source: str
 
 
-def missing_group_effect(group, branches, known, tests, *, settings):
-    """Search a group of the campaign's sheets for what one of its branches has of its own.
+def missing_group_effect(group, branches, models, tests, *, settings):
+    """Verdict on a group of the campaign's sheets, see `group_finding`.
 
     Parameters
     ----------
     group : name. branches : list of BranchFacts in order of position.
-    known : list of KnownCell in that order. tests : list of MeasuredTest of kind `group`.
+    models : list of KnownCell in that order. tests : list of MeasuredTest of kind `group`.
     settings : dict: most_rows, and those of Spread, Shared and GroupGates by name under "spread",
         "shared" and "gates".
 
     Returns
     -------
-    finding : group_finding.GroupFinding, with the notes of its preparation.
+    finding : GroupFinding, with the notes of its preparation.
 
     Raises
     ------
     Refusal : a branch without a model; nothing to fit or nothing that judges; see `group_finding`.
     """
-    cells = _cells(branches, known)
+    cells = _cells(branches, models)
     notes = [
-        f"{row.cell} is known by its type only, from {one.source}"
-        for row, one in zip(branches, known, strict=True)
-        if one.source != row.cell
+        f"{row.cell} is known by its type only, from {cell.source}"
+        for row, cell in zip(branches, models, strict=True)
+        if cell.source != row.cell
     ]
     sides = _sides(tests, notes)
     records = []
     for role, side in sides.items():
         made = [group_record(test, branches) for test in side]
         notes += [
-            f"{one.test}: branch currents were not logged"
-            for one in made
-            if one.branch_current_ampere is None
+            f"{record.test}: branch currents were not logged"
+            for record in made
+            if record.branch_current_ampere is None
         ]
-        few = averaged_to(made, most_rows=settings["most_rows"])
-        records += [(role, one) for one in few]
+        averaged = averaged_to(made, most_rows=settings["most_rows"])
+        records += [(role, record) for record in averaged]
     chosen = {name: kind(**settings[name]) for name, kind in SECTIONS.items()}
-    # ASSUME: A group's current was logged as its cells' were: it moves between two rows as their
-    # own tests were best explained by.
-    hold = known[0].model["hold"]
-    found = group_finding(group, cells, records, settings=chosen, hold=hold)
-    return found._replace(notes=(*notes, *found.notes))
+    # ASSUME: A group's current was logged as its cells' were: between two rows it is held, or
+    # moves on a straight line, as in the model of the first cell.
+    hold = models[0].model["hold"]
+    finding = group_finding(group, cells, records, settings=chosen, hold=hold)
+    return finding._replace(notes=(*notes, *finding.notes))
 
 
-def _cells(branches, known):
-    lacking = [r.cell for r, one in zip(branches, known, strict=True) if one.model is None]
+def _cells(branches, models):
+    lacking = [row.cell for row, cell in zip(branches, models, strict=True) if cell.model is None]
     if lacking:
         raise Refusal(
             f"no model of {', '.join(lacking)} by itself, and none of its type: a branch is held "
@@ -251,16 +269,16 @@ def _cells(branches, known):
     return [
         branch_of(
             row.cell,
-            one.model,
+            cell.model,
             wire_ohm=row.wire_resistance_ohm or 0.0,
-            own=one.source == row.cell,
+            own=cell.source == row.cell,
         )
-        for row, one in zip(branches, known, strict=True)
+        for row, cell in zip(branches, models, strict=True)
     ]
 
 
 def _sides(tests, notes):
-    """Tests that are fitted and that judge."""
+    """Tests that are fitted and that judge, by role; adds notes on the others."""
     split = [test.facts.test for test in tests if test.facts.role == "split"]
     if split:
         notes.append(
@@ -282,3 +300,198 @@ def _sides(tests, notes):
             "wanted (or three to fit): what a test was fitted to it cannot prove"
         )
     return sides
+
+
+def std_of(case, state, name):
+    """Standard deviation of a free parameter.
+
+    The larger of two: the posterior's, widened by the scatter of whitened residuals; and that of
+    sums over blocks of time, which holds where residuals are correlated for longer than
+    in the noise model (an OCV a millivolt off moves branch currents for an hour).
+
+    Parameters
+    ----------
+    case : groups.case.GroupCase. state : search.State. name : of the parameter.
+
+    Returns
+    -------
+    std : in the parameter's unit.
+
+    Source: K.-Y. Liang, S. Zeger, Biometrika 73 (1986) 13 (sums over clusters); the blocks' number
+    b enters as b/(b − 1).
+    """
+    solution = state.solution
+    place = solution.names.index(name)
+    influence = np.linalg.solve(solution.precision, np.eye(len(solution.names))[place])
+    white = solution.whitened
+    scatter = max(float(np.mean(white**2)), 1.0)
+    moved = (solution.white @ influence) * white
+    number = _blocks(case.fit)
+    many = len(moved) // len(number)  # channels
+    sums = np.bincount(np.tile(number, many), moved)
+    between = float(np.sum((sums - sums.mean()) ** 2)) * len(sums) / (len(sums) - 1)
+    return float(np.sqrt(max(influence[place] * scatter, between)))
+
+
+def _blocks(stack):
+    """Number of the block of each row: each record in so many parts of alike length."""
+    part = np.zeros(len(stack.file), int)
+    for k in range(len(stack.first)):
+        rows = np.flatnonzero(stack.file == k)
+        part[rows] = BLOCKS * k + BLOCKS * np.arange(len(rows)) // len(rows)
+    return part
+
+
+def group_paragraph(verdict, library):
+    """A paragraph for people about one group.
+
+    Parameters
+    ----------
+    verdict : dict, as `group_verdict` makes it. library : dict of Effect by id.
+
+    Returns
+    -------
+    text : str.
+    """
+    logged = verdict["branch_currents"]
+    what = "branch currents (each times its cell's resistance)" if logged else "the group's voltage"
+    where = f"in {what} of tests that took no part in the fit"
+    text = paragraph(verdict, library, Phrases(where, HEALTHY, "no effect of one branch"))
+    return text if logged else f"{text}\n{BLIND}"
+
+
+def group_verdict(group, case, rounds, library):
+    """Verdict of a group as dict of the contract.
+
+    Parameters
+    ----------
+    group : name. case : GroupCase. rounds : list of search.Round. library : dict of Effect by id.
+
+    Returns
+    -------
+    verdict : dict of the contract; each effect has its `branch` (1 is the first), `cell`, and
+    `branch_alternatives`, branches that explain as much by the same effect. `rmse_volt` is of the
+    branch currents times their cells' ohmic resistance, of the voltage where none were logged:
+    "before" is of the model that was fitted without the effect, bent towards it as far as the
+    declared spread allows. What the last model would leave with its effects taken out is
+    `without_effects_volt`.
+    """
+    result = outcome(
+        rounds,
+        case.gates,
+        adequate_volt=case.gates.adequate_volt,
+        alternatives=lambda step: _alternatives(case, step),
+    )
+    if result.word == "unknown" and not result.steps and not case.sensors:
+        result = result._replace(word="none", adequate=True)
+    # Ids of effects that at a plausible size would show in some branch.
+    effects = [score.candidate.effect for score in rounds[0].scores]
+    visible = {effect.id for effect in effects if effect.key not in rounds[0].hidden}
+    verdict = verdict_of(
+        *(group, result, rounds, _located(case, result.last)),
+        next_test=_next_test(case, result.steps, library),
+        not_testable=sorted(set(library) - visible),
+        entry=lambda step, after, floor: _entry(case, step, after, floor),
+    )
+    names = [name for step in result.steps for name in step.chosen.effect.names]
+    verdict |= {
+        "without_effects_volt": _without(case, result.last, names),
+        "branch_currents": case.sensors,
+    }
+    return verdict | {"paragraph": group_paragraph(verdict, library)}
+
+
+def _without(case, state, names):
+    """Errors of a model on both kinds of records with some of its effects taken out [V]."""
+    errors = {}
+    for role, stack, soc, values in (
+        ("fit", case.fit, case.fit_soc, state.solution.values),
+        ("validation", case.validation, case.validation_soc, state.values),
+    ):
+        absent = values | dict.fromkeys(names, 0.0)
+        without = predicted(case, stack, soc, absent, state.effects)
+        errors[role] = error_volt(case, rows_of(case, stack) - without)
+    return errors
+
+
+def _entry(case, step, after, floor):
+    """Entry of an effect of a branch, see `verdict.entry_of`."""
+    effect, branch = step.chosen.effect, step.chosen.effect.position
+    entry = entry_of(step, after, floor)
+    for p, name in zip(effect.parameters, effect.names, strict=True):
+        entry["parameters"][p.name]["std"] = std_of(case, after, name)
+    entry["parameters"]["branch"] = {
+        **{"value": branch + 1, "std": None},
+        **{"unit": "1", "at_bound": False},
+    }
+    tied = [t.effect for t in step.trials if t.effect.key in step.tied]
+    return entry | {
+        "alternatives": _alternatives(case, step),
+        "branch": branch + 1,
+        "cell": case.cells[branch].cell,
+        "branch_alternatives": [other.position + 1 for other in tied if other.id == effect.id],
+    }
+
+
+def _alternatives(case, step):
+    """Ids of other effects that explain as much, or that these data cannot tell apart."""
+    chosen = step.chosen.effect.id
+    names = {t.effect.id for t in step.trials if t.effect.key in step.tied}
+    if not case.sensors:
+        names |= {score.candidate.effect.id for score in step.scores}
+    if chosen in WARM and not _two_temperatures(case):
+        names |= WARM
+    return sorted(names - {chosen})
+
+
+def _two_temperatures(case):
+    stack = case.fit
+    means = [stack.celsius[stack.file == k].mean() for k in range(len(stack.first))]
+    return np.ptp(means) >= KELVIN
+
+
+def _next_test(case, steps, library):
+    """Advice on the next test in words: on logging, or to break the first tie; None."""
+    if not case.sensors:
+        return LOG_CURRENTS
+    tied = next((step for step in steps if _alternatives(case, step)), None)
+    if tied is None:
+        return None
+    chosen, (other, *_) = tied.chosen.effect.id, _alternatives(case, tied)
+    if {chosen, *_alternatives(case, tied)} >= WARM and not _two_temperatures(case):
+        return OTHER_TEMPERATURE
+    return f"{library[chosen].shows}, beside {library[other].shows}"
+
+
+def _located(case, state):
+    """Third of a validation record, and branch, with most of the squared residual."""
+    stack, channels = case.validation, 1 + len(case.cells) if case.sensors else 1
+    squares = np.square(state.validation.reshape(channels, -1))
+    ohm = [1.0] if not case.sensors else [0.0, *(cell.r_ohm[0] for cell in case.cells)]
+    squares = squares * np.square(ohm)[:, None]
+    places = [
+        (float(squares[b, rows].sum()), stack.tests[k], b, rows)
+        for k in range(len(stack.first))
+        for rows in np.array_split(np.flatnonzero(stack.file == k), PARTS)
+        for b in range(channels)
+    ]
+    most, test, branch, rows = max(places, key=lambda place: place[0])
+    values, effects = state.values, state.effects
+    soc = group_run(group_fields(case.cells, case.validation_soc, values, effects), stack).soc[rows]
+    soc = soc[:, branch - 1] if branch else soc.mean(axis=1)
+    return {
+        "file": test,
+        "branch": branch or None,
+        "second": [float(stack.second[rows[0]]), float(stack.second[rows[-1]])],
+        "soc": [float(np.clip(end, 0.0, 1.0)) for end in (soc.min(), soc.max())],
+        "current": _current(stack.current_ampere[rows]),
+        "temperature_celsius": [float(stack.celsius[rows].mean())],
+        "share": most / max(float(squares.sum()), 1e-30),
+    }
+
+
+def _current(ampere):
+    """Direction of the current in most rows: discharge, charge or rest."""
+    least = LOADED_C_RATE * np.abs(ampere).max()
+    many = {"discharge": ampere < -least, "charge": ampere > least, "rest": np.abs(ampere) <= least}
+    return max(many, key=lambda name: many[name].sum())

@@ -1,4 +1,4 @@
-"""The model of cells in parallel that is searched, its free spread, and its document.
+"""The model of cells in parallel that is searched, its free parameters, and its document.
 
 Every branch is the plain cell (OCV, ohmic resistance, two RC pairs) behind a wire; resistances
 of the cells move with temperature, those of the wires do not. Kirchhoff's laws share the current.
@@ -20,11 +20,11 @@ from cellwright.refusal import Refusal
 
 LEAST_OHM = 1e-6
 SMOOTH_SOC = 0.01
-FINE_KNOTS = 41  # of the error that the OCV of all branches shares
+FINE_KNOTS = 41  # of the error that the OCV of all branches branch_ampere
 
 
 class Branch(NamedTuple):
-    """What is known of one branch beforehand.
+    """One branch as it is known before the search.
 
     cell : name. capacity_ampere_hour : [Ah]. ocv_volt : (p,) on an even SoC grid from 0 to 1 [V].
     r_ohm : (3,) ohmic and of the two RC pairs at 25 degC [ohm]. tau_second : (2,) [s].
@@ -53,11 +53,11 @@ def smooth_ocv(ocv_volt):
 
 
 class GroupFields(NamedTuple):
-    """The group as it is simulated; what an effect of a branch changes.
+    """Quantities of a group that is simulated, which effects of its branches change.
 
     capacity : (b,) [Ah]. ocv : (b, p) [V]. r : (b, 3) [ohm]. tau : (b, 2) [s]. wire : (b,) [ohm].
-    energy : (b,) [J/mol]. soc : (f, b) at the start of each record [1]. warmer : (b,) above what
-    was measured [K]. offset : (b,) [A] and gain : (b,) [1] of the branch's sensor.
+    energy : (b,) [J/mol]. soc : (f, b) at the start of each record [1]. warmer : (b,) above the
+    measured temperature [K]. offset : (b,) [A] and gain : (b,) [1] of the branch's sensor.
     """
 
     capacity: np.ndarray
@@ -78,7 +78,7 @@ def at_branch(effect, position):
 
 
 class GroupRun(NamedTuple):
-    """voltage : (n,) [V]. current : (n, b) as the sensors read it [A]. soc : (n, b) [1]."""
+    """A simulated group: voltage (n,) [V], branch currents as read (n, b) [A], soc (n, b) [1]."""
 
     voltage: np.ndarray
     current: np.ndarray
@@ -86,19 +86,29 @@ class GroupRun(NamedTuple):
 
 
 COMMON = ("log_r0", "log_r1", "log_r2", "log_tau1", "log_tau2", "capacity", "energy")
-OWN = ("capacity", "log_r0", "log_slow", "log_tau", "soc", "celsius", "wire", "offset", "gain")
+OF_BRANCH = (
+    "capacity",
+    "log_r0",
+    "log_slow",
+    "log_tau",
+    "soc",
+    "celsius",
+    "wire",
+    "offset",
+    "gain",
+)
 
 
 def group_names(files, branches):
     """Names of all parameters but those of effects: common ones, then those of each branch."""
     common = [*COMMON, *(f"soc0[{k}]" for k in range(files))]
-    own = [*OWN, *(f"ocv[{k}]" for k in range(OCV_KNOTS))]
+    of_branch = [*OF_BRANCH, *(f"ocv[{k}]" for k in range(OCV_KNOTS))]
     common += [f"fine[{k}]" for k in range(FINE_KNOTS)]
-    return (*common, *(f"{b}.{name}" for b in range(branches) for name in own))
+    return (*common, *(f"{b}.{name}" for b in range(branches) for name in of_branch))
 
 
 def group_fields(cells, soc_at_start, values, effects=()):
-    """The group of a set of values.
+    """GroupFields of a set of values.
 
     Parameters
     ----------
@@ -112,29 +122,28 @@ def group_fields(cells, soc_at_start, values, effects=()):
     """
     branches = range(len(cells))
 
-    def own(name):
+    def of_branch(name):
         return np.array([values[f"{b}.{name}"] for b in branches])
 
-    slow = np.exp(own("log_slow")[:, None] + [[values["log_r1"], values["log_r2"]]])
-    factor = np.concatenate([np.exp(own("log_r0") + values["log_r0"])[:, None], slow], axis=1)
-    tau = np.exp(own("log_tau")[:, None] + [[values["log_tau1"], values["log_tau2"]]])
+    slow = np.exp(of_branch("log_slow")[:, None] + [[values["log_r1"], values["log_r2"]]])
+    factor = np.concatenate([np.exp(of_branch("log_r0") + values["log_r0"])[:, None], slow], axis=1)
+    tau = np.exp(of_branch("log_tau")[:, None] + [[values["log_tau1"], values["log_tau2"]]])
     capacity = np.array([c.capacity_ampere_hour for c in cells])
     shift = np.array([values[f"soc0[{k}]"] for k in range(len(soc_at_start))])
     fields = GroupFields(
-        capacity=capacity * (1.0 + values["capacity"]) * (1.0 + own("capacity")),
+        capacity=capacity * (1.0 + values["capacity"]) * (1.0 + of_branch("capacity")),
         ocv=np.array([c.ocv_volt for c in cells]) + _ocv_errors(cells, values),
         r=np.array([c.r_ohm for c in cells]) * factor,
         tau=np.array([c.tau_second for c in cells]) * tau,
-        wire=np.array([c.wire_ohm for c in cells]) + own("wire"),
+        wire=np.array([c.wire_ohm for c in cells]) + of_branch("wire"),
         energy=np.array([c.activation_joule_per_mole for c in cells]) + values["energy"],
-        soc=np.asarray(soc_at_start, float) + shift[:, None] + own("soc"),
-        warmer=own("celsius"),
-        offset=own("offset"),
-        gain=own("gain"),
+        soc=np.asarray(soc_at_start, float) + shift[:, None] + of_branch("soc"),
+        warmer=of_branch("celsius"),
+        offset=of_branch("offset"),
+        gain=of_branch("gain"),
     )
     for effect in effects:
-        own = effect.sizes_of(values) | {"branch": effect.position}
-        fields = effect.act(fields, None, own)
+        fields = effect.act(fields, None, effect.sizes_of(values) | {"branch": effect.position})
     return fields
 
 
@@ -156,7 +165,7 @@ def smooth_shares(points, knots):
 
 
 def group_run(fields, stack):
-    """Simulate a group over a stack of records.
+    """Voltage, branch currents and SoC of a group over a stack of records: GroupRun.
 
     Between rows the current of each branch moves on a straight line whose end is found implicitly,
     with the slope of the OCV of that moment; at each row the total steps and is shared anew.
@@ -186,13 +195,13 @@ def group_run(fields, stack):
 
 def _compiled(kernel, fields, stack, factor):
     rows, cells = factor.shape
-    found = np.empty((rows, cells)), np.empty(rows), np.empty((rows, cells))
+    results = np.empty((rows, cells)), np.empty(rows), np.empty((rows, cells))
     given = (stack.step_second, stack.fresh, stack.current_ampere, fields.ocv, fields.r)
     given += (fields.tau, fields.wire, 3600.0 * fields.capacity, factor, fields.soc)
-    given = [np.ascontiguousarray(one, float) for one in given]
+    given = [np.ascontiguousarray(values, float) for values in given]
     first_order = stack.hold == "first_order"
-    kernel(rows, cells, fields.ocv.shape[1], first_order, *given, *found)
-    return found
+    kernel(rows, cells, fields.ocv.shape[1], first_order, *given, *results)
+    return results
 
 
 def _twin(fields, stack, factor):
@@ -201,21 +210,26 @@ def _twin(fields, stack, factor):
     lags = lag_weights(stack.step_second[:, None, None], fields.tau, hold="first_order")
     charge = stack.step_second[:, None] / (3600.0 * fields.capacity) / 2.0
     held = stack.current_ampere if stack.hold == "first_order" else np.roll(stack.current_ampere, 1)
-    pair, here = np.zeros((cells, 2)), np.zeros(cells)
+    pair, branch_ampere = np.zeros((cells, 2)), np.zeros(cells)
     for k in range(rows):
         pairs = factor[k][:, None] * fields.r[:, 1:]
         if stack.fresh[k]:
             z, pair = fields.soc[stack.file[k]], np.zeros((cells, 2))
         else:
-            weights = [one[k] for one in lags]
-            z, pair = _moved(fields, pairs, factor[k], z, pair, here, charge[k], weights, held[k])
+            weights = [weight[k] for weight in lags]
+            z, pair = _moved(
+                fields, pairs, factor[k], z, pair, branch_ampere, charge[k], weights, held[k]
+            )
         source = _ocv_at(fields.ocv, z)[0] + pair.sum(axis=1)
-        voltage[k], here = _met(source, factor[k] * fields.r[:, 0] + fields.wire, stack, k)
-        current[k], soc[k] = here, z
+        voltage[k], branch_ampere = _shared_current(
+            source, factor[k] * fields.r[:, 0] + fields.wire, stack, k
+        )
+        current[k], soc[k] = branch_ampere, z
     return current, voltage, soc
 
 
-def _met(source, ohm, stack, k):
+def _shared_current(source, ohm, stack, k):
+    """Voltage [V] and branch currents [A] of sources behind resistances, by Kirchhoff's laws."""
     volt = (stack.current_ampere[k] + (source / ohm).sum()) / (1.0 / ohm).sum()
     return volt, (volt - source) / ohm
 
@@ -233,57 +247,11 @@ def _moved(fields, pairs, factor, soc, pair, begin, charge, weights, total):
 
 
 def _ocv_at(table, soc):
+    """OCV of each branch [V], and its slope over SoC [V]."""
     last, rows = table.shape[1] - 1, np.arange(len(soc))
-    left = np.clip((soc * last).astype(int), 0, last - 1)
-    slope = (table[rows, left + 1] - table[rows, left]) * last
-    return table[rows, left] + slope * (soc - left / last), slope
-
-
-class Spread(NamedTuple):
-    """How healthy branches scatter about what is known of them, as standard deviations.
-
-    No healthy branch is farther out than `widest` of them: beyond, something is the matter.
-
-    capacity, resistance, time_constant : relative, of a cell about its own tests.
-    ocv_volt : of a cell's OCV, smooth over ocv_soc of SoC [V].
-    type_capacity, type_resistance, type_time_constant, type_ocv_volt : the same of a cell of which
-    only the type is known. soc : between the branches when the group was joined [1].
-    celsius : between the branches [K]. wire_ohm : of a connection [ohm].
-    current_offset_c_rate : of a branch's sensor, in its cell's capacity per hour [1/h].
-    current_gain : of a branch's sensor [1].
-    """
-
-    capacity: float = 4e-3
-    resistance: float = 8e-3
-    time_constant: float = 0.03
-    ocv_volt: float = 1e-3
-    type_capacity: float = 0.05
-    type_resistance: float = 0.17
-    type_time_constant: float = 0.2
-    type_ocv_volt: float = 2e-3
-    soc: float = 2e-3
-    celsius: float = 0.2
-    wire_ohm: float = 1e-4
-    current_offset_c_rate: float = 1e-3
-    current_gain: float = 1e-3
-    ocv_soc: float = 0.12
-    widest: float = 3.0
-
-
-class Shared(NamedTuple):
-    """What all branches may be off by together, as standard deviations; meanings as in Spread."""
-
-    resistance: float = 0.01
-    type_resistance: float = 1.0
-    time_constant: float = 0.03
-    type_time_constant: float = 0.5
-    capacity: float = 4e-3
-    type_capacity: float = 0.05
-    soc: float = 5e-3
-    ocv_volt: float = 1e-3
-    ocv_soc: float = 0.03
-    activation_joule_per_mole: float = 1e3
-    type_activation_joule_per_mole: float = 1e4
+    below = np.clip((soc * last).astype(int), 0, last - 1)
+    slope = (table[rows, below + 1] - table[rows, below]) * last
+    return table[rows, below] + slope * (soc - below / last), slope
 
 
 LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3
@@ -306,7 +274,8 @@ def group_frees(cells, files, spread, shared, *, sensors):
 
     Parameters
     ----------
-    cells : sequence of Branch. files : number of records. spread : Spread. shared : Shared.
+    cells : sequence of Branch. files : number of records. spread, shared : of the settings,
+    MissingEffectGroupSpread and MissingEffectGroupShared.
     sensors : bool; the branch currents were logged.
 
     Returns
@@ -314,7 +283,7 @@ def group_frees(cells, files, spread, shared, *, sensors):
     free : tuple of least_squares.Free. Without branch currents their sensors are not among them.
     """
     far = spread.widest
-    free = _common(cells, shared, far)
+    free = _common_frees(cells, shared, far)
     free += [_bounded(f"soc0[{k}]", SOC_STEP, shared.soc, far) for k in range(files)]
     free += _knots("fine", FINE_KNOTS, shared.ocv_volt, far)
     for b, cell in enumerate(cells):
@@ -328,7 +297,7 @@ def _bounded(name, step, std, far):
 
 
 def _knots(name, count, volt, far):
-    """Knots of an OCV error; how they hang together is said by `group_coupling`."""
+    """Free knots of an OCV error; their correlation is that of `group_coupling`."""
     most = far * volt
     return [Free(f"{name}[{k}]", VOLT_STEP, 0.0, np.inf, -most, most) for k in range(count)]
 
@@ -337,14 +306,14 @@ def _ocv_volt(cell, spread):
     return spread.ocv_volt if cell.own else spread.type_ocv_volt
 
 
-def _common(cells, shared, far):
-    own = all(cell.own for cell in cells)
-    # A cell that was never tested over temperature has no activation energy to be held to.
-    warmed = own and all(cell.activation_joule_per_mole for cell in cells)
-    resistance = shared.resistance if own else shared.type_resistance
-    time = shared.time_constant if own else shared.type_time_constant
+def _common_frees(cells, shared, far):
+    tested = all(cell.own for cell in cells)
+    # The activation energy of a cell never tested over temperature is not known.
+    warmed = tested and all(cell.activation_joule_per_mole for cell in cells)
+    resistance = shared.resistance if tested else shared.type_resistance
+    time = shared.time_constant if tested else shared.type_time_constant
     energy = shared.activation_joule_per_mole if warmed else shared.type_activation_joule_per_mole
-    capacity = shared.capacity if own else shared.type_capacity
+    capacity = shared.capacity if tested else shared.type_capacity
     return [
         *(_bounded(name, LOG_STEP, resistance, far) for name in ("log_r0", "log_r1", "log_r2")),
         *(_bounded(name, 4 * LOG_STEP, time, far) for name in ("log_tau1", "log_tau2")),
@@ -354,7 +323,7 @@ def _common(cells, shared, far):
 
 
 def _of_branch(b, cell, spread, sensors):
-    known = {
+    stds = {
         "capacity": spread.capacity if cell.own else spread.type_capacity,
         "log_r0": spread.resistance if cell.own else spread.type_resistance,
         "log_slow": spread.resistance if cell.own else spread.type_resistance,
@@ -364,22 +333,22 @@ def _of_branch(b, cell, spread, sensors):
         "wire": spread.wire_ohm,
     }
     if sensors:
-        known["offset"] = spread.current_offset_c_rate * cell.capacity_ampere_hour
-        known["gain"] = spread.current_gain
-    return [_bounded(f"{b}.{n}", STEPS[n], s, spread.widest) for n, s in known.items()]
+        stds["offset"] = spread.current_offset_c_rate * cell.capacity_ampere_hour
+        stds["gain"] = spread.current_gain
+    return [_bounded(f"{b}.{n}", STEPS[n], s, spread.widest) for n, s in stds.items()]
 
 
 def group_coupling(free, cells, spread, shared):
     """Prior precision of the errors of all OCV curves, smooth over SoC: (k, k)."""
-    found = np.zeros((len(free), len(free)))
-    names = [one.name for one in free]
+    precision = np.zeros((len(free), len(free)))
+    names = [parameter.name for parameter in free]
     at = [k for k, name in enumerate(names) if name.startswith("fine[")]
-    found[np.ix_(at, at)] = _smooth(FINE_KNOTS, shared.ocv_soc) / shared.ocv_volt**2
+    precision[np.ix_(at, at)] = _smooth(FINE_KNOTS, shared.ocv_soc) / shared.ocv_volt**2
     shape = _smooth(OCV_KNOTS, spread.ocv_soc)
     for b, cell in enumerate(cells):
         at = [k for k, name in enumerate(names) if name.startswith(f"{b}.ocv[")]
-        found[np.ix_(at, at)] = shape / _ocv_volt(cell, spread) ** 2
-    return found
+        precision[np.ix_(at, at)] = shape / _ocv_volt(cell, spread) ** 2
+    return precision
 
 
 def _smooth(knots, length):
@@ -390,7 +359,7 @@ def _smooth(knots, length):
 
 
 def document(case, state):
-    """All that a simulation of the group needs.
+    """Model of a group as a document, from which `fields_of` and `group_run` simulate it.
 
     Parameters
     ----------
@@ -402,7 +371,9 @@ def document(case, state):
     (effect and branch, from 1), initial_soc (f, b) of the records fitted [1], hold.
     """
     return {
-        "branches": [_plain(cell) for cell in case.cells],
+        "branches": [
+            cell._asdict() | {"ocv_volt": np.asarray(cell.ocv_volt).tolist()} for cell in case.cells
+        ],
         "values": {name: float(value) for name, value in state.solution.values.items()},
         "effects": [{"effect": e.id, "branch": e.position + 1} for e in state.effects],
         "initial_soc": case.fit_soc.tolist(),
@@ -410,12 +381,8 @@ def document(case, state):
     }
 
 
-def _plain(cell):
-    return cell._asdict() | {"ocv_volt": np.asarray(cell.ocv_volt).tolist()}
-
-
 def fields_of(model, library=GROUP_LIBRARY):
-    """The group of a document as `group_run` takes it, at the starts of its records.
+    """GroupFields of a document, at the starts of its records.
 
     Parameters
     ----------
@@ -426,8 +393,8 @@ def fields_of(model, library=GROUP_LIBRARY):
     fields : GroupFields.
     """
     cells = [
-        Branch(**{**one, "ocv_volt": np.asarray(one["ocv_volt"], float)})
-        for one in model["branches"]
+        Branch(**{**branch, "ocv_volt": np.asarray(branch["ocv_volt"], float)})
+        for branch in model["branches"]
     ]
     effects = [at_branch(library[e["effect"]], e["branch"] - 1) for e in model["effects"]]
     return group_fields(cells, np.asarray(model["initial_soc"], float), model["values"], effects)

@@ -1,4 +1,4 @@
-"""Effects of where the charge goes."""
+"""Effects of the charge balance: losses, leak and capacity."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def _leakage(fields, stack, p):
 
 
 def _capacity_error(fields, stack, p):
-    """The cell is not what it was in its capacity test, which itself stays right."""
+    """Capacity that has changed since the capacity test, in all other records."""
     later = np.array([kind != "capacity" for kind in stack.kinds], float)[stack.file]
     return fields._replace(capacity=fields.capacity * (1.0 + p["relative"] * later))
 

@@ -1,8 +1,8 @@
 """Effects of one branch of a parallel group; `Effect.position` says which branch.
 
-`act` is here, too, (fields, stack, p) → fields, on `groups.model.GroupFields`; p holds the one
-parameter and, as "branch", the number of the branch. `replaces` names the free parameters of a
-healthy branch whose place the effect takes: beside it that branch has no declared tolerance.
+`act` is (fields, stack, p) → fields on `groups.model.GroupFields`; p holds the one parameter and,
+as "branch", the number of the branch. `replaces` names the free parameters of a healthy branch that
+are held at zero while the effect is in the model.
 """
 
 import numpy as np
@@ -11,14 +11,13 @@ from cellwright.effects.library.vocabulary import Effect, Parameter
 
 
 def _of_branch(name, change):
-    """`act` that changes one branch of a field, by change(value, size)."""
+    """Function for `Effect.act` that changes one branch of a field by change(value, size)."""
 
     def act(fields, stack, p):
-        own = dict(p)
-        changed, branch = np.array(getattr(fields, name)), (..., own.pop("branch"))
-        if name == "r":
+        changed, branch = np.array(getattr(fields, name)), (..., p["branch"])
+        if name == "r":  # (b, 3); all others have the branch last
             branch = branch[::-1]
-        (size,) = own.values()
+        (size,) = (value for parameter, value in p.items() if parameter != "branch")
         changed[branch] = change(changed[branch], size)
         return fields._replace(**{name: changed})
 

@@ -1,4 +1,4 @@
-"""Effects of the open-circuit voltage itself."""
+"""Effects of the open-circuit voltage."""
 
 import numpy as np
 

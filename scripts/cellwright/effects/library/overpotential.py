@@ -29,8 +29,8 @@ def _charge_transfer_branch(p, r0_ohm, capacity_ampere_hour):
     """A share of R0 follows the Butler–Volmer equation, the rest stays ohmic."""
     share = p["share_of_resistance"]
     exchange = 1.0 / max(p["per_exchange_current_per_ampere"], 1e-9)
-    own = {"r_ohm": share * r0_ohm, "exchange_ampere": exchange}
-    return (1.0 - share) * r0_ohm, "charge_transfer", own
+    parameters = {"r_ohm": share * r0_ohm, "exchange_ampere": exchange}
+    return (1.0 - share) * r0_ohm, "charge_transfer", parameters
 
 
 def _charge_transfer(fields, stack, p):

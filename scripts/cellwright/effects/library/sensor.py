@@ -1,9 +1,9 @@
-"""Effects of the instrument: what it reads is not what is there."""
+"""Effects of the instrument: errors of its current, voltage and clock."""
 
 from cellwright.circuits.instrument import delayed, displayed, through_cell
 from cellwright.effects.library.vocabulary import Effect, Parameter, numbers_of
 
-APART_SECOND = 1e6  # between records on one clock
+APART_SECOND = 1e6  # between records, so that they lie on one time axis
 
 
 def _current_offset(fields, stack, p):
@@ -15,7 +15,7 @@ def _current_offset(fields, stack, p):
 
 
 def _current_gain(fields, stack, p):
-    """The capacity was counted by the same ammeter: only the true current differs, not the SoC."""
+    """Current with a gain. The capacity was counted with the same gain, so that the SoC stays."""
     counted = ("current", "held", "capacity")
     gain = p["gain_relative"]
     return fields._replace(

@@ -1,4 +1,4 @@
-"""Effects of temperature, measured or not."""
+"""Effects of the temperature, as measured and inside the cell."""
 
 from cellwright.circuits.instrument import capacity_over_temperature
 from cellwright.circuits.temperature import resistance_factor

@@ -1,16 +1,16 @@
-"""What an effect is: one entry of the closed vocabulary, everything about it in one place."""
+"""The types of an entry of the library: an effect and its parameters."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 
 class Parameter(NamedTuple):
-    """One number of an effect.
+    """One parameter of an effect: its unit, bounds and usual sizes.
 
     unit : as in the verdict. neutral : its value where the effect is absent, or, for a shape
     (`shape` true: without meaning while the effect is absent), where a search begins.
-    lower, upper : physical bounds. step : a change that is small but plain, for derivatives; also
-    the unit in which a search walks. plausible : a size that a laboratory may well meet.
+    lower, upper : physical bounds. step : for derivatives, and the unit of a step of the fit; 0:
+    set by the starts, not fitted. plausible : a size usual in a laboratory.
     material : a size below which nobody would act on it.
     """
 
@@ -31,9 +31,9 @@ class Effect(NamedTuple):
     id : of the contract. sentence : for people, a clause. parameters : tuple of
     Parameter. stage : where it enters the model, one of `base.STAGES`. act : its equation, function
     (fields, stack, p) → fields, p being a dict of its parameters by name; see `base.Fields`.
-    starts : tuple of dicts, parameters from which it is tried. held : what it changes is no
-    straight line in its size. bends : a model without it has moved its resistances and time
-    constants so far that they have to be estimated again together with it.
+    starts : tuple of dicts, parameters from which it is tried. held : what it changes is not
+    linear in its size. bends : a model without it is fitted with resistances and time constants so
+    far off that they have to be estimated again together with it.
     needs : names of `records.FACTORS` without which data cannot show it.
     shows : the test that shows it, in words. consequence : what it changes for the user.
     circuit : function (p, r0_ohm, capacity_ampere_hour) → (r0_ohm, kind, parameters): the branch
@@ -63,22 +63,21 @@ class Effect(NamedTuple):
 
     @property
     def key(self):
-        """Its name within a model: the id, in a group with the number of the branch."""
+        """Name of the effect within a model: its id, in a group with the number of the branch."""
         return self.id if self.position is None else f"{self.id}[{self.position}]"
 
     @property
     def names(self):
-        """Names of its parameters within a model: key.parameter."""
+        """Names of the parameters within a model: key.parameter."""
         return tuple(f"{self.key}.{p.name}" for p in self.parameters)
 
     def sizes_of(self, values):
-        """Its parameters by their own names, from the values of a model."""
-        own = zip(self.parameters, self.names, strict=True)
-        return {p.name: values[name] for p, name in own}
+        """Values of its parameters by their names within the effect, from those of a model."""
+        return {p.name: values[n] for p, n in zip(self.parameters, self.names, strict=True)}
 
     def given(self, start):
-        """Names of the parameters whose first values its own starts state."""
-        stated = {name for one in self.starts for name in one}
+        """Names of the parameters of a start that the effect's starts give."""
+        stated = {name for values in self.starts for name in values}
         return {name for name in start if name.rpartition(".")[2] in stated}
 
 
@@ -91,14 +90,14 @@ def numbers_of(block, **names):
     """
 
     def written(p, blocks):
-        own = {within: p[name] for name, within in names.items()}
-        return blocks | {block: blocks.get(block, {}) | own}
+        numbers = {within: p[name] for name, within in names.items()}
+        return blocks | {block: blocks.get(block, {}) | numbers}
 
     return written
 
 
 def in_order(effects, library):
-    """Effects in the order of the library, in which those of one stage act.
+    """Effects sorted as in the library, the order in which those of one stage act.
 
     Parameters
     ----------

@@ -180,8 +180,8 @@ def _unknown(verdict, library, phrases, values):
         return [f"{text}; {phrases.none} explains it."]
     names = _listed(_name(one) for one in verdict["partial"])
     return [
-        f"{text}. The nearest explanation, {names}, leaves {millivolt(both['after'])} and so is "
-        f"not the name of it."
+        f"{text}. The nearest explanation, {names}, leaves {millivolt(both['after'])}, too much "
+        f"for it to be named."
     ]
 
 

@@ -79,10 +79,10 @@ def track(
     coefficient, covariance = np.zeros(size), prior * np.eye(size)
     course = np.full((len(rows) + n_rc, size), np.nan)
     for k, (row, value) in enumerate(zip(rows, target, strict=True)):
-        seen = covariance @ row
-        gain = seen / (forgetting + row @ seen)
+        shared = covariance @ row
+        gain = shared / (forgetting + row @ shared)
         coefficient = coefficient + gain * (value - row @ coefficient)
-        covariance = (covariance - np.outer(gain, seen)) / forgetting
+        covariance = (covariance - np.outer(gain, shared)) / forgetting
         # Rounding would make it asymmetric, and then indefinite, after some thousand samples.
         covariance = (covariance + covariance.T) / 2
         course[k + n_rc] = coefficient
@@ -129,24 +129,6 @@ def circuit_of_coefficients(coefficient, step_second, *, hold, n_rc=1):
     constant = coefficient[2 * n_rc + 1] if len(coefficient) > 2 * n_rc + 1 else 0.0
     offset = float(constant / (1.0 - c.sum()))
     return Circuit(float(d[0] - r @ after), r, tau, offset)
-
-
-def coefficients_of_circuit(r0_ohm, r_ohm, tau_second, step_second, *, hold):
-    """The recurrence of a circuit: (2m + 1,) c_1…c_m, d_0…d_m; the way back.
-
-    Parameters
-    ----------
-    r0_ohm : [ohm]. r_ohm, tau_second : (m,) [ohm], [s]. step_second : uniform step [s].
-    hold : "zero_order" or "first_order".
-    """
-    steps = np.full(len(tau_second), float(step_second))
-    pole, before, after = lag_weights(steps, np.asarray(tau_second, float), hold=hold)
-    denominator = np.poly(pole)
-    numerator = r0_ohm * denominator
-    for j, r in enumerate(r_ohm):
-        rest = np.poly(np.delete(pole, j))
-        numerator = numerator + r * np.convolve([after[j], before[j]], rest)
-    return np.concatenate([-denominator[1:], numerator])
 
 
 def _poles(c):

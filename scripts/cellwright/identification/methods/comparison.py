@@ -6,16 +6,16 @@ import numpy as np
 
 from cellwright.circuits.circuit import rc_circuit
 from cellwright.circuits.simulate import simulate
+from cellwright.circuits.temperature import celsius_of
 from cellwright.identification.methods.autoregressive import (
     circuit_of_coefficients,
     track,
 )
 from cellwright.identification.methods.genetic import evolve_by_genes
-from cellwright.identification.methods.profile import profile_interval
-from cellwright.identification.methods.pulse import fit_circuit, names_of
+from cellwright.identification.methods.pulse import fit_circuit, names_of, profile_interval
 from cellwright.identification.methods.pulse_records import pulse_records
 from cellwright.identification.methods.with_lmfit import fit_by_lmfit, lmfit_parameters
-from cellwright.numerics.statistics import delta_method, rms
+from cellwright.numerics.statistics import delta_method
 from cellwright.protocols.relaxation import fit_relaxation
 from cellwright.refusal import Refusal
 
@@ -111,10 +111,12 @@ def compare_methods(tests, basis, cell, **settings):
         without any pulse that counts there is no row, for which `left_out` has the reasons.
     """
     records, left_out = pulse_records(tests, basis, cell, **settings)
-    found = [(one, method, identify_pulse(one, method)) for one in records for method in METHODS]
+    identified = [
+        (record, method, identify_pulse(record, method)) for record in records for method in METHODS
+    ]
     columns = {name: [] for name in MethodRows._fields if "_spread" not in name}
-    for record, method, identified in found:
-        row = _row(record, method, identified)
+    for record, method, circuit in identified:
+        row = _row(record, method, circuit)
         for name in columns:
             columns[name].append(row[name])
     arrays = {name: np.array(v, dtype=TYPES.get(name, float)) for name, v in columns.items()}
@@ -155,10 +157,12 @@ def _columns(record):
 def _genetic(record):
     """The thesis' genetic algorithm over 100 generations; it gives no standard deviations."""
     bounds = _search_bounds(record)
-    found = evolve_by_genes(_columns(record), bounds, hold=HOLD, n_rc=PAIRS)
-    values = _ascending(found.values)
+    evolved = evolve_by_genes(_columns(record), bounds, hold=HOLD, n_rc=PAIRS)
+    values = _ascending(evolved.values)
     lower, upper = np.array([bounds[name] for name in NAMES]).T
-    return _identified(values, np.full(len(NAMES), np.nan), found.evaluations, lower, upper)
+    return _with_bounds_noted(
+        values, np.full(len(NAMES), np.nan), evolved.evaluations, lower, upper
+    )
 
 
 def _autoregressive(record):
@@ -171,12 +175,12 @@ def _autoregressive(record):
 
 
 def _rest_exponentials(record):
-    """Two exponentials of the rest (thesis, table 2.2), R0 from what of the edge they leave."""
+    """Two exponentials of the rest (thesis, table 2.2), R0 from the edge less their voltage."""
     since = record.time_second[record.edge :] - record.time_second[record.edge]
     pulse = record.time_second[record.edge] - record.time_second[1]
     relaxed = np.flatnonzero(since >= EDGE_SHARE * pulse)
-    moved = record.voltage_volt - record.ocv_volt
-    rest = moved[record.edge :]
+    polarisation_volt = record.voltage_volt - record.ocv_volt
+    rest = polarisation_volt[record.edge :]
     fit = fit_relaxation(since[relaxed], rest[relaxed])
     tau, level = fit.tau_second, record.level_ampere
     # What a pair shows at the first sample that was fitted has grown within the pulse and has
@@ -184,9 +188,9 @@ def _rest_exponentials(record):
     share = -np.expm1(-pulse / tau) * np.exp(-since[relaxed[0]] / tau)
     r = fit.amplitude_volt / (level * share)
     r_std = fit.amplitude_std_volt / abs(level * share)
-    last = moved[record.edge - 1] - fit.ocv_volt
+    last = polarisation_volt[record.edge - 1] - fit.ocv_volt
     r0 = (last - level * (r @ -np.expm1(-pulse / tau))) / level
-    values, std = _filled(r0, r, tau), _filled(np.nan, r_std, fit.tau_std_second)
+    values, std = _two_pairs(r0, r, tau), _two_pairs(np.nan, r_std, fit.tau_std_second)
     return Identified(values, std, fit.passes, (np.nan, np.nan), fit.verdict)
 
 
@@ -204,7 +208,7 @@ def _lmfit(record):
     order = [fit.names.index(f"{name}_{k}") for name, k in LMFIT_ORDER]
     values, std = _ascending(fit.values[order], fit.std[order])
     lower, upper = np.array([(0.0, np.inf)] * (1 + PAIRS) + [(shortest, longest)] * PAIRS).T
-    return _identified(values, std, int(fit.result.nfev), lower, upper)
+    return _with_bounds_noted(values, std, int(fit.result.nfev), lower, upper)
 
 
 LMFIT_ORDER = [("r_ohm", 0), ("r_ohm", 1), ("r_ohm", 2), ("tau_second", 1), ("tau_second", 2)]
@@ -237,7 +241,7 @@ def _tau_bounds(record):
 
 
 def _search_bounds(record):
-    """Bounds of the genetic algorithm, which needs some of every parameter, by name."""
+    """Bounds of the genetic algorithm for every parameter, by name."""
     total = np.abs(record.voltage_volt - record.ocv_volt).max() / abs(record.level_ampere)
     shares = RESISTANCE_SHARES[0] * total, RESISTANCE_SHARES[1] * total
     return {name: shares if name[0] == "r" else _tau_bounds(record) for name in NAMES}
@@ -253,11 +257,12 @@ def _by_recurrence(step, current, voltage, pairs, reason):
 
     order = np.argsort(numbers(last)[1 + pairs :], kind="stable")
     values, std = delta_method(numbers, last, estimate.covariance)
-    both = [
-        _filled(one[0], one[1 : 1 + pairs][order], one[1 + pairs :][order]) for one in (values, std)
+    parts = [
+        _two_pairs(numbers_of[0], numbers_of[1 : 1 + pairs][order], numbers_of[1 + pairs :][order])
+        for numbers_of in (values, std)
     ]
-    _check_positive(both[0])
-    return Identified(*both, 1, (np.nan, np.nan), reason)
+    _check_positive(parts[0])
+    return Identified(*parts, 1, (np.nan, np.nan), reason)
 
 
 def _uniform(record):
@@ -273,33 +278,33 @@ def _uniform(record):
     passed = np.concatenate([[0.0], np.cumsum(record.current_ampere[1:-1] * np.diff(time[1:]))])
     charge = np.concatenate([[0.0], passed])
     ends = np.interp(np.append(grid, grid[-1] + step), inside, charge)
-    moved = np.concatenate([[0.0], (record.voltage_volt - record.ocv_volt)[1:]])
-    return step, np.diff(ends) / step, np.interp(grid + 1e-6 * step, inside, moved)
+    polarisation_volt = np.concatenate([[0.0], (record.voltage_volt - record.ocv_volt)[1:]])
+    return step, np.diff(ends) / step, np.interp(grid + 1e-6 * step, inside, polarisation_volt)
 
 
 def _ascending(values, *others):
     """R0, R1, R2, tau1, tau2 with the pairs in the order of their time constants."""
     order = np.array([0, 1, 2, 3, 4] if values[3] <= values[4] else [0, 2, 1, 4, 3])
-    sorted_ = [one[order] for one in (values, *others)]
-    return sorted_ if others else sorted_[0]
+    ordered = [column[order] for column in (values, *others)]
+    return ordered if others else ordered[0]
 
 
-def _filled(r0, r, tau):
+def _two_pairs(r0, r, tau):
     """R0, R1, R2, tau1, tau2 of one or two pairs; NaN for the pair that is not there."""
     missing = [np.nan] * (PAIRS - len(r))
     return np.array([r0, *r, *missing, *tau, *missing])
 
 
-def _identified(values, std, evaluations, lower, upper):
-    """With the parameters that lie at a bound of their search as the reason."""
+def _with_bounds_noted(values, std, evaluations, lower, upper):
+    """Identified whose reason names the parameters at a bound of their search."""
     smallest = np.where(lower > 0, lower * 1.001, 1e-6 * np.nansum(values[: 1 + PAIRS]))
-    at = (values <= smallest) | (values >= upper * 0.999)
-    said = [
+    limited = (values <= smallest) | (values >= upper * 0.999)
+    reasons = [
         f"{name} lies at the bound of its search"
-        for name, one in zip(NAMES, at, strict=True)
-        if one
+        for name, at_limit in zip(NAMES, limited, strict=True)
+        if at_limit
     ]
-    return Identified(values, std, evaluations, (np.nan, np.nan), "; ".join(said))
+    return Identified(values, std, evaluations, (np.nan, np.nan), "; ".join(reasons))
 
 
 def _row(record, method, identified):
@@ -309,7 +314,7 @@ def _row(record, method, identified):
     pulse = float(record.time_second[edge] - record.time_second[1])
     row = {
         "test": record.test,
-        "ambient_temperature_celsius": _number(record.ambient_temperature_celsius),
+        "ambient_temperature_celsius": celsius_of(record.ambient_temperature_celsius),
         "start_time_second": record.start_time_second,
         "soc": record.soc,
         "direction": "charge" if record.level_ampere > 0 else "discharge",
@@ -323,29 +328,25 @@ def _row(record, method, identified):
         "evaluations": identified.evaluations,
         "reason": identified.reason,
     }
-    for name, value, one in zip(NAMES, values, std, strict=True):
+    for name, value, deviation in zip(NAMES, values, std, strict=True):
         quantity, unit = name.split("_")
-        row |= {name: float(value), f"{quantity}_std_{unit}": float(one)}
-    return row | _quality(record, values, pulse)
+        row |= {name: float(value), f"{quantity}_std_{unit}": float(deviation)}
+    return row | _error_and_resistance(record, values, pulse)
 
 
-def _number(value):
-    return np.nan if value is None else float(value)
-
-
-def _quality(record, values, pulse):
+def _error_and_resistance(record, values, pulse):
     """Error of the circuit over the record, and resistance from the rest to the pulse's end."""
     if not np.isfinite(values[0]):
         return {"rmse_volt": np.nan, "pulse_resistance_ohm": np.nan}
-    told = np.isfinite(values[1 : 1 + PAIRS])
-    r, tau = values[1 : 1 + PAIRS][told], values[1 + PAIRS :][told]
+    resolved = np.isfinite(values[1 : 1 + PAIRS])
+    r, tau = values[1 : 1 + PAIRS][resolved], values[1 + PAIRS :][resolved]
     circuit = rc_circuit(values[0], r, tau)
     time, current, voltage, ocv = _columns(record)
     error = simulate(circuit, time, current, ocv, hold=HOLD) - voltage
-    moved = (ocv[record.edge] - ocv[0]) / record.level_ampere
+    ocv_ohm = (ocv[record.edge] - ocv[0]) / record.level_ampere
     return {
-        "rmse_volt": rms(error[1:]),
-        "pulse_resistance_ohm": float(values[0] + r @ -np.expm1(-pulse / tau) + moved),
+        "rmse_volt": float(np.sqrt(np.mean(error[1:] ** 2))),
+        "pulse_resistance_ohm": float(values[0] + r @ -np.expm1(-pulse / tau) + ocv_ohm),
     }
 
 
@@ -353,7 +354,9 @@ def _spreads(columns):
     """Columns of …_spread: of each test and method, from neighbours in SoC."""
     spreads = {}
     keys = list(zip(columns["test"], columns["method"], strict=True))
-    of_key = {key: [k for k, one in enumerate(keys) if one == key] for key in dict.fromkeys(keys)}
+    of_key = {
+        key: [k for k, other in enumerate(keys) if other == key] for key in dict.fromkeys(keys)
+    }
     for name in NAMES:
         quantity, unit = name.split("_")
         spread = np.full(len(keys), np.nan)
@@ -378,8 +381,8 @@ def local_spread(soc, value):
     spread : (n,) in the unit of the value; NaN at the ends and where it is not known.
     """
     spread = np.full(len(value), np.nan)
-    known = np.flatnonzero(np.isfinite(soc) & np.isfinite(value))
-    order = known[np.argsort(soc[known], kind="stable")]
+    finite = np.flatnonzero(np.isfinite(soc) & np.isfinite(value))
+    order = finite[np.argsort(soc[finite], kind="stable")]
     for below, middle, above in zip(order, order[1:], order[2:], strict=False):
         width = soc[above] - soc[below]
         if width <= 0:

@@ -1,10 +1,11 @@
-"""Genetic algorithm of the thesis for the parameters of a circuit: the check of the gradient."""
+"""Genetic algorithm of the thesis for the parameters of a circuit."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.identification.methods.pulse import load_of, names_of
+from cellwright.native import array, count, function
 from cellwright.numerics.lags import lag_weights
 from cellwright.refusal import Refusal
 
@@ -42,13 +43,31 @@ def cost_function(record, *, hold, n_rc=2):
         r0, r, tau = values[:, 0], values[:, 1 : n_rc + 1], values[:, n_rc + 1 :]
         decay, before, after = lag_weights(load.step_second[:, None, None], tau, hold=hold)
         pushed = before * load.drive[:-1, None, None] + after * load.drive[1:, None, None]
-        state, power = np.zeros(tau.shape), (load.target_volt[0] - r0 * load.drive[0]) ** 2
-        for k, target in enumerate(load.target_volt[1:]):
-            state = decay[k] * state + pushed[k]
-            power += (target - r0 * load.drive[k + 1] - (r * state).sum(axis=1)) ** 2
-        return power / len(load.drive)
+        columns = (load.drive, load.target_volt)
+        return _power(decay, pushed, *map(np.ascontiguousarray, (r0, r, *columns))) / len(
+            load.drive
+        )
 
     return cost
+
+
+def _power(decay, pushed, r0, r, drive, target_volt):
+    """Sum of squared errors (k,) [V²] of k circuits, in C where that can be built.
+
+    Parameters
+    ----------
+    decay, pushed : (n - 1, k, m) what is left of each pair's current over a step [1], and what the
+        load adds to it [A]. r0, r : (k,), (k, m) [ohm]. drive, target_volt : (n,) [A], [V].
+    """
+    state, power = np.zeros(r.shape), (target_volt[0] - r0 * drive[0]) ** 2
+    kernel = function("pulse_power", count, count, count, *[array] * 8)
+    if kernel is not None:
+        kernel(len(drive), *r.shape, decay, pushed, r0, r, drive, target_volt, state, power)
+        return power
+    for k, target in enumerate(target_volt[1:]):
+        state = decay[k] * state + pushed[k]
+        power += (target - r0 * drive[k + 1] - (r * state).sum(axis=1)) ** 2
+    return power
 
 
 def evolve_by_genes(
@@ -96,21 +115,21 @@ def evolve_by_genes(
         best = people[np.argsort(costs, kind="stable")[:elite]]
         children = _children(rng, people, costs, population - elite)
         step = 0.1 * width * (1.0 - generation / generations) + 1e-4 * width
-        moved = rng.random(children.shape) < mutation
-        children = children + moved * step * rng.normal(size=children.shape)
+        mutated = rng.random(children.shape) < mutation
+        children = children + mutated * step * rng.normal(size=children.shape)
         people = np.vstack([best, np.clip(children, *logs.T)])
-        kept = np.sort(costs, kind="stable")[:elite]
-        costs = np.concatenate([kept, cost(people[elite:])])
+        elite_costs = np.sort(costs, kind="stable")[:elite]
+        costs = np.concatenate([elite_costs, cost(people[elite:])])
         course.append(costs.min())
     values = np.exp(people[np.argmin(costs)])
     evaluations = population + generations * (population - elite)
     return GeneticFit(names, values, float(costs.min()), np.array(course), evaluations)
 
 
-def _children(rng, people, costs, wanted):
-    rivals = rng.integers(0, len(people), size=(2, 2, wanted))
-    won = np.where(costs[rivals[0]] <= costs[rivals[1]], rivals[0], rivals[1])
-    first, second = people[won]
+def _children(rng, people, costs, count):
+    rivals = rng.integers(0, len(people), size=(2, 2, count))
+    winners = np.where(costs[rivals[0]] <= costs[rivals[1]], rivals[0], rivals[1])
+    first, second = people[winners]
     share = rng.uniform(-0.25, 1.25, size=first.shape)
     return first + share * (second - first)
 

@@ -42,7 +42,7 @@ def names_of(n_rc, free_ocv):
 
 
 def load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold, free_ocv):
-    """A record as the linear model, checked.
+    """Checked record as the load of the linear model.
 
     Parameters
     ----------
@@ -91,8 +91,8 @@ def limits_of(names, load, bounds):
 
 def _check(time, current, voltage, ocv, hold):
     if time.ndim != 1 or not time.shape == current.shape == voltage.shape:
-        found = f"time {time.shape}, current {current.shape}, voltage {voltage.shape}"
-        raise Refusal(f"{found}; all must be (n,)")
+        shapes = f"time {time.shape}, current {current.shape}, voltage {voltage.shape}"
+        raise Refusal(f"{shapes}; all must be (n,)")
     if ocv.shape not in ((), time.shape):
         raise Refusal(f"OCV has shape {ocv.shape}; a scalar or {time.shape} is wanted")
     if len(time) < 2:
@@ -176,19 +176,19 @@ def fit_circuit(
     if len(load.drive) <= len(names):
         raise Refusal(f"{len(load.drive)} samples for {len(names)} parameters; more are needed")
     lower, upper = limits_of(names, load, bounds or {})
-    at, passes = _optimum(load, lower, upper, n_rc, start)
-    at = _ascending(at, lower, upper)
-    values = np.concatenate([at.linear, np.exp(at.log_tau)])
+    best, passes = _optimum(load, lower, upper, n_rc, start)
+    best = _ascending(best, lower, upper)
+    values = np.concatenate([best.linear, np.exp(best.log_tau)])
     limited = (values <= lower * (1 + 1e-9)) | (values >= upper * (1 - 1e-9))
     flagged = limited & (lower < upper)
-    covariance, widening = _spread(load, at, limited)
+    covariance, widening = _covariance(load, best, limited)
     # A pair whose time constant is not told has no resistance of its own either.
-    alone = np.flatnonzero(flagged[len(at.linear) :]) + len(at.linear) - n_rc
-    covariance[alone] = covariance[:, alone] = np.nan
+    unpaired = np.flatnonzero(flagged[len(best.linear) :]) + len(best.linear) - n_rc
+    covariance[unpaired] = covariance[:, unpaired] = np.nan
     std = np.sqrt(np.diag(covariance))
     certain = np.where(std > 0, std, np.nan)
-    said = [verdict(names, values, covariance, lower, upper)]
-    said += ["the search has not arrived at an optimum"] * (passes >= MOST_PASSES)
+    sentences = [verdict(names, values, covariance, lower, upper)]
+    sentences += ["the search has not arrived at an optimum"] * (passes >= MOST_PASSES)
     return CircuitFit(
         names=names,
         values=values,
@@ -197,10 +197,10 @@ def fit_circuit(
         correlation=covariance / (certain[:, None] * certain),
         widening=widening,
         at_bound=tuple(name for name, at_end in zip(names, flagged, strict=True) if at_end),
-        rmse_volt=float(np.sqrt(at.power / len(load.drive))),
+        rmse_volt=float(np.sqrt(best.power / len(load.drive))),
         samples=len(load.drive),
         iterations=passes,
-        verdict="; ".join(filter(None, said)),
+        verdict="; ".join(filter(None, sentences)),
     )
 
 
@@ -221,12 +221,12 @@ def _optimum(load, lower, upper, pairs, start):
     held = linear_bounds[0] == linear_bounds[1]
     signed = np.where(held, lower[:size], -np.inf), np.where(held, upper[:size], np.inf)
     first = _started(load, start, tau_bounds, linear_bounds)
-    at, passes = search(*first, signed)
-    if ((at.linear >= linear_bounds[0]) & (at.linear <= linear_bounds[1])).all():
-        return at, passes
+    best, passes = search(*first, signed)
+    if ((best.linear >= linear_bounds[0]) & (best.linear <= linear_bounds[1])).all():
+        return best, passes
     again = coarse_start(load, tau_bounds, linear_bounds) if pairs else first
-    at, more = search(*again, linear_bounds)
-    return at, passes + more
+    best, more_passes = search(*again, linear_bounds)
+    return best, passes + more_passes
 
 
 def _started(load, start, tau_bounds, linear_bounds):
@@ -239,36 +239,162 @@ def _started(load, start, tau_bounds, linear_bounds):
     return np.clip(tau, *tau_bounds.T), np.zeros(len(linear_bounds[0]))
 
 
-def _ascending(at, lower, upper):
+def _ascending(fit, lower, upper):
     """Pairs in the order of their time constants, where bounds do not tell them apart."""
-    size, pairs = len(at.linear), len(at.log_tau)
+    size, pairs = len(fit.linear), len(fit.log_tau)
     bounds = np.column_stack([lower, upper])
     r, tau = bounds[size - pairs : size], bounds[size:]
     if not ((r == r[:1]).all() and (tau == tau[:1]).all()):
-        return at
-    order = np.argsort(at.log_tau, kind="stable")
+        return fit
+    order = np.argsort(fit.log_tau, kind="stable")
     head = np.arange(size - pairs)
-    whole = np.concatenate([head, size - pairs + order, size + order])
-    gram, moment = at.gram[np.ix_(whole, whole)], at.moment[whole]
-    return Projected(at.log_tau[order], at.linear[whole[:size]], gram, moment, at.power, at.near)
+    permutation = np.concatenate([head, size - pairs + order, size + order])
+    gram, moment = fit.gram[np.ix_(permutation, permutation)], fit.moment[permutation]
+    return Projected(
+        fit.log_tau[order], fit.linear[permutation[:size]], gram, moment, fit.power, fit.near
+    )
 
 
-def _spread(load, at, limited):
+def _covariance(load, fit, limited):
     """Covariance in natural units, and by how much coloured residuals widened each deviation."""
-    free = np.flatnonzero(~limited & (np.diag(at.gram) > 0))
-    size, samples, tau = len(at.linear), len(load.drive), np.exp(at.log_tau)
+    free = np.flatnonzero(~limited & (np.diag(fit.gram) > 0))
+    size, samples, tau = len(fit.linear), len(load.drive), np.exp(fit.log_tau)
     unit = np.concatenate([np.ones(size), tau])[free]
-    gram = at.gram[np.ix_(free, free)]
-    found = white = parameter_covariance(gram, at.power, samples)
-    if not is_white(at.near, at.power, samples):
+    gram = fit.gram[np.ix_(free, free)]
+    spread = white = parameter_covariance(gram, fit.power, samples)
+    if not is_white(fit.near, fit.power, samples):
         columns = columns_of(load, tau)
-        residual = load.target_volt - at.linear @ columns[:size]
-        columns[size:] *= at.linear[size - len(tau) :, None]
+        residual = load.target_volt - fit.linear @ columns[:size]
+        columns[size:] *= fit.linear[size - len(tau) :, None]
         series = {"sensitivity": columns[free], "residual": residual}
-        found = parameter_covariance(gram, at.power, samples, **series)
-    covariance = np.full(at.gram.shape, np.nan)
-    covariance[np.ix_(free, free)] = found * np.outer(unit, unit)
-    widening = np.full(len(at.gram), np.nan)
-    plain, wide = np.diag(white), np.diag(found)
+        spread = parameter_covariance(gram, fit.power, samples, **series)
+    covariance = np.full(fit.gram.shape, np.nan)
+    covariance[np.ix_(free, free)] = spread * np.outer(unit, unit)
+    widening = np.full(len(fit.gram), np.nan)
+    plain, wide = np.diag(white), np.diag(spread)
     widening[free] = np.sqrt(np.divide(wide, plain, out=np.ones(len(free)), where=plain != 0))
     return covariance, widening
+
+
+ZERO = 1e-6  # share of the fitted value that stands for zero on a logarithmic scale
+
+
+class ProfileInterval(NamedTuple):
+    """Where the cost, minimised over all other parameters, rises by what the level allows.
+
+    name, value : of the parameter. lower, upper : ends; NaN where the profile is open. open_below,
+    open_above : True where the cost never rises enough within `searched` (lower, upper). told :
+    both ends are closed. words : the same as a sentence.
+    """
+
+    name: str
+    value: float
+    lower: float
+    upper: float
+    open_below: bool
+    open_above: bool
+    searched: tuple
+    told: bool
+    words: str
+
+
+def profile_interval(record, fit, name, *, hold, level=0.95, bounds=None, free_ocv=(), reach=1e3):
+    """Interval of one parameter by profile likelihood.
+
+    Parameters
+    ----------
+    record : (test_time_second, current_ampere, voltage_volt, ocv_volt) as given to `fit_circuit`.
+    fit : CircuitFit of that record.
+    name : of the parameter, a resistance or a time constant.
+    hold, bounds, free_ocv : as in that fit.
+    level : coverage, 0 to 1.
+    reach : the search goes from value/reach to value·reach, or to the parameter's bounds.
+
+    Returns
+    -------
+    interval : ProfileInterval.
+
+    Raises
+    ------
+    Refusal : the parameter is not of the fit, is an error of the OCV, or has no value.
+
+    Source: D. Venzon, S. Moolgavkar, Applied Statistics 37 (1988) 87; for an estimated scatter by
+    the F distribution (D. Bates, D. Watts, Nonlinear Regression Analysis, 1988, sec. 6.1). Where
+    the residuals are coloured, the allowed rise is widened by `fit.widening` squared.
+    """
+    from scipy.special import fdtri
+
+    value = _profiled_value(fit, name)
+    freedom = fit.samples - len(fit.names)
+    widening = np.nan_to_num(fit.widening[fit.names.index(name)], nan=1.0)
+    allowed = fdtri(1, freedom, level) * widening**2 / freedom
+    settings = {
+        "hold": hold,
+        "n_rc": sum(n.startswith("tau") for n in fit.names),
+        "free_ocv": free_ocv,
+    }
+
+    def excess(log_value):
+        trial = float(np.exp(log_value))
+        held = dict(bounds or {}) | {name: (trial, trial)}
+        refit = fit_circuit(*record, bounds=held, **settings)
+        return (refit.rmse_volt / fit.rmse_volt) ** 2 - 1.0 - allowed
+
+    step = _first_step(fit, name)
+    limits = (bounds or {}).get(name, (value / reach, value * reach))
+    limits = max(limits[0], value * ZERO), min(limits[1], value * reach)
+    directions = zip((-step, step), np.log(limits), strict=True)
+    ends = [_crossing(excess, np.log(value), *step_and_limit) for step_and_limit in directions]
+    return _interval(name, value, ends, limits, level)
+
+
+def _profiled_value(fit, name):
+    if name not in fit.names or name.startswith("ocv"):
+        raise Refusal(f"no profile of {name}; resistances and time constants are {fit.names}")
+    value = float(fit.values[fit.names.index(name)])
+    if not value > 0:
+        raise Refusal(f"{name} is {value:g}: a logarithmic profile starts above zero")
+    return value
+
+
+def _first_step(fit, name):
+    """One standard deviation of the logarithm, or a tenth where there is none."""
+    index = fit.names.index(name)
+    step = fit.std[index] / fit.values[index]
+    return float(np.clip(step, 1e-6, 1.0)) if np.isfinite(step) else 0.1
+
+
+def _crossing(excess, log_value, step, limit):
+    """Where the excess turns positive on the way to the limit (a logarithm), NaN if nowhere."""
+    inner = log_value
+    sign = np.sign(step)
+    while (limit - inner) * sign > 1e-9:
+        outer = inner + step if (limit - inner - step) * sign > 0 else limit
+        if excess(outer) > 0:
+            return _bisected(excess, inner, outer)
+        inner, step = outer, step * 1.7
+    return np.nan
+
+
+def _bisected(excess, inner, outer):
+    """Root between two points, to a hundredth of their distance."""
+    for _ in range(7):
+        middle = (inner + outer) / 2
+        inner, outer = (inner, middle) if excess(middle) > 0 else (middle, outer)
+    return (inner + outer) / 2
+
+
+def _interval(name, value, ends, limits, level):
+    lower, upper = (float(np.exp(end)) for end in ends)
+    below, above = bool(np.isnan(lower)), bool(np.isnan(upper))
+    share = f"{name} lies at {level:.0%} between"
+    if not below and not above:
+        words = f"{share} {lower:.4g} and {upper:.4g}"
+    elif below and above:
+        words = f"{name} cannot be told: its profile is open on both sides of {value:.3g}"
+    elif above:
+        words = f"{name} cannot be told: its profile is open above {lower:.3g}"
+    else:
+        words = f"{name} cannot be told: its profile is open below {upper:.3g}"
+    closed = not (below or above)
+    return ProfileInterval(name, value, lower, upper, below, above, limits, closed, words)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.basis import REFERENCE_CELSIUS, soc_or_unknown
+from cellwright.records.basis import soc_or_unknown, stated_or_reference
 from cellwright.records.facts import TestFacts
 
 RELAXED_SECOND = 600.0  # a rest so long before a pulse leaves nothing to relax in it …
@@ -77,22 +77,22 @@ def pulse_records(tests, basis, cell, *, pulses_per_cell, samples, rest_lengths)
     -------
     records : PulseRecords; none where no test has a pulse that counts, and `left_out` says so.
     """
-    found, left_out = [], []
+    usable, left_out = [], []
     for test in tests:
         name, steps = test.facts.test, _relaxed_pulses(test.steps)
         if not len(steps):
             left_out.append(f"{name}: {NONE}")
             continue
         chosen = _of_one_rate(test.steps, steps)
-        found.append((test, chosen, soc_or_unknown(test.series, basis, test.facts, cell).soc))
+        usable.append((test, chosen, soc_or_unknown(test.series, basis, test.facts, cell).soc))
         if len(chosen) < len(steps):
             rate = float(np.median(test.steps.c_rate[chosen]))
             left_out.append(f"{name}: {len(chosen)} pulses at {rate:.2g}C of {len(steps)} in all")
-    taken = [found[k] for k in _evenly(np.arange(len(found)), pulses_per_cell)]
-    share = max(pulses_per_cell // max(len(found), 1), 1)
+    chosen_tests = [usable[k] for k in _evenly(np.arange(len(usable)), pulses_per_cell)]
+    share = max(pulses_per_cell // max(len(usable), 1), 1)
     records = [
         _record(test, step, soc, basis, samples=samples, rest_lengths=rest_lengths)
-        for test, steps, soc in taken
+        for test, steps, soc in chosen_tests
         for step in steps[_evenly(soc[test.steps.first_row[steps]], share)]
     ]
     return PulseRecords(tuple(records), tuple(left_out))
@@ -104,11 +104,11 @@ def _relaxed_pulses(steps):
     joined = steps.start_time_second[1:] == steps.end_time_second[:-1]
     pulses = np.arange(1, len(kind) - 1)
     between = (kind[pulses - 1] == "rest") & (kind[pulses + 1] == "rest")
-    whole = between & joined[pulses - 1] & joined[pulses] & (kind[pulses] == "pulse")
+    complete = between & joined[pulses - 1] & joined[pulses] & (kind[pulses] == "pulse")
     load = np.where(pulses > 1, duration[pulses - 2], 0.0)
     needed = np.minimum(RELAXED_SECOND * 0.99, RELAXED_LOADS * load)
     counted = steps.last_row[pulses] - steps.first_row[pulses] + 1 >= FEWEST
-    return pulses[whole & counted & (duration[pulses - 1] >= needed)]
+    return pulses[complete & counted & (duration[pulses - 1] >= needed)]
 
 
 def _of_one_rate(steps, pulses):
@@ -125,8 +125,8 @@ def _evenly(values, count):
     if len(values) <= count:
         return np.arange(len(values))
     places = values if np.isfinite(values).all() else np.arange(len(values))
-    wanted = np.linspace(np.max(places), np.min(places), count)
-    return np.unique([int(np.argmin(np.abs(places - one))) for one in wanted])
+    targets = np.linspace(np.max(places), np.min(places), count)
+    return np.unique([int(np.argmin(np.abs(places - target))) for target in targets])
 
 
 def _record(test, step, soc, basis, *, samples, rest_lengths):
@@ -160,7 +160,7 @@ def _record(test, step, soc, basis, *, samples, rest_lengths):
 
 
 def _thinned(time, first, last, usual, most):
-    """At most so many rows of a stretch after an edge, dense at first; of a burst the last one."""
+    """Numbers of at most `most` rows after an edge, dense at first; of a burst the last row."""
     begin = int(np.searchsorted(time[: last + 1], time[first] + usual / 2)) - 1
     rows = np.arange(max(begin, first), last + 1)
     if len(rows) <= most:
@@ -170,15 +170,14 @@ def _thinned(time, first, last, usual, most):
 
 def _moved_volt(soc, rows, basis, facts):
     """Change of the open-circuit voltage since the first of the rows (n,) [V]; 0 if not known."""
-    celsius = _stated_or_reference(facts.ambient_temperature_celsius)
-    known = [_stated_or_reference(one["ambient_temperature_celsius"]) for one in basis["ocv"]]
-    curves = [(abs(one - celsius), k) for k, one in enumerate(known)]
+    celsius = stated_or_reference(facts.ambient_temperature_celsius)
+    temperatures = [
+        stated_or_reference(curve_celsius["ambient_temperature_celsius"])
+        for curve_celsius in basis["ocv"]
+    ]
+    curves = [(abs(curve_celsius - celsius), k) for k, curve_celsius in enumerate(temperatures)]
     if not curves or not np.isfinite(soc[rows]).all():
         return np.zeros(len(rows))
     curve = basis["ocv"][min(curves)[1]]
     volt = np.interp(soc[rows], curve["soc"], curve["ocv_volt"])
     return volt - volt[0]
-
-
-def _stated_or_reference(celsius):
-    return REFERENCE_CELSIUS if celsius is None else celsius

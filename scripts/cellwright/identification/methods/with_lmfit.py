@@ -1,4 +1,4 @@
-"""Any circuit in lmfit: parameters that a user may fix, bound, tie by an expression, or add to."""
+"""Fit of any circuit by lmfit, with parameters that a user may fix, bound, tie or add."""
 
 from typing import NamedTuple
 
@@ -107,30 +107,34 @@ def fit_by_lmfit(circuit, parameters, record, *, hold, open_circuit=None):
         raise Refusal("no parameter varies: all are fixed or tied")
     settings = {"hold": hold, "open_circuit": open_circuit}
 
-    def residual(now):
-        built = circuit_with(circuit, now)
-        return simulate(built, time, current, ocv, **settings) + now[OFFSET].value - voltage
+    def residual(current_parameters):
+        built = circuit_with(circuit, current_parameters)
+        return (
+            simulate(built, time, current, ocv, **settings)
+            + current_parameters[OFFSET].value
+            - voltage
+        )
 
-    def jacobian(now):
-        by_own = sensitivities(circuit_with(circuit, now), time, current, **settings)
+    def jacobian(current_parameters):
+        by_own = sensitivities(circuit_with(circuit, current_parameters), time, current, **settings)
         columns = {f"{name}_{index}": column for (index, name), column in by_own.items()}
-        return _chained(now, columns | {OFFSET: np.ones(len(time))})
+        return _chained(current_parameters, columns | {OFFSET: np.ones(len(time))})
 
     result = Minimizer(residual, parameters).leastsq(Dfun=jacobian)
     return _summary(circuit, result, residual(result.params), jacobian(result.params))
 
 
 def _chained(parameters, columns):
-    """Derivatives by what varies, through the expressions that tie the others: (n, p)."""
+    """Derivatives by the varied parameters (n, p), through the expressions of tied ones."""
     varied = [name for name, p in parameters.items() if p.vary]
     tied = [name for name in columns if parameters[name].expr]
-    found = []
+    columns_varied = []
     for name in varied:
         total = columns.get(name, 0.0)
         for other, slope in _slopes(parameters, name, tied):
             total = total + slope * columns[other]
-        found.append(np.broadcast_to(total, columns[OFFSET].shape))
-    return np.column_stack(found)
+        columns_varied.append(np.broadcast_to(total, columns[OFFSET].shape))
+    return np.column_stack(columns_varied)
 
 
 def _slopes(parameters, name, tied):
@@ -140,9 +144,9 @@ def _slopes(parameters, name, tied):
     value = parameters[name].value
     step = 1e-5 * (abs(value) or 1.0)
     ends = []
-    for moved in (value + step, value - step):
+    for shifted in (value + step, value - step):
         # Past a bound lmfit would clip the value, and with it the difference.
-        inside = np.clip(moved, parameters[name].min, parameters[name].max)
+        inside = np.clip(shifted, parameters[name].min, parameters[name].max)
         parameters[name].value = inside
         parameters.update_constraints()
         ends.append([inside, *(parameters[other].value for other in tied)])
@@ -158,9 +162,13 @@ def _summary(circuit, result, residual, jacobian):
     limited = np.array([_at_bound(result.params[name]) for name in names])
     std = np.full(len(names), np.nan)
     free = ~limited & (np.abs(jacobian).max(axis=0) > 0)
-    columns, power, near = jacobian[:, free].T, residual @ residual, residual[1:] @ residual[:-1]
+    columns, power, lag_product = (
+        jacobian[:, free].T,
+        residual @ residual,
+        residual[1:] @ residual[:-1],
+    )
     series = {"sensitivity": columns, "residual": residual}
-    series = {} if is_white(near, power, len(residual)) else series
+    series = {} if is_white(lag_product, power, len(residual)) else series
     spread = parameter_covariance(columns @ columns.T, power, len(residual), **series)
     std[free] = np.sqrt(np.diag(spread))
     return LmfitFit(

@@ -13,14 +13,13 @@ from cellwright.protocols.impedance.circuits import (
     THESIS,
     circuit_impedance,
     parse,
+    parse_constraints,
+    series_resistance,
 )
 from cellwright.protocols.impedance.drt import peaks, relaxation_times
 from cellwright.protocols.impedance.fit import (
     check,
     fit_circuit,
-    parse_constraints,
-    series_resistance,
-    zero_crossing,
 )
 from cellwright.protocols.impedance.trust import trusted_points
 from cellwright.refusal import Refusal
@@ -36,7 +35,7 @@ UNCERTAIN = 0.5
 
 
 class Arc(NamedTuple):
-    """A capacitance parallel to a branch with a resistance, by places among the parameters.
+    """A capacitance parallel to a branch with a resistance, as places among the parameters.
 
     t, p : of the capacitance (p is None for a plain one). r : resistances of the other branch.
     """
@@ -49,23 +48,23 @@ class Arc(NamedTuple):
 def arcs(circuit):
     """Arcs of a circuit (its text or tree), in the order of their parameters: list of Arc."""
     tree = parse(circuit) if isinstance(circuit, str) else circuit
-    found = [
+    candidates = [
         _arc(tree, *sides)
-        for kind, left, right in zip(tree.kinds, tree.left, tree.right, strict=True)
+        for kind, first, second in zip(tree.kinds, tree.left, tree.right, strict=True)
         if kind == PARALLEL
-        for sides in ((left, right), (right, left))
+        for sides in ((first, second), (second, first))
     ]
-    return sorted((arc for arc in found if arc is not None), key=lambda arc: arc.t)
+    return sorted((arc for arc in candidates if arc is not None), key=lambda arc: arc.t)
 
 
-def _arc(tree, capacitive, other):
-    """Arc of two parallel branches; None where the one is no capacitance or the other lacks R."""
-    resistances = _in_series(tree, other, {SYMBOLS["R"]})
+def _arc(tree, capacitive, branch):
+    """Arc of two parallel branches; None unless the first is a capacitance, the other has an R."""
+    resistances = _in_series(tree, branch, {SYMBOLS["R"]})
     if tree.kinds[capacitive] not in CAPACITIVE or not resistances:
         return None
-    at = tree.at[capacitive]
-    exponent = at + 1 if tree.kinds[capacitive] == SYMBOLS["CPE"] else None
-    return Arc(at, exponent, tuple(tree.at[k] for k in resistances))
+    first_parameter = tree.at[capacitive]
+    exponent = first_parameter + 1 if tree.kinds[capacitive] == SYMBOLS["CPE"] else None
+    return Arc(first_parameter, exponent, tuple(tree.at[k] for k in resistances))
 
 
 def characteristic_frequency(arc, values):
@@ -76,21 +75,21 @@ def characteristic_frequency(arc, values):
 
 
 def charge_transfer(fit):
-    """The arc that stands for charge transfer: the slowest; None in a circuit without arcs."""
+    """Arc of charge transfer, the slowest of the circuit; None without arcs."""
     return min(
         arcs(fit.circuit), key=lambda arc: characteristic_frequency(arc, fit.values), default=None
     )
 
 
 def contract(fit):
-    """Columns of the results contract from any circuit: dict of value and `_std` of each.
+    """Columns of the results contract from any circuit: dict of each value and its `_std`.
 
     r_ohmic_ohm is the resistance that all current passes; r_charge_transfer_ohm, cpe_t and cpe_p
     are those of the slowest arc; warburg_y0 that of the first semi-infinite diffusion. NaN for what
     the circuit does not have.
     """
     tree, arc = parse(fit.circuit), charge_transfer(fit)
-    diffusion = [at for at, kind in zip(tree.at, tree.kinds, strict=True) if kind == SYMBOLS["W"]]
+    diffusion = _parameters_of(tree, {SYMBOLS["W"]})
     places = {
         "r_ohmic_ohm": series_resistance(tree),
         "r_charge_transfer_ohm": arc.r[0] if arc else None,
@@ -100,17 +99,17 @@ def contract(fit):
         "inductance_henry": tree.roles.index("inductance") if "inductance" in tree.roles else None,
     }
     row = {}
-    for name, at in places.items():
-        row[name] = np.nan if at is None else float(fit.values[at])
-        row[f"{name}_std"] = np.nan if at is None else float(fit.std[at])
+    for name, index in places.items():
+        row[name] = np.nan if index is None else float(fit.values[index])
+        row[f"{name}_std"] = np.nan if index is None else float(fit.std[index])
     return row
 
 
-def confused(fit):
+def why_inseparable(fit):
     """Why charge transfer and diffusion cannot be told apart; empty where they can, or where the
     circuit lacks one of the two."""
     tree, arc = parse(fit.circuit), charge_transfer(fit)
-    diffusion = [at for at, kind in zip(tree.at, tree.kinds, strict=True) if kind in DIFFUSION]
+    diffusion = _parameters_of(tree, DIFFUSION)
     if arc is None or not diffusion:
         return ""
     r = arc.r[0]
@@ -118,17 +117,23 @@ def confused(fit):
         share = fit.std[k] / fit.values[k]
         if not share <= UNCERTAIN:
             return f"{fit.names[k]} is {f'known to {share:.0%} only' if share > 0 else 'not told'}"
-    told = [abs(fit.correlation[r, k]) for k in diffusion]
-    other = fit.names[diffusion[int(np.argmax(told))]]
-    beyond = max(told) > INSEPARABLE
-    return f"{fit.names[r]} and {other} are correlated by {max(told):.2f}" if beyond else ""
+    correlations = [abs(fit.correlation[r, k]) for k in diffusion]
+    if not max(correlations) > INSEPARABLE:
+        return ""
+    closest = fit.names[diffusion[int(np.argmax(correlations))]]
+    return f"{fit.names[r]} and {closest} are correlated by {max(correlations):.2f}"
+
+
+def _parameters_of(tree, kinds):
+    """Places of the first parameter of each element of these kinds."""
+    return [index for index, kind in zip(tree.at, tree.kinds, strict=True) if kind in kinds]
 
 
 def _in_series(tree, node, kinds):
     """Elements of these kinds that all current of a branch passes."""
     if tree.kinds[node] == SERIES:
         sides = (tree.left[node], tree.right[node])
-        return [found for side in sides for found in _in_series(tree, side, kinds)]
+        return [element for side in sides for element in _in_series(tree, side, kinds)]
     return [node] if tree.kinds[node] in kinds else []
 
 
@@ -137,7 +142,7 @@ CRITERIA = {"bic": "bic", "cross_validation": "cross_validation_residual"}
 
 
 class Candidate(NamedTuple):
-    """A circuit and how it does; `fit` is None where it could not be fitted, for the `reason`.
+    """A circuit with its fit and criteria; `fit` is None where the `reason` says why.
 
     cross_validation_residual : RMS of the relative error on points that were left out.
     """
@@ -150,13 +155,13 @@ class Candidate(NamedTuple):
 
 
 def with_inductance(circuit, impedance_ohm):
-    """The circuit with the leads' inductance in front, where the spectrum shows any."""
+    """Text of the circuit, with the leads' inductance in series where the spectrum shows any."""
     has = "L" in re.findall(r"[A-Z]+", circuit)
     return circuit if has or not (impedance_ohm.imag > 0).any() else f"L-{circuit}"
 
 
 def compare(frequency_hertz, impedance_ohm, circuits, *, starts):
-    """Fit every circuit to the same points.
+    """Fits of several circuits to the same points, with their criteria.
 
     Parameters
     ----------
@@ -169,7 +174,7 @@ def compare(frequency_hertz, impedance_ohm, circuits, *, starts):
 
     Source: G. Schwarz, Ann. Statist. 6 (1978) 461 (Bayesian information criterion).
     """
-    return [_candidate(frequency_hertz, impedance_ohm, one, starts) for one in circuits]
+    return [_candidate(frequency_hertz, impedance_ohm, circuit, starts) for circuit in circuits]
 
 
 def best(candidates, *, criterion):
@@ -182,33 +187,34 @@ def best(candidates, *, criterion):
     """
     if criterion not in CRITERIA:
         raise Refusal(f"criterion {criterion!r}; known: {', '.join(CRITERIA)}")
-    fitted = [one for one in candidates if one.fit is not None]
+    fitted = [candidate for candidate in candidates if candidate.fit is not None]
     if not fitted:
-        raise Refusal("; ".join(f"{one.circuit}: {one.reason}" for one in candidates))
-    inside = [one for one in fitted if not one.fit.at_bound]
-    return min(inside or fitted, key=lambda one: getattr(one, CRITERIA[criterion]))
+        raise Refusal("; ".join(f"{each.circuit}: {each.reason}" for each in candidates))
+    inside = [candidate for candidate in fitted if not candidate.fit.at_bound]
+    return min(inside or fitted, key=lambda candidate: getattr(candidate, CRITERIA[criterion]))
 
 
 def _candidate(frequency, impedance, circuit, starts):
+    """Fit and criteria of one circuit, or the reason why it cannot be fitted."""
     try:
         fit = fit_circuit(frequency, impedance, circuit=circuit, starts=starts)
     except Refusal as refusal:
         return Candidate(circuit, None, np.nan, np.nan, str(refusal))
-    missed = _left_out(frequency, impedance, fit)
+    missed = _cross_validation_error(frequency, impedance, fit)
     return Candidate(circuit, fit, fit.bic, missed, "")
 
 
-def _left_out(frequency, impedance, fit):
-    """Error on every fifth point, fitted to the others from the optimum of all."""
+def _cross_validation_error(frequency, impedance, fit):
+    """RMS of the relative error [1] on every fifth point in turn, fitted to the others."""
     start = dict(zip(fit.names, fit.values, strict=True))
-    place, errors = np.argsort(np.argsort(frequency)) % FOLDS, []
+    rank, errors = np.argsort(np.argsort(frequency)) % FOLDS, []
     for fold in range(FOLDS):
-        rest, out = place != fold, place == fold
-        found = fit_circuit(
-            frequency[rest], impedance[rest], circuit=fit.circuit, starts=1, start=start
+        fitted, predicted = rank != fold, rank == fold
+        refit = fit_circuit(
+            frequency[fitted], impedance[fitted], circuit=fit.circuit, starts=1, start=start
         )
-        guess = circuit_impedance(fit.circuit, frequency[out], found.values)
-        errors.append(np.abs(guess / impedance[out] - 1))
+        guess = circuit_impedance(fit.circuit, frequency[predicted], refit.values)
+        errors.append(np.abs(guess / impedance[predicted] - 1))
     return rms(np.concatenate(errors))
 
 
@@ -218,10 +224,26 @@ POOR = 0.05
 UNSTEADY_KELVIN = 1.0
 
 
+def zero_crossing(frequency_hertz, impedance_ohm):
+    """Real part where the imaginary part changes from inductive to capacitive, by a line [Ω].
+
+    The crossing at the highest frequency counts; NaN without any: the leads hide it, or the
+    spectrum ends before.
+    """
+    order = np.argsort(-np.asarray(frequency_hertz, float))
+    real, imaginary = impedance_ohm.real[order], impedance_ohm.imag[order]
+    crossings = np.flatnonzero((imaginary[:-1] > 0) & (imaginary[1:] <= 0))
+    if not len(crossings):
+        return np.nan
+    before = crossings[0]
+    share = imaginary[before] / (imaginary[before] - imaginary[before + 1])
+    return float(real[before] + share * (real[before + 1] - real[before]))
+
+
 class Analysis(NamedTuple):
-    """What the pipeline stores of a spectrum: `row` of stage `eis`; `curve`, `parameters`,
-    `candidates`, `distribution` and `processes` of the stages `eis_curve`, `eis_parameters`,
-    `eis_candidates`, `drt` and `drt_peaks`; `notes` for the report."""
+    """Results of one spectrum: `row` of stage `eis`; `curve`, `parameters`, `candidates`,
+    `distribution` and `processes` of the stages `eis_curve`, `eis_parameters`, `eis_candidates`,
+    `drt` and `drt_peaks`; `notes` for the report."""
 
     row: dict
     curve: dict
@@ -245,7 +267,7 @@ def analyse(
     starts=IMPEDANCE.starts,
     constraints=(),
 ):
-    """Test a spectrum, fit a circuit to what can be trusted of it, and find its relaxation times.
+    """Circuit fitted to the valid points of a spectrum, its tests and its relaxation times.
 
     Parameters
     ----------
@@ -294,6 +316,7 @@ def analyse(
 
 
 def _row(fit, frequency, impedance, trusted, preferred):
+    """Columns of stage `eis` but for the temperature."""
     arc, used = charge_transfer(fit), frequency[trusted.keep]
     top = characteristic_frequency(arc, fit.values) if arc else np.nan
     return {
@@ -304,7 +327,7 @@ def _row(fit, frequency, impedance, trusted, preferred):
         "r_zero_crossing_ohm": zero_crossing(frequency, impedance),
         "characteristic_frequency_hertz": top,
         "arc_in_range": bool(used.min() <= top <= used.max()),
-        "charge_transfer_told": not confused(fit),
+        "charge_transfer_told": not why_inseparable(fit),
         "points": len(frequency),
         "points_fitted": len(used),
         "bic": fit.bic,
@@ -313,15 +336,17 @@ def _row(fit, frequency, impedance, trusted, preferred):
 
 
 def _temperature(celsius):
-    known = celsius is not None and np.isfinite(celsius).any()
-    span = np.nanmax(celsius) - np.nanmin(celsius) if known else np.nan
+    """Columns of stage `eis`: median temperature [°C] and its span [K], NaN where not recorded."""
+    measured = celsius is not None and np.isfinite(celsius).any()
+    span = np.nanmax(celsius) - np.nanmin(celsius) if measured else np.nan
     return {
-        "temperature_celsius": float(np.nanmedian(celsius)) if known else np.nan,
+        "temperature_celsius": float(np.nanmedian(celsius)) if measured else np.nan,
         "temperature_span_kelvin": float(span),
     }
 
 
 def _curve(fit, frequency, impedance, trusted):
+    """Columns of stage `eis_curve`: measured and fitted impedance [Ω], residual of the test."""
     fitted = circuit_impedance(fit.circuit, frequency, fit.values)
     return {
         "frequency_hertz": frequency,
@@ -336,6 +361,7 @@ def _curve(fit, frequency, impedance, trusted):
 
 
 def _parameters(fit):
+    """Rows of stage `eis_parameters`: value, deviation and correlations of each parameter."""
     return [
         {
             "circuit": fit.circuit,
@@ -353,23 +379,25 @@ def _parameters(fit):
 
 
 def _candidates(compared, fit):
-    least = min((one.bic for one in compared if one.fit is not None), default=np.nan)
+    """Rows of stage `eis_candidates`: criteria of each circuit compared."""
+    least = min((each.bic for each in compared if each.fit is not None), default=np.nan)
     return [
         {
-            "circuit": one.circuit,
-            "free_parameters": one.fit.free if one.fit else 0,
-            "rms_relative_residual": one.fit.rms_relative_residual if one.fit else np.nan,
-            "cross_validation_residual": one.cross_validation_residual,
-            "delta_bic": one.bic - least,
-            "at_bound": ", ".join(one.fit.at_bound) if one.fit else "",
-            "chosen": one.circuit == fit.circuit,
-            "reason": one.reason,
+            "circuit": each.circuit,
+            "free_parameters": each.fit.free if each.fit else 0,
+            "rms_relative_residual": each.fit.rms_relative_residual if each.fit else np.nan,
+            "cross_validation_residual": each.cross_validation_residual,
+            "delta_bic": each.bic - least,
+            "at_bound": ", ".join(each.fit.at_bound) if each.fit else "",
+            "chosen": each.circuit == fit.circuit,
+            "reason": each.reason,
         }
-        for one in compared
+        for each in compared
     ]
 
 
 def _notes(row, fit, trusted, used):
+    """Sentences for the report on what is doubtful in the fit; `used` are its frequencies [Hz]."""
     yield from trusted.notes
     if row["temperature_span_kelvin"] > UNSTEADY_KELVIN:
         yield f"temperature moved by {row['temperature_span_kelvin']:.1f} K during the spectrum"
@@ -392,5 +420,5 @@ def _notes(row, fit, trusted, used):
                 f"the arc of {fit.names[arc.r[0]]} has its top at {top:.3g} Hz, outside the "
                 f"frequencies fitted ({used.min():.3g} to {used.max():.3g} Hz): extrapolated"
             )
-    if reason := confused(fit):
+    if reason := why_inseparable(fit):
         yield f"charge transfer and diffusion cannot be told apart: {reason}"

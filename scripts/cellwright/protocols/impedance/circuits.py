@@ -1,4 +1,4 @@
-"""Equivalent circuits of spectra as data: elements, a grammar, impedance and its slopes."""
+"""Equivalent circuits of spectra as data: elements, grammar, constraints, impedance, slopes."""
 
 import re
 from functools import cache
@@ -13,10 +13,10 @@ LARGE = 20.0
 
 
 class Element(NamedTuple):
-    """A kind of element.
+    """A kind of circuit element.
 
     symbol : as in a circuit's text. parameters : suffixes of their names with the unit. roles :
-    what each parameter is (keys of `starts.LIMITS`). meaning : in words.
+    what each parameter is (keys in `fit.parameter_limits`). meaning : in words.
     """
 
     symbol: str
@@ -51,7 +51,7 @@ SYMBOLS = {element.symbol: FIRST + k for k, element in enumerate(ELEMENTS)}
 
 
 def element_of(kind):
-    """The Element with a kernel's number."""
+    """Element of the kernel's number."""
     return ELEMENTS[kind - FIRST]
 
 
@@ -74,43 +74,50 @@ def impedance_and_slopes(kind, omega, values):
 
 
 def _resistance(omega, r):
+    """R [Ω], and its slopes."""
     impedance = np.full(len(omega), r, complex)
     return impedance, (impedance,)
 
 
 def _capacitance(omega, c):
+    """1/(jωC) [Ω], and its slopes."""
     impedance = -1j / (omega * c)
     return impedance, (-impedance,)
 
 
 def _inductance(omega, henry):
+    """jωL [Ω], and its slopes."""
     impedance = 1j * omega * henry
     return impedance, (impedance,)
 
 
 def _constant_phase(omega, t, p):
+    """1/(T (jω)^P) [Ω], and its slopes."""
     angle = p * np.pi / 2
     impedance = np.exp(-p * np.log(omega)) / t * (np.cos(angle) - 1j * np.sin(angle))
     return impedance, (-impedance, -impedance * p * (np.log(omega) + 0.5j * np.pi))
 
 
 def _warburg(omega, y0):
+    """1/(Y0 √(jω)) [Ω], and its slopes."""
     impedance = (1 - 1j) / (y0 * np.sqrt(2 * omega))
     return impedance, (-impedance,)
 
 
 def _finite_length(omega, r, tau):
+    """R tanh(√(jωτ))/√(jωτ) [Ω], and its slopes."""
     x = np.sqrt(omega * tau / 2)
     return _finite(r, x, _tanh(x))
 
 
 def _finite_space(omega, r, tau):
+    """R coth(√(jωτ))/√(jωτ) [Ω], and its slopes."""
     x = np.sqrt(omega * tau / 2)
     return _finite(r, x, 1 / _tanh(x))
 
 
 def _finite(r, x, wave):
-    """R·wave/u with u = x + jx, and its slopes; wave is tanh or coth of u."""
+    """Impedance R·wave/u with u = x + jx [Ω], and its slopes; wave is tanh or coth of u."""
     u = x * (1 + 1j)
     impedance = r * wave / u
     return impedance, (impedance, r / 2 * (1 - wave**2 - wave / u))
@@ -124,6 +131,7 @@ def _tanh(x):
 
 
 def _gerischer(omega, r, tau):
+    """R/√(1 + jωτ) [Ω], and its slopes."""
     inside = 1 + 1j * omega * tau
     impedance = r / np.sqrt(inside)
     return impedance, (impedance, -impedance / 2 * (1j * omega * tau) / inside)
@@ -153,7 +161,7 @@ class Circuit(NamedTuple):
 
     text : as written, without blanks. kinds : (m,) SERIES, PARALLEL or number of the element.
     left, right : (m,) children of a node that joins two, −1 for an element. at : (m,) place of an
-    element's first parameter. names : of the parameters. roles : what each is, see `elements`.
+    element's first parameter. names : of the parameters. roles : what each is, see `Element`.
     """
 
     text: str
@@ -188,53 +196,53 @@ def parse(text):
     if "".join(tokens) != plain or not tokens:
         raise Refusal(f"circuit {text!r} holds what is no element, bracket, '-' or '|'")
     nodes = []
-    rest = _joined(tokens, nodes, text)
+    rest = _parse_terms(tokens, nodes, text)
     if rest:
         raise Refusal(f"circuit {text!r}: {rest[0]!r} where the circuit should end")
-    kinds, left, right = zip(*nodes, strict=True)
+    kinds, first_child, second_child = zip(*nodes, strict=True)
     elements = [element_of(kind) if kind >= FIRST else None for kind in kinds]
     counts = [len(element.parameters) if element else 0 for element in elements]
     return Circuit(
         text=plain,
         kinds=kinds,
-        left=left,
-        right=right,
+        left=first_child,
+        right=second_child,
         at=tuple(int(n) for n in np.cumsum([0, *counts[:-1]])),
         names=NAMED.get(plain) or _names([element for element in elements if element]),
         roles=tuple(role for element in elements if element for role in element.roles),
     )
 
 
-def _joined(tokens, nodes, text):
-    """Terms joined by one kind of sign; appends their nodes, returns the tokens that are left."""
-    tokens = _term(tokens, nodes, text)
+def _parse_terms(tokens, nodes, text):
+    """Remaining tokens after terms joined by one kind of sign, whose nodes are appended."""
+    tokens = _parse_term(tokens, nodes, text)
     sign = tokens[0] if tokens and tokens[0] in "-|" else None
     while tokens and tokens[0] in "-|":
         if tokens[0] != sign:
             raise Refusal(f"circuit {text!r} mixes '-' and '|'; brackets must say what comes first")
         first = len(nodes) - 1
-        tokens = _term(tokens[1:], nodes, text)
+        tokens = _parse_term(tokens[1:], nodes, text)
         nodes.append((SERIES if sign == "-" else PARALLEL, first, len(nodes) - 1))
     return tokens
 
 
-def _term(tokens, nodes, text):
-    """One element or a group in brackets."""
+def _parse_term(tokens, nodes, text):
+    """Remaining tokens after one element or bracketed circuit, whose nodes are appended."""
     if tokens and tokens[0] == "(":
-        rest = _joined(tokens[1:], nodes, text)
+        rest = _parse_terms(tokens[1:], nodes, text)
         if not rest or rest[0] != ")":
             raise Refusal(f"circuit {text!r}: a bracket is not closed")
         return rest[1:]
     if not tokens or tokens[0] not in SYMBOLS:
-        found = repr(tokens[0]) if tokens else "its end"
-        known = ", ".join(SYMBOLS)
-        raise Refusal(f"circuit {text!r}: found {found} where an element is wanted ({known})")
+        seen = repr(tokens[0]) if tokens else "its end"
+        symbols = ", ".join(SYMBOLS)
+        raise Refusal(f"circuit {text!r}: found {seen} where an element is wanted ({symbols})")
     nodes.append((SYMBOLS[tokens[0]], -1, -1))
     return tokens[1:]
 
 
 def _names(elements):
-    """`r1_ohm`, `cpe1_t`, …: symbol, its number of this kind, and the parameter."""
+    """Names of the parameters, `r1_ohm`, `cpe1_t`, …: symbol, number of its kind, parameter."""
     seen, names = {}, []
     for element in elements:
         number = seen[element.symbol] = seen.get(element.symbol, 0) + 1
@@ -242,8 +250,55 @@ def _names(elements):
     return tuple(names)
 
 
+NUMBER = r"\d+\.?\d*(?:[eE][+-]?\d+)?"
+CONSTRAINT = re.compile(rf"(\w+)\s*=\s*(?:({NUMBER})\s*\*\s*)?({NUMBER}|[A-Za-z]\w*)")
+
+
+def parse_constraints(texts):
+    """Fixed and tied parameters of texts, as `fit.fit_circuit` takes them.
+
+    Parameters
+    ----------
+    texts : "name = value" fixes a parameter, in its own unit; "name = other" and
+        "name = ratio * other" tie it to another.
+
+    Returns
+    -------
+    fixed : dict, name → value. tied : dict, name → (other name, ratio).
+
+    Raises
+    ------
+    Refusal : a text of another form.
+    """
+    fixed, tied = {}, {}
+    for text in texts:
+        match = CONSTRAINT.fullmatch(text.strip())
+        if not match or (match[2] and match[3][0].isdigit()):
+            raise Refusal(
+                f"constraint {text!r}; wanted is 'name = value' or 'name = ratio * other'"
+            )
+        name, ratio, right_side = match.groups()
+        if right_side[0].isdigit():
+            fixed[name] = float(right_side)
+        else:
+            tied[name] = (right_side, float(ratio or 1))
+    return fixed, tied
+
+
+def series_resistance(circuit):
+    """Place of the first resistance that the whole current passes, or None."""
+    through, waiting = [], [len(circuit.kinds) - 1]
+    while waiting:
+        node = waiting.pop()
+        if circuit.kinds[node] == SERIES:
+            waiting += [circuit.left[node], circuit.right[node]]
+        if circuit.kinds[node] == SYMBOLS["R"]:
+            through.append(circuit.at[node])
+    return min(through, default=None)
+
+
 def circuit_impedance(circuit, frequency_hertz, values):
-    """Impedance of a circuit.
+    """Impedance of a circuit (n,) [Ω].
 
     Parameters
     ----------
@@ -273,25 +328,26 @@ def circuit_slopes(circuit, frequency_hertz, values):
     """
     circuit = parse(circuit) if isinstance(circuit, str) else circuit
     omega = 2 * np.pi * np.asarray(frequency_hertz, float)
-    nodes, own = [], {}
+    nodes, element_slopes = [], {}
     for m, kind in enumerate(circuit.kinds):
         pair = [nodes[child] for child in (circuit.left[m], circuit.right[m]) if child >= 0]
         if kind >= FIRST:
-            here = values[circuit.at[m] : circuit.at[m] + len(element_of(kind).parameters)]
-            impedance, own[m] = impedance_and_slopes(kind, omega, here)
+            parameters = values[circuit.at[m] : circuit.at[m] + len(element_of(kind).parameters)]
+            impedance, element_slopes[m] = impedance_and_slopes(kind, omega, parameters)
             nodes.append(impedance)
         else:
             nodes.append(sum(pair) if kind == SERIES else pair[0] * pair[1] / sum(pair))
-    return nodes[-1], _downwards(circuit, nodes, own)
+    return nodes[-1], _downwards(circuit, nodes, element_slopes)
 
 
-def _downwards(circuit, nodes, own):
+def _downwards(circuit, nodes, element_slopes):
+    """Slopes of the whole impedance (p, n) from those of the elements."""
     reach = [1.0] * len(nodes)
     slopes = np.empty((len(circuit.names), len(nodes[-1])), complex)
     for m in range(len(nodes) - 1, -1, -1):
         for child in {circuit.left[m], circuit.right[m]} - {-1}:
             share = (nodes[m] / nodes[child]) ** 2 if circuit.kinds[m] == PARALLEL else 1.0
             reach[child] = reach[m] * share
-        for k, slope in enumerate(own.get(m, ())):
+        for k, slope in enumerate(element_slopes.get(m, ())):
             slopes[circuit.at[m] + k] = reach[m] * slope
     return slopes

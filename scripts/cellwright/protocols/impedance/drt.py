@@ -17,7 +17,9 @@ FLOOR = 1e-3
 
 
 class Distribution(NamedTuple):
-    """tau_second : (m,) [s]. gamma_ohm : (m,) resistance per unit of ln τ [Ω], none negative.
+    """Distribution of relaxation times of one spectrum.
+
+    tau_second : (m,) [s]. gamma_ohm : (m,) resistance per unit of ln τ [Ω], none negative.
     r_ohmic_ohm, inductance_henry : in series. capacitance_farad : in series, infinite where none
     is needed. strength : of the smoothing. rms_relative_residual : of the distribution's spectrum.
     """
@@ -60,25 +62,25 @@ def relaxation_times(frequency_hertz, impedance_ohm, *, per_decade=10):
     penalty = np.concatenate([penalty, np.zeros((len(penalty), 3))], axis=1)
     strength = _strongest(matrix, target, penalty)
     solution, error = _fitted(matrix, target, penalty, strength)
-    found = solution / size
+    parameters = solution / size
     width = np.log(tau[1] / tau[0])
     return Distribution(
         tau_second=tau,
-        gamma_ohm=found[: len(tau)] / width,
-        r_ohmic_ohm=float(found[-3]),
-        inductance_henry=float(found[-2]),
-        capacitance_farad=float(1 / found[-1]) if found[-1] > 0 else np.inf,
+        gamma_ohm=parameters[: len(tau)] / width,
+        r_ohmic_ohm=float(parameters[-3]),
+        inductance_henry=float(parameters[-2]),
+        capacitance_farad=float(1 / parameters[-1]) if parameters[-1] > 0 else np.inf,
         strength=float(strength),
         rms_relative_residual=np.sqrt(2) * rms(error),
     )
 
 
 def peaks(distribution, *, least_share=0.02):
-    """Processes: humps of the distribution, from valley to valley.
+    """Processes of a spectrum: peaks of the distribution, each from valley to valley.
 
     Parameters
     ----------
-    distribution : Distribution. least_share : of the whole resistance; smaller humps are left out.
+    distribution : Distribution. least_share : of the whole resistance; smaller peaks do not count.
 
     Returns
     -------
@@ -110,7 +112,7 @@ def peaks(distribution, *, least_share=0.02):
 
 
 def _system(omega, impedance, tau):
-    """Weighted real and imaginary equations (2n, m + 3), columns scaled to a like size (m + 3,)."""
+    """Weighted equations (2n, m + 3), right side (2n,), scales of the columns (m + 3,)."""
     relaxing = 1 / (1 + 1j * omega[:, None] * tau)
     series = np.stack([np.ones(len(omega)), 1j * omega, -1j / omega], axis=1)
     weight = 1 / np.abs(impedance)
@@ -133,7 +135,7 @@ def _fitted(matrix, target, penalty, strength):
 
 
 def _strongest(matrix, target, penalty):
-    """Strongest smoothing whose error exceeds the least possible by no more than ALLOWED."""
+    """Strongest smoothing whose error is at most ALLOWED times the least possible."""
     weak, strong = STRENGTHS
     least = np.linalg.norm(_fitted(matrix, target, penalty, 10**weak)[1])
     allowed = max(ALLOWED * least, FLOOR * np.sqrt(len(target) / 2))

@@ -1,53 +1,27 @@
-"""Fit of an equivalent circuit to a measured spectrum: limits, starts, constraints."""
+"""Fit of an equivalent circuit to a measured spectrum: limits, starts, constraints, search.
 
-import re
+The search is our own, not lmfit's, for a spectrum is fitted some hundred times (starts, candidate
+circuits, points left out): compiled, with exact derivatives of the circuit, a fit from eight starts
+takes 1 ms, less than lmfit itself adds to a single start.
+"""
+
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.native import array, count, function, integers, real
 from cellwright.numerics.statistics import covariance_from_jacobian
-from cellwright.protocols.impedance.circuits import SERIES, SYMBOLS, THESIS, parse
-from cellwright.protocols.impedance.levenberg import SAME, Problem, search
+from cellwright.protocols.impedance.circuits import (
+    THESIS,
+    circuit_slopes,
+    parse,
+    series_resistance,
+)
 from cellwright.refusal import Refusal
 from cellwright.settings import Impedance
 
 IMPEDANCE = Impedance()
-
-NUMBER = r"\d+\.?\d*(?:[eE][+-]?\d+)?"
-FORM = re.compile(rf"(\w+)\s*=\s*(?:({NUMBER})\s*\*\s*)?({NUMBER}|[A-Za-z]\w*)")
-
-
-def parse_constraints(texts):
-    """Constraints as `fit_circuit` takes them.
-
-    Parameters
-    ----------
-    texts : "name = value" fixes a parameter, in its own unit; "name = other" and
-        "name = ratio * other" tie it to another.
-
-    Returns
-    -------
-    fixed : dict, name → value. tied : dict, name → (other name, ratio).
-
-    Raises
-    ------
-    Refusal : a text of another form.
-    """
-    fixed, tied = {}, {}
-    for text in texts:
-        found = FORM.fullmatch(text.strip())
-        if not found or (found[2] and found[3][0].isdigit()):
-            raise Refusal(
-                f"constraint {text!r}; wanted is 'name = value' or 'name = ratio * other'"
-            )
-        name, ratio, other = found.groups()
-        if other[0].isdigit():
-            fixed[name] = float(other)
-        else:
-            tied[name] = (other, float(ratio or 1))
-    return fixed, tied
-
 
 LOWEST_EXPONENT, HIGHEST_EXPONENT = 0.3, 1.0
 # Roles that set a time constant.
@@ -57,7 +31,7 @@ SPREAD_ROUNDS = 60
 
 
 class Features(NamedTuple):
-    """Size of a spectrum.
+    """Features of a spectrum, from which limits and starts of the fit follow.
 
     smallest : least real part of the capacitive points [Ω]. span : its range [Ω]. largest :
     largest modulus [Ω]. lowest, highest : angular frequencies of all points [1/s]; fastest : the
@@ -96,8 +70,8 @@ def features(frequency_hertz, impedance_ohm):
     )
 
 
-def limits(circuit, size):
-    """Limits of the parameters (p,) each, in units of the spectrum's own size."""
+def parameter_limits(circuit, size):
+    """Lower and upper limits of the parameters (2, p), from the size of the spectrum."""
     ends = {
         "resistance": (1e-4 * min(size.span, size.smallest), 100 * size.largest),
         "series": (size.smallest / 100, size.largest),
@@ -111,54 +85,61 @@ def limits(circuit, size):
     return np.array([ends[role] for role in _roles(circuit)]).T
 
 
-def draws(circuit, size, *, number):
-    """Starts (s, p): resistances and time constants spread over what the spectrum shows.
+def spread_starts(circuit, size, *, number):
+    """Starts (s, p): resistances and time constants spread over the range of the spectrum.
 
     The first is the middle of all; each later one a point of an even, fixed sequence, so that the
     same spectrum gives the same starts. Arcs take turns along the frequency axis, first come, fast.
     """
     roles = _roles(circuit)
-    share = _even(number, len(roles))
-    found = np.empty((number, len(roles)))
-    slow = [k for k, role in enumerate(roles) if role in SLOW]
-    rate = _rates(size, share[:, slow])
-    for k, role in enumerate(roles):
-        found[:, k] = _drawn(role, size, share[:, k])
-        if k in slow:
-            rates = rate[:, slow.index(k)]
-            middle = size.span * np.power(10.0, share[:, k - 1] - 1)
-            power = np.power(rates, 0.75 if role == "cpe" else 1.0)
-            found[:, k] = 1 / rates if role == "time" else 1 / (middle * power)
-    return found
-
-
-def _drawn(role, size, share):
-    if role == "exponent":
-        return 0.6 + 0.3 * share
-    if role == "series":
-        return size.smallest * (0.6 + 0.4 * share)
-    around = {
-        "resistance": (size.span, 1.5 * share - 1.2),
-        "inductance": (size.leads, 0.5 * share - 0.25),
-        "warburg": (size.warburg, 1.5 * share - 0.5),
+    shares, positions = _shares(number, roles)
+    middle = {
+        "series": size.smallest,
+        "resistance": size.span,
+        "inductance": size.leads,
+        "warburg": size.warburg,
     }
-    middle, decades = around.get(role, (1.0, share))
-    return middle * np.power(10.0, decades)
-
-
-def _rates(size, share):
-    """Angular frequencies of the capacitive elements: each in its own stretch of the axis.
-
-    The first named is the fastest in one start, the slowest in the next.
-    """
-    number = share.shape[1]
-    forwards, odd = np.arange(number), np.arange(len(share))[:, None] % 2
-    place = (np.where(odd, forwards[::-1], forwards) + share) / max(number, 1)
-    return np.exp(np.log(size.fastest) + place * np.log(size.lowest / size.fastest))
+    slow = [k for k, role in enumerate(roles) if role in SLOW]
+    rate = np.exp(np.log(size.fastest) + positions * np.log(size.lowest / size.fastest))
+    starts = np.array([middle.get(role, 1.0) for role in roles]) * shares
+    for k, rates in zip(slow, rate.T, strict=True):
+        power = np.power(rates, 0.75 if roles[k] == "cpe" else 1.0)
+        resistance = size.span * shares[:, k]
+        starts[:, k] = 1 / rates if roles[k] == "time" else 1 / (resistance * power)
+    return starts
 
 
 @cache
-def _even(number, dimensions):
+def _shares(number, roles):
+    """What does not depend on the spectrum: starts (s, p) over the size that belongs to their role,
+    for capacitive elements that of their resistance, and their places (s, slow) between the fastest
+    and the slowest frequency, 0 to 1.
+
+    The element named first is the fastest in one start, the slowest in the next.
+    """
+    share = _even_points(number, len(roles))
+    slow = [k for k, role in enumerate(roles) if role in SLOW]
+    shares = np.stack([_start_share(role, share, k) for k, role in enumerate(roles)], axis=1)
+    forwards, odd = np.arange(len(slow)), np.arange(number)[:, None] % 2
+    order = np.where(odd, forwards[::-1], forwards)
+    return shares, (order + share[:, slow]) / max(len(slow), 1)
+
+
+def _start_share(role, share, k):
+    """Start (s,) of parameter k of this role over the size that belongs to it."""
+    if role == "exponent":
+        return 0.6 + 0.3 * share[:, k]
+    if role == "series":
+        return 0.6 + 0.4 * share[:, k]
+    if role in SLOW:
+        return np.power(10.0, share[:, k - 1] - 1)
+    decades = {"resistance": (1.5, -1.2), "inductance": (0.5, -0.25), "warburg": (1.5, -0.5)}
+    slope, least = decades[role]
+    return np.power(10.0, slope * share[:, k] + least)
+
+
+@cache
+def _even_points(number, dimensions):
     """Evenly spread points (number, dimensions) in 0…1, the first in the middle."""
     ratio = 1.5
     for _ in range(SPREAD_ROUNDS):
@@ -169,25 +150,168 @@ def _even(number, dimensions):
 
 @cache
 def _roles(circuit):
-    """As the circuit's, a resistance in series with all else told apart."""
-    own = series_resistance(circuit)
-    return tuple("series" if k == own else role for k, role in enumerate(circuit.roles))
+    """Roles of the circuit's parameters, the resistance in series with all else as "series"."""
+    series = series_resistance(circuit)
+    return tuple("series" if k == series else role for k, role in enumerate(circuit.roles))
 
 
-def series_resistance(circuit):
-    """Place of the first resistance that the whole current passes; None where there is none."""
-    through, waiting = [], [len(circuit.kinds) - 1]
-    while waiting:
-        node = waiting.pop()
-        if circuit.kinds[node] == SERIES:
-            waiting += [circuit.left[node], circuit.right[node]]
-        if circuit.kinds[node] == SYMBOLS["R"]:
-            through.append(circuit.at[node])
-    return min(through, default=None)
+MOST_PASSES = 200
+MOST_NODES, MOST_PARAMETERS, BLOCK = 64, 32, 64  # of the kernel
+FARTHEST, ARRIVED, STUCK = 2.0, 1e-7, 1e12
+SAME = 1e-6  # relative difference of two sums of squares that are one optimum
+TYPES = (*[count] * 7, real, array, integers, integers, *[array] * 5, integers, array)
+
+
+class Problem(NamedTuple):
+    """A spectrum, the circuit to fit to it, and which of its parameters are free.
+
+    circuit : Circuit of p parameters. frequency_hertz (n,) [Hz]; impedance_ohm (n,) complex [Ω];
+    weight (n,) [1/Ω]. column : (p,) place of a parameter among the q free ones, −1 where it is
+    fixed; tied ones share a place. offset : (p,) logarithm of a fixed value, or of the ratio to
+    the one that it is tied to. lower, upper : (q,) limits of the logarithms.
+    """
+
+    circuit: object
+    frequency_hertz: np.ndarray
+    impedance_ohm: np.ndarray
+    weight: np.ndarray
+    column: np.ndarray
+    offset: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def values(self, x):
+        """Parameters (p,) at the logarithms x (q,) of the free ones."""
+        free = np.where(self.column >= 0, x[self.column], 0.0) if len(x) else 0.0
+        return np.exp(self.offset + free)
+
+    def jacobian(self, x):
+        """Weighted complex error (n,) at x, and its derivatives by x (q, n)."""
+        impedance, slopes = circuit_slopes(self.circuit, self.frequency_hertz, self.values(x))
+        derivatives = np.zeros((len(x), len(impedance)), complex)
+        free = self.column >= 0
+        np.add.at(derivatives, self.column[free], slopes[free])
+        return (impedance - self.impedance_ohm) * self.weight, derivatives * self.weight
+
+
+class Optima(NamedTuple):
+    """Optimum that each of s starts led to: x (s, q) logarithms; cost (s,) half sums of squares,
+    infinite where enough others had arrived before; passes (s,) over the data. rows : (q + 1, 2n)
+    at the best: the weighted error, and its derivatives by the q logarithms; real parts first."""
+
+    x: np.ndarray
+    cost: np.ndarray
+    passes: np.ndarray
+    rows: np.ndarray
+
+
+def search(problem, starts, *, enough):
+    """Optimum of each start, by damped Gauss–Newton steps within the limits.
+
+    In C where that can be built (`native`), else in numpy with the same steps.
+
+    Parameters
+    ----------
+    problem : Problem. starts : (s, q) logarithms of the free parameters, tried in this order.
+    enough : so many that led to the same best end the search.
+
+    Returns
+    -------
+    optima : Optima.
+
+    Raises
+    ------
+    Refusal : a circuit of more than 64 nodes or 32 parameters.
+
+    Source: D. W. Marquardt, J. SIAM 11 (1963) 431; steps of at most 2 in a logarithm, so that a
+    poor start cannot throw a parameter to its limit.
+    """
+    circuit, starts = problem.circuit, np.clip(starts, problem.lower, problem.upper)
+    if len(circuit.kinds) > MOST_NODES or len(circuit.names) > MOST_PARAMETERS:
+        raise Refusal(f"circuit {circuit.text} has more than {MOST_PARAMETERS} parameters")
+    kernel = function("impedance_search", *TYPES)
+    if kernel is None:
+        return search_by_numpy(problem, starts, enough=enough)
+    x = np.ascontiguousarray(starts, float)
+    cost, passes = np.empty(len(x)), np.empty(len(x), np.int64)
+    size, measured = len(problem.weight), problem.impedance_ohm
+    omega = 2 * np.pi * problem.frequency_hertz
+    series = np.concatenate([omega, measured.real, measured.imag, problem.weight])
+    bounds = np.concatenate([problem.lower, problem.upper])
+    work = np.empty(6 * BLOCK * -(-size // BLOCK))
+    sizes = (size, len(circuit.kinds), len(circuit.names), x.shape[1], len(x), enough)
+    tree = (_tree(circuit), problem.column, problem.offset)
+    rows = np.empty((x.shape[1] + 1, 2 * size))
+    kernel(*sizes, MOST_PASSES, SAME, series, *tree, bounds, work, x, cost, passes, rows)
+    return Optima(x, cost, passes, rows)
+
+
+@cache
+def _tree(circuit):
+    """Circuit as the kernel reads it (4m,): kinds, left and right children, places."""
+    return np.array(circuit[1:5], np.int64).ravel()
+
+
+def search_by_numpy(problem, starts, *, enough):
+    """Optima as of `search`, without a compiler."""
+    x = np.clip(starts, problem.lower, problem.upper)
+    cost, passes = np.full(len(x), np.inf), np.zeros(len(x), np.int64)
+    for s in range(len(x)):
+        if np.sum(cost[:s] <= cost[:s].min(initial=np.inf) * (1 + SAME)) < max(enough, 1):
+            x[s], cost[s], passes[s] = _descend(problem, x[s])
+    error, slopes = problem.jacobian(x[np.argmin(cost)])
+    rows = np.vstack([error, slopes])
+    return Optima(x, cost, passes, np.hstack([rows.real, rows.imag]))
+
+
+def _descend(problem, x):
+    """Optimum (q,) from one start, its cost and the number of passes over the data."""
+    damping, (cost, gram, gradient) = 1e-2, _normal(problem, x)
+    passes = 1
+    while passes < MOST_PASSES and damping < STUCK:
+        passes += 1
+        held = (x <= problem.lower) & (gradient > 0) | (x >= problem.upper) & (gradient < 0)
+        step = _step(gram, gradient, damping, held)
+        if step is None:
+            damping *= 10
+            continue
+        trial = np.clip(x + step, problem.lower, problem.upper)
+        moved = np.abs(trial - x).max(initial=0)
+        after = _normal(problem, trial)
+        better = after[0] < cost or moved < ARRIVED  # below that the cost resolves nothing
+        if better:
+            x, (cost, gram, gradient) = trial, after
+        damping = max(damping / 10, 1e-12) if better else damping * 10
+        if moved < ARRIVED:
+            break
+    return x, cost, passes
+
+
+def _normal(problem, x):
+    """Half the sum of squares, the normal matrix (q, q) and the gradient (q,) at x."""
+    error, slopes = problem.jacobian(x)
+    cost = 0.5 * float(np.vdot(error, error).real)
+    return cost, (slopes.conj() @ slopes.T).real, (slopes.conj() @ error).real
+
+
+def _step(gram, gradient, damping, held):
+    """Damped step (q,), at most FARTHEST; None where the equations have no solution."""
+    size = np.diagonal(gram)
+    damped = gram + np.diag(damping * np.maximum(size, 1e-12 * size.max(initial=0)))
+    damped[held], damped[:, held] = 0.0, 0.0
+    damped[held, held] = 1.0
+    try:
+        lower = np.linalg.cholesky(damped)
+    except np.linalg.LinAlgError:
+        return None
+    half = np.linalg.solve(lower, np.where(held, 0.0, -gradient))
+    step = np.linalg.solve(lower.T, half)
+    farthest = np.abs(step).max(initial=0)
+    return step * (FARTHEST / farthest) if farthest > FARTHEST else step
 
 
 LEAST_POINTS = 8
-ENOUGH = 3
+ARRIVALS = 3
 AT_BOUND = 1e-3  # of a logarithm
 
 
@@ -230,7 +354,7 @@ def fit_circuit(
     fixed=None,
     tied=None,
 ):
-    """Complex least squares with modulus weights, in the logarithms of the parameters.
+    """Circuit fitted by complex least squares with modulus weights, in logarithmic parameters.
 
     Parameters
     ----------
@@ -267,15 +391,15 @@ def fit_circuit(
         raise Refusal(f"circuit {circuit} has no parameter {unknown}; it has {list(tree.names)}")
     size = features(frequency, impedance)
     column, offset = _freedom(tree, fixed or {}, tied or {})
-    ends = _limits(tree, size, bounds or {}, column)
+    ends = _search_limits(tree, size, bounds or {}, column)
     problem = Problem(tree, frequency, impedance, 1 / np.abs(impedance), column, offset, *ends)
     slow = sum(role in SLOW for role in tree.roles)
-    first = draws(tree, size, number=starts * max(slow, 1) if starts > 1 else 1)
-    enough = enough or (ENOUGH if slow <= 1 else len(first))
+    first = spread_starts(tree, size, number=starts * max(slow, 1) if starts > 1 else 1)
+    enough = enough or (ARRIVALS if slow <= 1 else len(first))
     for name, value in (start or {}).items():
         first[0, tree.names.index(name)] = value
-    found = search(problem, np.log(first)[:, _places(column)], enough=enough)
-    return _result(problem, found)
+    optima = search(problem, np.log(first)[:, _free_parameters(column)], enough=enough)
+    return _result(problem, optima)
 
 
 def check(frequency_hertz, impedance_ohm):
@@ -290,24 +414,8 @@ def check(frequency_hertz, impedance_ohm):
         raise Refusal("spectrum has no capacitive part (negative imaginary part)")
 
 
-def zero_crossing(frequency_hertz, impedance_ohm):
-    """Real part where the imaginary part changes from inductive to capacitive, by a line [Ω].
-
-    The crossing at the highest frequency counts; NaN without any: the leads hide it, or the
-    spectrum ends before.
-    """
-    order = np.argsort(-np.asarray(frequency_hertz, float))
-    real, imaginary = impedance_ohm.real[order], impedance_ohm.imag[order]
-    crossings = np.flatnonzero((imaginary[:-1] > 0) & (imaginary[1:] <= 0))
-    if not len(crossings):
-        return np.nan
-    before = crossings[0]
-    share = imaginary[before] / (imaginary[before] - imaginary[before + 1])
-    return float(real[before] + share * (real[before + 1] - real[before]))
-
-
 def _freedom(tree, fixed, tied):
-    """Place of each parameter among the free ones (−1: fixed), and offset of its logarithm."""
+    """Place of each parameter among the free ones (−1: fixed), offset of its logarithm."""
     leads = [tied[name][0] if name in tied else name for name in tree.names]
     if any(lead in tied or lead in fixed for lead, _ in tied.values()):
         raise Refusal("a parameter is tied to one that is itself tied or fixed")
@@ -319,36 +427,40 @@ def _freedom(tree, fixed, tied):
     return np.array(column, np.int64), np.log(np.array(kept, float))
 
 
-def _places(column):
-    """Of each free parameter, the first place among all."""
+def _free_parameters(column):
+    """Place of each free parameter among all; of tied ones the first."""
     places = column.tolist()
     return [places.index(k) for k in range(max(places, default=-1) + 1)]
 
 
-def _limits(tree, size, bounds, column):
-    lower, upper = limits(tree, size)
+def _search_limits(tree, size, bounds, column):
+    """Logarithms of the lower and upper limits of the free parameters, (q,) each."""
+    lower, upper = parameter_limits(tree, size)
     for name, (low, high) in bounds.items():
         if not 0 < low < high:
             raise Refusal(f"bounds of {name} are {low} and {high}; 0 < lower < upper is wanted")
         lower[tree.names.index(name)], upper[tree.names.index(name)] = low, high
-    places = _places(column)
+    places = _free_parameters(column)
     return np.log(lower[places]), np.log(upper[places])
 
 
-def _result(problem, found):
-    best = int(np.argmin(found.cost))
-    x, cost = found.x[best], float(found.cost[best])
-    error, slopes = problem.jacobian(x)
+def _result(problem, optima):
+    """CircuitFit of the best optimum."""
+    best = int(np.argmin(optima.cost))
+    x, cost = optima.x[best], float(optima.cost[best])
+    residual, slopes = optima.rows[0], optima.rows[1:]
     limited = (x - problem.lower < AT_BOUND) | (problem.upper - x < AT_BOUND)
     values, names = problem.values(x), problem.circuit.names
-    stacked = np.concatenate([slopes.real, slopes.imag], axis=1).T
-    told = np.concatenate([error.real, error.imag])
+    points = len(problem.weight)
+    error = residual[:points] + 1j * residual[points:]
     logs = np.full((len(x), len(x)), np.nan)
-    logs[np.ix_(~limited, ~limited)] = covariance_from_jacobian(stacked[:, ~limited], told)
-    covariance = _spread(problem.column, logs) * np.outer(values, values)
+    logs[np.ix_(~limited, ~limited)] = covariance_from_jacobian(slopes[~limited].T, residual)
+    covariance = _full_covariance(problem.column, logs) * np.outer(values, values)
     std = np.sqrt(np.diagonal(covariance))
-    data, certain = len(told), np.where(std > 0, std, np.nan)
-    at = [name for name, k in zip(names, problem.column, strict=True) if k >= 0 and limited[k]]
+    data, certain = len(residual), np.where(std > 0, std, np.nan)
+    at_bound = [
+        name for name, k in zip(names, problem.column, strict=True) if k >= 0 and limited[k]
+    ]
     return CircuitFit(
         circuit=problem.circuit.text,
         names=names,
@@ -356,18 +468,18 @@ def _result(problem, found):
         std=std,
         covariance=covariance,
         correlation=covariance / np.outer(certain, certain),
-        at_bound=tuple(at),
+        at_bound=tuple(at_bound),
         free=len(x),
-        rms_relative_residual=float(np.sqrt(2 * cost / len(error))),
+        rms_relative_residual=float(np.sqrt(2 * cost / points)),
         bic=float(data * np.log(max(2 * cost / data, 1e-30)) + len(x) * np.log(data)),
         fitted_ohm=problem.impedance_ohm + error / problem.weight,
-        starts=int(np.isfinite(found.cost).sum()),
-        arrived=int(np.sum(found.cost <= cost * (1 + SAME))),
+        starts=int(np.isfinite(optima.cost).sum()),
+        arrived=int(np.sum(optima.cost <= cost * (1 + SAME))),
     )
 
 
-def _spread(column, logs):
-    """Covariance of all parameters' logarithms from that of the free ones; NaN where fixed."""
+def _full_covariance(column, logs):
+    """Covariance (p, p) of all logarithms from that of the free ones; NaN where fixed."""
     size = len(logs)
     wide = np.full((size + 1, size + 1), np.nan)
     wide[:size, :size] = logs

@@ -12,7 +12,8 @@ IMPEDANCE = Impedance()
 
 
 class KramersKronig(NamedTuple):
-    """Residual of the measurement model: complex, over the modulus (n,); its RMS; pairs used."""
+    """Kramers–Kronig test: complex residual over the modulus (n,), its RMS, number of RC pairs, and
+    1 − Σ|negative R|/Σ|positive R| (`fill`)."""
 
     relative_residual: np.ndarray
     rms_relative_residual: float
@@ -23,7 +24,9 @@ class KramersKronig(NamedTuple):
 def linear_kramers_kronig(
     frequency_hertz, impedance_ohm, *, fill=0.85, pairs_per_decade=3, most_pairs=50
 ):
-    """Fit a chain of RC pairs, which obeys the Kramers-Kronig relations; what is left does not.
+    """Kramers–Kronig test of a spectrum: the residual of a fitted chain of RC pairs.
+
+    A chain of RC pairs obeys the Kramers–Kronig relations; what it cannot fit does not.
 
     The time constants lie evenly on a logarithmic axis, so that the fit is linear. Pairs are
     added until their resistances begin to oscillate in sign: the share of negative resistance
@@ -65,7 +68,7 @@ def linear_kramers_kronig(
 
 
 def _chain(rates, impedance, pairs):
-    """Least squares of resistance, inductance, capacitance and RC pairs over the modulus."""
+    """Resistances of the RC pairs [Ω] and relative residual (n,) of the weighted linear fit."""
     taus = np.geomspace(1 / rates.max(), 1 / rates.min(), pairs)
     relaxing = 1 / (1 + 1j * rates[:, None] * taus)
     series = np.stack([np.ones(len(rates)), 1j * rates, -1j / rates], axis=1)
@@ -84,9 +87,11 @@ WORSE = 2.0
 
 
 class Trusted(NamedTuple):
-    """keep : (n,) points that a circuit may be fitted to. residual : (n,) complex, relative, of the
-    Kramers–Kronig test of the points above the drift; NaN below. rms : of it. notes : what was left
-    out, and why."""
+    """Points of a spectrum that a circuit may be fitted to.
+
+    keep : (n,) mask of them. residual : (n,) complex, relative, of the Kramers–Kronig test of the
+    points above the drift; NaN below. rms : of it. notes : what is not used, and why.
+    """
 
     keep: np.ndarray
     residual: np.ndarray
@@ -97,7 +102,7 @@ class Trusted(NamedTuple):
 def trusted_points(
     frequency_hertz, impedance_ohm, *, drift_tolerance, inductance=IMPEDANCE.inductance
 ):
-    """Points without drift at the slow end, and without the leads' tail where it is to be cut.
+    """Points without drift at low frequencies and, where asked, without inductive points.
 
     The slowest point is left out, again and again, while the slowest decade of what is left breaks
     the Kramers–Kronig relations. Where two fifths of the points are not enough, none is left out:
@@ -140,12 +145,14 @@ def trusted_points(
 
 
 def _breaks(frequency, residual, tolerance):
+    """Whether the slowest decade breaks the relations, against the tolerance and the fastest."""
     size, decade = np.abs(residual), np.log10(frequency / frequency.min())
     slow, fast = rms(size[decade <= 1]), rms(size[decade >= decade.max() - 1])
     return slow > max(tolerance, WORSE * fast)
 
 
 def _notes(frequency, order, dropped, cut, whole):
+    """Sentences on the points that are not used, and why."""
     if dropped:
         count = "1 point" if dropped == 1 else f"{dropped} points"
         yield (
@@ -166,7 +173,7 @@ MATERIAL_KELVIN = 0.5
 
 
 def rested_temperature(test_time_second, current_ampere, temperature_celsius):
-    """What the thermometer of a record reads when the cell has long been at rest [°C].
+    """Temperature that a record shows when the cell has long been at rest [°C].
 
     Median of all samples at least half an hour after the last current, when the cell's own heat is
     gone; NaN where a record holds none.
@@ -183,12 +190,12 @@ def rested_temperature(test_time_second, current_ampere, temperature_celsius):
     resting = size <= REST_SHARE * size.max()
     loaded = np.where(resting, test_time_second[0], test_time_second)
     rested = resting & (test_time_second - np.maximum.accumulate(loaded) >= RESTED_SECOND)
-    known = temperature_celsius[rested & np.isfinite(temperature_celsius)]
-    return float(np.median(known)) if len(known) else np.nan
+    rested_celsius = temperature_celsius[rested & np.isfinite(temperature_celsius)]
+    return float(np.median(rested_celsius)) if len(rested_celsius) else np.nan
 
 
 def temperature_offsets(spectra, records):
-    """Difference of the two thermometers at each chamber temperature at which there are spectra.
+    """Temperature of spectra minus that of other records at each chamber temperature [K].
 
     Parameters
     ----------
@@ -208,13 +215,15 @@ def temperature_offsets(spectra, records):
 
 
 def _read(pairs, ambient):
-    found = np.array([celsius for stated, celsius in pairs if stated == ambient], float)
-    return found[np.isfinite(found)]
+    """Finite temperatures read at one chamber temperature [°C]."""
+    temperatures = np.array([celsius for stated, celsius in pairs if stated == ambient], float)
+    return temperatures[np.isfinite(temperatures)]
 
 
 def _row(ambient, spectra, records):
-    read = [float(np.median(one)) if len(one) else np.nan for one in (spectra, records)]
-    spread = [np.var(one, ddof=1) / len(one) for one in (spectra, records) if len(one) > 1]
+    """Row of one chamber temperature: medians [°C], their difference and its deviation [K]."""
+    read = [float(np.median(t)) if len(t) else np.nan for t in (spectra, records)]
+    spread = [np.var(t, ddof=1) / len(t) for t in (spectra, records) if len(t) > 1]
     return {
         "ambient_temperature_celsius": ambient,
         "spectra_celsius": read[0],
@@ -227,19 +236,20 @@ def _row(ambient, spectra, records):
 
 
 def _thermometer_notes(rows):
-    known = [row for row in rows if np.isfinite(row["offset_kelvin"])]
+    """Sentence on how far the temperatures of spectra and other records agree."""
+    compared = [row for row in rows if np.isfinite(row["offset_kelvin"])]
     each = ", ".join(
         f"{row['offset_kelvin']:+.1f} K at {row['ambient_temperature_celsius']:g} °C"
-        for row in known
+        for row in compared
     )
-    if not known and any(row["spectra"] for row in rows):
+    if not compared and any(row["spectra"] for row in rows):
         yield (
             "temperatures in the spectra's files cannot be checked: no other record of the same "
             "chamber temperature holds one half an hour after its last current"
         )
-    elif known and max(abs(row["offset_kelvin"]) for row in known) < MATERIAL_KELVIN:
+    elif compared and max(abs(row["offset_kelvin"]) for row in compared) < MATERIAL_KELVIN:
         yield f"temperatures in the spectra's files agree with those of the other records: {each}"
-    elif known:
+    elif compared:
         yield (
             "temperatures in the spectra's files differ from those of the other records at rest: "
             f"{each}; curves over temperature must not mix the two (they use the chamber's)"

@@ -15,7 +15,7 @@ from cellwright.refusal import Refusal
 
 
 class Form(NamedTuple):
-    """One function of the SoC: columns (n, c) at given rates, their slopes, and the rates' place.
+    """One analytic function of the SoC: its columns (n, c), their slopes, places of its parameters.
 
     places : of each parameter K0, K1, … the column it multiplies, or −1 − r for rate number r.
     starts : rates from which the search sets out, one row per start.
@@ -42,10 +42,12 @@ class OcvFunction(NamedTuple):
 
 
 def _near_full(z, rate):
+    """exp(−rate/(1 − z)), a term that acts near full charge."""
     return np.exp(-rate / (1 - z))
 
 
 def _stack(*columns):
+    """Columns (n, c) of functions of the SoC, constants broadcast."""
     return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
 
@@ -131,6 +133,7 @@ def slope(function, parameters, soc):
 
 
 def _applied(form, columns, parameters, soc):
+    """Sum of columns, the form's values or slopes, times their parameters [V]."""
     places, parameters = np.array(form.places), np.asarray(parameters, float)
     return columns(np.asarray(soc, float), parameters[places < 0]) @ parameters[places >= 0]
 
@@ -209,7 +212,7 @@ def _described(form, soc, volt):
 
 
 def _left_out_rmse(name, parameters, soc, volt, blocks):
-    """RMSE of blocks of SoC left out of the fit, whose search sets out from the whole's rates."""
+    """RMSE over blocks of SoC left out of the fit in turn [V]; rates start from the full fit's."""
     errors = []
     for block in np.array_split(np.arange(1, len(soc) - 1), blocks):
         kept = np.setdiff1d(np.arange(len(soc)), block)
@@ -218,11 +221,12 @@ def _left_out_rmse(name, parameters, soc, volt, blocks):
     return rms(np.concatenate(errors))
 
 
-def _predicted(name, parameters, soc, volt, at):
+def _predicted(name, parameters, soc, volt, wanted_soc):
+    """OCV at `wanted_soc` [V] by a function fitted to other points of the table."""
     if name == "table":
         from scipy.interpolate import PchipInterpolator
 
-        return PchipInterpolator(soc, volt)(at)
+        return PchipInterpolator(soc, volt)(wanted_soc)
     form = FORMS[name]
     rates = parameters[np.array(form.places) < 0]
-    return evaluate(name, fit_parameters(form, soc, volt, near=rates)[:, 0], at)
+    return evaluate(name, fit_parameters(form, soc, volt, near=rates)[:, 0], wanted_soc)

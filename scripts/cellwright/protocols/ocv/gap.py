@@ -5,20 +5,22 @@ from typing import NamedTuple
 import numpy as np
 
 MIDDLE = (0.2, 0.8)  # SoC over which the gap is read: near the ends it is resistance
-READING_VOLT = 3e-3  # how far a slow branch is trusted, as `regression.Noise.floor_volt`
-READING_SOC = 0.02  # and at which SoC, as `regression.Prior.missing`
+READING_VOLT = (
+    3e-3  # how far a slow branch is trusted, as `identification.regression.Noise.floor_volt`
+)
+READING_SOC = 0.02  # and at which SoC, as `identification.regression.Prior.missing`
 SAME_CELSIUS = 3.0
 
 
 class SlowGap(NamedTuple):
-    """Half the distance of the branches of a slow test [V] at a current [A]; NaN where unknown."""
+    """Half the gap of the branches of a slow test [V] and its current [A]; NaN where unknown."""
 
     half_gap_volt: float = np.nan
     current_ampere: float = np.nan
 
 
 class Allowed(NamedTuple):
-    """The largest hysteresis (k,) [V], None where no slow test tells it, and in words whence."""
+    """Largest hysteresis (k,) [V], None without a slow test, and its source in words."""
 
     most_volt: np.ndarray | None
     words: str
@@ -45,22 +47,21 @@ def slow_gap(curve):
 
 
 def half_gap(curve):
-    """SoC [1] and half the distance of the branches [V], each (m,), where both were measured.
+    """SoC [1] and half the gap of the branches [V], each (m,), where both were measured.
 
     Parameters
     ----------
-    curve : dict, as in `slow_gap`; of a single branch, of rests, or without half_gap_volt nothing
-        is left.
+    curve : dict, as in `slow_gap`; empty for a single branch, for rests, or without half_gap_volt.
     """
     if curve["branches"] != "both" or "half_gap_volt" not in curve:
         return np.empty(0), np.empty(0)
     soc, gap = (np.array(curve[name], float) for name in ("soc", "half_gap_volt"))
-    known = np.isfinite(gap)
-    return soc[known], gap[known]
+    measured = np.isfinite(gap)
+    return soc[measured], gap[measured]
 
 
 def largest_hysteresis(basis, celsius, knots):
-    """What the slow test nearest in temperature allows as hysteresis at each SoC.
+    """Largest hysteresis at each SoC [V] that the slow test nearest in temperature allows.
 
     Between the branches lie hysteresis and twice the drop over the resistance, so that half the
     distance is the most that hysteresis can be. Hysteresis grows in the cold: a slow test that was
@@ -69,7 +70,7 @@ def largest_hysteresis(basis, celsius, knots):
 
     Parameters
     ----------
-    basis : dict, from `basis.basis`.
+    basis : dict, from `records.basis`.
     celsius : temperature of the condition [degC].
     knots : (k,) SoC [1].
 
@@ -83,11 +84,11 @@ def largest_hysteresis(basis, celsius, knots):
     # beside the charge that the branch has moved.
     if basis["borrowed_from"] is not None:
         return Allowed(None, f"not bounded: the OCV is that of {basis['borrowed_from']}")
-    known = [(abs(celsius - _celsius(c)), c) for c in basis["ocv"] if half_gap(c)[0].size]
-    known = [(off, c) for off, c in known if _celsius(c) <= celsius + SAME_CELSIUS]
-    if not known:
+    curves = [c for c in basis["ocv"] if half_gap(c)[0].size]
+    curves = [c for c in curves if _celsius(c) <= celsius + SAME_CELSIUS]
+    if not curves:
         return Allowed(None, "not bounded: no slow test both ways at this temperature or below")
-    curve = min(known, key=lambda pair: pair[0])[1]
+    curve = min(curves, key=lambda c: abs(celsius - _celsius(c)))
     soc, gap = half_gap(curve)
     shifts = np.linspace(-READING_SOC, READING_SOC, 9)
     near = [np.interp(np.asarray(knots) + shift, soc, gap) for shift in shifts]
@@ -97,6 +98,7 @@ def largest_hysteresis(basis, celsius, knots):
 
 
 def _celsius(curve):
+    """Temperature of a slow test [degC]."""
     # ASSUME: A test without a stated temperature was made at 25 °C.
     celsius = curve["ambient_temperature_celsius"]
     return 25.0 if celsius is None else celsius
@@ -115,11 +117,11 @@ def shows_hysteresis(gap, resistance_ohm):
 
     Parameters
     ----------
-    gap : models.slow_gap.SlowGap.
+    gap : SlowGap.
     resistance_ohm : all that the model has, ohmic and relaxing [ohm].
 
     Source: W. Dreyer et al., Nature Materials 9 (2010) 448: the gap of LFP stays at vanishing
     current.
     """
-    left = gap.half_gap_volt - gap.current_ampere * resistance_ohm
-    return bool(left > max(LEAST_VOLT, LEAST_SHARE * gap.half_gap_volt))
+    unexplained_volt = gap.half_gap_volt - gap.current_ampere * resistance_ohm
+    return bool(unexplained_volt > max(LEAST_VOLT, LEAST_SHARE * gap.half_gap_volt))

@@ -10,7 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.protocols.ocv.slow import POINTS, OcvCurve, joined, rising
+from cellwright.protocols.rests import rests_of
 from cellwright.refusal import Refusal
+from cellwright.settings import Ocv
+
+OCV = Ocv()
 
 FEWEST = 5  # points of a branch
 SPAN = 0.5  # of the SoC that they must span
@@ -37,6 +41,105 @@ class RestPoints(NamedTuple):
     read_ampere_hour: np.ndarray
 
 
+LEAST_PORTION = 0.003  # of the charge that the record moves: less before a rest is no load
+LATE = 0.02  # of a rest: its end
+PER_LOAD = 10.0  # lengths of the load: a shorter rest counts after so many, before the first one
+
+
+def rest_points(
+    test_time_second,
+    current_ampere,
+    voltage_volt,
+    charge_ampere_hour,
+    steps,
+    *,
+    rest_second=OCV.rest_second,
+):
+    """Voltage and charge at the end of each rest of at least `rest_second` that follows a load.
+
+    Before the first of them, where the cell is nearly full, a rest after a discharge counts that is
+    ten times as long as its load: a pulse of seconds leaves little to relax.
+
+    Parameters
+    ----------
+    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A] positive on
+        charge, [V], net charge [Ah].
+    steps : series.steps.Steps.
+    rest_second : [s].
+
+    Returns
+    -------
+    points : RestPoints.
+    """
+    time, voltage, charge = (
+        np.asarray(column, float) for column in (test_time_second, voltage_volt, charge_ampere_hour)
+    )
+    series = (time, np.asarray(current_ampere, float), voltage)
+    fitted = rests_of(
+        *series,
+        np.full(len(time), np.nan),
+        steps,
+        shortest_rest_second=rest_second,
+    ).rows
+    least = LEAST_PORTION * float(np.ptp(charge))
+    rows = [_long_rest(fitted, k) for k in np.flatnonzero(fitted.chosen)]
+    rows = [row for row in rows if row.pop("portion") >= least]
+    first = min((row["start"] for row in rows), default=-np.inf)
+    rows = [*_short_rests(steps, before=first), *rows]
+    rows = [row | _ends(time, voltage, charge, row) for row in rows]
+    return RestPoints(
+        **{name: np.array([row[name] for row in rows]) for name in RestPoints._fields}
+    )
+
+
+def _long_rest(fitted, k):
+    """Columns of a rest with its extrapolation, where at least two exponentials are determined."""
+    determined = fitted.exponentials[k] >= 2 and np.isfinite(fitted.ocv_std_volt[k])
+    doubt = np.nanmax([2 * abs(fitted.drift_volt[k]), fitted.ocv_std_volt[k]])
+    return {
+        "start": fitted.start_time_second[k],
+        "end": fitted.start_time_second[k] - fitted.delay_second[k] + fitted.rest_second[k],
+        "relaxed_volt": fitted.ocv_volt[k] if determined else np.nan,
+        "doubt_volt": doubt if determined else np.nan,
+        "direction": fitted.direction[k],
+        "current_ampere": fitted.current_before_ampere[k],
+        "rest_second": fitted.rest_second[k],
+        "portion": abs(fitted.current_before_ampere[k]) * fitted.load_second[k] / 3600,
+    }
+
+
+def _short_rests(steps, *, before):
+    """Columns of each short rest before the first long one, ten times as long as its discharge."""
+    kind, last = np.asarray(steps.kind), steps.duration_second
+    for k in np.flatnonzero(kind[1:] == "rest") + 1:
+        joins = steps.start_time_second[k] == steps.end_time_second[k - 1]
+        early = (
+            joins and steps.end_time_second[k] <= before and steps.current_mean_ampere[k - 1] < 0
+        )
+        if early and last[k] >= PER_LOAD * last[k - 1]:
+            yield {
+                "start": steps.start_time_second[k],
+                "end": steps.end_time_second[k],
+                "relaxed_volt": np.nan,
+                "doubt_volt": np.nan,
+                "direction": "discharge",
+                "current_ampere": steps.current_mean_ampere[k - 1],
+                "rest_second": last[k],
+            }
+
+
+def _ends(time, voltage, charge, row):
+    """Charge [Ah] and voltage [V] at the end of a rest, and charge counted within it [Ah]."""
+    inside = (time >= row["start"]) & (time <= row["end"])
+    late = inside & (time >= row["end"] - LATE * row["rest_second"])
+    within = charge[inside]
+    return {
+        "charge_ampere_hour": within[-1],
+        "end_volt": voltage[late].mean(),
+        "read_ampere_hour": within[-1] - within[0],
+    }
+
+
 def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
     """OCV curve through the rests of a record.
 
@@ -47,7 +150,7 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
 
     Parameters
     ----------
-    points : RestPoints. scale : rest_scale.Scale.
+    points : RestPoints. scale : records.anchor.Scale.
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None.
 
     Returns
@@ -61,39 +164,42 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
     Source: PCHIP: F. N. Fritsch, R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238.
     """
     soc = np.linspace(0.0, 1.0, POINTS)
-    own = soc_at(points, scale)
+    rest_soc = soc_at(points, scale)
     volt = np.where(np.isnan(points.relaxed_volt), points.end_volt, points.relaxed_volt)
-    out, back = (points.direction == name for name in ("discharge", "charge"))
-    top = (
-        [(1.0, scale.first_volt)]
-        if np.isfinite(scale.first_volt) and own.max(initial=0) < 1
-        else []
+    after = {name: points.direction == name for name in ("discharge", "charge")}
+    starts_full = np.isfinite(scale.first_volt) and rest_soc.max(initial=0) < 1
+    full_point = {"discharge": [(1.0, scale.first_volt)] if starts_full else [], "charge": []}
+    branches, moved = zip(
+        *[
+            _branch(rest_soc[rows], volt[rows], full_point[name], soc)
+            for name, rows in after.items()
+        ],
+        strict=True,
     )
-    discharge, moved_out = _branch(own[out], volt[out], top, soc)
-    charge, moved_back = _branch(own[back], volt[back], [], soc)
-    if discharge is None and charge is None:
-        raise Refusal(_too_few(own, out, back))
-    sides = [np.full(POINTS, np.nan) if side is None else side for side in (discharge, charge)]
-    way = "single" if discharge is None or charge is None else "mean"
-    ocv, measured = joined(soc, *sides, discharge, charge, way)
+    made = [branch is not None for branch in branches]
+    if not any(made):
+        raise Refusal(_too_few(rest_soc, after))
+    used = np.any([rows for rows, is_made in zip(after.values(), made, strict=True) if is_made], 0)
+    volts = [np.full(POINTS, np.nan) if branch is None else branch for branch in branches]
+    joined_by = "mean" if all(made) else "single"
+    ocv, measured = joined(soc, *volts, *branches, joined_by)
     extended = _extended(soc, ocv, measured, lower_cutoff_volt, upper_cutoff_volt)
     table = rising(extended)
-    used = out if charge is None else back if discharge is None else out | back
     return OcvCurve(
         soc=soc,
         ocv_volt=table,
-        discharge_volt=sides[0],
-        charge_volt=sides[1],
-        half_gap_volt=(sides[1] - sides[0]) / 2,
+        discharge_volt=volts[0],
+        charge_volt=volts[1],
+        half_gap_volt=(volts[1] - volts[0]) / 2,
         capacity_ampere_hour=scale.capacity_ampere_hour,
         charge_capacity_ampere_hour=np.nan,
         branches="rests",
-        discharge_current_ampere=_usual(points.current_ampere[out]),
-        charge_current_ampere=_usual(points.current_ampere[back]),
-        joined_by=way,
+        discharge_current_ampere=_usual(points.current_ampere[after["discharge"]]),
+        charge_current_ampere=_usual(points.current_ampere[after["charge"]]),
+        joined_by=joined_by,
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
-        moved_volt=float(max(moved_out, moved_back, np.abs(table - extended).max())),
-        note=_note(points, scale, used, way, soc[measured]),
+        moved_volt=float(max(*moved, np.abs(table - extended).max())),
+        note=_note(points, scale, used, joined_by, soc[measured]),
     )
 
 
@@ -102,36 +208,40 @@ def soc_at(points, scale):
 
     Parameters
     ----------
-    points : RestPoints. scale : rest_scale.Scale.
+    points : RestPoints. scale : records.anchor.Scale.
     """
     return 1 + (points.charge_ampere_hour - scale.full_ampere_hour) / scale.capacity_ampere_hour
 
 
-def _branch(own, volt, more, soc):
-    """Voltage of one branch at the table's SoC, NaN beyond it, and how far points were moved."""
+def _branch(rest_soc, volt, full_point, soc):
+    """Voltage of one branch at the table's SoC [V], NaN beyond it, and its largest correction [V].
+
+    None and 0 where its rests are too few.
+    """
     from scipy.interpolate import PchipInterpolator
     from scipy.optimize import isotonic_regression
 
-    if len(own) < FEWEST or np.ptp(own) < SPAN:
+    if len(rest_soc) < FEWEST or np.ptp(rest_soc) < SPAN:
         return None, 0.0
-    pairs = sorted([*zip(own, volt, strict=True), *more])
-    at, found = np.array(pairs).T
-    monotone = isotonic_regression(found).x
-    places, first = np.unique(at, return_index=True)
+    pairs = sorted([*zip(rest_soc, volt, strict=True), *full_point])
+    point_soc, at_rest = np.array(pairs).T
+    monotone = isotonic_regression(at_rest).x
+    places, first = np.unique(point_soc, return_index=True)
     inside = (soc >= places[0] - 0.5 / POINTS) & (soc <= places[-1] + 0.5 / POINTS)
     course = PchipInterpolator(places, monotone[first])(np.clip(soc, places[0], places[-1]))
-    return np.where(inside, course, np.nan), float(np.abs(monotone - found).max())
+    return np.where(inside, course, np.nan), float(np.abs(monotone - at_rest).max())
 
 
 def _usual(current):
+    """Median current [A]; NaN without any."""
     return float(np.median(current)) if len(current) else np.nan
 
 
 # ASSUME: Beyond its outermost rests an OCV curve runs on straight, as far as the cut-offs.
 def _extended(soc, ocv, measured, lower, upper):
-    """The curve continued on the mean slope of its last and first 5 % of SoC."""
-    known, step = np.flatnonzero(measured), POINTS // 20
-    first, last = known[0], known[-1]
+    """OCV (n,) [V], continued with the mean slopes of its first and last 5 % of SoC."""
+    measured_rows, step = np.flatnonzero(measured), POINTS // 20
+    first, last = measured_rows[0], measured_rows[-1]
     ends = [(first, first + step), (last - step, last)]
     slopes = [(ocv[b] - ocv[a]) / (soc[b] - soc[a]) for a, b in ends]
     below = np.maximum(ocv[first] + slopes[0] * (soc - soc[first]), min(lower, ocv[first]))
@@ -141,35 +251,43 @@ def _extended(soc, ocv, measured, lower, upper):
     return np.where(soc < soc[first], below, np.where(soc > soc[last], above, ocv))
 
 
-def _too_few(own, out, back):
-    found = [
-        f"{side.sum()} after {name} over {np.ptp(own[side]) if side.any() else 0:.0%} of the SoC"
-        for name, side in (("discharge", out), ("charge", back))
-    ]
+def _too_few(rest_soc, after):
+    """Why no branch of the curve can be made, with what there is."""
+    spans = {name: np.ptp(rest_soc[rows]) if rows.any() else 0 for name, rows in after.items()}
+    counts = [f"{after[n].sum()} after {n} over {span:.0%} of the SoC" for n, span in spans.items()]
     wanted = f"{FEWEST} that span {SPAN:.0%}"
-    return f"too few rests for an OCV curve: {', '.join(found)}; wanted {wanted}"
+    return f"too few rests for an OCV curve: {', '.join(counts)}; wanted {wanted}"
 
 
-def _note(points, scale, used, way, measured_soc):
-    """What a reader must know: how far relaxed, which branch, what is measured, what is not."""
+def _note(points, scale, used, joined_by, measured_soc):
+    """Sentences on how far the rests had relaxed, which branch they are, and what is measured."""
     ahead = 1e3 * np.abs(points.relaxed_volt - points.end_volt)[used]
-    doubt, told = 1e3 * points.doubt_volt[used], np.isfinite(ahead)
-    said = [f"OCV from {used.sum()} rests; {scale.start}"]
-    if told.any():
-        most = f"{np.median(ahead[told]):.1f} mV typically, {ahead[told].max():.1f} mV at most"
-        off = f"off by {np.median(doubt[told]):.1f} mV typically, {doubt[told].max():.1f} at most"
-        said.append(f"what was still to relax is added ({most}) and may be {off}")
-    if not told.all():
-        said.append(f"{(~told).sum()} are taken as measured: their exponentials are not told")
-    if way == "single":
+    determined = np.isfinite(ahead)
+    sentences = [f"OCV from {used.sum()} rests; {scale.start}"]
+    if determined.any():
+        added, doubt = ahead[determined], 1e3 * points.doubt_volt[used][determined]
+        sentences.append(
+            f"what was still to relax is added ({np.median(added):.1f} mV typically, "
+            f"{added.max():.1f} mV at most) and may be off by {np.median(doubt):.1f} mV typically, "
+            f"{doubt.max():.1f} at most"
+        )
+    if not determined.all():
+        sentences.append(
+            f"{(~determined).sum()} are taken as measured: their exponentials are not told"
+        )
+    if joined_by == "single":
         side = points.direction[used][0]
-        said.append(f"all after {side}: half a hysteresis, if the cell has one, is in the curve")
+        sentences.append(
+            f"all after {side}: half a hysteresis, if the cell has one, is in the curve"
+        )
     if np.isfinite(scale.first_volt):
-        said.append("at full the first row: how long the cell had rested is not known")
+        sentences.append("at full the first row: how long the cell had rested is not known")
     low, high = measured_soc.min(), measured_soc.max()
     if low > 0 or high < 1:
-        said.append(f"straight on beyond SoC {low:.3f} to {high:.3f}")
+        sentences.append(f"straight on beyond SoC {low:.3f} to {high:.3f}")
     read = points.read_ampere_hour.sum() / scale.capacity_ampere_hour
     if abs(read) > OFFSET:
-        said.append(f"the current read in the rests counts {read:+.1%} of the capacity: an offset?")
-    return "; ".join(said)
+        sentences.append(
+            f"the current read in the rests counts {read:+.1%} of the capacity: an offset?"
+        )
+    return "; ".join(sentences)

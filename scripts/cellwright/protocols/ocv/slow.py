@@ -17,15 +17,15 @@ from cellwright.settings import Ocv
 OCV = Ocv()
 
 
-def joined(soc, discharge_volt, charge_volt, discharge, charge, way):
-    """OCV over SoC, and where it rests on measurement alone.
+def joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by):
+    """OCV over SoC from the branches [V], and where both needed branches were measured.
 
     Parameters
     ----------
     soc : (n,) [1], evenly from 0 to 1 with a point at 0.5.
     discharge_volt, charge_volt : (n,) [V], NaN where a branch does not reach.
     discharge, charge : Leg of each branch, or None.
-    way : "single", "mean" or "equilibrium".
+    joined_by : "single", "mean" or "equilibrium".
 
     Returns
     -------
@@ -35,17 +35,17 @@ def joined(soc, discharge_volt, charge_volt, discharge, charge, way):
     ------
     Refusal : the branches do not overlap at 50 % SoC.
     """
-    if way == "single":
+    if joined_by == "single":
         only = discharge_volt if charge is None else charge_volt
-        known = np.isfinite(only)
-        return np.interp(soc, soc[known], only[known]), known
-    if way == "mean":
+        measured = np.isfinite(only)
+        return np.interp(soc, soc[measured], only[measured]), measured
+    if joined_by == "mean":
         return _mean(soc, discharge_volt, charge_volt)
     return from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge)
 
 
 def _mean(soc, discharge_volt, charge_volt):
-    """Mean of the branches where both hold; beyond, one branch moved by half the gap there."""
+    """Mean of the branches where both are valid; beyond, one branch moved by half the gap there."""
     # ASSUME: Where one slow branch has ended or drops into its polarisation knee (half gap above
     # three times the usual), the OCV is the other branch moved by half the gap at that edge.
     half, middle = (charge_volt - discharge_volt) / 2, len(soc) // 2
@@ -62,7 +62,7 @@ def _mean(soc, discharge_volt, charge_volt):
 
 
 def from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge):
-    """Each half from the branch that began there in equilibrium (Plett's processOCV).
+    """OCV (n,) [V], each half from the branch that began there in equilibrium, and where measured.
 
     The drop seen as the current starts and stops is taken off each branch, linear in SoC between;
     the gap that remains at half charge is taken to grow linearly from zero at the branch's start.
@@ -81,10 +81,10 @@ def from_equilibrium(soc, discharge_volt, charge_volt, discharge, charge):
     middle = len(soc) // 2
     gap = low[middle] - high[middle]
     ocv = np.where(soc < 0.5, low - gap * soc, high + gap * (1 - soc))
-    known = np.isfinite(ocv)
-    if not (np.isfinite(gap) and known.any()):
+    measured = np.isfinite(ocv)
+    if not (np.isfinite(gap) and measured.any()):
         raise Refusal("slow discharge and slow charge do not overlap at 50 % SoC")
-    return np.interp(soc, soc[known], ocv[known]), known
+    return np.interp(soc, soc[measured], ocv[measured]), measured
 
 
 class Leg(NamedTuple):
@@ -111,7 +111,7 @@ class Leg(NamedTuple):
 
 
 def legs_of(test_time_second, current_ampere, voltage_volt, charge_ampere_hour, file_index):
-    """Cut a record at the turning points of its charge; pauses and dithers are no turns.
+    """Legs of a record between turning points of its charge; pauses and dithers are no turns.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def turning_points(values, *, least):
 
 
 def _leg(first, last, time, current, voltage, charge, files):
-    """What happened between two turning points; None if no current was recorded there."""
+    """Leg between two turning points; None if no current was recorded there."""
     sign = int(np.sign(charge[last] - charge[first]))
     moved = sign * np.diff(charge[first : last + 1], prepend=charge[first])
     flowing = np.flatnonzero((sign * current[first : last + 1] > 0) & (moved > 0))
@@ -185,7 +185,7 @@ def _leg(first, last, time, current, voltage, charge, files):
 
 
 def _steady_current(amperes, moved):
-    """The current at which most charge flowed, to 10 %; a tapering hold spreads over many."""
+    """Current at which most charge flowed, to 10 % [A]; a tapering hold spreads over many."""
     band = np.floor(np.log(amperes) / np.log(1.1)).astype(int)
     band -= band.min()
     flow = np.append(np.bincount(band, moved), 0.0)
@@ -198,8 +198,8 @@ def _steady_current(amperes, moved):
 
 def _jump(row, neighbour, time, voltage, at_rest):
     """Size of the voltage step between a row under current and a row at rest next to it."""
-    known = 0 <= neighbour < len(time) and at_rest[neighbour]
-    if not known or abs(time[row] - time[neighbour]) > 120:
+    adjacent = 0 <= neighbour < len(time) and at_rest[neighbour]
+    if not adjacent or abs(time[row] - time[neighbour]) > 120:
         return np.nan
     return float(abs(voltage[row] - voltage[neighbour]))
 
@@ -213,7 +213,7 @@ class OcvCurve(NamedTuple):
     soc : 0 to 1. ocv_volt : rises strictly [V]. discharge_volt, charge_volt : as measured under
     the slow current [V]. half_gap_volt : half their distance, hysteresis and current times
     resistance together [V]. capacity_ampere_hour, charge_capacity_ampere_hour : taken out, and
-    put back in [Ah]. branches : "both", "discharge" or "charge", or "rests" (`ocv_rests`).
+    put back in [Ah]. branches : "both", "discharge" or "charge", or "rests" (`ocv.rests`).
     discharge_current_ampere, charge_current_ampere : signed [A]. joined_by : "mean", "equilibrium"
     or "single".
     measured_soc : range in which all that `joined_by` needs was measured; beyond it the curve
@@ -282,7 +282,7 @@ def slow_ocv(
     soc = np.linspace(0.0, 1.0, POINTS)
     discharge_volt, moved_out = _branch(discharge, voltage, net_charge, soc)
     charge_volt, moved_back = _branch(charge, voltage, net_charge, soc)
-    joined_by = _way(discharge, charge, join)
+    joined_by = _joined_by(discharge, charge, join)
     ocv, measured = joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by)
     table = rising(ocv)
     return OcvCurve(
@@ -304,7 +304,7 @@ def slow_ocv(
 
 
 def _chosen(legs, cutoffs, least_hour):
-    """The first full slow discharge that has a full slow charge after it, or before it."""
+    """First full slow discharge and the full slow charge after or before it, None if missing."""
     # ASSUME: An OCV record that starts with a discharge starts full, with a charge starts empty.
     largest = max((leg.capacity_ampere_hour for leg in legs), default=0.0)
     nearly = 0.03 * (cutoffs[1] - cutoffs[-1])
@@ -325,17 +325,17 @@ def _chosen(legs, cutoffs, least_hour):
 
 
 def _why_none(legs, cutoffs, least_hour):
-    """Reason in words, with what was found."""
+    """Why no leg of the record is a full slow branch, with the legs that there are."""
     wanted = f"a leg of more than {least_hour:g} h to {cutoffs[-1]:g} V or {cutoffs[1]:g} V"
-    found = [
+    legs_found = [
         f"{leg.capacity_ampere_hour:.4g} Ah at {leg.current_ampere:.3g} A to {leg.end_volt:.3f} V"
         for leg in legs
     ]
-    return f"no slow full branch: found {'; '.join(found) or 'no current'}; wanted {wanted}"
+    return f"no slow full branch: found {'; '.join(legs_found) or 'no current'}; wanted {wanted}"
 
 
 def _branch(leg, voltage, net_charge, soc):
-    """Slow voltage of a leg at the table's SoC (NaN beyond its ends); largest change to a row."""
+    """Slow voltage of a leg at the table's SoC, NaN beyond it, and largest correction [V]."""
     # ASSUME: A slow discharge to the lower cut-off ends empty, a slow charge to the upper one
     # full; each branch is scaled to its own ampere-hours, so that losses do not shift the two.
     from scipy.optimize import isotonic_regression
@@ -343,37 +343,38 @@ def _branch(leg, voltage, net_charge, soc):
     if leg is None:
         return np.full(len(soc), np.nan), 0.0
     moved = np.abs(net_charge[leg.rows] - net_charge[leg.first_row]) / leg.capacity_ampere_hour
-    own = moved if leg.sign > 0 else 1 - moved
-    order = np.argsort(own, kind="stable")
+    leg_soc = moved if leg.sign > 0 else 1 - moved
+    order = np.argsort(leg_soc, kind="stable")
     measured = voltage[leg.rows][order]
     monotone = isotonic_regression(measured).x
-    inside = np.clip(soc, own.min(), own.max())
+    inside = np.clip(soc, leg_soc.min(), leg_soc.max())
     reached = np.abs(soc - inside) < 0.5 * soc[1]
-    means = _cell_means(own[order], monotone, inside, 0.5 * soc[1])
+    means = _cell_means(leg_soc[order], monotone, inside, 0.5 * soc[1])
     return np.where(reached, means, np.nan), np.abs(monotone - measured).max()
 
 
-def _cell_means(soc, voltage, at, half_width):
-    """Mean of a curve over a cell about each point; cells shrink towards its ends."""
+def _cell_means(soc, voltage, centre, half_width):
+    """Mean voltage over a range of SoC about each centre [V]; ranges shrink towards the ends."""
     area = np.append(0.0, np.cumsum(np.diff(soc) * (voltage[1:] + voltage[:-1]) / 2))
-    half = np.minimum(half_width, np.minimum(at - soc[0], soc[-1] - at))
-    mean = np.diff(np.interp([at - half, at + half], soc, area), axis=0)[0]
+    half = np.minimum(half_width, np.minimum(centre - soc[0], soc[-1] - centre))
+    mean = np.diff(np.interp([centre - half, centre + half], soc, area), axis=0)[0]
     wide = half > half_width / 10
-    return np.where(wide, mean / np.where(wide, 2 * half, 1.0), np.interp(at, soc, voltage))
+    return np.where(wide, mean / np.where(wide, 2 * half, 1.0), np.interp(centre, soc, voltage))
 
 
-def _way(discharge, charge, join):
+def _joined_by(discharge, charge, join):
+    """How the branches are joined: "single", "mean" or "equilibrium"."""
     if join not in ("auto", "mean", "equilibrium"):
         raise Refusal(f"OCV branches joined by {join!r}; wanted 'auto', 'mean' or 'equilibrium'")
     if discharge is None or charge is None:
         return "single"
-    conditioned = discharge.conditioned and charge.conditioned
-    own_way = "equilibrium" if conditioned else "mean"
-    return own_way if join == "auto" else join
+    if join != "auto":
+        return join
+    return "equilibrium" if discharge.conditioned and charge.conditioned else "mean"
 
 
 def rising(ocv):
-    """The nearest table that rises strictly: a microvolt over the range makes plateaus rise.
+    """Nearest strictly rising table [V]; plateaus rise by a microvolt over the whole range.
 
     Parameters
     ----------
@@ -385,16 +386,16 @@ def rising(ocv):
 
 
 def _balance(discharge, charge):
-    """Words where charge and discharge differ by more than 3 %, and the offset that would do it."""
+    """Sentence on a difference of charge and discharge above 3 %, and the offset behind it."""
     if discharge is None or charge is None:
         return ""
-    out, back = discharge.capacity_ampere_hour, charge.capacity_ampere_hour
-    if abs(back / out - 1) < 0.03:
+    discharged, charged = discharge.capacity_ampere_hour, charge.capacity_ampere_hour
+    if abs(charged / discharged - 1) < 0.03:
         return ""
-    hours_out, hours_back = -out / discharge.current_ampere, back / charge.current_ampere
-    offset = (out - back) / (hours_out + hours_back)
+    discharge_hours = -discharged / discharge.current_ampere
+    offset = (discharged - charged) / (discharge_hours + charged / charge.current_ampere)
     return (
-        f"slow discharge gave {out:.4g} Ah, slow charge took {back:.4g} Ah; an offset of "
+        f"slow discharge gave {discharged:.4g} Ah, slow charge took {charged:.4g} Ah; an offset of "
         f"{-1e3 * offset:+.3g} mA in the current reading would explain it (capacity then "
-        f"{out - offset * hours_out:.4g} Ah)"
+        f"{discharged - offset * discharge_hours:.4g} Ah)"
     )

@@ -29,21 +29,21 @@ class Plateau(NamedTuple):
 
 
 def joined_rests(steps):
-    """First and last row (inclusive) of each rest, rests without a step between them as one.
+    """First and last row (inclusive) of each rest; successive rest steps count as one rest.
 
     Parameters
     ----------
-    steps : `series.segments.Steps`.
+    steps : `series.steps.Steps`.
     """
-    found = []
+    rests = []
     for kind, first, last in zip(steps.kind, steps.first_row, steps.last_row, strict=True):
         if kind != "rest":
             continue
-        if found and found[-1][1] == first - 1:
-            found[-1] = (found[-1][0], int(last))
+        if rests and rests[-1][1] == first - 1:
+            rests[-1] = (rests[-1][0], int(last))
         else:
-            found.append((int(first), int(last)))
-    return found
+            rests.append((int(first), int(last)))
+    return rests
 
 
 def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hour, least_second):
@@ -81,7 +81,7 @@ FASTEST_HOUR, SLOWEST_RESTS, RATES = 0.5, 10.0, 120
 
 
 class Course(NamedTuple):
-    """Voltage and its standard deviation at the times asked (m,) [V]; scatter of one bin [V]."""
+    """Extrapolated voltage and its standard deviation (m,) [V]; scatter of one bin [V]."""
 
     volt: np.ndarray
     std_volt: np.ndarray
@@ -89,7 +89,9 @@ class Course(NamedTuple):
 
 
 def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until):
-    """One exponential through the rows used, with every time constant weighted by its likelihood.
+    """Voltage of a rest continued at the reference temperature, by one exponential.
+
+    The mean over time constants, each weighted by its likelihood.
 
     Parameters
     ----------
@@ -110,7 +112,7 @@ def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until
     slowest = SLOWEST_RESTS * (time[-1] - time[0])
     taus = np.geomspace(3600 * FASTEST_HOUR, max(slowest, 7200.0 * FASTEST_HOUR), RATES)
     wanted = np.append(np.asarray(at_second, float), known_until)
-    fits = [_with(tau, seen - time[0], means, wanted - time[0]) for tau in taus]
+    fits = [_exponential_fit(tau, seen - time[0], means, wanted - time[0]) for tau in taus]
     errors = np.array([error for error, _, _ in fits])
     # A record without any scatter still does not tell voltages below a microvolt apart.
     variance = max(errors.min() / max(len(seen) - 3, 1), 1e-12)
@@ -128,7 +130,7 @@ def extrapolated(test_time_second, voltage_volt, used, at_second, *, known_until
 
 
 def _binned(time, volt, used):
-    """Means over bins, so that neither many samples nor their correlation count for much."""
+    """Mean time [s] and voltage [V] of bins, which weigh alike however many samples they hold."""
     rows = np.concatenate([np.arange(first, last + 1) for first, last in used])
     number = ((time[rows] - time[0]) // BIN_SECOND).astype(int)
     edges = np.flatnonzero(np.diff(number, prepend=-1))
@@ -136,8 +138,8 @@ def _binned(time, volt, used):
     return tuple(np.add.reduceat(column[rows], edges) / counts for column in (time, volt))
 
 
-def _with(tau, seen, volt, wanted):
-    """Squared error, values at the times wanted and their leverage for one time constant [s].
+def _exponential_fit(tau, seen, volt, wanted):
+    """Squared error [V²], values at the wanted times [V] and their leverage for one time constant.
 
     The column is so scaled that a long time constant becomes a straight line, not a constant.
     """
@@ -148,16 +150,16 @@ def _with(tau, seen, volt, wanted):
     columns[:, 1] /= scale
     asked[:, 1] /= scale
     weights = np.linalg.pinv(columns)
-    found = weights @ volt
+    coefficients = weights @ volt
     leverage = np.sum((asked @ weights) ** 2, axis=1)
-    return np.sum((columns @ found - volt) ** 2), asked @ found, leverage
+    return np.sum((columns @ coefficients - volt) ** 2), asked @ coefficients, leverage
 
 
 SAME_KELVIN = 1.0
 
 
 class StepShifts(NamedTuple):
-    """Rows, one a plateau, for stage `ocv_step`; sentences on rests that were left out."""
+    """Rows of stage `ocv_step`, one a plateau; sentences on rests that are not used."""
 
     rows: list
     left_out: list
@@ -182,7 +184,7 @@ def chamber_shifts(
     test_time_second, voltage_volt : (n,) [s], [V].
     temperature_celsius : (n,) of the cell, else of the chamber [degC] (`cell_temperature`).
     soc : (n,) state of charge [1], NaN where it is not known.
-    steps : `series.segments.Steps` of the record.
+    steps : `series.steps.Steps` of the record.
     settled_kelvin_per_hour : the cell has reached a temperature when it moves slower [K/h].
     least_plateau_second : a shorter plateau does not count [s].
     skip_second : what of a rest's beginning takes no part in the extrapolation [s].
@@ -203,10 +205,10 @@ def chamber_shifts(
     columns = [np.asarray(c, float) for c in (test_time_second, voltage_volt, temperature_celsius)]
     soc, rows, left_out = np.asarray(soc, float), [], []
     for first, last in joined_rests(steps):
-        here = slice(first, last + 1)
+        rest_rows = slice(first, last + 1)
         try:
-            found = _of_rest(
-                *(column[here] for column in columns),
+            shifts = _shifts_of_rest(
+                *(column[rest_rows] for column in columns),
                 settled=settled_kelvin_per_hour,
                 least=least_plateau_second,
                 skip=skip_second,
@@ -216,8 +218,8 @@ def chamber_shifts(
             left_out.append(f"rest from {columns[0][first] / 3600:.1f} h: {refusal}")
             continue
         number = rows[-1]["rest"] + 1 if rows else 1
-        level = float(np.median(soc[here]))
-        rows += [{"rest": number, "soc": level} | row for row in found]
+        level = float(np.median(soc[rest_rows]))
+        rows += [{"rest": number, "soc": level} | row for row in shifts]
     if not rows:
         raise Refusal("; ".join(left_out) or "no rest in the record")
     return StepShifts(rows, left_out)
@@ -243,7 +245,7 @@ def cell_temperature(series):
 
 
 def _kept(time, plateaus, skip, least_reference):
-    """First row from which the first plateau tells the relaxation; refuses what cannot tell it."""
+    """First row of the first plateau after `skip` [s]; refuses a rest without a usable one."""
     if all(abs(p.celsius - plateaus[0].celsius) <= SAME_KELVIN for p in plateaus):
         raise Refusal(f"{len(plateaus)} plateau(s) of temperature, none away from the first")
     first = plateaus[0]
@@ -256,14 +258,16 @@ def _kept(time, plateaus, skip, least_reference):
     return kept
 
 
-def _of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
+def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
+    """Rows of StepShifts of one rest, one a plateau."""
     plateaus = plateaus_of(time, celsius, settled_kelvin_per_hour=settled, least_second=least)
     kept = _kept(time, plateaus, skip, least_reference)
     first = plateaus[0]
     first = first._replace(first=kept, celsius=float(celsius[kept : first.last + 1].mean()))
-    back = [abs(p.celsius - first.celsius) <= SAME_KELVIN for p in plateaus]
+    at_reference = [abs(p.celsius - first.celsius) <= SAME_KELVIN for p in plateaus]
     used = [(kept, first.last)]
-    used += [(p.first, p.last) for p, same in zip(plateaus[1:], back[1:], strict=True) if same]
+    later = zip(plateaus[1:], at_reference[1:], strict=True)
+    used += [(p.first, p.last) for p, same in later if same]
     # Of hours at the first temperature only the end is a plateau of voltage as well.
     end = int(np.searchsorted(time, time[first.last] - least_reference))
     plateaus[0] = first._replace(first=end, celsius=float(celsius[end : first.last + 1].mean()))
@@ -286,6 +290,14 @@ def _of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
             "returned": bool(same and k > 0),
         }
         for k, (p, middle, mean, reference, std, same) in enumerate(
-            zip(plateaus, middles, means[:, 1], course.volt, course.std_volt, back, strict=True)
+            zip(
+                plateaus,
+                middles,
+                means[:, 1],
+                course.volt,
+                course.std_volt,
+                at_reference,
+                strict=True,
+            )
         )
     ]

@@ -1,0 +1,181 @@
+"""Arguments of the public interface as the science takes them: columns, rows, facts, settings."""
+
+from collections.abc import Mapping
+
+from cellwright.refusal import Refusal
+
+NAMES = ("test_time_second", "current_ampere", "voltage_volt")
+COUNTED = (*NAMES, "charge_ampere_hour")
+
+
+def columns(series, *needed) -> dict:
+    """Columns by name, (n,) arrays, of a DataFrame, a mapping, or a result with columns.
+
+    Parameters
+    ----------
+    series : pandas DataFrame, mapping of name → (n,), or result of another step.
+    needed : names that must be among them.
+
+    Raises
+    ------
+    Refusal : A column that is needed is not there, or columns are of different lengths.
+    """
+    import numpy as np
+
+    arrays = {str(name): np.asarray(values) for name, values in _named(series).items()}
+    lacking = [name for name in needed if name not in arrays]
+    if lacking:
+        hint = "; `clean` adds it" if lacking == ["charge_ampere_hour"] else ""
+        raise Refusal(f"no column {', '.join(lacking)}{hint}; there are {', '.join(arrays)}")
+    sizes = {name: len(values) for name, values in arrays.items() if values.ndim}
+    if len(set(sizes.values())) > 1:
+        raise Refusal(f"columns of different lengths: {sizes}")
+    return arrays
+
+
+def _named(series):
+    if isinstance(series, Mapping):
+        return series
+    inner = getattr(series, "columns", None)
+    if isinstance(inner, Mapping):
+        return inner
+    if hasattr(series, "_asdict"):
+        return series._asdict()
+    if hasattr(series, "to_numpy"):  # a DataFrame, recognised without loading pandas
+        return {name: series[name].to_numpy() for name in inner}
+    raise Refusal(f"{type(series).__name__} is no DataFrame and no mapping of columns")
+
+
+def quantities(series, names=NAMES) -> list:
+    """List of the named columns, (n,) each, in this order."""
+    arrays = columns(series, *names)
+    return [arrays[name] for name in names]
+
+
+def steps(table):
+    """Steps of a record from the result of `segment`, a DataFrame or a mapping of its columns."""
+    from cellwright.series.steps import Steps
+
+    table = getattr(table, "rows", table)
+    return table if isinstance(table, Steps) else Steps(**columns(table, *Steps._fields))
+
+
+def rows(table) -> list[dict]:
+    """Rows as dicts of plain values: of a list of rows, a result, a DataFrame or columns."""
+    if isinstance(table, list | tuple) and not hasattr(table, "_asdict"):
+        return [row._asdict() if hasattr(row, "_asdict") else row for row in table]
+    inner = getattr(table, "rows", None)
+    if inner is not None:
+        return rows(inner)
+    plain = {name: values.tolist() for name, values in columns(table).items()}
+    return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
+
+
+def cell_facts(cell):
+    """CellFacts as they are, or from a mapping with more or fewer keys."""
+    from cellwright.records.facts import CellFacts
+
+    return _facts(CellFacts, cell)
+
+
+def test_facts(test):
+    """TestFacts as they are, or from a mapping with more or fewer keys."""
+    from cellwright.records.facts import TestFacts
+
+    return _facts(TestFacts, {"test": "", **test} if isinstance(test, Mapping) else test)
+
+
+def branch_facts(branch):
+    """BranchFacts as they are, or from a row of groups.tsv."""
+    from cellwright.records.facts import BranchFacts
+
+    return _facts(BranchFacts, branch)
+
+
+def _facts(kind, values):
+    if isinstance(values, kind):
+        return values
+    lacking = [n for n in kind._fields if n not in values and n not in kind._field_defaults]
+    if lacking:
+        raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(values)}")
+    return kind(**{name: values[name] for name in kind._fields if name in values})
+
+
+def tests(pairs) -> list:
+    """MeasuredTest of pairs (TestFacts or mapping, series)."""
+    from cellwright.records.facts import MeasuredTest
+
+    return [MeasuredTest(test_facts(facts), columns(series, *COUNTED)) for facts, series in pairs]
+
+
+def content(document):
+    """The plain document of a result; a mapping or None is returned as it is."""
+    return getattr(document, "content", document)
+
+
+def entries(pairs, fields=None) -> list[dict]:
+    """Rows of results as dicts, each with the name, temperature and cycle of its test.
+
+    Parameters
+    ----------
+    pairs : (TestFacts or mapping, result) each; a dict is taken as it is.
+    fields : function, result → list of dicts of plain values.
+    """
+    dated = []
+    for pair in pairs:
+        if isinstance(pair, Mapping):
+            dated.append(pair)
+            continue
+        facts, result = test_facts(pair[0]), pair[1]
+        names = ("test", "ambient_temperature_celsius", "cycle")
+        dated += [
+            {name: getattr(facts, name) for name in names} | row for row in (fields or rows)(result)
+        ]
+    return dated
+
+
+def plain(values: dict) -> dict:
+    """A dict with its arrays as lists."""
+    import numpy as np
+
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+
+
+def settings_of(kind, settings, changes):
+    """Settings of a step: the defaults or `settings`, with single keys changed.
+
+    Parameters
+    ----------
+    kind : class of `cellwright.settings`.
+    settings : None, a value of `kind`, or a mapping that names each of its keys.
+    changes : dict of single keys.
+
+    Raises
+    ------
+    Refusal
+        An unknown key, or a mapping that lacks one: a campaign's choice must not be replaced by a
+        default unnoticed.
+    """
+    if isinstance(settings, Mapping):
+        lacking = [name for name in kind._fields if name not in settings]
+        if lacking:
+            raise Refusal(f"settings {kind.__name__} lack {', '.join(lacking)}")
+        settings = _changed(kind, kind(), settings)
+    if settings is not None and not isinstance(settings, kind):
+        raise Refusal(f"settings are {type(settings).__name__}, wanted {kind.__name__}")
+    return _changed(kind, settings or kind(), changes)
+
+
+def _changed(kind, value, changes):
+    unknown = [name for name in changes if name not in kind._fields]
+    if unknown:
+        known = ", ".join(kind._fields)
+        raise Refusal(f"{kind.__name__} has no setting {', '.join(unknown)}; it has {known}")
+    return value._replace(**{k: _typed(getattr(value, k), v) for k, v in changes.items()})
+
+
+def _typed(before, value):
+    """A value as the settings hold it: a list as tuple, a mapping as the section it replaces."""
+    if hasattr(before, "_fields") and isinstance(value, Mapping):
+        return settings_of(type(before), value, {})
+    return tuple(value) if isinstance(value, list) else value

@@ -1,9 +1,0 @@
-"""Figure: model over measurement in one test."""
-
-from figures import style, validation
-from runtime import artefact
-
-with artefact.Job(snakemake) as job:
-    series = job.load(snakemake.input.series)
-    scores = artefact.rows(job.load(snakemake.input.scores))
-    style.save(validation.draw_validation(series, scores, snakemake.wildcards.test), job)

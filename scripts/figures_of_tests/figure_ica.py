@@ -1,8 +1,0 @@
-"""Figure: incremental capacity of one cell."""
-
-from figures import incremental_capacity, style
-from runtime import artefact
-
-with artefact.Job(snakemake) as job:
-    pairs = zip(snakemake.input.curves, snakemake.input.peaks, strict=True)
-    style.save(incremental_capacity.draw_ica(artefact.load_together(pairs)), job)

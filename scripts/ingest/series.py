@@ -1,0 +1,19 @@
+"""Read the files of one test, flag and repair what is corrupt in its series, cut it into steps."""
+
+import cellwright as cw
+from runtime import artefact, raw_files
+
+params, output = snakemake.params, snakemake.output
+with artefact.Job(snakemake, output.ingest) as reading:
+    said = params.reading
+    files = raw_files.contents(said["file"], said["sha256"])
+    found = cw.read(files, instrument=said["instrument"], current_sign=said["current_sign"])
+    reading.note(*found.notes)
+    reading.save(found.columns, instrument=found.instrument)
+with artefact.Job(snakemake, output.clean, output.flags, after=reading) as cleaning:
+    found = cw.clean(cleaning.load(output.ingest), params.clean)
+    cleaning.note(*found.notes)
+    cleaning.save(found.columns, output.clean)
+    cleaning.save(found.actions, output.flags)
+with artefact.Job(snakemake, output.segment, after=cleaning) as cutting:
+    cutting.save(cw.segment(cutting.load(output.clean), params.cell, params.segment).rows)

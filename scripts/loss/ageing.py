@@ -1,0 +1,19 @@
+"""Complete cycles of one ageing record; fade, temperature and daily cycle of their capacities."""
+
+import cellwright as cw
+from runtime import artefact
+
+inputs, output, params = snakemake.input, snakemake.output, snakemake.params
+with artefact.Job(snakemake, output.cycles) as counting:
+    record = counting.load(inputs.series), counting.load(inputs.steps)
+    found = cw.ageing_cycles(*record, params.test, params.cell)
+    counting.note(*found.notes)
+    counting.save(found.rows)
+with artefact.Job(snakemake, *output[1:], after=counting) as job:
+    test = {"test": snakemake.wildcards.test, "kind": "ageing"}
+    found = cw.ageing_over_temperature(job.load(output.cycles), test, params.settings)
+    job.note(*found.notes)
+    job.save([found.summary], output.summary)
+    job.save(found.rows, output.laws)
+    job.save(found.cycles, output.compensated)
+    job.save(found.periodogram, output.periodogram)

@@ -1,0 +1,19 @@
+"""One test that took no part in the fit: its voltage by the model, its SoC by filters, scored."""
+
+import cellwright as cw
+from runtime import artefact, facts
+
+inputs, output, params = snakemake.input, snakemake.output, snakemake.params
+split = {"split_rest_second": params.split_rest_second}
+with artefact.Job(snakemake, output.scores, output.simulation) as job:
+    about = facts.of_job(snakemake)
+    found = cw.validate(job.load(inputs.model), job.load(inputs.series), *about, **split)
+    job.note(*found.notes)
+    job.save(found.rows, output.scores)
+    job.save(found.series, output.simulation)
+with artefact.Job(snakemake, output.soc, output.soc_series) as job:
+    record = job.load(inputs.model), job.load(inputs.series), *facts.of_job(snakemake)
+    found = cw.estimate_soc(*record, params.soc, **split)
+    job.note(*found.notes)
+    job.save(found.rows, output.soc)
+    job.save(found.series, output.soc_series)

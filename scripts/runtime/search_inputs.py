@@ -1,0 +1,31 @@
+"""Inputs of a search besides the tests of its cell: models of a group's cells, healthy cells."""
+
+from cellwright.effects.finding import Reference
+from cellwright.effects.groups.finding import KnownCell
+from cellwright.records.facts import CellFacts
+from runtime import artefact, facts
+
+
+def known_cells(branches, lenders, paths) -> list[KnownCell]:
+    """The model of the cell in each branch of a group.
+
+    Parameters
+    ----------
+    branches : rows of groups.tsv. lenders : cell whose model stands for a cell without one.
+    paths : of the models.
+    """
+    models = {about["wildcards"]["cell"]: model for model, about in artefact.load_all(paths)}
+    sources = [lenders.get(row["cell"], row["cell"]) for row in branches]
+    return [KnownCell(models.get(source), source) for source in sources]
+
+
+def references(rows, basis_paths, series_paths) -> list[Reference]:
+    """Healthy cells of the type: facts, basis and tests of each."""
+    owner = {path: artefact.read_about(path)["wildcards"]["cell"] for path in series_paths}
+    paths_of = {cell: [p for p in series_paths if owner[p] == cell] for cell in owner.values()}
+    bases = {basis["cell"]: basis for basis, _ in artefact.load_all(basis_paths)}
+    return [
+        Reference(cell, bases[cell.cell], facts.tests(paths_of[cell.cell]))
+        for cell in (CellFacts(**row) for row in rows)
+        if cell.cell in bases
+    ]

@@ -1,6 +1,0 @@
-"""Tests of results, run on the tables of this campaign: the laws in tests/artefacts."""
-
-from runtime import artefact, results_check
-
-with artefact.Job(snakemake) as job:
-    job.save(results_check.outcomes("results/tables"))

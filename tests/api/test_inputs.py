@@ -1,0 +1,148 @@
+"""What the public interface takes: columns in each form, settings in each form, what it refuses."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import cellwright as cw
+from cellwright.api import inputs, results
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+
+
+def record(hours=3.0, second=10.0):
+    """A rest, a discharge and a charge at 1C of 2 Ah, and a rest, with an ohmic drop."""
+    time = np.arange(0.0, 3600 * hours, second)
+    ampere = np.select([(time >= 600) & (time < 4000), (time >= 5000) & (time < 8400)], [-2.0, 2.0])
+    soc = 1.0 + np.concatenate([[0.0], np.cumsum(ampere[:-1] * second)]) / 7200
+    columns = {"test_time_second": time, "current_ampere": ampere}
+    return columns | {"voltage_volt": 3.2 + 0.9 * soc + 0.02 * ampere}
+
+
+CELL = cw.CellFacts("A", 2.0, 3.22, 4.12)
+
+
+def test_a_frame_a_mapping_and_a_result_give_the_same():
+    columns = record()
+    by_mapping, by_frame = cw.clean(columns), cw.clean(pd.DataFrame(columns))
+    pd.testing.assert_frame_equal(by_mapping.to_frame(), by_frame.to_frame())
+    steps = [cw.segment(one, CELL).to_frame() for one in (by_mapping, by_frame.to_frame())]
+    pd.testing.assert_frame_equal(*steps)
+    assert list(steps[0]["kind"]) == ["rest", "CC", "rest", "CC", "rest"]
+
+
+def test_steps_are_taken_as_result_or_as_table():
+    series = cw.clean(record())
+    steps = cw.segment(series, CELL)
+    mapping = {"cell": "A", "rated_capacity_ampere_hour": 2.0, "note": "of no use here"}
+    mapping |= {"lower_cutoff_volt": 3.22, "upper_cutoff_volt": 4.12}
+    found = [
+        cw.capacity(series, one, cell, whole_swing=True).to_frame()
+        for one, cell in ((steps, CELL), (steps.to_frame(), mapping))
+    ]
+    pd.testing.assert_frame_equal(*found)
+    assert found[0]["capacity_ampere_hour"].to_numpy() == pytest.approx(3400 / 1800, rel=0.01)
+
+
+def test_a_missing_column_is_named():
+    with pytest.raises(cw.Refusal, match="no column voltage_volt; there are test_time_second"):
+        cw.clean({"test_time_second": [0.0, 1.0], "current_ampere": [0.0, 0.0]})
+    with pytest.raises(cw.Refusal, match="charge_ampere_hour; `clean` adds it"):
+        cw.segment(record(), CELL)
+
+
+def test_columns_of_different_lengths_are_refused():
+    with pytest.raises(cw.Refusal, match="different lengths"):
+        cw.clean(record() | {"voltage_volt": [3.0]})
+
+
+def test_what_is_no_table_is_refused():
+    with pytest.raises(cw.Refusal, match="int is no DataFrame"):
+        cw.clean(3)
+
+
+def test_settings_in_each_form_do_the_same():
+    whole = cw.settings.Segment(pulse_max_second=10.0)
+    series = cw.clean(record())
+    forms = [
+        cw.segment(series, CELL, whole),
+        cw.segment(series, CELL, whole._asdict()),
+        cw.segment(series, CELL, pulse_max_second=10.0),
+    ]
+    first, *others = [one.to_frame() for one in forms]
+    for other in others:
+        pd.testing.assert_frame_equal(first, other)
+
+
+def test_a_setting_reaches_the_step():
+    series = cw.clean(record())
+    kinds = cw.segment(series, CELL, pulse_max_second=5000.0).to_frame()["kind"]
+    assert "pulse" in set(kinds)
+
+
+def test_an_unknown_setting_is_refused_with_the_known_ones():
+    with pytest.raises(cw.Refusal, match=r"no setting gap; it has .*gap_second"):
+        cw.clean(record(), gap=3.0)
+
+
+def test_settings_of_a_campaign_must_be_complete():
+    """A key that a rule forgot must not be replaced by its default unseen."""
+    with pytest.raises(cw.Refusal, match="settings Clean lack gap_factor"):
+        cw.clean(
+            record(),
+            {"gap_second": 3.0, "spike_limit_volt": 0.01, "spike_noise_factor": 8.0}
+            | {"current_step_fraction": 0.01},
+        )
+
+
+def test_settings_within_settings_are_typed():
+    usual = cw.settings.MissingEffectGroup()
+    spread = usual.spread._asdict() | {"celsius": 1.0}
+    chosen = inputs.settings_of(cw.settings.MissingEffectGroup, None, {"spread": spread})
+    assert chosen == usual._replace(spread=usual.spread._replace(celsius=1.0))
+
+
+def test_facts_without_what_is_needed_are_refused():
+    with pytest.raises(cw.Refusal, match="TestFacts needs kind"):
+        inputs.test_facts({"test": "x"})
+
+
+def test_a_file_that_is_not_there_is_refused():
+    with pytest.raises(cw.Refusal, match=r"nowhere\.csv: cannot be read"):
+        cw.read("nowhere.csv")
+
+
+def test_facts_of_one_value_are_repeated_in_a_frame():
+    frame = results.frame({"a": np.arange(3), "b": 2.0, "pair": (1, 2)})
+    assert list(frame["b"]) == [2.0] * 3
+    assert "pair" not in frame
+
+
+def test_every_public_name_is_there():
+    for name in cw.MODULE_OF:
+        assert getattr(cw, name)
+    with pytest.raises(AttributeError, match="has no 'identfy'"):
+        cw.identfy  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("code", "banned"),
+    [
+        ("import cellwright", ("numpy", "pandas", "scipy")),
+        ("import cellwright as cw; cw.clean", ("numpy", "pandas", "scipy")),
+        (
+            "import cellwright as cw; cw.capacity; import cellwright.protocols.capacity",
+            ("pandas", "scipy", "matplotlib", "lmfit"),
+        ),
+    ],
+)
+def test_what_is_not_used_is_not_loaded(code, banned):
+    check = f"import sys; sys.path.insert(0, {str(SCRIPTS)!r}); {code}; print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", check], capture_output=True, text=True, check=True
+    )
+    assert not set(banned) & set(loaded.stdout.split())

@@ -1,0 +1,80 @@
+"""SVG of figures: the same drawing in fewer characters."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from figures import style, svg
+
+STEP = re.compile(r"-?(?:\d+\.?\d*|\.\d+)")
+
+
+def points(path):
+    """Points of a path of relative lines [tenths of a point]."""
+    start, _, steps = path.rstrip("z").removesuffix("h0").removeprefix("M").partition("l")
+    numbers = [[round(10 * float(n)) for n in STEP.findall(part)] for part in (start, steps)]
+    return np.cumsum(np.reshape(numbers[0] + numbers[1], (-1, 2)), axis=0)
+
+
+COORDINATE = st.floats(-50, 2000, allow_nan=False).map(lambda x: round(x, 6))
+
+
+@given(st.lists(st.tuples(COORDINATE, COORDINATE), min_size=1, max_size=60))
+def test_every_point_of_a_line_is_within_half_a_tenth_of_its_place(line):
+    """However long the line: each step begins at the rounded point before."""
+    long = "L".join(f" {x} {y} \n" for x, y in line)
+    match = re.fullmatch(r' d="([^"]*)"', f' d="M{long}"')
+    found = points(svg._short_path(match)[4:-1])
+    wanted = np.rint(10 * np.array(line)).astype(int)
+    kept = np.concatenate([[True], np.diff(wanted, axis=0).any(axis=1)])
+    assert found.tolist() == wanted[kept].tolist()
+
+
+@pytest.mark.parametrize(
+    ("long", "short"),
+    [
+        ("M 0 331.2 \nL 648 331.2 \nL 648 0 \nz\n", "M0 331.2l648 0 0-331.2z"),
+        ("M 1.26 2 \nL 1.31 2 \nM 5 5 \nL 5.5 4.5 \n", "M1.3 2h0M5 5l.5-.5"),
+        ("M 0 -3.04 \nC 0.54 -3 1e-07 2 3 4.96 \nz\n", "M0 -3C.5 -3 0 2 3 5z"),
+    ],
+)
+def test_a_path_in_few_characters(long, short):
+    assert svg._short_path(re.fullmatch(r' d="([^"]*)"', f' d="{long}"')) == f' d="{short}"'
+
+
+def test_a_figure_keeps_its_texts_its_provenance_and_what_is_referred_to():
+    figure, axes = style.subplots()
+    x = np.linspace(0.01, 9, 300)
+    axes[0, 0].plot(x, np.sin(9 * x), "o-", label="a < b & c")
+    axes[0, 0].set(xlabel="time [s]", xscale="log", title="Sine")
+    style.legend_once(axes[0, 0])
+    text = svg.text_of(figure, description='{"cell": "A"}')
+    assert "a &lt; b &amp; c" in text
+    assert '{"cell": "A"}' in text
+    assert text == svg.text_of(figure, description='{"cell": "A"}')
+    ids, named = set(re.findall(r' id="([^"]+)"', text)), set(re.findall(r"#(\w+)[\")]", text))
+    assert named == ids
+    assert not re.search(r" style=", text)
+    classes = set(re.findall(r'class="(\w+)"', text))
+    assert classes <= set(re.findall(r"\.(s\d+)\{", text))
+    assert text.count("sans-serif") == 1
+    placed = " ".join(re.findall(r' (?:d|x|y|transform)="([^"]*)"', text.partition("</style>")[2]))
+    assert max(len(number.partition(".")[2]) for number in STEP.findall(placed)) == 1
+
+
+def test_a_spike_of_one_sample_is_drawn_as_high_as_it_is():
+    figure, axes = style.subplots(height=3.0)
+    y = np.zeros(200_000)
+    y[123_457], y[150_001] = 1.0, -1.0
+    style.plot_thinned(axes[0, 0], np.arange(200_000.0), y)
+    (line,) = axes[0, 0].get_lines()
+    assert (line.get_ydata().max(), line.get_ydata().min()) == (1.0, -1.0)
+    assert len(line.get_xdata()) < 2100
+    drawn = svg.text_of(figure, description="")
+    low, high = axes[0, 0].transData.transform([(0, -1), (0, 1)])[:, 1]
+    paths = re.findall(r' d="(M[^"zhCM]*)"', drawn.partition("</defs>")[2])
+    reach = max(np.ptp(points(path)[:, 1]) for path in paths if len(points(path)) > 4)
+    assert reach == pytest.approx(10 * (high - low), abs=1.1)
