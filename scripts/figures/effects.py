@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from cellwright.effects.story.words import explained
 from figures import style
 from figures.style import rows_where
 
@@ -209,10 +210,11 @@ def _residual_over_change(panel, effect, columns):
     panel.axhline(0.0, color=style.QUIET, lw=1.0, ls="--", label="none of it is")
     label = f"samples, in bins of about {np.median(columns['rows']):.0f}"
     panel.plot(x, y, "o", color=style.SERIES[0], ms=4, alpha=0.75, label=label)
-    scatter = np.sum(y**2)
-    explained = 1.0 - np.sum((y - x) ** 2) / scatter if scatter > 0 else 0.0
+    share = explained(columns)[effect]
+    # Below zero the verdict calls it unsure, for the same reason (`story.words.doubts`).
+    alone = f"{100 * share:.0f} %" if share > 0 else "nothing"
     panel.set(
-        title=f"{_in_words(effect)}: {100 * max(explained, 0.0):.0f} % of what was left",
+        title=f"{_in_words(effect)}:\nby itself it explains {alone} of what was left",
         xlabel="what the effect changes [mV]",
         ylabel="measured − model without it [mV]",
     )

@@ -3,5 +3,6 @@
 from runtime import artefact, tables
 
 with artefact.Job(snakemake) as job:
-    found = [verdict for verdict, _ in artefact.load_all(snakemake.input)]
-    job.save(tables.verdicts(found), snakemake.output.table)
+    found = [verdict for verdict, _ in artefact.load_all(snakemake.input.verdicts)]
+    witnesses = tables.rows_of(snakemake.input.witnesses, {})
+    job.save(tables.verdicts(found, witnesses), snakemake.output.table)

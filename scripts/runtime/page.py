@@ -35,6 +35,7 @@ def render(job) -> str:
     captions = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
     effects = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.verdicts}
+    witnesses = {_owner(artefact.read_about(p)): _witnesses(p) for p in inputs.witnesses}
     cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
     abouts_of = {}
@@ -47,6 +48,7 @@ def render(job) -> str:
     ]
     for page in pages:
         page["effect"], page["cold"] = effects.get(page["name"]), cold.get(page["name"])
+        page["witnesses"] = witnesses.get(page["name"], [])
         page["verdicts"] = parts[page["name"]]["missing_effect"].to_dict("records")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
@@ -54,7 +56,7 @@ def render(job) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "milli": milli, "percent": percent}
+    environment.filters |= {"number": number, "milli": milli}
     excluded = tables["excluded"].to_dict("records")
     template = environment.get_template(Path(inputs.page).name)
     for page in pages:
@@ -109,9 +111,11 @@ def milli(text) -> str:
     return f"{1e3 * float(text):.2f}" if text else "–"
 
 
-def percent(text) -> str:
-    """A share as per cent; a dash for what is not known."""
-    return f"{100 * float(text):.0f} %" if text else "–"
+def _witnesses(path) -> list[dict]:
+    """Rows of the witnesses of a verdict, those that speak first; none without a verdict."""
+    if artefact.read_about(path)["reason"] is not None:
+        return []
+    return sorted(artefact.rows(artefact.load(path)), key=lambda row: row["says"] == "silent")
 
 
 def _paragraph(path) -> dict:

@@ -56,8 +56,8 @@ def test_evidence_has_a_panel_an_effect_with_the_line_of_full_explanation():
     words = ["leakage", "ocv edge", "time skew"]
     assert [title(panel).split(":")[0] for panel in panels[:3]] == words
     assert [panel.axison for panel in panels] == [True, True, True, False]
-    assert title(panels[0]) == "leakage: 100 % of what was left"
-    assert title(panels[2]) == "time skew: 0 % of what was left"
+    assert title(panels[0]) == "leakage:\nby itself it explains 100 % of what was left"
+    assert title(panels[2]) == "time skew:\nby itself it explains nothing of what was left"
     np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[-2, -2], [2, 2]])
     points = panels[1].get_lines()[-1]
     assert points.get_label() == "samples, in bins of about 200"

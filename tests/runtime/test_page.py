@@ -43,7 +43,31 @@ VERDICT = {
     "validation_after_volt": 0.000987,
     "gap_closed": 0.973,
     "floor_volt": 0.0008,
+    "sure": False,
+    "doubts": "another explains it as well",
+    "in_one_line": "shows slow diffusion",
 }
+WITNESS = {"name": "relaxations", "effect": "slow_diffusion", "named": True, "says": "silent"}
+WITNESS |= {
+    "measured": 0.0,
+    "implied": 0.0,
+    "unit": "Ohm",
+    "std": 0.0,
+    "shown": False,
+    "text": "no long rest",
+}
+HEARD = WITNESS | {"name": "pulses", "effect": "resistance_soc", "named": False}
+HEARD |= {"says": "contradicts", "text": "not named, although < 3"}
+
+
+def write_witnesses(snakemake):
+    """Witnesses of cell A, and of cell B the reason why there is no verdict."""
+    paths = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in "AB"]
+    with artefact.Job(snakemake(paths[0], wildcards={"cell": "A"})) as writing:
+        writing.save([WITNESS, HEARD])
+    with artefact.Job(snakemake(paths[1], wildcards={"cell": "B"})):
+        raise Refusal("no validation test")
+    return paths
 
 
 # As the drawing of a figure writes it: a head, provenance, and the drawing.
@@ -132,6 +156,7 @@ def job(snakemake):
         summary="results/summary.csv",
         artefacts=["results/ingest/A/good.parquet", "results/ingest/A/bad.parquet"],
         verdicts=verdicts,
+        witnesses=write_witnesses(snakemake),
         cold=write_cold(snakemake),
         template=ROOT / "workflow/report/report.html.j2",
         page=ROOT / "workflow/report/page.html.j2",
@@ -169,8 +194,14 @@ def test_a_page_begins_with_the_verdict_its_reading_and_its_proof(job):
     proof.write_text(PICTURE)
     job.params.figures["A"].append(str(proof))
     html = unpacked(page.render(job))
-    wanted = ['<section id="cell-A">', "<strong>ambiguous</strong>", "slow diffusion"]
-    wanted += ["leakage, current offset", "4.21 → 0.99", "97 %", "0.80", "time &amp; patience"]
+    wanted = ['<section id="cell-A">', "A shows slow diffusion.", "<strong>ambiguous</strong>"]
+    wanted += ["unsure: another explains it as well", "leakage, current offset", "4.21 → 0.99"]
+    wanted += [
+        "time &amp; patience",
+        "What other measurements say of it",
+        "resistance soc (not named)",
+    ]
+    wanted += ["contradicts</strong>", "although &lt; 3", "relaxations", "no long rest"]
     wanted += ["Where the model errs", "<h2>Tests</h2>", "Model over measurement: udds"]
     wanted += ['<section id="cell-B">', "No verdict: no validation test"]
     places = [html.find(text) for text in wanted]

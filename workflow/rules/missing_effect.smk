@@ -43,8 +43,9 @@ VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in [*ASKED, *
 GROUP_PARTS = ["ranking.parquet", "series.parquet", "model.json"]
 EFFECT_PARTS = [
     *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
-    *["confounding.parquet", "menu.parquet", "model.json"],
+    *["confounding.parquet", "menu.parquet", "model.json", "witnesses.parquet"],
 ]
+WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
 
 
 def healthy_like(cell):
@@ -108,9 +109,38 @@ rule missing_effect_group:
         "../../scripts/missing_effect/missing_effect_group.py"
 
 
+rule witnesses:
+    input:
+        verdict="results/missing_effect/{cell}/verdict.json",
+        model="results/missing_effect/{cell}/model.json",
+        series="results/missing_effect/{cell}/series.parquet",
+        basis="results/basis/{cell}.json",
+        eis=lambda w: fitted("eis", w.cell, "eis"),
+        resistance=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
+        relaxation=lambda w: fitted("relaxation", w.cell, *RELAXATION_KINDS),
+        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+        ocv_entropic=lambda w: [f"results/ocv_entropic/{c}.parquet" for c in STEPPED if c == w.cell],
+    output:
+        "results/missing_effect/{cell}/witnesses.parquet",
+    log:
+        "logs/missing_effect/{cell}_witnesses.log",
+    wildcard_constraints:
+        cell=either(ASKED),
+    params:
+        tests=facts_of_own_tests,
+        ambient_celsius=lambda w: {
+            row["test"]: row["ambient_temperature_celsius"] for row in TESTS_OF[w.cell]
+        },
+    message:
+        "What other measurements of {wildcards.cell} say of its verdict."
+    script:
+        "../../scripts/missing_effect/witnesses.py"
+
+
 rule missing_effect:
     input:
-        VERDICTS,
+        verdicts=VERDICTS,
+        witnesses=WITNESSES,
     output:
         table="results/tables/missing_effect.csv",
     log:

@@ -28,6 +28,7 @@ rule report:
         figures=[*FIGURES["campaign"], *FIGURE_FOLDERS],
         artefacts=STAGES,
         verdicts=VERDICTS,
+        witnesses=WITNESSES,
         cold=COLD_WORDS,
         template=local(f"{PIPELINE}/workflow/report/report.html.j2"),
         page=local(f"{PIPELINE}/workflow/report/page.html.j2"),

@@ -52,6 +52,36 @@ def missing_effect(
     return results.MissingEffect(**finding._asdict())
 
 
+def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
+    """Which independent measurements of a cell agree with a verdict, contradict it, or are silent.
+
+    Parameters
+    ----------
+    verdict, model : of `missing_effect`. basis : as of `identify`.
+    tables : rows or DataFrames by name, what is absent was not measured: resistance, eis,
+        relaxation, capacity and ocv_entropic, with the test's temperature, SoC and cycle beside
+        each row; `series`, that of `missing_effect`.
+    ambient_celsius : chamber's temperature by test [°C].
+    library : effects by id, None: all of `effects.library.LIBRARY`.
+
+    Returns
+    -------
+    found : Table; one row a witness: what is measured, what the verdict implies, which it says.
+
+    Source: docs/missing-effect.md.
+    """
+    from cellwright.effects.library import LIBRARY
+    from cellwright.effects.witnesses.collected import measured_of
+    from cellwright.effects.witnesses.collected import witnesses as held_against
+
+    content, known = inputs.content(basis), dict(tables)
+    series = inputs.columns(known.pop("series", {}))
+    rows = {name: inputs.rows(table) for name, table in known.items()}
+    ambient = ambient_celsius or {}
+    measured = measured_of(rows | {"series": series}, content, model, ambient=ambient)
+    return results.Table(held_against(verdict, model, measured, library or LIBRARY))
+
+
 def prepared_case(
     cell, basis, tests, settings=None, *, split_rest_second=MODELS.split_rest_second, **changes
 ):

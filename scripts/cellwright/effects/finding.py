@@ -13,8 +13,11 @@ from cellwright.effects.planner import next_test
 from cellwright.effects.screen import evidence
 from cellwright.effects.search import frees_of, search
 from cellwright.effects.sensitivity import Model, confounding, shown
+from cellwright.effects.story.places import worsened
+from cellwright.effects.story.words import explained, paragraph
 from cellwright.effects.ties import tie_of
-from cellwright.effects.verdict import outcome, paragraph, verdict_of
+from cellwright.effects.verdict import outcome, verdict_of
+from cellwright.effects.witnesses.collected import values_of
 from cellwright.numerics.least_squares import stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
@@ -72,7 +75,7 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
     ready = prepared(cell, basis, tests, **options)
     case, used, note = _paired(ready.case, references, options)
     finding = of_case(cell.cell, case, library, split_rest_second=settings["split_rest_second"])
-    text = " ".join([finding.verdict["paragraph"], *ready.caveats])
+    text = "\n".join([finding.verdict["paragraph"], *ready.caveats])
     verdict = finding.verdict | {"references": used, "paragraph": text}
     return finding._replace(verdict=verdict, notes=(*ready.notes, *note, *finding.notes))
 
@@ -120,10 +123,15 @@ def of_case(name, case, library, *, split_rest_second=None):
     menu, advice = _advised(case, result, rounds, library, untestable)
     place = worst(residuals, result.floor.validation_volt)
     verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
-    verdict["paragraph"] = paragraph(verdict, library)
+    evidence_columns = _evidence(case, result)
+    shares = explained(evidence_columns)
+    for entry in (*verdict["effects"], *verdict["partial"]):
+        entry["explained"] = shares.get(entry["effect"])
+    verdict["worsened"] = worsened(residuals)
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     kept = bool(result.steps) and result.word in KEPT
     model = model_of(case, result.last if kept else rounds[0].before)
+    verdict["paragraph"] = paragraph(verdict, library, values=values_of(model))
     if kept and split_rest_second is not None:
         model["folds"] = folds(
             case, result.last, rounds[-1].noise, split_rest_second=split_rest_second
@@ -132,7 +140,7 @@ def of_case(name, case, library, *, split_rest_second=None):
         verdict,
         ranking_of(rounds),
         residuals,
-        _evidence(case, result),
+        evidence_columns,
         _series(case, rounds[0].before, result.last),
         confounding(shown(case, library, plain, spread=rounds[0].noise)),
         menu,

@@ -32,7 +32,7 @@ class Parameter(NamedTuple):
 class Effect(NamedTuple):
     """One effect: its equation, its numbers, its words, and how it stands in a model file.
 
-    id : of the contract. sentence : for people, after "What was missing: ". parameters : tuple of
+    id : of the contract. sentence : for people, a clause. parameters : tuple of
     Parameter. stage : where it enters the model, one of `base.STAGES`. act : its equation, function
     (fields, stack, p) → fields, p being a dict of its parameters by name; see `base.Fields`.
     starts : tuple of dicts, parameters from which it is tried. held : what it changes is not
