@@ -24,8 +24,8 @@ class Cell(NamedTuple):
     exp(`diffusion_slope` × (SoC − ½)).
     Hysteresis: `play_volt` of each width of PLAY_SOC; `loop_volt`, reached at `loop_per_soc` [1];
     `gap_volt` by the sign of the last current.
-    Charge: `leak` [A] over COURSE; `lost_share` of what is charged; `ampere_hour_bend` (share, kelvin):
-    capacity × (1 + share × tanh((T − 25 °C)/kelvin)). `entropy` [V/K] over COURSE.
+    Charge: `leak` [A] over COURSE; `lost_share` of what is charged; `ampere_hour_bend` (share,
+    kelvin): capacity × (1 + share × tanh((T − 25 °C)/kelvin)). `entropy` [V/K] over COURSE.
     Heat: `core` and `can` (thermal resistance [K/W], time constant [s]).
     Outside the vocabulary: `contact` (more resistance [ohm] above a current [A]); `growth` of the
     ohmic element from the first test to the last; `plating_volt` of the plateau after cold charge.

@@ -131,7 +131,7 @@ def _at(table, soc, *, beyond=False):
 
 
 def _weights(ratio):
-    """Decay, weight of the current before and after, of a lag over a step of `ratio` time constants."""
+    """Decay, and weights of the current before and after, over a step of `ratio` time constants."""
     ratio = np.maximum(ratio, 1e-9)
     gain = -np.expm1(-ratio)
     after = 1.0 - gain / ratio
@@ -235,7 +235,7 @@ def _plated(fleet, state, mean, second, celsius):
     if not fleet.plating.any():
         return state.plated
     rate = mean / fleet.rated
-    cold = max((COLD_CELSIUS - celsius) / 10.0, 0.0)
+    cold = np.maximum((COLD_CELSIUS - celsius) / 10.0, 0.0)
     change = np.where(rate > 0, cold * rate, np.minimum(rate, -STRIPPED_PER_HOUR))
     return np.maximum(state.plated + change * second / 3600.0, 0.0)
 
@@ -293,16 +293,14 @@ class Track(NamedTuple):
     there: np.ndarray
 
 
-def track(
-    steps: list[Step], fleet: Fleet, start_soc: np.ndarray, celsius: float, *, seed: int
-) -> Track:
+def track(steps: list[Step], fleet: Fleet, start_soc: np.ndarray, celsius, *, seed: int) -> Track:
     """Take cells, rested and charged before, through a protocol for a cell of 1 Ah.
 
     Parameters
     ----------
     steps : protocol of a cell of `UNIT`: its currents are C-rates, its cut-offs 0 and 1 stand for
-        the cell's own. fleet : the cells. start_soc : (n,). celsius : of the chamber. seed : of
-        the clock and of the chamber's wandering.
+        the cell's own. fleet : the cells. start_soc : (n,). celsius : of the chamber, (n,) or
+        one. seed : of the clock and of the chamber's wandering.
     """
     random = np.random.default_rng(seed)
     n = len(start_soc)

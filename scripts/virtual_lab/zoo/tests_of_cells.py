@@ -27,7 +27,7 @@ LAYOUTS = {
     "one": ((25.0, 25.0, 25.0), (25.0, 25.0)),
     "unproven": ((25.0, 8.0, 40.0), (25.0, 25.0)),
 }
-JUDGING = ("drive", "validation")
+FIRST_DRIVE = 3  # place of the first drive among the tests
 
 
 @cache
