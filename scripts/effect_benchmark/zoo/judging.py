@@ -147,11 +147,22 @@ def outcome(hidden: dict, verdict: dict | None) -> str:
     said = names_said(verdict)
     if hidden["kind"] == SHEET:
         return _of_sheet(hidden, verdict["verdict"], said)
-    accepts = [set(one.get("accept") or [one["effect"]]) for one in hidden["effects"]]
+    accepts = _accepted(hidden)
+    if hidden["kind"] == "unknown" and said and any(accepts):
+        # What explains the same data is a right name of an effect outside the vocabulary, too.
+        return "right" if verdicts._partners(accepts, said) else "false name"
     if hidden.get("unproven") and said:
         every = len(verdicts._partners(accepts, said)) == len(accepts)
         return "right" if every else "false name"
     return verdicts.outcome(hidden, verdict)
+
+
+def _accepted(hidden):
+    """Right names of each hidden effect; of one outside the vocabulary those that explain it."""
+    outside = hidden["kind"] == "unknown"
+    return [
+        set(one.get("accept") or ([] if outside else [one["effect"]])) for one in hidden["effects"]
+    ]
 
 
 def _of_sheet(hidden, word, said):
@@ -167,10 +178,11 @@ def _unaccepted(hidden, said):
 
 
 def _extra(hidden, said):
-    """Names beside the right ones, where there is at least one right one."""
-    accepts = [set(one.get("accept") or [one["effect"]]) for one in hidden["effects"]]
-    partners = verdicts._partners(accepts, said)
-    return len(said) - len(partners) if partners else 0
+    """Names beside the right ones, where there is one; parts of a hidden form are none of them."""
+    partners = verdicts._partners(_accepted(hidden), said)
+    parts = {name for one in hidden["effects"] for name in one.get("parts", [])}
+    beside = [one for k, one in enumerate(said) if k not in partners]
+    return sum(one["effect"] not in parts for one in beside) if partners else 0
 
 
 def _weighed(hidden, verdict):

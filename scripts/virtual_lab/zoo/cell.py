@@ -153,7 +153,7 @@ def healthy(random: np.random.Generator, chemistry: str) -> Specimen:
         r=(ohm[0], ohm[1], ohm[2] * (1 - split), ohm[2] * split),
         tau=(second[0], second[1], 3.2 * second[1]),
         course=tuple(_mild_course(random) for _ in range(4)),
-        energy=tuple(random.uniform(500.0, 2500.0, 4).tolist()),
+        energy=tuple(random.uniform(300.0, 1500.0, 4).tolist()),
     )
     return Specimen(
         cell,
@@ -165,8 +165,8 @@ def healthy(random: np.random.Generator, chemistry: str) -> Specimen:
 
 
 def _mild_course(random):
-    """Factor over COURSE, about 2 % from one in the root mean square."""
-    return 1.0 + 0.02 * _smooth(random, COURSE)
+    """Factor over COURSE, about 1 % from one in the root mean square."""
+    return 1.0 + 0.01 * _smooth(random, COURSE)
 
 
 def _smooth(random, soc):

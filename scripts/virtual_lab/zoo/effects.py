@@ -21,7 +21,8 @@ class Form(NamedTuple):
     first, most : size to begin the search of a strength with, and the largest plausible one.
     act : (specimen, size, drawn) → specimen. draw : further parameters. parts : names that describe
     part of the same form, and so are no extra names. either_sign : whether the size may be
-    negative. fixed : the size is `first`, whatever strength is asked for. layouts : of tests.
+    negative. fixed : the size is `first`, whatever strength is asked for. over_hours : it grows with
+    time, and its strength is that on the fitted records, of which one is long. layouts : of tests.
     """
 
     effect: str
@@ -33,6 +34,7 @@ class Form(NamedTuple):
     parts: tuple[str, ...] = ()
     either_sign: bool = False
     fixed: bool = False
+    over_hours: bool = False
     layouts: tuple[str, ...] = ("wide", "cold")
 
 
@@ -197,7 +199,9 @@ OTHER = {
         _uniform(phase_soc=(0.0, 1.0)),
     ),
     "leak_over_soc": Form(
-        "leakage", "leak_ampere", 0.02, 0.3, _cell(leak=lambda a: a * np.exp(2.5 * (COURSE - 1)))
+        *("leakage", "leak_ampere", 0.01, 0.3),
+        _cell(leak=lambda a: a * np.exp(2.5 * (COURSE - 1))),
+        over_hours=True,
     ),
     "capacity_bend": Form(
         "capacity_temperature",
@@ -228,6 +232,7 @@ OTHER = {
         0.3,
         lambda specimen, size, drawn: specimen.with_meter(offset_ampere=size, warm_share=0.4),
         either_sign=True,
+        over_hours=True,
     ),
     "capacity_since_test": Form(
         *("capacity_error", "relative", 0.03, 0.05, _older_at_capacity), either_sign=True
@@ -270,7 +275,9 @@ SIMPLE = {
         *("self_heating", "thermal_resistance_kelvin_per_watt", 4.0, 40.0, _own_heat),
         layouts=("wide", "one"),
     ),
-    "constant_leak": Form("leakage", "leak_ampere", 0.02, 0.3, _cell(leak=lambda a: a * ONE)),
+    "constant_leak": Form(
+        *("leakage", "leak_ampere", 0.01, 0.3, _cell(leak=lambda a: a * ONE)), over_hours=True
+    ),
     "constant_asymmetry": Form(
         *("resistance_asymmetry", "charge_resistance_excess_relative", 0.3, 3.0),
         _cell(on_charge=lambda a: a * ONE),
@@ -282,6 +289,7 @@ SIMPLE = {
         0.3,
         _meter(offset_ampere=_itself),
         either_sign=True,
+        over_hours=True,
     ),
     "constant_gain": Form(
         "voltage_gain", "gain_relative", 2e-3, 0.03, _meter(gain_volt=_itself), either_sign=True

@@ -21,7 +21,7 @@ from virtual_lab.zoo.cell import Specimen, healthy
 STRENGTHS_VOLT = (1.5e-3, 3e-3, 6e-3, 15e-3)
 CHEMISTRIES = ("NMC", "NMC", "LFP", "NCA")
 AT_ONCE = 100  # cells that are simulated together
-TRIES, NEAR = 5, 0.05
+TRIES, NEAR = 4, 0.08
 SMALLEST_STEP, LARGEST_STEP = 0.1, 8.0
 TOLD = 3  # names of which the truth says how much they explain
 SIZES = {
@@ -249,7 +249,8 @@ def _known(made):
 
 def _gap(made, with_it, without):
     """Strength of what was added [V]: on the records that judge, else on the fitted ones."""
-    if made.wanted.layout == "unproven":
+    slow = any(effect.form.over_hours for effect in made.effects)
+    if slow or made.wanted.layout == "unproven":
         pair = with_it.fit_volt, without.fit_volt
     else:
         pair = with_it.validation_volt, without.validation_volt
@@ -371,8 +372,7 @@ def _entry(made, effect, left, without, shares):
     form, target = effect.form, 1e3 * made.wanted.strength_volt
     best = sorted(shares, key=shares.get, reverse=True)
     same = [name for name in best if shares[name] >= 1 - strength.SAME_DATA]
-    inside = form.effect in shares
-    own = [form.effect] if inside else []
+    own = [] if effect.name in effects.OUTSIDE else [form.effect]
     fit = float(np.sqrt(max(left.fit_volt**2 - without.fit_volt**2, 0.0)))
     judging = float(np.sqrt(max(left.validation_volt**2 - without.validation_volt**2, 0.0)))
     drawn = {name: _short(value) for name, value in effect.drawn.items()}

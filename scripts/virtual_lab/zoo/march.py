@@ -15,6 +15,7 @@ from virtual_lab.zoo.half_cells import THERMAL_VOLT
 
 REFERENCE_KELVIN, GAS = 298.15, 8.314
 SHELLS = 10
+NEWTON = 6
 BENDS_SECOND = np.array([0.05, 0.3, 1.0, 3.0, 7.0])  # instants after a change of the load
 JITTER_SECOND, JITTER_SHARE = 0.04, 0.1
 CONTACT_WIDTH = 0.03
@@ -23,7 +24,7 @@ WANDER_KELVIN, WANDER_SECOND = 0.3, 2400.0
 
 
 class Fleet(NamedTuple):
-    """Parameters of n cells: (n,), or (n, k) for elements, or (n, points) for courses."""
+    """Parameters of n cells: (n,), (n, k) for elements, (n, points, 8) for courses."""
 
     ocv: np.ndarray
     ampere_hour: np.ndarray
@@ -34,23 +35,20 @@ class Fleet(NamedTuple):
     courses: np.ndarray
     energy: np.ndarray
     own_energy: np.ndarray
-    on_charge: np.ndarray
     exchange: np.ndarray
-    exchange_course: np.ndarray
     symmetry: np.ndarray
     depletion: np.ndarray
     diffusion: np.ndarray
     play: np.ndarray
     loop: np.ndarray
     gap_volt: np.ndarray
-    leak: np.ndarray
     lost: np.ndarray
     bend: np.ndarray
-    entropy: np.ndarray
     heat: np.ndarray
     contact: np.ndarray
     growth: np.ndarray
     plating: np.ndarray
+    rows: np.ndarray
 
 
 def fleet_of(cells: list[Cell], *, aged=0.0) -> Fleet:
@@ -66,27 +64,29 @@ def fleet_of(cells: list[Cell], *, aged=0.0) -> Fleet:
         limits=of(lambda c: (c.rating.lower_cutoff_volt, c.rating.upper_cutoff_volt)),
         r=of(lambda c: c.r),
         tau=of(lambda c: c.tau),
-        courses=of(lambda c: c.course),
+        courses=of(_courses).transpose(0, 2, 1).copy(),
         energy=of(lambda c: c.energy) / GAS,
         own_energy=of(lambda c: c.own_energy) / GAS,
-        on_charge=of(lambda c: c.on_charge),
         exchange=of(lambda c: c.exchange_ampere),
-        exchange_course=of(lambda c: c.exchange_course),
         symmetry=of(lambda c: c.symmetry),
         depletion=of(lambda c: c.depletion_volt),
         diffusion=of(lambda c: (c.diffusion_second, c.diffusion_slope)),
         play=of(lambda c: c.play_volt),
         loop=of(lambda c: (c.loop_volt, c.loop_per_soc)),
         gap_volt=of(lambda c: c.gap_volt),
-        leak=of(lambda c: c.leak),
         lost=of(lambda c: c.lost_share),
         bend=of(lambda c: c.ampere_hour_bend),
-        entropy=of(lambda c: c.entropy),
         heat=of(lambda c: (*c.core, *c.can)),
         contact=of(lambda c: c.contact),
         growth=1.0 + aged * of(lambda c: c.growth),
         plating=of(lambda c: c.plating_volt),
+        rows=np.arange(len(cells)),
     )
+
+
+def _courses(cell):
+    """All that runs over COURSE, in the order of `Local.course`."""
+    return (*cell.course, cell.on_charge, cell.exchange_course, cell.leak, cell.entropy)
 
 
 class State(NamedTuple):
@@ -120,14 +120,37 @@ def rested(soc: np.ndarray) -> State:
     )
 
 
-def _at(table, soc, *, beyond=False):
-    """Values of tables (n, points) at n states of charge; `beyond`: lines go on past the ends."""
-    last = table.shape[1] - 1
-    place = soc * last if beyond else np.clip(soc, 0.0, 1.0) * last
-    k = np.clip(place.astype(np.intp), 0, last - 1)
-    rows = np.arange(len(soc))
-    low = table[rows, k]
-    return low + (place - k) * (table[rows, k + 1] - low)
+class Local(NamedTuple):
+    """What the cells are like in their states: OCV [V], factors of the elements by heat and SoC.
+
+    `course`: values (n, 8) at the SoC: of four elements, of the charge's excess, of the exchange
+    current, of the leak [A], of the entropy [V/K].
+    """
+
+    ocv: np.ndarray
+    by_heat: np.ndarray
+    course: np.ndarray
+
+
+ON_CHARGE, EXCHANGE, LEAK, ENTROPY = 4, 5, 6, 7
+
+
+def local(fleet: Fleet, state: State, celsius) -> Local:
+    """What depends on SoC and temperature, at the states of n cells and a chamber [°C]."""
+    rows, last = fleet.rows, fleet.ocv.shape[1] - 1
+    # Beyond full and empty the OCV goes on straight; courses keep their ends.
+    place = state.soc * last
+    k = np.minimum(np.maximum(place, 0.0), last - 1).astype(np.intp)
+    low = fleet.ocv[rows, k]
+    ocv = low + (place - k) * (fleet.ocv[rows, k + 1] - low)
+    place = np.minimum(np.maximum(state.soc, 0.0), 1.0) * (COURSE.size - 1)
+    k = np.minimum(place.astype(np.intp), COURSE.size - 2)
+    low = fleet.courses[rows, k]
+    course = low + (place - k)[:, None] * (fleet.courses[rows, k + 1] - low)
+    warm = 1.0 / (273.15 + celsius + state.core) - 1.0 / REFERENCE_KELVIN
+    own = 1.0 / (REFERENCE_KELVIN + state.core) - 1.0 / REFERENCE_KELVIN
+    by_heat = np.exp(fleet.energy * warm[:, None] + (fleet.own_energy * own)[:, None])
+    return Local(ocv, by_heat, course)
 
 
 def _weights(ratio):
@@ -160,46 +183,31 @@ def diffusion_modes() -> tuple[np.ndarray, np.ndarray]:
     return np.append(rate, 1.0), np.append(share / share.sum(), 0.0)
 
 
-def _factors(fleet, state, celsius):
-    """Factors of the four elements by temperature (n, 4), and by SoC (n, 4)."""
-    kelvin = 273.15 + celsius + state.core
-    warm = fleet.energy * (1.0 / kelvin - 1.0 / REFERENCE_KELVIN)[:, None]
-    own = 1.0 / (REFERENCE_KELVIN + state.core) - 1.0 / REFERENCE_KELVIN
-    by_heat = np.exp(warm + (fleet.own_energy * own)[:, None])
-    place = np.clip(state.soc, 0.0, 1.0) * (COURSE.size - 1)
-    k = np.minimum(place.astype(np.intp), COURSE.size - 2)
-    rows = np.arange(len(k))
-    low, high = fleet.courses[rows, :, k], fleet.courses[rows, :, k + 1]
-    return by_heat, low + (place - k)[:, None] * (high - low)
-
-
-def advanced(fleet: Fleet, state: State, before, after, second, celsius) -> State:
+def advanced(fleet: Fleet, state: State, here: Local, before, after, second, celsius) -> State:
     """State of the cells a step later.
 
     Parameters
     ----------
-    before, after : current at both ends of the step [A], (n,). second : its length [s], (n,) or
-        one. celsius : of the chamber [°C].
+    here : of `local`. before, after : current at both ends of the step [A], (n,).
+    second : its length [s], (n,). celsius : of the chamber [°C].
     """
-    second = np.broadcast_to(np.asarray(second, float), before.shape)
     mean = 0.5 * (before + after)
-    by_heat, by_soc = _factors(fleet, state, celsius)
     warmer = celsius + state.core - 25.0
     charge = fleet.ampere_hour * (1 + fleet.bend[:, 0] * np.tanh(warmer / fleet.bend[:, 1]))
-    into = np.where(mean > 0, mean * (1 - fleet.lost), mean) - _at(fleet.leak, state.soc)
+    into = np.where(mean > 0, mean * (1 - fleet.lost), mean) - here.course[:, LEAK]
     moved = into * second / 3600.0 / charge
-    decay, early, late = _weights(second[:, None] / (fleet.tau * by_heat[:, 1:]))
-    ohm = (fleet.r * by_heat * by_soc)[:, 1:]
-    pairs = decay * state.pairs + ohm * (early * before[:, None] + late * after[:, None])
+    decay, early, late = _weights(second[:, None] / (fleet.tau * here.by_heat[:, 1:]))
+    ohm = fleet.r * here.by_heat * here.course[:, :4]
+    driven = early * before[:, None] + late * after[:, None]
     direction = np.sign(mean) * (np.abs(mean) > 2e-3 * fleet.rated)
     moving = np.where(direction == 0, 0.0, np.abs(moved))
     follow = -np.expm1(-fleet.loop[:, 1] * moving)
-    plays = np.clip(state.play + moved[:, None] / PLAY_SOC, -1.0, 1.0)
-    power = mean * (mean * fleet.r[:, 0] * by_heat[:, 0] + state.pairs.sum(axis=1))
+    plays = np.minimum(np.maximum(state.play + moved[:, None] / PLAY_SOC, -1.0), 1.0)
+    power = mean * (mean * ohm[:, 0] + state.pairs.sum(axis=1))
     core, can = _heated(fleet.heat, state, power, second)
     return State(
         state.soc + moved,
-        pairs,
+        decay * state.pairs + ohm[:, 1:] * driven,
         _depleted(fleet, state, before, after, second),
         plays,
         state.loop + follow * (direction - state.loop),
@@ -240,42 +248,50 @@ def _plated(fleet, state, mean, second, celsius):
     return np.maximum(state.plated + change * second / 3600.0, 0.0)
 
 
-def volt(fleet: Fleet, state: State, ampere, celsius) -> np.ndarray:
-    """Voltage [V] of the cells at a current [A], (n,)."""
-    by_heat, by_soc = _factors(fleet, state, celsius)
-    ohm = fleet.r[:, 0] * by_heat[:, 0] * by_soc[:, 0] * fleet.growth
-    ohm = ohm * np.where(ampere > 0, 1.0 + _at(fleet.on_charge, state.soc), 1.0)
-    edge, above = fleet.contact[:, 1], np.abs(ampere)
-    far = np.clip((above - edge) / (CONTACT_WIDTH * edge), -40.0, 40.0)
-    ohm = ohm + fleet.contact[:, 0] / (1.0 + np.exp(-far))
+def volt(fleet: Fleet, state: State, here: Local, ampere, celsius) -> np.ndarray:
+    """Voltage [V] of the cells at a current [A], (n,); `here`: of `local`."""
+    ohm = fleet.r[:, 0] * here.by_heat[:, 0] * here.course[:, 0] * fleet.growth
+    ohm = ohm * np.where(ampere > 0, 1.0 + here.course[:, ON_CHARGE], 1.0)
+    ohm = ohm + _contact(fleet, ampere)
     stripping = np.where(ampere > 0, 0.0, state.plated / (state.plated + STRIPPED))
     return (
-        _at(fleet.ocv, state.soc, beyond=True)
+        here.ocv
         + ohm * ampere
         + state.pairs.sum(axis=1)
-        + _kinetic(fleet, state, ampere, celsius)
+        + _kinetic(fleet, here, ampere, celsius)
         + fleet.depletion * (state.modes @ diffusion_modes()[1])
         + (fleet.play * state.play).sum(axis=1)
         + fleet.loop[:, 0] * state.loop
         + fleet.gap_volt * state.sign
-        + _at(fleet.entropy, state.soc) * (celsius + state.core - 25.0)
+        + here.course[:, ENTROPY] * (celsius + state.core - 25.0)
         + fleet.plating * stripping
     )
 
 
-def _kinetic(fleet, state, ampere, celsius):
-    """Overvoltage [V] of Butler–Volmer kinetics I = I₀ (exp((1−α) f η) − exp(−α f η))."""
-    if not fleet.exchange.any():
+def _contact(fleet, ampere):
+    """Resistance [ohm] of a contact that opens above a current."""
+    if not fleet.contact[:, 0].any():
         return 0.0
-    with_it = fleet.exchange > 0
-    exchange = fleet.exchange * _at(fleet.exchange_course, state.soc)
-    share = np.where(with_it, ampere / np.where(with_it, exchange, 1.0), 0.0)
-    up, down = 1.0 - fleet.symmetry, fleet.symmetry
+    edge = fleet.contact[:, 1]
+    far = np.clip((np.abs(ampere) - edge) / (CONTACT_WIDTH * edge), -40.0, 40.0)
+    return fleet.contact[:, 0] / (1.0 + np.exp(-far))
+
+
+def _kinetic(fleet, here, ampere, celsius):
+    """Overvoltage [V] of Butler–Volmer kinetics I = I₀ (exp((1−α) f η) − exp(−α f η))."""
+    own = np.flatnonzero(fleet.exchange)
+    shown = np.zeros(len(ampere))
+    if not own.size:
+        return shown
+    share = ampere[own] / (fleet.exchange[own] * here.course[own, EXCHANGE])
+    up, down = 1.0 - fleet.symmetry[own], fleet.symmetry[own]
     x = 2.0 * np.arcsinh(0.5 * share)
-    for _ in range(6):
+    for _ in range(NEWTON):
         rise, fall = np.exp(up * x), np.exp(-down * x)
         x = x - (rise - fall - share) / (up * rise + down * fall)
-    return x * THERMAL_VOLT * (273.15 + celsius) / REFERENCE_KELVIN
+    kelvin = 273.15 + np.broadcast_to(celsius, ampere.shape)[own]
+    shown[own] = x * THERMAL_VOLT * kelvin / REFERENCE_KELVIN
+    return shown
 
 
 class Track(NamedTuple):
@@ -343,24 +359,27 @@ def _one_step(step, fleet, state, ampere, celsius, times):
     side = 1.0 if step.until_volt == 1.0 else -1.0
     held = fleet.limits[:, int(step.value)] if step.kind == "hold" else None
     active, own = np.ones(len(ampere), bool), np.zeros(len(ampere))
-    shown, rows, before = volt(fleet, state, ampere, celsius), [], 0.0
+    here = local(fleet, state, celsius)
+    shown, rows, before = volt(fleet, state, here, ampere, celsius), [], 0.0
     # The load is entered at once: the current at the begin of the step is the step's own.
     ampere = _asked(step, fleet, 0.0, ampere, held)
     for now in times:
         second = np.where(active, now - before, 0.0)
         after = _asked(step, fleet, now, ampere, held)
         if held is not None:
-            after = _holding(fleet, state, ampere, second, celsius, held)
-        new = advanced(fleet, state, ampere, after, second, celsius)
-        level = volt(fleet, new, after, celsius)
+            after = _holding(fleet, state, here, ampere, second, celsius, held)
+        new = advanced(fleet, state, here, ampere, after, second, celsius)
+        there = local(fleet, new, celsius)
+        level = volt(fleet, new, there, after, celsius)
         over = active & (side * (level - limit) > 0) if limit is not None else active & False
         if over.any():
             share = np.clip((limit - shown) / np.where(over, level - shown, 1.0), 0.02, 1.0)
             second = np.where(over, share * second, second)
-            new = advanced(fleet, state, ampere, after, second, celsius)
-            level = volt(fleet, new, after, celsius)
+            new = advanced(fleet, state, here, ampere, after, second, celsius)
+            there = local(fleet, new, celsius)
+            level = volt(fleet, new, there, after, celsius)
         own = own + second
-        state, shown, before = new, level, now
+        state, here, shown, before = new, there, level, now
         ampere = np.where(active, after, ampere)
         rows.append((own.copy(), ampere, level, state.soc, celsius + state.can, active.copy()))
         if step.until_ampere is not None and held is not None:
@@ -380,12 +399,13 @@ def _asked(step, fleet, second, ampere, held):
     return fleet.rated * step.value
 
 
-def _holding(fleet, state, ampere, second, celsius, held):
+def _holding(fleet, state, here, ampere, second, celsius, held):
     """Current [A] at the end of a step at which the voltage is the one held, by three secants."""
     low, high = ampere, ampere * 0.98 - 1e-3 * fleet.rated
 
     def miss(after):
-        return volt(fleet, advanced(fleet, state, ampere, after, second, celsius), after, celsius)
+        new = advanced(fleet, state, here, ampere, after, second, celsius)
+        return volt(fleet, new, local(fleet, new, celsius), after, celsius)
 
     at_low, at_high = miss(low) - held, miss(high) - held
     for _ in range(3):
