@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from effect_benchmark.scoring import Level, Share
+from runtime import artefact
 from virtual_lab.score import verdicts
 from virtual_lab.score.comparison import NORMAL_95
+from virtual_lab.zoo import parts
 
 SHEET = "sheet"  # kind of a cell whose sheet or sensor is wrong, and nothing of the cell
 HEALTHY = verdicts.HEALTHY
@@ -242,7 +244,7 @@ def shares(rows: list[Judged], part: str = "") -> list:
     named = [row for row in told if row.outcome in verdicts.NAMED]
     outside = [row for row in answered if row.kind == "unknown"]
     return [
-        _share("visible effects right", visible, _is_right, "at least", RIGHT_GOAL.get(part, NAN)),
+        _share("visible effects right", visible, is_right, "at least", RIGHT_GOAL.get(part, NAN)),
         _share("false names", told, _is("false name"), "at most", 0.02),
         _share("extra names", told, lambda row: row.extra > 0, "at most", 0.03),
         _share("healthy anything but none", _kind(answered, *HEALTHY), _alarm, "at most", 0.02),
@@ -270,7 +272,8 @@ def _is(*outcomes):
     return lambda row: row.outcome in outcomes
 
 
-def _is_right(row):
+def is_right(row: Judged) -> bool:
+    """Whether a hidden effect was named right, ties included."""
     return row.outcome in verdicts.NAMED
 
 
@@ -329,3 +332,51 @@ def wrong(rows: list[Judged]) -> list[Judged]:
     """Answers that are wrong, or right with names too many; by outcome and what was hidden."""
     bad = [row for row in rows if not row.content or row.extra]
     return sorted(bad, key=lambda row: (row.outcome, row.hidden, row.cell))
+
+
+def of_part(part: str, folder, answers: list[dict]) -> list[Judged]:
+    """All cells of a part of the zoo with their answers.
+
+    Parameters
+    ----------
+    part : its name. folder : of the part, with its campaigns. answers : rows of
+    `searching.part_batch`.
+    """
+    rows = []
+    for path in parts.campaigns_of(folder):
+        campaign = "" if path == Path(folder) else path.name
+        own = [row for row in answers if row["campaign"] == campaign]
+        judged_here = judged(part, truth_of(path), own)
+        prefix = f"{campaign}/" if campaign else ""
+        rows += [row._replace(cell=prefix + row.cell) for row in judged_here]
+    return rows
+
+
+COLUMNS = (
+    *("part", "cell", "kind", "hidden", "form", "strength_millivolt", "visible", "unproven"),
+    *("verdict", "said", "outcome", "extra", "gap_closed", "before_millivolt", "after_millivolt"),
+    *("floor_millivolt", "rounds", "cpu_second", "sentence"),
+)
+
+
+def columns(rows: list[Judged]) -> dict:
+    """Judged cells as columns by name, (n,) each."""
+    return {name: np.array([getattr(row, name) for row in rows]) for name in COLUMNS}
+
+
+def of_parts(folder, batches: list[tuple]) -> tuple[list[Judged], dict[str, str]]:
+    """Judged cells of all parts, and why a part was not made, by its name.
+
+    Parameters
+    ----------
+    folder : with a folder for each part. batches : (columns of answers, about) each, as stored.
+    """
+    answers = {}
+    for table, about in batches:
+        answers.setdefault(about["wildcards"]["part"], []).extend(artefact.rows(table))
+    rows, skipped = [], {}
+    for made in sorted(Path(folder).glob("*/made.json")):
+        part, why = made.parent.name, json.loads(made.read_text(encoding="utf-8"))["skipped"]
+        skipped |= {part: why} if why else {}
+        rows += [] if why else of_part(part, made.parent, answers.get(part, []))
+    return rows, skipped

@@ -10,6 +10,7 @@ from cellwright.effects.groups.finding import KnownCell
 from effect_benchmark import campaign
 from runtime import settings, sheets
 from runtime.artefact import plain
+from virtual_lab.zoo import parts
 
 NAN = float("nan")
 CELL_FACTS = ("cell", "rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
@@ -203,3 +204,27 @@ def batch(path, number: int, of: int, overrides=None) -> list[dict]:
     """
     folder = Folder(path, overrides)
     return answers(folder, campaign.searched(folder.sheets)[number::of])
+
+
+def part_batch(folder, number: int, of: int, overrides=None) -> list[dict]:
+    """The same of all campaigns of a part of the zoo; rows say the campaign.
+
+    Parameters
+    ----------
+    folder : of the part. number, of : which of how many batches. overrides : see `Folder`.
+
+    Raises
+    ------
+    Refusal : the part was not made, or has fewer cells than batches.
+    """
+    made = Path(folder) / "made.json"
+    if skipped := json.loads(made.read_text(encoding="utf-8"))["skipped"]:
+        raise cw.Refusal(f"the part was not made: {skipped}")
+    rows = [
+        {"campaign": "" if path == Path(folder) else path.name} | row
+        for path in parts.campaigns_of(folder)
+        for row in batch(path, number, of, overrides)
+    ]
+    if not rows:
+        raise cw.Refusal(f"no cell is left for batch {number} of {of}")
+    return rows

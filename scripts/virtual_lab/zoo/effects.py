@@ -21,8 +21,9 @@ class Form(NamedTuple):
     first, most : size to begin the search of a strength with, and the largest plausible one.
     act : (specimen, size, drawn) → specimen. draw : further parameters. parts : names that describe
     part of the same form, and so are no extra names. either_sign : whether the size may be
-    negative. fixed : the size is `first`, whatever strength is asked for. over_hours : it grows with
-    time, and its strength is that on the fitted records, of which one is long. layouts : of tests.
+    negative. fixed : the size is `first`, whatever strength is asked for. over_hours : it grows
+    with time, and its strength is that on the fitted records, of which one is long.
+    layouts : of tests.
     """
 
     effect: str
