@@ -7,9 +7,7 @@ import argparse
 import hashlib
 import json
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,67 +15,13 @@ from virtual_lab import instruments
 from virtual_lab.campaigns import as_table, seed_of
 from virtual_lab.zoo import effects, march, metering, strength, tests_of_cells
 from virtual_lab.zoo.cell import Specimen, healthy
+from virtual_lab.zoo.made import Effect, Made, truth_row
+from virtual_lab.zoo.planned import SIZES, plan
 
-STRENGTHS_VOLT = (1.5e-3, 3e-3, 6e-3, 15e-3)
 CHEMISTRIES = ("NMC", "NMC", "LFP", "NCA")
-AT_ONCE = 100  # cells that are simulated together
+AT_ONCE = 150  # cells that are simulated together
 TRIES, NEAR = 4, 0.08
 SMALLEST_STEP, LARGEST_STEP = 0.1, 8.0
-TOLD = 3  # names of which the truth says how much they explain
-SIZES = {
-    "healthy": 40,
-    "other": 4,
-    "simple": 2,
-    "two": 12,
-    "outside": 3,
-    "sheets": 3,
-    "unproven": 2,
-}
-
-
-class Wanted(NamedTuple):
-    """A cell to be made: kind in the truth, forms, strength [V], layout of its tests, a fault."""
-
-    kind: str
-    forms: tuple[str, ...] = ()
-    strength_volt: float = 0.0
-    layout: str = "wide"
-    fault: str = ""
-
-
-class Effect(NamedTuple):
-    """One form in one cell: signed size, drawn parameters."""
-
-    name: str
-    size: float
-    drawn: dict
-
-    @property
-    def form(self) -> effects.Form:
-        return effects.FORMS[self.name]
-
-    def act(self, specimen: Specimen) -> Specimen:
-        return self.form.act(specimen, self.size, self.drawn)
-
-
-class Made(NamedTuple):
-    """A cell of the campaign: name, what was wanted, the healthy specimen, its effects."""
-
-    name: str
-    wanted: Wanted
-    plain: Specimen
-    effects: tuple[Effect, ...]
-
-    @property
-    def specimen(self) -> Specimen:
-        """With all effects, and with the fault of its sheet or sensor."""
-        specimen = self.plain
-        for effect in self.effects:
-            specimen = effect.act(specimen)
-        if self.wanted.fault:
-            form = effects.SHEETS[self.wanted.fault]
-            specimen = form.act(specimen, form.first, {})
-        return specimen
 
 
 def make(folder, *, seed: int, cells: Sequence[str] = (), **sizes: int) -> None:
@@ -114,59 +58,21 @@ def make(folder, *, seed: int, cells: Sequence[str] = (), **sizes: int) -> None:
     _write(Path(folder) / "truth" / "missing_effect.json", truth.encode())
 
 
-def plan(*, seed, healthy, other, simple, two, outside, sheets, unproven) -> dict[str, Wanted]:
-    """Cells by name, in an order that does not show what they have; options as of `make`."""
-    random = np.random.default_rng(seed_of("plan of other forms", seed))
-    wanted = [Wanted("none", layout=_layout(random, ("wide", "cold"))) for _ in range(healthy)]
-    for table, each in ((effects.OTHER, other), (effects.SIMPLE, simple)):
-        wanted += _singles(table, each, "single", random)
-    wanted += _singles(effects.OUTSIDE, outside, "unknown", random, STRENGTHS_VOLT[2:])
-    for _ in range(two):
-        names = tuple(random.choice(effects.PAIRED, 2, replace=False).tolist())
-        wanted.append(Wanted("two", names, STRENGTHS_VOLT[2], _layout(random, ("wide", "cold"))))
-    for _, name in product(range(sheets), effects.SHEETS):
-        layout = _layout(random, ("wide", "cold"))
-        wanted.append(Wanted("sheet", (), 0.0, layout, fault=name))
-    # A temperature is only wrong to a cell that shows it.
-    warm = [Wanted("single", ("one_energy",), STRENGTHS_VOLT[2], fault="temperature_5_kelvin")]
-    wanted += warm * sheets
-    wanted += [
-        Wanted("single", (name,), STRENGTHS_VOLT[2], "unproven")
-        for _, name in product(range(unproven), effects.NEED_TEMPERATURE)
-    ]
-    order = random.permutation(len(wanted))
-    return {f"z{number:04d}": wanted[k] for number, k in enumerate(order, 1)}
-
-
-def _singles(table, each, kind, random, strengths=STRENGTHS_VOLT):
-    """Cells with one form, the strengths in turn."""
-    return [
-        Wanted(
-            kind, (name,), strengths[(k + place) % len(strengths)], _layout(random, form.layouts)
-        )
-        for place, (name, form) in enumerate(table.items())
-        for k in range(each)
-    ]
-
-
-def _layout(random, layouts):
-    return str(random.choice(layouts))
-
-
 def _make_some(folder, some, seed, rows):
     """Cells that are simulated together: files, and rows of sheets and truth."""
     drawn = [_drawn(name, wanted, seed) for name, wanted in some.items()]
-    bare = records(drawn, seed, [made.plain for made in drawn])
-    without = _lefts(drawn, bare, names=True)
+    healthy_cells = [made.plain for made in drawn]
+    without = _lefts(drawn, _compared(drawn, seed, healthy_cells), healthy_cells, names=True)
     made = _sized(drawn, without, seed)
-    full = records(made, seed, [one.specimen for one in made])
+    specimens = [one.specimen for one in made]
+    tracks = _compared(made, seed, specimens)
+    together = _lefts(made, tracks, specimens)
     rows["cells"] += [_cell_row(one) for one in made]
-    alone = [_alone(made, number, without, seed) for number in range(2)]
-    together = _lefts(made, full)
+    alone = [_alone(made, number, without, together, seed) for number in range(2)]
     for k, one in enumerate(made):
         gaps = [parts[k] for parts in alone if parts[k] is not None]
-        rows["truth"].append(_truth_row(one, without[k], together[k], gaps))
-    _write_tests(folder, made, seed, rows["tests"])
+        rows["truth"].append(truth_row(one, without[k], together[k], gaps))
+    _write_tests(folder, made, tracks, seed, rows["tests"])
 
 
 def _drawn(name, wanted, seed) -> Made:
@@ -218,26 +124,26 @@ def _cell_in(specimen, kind):
     return earlier if kind == "capacity" else specimen.cell
 
 
-def records(made, seed, specimens) -> list[list[strength.Record]]:
-    """Noise-free records of each cell on which gaps are measured."""
-    tests = _tests(made[0])
-    shown = [[] for _ in made]
-    for number in [k for k, test in enumerate(tests) if test.kind in COMPARED]:
-        track = tracked(made, seed, number, specimens)
-        for k, (one, specimen) in enumerate(zip(made, specimens, strict=True)):
-            test = _tests(one)[number]
-            columns = metering.shown(track, k, specimen.meter, faulty=_faulty(number))
-            shown[k].append(strength.Record(columns, test.celsius, test.role == "validation"))
-    return shown
-
-
-def _lefts(made, of_cells, *, names=False):
-    """What a plain circuit leaves of the records of each cell."""
+def _compared(made, seed, specimens) -> dict[int, march.Track]:
+    """Tracks of the tests on which gaps are measured, by the number of the test."""
     numbers = [k for k, test in enumerate(_tests(made[0])) if test.kind in COMPARED]
-    return [
-        strength.left(own, _known(one), [one.plain.start_soc[k] for k in numbers], names=names)
-        for one, own in zip(made, of_cells, strict=True)
-    ]
+    return {number: tracked(made, seed, number, specimens) for number in numbers}
+
+
+def _lefts(made, tracks, specimens, *, names=False):
+    """What a plain circuit leaves of the noise-free records of each cell."""
+    found = []
+    for k, (one, specimen) in enumerate(zip(made, specimens, strict=True)):
+        records = [_record(one, number, track, k, specimen) for number, track in tracks.items()]
+        starts = [one.plain.start_soc[number] for number in tracks]
+        found.append(strength.left(records, _known(one), starts, names=names))
+    return found
+
+
+def _record(made, number, track, k, specimen):
+    test = _tests(made)[number]
+    columns = metering.shown(track, k, specimen.meter, faulty=_faulty(number))
+    return strength.Record(columns, test.celsius, test.role == "validation")
 
 
 def _known(made):
@@ -268,8 +174,8 @@ def _sized(made, without, seed):
             made[k]._replace(effects=(made[k].effects[n]._replace(size=sizes[k, n]),))
             for k, n in places
         ]
-        shown = records(alone, seed, [_without_fault(one).specimen for one in alone])
-        lefts = _lefts(alone, shown)
+        specimens = [_without_fault(one).specimen for one in alone]
+        lefts = _lefts(alone, _compared(alone, seed, specimens), specimens)
         gaps = {
             place: _gap(one, left, without[place[0]])
             for place, one, left in zip(places, alone, lefts, strict=True)
@@ -314,15 +220,21 @@ def _without_fault(made):
     return made._replace(wanted=made.wanted._replace(fault=""))
 
 
-def _alone(made, number, without, seed):
+def _alone(made, number, without, together, seed):
     """Of each cell's effect of this number alone: what is left, what names explain of it."""
-    with_it = [k for k, one in enumerate(made) if len(one.effects) > number]
-    if not with_it:
-        return [None] * len(made)
-    alone = [_without_fault(made[k])._replace(effects=(made[k].effects[number],)) for k in with_it]
-    lefts = _lefts(alone, records(alone, seed, [one.specimen for one in alone]))
     told = [None] * len(made)
-    for k, left in zip(with_it, lefts, strict=True):
+    having = [k for k, one in enumerate(made) if len(one.effects) > number]
+    lonely = [k for k in having if len(made[k].effects) == 1 and not made[k].wanted.fault]
+    lefts = {k: together[k] for k in lonely}
+    others = [k for k in having if k not in lefts]
+    if others:
+        alone = [
+            _without_fault(made[k])._replace(effects=(made[k].effects[number],)) for k in others
+        ]
+        specimens = [one.specimen for one in alone]
+        found = _lefts(alone, _compared(alone, seed, specimens), specimens)
+        lefts |= dict(zip(others, found, strict=True))
+    for k, left in lefts.items():
         told[k] = (left, _explained(left, without[k]))
     return told
 
@@ -331,76 +243,6 @@ def _explained(left, without):
     if left.rows.size != without.rows.size:  # a record met its cut-off
         return {}
     return strength.explained(left.rows - without.rows, without.tangent, without.signatures)
-
-
-def _truth_row(made, without, together, gaps):
-    """Row of missing_effect.json."""
-    meter = made.plain.meter
-    noise = float(np.hypot(meter.white_volt, metering.VOLT_STEP / np.sqrt(12)))
-    entries = [
-        _entry(made, effect, left, without, shares)
-        for effect, (left, shares) in zip(made.effects, gaps, strict=True)
-    ]
-    if made.wanted.kind == "sheet":
-        entries = [_fault_entry(made.wanted.fault)]
-    shown = bool(made.effects) and any(strength.visible(left, without, noise) for left, _ in gaps)
-    return {
-        "cell": made.name,
-        "kind": made.wanted.kind,
-        "zoo": "forms",
-        "visible": bool(shown),
-        "none_acceptable": not shown,
-        "unproven": made.wanted.layout == "unproven",
-        "floor_volt": round(noise, 6),
-        "base_volt": {
-            "fit": _short(without.fit_volt),
-            "validation": _short(without.validation_volt),
-        },
-        "left_volt": {
-            "fit": _short(together.fit_volt),
-            "validation": _short(together.validation_volt),
-        },
-        "chemistry": made.plain.cell.chemistry,
-        "layout": made.wanted.layout,
-        "fault": made.wanted.fault,
-        "slow_charge_held": made.plain.held,
-        "effects": entries,
-    }
-
-
-def _entry(made, effect, left, without, shares):
-    form, target = effect.form, 1e3 * made.wanted.strength_volt
-    best = sorted(shares, key=shares.get, reverse=True)
-    same = [name for name in best if shares[name] >= 1 - strength.SAME_DATA]
-    own = [] if effect.name in effects.OUTSIDE else [form.effect]
-    fit = float(np.sqrt(max(left.fit_volt**2 - without.fit_volt**2, 0.0)))
-    judging = float(np.sqrt(max(left.validation_volt**2 - without.validation_volt**2, 0.0)))
-    drawn = {name: _short(value) for name, value in effect.drawn.items()}
-    return {
-        "effect": form.effect,
-        "form": effect.name,
-        "parameters": {form.parameter: _short(effect.size), **drawn},
-        "target_gap_millivolt": round(target, 3),
-        "visible_gap_millivolt": round(1e3 * fit, 3),
-        "validation_gap_millivolt": round(1e3 * judging, 3),
-        "accept": own + [name for name in same if name != form.effect],
-        "parts": list(form.parts),
-        "explained": {name: round(shares[name], 3) for name in best[:TOLD]},
-    }
-
-
-def _fault_entry(name):
-    form = effects.SHEETS[name]
-    return {
-        "effect": form.effect,
-        "form": name,
-        "parameters": {form.parameter: form.first},
-        "accept": [form.effect],
-    }
-
-
-def _short(value):
-    return float(f"{value:.5g}")
 
 
 def _cell_row(made):
@@ -417,14 +259,17 @@ def _cell_row(made):
     }
 
 
-def _write_tests(folder, made, seed, rows):
+def _write_tests(folder, made, tracks, seed, rows):
     """Files of all tests, and their rows of tests.tsv, cell by cell."""
     found = {one.name: [] for one in made}
-    for number in range(len(_tests(made[0]))):
-        for group in _alike(made, number):
-            track = tracked(group, seed, number, [one.specimen for one in group])
-            for k, one in enumerate(group):
-                found[one.name].append(_written(folder, one, number, track, k, seed))
+    groups = [
+        (number, group) for number in range(len(_tests(made[0]))) for group in _alike(made, number)
+    ]
+    for number, group in groups:
+        known = tracks.get(number)
+        track = known or tracked(group, seed, number, [one.specimen for one in group])
+        for k, one in enumerate(group):
+            found[one.name].append(_written(folder, one, number, track, k, seed))
     rows += [row for own in found.values() for row in own]
 
 

@@ -4,7 +4,7 @@ The circuit is an ohmic resistance and two RC pairs on the cell's OCV as its slo
 with a start per record. Records are free of noise; drives and the pulse test are compared.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -83,13 +83,27 @@ def _table(record: Record, known: Specimen, start_soc: float) -> _Table:
     ocv = cell.ocv + known.slow_volt
     volt = columns["voltage_volt"] - np.interp(soc, half_cells.SOC, ocv)
     slope = np.interp(soc, half_cells.SOC, np.gradient(ocv, half_cells.SOC))
-    lags = np.column_stack([lagged(second, ampere, tau) for tau in TAUS])
     kept = slice(None, None, EVERY)
     full = {"second": second, "ampere": ampere, "soc": soc, "volt": columns["voltage_volt"]}
     full |= {"slope": slope, "celsius": np.full(second.size, record.celsius)}
     return _Table(
-        *(ampere[kept], lags[kept], slope[kept], volt[kept], record.judges, soc[kept], full)
+        *(
+            ampere[kept],
+            _lags(second.tobytes(), ampere.tobytes()),
+            slope[kept],
+            volt[kept],
+            record.judges,
+            soc[kept],
+            full,
+        )
     )
+
+
+@lru_cache(maxsize=1000)
+def _lags(second, ampere) -> np.ndarray:
+    """Lags of TAUS on the rows compared; most effects leave the current of a record as it is."""
+    second, ampere = np.frombuffer(second), np.frombuffer(ampere)
+    return np.column_stack([lagged(second, ampere, tau)[::EVERY] for tau in TAUS])
 
 
 def left(records: list[Record], known: Specimen, starts: list[float], *, names=False) -> Left:
