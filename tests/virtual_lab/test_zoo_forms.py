@@ -70,7 +70,7 @@ def test_kinetics_are_those_of_butler_and_volmer():
     rise = pulse(one).volt[:, 0] - pulse(plain_cell()).volt[:, 0]
     eta = rise[np.flatnonzero(pulse(one).step[:, 0] == 2)[-1]] / half_cells.THERMAL_VOLT
     ampere = 2.0 * (np.exp(0.65 * eta) - np.exp(-0.35 * eta))
-    assert ampere == pytest.approx(-one.rating.capacity_ampere_hour, rel=1e-4)
+    assert ampere == pytest.approx(-one.rating.capacity_ampere_hour, rel=2e-3)
 
 
 def test_diffusion_settles_at_the_departure_of_a_sphere():
@@ -146,12 +146,24 @@ def test_names_explain_their_own_simple_forms_and_no_others(drive):
         assert strength.visible(left, without, 1e-3) is (left.fit_volt > 0.6e-3)
 
 
-def test_every_form_changes_what_it_says_and_has_a_parameter_with_unit():
+def numbers(one):
+    """All numbers of a specimen in a row; of its earlier cell only whether there is one."""
+    parts_of = [one.slow_volt, one.start_soc, [one.held, one.earlier is not None]]
+    parts_of += [np.ravel(value) for value in (*one.cell[1:], *one.meter) if not _is_text(value)]
+    return np.concatenate([np.ravel(np.asarray(part, float)) for part in parts_of])
+
+
+def _is_text(value):
+    return isinstance(value, str)
+
+
+def test_every_form_changes_the_specimen_and_has_a_layout():
     random = np.random.default_rng(1)
     for name, form in effects.FORMS.items():
         drawn = form.draw(random)
-        assert form.act(specimen(), form.first, drawn) != specimen(), name
-        assert "_" in form.parameter
+        changed = numbers(form.act(specimen(), form.first, drawn))
+        assert not np.array_equal(changed, numbers(specimen())), name
+        assert form.parameter
         assert set(form.layouts) <= set(tests_of_cells.LAYOUTS)
 
 
@@ -168,13 +180,16 @@ def test_the_plan_has_the_numbers_asked_for_and_another_seed_another_order():
     assert list(planned.plan(seed=2, unproven=1, **sizes).values()) != list(cells.values())
 
 
+FULL = tests_of_cells.tests.__wrapped__
+
+
 def shortened(layout, *, held):
     """The tests of a layout in a few minutes each, so that a whole campaign is made at once."""
     load = {"style": "soft", "ampere_hour": 0.08, "duration_second": 320}
-    full = tests_of_cells.tests.__wrapped__(layout, held=held)
+    full = FULL(layout, held=held)
     steps = {
         "capacity": protocols.capacity(tests_of_cells.UNIT, repeats=1, c_rate=1, period_second=90),
-        "ocv": protocols.slow_ocv(tests_of_cells.UNIT, c_rate=1 / 20, period_second=900.0),
+        "ocv": [*next(test.steps for test in full if test.kind == "ocv")],
         "hppc": protocols.hybrid_pulses_below_full(
             tests_of_cells.UNIT, 1.0, points=(0.9, 0.8), rest_second=300.0, period_second=30.0
         ),
@@ -213,11 +228,11 @@ def folder(tmp_path_factory):
 def test_sheets_are_valid_and_files_are_read(folder):
     sheets = campaign.read(folder)
     assert campaign.searched(sheets) == [f"z000{k}" for k in range(1, 7)]
-    steps = campaign.Steps({}, {}, 10.0)
+    steps = campaign.Steps(None, {}, 10.0)
     rows = sheets.tests["z0002"]
     assert [row["kind"] for row in rows] == ["capacity", "ocv", "hppc", *["drive"] * 5]
     assert [row["role"] for row in rows][-2:] == ["validation"] * 2
-    records = campaign.tests_of(sheets, "z0002", steps._replace(clean=None))
+    records = campaign.tests_of(sheets, "z0002", steps)
     assert all(np.all(np.diff(columns["test_time_second"]) > 0) for _, columns in records)
 
 
