@@ -45,7 +45,7 @@ class Cell(NamedTuple):
     exchange_course: np.ndarray = ONE
     symmetry: float = 0.5
     depletion_volt: float = 0.0
-    diffusion_second: float = 3000.0
+    diffusion_second: float = 2e4
     diffusion_slope: float = 0.0
     play_volt: tuple[float, ...] = (0.0,) * len(PLAY_SOC)
     loop_volt: float = 0.0

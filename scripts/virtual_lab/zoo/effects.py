@@ -186,8 +186,8 @@ OTHER = {
         layouts=("one",),
     ),
     "finite_volumes": Form(
-        *("slow_diffusion", "depletion_volt", 0.02, 0.3, _diffusion),
-        _uniform(diffusion_second=(2000.0, 7000.0), slope=(-1.6, 1.6)),
+        *("slow_diffusion", "depletion_volt", 0.02, 0.4, _diffusion),
+        _uniform(diffusion_second=(8e3, 4e4), slope=(-1.6, 1.6)),
         parts=("polarisation_soc",),
     ),
     "asymmetric_kinetics": Form(
