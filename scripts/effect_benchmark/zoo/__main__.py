@@ -8,10 +8,13 @@ import json
 import os
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from pathlib import Path
 
 from effect_benchmark import campaign
 from effect_benchmark.scoring import Share
 from effect_benchmark.zoo import judging, searching
+
+REASON = 120  # letters of why there is no verdict
 
 
 def main():
@@ -26,13 +29,17 @@ def main():
         mine = judging.judged("", {row["cell"]: truth[row["cell"]]}, [row])
         judged += mine
         print(line(*mine), flush=True)
+        _keep(rows, asked.answers)
     for one in judging.shares(judged):
         print(f"{one.name:40s} {_measured(one)}")
     for one in judging.wrong(judged) if asked.wrong else []:
         print(f"\n{one.cell} ({one.hidden}, {one.outcome}): {one.sentence}")
-    if asked.answers:
-        with open(asked.answers, "w", encoding="utf-8") as file:
-            json.dump(rows, file, indent=1)
+
+
+def _keep(rows, path):
+    """Write the verdicts so far, so that a run that is stopped leaves them."""
+    if path:
+        Path(path).write_text(json.dumps(rows, indent=1), encoding="utf-8")
 
 
 def line(row: judging.Judged) -> str:
@@ -42,10 +49,11 @@ def line(row: judging.Judged) -> str:
     gap = f"{row.before_millivolt:5.1f} → {row.after_millivolt:5.1f} mV"
     extra = f" +{row.extra} extra" if row.extra else ""
     mark = "ok   " if row.content and not row.extra else "WRONG"
+    why = "" if row.verdict else f"  ({row.sentence[:REASON]})"
     return (
         f"{row.cell:10s} {row.kind:8s} {shown:44s} {sizes} {row.verdict or '–':9s} "
         f"{row.said or '–':36s} {gap} floor {row.floor_millivolt:4.1f}  {mark} "
-        f"{row.outcome}{extra}  {row.cpu_second:.1f} s"
+        f"{row.outcome}{extra}  {row.cpu_second:.1f} s{why}"
     )
 
 
