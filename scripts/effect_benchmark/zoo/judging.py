@@ -87,7 +87,8 @@ def _judged(part, hidden, answer):
     verdict = json.loads(answer["document"]) if answer and answer["document"] else None
     said = names_said(verdict)
     volt = (verdict or {}).get("validation_rmse_volt", {})
-    last = said[-1].get("gap_closed") if said else None
+    # Of all effects together; a verdict that does not say it is told by its last effect.
+    last = (verdict or {}).get("gap_closed", said[-1].get("gap_closed") if said else None)
     return Judged(
         part=part,
         cell=hidden["cell"],
