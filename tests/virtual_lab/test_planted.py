@@ -142,19 +142,25 @@ def test_every_test_of_a_planted_cell_is_changed(campaign, copies):
         assert np.ptp(volts["X1_hysteresis_6", test] - volts["X1_u", test]) > 1e-3, test
 
 
-def test_what_the_records_do_not_excite_is_not_planted_but_told(copies):
-    out, truth = copies
-    # A gain of every dynamic test is a scale of the resistances and of the SoC.
-    made = {row["effects"][0]["effect"] for row in truth.values() if row["effects"]}
-    about = (out / "truth" / "README.md").read_text()
-    for effect in set(EFFECTS) - made:
-        assert f"X1, {effect}, 6mV" in about
+def test_what_no_plausible_size_reaches_is_not_planted_but_told(campaign, tmp_path):
+    effects = ("charge_transfer_nonlinearity", "time_skew")
+    rows = planted.make(campaign, ["X1"], tmp_path, seed=3, effects=effects, sizes=("400mV",))
+    assert [row["cell"] for row in rows] == ["X1_u"]
+    about = (tmp_path / "truth" / "README.md").read_text()
+    for effect in effects:
+        assert f"X1, {effect}, 400mV" in about
+        assert f"{EFFECTS[effect].parameter}" in about
 
 
-def test_an_offset_may_be_told_as_what_leaves_the_same(copies):
+def test_names_that_leave_the_same_are_accepted_and_no_others(copies):
+    """A wrong capacity and a gain of all dynamic tests are one; kinetics are like neither."""
     _, truth = copies
-    leak = truth["X1_leak_6"]["effects"][0]
-    assert leak["accept"] == ["leakage", "current_offset"]
+    capacity = truth["X1_capacity_6"]["effects"][0]["accept"]
+    assert capacity[0] == "capacity_error"
+    assert "current_gain" in capacity
+    assert "capacity_error" in truth["X1_gain_6"]["effects"][0]["accept"]
+    for short in ("kinetics", "skew", "rtemp"):
+        assert len(truth[f"X1_{short}_6"]["effects"][0]["accept"]) == 1, short
 
 
 def test_the_same_seed_makes_the_same_files(campaign, copies, tmp_path):

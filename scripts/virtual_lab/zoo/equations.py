@@ -286,11 +286,25 @@ def _shifted(record, plain, lost_soc):
     return plain.volt_at(record.soc - lost_soc) - plain.volt_at(record.soc)
 
 
-def _leak(record, cell, plain, size, drawn):
-    """A leak beside the terminals, by Ohm's law; size: its current at 3.3 V."""
-    ampere = size * np.maximum(record.volt, 0.0) / 3.3
-    lost = np.cumsum(ampere * record.step_second) / 3600 / cell.capacity_ampere_hour
-    return _shifted(record, plain, lost) - plain.r0_ohm * ampere
+def _leak(cell, plain, size, drawn):
+    """A leak beside the terminals, by Ohm's law; size: its current at 3.3 V [A].
+
+    The cell is larger by what leaks while the slow test empties it, so that the counted charge of
+    this test, which ended at the cut-off, is what such a cell would have shown.
+    """
+    leaks = [size * np.maximum(one.volt, 0.0) / 3.3 for one in cell.records]
+    lost = [
+        np.cumsum(leak * one.step_second) / 3600 / cell.capacity_ampere_hour
+        for leak, one in zip(leaks, cell.records, strict=True)
+    ]
+    slow = cell.slow
+    larger = 0.0 if slow is None else lost[slow][np.argmin(cell.records[slow].soc)]
+    changed = []
+    for one, leak, gone in zip(cell.records, leaks, lost, strict=True):
+        soc = 1.0 - (1.0 - one.soc + gone) / (1.0 + larger)
+        volt = _shifted(one, plain, one.soc - soc) - plain.r0_ohm * leak
+        changed.append(one.with_volt(volt))
+    return tuple(changed)
 
 
 def _inefficiency(record, cell, plain, size, drawn):
@@ -396,7 +410,7 @@ EFFECTS = {
         _entropic_draws,
         either_sign=True,
     ),
-    "leakage": Effect("leak", "leak_ampere", 0.005, 0.05, _each(_leak), scale=_c_rate),
+    "leakage": Effect("leak", "leak_ampere", 0.005, 0.05, _leak, scale=_c_rate),
     "coulombic_inefficiency": Effect(
         "coulombic", "lost_share_of_charge", 0.01, 0.15, _each(_inefficiency)
     ),

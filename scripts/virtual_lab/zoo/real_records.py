@@ -17,7 +17,7 @@ REST_C_RATE = 0.01
 FROM_FULL = 0.5  # of the capacity: a record that moves so much reaches full once
 REFERENCE_CELSIUS = 25.0
 MOST_ROWS = 6000  # of one record that are compared
-SOC_RANGE = (0.05, 1.0)  # below, the OCV is too steep for any table
+SOC_RANGE = (0.15, 1.0)  # below, a loaded cell is near its end, where any plain circuit fails
 COUNTER = "net_capacity_ampere_hour"
 SERIES = ("test_time_second", "current_ampere", "voltage_volt")
 LABELS = {
@@ -214,10 +214,10 @@ def _blocks(record, rest_second):
 def laid_out(row: dict, records: tuple[Record, ...]) -> RealCell:
     """A cell from its records: its capacity, and the state of charge of all rows.
 
-    1. The capacity is the charge moved in the slow test nearest 25 °C; without one, the most that
-    a capacity test moved, else any test. 2. A record starts at the state of charge that the sheet
-    says; else the record that moves more than half of the capacity is full where its count is
-    highest.
+    1. The capacity is what the slow test nearest 25 °C discharged; without one, the most that a
+    capacity test moved, else any test. 2. Each branch of this slow test runs from end to end of the
+    scale by its own count. 3. Another record starts at the state of charge that the sheet says;
+    else the record that moves more than half of the capacity is full where its count is highest.
 
     Raises
     ------
@@ -228,15 +228,30 @@ def laid_out(row: dict, records: tuple[Record, ...]) -> RealCell:
         k for k, one in enumerate(records) if one.row["kind"] == "ocv" and one.row["role"] == "fit"
     ]
     slow.sort(key=lambda k: abs(np.median(records[k].celsius) - REFERENCE_CELSIUS))
-    whole = [k for k, one in enumerate(records) if one.row["kind"] == "capacity"]
-    counted = slow[:1] or whole or range(len(records))
-    capacity = max(float(np.ptp(records[k].counted_ampere_hour)) for k in counted)
-    return RealCell(
-        row,
-        capacity,
-        tuple(one._replace(soc=_soc(one, capacity)) for one in records),
-        slow[0] if slow else None,
+    if slow:
+        capacity, soc = _slow_soc(records[slow[0]])
+    else:
+        whole = [one for one in records if one.row["kind"] == "capacity"]
+        capacity = max(float(np.ptp(one.counted_ampere_hour)) for one in whole or records)
+    placed = tuple(
+        one._replace(soc=soc if k in slow[:1] else _soc(one, capacity))
+        for k, one in enumerate(records)
     )
+    return RealCell(row, capacity, placed, slow[0] if slow else None)
+
+
+def _slow_soc(record):
+    """(capacity [Ah], state of charge (n,)) of a slow test: each branch by its own count."""
+    counted = record.counted_ampere_hour
+    empty = int(np.argmin(counted))
+    down, up = counted[: empty + 1], counted[empty:]
+    swings = [float(np.ptp(down)), float(np.ptp(up))]
+    # A test of one direction alone, and the rest before or after it.
+    discharged, charged = (swing > FROM_FULL * max(swings) for swing in swings)
+    capacity = swings[0] if discharged else swings[1]
+    scale = [swings[0] if discharged else capacity, swings[1] if charged else capacity]
+    soc = np.concatenate([(down - counted[empty]) / scale[0], (up[1:] - counted[empty]) / scale[1]])
+    return capacity, soc
 
 
 def _soc(record, capacity):
