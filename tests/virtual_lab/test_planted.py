@@ -114,7 +114,7 @@ def test_what_is_planted_has_the_size_that_was_asked(campaign, copies):
     """Measured again from the files: what a circuit leaves of them beyond the unplanted copy."""
     out, truth = copies
     again = sheets.read(out, SCHEMAS)
-    cells = {name: cell_of(again, name, out, split_rest_second=120.0) for name in truth}
+    cells = {name: cell_of(again, name, out) for name in truth}
     control = cells["X1_u"]
     base = plain_circuit.fitted(control)
     assert plain_circuit.rms(base.judge_residual) == pytest.approx(

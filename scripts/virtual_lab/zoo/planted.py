@@ -99,10 +99,9 @@ def make(
         volt_of(size, 1.0)
     folder, out = Path(campaign_folder), Path(out_folder)
     campaign = sheets.read(folder, SCHEMAS)
-    rest = campaign.config["models"]["split_rest_second"]
     lacking, written = [], []
     for name in cells or [row["cell"] for row in campaign.cells]:
-        cell = cell_of(campaign, name, folder, split_rest_second=rest, proof=proof)
+        cell = cell_of(campaign, name, folder, proof=proof)
         for copy in _copies(cell, folder.name, seed, effects, sizes, lacking):
             written.append((copy.name, cell.row, copy.truth, _write_records(copy, out)))
     _write_sheets(written, out, folder)

@@ -11,15 +11,12 @@ from runtime import raw_files
 
 # Tests that a search for missing effects reads; what is planted changes all of them alike.
 KINDS = ("ocv", "capacity", "hppc", "pulse_resistance", "drive")
-NO_READING = 1e30
-PAUSE_SECOND = 30.0  # between two rows, from which the charge between them is the counter's
 REST_C_RATE = 0.01
 FROM_FULL = 0.5  # of the capacity: a record that moves so much reaches full once
 REFERENCE_CELSIUS = 25.0
 MOST_ROWS = 6000  # of one record that are compared
 SOC_RANGE = (0.15, 1.0)  # below, a loaded cell is near its end, where any plain circuit fails
 COUNTER = "net_capacity_ampere_hour"
-SERIES = ("test_time_second", "current_ampere", "voltage_volt")
 LABELS = {
     "test_time_second": "Test Time / s",
     "unix_time_second": "Unix Time / s",
@@ -38,11 +35,11 @@ class Record(NamedTuple):
     """One test of a real cell.
 
     `columns`: as the pipeline's reader gives them, (m,) each. `rows`: (n,) places of the rows that
-    are readings. `row`: of tests.tsv. The other arrays, (n,) each, are of these rows: `second`
-    since the first one, never falling; `ampere`, positive on charge; `volt`; `celsius` as logged,
-    else as the sheet says; `step_second` since the row before; `mean_ampere` that flowed since;
-    `counted_ampere_hour` since the first row; `soc` [1] (NaN until `laid_out`); `fits` and
-    `judges`: rows on which a model is fitted, or judged, thinned evenly.
+    the pipeline's cleaning keeps. `row`: of tests.tsv. The other arrays, (n,) each, are of these
+    rows: `second` since the first one, the clock put right; `ampere`, positive on charge; `volt`;
+    `celsius` as logged, else as the sheet says; `step_second` since the row before; `mean_ampere`
+    that flowed since then; `counted_ampere_hour` since the first row; `soc` [1] (NaN until
+    `laid_out`); `fits` and `judges`: rows on which a model is fitted, or judged, thinned evenly.
     """
 
     row: dict
@@ -72,9 +69,16 @@ class Record(NamedTuple):
         columns["current_ampere"] = columns["current_ampere"].copy()
         columns["current_ampere"][self.rows] = gain * self.ampere + offset_ampere
         if COUNTER in columns:
-            hour = (columns["test_time_second"] - columns["test_time_second"][self.rows[0]]) / 3600
+            hour = (columns["test_time_second"] - columns["test_time_second"][0]) / 3600
             columns[COUNTER] = gain * columns[COUNTER] + offset_ampere * hour
-        return record_of(self.row, columns, fits=self.fits, judges=self.judges)
+        flowing = self.step_second > 0
+        return self._replace(
+            columns=columns,
+            ampere=gain * self.ampere + offset_ampere,
+            mean_ampere=gain * self.mean_ampere + offset_ampere * flowing,
+            counted_ampere_hour=gain * self.counted_ampere_hour
+            + offset_ampere * self.second / 3600,
+        )
 
 
 class RealCell(NamedTuple):
@@ -89,13 +93,12 @@ class RealCell(NamedTuple):
     slow: int | None
 
 
-def cell_of(campaign, cell: str, folder, *, split_rest_second: float, proof=()) -> RealCell:
+def cell_of(campaign, cell: str, folder, *, proof=()) -> RealCell:
     """One cell of a campaign, with at least one record that judges.
 
     Parameters
     ----------
     campaign : `runtime.sheets.Campaign`, read from `folder`.
-    split_rest_second : shortest rest that cuts a test of role split [s].
     proof : names of tests of role fit that are set aside to judge.
 
     Raises
@@ -116,7 +119,7 @@ def cell_of(campaign, cell: str, folder, *, split_rest_second: float, proof=()) 
             f"{folder}: {cell} has no proof record: no test has role validation or split, so "
             f"nothing could judge a name. Set tests aside with `proof`; its tests are {names}"
         )
-    records = tuple(_read(row, Path(folder), split_rest_second) for row in rows)
+    records = tuple(_read(row, Path(folder), campaign.config) for row in rows)
     if not any(record.fits.any() for record in records):
         raise ValueError(f"{folder}: {cell} has no record to fit: all its tests judge")
     whole = laid_out(cells[cell], records)
@@ -137,54 +140,41 @@ def every_so_many(record: Record) -> np.ndarray:
     return kept
 
 
-def _read(row, folder, split_rest_second):
+def _read(row, folder, config):
     contents = raw_files.contents([str(folder / file) for file in row["file"]], row["sha256"])
     raw = cw.read(contents, instrument=row["instrument"], current_sign=row["current_sign"])
     columns = {name: np.asarray(values, float) for name, values in raw.columns.items()}
-    record = record_of(row, columns)
-    everywhere = np.ones(record.rows.size, bool)
+    record = _record(row, columns, config["clean"])
+    if row["role"] == "validation":
+        return record._replace(fits=record.judges, judges=record.fits)
     if row["role"] == "split":
-        even = _blocks(record, split_rest_second) % 2 == 1
+        even = _blocks(record, config["models"]["split_rest_second"]) % 2 == 1
         return record._replace(fits=~even, judges=even)
-    judges = row["role"] == "validation"
-    return record._replace(fits=everywhere & (not judges), judges=everywhere & judges)
+    return record
 
 
-def record_of(row: dict, columns: dict, *, fits=None, judges=None) -> Record:
-    """A record from the columns of its files; the state of charge is left open.
-
-    Parameters
-    ----------
-    row : of tests.tsv. columns : (m,) arrays. fits, judges : (n,) masks of the rows that are
-    readings.
-    """
-    time, current, voltage = (columns[name] for name in SERIES)
-    good = np.isfinite(time) & np.isfinite(current) & np.isfinite(voltage)
-    good &= (np.abs(current) < NO_READING) & (np.abs(voltage) < NO_READING)
-    rows = np.flatnonzero(good)
-    if rows.size < 2:
-        raise ValueError(f"{row['cell']}/{row['test']}: fewer than two readings")
-    second, ampere = np.maximum.accumulate(time[rows]), current[rows]
+def _record(row, columns, cleaning):
+    """A record from the columns of its files; the state of charge and the roles are left open."""
+    numbered = columns | {"row_number": np.arange(columns["voltage_volt"].size, dtype=float)}
+    clean = cw.clean(numbered, cleaning).columns
+    rows = clean["row_number"].astype(int)
+    second, counted = clean["test_time_second"], clean["charge_ampere_hour"]
     step = np.diff(second, prepend=second[0])
-    moved = 0.5 * (ampere + np.concatenate([ampere[:1], ampere[:-1]])) * step / 3600
-    if COUNTER in columns:
-        counted = np.diff(columns[COUNTER][rows], prepend=columns[COUNTER][rows][0])
-        moved = np.where((step > PAUSE_SECOND) & np.isfinite(counted), counted, moved)
-    mean = np.divide(3600 * moved, step, out=np.zeros(rows.size), where=step > 0)
+    moved = np.diff(counted, prepend=counted[0])
     return Record(
         row=row,
         columns=columns,
         rows=rows,
         second=second - second[0],
-        ampere=ampere,
-        volt=voltage[rows],
+        ampere=columns["current_ampere"][rows],
+        volt=columns["voltage_volt"][rows],
         celsius=_celsius(row, columns, rows),
         step_second=step,
-        mean_ampere=mean,
-        counted_ampere_hour=np.cumsum(moved),
+        mean_ampere=np.divide(3600 * moved, step, out=np.zeros(rows.size), where=step > 0),
+        counted_ampere_hour=counted - counted[0],
         soc=np.full(rows.size, np.nan),
-        fits=fits,
-        judges=judges,
+        fits=np.ones(rows.size, bool),
+        judges=np.zeros(rows.size, bool),
     )
 
 
