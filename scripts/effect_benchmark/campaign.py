@@ -92,13 +92,11 @@ def loaded(
     Refusal : a file that cannot be read, or no capacity.
     """
     row, records = campaign.cells[cell], tests_of(campaign, cell, steps)
-    capacities = _capacities(records, row, steps)
     basis = cw.basis(
         row,
         _curves(records, row, steps),
-        capacities,
+        _capacities(records, row, steps),
         [lender for lender in lenders_of.get(row["chemistry"], []) if lender.cell != cell],
-        rests=_rests(records, row, capacities, steps),
     )
     return Loaded(row, basis.content, records)
 
@@ -169,28 +167,6 @@ def _curves(records, row, steps):
             slow = facts.kind == "ocv" and facts.role == "fit"
             curves += [(facts, cw.ocv(series, row, least_hour=steps.least_hour))] if slow else []
     return curves
-
-
-def _rests(records, row, capacities, steps):
-    """OCV curves from the rests of pulse tests, as in the workflow, of a cell without a slow test.
-
-    A pulse test without such rests gives none.
-    """
-    pulsed = [one for one in records if one[0].kind == "hppc" and one[0].role == "fit"]
-    if any(facts.kind == "ocv" for facts, _ in records):
-        return []
-    curves = [
-        (facts, _rest_curve(facts, series, row, capacities, steps)) for facts, series in pulsed
-    ]
-    return [(facts, curve) for facts, curve in curves if curve]
-
-
-def _rest_curve(facts, series, row, capacities, steps):
-    try:
-        cut = cw.segment(series, row, steps.segment)
-        return cw.ocv_from_rests(series, cut, row, facts, capacities)
-    except cw.Refusal:
-        return None
 
 
 def _capacities(records, row, steps):

@@ -43,11 +43,6 @@ class Plain(NamedTuple):
         return np.interp(soc, KNOTS, slope)
 
 
-def lagged(record: Record, tau_second: float) -> np.ndarray:
-    """Current (n,) [A] behind a first-order lag, from rest at the first row."""
-    return lag(record.step_second, record.mean_ampere, tau_second)
-
-
 def lag(step_second, value, tau_second):
     """First-order lag (n,) of a value that was held over each step; zero before the first row.
 
@@ -71,7 +66,7 @@ def lag(step_second, value, tau_second):
     return out
 
 
-def fitted(cell: RealCell, tau_second: tuple[float, float] | None = None) -> Plain:
+def fitted(cell: RealCell, tau_second: tuple[float, float] | None = None, lags=None) -> Plain:
     """The plain circuit refitted to a cell's records.
 
     1. The OCV is the mean of both branches of the slow test nearest 25 °C; without a slow test it
@@ -82,12 +77,14 @@ def fitted(cell: RealCell, tau_second: tuple[float, float] | None = None) -> Pla
     Parameters
     ----------
     cell : laid out. tau_second : of the two pairs [s]; None: the best of a grid.
+    lags : dict in which lags of the current are kept for the next fit of records with it.
     """
+    lags = {} if lags is None else lags
     if tau_second is None:
         plains = [fitted(cell, pair) for pair in product(FAST_SECOND, SLOW_SECOND)]
         return min(plains, key=lambda plain: rms(plain.fit_residual))
     known = _slow_ocv(cell.records[cell.slow]) if cell.slow is not None else None
-    fit = [_part(one, one.fits, tau_second) for one in _dynamic(cell)]
+    fit = [_part(one, one.fits, tau_second, lags) for one in _dynamic(cell)]
     volt, columns, hats = (np.concatenate(x) for x in zip(*fit, strict=True))
     number = np.repeat(np.arange(len(fit)), [one[0].size for one in fit])
     if known is None:
@@ -96,7 +93,7 @@ def fitted(cell: RealCell, tau_second: tuple[float, float] | None = None) -> Pla
     start = (hats @ slope)[:, None] * (number[:, None] == np.arange(len(fit)))
     sides = np.hstack([columns, start])
     values = _least(volt - hats @ known, sides)
-    judges = [_part(one, one.judges, tau_second) for one in cell.records if one.judges.any()]
+    judges = [_part(one, one.judges, tau_second, lags) for one in cell.records if one.judges.any()]
     return Plain(
         known,
         values[0],
@@ -111,17 +108,23 @@ def _dynamic(cell):
     return [one for one in cell.records if one.row["kind"] in DYNAMIC and one.fits.any()]
 
 
-def _part(record, rows, tau_second):
+def _part(record, rows, tau_second, lags):
     """(volt, columns, hats) of some rows of a record."""
-    parts = [record.ampere[rows]]
-    changes = []
-    for tau in tau_second:
-        first = lagged(record, tau)
-        parts.append(first[rows])
-        # d(lag)/d(ln tau) is the lag minus the lag of the lag, with its sign turned.
-        changes.append((lag(record.step_second, first, tau) - first)[rows])
-    columns = np.column_stack([*parts, *changes])
-    return record.volt[rows], columns, hat_functions(record.soc[rows])
+    key = (id(record.mean_ampere), tau_second)
+    if key not in lags:
+        # The current is kept beside its lags, so that no other array takes its place in memory.
+        lags[key] = (record.mean_ampere, np.column_stack(list(_lags(record, tau_second))))
+    columns = np.column_stack([record.ampere, lags[key][1]])
+    return record.volt[rows], columns[rows], hat_functions(record.soc[rows])
+
+
+def _lags(record, tau_second):
+    """The current behind both lags [A], then how either changes with ln τ: see `fitted`."""
+    first = [lag(record.step_second, record.mean_ampere, tau) for tau in tau_second]
+    yield from first
+    for tau, once in zip(tau_second, first, strict=True):
+        # d(lag)/d(ln tau) is the lag of the lag minus the lag, but for its sign.
+        yield lag(record.step_second, once, tau) - once
 
 
 def hat_functions(soc) -> np.ndarray:

@@ -118,47 +118,62 @@ def volt_of(size: str, base_volt: float) -> float:
     return float(number[1]) * (1e-3 if number[2] == "mV" else base_volt)
 
 
-def _copies(cell, source, seed, effects, sizes, lacking):
-    """Copies of a cell, one at a time; what cannot be planted is told in `lacking`."""
-    plain = plain_circuit.fitted(cell)
-    base = rms(plain.judge_residual)
-    control = f"{cell.row['cell']}_u"
-    known = {"zoo": "planted", "campaign": source, "base_volt": _short(base)}
-    known["base_fit_volt"] = _short(rms(plain.fit_residual))
-    yield Copy(control, cell, {"cell": control, "kind": UNPLANTED, **known, **_SILENT})
-    first = {
-        name: _first(cell, plain, EFFECTS[name], seed_of(f"{cell.row['cell']}/{name}", seed))
-        for name in EFFECTS
-    }
-    for name, size in ((name, size) for name in effects for size in sizes):
-        wanted = volt_of(size, base)
-        planting, why = _sized(cell, plain, EFFECTS[name], first[name], wanted)
-        if planting is None:
-            lacking.append(f"- {cell.row['cell']}, {name}, {size} ({1e3 * wanted:.1f} mV): {why}")
-            continue
-        tag = size.replace("mV", "").replace("base", "b").replace(".", "")
-        copy = f"{cell.row['cell']}_{EFFECTS[name].short}_{tag}"
-        truth = _truth(name, planting, plain, wanted, accepted(name, first))
-        facts = {"cell": copy, "kind": "single", "control": control, **known, "size": size}
-        yield Copy(copy, planting.cell, facts | truth)
+class Base(NamedTuple):
+    """An unplanted cell, its plain circuit, and the lags of its current (see `fitted`)."""
+
+    cell: RealCell
+    plain: Plain
+    lags: dict
+
+
+def base_of(cell: RealCell) -> Base:
+    """A cell with the plain circuit that fits it best."""
+    chosen, lags = plain_circuit.fitted(cell), {}
+    return Base(cell, plain_circuit.fitted(cell, chosen.tau_second, lags), lags)
 
 
 _SILENT = {"visible": False, "none_acceptable": True, "effects": []}
 
 
-def _first(cell, plain, effect, seed):
+def _copies(cell, source, seed, effects, sizes, lacking):
+    """Copies of a cell, one at a time; what cannot be planted is told in `lacking`."""
+    base, name_of_cell = base_of(cell), cell.row["cell"]
+    volt, control = rms(base.plain.judge_residual), f"{name_of_cell}_u"
+    known = {"zoo": "planted", "campaign": source, "base_volt": _short(volt)}
+    known["base_fit_volt"] = _short(rms(base.plain.fit_residual))
+    yield Copy(control, cell, {"cell": control, "kind": UNPLANTED, **known, **_SILENT})
+    first = {name: _first(base, name, seed) for name in EFFECTS}
+    now = dict(first)
+    for name, size in ((name, size) for name in effects for size in sizes):
+        wanted = volt_of(size, volt)
+        now[name] = _sized(base, EFFECTS[name], now[name], wanted)
+        left = rms(now[name].judge_gap)
+        if abs(left / wanted - 1) > NEAR_ENOUGH:
+            told = f"{EFFECTS[name].parameter} {now[name].size:.3g} leaves {1e3 * left:.2f} mV"
+            lacking.append(f"- {name_of_cell}, {name}, {size} ({1e3 * wanted:.1f} mV): {told}")
+            continue
+        tag = size.replace("mV", "").replace("base", "b").replace(".", "")
+        facts = {"cell": f"{name_of_cell}_{EFFECTS[name].short}_{tag}", "kind": "single"}
+        facts |= {"control": control, **known, "size": size}
+        facts |= _truth(name, now[name], base.plain, wanted, accepted(name, first))
+        yield Copy(facts["cell"], now[name].cell, facts)
+
+
+def _first(base, name, seed):
     """The effect at the size that the search for a size begins with, its sign included."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(seed_of(f"{base.cell.row['cell']}/{name}", seed))
+    effect = EFFECTS[name]
     drawn = effect.draw(random)
     sign = float(random.choice([-1.0, 1.0])) if effect.either_sign else 1.0
-    return planted(cell, plain, effect, sign * effect.first * effect.scale(cell, plain), drawn)
+    size = sign * effect.first * effect.scale(base.cell, base.plain)
+    return planted(base, effect, size, drawn)
 
 
-def planted(cell: RealCell, plain: Plain, effect: Effect, size: float, drawn: dict) -> Planting:
+def planted(base: Base, effect: Effect, size: float, drawn: dict) -> Planting:
     """An effect of a size in all records of a cell, and what a refitted plain circuit leaves."""
-    records = effect.act(cell, plain, size, drawn)
-    changed = laid_out(cell.row, records)
-    refitted = plain_circuit.fitted(changed, plain.tau_second)
+    cell, plain = base.cell, base.plain
+    changed = laid_out(cell.row, effect.act(cell, plain, size, drawn))
+    refitted = plain_circuit.fitted(changed, plain.tau_second, dict(base.lags))
     return Planting(
         changed,
         size,
@@ -169,10 +184,15 @@ def planted(cell: RealCell, plain: Plain, effect: Effect, size: float, drawn: di
     )
 
 
-def _sized(cell, plain, effect, first, wanted):
-    """(Planting that leaves the wanted volts, None), or (None, why there is none)."""
-    most = effect.most * effect.scale(cell, plain)
-    now, before = first, None
+def _sized(base, effect, now, wanted):
+    """The Planting that leaves the wanted volts, or the nearest that is still plausible.
+
+    Parameters
+    ----------
+    now : Planting of another size, to begin with.
+    """
+    most = effect.most * effect.scale(base.cell, base.plain)
+    before = None
     for _ in range(TRIES):
         volt = rms(now.judge_gap)
         ratio = wanted / max(volt, 1e-7)
@@ -184,14 +204,8 @@ def _sized(cell, plain, effect, first, wanted):
         before = (abs(now.size), volt)
         step = np.clip(ratio ** (1 / np.clip(slope, 0.3, 3.0)), 0.02, 50.0)
         size = np.sign(now.size) * min(abs(now.size) * step, most)
-        now = planted(cell, plain, effect, size, first.drawn)
-    reached = rms(now.judge_gap)
-    if abs(reached / wanted - 1) < NEAR_ENOUGH:
-        return now, None
-    return None, (
-        f"{effect.parameter} {abs(now.size):.3g} (allowed up to {most:.3g}) leaves "
-        f"{1e3 * reached:.2f} mV"
-    )
+        now = planted(base, effect, size, now.drawn)
+    return now
 
 
 def accepted(name: str, plantings: dict[str, Planting]) -> list[str]:
