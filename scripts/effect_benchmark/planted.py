@@ -9,10 +9,8 @@ import json
 import numpy as np
 import pandas as pd
 
-from effect_benchmark.answers import SEARCH, answered, task
-from effect_benchmark.campaign import SCHEMAS, searched
 from effect_benchmark.scoring import Share, share
-from runtime import sheets
+from effect_benchmark.zoo import searching
 from virtual_lab.score import files
 from virtual_lab.zoo.planted import UNPLANTED
 
@@ -24,25 +22,30 @@ OUTCOMES = (RIGHT, TIED, WRONG, SILENT, KNOWN, NOTHING)
 # are met within a few percent.
 BANDS = {"1 and more": (0.9, np.inf), "0.5 to 1": (0.45, 0.9), "below 0.5": (0.0, 0.45)}
 GOALS = {"1 and more": 0.8, "0.5 to 1": 0.6}
-NO_CONTROLS = 10**9
 
 
-def answers_of(folder):
-    """Rows of `answers.answered` of all cells of a folder, one cell at a time, without controls.
+def answers_of(folder, sizes=None, done=()):
+    """Rows of `searching.answers`, one cell at a time: unplanted copies, then the planted ones.
 
     Parameters
     ----------
-    folder : of a campaign; its own settings are used, its truth is not read.
+    folder : of the campaign; its own settings are used, of its truth only the names and sizes.
+    sizes : those of the copies that are searched, as "1base"; None: all. done : cells to skip.
     """
-    config = sheets.read(folder, SCHEMAS).config
-    config = config | {"benchmark": config["benchmark"] | {"control_every": NO_CONTROLS}}
-    work = task(folder, {}, config)
-    count = len(searched(work.campaign))
-    for number in range(count):
-        yield from (row for row in answered(work, number, count) if row["method"] == SEARCH)
+    work = searching.Folder(folder)
+    for row in _chosen(folder, sizes):
+        if row["cell"] not in done:
+            yield from searching.answers(work, [row["cell"]])
 
 
-def judged(folder, answers: list[dict]) -> pd.DataFrame:
+def _chosen(folder, sizes):
+    rows = files.read_json(files.campaign(folder).truth / "missing_effect.json")
+    controls = [row for row in rows if row["kind"] == UNPLANTED]
+    asked = [row for row in rows if "size" in row and (sizes is None or row["size"] in sizes)]
+    return [*controls, *asked]
+
+
+def judged(folder, answers: list[dict], sizes=None) -> pd.DataFrame:
     """One row a planted copy: what was planted, which names are new, and the outcome.
 
     `outcome`: "right" where a new name is accepted (with its alternatives, then "as one of a tie"),
@@ -53,22 +56,23 @@ def judged(folder, answers: list[dict]) -> pd.DataFrame:
 
     Parameters
     ----------
-    folder : of the campaign with its truth. answers : rows of `answers.answered`.
+    folder : of the campaign with its truth. answers : rows of `answers_of`. sizes : of the copies
+    that are judged, as "1base"; None: all.
     """
-    rows = files.read_json(files.campaign(folder).truth / "missing_effect.json")
-    verdicts = {
-        row["cell"]: json.loads(row["document"]) if row["document"] else None
-        for row in answers
-        if row["method"] == SEARCH
-    }
-    reasons = {row["cell"]: row["reason"] for row in answers if row["method"] == SEARCH}
+    said = {row["cell"]: row for row in answers}
+    rows = [row for row in _chosen(folder, sizes) if row["kind"] != UNPLANTED]
     return pd.DataFrame(
-        [_row(row, verdicts, reasons) for row in rows if row["kind"] not in (UNPLANTED, "none")]
+        [_row(row, said.get(row["cell"]), said.get(row["control"])) for row in rows]
     )
 
 
-def _row(truth, verdicts, reasons):
-    verdict, control = (verdicts.get(truth[name]) for name in ("cell", "control"))
+def _verdict(answer):
+    return json.loads(answer["document"]) if answer and answer["document"] else None
+
+
+def _row(truth, answer, control_answer):
+    verdict, control = _verdict(answer), _verdict(control_answer)
+    reasons = [one["reason"] for one in (answer, control_answer) if one and one["reason"]]
     (effect,) = truth["effects"]
     row = {
         "cell": truth["cell"],
@@ -83,7 +87,8 @@ def _row(truth, verdicts, reasons):
         "outcome": NOTHING,
         "wrong_names": np.nan,
         "size_ratio": np.nan,
-        "reason": reasons.get(truth["cell"], "") or reasons.get(truth["control"], ""),
+        "reason": "; ".join(reasons),
+        "control": "",
     }
     if verdict is None or control is None:
         return row

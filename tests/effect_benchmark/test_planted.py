@@ -5,22 +5,22 @@ import json
 import pytest
 
 from effect_benchmark import planted
-from effect_benchmark.answers import BIC, SEARCH
 
 
 def copy(cell, effect, relative, accept=None):
     told = {"effect": effect, "accept": accept or [effect], "visible_gap_millivolt": 10.0}
     facts = {"control": "A_u", "campaign": "real", "base_volt": 0.01, "visible": True}
+    facts["size"] = f"{relative}base"
     return {"cell": cell, "kind": "single", "relative_size": relative, "effects": [told], **facts}
 
 
-def answer(cell, word, *effects, tied=(), method=SEARCH):
+def answer(cell, word, *effects, tied=()):
     volt = {"before": 0.013, "after": 0.005}
     said = [
         {"effect": e, "alternatives": list(tied), "validation_rmse_volt": volt} for e in effects
     ]
     document = json.dumps({"verdict": word, "effects": said}) if word else ""
-    return {"cell": cell, "method": method, "document": document, "reason": "" if word else "why"}
+    return {"cell": cell, "document": document, "reason": "" if word else "why"}
 
 
 UNPLANTED = {"cell": "A_u", "kind": "unplanted", "campaign": "real", "effects": []}
@@ -37,7 +37,6 @@ ANSWERS = [
     answer("A_u", "unknown", "resistance_soc"),
     answer("A_leak", "ambiguous", "resistance_soc", "current_offset", tied=["leakage"]),
     answer("A_skew", "named", "time_skew", "entropic_ocv"),
-    answer("A_skew", "named", "leakage", method=BIC),
     answer("A_heat", "named", "resistance_temperature"),
     answer("A_rsoc", "named", "resistance_soc"),
     answer("A_gain", "unknown", "resistance_soc"),
@@ -95,3 +94,10 @@ def test_without_an_answer_on_the_unplanted_copy_nothing_is_new(tmp_path):
     (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
     table = planted.judged(tmp_path, [answer("A_u", ""), *ANSWERS[1:]])
     assert set(table["outcome"]) == {"no verdict"}
+
+
+def test_copies_of_other_sizes_are_not_judged(tmp_path):
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
+    table = planted.judged(tmp_path, ANSWERS, ["0.5base"])
+    assert set(table["cell"]) == {"A_heat", "A_rsoc"}

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from virtual_lab.zoo.real_records import RealCell, Record, every_so_many
+from virtual_lab.zoo.real_records import RealCell, every_so_many
 
 KNOTS = np.linspace(0.0, 1.0, 41)
 STIFF_VOLT = 2e-3  # second difference between knots that weighs as much as one sample's residual
