@@ -16,7 +16,7 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=0, help="of signs and further parameters")
     parser.add_argument("--effects", nargs="*", default=tuple(planted.EFFECTS))
     parser.add_argument("--sizes", nargs="*", default=planted.SIZES, help="6mV, or 0.5base")
-    parser.add_argument("--proof", nargs="*", default=(), help="tests that are set aside to judge")
+    parser.add_argument("--proof", nargs="*", help="tests that are set aside to judge")
     given = vars(parser.parse_args())
     rows = planted.make(given.pop("campaign"), given.pop("cells"), given.pop("folder"), **given)
     print(f"{len(rows)} cells, {sum(row['visible'] for row in rows)} of them with a visible effect")

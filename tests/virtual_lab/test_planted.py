@@ -182,12 +182,26 @@ def test_a_campaign_without_proof_is_refused(campaign, tmp_path):
         (folder / name).write_text((campaign / name).read_text())
     with pytest.raises(ValueError, match=r"X1 has no proof record.*tests are slow, pulses, cold"):
         planted.make(folder, ["X1"], tmp_path / "out", seed=0)
+    with pytest.raises(ValueError, match="X1 has no proof record"):
+        planted.make(folder, (), tmp_path / "out", seed=0)
     rows = planted.make(
-        folder, ["X1"], tmp_path / "out", seed=0, proof=("cold",), effects=("slow_diffusion",)
+        folder, (), tmp_path / "out", seed=0, proof=("cold",), effects=("slow_diffusion",)
     )
     roles = {r["role"] for r in sheets.read(tmp_path / "out", SCHEMAS).tests if r["test"] == "cold"}
     assert roles == {"validation"}
     assert rows[0]["kind"] == "unplanted"
+
+
+def test_of_sizes_that_are_nearly_the_same_one_is_planted(campaign, tmp_path):
+    rows = planted.make(
+        campaign,
+        (),
+        tmp_path,
+        seed=3,
+        effects=("hysteresis_instant",),
+        sizes=("6mV", "6.2mV", "3mV"),
+    )
+    assert [row.get("size") for row in rows] == [None, "6mV", "3mV"]
 
 
 @pytest.mark.parametrize("size", ["6", "0mV", "-1base", "6 mV"])

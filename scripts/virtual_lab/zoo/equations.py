@@ -367,17 +367,17 @@ def _voltmeter_drift(cell, plain, size, drawn):
 
 EFFECTS = {
     "hysteresis_one_state": Effect(
-        "hysteresis", "half_width_volt", 0.01, 0.15, _each(_preisach), _preisach_draws
+        "hysteresis", "half_width_volt", 0.01, 0.06, _each(_preisach), _preisach_draws
     ),
-    "hysteresis_instant": Effect("instant", "half_width_volt", 0.01, 0.15, _each(_instant)),
+    "hysteresis_instant": Effect("instant", "half_width_volt", 0.01, 0.06, _each(_instant)),
     "resistance_soc": Effect(
-        "rsoc", "resistance_ohm", 0.5, 8.0, _each(_over_soc), _over_soc_draws, scale=_ohm
+        "rsoc", "resistance_ohm", 0.5, 3.0, _each(_over_soc), _over_soc_draws, scale=_ohm
     ),
     "resistance_temperature": Effect(
-        "rtemp", "resistance_ohm", 0.5, 4.0, _each(_over_temperature), _vogel_draws, scale=_ohm
+        "rtemp", "resistance_ohm", 0.5, 2.0, _each(_over_temperature), _vogel_draws, scale=_ohm
     ),
     "resistance_asymmetry": Effect(
-        "asymmetry", "resistance_ohm", 0.3, 3.0, _each(_asymmetry), scale=_ohm
+        "asymmetry", "resistance_ohm", 0.3, 1.5, _each(_asymmetry), scale=_ohm
     ),
     # Where all of R0 is charge transfer, no more of it can be taken away.
     "charge_transfer_nonlinearity": Effect(
@@ -393,7 +393,7 @@ EFFECTS = {
         "diffusion",
         "resistance_ohm",
         0.3,
-        5.0,
+        2.0,
         _each(_diffusion),
         lambda random: {"diffusion_second": _kept(random, 8e3, 3e4)},
         scale=_ohm,
@@ -410,7 +410,7 @@ EFFECTS = {
         _entropic_draws,
         either_sign=True,
     ),
-    "leakage": Effect("leak", "leak_ampere", 0.005, 0.05, _leak, scale=_c_rate),
+    "leakage": Effect("leak", "leak_ampere", 0.005, 0.02, _leak, scale=_c_rate),
     "coulombic_inefficiency": Effect(
         "coulombic", "lost_share_of_charge", 0.01, 0.15, _each(_inefficiency)
     ),

@@ -17,12 +17,18 @@ from virtual_lab.campaigns import as_table, seed_of
 from virtual_lab.zoo import plain_circuit
 from virtual_lab.zoo.equations import EFFECTS, Effect
 from virtual_lab.zoo.plain_circuit import Plain, rms
-from virtual_lab.zoo.real_records import RealCell, cell_of, files_of, laid_out
+from virtual_lab.zoo.real_records import RealCell, cell_of, cells_with_proof, files_of, laid_out
 
 SCHEMAS = Path(__file__).resolve().parents[3] / "workflow" / "schemas"
-SIZES = ("6mV", "15mV", "0.5base", "1base")
+SIZES = ("0.5base", "1base", "6mV", "15mV")
+# Tests of public campaigns whose sheets name none to judge: another temperature, another rate.
+SET_ASIDE = {
+    "k2lfp": ("hppc_40C", "capacity_1C_40C"),
+    "samsung30q": ("hppc_1C_30C", "hppc_2C_40C"),
+}
 UNPLANTED = "unplanted"
 TOLERANCE, NEAR_ENOUGH = 0.02, 0.1
+SAME_SIZE = 1.15
 TRIES = 8
 FIT_FACTOR, VALIDATION_FACTOR = 1.15, 1.3
 # Of the square of what one effect leaves, that another leaves unexplained: the same data.
@@ -72,17 +78,27 @@ class Planting(NamedTuple):
 
 
 def make(
-    campaign_folder, cells, out_folder, *, seed: int, effects=tuple(EFFECTS), sizes=SIZES, proof=()
+    campaign_folder,
+    cells,
+    out_folder,
+    *,
+    seed: int,
+    effects=tuple(EFFECTS),
+    sizes=SIZES,
+    proof=None,
 ) -> list[dict]:
     """Make a campaign of planted and unplanted copies of real cells.
 
     Parameters
     ----------
-    campaign_folder : a campaign in the input contract. cells : names; () for all its cells.
+    campaign_folder : a campaign in the input contract. cells : names; () for all that have a record
+        that judges and one that is fitted.
     out_folder : where the campaign is written: config/, raw/ and truth/missing_effect.json.
     seed : of signs and further parameters. effects : ids of `EFFECTS`.
-    sizes : "6mV", or "0.5base" of what a plain circuit leaves of the unplanted records that judge.
-    proof : tests of role fit that are set aside to judge, in all copies.
+    sizes : "6mV", or "0.5base" of what a plain circuit leaves of the unplanted records that judge;
+        of sizes that are nearly the same the first is planted.
+    proof : tests of role fit that are set aside to judge, in all copies; None: those of
+        `SET_ASIDE`.
 
     Returns
     -------
@@ -99,8 +115,10 @@ def make(
         volt_of(size, 1.0)
     folder, out = Path(campaign_folder), Path(out_folder)
     campaign = sheets.read(folder, SCHEMAS)
+    if proof is None:
+        proof = SET_ASIDE.get(folder.name, ())
     lacking, written = [], []
-    for name in cells or [row["cell"] for row in campaign.cells]:
+    for name in cells or cells_with_proof(campaign, proof) or _every(campaign):
         cell = cell_of(campaign, name, folder, proof=proof)
         for copy in _copies(cell, folder.name, seed, effects, sizes, lacking):
             written.append((copy.name, cell.row, copy.truth, _write_records(copy, out)))
@@ -108,6 +126,10 @@ def make(
     about = ABOUT.format(source=folder.name, seed=seed, lacking="\n".join(lacking) or "Nothing.")
     (out / "truth" / "README.md").write_text(about, encoding="utf-8")
     return [truth for _, _, truth, _ in written]
+
+
+def _every(campaign):
+    return [row["cell"] for row in campaign.cells]
 
 
 def volt_of(size: str, base_volt: float) -> float:
@@ -143,8 +165,8 @@ def _copies(cell, source, seed, effects, sizes, lacking):
     known["base_fit_volt"] = _short(rms(base.plain.fit_residual))
     yield Copy(control, cell, {"cell": control, "kind": UNPLANTED, **known, **_SILENT})
     first = {name: _first(base, name, seed) for name in EFFECTS}
-    now = dict(first)
-    for name, size in ((name, size) for name in effects for size in sizes):
+    now, unlike = dict(first), _unlike(sizes, volt)
+    for name, size in ((name, size) for name in effects for size in unlike):
         wanted = volt_of(size, volt)
         now[name] = _sized(base, EFFECTS[name], now[name], wanted)
         left = rms(now[name].judge_gap)
@@ -157,6 +179,16 @@ def _copies(cell, source, seed, effects, sizes, lacking):
         facts |= {"control": control, **known, "size": size}
         facts |= _truth(name, now[name], base.plain, wanted, accepted(name, first))
         yield Copy(facts["cell"], now[name].cell, facts)
+
+
+def _unlike(sizes, base_volt):
+    """Sizes without those that are nearly the same as an earlier one."""
+    kept = {}
+    for size in sizes:
+        volt = volt_of(size, base_volt)
+        if all(max(volt / v, v / volt) > SAME_SIZE for v in kept.values()):
+            kept[size] = volt
+    return list(kept)
 
 
 def _first(base, name, seed):

@@ -93,6 +93,22 @@ class RealCell(NamedTuple):
     slow: int | None
 
 
+JUDGING = ("validation", "split")
+
+
+def cells_with_proof(campaign, proof=()) -> list[str]:
+    """Cells of a campaign with a test that judges and a test that is fitted, of `KINDS`.
+
+    Parameters
+    ----------
+    campaign : `runtime.sheets.Campaign`. proof : names of tests of role fit that are set aside.
+    """
+    roles = {row["cell"]: set() for row in campaign.cells}
+    for row in (row for row in campaign.tests if row["kind"] in KINDS):
+        roles[row["cell"]].add("validation" if row["test"] in proof else row["role"])
+    return [cell for cell, has in roles.items() if has & set(JUDGING) and has & {"fit", "split"}]
+
+
 def cell_of(campaign, cell: str, folder, *, proof=()) -> RealCell:
     """One cell of a campaign, with at least one record that judges.
 
@@ -113,7 +129,7 @@ def cell_of(campaign, cell: str, folder, *, proof=()) -> RealCell:
     if unknown := sorted(set(proof) - {row["test"] for row in rows}):
         raise ValueError(f"{folder}: {cell} has no test {', '.join(unknown)} to set aside")
     rows = [row | ({"role": "validation"} if row["test"] in proof else {}) for row in rows]
-    if not any(row["role"] in ("validation", "split") for row in rows):
+    if not any(row["role"] in JUDGING for row in rows):
         names = ", ".join(row["test"] for row in rows) or "none"
         raise ValueError(
             f"{folder}: {cell} has no proof record: no test has role validation or split, so "
