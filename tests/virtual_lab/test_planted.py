@@ -120,7 +120,7 @@ def test_what_is_planted_has_the_size_that_was_asked(campaign, copies):
     assert plain_circuit.rms(base.judge_residual) == pytest.approx(
         truth["X1_u"]["base_volt"], rel=1e-5
     )
-    wanted = {"X1_hysteresis_6", "X1_kinetics_6", "X1_rtemp_6", "X1_heat_6", "X1_voltmeter_6"}
+    wanted = {"X1_hysteresis_6", "X1_asymmetry_6", "X1_kinetics_6", "X1_heat_6", "X1_voltmeter_6"}
     assert wanted <= set(truth)
     for name in sorted(wanted):
         # The rows that are compared are those of the unplanted cell.
@@ -159,7 +159,7 @@ def test_names_that_leave_the_same_are_accepted_and_no_others(copies):
     assert capacity[0] == "capacity_error"
     assert "current_gain" in capacity
     assert "capacity_error" in truth["X1_gain_6"]["effects"][0]["accept"]
-    for short in ("kinetics", "skew", "rtemp"):
+    for short in ("kinetics", "skew", "heat"):
         assert len(truth[f"X1_{short}_6"]["effects"][0]["accept"]) == 1, short
 
 

@@ -286,17 +286,25 @@ def _shifted(record, plain, lost_soc):
     return plain.volt_at(record.soc - lost_soc) - plain.volt_at(record.soc)
 
 
+HELD_VOLT = 0.02  # of a cut-off, within which the voltage is held
+
+
 def _leak(cell, plain, size, drawn):
     """A leak beside the terminals, by Ohm's law; size: its current at 3.3 V [A].
 
     The cell is larger by what leaks while the slow test empties it, so that the counted charge of
-    this test, which ended at the cut-off, is what such a cell would have shown.
+    this test, which ended at the cut-off, is what such a cell would have shown. Near a cut-off the
+    cycler holds the voltage and replaces what leaks.
     """
-    leaks = [size * np.maximum(one.volt, 0.0) / 3.3 for one in cell.records]
-    lost = [
-        np.cumsum(leak * one.step_second) / 3600 / cell.capacity_ampere_hour
-        for leak, one in zip(leaks, cell.records, strict=True)
-    ]
+    low, high = (cell.row[f"{side}_cutoff_volt"] for side in ("lower", "upper"))
+    leaks, lost = [], []
+    for one in cell.records:
+        leak = size * np.maximum(one.volt, 0.0) / 3.3
+        held = np.zeros(leak.size, bool) if low is None else one.volt < low + HELD_VOLT
+        held |= False if high is None else one.volt > high - HELD_VOLT
+        gone = np.cumsum(np.where(held, 0.0, leak) * one.step_second)
+        leaks.append(leak)
+        lost.append(gone / 3600 / cell.capacity_ampere_hour)
     slow = cell.slow
     larger = 0.0 if slow is None else lost[slow][np.argmin(cell.records[slow].soc)]
     changed = []
@@ -412,7 +420,7 @@ EFFECTS = {
     ),
     "leakage": Effect("leak", "leak_ampere", 0.005, 0.02, _leak, scale=_c_rate),
     "coulombic_inefficiency": Effect(
-        "coulombic", "lost_share_of_charge", 0.01, 0.15, _each(_inefficiency)
+        "coulombic", "lost_share_of_charge", 0.01, 0.06, _each(_inefficiency)
     ),
     "current_offset": Effect(
         "offset", "offset_ampere", 0.004, 0.04, _offset, either_sign=True, scale=_c_rate
