@@ -52,7 +52,8 @@ def judged(folder, answers: list[dict], sizes=None) -> pd.DataFrame:
     "wrong new name", "no new name", "named without planting" where an accepted name stands in the
     answer on the unplanted copy, too, or "no verdict" where either copy has none. `wrong_names`:
     how many new names are not accepted, whatever the outcome. `size_ratio`: what the right new name
-    closes of the error on the records that judge, over what was planted.
+    closes of the error on the records that judge, over what was planted. `nearest_right`: an
+    accepted name is new among the explanations that an answer "unknown" tried and did not name.
 
     Parameters
     ----------
@@ -86,6 +87,7 @@ def _row(truth, answer, control_answer):
         "new": "",
         "outcome": NOTHING,
         "wrong_names": np.nan,
+        "nearest_right": False,
         "size_ratio": np.nan,
         "reason": "; ".join(reasons),
         "control": "",
@@ -98,6 +100,9 @@ def _row(truth, answer, control_answer):
     right = [one for one in new if _names(one) & accept]
     row |= {"new": " + ".join(one["effect"] for one in new), "control": " + ".join(sorted(before))}
     row |= {"wrong_names": len(new) - len(right), "outcome": _outcome(before & accept, new, right)}
+    tried = [one["effect"] for one in control.get("partial", [])]
+    nearest = [one for one in verdict.get("partial", []) if one["effect"] not in {*before, *tried}]
+    row["nearest_right"] = any(_names(one) & accept for one in nearest)
     if right:
         row["size_ratio"] = _closed_volt(right[0]) / (1e-3 * effect["visible_gap_millivolt"])
     return row

@@ -14,12 +14,13 @@ def copy(cell, effect, relative, accept=None):
     return {"cell": cell, "kind": "single", "relative_size": relative, "effects": [told], **facts}
 
 
-def answer(cell, word, *effects, tied=()):
+def answer(cell, word, *effects, tied=(), partial=()):
     volt = {"before": 0.013, "after": 0.005}
     said = [
         {"effect": e, "alternatives": list(tied), "validation_rmse_volt": volt} for e in effects
     ]
-    document = json.dumps({"verdict": word, "effects": said}) if word else ""
+    told = {"verdict": word, "effects": said, "partial": [{"effect": e} for e in partial]}
+    document = json.dumps(told) if word else ""
     return {"cell": cell, "document": document, "reason": "" if word else "why"}
 
 
@@ -39,7 +40,7 @@ ANSWERS = [
     answer("A_skew", "named", "time_skew", "entropic_ocv"),
     answer("A_heat", "named", "resistance_temperature"),
     answer("A_rsoc", "named", "resistance_soc"),
-    answer("A_gain", "unknown", "resistance_soc"),
+    answer("A_gain", "unknown", "resistance_soc", partial=["current_gain"]),
     answer("A_slow", ""),
 ]
 
@@ -64,6 +65,7 @@ def test_only_new_names_are_judged(table):
     assert by_cell.loc["A_skew", "wrong_names"] == 1
     assert by_cell.loc["A_leak", "wrong_names"] == 0
     assert by_cell.loc["A_slow", "reason"] == "why"
+    assert by_cell.index[by_cell["nearest_right"]].tolist() == ["A_gain"]
 
 
 def test_the_size_is_what_the_name_takes_away_over_what_was_planted(table):
