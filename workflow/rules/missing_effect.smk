@@ -45,6 +45,10 @@ EFFECT_PARTS = [
     *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
     *["confounding.parquet", "menu.parquet", "model.json", "witnesses.parquet"],
 ]
+# What the model in use lacks is asked of cells with a model that were searched at all.
+ASKED_OF_OWN = "own" in config["missing_effect"]["bases"]
+SEARCHED_OWN = [cell for cell in SEARCHED if ASKED_OF_OWN and cell in MODELLED]
+OWN_VERDICTS = [f"results/missing_effect/{cell}/own/verdict.json" for cell in SEARCHED_OWN]
 WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
 
 
@@ -84,6 +88,30 @@ rule effect_search:
         "Search for an effect that the model of {wildcards.cell} lacks."
     script:
         "../../scripts/missing_effect/effect_search.py"
+
+
+rule effect_search_own:
+    input:
+        model="results/models/{cell}.json",
+        basis="results/basis/{cell}.json",
+        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+    output:
+        verdict="results/missing_effect/{cell}/own/verdict.json",
+        ranking="results/missing_effect/{cell}/own/ranking.parquet",
+        residual_map="results/missing_effect/{cell}/own/map.parquet",
+        series="results/missing_effect/{cell}/own/series.parquet",
+    log:
+        "logs/missing_effect/{cell}_own.log",
+    wildcard_constraints:
+        cell=either(SEARCHED_OWN),
+    params:
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+    message:
+        "Search for an effect that the model in use of {wildcards.cell} still lacks."
+    script:
+        "../../scripts/missing_effect/effect_search_own.py"
 
 
 rule missing_effect_group:
@@ -140,6 +168,7 @@ rule witnesses:
 rule missing_effect:
     input:
         verdicts=VERDICTS,
+        own=OWN_VERDICTS,
         witnesses=WITNESSES,
     output:
         table="results/tables/missing_effect.csv",

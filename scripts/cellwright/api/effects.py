@@ -13,11 +13,15 @@ def missing_effect(
     settings=None,
     *,
     references=(),
+    model=None,
+    simulated=None,
     library=None,
     split_rest_second=MODELS.split_rest_second,
     **changes,
 ):
-    """Effects that a plain model of a cell lacks, proved on tests that were not fitted.
+    """Effects that a model of a cell lacks, proved on tests that were not fitted.
+
+    Of the plain circuit; of a model of the cell (`model`); or of any other (`simulated`).
 
     Parameters
     ----------
@@ -25,6 +29,9 @@ def missing_effect(
     settings : `settings.MissingEffect`, or its keys as keywords.
     references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
         compared with them.
+    model : result of `finish_model`: what does its chosen member still lack?
+    simulated : dict test → (time (n,) [s], voltage (n,) [V]) by any simulator: what does that one
+        lack? Tests without a simulated voltage take no part.
     library : effects by id that are tried, None: all of `effects.library.LIBRARY`.
     split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
@@ -48,6 +55,8 @@ def missing_effect(
         LIBRARY if library is None else library,
         settings=_search(settings, split_rest_second, changes),
         references=[_reference(reference) for reference in references],
+        model=None if model is None else inputs.content(model),
+        simulated=simulated,
     )
     return results.MissingEffect(**finding._asdict())
 

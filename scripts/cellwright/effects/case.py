@@ -66,7 +66,6 @@ STEADY_C_RATE = 0.02
 LOGGED = {"current_offset", "leakage"}  # what the current logged at rest decides between
 SLOW = "slow_diffusion"
 MOST_WHITE = 1.5  # times the scatter of neighbouring rows
-ALIKE_MISFIT = 1.3  # ratio of the misfit of a record up to which a round is not repeated
 FAR_LOG = 0.2  # change of a log resistance or time constant up to which derivatives are kept
 FAR_SOC = 0.003  # and of the SoC at the start of a record
 
@@ -74,13 +73,11 @@ FAR_SOC = 0.003  # and of the SoC at the start of a record
 class Filters(NamedTuple):
     """Whitening of both stacks by one noise, and which of their rows an rms error counts.
 
-    noise : noise.Noise of the readings. misfit : tuple of Noise, of each record fitted, with what
-    no effect explains in it. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV,
-    where a little charge is many millivolts, do not count.
+    noise : noise.Noise. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV, where a
+    little charge is many millivolts, do not count.
     """
 
     noise: noise.Noise
-    misfit: tuple
     extra_volt: tuple
     fit: noise.Whitening
     validation: noise.Whitening
@@ -91,7 +88,8 @@ class Filters(NamedTuple):
 class Case(NamedTuple):
     """A cell, its records fitted and those that judge (records.Stack), tolerances and gates.
 
-    gap : voltage between the branches of the slow test, gap.SlowGap. The methods are those
+    gap : voltage between the branches of the slow test, gap.SlowGap. start, log_std : values of the
+    companion of a given model and how well they are known (`own`), else None. The methods are those
     that `search` needs.
     """
 
@@ -104,6 +102,8 @@ class Case(NamedTuple):
     polish_share: float = 0.3  # of the best J, from which a misled trial is refitted
     settled: float = SETTLED
     keeps_derivatives: bool = True
+    start: dict | None = None
+    log_std: dict | None = None
 
     @property
     def steady_ampere(self):
@@ -120,8 +120,8 @@ class Case(NamedTuple):
 
     def begun(self):
         """Free parameters of the plain model, its first values, and filters of a first noise."""
-        values = base.first_values(self.cell, self.fit)
-        free = base.frees(self.fit, values, self.tolerance)
+        values = self.start or base.first_values(self.cell, self.fit)
+        free = base.frees(self.fit, values, self.tolerance, self.log_std)
         return free, values, filters_of(self, noise.FIRST, extra_volt_of(self, values))
 
     def with_effect(self, free, effect):
@@ -142,34 +142,19 @@ class Case(NamedTuple):
         return candidates(predict, solution.prediction, solution.values, further)
 
     def filters_for(self, residual, filters, earlier):
-        """Filters by the noise of the residual with all candidates in the model.
-
-        The misfit of each record stays as it was known: at first none.
-        """
+        """Filters by the noise of the residual with all candidates in the model."""
         limits = {
             name: getattr(self.gates, name) for name in ("most_slow_volt", "most_slow_second")
         }
-        extra = {"extra_volt": filters.extra_volt[0]}
-        spread = noise.estimate_noise(residual, self.fit, **extra, **limits)
+        extra = filters.extra_volt[0]
+        spread = noise.estimate_noise(residual, self.fit, extra_volt=extra, **limits)
         # What a reading scatters by, neighbouring rows show; more of it is misfit of the model.
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         spread = spread._replace(white_volt=min(spread.white_volt, MOST_WHITE * read))
-        kept = filters.misfit if earlier else (spread,) * len(self.fit.first)
-        return filters_of(self, spread, filters.extra_volt, kept)
+        return filters_of(self, spread, filters.extra_volt)
 
     def sharper(self, trials, filters):
-        """Filters by the misfit of the best model tried, where it differs; else None.
-
-        What that model leaves in a record lasts for minutes to hours and is no reading noise.
-        """
-        best = max(trials, key=lambda t: t.delta_bic)
-        residual = best.state.solution.residual
-        extra = {"extra_volt": filters.extra_volt[0]}
-        misfit = noise.with_misfit(filters.noise, residual, self.fit, **extra)
-        ratios = [new.volt / old.volt for new, old in zip(misfit, filters.misfit, strict=True)]
-        if max(*ratios, 1.0 / min(ratios)) < ALIKE_MISFIT:
-            return None
-        return filters_of(self, filters.noise, filters.extra_volt, misfit)
+        """None: the noise of a cell is taken once a round."""
 
     def screened(self, lined_up, before, free, possible, filters):
         """Scores, best first, and keys of effects that the records cannot show."""
@@ -207,9 +192,27 @@ class Case(NamedTuple):
         return consistency(*sides, blocks, self.fit.file, **limit), False
 
     def inflation(self, state):
-        """By how much the chi-square of each record that judges is too large by correlation."""
-        stack = self.validation
-        return inflation(state.validation_white, stack.file, len(stack.first))
+        """By how much the chi-square of each record is too large by correlation, by role.
+
+        What a model misses lasts for minutes to hours and is no reading noise.
+        """
+        stacks = ("fit", state.solution.whitened), ("validation", state.validation_white)
+        sides = {role: (getattr(self, role), white) for role, white in stacks}
+        return {
+            role: inflation(white, stack.file, len(stack.first))
+            for role, (stack, white) in sides.items()
+        }
+
+    def falls(self, before, after):
+        """Fall of the chi-square of each record from one State to another, by role."""
+        white = (np.square(s.solution.whitened) for s in (before, after))
+        fit = np.subtract(*(np.bincount(self.fit.file, squares) for squares in white))
+        judged = before.validation_chi_squares - after.validation_chi_squares
+        return {"fit": fit, "validation": judged}
+
+    def rows_per_record(self):
+        """Number of rows of each record fitted (f,)."""
+        return np.bincount(self.fit.file)
 
     def explained(self, before, floor):
         """Whether no error is left that would be material beyond the floor."""
@@ -229,7 +232,9 @@ class Case(NamedTuple):
         if trial.proven:
             errors = before.validation_rmse_volt, after.validation_rmse_volt
             taken = max(taken, excess_volt(*errors)) if errors[1] < errors[0] else 0.0
-        return trial.material and taken >= share * self.gates.material_volt
+        # A small size matters, too, where the load makes a large voltage of it.
+        sized = trial.material or taken >= self.gates.unknown_volt
+        return sized and taken >= share * self.gates.material_volt
 
     def misled(self, before, trial):
         """Whether resistances, time constants or starts moved too far for kept derivatives."""
@@ -340,14 +345,12 @@ def extra_volt_of(case, values):
     return tuple(extra)
 
 
-def filters_of(case, spread, extra, misfit=None):
-    """Filters of both stacks for a noise. extra, misfit: see `extra_volt_of`, `Filters`."""
-    misfit = misfit or (spread,) * len(case.fit.first)
+def filters_of(case, spread, extra):
+    """Filters of both stacks for a noise. extra: see `extra_volt_of`."""
     return Filters(
         spread,
-        misfit,
         extra,
-        noise.whitening(misfit, case.fit, extra_volt=extra[0]),
+        noise.whitening(spread, case.fit, extra_volt=extra[0]),
         noise.whitening(spread, case.validation, extra_volt=extra[1]),
         extra[0] <= case.gates.steep_volt,
         extra[1] <= case.gates.steep_volt,
@@ -355,9 +358,13 @@ def filters_of(case, spread, extra, misfit=None):
 
 
 class Prepared(NamedTuple):
-    """A case; notes on how it was made; caveats that weaken a proof by it, part of the verdict."""
+    """A case and its records, fitted and judging; notes on how it was made.
+
+    caveats : what weakens a proof by it, part of the verdict.
+    """
 
     case: Case
+    records: tuple
     notes: tuple
     caveats: tuple = ()
 
@@ -402,7 +409,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     for hold in HOLDS:
         both = [stacked(side, capacity_ampere_hour=capacity, hold=hold) for side in sides]
         cases.append(Case(measured, *both, tolerance, gates, slow_gap(curve)))
-    return Prepared(min(cases, key=_misfit), tuple(notes), caveats)
+    return Prepared(min(cases, key=_misfit), sides, tuple(notes), caveats)
 
 
 def _sides(cell, basis, tests, settings):

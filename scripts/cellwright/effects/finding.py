@@ -8,6 +8,7 @@ from cellwright.effects import base
 from cellwright.effects.case import Gates, extra_volt_of, filters_of, not_excited, prepared
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
+from cellwright.effects.own import external_case, own_case
 from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planner import next_test
 from cellwright.effects.screen import evidence
@@ -51,16 +52,24 @@ class Reference(NamedTuple):
     tests: list
 
 
-def missing_effect(cell, basis, tests, library, *, settings, references=()):
-    """Verdict on a cell: which effect the plain model lacks, with ranking, residuals and next test.
+def missing_effect(
+    cell, basis, tests, library, *, settings, references=(), model=None, simulated=None
+):
+    """Verdict on a cell: which effect a model of it lacks, with ranking, residuals and next test.
+
+    The model is the plain circuit (base `plain`); or one that is given: the chosen member of the
+    cell's model (`own`), or a voltage simulated by any other (`external`).
 
     Parameters
     ----------
     cell : CellFacts. basis : dict, from `basis.basis`.
     tests : list of MeasuredTest. library : dict of Effect by id.
     settings : dict: those of `settings_of`, most_rows and split_rest_second.
-    references : sequence of Reference. Where three or more ran the same protocol, and the plain
-    model fails them by far more than noise, the cell is compared with them (paired mode).
+    model : dict of schema cellwright-model/2, for the base `own`. simulated : dict test → (time
+    (n,) [s], voltage (n,) [V]), for the base `external`; tests without one take no part.
+    references : sequence of Reference, of the base `plain`. Where three or more ran the same
+    protocol, and the plain model fails them by far more than noise, the cell is compared with them
+    (paired mode).
 
     Returns
     -------
@@ -68,13 +77,23 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
 
     Raises
     ------
-    Refusal : no OCV, nothing to fit, or nothing that judges.
+    Refusal : no OCV, nothing to fit, or nothing that judges; a given voltage that is not finite or
+    does not cover its test.
     """
     gates, tolerance = settings_of(settings)
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
+    if simulated is not None:
+        tests = [test for test in tests if test.facts.test in simulated]
     ready = prepared(cell, basis, tests, **options)
-    case, used, note = _paired(ready.case, references, options)
-    finding = of_case(cell.cell, case, library, split_rest_second=settings["split_rest_second"])
+    split = {"split_rest_second": settings["split_rest_second"]}
+    base_name, used, note = "plain", [], ()
+    if model is not None:
+        base_name, case, split = "own", own_case(ready, model), {}
+    elif simulated is not None:
+        base_name, case, split = "external", external_case(ready, simulated), {}
+    else:
+        case, used, note = _paired(ready.case, references, options)
+    finding = of_case(cell.cell, case, library, base_name=base_name, **split)
     text = "\n".join([finding.verdict["paragraph"], *ready.caveats])
     verdict = finding.verdict | {"references": used, "paragraph": text}
     return finding._replace(verdict=verdict, notes=(*ready.notes, *note, *finding.notes))
@@ -106,9 +125,10 @@ def settings_of(settings):
     return gates, base.Tolerance(**tolerances)
 
 
-def of_case(name, case, library, *, split_rest_second=None):
+def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     """Finding of a case that is prepared already; else as `missing_effect`.
 
+    base_name : "plain", "own" or "external", for the words.
     split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
     without blocks, which only a choice between models asks for.
     """
@@ -123,6 +143,7 @@ def of_case(name, case, library, *, split_rest_second=None):
     menu, advice = _advised(case, result, rounds, library, untestable)
     place = worst(residuals, result.floor.validation_volt)
     verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
+    verdict["base"] = base_name
     evidence_columns = _evidence(case, result)
     shares = explained(evidence_columns)
     for entry in (*verdict["effects"], *verdict["partial"]):

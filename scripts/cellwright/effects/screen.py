@@ -198,15 +198,11 @@ def screened(case, candidates, before, possible, filters):
     regressed = base.regressed(case.cell, case.fit, solution.values, before.effects)
     without = chi_square_of(case, regressed, before.effects, filters)
     slopes = solution.white, solution.precision, solution.values
-    # Where the model misses the records, their rows weigh less; whether records excite an effect
-    # does not hang on that.
-    readings = filters.noise.volt**2
-    shrunk = readings / np.mean([readings, *(one.volt**2 for one in filters.misfit)])
     for score in scored(candidates, many, residual, *slopes):
         candidate = score.candidate
         if candidate.effect.bends:
             score = _score_by_regression(case, before, possible, score, filters, without)
-        visible = score.visible >= case.gates.visible_chi_square * shrunk
+        visible = score.visible >= case.gates.visible_chi_square
         kept, name = best if visible else hidden, (candidate.effect.key, candidate.form)
         if name not in kept or score.chi_square > kept[name].chi_square:
             kept[name] = score

@@ -14,11 +14,13 @@ Both have these methods and values:
 `screened(candidates, before, free, possible, filters)` : scores, best first; keys of effects that
     the records cannot show.
 `state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
-`floor(before, free, residual, filters, earlier)` : error that no effect can explain, `proof.Floor`.
-`proof(before, after, filters)` : how evenly an effect helps, and whether records that judge show it.
-`inflation(state)` : by how much the chi-square of each record that judges is too large.
-`explained(before, floor)`, `significant(before, trial)`, `matters(first, before, trial, floor, share)` :
-    when nothing is left to explain, and when an effect counts.
+`floor(before, free, residual, filters, earlier)` : what no effect can explain, `proof.Floor`.
+`proof(before, after, filters)` : how evenly an effect helps, and whether records that judge show
+    it.
+`inflation(state)`, `falls(before, after)`, `rows_per_record()` : by how much the chi-square of each
+    record is too large, its fall, by role; rows of each record fitted.
+`explained(before, floor)`, `significant(before, trial)`, `matters(first, before, trial, floor,
+    share)` : when nothing is left to explain, and when an effect counts.
 `denied(trials)`, `ties(chosen, tied, denied, possible)` : by measurements outside the fit.
 `gates`, `polish_share`, `misled(before, trial)` : limits; which trials go on.
 `settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
@@ -264,17 +266,26 @@ def _trial(case, before, effect, effects, promised, solution, filters):
 def _judged(case, before, trials, filters):
     """Trials with their proof, best first; falls of chi-square corrected for correlated misfit.
 
-    The misfit is that of the best trial: what is left with it is no effect that was tried.
+    Of each record the trial tells the misfit that leaves the least of it: what one effect explains
+    is no misfit. By the misfit of a record its fall of chi-square is too large, and its rows are
+    worth as much fewer.
     """
     if not trials:
         return []
-    inflation = case.inflation(max(trials, key=lambda t: t.delta_bic).state)
+    inflations = [case.inflation(trial.state) for trial in trials]
+    least = {role: np.min([one[role] for one in inflations], axis=0) for role in inflations[0]}
+    rows = np.sum(case.rows_per_record() / least["fit"])
     judged = []
     for trial in trials:
-        falls = before.validation_chi_squares - trial.state.validation_chi_squares
+        falls = case.falls(before, trial.state)
         proof, proven = case.proof(before, trial.state, filters)
-        fall = float(np.sum(falls / inflation))
-        judged.append(trial._replace(delta_validation=fall, proof=proof, proven=proven))
+        solutions = before.solution, trial.state.solution
+        by_priors = np.subtract(*(s.cost - s.chi_square for s in solutions))
+        counted = len(frees_of(trial.effect)) * np.log(max(rows, np.e))
+        criterion = float(np.sum(falls["fit"] / least["fit"]) + by_priors - counted)
+        fall = float(np.sum(falls["validation"] / least["validation"]))
+        now = {"delta_bic": criterion, "delta_validation": fall, "proof": proof, "proven": proven}
+        judged.append(trial._replace(**now))
     return sorted(judged, key=lambda t: -t.j)
 
 

@@ -7,11 +7,11 @@
 
 /* keep[k]: what is left of the slow part since the row before, 0 at the first row of a record;
  * white[k]: variance of the white part. Gives the gains and one over the innovation's deviation. */
-void whitening_gains(int64_t n, const double *keep, const double *white,
-                     const double *slow, double *gain, double *scale) {
-    double left = n ? slow[0] : 0.0;
+void whitening_gains(int64_t n, const double *keep, const double *white, double slow, double *gain,
+                     double *scale) {
+    double left = slow;
     for (int64_t k = 0; k < n; k++) {
-        const double prior = keep[k] * keep[k] * left + (1.0 - keep[k] * keep[k]) * slow[k];
+        const double prior = keep[k] * keep[k] * left + (1.0 - keep[k] * keep[k]) * slow;
         const double total = prior + white[k];
         gain[k] = prior / total;
         scale[k] = 1.0 / sqrt(total);

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.native import array, count, function
+from cellwright.native import array, count, function, real
 from cellwright.numerics.statistics import rms
 
 RATIOS = (0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)  # variance of the slow part over the white one's
@@ -35,10 +35,6 @@ class Noise(NamedTuple):
         return float(np.hypot(self.white_volt, self.slow_volt))
 
 
-# Shapes of the misfit of a model: variance of the slow part over the white one's, time constants.
-MISFIT_RATIOS = (1.0, 3.0, 10.0, 30.0, 100.0)
-MISFIT_SECOND = (100.0, 300.0, 1000.0, 3000.0)
-MISFIT_NUMBERS = 3  # that each shape has beside the noise of all records, for the criterion
 FIRST = Noise(2e-3, 1e-3, 200.0)  # of a usual cycler: what a search begins with
 
 
@@ -73,7 +69,7 @@ def whitening(noise, stack, *, extra_volt=0.0):
 
     Parameters
     ----------
-    noise : Noise of all records, or a sequence of Noise, one a record.
+    noise : Noise.
     stack : records.Stack; each record starts anew.
     extra_volt : scalar or (n,) further white error of each row, such as of a steep OCV [V].
 
@@ -81,16 +77,14 @@ def whitening(noise, stack, *, extra_volt=0.0):
     -------
     whitening : Whitening.
     """
-    of_record = np.array([noise] * len(stack.first) if isinstance(noise, Noise) else noise)
-    white_volt, slow_volt, slow_second = of_record[stack.file].T
-    keep = np.exp(-stack.step_second / slow_second) * (1.0 - stack.fresh)
-    white, slow = white_volt**2 + np.square(extra_volt), slow_volt**2
+    keep = np.exp(-stack.step_second / noise.slow_second) * (1.0 - stack.fresh)
+    white = np.full(len(keep), noise.white_volt**2) + np.square(extra_volt)
     gain, scale = np.empty(len(keep)), np.empty(len(keep))
-    kernel = function("whitening_gains", count, *[array] * 5)
+    kernel = function("whitening_gains", count, array, array, real, array, array)
     if kernel is None:
-        _gains(keep, white, slow, gain, scale)
+        _gains(keep, white, noise.slow_volt**2, gain, scale)
     else:
-        kernel(len(keep), keep, white, slow, gain, scale)
+        kernel(len(keep), keep, white, noise.slow_volt**2, gain, scale)
     return Whitening(keep, gain, scale)
 
 
@@ -119,70 +113,11 @@ def estimate_noise(residual_volt, stack, *, most_slow_volt, most_slow_second, ex
         tried = Noise(size, size * np.sqrt(ratio), second)
         for _ in range(2):
             tried = _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt)
-        trial_cost = _cost(tried, residual_volt, stack, extra_volt)
+        w = whitening(tried, stack, extra_volt=extra_volt)
+        trial_cost = w.log_variance + np.sum(w.apply(residual_volt) ** 2)
         if trial_cost < cost:
             best, cost = tried, trial_cost
     return best
-
-
-class Clock(NamedTuple):
-    """What a whitening needs of the rows of one record; fields as of records.Stack."""
-
-    step_second: np.ndarray
-    fresh: np.ndarray
-    first: np.ndarray
-    file: np.ndarray
-
-
-def with_misfit(noise, residual_volt, stack, *, extra_volt=0.0):
-    """Noise of each record: that of all records, or a larger one where the model misses it.
-
-    What no candidate explains in a record is no reading noise. It lasts for minutes to hours, and
-    taken for independent rows it would make any effect that follows it significant. It is carried
-    as slow noise of that record, where that is likelier by the Bayesian information criterion.
-
-    Parameters
-    ----------
-    noise : Noise of all records. residual_volt : (n,) of the model with all candidates in it [V].
-    stack : records.Stack. extra_volt : as in `whitening`.
-
-    Returns
-    -------
-    noises : tuple of Noise, one a record.
-
-    Source: M. Kennedy, A. O'Hagan, J. R. Stat. Soc. B 63 (2001) 425, a discrepancy of the model.
-    """
-    extra = np.broadcast_to(np.asarray(extra_volt, float), residual_volt.shape)
-    noises = []
-    for number in range(len(stack.first)):
-        rows = stack.file == number
-        clock = Clock(
-            *(stack.step_second[rows], stack.fresh[rows]), np.zeros(1, int), np.zeros(rows.sum(), int)
-        )
-        noises.append(_misfit(noise, residual_volt[rows], clock, extra[rows]))
-    return tuple(noises)
-
-
-def _misfit(noise, residual_volt, clock, extra_volt):
-    """Noise of one record: the one of all, or the likeliest of the shapes of a misfit."""
-    best, cost = noise, _cost(noise, residual_volt, clock, extra_volt)
-    cost -= MISFIT_NUMBERS * np.log(len(residual_volt))
-    for ratio in MISFIT_RATIOS:
-        for second in MISFIT_SECOND:
-            tried = Noise(noise.white_volt, noise.white_volt * np.sqrt(ratio), second)
-            for _ in range(2):
-                tried = _scaled_to_residual(tried, residual_volt, clock, extra_volt, np.inf)
-            if tried.volt <= noise.volt:
-                continue
-            tried_cost = _cost(tried, residual_volt, clock, extra_volt)
-            best, cost = (tried, tried_cost) if tried_cost < cost else (best, cost)
-    return best
-
-
-def _cost(noise, residual_volt, stack, extra_volt):
-    """Twice the negative log-likelihood of residuals, without its constant."""
-    w = whitening(noise, stack, extra_volt=extra_volt)
-    return w.log_variance + np.sum(w.apply(residual_volt) ** 2)
 
 
 def _scaled_to_residual(tried, residual_volt, stack, extra_volt, most_slow_volt):
@@ -221,9 +156,9 @@ def _robust(values):
 
 def _gains(keep, white, slow, gain, scale):
     """Kalman gains and scales of every row; fills the last two arrays."""
-    variance = 0.0
+    variance = slow
     for k in range(len(keep)):
-        prior = keep[k] ** 2 * variance + (1.0 - keep[k] ** 2) * slow[k]
+        prior = keep[k] ** 2 * variance + (1.0 - keep[k] ** 2) * slow
         total = prior + white[k]
         gain[k], scale[k] = prior / total, 1.0 / np.sqrt(total)
         variance = (1.0 - gain[k]) * prior

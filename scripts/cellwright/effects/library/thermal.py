@@ -72,7 +72,7 @@ EFFECTS = (
                 *("activation_energy_joule_per_mole", "J/mol", 0.0, -2e4, 1.2e5),
                 step=1e3,
                 plausible=2e4,
-                material=1e3,
+                material=2.5e3,  # a tenth of a resistance between 0 and 25 °C
             ),
             Parameter(
                 *("polarisation_excess_joule_per_mole", "J/mol", 0.0, -6e4, 6e4),
