@@ -90,8 +90,8 @@ class Trial(NamedTuple):
 class Round(NamedTuple):
     """One round of the search: the model before it, the trials, and the choice.
 
-    before : State without the choice. noise : noise.Noise, of a group a tuple of them, one a
-    channel. floor : proof.Floor. scores : list of screen.Score, best first.
+    before : State without the choice. filters : whitening of both sides, by which `before` and the
+    trials were fitted and judged. floor : proof.Floor. scores : list of screen.Score, best first.
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
@@ -99,7 +99,7 @@ class Round(NamedTuple):
     """
 
     before: State
-    noise: object
+    filters: object
     floor: object
     scores: list
     trials: list
@@ -107,6 +107,11 @@ class Round(NamedTuple):
     tied: tuple
     hidden: tuple
     dropped: tuple = ()
+
+    @property
+    def noise(self):
+        """Noise of the readings: noise.Noise, of a group a tuple of them, one a channel."""
+        return self.filters.noise
 
 
 def search(case, library):
@@ -163,7 +168,7 @@ def _needed(case, plain, effects, free, solution, filters, rounds):
             refitted = fit(problem, solution.values, steps=POLISH_STEPS, settled=case.settled)
             before = case.state(others, refitted, filters)
             trial = _trial(case, before, effect, effects, 0.0, solution, filters)
-            trial = _judged(case, before, [trial], filters)[0]
+            trial = judged(case, before, [trial], filters)[0]
             counts = case.significant(before, trial)
             counts = counts and case.matters(first, before, trial, floor, share=STAYS)
             if not counts and (weakest is None or trial.j < weakest[0]):
@@ -220,8 +225,8 @@ def _tested(case, possible, effects, free, solution, filters, candidates):
         tried(case, possible, free, before, score, filters) for score in scores[: case.gates.refits]
     ]
     trials = _polished(case, free, before, trials, filters)
-    trials = _judged(case, before, trials, filters)
-    return Round(before, filters.noise, None, scores, trials, None, (), hidden)
+    trials = judged(case, before, trials, filters)
+    return Round(before, filters, None, scores, trials, None, (), hidden)
 
 
 def tried(case, possible, free, before, score, filters):
@@ -261,21 +266,30 @@ def _trial(case, before, effect, effects, promised, solution, filters):
     )
 
 
-def _judged(case, before, trials, filters):
+def judged(case, before, trials, filters):
     """Trials with their proof, best first; falls of chi-square corrected for correlated misfit.
 
     The misfit is that of the best trial: what is left with it is no effect that was tried.
+
+    Parameters
+    ----------
+    case : as in `search`. before : State without the trials. trials : list of Trial.
+    filters : of the round.
+
+    Returns
+    -------
+    trials : list of Trial.
     """
     if not trials:
         return []
     inflation = case.inflation(max(trials, key=lambda t: t.delta_bic).state)
-    judged = []
+    with_proof = []
     for trial in trials:
         falls = before.validation_chi_squares - trial.state.validation_chi_squares
         proof, proven = case.proof(before, trial.state, filters)
         fall = float(np.sum(falls / inflation))
-        judged.append(trial._replace(delta_validation=fall, proof=proof, proven=proven))
-    return sorted(judged, key=lambda t: -t.j)
+        with_proof.append(trial._replace(delta_validation=fall, proof=proof, proven=proven))
+    return sorted(with_proof, key=lambda t: -t.j)
 
 
 def _polished(case, free, before, trials, filters):
