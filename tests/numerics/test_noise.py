@@ -5,7 +5,7 @@ import pytest
 
 from cellwright.effects.records import stacked
 from cellwright.numerics import noise
-from cellwright.numerics.noise import Noise, estimate_noise, read_volt, whitening
+from cellwright.numerics.noise import Noise, estimate_noise, read_volt, whitening, with_misfit
 from cellwright.records.record import record_of
 
 LIMITS = {"most_slow_volt": 5e-3, "most_slow_second": 300.0}
@@ -75,6 +75,61 @@ def test_kernel_and_twin_agree(monkeypatch):
     for row, other in zip(kernel, twin, strict=True):
         np.testing.assert_allclose(row, other, rtol=1e-12)
     np.testing.assert_allclose(kernel_rows, twin.apply(rows), rtol=1e-10, atol=1e-10)
+
+
+PER_RECORD = (MIXED, Noise(1.5e-3, 9e-3, 1000.0), Noise(0.4e-3, 0.0, 30.0))
+
+
+def test_kernel_and_twin_agree_where_each_record_has_its_own_noise(monkeypatch):
+    stack = stack_of(900, records=3)
+    rows = np.random.default_rng(4).normal(size=(900, 3))
+    kernel = whitening(PER_RECORD, stack, extra_volt=1e-3)
+    kernel_rows = kernel.apply(rows)
+    monkeypatch.setattr(noise, "function", lambda *_, **__: None)
+    twin = whitening(PER_RECORD, stack, extra_volt=1e-3)
+    for row, other in zip(kernel, twin, strict=True):
+        np.testing.assert_allclose(row, other, rtol=1e-12)
+    np.testing.assert_allclose(kernel_rows, twin.apply(rows), rtol=1e-10, atol=1e-10)
+
+
+def test_a_record_with_its_own_noise_is_whitened_as_if_it_were_alone():
+    stack = stack_of(900, records=3)
+    rows = np.random.default_rng(4).normal(size=900)
+    together = whitening(PER_RECORD, stack).apply(rows)
+    for number, own in enumerate(PER_RECORD):
+        alone = whitening(own, stack).apply(rows)
+        part = stack.file == number
+        np.testing.assert_allclose(together[part], alone[part], rtol=1e-12)
+
+
+def test_a_slow_misfit_is_found_in_the_record_that_has_it_and_nowhere_else():
+    stack, misfit = stack_of(9000, records=3), Noise(1.5e-3, 8e-3, 1000.0)
+    own = drawn(misfit, stack, seed=5)
+    rows = np.where(stack.file == 1, own, drawn(MIXED, stack))
+    first, second, third = with_misfit(MIXED, rows, stack)
+    assert first == third == MIXED
+    assert second.volt == pytest.approx(misfit.volt, rel=0.35)
+    assert second.slow_second >= 300.0
+    white = whitening((first, second, third), stack).apply(rows)
+    for number in range(3):
+        assert np.mean(white[stack.file == number] ** 2) == pytest.approx(1.0, abs=0.1)
+    as_all = whitening(MIXED, stack).apply(rows)[stack.file == 1]
+    assert np.mean(as_all**2) > 1.5, "taken for the noise of all it would be significant"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_healthy_records_keep_the_noise_of_all(seed):
+    stack = stack_of(4000, seed=seed)
+    assert with_misfit(MIXED, drawn(MIXED, stack, seed + 50), stack) == (MIXED, MIXED)
+
+
+def test_rows_that_are_not_compared_are_no_misfit():
+    stack = stack_of(4000)
+    rows = drawn(MIXED, stack)
+    unused = np.where((stack.file == 0) & (np.arange(4000) % 40 < 20), 1e4, 0.0)
+    spoilt = np.where(unused > 0, 0.5, rows)
+    assert with_misfit(MIXED, spoilt, stack, extra_volt=unused)[1] == MIXED
+    assert with_misfit(MIXED, spoilt, stack, extra_volt=unused)[0] == MIXED
 
 
 def test_rows_that_came_in_stay_as_they_were():
