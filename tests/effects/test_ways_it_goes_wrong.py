@@ -23,7 +23,7 @@ from small_plant import (
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.finding import of_case
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.records import lacking, stacked
+from cellwright.effects.records import stacked
 from cellwright.effects.search import best_of, search
 from cellwright.effects.verdict import outcome
 from cellwright.records.thinning import rows_of

@@ -15,10 +15,12 @@ Both have these methods and values:
     the records cannot show.
 `state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
 `floor(before, free, residual, filters, earlier)` : error that no effect can explain, `proof.Floor`.
-`proof(before, after, filters)` : how evenly an effect helps, and whether records that judge show it.
+`proof(before, after, filters)` : how evenly an effect helps, and whether records that judge
+    show it.
 `inflation(state)` : by how much the chi-square of each record that judges is too large.
-`explained(before, floor)`, `significant(before, trial)`, `matters(first, before, trial, floor, share)` :
-    when nothing is left to explain, and when an effect counts.
+`explained(before, floor)`, `significant(before, trial)`,
+`matters(first, before, trial, floor, *, share)` : when nothing is left to explain, and when an
+    effect counts.
 `denied(trials)`, `ties(chosen, tied, denied, possible)` : by measurements outside the fit.
 `gates`, `polish_share`, `misled(before, trial)` : limits; which trials go on.
 `settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
@@ -160,24 +162,40 @@ def _needed(case, plain, effects, free, solution, filters, rounds):
     dropped = []
     first, floor = rounds[0].before, rounds[0].floor
     while effects:
-        weakest = None
-        for effect in effects:
-            others = tuple(e for e in effects if e is not effect)
-            fewer = _free_of(case, plain, others)
-            problem = case.problem(others, fewer, filters)
-            refitted = fit(problem, solution.values, steps=POLISH_STEPS, settled=case.settled)
-            before = case.state(others, refitted, filters)
-            trial = _trial(case, before, effect, effects, 0.0, solution, filters)
-            trial = judged(case, before, [trial], filters)[0]
-            counts = case.significant(before, trial)
-            counts = counts and case.matters(first, before, trial, floor, share=STAYS)
-            if not counts and (weakest is None or trial.j < weakest[0]):
-                weakest = trial.j, effect, others, fewer, refitted
-        if weakest is None:
+        without = [_without(case, plain, one, effects, solution, filters) for one in effects]
+        needless = [one for one in without if not one.stays(case, first, floor)]
+        if not needless:
             break
-        _, effect, effects, free, solution = weakest
-        dropped.append(effect.key)
+        weakest = min(needless, key=lambda one: one.trial.j)
+        dropped.append(weakest.trial.effect.key)
+        effects, free, solution = weakest.before.effects, weakest.free, weakest.before.solution
     return effects, free, solution, tuple(dropped)
+
+
+class _Without(NamedTuple):
+    """A model refitted without one of its effects.
+
+    before : State without it. free : of that fit. trial : Trial of the effect beside the others.
+    """
+
+    before: State
+    free: tuple
+    trial: Trial
+
+    def stays(self, case, first, floor):
+        """Whether the effect still counts beside the others."""
+        counts = case.significant(self.before, self.trial)
+        return counts and case.matters(first, self.before, self.trial, floor, share=STAYS)
+
+
+def _without(case, plain, effect, effects, solution, filters):
+    others = tuple(e for e in effects if e is not effect)
+    free = _free_of(case, plain, others)
+    problem = case.problem(others, free, filters)
+    refitted = fit(problem, solution.values, steps=POLISH_STEPS, settled=case.settled)
+    before = case.state(others, refitted, filters)
+    trial = _trial(case, before, effect, effects, 0.0, solution, filters)
+    return _Without(before, free, judged(case, before, [trial], filters)[0])
 
 
 def _free_of(case, plain, effects):

@@ -6,6 +6,7 @@ on any clock (A. C. Harvey, Forecasting, Structural Time Series Models and the K
 3.4).
 """
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -156,9 +157,8 @@ def with_misfit(noise, residual_volt, stack, *, extra_volt=0.0):
     noises = []
     for number in range(len(stack.first)):
         rows = stack.file == number
-        clock = Clock(
-            *(stack.step_second[rows], stack.fresh[rows]), np.zeros(1, int), np.zeros(rows.sum(), int)
-        )
+        first, file = np.zeros(1, int), np.zeros(rows.sum(), int)
+        clock = Clock(stack.step_second[rows], stack.fresh[rows], first, file)
         noises.append(_misfit(noise, residual_volt[rows], clock, extra[rows]))
     return tuple(noises)
 
@@ -167,15 +167,14 @@ def _misfit(noise, residual_volt, clock, extra_volt):
     """Noise of one record: the one of all, or the likeliest of the shapes of a misfit."""
     best, cost = noise, _cost(noise, residual_volt, clock, extra_volt)
     cost -= MISFIT_NUMBERS * np.log(len(residual_volt))
-    for ratio in MISFIT_RATIOS:
-        for second in MISFIT_SECOND:
-            tried = Noise(noise.white_volt, noise.white_volt * np.sqrt(ratio), second)
-            for _ in range(2):
-                tried = _scaled_to_residual(tried, residual_volt, clock, extra_volt, np.inf)
-            if tried.volt <= noise.volt:
-                continue
-            tried_cost = _cost(tried, residual_volt, clock, extra_volt)
-            best, cost = (tried, tried_cost) if tried_cost < cost else (best, cost)
+    for ratio, second in product(MISFIT_RATIOS, MISFIT_SECOND):
+        tried = Noise(noise.white_volt, noise.white_volt * np.sqrt(ratio), second)
+        for _ in range(2):
+            tried = _scaled_to_residual(tried, residual_volt, clock, extra_volt, np.inf)
+        if tried.volt <= noise.volt:
+            continue
+        tried_cost = _cost(tried, residual_volt, clock, extra_volt)
+        best, cost = (tried, tried_cost) if tried_cost < cost else (best, cost)
     return best
 
 

@@ -165,7 +165,7 @@ class GroupCase(NamedTuple):
         return _filters(self, noises_of(self, residual, filters.noise if earlier else None))
 
     def sharper(self, trials, filters):
-        """Filters by the residual of the best trial where its slow noise is 20 % smaller, else None.
+        """Filters by the residual of the best trial where its slow noise is 20 % less, else None.
 
         The noise is first taken from a linear extrapolation, which fails for a strong effect.
         """
@@ -222,7 +222,7 @@ class GroupCase(NamedTuple):
             and trial.state.validation_rmse_volt <= (1.0 - gates.validation_fall) * was
         )
 
-    def matters(self, first, before, trial, floor, share=1.0):
+    def matters(self, first, before, trial, floor, *, share=1.0):
         """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
         errors = before.validation_rmse_volt, trial.state.validation_rmse_volt
         return trial.material and excess_volt(*errors) >= share * self.gates.material_volt

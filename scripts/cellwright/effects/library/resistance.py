@@ -4,8 +4,9 @@ import numpy as np
 
 from cellwright.effects.library.vocabulary import Effect, Parameter
 
-# Knots of the logarithm of a resistance over SoC, from the middle to either end. A parameter is the
-# change from one knot to the next, so that beyond the last SoC tested the resistance stays as it is.
+# Knots of the logarithm of a resistance over SoC, from the middle to either end. A parameter is
+# the change from one knot to the next, so that beyond the last SoC tested the resistance stays as
+# it is.
 TOWARDS_EMPTY = (0.35, 0.2, 0.1, 0.04, 0.0)
 TOWARDS_FULL = (0.65, 0.8, 0.9, 1.0)
 MIDDLE = 0.5
