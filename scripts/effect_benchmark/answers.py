@@ -12,7 +12,7 @@ from cellwright.effects.finding import KEPT, model_of
 from cellwright.effects.groups.finding import KnownCell
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
-from cellwright.effects.search import matters, significant
+from cellwright.effects.proof import excess_volt
 from cellwright.effects.verdict import gap_closed, outcome, verdict_of
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
@@ -50,11 +50,12 @@ def bic_alone(first_round, gates) -> dict:
 
 
 def validation_alone(first_round, gates) -> dict:
-    """Verdict by the smallest error on validation data alone, after the first round."""
+    """Verdict by the smallest error on validation data alone, where its fall is material."""
     best = min(first_round.trials, key=lambda t: t.state.validation_rmse_volt, default=None)
-    most = (1.0 - gates.validation_fall) * first_round.before.validation_rmse_volt
-    falls = best is not None and best.state.validation_rmse_volt <= most
-    return plain_names([best.effect.id] if falls else [])
+    if best is None:
+        return plain_names([])
+    errors = first_round.before.validation_rmse_volt, best.state.validation_rmse_volt
+    return plain_names([best.effect.id] if excess_volt(*errors) > gates.material_volt else [])
 
 
 def gap_share(before, after, floor_volt: float) -> float:
@@ -248,15 +249,15 @@ def _control_rows(cell, case, first, seed):
 def _control_row(cell, case, first, name, term):
     """Row of one control term: the verdict, were it chosen where it passes the gates."""
     trial = controls.tried(case, first, term)
-    gates, floor, before = case.gates, first.floor_volt, first.before
-    needed = before.worst_volt > gates.nothing_ratio * floor
-    passed = needed and significant(gates, before, trial)
-    passed = passed and matters(gates, before, before, trial, floor)
+    before, floor = first.before, first.floor
+    passed = not case.explained(before, floor)
+    passed = passed and case.significant(before, trial)
+    passed = passed and case.matters(before, before, trial, floor)
     decided = first._replace(chosen=trial if passed else None, tied=())
     rounds = [decided, decided._replace(before=trial.state, chosen=None)][: 1 + passed]
-    verdict = verdict_of_search(cell, rounds, gates)
+    verdict = verdict_of_search(cell, rounds, case.gates)
     volt = {"before": before.validation_rmse_volt, "after": trial.state.validation_rmse_volt}
-    closed = gap_share(before, trial.state, floor)
+    closed = gap_share(before, trial.state, floor.validation_volt)
     return _row(cell, name, verdict | {"validation_rmse_volt": volt, "gap_closed": closed})
 
 

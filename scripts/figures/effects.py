@@ -181,7 +181,9 @@ def _ranking_legend(figure, gates):
     keys = [Patch(facecolor=c, edgecolor="white", label=text) for c, text in LABELS.items()]
     keys[-1].set_hatch(HATCH)
     fit, proof = gates["bic"], gates["validation_chi_square"]
-    label = f"gates: fit above {fit:g}, proof above {proof:g}; the line is their sum"
+    fall = gates.get("validation_fall")  # of groups; an effect of a cell must help evenly
+    also = "help in most parts of the records" if fall is None else f"its error down by {fall:.0%}"
+    label = f"needed: fit above {fit:g}, proof above {proof:g} (line: the sum), {also}"
     gate = Line2D([], [], color=style.ERROR, lw=0.9, ls="--", label=label)
     figure.legend(handles=[*keys, gate], loc="outside lower center", ncols=2, fontsize=7.5)
 
@@ -303,10 +305,12 @@ def draw_effect_validation(verdict, series):
         height_ratios=[3, 2] * len(shown),
         width_ratios=[2.2, 1],
     )
+    floors = {row["test"]: row["volt"] for row in verdict.get("floors", ())}
     for upper, lower, test in zip(axes[::2], axes[1::2], shown, strict=True):
         rows = (series["test"] == test) & (series["role"] == "validation") & series["used"]
         samples = rows_where(series, rows)
-        _whole_and_worst(upper, lower, test, samples, _models(verdict), verdict["floor_volt"])
+        floor = floors.get(test, verdict["floor_volt"])
+        _whole_and_worst(upper, lower, test, samples, _models(verdict), floor)
     if len(tests) > len(shown):
         figure.suptitle(f"{len(shown)} of {len(tests)} tests", x=0.01, ha="left", fontsize=8)
     return figure
@@ -329,7 +333,7 @@ def _whole_and_worst(upper, lower, test, series, models, floor):
     upper[1].set(title="Its worst six minutes")
     sizes = [1e3 * _rms(series["voltage_volt"] - series[f"{model}_volt"]) for model in models]
     errors = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
-    title = f"Residual, RMS: {', '.join(errors)} (grey: noise floor {1e3 * floor:.2f} mV)"
+    title = f"Residual, RMS: {', '.join(errors)} (grey: floor {1e3 * floor:.2f} mV)"
     lower[0].set(ylabel="measured − model [mV]", title=title)
     style.legend_once(upper[0], loc="best")
 

@@ -8,20 +8,26 @@ import pytest
 from cellwright.effects import base, records, search
 from cellwright.effects.case import Case
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.resistance import TOWARDS_EMPTY, TOWARDS_FULL
 from cellwright.effects.paired import Pairing, counterpart_second, paired, part
 from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 CAPACITY = 5.0
 CELL = base.Cell(CAPACITY, 3.2 + 0.9 * np.linspace(0, 1, 101) + 0.05 * np.linspace(0, 1, 101) ** 8)
+
+
+def steps(effect, towards_empty, towards_full):
+    """Course of a resistance over SoC, from knot to knot of the library."""
+    knots = (*TOWARDS_EMPTY, *TOWARDS_FULL)
+    sizes = zip(knots, (*towards_empty, *towards_full), strict=True)
+    return {f"{effect}.step_to_{100 * knot:.0f}_percent": size for knot, size in sizes}
+
+
 # What no healthy cell of this type is without, and the plain model knows nothing of.
 COMMON = {
-    "resistance_soc.towards_empty": 1.5,
-    "resistance_soc.falling": 0.5,
-    "resistance_soc.bowl": 0.3,
-    "polarisation_soc.towards_empty": 1.0,
-    "polarisation_soc.falling": -0.4,
-    "polarisation_soc.bowl": 0.0,
+    **steps("resistance_soc", (0.1, 0.15, 0.3, 0.25, 0.2), (-0.1, -0.05, 0.0, 0.05)),
+    **steps("polarisation_soc", (0.0, 0.1, 0.2, 0.2, 0.1), (0.06, 0.06, 0.04, 0.04)),
 }
 HIDDEN = {"hysteresis_instant.amplitude_volt": 0.008}
 CANDIDATES = ("resistance_soc", "polarisation_soc", "hysteresis_instant", "resistance_asymmetry")

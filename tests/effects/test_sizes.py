@@ -74,16 +74,19 @@ def test_sizes_are_those_that_people_use(effect, given, words):
 
 
 def test_a_course_over_soc_is_told_in_milliohm_of_the_model_itself():
-    found = sizes("resistance_soc", towards_empty=1.0, std={"towards_empty": 0.1})
+    steps = {"step_to_35_percent": 0.3, "step_to_20_percent": 0.3, "step_to_10_percent": 0.4}
+    steps |= {"step_to_65_percent": -0.1, "step_to_90_percent": -0.1}
+    found = sizes("resistance_soc", **steps, std={"step_to_35_percent": 0.1})
     assert [size.unit for size in found] == ["mΩ"] * 3
     low, middle, high = (size.value for size in found)
     assert middle == pytest.approx(20.0)
-    assert low > middle > high
-    # R0 at 10 % is 20 mΩ times e to the shape: a tenth of the shape moves it by that share.
-    assert found[0].std == pytest.approx(low * (np.exp(0.1 * np.log(low / 20.0)) - 1), rel=1e-6)
-    relaxing = sizes("polarisation_soc", falling=1.0)
+    assert low == pytest.approx(20.0 * np.exp(1.0))
+    assert high == pytest.approx(20.0 * np.exp(-0.2))
+    assert found[0].std == pytest.approx(low * (np.exp(0.1) - 1), rel=1e-6)
+    assert found[2].std == 0.0, "what is not known below the middle moves nothing above it"
+    relaxing = sizes("polarisation_soc", **steps)
     assert relaxing[1].value == pytest.approx(15.0)
-    assert relaxing[0].value / relaxing[2].value == pytest.approx(np.exp(0.8))
+    assert relaxing[0].value / relaxing[2].value == pytest.approx(np.exp(1.2))
 
 
 def test_charge_transfer_is_told_at_rates():
@@ -102,8 +105,9 @@ def test_capacity_over_temperature_is_for_ten_kelvin():
 
 
 def test_without_the_model_a_course_is_told_by_its_parameters():
-    found = sizes("resistance_soc", None, towards_empty=1.0, std={"towards_empty": 0.1})
-    assert [size.text.strip() for size in found] == ["towards empty 1 ± 0.1"]
+    step = "step_to_20_percent"
+    found = sizes("resistance_soc", None, **{step: 1.0}, std={step: 0.1})
+    assert [size.text.strip() for size in found] == ["step to 20 percent 1 ± 0.1"]
 
 
 @pytest.mark.parametrize("effect", sorted(LIBRARY))

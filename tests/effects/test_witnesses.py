@@ -19,7 +19,11 @@ SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 def entry(effect, std=None, **values):
     parameters = {
-        p.name: {"value": values.get(p.name, p.neutral), "std": std, "unit": p.unit}
+        p.name: {
+            "value": values.get(p.name, p.neutral),
+            "std": std if p.name in values else None,
+            "unit": p.unit,
+        }
         for p in LIBRARY[effect].parameters
     }
     return {"effect": effect, "alternatives": [], "parameters": parameters}
@@ -82,8 +86,16 @@ def says(tables, name, one, **options):
     return heard(tables, one, **options)[name, one["effect"]].says
 
 
-TOWARDS_EMPTY = entry("resistance_soc", towards_empty=2.0)
-FACTOR_OF_R0 = float(np.exp(2.0 * (np.exp(-0.1 / 0.15) - np.exp(-0.9 / 0.15))))
+def straight(slope):
+    """Steps of a course whose logarithm falls by `slope` from empty to full, straight over SoC."""
+    towards_empty = {35: 0.15, 20: 0.15, 10: 0.1, 4: 0.06, 0: 0.04}
+    towards_full = {65: -0.15, 80: -0.15, 90: -0.1, 100: -0.1}
+    both = towards_empty | towards_full
+    return {f"step_to_{percent}_percent": slope * part for percent, part in both.items()}
+
+
+TOWARDS_EMPTY = entry("resistance_soc", **straight(1.3))
+FACTOR_OF_R0 = float(np.exp(1.3 * 0.8))
 
 
 @pytest.mark.parametrize("tables", [pulses, lambda over: spectra(lambda s: 0.012 * over(s), over)])
@@ -118,7 +130,7 @@ def test_resistance_over_temperature(make, name):
 
 
 def test_polarisation_over_soc_in_pulses():
-    one = entry("polarisation_soc", falling=1.5)
+    one = entry("polarisation_soc", **straight(1.5))
     factor = np.exp(1.5 * 0.8)
 
     def course(soc):
@@ -131,7 +143,7 @@ def test_polarisation_over_soc_in_pulses():
 
 
 def test_an_arc_speaks_of_what_relaxes_only_where_it_is_slow():
-    one = entry("polarisation_soc", falling=1.5)
+    one = entry("polarisation_soc", **straight(1.5))
 
     def arc(soc):
         return 0.008 * np.exp(1.5 * (0.9 - soc))
@@ -217,7 +229,7 @@ def test_slow_diffusion_in_rests():
 
 
 def test_polarisation_over_soc_in_rests():
-    one = entry("polarisation_soc", falling=1.5)
+    one = entry("polarisation_soc", **straight(1.5))
     course = rests(0.0, 100.0, lambda soc: 0.010 * np.exp(1.5 * (0.5 - soc)))
     assert says(course, "relaxations", one) == "agrees"
     assert says(rests(0.0, 100.0), "relaxations", one) == "contradicts"
@@ -363,7 +375,7 @@ def test_an_effect_that_is_not_named_although_a_witness_shows_it():
     assert witness.text.startswith("not named, although resistance 1 s into the pulse at 10 %")
     assert not heard(pulses()), "what is flat shows nothing"
     assert not heard(pulses(lambda soc: 1.3 if soc < 0.2 else 1.0)), "too little for anyone to act"
-    tied = entry("polarisation_soc", falling=1.0) | {"alternatives": ["resistance_soc"]}
+    tied = entry("polarisation_soc", **straight(1.0)) | {"alternatives": ["resistance_soc"]}
     both = heard(pulses(lambda soc: 3.0 if soc < 0.2 else 1.0), tied)
     assert ("pulses", "resistance_soc") not in both, "the verdict names it as good as the other"
 

@@ -122,8 +122,8 @@ def test_each_doubt_makes_a_name_unsure(changes, reason):
 
 def test_a_size_at_its_bound_and_a_witness_against_it_are_doubts():
     parameters = step()["parameters"]
-    parameters["bowl"] = parameters["bowl"] | {"at_bound": True}
-    assert doubts(step(parameters=parameters)) == ("bowl ended on a bound",)
+    parameters["step_to_10_percent"] = parameters["step_to_10_percent"] | {"at_bound": True}
+    assert doubts(step(parameters=parameters)) == ("step to 10 percent ended on a bound",)
     heard = [{"name": "pulses", "says": "contradicts", "shown": False}]
     heard += [{"name": "impedance", "says": "agrees", "shown": True}]
     heard += [{"name": "relaxations", "says": "contradicts", "shown": True}]

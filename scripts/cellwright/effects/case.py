@@ -225,7 +225,7 @@ class Case(NamedTuple):
         judged = trial.delta_validation > self.gates.validation_chi_square or not trial.proven
         return trial.delta_bic > self.gates.bic and judged and trial.proof.holds
 
-    def matters(self, first, before, trial, floor, share=1.0):
+    def matters(self, first, before, trial, floor, *, share=1.0):
         """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
         after = trial.state
         taken = excess_volt(before.rmse_volt, after.rmse_volt)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.case import Gates, extra_volt_of, filters_of, not_excited, prepared
+from cellwright.effects.case import Gates, not_excited, prepared
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
 from cellwright.effects.own import external_case, own_case
@@ -248,9 +248,8 @@ def _evidence(case, result):
         }
         effects = step.chosen.state.effects
         volts = [base.voltage(case.cell, case.fit, v, effects) for v in (after, neutral)]
-        filters = filters_of(case, step.noise, extra_volt_of(case, after))
-        change = (volts[0] - volts[1])[:, None]
-        bins = evidence(step.before, change, np.ones(1), step.before.solution.residual, filters.fit)
+        change, whiten = (volts[0] - volts[1])[:, None], step.filters.fit
+        bins = evidence(step.before, change, np.ones(1), step.before.solution.residual, whiten)
         parts.append({"effect": [effect.id] * len(bins["rows"])} | bins)
     return joined(parts)
 

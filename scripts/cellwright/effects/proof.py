@@ -85,7 +85,8 @@ def consistency(before, after, block, record, *, material_volt):
     spread = np.sqrt(np.sum((weight * (each - gain)) ** 2)) / max(weight.sum(), 1e-300)
     excited = kept & (energy >= material_volt**2)
     rise = (rows * (now - was))[excited]
-    harm = rise[rise > 0].sum() / max(-rise[rise < 0].sum(), 1e-300) if excited.any() else 0.0
+    risen, fallen = rise[rise > 0].sum(), -rise[rise < 0].sum()
+    harm = risen / fallen if fallen > 0 else (np.inf if risen > 0 else 0.0)
     files = np.unique(record[counts], return_inverse=True)[1]
     of_file = np.bincount(files)
     worse = np.sqrt(mean(after**2, files, of_file)) - np.sqrt(mean(before**2, files, of_file))

@@ -92,8 +92,8 @@ class Trial(NamedTuple):
 class Round(NamedTuple):
     """One round of the search: the model before it, the trials, and the choice.
 
-    before : State without the choice. noise : noise.Noise, of a group a tuple of them, one a
-    channel. floor : proof.Floor. scores : list of screen.Score, best first.
+    before : State without the choice. filters : whitening of both sides, by which `before` and the
+    trials were fitted and judged. floor : proof.Floor. scores : list of screen.Score, best first.
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
@@ -101,7 +101,7 @@ class Round(NamedTuple):
     """
 
     before: State
-    noise: object
+    filters: object
     floor: object
     scores: list
     trials: list
@@ -109,6 +109,11 @@ class Round(NamedTuple):
     tied: tuple
     hidden: tuple
     dropped: tuple = ()
+
+    @property
+    def noise(self):
+        """Noise of the readings: noise.Noise, of a group a tuple of them, one a channel."""
+        return self.filters.noise
 
 
 def search(case, library):
@@ -157,24 +162,40 @@ def _needed(case, plain, effects, free, solution, filters, rounds):
     dropped = []
     first, floor = rounds[0].before, rounds[0].floor
     while effects:
-        weakest = None
-        for effect in effects:
-            others = tuple(e for e in effects if e is not effect)
-            fewer = _free_of(case, plain, others)
-            problem = case.problem(others, fewer, filters)
-            refitted = fit(problem, solution.values, steps=POLISH_STEPS, settled=case.settled)
-            before = case.state(others, refitted, filters)
-            trial = _trial(case, before, effect, effects, 0.0, solution, filters)
-            trial = _judged(case, before, [trial], filters)[0]
-            counts = case.significant(before, trial)
-            counts = counts and case.matters(first, before, trial, floor, share=STAYS)
-            if not counts and (weakest is None or trial.j < weakest[0]):
-                weakest = trial.j, effect, others, fewer, refitted
-        if weakest is None:
+        without = [_without(case, plain, one, effects, solution, filters) for one in effects]
+        needless = [one for one in without if not one.stays(case, first, floor)]
+        if not needless:
             break
-        _, effect, effects, free, solution = weakest
-        dropped.append(effect.key)
+        weakest = min(needless, key=lambda one: one.trial.j)
+        dropped.append(weakest.trial.effect.key)
+        effects, free, solution = weakest.before.effects, weakest.free, weakest.before.solution
     return effects, free, solution, tuple(dropped)
+
+
+class _Without(NamedTuple):
+    """A model refitted without one of its effects.
+
+    before : State without it. free : of that fit. trial : Trial of the effect beside the others.
+    """
+
+    before: State
+    free: tuple
+    trial: Trial
+
+    def stays(self, case, first, floor):
+        """Whether the effect still counts beside the others."""
+        counts = case.significant(self.before, self.trial)
+        return counts and case.matters(first, self.before, self.trial, floor, share=STAYS)
+
+
+def _without(case, plain, effect, effects, solution, filters):
+    others = tuple(e for e in effects if e is not effect)
+    free = _free_of(case, plain, others)
+    problem = case.problem(others, free, filters)
+    refitted = fit(problem, solution.values, steps=POLISH_STEPS, settled=case.settled)
+    before = case.state(others, refitted, filters)
+    trial = _trial(case, before, effect, effects, 0.0, solution, filters)
+    return _Without(before, free, judged(case, before, [trial], filters)[0])
 
 
 def _free_of(case, plain, effects):
@@ -222,8 +243,8 @@ def _tested(case, possible, effects, free, solution, filters, candidates):
         tried(case, possible, free, before, score, filters) for score in scores[: case.gates.refits]
     ]
     trials = _polished(case, free, before, trials, filters)
-    trials = _judged(case, before, trials, filters)
-    return Round(before, filters.noise, None, scores, trials, None, (), hidden)
+    trials = judged(case, before, trials, filters)
+    return Round(before, filters, None, scores, trials, None, (), hidden)
 
 
 def tried(case, possible, free, before, score, filters):
@@ -263,19 +284,28 @@ def _trial(case, before, effect, effects, promised, solution, filters):
     )
 
 
-def _judged(case, before, trials, filters):
+def judged(case, before, trials, filters):
     """Trials with their proof, best first; falls of chi-square corrected for correlated misfit.
 
     Of each record the trial tells the misfit that leaves the least of it: what one effect explains
     is no misfit. By the misfit of a record its fall of chi-square is too large, and its rows are
     worth as much fewer.
+
+    Parameters
+    ----------
+    case : as in `search`. before : State without the trials. trials : list of Trial.
+    filters : of the round.
+
+    Returns
+    -------
+    trials : list of Trial.
     """
     if not trials:
         return []
     inflations = [case.inflation(trial.state) for trial in trials]
     least = {role: np.min([one[role] for one in inflations], axis=0) for role in inflations[0]}
     rows = np.sum(case.rows_per_record() / least["fit"])
-    judged = []
+    with_proof = []
     for trial in trials:
         falls = case.falls(before, trial.state)
         proof, proven = case.proof(before, trial.state, filters)
@@ -285,8 +315,8 @@ def _judged(case, before, trials, filters):
         criterion = float(np.sum(falls["fit"] / least["fit"]) + by_priors - counted)
         fall = float(np.sum(falls["validation"] / least["validation"]))
         now = {"delta_bic": criterion, "delta_validation": fall, "proof": proof, "proven": proven}
-        judged.append(trial._replace(**now))
-    return sorted(judged, key=lambda t: -t.j)
+        with_proof.append(trial._replace(**now))
+    return sorted(with_proof, key=lambda t: -t.j)
 
 
 def _polished(case, free, before, trials, filters):

@@ -232,7 +232,7 @@ class GroupCase(NamedTuple):
             and trial.state.validation_rmse_volt <= (1.0 - gates.validation_fall) * was
         )
 
-    def matters(self, first, before, trial, floor, share=1.0):
+    def matters(self, first, before, trial, floor, *, share=1.0):
         """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
         errors = before.validation_rmse_volt, trial.state.validation_rmse_volt
         return trial.material and excess_volt(*errors) >= share * self.gates.material_volt
