@@ -95,7 +95,7 @@ class Round(NamedTuple):
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
-    do not count any more beside the choice.
+    do not count any more beside the choice. filters : whitening of the trials.
     """
 
     before: State
@@ -107,6 +107,7 @@ class Round(NamedTuple):
     tied: tuple
     hidden: tuple
     dropped: tuple = ()
+    filters: object = None
 
 
 def search(case, library):
@@ -221,7 +222,7 @@ def _tested(case, possible, effects, free, solution, filters, candidates):
     ]
     trials = _polished(case, free, before, trials, filters)
     trials = _judged(case, before, trials, filters)
-    return Round(before, filters.noise, None, scores, trials, None, (), hidden)
+    return Round(before, filters.noise, None, scores, trials, None, (), hidden, filters=filters)
 
 
 def tried(case, possible, free, before, score, filters):
