@@ -76,6 +76,44 @@ def ceiling(case, state, filters, floor):
     return Ceiling(rms(left_out[rows]), after, None if nothing else bool(learnable))
 
 
+def reached(case, rounds, floor):
+    """Rounds of a search up to the first name that falls short of what could be learned.
+
+    A name that takes less than half as much of the squared error off the records fitted as the
+    best function without physics (`ceiling`, each block by a function fitted without it), and less
+    than it off the records that judge, has the wrong course over SoC, current or temperature: it
+    stands for something else. What is chosen after it, and together explains more, speaks for it.
+
+    Parameters
+    ----------
+    case : case.Case. rounds : list of search.Round. floor : proof.Floor.
+
+    Returns
+    -------
+    rounds : list of search.Round; the last one chose nothing where a name was refused.
+    refused : search.Round that chose the name that is refused, or None.
+    """
+    last = rounds[-1].before
+    kept = {effect.key for effect in last.effects}
+    for number, step in enumerate(rounds):
+        if step.chosen is None or step.chosen.effect.key not in kept:
+            continue
+        if _short(step.before, last, ceiling(case, step.before, step.filters, floor)):
+            key = step.chosen.effect.key
+            cut = step._replace(chosen=None, tied=(), dropped=(*step.dropped, key))
+            return [*rounds[:number], cut], step
+    return rounds, None
+
+
+def _short(before, after, most):
+    """Whether a model falls short of a Ceiling: by half where fitted, and where it is judged."""
+    fitted = before.rmse_volt**2 - after.rmse_volt**2
+    judged = before.validation_rmse_volt**2 - after.validation_rmse_volt**2
+    return fitted < HALF * (before.rmse_volt**2 - most.fit_volt**2) and judged < (
+        before.validation_rmse_volt**2 - most.validation_volt**2
+    )
+
+
 class _Side(NamedTuple):
     """SoC (n,) [1] and drives (n, k) of a stack: the function is linear in the latter."""
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.proof import block_sums, blocks_of, consistency_of, excess_volt
-from cellwright.effects.search import best_of, frees_of
+from cellwright.effects.search import best_of
 
 DRAWS = 200
 SEED = 15
 # Blocks that lie side by side err alike: the weights scatter as if there were fewer of them.
-SPREAD = 1.0
+SPREAD = 4.0
 
 
 class Side(NamedTuple):
@@ -54,7 +54,8 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD):
     2. In each round gain, harm, sizes and criteria of its trials follow with these weights, and
        the rule of the search (`search.best_of`) chooses.
     3. A draw that chooses as the search did, or an effect that the search chose later, goes on;
-       one that chooses another effect ends with it; one that chooses none ends with those so far.
+       one that chooses another effect ends with it; one that chooses none, or one that the search
+       took back, ends with those so far.
 
     Parameters
     ----------
@@ -72,6 +73,7 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD):
     kept = tuple(step.chosen.effect.id for step in result.steps)
     going, answers = np.arange(draws), [()] * draws
     sides, first = None, None
+    refused = {key for step in rounds for key in step.dropped}
     for number, step in enumerate(rounds):
         if sides is None:
             sides = _sides(case, step, random.gamma, draws, spread)
@@ -85,7 +87,8 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD):
                 answers[draw] = kept
                 further.append(draw)
             else:
-                answers[draw] = so_far if trial is None else (*so_far, trial.effect.id)
+                none = trial is None or trial.effect.key in refused
+                answers[draw] = so_far if none else (*so_far, trial.effect.id)
         going = np.array(further, int)
     return _shares(answers, _unknown(result, sides, first, case.gates.unknown_volt), result)
 

@@ -157,7 +157,9 @@ def with_misfit(noise, residual_volt, stack, *, extra_volt=0.0):
     for number in range(len(stack.first)):
         rows = stack.file == number
         clock = Clock(
-            *(stack.step_second[rows], stack.fresh[rows]), np.zeros(1, int), np.zeros(rows.sum(), int)
+            *(stack.step_second[rows], stack.fresh[rows]),
+            np.zeros(1, int),
+            np.zeros(rows.sum(), int),
         )
         noises.append(_misfit(noise, residual_volt[rows], clock, extra[rows]))
     return tuple(noises)
