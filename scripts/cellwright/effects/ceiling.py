@@ -22,6 +22,7 @@ LEAST_KELVIN = 2.0  # range of the records fitted from which a course over tempe
 SIZES_VOLT = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 FOLDS = 5
 HALF = 0.5  # of the excess, from which what is missing counts as learned
+SHORT = 2 / 3  # of what the function explains: a name below it has another course
 
 
 class Ceiling(NamedTuple):
@@ -79,10 +80,11 @@ def ceiling(case, state, filters, floor):
 def reached(case, rounds, floor):
     """Rounds of a search up to the first name that falls short of what could be learned.
 
-    A name that takes less than half as much of the squared error off the records fitted as the
-    best function without physics (`ceiling`, each block by a function fitted without it), and less
-    than it off the records that judge, has the wrong course over SoC, current or temperature: it
-    stands for something else. What is chosen after it, and together explains more, speaks for it.
+    A name that takes less than two thirds as much of the squared error off the records fitted as
+    the best function without physics (`ceiling`, each block by a function fitted without it), and
+    less than it off the records that judge, has the wrong course over SoC, current or temperature:
+    it stands for something else. What is chosen after it, and together explains more, speaks for
+    it.
 
     Parameters
     ----------
@@ -106,10 +108,10 @@ def reached(case, rounds, floor):
 
 
 def _short(before, after, most):
-    """Whether a model falls short of a Ceiling: by half where fitted, and where it is judged."""
+    """Whether a model falls short of a Ceiling: by a third where fitted, and where it is judged."""
     fitted = before.rmse_volt**2 - after.rmse_volt**2
     judged = before.validation_rmse_volt**2 - after.validation_rmse_volt**2
-    return fitted < HALF * (before.rmse_volt**2 - most.fit_volt**2) and judged < (
+    return fitted < SHORT * (before.rmse_volt**2 - most.fit_volt**2) and judged < (
         before.validation_rmse_volt**2 - most.validation_volt**2
     )
 
