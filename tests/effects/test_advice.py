@@ -24,12 +24,12 @@ def asked(truth, *, untestable=(), place=None, change=lambda steps: steps):
 
 
 def test_nothing_is_advised_where_nothing_is_open():
-    assert asked(HEALTHY)[0] == ({}, None)
-    assert asked(Truth(hysteresis=0.012))[0] == ({}, None)
+    assert asked(HEALTHY)[0] == ({}, None, None)
+    assert asked(Truth(hysteresis=0.012))[0] == ({}, None, None)
 
 
 def test_a_tie_is_asked_first():
-    (menu, sentence), result = asked(Truth(leak=0.06))
+    (menu, sentence, _), result = asked(Truth(leak=0.06))
     assert result.word == "ambiguous"
     assert sentence.startswith("To tell ")
     assert "rest_48h" in menu["test"]
@@ -40,7 +40,7 @@ def test_a_name_without_proof_gets_the_test_that_proves_it():
         chosen = steps[0].chosen._replace(proven=False)
         return [steps[0]._replace(chosen=chosen), *steps[1:]]
 
-    (menu, sentence), _ = asked(Truth(activation=2.5e4), change=unproven)
+    (menu, sentence, _), _ = asked(Truth(activation=2.5e4), change=unproven)
     assert sentence.startswith("To prove resistance temperature on a record that is not fitted: ")
     assert menu["test"][0].endswith(("_warm", "_cold"))
     assert menu["chi_square"][0] > 1000.0
@@ -50,7 +50,7 @@ def test_a_gap_without_a_near_explanation_is_sought_where_it_sits():
     def alone(steps):
         return [*steps[:-1], steps[-1]._replace(trials=[])]
 
-    (menu, sentence), result = asked(Truth(ripple=0.008), place=PLACE, change=alone)
+    (menu, sentence, _), result = asked(Truth(ripple=0.008), place=PLACE, change=alone)
     assert result.word == "unknown"
     assert menu == {}
     assert "at 10–20 % SoC on discharge above 0.7C in judge_1 (8 °C)" in sentence
@@ -58,13 +58,13 @@ def test_a_gap_without_a_near_explanation_is_sought_where_it_sits():
 
 
 def test_an_unknown_always_has_advice():
-    (_, sentence), result = asked(Truth(ripple=0.008), place=PLACE)
+    (_, sentence, _), result = asked(Truth(ripple=0.008), place=PLACE)
     assert result.word == "unknown"
     assert sentence.startswith("To ")
 
 
 def test_at_one_temperature_resistance_over_temperature_is_asked():
     truth = small_plant.HEALTHY
-    (menu, sentence), _ = asked(truth, untestable=("resistance_temperature",))
+    (menu, sentence, _), _ = asked(truth, untestable=("resistance_temperature",))
     assert sentence.startswith("To see resistance temperature")
     assert menu["test"]

@@ -9,7 +9,7 @@ DOUBLED = 2.0  # what a test makes of the chi-square on hand: explanations told 
 
 
 def advised(case, result, rounds, library, untestable, place):
-    """Menu of next tests and the sentence that advises one, for the most urgent open question.
+    """Menu of next tests and advice of one, for the most urgent open question.
 
     1. A tie: what tells the effects apart.
     2. A name that no record shows which was not fitted: the test that would prove it.
@@ -28,7 +28,8 @@ def advised(case, result, rounds, library, untestable, place):
     Returns
     -------
     menu : dict of columns test, hours, chi_square; {} where nothing of the menu was weighed.
-    sentence : str, or None: there is no open question.
+    sentence : str, or None: there is no open question. test : id of the menu that is advised, or
+    None.
     """
     tied = next((step for step in result.steps if step.tied), None)
     if tied is not None:
@@ -42,12 +43,12 @@ def advised(case, result, rounds, library, untestable, place):
         return _of_gap(case, result, rounds[-1], library, place)
     # Of effects that could not be tested, resistance over temperature is what most cells have.
     if result.word != "none" or "resistance_temperature" not in untestable:
-        return {}, None
+        return {}, None, None
     return _told(next_test(case, result.last, "resistance_temperature", library=library))
 
 
 def _told(advice):
-    return advice.table, advice.sentence
+    return advice.table, advice.sentence, None if advice.test == "check" else advice.test
 
 
 def _of_gap(case, result, step, library, place):
@@ -61,14 +62,16 @@ def _of_gap(case, result, step, library, place):
         advice = next_test(case, state, name, rivals, library=library, proof=not rivals)
         most = max(advice.table["chi_square"])
         if advice.test is not None and most >= DOUBLED * advice.now:
-            return advice.table, f"{advice.sentence[:-1]}. Neither explains all that is left."
+            sentence = f"{advice.sentence[:-1]}. Neither explains all that is left."
+            return advice.table, sentence, advice.test
     if place is None:
-        return {}, None
+        return {}, None, None
     rest = f"{REST_HOUR} h of rest before and after"
-    return {}, (
+    sentence = (
         f"To see what is left {where(place)}: the loads of that test once more in this range of "
         f"the state of charge, with {rest}, as a test that is not fitted."
     )
+    return {}, sentence, None
 
 
 def _near(case, before, trial, floor):

@@ -125,7 +125,7 @@ def of_case(name, case, library, *, split_rest_second=None):
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
     place = worst(residuals, result.floor.validation_volt)
     open_place = None if result.adequate else place
-    menu, advice = advised(case, result, rounds, library, untestable, open_place)
+    menu, advice, test = advised(case, result, rounds, library, untestable, open_place)
     verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
     evidence_columns = _evidence(case, result)
     shares = explained(evidence_columns)
@@ -137,6 +137,7 @@ def of_case(name, case, library, *, split_rest_second=None):
         "ceiling_fit_volt": best.fit_volt,
         "learnable": best.learnable,
     }
+    verdict["next_test_id"] = test
     verdict["probabilities"] = probabilities(case, rounds, result)
     verdict["worsened"] = worsened(residuals)
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)

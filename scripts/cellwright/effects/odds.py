@@ -15,7 +15,7 @@ from cellwright.effects.search import best_of
 
 DRAWS = 200
 SEED = 15
-# Both are from the benchmark's behavioural cells, half of them; docs/missing-effect.md, "How likely".
+# Both are from half of the behavioural cells; docs/missing-effect.md, "How likely".
 SPREAD = 8.0  # blocks that lie side by side err alike: weights scatter as if they were fewer
 UNSEEN = 0.05  # searches that all blocks agree on and that are wrong: a form that no effect has
 

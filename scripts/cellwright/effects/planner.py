@@ -346,6 +346,27 @@ def _question(model, effect, rivals, library, proof):
     return model, Question(effect, rivals, effects, inside, proof)
 
 
+def planned(case, test):
+    """A test of a case's menu.
+
+    Parameters
+    ----------
+    case : case.Case. test : id.
+
+    Returns
+    -------
+    planned : Planned.
+
+    Raises
+    ------
+    Refusal : the menu has no such test.
+    """
+    tests = {one.id: one for one in _tests(case, None, None)}
+    if test not in tests:
+        raise Refusal(f"no test {test!r} in the menu; there are: {', '.join(tests)}")
+    return tests[test]
+
+
 def _tests(case, rating, drive):
     capacity = case.cell.capacity_ampere_hour
     rating = rating or rating_of(case.fit, capacity)
