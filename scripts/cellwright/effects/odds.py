@@ -5,6 +5,7 @@ their rows. Each draw gives every block a random weight, and the rule of the sea
 among the trials of each round; none is fitted again.
 """
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -82,23 +83,26 @@ def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD, unseen=UN
             sides = _sides(case, step, random.gamma, draws, spread)
             first = _befores(step.before, sides)
         choices = _choices(case, step, sides, first, going, rounds[0].floor)
-        so_far = tuple(effect.id for effect in step.before.effects)
-        later = {s.chosen.effect.key: s.chosen.effect.id for s in rounds[number:] if s.chosen}
-        further = []
+        later = {s.chosen.effect.key for s in rounds[number:] if s.chosen}
+        later |= set(step.tied) if step.chosen else set()
+        further = [draw for draw, t in choices.items() if t is not None and t.effect.key in later]
         for draw, trial in choices.items():
-            same = {*later, *step.tied} if step.chosen else later
-            if trial is not None and trial.effect.key in same:
-                answers[draw] = kept
-                further.append(draw)
-            else:
-                none = trial is None or trial.effect.key in refused
-                answers[draw] = so_far if none else (*so_far, trial.effect.id)
+            answers[draw] = _ended(step, trial, refused)
+        for draw in further:
+            answers[draw] = kept
         going = np.array(further, int)
     shares = _shares(answers, _unknown(result, sides, first, case.gates.unknown_volt), result)
     possible = {*shares, "none", "unknown", *(t.effect.id for t in rounds[-1].trials)}
     even = unseen / len(possible)
     shares = {one: (1.0 - unseen) * shares.get(one, 0.0) + even for one in possible}
     return dict(sorted(shares.items(), key=lambda pair: (-pair[1], pair[0])))
+
+
+def _ended(step, trial, refused):
+    """Ids of a draw that ends in a round with a choice (search.Trial), or without one (None)."""
+    so_far = tuple(effect.id for effect in step.before.effects)
+    none = trial is None or trial.effect.key in refused
+    return so_far if none else (*so_far, trial.effect.id)
 
 
 def _sides(case, step, gamma, draws, spread):
@@ -181,13 +185,9 @@ def _shares(answers, unknown, result):
     same = {step.chosen.effect.id: (step.chosen.effect.id, *step.tied) for step in result.steps}
     shares = {}
     for names, lost in zip(answers, unknown, strict=True):
-        if not names:
-            said = ["unknown" if lost else "none"]
-        else:
-            said = [""]
-            for name in names:
-                said = [(*one, other) for one in said for other in same.get(name, (name,))]
-            said = [" + ".join(sorted(set(one))) for one in said]
+        alike = product(*(same.get(name, (name,)) for name in names))
+        said = [" + ".join(sorted(set(one))) for one in alike]
+        said = said if names else ["unknown" if lost else "none"]
         for one in said:
             shares[one] = shares.get(one, 0.0) + 1.0 / len(said) / len(answers)
     return shares
