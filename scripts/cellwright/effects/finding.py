@@ -5,12 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
+from cellwright.effects.advice import advised
 from cellwright.effects.case import Gates, not_excited, prepared
+from cellwright.effects.ceiling import ceiling, reached
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
+from cellwright.effects.odds import probabilities
 from cellwright.effects.own import external_case, own_case
 from cellwright.effects.paired import Pairing, paired
-from cellwright.effects.planner import next_test
 from cellwright.effects.screen import evidence
 from cellwright.effects.search import frees_of, search
 from cellwright.effects.sensitivity import Model, confounding, shown
@@ -133,21 +135,31 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     without blocks, which only a choice between models asks for.
     """
     rounds = search(case, library)
-    result = outcome(rounds, case.gates)
+    rounds, refused = reached(case, rounds, rounds[0].floor)
+    result = outcome(rounds, case.gates)._replace(refused=refused)
     residuals = _map(case, rounds[0].before, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in result.steps}
     hidden = set.intersection(*(set(step.hidden) for step in rounds)) - named
     hidden |= {name for name in library if tie_of(name) is not None}
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
-    menu, advice = _advised(case, result, rounds, library, untestable)
     place = worst(residuals, result.floor.validation_volt)
+    open_place = None if result.adequate else place
+    menu, advice, test = advised(case, result, rounds, library, untestable, open_place)
     verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
     verdict["base"] = base_name
     evidence_columns = _evidence(case, result)
     shares = explained(evidence_columns)
     for entry in (*verdict["effects"], *verdict["partial"]):
         entry["explained"] = shares.get(entry["effect"])
+    best = ceiling(case, result.last, rounds[-1].filters, result.floor)
+    verdict["remainder"] |= {
+        "ceiling_volt": best.validation_volt,
+        "ceiling_fit_volt": best.fit_volt,
+        "learnable": best.learnable,
+    }
+    verdict["next_test_id"] = test
+    verdict["probabilities"] = probabilities(case, rounds, result)
     verdict["worsened"] = worsened(residuals)
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     kept = bool(result.steps) and result.word in KEPT
@@ -168,20 +180,6 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
         model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
     )
-
-
-def _advised(case, result, rounds, library, untestable):
-    """Menu of next tests and advice: to break a tie, else on resistance over temperature."""
-    tied = next((s for s in result.steps if s.tied), None)
-    if tied is not None:
-        after = tied.chosen.state
-        advice = next_test(case, after, tied.chosen.effect.id, tied.tied, library=library)
-        return advice.table, advice.sentence
-    # Of effects that could not be tested, resistance over temperature is what most cells have.
-    if result.word != "none" or "resistance_temperature" not in untestable:
-        return {}, None
-    advice = next_test(case, result.last, "resistance_temperature", library=library)
-    return advice.table, advice.sentence
 
 
 def _map(case, before, after):

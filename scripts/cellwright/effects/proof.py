@@ -53,53 +53,105 @@ class Consistency(NamedTuple):
         return beyond and sized and self.helped > HALF * self.excited and self.harm <= LITTLE
 
 
-def consistency(before, after, block, record, *, material_volt):
-    """Consistency of a change of the residual over blocks.
+class BlockSums(NamedTuple):
+    """What a change of the residual does in each block, and to each record.
+
+    rows : (b,) of a block. kept : (b,) bool, blocks that count. file : (b,) number of its record.
+    energy, shared : (b,) mean square of the change, mean product of it and the residual [V²].
+    was, now : (b,) rms error before and after it [V].
+    """
+
+    rows: np.ndarray
+    kept: np.ndarray
+    file: np.ndarray
+    energy: np.ndarray
+    shared: np.ndarray
+    was: np.ndarray
+    now: np.ndarray
+
+
+def block_sums(before, after, block, record):
+    """BlockSums of a change of the residual.
 
     Parameters
     ----------
     before, after : (n,) residual without and with the effect [V].
     block : (n,) number of the block of each row, -1 where a row does not count.
-    record : (n,) number of the record of each row. material_volt : a change below it is none [V].
+    record : (n,) number of the record of each row.
+    """
+    counts = block >= 0
+    first, number = np.unique(block[counts], return_index=True, return_inverse=True)[1:]
+    rows = np.bincount(number)
+    change = before - after
+
+    def mean(values):
+        return np.bincount(number, values[counts]) / rows
+
+    energy = mean(change**2)
+    kept = (energy > 0) & (rows >= LEAST_ROWS)
+    errors = (np.sqrt(mean(r**2)) for r in (before, after))
+    return BlockSums(rows, kept, record[counts][first], energy, mean(before * change), *errors)
+
+
+def consistency(before, after, block, record, *, material_volt):
+    """Consistency of a change of the residual over blocks.
+
+    Parameters
+    ----------
+    before, after, block, record : see `block_sums`. material_volt : a change below it is none [V].
 
     Returns
     -------
     consistency : Consistency.
     """
-    counts = block >= 0
-    if not counts.any():
+    if not np.any(block >= 0):
         return Consistency(0.0, np.inf, 0.0, 0, 0, 0, np.inf, 0.0)
-    change = before - after
-    number = np.unique(block[counts], return_inverse=True)[1]
-    rows = np.bincount(number)
+    sums = block_sums(before, after, block, record)
+    whole = consistency_of(sums, np.ones((1, len(sums.rows))), material_volt=material_volt)[0]
+    numbers = {name: round(getattr(whole, name)) for name in ("excited", "helped", "hurt")}
+    return whole._replace(**numbers)
 
-    def mean(values, group, size):
-        return np.bincount(group, values[counts]) / size
 
-    energy, shared = mean(change**2, number, rows), mean(before * change, number, rows)
-    was, now = (np.sqrt(mean(r**2, number, rows)) for r in (before, after))
-    kept = (energy > 0) & (rows >= LEAST_ROWS)
-    weight = rows[kept] * np.sqrt(energy[kept])
-    each = shared[kept] / energy[kept]
-    gain = float(np.average(each, weights=weight)) if weight.any() else 0.0
-    spread = np.sqrt(np.sum((weight * (each - gain)) ** 2)) / max(weight.sum(), 1e-300)
-    excited = kept & (energy >= material_volt**2)
-    rise = (rows * (now - was))[excited]
-    risen, fallen = rise[rise > 0].sum(), -rise[rise < 0].sum()
-    harm = risen / fallen if fallen > 0 else (np.inf if risen > 0 else 0.0)
-    files = np.unique(record[counts], return_inverse=True)[1]
-    of_file = np.bincount(files)
-    worse = np.sqrt(mean(after**2, files, of_file)) - np.sqrt(mean(before**2, files, of_file))
-    return Consistency(
-        gain,
-        float(spread) if kept.sum() > 1 else np.inf,
-        float(np.sqrt(np.mean(change[counts] ** 2))),
-        int(excited.sum()),
-        int((excited & (now < was)).sum()),
-        int((kept & (now > was + material_volt)).sum()),
-        float(harm),
-        float(worse.max()),
+def consistency_of(sums, weights, *, material_volt):
+    """Consistency of a change where each block is there as often as a weight says.
+
+    Parameters
+    ----------
+    sums : BlockSums, of one block or more. weights : (d, b) [1]. material_volt : [V].
+
+    Returns
+    -------
+    consistencies : list of d Consistency, its numbers of blocks being sums of weights.
+    """
+    kept, rows = sums.kept, sums.rows
+    size = np.where(kept, rows * np.sqrt(sums.energy), 0.0)
+    each = np.where(kept, sums.shared / np.maximum(sums.energy, 1e-300), 0.0)
+    whole = np.maximum(weights @ size, 1e-300)
+    gain = weights @ (size * each) / whole
+    scatter = weights * (size * (each - gain[:, None])) ** 2
+    std = np.sqrt(scatter.sum(axis=1)) / whole if kept.sum() > 1 else np.full(len(gain), np.inf)
+    excited = kept & (sums.energy >= material_volt**2)
+    rise = np.where(excited, rows * (sums.now - sums.was), 0.0)
+    risen, fallen = (weights @ np.maximum(way * rise, 0.0) for way in (1.0, -1.0))
+    harm = np.divide(risen, fallen, out=np.where(risen > 0, np.inf, 0.0), where=fallen > 0)
+    numbers = (
+        excited,
+        excited & (sums.now < sums.was),
+        kept & (sums.now > sums.was + material_volt),
     )
+    changed = np.sqrt(weights @ (rows * sums.energy) / np.maximum(weights @ rows, 1e-300))
+    measures = (gain, std, changed, *(weights @ n for n in numbers), harm, _worse(sums, weights))
+    return [Consistency(*row) for row in np.stack(measures, axis=1).tolist()]
+
+
+def _worse(sums, weights):
+    """Largest rise of the rms error of one record (d,) [V]."""
+    of_file = (sums.file[:, None] == np.unique(sums.file)).astype(float)
+    rows = np.maximum((weights * sums.rows) @ of_file, 1e-300)
+    now, was = (
+        np.sqrt((weights * sums.rows * error**2) @ of_file / rows) for error in sums[-1:-3:-1]
+    )
+    return (now - was).max(axis=1)
 
 
 def blocks_of(stack, soc, rows):

@@ -70,8 +70,8 @@ class Trial(NamedTuple):
     """A candidate refitted, compared with the model without it.
 
     score : fall of chi-square that the screen expected. delta_bic, delta_validation : fall of the
-    criterion on the records fitted, of chi-square on those that judge, the latter corrected for
-    correlated misfit. material : its size matters. proof : proof.Consistency. proven : whether the
+    criterion on the records fitted, of chi-square on those that judge, both corrected for
+    correlated misfit by `inflation`, of each record by role. material : its size matters. proof : proof.Consistency. proven : whether the
     records that judge show it; else it was judged on the records fitted.
     """
 
@@ -83,6 +83,7 @@ class Trial(NamedTuple):
     state: State
     proof: object = None
     proven: bool = True
+    inflation: dict | None = None
 
     @property
     def j(self):
@@ -97,7 +98,7 @@ class Round(NamedTuple):
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
-    do not count any more beside the choice.
+    do not count any more beside the choice. filters : whitening of the trials.
     """
 
     before: State
@@ -109,6 +110,7 @@ class Round(NamedTuple):
     tied: tuple
     hidden: tuple
     dropped: tuple = ()
+    filters: object = None
 
     @property
     def noise(self):
@@ -315,7 +317,7 @@ def judged(case, before, trials, filters):
         criterion = float(np.sum(falls["fit"] / least["fit"]) + by_priors - counted)
         fall = float(np.sum(falls["validation"] / least["validation"]))
         now = {"delta_bic": criterion, "delta_validation": fall, "proof": proof, "proven": proven}
-        with_proof.append(trial._replace(**now))
+        with_proof.append(trial._replace(**now, inflation=least))
     return sorted(with_proof, key=lambda t: -t.j)
 
 

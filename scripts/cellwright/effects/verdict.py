@@ -13,6 +13,7 @@ class Outcome(NamedTuple):
     at the end. last : State at the end. floor : proof.Floor. closed : share of the gap that is
     closed on the validation records, by all effects. excess_volt : error left beyond the floor, of
     the side, fit or proof, where it is larger. adequate : nobody would act on that.
+    refused : round whose choice is no name, as it explains too little of what could be learned.
     """
 
     word: str
@@ -22,6 +23,7 @@ class Outcome(NamedTuple):
     closed: float | None
     excess_volt: float
     adequate: bool
+    refused: object = None
 
 
 def outcome(rounds, gates, *, alternatives=lambda step: step.tied):
@@ -83,6 +85,9 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
         for step, after in zip(result.steps, states, strict=False)
     ]
     settled = result.word in ("named", "ambiguous")
+    if result.word == "unknown" and result.refused is not None:
+        after = result.refused.chosen.state
+        entries = [(entry or entry_of)(result.refused, after, result._replace(last=after))]
     first, last = rounds[0].before, result.last
     return {
         "cell": name,

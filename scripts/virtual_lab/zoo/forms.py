@@ -16,7 +16,7 @@ from virtual_lab.campaigns import as_table, seed_of
 from virtual_lab.zoo import effects, march, metering, strength, tests_of_cells
 from virtual_lab.zoo.cell import Specimen, healthy
 from virtual_lab.zoo.made import Effect, Made, truth_row
-from virtual_lab.zoo.planned import SIZES, plan
+from virtual_lab.zoo.planned import SIZES, Wanted, plan
 
 CHEMISTRIES = ("NMC", "NMC", "LFP", "NCA")
 AT_ONCE = 150  # cells that are simulated together
@@ -60,10 +60,10 @@ def make(folder, *, seed: int, cells: Sequence[str] = (), **sizes: int) -> None:
 
 def _make_some(folder, some, seed, rows):
     """Cells that are simulated together: files, and rows of sheets and truth."""
-    drawn = [_drawn(name, wanted, seed) for name, wanted in some.items()]
-    healthy_cells = [made.plain for made in drawn]
-    without = _lefts(drawn, _compared(drawn, seed, healthy_cells), healthy_cells, names=True)
-    made = _sized(drawn, without, seed)
+    begun = [drawn(name, wanted, seed) for name, wanted in some.items()]
+    healthy_cells = [made.plain for made in begun]
+    without = _lefts(begun, _compared(begun, seed, healthy_cells), healthy_cells, names=True)
+    made = _sized(begun, without, seed)
     specimens = [one.specimen for one in made]
     tracks = _compared(made, seed, specimens)
     together = _lefts(made, tracks, specimens)
@@ -75,7 +75,7 @@ def _make_some(folder, some, seed, rows):
     _write_tests(folder, made, tracks, seed, rows["tests"])
 
 
-def _drawn(name, wanted, seed) -> Made:
+def drawn(name: str, wanted: Wanted, seed: int) -> Made:
     """A healthy specimen and first sizes of its effects, from the cell's own seed."""
     random = np.random.default_rng(seed_of(f"other forms {name}", seed))
     plain = healthy(random, str(random.choice(CHEMISTRIES)))
@@ -289,7 +289,7 @@ def _written(folder, made, number, track, k, seed):
         columns,
         meter,
         celsius=test.celsius,
-        surface=_has_sensor(made),
+        surface=has_sensor(made),
         seed=seed_of(f"noise of {made.name}/{number}", seed),
     )
     content = instruments.WRITERS["parquet"](columns)
@@ -310,7 +310,7 @@ def _written(folder, made, number, track, k, seed):
     }
 
 
-def _has_sensor(made):
+def has_sensor(made: Made) -> bool:
     """Every other cell has a sensor; where the sheet's temperature is wrong there is none."""
     return int(made.name[1:]) % 2 == 0 and not made.specimen.meter.sheet_kelvin
 

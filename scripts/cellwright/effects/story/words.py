@@ -327,7 +327,7 @@ def _nuisance(one):
 def _probabilities(verdict):
     known = sorted((verdict.get("probabilities") or {}).items(), key=lambda pair: -pair[1])
     listed = [
-        f"{' and '.join(map(name_of_effect, answer.split('+')))} {100 * p:.0f} %"
+        f"{' and '.join(name_of_effect(one.strip()) for one in answer.split('+'))} {100 * p:.0f} %"
         for answer, p in known
         if p >= LEAST_PROBABILITY
     ]
