@@ -48,19 +48,13 @@ EFFECT_PARTS = [
 WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
 
 
-def healthy_like(cell):
-    """Cells marked as reference of the type, where there are three to be held against."""
-    marked = references(cell)
-    return marked if len(marked) >= 3 else []
-
-
 rule effect_search:
     input:
         basis="results/basis/{cell}.json",
         series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
-        lent_basis=lambda w: [f"results/basis/{c}.json" for c in healthy_like(w.cell)],
+        lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
         lent_series=lambda w: [
-            p for c in healthy_like(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
+            p for c in references(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
         ],
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
@@ -79,7 +73,7 @@ rule effect_search:
         settings=of_analysis("missing_effect"),
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
-        references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
+        references=lambda w: [facts_of(c) for c in references(w.cell)],
     message:
         "Search for an effect that the model of {wildcards.cell} lacks."
     script:

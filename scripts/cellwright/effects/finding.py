@@ -59,7 +59,7 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
     cell : CellFacts. basis : dict, from `basis.basis`.
     tests : list of MeasuredTest. library : dict of Effect by id.
     settings : dict: those of `settings_of`, most_rows and split_rest_second.
-    references : sequence of Reference. Where three or more ran the same protocol, and the plain
+    references : sequence of Reference. Where one or more ran the same protocol, and the plain
     model fails them by far more than noise, the cell is compared with them (paired mode).
 
     Returns
@@ -82,7 +82,7 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
 
 def _paired(case, references, options):
     """The case in paired mode where that serves: (case, names of the references, notes)."""
-    if len(references) < Pairing().references:
+    if not references:
         return case, [], ()
     try:
         others = {r.cell.cell: prepared(*r, **options).case for r in references}
@@ -92,7 +92,16 @@ def _paired(case, references, options):
     if not pair.needed:
         return case, [], ("searched alone: the plain model follows the references to the noise",)
     names = ", ".join(pair.references)
-    return pair.case, list(pair.references), (f"searched beside the references {names}",)
+    notes = [f"searched beside the references {names}"]
+    notes += [f"not compared with {name}: {why}" for name, why in pair.unshared.items()]
+    few = Pairing()
+    if len(pair.references) < few.known_from:
+        notes.append(
+            f"how much healthy cells differ cannot be read from {len(pair.references)} of them: "
+            f"{1e3 * few.material_volt_of_few:g} mV, and {100 * few.scale_std_of_few:g} % of what "
+            "the references show, were taken"
+        )
+    return pair.case, list(pair.references), tuple(notes)
 
 
 def settings_of(settings):

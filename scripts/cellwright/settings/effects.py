@@ -184,7 +184,7 @@ class MissingEffectGroupGates(NamedTuple):
     material_volt [V] : An error of the branch currents, times their cells' resistance, that
         nobody acts on: an effect counts only if the mean square error falls by the square of
         this or more, and only parts of a test that it changes by as much are asked whether it
-        helps. Source: 15 mA in a cell of 20 mΩ, a third of a percent of 1C.
+        helps. Source: 5 mA in a cell of 20 mΩ, a thousandth of 1C: the offset of usual shunts.
     unknown_volt [V] : An error of the branch currents, times their cells' resistance, that is
         left beyond noise and the spread of healthy cells and is larger than this is told: as
         unknown, or as the remainder of what was named. Source: 50 mA in a cell of 20 mΩ, one
@@ -203,7 +203,7 @@ class MissingEffectGroupGates(NamedTuple):
     refits: int = 6
     bic: float = 10.0
     validation_chi_square: float = 25.0
-    material_volt: float = 0.0003
+    material_volt: float = 0.0001
     unknown_volt: float = 0.001
     tie_absolute: float = 6.0
     tie_relative: float = 0.003
