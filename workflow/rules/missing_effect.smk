@@ -143,3 +143,23 @@ rule missing_effect:
         "Verdicts of the whole campaign: what the models of its cells and groups lack."
     script:
         "../../scripts/missing_effect/missing_effect.py"
+
+
+rule fleet:
+    input:
+        verdicts=[f"results/missing_effect/{cell}/verdict.json" for cell in ASKED],
+        witnesses=WITNESSES,
+    output:
+        table="results/tables/fleet.csv",
+    log:
+        "logs/table/fleet.log",
+    params:
+        types={
+            cell: f"{chemistry}, {rating:g} Ah"
+            for (chemistry, rating), cells in OF_TYPE.items()
+            for cell in cells
+        },
+    message:
+        "Cells of each type beside each other: which effect all show, and which one alone."
+    script:
+        "../../scripts/missing_effect/fleet.py"
