@@ -156,7 +156,7 @@ class GroupCase(NamedTuple):
         return _filters(self, noises_of(self, residual, filters.noise if earlier else None))
 
     def sharper(self, trials, filters):
-        """Filters by the residual of the best trial where its slow noise is 20 % smaller, else None.
+        """Filters by the residual of the best trial where its slow noise is 20 % less, else None.
 
         The noise is first taken from a linear extrapolation, which fails for a strong effect.
         """

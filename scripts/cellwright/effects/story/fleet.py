@@ -1,4 +1,4 @@
-"""What all cells of a type show, and what one of them shows alone: a matrix of cells and effects."""
+"""What all cells of a type show, and what one cell shows alone: a matrix of cells and effects."""
 
 from typing import NamedTuple
 
@@ -91,7 +91,7 @@ def _shown(verdict, witnesses):
     for one in verdict.get("partial", []):
         shown[one["effect"]] = "unsure", _size_volt(one)
     tied = [name for one in verdict["effects"] for name in one["alternatives"]]
-    return {name: ("or another", None) for name in tied} | shown
+    return dict.fromkeys(tied, ("or another", None)) | shown
 
 
 def _size_volt(one):
