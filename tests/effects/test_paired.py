@@ -115,6 +115,13 @@ def test_one_or_two_references_serve_with_a_declared_spread():
     assert found[0] == "hysteresis_instant"
 
 
+def test_what_healthy_cells_differ_by_is_not_unknown():
+    alike = {name: case(1) for name in ("r1", "r2", "r3")}
+    same, other = (paired(case(8), others).case.gates for others in (alike, references()))
+    assert same.unknown_volt == pytest.approx(case(8).gates.unknown_volt, rel=1e-6)
+    assert other.unknown_volt > same.unknown_volt
+
+
 def test_no_reference_at_all_is_refused():
     with pytest.raises(Refusal, match="no healthy reference cell ran the same protocol"):
         paired(case(8), {})

@@ -224,7 +224,7 @@ class Pairing(NamedTuple):
 class Paired(NamedTuple):
     """A case with the template of healthy cells.
 
-    case : case.Case, its stacks with the template, its gates with the material voltage.
+    case : case.Case, its stacks with the template, its gates with what healthy cells differ by.
     references : names used. left_out : reasons why others were not, by name. unshared : reasons why
     single tests of the references used were not, by their names.
     template_volt, scatter_volt : by role, root mean square of the template, and of single
@@ -276,7 +276,11 @@ def paired(case, references, pairing=None):
     few = len(seconds) < pairing.known_from
     material_volt = pairing.material_volt_of_few if few else pairing.material_volt
     known = pairing.scale_std_of_few if few else pairing.scale_std
-    gates = case.gates._replace(material_volt=max(case.gates.material_volt, material_volt))
+    healthy = material_volt if few else max(_healthy_volt(rows[role]) for role in ROLES)
+    gates = case.gates._replace(
+        material_volt=max(case.gates.material_volt, material_volt),
+        unknown_volt=float(np.hypot(case.gates.unknown_volt, healthy)),
+    )
     tolerance = case.tolerance._replace(known=known)
     with_template = case._replace(**stacks, gates=gates, tolerance=tolerance)
     sizes = {role: rms(stacks[role].template_volt) for role in ROLES}
@@ -301,6 +305,22 @@ def _with_template(stack, rows):
         template[of_test] = part.mean(axis=1) if part.shape[1] else 0.0
     template = np.where(complete, template, 0.0)
     return stack._replace(template_volt=template, used=stack.used & complete)
+
+
+def _healthy_volt(rows):
+    """What the mean of the other references, its scale free, leaves of one, root mean square [V].
+
+    By so much healthy cells differ: no more of a cell's error is unknown.
+    """
+    shared = rows[np.isfinite(rows).all(axis=1)]
+    if not len(shared):
+        return 0.0
+    remainders = []
+    for k in range(shared.shape[1]):
+        own, others = shared[:, k], np.delete(shared, k, axis=1).mean(axis=1)
+        scale = own @ others / max(others @ others, np.finfo(float).tiny)
+        remainders.append(own - scale * others)
+    return rms(np.concatenate(remainders))
 
 
 def _scatter_volt(rows):
