@@ -66,6 +66,7 @@ def render(job) -> str:
         excluded=excluded,
         checks=_text(inputs.checks).to_dict("records"),
         summary=_text(inputs.summary).to_dict("records"),
+        fleet=fleet_of(tables["fleet"]),
         overview=[_picture(path, captions) for path in params.figures["campaign"]],
         pages=pages,
         assumptions=params.assumptions,
@@ -73,6 +74,31 @@ def render(job) -> str:
         environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
         artefacts=len(abouts),
     )
+
+
+def fleet_of(table: pd.DataFrame) -> list[dict]:
+    """Each type of tables/fleet as a matrix, a row a cell and a column an effect, and its sentence.
+
+    A word is the size of an effect in millivolt, with a question mark where it is not sure.
+    """
+    types = []
+    for name, rows in table.groupby("type", sort=False):
+        shown = rows[rows["effect"] != ""]
+        effects = list(dict.fromkeys(shown["effect"]))
+        words = {(row["cell"], row["effect"]): _fleet_word(row) for _, row in shown.iterrows()}
+        cells = [
+            {"cell": cell, "words": [words[cell, effect] for effect in effects]}
+            for cell in dict.fromkeys(shown["cell"])
+        ]
+        sentence = rows["sentence"].iloc[0]
+        types.append({"name": name, "sentence": sentence, "effects": effects, "rows": cells})
+    return types
+
+
+def _fleet_word(row) -> str:
+    if row["shown"] in ("sure", "unsure"):
+        return f"{1e3 * float(row['size_volt']):.2g}{'' if row['shown'] == 'sure' else ' ?'}"
+    return {"no": "", "not testable": "n/t", "or another": "or"}[row["shown"]]
 
 
 def packed(html: str) -> str:

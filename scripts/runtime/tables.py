@@ -76,6 +76,24 @@ def verdicts(documents, witnesses=(), own=None) -> list[dict]:
     return rows
 
 
+def fleet_rows(documents, types, witnesses=()) -> list[dict]:
+    """Rows of tables/fleet from verdict files: one a cell and effect that its type shows.
+
+    A type of which no cell shows an effect has one row, without a cell. `types` are names of types
+    by cell; `witnesses` as in `verdicts`.
+    """
+    from cellwright.effects.story.fleet import fleet
+
+    found = fleet(documents, types, witnesses)
+    rows = [entry._asdict() | {"sentence": found.sentences[entry.type]} for entry in found.entries]
+    blank = {"cell": None, "effect": None, "shown": "no", "size_volt": None}
+    silent = set(found.sentences) - {row["type"] for row in rows}
+    rows += [
+        {"type": name} | blank | {"sentence": found.sentences[name]} for name in sorted(silent)
+    ]
+    return rows
+
+
 def _sure(effect, witnesses) -> dict:
     """Whether nothing speaks against a name; of no name it is not asked."""
     if not effect["effect"]:

@@ -20,7 +20,7 @@ from runtime import artefact, page
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLES = ["capacity", "ica", "eis", "temperature", "choice", "validation", "soc", "packs"]
-TABLES += ["missing_effect", "excluded"]
+TABLES += ["missing_effect", "fleet", "excluded"]
 CELL = {"cell": "A", "chemistry": "NMC", "note": None}
 TEST = {
     "cell": "A",
@@ -124,6 +124,16 @@ def job(snakemake):
         {"check": "No charge from nothing.", "outcome": "failed", "found": "A: 3 Ah"}
     ]
     contents["missing_effect"] = [VERDICT]
+    kind = {"type": "NMC, 5 Ah", "sentence": "A alone shows self-discharge"}
+    shown = {"A": ("sure", 0.00312), "B": ("not testable", None)}
+    contents["fleet"] = [
+        kind | {"cell": cell, "effect": "leakage", "shown": word, "size_volt": volt}
+        for cell, (word, volt) in shown.items()
+    ]
+    contents["fleet"].append(
+        {"type": "LFP, 2 Ah", "sentence": "none of 2 cells shows an effect", "shown": "no"}
+        | dict.fromkeys(("cell", "effect", "size_volt"))
+    )
     at = {"ambient_temperature_celsius": 25.0, "blocks": 9, "typical_volt": 0.001}
     at |= {"cell": "A", "worst_volt": 0.03, "fit_rmse_volt": 0.00234}
     contents["choice"] = [
@@ -277,6 +287,15 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     (picture,) = found["pictures"]
     assert (picture["title"], picture["test"]) == ("V", "udds")
     assert found["tables"] == {}
+
+
+def test_cells_of_a_type_stand_beside_each_other(job):
+    html = page.render(job)
+    assert "<strong>NMC, 5 Ah:</strong> A alone shows self-discharge." in html
+    assert "<strong>LFP, 2 Ah:</strong> none of 2 cells shows an effect." in html
+    nmc, lfp = page.fleet_of(page._text("results/tables/fleet.csv"))
+    assert nmc["rows"] == [{"cell": "A", "words": ["3.1"]}, {"cell": "B", "words": ["n/t"]}]
+    assert lfp["effects"] == []
 
 
 @pytest.mark.parametrize(

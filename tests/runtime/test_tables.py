@@ -213,6 +213,20 @@ def test_a_name_that_nothing_speaks_against_is_sure():
     assert row["in_one_line"] == "shows self-discharge; its model lacks nothing above 3 mV"
 
 
+def test_the_fleet_has_a_row_for_each_cell_and_effect_or_one_for_a_type_without():
+    effect = {"effect": "leakage", "alternatives": [], "parameters": {}, "gap_closed": 0.9}
+    effect |= {"validation_rmse_volt": {"before": 0.005, "after": 0.003}, "rmse_volt": {}}
+    none = {"verdict": "none", "effects": [], "not_testable": []}
+    named = none | {"verdict": "named", "effects": [effect | {"same_without_validation": True}]}
+    found = [named | {"cell": "A"}, *(none | {"cell": cell} for cell in "BCD")]
+    types = {"A": "NMC, 5 Ah", "B": "NMC, 5 Ah", "C": "LFP, 2 Ah", "D": "LFP, 2 Ah"}
+    first, second, silent = tables.fleet_rows(found, types)
+    assert (first["cell"], first["shown"], first["size_volt"]) == ("A", "sure", 0.004)
+    assert (second["cell"], second["shown"]) == ("B", "no")
+    assert (silent["type"], silent["cell"]) == ("LFP, 2 Ah", None)
+    assert silent["sentence"] == "none of 2 cells shows an effect"
+
+
 def test_manifest_finds_what_was_edited_by_hand(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("a", "b", "c"):

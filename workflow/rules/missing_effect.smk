@@ -52,19 +52,13 @@ OWN_VERDICTS = [f"results/missing_effect/{cell}/own/verdict.json" for cell in SE
 WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
 
 
-def healthy_like(cell):
-    """Cells marked as reference of the type, where there are three to be held against."""
-    marked = references(cell)
-    return marked if len(marked) >= 3 else []
-
-
 rule effect_search:
     input:
         basis="results/basis/{cell}.json",
         series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
-        lent_basis=lambda w: [f"results/basis/{c}.json" for c in healthy_like(w.cell)],
+        lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
         lent_series=lambda w: [
-            p for c in healthy_like(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
+            p for c in references(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
         ],
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
@@ -83,7 +77,7 @@ rule effect_search:
         settings=of_analysis("missing_effect"),
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
-        references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
+        references=lambda w: [facts_of(c) for c in references(w.cell)],
     message:
         "Search for an effect that the model of {wildcards.cell} lacks."
     script:
@@ -178,3 +172,23 @@ rule missing_effect:
         "Verdicts of the whole campaign: what the models of its cells and groups lack."
     script:
         "../../scripts/missing_effect/missing_effect.py"
+
+
+rule fleet:
+    input:
+        verdicts=[f"results/missing_effect/{cell}/verdict.json" for cell in ASKED],
+        witnesses=WITNESSES,
+    output:
+        table="results/tables/fleet.csv",
+    log:
+        "logs/table/fleet.log",
+    params:
+        types={
+            cell: f"{chemistry}, {rating:g} Ah"
+            for (chemistry, rating), cells in OF_TYPE.items()
+            for cell in cells
+        },
+    message:
+        "Cells of each type beside each other: which effect all show, and which one alone."
+    script:
+        "../../scripts/missing_effect/fleet.py"

@@ -232,6 +232,8 @@ class Case(NamedTuple):
         if trial.proven:
             errors = before.validation_rmse_volt, after.validation_rmse_volt
             taken = max(taken, excess_volt(*errors)) if errors[1] < errors[0] else 0.0
+        if excess_volt(after.rmse_volt, before.rmse_volt) > self.gates.material_volt:
+            return False
         # A small size matters, too, where the load makes a large voltage of it.
         sized = trial.material or taken >= self.gates.unknown_volt
         return sized and taken >= share * self.gates.material_volt

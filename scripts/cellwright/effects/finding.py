@@ -69,7 +69,7 @@ def missing_effect(
     settings : dict: those of `settings_of`, most_rows and split_rest_second.
     model : dict of schema cellwright-model/2, for the base `own`. simulated : dict test → (time
     (n,) [s], voltage (n,) [V]), for the base `external`; tests without one take no part.
-    references : sequence of Reference, of the base `plain`. Where three or more ran the same
+    references : sequence of Reference, of the base `plain`. Where one or more ran the same
     protocol, and the plain model fails them by far more than noise, the cell is compared with them
     (paired mode).
 
@@ -103,7 +103,7 @@ def missing_effect(
 
 def _paired(case, references, options):
     """The case in paired mode where that serves: (case, names of the references, notes)."""
-    if len(references) < Pairing().references:
+    if not references:
         return case, [], ()
     try:
         others = {r.cell.cell: prepared(*r, **options).case for r in references}
@@ -113,7 +113,16 @@ def _paired(case, references, options):
     if not pair.needed:
         return case, [], ("searched alone: the plain model follows the references to the noise",)
     names = ", ".join(pair.references)
-    return pair.case, list(pair.references), (f"searched beside the references {names}",)
+    notes = [f"searched beside the references {names}"]
+    notes += [f"not compared with {name}: {why}" for name, why in pair.unshared.items()]
+    few = Pairing()
+    if len(pair.references) < few.known_from:
+        notes.append(
+            f"how much healthy cells differ cannot be read from {len(pair.references)} of them: "
+            f"{1e3 * few.material_volt_of_few:g} mV, and {100 * few.scale_std_of_few:g} % of what "
+            "the references show, were taken"
+        )
+    return pair.case, list(pair.references), tuple(notes)
 
 
 def settings_of(settings):
