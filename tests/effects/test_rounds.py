@@ -99,7 +99,6 @@ def test_an_effect_that_was_chosen_stays_with_less_than_makes_a_choice():
 @pytest.mark.parametrize("truth", [HYSTERESIS, HEALTHY])
 def test_a_round_holds_the_filters_by_which_it_was_judged(truth):
     """The cost of its model is that of a fit with them: what reads a round needs no others."""
-    made = case(truth)
     for step in rounds(truth):
         solution = step.before.solution
         again = step.filters.fit.apply(solution.residual)

@@ -71,8 +71,9 @@ class Trial(NamedTuple):
 
     score : fall of chi-square that the screen expected. delta_bic, delta_validation : fall of the
     criterion on the records fitted, of chi-square on those that judge, both corrected for
-    correlated misfit by `inflation`, of each record by role. material : its size matters. proof : proof.Consistency. proven : whether the
-    records that judge show it; else it was judged on the records fitted.
+    correlated misfit by `inflation`, of each record by role. material : its size matters.
+    proof : proof.Consistency. proven : whether the records that judge show it; else it was judged
+    on the records fitted.
     """
 
     effect: object
