@@ -9,8 +9,8 @@ from virtual_lab import campaigns, electrodes
 from virtual_lab.behaviour import Rating
 from virtual_lab.score import verdicts
 from virtual_lab.zoo import physics_cells, physics_strength
+from virtual_lab.zoo.physics_circuit import SOC, Drive, residuals_volt, rms_volt
 from virtual_lab.zoo.physics_forms import FORMS
-from virtual_lab.zoo.plain_circuit import SOC, Drive, residuals_volt, rms_volt
 
 PLAN = physics_cells.plan(seed=3, forms=13, healthy=3)
 BY_FORM = {(row.specimen.type, row.specimen.form): row.specimen for row in PLAN.cells}

@@ -310,12 +310,8 @@ def _taken(marcher, begin, step) -> list[_Place]:
     ahead = (begin.second + _grid(step)[:0:-1]).tolist()
     while ahead:
         before, length = places[-1], ahead[-1] - places[-1].second
-        try:
-            after = marcher.step(before, length, load)
-        except RuntimeError:
-            # An emptied cell may have no voltage at the end of a step that passes its cut-off.
-            if length < SHORTEST_SECOND:
-                raise
+        after = _tried(marcher, before, length, load)
+        if after is None:
             ahead.append(before.second + length / 2)
             continue
         if passed(after) < 0:
@@ -325,6 +321,19 @@ def _taken(marcher, begin, step) -> list[_Place]:
         places.append(after)
         ahead.pop()
     return places
+
+
+def _tried(marcher, before, length, load):
+    """The place after a step; None where a shorter step must be tried.
+
+    An emptied cell may have no voltage at the end of a step that passes its cut-off.
+    """
+    try:
+        return marcher.step(before, length, load)
+    except RuntimeError:
+        if length < SHORTEST_SECOND:
+            raise
+        return None
 
 
 def _load(step, begin) -> _Load:
@@ -370,14 +379,17 @@ def _grid(step) -> np.ndarray:
     """Times [s] within a step at which it is solved."""
     end = step.duration_second
     if step.kind == "profile":
-        regular, longest = np.arange(DRIVE_SECOND, end, DRIVE_SECOND), DRIVE_SECOND
-        regular = np.union1d(regular, step.value[1:, 0])
+        longest = DRIVE_SECOND
+        regular = np.union1d(np.arange(longest, end, longest), step.value[1:, 0])
     else:
         longest = np.clip(LONGEST_SHARE * end, *LONGEST_SECOND)
-        regular = np.arange(2 * longest, end, longest)
+        regular = np.arange(longest, end, longest)
     count = int(np.log(longest / FIRST_SECOND) / np.log(GROWTH)) + 1
     early = np.cumsum(FIRST_SECOND * GROWTH ** np.arange(count))
-    second = np.concatenate([[0.0], early[early < longest], regular[regular > early[-1]]])
+    # Steps grow by 1.3 up to where the longest step fits, and are even from there on.
+    grown = early if step.kind != "profile" else early[early < longest]
+    regular = np.concatenate([[0.0], grown, regular[regular > grown[-1]]])
+    second = regular[np.diff(regular, prepend=-1.0) > FIRST_SECOND / 2]
     return np.append(second[second < end - FIRST_SECOND], end)
 
 

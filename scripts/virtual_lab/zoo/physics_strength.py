@@ -8,8 +8,8 @@ what it leaves of the references.
 import numpy as np
 
 from virtual_lab.instruments import measurement
+from virtual_lab.zoo.physics_circuit import SOC, Drive, residuals_volt, rms_volt
 from virtual_lab.zoo.physics_forms import FORMS
-from virtual_lab.zoo.plain_circuit import SOC, Drive, residuals_volt, rms_volt
 
 RESIDUALS = "residual"  # table of the parts, which `compared` uses up
 STEP_SECOND = 1.0
