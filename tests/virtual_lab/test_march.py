@@ -25,11 +25,11 @@ def test_the_march_is_within_a_millivolt_of_the_adaptive_solver():
     around = {"chamber": steady(10.0), "initial_soc": 0.6}
     marched, solved = march.run(steps, CELL, **around), simulate.run(steps, CELL, **around)
     for one, other, step in zip(marched, solved, steps, strict=True):
-        # Where instruments take their samples: within 80 ms of whole seconds.
         second = np.arange(1.0, step.duration_second)
-        second = second + np.resize([-0.08, 0.0, 0.08], second.size)
-        off = one.voltage(second) - other.voltage(second)
-        assert np.sqrt(np.mean(off**2)) < 3e-4
+        # At whole seconds, and where an instrument's jittering clock may take a sample.
+        for late, most in ((0.0, 2e-4), (0.08, 1.5e-3), (-0.08, 1.5e-3)):
+            off = one.voltage(second + late) - other.voltage(second + late)
+            assert np.sqrt(np.mean(off**2)) < most
         np.testing.assert_allclose(one.temperature(second), other.temperature(second), atol=0.01)
     end = [behaviours[-1].soc(120.0) for behaviours in (marched, solved)]
     assert end[0] == pytest.approx(end[1], abs=1e-5)
