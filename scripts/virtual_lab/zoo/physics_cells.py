@@ -75,10 +75,10 @@ and the root mean square difference of the two residuals is told, on the drives 
 (`visible_gap_millivolt`) and on those that judge (`validation_gap_millivolt`), above 10 % SoC.
 `base_volt`: what the circuit leaves of the cell without the effect on the drives that judge;
 `beside_references_volt`: the same less the mean of the references' residuals.
-`visible`: with the effect the circuit leaves, beside the references and with the noise, more than
-1.3 (drives that judge) or 1.15 times (drives for the fit) of what it leaves without.
-`visible_alone`: the same without the references. `unproven`: visible on the drives for the fit
-alone.
+`visible`: gap, noise and what is left without the effect beside the references are together (as
+root of the sum of squares) more than 1.3 (drives that judge) or 1.15 times (drives for the fit) of
+the latter two. `visible_alone`: the same without the references. `unproven`: visible on the drives
+for the fit alone.
 """
 
 

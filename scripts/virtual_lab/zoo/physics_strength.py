@@ -15,7 +15,7 @@ RESIDUALS = "residual"  # table of the parts, which `compared` uses up
 STEP_SECOND = 1.0
 KEPT_EVERY = 5
 DRIVEN_STEPS = 2  # rest and load: the rest after the load begins where the load ended
-FIT_FACTOR, PROOF_FACTOR = 1.15, 1.3
+FACTORS = {False: 1.15, True: 1.3}  # by whether a drive is proof
 MICROVOLT = 1e-6
 
 
@@ -146,14 +146,10 @@ def _complete(row_of_cell, residuals, references):
     }
     gaps = {p: rms_volt([with_it - base for with_it, base, _ in parts[p]]) for p in parts}
     noise = row_of_cell["floor_volt"]
-    seen = {
-        p: _is_visible([(w - mean, b - mean) for w, b, mean in parts[p]], noise, factor)
-        for p, factor in ((False, FIT_FACTOR), (True, PROOF_FACTOR))
-    }
-    alone = any(
-        _is_visible([(w, b) for w, b, _ in parts[p]], noise, factor)
-        for p, factor in ((False, FIT_FACTOR), (True, PROOF_FACTOR))
-    )
+    without = {p: rms_volt([base for _, base, _ in parts[p]]) for p in parts}
+    beside = {p: rms_volt([base - mean for _, base, mean in parts[p]]) for p in parts}
+    seen = {p: _is_visible(gaps[p], beside[p], noise, FACTORS[p]) for p in parts}
+    alone = any(_is_visible(gaps[p], without[p], noise, FACTORS[p]) for p in parts)
     hidden = bool(row_of_cell["effects"])
     visible = hidden and any(seen.values())
     sheet = row_of_cell["kind"] == "sheet"
@@ -166,8 +162,8 @@ def _complete(row_of_cell, residuals, references):
         "visible_alone": hidden and alone,
         "unproven": visible and not seen[True],
         "none_acceptable": not visible or sheet,
-        "base_volt": round(rms_volt([base for _, base, _ in parts[True]]), 6),
-        "beside_references_volt": round(rms_volt([b - mean for _, b, mean in parts[True]]), 6),
+        "base_volt": round(without[True], 6),
+        "beside_references_volt": round(beside[True], 6),
         "effects": [effect | told for effect in row_of_cell["effects"]],
     }
 
@@ -183,7 +179,7 @@ def _beside(mine, references):
     return with_it, without, np.mean(others, axis=0)
 
 
-def _is_visible(pairs, noise_volt, factor):
-    """Whether more is left with the effect than a factor times what is left without, with noise."""
-    with_it, without = (rms_volt([pair[k] for pair in pairs]) for k in (0, 1))
-    return bool(np.hypot(with_it, noise_volt) > factor * np.hypot(without, noise_volt))
+def _is_visible(gap_volt, rest_volt, noise_volt, factor):
+    """Whether gap, rest and noise together exceed a factor times rest and noise."""
+    rest = np.hypot(rest_volt, noise_volt)
+    return bool(np.hypot(gap_volt, rest) > factor * rest)
