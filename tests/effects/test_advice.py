@@ -3,9 +3,9 @@
 import small_plant
 from small_plant import HEALTHY, Truth, case, rounds
 
-from cellwright.effects.advice import advised
 from cellwright.effects.case import Gates
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.planning.advice import advised
 from cellwright.effects.verdict import outcome
 
 PLACE = {

@@ -103,7 +103,7 @@ def test_the_search_has_one_set_of_defaults():
 
     chosen = settings.defaults(CONFIG)["missing_effect"]
     tolerances = {f"{name}_tolerance": value for name, value in Tolerance()._asdict().items()}
-    others = {name: chosen[name] for name in ("enabled", "most_rows")}
+    others = {name: chosen[name] for name in ("enabled", "bases", "most_rows")}
     assert chosen == others | Gates()._asdict() | tolerances
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.proof import blocks_of, excess_volt
+from cellwright.effects.search import up_to
 from cellwright.numerics.linear import hats
 from cellwright.numerics.statistics import rms
 
@@ -97,13 +98,11 @@ def reached(case, rounds, floor):
     """
     last = rounds[-1].before
     kept = {effect.key for effect in last.effects}
-    for number, step in enumerate(rounds):
+    for step in rounds:
         if step.chosen is None or step.chosen.effect.key not in kept:
             continue
         if _short(step.before, last, ceiling(case, step.before, step.filters, floor)):
-            key = step.chosen.effect.key
-            cut = step._replace(chosen=None, tied=(), dropped=(*step.dropped, key))
-            return [*rounds[:number], cut], step
+            return up_to(rounds, step), step
     return rounds, None
 
 

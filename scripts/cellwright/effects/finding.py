@@ -5,17 +5,17 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.advice import advised
 from cellwright.effects.case import Gates, not_excited, prepared
 from cellwright.effects.ceiling import ceiling, reached
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
-from cellwright.effects.odds import probabilities
+from cellwright.effects.odds import likely, probabilities
 from cellwright.effects.own import external_case, own_case
 from cellwright.effects.paired import Pairing, paired
+from cellwright.effects.planning.advice import advised
+from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.screen import evidence
-from cellwright.effects.search import frees_of, search
-from cellwright.effects.sensitivity import Model, confounding, shown
+from cellwright.effects.search import frees_of, search, up_to
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.words import explained, paragraph
 from cellwright.effects.ties import tie_of
@@ -136,6 +136,41 @@ def settings_of(settings):
     return gates, base.Tolerance(**tolerances)
 
 
+def decided(case, rounds):
+    """What the rounds of a search come to: names that stand for themselves, and are likely.
+
+    Parameters
+    ----------
+    case : case.Case. rounds : list of search.Round.
+
+    Returns
+    -------
+    rounds : list of search.Round, up to the first name that falls short of what could be learned
+    without physics (`ceiling.reached`), is less likely than not (`odds.likely`), or makes the model
+    worse on records that judge.
+    result : verdict.Outcome. shares : probability of each answer, before names were refused.
+    """
+    rounds, short = reached(case, rounds, rounds[0].floor)
+    result = outcome(rounds, case.gates)
+    shares = probabilities(case, rounds, result)
+    rounds, unlikely = likely(rounds, result, shares)
+    rounds, worse = _helping(rounds, outcome(rounds, case.gates))
+    result = outcome(rounds, case.gates)
+    return rounds, result._replace(refused=worse or unlikely or short), shares
+
+
+def _helping(rounds, result):
+    """Rounds up to the first proven name without which other records are followed better.
+
+    A choice is refitted with all rows anew; what helped as it was tried may not any more.
+    """
+    now = result.last.validation_rmse_volt
+    for step in result.steps:
+        if step.chosen.proven and now >= step.before.validation_rmse_volt:
+            return up_to(rounds, step), step
+    return rounds, None
+
+
 def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     """Finding of a case that is prepared already; else as `missing_effect`.
 
@@ -143,9 +178,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
     without blocks, which only a choice between models asks for.
     """
-    rounds = search(case, library)
-    rounds, refused = reached(case, rounds, rounds[0].floor)
-    result = outcome(rounds, case.gates)._replace(refused=refused)
+    rounds, result, shares_of_answers = decided(case, search(case, library))
     residuals = _map(case, rounds[0].before, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in result.steps}
@@ -168,7 +201,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
         "learnable": best.learnable,
     }
     verdict["next_test_id"] = test
-    verdict["probabilities"] = probabilities(case, rounds, result)
+    verdict["probabilities"] = shares_of_answers
     verdict["worsened"] = worsened(residuals)
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     kept = bool(result.steps) and result.word in KEPT

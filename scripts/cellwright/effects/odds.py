@@ -12,9 +12,10 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.proof import block_sums, blocks_of, consistency_of, excess_volt
-from cellwright.effects.search import best_of
+from cellwright.effects.search import best_of, up_to
 
 DRAWS = 200
+LIKELY = 0.5
 SEED = 15
 # Both are from half of the behavioural cells; docs/missing-effect.md, "How likely".
 SPREAD = 8.0  # blocks that lie side by side err alike: weights scatter as if they were fewer
@@ -192,3 +193,24 @@ def _shares(answers, unknown, result):
         for one in said:
             shares[one] = shares.get(one, 0.0) + 1.0 / len(said) / len(answers)
     return shares
+
+
+def likely(rounds, result, shares):
+    """Rounds of a search up to the first name that is less likely than not.
+
+    Parameters
+    ----------
+    rounds : list of search.Round. result : verdict.Outcome of them. shares : from `probabilities`.
+
+    Returns
+    -------
+    rounds : list of search.Round; the last one chose nothing where a name was refused.
+    refused : search.Round that chose the name that is refused, or None.
+    """
+    answers = {tuple(answer.split(" + ")): share for answer, share in shares.items()}
+    for number, step in enumerate(result.steps, 1):
+        wanted = [{s.chosen.effect.id, *s.tied} for s in result.steps[:number]]
+        with_all = [names for names in answers if all(set(names) & one for one in wanted)]
+        if sum(answers[names] for names in with_all) < LIKELY:
+            return up_to(rounds, step), step
+    return rounds, None

@@ -359,14 +359,18 @@ def _counterparts(case, reference, sameness):
     """Time of each row within the reference's record (n,) [s], by role and test; and reasons."""
     capacity = case.cell.capacity_ampere_hour
     seconds, reasons = {role: {} for role in ROLES}, []
-    for role in ROLES:
-        stacks = getattr(case, role), getattr(reference, role)
-        for test, kind in zip(stacks[0].tests, stacks[0].kinds, strict=True):
-            try:
-                parts = [part(stack, test, kind, capacity) for stack in stacks]
-                seconds[role][test] = counterpart_second(*parts, sameness)
-            except Refusal as reason:
-                reasons.append(str(reason))
+    stacks = {role: (getattr(case, role), getattr(reference, role)) for role in ROLES}
+    asked = [
+        (role, *test)
+        for role in ROLES
+        for test in zip(stacks[role][0].tests, stacks[role][0].kinds, strict=True)
+    ]
+    for role, test, kind in asked:
+        try:
+            parts = [part(stack, test, kind, capacity) for stack in stacks[role]]
+            seconds[role][test] = counterpart_second(*parts, sameness)
+        except Refusal as reason:
+            reasons.append(str(reason))
     return seconds, "; ".join(reasons)
 
 

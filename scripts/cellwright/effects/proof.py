@@ -49,7 +49,7 @@ class Consistency(NamedTuple):
         something else that goes along with it.
         """
         beyond = self.gain > max(HALF, SURE * self.std)
-        sized = self.gain - self.std < TWICE
+        sized = self.gain < TWICE
         return beyond and sized and self.helped > HALF * self.excited and self.harm <= LITTLE
 
 

@@ -63,12 +63,12 @@ class Stack(NamedTuple):
     hold: str
     linear: np.ndarray
     template_volt: np.ndarray
-    ohmic_course: np.ndarray | None
-    slow_course: np.ndarray | None
     used: np.ndarray
     unseen_ampere_hour: np.ndarray
     responses: dict
     courses: dict
+    ohmic_course: np.ndarray | None = None
+    slow_course: np.ndarray | None = None
 
     def part(self, files):
         """The rows of some of the records, by their numbers, as a mask (n,)."""
@@ -115,8 +115,6 @@ def stacked(records, *, capacity_ampere_hour, hold="zero_order"):
         soc_at_start=np.array([record.soc[0] for record in records]),
         linear=linear * (1.0 - fresh),
         template_volt=np.zeros(len(fresh)),
-        ohmic_course=None,
-        slow_course=None,
         used=np.concatenate([record.used for record in records]),
         unseen_ampere_hour=unseen,
         responses={},

@@ -99,7 +99,7 @@ class Round(NamedTuple):
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
     hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
-    do not count any more beside the choice. filters : whitening of the trials.
+    do not count any more beside the choice.
     """
 
     before: State
@@ -111,7 +111,6 @@ class Round(NamedTuple):
     tied: tuple
     hidden: tuple
     dropped: tuple = ()
-    filters: object = None
 
     @property
     def noise(self):
@@ -378,3 +377,21 @@ def best_of(case, first, before, trials, floor):
     within = max(case.gates.tie_absolute, case.gates.tie_relative * best.j)
     near = [t.effect.key for t in passed[1:] if best.j - t.j <= within]
     return best, tuple(dict.fromkeys(key for key in near if key != best.effect.key))
+
+
+def up_to(rounds, refused):
+    """Rounds of a search up to one whose choice is refused, and which then chose nothing.
+
+    Effects of its model that were dropped beside that choice or later do not come back by this.
+
+    Parameters
+    ----------
+    rounds : list of Round. refused : the Round of them.
+    """
+    place = next(number for number, step in enumerate(rounds) if step is refused)
+    gone = {key for step in rounds[place:] for key in step.dropped}
+    chose = [step.chosen.effect.key if step.chosen else None for step in rounds]
+    place = min([place, *(n for n, key in enumerate(chose[:place]) if key in gone)])
+    step = rounds[place]
+    dropped = (*step.dropped, step.chosen.effect.key)
+    return [*rounds[:place], step._replace(chosen=None, tied=(), dropped=dropped)]

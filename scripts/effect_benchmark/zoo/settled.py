@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 
 import cellwright as cw
-from cellwright.effects.planner import planned
+from cellwright.effects.planning.planner import planned
 from effect_benchmark import campaign
 from effect_benchmark.zoo import searching
 from virtual_lab.zoo.further import Further, with_further

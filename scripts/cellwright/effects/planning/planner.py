@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.base import STAGES
+from cellwright.effects.planning.sensitivity import Model, at_starts_of, information, projected
 from cellwright.effects.records import stacked
-from cellwright.effects.sensitivity import Model, at_starts_of, information, projected
 from cellwright.effects.ties import tie_of
 from cellwright.numerics.noise import FIRST
 from cellwright.records.record import Record, record_of

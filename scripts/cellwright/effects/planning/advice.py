@@ -1,6 +1,6 @@
 """Which question of a verdict the next test is to answer."""
 
-from cellwright.effects.planner import next_test
+from cellwright.effects.planning.planner import next_test
 from cellwright.effects.story.places import where
 
 REST_HOUR = 1  # before and after the loads of a test that is repeated
