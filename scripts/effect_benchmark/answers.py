@@ -13,7 +13,7 @@ from cellwright.effects.groups.finding import KnownCell
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
 from cellwright.effects.proof import excess_volt
-from cellwright.effects.verdict import gap_closed, verdict_of
+from cellwright.effects.verdict import gap_closed, outcome, verdict_of
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 from effect_benchmark import campaign, controls
@@ -254,9 +254,9 @@ def _control_row(cell, case, first, name, term):
     passed = not case.explained(before, floor)
     passed = passed and case.significant(before, trial)
     passed = passed and case.matters(before, before, trial, floor)
-    decided = first._replace(chosen=trial if passed else None, tied=())
-    rounds = [decided, decided._replace(before=trial.state, chosen=None)][: 1 + passed]
-    verdict = verdict_of_search(cell, case, rounds)
+    asked = first._replace(chosen=trial if passed else None, tied=())
+    rounds = [asked, asked._replace(before=trial.state, chosen=None)][: 1 + passed]
+    verdict = verdict_of(cell, outcome(rounds, case.gates), rounds, None)
     volt = {"before": before.validation_rmse_volt, "after": trial.state.validation_rmse_volt}
     closed = gap_share(before, trial.state, floor.validation_volt)
     return _row(cell, name, verdict | {"validation_rmse_volt": volt, "gap_closed": closed})

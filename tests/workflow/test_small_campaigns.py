@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGNS = ROOT / "tests" / "campaigns"
 # Planned for every campaign, and for every one that has a series of current and voltage.
 ALWAYS = {"tables_of_tests", "tables_of_models", "missing_effect", "summary", "report", "manifest"}
-ALWAYS |= {"figure_overview", "figures"}
+ALWAYS |= {"figure_overview", "figures", "fleet"}
 SERIES = {"series"}
 CAPACITY = SERIES | {"capacity", "basis", "relaxation"}
 METHODS = {"identification_methods"}
@@ -27,7 +27,7 @@ PLANNED = {
     "ocv_pulses_drive": CAPACITY
     | METHODS
     | {"ocv", "pulses", "polarisation", "identify", "model", "export", "prediction"}
-    | {"effect_search", "witnesses"},
+    | {"effect_search", "effect_search_own", "witnesses"},
     "spectra_only": {"impedance", "basis", "temperature", "cold_limit"},
     "pulses_over_temperature": CAPACITY
     | METHODS

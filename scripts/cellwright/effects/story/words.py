@@ -32,6 +32,7 @@ NAMES = {
     "unknown": "something unknown",
 }
 LEAST_PROBABILITY = 0.01
+MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
 SHOWN_WORSE = 2
 
 
@@ -84,9 +85,7 @@ def _shows(verdict):
     if verdict["verdict"] == "none":
         return "shows nothing beyond a plain circuit"
     if not names:
-        after = verdict["validation_rmse_volt"]["after"]
-        text = f"shows something without a name, {millivolt(after)}"
-        return f"{text}{_in_place(verdict)}"
+        return f"shows something without a name, {millivolt(_open(verdict))}{_in_place(verdict)}"
     return f"shows {names}"
 
 
@@ -97,8 +96,13 @@ def _lacks(own):
         return f"its model lacks nothing above {1e3 * most:.2g} mV"
     if names:
         return f"its model lacks {names}"
-    after = own["validation_rmse_volt"]["after"]
-    return f"its model lacks something without a name, {millivolt(after)}{_in_place(own)}"
+    return f"its model lacks something without a name, {millivolt(_open(own))}{_in_place(own)}"
+
+
+def _open(verdict):
+    """Error without a name [V]: on records for proof or fitted, whichever is larger."""
+    after = verdict["validation_rmse_volt"]["after"]
+    return max(after, (verdict.get("remainder") or {}).get("excess_volt", 0.0))
 
 
 def _in_place(verdict):
@@ -149,7 +153,9 @@ def paragraph(verdict, library, phrases=None, values=None):
         *_probabilities(verdict),
     ]
     if verdict["next_test"]:
-        parts.append(f"To test next: {verdict['next_test'].rstrip('.')}.")
+        advice = verdict["next_test"].rstrip(".")
+        advice = advice.removeprefix("To ") if advice.startswith("To ") else advice
+        parts.append(f"To test next: {advice}.")
     return "\n".join(parts)
 
 
@@ -255,7 +261,7 @@ def doubts(one, witnesses=()):
             "the fitted records alone would have named another effect",
         ),
         (
-            blocks.get("hurt"),
+            blocks.get("hurt", 0) > MANY_WORSE * blocks.get("helped", 0),
             f"of the {blocks.get('excited')} parts of the records for proof that excite it, "
             f"{blocks.get('helped')} are better with it and {blocks.get('hurt')} worse",
         ),
