@@ -3,5 +3,7 @@
 from runtime import artefact, tables
 
 with artefact.Job(snakemake) as job:
-    found = [verdict for verdict, _ in artefact.load_all(snakemake.input)]
-    job.save(tables.verdicts(found), snakemake.output.table)
+    found = [verdict for verdict, _ in artefact.load_all(snakemake.input.verdicts)]
+    witnesses = tables.rows_of(snakemake.input.witnesses, {})
+    own = {verdict["cell"]: verdict for verdict, _ in artefact.load_all(snakemake.input.own)}
+    job.save(tables.verdicts(found, witnesses, own), snakemake.output.table)

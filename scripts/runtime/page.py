@@ -35,6 +35,7 @@ def render(job) -> str:
     captions = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
     effects = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.verdicts}
+    witnesses = {_owner(artefact.read_about(p)): _witnesses(p) for p in inputs.witnesses}
     cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
     abouts_of = {}
@@ -47,6 +48,7 @@ def render(job) -> str:
     ]
     for page in pages:
         page["effect"], page["cold"] = effects.get(page["name"]), cold.get(page["name"])
+        page["witnesses"] = witnesses.get(page["name"], [])
         page["verdicts"] = parts[page["name"]]["missing_effect"].to_dict("records")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
@@ -54,7 +56,7 @@ def render(job) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "milli": milli, "percent": percent}
+    environment.filters |= {"number": number, "milli": milli}
     excluded = tables["excluded"].to_dict("records")
     template = environment.get_template(Path(inputs.page).name)
     for page in pages:
@@ -64,6 +66,7 @@ def render(job) -> str:
         excluded=excluded,
         checks=_text(inputs.checks).to_dict("records"),
         summary=_text(inputs.summary).to_dict("records"),
+        fleet=fleet_of(tables["fleet"]),
         overview=[_picture(path, captions) for path in params.figures["campaign"]],
         pages=pages,
         assumptions=params.assumptions,
@@ -71,6 +74,31 @@ def render(job) -> str:
         environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
         artefacts=len(abouts),
     )
+
+
+def fleet_of(table: pd.DataFrame) -> list[dict]:
+    """Each type of tables/fleet as a matrix, a row a cell and a column an effect, and its sentence.
+
+    A word is the size of an effect in millivolt, with a question mark where it is not sure.
+    """
+    types = []
+    for name, rows in table.groupby("type", sort=False):
+        shown = rows[rows["effect"] != ""]
+        effects = list(dict.fromkeys(shown["effect"]))
+        words = {(row["cell"], row["effect"]): _fleet_word(row) for _, row in shown.iterrows()}
+        cells = [
+            {"cell": cell, "words": [words[cell, effect] for effect in effects]}
+            for cell in dict.fromkeys(shown["cell"])
+        ]
+        sentence = rows["sentence"].iloc[0]
+        types.append({"name": name, "sentence": sentence, "effects": effects, "rows": cells})
+    return types
+
+
+def _fleet_word(row) -> str:
+    if row["shown"] in ("sure", "unsure"):
+        return f"{1e3 * float(row['size_volt']):.2g}{'' if row['shown'] == 'sure' else ' ?'}"
+    return {"no": "", "not testable": "n/t", "or another": "or"}[row["shown"]]
 
 
 def packed(html: str) -> str:
@@ -109,9 +137,11 @@ def milli(text) -> str:
     return f"{1e3 * float(text):.2f}" if text else "–"
 
 
-def percent(text) -> str:
-    """A share as per cent; a dash for what is not known."""
-    return f"{100 * float(text):.0f} %" if text else "–"
+def _witnesses(path) -> list[dict]:
+    """Rows of the witnesses of a verdict, those that speak first; none without a verdict."""
+    if artefact.read_about(path)["reason"] is not None:
+        return []
+    return sorted(artefact.rows(artefact.load(path)), key=lambda row: row["says"] == "silent")
 
 
 def _paragraph(path) -> dict:

@@ -54,11 +54,60 @@ def excluded(paths, files) -> "DataFrame":
     return once.drop(columns=["rule", "step"])
 
 
-def verdicts(documents) -> list[dict]:
-    """Rows of tables/missing_effect from verdict files: one an effect, one where there is none."""
-    return [
-        _verdict_row(v, effect) for v in documents for effect in v["effects"] or [NO_EFFECT | v]
+def verdicts(documents, witnesses=(), own=None) -> list[dict]:
+    """Rows of tables/missing_effect from verdict files: one an effect, one where there is none.
+
+    `witnesses` are rows of all cells, each with its cell; those of effects that are not named stand
+    in the row of a cell's first effect. `own` are verdicts on the models in use, by cell.
+    """
+    from cellwright.effects.story.words import one_line
+
+    rows = []
+    for verdict in documents:
+        mine = [row for row in witnesses if row["cell"] == verdict["cell"]]
+        line = one_line(verdict, (own or {}).get(verdict["cell"]))
+        for place, effect in enumerate(verdict["effects"] or [NO_EFFECT | verdict]):
+            others = [row for row in mine if not row["named"] and place == 0]
+            named = verdict["effects"] or verdict.get("partial", [])
+            names = {effect["effect"]} if verdict["effects"] else {one["effect"] for one in named}
+            said = [row for row in mine if row["named"] and row["effect"] in names]
+            row = _verdict_row(verdict, effect) | {"in_one_line": line}
+            rows.append(row | _sure(effect, said) | _counts([*said, *others]))
+    return rows
+
+
+def fleet_rows(documents, types, witnesses=()) -> list[dict]:
+    """Rows of tables/fleet from verdict files: one a cell and effect that its type shows.
+
+    A type of which no cell shows an effect has one row, without a cell. `types` are names of types
+    by cell; `witnesses` as in `verdicts`.
+    """
+    from cellwright.effects.story.fleet import fleet
+
+    found = fleet(documents, types, witnesses)
+    rows = [entry._asdict() | {"sentence": found.sentences[entry.type]} for entry in found.entries]
+    blank = {"cell": None, "effect": None, "shown": "no", "size_volt": None}
+    silent = set(found.sentences) - {row["type"] for row in rows}
+    rows += [
+        {"type": name} | blank | {"sentence": found.sentences[name]} for name in sorted(silent)
     ]
+    return rows
+
+
+def _sure(effect, witnesses) -> dict:
+    """Whether nothing speaks against a name; of no name it is not asked."""
+    if not effect["effect"]:
+        return {"sure": None, "doubts": ""}
+    from cellwright.effects.story.words import doubts
+
+    against = doubts(effect, witnesses)
+    return {"sure": not against, "doubts": "; ".join(against)}
+
+
+def _counts(witnesses) -> dict:
+    words = [row["says"] for row in witnesses]
+    names = {"agrees": "agree", "contradicts": "contradict", "silent": "silent"}
+    return {f"witnesses_{name}": words.count(word) for word, name in names.items()}
 
 
 NO_EFFECT = {"effect": None, "alternatives": [], "rmse_volt": {}, "validation_rmse_volt": {}}
@@ -133,6 +182,7 @@ def _summary_row(facts, of_cell, model) -> dict:
         "soc_rmse": _pooled(filtered["rmse_soc"], np.ones(len(filtered))),
         "verdict": next(iter(missing["verdict"]), None),
         "missing_effect": ";".join(missing["effect"].dropna()),
+        "in_one_line": next(iter(missing["in_one_line"]), None),
         "exclusions": len(of_cell["excluded"]),
         "notes": "; ".join(model.get("notes", [])),
     }

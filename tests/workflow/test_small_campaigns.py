@@ -16,22 +16,22 @@ ROOT = Path(__file__).resolve().parents[2]
 CAMPAIGNS = ROOT / "tests" / "campaigns"
 # Planned for every campaign, and for every one that has a series of current and voltage.
 ALWAYS = {"tables_of_tests", "tables_of_models", "missing_effect", "summary", "report", "manifest"}
-ALWAYS |= {"figure_overview", "figures"}
+ALWAYS |= {"figure_overview", "figures", "fleet"}
 SERIES = {"series"}
 CAPACITY = SERIES | {"capacity", "basis", "relaxation"}
 METHODS = {"identification_methods"}
 # Of each campaign the other rules, among them the search, which says what it would need.
 PLANNED = {
-    "bad_file_only": CAPACITY | {"effect_search"},
-    "capacity_only": CAPACITY | {"effect_search"},
+    "bad_file_only": CAPACITY | {"effect_search", "witnesses"},
+    "capacity_only": CAPACITY | {"effect_search", "witnesses"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
     | {"ocv", "pulses", "polarisation", "identify", "model", "export", "prediction"}
-    | {"effect_search"},
+    | {"effect_search", "effect_search_own", "witnesses"},
     "spectra_only": {"impedance", "basis", "temperature", "cold_limit"},
     "pulses_over_temperature": CAPACITY
     | METHODS
-    | {"pulses", "temperature", "resistance_surface", "cold_limit", "effect_search"},
+    | {"pulses", "temperature", "resistance_surface", "cold_limit", "effect_search", "witnesses"},
     "parallel_group": SERIES
     | {"basis", "branches", "model", "export", "pack", "missing_effect_group"},
 }

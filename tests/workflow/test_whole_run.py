@@ -204,7 +204,8 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     tiny.restate(copy, tiny.save(copy, "B", "drive", seed=2))
     planned = snakemake(copy, "--dry-run").said
     on_the_way = ["series", "prediction"]
-    on_the_way += ["effect_search", "missing_effect", "missing_effect_group"]
+    on_the_way += ["effect_search", "witnesses", "missing_effect", "missing_effect_group"]
+    on_the_way += ["effect_search_own", "fleet"]
     together = ["figure_overview", "tables_of_models", "summary", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
     maybe = ["model", "export", "pack"]

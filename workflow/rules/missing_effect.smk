@@ -43,23 +43,22 @@ VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in [*ASKED, *
 GROUP_PARTS = ["ranking.parquet", "series.parquet", "model.json"]
 EFFECT_PARTS = [
     *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
-    *["confounding.parquet", "menu.parquet", "model.json"],
+    *["confounding.parquet", "menu.parquet", "model.json", "witnesses.parquet"],
 ]
-
-
-def healthy_like(cell):
-    """Cells marked as reference of the type, where there are three to be held against."""
-    marked = references(cell)
-    return marked if len(marked) >= 3 else []
+# What the model in use lacks is asked of cells with a model that were searched at all.
+ASKED_OF_OWN = "own" in config["missing_effect"]["bases"]
+SEARCHED_OWN = [cell for cell in SEARCHED if ASKED_OF_OWN and cell in MODELLED]
+OWN_VERDICTS = [f"results/missing_effect/{cell}/own/verdict.json" for cell in SEARCHED_OWN]
+WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
 
 
 rule effect_search:
     input:
         basis="results/basis/{cell}.json",
         series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
-        lent_basis=lambda w: [f"results/basis/{c}.json" for c in healthy_like(w.cell)],
+        lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
         lent_series=lambda w: [
-            p for c in healthy_like(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
+            p for c in references(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
         ],
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
@@ -78,11 +77,35 @@ rule effect_search:
         settings=of_analysis("missing_effect"),
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
-        references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
+        references=lambda w: [facts_of(c) for c in references(w.cell)],
     message:
         "Search for an effect that the model of {wildcards.cell} lacks."
     script:
         "../../scripts/missing_effect/effect_search.py"
+
+
+rule effect_search_own:
+    input:
+        model="results/models/{cell}.json",
+        basis="results/basis/{cell}.json",
+        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+    output:
+        verdict="results/missing_effect/{cell}/own/verdict.json",
+        ranking="results/missing_effect/{cell}/own/ranking.parquet",
+        residual_map="results/missing_effect/{cell}/own/map.parquet",
+        series="results/missing_effect/{cell}/own/series.parquet",
+    log:
+        "logs/missing_effect/{cell}_own.log",
+    wildcard_constraints:
+        cell=either(SEARCHED_OWN),
+    params:
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+    message:
+        "Search for an effect that the model in use of {wildcards.cell} still lacks."
+    script:
+        "../../scripts/missing_effect/effect_search_own.py"
 
 
 rule missing_effect_group:
@@ -108,9 +131,39 @@ rule missing_effect_group:
         "../../scripts/missing_effect/missing_effect_group.py"
 
 
+rule witnesses:
+    input:
+        verdict="results/missing_effect/{cell}/verdict.json",
+        model="results/missing_effect/{cell}/model.json",
+        series="results/missing_effect/{cell}/series.parquet",
+        basis="results/basis/{cell}.json",
+        eis=lambda w: fitted("eis", w.cell, "eis"),
+        resistance=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
+        relaxation=lambda w: fitted("relaxation", w.cell, *RELAXATION_KINDS),
+        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+        ocv_entropic=lambda w: [f"results/ocv_entropic/{c}.parquet" for c in STEPPED if c == w.cell],
+    output:
+        "results/missing_effect/{cell}/witnesses.parquet",
+    log:
+        "logs/missing_effect/{cell}_witnesses.log",
+    wildcard_constraints:
+        cell=either(ASKED),
+    params:
+        tests=facts_of_own_tests,
+        ambient_celsius=lambda w: {
+            row["test"]: row["ambient_temperature_celsius"] for row in TESTS_OF[w.cell]
+        },
+    message:
+        "What other measurements of {wildcards.cell} say of its verdict."
+    script:
+        "../../scripts/missing_effect/witnesses.py"
+
+
 rule missing_effect:
     input:
-        VERDICTS,
+        verdicts=VERDICTS,
+        own=OWN_VERDICTS,
+        witnesses=WITNESSES,
     output:
         table="results/tables/missing_effect.csv",
     log:
@@ -119,3 +172,23 @@ rule missing_effect:
         "Verdicts of the whole campaign: what the models of its cells and groups lack."
     script:
         "../../scripts/missing_effect/missing_effect.py"
+
+
+rule fleet:
+    input:
+        verdicts=[f"results/missing_effect/{cell}/verdict.json" for cell in ASKED],
+        witnesses=WITNESSES,
+    output:
+        table="results/tables/fleet.csv",
+    log:
+        "logs/table/fleet.log",
+    params:
+        types={
+            cell: f"{chemistry}, {rating:g} Ah"
+            for (chemistry, rating), cells in OF_TYPE.items()
+            for cell in cells
+        },
+    message:
+        "Cells of each type beside each other: which effect all show, and which one alone."
+    script:
+        "../../scripts/missing_effect/fleet.py"

@@ -46,7 +46,7 @@ TABLES_OF_MODELS = {
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_MODELS
-TABLES = [*TABLE_INPUTS, "missing_effect", "excluded"]
+TABLES = [*TABLE_INPUTS, "missing_effect", "fleet", "excluded"]
 COLD_WORDS = [f"results/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),

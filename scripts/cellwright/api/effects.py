@@ -13,11 +13,15 @@ def missing_effect(
     settings=None,
     *,
     references=(),
+    model=None,
+    simulated=None,
     library=None,
     split_rest_second=MODELS.split_rest_second,
     **changes,
 ):
-    """Effects that a plain model of a cell lacks, proved on tests that were not fitted.
+    """Effects that a model of a cell lacks, proved on tests that were not fitted.
+
+    Of the plain circuit; of a model of the cell (`model`); or of any other (`simulated`).
 
     Parameters
     ----------
@@ -25,6 +29,9 @@ def missing_effect(
     settings : `settings.MissingEffect`, or its keys as keywords.
     references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
         compared with them.
+    model : result of `finish_model`: what does its chosen member still lack?
+    simulated : dict test → (time (n,) [s], voltage (n,) [V]) by any simulator: what does that one
+        lack? Tests without a simulated voltage take no part.
     library : effects by id that are tried, None: all of `effects.library.LIBRARY`.
     split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
@@ -48,8 +55,40 @@ def missing_effect(
         LIBRARY if library is None else library,
         settings=_search(settings, split_rest_second, changes),
         references=[_reference(reference) for reference in references],
+        model=None if model is None else inputs.content(model),
+        simulated=simulated,
     )
     return results.MissingEffect(**finding._asdict())
+
+
+def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
+    """Which independent measurements of a cell agree with a verdict, contradict it, or are silent.
+
+    Parameters
+    ----------
+    verdict, model : of `missing_effect`. basis : as of `identify`.
+    tables : rows or DataFrames by name, what is absent was not measured: resistance, eis,
+        relaxation, capacity and ocv_entropic, with the test's temperature, SoC and cycle beside
+        each row; `series`, that of `missing_effect`.
+    ambient_celsius : chamber's temperature by test [°C].
+    library : effects by id, None: all of `effects.library.LIBRARY`.
+
+    Returns
+    -------
+    found : Table; one row a witness: what is measured, what the verdict implies, which it says.
+
+    Source: docs/missing-effect.md.
+    """
+    from cellwright.effects.library import LIBRARY
+    from cellwright.effects.witnesses.collected import measured_of
+    from cellwright.effects.witnesses.collected import witnesses as held_against
+
+    content, known = inputs.content(basis), dict(tables)
+    series = inputs.columns(known.pop("series", {}))
+    rows = {name: inputs.rows(table) for name, table in known.items()}
+    ambient = ambient_celsius or {}
+    measured = measured_of(rows | {"series": series}, content, model, ambient=ambient)
+    return results.Table(held_against(verdict, model, measured, library or LIBRARY))
 
 
 def prepared_case(

@@ -157,7 +157,8 @@ def _on_scale(curve, capacity, lower_cutoff_volt):
 def _slow_capacity(curve):
     """Capacity of a slow test [Ah], the mean of its directions where they differ; its source."""
     discharged, charged = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
-    if charged is None or abs(discharged / charged - 1) <= CLOSED:
+    one_way = charged is None or np.isnan(charged)
+    if one_way or abs(discharged / charged - 1) <= CLOSED:
         return discharged, f"slow test {curve['test']}"
     # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an
     # offset, and the mean of the two is the capacity: the cell itself returns what it took.

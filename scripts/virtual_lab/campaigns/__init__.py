@@ -89,7 +89,8 @@ class Plan(NamedTuple):
 
     `groups` holds the specimen of each parallel group by name. `config` is the text of
     config.yaml, `about` that of a README beside the truth, which goes to the folder `truth` of the
-    campaign.
+    campaign. `compared` completes the truth tables of all cells where cells are compared with each
+    other.
     """
 
     cells: tuple[Cell, ...]
@@ -98,6 +99,7 @@ class Plan(NamedTuple):
     config: str
     about: str
     truth: str = "truth"
+    compared: Callable[[dict[str, list[dict]]], dict[str, list[dict]]] | None = None
 
     def batches(self) -> dict[str, list[Test]]:
         """Tests by the job that makes them, in the plan's order."""
@@ -172,6 +174,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "groups": 2,
     },
     "scale": {"seed": 0, "cells": 1000},
+    "zoo_physics": {"seed": 0, "forms": 13, "healthy": 3},
 }
 OF_THE_WORKFLOW = {"campaign", "folder", "real"}  # what else its --config may hold
 FOLDERS = {"demo": "."} | {name: f"virtual/{name}" for name in OPTIONS if name != "demo"}

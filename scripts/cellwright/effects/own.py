@@ -1,0 +1,215 @@
+"""Bases of the search other than the plain circuit: a model's voltage is given, row by row.
+
+`own` : the chosen member of the cell's model; what does the model in use still lack? `external` : a
+voltage that the user simulated with any other model. A companion circuit, fitted to the given
+voltage, tells how that would change with an effect:
+
+    voltage = given + companion(parameters, effects) − companion(as fitted to the given voltage)
+
+so that without an effect, and with the parameters where they were, it is the given model. The
+companion has a resistance and two RC pairs, with the member's own courses over SoC and temperature.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.model_file import circuit_at, member_of, std_name
+from cellwright.effects import base
+from cellwright.effects.case import extra_volt_of, filters_of, problem_of
+from cellwright.identification.validation import simulated
+from cellwright.numerics.least_squares import fit
+from cellwright.numerics.noise import FIRST
+from cellwright.refusal import Refusal
+
+OHMIC = ("R", "charge_transfer", "R_two_way")
+LEAST_LOG_STD, MOST_LOG_STD = 0.02, 0.3
+TAU_LOG_STD = 0.1
+GIVEN_STD = 1e-3  # of the scale of the given voltage's part that the companion does not have
+
+
+class Given(NamedTuple):
+    """Voltage that a model gives over the rows of a stack, and the courses of its resistances.
+
+    volt : (n,) [V]. ohmic_course, slow_course : (n,) resistance at each row over its mean, of what
+    follows the current at once and of what relaxes; None: constant.
+    """
+
+    volt: np.ndarray
+    ohmic_course: np.ndarray | None = None
+    slow_course: np.ndarray | None = None
+
+
+def own_case(prepared, model):
+    """Case of what the chosen member of a cell's model lacks.
+
+    Parameters
+    ----------
+    prepared : case.Prepared of the plain circuit. model : dict of schema cellwright-model/2.
+
+    Returns
+    -------
+    case : case.Case, its stacks with the member's voltage.
+
+    Raises
+    ------
+    Refusal : a member whose voltage is not finite over a record.
+    """
+    member = member_of(model)
+    sides = (_given_by(model, member, records) for records in prepared.records)
+    return given_case(prepared.case, *sides, log_std=_log_stds(member))
+
+
+def external_case(prepared, simulated):
+    """Case of what any model lacks whose voltage was simulated elsewhere.
+
+    Parameters
+    ----------
+    prepared : case.Prepared of the plain circuit, of the tests that were simulated.
+    simulated : dict test → (time (n,) of the test [s], voltage (n,) [V]).
+
+    Returns
+    -------
+    case : case.Case.
+
+    Raises
+    ------
+    Refusal : a voltage that is not finite, a clock that runs back, or a simulation that does not
+        cover its test; with the test.
+    """
+    sides = (
+        Given(np.concatenate([_read_off(record, simulated[record.test]) for record in records]))
+        for records in prepared.records
+    )
+    return given_case(prepared.case, *sides)
+
+
+def _read_off(record, curve):
+    """A simulated voltage at the rows of a record (n,) [V]."""
+    second, volt = (np.asarray(column, float) for column in curve)
+    if len(second) != len(volt) or not np.isfinite(volt).all() or np.any(np.diff(second) < 0):
+        raise Refusal(
+            f"{record.test}: the simulated voltage has {len(volt)} values at {len(second)} times; "
+            "as many finite values as times that do not run back were wanted"
+        )
+    wanted = record.test_time_second
+    slack = np.median(np.diff(wanted)) if len(wanted) > 1 else 0.0
+    if second[0] > wanted[0] + slack or second[-1] < wanted[-1] - slack:
+        raise Refusal(
+            f"{record.test}: simulated from {second[0]:g} to {second[-1]:g} s, the test has rows "
+            f"from {wanted[0]:g} to {wanted[-1]:g} s"
+        )
+    return np.interp(wanted, second, volt)
+
+
+def given_case(case, fitted, judging, *, log_std=None):
+    """Case of what a model lacks whose voltage is given.
+
+    Parameters
+    ----------
+    case : case.Case of the plain circuit. fitted, judging : Given, over the rows of its stacks.
+    log_std : standard deviations of the companion's logarithms about the given model, by name;
+        None: those of a plain circuit, nothing is known of the given model's parameters.
+
+    Returns
+    -------
+    case : case.Case.
+    """
+    stacks = [
+        stack._replace(ohmic_course=given.ohmic_course, slow_course=given.slow_course, courses={})
+        for stack, given in ((case.fit, fitted), (case.validation, judging))
+    ]
+    bare = case._replace(fit=stacks[0]._replace(voltage_volt=fitted.volt), validation=stacks[1])
+    values = _companion(bare)
+    templates = [
+        given.volt - base.voltage(case.cell, stack, _at_starts(values, stack))
+        for stack, given in zip(stacks, (fitted, judging), strict=True)
+    ]
+    fit_stack, proof_stack = (
+        stack._replace(template_volt=template)
+        for stack, template in zip(stacks, templates, strict=True)
+    )
+    tolerance = case.tolerance._replace(known=GIVEN_STD)
+    start = values | {"known": 1.0}
+    return case._replace(
+        fit=fit_stack, validation=proof_stack, tolerance=tolerance, start=start, log_std=log_std
+    )
+
+
+def _given_by(model, member, records):
+    """Voltage of a member over records one after the other, and its courses: Given."""
+    volts, ohmic, slow = [], [], []
+    for record in records:
+        volt = simulated(model, member["model"], record).voltage_volt
+        if not np.isfinite(volt).all():
+            raise Refusal(f"{record.test}: {member['model']} gives no finite voltage there")
+        volts.append(volt)
+        circuit = circuit_at(member["conditions"], record.soc, record.celsius).circuit
+        ohmic.append(_summed(circuit, at_once=True))
+        slow.append(_summed(circuit, at_once=False))
+    courses = (_about_mean(np.concatenate(parts)) for parts in (ohmic, slow))
+    return Given(np.concatenate(volts), *courses)
+
+
+def _summed(circuit, *, at_once):
+    """Sum of the resistances of the branches that follow the current at once, or of the others."""
+    parts = [
+        branch.parameters["r_ohm"]
+        for branch in circuit
+        if "r_ohm" in branch.parameters and (branch.kind in OHMIC) == at_once
+    ]
+    return np.sum(parts, axis=0) if parts else np.ones(1)
+
+
+def _about_mean(course):
+    """A course over its geometric mean; None where it is one number."""
+    if len(course) == 1 or np.ptp(course) == 0:
+        return None
+    logs = np.log(np.maximum(course, 1e-9))
+    return np.exp(logs - logs.mean())
+
+
+def _log_stds(member):
+    """Standard deviations of the logarithms of a member's resistances and time constants."""
+    ohmic, slow = [], []
+    for condition in member["conditions"]:
+        ohmic.append(_relative(condition["r0_std_ohm"], condition["r0_ohm"]))
+        slow += [
+            _relative(branch.get(std_name("r_ohm")), branch["r_ohm"])
+            for branch in condition["branches"]
+            if "r_ohm" in branch
+        ]
+    stds = {"log_r0": _middle(ohmic), "log_r1": _middle(slow), "log_r2": _middle(slow)}
+    return stds | {"log_tau1": TAU_LOG_STD, "log_tau2": TAU_LOG_STD}
+
+
+def _relative(std, value):
+    """Median of standard deviations over their values, NaN where none was stated."""
+    pairs = zip(np.atleast_1d(std), np.atleast_1d(value), strict=False)
+    stated = [s / v for s, v in pairs if s is not None and v]
+    return float(np.median(stated)) if stated else np.nan
+
+
+def _middle(relative):
+    """Median of relative deviations within limits; the upper one where nothing was stated."""
+    stated = [value for value in relative if np.isfinite(value)]
+    middle = float(np.median(stated)) if stated else MOST_LOG_STD
+    return float(np.clip(middle, LEAST_LOG_STD, MOST_LOG_STD))
+
+
+def _companion(case):
+    """Values of the companion: resistances and time constants fitted to the given voltage.
+
+    Everything else stays as it was stated, so that the difference is a part of the given model.
+    """
+    values = base.first_values(case.cell, case.fit)
+    free = base.frees(case.fit, values, case.tolerance)
+    filters = filters_of(case, FIRST, extra_volt_of(case, values))
+    problem = problem_of(case, (), free, filters)
+    logs = tuple(parameter for parameter in free if parameter.name in base.LOGARITHMS)
+    return fit(problem._replace(free=logs, coupling=None), values).values
+
+
+def _at_starts(values, stack):
+    """Values with the stated SoC at the starts of a stack."""
+    return values | {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
