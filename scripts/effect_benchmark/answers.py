@@ -155,7 +155,8 @@ def task(folder, left_out: dict, config: dict) -> Task:
     sheets, benchmark = campaign.read(folder), config["benchmark"]
     steps = campaign.Steps(config["clean"], config["segment"], config["ocv"]["least_hour"])
     lenders = campaign.lenders(sheets, steps)
-    settings = {k: v for k, v in config["missing_effect"].items() if k != "enabled"}
+    plans = ("enabled", "bases")  # they decide which jobs there are
+    settings = {k: v for k, v in config["missing_effect"].items() if k not in plans}
     rest = config["models"]["split_rest_second"]
     names = ("paired_chemistry", "seed", "control_every")
     choices = (left_out, *(benchmark[name] for name in names))
