@@ -252,8 +252,8 @@ def _control_row(cell, case, first, name, term):
     """Row of one control term: the verdict, were it chosen where it passes the gates."""
     trial = controls.tried(case, first, term)
     before, floor = first.before, first.floor
-    passed = not case.explained(before, floor)
-    passed = passed and case.significant(before, trial)
+    passed = not search.explained(case.gates, before, floor)
+    passed = passed and search.significant(case.gates, trial)
     passed = passed and case.matters(before, before, trial, floor)
     asked = first._replace(chosen=trial if passed else None, tied=())
     rounds = [asked, asked._replace(before=trial.state, chosen=None)][: 1 + passed]

@@ -214,17 +214,6 @@ class Case(NamedTuple):
         """Number of rows of each record fitted (f,)."""
         return np.bincount(self.fit.file)
 
-    def explained(self, before, floor):
-        """Whether no error is left that would be material beyond the floor."""
-        fit = excess_volt(before.rmse_volt, floor.fit_volt)
-        proof = excess_volt(before.validation_rmse_volt, floor.validation_volt)
-        return max(fit, proof) <= self.gates.material_volt
-
-    def significant(self, before, trial):
-        """Whether a trial is no chance, in the fit and evenly over the records that judge."""
-        judged = trial.delta_validation > self.gates.validation_chi_square or not trial.proven
-        return trial.delta_bic > self.gates.bic and judged and trial.proof.holds
-
     def matters(self, first, before, trial, floor, *, share=1.0):
         """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
         after = trial.state

@@ -13,7 +13,7 @@ from cellwright.effects import base
 from cellwright.effects.judge import BANDS, LEAST_ROWS
 
 HALF = 0.5  # of what an effect promises: below it, it makes the error larger
-TWICE = 2.0
+TWICE = 2.0  # of what an effect promises: records that ask for more lack something beside it
 SURE = 2.0  # standard errors: 95 %
 LITTLE = 0.2  # of what an effect takes off the errors, so much it may add to others
 BATCHES = (10, 30, 100, 300)  # rows over which whitened residuals are summed
@@ -176,7 +176,7 @@ def inflation(white, file, files):
     -------
     inflation : (f,) of each record, 1 or more: by it a chi-square of its rows is too large.
 
-    Source: M. Flegal, G. Jones, Ann. Statist. 38 (2010) 1034 (batch means).
+    Source: J. Flegal, G. Jones, Ann. Statist. 38 (2010) 1034 (batch means).
     """
     most = np.ones(files)
     for number in range(files):

@@ -19,8 +19,7 @@ Both have these methods and values:
     it.
 `inflation(state)`, `falls(before, after)`, `rows_per_record()` : by how much the chi-square of each
     record is too large, its fall, by role; rows of each record fitted.
-`explained(before, floor)`, `significant(before, trial)`, `matters(first, before, trial, floor,
-    share)` : when nothing is left to explain, and when an effect counts.
+`matters(first, before, trial, floor, share)` : when the size of an effect counts.
 `denied(trials)`, `ties(chosen, tied, denied, possible)` : by measurements outside the fit.
 `gates`, `polish_share`, `misled(before, trial)` : limits; which trials go on.
 `settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
@@ -32,6 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.proof import excess_volt
 from cellwright.effects.screen import residual_with_all
 from cellwright.numerics.least_squares import Free, fit
 
@@ -186,7 +186,7 @@ class _Without(NamedTuple):
 
     def stays(self, case, first, floor):
         """Whether the effect still counts beside the others."""
-        counts = case.significant(self.before, self.trial)
+        counts = significant(case.gates, self.trial)
         return counts and case.matters(first, self.before, self.trial, floor, share=STAYS)
 
 
@@ -359,6 +359,29 @@ def _material(effect, values):
     )
 
 
+def explained(gates, before, floor):
+    """Whether no error is left that would be material beyond the floor.
+
+    Parameters
+    ----------
+    gates : of the case. before : State. floor : proof.Floor.
+    """
+    fit = excess_volt(before.rmse_volt, floor.fit_volt)
+    proof = excess_volt(before.validation_rmse_volt, floor.validation_volt)
+    return max(fit, proof) <= gates.material_volt
+
+
+def significant(gates, trial):
+    """Whether a trial is no chance, in the fit and evenly over the records that judge.
+
+    Parameters
+    ----------
+    gates : of the case. trial : Trial with its proof.
+    """
+    judged_well = trial.delta_validation > gates.validation_chi_square or not trial.proven
+    return trial.delta_bic > gates.bic and judged_well and trial.proof.holds
+
+
 def best_of(case, first, before, trials, floor):
     """The best trial that counts, and the keys of those that explain as much.
 
@@ -367,9 +390,9 @@ def best_of(case, first, before, trials, floor):
     case : as in `search`. first, before : State of the healthy model, and of the model so far.
     trials : list of Trial, best first. floor : proof.Floor.
     """
-    if case.explained(before, floor):
+    if explained(case.gates, before, floor):
         return None, ()
-    shown = [t for t in trials if case.significant(before, t)]
+    shown = [t for t in trials if significant(case.gates, t)]
     passed = [t for t in shown if case.matters(first, before, t, floor)]
     if not passed or passed[0].j < OUTDONE * shown[0].j:
         return None, ()
