@@ -6,6 +6,7 @@ another one.
 """
 
 import re
+from itertools import pairwise
 
 import numpy as np
 
@@ -61,7 +62,7 @@ def _of_workbook(data):
     """Columns of all channel sheets, one behind the other in the order of their clocks."""
     sheets = sheets_of(data, lambda name: name.startswith(CHANNEL))
     parts = sorted((_of_sheet(sheet) for sheet in sheets), key=lambda p: p["test_time_second"][0])
-    for before, after in zip(parts, parts[1:], strict=False):
+    for before, after in pairwise(parts):
         end, start = before["test_time_second"][-1], after["test_time_second"][0]
         if start < end:
             named = ", ".join(repr(sheet.name) for sheet in sheets)
