@@ -144,10 +144,6 @@ def test_optional_channels_branches_and_counters():
     assert "strain" not in columns
 
 
-def test_bitrode_counter_per_step_is_no_net_counter():
-    assert "net_capacity_ampere_hour" not in read(BITRODE).columns
-
-
 def test_digatron_series_clock_and_messages():
     columns = read(DIGATRON).columns
     assert columns["test_time_second"].tolist() == [90001.5, 90061.5]

@@ -76,8 +76,19 @@ SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for ce
 
 
 def resting(name):
-    """Pulse tests whose rests give an OCV curve, of a cell that was never tested slowly."""
-    return [] if tests(name, "ocv") else tests(name, "hppc", roles=["fit"])
+    """Pulse tests whose rests give an OCV curve: of check-ups without a slow test."""
+    slow = [row["cycle"] or 0 for row in tests(name, "ocv")]
+    aged = [row["cycle"] or 0 for row in tests(name, "capacity", roles=["fit"])] if slow else [0]
+    return [
+        row
+        for row in tests(name, "hppc", roles=["fit"])
+        if not near_in_cycles(row, slow) and (not slow or near_in_cycles(row, aged))
+    ]
+
+
+def near_in_cycles(row, cycles):
+    """Whether a test lies within 5 cycles of one of these, so that it sees a cell of one age."""
+    return any(abs((row["cycle"] or 0) - cycle) <= 5 for cycle in cycles)
 
 
 def rest_curves(cell):

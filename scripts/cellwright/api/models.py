@@ -19,8 +19,9 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
 
     Returns
     -------
-    basis : Document; content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from and
-        ocv, the curves over SoC [1]; its table: one row a curve and SoC.
+    basis : Document; content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from,
+        ocv, the curves over SoC [1], and checkups, the same for each of several check-ups; its
+        table: one row a curve and SoC.
 
     Raises
     ------
@@ -28,7 +29,7 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
 
     Source: docs/state-of-charge.md.
     """
-    from cellwright.records.basis import basis as basis_of
+    from cellwright.records.checkups import basis_of_life as basis_of
 
     facts = inputs.cell_facts(cell)
     content = basis_of(
@@ -83,6 +84,12 @@ def _basis_notes(basis):
         notes.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
     elif not basis["ocv"]:
         notes.append("no OCV: no slow test of its own, and no cell of its type has one")
+    notes += [
+        f"check-up at cycle {checkup['cycle']:g}: SoC refers to "
+        f"{checkup['capacity_ampere_hour']:.4g} Ah: {checkup['capacity_source']}; OCV "
+        f"{checkup['ocv_source']}"
+        for checkup in basis["checkups"][1:]
+    ]
     tests = [curve["test"] for curve in basis["ocv"] if curve["branches"] == "rests"]
     if tests and not basis["borrowed_from"]:
         notes.append(
@@ -433,10 +440,11 @@ def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_s
     Source: docs/models.md.
     """
     from cellwright.identification.validation import validate as validated
+    from cellwright.records.basis import at_cycle
 
     (measured,) = inputs.tests([(test, series)])
     scores = validated(
-        inputs.content(model),
+        at_cycle(inputs.content(model), measured.facts.cycle),
         inputs.cell_facts(cell),
         measured,
         split_rest_second=split_rest_second,
@@ -473,10 +481,11 @@ def estimate_soc(
     Source: thesis 2.4; docs/soc-filters.md.
     """
     from cellwright.filters.evaluate import soc_runs
+    from cellwright.records.basis import at_cycle
 
     (measured,) = inputs.tests([(test, series)])
     runs = soc_runs(
-        inputs.content(model),
+        at_cycle(inputs.content(model), measured.facts.cycle),
         inputs.cell_facts(cell),
         measured,
         settings=inputs.settings_of(Soc, settings, changes),

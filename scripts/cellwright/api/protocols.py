@@ -110,6 +110,7 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
         lower_cutoff_volt=cell.lower_cutoff_volt,
         upper_cutoff_volt=cell.upper_cutoff_volt,
         ambient_temperature_celsius=test.ambient_temperature_celsius,
+        cycle=test.cycle,
         soc_at_start=test.soc,
     )
     points = rest_points(*columns, steps, rest_second=rest_second)
@@ -336,7 +337,7 @@ def thermometer(spectra, series):
     return results.Table(rows, tuple(notes))
 
 
-def fast_charge(series, steps, basis, cell, settings=None, **changes):
+def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, **changes):
     """Share of the capacity [1] that a fast charge reaches in its minutes, and what limits it.
 
     Parameters
@@ -344,6 +345,7 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
     series, steps : clean series, (n,) columns, and its steps.
     basis : result of `basis`.
     cell : CellFacts or mapping.
+    cycle : of the test: the share is of the capacity of that check-up.
     settings : `settings.FastCharge`, or its key as keyword: minutes [min].
 
     Returns
@@ -357,12 +359,13 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
     Source: docs/fast-charge.md.
     """
     from cellwright.protocols.fast_charge import fast_charge as charged
+    from cellwright.records.basis import at_cycle
 
     facts = inputs.cell_facts(cell)
     charge, notes = charged(
         inputs.columns(series, *inputs.COUNTED),
         inputs.steps(steps),
-        capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
+        capacity_ampere_hour=at_cycle(inputs.content(basis), cycle)["capacity_ampere_hour"],
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
