@@ -12,6 +12,7 @@ MODULE_OF = {
     "read": "cellwright.api.series",
     "clean": "cellwright.api.series",
     "segment": "cellwright.api.series",
+    "course": "cellwright.api.protocols",
     "capacity": "cellwright.api.protocols",
     "ocv": "cellwright.api.protocols",
     "ocv_from_rests": "cellwright.api.protocols",

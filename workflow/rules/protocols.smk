@@ -5,6 +5,7 @@ rule capacity:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
+        course=course_of,
     output:
         "results/capacity/{cell}/{test}.parquet",
     log:

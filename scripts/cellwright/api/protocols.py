@@ -7,7 +7,55 @@ OCV = Ocv()
 ICA = Ica()
 
 
-def capacity(series, steps, cell, *, whole_swing=False):
+def course(tests, cell):
+    """The tests of one cell in time: which came before each, and whether it left the cell full.
+
+    Parameters
+    ----------
+    tests : (test, clean series, result of `segment`) each.
+    cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
+
+    Returns
+    -------
+    course : Table; rows: `protocols.course.Course`, one entry a test: test_before, hour_between
+        [h], state_at_begin ("full", "empty" or "" where not known) and words.
+
+    Raises
+    ------
+    Refusal : A cut-off is not stated, so that no end of a test can be told.
+
+    Source: docs/capacity.md.
+    """
+    from cellwright.protocols.course import course as course_of
+    from cellwright.protocols.course import ends_of_test
+    from cellwright.refusal import Refusal
+
+    facts = inputs.cell_facts(cell)
+    limits = {name: getattr(facts, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
+    if None in limits.values():
+        raise Refusal("a cut-off is not stated, so whether a test ends full or empty is not known")
+    rated = facts.rated_capacity_ampere_hour
+    ends = [
+        ends_of_test(
+            inputs.test_facts(test).test,
+            inputs.columns(series, *inputs.COUNTED),
+            inputs.steps(steps),
+            rated_capacity_ampere_hour=rated,
+            **limits,
+        )
+        for test, series, steps in tests
+    ]
+    return results.Table(course_of(ends, **limits))
+
+
+def _state_before(course, test):
+    """State in which the test before left the cell, by the result of `course`; "" where none."""
+    rows = inputs.rows(course) if course is not None else []
+    name = inputs.test_facts(test).test if test is not None else None
+    return next((row["state_at_begin"] for row in rows if row["test"] == name), "")
+
+
+def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None):
     """Capacities [Ah] of the complete charges and discharges of one test.
 
     Parameters
@@ -16,6 +64,7 @@ def capacity(series, steps, cell, *, whole_swing=False):
     steps : result of `segment`, or a table of its columns.
     cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
     whole_swing : a half cycle that ends short of the cut-off counts too, as in slow OCV tests.
+    test, course : TestFacts or mapping, result of `course`: how the test before left the cell.
 
     Returns
     -------
@@ -39,6 +88,7 @@ def capacity(series, steps, cell, *, whole_swing=False):
         upper_cutoff_volt=facts.upper_cutoff_volt,
         surface_temperature_celsius=columns.get("surface_temperature_celsius"),
         whole_swing=whole_swing,
+        state_before=_state_before(course, test),
     )
     return results.Table(half_cycles.rows, tuple(half_cycles.left_out))
 
@@ -374,13 +424,14 @@ def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, **chan
     return results.Table([charge], tuple(notes))
 
 
-def ageing_cycles(series, steps, test, cell):
+def ageing_cycles(series, steps, test, cell, course=None):
     """Complete cycles of one ageing record: capacity, energy, efficiency, temperature.
 
     Parameters
     ----------
     series, steps : clean series, (n,) columns, and its steps.
     test, cell : TestFacts (its `cycle` is that of the first), CellFacts or mappings.
+    course : result of `course`: how the test before left the cell.
 
     Returns
     -------
@@ -402,5 +453,6 @@ def ageing_cycles(series, steps, test, cell):
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
+        state_before=_state_before(course, test),
     )
     return results.Table(complete.rows, tuple(complete.left_out))

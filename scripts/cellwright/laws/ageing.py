@@ -204,7 +204,10 @@ def _record(rows):
     discharges = np.flatnonzero(rows.direction == "discharge")
     cycle, capacity = rows.cycle[discharges], rows.capacity_ampere_hour[discharges]
     complete = np.isfinite(rows.coulombic_efficiency[discharges])
-    used = _inliers(cycle, capacity, complete & np.append(False, complete[:-1]))
+    usual = complete & np.append(False, complete[:-1])
+    if 2 * usual.sum() < len(usual):  # most charges are not in the record: so begin most discharges
+        usual = np.ones(len(usual), bool)
+    used = _inliers(cycle, capacity, usual)
     hour = rows.start_time_second[discharges] / 3600
     place = (hour[used] - hour[used][0]) / np.median(np.diff(hour[used]))
     celsius, source = _temperature(rows, discharges)
