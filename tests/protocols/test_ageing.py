@@ -76,7 +76,7 @@ def test_a_cut_cycle_takes_the_next_half_with_it():
     ageing = run(series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.5), (1.0, 1.0), (-1.0, 0.0)))
     assert ageing.rows.cycle.tolist() == [1, 2, 3]
     assert ageing.rows.direction.tolist() == ["discharge", "charge", "discharge"]
-    charge, discharge = ageing.left_out
+    discharge, charge = ageing.left_out
     assert "1 of 3 discharges left out (cycles 2)" in discharge
     assert "cycle 2: it ends at 3.500 V, before the cut-off of 3 V" in discharge
     assert "cycle 3: it does not start empty: what came before was cut short" in charge

@@ -47,7 +47,7 @@ rule ocv_rests:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
-        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+        capacity=lambda w: fitted("capacity", w.cell, *SIZE_KINDS),
     output:
         curve="results/ocv_rests/{cell}/{test}.parquet",
         points="results/ocv_rest_points/{cell}/{test}.parquet",

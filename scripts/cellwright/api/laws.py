@@ -195,7 +195,7 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
 
     Source: thesis 3.1; docs/ocv-temperature.md.
     """
-    from cellwright.api.models import _curves
+    from cellwright.api.charge import _curves
     from cellwright.laws.ocv import over_temperature as ocv
 
     chosen = inputs.settings_of(OcvTemperature, settings, changes)

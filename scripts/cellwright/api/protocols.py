@@ -190,7 +190,7 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
 
     Source: thesis 3.3; docs/ocv-temperature.md.
     """
-    from cellwright.api.models import state_of_charge
+    from cellwright.api.charge import state_of_charge
     from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
 
     columns, anchored = inputs.columns(series), state_of_charge(series, basis, test, cell)
@@ -225,7 +225,7 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
 
     Source: docs/resistance.md.
     """
-    from cellwright.api.models import state_of_charge
+    from cellwright.api.charge import state_of_charge
     from cellwright.protocols.resistance import pulse_resistance
 
     anchored = state_of_charge(series, basis, test, cell)
@@ -260,7 +260,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
 
     Source: thesis 3.3; docs/relaxation.md.
     """
-    from cellwright.api.models import state_of_charge
+    from cellwright.api.charge import state_of_charge
     from cellwright.protocols.rests import chamber_or_cell, example, rests_of
 
     columns = inputs.columns(series, *inputs.NAMES)

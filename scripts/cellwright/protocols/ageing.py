@@ -1,6 +1,7 @@
 """Ageing records: the complete discharges and charges of many cycles in one test."""
 
 import re
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -185,24 +186,23 @@ EXAMPLES = 5
 
 def _left_out(halves, first_cycle):
     """A sentence for each reason and direction: how many half cycles, of how many, and which."""
-    sentences = []
-    for sign, direction in NAMES.items():
-        of_direction = [half for half in halves if half.sign == sign]
-        reasons = {}
-        for half in of_direction:
-            words = half.fault or half.start.words
-            if words:
-                kind = (bool(half.fault), re.sub(r"-?\d[\d.]*( %)?", "#", words))
-                reasons.setdefault(kind, []).append((first_cycle + half.number, words))
-        for (faulty, _), members in reasons.items():
-            done = "left out" if faulty else "counted by their rest"
-            named = ", ".join(f"{cycle:g}" for cycle, _ in members[:EXAMPLES])
-            more = " …" if len(members) > EXAMPLES else ""
-            sentences.append(
-                f"{len(members)} of {len(of_direction)} {direction}s {done} "
-                f"(cycles {named}{more}): cycle {members[0][0]:g}: {members[0][1]}"
-            )
-    return tuple(sentences)
+    reasons, numbered = {}, Counter(half.sign for half in halves)
+    for half in halves:
+        words = half.fault or half.start.words
+        kind = (half.sign, bool(half.fault), re.sub(r"-?\d[\d.]*", "#", words))
+        if words:
+            reasons.setdefault(kind, []).append((first_cycle + half.number, words))
+    return tuple(_sentence(kind, members, numbered[kind[0]]) for kind, members in reasons.items())
+
+
+def _sentence(kind, members, total):
+    """One reason in words: its kind (sign, left out, …), its (cycle, words), of how many."""
+    done = "left out" if kind[1] else "counted by their rest"
+    named = ", ".join(f"{cycle:g}" for cycle, _ in members[:EXAMPLES])
+    named += " …" if len(members) > EXAMPLES else ""
+    cycle, words = members[0]
+    count = f"{len(members)} of {total} {NAMES[kind[0]]}s"
+    return f"{count} {done} (cycles {named}): cycle {cycle:g}: {words}"
 
 
 def _end(voltage, steps, sign, loads, limits):

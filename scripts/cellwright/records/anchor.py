@@ -9,6 +9,7 @@ from cellwright.refusal import Refusal
 REST_C_RATE = 0.004
 START_C_RATE = 0.02  # of one row: its noise, or a leak that moves the voltage by a millivolt
 WHOLE_SWING = 0.9  # of the capacity: a record that moves so much has its place on the scale
+SLOW_C_RATE = 1.1 / 15  # a slow test: C/15 by a rating that the cell need not have
 SAME_CHECKUP_CYCLES = 5.0  # tests so near in cycles see a cell of one age
 CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
 
@@ -218,10 +219,23 @@ def rest_scale(
     return Scale(float(full), capacity, first, source, anchor.words)
 
 
+# ASSUME: A complete charge at C/15 or slower puts in what a discharge as slow takes out.
+def telling_capacity(capacities):
+    """Rows that tell a cell's capacity: its discharges, and its charges at C/15 or slower.
+
+    Parameters
+    ----------
+    capacities : list of dict, rows of the capacity stage.
+    """
+    return [
+        row for row in capacities if row["direction"] == "discharge" or row["c_rate"] <= SLOW_C_RATE
+    ]
+
+
 def _nominal_capacity(capacities, celsius, cycle, rated):
     """Capacity [Ah] of the nearest test in age, then temperature, else the rating; its source."""
-    discharges = [row for row in capacities if row["direction"] == "discharge"]
-    if not discharges:
+    rows = telling_capacity(capacities)
+    if not rows:
         return rated or 0.0, "rating"
 
     def distance(row):
@@ -230,8 +244,10 @@ def _nominal_capacity(capacities, celsius, cycle, rated):
         kelvin = 0.0 if None in temperatures else abs(temperatures[0] - temperatures[1])
         return max(cycles, SAME_CHECKUP_CYCLES), kelvin, row["c_rate"]
 
-    best = min(discharges, key=distance)
-    return best["capacity_ampere_hour"], f"discharge of {best['test']} at {best['c_rate']:.2g}C"
+    best = min(rows, key=distance)
+    return best[
+        "capacity_ampere_hour"
+    ], f"{best['direction']} of {best['test']} at {best['c_rate']:.2g}C"
 
 
 def _ends_empty(steps, limit_volt):

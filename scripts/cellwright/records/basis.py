@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import SAME_CHECKUP_CYCLES, Anchored, soc_series
+from cellwright.records.anchor import SAME_CHECKUP_CYCLES, Anchored, soc_series, telling_capacity
 from cellwright.refusal import Refusal
 
 REFERENCE_CELSIUS = 25.0
@@ -180,13 +180,13 @@ def slow_capacity(curve):
 
 
 def _own_capacity(capacities, lender, rated):
-    discharges = [row for row in capacities if row["direction"] == "discharge"]
-    if not discharges:
+    rows = telling_capacity(capacities)
+    if not rows:
         if not rated:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
         return rated, "rating"
-    slowest = min(discharges, key=lambda row: (*first_choice(row), row["c_rate"]))
-    source = f"discharge of {slowest['test']} at {slowest['c_rate']:.2g}C"
+    slowest = min(rows, key=lambda row: (*first_choice(row), row["c_rate"]))
+    source = f"{slowest['direction']} of {slowest['test']} at {slowest['c_rate']:.2g}C"
     ratio = _slow_ratio(slowest, lender) if lender else None
     if ratio is None:
         return slowest["capacity_ampere_hour"], source
@@ -204,14 +204,14 @@ def _slow_ratio(row, lender):
 
 
 def same_condition(row, other):
-    """Whether `other` is a discharge at the rate (within 10 %) and temperature (3 K) of `row`.
+    """Whether two rows have one direction, rate (within 10 %) and temperature (within 3 K).
 
     Parameters
     ----------
     row, other : dict, rows of the capacity stage with ambient_temperature_celsius.
     """
     return (
-        other["direction"] == "discharge"
+        other["direction"] == row["direction"]
         and abs(other["c_rate"] / row["c_rate"] - 1) < SAME_RATE
         and same_temperature(row, other)
     )

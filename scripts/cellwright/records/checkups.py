@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.records.anchor import SAME_CHECKUP_CYCLES
+from cellwright.records.anchor import SAME_CHECKUP_CYCLES, telling_capacity
 from cellwright.records.basis import (
     basis,
     first_choice,
@@ -40,7 +40,8 @@ def basis_of_life(cell, curves, capacities, lenders, *, rests=(), **limits):
     ------
     Refusal : as `basis.basis`.
     """
-    kinds = (curves, [row for row in capacities if row["direction"] == "discharge"])
+    capacities = telling_capacity(capacities)
+    kinds = (curves, capacities)
     cycles = _checkup_cycles([row for rows in kinds for row in rows])
     alike = [
         cycle for cycle in cycles[1:] if _comparable(*[_within(k, cycles, cycle) for k in kinds])
@@ -97,8 +98,7 @@ def _nearest(rows, cycles, cycle):
 
 def _first_checkup(cycle, content, curves, capacities):
     """The first check-up, whose numbers are those of the basis itself."""
-    discharges = [row for row in capacities if row["direction"] == "discharge"]
-    chosen = min([*curves, *discharges], key=first_choice)
+    chosen = min([*curves, *capacities], key=first_choice)
     return {
         "cycle": cycle,
         "ambient_temperature_celsius": chosen["ambient_temperature_celsius"],
@@ -115,7 +115,7 @@ def _repeat_share(capacities, size):
     shares = [
         row["capacity_std_ampere_hour"] / row["capacity_ampere_hour"]
         for row in capacities
-        if row["direction"] == "discharge" and np.isfinite(row["capacity_std_ampere_hour"])
+        if np.isfinite(row["capacity_std_ampere_hour"])
     ]
     return float(np.sqrt(np.mean(np.square(shares))) * size) if shares else None
 
@@ -149,11 +149,10 @@ def _later_capacity(curves, capacities, first_capacities, first):
     """Capacity of a later check-up [Ah] and in words where it is from."""
     if any(same_temperature(curve, first) for curve in curves):
         return slow_capacity(min(curves, key=first_choice))
-    own = [row for row in capacities if row["direction"] == "discharge"]
-    own.sort(key=lambda row: (*first_choice(row), row["c_rate"]))
+    own = sorted(capacities, key=lambda row: (*first_choice(row), row["c_rate"]))
     pairs = [(row, old) for row in own for old in first_capacities if same_condition(row, old)]
     row, old = pairs[0]
     share = row["capacity_ampere_hour"] / old["capacity_ampere_hour"]
-    words = f"discharge of {row['test']} at {row['c_rate']:.2g}C, {share:.4f} of that of "
+    words = f"{row['direction']} of {row['test']} at {row['c_rate']:.2g}C, {share:.4f} of that of "
     words += f"{old['test']}, times the capacity then"
     return share * first["capacity_ampere_hour"], words
