@@ -47,6 +47,7 @@ rule ocv_rests:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
+        course=course_of,
         capacity=lambda w: fitted("capacity", w.cell, *SIZE_KINDS),
     output:
         curve="results/ocv_rests/{cell}/{test}.parquet",

@@ -127,7 +127,9 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
     return results.Ocv(curve, fit_functions(curve.soc, curve.ocv_volt), notes)
 
 
-def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.rest_second):
+def ocv_from_rests(
+    series, steps, cell, test, capacities=(), *, rest_second=OCV.rest_second, course=None
+):
     """Open-circuit voltage [V] over SoC from the rests of a pulse test.
 
     Parameters
@@ -136,6 +138,7 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
     cell, test : CellFacts, TestFacts or mappings.
     capacities : (test, result of `capacity`) each, or rows with their test's facts.
     rest_second : shortest rest that is a point of the curve [s].
+    course : result of `course`: how the test before left the cell.
 
     Returns
     -------
@@ -162,6 +165,7 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
         ambient_temperature_celsius=test.ambient_temperature_celsius,
         cycle=test.cycle,
         soc_at_start=test.soc,
+        state_before=_state_before(course, test),
     )
     points = rest_points(*columns, steps, rest_second=rest_second)
     limits = {name: getattr(cell, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}

@@ -157,6 +157,7 @@ def rest_scale(
     ambient_temperature_celsius=None,
     cycle=None,
     soc_at_start=None,
+    state_before="",
     rated_capacity_ampere_hour=None,
     lower_cutoff_volt,
     upper_cutoff_volt=None,
@@ -164,8 +165,9 @@ def rest_scale(
     """Full end and capacity of a record that discharges a cell in portions.
 
     SoC is known, by the first that applies, from: the stated one of the first row; the end of a
-    full charge in the record; a first row at rest near the upper cut-off; where no upper cut-off is
-    stated, from a record that moves 90 % of the capacity, which then begins full. The capacity is
+    full charge in the record; a first row at rest near the upper cut-off; a first row at rest after a
+    test that left the cell full, which an aged cell needs: it rests lower; where no upper cut-off
+    is stated, from a record that moves 90 % of the capacity, which then begins full. The capacity is
     what the record takes out where a constant current ends at the lower cut-off, else that of the
     cell's capacity test of the same check-up (else of the nearest in cycles) nearest in temperature
     (the slowest of them), else the rating; never less than the record takes out.
@@ -177,7 +179,8 @@ def rest_scale(
     capacities : list of dict, rows of the capacity stage with test, cycle and
         ambient_temperature_celsius.
     ambient_temperature_celsius : of the record [°C] or None. cycle : of the record, None as 0.
-    soc_at_start : stated [1] or None.
+    soc_at_start : stated [1] or None. state_before : "full", as the test before in time left the
+        cell; "": not known.
     rated_capacity_ampere_hour : [Ah] or None.
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None.
 
@@ -205,7 +208,8 @@ def rest_scale(
     if soc_at_start is not None:
         anchor = _Anchor(charge[0], soc_at_start, f"SoC {soc_at_start:g} is stated at its start")
     else:
-        anchor = _full_anchor(rate, voltage, charge, upper, FULL_WINDOW * window, share, first)
+        near = FULL_WINDOW * window if state_before != "full" else np.inf
+        anchor = _full_anchor(rate, voltage, charge, upper, near, share, first)
     discharged = float(anchor.charge_ampere_hour - charge.min())
     if ends_empty:
         nominal, source = (
