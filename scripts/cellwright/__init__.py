@@ -32,6 +32,7 @@ MODULE_OF = {
     "resistance_surface": "cellwright.api.laws",
     "polarisation_laws": "cellwright.api.laws",
     "ocv_over_temperature": "cellwright.api.laws",
+    "ocv_shifts": "cellwright.api.laws",
     "capacity_loss": "cellwright.api.laws",
     "ica_over_temperature": "cellwright.api.laws",
     "ageing_over_temperature": "cellwright.api.laws",

@@ -96,9 +96,42 @@ def rest_curves(cell):
     return [f"results/ocv_rests/{cell}/{row['test']}.parquet" for row in resting(cell)]
 
 
+def aged_capacity_tests(cell):
+    """Capacity tests of a cell, where they lie at several ages."""
+    rows = tests(cell, "capacity", roles=["fit"])
+    cycles = [row["cycle"] or 0 for row in rows]
+    return rows if cycles and max(cycles) - min(cycles) > 5 else []
+
+
+def of_aged(stage):
+    """Input function: one stage's artefacts of these tests."""
+    return lambda w: [
+        f"results/{stage}/{w.cell}/{row['test']}.parquet" for row in aged_capacity_tests(w.cell)
+    ]
+
+
+rule ocv_shift:
+    input:
+        series=of_aged("clean"),
+        steps=of_aged("segment"),
+    output:
+        "results/ocv_shift/{cell}.parquet",
+    log:
+        "logs/ocv_shift/{cell}.log",
+    wildcard_constraints:
+        cell=either(cells_where(aged_capacity_tests)),
+    message:
+        "Shift of the open-circuit voltage of {wildcards.cell} since its first check-up."
+    script:
+        "../../scripts/models/ocv_shift.py"
+
+
 rule basis:
     input:
         rests=lambda w: rest_curves(w.cell),
+        shifts=lambda w: (
+            [f"results/ocv_shift/{w.cell}.parquet"] if aged_capacity_tests(w.cell) else []
+        ),
         capacity=lambda w: fitted("capacity", w.cell, *SIZE_KINDS),
         ocv=lambda w: fitted("ocv", w.cell, "ocv"),
         lent_ocv=lambda w: [p for c in curve_lenders(w.cell) for p in fitted("ocv", c, "ocv")],

@@ -3,7 +3,7 @@
 from cellwright.api import inputs, results
 
 
-def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
+def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
     """The capacity and OCV curves that the SoC of a cell refers to, its own or borrowed.
 
     Parameters
@@ -13,6 +13,7 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
     capacities : (test, result of `capacity`) each.
     lenders : `records.basis.Lender` of cells of the same type.
     rests : (test, result of `ocv_from_rests`) each.
+    shifts : result of `ocv_shifts`, or its rows.
 
     Returns
     -------
@@ -35,6 +36,7 @@ def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
         inputs.entries(capacities),
         lenders,
         rests=inputs.entries(rests, _curves),
+        shifts=inputs.rows(shifts),
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
     )

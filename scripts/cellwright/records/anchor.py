@@ -165,12 +165,12 @@ def rest_scale(
     """Full end and capacity of a record that discharges a cell in portions.
 
     SoC is known, by the first that applies, from: the stated one of the first row; the end of a
-    full charge in the record; a first row at rest near the upper cut-off; a first row at rest after a
-    test that left the cell full, which an aged cell needs: it rests lower; where no upper cut-off
-    is stated, from a record that moves 90 % of the capacity, which then begins full. The capacity is
-    what the record takes out where a constant current ends at the lower cut-off, else that of the
-    cell's capacity test of the same check-up (else of the nearest in cycles) nearest in temperature
-    (the slowest of them), else the rating; never less than the record takes out.
+    full charge in the record; a first row at rest near the upper cut-off; a first row at rest after
+    a test that left the cell full, which an aged cell needs: it rests lower; where no upper cut-off
+    is stated, from a record that moves 90 % of the capacity, which then begins full. The capacity
+    is what the record takes out where a constant current ends at the lower cut-off, else that of
+    the cell's capacity test of the same check-up (else of the nearest in cycles) nearest in
+    temperature (the slowest of them), else the rating; never less than the record takes out.
 
     Parameters
     ----------

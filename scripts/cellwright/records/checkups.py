@@ -12,7 +12,7 @@ from cellwright.records.basis import (
 )
 
 
-def basis_of_life(cell, curves, capacities, lenders, *, rests=(), **limits):
+def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **limits):
     """Basis of a cell with the capacity and the OCV of each of its check-ups.
 
     1. Discharges and slow tests whose cycles lie within 5 of each other make one check-up; a blank
@@ -22,12 +22,15 @@ def basis_of_life(cell, curves, capacities, lenders, *, rests=(), **limits):
     basis of the cell, as `basis.basis` says. 4. The capacity of a later one is that of its own
     slow test; else the first one's, times what the same discharge has become since: what a cell
     loses to rate is then the same at both. 5. Its OCV curves are those of its slow tests, else
-    those of the rests of its pulse tests, else those of the check-up before it, as its text says.
+    those of the rests of its pulse tests, else those of the first check-up with their shift since,
+    else those of the check-up before it, as its text says.
 
     Parameters
     ----------
     cell, curves, capacities, lenders, rests : as of `basis.basis`, each curve and capacity with its
         `cycle`.
+    shifts : list of dict, shift of the OCV since the first check-up: cycle, soc, shift_volt,
+        shift_std_volt, from `protocols.ocv.shift`.
     limits : other keywords of `basis.basis`.
 
     Returns
@@ -56,7 +59,8 @@ def basis_of_life(cell, curves, capacities, lenders, *, rests=(), **limits):
         return content | {"checkups": []}
     checkups = [_first_checkup(cycles[0], content, *first[:2])]
     for cycle, group in zip(cycles[1:], others, strict=True):
-        checkups.append(_later(cycle, group, first[1], checkups, limits))
+        of_cycle = [row for row in shifts if abs(row["cycle"] - cycle) <= SAME_CHECKUP_CYCLES]
+        checkups.append(_later(cycle, (*group, of_cycle), first[1], checkups, limits))
     return content | {"checkups": checkups}
 
 
@@ -121,8 +125,8 @@ def _repeat_share(capacities, size):
 
 
 def _later(cycle, group, first_capacities, before, limits):
-    """A later check-up from its (curves, capacities, rests) and the check-ups before it."""
-    curves, capacities, rests = group
+    """A later check-up from its (curves, capacities, rests, shifts) and those before it."""
+    curves, capacities, rests, shifts = group
     capacity, source = _later_capacity(curves, capacities, first_capacities, before[0])
     content = {
         "cycle": cycle,
@@ -138,9 +142,24 @@ def _later(cycle, group, first_capacities, before, limits):
         found = basis("", [], [], [], rests=rests, **limits)
         names = ", ".join(curve["test"] for curve in found["ocv"])
         return content | {"ocv": found["ocv"], "ocv_source": f"rests of {names}"}
-    # ASSUME: A check-up without rests or a slow test has the OCV over SoC of the one before it.
+    if shifts and before[0]["ocv"]:
+        std = float(np.sqrt(np.mean([row["shift_std_volt"] ** 2 for row in shifts])))
+        words = f"carried over from cycle {before[0]['cycle']:g} with its shift since, "
+        words += f"± {1e3 * std:.1f} mV"
+        shifted = [_shifted(curve, shifts) for curve in before[0]["ocv"]]
+        return content | {"ocv": shifted, "ocv_source": words}
+    # ASSUME: A check-up without any of these has the OCV over SoC of the one before it.
     words = f"carried over from cycle {before[-1]['cycle']:g}; its shift since is not known"
     return content | {"ocv": before[-1]["ocv"], "ocv_source": words}
+
+
+def _shifted(curve, shifts):
+    """An OCV curve with its shift over SoC added, still rising."""
+    rows = sorted(shifts, key=lambda row: row["soc"])
+    soc = np.asarray(curve["soc"], float)
+    moved = np.interp(soc, [row["soc"] for row in rows], [row["shift_volt"] for row in rows])
+    volt = np.maximum.accumulate(np.asarray(curve["ocv_volt"], float) + moved) + 1e-6 * soc
+    return curve | {"ocv_volt": volt.tolist()}
 
 
 # ASSUME: Of a cell that ages the capacity at a slow rate falls by the same share as at the rate of
