@@ -49,6 +49,7 @@ MODULE_OF = {
     "validate": "cellwright.api.models",
     "estimate_soc": "cellwright.api.models",
     "missing_effect": "cellwright.api.effects",
+    "missing_effect_stability": "cellwright.api.effects",
     "witnesses": "cellwright.api.effects",
     "prepared_case": "cellwright.api.effects",
     "missing_group_effect": "cellwright.api.effects",

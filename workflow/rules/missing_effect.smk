@@ -159,6 +159,45 @@ rule witnesses:
         "../../scripts/missing_effect/witnesses.py"
 
 
+rule effect_stability:
+    input:
+        basis="results/basis/{cell}.json",
+        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+        lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
+        lent_series=lambda w: [
+            p for c in references(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
+        ],
+    output:
+        names="results/missing_effect/{cell}/stability.parquet",
+        searches="results/missing_effect/{cell}/stability_searches.parquet",
+    log:
+        "logs/missing_effect/{cell}_stability.log",
+    wildcard_constraints:
+        cell=either(SEARCHED),
+    params:
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+        references=lambda w: [facts_of(c) for c in references(w.cell)],
+    message:
+        "Search of {wildcards.cell} repeated without each of its records: which names stay."
+    script:
+        "../../scripts/missing_effect/effect_stability.py"
+
+
+rule missing_effect_stability:
+    input:
+        [f"results/missing_effect/{cell}/stability.parquet" for cell in SEARCHED],
+    output:
+        "results/tables/missing_effect_stability.csv",
+    log:
+        "logs/table/missing_effect_stability.log",
+    message:
+        "How often each name of a verdict stays when one record is left out of the search."
+    script:
+        "../../scripts/missing_effect/missing_effect_stability.py"
+
+
 rule missing_effect:
     input:
         verdicts=VERDICTS,

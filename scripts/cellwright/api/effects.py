@@ -61,6 +61,50 @@ def missing_effect(
     return results.MissingEffect(**finding._asdict())
 
 
+def missing_effect_stability(
+    cell,
+    basis,
+    tests,
+    settings=None,
+    *,
+    references=(),
+    model=None,
+    library=None,
+    split_rest_second=MODELS.split_rest_second,
+    **changes,
+):
+    """How often each name of a verdict stays when one record is left out of the search.
+
+    Parameters
+    ----------
+    cell, basis, tests, settings, references, model, library, split_rest_second, changes : as of
+        `missing_effect`.
+
+    Returns
+    -------
+    stability : Stability; one row a name; `repeats`: one row a search.
+
+    Raises
+    ------
+    Refusal : as `missing_effect`, with all records.
+
+    Source: docs/missing-effect.md.
+    """
+    from cellwright.effects.library import LIBRARY
+    from cellwright.effects.stability import repeat_rows, stability
+
+    found = stability(
+        inputs.cell_facts(cell),
+        inputs.content(basis),
+        inputs.tests(tests),
+        LIBRARY if library is None else library,
+        settings=_search(settings, split_rest_second, changes),
+        references=[_reference(reference) for reference in references],
+        model=None if model is None else inputs.content(model),
+    )
+    return results.Stability(found.rows, repeat_rows(found.repeats))
+
+
 def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
     """Which independent measurements of a cell agree with a verdict, contradict it, or are silent.
 

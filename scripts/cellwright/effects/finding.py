@@ -82,23 +82,47 @@ def missing_effect(
     Refusal : no OCV, nothing to fit, or nothing that judges; a given voltage that is not finite or
     does not cover its test.
     """
+    asked = asked_of(
+        cell, basis, tests, settings=settings, references=references, model=model, simulated=simulated
+    )
+    # A plain or own model is one to choose: it is fitted again without blocks. External is none.
+    split = None if asked.base_name == "external" else settings["split_rest_second"]
+    names = {"split_rest_second": split, "base_name": asked.base_name}
+    finding = of_case(cell.cell, asked.case, library, **names)
+    text = "\n".join([finding.verdict["paragraph"], *asked.caveats])
+    verdict = finding.verdict | {"references": list(asked.references), "paragraph": text}
+    return finding._replace(verdict=verdict, notes=(*asked.notes, *finding.notes))
+
+
+class Asked(NamedTuple):
+    """What a search is asked: its case, and what the model is.
+
+    case : case.Case. base_name : "plain", "own" or "external". references : names of the healthy
+    cells that the cell is compared with. notes, caveats : tuples of str, see `case.Prepared`.
+    """
+
+    case: object
+    base_name: str
+    references: tuple
+    notes: tuple
+    caveats: tuple
+
+
+def asked_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
+    """Case of a search before anything is searched: Asked; arguments as of `missing_effect`."""
     gates, tolerance = settings_of(settings)
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
     if simulated is not None:
         tests = [test for test in tests if test.facts.test in simulated]
     ready = prepared(cell, basis, tests, **options)
-    split = {"split_rest_second": settings["split_rest_second"]}
     base_name, used, note = "plain", [], ()
     if model is not None:
-        base_name, case, split = "own", own_case(ready, model), {}
+        base_name, case = "own", own_case(ready, model)
     elif simulated is not None:
-        base_name, case, split = "external", external_case(ready, simulated), {}
+        base_name, case = "external", external_case(ready, simulated)
     else:
         case, used, note = _paired(ready.case, references, options)
-    finding = of_case(cell.cell, case, library, base_name=base_name, **split)
-    text = "\n".join([finding.verdict["paragraph"], *ready.caveats])
-    verdict = finding.verdict | {"references": used, "paragraph": text}
-    return finding._replace(verdict=verdict, notes=(*ready.notes, *note, *finding.notes))
+    return Asked(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats)
 
 
 def _paired(case, references, options):
