@@ -43,6 +43,7 @@ MODULE_OF = {
     "compare_temperature_laws": "cellwright.api.models",
     "predict_left_out": "cellwright.api.models",
     "finish_model": "cellwright.api.models",
+    "add_own_effects": "cellwright.api.models",
     "borrow_model": "cellwright.api.models",
     "export_model": "cellwright.api.models",
     "simulate": "cellwright.api.models",

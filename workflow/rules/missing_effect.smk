@@ -86,7 +86,7 @@ rule effect_search:
 
 rule effect_search_own:
     input:
-        model="results/models/{cell}.json",
+        member="results/member/{cell}.json",
         basis="results/basis/{cell}.json",
         series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
     output:
@@ -94,6 +94,7 @@ rule effect_search_own:
         ranking="results/missing_effect/{cell}/own/ranking.parquet",
         residual_map="results/missing_effect/{cell}/own/map.parquet",
         series="results/missing_effect/{cell}/own/series.parquet",
+        model="results/missing_effect/{cell}/own/model.json",
     log:
         "logs/missing_effect/{cell}_own.log",
     wildcard_constraints:

@@ -231,7 +231,7 @@ def identify_branches(series, steps, cells, test):
 
     Source: docs/packs.md.
     """
-    from cellwright.circuits.model_file import parameter_rows
+    from cellwright.circuits.parameters import parameter_rows
     from cellwright.packs.group import group_models
     from cellwright.records.facts import MeasuredTest
 

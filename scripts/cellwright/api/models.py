@@ -141,7 +141,7 @@ def identify(
 
 
 def _model(content):
-    from cellwright.circuits.model_file import parameter_rows
+    from cellwright.circuits.parameters import parameter_rows
 
     return results.Document(content, tuple(content["notes"]), parameter_rows(content))
 
@@ -301,7 +301,8 @@ def finish_model(
     ------
     Refusal : A group's document that has no model of the cell.
     """
-    from cellwright.circuits.model_file import model_of, parameter_rows
+    from cellwright.circuits.model_file import model_of
+    from cellwright.circuits.parameters import parameter_rows
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
 
@@ -319,6 +320,30 @@ def finish_model(
     )
     notes = (content["choice"],) if choice else ()
     return results.FinishedModel(content, parameter_rows(content), choice, notes)
+
+
+def add_own_effects(model, effects, *, choice=()):
+    """A model with the effects that its chosen member lacks; they are used where that is better.
+
+    Parameters
+    ----------
+    model : result of `finish_model`.
+    effects : `model` of the result of `missing_effect(..., model=model)`, or None.
+    choice : rows of the choice of the member, where `model` is a document without them.
+
+    Returns
+    -------
+    model : FinishedModel, with the member `<chosen>+effects` where effects were found.
+
+    Source: docs/models.md.
+    """
+    from cellwright.circuits.parameters import parameter_rows
+    from cellwright.effects.given.member import with_own_effects
+
+    rows = inputs.rows(choice or getattr(model, "choice", ()))
+    content, rows = with_own_effects(inputs.content(model), rows, effects)
+    notes = (content["choice"],) if rows else ()
+    return results.FinishedModel(content, parameter_rows(content), rows, notes)
 
 
 def borrow_model(cell, peers):
@@ -365,7 +390,8 @@ def export_model(model):
     document, member = pybamm_document(model), plain_member(model)
     notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
     for entry in model["members"]:
-        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(entry)]
+        with_blocks = entry.get("companions", {"with": entry})["with"]
+        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
     if member != model["chosen"]:
         notes.append(f"the look-up table holds {member}: {model['chosen']} is more than RC pairs")
     tables = (lookup_table(model, member), temperature_table(model, None))

@@ -7,10 +7,12 @@ import numpy as np
 from cellwright.effects import base
 from cellwright.effects.case import Gates, not_excited, prepared
 from cellwright.effects.ceiling import ceiling, reached
+from cellwright.effects.given.case import own_case
+from cellwright.effects.given.external import external_case
+from cellwright.effects.given.judged import judged_blocks
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
 from cellwright.effects.odds import likely, probabilities
-from cellwright.effects.own import external_case, own_case
 from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
@@ -82,16 +84,17 @@ def missing_effect(
     Refusal : no OCV, nothing to fit, or nothing that judges; a given voltage that is not finite or
     does not cover its test.
     """
-    asked = asked_of(
-        cell, basis, tests, settings=settings, references=references, model=model, simulated=simulated
-    )
+    bases = {"references": references, "model": model, "simulated": simulated}
+    asked = asked_of(cell, basis, tests, settings=settings, **bases)
     # A plain or own model is one to choose: it is fitted again without blocks. External is none.
     split = None if asked.base_name == "external" else settings["split_rest_second"]
     names = {"split_rest_second": split, "base_name": asked.base_name}
     finding = of_case(cell.cell, asked.case, library, **names)
     text = "\n".join([finding.verdict["paragraph"], *asked.caveats])
     verdict = finding.verdict | {"references": list(asked.references), "paragraph": text}
-    return finding._replace(verdict=verdict, notes=(*asked.notes, *finding.notes))
+    known = {} if asked.given is None else {"given": asked.given}
+    notes = (*asked.notes, *finding.notes)
+    return finding._replace(verdict=verdict, model=finding.model | known, notes=notes)
 
 
 class Asked(NamedTuple):
@@ -106,6 +109,7 @@ class Asked(NamedTuple):
     references: tuple
     notes: tuple
     caveats: tuple
+    given: dict | None = None
 
 
 def asked_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
@@ -115,14 +119,14 @@ def asked_of(cell, basis, tests, *, settings, references=(), model=None, simulat
     if simulated is not None:
         tests = [test for test in tests if test.facts.test in simulated]
     ready = prepared(cell, basis, tests, **options)
-    base_name, used, note = "plain", [], ()
+    base_name, used, note, given = "plain", [], (), None
     if model is not None:
-        base_name, case = "own", own_case(ready, model)
+        base_name, (case, given) = "own", own_case(ready, model)
     elif simulated is not None:
         base_name, case = "external", external_case(ready, simulated)
     else:
         case, used, note = _paired(ready.case, references, options)
-    return Asked(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats)
+    return Asked(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats, given)
 
 
 def _paired(case, references, options):
@@ -232,9 +236,10 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     model = model_of(case, result.last if kept else rounds[0].before)
     verdict["paragraph"] = paragraph(verdict, library, values=values_of(model))
     if kept and split_rest_second is not None:
-        model["folds"] = folds(
-            case, result.last, rounds[-1].noise, split_rest_second=split_rest_second
-        )
+        rest = {"split_rest_second": split_rest_second}
+        model["folds"] = folds(case, result.last, rounds[-1].noise, **rest)
+        if base_name == "own":
+            model["blocks"] = judged_blocks(case, result.last, model["folds"], **rest)
     return Finding(
         verdict,
         ranking_of(rounds),

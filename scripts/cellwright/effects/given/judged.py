@@ -1,0 +1,54 @@
+"""Errors of the model in use, with its effects and without, on blocks left out of their search."""
+
+import numpy as np
+
+from cellwright.effects import base
+from cellwright.effects.given.case import at_starts
+from cellwright.effects.member import blocks_of_case
+
+
+def judged_blocks(case, state, folds, *, split_rest_second):
+    """Each block of the records fitted, and how far the given model errs in it, with effects or not.
+
+    Every voltage begins at the SoC that counting gives at the start of its record, as in use: a
+    start that was fitted to the record is no part of the model.
+
+    Parameters
+    ----------
+    case : case.Case of a given model, `case.given_case`. state : search.State, the model with its
+        effects. folds : list of dict, see `member.folds`.
+    split_rest_second : shortest rest that ends a block [s].
+
+    Returns
+    -------
+    blocks : list of dict: test, from_second, until_second, rows, celsius (least, mean and largest
+        of the record [degC]), square_volt2: mean square error [V²] of the `member` as it is,
+        `with_effects`, and `left_out`, with effects that were found without the block. Empty where
+        nothing could be left out.
+    """
+    if not folds:
+        return []
+    numbers, spans = blocks_of_case(case, split_rest_second)
+    stack, effects = case.fit, state.effects
+    companion = base.voltage(case.cell, stack, at_starts(case.start, stack))
+    whole, *each = (
+        base.voltage(case.cell, stack, at_starts(values, stack), effects)
+        for values in (state.solution.values, *(fold["values"] for fold in folds))
+    )
+    held_out = np.array(each)[numbers % len(folds), np.arange(len(numbers))]
+    volts = {"member": stack.template_volt + companion, "with_effects": whole, "left_out": held_out}
+    squares = {name: (stack.voltage_volt - volt) ** 2 for name, volt in volts.items()}
+    return [_block(stack, span, numbers == k, squares) for k, span in enumerate(spans)]
+
+
+def _block(stack, span, inside, squares):
+    test, begin, end = span
+    celsius = stack.celsius[stack.file == stack.tests.index(test)]
+    return {
+        "test": test,
+        "from_second": begin,
+        "until_second": end,
+        "rows": int(inside.sum()),
+        "celsius": [float(value) for value in (celsius.min(), celsius.mean(), celsius.max())],
+        "square_volt2": {name: float(square[inside].mean()) for name, square in squares.items()},
+    }
