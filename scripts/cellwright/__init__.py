@@ -10,6 +10,7 @@ MODULE_OF = {
     "TestFacts": "cellwright.records.facts",
     "Refusal": "cellwright.refusal",
     "read": "cellwright.api.series",
+    "read_simulated": "cellwright.api.series",
     "clean": "cellwright.api.series",
     "segment": "cellwright.api.series",
     "capacity": "cellwright.api.protocols",

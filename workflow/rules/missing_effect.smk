@@ -49,6 +49,19 @@ EFFECT_PARTS = [
 ASKED_OF_OWN = "own" in config["missing_effect"]["bases"]
 SEARCHED_OWN = [cell for cell in SEARCHED if ASKED_OF_OWN and cell in MODELLED]
 OWN_VERDICTS = [f"results/missing_effect/{cell}/own/verdict.json" for cell in SEARCHED_OWN]
+# What a simulator of the user's lacks is asked of cells with simulated tests to fit and for proof.
+ASKED_OF_EXTERNAL = "external" in config["missing_effect"]["bases"]
+
+
+def simulated_tests(cell):
+    """Tests of a cell that take part in a search and for which the user has simulated a voltage."""
+    return [row for row in tests(cell, *EFFECT_KINDS) if row["simulated_file"]]
+
+
+SEARCHED_EXTERNAL = [cell for cell in ASKED if ASKED_OF_EXTERNAL and simulated_tests(cell)]
+EXTERNAL_VERDICTS = [
+    f"results/missing_effect/{cell}/external/verdict.json" for cell in SEARCHED_EXTERNAL
+]
 WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
 
 
@@ -107,6 +120,39 @@ rule effect_search_own:
         "Search for an effect that the model in use of {wildcards.cell} still lacks."
     script:
         "../../scripts/missing_effect/effect_search_own.py"
+
+
+def simulated_files(wildcards):
+    """The simulated files of a cell that are there; what is missing the job itself will report."""
+    files = dict.fromkeys(row["simulated_file"] for row in simulated_tests(wildcards.cell))
+    return [local(file) for file in files if Path(file).is_file()]
+
+
+rule effect_search_external:
+    input:
+        basis="results/basis/{cell}.json",
+        series=lambda w: [
+            f"results/clean/{w.cell}/{row['test']}.parquet" for row in simulated_tests(w.cell)
+        ],
+        simulated=simulated_files,
+    output:
+        verdict="results/missing_effect/{cell}/external/verdict.json",
+        ranking="results/missing_effect/{cell}/external/ranking.parquet",
+        residual_map="results/missing_effect/{cell}/external/map.parquet",
+        series="results/missing_effect/{cell}/external/series.parquet",
+    log:
+        "logs/missing_effect/{cell}_external.log",
+    wildcard_constraints:
+        cell=either(SEARCHED_EXTERNAL),
+    params:
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+        files=lambda w: {row["test"]: row["simulated_file"] for row in simulated_tests(w.cell)},
+    message:
+        "Search for an effect that your simulator of {wildcards.cell} lacks."
+    script:
+        "../../scripts/missing_effect/effect_search_external.py"
 
 
 rule missing_effect_group:
@@ -203,6 +249,7 @@ rule missing_effect:
     input:
         verdicts=VERDICTS,
         own=OWN_VERDICTS,
+        external=EXTERNAL_VERDICTS,
         witnesses=WITNESSES,
     output:
         table="results/tables/missing_effect.csv",

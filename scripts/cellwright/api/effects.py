@@ -30,8 +30,9 @@ def missing_effect(
     references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
         compared with them.
     model : result of `finish_model`: what does its chosen member still lack?
-    simulated : dict test → (time (n,) [s], voltage (n,) [V]) by any simulator: what does that one
-        lack? Tests without a simulated voltage take no part.
+    simulated : dict test → (time (n,) [s], voltage (n,) [V]) by any simulator, on the test's own
+        clock, or the result of `read_simulated`: what does that one lack? Tests without a simulated
+        voltage take no part; one whose simulation does not fit is left out with a note.
     library : effects by id that are tried, None: all of `effects.library.LIBRARY`.
     split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
@@ -56,7 +57,7 @@ def missing_effect(
         settings=_search(settings, split_rest_second, changes),
         references=[_reference(reference) for reference in references],
         model=None if model is None else inputs.content(model),
-        simulated=simulated,
+        simulated=None if simulated is None else _simulated(simulated),
     )
     return results.MissingEffect(**finding._asdict())
 
@@ -163,6 +164,13 @@ def prepared_case(
     mine = inputs.tests([one for one in known if one[0].kind in KINDS])
     facts = inputs.cell_facts(cell)
     return prepared(facts, inputs.content(basis), mine, **options).case
+
+
+def _simulated(simulated) -> dict:
+    """Simulated voltages by test, from pairs or triples (time, voltage, name of the file)."""
+    from cellwright.effects.given.external import Simulated
+
+    return {test: Simulated(*curve) for test, curve in simulated.items()}
 
 
 def _search(settings, split_rest_second, changes) -> dict:

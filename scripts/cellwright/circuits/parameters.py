@@ -29,8 +29,8 @@ def parameter_rows(model):
     rows : list of dict, by member, condition, parameter and SoC: r0, then r1, tau1, … of RC pairs
         and kinetics (these with scale1, …), rct, tauct, scalect of the charge transfer that no
         sample resolves, hysteresis_m, hysteresis_charge, diffusion_gain, diffusion_tau, ocv_shift;
-        without SoC ocv_missing, ocv_stretch and activation_energy, of the condition as a whole. Of a
-        member with companions the circuit that it begins from, and the sizes of its effects.
+        without SoC ocv_missing, ocv_stretch and activation_energy, of the condition as a whole.
+        Of a member with companions the circuit that it begins from, and the sizes of its effects.
     """
     conditions = [(m["model"], c) for m in model["members"] for c in m["conditions"]]
     rows = [row for name, condition in conditions for row in _rows(name, condition)]

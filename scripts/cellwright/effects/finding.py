@@ -8,7 +8,7 @@ from cellwright.effects import base
 from cellwright.effects.case import Gates, not_excited, prepared
 from cellwright.effects.ceiling import ceiling, reached
 from cellwright.effects.given.case import own_case
-from cellwright.effects.given.external import external_case
+from cellwright.effects.given.external import external_case, with_simulated
 from cellwright.effects.given.judged import judged_blocks
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
@@ -69,8 +69,8 @@ def missing_effect(
     cell : CellFacts. basis : dict, from `basis.basis`.
     tests : list of MeasuredTest. library : dict of Effect by id.
     settings : dict: those of `settings_of`, most_rows and split_rest_second.
-    model : dict of schema cellwright-model/2, for the base `own`. simulated : dict test → (time
-    (n,) [s], voltage (n,) [V]), for the base `external`; tests without one take no part.
+    model : dict of schema cellwright-model/2, for the base `own`. simulated : dict test →
+    external.Simulated, for the base `external`; tests without one take no part.
     references : sequence of Reference, of the base `plain`. Where one or more ran the same
     protocol, and the plain model fails them by far more than noise, the cell is compared with them
     (paired mode).
@@ -81,8 +81,8 @@ def missing_effect(
 
     Raises
     ------
-    Refusal : no OCV, nothing to fit, or nothing that judges; a given voltage that is not finite or
-    does not cover its test.
+    Refusal : no OCV, nothing to fit, or nothing that judges; no simulated voltage that can be
+    joined to its test.
     """
     bases = {"references": references, "model": model, "simulated": simulated}
     asked = asked_of(cell, basis, tests, settings=settings, **bases)
@@ -116,17 +116,25 @@ def asked_of(cell, basis, tests, *, settings, references=(), model=None, simulat
     """Case of a search before anything is searched: Asked; arguments as of `missing_effect`."""
     gates, tolerance = settings_of(settings)
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
-    if simulated is not None:
-        tests = [test for test in tests if test.facts.test in simulated]
-    ready = prepared(cell, basis, tests, **options)
     base_name, used, note, given = "plain", [], (), None
+    if simulated is not None:
+        tests, note = with_simulated(tests, simulated)
+    ready = _ready(cell, basis, tests, options, note)
     if model is not None:
         base_name, (case, given) = "own", own_case(ready, model)
     elif simulated is not None:
-        base_name, case = "external", external_case(ready, simulated)
+        base_name, case = "external", external_case(ready)
     else:
         case, used, note = _paired(ready.case, references, options)
     return Asked(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats, given)
+
+
+def _ready(cell, basis, tests, options, notes):
+    """As `case.prepared`; a refusal tells as well which simulation could not be joined."""
+    try:
+        return prepared(cell, basis, tests, **options)
+    except Refusal as refusal:
+        raise Refusal("; ".join([str(refusal), *notes])) from None
 
 
 def _paired(case, references, options):

@@ -1,7 +1,7 @@
 """Base of the search whose voltage a model gives, row by row, and its companion.
 
-`own` : the chosen member of the cell's model; what does the model in use still lack? A companion circuit, fitted to the given
-voltage, tells how that would change with an effect:
+`own` : the chosen member of the cell's model; what does the model in use still lack? A companion
+circuit, fitted to the given voltage, tells how that would change with an effect:
 
     voltage = given + companion(parameters, effects) − companion(as fitted to the given voltage)
 

@@ -8,7 +8,7 @@ from cellwright.effects.member import blocks_of_case
 
 
 def judged_blocks(case, state, folds, *, split_rest_second):
-    """Each block of the records fitted, and how far the given model errs in it, with effects or not.
+    """How far the given model errs in each block of the records fitted, with effects and without.
 
     Every voltage begins at the SoC that counting gives at the start of its record, as in use: a
     start that was fitted to the record is no part of the model.

@@ -65,19 +65,21 @@ def name_of_effect(effect):
     return NAMES.get(effect, effect.removeprefix("branch_").replace("_", " "))
 
 
-def one_line(verdict, own=None):
-    """What a cell shows, and what the model in use lacks, in one line.
+def one_line(verdict, own=None, external=None):
+    """What a cell shows, and what the model in use and that of the user lack, in one line.
 
     Parameters
     ----------
-    verdict : dict of the contract, of the plain circuit. own : dict, of the model in use, or None.
+    verdict : dict of the contract, of the plain circuit. own, external : dict, of the model in
+    use and of the user's simulator, or None.
 
     Returns
     -------
     line : str, without a full stop.
     """
-    shown = _shows(verdict)
-    return shown if own is None else f"{shown}; {_lacks(own)}"
+    lacking = (("its model", own), ("your simulation", external))
+    told = [_lacks(model, other) for model, other in lacking if other is not None]
+    return "; ".join([_shows(verdict), *told])
 
 
 def _shows(verdict):
@@ -89,14 +91,14 @@ def _shows(verdict):
     return f"shows {names}"
 
 
-def _lacks(own):
+def _lacks(model, own):
     names = _listed(_name(one) for one in own["effects"])
     if own["verdict"] == "none":
         most = own["validation_rmse_volt"]["after"]
-        return f"its model lacks nothing above {1e3 * most:.2g} mV"
+        return f"{model} lacks nothing above {1e3 * most:.2g} mV"
     if names:
-        return f"its model lacks {names}"
-    return f"its model lacks something without a name, {millivolt(_open(own))}{_in_place(own)}"
+        return f"{model} lacks {names}"
+    return f"{model} lacks something without a name, {millivolt(_open(own))}{_in_place(own)}"
 
 
 def _open(verdict):
