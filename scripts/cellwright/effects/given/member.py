@@ -12,11 +12,22 @@ from cellwright.circuits.instrument import words_of
 from cellwright.circuits.model_file import member_of
 from cellwright.effects.given.case import resistances
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.member import KNOTS, distinct, effect_member, temperatures
+from cellwright.effects.member import KNOTS, NAME, distinct, effect_member, temperatures
 from cellwright.identification.choice import Judged, Score, choose, judged_rows, rmse_of
 from cellwright.refusal import Refusal
 
-SUFFIX = "+effects"
+SUFFIX, OWN_SUFFIX = "+effects", "+own_effects"
+
+
+def name_with_effects(member):
+    """Name of a member with the effects that it lacks; `2RC+effects` is what a plain search found.
+
+    Parameters
+    ----------
+    member : its name.
+    """
+    name = member + SUFFIX
+    return member + OWN_SUFFIX if name == NAME else name
 
 
 def with_own_effects(model, rows, effect_model):
@@ -43,7 +54,7 @@ def with_own_effects(model, rows, effect_model):
     try:
         entry = own_member(effect_model, model)
     except Refusal as refusal:
-        name = effect_model["given"]["member"] + SUFFIX
+        name = name_with_effects(effect_model["given"]["member"])
         return model | {"notes": [*model["notes"], f"{name} not made: {refusal}"]}, rows
     return _decided(model, rows, entry, effect_model["blocks"])
 
@@ -90,7 +101,7 @@ def own_member(effect_model, model, library=LIBRARY):
         "without": without | {"effects": []},
     }
     return origin | {
-        "model": origin["model"] + SUFFIX,
+        "model": name_with_effects(origin["model"]),
         "of": origin["model"],
         "effects": list(effect_model["effects"]),
         "sizes": _sizes(effect_model, library),

@@ -40,12 +40,14 @@ class Phrases(NamedTuple):
     """How a paragraph speaks of what was searched.
 
     where : on which records, of which quantity, the error is. healthy : the model without an
-    effect, and its verb. none : what does not explain an unknown error.
+    effect, and its verb. none : what does not explain an unknown error. named : what the names
+    are named of, and its verb.
     """
 
     where: str
     healthy: str
     none: str
+    named: str = "Shows"
 
 
 CELL = Phrases(
@@ -55,8 +57,8 @@ CELL = Phrases(
 )
 BASES = {
     "plain": CELL,
-    "own": CELL._replace(healthy="the model in use is off by"),
-    "external": CELL._replace(healthy="your model is off by"),
+    "own": CELL._replace(healthy="the model in use is off by", named="The model in use lacks"),
+    "external": CELL._replace(healthy="your model is off by", named="Your model lacks"),
 }
 
 
@@ -210,7 +212,7 @@ def _named(verdict, library, phrases, values):
     changes = [library[one["effect"]].consequence for one in named]
     changes = "; ".join(dict.fromkeys(filter(None, changes)))
     return [
-        f"Shows {names}: {change}{left}. Of this, {_floor(verdict)}.",
+        f"{phrases.named} {names}: {change}{left}. Of this, {_floor(verdict)}.",
         *(_effect(one, library, values) for one in named),
         *([f"What it changes: {changes}."] if changes else []),
     ]
