@@ -72,7 +72,7 @@ def stability(cell, basis, tests, library, **options):
         except Refusal as refusal:
             facts = test.facts
             repeats.append(Repeat(facts.test, facts.role, None, reason=str(refusal)))
-    return Stability(repeats, list(_rows(repeats)))
+    return Stability(repeats, list(name_rows(repeats)))
 
 
 def _repeat(facts, asked, library):
@@ -91,8 +91,13 @@ def _repeat(facts, asked, library):
     )
 
 
-def _rows(repeats):
-    """A row for each name of any of the searches, those of the search with all records first."""
+def name_rows(repeats):
+    """A row for each name of any of the searches, those of the search with all records first.
+
+    Parameters
+    ----------
+    repeats : list of Repeat, that with all records first.
+    """
     whole, without = repeats[0], [r for r in repeats[1:] if r.verdict is not None]
     others = (name for repeat in without for name in repeat.effects)
     for name in dict.fromkeys((*whole.effects, *others)):
