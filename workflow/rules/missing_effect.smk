@@ -236,7 +236,7 @@ rule missing_effect_stability:
     input:
         [f"results/missing_effect/{cell}/stability.parquet" for cell in SEARCHED],
     output:
-        "results/tables/missing_effect_stability.csv",
+        "results/missing_effect_stability/names.csv",
     log:
         "logs/table/missing_effect_stability.log",
     message:

@@ -62,6 +62,30 @@ def missing_effect(
     return results.MissingEffect(**finding._asdict())
 
 
+def add_own_effects(model, effects, *, choice=()):
+    """A model with the effects that its chosen member lacks; they are used where that is better.
+
+    Parameters
+    ----------
+    model : result of `finish_model`.
+    effects : `model` of the result of `missing_effect(..., model=model)`, or None.
+    choice : rows of the choice of the member, where `model` is a document without them.
+
+    Returns
+    -------
+    model : FinishedModel, with the member `<chosen>+effects` where effects were found.
+
+    Source: docs/models.md.
+    """
+    from cellwright.circuits.parameters import parameter_rows
+    from cellwright.effects.given.member import with_own_effects
+
+    rows = inputs.rows(choice or getattr(model, "choice", ()))
+    content, rows = with_own_effects(inputs.content(model), rows, effects)
+    notes = (content["choice"],) if rows else ()
+    return results.FinishedModel(content, parameter_rows(content), rows, notes)
+
+
 def missing_effect_stability(
     cell,
     basis,

@@ -354,8 +354,8 @@ def simulate_member(
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2. member : dict, entry of a member. The others : as of
-    `simulate_model`.
+    model : dict of schema cellwright-model/2. member : dict, entry of a member.
+    test_time_second, current_ampere, soc, temperature_celsius, hold, kind : as of `simulate_model`.
 
     Returns
     -------
