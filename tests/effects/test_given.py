@@ -83,6 +83,27 @@ def test_a_simulator_that_has_all_of_it_lacks_nothing(truth):
     assert verdict["validation_rmse_volt"]["before"] == pytest.approx(1.5e-3, rel=0.1)
 
 
+def test_its_error_as_it_is_is_told_before_anything_is_freed():
+    """Of a simulator that is off by a wave over the time, which no companion holds."""
+    fitted, judging = (
+        tuple(
+            record._replace(simulated_volt=record.simulated_volt + wave(record)) for record in side
+        )
+        for side in records(HEALTHY)
+    )
+    case = external_case(Prepared(laid(fitted, judging), (fitted, judging), ()))
+    told = of_case("A", case, {}, base_name="external").verdict
+    for role, side in (("fit", fitted), ("validation", judging)):
+        error = np.concatenate([record.voltage_volt - record.simulated_volt for record in side])
+        wanted = np.sqrt(np.mean(error**2))
+        assert told["as_given_rmse_volt"][role] == pytest.approx(wanted, rel=0.02)
+    assert "As it is, with no parameter freed, it is off by 14" in told["paragraph"]
+
+
+def wave(record):
+    return 0.02 * np.sin(record.test_time_second / 40.0)
+
+
 def family():
     """A model file of one member of the family, the plain circuit as the simulator has it."""
     logs = {"log_r0": 0.026, "log_r1": 0.011, "log_r2": 0.013, "log_tau1": 9.0, "log_tau2": 150.0}

@@ -9,7 +9,7 @@ from cellwright.effects.case import Gates, not_excited, prepared
 from cellwright.effects.ceiling import ceiling, reached
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case, with_simulated
-from cellwright.effects.given.judged import judged_blocks
+from cellwright.effects.given.judged import as_given, judged_blocks
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
 from cellwright.effects.odds import likely, probabilities
@@ -226,6 +226,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     menu, advice, test = advised(case, result, rounds, library, untestable, open_place)
     verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
     verdict["base"] = base_name
+    if base_name != "plain":
+        verdict["as_given_rmse_volt"] = as_given(case, rounds[0].filters)
     evidence_columns = _evidence(case, result)
     shares = explained(evidence_columns)
     for entry in (*verdict["effects"], *verdict["partial"]):

@@ -5,6 +5,7 @@ import numpy as np
 from cellwright.effects import base
 from cellwright.effects.given.case import at_starts
 from cellwright.effects.member import blocks_of_case
+from cellwright.numerics.statistics import rms
 
 
 def judged_blocks(case, state, folds, *, split_rest_second):
@@ -30,15 +31,41 @@ def judged_blocks(case, state, folds, *, split_rest_second):
         return []
     numbers, spans = blocks_of_case(case, split_rest_second)
     stack, effects = case.fit, state.effects
-    companion = base.voltage(case.cell, stack, at_starts(case.start, stack))
     whole, *each = (
         base.voltage(case.cell, stack, at_starts(values, stack), effects)
         for values in (state.solution.values, *(fold["values"] for fold in folds))
     )
     held_out = np.array(each)[numbers % len(folds), np.arange(len(numbers))]
-    volts = {"member": stack.template_volt + companion, "with_effects": whole, "left_out": held_out}
+    volts = {"member": given_volt(case, stack), "with_effects": whole, "left_out": held_out}
     squares = {name: (stack.voltage_volt - volt) ** 2 for name, volt in volts.items()}
     return [_block(stack, span, numbers == k, squares) for k, span in enumerate(spans)]
+
+
+def as_given(case, filters):
+    """Error of a given model with none of its parameters freed: dict fit, validation [V].
+
+    Over the rows that an rms error of the search counts, from the SoC as stated or counted; of
+    records for proof as of those fitted.
+
+    Parameters
+    ----------
+    case : case.Case of a given model. filters : case.Filters.
+    """
+    rows = {"fit": filters.fit_rows, "validation": filters.validation_rows}
+    return {
+        role: rms((stack.voltage_volt - given_volt(case, stack))[rows[role]])
+        for role, stack in (("fit", case.fit), ("validation", case.validation))
+    }
+
+
+def given_volt(case, stack):
+    """Voltage of the given model over a stack (n,) [V].
+
+    Parameters
+    ----------
+    case : case.Case of a given model. stack : one of its two.
+    """
+    return base.voltage(case.cell, stack, at_starts(case.start, stack))
 
 
 def _block(stack, span, inside, squares):

@@ -32,6 +32,7 @@ NAMES = {
     "unknown": "something unknown",
 }
 LEAST_PROBABILITY = 0.01
+BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
 MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
 SHOWN_WORSE = 2
 
@@ -151,6 +152,7 @@ def paragraph(verdict, library, phrases=None, values=None):
     opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
     parts = [
         *opening(verdict, library, phrases, values),
+        *_as_given(verdict),
         *_remainder(verdict),
         *_worsened(verdict),
         *map(_nuisance, verdict.get("nuisances") or []),
@@ -161,6 +163,21 @@ def paragraph(verdict, library, phrases=None, values=None):
         advice = advice.removeprefix("To ") if advice.startswith("To ") else advice
         parts.append(f"To test next: {advice}.")
     return "\n".join(parts)
+
+
+def _as_given(verdict):
+    """What a given model errs by before any of its parameters is freed."""
+    given = verdict.get("as_given_rmse_volt")
+    if given is None:
+        return
+    now = verdict["validation_rmse_volt"]["before"]
+    text = (
+        f"As it is, with no parameter freed, it is off by {millivolt(given['fit'])} on the records "
+        f"fitted and by {millivolt(given['validation'])} on the others"
+    )
+    if now > BENT * given["validation"]:
+        text += "; freed to follow the records fitted, by more on the others"
+    yield f"{text}."
 
 
 def _none(verdict, library, phrases, values):
