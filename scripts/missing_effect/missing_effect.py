@@ -5,5 +5,8 @@ from runtime import artefact, tables
 with artefact.Job(snakemake) as job:
     found = [verdict for verdict, _ in artefact.load_all(snakemake.input.verdicts)]
     witnesses = tables.rows_of(snakemake.input.witnesses, {})
-    own = {verdict["cell"]: verdict for verdict, _ in artefact.load_all(snakemake.input.own)}
-    job.save(tables.verdicts(found, witnesses, own), snakemake.output.table)
+    own, external = (
+        {verdict["cell"]: verdict for verdict, _ in artefact.load_all(paths)}
+        for paths in (snakemake.input.own, snakemake.input.external)
+    )
+    job.save(tables.verdicts(found, witnesses, own, external), snakemake.output.table)

@@ -266,12 +266,13 @@ def _tests(tests, cells, groups):
 
 
 def _files(row, place):
-    files, sums = row["file"] or [], row["sha256"]
-    for file in files:
+    files, sums, simulated = row["file"] or [], row["sha256"], row["simulated_file"]
+    named = [("file", file) for file in files] + [("simulated_file", simulated or "-")]
+    for column, file in named:
         if re.match(r"[/\\~]|[A-Za-z]:[/\\]", file):
-            yield fault(f"{place}, file", file, "a path relative to the campaign")
+            yield fault(f"{place}, {column}", file, "a path relative to the campaign")
         elif ".." in re.split(r"[/\\]", file):
-            yield fault(f"{place}, file", file, "a path inside the campaign, without ..")
+            yield fault(f"{place}, {column}", file, "a path inside the campaign, without ..")
     for file in sorted({file for file in files if files.count(file) > 1}):
         yield fault(f"{place}, file", file, "each file of a test once")
     if files and sums is not None and len(sums) != len(files):

@@ -54,18 +54,20 @@ def excluded(paths, files) -> "DataFrame":
     return once.drop(columns=["rule", "step"])
 
 
-def verdicts(documents, witnesses=(), own=None) -> list[dict]:
+def verdicts(documents, witnesses=(), own=None, external=None) -> list[dict]:
     """Rows of tables/missing_effect from verdict files: one an effect, one where there is none.
 
     `witnesses` are rows of all cells, each with its cell; those of effects that are not named stand
-    in the row of a cell's first effect. `own` are verdicts on the models in use, by cell.
+    in the row of a cell's first effect. `own` are verdicts on the models in use, `external` on the
+    user's simulator, by cell.
     """
     from cellwright.effects.story.words import one_line
 
     rows = []
     for verdict in documents:
         mine = [row for row in witnesses if row["cell"] == verdict["cell"]]
-        line = one_line(verdict, (own or {}).get(verdict["cell"]))
+        further = ((found or {}).get(verdict["cell"]) for found in (own, external))
+        line = one_line(verdict, *further)
         for place, effect in enumerate(verdict["effects"] or [NO_EFFECT | verdict]):
             others = [row for row in mine if not row["named"] and place == 0]
             named = verdict["effects"] or verdict.get("partial", [])

@@ -1,11 +1,13 @@
 """Small campaigns (tests/campaigns): what is planned for which tests, and that it runs."""
 
 import csv
+import json
 import re
 import shutil
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -26,14 +28,14 @@ PLANNED = {
     "capacity_only": CAPACITY | {"effect_search", "witnesses"},
     "ocv_pulses_drive": CAPACITY
     | METHODS
-    | {"ocv", "pulses", "polarisation", "identify", "model", "export", "prediction"}
+    | {"ocv", "pulses", "polarisation", "identify", "member", "model", "export", "prediction"}
     | {"effect_search", "effect_search_own", "witnesses"},
     "spectra_only": {"impedance", "basis", "temperature", "cold_limit"},
     "pulses_over_temperature": CAPACITY
     | METHODS
     | {"pulses", "temperature", "resistance_surface", "cold_limit", "effect_search", "witnesses"},
     "parallel_group": SERIES
-    | {"basis", "branches", "model", "export", "pack", "missing_effect_group"},
+    | {"basis", "branches", "member", "model", "export", "pack", "missing_effect_group"},
 }
 
 
@@ -105,3 +107,47 @@ def test_spectra_alone_are_fitted_and_nothing_is_left_out(tmp_path):
     transfer = [float(row["r_charge_transfer_ohm"]) for row in rows]
     assert transfer == sorted(transfer), "charge transfer is slower in the cold"
     assert not (folder / "results/ingest").exists()
+
+
+def with_simulated_files(folder):
+    """Give the drive and the pulses a simulated file, the capacity test one that is too short.
+
+    The simulator is a perfect one: what was measured. Each file ends with the clock of its test.
+    """
+    sheet = folder / "config/tests.tsv"
+    head, *rows = sheet.read_text(encoding="utf-8").splitlines()
+    (folder / "raw").mkdir()
+    lines = [f"{head}\tsimulated_file"]
+    for row in rows:
+        cells = row.split("\t")
+        name, measured = cells[1], pd.read_csv(ROOT / cells[3])
+        columns = {"Test Time / s": measured["Test Time / s"]}
+        columns["Simulated Voltage / V"] = measured["Voltage / V"]
+        rows_kept = len(measured) // 2 if name == "capacity_25C" else len(measured)
+        pd.DataFrame(columns).iloc[:rows_kept].to_csv(folder / f"raw/{name}.csv", index=False)
+        lines.append(row if name == "ocv_25C" else f"{row}\traw/{name}.csv")
+    sheet.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def test_a_simulator_of_the_users_is_asked_what_it_lacks(tmp_path):
+    folder = copied("ocv_pulses_drive", tmp_path)
+    with_simulated_files(folder)
+    assert "effect_search_external" in rules(snakemake(folder, "--dry-run", "all"))
+    path = "results/missing_effect/C5/external/verdict.json"
+    snakemake(folder, path)
+    verdict = json.loads((folder / path).read_text(encoding="utf-8"))
+    assert (verdict["base"], verdict["verdict"]) == ("external", "none")
+    (short,) = [note for note in verdict["provenance"]["notes"] if "capacity_25C" in note]
+    assert "raw/capacity_25C.csv: simulated from 0.01 to" in short
+    assert "the test has rows from 0.01 to" in short
+
+
+def test_a_path_of_a_simulation_outside_the_campaign_is_a_fault_of_the_sheet(tmp_path):
+    folder = copied("ocv_pulses_drive", tmp_path)
+    with_simulated_files(folder)
+    sheet = folder / "config/tests.tsv"
+    text = sheet.read_text(encoding="utf-8").replace("raw/hppc_25C.csv", "../hppc_25C.csv")
+    sheet.write_text(text, encoding="utf-8")
+    done = starts.forked("--cores", "1", "--directory", str(folder), "--dry-run", "all")
+    assert done.status != 0
+    assert "simulated_file: found '../hppc_25C.csv'" in done.said

@@ -49,6 +49,19 @@ EFFECT_PARTS = [
 ASKED_OF_OWN = "own" in config["missing_effect"]["bases"]
 SEARCHED_OWN = [cell for cell in SEARCHED if ASKED_OF_OWN and cell in MODELLED]
 OWN_VERDICTS = [f"results/missing_effect/{cell}/own/verdict.json" for cell in SEARCHED_OWN]
+# What a simulator of the user's lacks is asked of cells with simulated tests to fit and for proof.
+ASKED_OF_EXTERNAL = "external" in config["missing_effect"]["bases"]
+
+
+def simulated_tests(cell):
+    """Tests of a cell that take part in a search and for which the user has simulated a voltage."""
+    return [row for row in tests(cell, *EFFECT_KINDS) if row["simulated_file"]]
+
+
+SEARCHED_EXTERNAL = [cell for cell in ASKED if ASKED_OF_EXTERNAL and simulated_tests(cell)]
+EXTERNAL_VERDICTS = [
+    f"results/missing_effect/{cell}/external/verdict.json" for cell in SEARCHED_EXTERNAL
+]
 WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
 
 
@@ -86,7 +99,7 @@ rule effect_search:
 
 rule effect_search_own:
     input:
-        model="results/models/{cell}.json",
+        member="results/member/{cell}.json",
         basis="results/basis/{cell}.json",
         series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
     output:
@@ -94,6 +107,7 @@ rule effect_search_own:
         ranking="results/missing_effect/{cell}/own/ranking.parquet",
         residual_map="results/missing_effect/{cell}/own/map.parquet",
         series="results/missing_effect/{cell}/own/series.parquet",
+        model="results/missing_effect/{cell}/own/model.json",
     log:
         "logs/missing_effect/{cell}_own.log",
     wildcard_constraints:
@@ -106,6 +120,39 @@ rule effect_search_own:
         "Search for an effect that the model in use of {wildcards.cell} still lacks."
     script:
         "../../scripts/missing_effect/effect_search_own.py"
+
+
+def simulated_files(wildcards):
+    """The simulated files of a cell that are there; what is missing the job itself will report."""
+    files = dict.fromkeys(row["simulated_file"] for row in simulated_tests(wildcards.cell))
+    return [local(file) for file in files if Path(file).is_file()]
+
+
+rule effect_search_external:
+    input:
+        basis="results/basis/{cell}.json",
+        series=lambda w: [
+            f"results/clean/{w.cell}/{row['test']}.parquet" for row in simulated_tests(w.cell)
+        ],
+        simulated=simulated_files,
+    output:
+        verdict="results/missing_effect/{cell}/external/verdict.json",
+        ranking="results/missing_effect/{cell}/external/ranking.parquet",
+        residual_map="results/missing_effect/{cell}/external/map.parquet",
+        series="results/missing_effect/{cell}/external/series.parquet",
+    log:
+        "logs/missing_effect/{cell}_external.log",
+    wildcard_constraints:
+        cell=either(SEARCHED_EXTERNAL),
+    params:
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+        files=lambda w: {row["test"]: row["simulated_file"] for row in simulated_tests(w.cell)},
+    message:
+        "Search for an effect that your simulator of {wildcards.cell} lacks."
+    script:
+        "../../scripts/missing_effect/effect_search_external.py"
 
 
 rule missing_effect_group:
@@ -159,10 +206,50 @@ rule witnesses:
         "../../scripts/missing_effect/witnesses.py"
 
 
+rule effect_stability:
+    input:
+        basis="results/basis/{cell}.json",
+        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+        lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
+        lent_series=lambda w: [
+            p for c in references(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
+        ],
+    output:
+        names="results/missing_effect/{cell}/stability.parquet",
+        searches="results/missing_effect/{cell}/stability_searches.parquet",
+    log:
+        "logs/missing_effect/{cell}_stability.log",
+    wildcard_constraints:
+        cell=either(SEARCHED),
+    params:
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+        references=lambda w: [facts_of(c) for c in references(w.cell)],
+    message:
+        "Search of {wildcards.cell} repeated without each of its records: which names stay."
+    script:
+        "../../scripts/missing_effect/effect_stability.py"
+
+
+rule missing_effect_stability:
+    input:
+        [f"results/missing_effect/{cell}/stability.parquet" for cell in SEARCHED],
+    output:
+        "results/missing_effect_stability/names.csv",
+    log:
+        "logs/table/missing_effect_stability.log",
+    message:
+        "How often each name of a verdict stays when one record is left out of the search."
+    script:
+        "../../scripts/missing_effect/missing_effect_stability.py"
+
+
 rule missing_effect:
     input:
         verdicts=VERDICTS,
         own=OWN_VERDICTS,
+        external=EXTERNAL_VERDICTS,
         witnesses=WITNESSES,
     output:
         table="results/tables/missing_effect.csv",

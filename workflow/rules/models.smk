@@ -247,13 +247,40 @@ def law_of(wildcards):
     return [found] if wildcards.cell in COMPENSATED else []
 
 
-rule model:
+rule member:
     input:
         source=source_of_model,
         basis=lambda w: [f"results/basis/{w.cell}.json"] if w.cell in IDENTIFIED else [],
         law=law_of,
         effects=effects_of,
         series=choice_series,
+    output:
+        model="results/member/{cell}.json",
+        choice="results/member_choice/{cell}.parquet",
+    log:
+        "logs/member/{cell}.log",
+    wildcard_constraints:
+        cell=either(MODELLED),
+    params:
+        cell=cell_facts,
+        split_rest_second=config["models"]["split_rest_second"],
+    message:
+        "Which member of the family serves {wildcards.cell}."
+    script:
+        "../../scripts/models/member.py"
+
+
+def own_effects_of(wildcards):
+    """The effects that the chosen member of a cell lacks, where they were searched for."""
+    found = f"results/missing_effect/{wildcards.cell}/own/model.json"
+    return [found] if wildcards.cell in SEARCHED_OWN else []
+
+
+rule model:
+    input:
+        member="results/member/{cell}.json",
+        choice="results/member_choice/{cell}.parquet",
+        effects=own_effects_of,
     output:
         model="results/models/{cell}.json",
         parameters="results/parameters/{cell}.parquet",
@@ -262,9 +289,6 @@ rule model:
         "logs/model/{cell}.log",
     wildcard_constraints:
         cell=either(MODELLED),
-    params:
-        cell=cell_facts,
-        split_rest_second=config["models"]["split_rest_second"],
     message:
         "Model of {wildcards.cell} as the rest of the pipeline uses it."
     script:

@@ -14,6 +14,7 @@ FINAL = [
     *EXPORTED["over_temperature.csv"],
     *VERDICTS,
     *OWN_VERDICTS,
+    *EXTERNAL_VERDICTS,
     *[f"results/missing_effect/{cell}/{part}" for cell in ASKED for part in EFFECT_PARTS],
     *[f"results/missing_effect/{g}/{part}" for g in GROUPS_ASKED for part in GROUP_PARTS],
     *FIGURES["campaign"],

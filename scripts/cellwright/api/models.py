@@ -36,7 +36,7 @@ def identify(
 
 
 def _model(content):
-    from cellwright.circuits.model_file import parameter_rows
+    from cellwright.circuits.parameters import parameter_rows
 
     return results.Document(content, tuple(content["notes"]), parameter_rows(content))
 
@@ -196,7 +196,8 @@ def finish_model(
     ------
     Refusal : A group's document that has no model of the cell.
     """
-    from cellwright.circuits.model_file import model_of, parameter_rows
+    from cellwright.circuits.model_file import model_of
+    from cellwright.circuits.parameters import parameter_rows
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
 
@@ -260,7 +261,8 @@ def export_model(model):
     document, member = pybamm_document(model), plain_member(model)
     notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
     for entry in model["members"]:
-        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(entry)]
+        with_blocks = entry.get("companions", {"with": entry})["with"]
+        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
     if member != model["chosen"]:
         notes.append(f"the look-up table holds {member}: {model['chosen']} is more than RC pairs")
     tables = (lookup_table(model, member), temperature_table(model, None))

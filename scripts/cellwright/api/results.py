@@ -273,3 +273,17 @@ class MissingEffect(NamedTuple):
     def to_frame(self):
         """One row for each effect tried."""
         return frame(self.ranking)
+
+
+class Stability(NamedTuple):
+    """Names of a search without each record in turn, as rows.
+
+    rows : a name each. repeats : a search each.
+    """
+
+    rows: list
+    repeats: list
+
+    def to_frame(self):
+        """One row for each name."""
+        return frame(self.rows)

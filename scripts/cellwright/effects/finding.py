@@ -7,10 +7,12 @@ import numpy as np
 from cellwright.effects import base
 from cellwright.effects.case import Gates, not_excited, prepared
 from cellwright.effects.ceiling import ceiling, reached
+from cellwright.effects.given.case import own_case
+from cellwright.effects.given.external import external_case, with_simulated
+from cellwright.effects.given.judged import as_given, judged_blocks
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
 from cellwright.effects.odds import likely, probabilities
-from cellwright.effects.own import external_case, own_case
 from cellwright.effects.paired import Pairing, paired
 from cellwright.effects.planning.advice import advised
 from cellwright.effects.planning.sensitivity import Model, confounding, shown
@@ -67,8 +69,8 @@ def missing_effect(
     cell : CellFacts. basis : dict, from `basis.basis`.
     tests : list of MeasuredTest. library : dict of Effect by id.
     settings : dict: those of `settings_of`, most_rows and split_rest_second.
-    model : dict of schema cellwright-model/2, for the base `own`. simulated : dict test → (time
-    (n,) [s], voltage (n,) [V]), for the base `external`; tests without one take no part.
+    model : dict of schema cellwright-model/2, for the base `own`. simulated : dict test →
+    external.Simulated, for the base `external`; tests without one take no part.
     references : sequence of Reference, of the base `plain`. Where one or more ran the same
     protocol, and the plain model fails them by far more than noise, the cell is compared with them
     (paired mode).
@@ -79,26 +81,60 @@ def missing_effect(
 
     Raises
     ------
-    Refusal : no OCV, nothing to fit, or nothing that judges; a given voltage that is not finite or
-    does not cover its test.
+    Refusal : no OCV, nothing to fit, or nothing that judges; no simulated voltage that can be
+    joined to its test.
     """
+    bases = {"references": references, "model": model, "simulated": simulated}
+    asked = asked_of(cell, basis, tests, settings=settings, **bases)
+    # A plain or own model is one to choose: it is fitted again without blocks. External is none.
+    split = None if asked.base_name == "external" else settings["split_rest_second"]
+    names = {"split_rest_second": split, "base_name": asked.base_name}
+    finding = of_case(cell.cell, asked.case, library, **names)
+    text = "\n".join([finding.verdict["paragraph"], *asked.caveats])
+    verdict = finding.verdict | {"references": list(asked.references), "paragraph": text}
+    known = {} if asked.given is None else {"given": asked.given}
+    notes = (*asked.notes, *finding.notes)
+    return finding._replace(verdict=verdict, model=finding.model | known, notes=notes)
+
+
+class Asked(NamedTuple):
+    """What a search is asked: its case, and what the model is.
+
+    case : case.Case. base_name : "plain", "own" or "external". references : names of the healthy
+    cells that the cell is compared with. notes, caveats : tuples of str, see `case.Prepared`.
+    """
+
+    case: object
+    base_name: str
+    references: tuple
+    notes: tuple
+    caveats: tuple
+    given: dict | None = None
+
+
+def asked_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
+    """Case of a search before anything is searched: Asked; arguments as of `missing_effect`."""
     gates, tolerance = settings_of(settings)
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
+    base_name, used, note, given = "plain", [], (), None
     if simulated is not None:
-        tests = [test for test in tests if test.facts.test in simulated]
-    ready = prepared(cell, basis, tests, **options)
-    split = {"split_rest_second": settings["split_rest_second"]}
-    base_name, used, note = "plain", [], ()
+        tests, note = with_simulated(tests, simulated)
+    ready = _ready(cell, basis, tests, options, note)
     if model is not None:
-        base_name, case, split = "own", own_case(ready, model), {}
+        base_name, (case, given) = "own", own_case(ready, model)
     elif simulated is not None:
-        base_name, case, split = "external", external_case(ready, simulated), {}
+        base_name, case = "external", external_case(ready)
     else:
         case, used, note = _paired(ready.case, references, options)
-    finding = of_case(cell.cell, case, library, base_name=base_name, **split)
-    text = "\n".join([finding.verdict["paragraph"], *ready.caveats])
-    verdict = finding.verdict | {"references": used, "paragraph": text}
-    return finding._replace(verdict=verdict, notes=(*ready.notes, *note, *finding.notes))
+    return Asked(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats, given)
+
+
+def _ready(cell, basis, tests, options, notes):
+    """As `case.prepared`; a refusal tells as well which simulation could not be joined."""
+    try:
+        return prepared(cell, basis, tests, **options)
+    except Refusal as refusal:
+        raise Refusal("; ".join([str(refusal), *notes])) from None
 
 
 def _paired(case, references, options):
@@ -190,6 +226,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     menu, advice, test = advised(case, result, rounds, library, untestable, open_place)
     verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
     verdict["base"] = base_name
+    if base_name != "plain":
+        verdict["as_given_rmse_volt"] = as_given(case, rounds[0].filters)
     evidence_columns = _evidence(case, result)
     shares = explained(evidence_columns)
     for entry in (*verdict["effects"], *verdict["partial"]):
@@ -208,9 +246,10 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     model = model_of(case, result.last if kept else rounds[0].before)
     verdict["paragraph"] = paragraph(verdict, library, values=values_of(model))
     if kept and split_rest_second is not None:
-        model["folds"] = folds(
-            case, result.last, rounds[-1].noise, split_rest_second=split_rest_second
-        )
+        rest = {"split_rest_second": split_rest_second}
+        model["folds"] = folds(case, result.last, rounds[-1].noise, **rest)
+        if base_name == "own":
+            model["blocks"] = judged_blocks(case, result.last, model["folds"], **rest)
     return Finding(
         verdict,
         ranking_of(rounds),

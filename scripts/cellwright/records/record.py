@@ -27,6 +27,7 @@ class Record(NamedTuple):
     resistance_factor : of the resistances at `celsius` over those that a model states; 1 as long as
         no law over temperature has been applied [1].
     anchor, temperature_source : in words, where soc and celsius are from.
+    simulated_volt : voltage of the test that the user simulated, None where there is none [V].
     """
 
     test: str
@@ -42,6 +43,7 @@ class Record(NamedTuple):
     resistance_factor: np.ndarray
     anchor: str = ""
     temperature_source: str = ""
+    simulated_volt: np.ndarray | None = None
 
 
 def record_of(
@@ -166,7 +168,7 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
             used=used,
             anchor=anchored.anchor,
             temperature_source=source,
-        )
+        )._replace(simulated_volt=columns.get("simulated_voltage_volt"))
     )
 
 

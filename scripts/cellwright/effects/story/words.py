@@ -32,6 +32,7 @@ NAMES = {
     "unknown": "something unknown",
 }
 LEAST_PROBABILITY = 0.01
+BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
 MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
 SHOWN_WORSE = 2
 
@@ -40,12 +41,14 @@ class Phrases(NamedTuple):
     """How a paragraph speaks of what was searched.
 
     where : on which records, of which quantity, the error is. healthy : the model without an
-    effect, and its verb. none : what does not explain an unknown error.
+    effect, and its verb. none : what does not explain an unknown error. named : what the names
+    are named of, and its verb.
     """
 
     where: str
     healthy: str
     none: str
+    named: str = "Shows"
 
 
 CELL = Phrases(
@@ -55,8 +58,8 @@ CELL = Phrases(
 )
 BASES = {
     "plain": CELL,
-    "own": CELL._replace(healthy="the model in use is off by"),
-    "external": CELL._replace(healthy="your model is off by"),
+    "own": CELL._replace(healthy="the model in use is off by", named="The model in use lacks"),
+    "external": CELL._replace(healthy="your model is off by", named="Your model lacks"),
 }
 
 
@@ -65,19 +68,21 @@ def name_of_effect(effect):
     return NAMES.get(effect, effect.removeprefix("branch_").replace("_", " "))
 
 
-def one_line(verdict, own=None):
-    """What a cell shows, and what the model in use lacks, in one line.
+def one_line(verdict, own=None, external=None):
+    """What a cell shows, and what the model in use and that of the user lack, in one line.
 
     Parameters
     ----------
-    verdict : dict of the contract, of the plain circuit. own : dict, of the model in use, or None.
+    verdict : dict of the contract, of the plain circuit. own, external : dict, of the model in
+    use and of the user's simulator, or None.
 
     Returns
     -------
     line : str, without a full stop.
     """
-    shown = _shows(verdict)
-    return shown if own is None else f"{shown}; {_lacks(own)}"
+    lacking = (("its model", own), ("your simulation", external))
+    told = [_lacks(model, other) for model, other in lacking if other is not None]
+    return "; ".join([_shows(verdict), *told])
 
 
 def _shows(verdict):
@@ -89,14 +94,14 @@ def _shows(verdict):
     return f"shows {names}"
 
 
-def _lacks(own):
+def _lacks(model, own):
     names = _listed(_name(one) for one in own["effects"])
     if own["verdict"] == "none":
         most = own["validation_rmse_volt"]["after"]
-        return f"its model lacks nothing above {1e3 * most:.2g} mV"
+        return f"{model} lacks nothing above {1e3 * most:.2g} mV"
     if names:
-        return f"its model lacks {names}"
-    return f"its model lacks something without a name, {millivolt(_open(own))}{_in_place(own)}"
+        return f"{model} lacks {names}"
+    return f"{model} lacks something without a name, {millivolt(_open(own))}{_in_place(own)}"
 
 
 def _open(verdict):
@@ -147,6 +152,7 @@ def paragraph(verdict, library, phrases=None, values=None):
     opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
     parts = [
         *opening(verdict, library, phrases, values),
+        *_as_given(verdict),
         *_remainder(verdict),
         *_worsened(verdict),
         *map(_nuisance, verdict.get("nuisances") or []),
@@ -157,6 +163,21 @@ def paragraph(verdict, library, phrases=None, values=None):
         advice = advice.removeprefix("To ") if advice.startswith("To ") else advice
         parts.append(f"To test next: {advice}.")
     return "\n".join(parts)
+
+
+def _as_given(verdict):
+    """What a given model errs by before any of its parameters is freed."""
+    given = verdict.get("as_given_rmse_volt")
+    if given is None:
+        return
+    now = verdict["validation_rmse_volt"]["before"]
+    text = (
+        f"As it is, with no parameter freed, it is off by {millivolt(given['fit'])} on the records "
+        f"fitted and by {millivolt(given['validation'])} on the others"
+    )
+    if now > BENT * given["validation"]:
+        text += "; freed to follow the records fitted, by more on the others"
+    yield f"{text}."
 
 
 def _none(verdict, library, phrases, values):
@@ -208,7 +229,7 @@ def _named(verdict, library, phrases, values):
     changes = [library[one["effect"]].consequence for one in named]
     changes = "; ".join(dict.fromkeys(filter(None, changes)))
     return [
-        f"Shows {names}: {change}{left}. Of this, {_floor(verdict)}.",
+        f"{phrases.named} {names}: {change}{left}. Of this, {_floor(verdict)}.",
         *(_effect(one, library, values) for one in named),
         *([f"What it changes: {changes}."] if changes else []),
     ]

@@ -1,8 +1,7 @@
-"""Bases of the search other than the plain circuit: a model's voltage is given, row by row.
+"""Base of the search whose voltage a model gives, row by row, and its companion.
 
-`own` : the chosen member of the cell's model; what does the model in use still lack? `external` : a
-voltage that the user simulated with any other model. A companion circuit, fitted to the given
-voltage, tells how that would change with an effect:
+`own` : the chosen member of the cell's model; what does the model in use still lack? A companion
+circuit, fitted to the given voltage, tells how that would change with an effect:
 
     voltage = given + companion(parameters, effects) − companion(as fitted to the given voltage)
 
@@ -25,14 +24,15 @@ from cellwright.refusal import Refusal
 OHMIC = ("R", "charge_transfer", "R_two_way")
 LEAST_LOG_STD, MOST_LOG_STD = 0.02, 0.3
 TAU_LOG_STD = 0.1
+LEAST_OHM = 1e-9
 GIVEN_STD = 1e-3  # of the scale of the given voltage's part that the companion does not have
 
 
 class Given(NamedTuple):
     """Voltage that a model gives over the rows of a stack, and the courses of its resistances.
 
-    volt : (n,) [V]. ohmic_course, slow_course : (n,) resistance at each row over its mean, of what
-    follows the current at once and of what relaxes; None: constant.
+    volt : (n,) [V]. ohmic_course, slow_course : (n,) resistance at each row over its geometric mean
+    of the records fitted, of what follows the current at once and of what relaxes; None: constant.
     """
 
     volt: np.ndarray
@@ -50,56 +50,24 @@ def own_case(prepared, model):
     Returns
     -------
     case : case.Case, its stacks with the member's voltage.
+    given : dict, what else a model file needs of it: `member`, its name; `values`, the companion as
+        fitted to the member; `ohmic_mean_ohm`, `slow_mean_ohm`, see `Given`.
 
     Raises
     ------
     Refusal : a member whose voltage is not finite over a record.
     """
     member = member_of(model)
-    sides = (_given_by(model, member, records) for records in prepared.records)
-    return given_case(prepared.case, *sides, log_std=_log_stds(member))
-
-
-def external_case(prepared, simulated):
-    """Case of what any model lacks whose voltage was simulated elsewhere.
-
-    Parameters
-    ----------
-    prepared : case.Prepared of the plain circuit, of the tests that were simulated.
-    simulated : dict test → (time (n,) of the test [s], voltage (n,) [V]).
-
-    Returns
-    -------
-    case : case.Case.
-
-    Raises
-    ------
-    Refusal : a voltage that is not finite, a clock that runs back, or a simulation that does not
-        cover its test; with the test.
-    """
-    sides = (
-        Given(np.concatenate([_read_off(record, simulated[record.test]) for record in records]))
-        for records in prepared.records
-    )
-    return given_case(prepared.case, *sides)
-
-
-def _read_off(record, curve):
-    """A simulated voltage at the rows of a record (n,) [V]."""
-    second, volt = (np.asarray(column, float) for column in curve)
-    if len(second) != len(volt) or not np.isfinite(volt).all() or np.any(np.diff(second) < 0):
-        raise Refusal(
-            f"{record.test}: the simulated voltage has {len(volt)} values at {len(second)} times; "
-            "as many finite values as times that do not run back were wanted"
-        )
-    wanted = record.test_time_second
-    slack = np.median(np.diff(wanted)) if len(wanted) > 1 else 0.0
-    if second[0] > wanted[0] + slack or second[-1] < wanted[-1] - slack:
-        raise Refusal(
-            f"{record.test}: simulated from {second[0]:g} to {second[-1]:g} s, the test has rows "
-            f"from {wanted[0]:g} to {wanted[-1]:g} s"
-        )
-    return np.interp(wanted, second, volt)
+    sides = [_given_by(model, member, records) for records in prepared.records]
+    # One scale for both sides: the companion that is fitted on one is to hold on the other.
+    means = [float(np.exp(np.log(course).mean())) for course in sides[0][1:]]
+    sides = [
+        Given(side.volt, *(course / mean for course, mean in zip(side[1:], means, strict=True)))
+        for side in sides
+    ]
+    case = given_case(prepared.case, *sides, log_std=_log_stds(member))
+    names = ("member", "values", "ohmic_mean_ohm", "slow_mean_ohm")
+    return case, dict(zip(names, (member["model"], dict(case.start), *means), strict=True))
 
 
 def given_case(case, fitted, judging, *, log_std=None):
@@ -122,7 +90,7 @@ def given_case(case, fitted, judging, *, log_std=None):
     bare = case._replace(fit=stacks[0]._replace(voltage_volt=fitted.volt), validation=stacks[1])
     values = _companion(bare)
     templates = [
-        given.volt - base.voltage(case.cell, stack, _at_starts(values, stack))
+        given.volt - base.voltage(case.cell, stack, at_starts(values, stack))
         for stack, given in zip(stacks, (fitted, judging), strict=True)
     ]
     fit_stack, proof_stack = (
@@ -137,36 +105,38 @@ def given_case(case, fitted, judging, *, log_std=None):
 
 
 def _given_by(model, member, records):
-    """Voltage of a member over records one after the other, and its courses: Given."""
+    """Voltage of a member over records one after the other, and its resistances [ohm]: Given."""
     volts, ohmic, slow = [], [], []
     for record in records:
         volt = simulated(model, member["model"], record).voltage_volt
         if not np.isfinite(volt).all():
             raise Refusal(f"{record.test}: {member['model']} gives no finite voltage there")
         volts.append(volt)
-        circuit = circuit_at(member["conditions"], record.soc, record.celsius).circuit
-        ohmic.append(_summed(circuit, at_once=True))
-        slow.append(_summed(circuit, at_once=False))
-    courses = (_about_mean(np.concatenate(parts)) for parts in (ohmic, slow))
-    return Given(np.concatenate(volts), *courses)
+        at_once, lagging = resistances(member, record.soc, record.celsius)
+        ohmic.append(at_once)
+        slow.append(lagging)
+    return Given(*(np.concatenate(parts) for parts in (volts, ohmic, slow)))
 
 
-def _summed(circuit, *, at_once):
+def resistances(member, soc, celsius):
+    """Resistance of a member that follows the current at once, and what lags, (n,) each [ohm].
+
+    Parameters
+    ----------
+    member : dict of a model file. soc : (n,) [1]. celsius : scalar or (n,) [degC].
+    """
+    circuit = circuit_at(member["conditions"], soc, celsius).circuit
+    return tuple(_summed(circuit, len(soc), at_once=at_once) for at_once in (True, False))
+
+
+def _summed(circuit, rows, *, at_once):
     """Sum of the resistances of the branches that follow the current at once, or of the others."""
     parts = [
         branch.parameters["r_ohm"]
         for branch in circuit
         if "r_ohm" in branch.parameters and (branch.kind in OHMIC) == at_once
     ]
-    return np.sum(parts, axis=0) if parts else np.ones(1)
-
-
-def _about_mean(course):
-    """A course over its geometric mean; None where it is one number."""
-    if len(course) == 1 or np.ptp(course) == 0:
-        return None
-    logs = np.log(np.maximum(course, 1e-9))
-    return np.exp(logs - logs.mean())
+    return np.maximum(np.sum(parts, axis=0), LEAST_OHM) if parts else np.ones(rows)
 
 
 def _log_stds(member):
@@ -210,6 +180,11 @@ def _companion(case):
     return fit(problem._replace(free=logs, coupling=None), values).values
 
 
-def _at_starts(values, stack):
-    """Values with the stated SoC at the starts of a stack."""
+def at_starts(values, stack):
+    """Values with the stated SoC at the starts of a stack: dict.
+
+    Parameters
+    ----------
+    values : dict of parameters by name. stack : records.Stack.
+    """
     return values | {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}
