@@ -173,6 +173,16 @@ class IcaTemperature(NamedTuple):
     prominence: float = 0.05
 
 
+class HealthFromPeaks(NamedTuple):
+    """State of health from peaks of dQ/dV, calibrated on charges of known capacity.
+
+    most_terms : A model of the capacity has at most this many features of peaks; how many it
+        needs is found by left-out charges.
+    """
+
+    most_terms: int = 3
+
+
 class FastCharge(NamedTuple):
     """Fast charge.
 

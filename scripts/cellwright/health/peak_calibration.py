@@ -1,0 +1,316 @@
+"""Peaks of dQ/dV calibrated over the cells of one type, and the state of health that they tell."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.health.from_peaks import SAME_CELSIUS, SAME_RATE, errors_of, left_out_estimates
+from cellwright.health.peak_features import IdentifiedPeak, PeakCharge
+from cellwright.health.peaks_of_type import named_alike
+from cellwright.refusal import Refusal
+from cellwright.settings import HealthFromPeaks
+
+HEALTH_FROM_PEAKS = HealthFromPeaks()
+
+
+class PeakHealth(NamedTuple):
+    """What the peaks of one charge tell of its cell's health.
+
+    capacity_ampere_hour, std, lower, upper : estimated without the capacity of this check-up
+    [Ah], with the 95 % interval. soh, soh_std : over `fresh_ampere_hour`, which `soh_of` names.
+    measured_ampere_hour : of the check-up, NaN where nobody measured it. left_out_error : of the
+    estimate, as a share of the fresh capacity; left_out_cell_error : the same without the whole
+    cell. peaks_used : identities, joined by ";". charges, cells : calibrated on.
+    """
+
+    cell: str
+    test: str
+    cycle: float
+    c_rate: float
+    ambient_temperature_celsius: float
+    capacity_ampere_hour: float
+    capacity_std_ampere_hour: float
+    capacity_lower_ampere_hour: float
+    capacity_upper_ampere_hour: float
+    soh: float
+    soh_std: float
+    soh_of: str
+    fresh_ampere_hour: float
+    measured_ampere_hour: float
+    left_out_error: float
+    left_out_cell_error: float
+    peaks_used: str
+    charges: int
+    cells: int
+    reason: str
+
+
+class PeakInformation(NamedTuple):
+    """How much of the capacity one peak tells at one rate and temperature.
+
+    weight : mean share of the models' weight that needs the peak [1]. rms_all, rms_alone,
+    rms_without : error of left-out check-ups with all peaks, with this one only, and with all
+    others, as shares of the fresh capacity [1]; NaN where too few charges remain.
+    charges : of known capacity that have the peak.
+    """
+
+    c_rate: float
+    ambient_temperature_celsius: float
+    identity: str
+    weight: float
+    rms_all: float
+    rms_alone: float
+    rms_without: float
+    charges: int
+
+
+class PeakCalibration(NamedTuple):
+    """Health of every charge of the type, information of every peak, and notes."""
+
+    rows: list
+    information: list
+    notes: list
+
+
+def peak_charges(peak_rows, capacity_rows, curves):
+    """Charges with their peaks by identity and the capacity of their check-up.
+
+    The capacity of a check-up is that of its complete discharges, of the rate at which most
+    check-ups of the type have one (the slowest of those), at the temperature of the charge.
+
+    Parameters
+    ----------
+    peak_rows : dicts with cell, test, cycle, ambient_temperature_celsius, c_rate, voltage_volt,
+        height_ampere_hour_per_volt, area_ampere_hour and, where peaks were tracked, identity.
+    capacity_rows : dicts with cell, cycle, ambient_temperature_celsius, direction, c_rate,
+        capacity_ampere_hour. curves : dict of (voltage_volt, dq_dv) by (cell, test); a charge
+        without a row of peaks has none.
+
+    Returns
+    -------
+    list of PeakCharge, by cell and cycle. Without identity the peaks are numbered from low
+    voltage, charge by charge.
+    """
+    discharges = [row for row in capacity_rows if row["direction"] == "discharge"]
+    usual = _usual_rate(discharges)
+    grouped = {}
+    for row in peak_rows:
+        grouped.setdefault((row["cell"], row["test"], _number(row["cycle"], 0.0)), []).append(row)
+    charges = []
+    for (cell, test, cycle), rows in grouped.items():
+        celsius = _number(rows[0]["ambient_temperature_celsius"])
+        charges.append(
+            PeakCharge(
+                cell,
+                test,
+                cycle,
+                _number(rows[0]["c_rate"]),
+                celsius,
+                _capacity(discharges, cell, cycle, celsius, usual),
+                _peaks(rows),
+                *curves.get((cell, test), (np.empty(0), np.empty(0))),
+            )
+        )
+    return sorted(charges, key=lambda charge: (charge.cell, charge.cycle, charge.c_rate))
+
+
+def _number(value, otherwise=np.nan):
+    return otherwise if value is None or np.isnan(value) else float(value)
+
+
+def _peaks(rows):
+    """Peaks of one charge by identity, in order of voltage; none of rows without a voltage."""
+    found = [row for row in rows if row["voltage_volt"] is not None]
+    found = sorted(
+        (row for row in found if np.isfinite(row["voltage_volt"])),
+        key=lambda row: row["voltage_volt"],
+    )
+    names = ("voltage_volt", "height_ampere_hour_per_volt", "area_ampere_hour")
+    return {
+        str(row.get("identity") or place): IdentifiedPeak(*(float(row[name]) for name in names))
+        for place, row in enumerate(found, 1)
+    }
+
+
+def _usual_rate(discharges):
+    """Rate at which most check-ups have a discharge, the slowest of those [1/h]; NaN: none."""
+    best = (0, np.nan)
+    for rate in sorted({row["c_rate"] for row in discharges}, reverse=True):
+        near = [row for row in discharges if _same_rate(row["c_rate"], rate)]
+        check_ups = len({(row["cell"], _number(row["cycle"], 0.0)) for row in near})
+        best = max(best, (check_ups, rate), key=lambda one: (one[0], -one[1]))
+    return best[1]
+
+
+def _same_rate(first, second):
+    return max(first / second, second / first) <= SAME_RATE
+
+
+def _capacity(discharges, cell, cycle, celsius, usual):
+    """Mean capacity of the discharges of a check-up at the usual rate [Ah]; NaN where none is."""
+    sizes = [
+        row["capacity_ampere_hour"]
+        for row in discharges
+        if row["cell"] == cell
+        and _number(row["cycle"], 0.0) == cycle
+        and _same_rate(row["c_rate"], usual)
+        and not abs(_number(row["ambient_temperature_celsius"]) - celsius) > SAME_CELSIUS
+    ]
+    return float(np.mean(sizes)) if sizes else np.nan
+
+
+def peak_calibration(
+    charges, *, rated_ampere_hour=None, tracked=False, most_terms=HEALTH_FROM_PEAKS.most_terms
+):
+    """State of health of every charge of one type from its peaks, and which peaks tell it.
+
+    Charges are told apart by rate (12 %) and temperature (3 K). Capacities are estimated without
+    the check-up's own capacity (`left_out_estimates`), so that the errors are those at a check-up,
+    and at a cell, that the calibration has not seen.
+
+    Parameters
+    ----------
+    charges : list of PeakCharge of cells of one type.
+    rated_ampere_hour : rating of the type [Ah], None: not known.
+    tracked : whether identities of peaks are the same in all cells; else they are matched here.
+    most_terms : as for `capacity_from_peaks`.
+
+    Returns
+    -------
+    calibration : PeakCalibration.
+
+    Raises
+    ------
+    Refusal : at no rate and temperature are there four charges of known capacity.
+    """
+    rows, information, notes, refused = [], [], [], []
+    for alike in _conditions(charges):
+        named = alike if tracked else named_alike(alike)
+        try:
+            found = left_out_estimates(named, most_terms=most_terms)
+        except Refusal as error:
+            refused.append(f"{_where(alike)}: {error}")
+            continue
+        fresh = {cell: _fresh(cell, named, rated_ampere_hour) for cell in {c.cell for c in named}}
+        rows += [_health(one, *fresh[one.charge.cell]) for one in found]
+        told = _information(named, found, fresh, most_terms)
+        information += told
+        notes.append(_sentence(_where(alike), told, found, fresh))
+    if not rows:
+        raise Refusal("; ".join(refused) or "no charge has a peak of dQ/dV")
+    return PeakCalibration(rows, information, [*notes, *refused])
+
+
+def _conditions(charges):
+    """Charges in lists of one rate and temperature each."""
+    lists = []
+    for charge in charges:
+        for alike in lists:
+            apart = abs(alike[0].temperature_celsius - charge.temperature_celsius)
+            if _same_rate(alike[0].c_rate, charge.c_rate) and not apart > SAME_CELSIUS:
+                alike.append(charge)
+                break
+        else:
+            lists.append([charge])
+    return lists
+
+
+def _where(charges):
+    celsius = charges[0].temperature_celsius
+    at = f" and {celsius:g} °C" if np.isfinite(celsius) else ""
+    return f"charges at {charges[0].c_rate:.2g}C{at}"
+
+
+def _fresh(cell, charges, rated):
+    """Capacity that SoH refers to [Ah], and its name: the first check-up's, else the rating."""
+    known = sorted(
+        (charge.cycle, charge.capacity_ampere_hour)
+        for charge in charges
+        if charge.cell == cell and charge.capacity_ampere_hour > 0
+    )
+    if len({cycle for cycle, _ in known}) > 1:
+        return known[0][1], f"first check-up, cycle {known[0][0]:g}"
+    return (rated, "rating") if rated else (np.nan, "not known: one check-up and no rating")
+
+
+def _health(left_out, fresh, soh_of):
+    """Row of one charge."""
+    charge, found, other = left_out
+    measured = charge.capacity_ampere_hour
+    return PeakHealth(
+        charge.cell,
+        charge.test,
+        charge.cycle,
+        charge.c_rate,
+        charge.temperature_celsius,
+        found.capacity_ampere_hour,
+        found.std_ampere_hour,
+        found.lower_ampere_hour,
+        found.upper_ampere_hour,
+        found.capacity_ampere_hour / fresh,
+        found.std_ampere_hour / fresh,
+        soh_of,
+        fresh,
+        measured,
+        (found.capacity_ampere_hour - measured) / fresh,
+        (other.capacity_ampere_hour - measured) / fresh,
+        ";".join(found.peaks_used),
+        found.charges,
+        found.cells,
+        found.reason,
+    )
+
+
+def _information(charges, found, fresh, most_terms):
+    """What each peak tells, from the models' weights, and from errors with and without it."""
+    known = [one for one in found if one.charge.capacity_ampere_hour > 0]
+    told = [one.without_check_up for one in known if one.without_check_up.peaks]
+    names = dict.fromkeys(name for charge in charges for name in charge.peaks)
+    sizes = {cell: size for cell, (size, _) in fresh.items()}
+    estimates = [one.without_check_up for one in known]
+    whole = errors_of(estimates, [o.charge for o in known], fresh_ampere_hour=sizes)
+    return [
+        PeakInformation(
+            charges[0].c_rate,
+            charges[0].temperature_celsius,
+            name,
+            float(np.mean([one.peaks.get(name, 0.0) for one in told])) if told else np.nan,
+            whole.rms,
+            _error_with(charges, {name}, sizes, most_terms),
+            _error_with(charges, {*names} - {name}, sizes, most_terms),
+            sum(name in one.charge.peaks for one in known),
+        )
+        for name in sorted(names)
+    ]
+
+
+def _error_with(charges, kept, sizes, most_terms):
+    """RMS error of left-out check-ups where only some peaks are looked at [1]."""
+    fewer = [
+        charge._replace(peaks={name: p for name, p in charge.peaks.items() if name in kept})
+        for charge in charges
+    ]
+    fewer = [charge for charge in fewer if charge.peaks]
+    try:
+        found = left_out_estimates(fewer, most_terms=most_terms, cells=False)
+    except Refusal:
+        return np.nan
+    estimates = [one.without_check_up for one in found]
+    return errors_of(estimates, fewer, fresh_ampere_hour=sizes).rms
+
+
+def _sentence(where, information, found, fresh):
+    """What the calibration reached, and which peaks tell it, for the report."""
+    sizes = {cell: size for cell, (size, _) in fresh.items()}
+    charges = [one.charge for one in found]
+    by_test, by_cell = (
+        errors_of([getattr(one, name) for one in found], charges, fresh_ampere_hour=sizes)
+        for name in ("without_check_up", "without_cell")
+    )
+    carrying = [one.identity for one in information if one.weight >= 0.5]
+    peaks = ", ".join(carrying) or "no single one"
+    cells = f"{100 * by_cell.rms:.2g} % at a cell never seen" if by_cell.count else "one cell only"
+    return (
+        f"Capacity from peaks, {where}: {100 * by_test.rms:.2g} % RMS at {by_test.count} left-out "
+        f"check-ups, {cells}; the information is in peak {peaks}"
+    )
