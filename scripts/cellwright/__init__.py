@@ -33,6 +33,7 @@ MODULE_OF = {
     "ocv_over_temperature": "cellwright.api.laws",
     "capacity_loss": "cellwright.api.laws",
     "ica_over_temperature": "cellwright.api.laws",
+    "health_from_peaks": "cellwright.api.health_peaks",
     "ageing_over_temperature": "cellwright.api.laws",
     "basis": "cellwright.api.models",
     "lender": "cellwright.api.models",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cellwright.refusal import Refusal
 from runtime import artefact
 from runtime.artefact import stage_of
 
@@ -29,6 +30,28 @@ def rows_of(paths, tests) -> list[dict]:
     # Stages that share a table may have columns that the others lack: not known there.
     names = dict.fromkeys(name for row in table_rows for name in row)
     return [dict.fromkeys(names) | row for row in table_rows]
+
+
+def by_cell_and_test(paths) -> dict:
+    """Columns of all artefacts with content, by the cell and test that each is of."""
+    return {
+        (about["wildcards"]["cell"], about["wildcards"]["test"]): columns
+        for columns, about in artefact.load_all(paths)
+    }
+
+
+def rows_of_cell(columns, cell) -> list[dict]:
+    """Rows of one cell among columns of several.
+
+    Raises
+    ------
+    Refusal
+        None is of this cell.
+    """
+    rows = [row for row in artefact.rows(columns) if row["cell"] == cell]
+    if not rows:
+        raise Refusal(f"nothing is known of {cell}: none of its charges could be used")
+    return rows
 
 
 def excluded(paths, files) -> "DataFrame":

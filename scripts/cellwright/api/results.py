@@ -187,6 +187,18 @@ class PeakMatches(NamedTuple):
         return frame(self.rows)
 
 
+class PeakHealth(NamedTuple):
+    """State of health from peaks of dQ/dV: rows of charges; what each peak tells; notes."""
+
+    rows: list
+    information: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row a charge."""
+        return frame(self.rows)
+
+
 class AgeingLaws(NamedTuple):
     """Temperature in the capacities of an ageing record."""
 

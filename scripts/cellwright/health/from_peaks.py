@@ -128,13 +128,13 @@ def _estimate(charge, found, names, alike):
     known = [other.capacity_ampere_hour for other in alike]
     if found.beyond > FARTHEST:
         return _not_told(
-            "outside the calibration: its peaks lie beyond those calibrated on by more than half of "
-            "what these span, on which capacities are "
+            "outside the calibration: its peaks lie beyond those calibrated on by more than half "
+            "of what these span, on which capacities are "
             f"{min(known):.4g} to {max(known):.4g} Ah",
             len(alike),
             len(cells),
         )
-    peaks = {identity: 0.0 for identity in charge.peaks}
+    peaks = dict.fromkeys(charge.peaks, 0.0)
     for weight, term in zip(found.weights, found.terms, strict=True):
         for identity in {name for number in term for name in names[number][1:]}:
             peaks[identity] += float(weight)
