@@ -14,10 +14,11 @@ HEALTH_FROM_PEAKS = HealthFromPeaks()
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
 SAME_RATE = 1.12  # rates this near are one
 FEWEST_CHARGES = 4
+MOST_CHARGES = 100  # that one estimate is calibrated on: few terms need no more
 FEWEST_CELLS = 3  # that show how cells of a type differ
 CARRIES = 0.5  # share of the models' weight from which on a peak carries the information
 FARTHEST = 0.5  # outside the calibration, in spans of a feature, that is still told
-# ASSUME: Before the data speak, a model misses the capacity by 1 %, with the weight of two charges;
+# ASSUME: Before the data speak, a model misses the capacity by 1 %, weighing two charges;
 # measured capacities repeat within 0.2 %; channels of a cycler differ by 2 mV.
 PRIOR_SHARE, REPEAT_SHARE, CHANNEL_VOLT = 0.01, 0.002, 0.002
 
@@ -49,7 +50,8 @@ class PeakEstimate(NamedTuple):
 def capacity_from_peaks(charge, calibration, *, most_terms=HEALTH_FROM_PEAKS.most_terms):
     """Capacity of a charge from its peaks, by charges of known capacity of the same type [Ah].
 
-    1. The calibration is narrowed to charges at the rate (12 %) and temperature (3 K) of this one.
+    1. The calibration is narrowed to charges at the rate (12 %) and temperature (3 K) of this one,
+    and of more than 100 to 100 that are spread evenly over their order by capacity.
     2. Features are positions, heights and areas of peaks, distances and charge between two
     (`features_of`); heights, areas, charges and the capacity as logarithms. 3. Every linear model
     of up to `most_terms` of the features that the charge has is fitted; models are averaged with
@@ -72,6 +74,7 @@ def capacity_from_peaks(charge, calibration, *, most_terms=HEALTH_FROM_PEAKS.mos
     unknown = _why_not(charge, calibration, alike)
     if unknown:
         return _not_told(unknown, len(alike), len(cells))
+    alike = _thinned(alike)
     features = features_of([charge, *alike])
     rows = _rows(features.values[1:], features.names, alike)
     models = fitted_models(rows, features.values[0], most_terms=most_terms)
@@ -109,6 +112,15 @@ def _why_not(charge, calibration, alike):
         f"calibrated on {len(alike)} charge(s) of known capacity at {_condition(charge)}, "
         f"{FEWEST_CHARGES} are needed{known}"
     )
+
+
+def _thinned(charges):
+    """Charges evenly spread over their order by capacity, where there are too many."""
+    if len(charges) <= MOST_CHARGES:
+        return charges
+    by_size = sorted(charges, key=lambda charge: charge.capacity_ampere_hour)
+    places = np.linspace(0, len(by_size) - 1, MOST_CHARGES).round().astype(int)
+    return [by_size[place] for place in places]
 
 
 def _condition(charge):

@@ -11,6 +11,7 @@ from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
 
 HEALTH_FROM_PEAKS = HealthFromPeaks()
+NEEDED = 1.25  # times the error without a peak, from which on it is said to hold information
 
 
 class PeakHealth(NamedTuple):
@@ -307,8 +308,12 @@ def _sentence(where, information, found, fresh):
         errors_of([getattr(one, name) for one in found], charges, fresh_ampere_hour=sizes)
         for name in ("without_check_up", "without_cell")
     )
-    carrying = [one.identity for one in information if one.weight >= 0.5]
-    peaks = ", ".join(carrying) or "no single one"
+    needed = [one for one in information if one.rms_without > NEEDED * one.rms_all]
+    words = [
+        f"{one.identity} ({100 * one.rms_without:.2g} % without it)"
+        for one in sorted(needed, key=lambda one: -one.rms_without)
+    ]
+    peaks = ", ".join(words) or "no single one"
     cells = f"{100 * by_cell.rms:.2g} % at a cell never seen" if by_cell.count else "one cell only"
     return (
         f"Capacity from peaks, {where}: {100 * by_test.rms:.2g} % RMS at {by_test.count} left-out "

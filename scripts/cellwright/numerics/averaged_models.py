@@ -129,18 +129,18 @@ def _fitted(rows, asked, subsets):
     few = len(set(rows.groups)) < FEWEST_GROUPS
     moved = slopes[:, 1:] / scale * rows.offsets[subsets] * few
     extra = (moved**2).sum(axis=1) + rows.repeat_std**2
-    hat = design @ inverse @ design.transpose(0, 2, 1)
     residual = rows.target - np.einsum("mnj,mj->mn", design, slopes)
     leave = _rows_left_out if few else _groups_left_out
-    score, variance, whole = leave(residual, hat, rows, extra, count - size - 1 + PRIOR_FREEDOM)
+    spread = design @ inverse
+    freedom = count - size - 1 + PRIOR_FREEDOM
+    score, variance, whole = leave(residual, design, spread, rows, extra, freedom)
     at = np.concatenate([np.ones((len(subsets), 1)), (asked[subsets] - centre) / scale], axis=1)
     leverage = np.einsum("mi,mij,mj->m", at, inverse, at)
     outside = np.maximum(values.min(axis=1) - asked[subsets], asked[subsets] - values.max(axis=1))
     beyond = (outside / np.maximum(np.ptp(values, axis=1), 1e-12)).max(axis=1)
     mean, std = np.einsum("mi,mi->m", at, slopes), np.sqrt(variance * (1 + leverage) + extra)
-    freedom = np.full(len(subsets), count - size - 1.0 + PRIOR_FREEDOM)
     kept &= whole
-    numbers = (score, mean, std, freedom, beyond)
+    numbers = (score, mean, std, np.full(len(subsets), float(freedom)), beyond)
     return Models([tuple(s) for s in subsets[kept].tolist()], *(n[kept] for n in numbers))
 
 
@@ -149,9 +149,9 @@ def _variance(residual, rows, freedom):
     return ((residual**2).sum(axis=1) + prior) / freedom
 
 
-def _rows_left_out(residual, hat, rows, extra, freedom):
+def _rows_left_out(residual, design, spread, rows, extra, freedom):
     """Mean log density of each row by the model fitted without it, from the fit with it."""
-    leverage = np.einsum("mnn->mn", hat)
+    leverage = np.einsum("mni,mni->mn", spread, design)
     whole = leverage.max(axis=1) < 1 - 1e-6
     rest = np.maximum(1 - leverage, 1e-6)
     variance = _variance(residual, rows, freedom)
@@ -161,13 +161,14 @@ def _rows_left_out(residual, hat, rows, extra, freedom):
     return density.mean(axis=1), variance, whole
 
 
-def _groups_left_out(residual, hat, rows, extra, freedom):
+def _groups_left_out(residual, design, spread, rows, extra, freedom):
     """The same with whole groups left out, and the variance that they show where it is larger."""
     missed, widened = np.zeros_like(residual), np.ones_like(residual)
     whole = np.ones(len(residual), bool)
     for group in dict.fromkeys(rows.groups):
         of_group = np.flatnonzero(rows.groups == group)
-        rest = np.eye(len(of_group)) - hat[:, of_group[:, None], of_group]
+        hat = spread[:, of_group] @ design[:, of_group].transpose(0, 2, 1)
+        rest = np.eye(len(of_group)) - hat
         known = np.linalg.cond(rest) < WORST_CONDITION
         inverse = np.linalg.inv(np.where(known[:, None, None], rest, np.eye(len(of_group))))
         missed[:, of_group] = np.einsum("mij,mj->mi", inverse, residual[:, of_group])
