@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cellwright.health.from_peaks import capacity_from_peaks, left_out_estimates
-from cellwright.health.peak_calibration import peak_calibration, peak_charges
-from cellwright.health.peak_features import IdentifiedPeak, PeakCharge, features_of
-from cellwright.health.peaks_of_type import matched, named_alike
+from cellwright.health.peaks.alike import matched, named_alike
+from cellwright.health.peaks.calibration import peak_calibration, peak_charges
+from cellwright.health.peaks.estimate import capacity_from_peaks, left_out_estimates
+from cellwright.health.peaks.features import IdentifiedPeak, PeakCharge, features_of
 from cellwright.refusal import Refusal
 
 FRESH_AMPERE_HOUR = 20.0

@@ -38,7 +38,7 @@ def health_from_peaks(
 
     Source: docs/health-from-peaks.md.
     """
-    from cellwright.health.peak_calibration import peak_calibration, peak_charges
+    from cellwright.health.peaks.calibration import peak_calibration, peak_charges
 
     names = ("voltage_volt", "dq_dv_ampere_hour_per_volt")
     pairs = {key: inputs.quantities(curve, names) for key, curve in (curves or {}).items()}

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.from_peaks import SAME_CELSIUS, SAME_RATE, errors_of, left_out_estimates
-from cellwright.health.peak_features import IdentifiedPeak, PeakCharge
-from cellwright.health.peaks_of_type import named_alike
+from cellwright.health.peaks.alike import named_alike
+from cellwright.health.peaks.estimate import SAME_CELSIUS, SAME_RATE, errors_of, left_out_estimates
+from cellwright.health.peaks.features import IdentifiedPeak, PeakCharge
 from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
 

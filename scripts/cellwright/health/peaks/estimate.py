@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.peak_features import features_of
+from cellwright.health.peaks.features import features_of
 from cellwright.numerics.averaged_models import Rows, averaged, fitted_models
 from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
