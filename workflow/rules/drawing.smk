@@ -20,11 +20,6 @@ def figure(kind, *, test=None, settings=None, name=None, **inputs):
     return name, {"kind": kind, "test": test, "inputs": inputs, "settings": settings or {}}
 
 
-def of_cell(cell, **stages):
-    """The artefact of a cell in each of these stages."""
-    return {name: f"results/{stage}/{cell}.parquet" for name, stage in stages.items()}
-
-
 def of_test(owner, test, **stages):
     """The artefact of a test in each of these stages."""
     return {name: f"results/{stage}/{owner}/{test}.parquet" for name, stage in stages.items()}

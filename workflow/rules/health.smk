@@ -1,4 +1,4 @@
-# Health of cells over their lives.
+# Health over a life: fade with knee and remaining cycles, ratings of check-ups, state of health.
 
 # Cells of one type with charges for dQ/dV, by the first of them; where capacities of four of their
 # check-ups are known, they calibrate the peaks.
@@ -63,3 +63,84 @@ rule health_from_peaks:
         "State of health of {wildcards.cell} from peaks of dQ/dV."
     script:
         "../../scripts/health/health_from_peaks.py"
+
+
+AGED = cells_where(lambda cell: tests(cell, "ageing"))
+CHECKED = cells_where(lambda cell: tests(cell, *CAPACITY_KINDS, *PULSE_KINDS, roles=["fit"]))
+HEALTHY = cells_where(lambda cell: cell in AGED or cell in CHECKED)
+# Further methods of the state of health: stage, and the cells that have it.
+HEALTH_METHODS = {"modes": ("degradation_modes", {}), "peaks": ("health_from_peaks", FIRST_OF_TYPE)}
+
+
+def inputs_of_health(wildcards):
+    """What the state of health of a cell is gathered from."""
+    cell, stages = wildcards.cell, {}
+    if cell in AGED:
+        stages |= {"life": "life", "course": "fade_course"}
+    if cell in CHECKED:
+        stages["check_ups"] = "checkups"
+    stages |= {name: stage for name, (stage, cells) in HEALTH_METHODS.items() if cell in cells}
+    return of_cell(cell, **stages)
+
+
+def of_cell(cell, **stages):
+    """The artefact of a cell in each of these stages."""
+    return {name: f"results/{stage}/{cell}.parquet" for name, stage in stages.items()}
+
+
+rule fade:
+    input:
+        cycles=lambda w: artefacts("ageing_cycles", w.cell, "ageing"),
+        summaries=lambda w: artefacts("ageing_temperature", w.cell, "ageing"),
+        compensated=lambda w: artefacts("ageing_temperature_cycles", w.cell, "ageing"),
+    output:
+        laws="results/fade/{cell}.parquet",
+        course="results/fade_course/{cell}.parquet",
+        life="results/life/{cell}.parquet",
+    log:
+        "logs/fade/{cell}.log",
+    wildcard_constraints:
+        cell=either(AGED),
+    params:
+        settings=config["health"],
+        cell=cell_facts,
+    message:
+        "Fade of {wildcards.cell}: law, knee, remaining cycles."
+    script:
+        "../../scripts/health/fade.py"
+
+
+rule check_ups:
+    input:
+        capacities=lambda w: fitted("capacity", w.cell, *SLOW_KINDS),
+        resistances=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
+        courses=lambda w: of_cell(w.cell, course="fade_course").values() if w.cell in AGED else [],
+    output:
+        rows="results/checkups/{cell}.parquet",
+        growth="results/resistance_growth/{cell}.parquet",
+    log:
+        "logs/check_ups/{cell}.log",
+    wildcard_constraints:
+        cell=either(CHECKED),
+    params:
+        tests=facts_of_own_tests,
+        cell=cell_facts,
+    message:
+        "Ratings of {wildcards.cell} at each check-up, and their change since new."
+    script:
+        "../../scripts/health/check_ups.py"
+
+
+rule health:
+    input:
+        unpack(inputs_of_health),
+    output:
+        "results/health/{cell}.parquet",
+    log:
+        "logs/health/{cell}.log",
+    wildcard_constraints:
+        cell=either(HEALTHY),
+    message:
+        "State of health of {wildcards.cell} by each method."
+    script:
+        "../../scripts/health/health.py"

@@ -32,6 +32,13 @@ TABLES_OF_TESTS = {
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
 }
+TABLES_OF_HEALTH = {
+    "health": [f"results/health/{cell}.parquet" for cell in HEALTHY],
+    "checkups": [f"results/checkups/{cell}.parquet" for cell in CHECKED],
+    "resistance_growth": [f"results/resistance_growth/{cell}.parquet" for cell in CHECKED],
+    "fade": [f"results/life/{cell}.parquet" for cell in AGED],
+    "fade_laws": [f"results/fade/{cell}.parquet" for cell in AGED],
+}
 TABLES_OF_MODELS = {
     "temperature_prediction": [
         f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
@@ -45,7 +52,7 @@ TABLES_OF_MODELS = {
     "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
-TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_MODELS
+TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
 TABLES = [*TABLE_INPUTS, "missing_effect", "fleet", "excluded"]
 COLD_WORDS = [f"results/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
@@ -84,6 +91,21 @@ rule tables_of_tests:
         "Tables of what the tests of the whole campaign tell."
     script:
         "../../scripts/tables/tables_of_tests.py"
+
+
+rule tables_of_health:
+    input:
+        unpack(lambda w: TABLES_OF_HEALTH),
+    output:
+        **{name: f"results/tables/{name}.csv" for name in TABLES_OF_HEALTH},
+    log:
+        "logs/tables_of_health.log",
+    params:
+        tests=TEST_FACTS,
+    message:
+        "Tables of the health of all cells."
+    script:
+        "../../scripts/tables/tables_of_health.py"
 
 
 rule tables_of_models:

@@ -213,6 +213,31 @@ class AgeingLaws(NamedTuple):
         return frame(self.cycles)
 
 
+class FadeOfLife(NamedTuple):
+    """Fade of a life: every discharge with the law, the laws, and a summary with the knee."""
+
+    columns: dict
+    laws: list
+    summary: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row a discharge."""
+        return frame(self.columns)
+
+
+class CheckUps(NamedTuple):
+    """Ratings of the check-ups of a cell, and growth of its resistance over SoC, as rows."""
+
+    rows: list
+    growth: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row a check-up."""
+        return frame(self.rows)
+
+
 class Simulation(NamedTuple):
     """A model simulated: test_time_second, current_ampere, soc, ocv_volt, voltage_volt, (n,) each.
 

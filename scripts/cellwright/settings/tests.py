@@ -204,6 +204,22 @@ class Ageing(NamedTuple):
     level: float = 0.95
 
 
+class Health(NamedTuple):
+    """Fade of a life, its knee, and the cycles that remain.
+
+    end_of_life [1] : Share of the capacity at the start of the life at which it ends.
+    level : Coverage of the intervals of the fade, the knee and the remaining cycles.
+    knee_log_evidence : A knee is told where two stages are likelier than every smooth law by
+        this logarithm (5 is 150 to 1).
+    draw_count : Laws that are drawn, by their probability, for the intervals.
+    """
+
+    end_of_life: float = 0.8
+    level: float = 0.95
+    knee_log_evidence: float = 5.0
+    draw_count: int = 1000
+
+
 class Impedance(NamedTuple):
     """Impedance spectra.
 
