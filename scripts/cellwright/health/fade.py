@@ -409,7 +409,9 @@ def draws(fade, *, count, seed=0):
         laws.append(one.law)
         terms.append(one.terms)
         values.append(drawn[: len(one.terms)])
-        law = sum(f * column(t, fade.points.share) for f, t in zip(values[-1], terms[-1], strict=True))
+        law = sum(
+            f * column(t, fade.points.share) for f, t in zip(values[-1], terms[-1], strict=True)
+        )
         last.append(float(bare[-1] - law[-1]))
         noise.append(float(np.std((bare - law) / fade.points.noise) * fade.points.noise[-1]))
     correlation = np.array([fade.candidates[k].correlation for k in picked])

@@ -90,16 +90,22 @@ def fitted_models(rows, asked, *, most_terms):
     has = np.flatnonzero(np.isfinite(asked))
     parts = []
     for size in range(1, most_terms + 1):
-        subsets = np.array(list(combinations(has, size)), int).reshape(-1, size)
-        usable = np.isfinite(rows.features)[:, subsets].all(axis=2)
-        patterns, which = np.unique(usable, axis=1, return_inverse=True)
-        for number, kept in enumerate(patterns.T):
-            count = kept.sum()
-            if count >= size + 3 and size <= max(1, (count - 1) // ROWS_PER_TERM):
-                chosen = subsets[which.ravel() == number]
-                part = _fitted(rows.where(kept), asked, chosen)
-                parts.append((part, count, -np.log(comb(len(has), size))))
+        prior = -np.log(comb(len(has), size)) if size <= len(has) else 0.0
+        for kept, subsets in _by_rows(rows, has, size):
+            part = _fitted(rows.where(kept), asked, subsets)
+            parts.append((part, kept.sum(), prior))
     return _joined([part for part in parts if len(part[0].terms)])
+
+
+def _by_rows(rows, has, size):
+    """Masks of rows, each with the subsets of features that all and only these rows have."""
+    subsets = np.array(list(combinations(has, size)), int).reshape(-1, size)
+    usable = np.isfinite(rows.features)[:, subsets].all(axis=2)
+    patterns, which = np.unique(usable, axis=1, return_inverse=True)
+    counts = patterns.sum(axis=0)
+    enough = (counts >= size + 3) & (size <= np.maximum(1, (counts - 1) // ROWS_PER_TERM))
+    for number in np.flatnonzero(enough):
+        yield patterns[:, number], subsets[which.ravel() == number]
 
 
 def _joined(parts):

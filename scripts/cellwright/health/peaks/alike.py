@@ -1,6 +1,6 @@
 """The same peaks of dQ/dV across the cells of one type."""
 
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -30,19 +30,26 @@ def named_alike(charges):
     template = {str(number): _place(peak) for number, peak in enumerate(fullest.peaks.values(), 1)}
     named = {}
     for cell in dict.fromkeys(charge.cell for charge in charges):
-        known = dict(template)
-        of_cell = [(c.cycle, place) for place, c in enumerate(charges) if c.cell == cell]
-        for _, place in sorted(of_cell):
-            peaks = list(charges[place].peaks.values())
-            pairs, shift = matched(list(known.values()), [_place(peak) for peak in peaks])
-            names = list(known)
-            found = {names[i]: peaks[j] for i, j in pairs}
-            known = {
-                name: _place(found[name]) if name in found else (volt + shift, height)
-                for name, (volt, height) in known.items()
-            }
-            named[place] = charges[place]._replace(peaks=found)
+        by_age = sorted((c.cycle, place) for place, c in enumerate(charges) if c.cell == cell)
+        places = [place for _, place in by_age]
+        named |= zip(places, _named([charges[place] for place in places], template), strict=True)
     return [named[place] for place in range(len(charges))]
+
+
+def _named(charges, known):
+    """Charges of one cell by age; `known`: place of each peak before the first of them."""
+    named = []
+    for charge in charges:
+        peaks = list(charge.peaks.values())
+        pairs, shift = matched(list(known.values()), [_place(peak) for peak in peaks])
+        names = list(known)
+        found = {names[i]: peaks[j] for i, j in pairs}
+        known = {
+            name: _place(found[name]) if name in found else (volt + shift, height)
+            for name, (volt, height) in known.items()
+        }
+        named.append(charge._replace(peaks=found))
+    return named
 
 
 def _place(peak):
@@ -62,13 +69,18 @@ def matched(known, found):
     """
     best = (ALONE_COST * (len(known) + len(found)), [], 0.0)
     known_at, found_at = (np.array(places, float).reshape(-1, 2) for places in (known, found))
-    for count in range(1, min(len(known), len(found)) + 1):
-        alone = ALONE_COST * (len(known) + len(found) - 2 * count)
-        for first in combinations(range(len(known)), count):
-            for second in combinations(range(len(found)), count):
-                moved = found_at[list(second)] - known_at[list(first)]
-                shift = moved[:, 0].sum() / (count + (OWN_VOLT / COMMON_VOLT) ** 2)
-                cost = alone + (shift / COMMON_VOLT) ** 2
-                cost += (((moved - [shift, 0]) / [OWN_VOLT, LOG_HEIGHT]) ** 2).sum()
-                best = min(best, (cost, list(zip(first, second, strict=True)), shift))
+    for first, second in _choices(len(known), len(found)):
+        moved = found_at[second] - known_at[first]
+        shift = moved[:, 0].sum() / (len(first) + (OWN_VOLT / COMMON_VOLT) ** 2)
+        cost = ALONE_COST * (len(known) + len(found) - 2 * len(first))
+        cost += (shift / COMMON_VOLT) ** 2
+        cost += (((moved - [shift, 0]) / [OWN_VOLT, LOG_HEIGHT]) ** 2).sum()
+        best = min(best, (cost, list(zip(first, second, strict=True)), shift))
     return best[1], float(best[2])
+
+
+def _choices(known, found):
+    """Every choice of as many of one list as of the other, both in order, as lists of places."""
+    for count in range(1, min(known, found) + 1):
+        pairs = product(combinations(range(known), count), combinations(range(found), count))
+        yield from ([list(part) for part in pair] for pair in pairs)

@@ -206,14 +206,17 @@ def _conditions(charges):
     """Charges in lists of one rate and temperature each."""
     lists = []
     for charge in charges:
-        for alike in lists:
-            apart = abs(alike[0].temperature_celsius - charge.temperature_celsius)
-            if _same_rate(alike[0].c_rate, charge.c_rate) and not apart > SAME_CELSIUS:
-                alike.append(charge)
-                break
-        else:
+        alike = next((one for one in lists if _alike(one[0], charge)), None)
+        if alike is None:
             lists.append([charge])
+        else:
+            alike.append(charge)
     return lists
+
+
+def _alike(first, second):
+    apart = abs(first.temperature_celsius - second.temperature_celsius)
+    return _same_rate(first.c_rate, second.c_rate) and not apart > SAME_CELSIUS
 
 
 def _where(charges):
