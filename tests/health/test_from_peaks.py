@@ -262,3 +262,20 @@ def test_capacities_are_those_of_the_check_up_at_the_usual_rate():
     assert found[0] == 20.0
     assert found[100] == 19.0
     assert np.isnan(found[200])
+
+
+def test_a_check_up_whose_capacity_disagrees_is_named_and_not_calibrated_on():
+    """A discharge that was cut short must not bend the calibration of its neighbours."""
+    charges = lives(23)
+    cut = charges[7]._replace(capacity_ampere_hour=0.8 * charges[7].capacity_ampere_hour)
+    changed = peak_calibration([*charges[:7], cut, *charges[8:]], tracked=True, most_terms=1)
+    without = peak_calibration([*charges[:7], *charges[8:]], tracked=True, most_terms=1)
+    (told,) = [row for row in changed.rows if "disagree by" in row.reason]
+    assert (told.cell, told.cycle) == (cut.cell, cut.cycle)
+    assert told.left_out_error > 0.15
+    others = {(row.cell, row.cycle): row.capacity_ampere_hour for row in changed.rows}
+    for row in without.rows:
+        assert others[row.cell, row.cycle] == pytest.approx(row.capacity_ampere_hour, rel=1e-9)
+    assert (
+        "not calibrated on, since capacity and peaks disagree: C1 at cycle 100" in changed.notes[0]
+    )

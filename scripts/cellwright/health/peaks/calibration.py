@@ -5,7 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.health.peaks.alike import named_alike
-from cellwright.health.peaks.estimate import SAME_CELSIUS, SAME_RATE, errors_of, left_out_estimates
+from cellwright.health.peaks.estimate import (
+    SAME_CELSIUS,
+    SAME_RATE,
+    disagreeing,
+    errors_of,
+    left_out_estimates,
+)
 from cellwright.health.peaks.features import IdentifiedPeak, PeakCharge
 from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
@@ -188,18 +194,27 @@ def peak_calibration(
     for alike in _conditions(charges):
         named = alike if tracked else named_alike(alike)
         try:
-            found = left_out_estimates(named, most_terms=most_terms)
+            found, wrong = _estimated(named, most_terms)
         except Refusal as error:
             refused.append(f"{_where(alike)}: {error}")
             continue
         fresh = {cell: _fresh(cell, named, rated_ampere_hour) for cell in {c.cell for c in named}}
-        rows += [_health(one, *fresh[one.charge.cell]) for one in found]
-        told = _information(named, found, fresh, most_terms)
+        rows += [_health(one, *fresh[one.charge.cell], wrong) for one in found]
+        told = _information(named, found, fresh, most_terms, wrong)
         information += told
-        notes.append(_sentence(_where(alike), told, found, fresh))
+        notes.append(_sentence(_where(alike), told, found, fresh, wrong))
     if not rows:
         raise Refusal("; ".join(refused) or "no charge has a peak of dQ/dV")
     return PeakCalibration(rows, information, [*notes, *refused])
+
+
+def _estimated(charges, most_terms):
+    """Estimates of charges, and check-ups that were not calibrated on: see `disagreeing`."""
+    found = left_out_estimates(charges, most_terms=most_terms)
+    wrong = disagreeing(found)
+    if wrong:
+        found = left_out_estimates(charges, most_terms=most_terms, distrusted=wrong)
+    return found, wrong
 
 
 def _conditions(charges):
@@ -237,9 +252,15 @@ def _fresh(cell, charges, rated):
     return (rated, "rating") if rated else (np.nan, "not known: one check-up and no rating")
 
 
-def _health(left_out, fresh, soh_of):
+def _health(left_out, fresh, soh_of, wrong):
     """Row of one charge."""
     charge, found, other = left_out
+    error, reasons = wrong.get((charge.cell, charge.cycle)), [found.reason]
+    if error is not None:
+        reasons.append(
+            f"capacity and peaks of this check-up disagree by {100 * error:.2g} %: one of them is "
+            "wrong, it was not calibrated on"
+        )
     measured = charge.capacity_ampere_hour
     return PeakHealth(
         charge.cell,
@@ -261,13 +282,13 @@ def _health(left_out, fresh, soh_of):
         ";".join(found.peaks_used),
         found.charges,
         found.cells,
-        found.reason,
+        "; ".join(filter(None, reasons)),
     )
 
 
-def _information(charges, found, fresh, most_terms):
+def _information(charges, found, fresh, most_terms, wrong):
     """What each peak tells, from the models' weights, and from errors with and without it."""
-    known = [one for one in found if one.charge.capacity_ampere_hour > 0]
+    known = [one for one in _trusted(found, wrong) if one.charge.capacity_ampere_hour > 0]
     told = [one.without_check_up for one in known if one.without_check_up.peaks]
     names = dict.fromkeys(name for charge in charges for name in charge.peaks)
     sizes = {cell: size for cell, (size, _) in fresh.items()}
@@ -280,31 +301,36 @@ def _information(charges, found, fresh, most_terms):
             name,
             float(np.mean([one.peaks.get(name, 0.0) for one in told])) if told else np.nan,
             whole.rms,
-            _error_with(charges, {name}, sizes, most_terms),
-            _error_with(charges, {*names} - {name}, sizes, most_terms),
+            _error_with(charges, {name}, sizes, most_terms, wrong),
+            _error_with(charges, {*names} - {name}, sizes, most_terms, wrong),
             sum(name in one.charge.peaks for one in known),
         )
         for name in sorted(names)
     ]
 
 
-def _error_with(charges, kept, sizes, most_terms):
+def _trusted(found, wrong):
+    return [one for one in found if (one.charge.cell, one.charge.cycle) not in wrong]
+
+
+def _error_with(charges, kept, sizes, most_terms, wrong):
     """RMS error of left-out check-ups where only some peaks are looked at [1]."""
     fewer = [
         charge._replace(peaks={name: p for name, p in charge.peaks.items() if name in kept})
         for charge in charges
     ]
-    fewer = [charge for charge in fewer if charge.peaks]
+    fewer = [one for one in fewer if one.peaks and (one.cell, one.cycle) not in wrong]
     try:
-        found = left_out_estimates(fewer, most_terms=most_terms, cells=False)
+        found = left_out_estimates(fewer, most_terms=most_terms, cells=False, distrusted=wrong)
     except Refusal:
         return np.nan
     estimates = [one.without_check_up for one in found]
     return errors_of(estimates, fewer, fresh_ampere_hour=sizes).rms
 
 
-def _sentence(where, information, found, fresh):
+def _sentence(where, information, found, fresh, wrong):
     """What the calibration reached, and which peaks tell it, for the report."""
+    found = _trusted(found, wrong)
     sizes = {cell: size for cell, (size, _) in fresh.items()}
     charges = [one.charge for one in found]
     by_test, by_cell = (
@@ -318,7 +344,11 @@ def _sentence(where, information, found, fresh):
     ]
     peaks = ", ".join(words) or "no single one"
     cells = f"{100 * by_cell.rms:.2g} % at a cell never seen" if by_cell.count else "one cell only"
+    apart = [
+        f"{cell} at cycle {cycle:g} ({100 * error:.2g} %)" for (cell, cycle), error in wrong.items()
+    ]
+    left = f"; not calibrated on, since capacity and peaks disagree: {', '.join(apart)}"
     return (
         f"Capacity from peaks, {where}: {100 * by_test.rms:.2g} % RMS at {by_test.count} left-out "
-        f"check-ups, {cells}; the information is in peak {peaks}"
+        f"check-ups, {cells}; the information is in peak {peaks}{left if apart else ''}"
     )

@@ -16,6 +16,7 @@ SAME_RATE = 1.12  # rates this near are one
 FEWEST_CHARGES = 4
 MOST_CHARGES = 100  # that one estimate is calibrated on: few terms need no more
 FEWEST_CELLS = 3  # that show how cells of a type differ
+FEWEST_TOLD, DISAGREES = 8, 5.0  # charges, robust standard deviations
 CARRIES = 0.5  # share of the models' weight from which on a peak carries the information
 FARTHEST = 0.5  # outside the calibration, in spans of a feature, that is still told
 # ASSUME: Before the data speak, a model misses the capacity by 1 %, weighing two charges;
@@ -173,7 +174,9 @@ class LeftOut(NamedTuple):
     without_cell: PeakEstimate
 
 
-def left_out_estimates(charges, *, most_terms=HEALTH_FROM_PEAKS.most_terms, cells=True):
+def left_out_estimates(
+    charges, *, most_terms=HEALTH_FROM_PEAKS.most_terms, cells=True, distrusted=()
+):
     """Estimate of each charge by all others of its type: twice, without its check-up, its cell.
 
     Everything is done anew without what is left out, the choice of models included. A check-up
@@ -183,6 +186,7 @@ def left_out_estimates(charges, *, most_terms=HEALTH_FROM_PEAKS.most_terms, cell
     ----------
     charges : list of PeakCharge of one type. most_terms : as for `capacity_from_peaks`.
     cells : whether cells are left out too; else both estimates are that without the check-up.
+    distrusted : (cell, cycle) of check-ups that are estimated but not calibrated on.
 
     Returns
     -------
@@ -192,7 +196,11 @@ def left_out_estimates(charges, *, most_terms=HEALTH_FROM_PEAKS.most_terms, cell
     ------
     Refusal : fewer than four charges of known capacity.
     """
-    known = [charge for charge in charges if charge.capacity_ampere_hour > 0]
+    known = [
+        charge
+        for charge in charges
+        if charge.capacity_ampere_hour > 0 and (charge.cell, charge.cycle) not in distrusted
+    ]
     if len(known) < FEWEST_CHARGES:
         raise Refusal(
             f"{len(known)} charge(s) of known capacity among {len(charges)}; {FEWEST_CHARGES} are "
@@ -211,6 +219,38 @@ def left_out_estimates(charges, *, most_terms=HEALTH_FROM_PEAKS.most_terms, cell
         )
         found.append(LeftOut(charge, by_check_up, by_cell))
     return found
+
+
+def disagreeing(found):
+    """Check-ups whose measured capacity and peaks say so different things that one is wrong.
+
+    Parameters
+    ----------
+    found : list of LeftOut, eight told at least; else none is named.
+
+    Returns
+    -------
+    dict of the relative error by (cell, cycle): those further from the middle of all errors than
+    five robust standard deviations, with 1 % added, a tenth of the charges at most.
+    """
+    told = [one for one in found if np.isfinite(one.without_check_up.capacity_ampere_hour)]
+    told = [one for one in told if one.charge.capacity_ampere_hour > 0]
+    if len(told) < FEWEST_TOLD:
+        return {}
+    errors = np.array(
+        [
+            one.without_check_up.capacity_ampere_hour / one.charge.capacity_ampere_hour - 1
+            for one in told
+        ]
+    )
+    off = np.abs(errors - np.median(errors))
+    spread = np.hypot(1.4826 * np.median(off), PRIOR_SHARE)
+    worst = np.argsort(-off)[: max(len(told) // 10, 1)]
+    return {
+        (told[place].charge.cell, told[place].charge.cycle): float(errors[place])
+        for place in worst
+        if off[place] > DISAGREES * spread
+    }
 
 
 class Errors(NamedTuple):
