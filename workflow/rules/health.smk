@@ -60,6 +60,7 @@ rule check_ups:
     params:
         tests=facts_of_own_tests,
         cell=cell_facts,
+        sheet=lambda w: [row for row in CAMPAIGN.check_ups if row["cell"] == w.cell],
     message:
         "Ratings of {wildcards.cell} at each check-up, and their change since new."
     script:
@@ -79,3 +80,51 @@ rule health:
         "State of health of {wildcards.cell} by each method."
     script:
         "../../scripts/health/health.py"
+
+
+def types_of(cells):
+    """Cells of each type, by its name; of those, the ones in `cells`."""
+    named = {
+        f"{chemistry or 'chemistry not stated'}, {rating:g} Ah" if rating else str(chemistry): names
+        for (chemistry, rating), names in OF_TYPE.items()
+    }
+    parts = {name: [cell for cell in names if cell in cells] for name, names in named.items()}
+    return {name: part for name, part in parts.items() if len(part) > 1}
+
+
+FLEETS = types_of(CHECKED)
+PROTOCOL_OF = {cell: CELLS[cell]["ageing_protocol"] for cell in AGED}
+ARMS = types_of({cell for cell, protocol in PROTOCOL_OF.items() if protocol})
+
+
+rule fleet_health:
+    input:
+        [f"results/checkups/{cell}.parquet" for cells in FLEETS.values() for cell in cells],
+    output:
+        cells="results/tables/fleet_health.csv",
+        lines="results/tables/fleet_health_lines.csv",
+    log:
+        "logs/fleet_health.log",
+    params:
+        types=FLEETS,
+    message:
+        "Resistance against capacity over the cells of each type."
+    script:
+        "../../scripts/health/fleet_health.py"
+
+
+rule protocols_compared:
+    input:
+        courses=[f"results/fade_course/{cell}.parquet" for cells in ARMS.values() for cell in cells],
+        lives=[f"results/life/{cell}.parquet" for cells in ARMS.values() for cell in cells],
+    output:
+        "results/tables/protocols.csv",
+    log:
+        "logs/protocols_compared.log",
+    params:
+        types=ARMS,
+        protocols=PROTOCOL_OF,
+    message:
+        "Ageing protocols of each type of cells compared."
+    script:
+        "../../scripts/health/protocols_compared.py"

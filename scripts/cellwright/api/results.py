@@ -226,6 +226,17 @@ class CheckUps(NamedTuple):
         return frame(self.rows)
 
 
+class FleetResistance(NamedTuple):
+    """Resistance against capacity over a fleet: the line, and one row a cell."""
+
+    line: object
+    rows: list
+
+    def to_frame(self):
+        """One row a cell."""
+        return frame(self.rows)
+
+
 class Simulation(NamedTuple):
     """A model simulated: test_time_second, current_ampere, soc, ocv_volt, voltage_volt, (n,) each.
 

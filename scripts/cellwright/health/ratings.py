@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.fleet import mean_over_soc
 from cellwright.refusal import Refusal
 
 SAME_CELSIUS = 3.0  # temperatures this near are one
@@ -28,7 +29,7 @@ class CheckUp(NamedTuple):
     capacity, its std : [Ah]. soh, soh_std : over the first check-up's capacity at the same rate,
     direction and temperature, or over the rating where `soh_reference` says so [1]. energy : of
     that test's discharge [Wh]. round_trip_efficiency : energy out over energy in, for equal charge
-    [1]. resistance_* : at 50 % SoC, first sample and 10 s [Ω]. *_power_* : 10 s at 80, 50, 20 %
+    [1]. resistance_* : at 50 % SoC, first sample and 10 s, and mean of the first samples over SoC [Ω]. *_power_* : 10 s at 80, 50, 20 %
     SoC [W]. throughput : discharged in ageing records up to there [Ah]. *_change : over the first
     check-up, minus 1 [1]. reason : what is not known, and why.
     """
@@ -46,6 +47,7 @@ class CheckUp(NamedTuple):
     round_trip_efficiency: float
     resistance_first_ohm: float
     resistance_10s_ohm: float
+    resistance_mean_ohm: float
     discharge_power_80_watt: float
     discharge_power_50_watt: float
     discharge_power_20_watt: float
@@ -90,10 +92,10 @@ def check_ups(
 
     1. Tests of one `cycle` of the sheet are one check-up; blank is new. Where tests were made at
     several temperatures, those at the one that most check-ups have count. 2. The capacity that
-    counts is at the slowest rate and direction that most check-ups have. 3. Power at a state of
-    charge: what the cell gives at its lower cut-off (takes at its upper one) at the end of 10 s,
-    U_low (U_rest − U_low)/R, U_high (U_high − U_rest)/R, with the rest voltage and the resistance
-    10 s into a pulse interpolated between pulses. 4. Round trip: ratio of mean voltages of a
+    counts is at the rate that most check-ups have, discharges before charges, the slowest first.
+    3. Power at a state of charge: what the cell gives at its lower cut-off (takes at its upper
+    one) at the end of 10 s, U_low (U_rest − U_low)/R, U_high (U_high − U_rest)/R, with the rest
+    voltage and the resistance 10 s into a pulse interpolated between pulses. 4. Round trip: ratio of mean voltages of a
     discharge and a charge of one test, for charges are rarely closed to a percent.
 
     Parameters
@@ -182,7 +184,7 @@ def _comparable(capacities):
         kinds.setdefault(key, {}).setdefault(_cycle(row), row)
     if not kinds:
         return {}
-    return kinds[max(kinds, key=lambda key: (len(kinds[key]), -key[1]))]
+    return kinds[max(kinds, key=lambda key: (len(kinds[key]), key[0] == "discharge", -key[1]))]
 
 
 def _capacity(row):
@@ -236,6 +238,9 @@ def _power(pulses, low, high):
     """Resistances at 50 % SoC and powers at 80, 50 and 20 %; NaN where pulses do not reach."""
     found = {"resistance_first_ohm": _at(pulses, "discharge", 0, 0.5)[0]}
     found["resistance_10s_ohm"] = _at(pulses, "discharge", 10, 0.5)[0]
+    course = _course(pulses, "discharge", 0)
+    columns = ([row[name] for row in course] for name in ("soc", "resistance_ohm"))
+    found["resistance_mean_ohm"] = mean_over_soc(*columns)
     for soc in POWER_SOCS:
         name = f"power_{100 * soc:.0f}_watt"
         resistance, rest = _at(pulses, "discharge", 10, soc)
