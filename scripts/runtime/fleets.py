@@ -18,16 +18,13 @@ def resistance_tables(paths, types) -> tuple[list, list]:
     cells, lines = [], []
     for name, names in types.items():
         told = [(cell, first[cell]) for cell in names if cell in first]
-        triples = [
-            (cell, row["capacity_ampere_hour"], row["resistance_mean_ohm"]) for cell, row in told
-        ]
         try:
-            found = cw.fleet_resistance(triples)
+            found = cw.fleet_resistance(told)
         except Refusal as refusal:
-            lines.append({"type": name, "cells": len(triples), "verdict": str(refusal)})
+            lines.append({"type": name, "cells": len(told), "verdict": str(refusal)})
             continue
         cells += [{"type": name} | row._asdict() for row in found.rows]
-        lines.append({"type": name} | found.line._asdict())
+        lines.append({"type": name} | found.line._asdict() | {"delay": found.delay})
     return _filled(cells, "tables/fleet_health"), _filled(lines, "tables/fleet_health_lines")
 
 

@@ -1,7 +1,7 @@
 # Health over a life: fade with knee and remaining cycles, ratings of check-ups, state of health.
 
 AGED = cells_where(lambda cell: tests(cell, "ageing"))
-CHECKED = cells_where(lambda cell: tests(cell, *CAPACITY_KINDS, *PULSE_KINDS, roles=["fit"]))
+CHECKED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, *PULSE_KINDS, roles=["fit"]))
 HEALTHY = cells_where(lambda cell: cell in AGED or cell in CHECKED)
 # Further methods of the state of health: stage, and the cells that have it.
 HEALTH_METHODS = {"modes": ("degradation_modes", {}), "peaks": ("health_from_peaks", {})}
@@ -47,7 +47,8 @@ rule fade:
 
 rule check_ups:
     input:
-        capacities=lambda w: fitted("capacity", w.cell, *SLOW_KINDS),
+        capacities=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS)
+        or fitted("capacity", w.cell, "ica"),
         resistances=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
         courses=lambda w: of_cell(w.cell, course="fade_course").values() if w.cell in AGED else [],
     output:

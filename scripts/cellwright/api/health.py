@@ -125,7 +125,7 @@ def fleet_resistance(cells):
 
     Parameters
     ----------
-    cells : (name, capacity [Ah], mean R0 over SoC [Ω]) each, of one type and temperature.
+    cells : (name, row of `check_ups`) each, of one type and temperature.
 
     Returns
     -------
@@ -137,9 +137,10 @@ def fleet_resistance(cells):
 
     Source: thesis 4.4; docs/health-fleet.md.
     """
-    from cellwright.health.fleet import resistance_against_capacity
+    from cellwright.health.fleet import alike_measured, resistance_against_capacity
 
-    return results.FleetResistance(*resistance_against_capacity(list(cells)))
+    comparable, delay = alike_measured(cells)
+    return results.FleetResistance(*resistance_against_capacity(comparable), delay)
 
 
 def compare_protocols(lives):

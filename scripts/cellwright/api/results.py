@@ -227,10 +227,11 @@ class CheckUps(NamedTuple):
 
 
 class FleetResistance(NamedTuple):
-    """Resistance against capacity over a fleet: the line, and one row a cell."""
+    """Resistance against capacity over a fleet: the line, one row a cell, delay into pulses."""
 
     line: object
     rows: list
+    delay: str
 
     def to_frame(self):
         """One row a cell."""

@@ -9,6 +9,7 @@ from cellwright.refusal import Refusal
 LEAST_CELLS = 6
 MOST_OUTLIERS = 0.15  # of the cells: more than that are no outliers, but no line
 ALARM = 0.05  # chance that a fleet without an outlier has one named
+SAME_DELAY, LEAST_DELAY_SECOND = 2.0, 0.01  # first samples this near in time are alike
 LEAST_EXPLAINED = 0.2  # of the variance: below it resistance tells nothing of capacity
 
 
@@ -177,6 +178,29 @@ def _line(capacity, resistance, inside, rows):
         ", ".join(row.cell for row in rows if row.outlier),
         word if told else "resistance does not tell capacity in this fleet",
     )
+
+
+def alike_measured(check_ups):
+    """Mean resistances that may be compared: of the first samples if taken alike, else at 1 s.
+
+    A first sample 0.5 s into a pulse holds a tenth more than one at 10 ms, which a line over cells
+    of two instruments would take for scatter, or for age.
+
+    Parameters
+    ----------
+    check_ups : pairs (name, ratings.CheckUp or mapping with its fields) of one check-up each.
+
+    Returns
+    -------
+    cells : list of (name, capacity [Ah], mean resistance [Ω]). delay : "first sample" or "1 s".
+    """
+    rows = [(name, row._asdict() if hasattr(row, "_asdict") else row) for name, row in check_ups]
+    delays = np.array([row["first_delay_second"] for _, row in rows], float)
+    known = delays[np.isfinite(delays)]
+    alike = len(known) and known.max() <= SAME_DELAY * max(known.min(), LEAST_DELAY_SECOND)
+    column = "resistance_mean_ohm" if alike else "resistance_mean_1s_ohm"
+    cells = [(name, row["capacity_ampere_hour"], row[column]) for name, row in rows]
+    return cells, "first sample" if alike else "1 s"
 
 
 def mean_over_soc(soc, resistance, *, least_span=0.6):

@@ -29,7 +29,8 @@ class CheckUp(NamedTuple):
     capacity, its std : [Ah]. soh, soh_std : over the first check-up's capacity at the same rate,
     direction and temperature, or over the rating where `soh_reference` says so [1]. energy : of
     that test's discharge [Wh]. round_trip_efficiency : energy out over energy in, for equal charge
-    [1]. resistance_* : at 50 % SoC, first sample and 10 s, and mean of the first samples over SoC [Ω]. *_power_* : 10 s at 80, 50, 20 %
+    [1]. resistance_* : at 50 % SoC, first sample and 10 s, and means over SoC, of the first
+    samples and at 1 s [Ω]. first_delay : of the first samples into their pulses [s]. *_power_* : 10 s at 80, 50, 20 %
     SoC [W]. throughput : discharged in ageing records up to there [Ah]. *_change : over the first
     check-up, minus 1 [1]. reason : what is not known, and why.
     """
@@ -48,6 +49,8 @@ class CheckUp(NamedTuple):
     resistance_first_ohm: float
     resistance_10s_ohm: float
     resistance_mean_ohm: float
+    resistance_mean_1s_ohm: float
+    first_delay_second: float
     discharge_power_80_watt: float
     discharge_power_50_watt: float
     discharge_power_20_watt: float
@@ -238,9 +241,12 @@ def _power(pulses, low, high):
     """Resistances at 50 % SoC and powers at 80, 50 and 20 %; NaN where pulses do not reach."""
     found = {"resistance_first_ohm": _at(pulses, "discharge", 0, 0.5)[0]}
     found["resistance_10s_ohm"] = _at(pulses, "discharge", 10, 0.5)[0]
-    course = _course(pulses, "discharge", 0)
-    columns = ([row[name] for row in course] for name in ("soc", "resistance_ohm"))
-    found["resistance_mean_ohm"] = mean_over_soc(*columns)
+    for delay, name in ((0, "resistance_mean_ohm"), (1, "resistance_mean_1s_ohm")):
+        course = _course(pulses, "discharge", delay)
+        socs, ohms = ([row[key] for row in course] for key in ("soc", "resistance_ohm"))
+        found[name] = mean_over_soc(socs, ohms)
+    first = [row["actual_delay_second"] for row in _course(pulses, "discharge", 0)]
+    found["first_delay_second"] = float(np.median(first)) if first else np.nan
     for soc in POWER_SOCS:
         name = f"power_{100 * soc:.0f}_watt"
         resistance, rest = _at(pulses, "discharge", 10, soc)
