@@ -38,6 +38,8 @@ MODULE_OF = {
     "fade": "cellwright.api.health",
     "check_ups": "cellwright.api.health",
     "state_of_health": "cellwright.api.health",
+    "fleet_resistance": "cellwright.api.health",
+    "compare_protocols": "cellwright.api.health",
     "basis": "cellwright.api.models",
     "lender": "cellwright.api.models",
     "state_of_charge": "cellwright.api.models",

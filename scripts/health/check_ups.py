@@ -11,5 +11,5 @@ with artefact.Job(snakemake) as job:
     throughputs = lives.throughputs(inputs.courses)
     found = cw.check_ups(capacities, resistances, params.cell, throughputs)
     job.note(*found.notes)
-    job.save(found.rows, output.rows)
+    job.save(lives.with_sheet(found.rows, params.sheet), output.rows)
     job.save(found.growth, output.growth)

@@ -38,3 +38,14 @@ def found(inputs) -> dict:
         loaded["fade"] = artefact.rows(life)[0], course
     told = {name: content for name, content in loaded.items() if content is not None}
     return {name: c if name == "fade" else artefact.rows(c) for name, c in told.items()}
+
+
+def with_sheet(check_ups, sheet) -> list[dict]:
+    """Rows of check-ups beside what config/checkups.tsv says of the same cycle."""
+    quantities = [name for name in (sheet[0] if sheet else {}) if name not in ("cell", "cycle")]
+    by_cycle = {row["cycle"]: row for row in sheet}
+    return [
+        row._asdict()
+        | {f"sheet_{name}": by_cycle.get(row.cycle, {}).get(name) for name in quantities}
+        for row in check_ups
+    ]

@@ -66,7 +66,7 @@ rule health_from_peaks:
 
 
 AGED = cells_where(lambda cell: tests(cell, "ageing"))
-CHECKED = cells_where(lambda cell: tests(cell, *CAPACITY_KINDS, *PULSE_KINDS, roles=["fit"]))
+CHECKED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, *PULSE_KINDS, roles=["fit"]))
 HEALTHY = cells_where(lambda cell: cell in AGED or cell in CHECKED)
 # Further methods of the state of health: stage, and the cells that have it.
 HEALTH_METHODS = {"modes": ("degradation_modes", {}), "peaks": ("health_from_peaks", FIRST_OF_TYPE)}
@@ -112,7 +112,8 @@ rule fade:
 
 rule check_ups:
     input:
-        capacities=lambda w: fitted("capacity", w.cell, *SLOW_KINDS),
+        capacities=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS)
+        or fitted("capacity", w.cell, "ica"),
         resistances=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
         courses=lambda w: of_cell(w.cell, course="fade_course").values() if w.cell in AGED else [],
     output:
@@ -125,6 +126,7 @@ rule check_ups:
     params:
         tests=facts_of_own_tests,
         cell=cell_facts,
+        sheet=lambda w: [row for row in CAMPAIGN.check_ups if row["cell"] == w.cell],
     message:
         "Ratings of {wildcards.cell} at each check-up, and their change since new."
     script:
@@ -144,3 +146,51 @@ rule health:
         "State of health of {wildcards.cell} by each method."
     script:
         "../../scripts/health/health.py"
+
+
+def types_of(cells):
+    """Cells of each type, by its name; of those, the ones in `cells`."""
+    named = {
+        f"{chemistry or 'chemistry not stated'}, {rating:g} Ah" if rating else str(chemistry): names
+        for (chemistry, rating), names in OF_TYPE.items()
+    }
+    parts = {name: [cell for cell in names if cell in cells] for name, names in named.items()}
+    return {name: part for name, part in parts.items() if len(part) > 1}
+
+
+FLEETS = types_of(CHECKED)
+PROTOCOL_OF = {cell: CELLS[cell]["ageing_protocol"] for cell in AGED}
+ARMS = types_of({cell for cell, protocol in PROTOCOL_OF.items() if protocol})
+
+
+rule fleet_health:
+    input:
+        [f"results/checkups/{cell}.parquet" for cells in FLEETS.values() for cell in cells],
+    output:
+        cells="results/tables/fleet_health.csv",
+        lines="results/tables/fleet_health_lines.csv",
+    log:
+        "logs/fleet_health.log",
+    params:
+        types=FLEETS,
+    message:
+        "Resistance against capacity over the cells of each type."
+    script:
+        "../../scripts/health/fleet_health.py"
+
+
+rule protocols_compared:
+    input:
+        courses=[f"results/fade_course/{cell}.parquet" for cells in ARMS.values() for cell in cells],
+        lives=[f"results/life/{cell}.parquet" for cells in ARMS.values() for cell in cells],
+    output:
+        "results/tables/protocols.csv",
+    log:
+        "logs/protocols_compared.log",
+    params:
+        types=ARMS,
+        protocols=PROTOCOL_OF,
+    message:
+        "Ageing protocols of each type of cells compared."
+    script:
+        "../../scripts/health/protocols_compared.py"

@@ -53,7 +53,8 @@ TABLES_OF_MODELS = {
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
-TABLES = [*TABLE_INPUTS, "missing_effect", "fleet", "excluded"]
+COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
+TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", "excluded"]
 COLD_WORDS = [f"results/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),

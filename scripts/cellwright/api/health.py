@@ -118,3 +118,56 @@ def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
     if not rows:
         raise Refusal("no capacity of a check-up and no life: no state of health")
     return results.Table(rows)
+
+
+def fleet_resistance(cells):
+    """Mean R0 over SoC against capacity over a fleet: line, error on cells left out, outliers.
+
+    Parameters
+    ----------
+    cells : (name, row of `check_ups`) each, of one type and temperature.
+
+    Returns
+    -------
+    fleet : FleetResistance; line: `health.fleet.FleetLine`; rows: one a cell.
+
+    Raises
+    ------
+    Refusal : Fewer than six cells, or all alike.
+
+    Source: thesis 4.4; docs/health-fleet.md.
+    """
+    from cellwright.health.fleet import alike_measured, resistance_against_capacity
+
+    comparable, delay = alike_measured(cells)
+    return results.FleetResistance(*resistance_against_capacity(comparable), delay)
+
+
+def compare_protocols(lives):
+    """Ageing protocols of one type of cells compared pair by pair, beyond what cells differ by.
+
+    Parameters
+    ----------
+    lives : (cell, protocol, result of `fade` or a pair (summary, columns)) each.
+
+    Returns
+    -------
+    comparisons : Table; rows: `health.protocols_compared.Comparison`.
+
+    Raises
+    ------
+    Refusal : Fewer than two protocols, or a life that has hardly faded.
+
+    Source: docs/health-fleet.md.
+    """
+    import numpy as np
+
+    from cellwright.health.protocols_compared import LifeOfProtocol, compared
+
+    ready = []
+    for cell, protocol, fade in lives:
+        summary, columns = (fade.summary, fade.columns) if hasattr(fade, "summary") else fade
+        law = np.asarray(columns["law_ampere_hour"], float)
+        share = law / summary["start_ampere_hour"]
+        ready.append(LifeOfProtocol(cell, protocol, np.asarray(columns["cycle"], float), share))
+    return results.Table(compared(ready))

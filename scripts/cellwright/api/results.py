@@ -238,6 +238,18 @@ class CheckUps(NamedTuple):
         return frame(self.rows)
 
 
+class FleetResistance(NamedTuple):
+    """Resistance against capacity over a fleet: the line, one row a cell, delay into pulses."""
+
+    line: object
+    rows: list
+    delay: str
+
+    def to_frame(self):
+        """One row a cell."""
+        return frame(self.rows)
+
+
 class Simulation(NamedTuple):
     """A model simulated: test_time_second, current_ampere, soc, ocv_volt, voltage_volt, (n,) each.
 

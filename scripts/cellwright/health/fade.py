@@ -9,7 +9,7 @@ from cellwright.refusal import Refusal
 LEAST_CYCLES = 8
 IMPOSSIBLE = -1e9  # log evidence of a law that no parameters make
 MOST_POINTS = 160  # a longer life is averaged over neighbouring discharges
-LEAST_NOISE = 1e-4  # of the capacity: no law is known to hold more closely [1]
+LEAST_NOISE = 5e-4  # of the capacity: no law is known to hold more closely [1]
 CORRELATIONS = np.array([0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99])
 EXPONENTS = np.concatenate([np.arange(0.3, 1.0, 0.1), np.arange(1.2, 3.1, 0.2)])
 BENDS = (1.5, 2.0, 3.0, 4.0, 6.0)  # exponents of a gradual acceleration beside a straight fade

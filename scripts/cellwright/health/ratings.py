@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.fleet import mean_over_soc
 from cellwright.refusal import Refusal
 
 SAME_CELSIUS = 3.0  # temperatures this near are one
@@ -28,7 +29,8 @@ class CheckUp(NamedTuple):
     capacity, its std : [Ah]. soh, soh_std : over the first check-up's capacity at the same rate,
     direction and temperature, or over the rating where `soh_reference` says so [1]. energy : of
     that test's discharge [Wh]. round_trip_efficiency : energy out over energy in, for equal charge
-    [1]. resistance_* : at 50 % SoC, first sample and 10 s [Ω]. *_power_* : 10 s at 80, 50, 20 %
+    [1]. resistance_* : at 50 % SoC, first sample and 10 s, and means over SoC, of the first
+    samples and at 1 s [Ω]. first_delay : of the first samples into their pulses [s]. *_power_* : 10 s at 80, 50, 20 %
     SoC [W]. throughput : discharged in ageing records up to there [Ah]. *_change : over the first
     check-up, minus 1 [1]. reason : what is not known, and why.
     """
@@ -46,6 +48,9 @@ class CheckUp(NamedTuple):
     round_trip_efficiency: float
     resistance_first_ohm: float
     resistance_10s_ohm: float
+    resistance_mean_ohm: float
+    resistance_mean_1s_ohm: float
+    first_delay_second: float
     discharge_power_80_watt: float
     discharge_power_50_watt: float
     discharge_power_20_watt: float
@@ -90,10 +95,10 @@ def check_ups(
 
     1. Tests of one `cycle` of the sheet are one check-up; blank is new. Where tests were made at
     several temperatures, those at the one that most check-ups have count. 2. The capacity that
-    counts is at the slowest rate and direction that most check-ups have. 3. Power at a state of
-    charge: what the cell gives at its lower cut-off (takes at its upper one) at the end of 10 s,
-    U_low (U_rest − U_low)/R, U_high (U_high − U_rest)/R, with the rest voltage and the resistance
-    10 s into a pulse interpolated between pulses. 4. Round trip: ratio of mean voltages of a
+    counts is at the rate that most check-ups have, discharges before charges, the slowest first.
+    3. Power at a state of charge: what the cell gives at its lower cut-off (takes at its upper
+    one) at the end of 10 s, U_low (U_rest − U_low)/R, U_high (U_high − U_rest)/R, with the rest
+    voltage and the resistance 10 s into a pulse interpolated between pulses. 4. Round trip: ratio of mean voltages of a
     discharge and a charge of one test, for charges are rarely closed to a percent.
 
     Parameters
@@ -182,7 +187,7 @@ def _comparable(capacities):
         kinds.setdefault(key, {}).setdefault(_cycle(row), row)
     if not kinds:
         return {}
-    return kinds[max(kinds, key=lambda key: (len(kinds[key]), -key[1]))]
+    return kinds[max(kinds, key=lambda key: (len(kinds[key]), key[0] == "discharge", -key[1]))]
 
 
 def _capacity(row):
@@ -236,6 +241,12 @@ def _power(pulses, low, high):
     """Resistances at 50 % SoC and powers at 80, 50 and 20 %; NaN where pulses do not reach."""
     found = {"resistance_first_ohm": _at(pulses, "discharge", 0, 0.5)[0]}
     found["resistance_10s_ohm"] = _at(pulses, "discharge", 10, 0.5)[0]
+    for delay, name in ((0, "resistance_mean_ohm"), (1, "resistance_mean_1s_ohm")):
+        course = _course(pulses, "discharge", delay)
+        socs, ohms = ([row[key] for row in course] for key in ("soc", "resistance_ohm"))
+        found[name] = mean_over_soc(socs, ohms)
+    first = [row["actual_delay_second"] for row in _course(pulses, "discharge", 0)]
+    found["first_delay_second"] = float(np.median(first)) if first else np.nan
     for soc in POWER_SOCS:
         name = f"power_{100 * soc:.0f}_watt"
         resistance, rest = _at(pulses, "discharge", 10, soc)
