@@ -5,7 +5,7 @@ import numpy as np
 
 from figures import style
 
-MOST_PANELS, MOST_CURVES = 3, 24
+MOST_PANELS, MOST_CURVES, MOST_LIVES = 3, 24, 40
 NEXT_CURVE = 0.18  # of the highest dQ/dV, from one charge to the next
 AGED = matplotlib.colormaps["viridis"]
 MODES = {
@@ -200,12 +200,14 @@ def draw_lives(lives):
     `lives` are dicts of cell, protocol ("" where not stated), cycle and soh (n,), knee_cycle, and
     peaks: (cycle, soh) told by dQ/dV peaks.
     """
+    if not lives:
+        return style.message("No cell was seen at two cycles of its life.")
     protocols = sorted({life["protocol"] for life in lives})
     figure, axes = style.subplots(1, len(protocols), width=9.5, height=3.8, sharey=True)
     for panel, protocol in zip(axes[0], protocols, strict=True):
         alike = [life for life in lives if life["protocol"] == protocol]
-        for place, life in enumerate(alike):
-            _life(panel, life, style.SERIES[place % len(style.SERIES)])
+        for place in style.evenly_spread(len(alike), MOST_LIVES):
+            _life(panel, alike[place], style.SERIES[place % len(style.SERIES)])
         panel.axhline(80, color=style.QUIET, lw=0.7, ls="--")
         panel.set_title(protocol.replace("_", " ") or "protocol not stated")
         panel.set_xlabel("cycle")
@@ -217,7 +219,7 @@ def draw_lives(lives):
 def _life(panel, life, colour):
     order = np.argsort(life["cycle"])
     cycle, soh = life["cycle"][order], 100 * life["soh"][order]
-    panel.plot(cycle, soh, ".-", color=colour, label=life["cell"])
+    style.plot_thinned(panel, cycle, soh, points=300, color=colour, label=life["cell"])
     if np.isfinite(life["knee_cycle"]):
         at = life["knee_cycle"], np.interp(life["knee_cycle"], cycle, soh)
         panel.plot(*at, "D", color=colour, ms=6, mfc="none", label="knee")

@@ -7,6 +7,7 @@ from figures import (
     ageing,
     campaign,
     capacity,
+    degradation,
     effects,
     impedance,
     models,
@@ -111,6 +112,22 @@ def _ageing(of, _):
     return ageing.draw_ageing(artefact.load(of.cycles), artefact.load(of.periods), summary)
 
 
+def _waterfall(of, _):
+    charges, tracks = [], []
+    for curve, peaks, about in artefact.load_together(zip(of.curves, of.peaks, strict=True)):
+        test = about["params"]["test"]
+        place = {"test": about["wildcards"]["test"], "cycle": test["cycle"] or 0}
+        tracks += [row | place for row in artefact.rows(peaks)]
+        facts = {"c_rate": peaks["c_rate"][0], "celsius": test["ambient_temperature_celsius"]}
+        slope = curve["dq_dv_ampere_hour_per_volt"]
+        charges.append(place | facts | {"voltage_volt": curve["voltage_volt"], "dq_dv": slope})
+    return degradation.draw_waterfall(charges, tracks)
+
+
+def _health_from_peaks(of, _):
+    return degradation.draw_peak_health(artefact.load(of.calibration), of.cell)
+
+
 def _surface(of, _):
     return resistance.draw_resistance_surface(artefact.load(of.points), _table(of.laws))
 
@@ -154,6 +171,8 @@ DRAW = {
     "fast_charge": _fast_charge,
     "ageing": _ageing,
     "arrhenius": lambda of, _: temperature.draw_arrhenius(_table(of.points), _table(of.laws)),
+    "waterfall": _waterfall,
+    "health_from_peaks": _health_from_peaks,
     "surface": _surface,
     "relaxation": lambda of, _: relaxation.draw_relaxation(artefact.load_all(of.rests)),
     "polarisation": lambda of, _: relaxation.draw_polarisation(_table(of.points), _table(of.laws)),

@@ -100,6 +100,19 @@ def figures_of_laws(cell):
         yield figure("polarisation", **of_cell(cell, **stages))
 
 
+def figures_of_health(cell):
+    """How a cell aged: dQ/dV over its life with the peaks' ways, capacity from peaks."""
+    charges = tests(cell, "ica")
+    if len({row["cycle"] or 0 for row in charges}) > 1:
+        stages = {"curves": "ica_curve", "peaks": "ica"}
+        paths = {name: artefacts(stage, cell, "ica") for name, stage in stages.items()}
+        yield figure("waterfall", **paths)
+    if cell in FIRST_OF_TYPE:
+        calibration = f"results/peak_calibration/{FIRST_OF_TYPE[cell]}.parquet"
+        settings = {"cell": cell}
+        yield figure("health_from_peaks", settings=settings, calibration=calibration)
+
+
 def figures_of_models(cell):
     """A cell's model, what it lacks, and both over measurement."""
     if cell in MODELLED:
@@ -146,13 +159,17 @@ DRAWN_FROM = {
             *figures_of_records(cell),
             *figures_of_tests(cell),
             *figures_of_laws(cell),
+            *figures_of_health(cell),
             *figures_of_models(cell),
         ]
     )
     for cell in CELLS
 } | {group: dict(figures_of_group(group)) for group in BRANCHES}
+# Cells seen at two cycles of their life.
+LIVED = cells_where(lambda cell: cell in AGED or len(check_ups(cell, *CAPACITY_KINDS)) > 1)
+LIVES_FIGURE = ["results/figures/lives.svg"] if LIVED else []
 # Paths of all figures: of the campaign, of every cell, of every group.
-FIGURES = {"campaign": ["results/figures/overview.svg"]} | {
+FIGURES = {"campaign": ["results/figures/overview.svg", *LIVES_FIGURE]} | {
     owner: [f"results/figures/{owner}/{name}.svg" for name in figures]
     for owner, figures in DRAWN_FROM.items()
 }
@@ -185,6 +202,23 @@ rule figures:
         "Figures of {wildcards.owner}."
     script:
         "../../scripts/drawing/figures.py"
+
+
+rule figure_lives:
+    input:
+        health="results/tables/health.csv",
+        fade="results/tables/fade.csv",
+        courses=[f"results/fade_course/{cell}.parquet" for cell in AGED],
+    output:
+        "results/figures/lives.svg",
+    log:
+        "logs/figures/lives.log",
+    params:
+        protocols={cell: CELLS[cell]["ageing_protocol"] for cell in LIVED},
+    message:
+        "Figure: state of health over the lives of all cells."
+    script:
+        "../../scripts/drawing/figure_lives.py"
 
 
 rule figure_overview:
