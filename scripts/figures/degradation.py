@@ -90,8 +90,8 @@ def _ways(panel, charges, tracks, colours):
             ways.setdefault(row.get("identity") or "", []).append(point)
     for name, points in ways.items():
         places, volts, heights, events = zip(*sorted(points), strict=True)
-        line = "-" if name else ""
-        panel.plot(volts, heights, line, marker="o", ms=3, lw=0.8, color=colours.get(name, "k"))
+        shown = {"marker": "o", "ms": 3, "lw": 0.8, "color": colours.get(name, style.INK)}
+        panel.plot(volts, heights, ls="-" if name else "none", **shown)
         last = max(places)
         if name and (last < len(charges) - 1 or any("merged" in event for event in events)):
             panel.plot(volts[-1], heights[-1], "x", color=colours[name], ms=7)
