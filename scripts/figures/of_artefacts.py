@@ -8,6 +8,7 @@ from figures import (
     campaign,
     capacity,
     effects,
+    health,
     impedance,
     models,
     ocv,
@@ -111,6 +112,11 @@ def _ageing(of, _):
     return ageing.draw_ageing(artefact.load(of.cycles), artefact.load(of.periods), summary)
 
 
+def _fade(of, _):
+    (life,) = _table(of.life)
+    return health.draw_fade(artefact.load(of.course), life)
+
+
 def _surface(of, _):
     return resistance.draw_resistance_surface(artefact.load(of.points), _table(of.laws))
 
@@ -153,6 +159,8 @@ DRAW = {
     "ica_temperature": _ica_temperature,
     "fast_charge": _fast_charge,
     "ageing": _ageing,
+    "fade": _fade,
+    "resistance_growth": lambda of, _: health.draw_resistance_growth(artefact.load(of.growth)),
     "arrhenius": lambda of, _: temperature.draw_arrhenius(_table(of.points), _table(of.laws)),
     "surface": _surface,
     "relaxation": lambda of, _: relaxation.draw_relaxation(artefact.load_all(of.rests)),

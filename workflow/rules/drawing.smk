@@ -89,6 +89,10 @@ def figures_of_laws(cell):
         stages = {name: f"ageing_temperature_{name}" for name in ("cycles", "periods")}
         stages["summary"] = "ageing_temperature"
         yield figure("ageing", test=row["test"], **of_test(cell, row["test"], **stages))
+    if cell in AGED:
+        yield figure("fade", **of_cell(cell, course="fade_course", life="life"))
+    if cell in CHECKED and tests(cell, *PULSE_KINDS, roles=["fit"]):
+        yield figure("resistance_growth", **of_cell(cell, growth="resistance_growth"))
     if cell in CHILLED:
         yield figure("arrhenius", **of_cell(cell, points="temperature_points", laws="temperature"))
     if cell in PULSED:
@@ -151,8 +155,9 @@ DRAWN_FROM = {
     )
     for cell in CELLS
 } | {group: dict(figures_of_group(group)) for group in BRANCHES}
+FLEET_FIGURE = ["results/figures/fleet.svg"] if FLEETS else []
 # Paths of all figures: of the campaign, of every cell, of every group.
-FIGURES = {"campaign": ["results/figures/overview.svg"]} | {
+FIGURES = {"campaign": ["results/figures/overview.svg", *FLEET_FIGURE]} | {
     owner: [f"results/figures/{owner}/{name}.svg" for name in figures]
     for owner, figures in DRAWN_FROM.items()
 }
@@ -185,6 +190,20 @@ rule figures:
         "Figures of {wildcards.owner}."
     script:
         "../../scripts/drawing/figures.py"
+
+
+rule figure_fleet:
+    input:
+        cells="results/tables/fleet_health.csv",
+        lines="results/tables/fleet_health_lines.csv",
+    output:
+        "results/figures/fleet.svg",
+    log:
+        "logs/figures/fleet.log",
+    message:
+        "Figure: resistance against capacity over the cells of each type."
+    script:
+        "../../scripts/drawing/figure_fleet.py"
 
 
 rule figure_overview:
