@@ -9,6 +9,7 @@ from figures import (
     capacity,
     degradation,
     effects,
+    health,
     impedance,
     models,
     ocv,
@@ -128,6 +129,11 @@ def _health_from_peaks(of, _):
     return degradation.draw_peak_health(artefact.load(of.calibration), of.cell)
 
 
+def _fade(of, _):
+    (life,) = _table(of.life)
+    return health.draw_fade(artefact.load(of.course), life)
+
+
 def _surface(of, _):
     return resistance.draw_resistance_surface(artefact.load(of.points), _table(of.laws))
 
@@ -170,6 +176,8 @@ DRAW = {
     "ica_temperature": _ica_temperature,
     "fast_charge": _fast_charge,
     "ageing": _ageing,
+    "fade": _fade,
+    "resistance_growth": lambda of, _: health.draw_resistance_growth(artefact.load(of.growth)),
     "arrhenius": lambda of, _: temperature.draw_arrhenius(_table(of.points), _table(of.laws)),
     "waterfall": _waterfall,
     "health_from_peaks": _health_from_peaks,

@@ -212,7 +212,7 @@ def _summary_row(facts, of_cell, model) -> dict:
 
 
 def _health(of_cell, fresh) -> dict:
-    """Latest state of health, that of a fresh cell where it was not aged; knee, remaining cycles."""
+    """Latest state of health, or that of a cell that was not aged; knee and remaining cycles."""
     told, lives = of_cell["health"], of_cell["fade"]
     # A check-up goes before a cycle of the ageing itself, which is faster.
     aged = told[told["cycle"].gt(0) & told["soh"].notna()].sort_values("method", ascending=False)

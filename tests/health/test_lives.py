@@ -20,7 +20,8 @@ def test_records_are_joined_in_order_of_their_cycles():
     found = joined(second, first)
     assert found.test.tolist() == ["a"] * 20 + ["b"] * 20
     assert np.all(np.diff(found.cycle) > 0)
-    assert np.isnan(found.pause_hour[20]) and found.pause_hour[0] == 0
+    assert np.isnan(found.pause_hour[20])
+    assert found.pause_hour[0] == 0
     assert found.throughput_ampere_hour[-1] == pytest.approx(3 * STRAIGHT.sum())
 
 
@@ -56,7 +57,8 @@ def test_mixed_temperatures_are_one_life_only_at_the_usual_one():
         record(np.arange(31, 36), STRAIGHT[20:25], test="cold", first=30, celsius=0),
         record(np.arange(41, 51), STRAIGHT[25:35], test="late", first=40, celsius=26),
     )
-    assert "cold" not in found.test and "late" in found.test
+    assert "cold" not in found.test
+    assert "late" in found.test
     assert "mixed temperatures (0, 25, 26 °C)" in found.notes[0]
     assert "left out cold" in found.notes[0]
 

@@ -89,6 +89,10 @@ def figures_of_laws(cell):
         stages = {name: f"ageing_temperature_{name}" for name in ("cycles", "periods")}
         stages["summary"] = "ageing_temperature"
         yield figure("ageing", test=row["test"], **of_test(cell, row["test"], **stages))
+    if cell in AGED:
+        yield figure("fade", **of_cell(cell, course="fade_course", life="life"))
+    if cell in CHECKED and tests(cell, *PULSE_KINDS, roles=["fit"]):
+        yield figure("resistance_growth", **of_cell(cell, growth="resistance_growth"))
     if cell in CHILLED:
         yield figure("arrhenius", **of_cell(cell, points="temperature_points", laws="temperature"))
     if cell in PULSED:
@@ -167,9 +171,12 @@ DRAWN_FROM = {
 } | {group: dict(figures_of_group(group)) for group in BRANCHES}
 # Cells seen at two cycles of their life.
 LIVED = cells_where(lambda cell: cell in AGED or len(check_ups(cell, *CAPACITY_KINDS)) > 1)
-LIVES_FIGURE = ["results/figures/lives.svg"] if LIVED else []
+HEALTH_FIGURES = [
+    *(["results/figures/lives.svg"] if LIVED else []),
+    *(["results/figures/fleet.svg"] if FLEETS else []),
+]
 # Paths of all figures: of the campaign, of every cell, of every group.
-FIGURES = {"campaign": ["results/figures/overview.svg", *LIVES_FIGURE]} | {
+FIGURES = {"campaign": ["results/figures/overview.svg", *HEALTH_FIGURES]} | {
     owner: [f"results/figures/{owner}/{name}.svg" for name in figures]
     for owner, figures in DRAWN_FROM.items()
 }
@@ -219,6 +226,20 @@ rule figure_lives:
         "Figure: state of health over the lives of all cells."
     script:
         "../../scripts/drawing/figure_lives.py"
+
+
+rule figure_fleet:
+    input:
+        cells="results/tables/fleet_health.csv",
+        lines="results/tables/fleet_health_lines.csv",
+    output:
+        "results/figures/fleet.svg",
+    log:
+        "logs/figures/fleet.log",
+    message:
+        "Figure: resistance against capacity over the cells of each type."
+    script:
+        "../../scripts/drawing/figure_fleet.py"
 
 
 rule figure_overview:

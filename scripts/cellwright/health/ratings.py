@@ -30,9 +30,9 @@ class CheckUp(NamedTuple):
     direction and temperature, or over the rating where `soh_reference` says so [1]. energy : of
     that test's discharge [Wh]. round_trip_efficiency : energy out over energy in, for equal charge
     [1]. resistance_* : at 50 % SoC, first sample and 10 s, and means over SoC, of the first
-    samples and at 1 s [Ω]. first_delay : of the first samples into their pulses [s]. *_power_* : 10 s at 80, 50, 20 %
-    SoC [W]. throughput : discharged in ageing records up to there [Ah]. *_change : over the first
-    check-up, minus 1 [1]. reason : what is not known, and why.
+    samples and at 1 s [Ω]. first_delay : of the first samples into their pulses [s]. *_power_* :
+    10 s at 80, 50, 20 % SoC [W]. throughput : discharged in ageing records up to there [Ah].
+    *_change : over the first check-up, minus 1 [1]. reason : what is not known, and why.
     """
 
     cycle: float
@@ -98,8 +98,9 @@ def check_ups(
     counts is at the rate that most check-ups have, discharges before charges, the slowest first.
     3. Power at a state of charge: what the cell gives at its lower cut-off (takes at its upper
     one) at the end of 10 s, U_low (U_rest − U_low)/R, U_high (U_high − U_rest)/R, with the rest
-    voltage and the resistance 10 s into a pulse interpolated between pulses. 4. Round trip: ratio of mean voltages of a
-    discharge and a charge of one test, for charges are rarely closed to a percent.
+    voltage and the resistance 10 s into a pulse interpolated between pulses. 4. Round trip: ratio
+    of mean voltages of a discharge and a charge of one test, for charges are rarely closed to a
+    percent.
 
     Parameters
     ----------

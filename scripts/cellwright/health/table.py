@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+NEAR = 7  # discharges around a check-up whose median tells the capacity there
 CHECK_UP, CYCLES, MODES, PEAKS = "check-up", "ageing cycles", "degradation modes", "dQ/dV peaks"
 
 
@@ -61,20 +62,24 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
 
 
 def _of_cycles(life, course, wanted):
-    """Rows of the law of the fade at the cycles of check-ups and at the last cycle."""
-    cycle, law = np.asarray(course["cycle"]), np.asarray(course["law_ampere_hour"])
-    law = law + np.asarray(course["recovered_ampere_hour"])
-    inside = [at for at in wanted if cycle[0] <= at < cycle[-1]]
-    width = np.asarray(course["law_upper_ampere_hour"]) - course["law_lower_ampere_hour"]
-    start = life["start_ampere_hour"]
+    """Rows of the ageing cycles around those of check-ups, and of the last cycle.
+
+    The median of the discharges next to a check-up: the law of the fade is smoother than a cell.
+    """
+    used = np.asarray(course["used"], bool)
+    cycle = np.asarray(course["cycle"])[used]
+    capacity = np.asarray(course["at_reference_ampere_hour"])[used]
+    start, start_std = life["start_ampere_hour"], life["start_std_ampere_hour"]
     rows = []
-    for at in inside:
-        size, spread = np.interp(at, cycle, law), np.interp(at, cycle, width) / (2 * 1.96)
-        std = float(np.hypot(spread, life["start_std_ampere_hour"]) / start)
-        rows.append(HealthRow(float(at), float(size), float(size / start), CYCLES, std))
+    for at in (at for at in wanted if cycle[0] <= at < cycle[-1]):
+        near = capacity[np.argsort(np.abs(cycle - at), kind="stable")[:NEAR]]
+        size = float(np.median(near))
+        # Of a median of few; neighbours are not independent, so no less than their scatter.
+        spread = float(np.std(near))
+        std = float(np.hypot(spread / start, size / start * start_std / start))
+        rows.append(HealthRow(float(at), size, size / start, CYCLES, std))
     last = life["last_cycle"]
-    size = life["soh"] * start
-    return [*rows, HealthRow(last, float(size), life["soh"], CYCLES, life["soh_std"])]
+    return [*rows, HealthRow(last, life["soh"] * start, life["soh"], CYCLES, life["soh_std"])]
 
 
 def _of_modes(row, fresh):
