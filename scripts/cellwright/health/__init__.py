@@ -1,0 +1,1 @@
+"""State of health: tracked peaks, degradation modes, fade, knee and remaining life."""
