@@ -34,6 +34,7 @@ MODULE_OF = {
     "capacity_loss": "cellwright.api.laws",
     "ica_over_temperature": "cellwright.api.laws",
     "ageing_over_temperature": "cellwright.api.laws",
+    "degradation_modes": "cellwright.api.degradation",
     "basis": "cellwright.api.models",
     "lender": "cellwright.api.models",
     "state_of_charge": "cellwright.api.models",

@@ -16,7 +16,7 @@ FILES = {
         [
             *("clean", "segment", "ocv", "ocv_step", "ocv_temperature", "resistance"),
             *("temperature", "relaxation", "ica", "capacity_loss", "ica_temperature"),
-            *("fast_charge", "ageing", "impedance"),
+            *("fast_charge", "ageing", "impedance", "degradation_modes"),
         ],
     ),
     "models.py": (

@@ -26,13 +26,17 @@ STEPS = np.array([0.01, 0.02, 0.02, 0.02, 0.005, 0.002])  # typical changes of t
 class SlowCurve(NamedTuple):
     """Slow charge, slow discharge or mean of both of one check-up.
 
-    test : its name. cycle : of the check-up. soc : (n,) rising from 0 to 1 of this curve's own
+    cell, test : names. cycle : of the check-up. ambient_temperature_celsius : of the chamber, NaN
+    where not known. c_rate : of the slow current [1/h]. soc : (n,) rising from 0 to 1 of this curve's own
     charge. voltage_volt : (n,). capacity_ampere_hour : from soc 0 to 1. branches : "both",
     "charge" or "discharge".
     """
 
+    cell: str
     test: str
     cycle: float
+    ambient_temperature_celsius: float
+    c_rate: float
     soc: np.ndarray
     voltage_volt: np.ndarray
     capacity_ampere_hour: float
@@ -106,25 +110,30 @@ def align(curve, pair, *, starts=(), least_std_volt=LEAST_STD_VOLT):
     alignment : Alignment.
     """
     curve = _without_steep_ends(curve)
-    low, high = _bounds(pair)
     starts, errors = [*starts, *_search(curve, pair)], _errors(curve, FIRST_STD_VOLT, 0.0)
     for _ in range(2):
-        found = [
-            least_squares(
-                _whitened,
-                np.clip(start, low + 1e-6, high - 1e-6),
-                bounds=(low, high),
-                x_scale=STEPS,
-                args=(curve, pair, errors),
-                max_nfev=100,
-            )
-            for start in starts
-        ]
-        best = min(found, key=lambda fit: fit.cost)
+        best = _fitted(curve, pair, starts, errors)
         residual = curve.voltage_volt - cell_volt(pair, best.x, curve.soc)
         std = max(_std(residual, errors), least_std_volt)
         starts, errors = best.x + MOVED, _errors(curve, std, best.x[4])
     return _alignment(curve, best, residual, errors)
+
+
+def _fitted(curve, pair, starts, errors):
+    """Least squares from the best of several starts."""
+    low, high = _bounds(pair)
+    found = [
+        least_squares(
+            _whitened,
+            np.clip(start, low + 1e-6, high - 1e-6),
+            bounds=(low, high),
+            x_scale=STEPS,
+            args=(curve, pair, errors),
+            max_nfev=100,
+        )
+        for start in starts
+    ]
+    return min(found, key=lambda fit: fit.cost)
 
 
 def _without_steep_ends(curve):
@@ -242,7 +251,7 @@ def chosen_pair(curves, pairs, *, misfit_volt):
     """
     asked = curves[:1] if len(curves) == 1 else [curves[0], curves[-1]]
     scored = []
-    for pair in pairs:
+    for pair in _promising(asked[0], pairs):
         misfits = [align(curve, pair).rmse_volt for curve in asked]
         scored.append((pair, float(np.sqrt(np.mean(np.square(misfits))))))
     scored.sort(key=lambda entry: entry[1])
@@ -254,3 +263,12 @@ def chosen_pair(curves, pairs, *, misfit_volt):
             f"at most {1e3 * misfit_volt:.0f} mV; is the chemistry right?"
         )
     return [entry for entry in scored if entry[1] <= 1.5 * best]
+
+
+def _promising(curve, pairs):
+    """Pairs worth a thorough fit: a quick one comes within three times the best, at most eight."""
+    curve = _without_steep_ends(curve)
+    errors = _errors(curve, FIRST_STD_VOLT, 0.0)
+    quick = [_fitted(curve, pair, _search(curve, pair, best=2), errors).cost for pair in pairs]
+    order = np.argsort(quick)
+    return [pairs[row] for row in order[:8] if quick[row] <= 9 * quick[order[0]]]

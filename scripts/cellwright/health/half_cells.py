@@ -211,6 +211,7 @@ LIBRARY = {
 }
 
 GRAPHITES = tuple(name for name in LIBRARY if name.startswith("graphite"))
+WITH_SILICON = (*GRAPHITES, "graphite_mohtat+silicon_verbrugge")
 
 
 class Materials(NamedTuple):
@@ -222,8 +223,8 @@ class Materials(NamedTuple):
 
 # ASSUME: A cell of a stated chemistry has graphite (with or without silicon) as its negative.
 CHEMISTRIES = {
-    "NMC": Materials(GRAPHITES, ("nmc811_chen", "nmc532_mohtat", "nmc_ecker")),
-    "NCA": Materials(GRAPHITES, ("nca_kim", "nmc811_chen", "nmc_ecker")),
+    "NMC": Materials(WITH_SILICON, ("nmc811_chen", "nmc532_mohtat", "nmc_ecker")),
+    "NCA": Materials(WITH_SILICON, ("nca_kim", "nmc811_chen", "nmc_ecker")),
     "LCO": Materials(GRAPHITES, ("lco_marquis", "lco_ramadass")),
     "LFP": Materials(GRAPHITES, ("lfp_afshar", "lfp_safari")),
     "LMO": Materials(GRAPHITES, ("lmo_doyle", "lmo_fuller", "lmo_doyle+nca_kim")),

@@ -228,3 +228,15 @@ class Impedance(NamedTuple):
     inductance: str = "model"
     drift_tolerance: float = 0.01
     starts: int = 8
+
+
+class DegradationModes(NamedTuple):
+    """Lithium and active material lost, from slow curves of check-ups.
+
+    least_hour [h] : A charge or discharge is slow enough to be compared with half cells if it
+        takes longer than this.
+    misfit_volt [V] : Half cells that miss the slow curves by more than this are refused.
+    """
+
+    least_hour: float = 12.0
+    misfit_volt: float = 0.01
