@@ -1,5 +1,7 @@
 """Degradation modes and losses of plateaus of one cell, from its slow curves."""
 
+from typing import NamedTuple
+
 from cellwright.api import inputs, results
 from cellwright.refusal import Refusal
 from cellwright.settings import DegradationModes
@@ -34,16 +36,17 @@ def degradation_modes(
     """
     from cellwright.health import mode_rows
     from cellwright.health.alignment import chosen_pair
-    from cellwright.health.check_ups import growth, need_two
+    from cellwright.health.check_ups import alike, growth, need_two
     from cellwright.health.modes import degradation_modes as modes_of
 
     options = inputs.settings_of(DegradationModes, settings, changes)
     facts = inputs.cell_facts(cell)
-    own, left_out = _check_ups(tests, facts, options.least_hour)
+    own, left_out = _check_ups(_curves(tests, facts, options))
     if fresh is not None and len(own) == 1:
-        lent, _ = _check_ups(fresh[1], inputs.cell_facts(fresh[0]), options.least_hour)
-        own = [*lent[:1], *own]
-        left_out += [f"fresh state: {curve.cell}, not this cell's own" for curve in lent[:1]]
+        lent = _curves(fresh[1], inputs.cell_facts(fresh[0]), options).curves
+        lent = [curve for curve in lent if alike(curve, own[0])][:1]
+        own = [*lent, *own]
+        left_out += [f"fresh state: {curve.cell}, not this cell's own" for curve in lent]
     need_two(own, facts.cell)
     pairs = _pairs(chemistry, half_cells)
     fitting = chosen_pair(own, pairs, misfit_volt=options.misfit_volt)
@@ -53,27 +56,37 @@ def degradation_modes(
     return results.Table(rows, (*words, *left_out, *growth(own)))
 
 
-def _check_ups(tests, facts, least_hour):
-    """Slow curves of a cell by check-up, and what was left out."""
-    from cellwright.health.check_ups import check_ups, slow_curve
+class _Curves(NamedTuple):
+    """Slow curves of a cell, and why tests of a cycle gave none, by that cycle."""
 
-    curves = []
+    curves: list
+    refused: dict
+
+
+def _curves(tests, facts, options):
+    from cellwright.health.check_ups import slow_curve
+
+    found, names = _Curves([], {}), ("lower_cutoff_volt", "upper_cutoff_volt")
+    limits = {name: getattr(facts, name) for name in names}
+    limits |= {"least_hour": options.least_hour, "mean_hour": options.mean_hour}
     for test in inputs.tests(tests):
         try:
-            curves.append(
-                slow_curve(
-                    test.series,
-                    test.facts,
-                    cell=facts.cell,
-                    lower_cutoff_volt=facts.lower_cutoff_volt,
-                    upper_cutoff_volt=facts.upper_cutoff_volt,
-                    least_hour=least_hour,
-                )
-            )
-        except Refusal:  # a faster charge of the same kind of test
-            continue
-    chosen, left_out = check_ups(curves)
-    return chosen, left_out
+            curve = slow_curve(test.series, test.facts, cell=facts.cell, **limits)
+            found.curves.append(curve)
+        except Refusal as refusal:  # most often a faster charge of the same kind of test
+            cycle = float(test.facts.cycle or 0)
+            found.refused.setdefault(cycle, f"{test.facts.test}: {refusal}")
+    return found
+
+
+def _check_ups(found):
+    """Curves by check-up, and what was left out: also check-ups without any slow curve."""
+    from cellwright.health.check_ups import check_ups
+
+    chosen, left_out = check_ups(found.curves)
+    seen = {curve.cycle for curve in found.curves}
+    without = [f"no slow curve: {why}" for cycle, why in found.refused.items() if cycle not in seen]
+    return chosen, [*left_out, *without]
 
 
 def _pairs(chemistry, half_cells):

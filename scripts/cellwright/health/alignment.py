@@ -27,7 +27,7 @@ class SlowCurve(NamedTuple):
     """Slow charge, slow discharge or mean of both of one check-up.
 
     cell, test : names. cycle : of the check-up. ambient_temperature_celsius : of the chamber, NaN
-    where not known. c_rate : of the slow current [1/h]. soc : (n,) rising from 0 to 1 of this curve's own
+    where not known. current_ampere : the slow one. soc : (n,) rising from 0 to 1 of this curve's own
     charge. voltage_volt : (n,). capacity_ampere_hour : from soc 0 to 1. branches : "both",
     "charge" or "discharge".
     """
@@ -36,7 +36,7 @@ class SlowCurve(NamedTuple):
     test: str
     cycle: float
     ambient_temperature_celsius: float
-    c_rate: float
+    current_ampere: float
     soc: np.ndarray
     voltage_volt: np.ndarray
     capacity_ampere_hour: float

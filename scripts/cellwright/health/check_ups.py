@@ -7,10 +7,11 @@ from cellwright.protocols.ocv.slow import slow_ocv
 from cellwright.refusal import Refusal
 
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
+SAME_RATE = 1.12  # currents this near are one
 GROWN = 0.01  # of the capacity: by less than this a cell may gain from lithium of the overhang
 
 
-def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, least_hour):
+def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, least_hour, mean_hour):
     """Voltage over charge of a slow test: the mean of its branches, or the only one.
 
     Parameters
@@ -18,6 +19,8 @@ def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, lea
     columns : mapping of a clean series, (n,) each. test : TestFacts. cell : its name.
     lower_cutoff_volt, upper_cutoff_volt : [V].
     least_hour : a branch is slow if it takes longer than this [h].
+    mean_hour : the same where a discharge and a charge of about one rate are averaged, so that
+        most of the polarisation drops out [h].
 
     Returns
     -------
@@ -27,25 +30,21 @@ def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, lea
     ------
     Refusal : no branch is slow, full and runs to its cut-off.
     """
-    names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
-    found = slow_ocv(
-        *(columns[name] for name in names),
-        file_index=columns.get("file_index"),
-        lower_cutoff_volt=lower_cutoff_volt,
-        upper_cutoff_volt=upper_cutoff_volt,
-        least_hour=least_hour,
-    )
+    limits = {"lower_cutoff_volt": lower_cutoff_volt, "upper_cutoff_volt": upper_cutoff_volt}
+    try:
+        found = _ocv(columns, limits, least_hour)
+    except Refusal as refusal:
+        found = _mean_of_both(columns, limits, mean_hour, refusal)
     branch = {"charge": found.charge_volt, "discharge": found.discharge_volt}
     voltage = branch.get(found.branches, found.ocv_volt)
     measured = np.isfinite(voltage)
-    currents = np.abs([found.discharge_current_ampere, found.charge_current_ampere])
     celsius = test.ambient_temperature_celsius
     return SlowCurve(
         cell=cell,
         test=test.test,
         cycle=float(test.cycle or 0.0),
         ambient_temperature_celsius=np.nan if celsius is None else float(celsius),
-        c_rate=float(np.nanmax(currents) / found.capacity_ampere_hour),
+        current_ampere=float(np.nanmax(_currents(found))),
         soc=found.soc[measured],
         voltage_volt=voltage[measured],
         capacity_ampere_hour=found.capacity_ampere_hour,
@@ -53,12 +52,35 @@ def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, lea
     )
 
 
-def check_ups(curves):
-    """One curve for each check-up, in order of age, and what was left out.
+def _ocv(columns, limits, least_hour):
+    names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
+    series = [columns[name] for name in names]
+    files = columns.get("file_index")
+    return slow_ocv(*series, file_index=files, least_hour=least_hour, **limits)
 
-    Of several at one cycle that with both branches counts, else the slowest. All are of one
-    temperature, that of the first, and where possible of the same branches: what polarisation and
-    hysteresis do to one branch they do to the others.
+
+def _mean_of_both(columns, limits, mean_hour, refusal):
+    """Mean of a faster discharge and charge; the refusal of slow ones where there is no such."""
+    try:
+        found = _ocv(columns, limits, mean_hour)
+    except Refusal:
+        raise refusal from None
+    currents = _currents(found)
+    if found.branches != "both" or currents.max() > SAME_RATE * currents.min():
+        raise refusal
+    return found
+
+
+def _currents(found):
+    return np.abs([found.discharge_current_ampere, found.charge_current_ampere])
+
+
+def check_ups(curves):
+    """One curve for each check-up, all of one protocol, in order of age, and what was left out.
+
+    What polarisation and hysteresis do to one branch at one current they do to it in the others:
+    alike curves are compared. Of several protocols (branches, current, temperature) that counts
+    which most check-ups have; of two equal ones the slower, then that with both branches.
 
     Parameters
     ----------
@@ -66,22 +88,46 @@ def check_ups(curves):
 
     Returns
     -------
-    chosen : list of SlowCurve. left_out : list of sentences.
+    chosen : list of SlowCurve. left_out : list of sentences, on check-ups without that protocol.
     """
-    if not curves:
+    protocols = []
+    for curve in sorted(curves, key=lambda one: one.cycle):
+        like = [group for group in protocols if alike(group[0], curve)]
+        like[0].append(curve) if like else protocols.append([curve])
+    if not protocols:
         return [], []
-    ordered = sorted(curves, key=lambda c: (c.cycle, c.branches != "both", c.c_rate))
-    first, chosen, left_out = ordered[0], {}, []
-    for curve in ordered:
-        warmer = curve.ambient_temperature_celsius - first.ambient_temperature_celsius
-        if abs(warmer) > SAME_CELSIUS:
-            left_out.append(
-                f"{curve.test}: made at {curve.ambient_temperature_celsius:g} °C, the first "
-                f"check-up at {first.ambient_temperature_celsius:g} °C"
-            )
-        elif curve.cycle not in chosen:
-            chosen[curve.cycle] = curve
+    cycles = [len({curve.cycle for curve in group}) for group in protocols]
+    order = zip(cycles, protocols, strict=True)
+    best = min(order, key=lambda o: (-o[0], o[1][0].current_ampere, o[1][0].branches != "both"))[1]
+    chosen = {}
+    for curve in best:
+        chosen.setdefault(curve.cycle, curve)
+    left_out = [
+        f"{curve.test}: {_protocol(curve)}, the others {_protocol(best[0])}"
+        for curve in curves
+        if curve.cycle not in chosen
+    ]
     return list(chosen.values()), left_out
+
+
+def alike(first, second):
+    """Whether two curves were made by one protocol: branches, current within 12 %, within 3 K.
+
+    Parameters
+    ----------
+    first, second : SlowCurve.
+    """
+    warmer = first.ambient_temperature_celsius - second.ambient_temperature_celsius
+    currents = sorted([first.current_ampere, second.current_ampere])
+    same_rate = currents[1] <= SAME_RATE * currents[0]
+    return first.branches == second.branches and same_rate and not abs(warmer) > SAME_CELSIUS
+
+
+def _protocol(curve):
+    words = {"both": "discharge and charge", "charge": "a charge", "discharge": "a discharge"}
+    celsius = curve.ambient_temperature_celsius
+    at = "" if np.isnan(celsius) else f" at {celsius:g} °C"
+    return f"{words[curve.branches]} with {curve.current_ampere:.3g} A{at}"
 
 
 def growth(curves):
