@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.health.alignment import SlowCurve
-from cellwright.protocols.ocv.slow import slow_ocv
+from cellwright.protocols.ocv.slow import legs_of, slow_ocv
 from cellwright.refusal import Refusal
 
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
@@ -33,10 +33,10 @@ def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, lea
     limits = {"lower_cutoff_volt": lower_cutoff_volt, "upper_cutoff_volt": upper_cutoff_volt}
     try:
         found = _ocv(columns, limits, least_hour)
+        branch = {"charge": found.charge_volt, "discharge": found.discharge_volt}
+        voltage = branch.get(found.branches, found.ocv_volt)
     except Refusal as refusal:
-        found = _mean_of_both(columns, limits, mean_hour, refusal)
-    branch = {"charge": found.charge_volt, "discharge": found.discharge_volt}
-    voltage = branch.get(found.branches, found.ocv_volt)
+        found, voltage = _mean_of_both(columns, limits, mean_hour, refusal)
     measured = np.isfinite(voltage)
     celsius = test.ambient_temperature_celsius
     return SlowCurve(
@@ -52,15 +52,16 @@ def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, lea
     )
 
 
+NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
+
+
 def _ocv(columns, limits, least_hour):
-    names = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
-    series = [columns[name] for name in names]
-    files = columns.get("file_index")
+    series, files = [columns[name] for name in NAMES], columns.get("file_index")
     return slow_ocv(*series, file_index=files, least_hour=least_hour, **limits)
 
 
 def _mean_of_both(columns, limits, mean_hour, refusal):
-    """Mean of a faster discharge and charge; the refusal of slow ones where there is no such."""
+    """A faster discharge and charge, and their mean over SoC; else the refusal of slow ones."""
     try:
         found = _ocv(columns, limits, mean_hour)
     except Refusal:
@@ -68,7 +69,35 @@ def _mean_of_both(columns, limits, mean_hour, refusal):
     currents = _currents(found)
     if found.branches != "both" or currents.max() > SAME_RATE * currents.min():
         raise refusal
-    return found
+    return found, _mean_at_equal_charge(found, columns)
+
+
+def _mean_at_equal_charge(found, columns):
+    """Mean of a discharge and a charge over SoC of the discharge [V]; NaN where one is missing.
+
+    Under load the charge ends before the cell is full: the two are laid beside each other by the
+    charge counted from where one followed the other. Ends where their gap is more than three times
+    the usual are left out.
+    """
+    files = columns.get("file_index", np.zeros(len(columns["voltage_volt"]), int))
+    legs = legs_of(*(np.asarray(columns[name], float) for name in NAMES), np.asarray(files))
+    ends = (found.capacity_ampere_hour, found.charge_capacity_ampere_hour)
+    rows = [
+        min(
+            (leg for leg in legs if leg.sign == sign),
+            key=lambda leg: abs(leg.capacity_ampere_hour - size),
+        ).first_row
+        for sign, size in zip((-1, 1), ends, strict=True)
+    ]
+    share = ends[1] / ends[0]
+    charged_soc = found.soc * share + (0.0 if rows[0] < rows[1] else 1 - share)
+    known = np.isfinite(found.charge_volt)
+    charge = np.interp(
+        found.soc, charged_soc[known], found.charge_volt[known], left=np.nan, right=np.nan
+    )
+    half_gap = (charge - found.discharge_volt) / 2
+    usual = np.nanmedian(half_gap[(found.soc > 0.2) & (found.soc < 0.8)])
+    return np.where(half_gap < 3 * usual, found.discharge_volt + half_gap, np.nan)
 
 
 def _currents(found):

@@ -197,12 +197,8 @@ LIBRARY = {
     "nmc_ecker": Fit(_nmc_ecker, 0.0, 1.0, ECKER),
     "lfp_afshar": Fit(_lfp_afshar, 0.0, 1.0, "Afshar et al., SAE Tech. Paper 2017-01-1211"),
     "lfp_safari": Fit(_lfp_safari, 0.0, 1.0, SAFARI),
-    "lmo_doyle": Fit(
-        _lmo_doyle, 0.13, 0.998, "Doyle et al., J. Electrochem. Soc. 143 (1996) 1890"
-    ),
-    "lmo_fuller": Fit(
-        _lmo_fuller, 0.17, 1.0, "Fuller et al., J. Electrochem. Soc. 141 (1994) 1"
-    ),
+    "lmo_doyle": Fit(_lmo_doyle, 0.13, 0.998, "Doyle et al., J. Electrochem. Soc. 143 (1996) 1890"),
+    "lmo_fuller": Fit(_lmo_fuller, 0.17, 1.0, "Fuller et al., J. Electrochem. Soc. 141 (1994) 1"),
     "lco_marquis": Fit(_lco_marquis, 0.36, 1.0, MARQUIS),
     "lco_ramadass": Fit(
         _lco_ramadass, 0.38, 0.88, "Ramadass et al., J. Electrochem. Soc. 151 (2004) A196"
