@@ -16,6 +16,7 @@ ROOMS = {
     "records": {"numerics", "series"},
     "protocols": {"numerics", "series", "records"},
     "laws": {"numerics", "protocols"},
+    "health": {"numerics", "series", "protocols", "laws"},
     "circuits": {"numerics", "records"},
     "identification": {"numerics", "records", "protocols", "circuits"},
     "filters": {"numerics", "records", "circuits"},

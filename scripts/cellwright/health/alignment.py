@@ -14,7 +14,6 @@ CHARGE_STD = (
 # ASSUME: Polarisation and hysteresis shift a slow charge by up to some 40 mV, and change by up to
 # some 10 mV from empty to full; of the mean of a slow charge and discharge little is left.
 SHIFT_STD_VOLT = {"charge": (0.02, 0.005), "discharge": (0.02, 0.005), "both": (0.005, 0.002)}
-PARAMETERS = 6
 FIRST_STD_VOLT = 0.002  # error of the half cells that a fit begins with
 LEAST_STD_VOLT = 0.001  # no half cell is better known, and few cyclers read better
 STEEPEST_VOLT = 20.0  # per SoC; steeper ends tell how a fit ends, not where the cell stands
@@ -29,9 +28,9 @@ class SlowCurve(NamedTuple):
     """Slow charge, slow discharge or mean of both of one check-up.
 
     cell, test : names. cycle : of the check-up. ambient_temperature_celsius : of the chamber, NaN
-    where not known. current_ampere : the slow one. soc : (n,) rising from 0 to 1 of this curve's own
-    charge. voltage_volt : (n,). capacity_ampere_hour : from soc 0 to 1. branches : "both",
-    "charge" or "discharge".
+    where not known. current_ampere : the slow one. soc : (n,) rising, 0 and 1 are the ends of this
+    curve's own charge. voltage_volt : (n,). capacity_ampere_hour : from soc 0 to 1. branches :
+    "both", "charge" or "discharge".
     """
 
     cell: str
@@ -116,7 +115,7 @@ def align(curve, pair, *, starts=(), least_std_volt=LEAST_STD_VOLT):
     for _ in range(2):
         best = _fitted(curve, pair, starts, errors)
         residual = curve.voltage_volt - cell_volt(pair, best.x, curve.soc)
-        std = max(_std(residual, errors), least_std_volt)
+        std = max(_std(residual, errors, best, curve.soc), least_std_volt)
         starts, errors = best.x + MOVED, _errors(curve, std, best.x[4])
     return _alignment(curve, best, residual, errors)
 
@@ -207,10 +206,22 @@ def _search(curve, pair, *, best=4):
     return chosen
 
 
-def _std(residual, errors):
-    """Error of the half cells that explains a misfit [V], the fitted limits counted off."""
-    stretches = 1 / (2 * CORRELATED_SOC)  # independent ones
-    return _rms(residual, errors) * float(np.sqrt(stretches / (stretches - PARAMETERS)))
+def _std(residual, errors, fit, soc):
+    """Error of the half cells that explains a misfit [V], what the fit has taken up added."""
+    slopes = _coloured(fit.jac[:-2], soc)
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac, rcond=1e-14, hermitian=True)
+    taken_up = np.mean(np.einsum("ni,ij,nj->n", slopes, covariance, slopes))
+    return _rms(residual, errors) / float(np.sqrt(max(1 - taken_up, 0.1)))
+
+
+def _coloured(series, soc):
+    """Inverse of `_white`."""
+    kept = np.exp(-np.diff(soc) / CORRELATED_SOC)
+    rest = np.sqrt(1 - kept**2)
+    rows = [series[0]]
+    for row, share, new in zip(series[1:], kept, rest, strict=True):
+        rows.append(share * rows[-1] + new * row)
+    return np.array(rows)
 
 
 def _rms(misfit, errors):

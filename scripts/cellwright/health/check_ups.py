@@ -1,5 +1,7 @@
 """Slow curves of a cell, one for each check-up of its life."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from cellwright.health.alignment import SlowCurve
@@ -167,7 +169,7 @@ def growth(curves):
     curves : list of SlowCurve in the order of age.
     """
     words = []
-    for before, after in zip(curves, curves[1:], strict=False):
+    for before, after in pairwise(curves):
         share = after.capacity_ampere_hour / before.capacity_ampere_hour - 1
         if share > GROWN and before.cell == after.cell:
             words.append(

@@ -1,5 +1,6 @@
 """Degradation modes over a life: lithium lost and active material lost, with their covariance."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -117,7 +118,7 @@ def _likeness(alignments):
     """Mean correlation of the misfits of neighbouring check-ups over SoC, 0 to 0.98."""
     grid = np.linspace(0.02, 0.98, 97)
     misfits = [np.interp(grid, a.curve.soc, a.residual_volt / a.error_volt) for a in alignments]
-    pairs = zip(misfits, misfits[1:], strict=False)
+    pairs = pairwise(misfits)
     each = [np.mean(a * b) / np.sqrt(np.mean(a**2) * np.mean(b**2)) for a, b in pairs]
     return float(np.clip(np.mean(each), 0.0, 0.98)) if each else 0.0
 
