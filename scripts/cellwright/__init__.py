@@ -40,6 +40,7 @@ MODULE_OF = {
     "state_of_health": "cellwright.api.health",
     "fleet_resistance": "cellwright.api.health",
     "compare_protocols": "cellwright.api.health",
+    "degradation_modes": "cellwright.api.degradation",
     "basis": "cellwright.api.models",
     "lender": "cellwright.api.models",
     "state_of_charge": "cellwright.api.models",

@@ -17,6 +17,7 @@ FILES = {
             *("clean", "segment", "ocv", "ocv_step", "ocv_temperature", "resistance"),
             *("temperature", "relaxation", "ica", "capacity_loss", "ica_temperature"),
             *("health_from_peaks", "fast_charge", "ageing", "health", "impedance"),
+            "degradation_modes",
         ],
     ),
     "models.py": (

@@ -254,3 +254,18 @@ class Impedance(NamedTuple):
     inductance: str = "model"
     drift_tolerance: float = 0.01
     starts: int = 8
+
+
+class DegradationModes(NamedTuple):
+    """Lithium and active material lost, from slow curves of check-ups.
+
+    least_hour [h] : A charge or discharge is slow enough to be compared with half cells if it
+        takes longer than this.
+    mean_hour [h] : The same where a record has both a discharge and a charge of about one rate;
+        their mean counts, in which most of the polarisation drops out.
+    misfit_volt [V] : Half cells that miss the slow curves by more than this are refused.
+    """
+
+    least_hour: float = 8.0
+    mean_hour: float = 1.2
+    misfit_volt: float = 0.01
