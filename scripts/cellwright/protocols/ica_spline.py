@@ -1,0 +1,213 @@
+"""dQ/dV of a charge by a spline of V(Q) whose logarithmic slope is smooth, and its peaks.
+
+The charge is known far better than the voltage, so the voltage is smoothed over the charge and
+dQ/dV is one over the slope: noise and steps of the converter then act where they arise, and a peak
+keeps its height however narrow it is in voltage.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.numerics import monotone
+from cellwright.protocols.ica_levels import tally
+from cellwright.refusal import Refusal
+
+MOST_READINGS = 4000
+MOST_CELLS = 300
+POINTS_PER_CELL = 10
+# Of the charge: what lies nearer to an end is judged by readings of one side alone.
+END_SHARE = 0.002
+QUANTILE = 1.959964
+ONE_SIDED = 1.644854  # of the normal distribution, for 95 % in one direction
+DITHERED = 0.1  # least share of steps downward at which noise blurs the converter's steps
+FLAT = 0.5  # relative standard deviation from which a height is not known: flat within noise
+
+
+class Peaks(NamedTuple):
+    """Peaks in order of voltage (k,); empty where the curve has none, which is a result.
+
+    Position [V], height [Ah/V], area from valley to valley [Ah], full width at half of the rise
+    above the higher valley [V], each with its standard deviation; position_height_covariance [Ah].
+    """
+
+    voltage_volt: np.ndarray
+    voltage_std_volt: np.ndarray
+    height_ampere_hour_per_volt: np.ndarray
+    height_std_ampere_hour_per_volt: np.ndarray
+    area_ampere_hour: np.ndarray
+    area_std_ampere_hour: np.ndarray
+    width_volt: np.ndarray
+    width_std_volt: np.ndarray
+    position_height_covariance_ampere_hour: np.ndarray
+
+
+def readings(voltage_volt, charge_ampere_hour):
+    """Readings of V(Q) that a fit may take as independent: voltage, charge, rows behind each.
+
+    Neighbouring rows are averaged, at most 4,000 blocks. A converter without noise reads the same
+    voltage many times and then the next: there the mean charge of each of its levels counts, since
+    the error of rows at one level is the same error.
+
+    Parameters
+    ----------
+    voltage_volt, charge_ampere_hour : (n,) rows of one constant-current charge.
+
+    Returns
+    -------
+    voltage, charge, rows : (m,), charge rising.
+    """
+    change = np.diff(voltage_volt)
+    up, down = np.count_nonzero(change > 0), np.count_nonzero(change < 0)
+    if down < DITHERED * up and up < 0.5 * len(change):
+        levels = tally(voltage_volt, charge_ampere_hour)
+        mean = levels.charge_ampere_hour / levels.rows
+        order = np.argsort(mean, kind="stable")
+        return levels.volt[order], mean[order], np.ones(len(mean))
+    size = -(-len(voltage_volt) // MOST_READINGS)
+    starts = np.arange(0, len(voltage_volt), size)
+    rows = np.diff(np.append(starts, len(voltage_volt))).astype(float)
+    blocks = [np.add.reduceat(v, starts) / rows for v in (voltage_volt, charge_ampere_hour)]
+    return *blocks, rows / size
+
+
+class Slope(NamedTuple):
+    """Fitted V(Q) of a charge on a fine grid, from low voltage, without the very ends (n,).
+
+    place in cells of the fit; charge [Ah], voltage [V], dV/dQ [V/Ah], d2V/dQ2 [V/Ah²].
+    """
+
+    fit: monotone.RisingCurve
+    place: np.ndarray
+    charge_ampere_hour: np.ndarray
+    voltage_volt: np.ndarray
+    dv_dq_volt_per_ampere_hour: np.ndarray
+    bend: np.ndarray
+
+
+def slope_of_charge(voltage_volt, charge_ampere_hour):
+    """Voltage over charge of one constant-current charge as a rising curve.
+
+    Parameters
+    ----------
+    voltage_volt, charge_ampere_hour : (n,) [V], [Ah].
+
+    Returns
+    -------
+    slope : Slope.
+
+    Raises
+    ------
+    Refusal : fewer than 50 rows, or a voltage that does not rise.
+
+    Source: cellwright.numerics.monotone.
+    """
+    volt, charge, rows = readings(voltage_volt, charge_ampere_hour)
+    if len(volt) < 12:
+        raise Refusal(f"{len(volt)} distinct readings of voltage are too few for dQ/dV")
+    try:
+        fit = monotone.rising_curve(charge, volt, rows, cells=min(MOST_CELLS, len(volt)))
+    except np.linalg.LinAlgError as fault:
+        raise Refusal(f"no rising curve follows the voltage of this charge ({fault})") from fault
+    cells = monotone.cells_of(fit)
+    place = np.linspace(0, cells, POINTS_PER_CELL * cells + 1)
+    at = monotone.x_at(fit, place)
+    least = END_SHARE * (at[-1] - at[0])
+    inner = (at > at[0] + least) & (at < at[-1] - least)
+    return Slope(fit, place[inner], at[inner], *(c[inner] for c in monotone.values(fit, place)))
+
+
+def slope_peaks(slope, *, prominence):
+    """Peaks of dQ/dV, each with the covariance of what describes it.
+
+    A peak of dQ/dV is a least slope of V(Q). It counts if it rises above the higher of its valleys
+    by `prominence`, and the slope falls before and rises after it by more than its noise allows.
+    The interval of its position holds the places where d2V/dQ2 may be zero.
+
+    Parameters
+    ----------
+    slope : Slope.
+    prominence : least rise, as a share of the curve's highest dQ/dV [1].
+
+    Returns
+    -------
+    peaks : Peaks.
+    """
+    from scipy.signal import find_peaks
+
+    height = 1 / slope.dv_dq_volt_per_ampere_hour
+    tops, found = find_peaks(height, prominence=prominence * height.max())
+    edges = _valleys(height, tops)
+    rows = []
+    for k, top in enumerate(tops):
+        base = height[top] - found["prominences"][k]
+        rows.append(_described(slope, top, edges[k], edges[k + 1], base))
+    kept = [row for row in rows if row is not None]
+    columns = np.array(kept, float).reshape(len(kept), len(Peaks._fields))
+    return Peaks(*columns.T)
+
+
+def _valleys(height, tops):
+    """Rows of the lowest points between neighbouring peaks, and the ends of the curve."""
+    between = [a + int(height[a:b].argmin()) for a, b in zip(tops[:-1], tops[1:], strict=True)]
+    return [0, *between, len(height) - 1]
+
+
+def _described(slope, top, lower, upper, base):
+    """Values of `Peaks` for one peak, or None where noise explains it."""
+    fit, place = slope.fit, slope.place
+    reach = _zero_range(slope, top, lower, upper)
+    steep, height = slope.dv_dq_volt_per_ampere_hour, 1 / slope.dv_dq_volt_per_ampere_hour
+    half = 0.5 * (height[top] + base)
+    left = lower + int(np.argmax(height[lower : top + 1] > half))
+    right = top + int(np.argmax(np.append(height[top : upper + 1] < half, True)))
+    right = min(right, upper)
+    rows = np.array([top, lower, upper, left, right])
+    value, first, second = (monotone.gradients(fit, place[rows], d) for d in (0, 1, 2))
+    bend = _bend_rate(slope, rows)
+    # Where dV/dQ is extreme, its place moves by -d(slope)/d(bend); the voltage moves with it.
+    moved = -second / bend[:, None]
+    position = value[0] + steep[top] * moved[0]
+    tall = -first[0] * height[top] ** 2
+    ends = [moved[k] if 0 < row < len(height) - 1 else 0 for k, row in ((1, lower), (2, upper))]
+    crossing = [-first[k] / slope.bend[rows[k]] for k in (3, 4)]
+    wide = value[4] - value[3] + steep[right] * crossing[1] - steep[left] * crossing[0]
+    functions = np.array([position, tall, ends[1] - ends[0] + 0 * tall, wide])
+    spread = monotone.covariance(fit, functions)
+    std = np.sqrt(np.diag(spread))
+    rises = steep[[lower, upper]] - steep[top]
+    rise_std = monotone.standard_deviations(fit, first[1:3] - first[0])
+    if std[1] > FLAT * height[top] or np.any(rises < ONE_SIDED * rise_std):
+        return None
+    charge, volt = slope.charge_ampere_hour, slope.voltage_volt
+    reach_std = (reach[1] - reach[0]) / (2 * QUANTILE)
+    area, width = charge[upper] - charge[lower], volt[right] - volt[left]
+    spans = (area, min(std[2], area), width, min(std[3], width))
+    return volt[top], max(reach_std, std[0]), height[top], std[1], *spans, spread[0, 1]
+
+
+def _bend_rate(slope, rows):
+    """Third derivative of V(Q) at rows, from differences of the second."""
+    near = np.clip(rows, 1, len(slope.bend) - 2)
+    change = slope.bend[near + 1] - slope.bend[near - 1]
+    rate = change / (slope.charge_ampere_hour[near + 1] - slope.charge_ampere_hour[near - 1])
+    return np.where(rate == 0, np.inf, rate)
+
+
+def _zero_range(slope, top, lower, upper):
+    """Voltages between which the peak lies with 95 %; a valley where nothing nearer bounds it."""
+    steps = np.linspace(0, 1, 24) ** 2
+    left = np.unique(np.round(top - (top - lower) * steps).astype(int))[::-1]
+    right = np.unique(np.round(top + (upper - top) * steps).astype(int))
+    found = []
+    for rows, sign in ((left, -1), (right, 1)):
+        std = monotone.standard_deviations(
+            slope.fit, monotone.gradients(slope.fit, slope.place[rows], 2)
+        )
+        ratio = sign * slope.bend[rows] / std
+        sure = ratio > QUANTILE
+        last = int(np.argmax(sure)) if sure.any() else len(rows) - 1
+        volt = slope.voltage_volt[rows]
+        span = slice(max(last - 1, 0), last + 1)
+        found.append(float(np.interp(QUANTILE, ratio[span], volt[span])))
+    return found
