@@ -1,10 +1,10 @@
 """A rising curve through noisy readings: a penalised spline whose logarithmic slope is smooth.
 
-The curve is a cubic B-spline over cells of a stretched abscissa; its coefficients rise, so the curve
+The curve is a cubic B-spline over cells of a stretched abscissa; its coefficients rise, so it
 does. Penalised are third differences of the logarithms of the steps between the coefficients: a
 slope may change by a factor of a thousand along the curve, and each part of it is smoothed in
-proportion. How strongly, the readings say (restricted maximum likelihood), and where the curve bends
-more than elsewhere too (the prior variance of each difference, by expectation maximisation).
+proportion. How strongly, the readings say (restricted maximum likelihood), and where the curve
+bends more than elsewhere too (the prior variance of each difference, by expectation maximisation).
 
 Source: P. Eilers, B. Marx, Stat. Sci. 11 (1996) 89 (penalised B-splines); J. Ramsay, J. R. Stat.
 Soc. B 60 (1998) 365 (monotone curves by their logarithmic slope); S. Wood, J. R. Stat. Soc. B 73
@@ -273,7 +273,7 @@ def _fitted(problem, decade, logs, most):
         for k, row in enumerate(rows):
             right[k : k + count] += strength * row * aim
         change = np.diff(cho_solve_banded((factor, True), right)) / steps - 1
-        # A step falls at most to a third and grows at most fourfold at once, so that it stays above 0.
+        # At once a step falls at most to a third and grows at most fourfold: it stays above 0.
         logs = logs + np.where(change < 0, np.maximum(change, -1), np.log1p(np.clip(change, 0, 3)))
         base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
         if np.abs(change).max() < RELATIVE_CHANGE:

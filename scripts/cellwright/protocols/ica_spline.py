@@ -5,41 +5,27 @@ dQ/dV is one over the slope: noise and steps of the converter then act where the
 keeps its height however narrow it is in voltage.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.numerics import monotone
+from cellwright.protocols.ica_curve import IncrementalCapacity, Peaks
 from cellwright.protocols.ica_levels import tally
 from cellwright.refusal import Refusal
 
 MOST_READINGS = 4000
 MOST_CELLS = 300
 POINTS_PER_CELL = 10
+MOST_POINTS = 20_000
+STD_POINTS = 400
 # Of the charge: what lies nearer to an end is judged by readings of one side alone.
 END_SHARE = 0.002
 QUANTILE = 1.959964
 ONE_SIDED = 1.644854  # of the normal distribution, for 95 % in one direction
 DITHERED = 0.1  # least share of steps downward at which noise blurs the converter's steps
 FLAT = 0.5  # relative standard deviation from which a height is not known: flat within noise
-
-
-class Peaks(NamedTuple):
-    """Peaks in order of voltage (k,); empty where the curve has none, which is a result.
-
-    Position [V], height [Ah/V], area from valley to valley [Ah], full width at half of the rise
-    above the higher valley [V], each with its standard deviation; position_height_covariance [Ah].
-    """
-
-    voltage_volt: np.ndarray
-    voltage_std_volt: np.ndarray
-    height_ampere_hour_per_volt: np.ndarray
-    height_std_ampere_hour_per_volt: np.ndarray
-    area_ampere_hour: np.ndarray
-    area_std_ampere_hour: np.ndarray
-    width_volt: np.ndarray
-    width_std_volt: np.ndarray
-    position_height_covariance_ampere_hour: np.ndarray
 
 
 def readings(voltage_volt, charge_ampere_hour):
@@ -149,7 +135,7 @@ def slope_peaks(slope, *, prominence):
 
 def _valleys(height, tops):
     """Rows of the lowest points between neighbouring peaks, and the ends of the curve."""
-    between = [a + int(height[a:b].argmin()) for a, b in zip(tops[:-1], tops[1:], strict=True)]
+    between = [a + int(height[a:b].argmin()) for a, b in pairwise(tops)]
     return [0, *between, len(height) - 1]
 
 
@@ -211,3 +197,42 @@ def _zero_range(slope, top, lower, upper):
         span = slice(max(last - 1, 0), last + 1)
         found.append(float(np.interp(QUANTILE, ratio[span], volt[span])))
     return found
+
+
+def curve_of(slope, rows, *, bin_volt):
+    """dQ/dV of a fitted charge over a uniform grid of voltage.
+
+    Parameters
+    ----------
+    slope : Slope. rows : of the record. bin_volt : widest step of the grid [V]; a tenth of the
+        narrowest range that holds a tenth of the charge, if that is less.
+
+    Returns
+    -------
+    curve : IncrementalCapacity.
+    """
+    volt, charge = slope.voltage_volt, slope.charge_ampere_hour
+    shares = np.interp(np.linspace(charge[0], charge[-1], 101), charge, volt)
+    step = min(bin_volt, (shares[10:] - shares[:-10]).min() / 10)
+    points = min(int(np.ptp(volt) / max(step, 1e-9)) + 2, MOST_POINTS)
+    grid = np.linspace(volt[0], volt[-1], points)
+    some = np.linspace(0, len(volt) - 1, min(STD_POINTS, len(volt))).astype(int)
+    rates = monotone.gradients(slope.fit, slope.place[some], 1)
+    relative = monotone.standard_deviations(slope.fit, rates)
+    relative = relative / slope.dv_dq_volt_per_ampere_hour[some]
+    at, steep = (
+        np.interp(grid, volt, charge),
+        np.interp(grid, volt, slope.dv_dq_volt_per_ampere_hour),
+    )
+    return IncrementalCapacity(
+        voltage_volt=grid,
+        charge_ampere_hour=at - at[0],
+        dq_dv_ampere_hour_per_volt=1 / steep,
+        dv_dq_volt_per_ampere_hour=steep,
+        dq_dv_std_ampere_hour_per_volt=np.interp(grid, volt[some], relative) / steep,
+        bin_volt=float(grid[1] - grid[0]),
+        smooth_volt=0.0,
+        scatter_volt=float(np.sqrt(slope.fit.variance)),
+        rows_per_ampere_hour=float(rows / (charge[-1] - charge[0])),
+        method="spline",
+    )
