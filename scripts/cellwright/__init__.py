@@ -33,6 +33,8 @@ MODULE_OF = {
     "ocv_over_temperature": "cellwright.api.laws",
     "capacity_loss": "cellwright.api.laws",
     "ica_over_temperature": "cellwright.api.laws",
+    "ica_life": "cellwright.api.health",
+    "ica_tracks": "cellwright.api.health",
     "ageing_over_temperature": "cellwright.api.laws",
     "basis": "cellwright.api.models",
     "lender": "cellwright.api.models",

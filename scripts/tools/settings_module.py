@@ -15,7 +15,7 @@ FILES = {
         "Settings of what is read from the tests of a cell, and of the laws over them.",
         [
             *("clean", "segment", "ocv", "ocv_step", "ocv_temperature", "resistance"),
-            *("temperature", "relaxation", "ica", "capacity_loss", "ica_temperature"),
+            *("temperature", "relaxation", "ica", "ica_tracks", "capacity_loss", "ica_temperature"),
             *("fast_charge", "ageing", "impedance"),
         ],
     ),

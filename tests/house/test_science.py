@@ -16,6 +16,7 @@ ROOMS = {
     "records": {"numerics", "series"},
     "protocols": {"numerics", "series", "records"},
     "laws": {"numerics", "protocols"},
+    "health": {"numerics", "protocols", "laws", "series", "circuits"},
     "circuits": {"numerics", "records"},
     "identification": {"numerics", "records", "protocols", "circuits"},
     "filters": {"numerics", "records", "circuits"},

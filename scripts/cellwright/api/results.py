@@ -131,6 +131,18 @@ class Ica(NamedTuple):
         return frame(self.curve)
 
 
+class IcaLife(NamedTuple):
+    """dQ/dV over an ageing record: rows, one a peak; curves: columns of all charges; notes."""
+
+    rows: list
+    curves: dict
+    notes: tuple = ()
+
+    def to_frame(self):
+        """One row a peak."""
+        return frame(self.rows)
+
+
 class Impedance(NamedTuple):
     """A spectrum analysed.
 

@@ -1,8 +1,8 @@
 """Short names of tracked peaks: a number by voltage, and what the chemistry proposes behind it."""
 
-# Where a slow charge (C/20 or slower, 25 °C) of a fresh cell of graphite and this positive electrode
-# has its peaks [V], and the reaction that the literature names for it. Names only: no peak is found,
-# kept or matched by them.
+# Where a slow charge (C/20 or slower, 25 °C) of a fresh cell of graphite and this positive
+# electrode has its peaks [V], and the reaction that the literature names for it. Names only: no
+# peak is found, kept or matched by them.
 TEMPLATES = {
     # M. Dubarry, B. Liaw, J. Power Sources 194 (2009) 541; thesis 4.4: peaks 1 to 3.
     "LFP": ((3.24, "graphite 3-2"), (3.34, "graphite 2-2L"), (3.38, "graphite 2-1")),

@@ -1,16 +1,19 @@
-"""Peaks of dQ/dV followed through the life of one cell: which peak of one charge is which of another.
+"""Peaks of dQ/dV followed through the life of one cell: which of one charge is which of another.
 
-Charges at one rate and temperature form a sequence in the order of cycles. From charge to charge all
-peaks move together, since resistance shifts the whole curve; each moves a little by itself; heights
-and areas change slowly. The sequences of other rates and temperatures are joined to the first.
+Charges at one rate and temperature form a sequence in the order of cycles. From charge to charge
+all peaks move together, since resistance shifts the whole curve; each moves a little by itself;
+heights and areas change slowly. The sequences of other rates and temperatures are joined to the
+first.
 """
 
+import re
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.alignment import Aligned, align
+from cellwright.health.alignment import align
 from cellwright.health.peak_names import names_of
+from cellwright.health.peak_sequences import joined_identities
 from cellwright.refusal import Refusal
 
 SAME_RATE = 1.12  # rates this near are one
@@ -24,8 +27,7 @@ class PeakCharge(NamedTuple):
     """Peaks of one charge: what it was, and columns of (k,) each, from low voltage.
 
     test : its name. cycle [1], c_rate [1/h], celsius : chamber temperature, NaN where not known.
-    chemistry : of the cell, "" where not known. peaks : dict of columns of stage `ica`. reason : why
-    it has no peaks, "" where it has.
+    peaks : dict of columns of stage `ica`. reason : why it has no peaks, "" where it has.
     """
 
     test: str
@@ -111,8 +113,15 @@ def tracked_peaks(
         rows += found
         known = _all_known(known, states)
         begun += states
+    rows = joined_identities(rows, motion_volt)
     names = names_of(_first_places(rows), chemistry)
-    return [row._replace(identity=names[row.identity]) for row in rows]
+    return [_named(row, names) for row in rows]
+
+
+def _named(row, names):
+    """A row with names in place of the numbers of identities."""
+    event = re.sub(r"#(\d+)", lambda found: names[int(found[1])], row.event).strip()
+    return row._replace(identity=names[row.identity], event=event)
 
 
 def _count(charge):
@@ -224,7 +233,7 @@ def _appearance(aligned, tracks, peaks, k):
         old, now, new = tracks[track], peaks[peak][2], peaks[k][2]
         near = abs(peak - k) == 1
         if near and _agree(old.area, now + new) and not _agree(old.area, now):
-            return f"split from {old.identity}"
+            return f"split from #{old.identity} "
     return "appeared"
 
 
@@ -234,7 +243,7 @@ def _disappearance(aligned, tracks, peaks, number):
         before, lost, now = tracks[track].area, tracks[number].area, peaks[peak][2]
         near = abs(track - number) == 1
         if near and _agree(before + lost, now) and not _agree(before, now):
-            return f"merged with {tracks[track].identity}"
+            return f"merged with #{tracks[track].identity} "
     return "vanished"
 
 

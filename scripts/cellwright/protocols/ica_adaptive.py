@@ -13,7 +13,7 @@ def adaptive_capacity(voltage_volt, charge_ampere_hour, *, settings):
     """dQ/dV of one constant-current charge by the adaptive filter of the thesis.
 
     1. A Savitzky-Golay filter of degree 2 over a share of the record smooths the voltage. 2. What
-    it removed is smoothed over N/100; where that exceeds the threshold, in the first and in the last
+    it removed is smoothed over N/100; where that exceeds the threshold, in the first and the last
     half, the filter was too stiff: from there to the end of the record the rows are filtered again
     with spans of N_end/5, N_end/6, … until the mean of what is removed is small. 3. The parts are
     joined, the slope is taken across N/100 rows, inverted, and smoothed once more.

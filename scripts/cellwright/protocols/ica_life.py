@@ -1,7 +1,11 @@
 """Charges of an ageing record whose dQ/dV is taken: a few dozen, evenly over the life."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from cellwright.protocols.ica import charge_slope, peaks_of
+from cellwright.protocols.ica_curve import Peaks
 from cellwright.refusal import Refusal
 
 AHEAD_SECOND = 1.0
@@ -50,3 +54,73 @@ def _largest_step(steps, charge, begin, end):
         return None
     step = int(moved.argmax())
     return int(first[step]), int(last[step]), float(steps["c_rate"][step])
+
+
+class LifePeaks(NamedTuple):
+    """Rows, one a peak or a charge without; curves: columns of all charges; notes: sentences."""
+
+    rows: list
+    curves: dict
+    notes: list
+
+
+CURVE_POINTS = 500
+
+
+def peaks_of_life(voltage_volt, charge_ampere_hour, steps, cycles, *, settings, most):
+    """Peaks of dQ/dV of charges spread evenly over an ageing record.
+
+    Parameters
+    ----------
+    voltage_volt, charge_ampere_hour : (n,) clean series [V], [Ah].
+    steps, cycles : as for `charges_of_life`. settings : Ica. most : charges at most.
+
+    Returns
+    -------
+    life : LifePeaks.
+
+    Raises
+    ------
+    Refusal : no complete charge, or none whose dQ/dV can be taken.
+    """
+    rows, curves, notes = [], [], []
+    for cycle, first, last, rate in charges_of_life(cycles, steps, charge_ampere_hour, most=most):
+        part = slice(first, last + 1)
+        try:
+            curve, slope = charge_slope(
+                voltage_volt[part], charge_ampere_hour[part], settings=settings
+            )
+        except Refusal as refusal:
+            notes.append(f"cycle {cycle:g}: {refusal}")
+            continue
+        rows += _rows(cycle, rate, peaks_of(curve, slope, prominence=settings.prominence))
+        curves.append(_thinned(cycle, curve))
+    if not rows:
+        raise Refusal(f"no charge of the record has a dQ/dV: {notes[0]}")
+    names = ("cycle", "voltage_volt", "dq_dv_ampere_hour_per_volt")
+    columns = (np.concatenate(column) for column in zip(*curves, strict=True))
+    return LifePeaks(rows, dict(zip(names, columns, strict=True)), notes)
+
+
+def _rows(cycle, rate, peaks):
+    """Rows of one charge: one a peak, or one that says that there is none."""
+    count = len(peaks.voltage_volt)
+    shared = {"cycle": cycle, "c_rate": rate}
+    if not count:
+        unknown = dict.fromkeys(Peaks._fields, np.nan)
+        return [shared | {"peak": 0} | unknown | {"reason": "no peaks: the curve is flat"}]
+    rows = zip(*peaks, strict=True)
+    return [
+        shared
+        | {"peak": k}
+        | dict(zip(Peaks._fields, map(float, row), strict=True))
+        | {"reason": ""}
+        for k, row in enumerate(rows, 1)
+    ]
+
+
+def _thinned(cycle, curve):
+    """Cycle, voltage and dQ/dV of a curve at so many points as a figure shows."""
+    grid = np.linspace(curve.voltage_volt[0], curve.voltage_volt[-1], CURVE_POINTS)
+    height = np.interp(grid, curve.voltage_volt, curve.dq_dv_ampere_hour_per_volt)
+    return np.full(CURVE_POINTS, cycle), grid, height

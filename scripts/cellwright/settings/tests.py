@@ -154,6 +154,26 @@ class Ica(NamedTuple):
     prominence: float = 0.05
 
 
+class IcaTracks(NamedTuple):
+    """Peaks of dQ/dV followed through the life of a cell.
+
+    most_charges : Charges of an ageing record whose dQ/dV is taken, evenly over its life.
+    motion_volt [V] : Standard deviation of a peak's own motion from charge to charge, beside
+        what all peaks move.
+    height_factor : Factor by which the height or area of a peak may well change from charge to
+        charge (one standard deviation).
+    shift_volt [V] : Standard deviation of the shift common to all peaks from charge to charge
+        (resistance).
+    rate_shift_volt [V] : The same between charges at different rates or temperatures.
+    """
+
+    most_charges: int = 30
+    motion_volt: float = 0.012
+    height_factor: float = 1.8
+    shift_volt: float = 0.03
+    rate_shift_volt: float = 0.08
+
+
 class CapacityLoss(NamedTuple):
     """Capacity lost to temperature and rate, split into true and false.
 
