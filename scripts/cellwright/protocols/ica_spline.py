@@ -16,7 +16,9 @@ from cellwright.protocols.ica_levels import tally
 from cellwright.refusal import Refusal
 
 MOST_READINGS = 4000
-MOST_CELLS = 300
+LEAST_CELLS, MOST_CELLS = 12, 300
+READINGS_PER_CELL = 1  # with more cells than readings nothing would hold the curve between them
+LEAST_READINGS = 4  # within the width of a peak: two on each flank tell it from a swing
 POINTS_PER_CELL = 10
 MOST_POINTS = 20_000
 STD_POINTS = 400
@@ -61,6 +63,7 @@ class Slope(NamedTuple):
     """Fitted V(Q) of a charge on a fine grid, from low voltage, without the very ends (n,).
 
     place in cells of the fit; charge [Ah], voltage [V], dV/dQ [V/Ah], d2V/dQ2 [V/Ah²].
+    reading_ampere_hour : charge between two readings.
     """
 
     fit: monotone.RisingCurve
@@ -69,6 +72,7 @@ class Slope(NamedTuple):
     voltage_volt: np.ndarray
     dv_dq_volt_per_ampere_hour: np.ndarray
     bend: np.ndarray
+    reading_ampere_hour: float
 
 
 def slope_of_charge(voltage_volt, charge_ampere_hour):
@@ -92,7 +96,8 @@ def slope_of_charge(voltage_volt, charge_ampere_hour):
     if len(volt) < 12:
         raise Refusal(f"{len(volt)} distinct readings of voltage are too few for dQ/dV")
     try:
-        fit = monotone.rising_curve(charge, volt, rows, cells=min(MOST_CELLS, len(volt)))
+        cells = int(np.clip(len(volt) / READINGS_PER_CELL, LEAST_CELLS, MOST_CELLS))
+        fit = monotone.rising_curve(charge, volt, rows, cells=cells)
     except np.linalg.LinAlgError as fault:
         raise Refusal(f"no rising curve follows the voltage of this charge ({fault})") from fault
     cells = monotone.cells_of(fit)
@@ -100,7 +105,8 @@ def slope_of_charge(voltage_volt, charge_ampere_hour):
     at = monotone.x_at(fit, place)
     least = END_SHARE * (at[-1] - at[0])
     inner = (at > at[0] + least) & (at < at[-1] - least)
-    return Slope(fit, place[inner], at[inner], *(c[inner] for c in monotone.values(fit, place)))
+    columns = (column[inner] for column in monotone.values(fit, place))
+    return Slope(fit, place[inner], at[inner], *columns, float(np.median(np.diff(charge))))
 
 
 def slope_peaks(slope, *, prominence):
@@ -119,18 +125,31 @@ def slope_peaks(slope, *, prominence):
     -------
     peaks : Peaks.
     """
-    from scipy.signal import find_peaks
-
     height = 1 / slope.dv_dq_volt_per_ampere_hour
-    tops, found = find_peaks(height, prominence=prominence * height.max())
+    tops, bases = _resolved_tops(slope, height, prominence)
     edges = _valleys(height, tops)
-    rows = []
-    for k, top in enumerate(tops):
-        base = height[top] - found["prominences"][k]
-        rows.append(_described(slope, top, edges[k], edges[k + 1], base))
+    rows = [_described(slope, top, edges[k], edges[k + 1], bases[k]) for k, top in enumerate(tops)]
     kept = [row for row in rows if row is not None]
     columns = np.array(kept, float).reshape(len(kept), len(Peaks._fields))
     return Peaks(*columns.T)
+
+
+def _resolved_tops(slope, height, prominence):
+    """Rows of the peaks that the readings resolve and that rise enough, and where they rise from.
+
+    What is narrower than four readings may be a swing of the curve between them, and sets no scale.
+    """
+    from scipy.signal import find_peaks, peak_widths
+
+    tops, found = find_peaks(height, prominence=0)
+    _, _, left, right = peak_widths(height, tops, 0.5)
+    rows = np.arange(len(height))
+    charge = slope.charge_ampere_hour
+    wide = np.interp(right, rows, charge) - np.interp(left, rows, charge)
+    resolved = wide >= LEAST_READINGS * slope.reading_ampere_hour
+    highest = height[tops[resolved]].max(initial=max(height[0], height[-1]))
+    kept = resolved & (found["prominences"] >= prominence * highest)
+    return tops[kept], (height[tops] - found["prominences"])[kept]
 
 
 def _valleys(height, tops):
