@@ -34,6 +34,8 @@ MODULE_OF = {
     "capacity_loss": "cellwright.api.laws",
     "ica_over_temperature": "cellwright.api.laws",
     "health_from_peaks": "cellwright.api.health_peaks",
+    "ica_life": "cellwright.api.tracks",
+    "ica_tracks": "cellwright.api.tracks",
     "ageing_over_temperature": "cellwright.api.laws",
     "fade": "cellwright.api.health",
     "check_ups": "cellwright.api.health",

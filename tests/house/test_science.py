@@ -16,7 +16,6 @@ ROOMS = {
     "records": {"numerics", "series"},
     "protocols": {"numerics", "series", "records"},
     "laws": {"numerics", "protocols"},
-    "health": {"numerics", "series", "protocols", "laws"},
     "circuits": {"numerics", "records"},
     "health": {"numerics", "protocols", "laws", "series", "circuits"},
     "identification": {"numerics", "records", "protocols", "circuits"},

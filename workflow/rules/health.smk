@@ -1,5 +1,51 @@
 # Health over a life: fade with knee and remaining cycles, ratings of check-ups, state of health.
 
+FOLLOWED = cells_where(lambda cell: len(tests(cell, "ica")) >= 2 or tests(cell, "ageing"))
+
+
+def chemistry_of(wildcards):
+    """What the sheet says of a cell's chemistry."""
+    return CELLS[wildcards.cell]["chemistry"]
+
+
+rule ica_life:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+        cycles="results/ageing_cycles/{cell}/{test}.parquet",
+    output:
+        peaks="results/ica_life/{cell}/{test}.parquet",
+        curves="results/ica_life_curve/{cell}/{test}.parquet",
+    log:
+        "logs/ica_life/{cell}/{test}.log",
+    params:
+        settings=config["ica"],
+        most=config["ica_tracks"]["most_charges"],
+    message:
+        "Incremental capacity of {wildcards.cell}, up to {params.most} charges of {wildcards.test}."
+    script:
+        "../../scripts/health/ica_life.py"
+
+
+rule ica_tracks:
+    input:
+        check_ups=lambda w: artefacts("ica", w.cell, "ica"),
+        lives=lambda w: artefacts("ica_life", w.cell, "ageing"),
+    output:
+        "results/ica_tracks/{cell}.parquet",
+    log:
+        "logs/ica_tracks/{cell}.log",
+    wildcard_constraints:
+        cell=either(FOLLOWED),
+    params:
+        settings=config["ica_tracks"],
+        tests=facts_of_own_tests,
+        chemistry=chemistry_of,
+    message:
+        "Peaks of incremental capacity of {wildcards.cell}, followed through its life."
+    script:
+        "../../scripts/health/ica_tracks.py"
+
 # State of health: what slow curves of check-ups tell of lithium and active material lost.
 
 SLOW_CURVE_KINDS = ("ocv", "ica")

@@ -31,6 +31,7 @@ TABLES_OF_TESTS = {
     "fast_charge": everywhere("fast_charge", "fast_charge"),
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
+    "ica_tracks": [f"results/ica_tracks/{cell}.parquet" for cell in FOLLOWED],
 }
 TABLES_OF_HEALTH = {
     "health": [f"results/health/{cell}.parquet" for cell in HEALTHY],

@@ -117,14 +117,30 @@ class Relaxation(NamedTuple):
 
 
 class Ica(NamedTuple):
-    """Incremental capacity of a charge: the curve dQ/dV [Ah/V], the rate of the charge [1/h]."""
+    """Incremental capacity of a charge: the curve dQ/dV [Ah/V], the rate of the charge [1/h].
+
+    slope : the fitted V(Q) behind it, where the method has one.
+    """
 
     curve: object
     c_rate: float
+    slope: object = None
 
     def to_frame(self):
         """One row a voltage."""
         return frame(self.curve)
+
+
+class IcaLife(NamedTuple):
+    """dQ/dV over an ageing record: rows, one a peak; curves: columns of all charges; notes."""
+
+    rows: list
+    curves: dict
+    notes: tuple = ()
+
+    def to_frame(self):
+        """One row a peak."""
+        return frame(self.rows)
 
 
 class Impedance(NamedTuple):

@@ -130,14 +130,48 @@ class Relaxation(NamedTuple):
 class Ica(NamedTuple):
     """Incremental capacity of constant-current charges.
 
-    bin_volt [V] : Width of the voltage bins over which the charge is averaged.
-    smooth_volt [V] : Width of the smoothing window.
+    method : `spline` smooths voltage over charge so that its logarithmic slope is smooth;
+        `binned` filters the mean charge of voltage bins; `counting` counts rows by voltage
+        (LEAN); `adaptive` is the thesis' filter (appendix A).
+    bin_volt [V] : Width of the voltage bins over which the charge is averaged; for `spline` the
+        widest step of the curve that is written.
+    smooth_volt [V] : Width of the smoothing window of `binned` and `counting`.
+    adaptive_span_share : Span of the first filter of `adaptive`, as a part of the record (the
+        thesis' code 1/20, its text 1/10).
+    adaptive_threshold_volt [V] : Where `adaptive` removes more than this, an end of the charge
+        is filtered again (the thesis' code 0.4 mV, its text 0.6 mV).
+    adaptive_end_volt [V] : Spans at the ends of `adaptive` shrink until less than this is
+        removed on average.
     prominence : A peak must rise out of its surroundings by this part of the curve's maximum.
     """
 
+    method: str = "spline"
     bin_volt: float = 0.003
     smooth_volt: float = 0.039
+    adaptive_span_share: float = 0.05
+    adaptive_threshold_volt: float = 0.0004
+    adaptive_end_volt: float = 0.001
     prominence: float = 0.05
+
+
+class IcaTracks(NamedTuple):
+    """Peaks of dQ/dV followed through the life of a cell.
+
+    most_charges : Charges of an ageing record whose dQ/dV is taken, evenly over its life.
+    motion_volt [V] : Standard deviation of a peak's own motion from charge to charge, beside
+        what all peaks move.
+    height_factor : Factor by which the height or area of a peak may well change from charge to
+        charge (one standard deviation).
+    shift_volt [V] : Standard deviation of the shift common to all peaks from charge to charge
+        (resistance).
+    rate_shift_volt [V] : The same between charges at different rates or temperatures.
+    """
+
+    most_charges: int = 30
+    motion_volt: float = 0.012
+    height_factor: float = 1.8
+    shift_volt: float = 0.03
+    rate_shift_volt: float = 0.08
 
 
 class CapacityLoss(NamedTuple):
