@@ -46,6 +46,7 @@ rule ica_tracks:
     script:
         "../../scripts/health/ica_tracks.py"
 
+
 # State of health: what slow curves of check-ups tell of lithium and active material lost.
 
 SLOW_CURVE_KINDS = ("ocv", "ica")
