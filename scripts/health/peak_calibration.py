@@ -1,18 +1,17 @@
 """Peaks of dQ/dV calibrated over the cells of one type: health of each charge, and its error."""
 
 import cellwright as cw
-from runtime import artefact, tables
+from runtime import artefact, peak_curves
 
 with artefact.Job(snakemake) as job:
-    inputs, params = snakemake.input, snakemake.params
-    peaks, capacities = (
-        tables.rows_of(paths, params.tests) for paths in (inputs.peaks, inputs.capacity)
-    )
+    inputs, params, tests = snakemake.input, snakemake.params, snakemake.params.tests
+    peaks, tracked = peak_curves.peaks(inputs.tracks, inputs.peaks, tests)
     found = cw.health_from_peaks(
         peaks,
-        capacities,
-        tables.by_cell_and_test(inputs.curves),
+        peak_curves.capacities(inputs.capacity, inputs.cycles, tests),
+        peak_curves.curves(inputs.curves, inputs.life_curves, tests),
         rated_ampere_hour=params.rated_ampere_hour,
+        tracked=tracked,
         most_terms=params.most_terms,
     )
     job.note(*found.notes)

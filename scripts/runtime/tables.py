@@ -32,14 +32,6 @@ def rows_of(paths, tests) -> list[dict]:
     return [dict.fromkeys(names) | row for row in table_rows]
 
 
-def by_cell_and_test(paths) -> dict:
-    """Columns of all artefacts with content, by the cell and test that each is of."""
-    return {
-        (about["wildcards"]["cell"], about["wildcards"]["test"]): columns
-        for columns, about in artefact.load_all(paths)
-    }
-
-
 def rows_of_cell(columns, cell) -> list[dict]:
     """Rows of one cell among columns of several.
 

@@ -10,6 +10,8 @@ from cellwright.health.peaks.features import IdentifiedPeak, PeakCharge, feature
 from cellwright.refusal import Refusal
 
 FRESH_AMPERE_HOUR = 20.0
+# Cells whose peaks carry their names through the life.
+NAMED = {*[f"C{k}" for k in range(9)], *[f"P{k}" for k in range(20)], "new"}
 # Of each peak: place [V] and its motion, height [A h/V] and its loss, over the lost capacity.
 PEAKS = {
     "1": (3.50, 0.10, 28.0, 0.3),
@@ -104,7 +106,7 @@ def test_the_peak_that_tells_is_found():
         charge = charge_of(random, soh, f"P{k}")
         still = charge_of(random, 1.0).peaks
         charges.append(charge._replace(peaks={**still, "2": charge.peaks["2"]}))
-    found = peak_calibration(charges, rated_ampere_hour=20.0, tracked=True, most_terms=2)
+    found = peak_calibration(charges, rated_ampere_hour=20.0, tracked=NAMED, most_terms=2)
     told = {one.identity: one for one in found.information}
     assert told["2"].weight > 0.95
     assert told["2"].rms_alone < 0.015 < 0.05 < min(told["1"].rms_alone, told["2"].rms_without)
@@ -124,7 +126,7 @@ def test_a_partial_charge_is_told_by_the_peaks_that_it_reaches():
 def test_a_charge_of_unknown_capacity_is_told_and_not_calibrated_on():
     charges = lives(9)
     new = charges[2]._replace(cell="new", capacity_ampere_hour=np.nan)
-    rows = peak_calibration([new, *charges], tracked=True, most_terms=1).rows
+    rows = peak_calibration([new, *charges], tracked=NAMED, most_terms=1).rows
     (told,) = [row for row in rows if row.cell == "new"]
     assert told.capacity_ampere_hour == pytest.approx(charges[2].capacity_ampere_hour, rel=0.05)
     assert np.isnan([told.measured_ampere_hour, told.left_out_error, told.soh]).all()
@@ -247,6 +249,32 @@ def test_peaks_get_the_same_names_in_all_cells_though_some_vanish():
     assert [list(charge.peaks) for charge in named] == [names for _, names in charges]
 
 
+def test_tracked_names_of_one_cell_are_carried_to_the_others():
+    """A peak that splits off late in a life keeps the name that its tracking gave it."""
+    charges = lives(24, cells=2)
+    words = {"1": "graphite 4-3 / P1", "2": "graphite 2-1 / P2", "3": "P3"}
+    tracked = [
+        c._replace(peaks={words[n]: p for n, p in c.peaks.items() if n != "3" or c.cycle > 0})
+        for c in charges[:5]
+    ]
+    named = named_alike([*tracked, *charges[5:]], {"C0"})
+    assert [list(c.peaks) for c in named[1:]] == [[*words.values()]] * 9
+    assert list(named[0].peaks) == ["graphite 4-3 / P1", "graphite 2-1 / P2"]
+
+
+def test_the_capacity_of_a_charge_in_a_life_is_that_of_its_own_cycle():
+    peak = {"cell": "C1", "test": "life", "ambient_temperature_celsius": None, "c_rate": 0.5}
+    peak |= {"voltage_volt": 3.5, "height_ampere_hour_per_volt": 20.0, "area_ampere_hour": 5.0}
+    size = {"cell": "C1", "ambient_temperature_celsius": None, "direction": "discharge"}
+    cycled = size | {"test": "life", "c_rate": 1.0, "of_a_life": True}
+    sizes = [cycled | {"cycle": n, "capacity_ampere_hour": 1.1 - 0.001 * n} for n in (10, 20)]
+    sizes.append(size | {"test": "capacity", "cycle": 10, "c_rate": 0.5, "capacity_ampere_hour": 9})
+    peaks = [peak | {"cycle": n, "identity": "P1"} for n in (10, 20)]
+    found = peak_charges(peaks, sizes, {("C1", "life", 20.0): (np.arange(3.0), np.ones(3))})
+    assert [charge.capacity_ampere_hour for charge in found] == [1.1 - 0.01, 1.1 - 0.02]
+    assert [len(charge.voltage_volt) for charge in found] == [0, 3]
+
+
 def test_capacities_are_those_of_the_check_up_at_the_usual_rate():
     peak = {"cell": "C1", "ambient_temperature_celsius": 25.0, "c_rate": 0.5, "voltage_volt": 3.5}
     peak |= {"height_ampere_hour_per_volt": 20.0, "area_ampere_hour": 5.0}
@@ -268,8 +296,8 @@ def test_a_check_up_whose_capacity_disagrees_is_named_and_not_calibrated_on():
     """A discharge that was cut short must not bend the calibration of its neighbours."""
     charges = lives(23)
     cut = charges[7]._replace(capacity_ampere_hour=0.8 * charges[7].capacity_ampere_hour)
-    changed = peak_calibration([*charges[:7], cut, *charges[8:]], tracked=True, most_terms=1)
-    without = peak_calibration([*charges[:7], *charges[8:]], tracked=True, most_terms=1)
+    changed = peak_calibration([*charges[:7], cut, *charges[8:]], tracked=NAMED, most_terms=1)
+    without = peak_calibration([*charges[:7], *charges[8:]], tracked=NAMED, most_terms=1)
     (told,) = [row for row in changed.rows if "disagree by" in row.reason]
     assert (told.cell, told.cycle) == (cut.cell, cut.cycle)
     assert told.left_out_error > 0.15

@@ -102,11 +102,11 @@ rule degradation_modes:
         "../../scripts/health/degradation_modes.py"
 
 
-# Cells of one type with charges for dQ/dV, by the first of them; where capacities of four of their
-# check-ups are known, they calibrate the peaks.
+# Cells of one type with charges for dQ/dV, by the first of them; where the capacities of four of
+# their check-ups are known, or of cycles of an ageing record, they calibrate the peaks.
 PEAK_TYPES = {}
 for cell, row in CELLS.items():
-    if tests(cell, "ica", roles=["fit"]):
+    if tests(cell, "ica", "ageing", roles=["fit"]):
         window = row["lower_cutoff_volt"], row["upper_cutoff_volt"]
         type_of_cell = row["chemistry"], row["rated_capacity_ampere_hour"], *window
         PEAK_TYPES.setdefault(type_of_cell, []).append(cell)
@@ -117,11 +117,13 @@ def check_ups(cell, *kinds):
     return {row["cycle"] or 0 for row in tests(cell, *kinds, roles=["fit"])}
 
 
-PEAK_TYPES = {
-    cells[0]: cells
-    for cells in PEAK_TYPES.values()
-    if sum(len(check_ups(c, "ica") & check_ups(c, *CAPACITY_KINDS)) for c in cells) >= 4
-}
+def calibrate(cells):
+    """Whether enough capacities of these cells are known beside charges for dQ/dV."""
+    known = [check_ups(cell, "ica") & check_ups(cell, *CAPACITY_KINDS) for cell in cells]
+    return sum(map(len, known)) >= 4 or any(tests(c, "ageing", roles=["fit"]) for c in cells)
+
+
+PEAK_TYPES = {cells[0]: cells for cells in PEAK_TYPES.values() if calibrate(cells)}
 FIRST_OF_TYPE = {cell: first for first, cells in PEAK_TYPES.items() for cell in cells}
 
 
@@ -130,11 +132,20 @@ def of_peak_type(stage, *kinds):
     return lambda w: [path for cell in PEAK_TYPES[w.cell] for path in fitted(stage, cell, *kinds)]
 
 
+def tracks_of_type(wildcards):
+    """Tracked peaks of those cells of a type that have several charges."""
+    cells = [cell for cell in PEAK_TYPES[wildcards.cell] if cell in FOLLOWED]
+    return [f"results/ica_tracks/{cell}.parquet" for cell in cells]
+
+
 rule peak_calibration:
     input:
+        tracks=tracks_of_type,
         peaks=of_peak_type("ica", "ica"),
         curves=of_peak_type("ica_curve", "ica"),
+        life_curves=of_peak_type("ica_life_curve", "ageing"),
         capacity=of_peak_type("capacity", *CAPACITY_KINDS),
+        cycles=of_peak_type("ageing_cycles", "ageing"),
     output:
         charges="results/peak_calibration/{cell}.parquet",
         information="results/peak_information/{cell}.parquet",

@@ -12,20 +12,21 @@ def health_from_peaks(
     curves=None,
     *,
     rated_ampere_hour=None,
-    tracked=False,
+    tracked=(),
     most_terms=HEALTH_FROM_PEAKS.most_terms,
 ):
     """State of health of cells of one type from peaks of dQ/dV, calibrated on known capacities.
 
     Parameters
     ----------
-    peaks : rows of `ica_peaks` with cell, test, cycle and ambient_temperature_celsius; with
-        identity where peaks were tracked.
-    capacities : rows of `capacity` with cell, cycle and ambient_temperature_celsius.
-    curves : mapping of the curve of `ica` (or its columns) by (cell, test); None: the charge
-        between two peaks is not used.
+    peaks : rows of `ica_peaks` with cell, test, cycle and ambient_temperature_celsius, or of
+        `ica_tracks` with cell.
+    capacities : rows of `capacity` with cell, cycle and ambient_temperature_celsius; of
+        `ageing_cycles` also test, and of_a_life, true.
+    curves : mapping of the curve of `ica` (or its columns) by (cell, test, cycle); None: the
+        charge between two peaks is not used.
     rated_ampere_hour : rating of the type [Ah], None: not known.
-    tracked : whether identities are the same in all cells of the type; else they are matched.
+    tracked : cells in which an identity is one peak through the life.
     most_terms : features in one model [1].
 
     Returns

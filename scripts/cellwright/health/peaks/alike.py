@@ -10,30 +10,64 @@ OWN_VOLT, COMMON_VOLT, LOG_HEIGHT = 0.02, 0.06, 0.7
 ALONE_COST = 4.0  # of a peak without a partner, squared standard deviations
 
 
-def named_alike(charges):
-    """Charges whose peaks are numbered alike: `1` is one peak in every cell of the type.
+def named_alike(charges, tracked=()):
+    """Charges whose peaks have names alike: one name is one peak in every cell of the type.
 
-    The charge with the most peaks, the freshest of those, gives the numbers. Each cell's charges
-    follow by age; a charge is matched with the last known place and height of each peak in its
-    cell, in order of voltage, after a shift common to all peaks of the charge is taken out
-    (resistance moves them together). A peak without a partner is left out.
+    The cell with the most peaks gives the names. In a tracked cell the earliest place and height
+    of each of its peaks is matched with those of that cell. The charges of any other cell follow
+    by age; each is matched with the last known places in its cell. Matching keeps the order of
+    voltage and takes out a shift common to all peaks (resistance moves them together). A peak
+    without a partner is left out.
 
     Parameters
     ----------
-    charges : list of PeakCharge of one type, rate and temperature; their identities do not count.
+    charges : list of PeakCharge of one type, rate and temperature.
+    tracked : cells in which an identity already is one peak through the life; of all others the
+        identities do not count.
 
     Returns
     -------
     list of PeakCharge, in the same order.
     """
-    fullest = max(charges, key=lambda charge: (len(charge.peaks), -charge.cycle))
-    template = {str(number): _place(peak) for number, peak in enumerate(fullest.peaks.values(), 1)}
+    by_cell = {}
+    for _, place in sorted((charge.cycle, place) for place, charge in enumerate(charges)):
+        by_cell.setdefault(charges[place].cell, []).append(place)
+    profiles = {
+        cell: _profile([charges[place] for place in places], cell in tracked)
+        for cell, places in by_cell.items()
+    }
+    template = profiles[max(profiles, key=lambda cell: (len(profiles[cell]), cell in tracked))]
     named = {}
-    for cell in dict.fromkeys(charge.cell for charge in charges):
-        by_age = sorted((c.cycle, place) for place, c in enumerate(charges) if c.cell == cell)
-        places = [place for _, place in by_age]
-        named |= zip(places, _named([charges[place] for place in places], template), strict=True)
+    for cell, places in by_cell.items():
+        of_cell = [charges[place] for place in places]
+        if cell in tracked:
+            found = _renamed(of_cell, profiles[cell], template)
+        else:
+            found = _named(of_cell, template)
+        named |= zip(places, found, strict=True)
     return [named[place] for place in range(len(charges))]
+
+
+def _profile(charges, tracked):
+    """Earliest place of each peak of a cell, from low voltage; untracked: of its fullest charge."""
+    if not tracked:
+        fullest = max(charges, key=lambda charge: len(charge.peaks))
+        return {str(k): _place(peak) for k, peak in enumerate(fullest.peaks.values(), 1)}
+    first = {}
+    for charge in charges:
+        for name, peak in charge.peaks.items():
+            first.setdefault(name, _place(peak))
+    return dict(sorted(first.items(), key=lambda item: item[1]))
+
+
+def _renamed(charges, profile, template):
+    """Charges of a tracked cell with the template's names."""
+    pairs, _ = matched(list(template.values()), list(profile.values()))
+    names = {list(profile)[j]: list(template)[i] for i, j in pairs}
+    return [
+        charge._replace(peaks={names[n]: p for n, p in charge.peaks.items() if n in names})
+        for charge in charges
+    ]
 
 
 def _named(charges, known):
