@@ -295,15 +295,23 @@ def test_capacities_are_those_of_the_check_up_at_the_usual_rate():
 def test_a_check_up_whose_capacity_disagrees_is_named_and_not_calibrated_on():
     """A discharge that was cut short must not bend the calibration of its neighbours."""
     charges = lives(23)
-    cut = charges[7]._replace(capacity_ampere_hour=0.8 * charges[7].capacity_ampere_hour)
+    cut = charges[7]._replace(capacity_ampere_hour=0.88 * charges[7].capacity_ampere_hour)
     changed = peak_calibration([*charges[:7], cut, *charges[8:]], tracked=NAMED, most_terms=1)
     without = peak_calibration([*charges[:7], *charges[8:]], tracked=NAMED, most_terms=1)
     (told,) = [row for row in changed.rows if "disagree by" in row.reason]
     assert (told.cell, told.cycle) == (cut.cell, cut.cycle)
-    assert told.left_out_error > 0.15
+    assert told.left_out_error > 0.08
     others = {(row.cell, row.cycle): row.capacity_ampere_hour for row in changed.rows}
     for row in without.rows:
         assert others[row.cell, row.cycle] == pytest.approx(row.capacity_ampere_hour, rel=1e-9)
     assert (
         "not calibrated on, since capacity and peaks disagree: C1 at cycle 100" in changed.notes[0]
     )
+
+
+def test_the_smallest_capacity_of_all_is_calibrated_on_though_it_seems_off():
+    """At the end of life the others are carried on, and that may fail: no reason to distrust it."""
+    charges = lives(25)
+    last = charges[4]._replace(capacity_ampere_hour=0.8 * charges[4].capacity_ampere_hour)
+    found = peak_calibration([*charges[:4], last, *charges[5:]], tracked=NAMED, most_terms=1)
+    assert not any("disagree by" in row.reason for row in found.rows)

@@ -231,12 +231,15 @@ def disagreeing(found):
     Returns
     -------
     dict of the relative error by (cell, cycle): those further from the middle of all errors than
-    five robust standard deviations, with 1 % added, a tenth of the charges at most.
+    five robust standard deviations, with 1 % added, a tenth of the charges at most. A check-up
+    with the smallest or largest capacity of all is not among them: its peaks are told by carrying
+    on what the others show, which may fail where nothing is wrong with it.
     """
     told = [one for one in found if np.isfinite(one.without_check_up.capacity_ampere_hour)]
     told = [one for one in told if one.charge.capacity_ampere_hour > 0]
     if len(told) < FEWEST_TOLD:
         return {}
+    sizes = np.array([one.charge.capacity_ampere_hour for one in told])
     errors = np.array(
         [
             one.without_check_up.capacity_ampere_hour / one.charge.capacity_ampere_hour - 1
@@ -249,7 +252,7 @@ def disagreeing(found):
     return {
         (told[place].charge.cell, told[place].charge.cycle): float(errors[place])
         for place in worst
-        if off[place] > DISAGREES * spread
+        if off[place] > DISAGREES * spread and sizes.min() < sizes[place] < sizes.max()
     }
 
 
