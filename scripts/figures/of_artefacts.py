@@ -17,7 +17,7 @@ from figures import (
     resistance,
     temperature,
 )
-from runtime import artefact, provenance
+from runtime import artefact, peak_curves, provenance
 
 
 def part_of(job, name, drawn):
@@ -114,14 +114,19 @@ def _ageing(of, _):
 
 
 def _waterfall(of, _):
-    charges, tracks = [], []
-    for curve, peaks, about in artefact.load_together(zip(of.curves, of.peaks, strict=True)):
-        test = about["params"]["test"]
-        place = {"test": about["wildcards"]["test"], "cycle": test["cycle"] or 0}
-        tracks += [row | place for row in artefact.rows(peaks)]
-        facts = {"c_rate": peaks["c_rate"][0], "celsius": test["ambient_temperature_celsius"]}
-        slope = curve["dq_dv_ampere_hour_per_volt"]
-        charges.append(place | facts | {"voltage_volt": curve["voltage_volt"], "dq_dv": slope})
+    tracks = _table(of.tracks)
+    curves = peak_curves.curves(of.check_ups, of.lives, of.tests)
+    facts = {(row["test"], row["cycle"]): row for row in tracks}
+    charges = [
+        {
+            **{"test": test, "cycle": cycle, "c_rate": facts[test, cycle]["c_rate"]},
+            "celsius": facts[test, cycle]["ambient_temperature_celsius"],
+            "voltage_volt": curve["voltage_volt"],
+            "dq_dv": curve["dq_dv_ampere_hour_per_volt"],
+        }
+        for (_, test, cycle), curve in curves.items()
+        if (test, cycle) in facts
+    ]
     return degradation.draw_waterfall(charges, tracks)
 
 
@@ -180,6 +185,7 @@ DRAW = {
     "resistance_growth": lambda of, _: health.draw_resistance_growth(artefact.load(of.growth)),
     "arrhenius": lambda of, _: temperature.draw_arrhenius(_table(of.points), _table(of.laws)),
     "waterfall": _waterfall,
+    "degradation_modes": lambda of, _: degradation.draw_modes(artefact.load(of.modes)),
     "health_from_peaks": _health_from_peaks,
     "surface": _surface,
     "relaxation": lambda of, _: relaxation.draw_relaxation(artefact.load_all(of.rests)),

@@ -105,12 +105,15 @@ def figures_of_laws(cell):
 
 
 def figures_of_health(cell):
-    """How a cell aged: dQ/dV over its life with the peaks' ways, capacity from peaks."""
-    charges = tests(cell, "ica")
-    if len({row["cycle"] or 0 for row in charges}) > 1:
-        stages = {"curves": "ica_curve", "peaks": "ica"}
-        paths = {name: artefacts(stage, cell, "ica") for name, stage in stages.items()}
-        yield figure("waterfall", **paths)
+    """How a cell aged: dQ/dV over its life with its peaks, modes, capacity from peaks."""
+    if cell in FOLLOWED:
+        paths = {"check_ups": artefacts("ica_curve", cell, "ica")}
+        paths["lives"] = artefacts("ica_life_curve", cell, "ageing")
+        facts = {"tests": facts_of_tests_of([cell])}
+        tracks = f"results/ica_tracks/{cell}.parquet"
+        yield figure("waterfall", settings=facts, tracks=tracks, **paths)
+    if cell in DEGRADED:
+        yield figure("degradation_modes", **of_cell(cell, modes="degradation_modes"))
     if cell in FIRST_OF_TYPE:
         calibration = f"results/peak_calibration/{FIRST_OF_TYPE[cell]}.parquet"
         settings = {"cell": cell}
