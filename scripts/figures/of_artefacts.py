@@ -7,7 +7,9 @@ from figures import (
     ageing,
     campaign,
     capacity,
+    degradation,
     effects,
+    health,
     impedance,
     models,
     ocv,
@@ -15,7 +17,7 @@ from figures import (
     resistance,
     temperature,
 )
-from runtime import artefact, provenance
+from runtime import artefact, peak_curves, provenance
 
 
 def part_of(job, name, drawn):
@@ -111,6 +113,32 @@ def _ageing(of, _):
     return ageing.draw_ageing(artefact.load(of.cycles), artefact.load(of.periods), summary)
 
 
+def _waterfall(of, _):
+    tracks = _table(of.tracks)
+    curves = peak_curves.curves(of.check_ups, of.lives, of.tests)
+    facts = {(row["test"], row["cycle"]): row for row in tracks}
+    charges = [
+        {
+            **{"test": test, "cycle": cycle, "c_rate": facts[test, cycle]["c_rate"]},
+            "celsius": facts[test, cycle]["ambient_temperature_celsius"],
+            "voltage_volt": curve["voltage_volt"],
+            "dq_dv": curve["dq_dv_ampere_hour_per_volt"],
+        }
+        for (_, test, cycle), curve in curves.items()
+        if (test, cycle) in facts
+    ]
+    return degradation.draw_waterfall(charges, tracks)
+
+
+def _health_from_peaks(of, _):
+    return degradation.draw_peak_health(artefact.load(of.calibration), of.cell)
+
+
+def _fade(of, _):
+    (life,) = _table(of.life)
+    return health.draw_fade(artefact.load(of.course), life)
+
+
 def _surface(of, _):
     return resistance.draw_resistance_surface(artefact.load(of.points), _table(of.laws))
 
@@ -153,7 +181,12 @@ DRAW = {
     "ica_temperature": _ica_temperature,
     "fast_charge": _fast_charge,
     "ageing": _ageing,
+    "fade": _fade,
+    "resistance_growth": lambda of, _: health.draw_resistance_growth(artefact.load(of.growth)),
     "arrhenius": lambda of, _: temperature.draw_arrhenius(_table(of.points), _table(of.laws)),
+    "waterfall": _waterfall,
+    "degradation_modes": lambda of, _: degradation.draw_modes(artefact.load(of.modes)),
+    "health_from_peaks": _health_from_peaks,
     "surface": _surface,
     "relaxation": lambda of, _: relaxation.draw_relaxation(artefact.load_all(of.rests)),
     "polarisation": lambda of, _: relaxation.draw_polarisation(_table(of.points), _table(of.laws)),

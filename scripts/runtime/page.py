@@ -13,13 +13,14 @@ import pandas as pd
 import pyarrow as pa
 import yaml
 
-from runtime import artefact
+from runtime import artefact, health_page
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
 TABLES_OF_PAGE = [*TABLES_OF_CELL, "packs", "choice", "missing_effect"]
 SHOWN_ROWS = 60
 NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
 PROOFS = [f"effect_{name}" for name in NAMES]
+OF_HEALTH = ("lives", "fleet")  # pictures of the overview that stand in its part on health
 NO_MODEL = {
     "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, a "
     "modelled cell of the same chemistry and rating to borrow from, or branch currents of a group.",
@@ -59,6 +60,7 @@ def render(job) -> str:
     environment.filters |= {"number": number, "milli": milli}
     excluded = tables["excluded"].to_dict("records")
     template = environment.get_template(Path(inputs.page).name)
+    campaign = params.figures["campaign"]
     for page in pages:
         page["packed"] = packed(template.render(page=page, excluded=excluded))
     return environment.get_template(Path(inputs.template).name).render(
@@ -67,7 +69,9 @@ def render(job) -> str:
         checks=_text(inputs.checks).to_dict("records"),
         summary=_text(inputs.summary).to_dict("records"),
         fleet=fleet_of(tables["fleet"]),
-        overview=[_picture(path, captions) for path in params.figures["campaign"]],
+        health=health_page.section(tables),
+        pictures_of_health=[_picture(p, captions) for p in campaign if Path(p).stem in OF_HEALTH],
+        overview=[_picture(p, captions) for p in campaign if Path(p).stem not in OF_HEALTH],
         pages=pages,
         assumptions=params.assumptions,
         choices=params.choices,

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cellwright.refusal import Refusal
 from runtime import artefact
 from runtime.artefact import stage_of
 
@@ -29,6 +30,20 @@ def rows_of(paths, tests) -> list[dict]:
     # Stages that share a table may have columns that the others lack: not known there.
     names = dict.fromkeys(name for row in table_rows for name in row)
     return [dict.fromkeys(names) | row for row in table_rows]
+
+
+def rows_of_cell(columns, cell) -> list[dict]:
+    """Rows of one cell among columns of several.
+
+    Raises
+    ------
+    Refusal
+        None is of this cell.
+    """
+    rows = [row for row in artefact.rows(columns) if row["cell"] == cell]
+    if not rows:
+        raise Refusal(f"nothing is known of {cell}: none of its charges could be used")
+    return rows
 
 
 def excluded(paths, files) -> "DataFrame":
@@ -176,7 +191,7 @@ def _summary_row(facts, of_cell, model) -> dict:
     return {
         "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
-        "soh": capacity / rated if capacity and rated else None,
+        **_health(of_cell, capacity / rated if capacity and rated else None),
         "r0_50_25_ohm": _resistance(of_cell["resistance"]),
         "best_model": model.get("chosen"),
         "validation_rmse_volt": _pooled(scored["rmse_volt"], scored["samples"]),
@@ -187,6 +202,21 @@ def _summary_row(facts, of_cell, model) -> dict:
         "in_one_line": next(iter(missing["in_one_line"]), None),
         "exclusions": len(of_cell["excluded"]),
         "notes": "; ".join(model.get("notes", [])),
+    }
+
+
+def _health(of_cell, fresh) -> dict:
+    """Latest state of health, or that of a cell that was not aged; knee and remaining cycles."""
+    told, lives = of_cell["health"], of_cell["fade"]
+    # A check-up goes before a cycle of the ageing itself, which is faster.
+    aged = told[told["cycle"].gt(0) & told["soh"].notna()].sort_values("method", ascending=False)
+    latest = aged.sort_values("cycle", kind="stable").drop_duplicates("cycle").tail(1)
+    life = next(iter(lives.to_dict("records")), {})
+    names = ("knee_cycle", "remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")
+    return {
+        "soh": next(iter(latest["soh"]), fresh),
+        "soh_cycle": next(iter(latest["cycle"]), None),
+        **{name: life.get(name) for name in names},
     }
 
 

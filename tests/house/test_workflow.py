@@ -32,7 +32,8 @@ STARTERS = {
     "real_campaign": "runs the pipeline on a campaign of real cells",
     "real": "gathers those runs",
 }
-SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in ("cells", "tests", "groups")]
+SHEET_NAMES = ("cells", "tests", "groups", "checkups")
+SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in SHEET_NAMES]
 
 
 @pytest.mark.parametrize(("rule", "body"), RULES, ids=[rule for rule, _ in RULES])

@@ -20,7 +20,7 @@ from runtime import artefact, page
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLES = ["capacity", "ica", "eis", "temperature", "choice", "validation", "soc", "packs"]
-TABLES += ["missing_effect", "fleet", "excluded"]
+TABLES += ["missing_effect", "fleet", "health", "fade", "excluded"]
 CELL = {"cell": "A", "chemistry": "NMC", "note": None}
 TEST = {
     "cell": "A",

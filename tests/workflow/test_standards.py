@@ -100,7 +100,7 @@ def test_the_files_of_the_image_are_enough_to_run_its_command(tmp_path):
     assert artefact.read_about(campaign / artefact_of_b)["reason"] is None
 
 
-@pytest.mark.parametrize("name", ["cells", "tests", "groups", "config"])
+@pytest.mark.parametrize("name", ["cells", "tests", "groups", "checkups", "config"])
 def test_a_schema_names_its_dialect_and_is_valid_in_it(name):
     schema = settings.load(SCHEMAS, name)
     assert schema["$schema"] == Draft202012Validator.META_SCHEMA["$id"]

@@ -145,9 +145,7 @@ rule ica:
     log:
         "logs/ica/{cell}/{test}.log",
     params:
-        bin_volt=config["ica"]["bin_volt"],
-        smooth_volt=config["ica"]["smooth_volt"],
-        prominence=config["ica"]["prominence"],
+        settings=config["ica"],
         test=test_facts,
         cell=cell_facts,
     message:

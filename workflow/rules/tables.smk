@@ -31,6 +31,14 @@ TABLES_OF_TESTS = {
     "fast_charge": everywhere("fast_charge", "fast_charge"),
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
+    "ica_tracks": [f"results/ica_tracks/{cell}.parquet" for cell in FOLLOWED],
+}
+TABLES_OF_HEALTH = {
+    "health": [f"results/health/{cell}.parquet" for cell in HEALTHY],
+    "checkups": [f"results/checkups/{cell}.parquet" for cell in CHECKED],
+    "resistance_growth": [f"results/resistance_growth/{cell}.parquet" for cell in CHECKED],
+    "fade": [f"results/life/{cell}.parquet" for cell in AGED],
+    "fade_laws": [f"results/fade/{cell}.parquet" for cell in AGED],
 }
 TABLES_OF_MODELS = {
     "temperature_prediction": [
@@ -50,8 +58,9 @@ TABLES_OF_MODELS = {
     "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
-TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_MODELS
-TABLES = [*TABLE_INPUTS, "missing_effect", "fleet", "excluded"]
+TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
+COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
+TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", "excluded"]
 COLD_WORDS = [f"results/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),
@@ -61,6 +70,7 @@ STAGES = [
     *everywhere("relaxation", *RELAXATION_KINDS),
     *[path for cell in CELLS for path in rest_curves(cell)],
     *[f"results/basis/{cell}.json" for cell in CELLS],
+    *[f"results/degradation_modes/{cell}.parquet" for cell in DEGRADED],
     *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
     *[f"results/bias/{cell}.json" for cell in BIASED],
     *[path for cell in COMPENSATED for path in left_out_of(cell)],
@@ -89,6 +99,21 @@ rule tables_of_tests:
         "Tables of what the tests of the whole campaign tell."
     script:
         "../../scripts/tables/tables_of_tests.py"
+
+
+rule tables_of_health:
+    input:
+        unpack(lambda w: TABLES_OF_HEALTH),
+    output:
+        **{name: f"results/tables/{name}.csv" for name in TABLES_OF_HEALTH},
+    log:
+        "logs/tables_of_health.log",
+    params:
+        tests=TEST_FACTS,
+    message:
+        "Tables of the health of all cells."
+    script:
+        "../../scripts/tables/tables_of_health.py"
 
 
 rule tables_of_models:

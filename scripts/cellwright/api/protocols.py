@@ -282,17 +282,17 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
     return results.Relaxation(rests.rows, shown, tuple(rests.left_out))
 
 
-def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
+def ica(series, steps, settings=None, **changes):
     """Incremental capacity dQ/dV [Ah/V] over voltage of the constant-current charge in one test.
 
     Parameters
     ----------
     series, steps : clean series, (n,) columns, and its steps.
-    bin_volt, smooth_volt : widths of the bins and of the smoothing window [V].
+    settings : `settings.Ica`, or its keys as keywords.
 
     Returns
     -------
-    ica : Ica; curve: `protocols.ica.IncrementalCapacity` [Ah/V] over voltage [V].
+    ica : Ica; curve: `protocols.ica_curve.IncrementalCapacity` [Ah/V] over voltage [V].
 
     Raises
     ------
@@ -300,15 +300,15 @@ def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
 
     Source: docs/ica.md.
     """
-    from cellwright.protocols.ica import constant_current_charge, incremental_capacity
+    from cellwright.protocols.ica import charge_slope, constant_current_charge
 
     steps = inputs.steps(steps)._asdict()
     voltage, charge = inputs.quantities(series, ("voltage_volt", "charge_ampere_hour"))
     first, last, step = constant_current_charge(steps, charge)
     rows = slice(first, last + 1)
-    widths = {"bin_volt": bin_volt, "smooth_volt": smooth_volt}
-    curve = incremental_capacity(voltage[rows], charge[rows], **widths)
-    return results.Ica(curve, steps["c_rate"][step])
+    chosen = inputs.settings_of(Ica, settings, changes)
+    curve, slope = charge_slope(voltage[rows], charge[rows], settings=chosen)
+    return results.Ica(curve, steps["c_rate"][step], slope)
 
 
 def ica_peaks(ica, *, prominence=ICA.prominence):
@@ -321,7 +321,8 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
 
     Returns
     -------
-    peaks : Table; (k,) columns: voltage [V], height [Ah/V], area [Ah], their uncertainty.
+    peaks : Table; (k,) columns: voltage [V], height [Ah/V], area [Ah], width [V], each with its
+        standard deviation.
 
     Raises
     ------
@@ -329,7 +330,8 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
     """
     from cellwright.protocols.ica import charge_peaks
 
-    return results.Table(charge_peaks(ica.curve, c_rate=ica.c_rate, prominence=prominence))
+    options = {"c_rate": ica.c_rate, "prominence": prominence}
+    return results.Table(charge_peaks(ica.curve, ica.slope, **options))
 
 
 def impedance(spectrum, settings=None, **changes):

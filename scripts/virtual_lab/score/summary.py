@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from virtual_lab.score import comparison, curves, files, missing, tables, verdicts
+from virtual_lab.score import comparison, curves, files, missing, modes, tables, verdicts
 from virtual_lab.score.missing import COUNTED
 
 # The contract's tables, and the quantities of each that could be scored.
@@ -165,6 +165,7 @@ def score(place: files.Campaign) -> Score:
     parts = [tables.compare(place, name) for name in tables.SPECS]
     parts += [curves.ocv(place), curves.circuits(place), curves.soc(place), curves.packs(place)]
     parts += [
+        modes.compare(place),
         verdicts.parameters(place),
         missing.refused_files(place),
         missing.flagged_samples(place),

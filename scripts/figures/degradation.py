@@ -1,0 +1,228 @@
+"""Figures of what ages in cells: dQ/dV over life with its peaks, modes, capacity from peaks."""
+
+import matplotlib
+import numpy as np
+
+from figures import style
+
+MOST_PANELS, MOST_CURVES, MOST_LIVES = 3, 24, 40
+NEXT_CURVE = 0.18  # of the highest dQ/dV, from one charge to the next
+AGED = matplotlib.colormaps["viridis"]
+MODES = {
+    "lli": ("lithium lost", style.SERIES[0]),
+    "lam_negative": ("material lost, negative", style.SERIES[1]),
+    "lam_positive": ("material lost, positive", style.SERIES[3]),
+}
+
+
+def draw_waterfall(charges, tracks):
+    """dQ/dV of a cell's charges over its life, one above the other, with each peak's way.
+
+    `charges` are dicts of test, cycle, c_rate, celsius, voltage_volt (n,), dq_dv (n,); `tracks`
+    rows of stage `ica_tracks`, or peaks without identity, which stay points. One panel a rate and
+    temperature, those with most charges.
+    """
+    conditions = _conditions(charges)
+    figure, axes = style.subplots(1, len(conditions), width=9.5, height=4.6)
+    named = sorted({row["identity"] for row in tracks if row.get("identity")})
+    colours = {name: style.SERIES[k % len(style.SERIES)] for k, name in enumerate(named)}
+    for panel, alike in zip(axes[0], conditions, strict=True):
+        kept = [alike[place] for place in style.evenly_spread(len(alike), MOST_CURVES)]
+        _curves(panel, kept)
+        _ways(panel, kept, tracks, colours)
+        celsius = style.temperature_label(kept[0]["celsius"])
+        panel.set_title(f"{kept[0]['c_rate']:.2g}C, {celsius}")
+    axes[0, 0].set_ylabel("dQ/dV [Ah/V], each charge above the one before")
+    handles = [axes[0, 0].plot([], [], ".-", color=colours[name], label=name)[0] for name in named]
+    if handles:
+        figure.legend(handles=handles, fontsize=7, ncols=6, loc="upper center")
+    return figure
+
+
+def _conditions(charges):
+    """Charges of one rate and temperature each, in order of cycle; those with most charges."""
+    lists = {}
+    for charge in charges:
+        celsius = charge["celsius"]
+        known = celsius is not None and np.isfinite(celsius)
+        # Rates within 12 % are one: steps of a logarithm to the base 1.25.
+        key = round(np.log(charge["c_rate"]) / np.log(1.25)), round(celsius) if known else None
+        lists.setdefault(key, []).append(charge)
+    most = sorted(lists.values(), key=lambda alike: -len(alike))[:MOST_PANELS]
+    return [sorted(alike, key=lambda charge: charge["cycle"]) for alike in most]
+
+
+def _step(charges):
+    return NEXT_CURVE * max(float(np.max(charge["dq_dv"])) for charge in charges)
+
+
+def _curves(panel, charges):
+    """Curves from the first charge (lowest) to the last, each with its cycle."""
+    step, cycles = _step(charges), [charge["cycle"] for charge in charges]
+    span = max(cycles[-1] - cycles[0], 1)
+    for place, charge in enumerate(charges):
+        colour = AGED(0.85 * (charge["cycle"] - cycles[0]) / span)
+        style.plot_thinned(
+            panel,
+            charge["voltage_volt"],
+            charge["dq_dv"] + place * step,
+            points=600,
+            color=colour,
+            linewidth=0.9,
+        )
+        if len(charges) <= 12 or place % 3 == 0:
+            at = charge["voltage_volt"][-1], charge["dq_dv"][-1] + place * step
+            panel.annotate(f" {charge['cycle']:g}", at, fontsize=6, color=colour)
+    panel.set(xlabel="voltage [V], cycle at the right", yticks=[])
+    panel.grid(False)
+
+
+def _ways(panel, charges, tracks, colours):
+    """Places of the peaks on the curves, joined where they are the same peak."""
+    step = _step(charges)
+    row_of = {(charge["test"], charge["cycle"]): k for k, charge in enumerate(charges)}
+    ways = {}
+    for row in tracks:
+        place = row_of.get((row["test"], row["cycle"]))
+        if place is not None and np.isfinite(row["voltage_volt"]):
+            height = row["height_ampere_hour_per_volt"] + place * step
+            point = place, row["voltage_volt"], height, row.get("event") or ""
+            ways.setdefault(row.get("identity") or "", []).append(point)
+    for name, points in ways.items():
+        places, volts, heights, events = zip(*sorted(points), strict=True)
+        shown = {"marker": "o", "ms": 3, "lw": 0.8, "color": colours.get(name, style.INK)}
+        panel.plot(volts, heights, ls="-" if name else "none", **shown)
+        last = max(places)
+        if name and (last < len(charges) - 1 or any("merged" in event for event in events)):
+            panel.plot(volts[-1], heights[-1], "x", color=colours[name], ms=7)
+
+
+def draw_modes(modes):
+    """Degradation modes over cycles: stacked, and each with its 95 % band.
+
+    `modes` are columns of stage `degradation_modes`. Check-ups whose modes cannot be told are
+    marked on the axis.
+    """
+    figure, axes = style.subplots(1, 2, width=9.5, height=3.3)
+    told = modes["identifiable"].astype(bool)
+    order = np.argsort(modes["cycle"])
+    order = order[told[order]]
+    cycle = modes["cycle"][order]
+    stacked = [100 * np.maximum(modes[name][order], 0) for name in MODES]
+    labels, colours = zip(*MODES.values(), strict=True)
+    axes[0, 0].stackplot(cycle, *stacked, labels=labels, colors=colours, alpha=0.55, lw=0)
+    fresh = modes["capacity_ampere_hour"][order][:1]
+    for name, (label, colour) in MODES.items():
+        value, std = 100 * modes[name][order], 100 * modes[f"{name}_std"][order]
+        axes[0, 1].plot(cycle, value, "o-", color=colour, label=label)
+        axes[0, 1].fill_between(
+            cycle, value - 1.96 * std, value + 1.96 * std, color=colour, alpha=0.2, lw=0
+        )
+    if len(fresh):
+        lost = 100 * (1 - modes["capacity_ampere_hour"][order] / fresh[0])
+        axes[0, 1].plot(cycle, lost, "k--", lw=0.9, label="capacity lost")
+    for place in np.flatnonzero(~told):
+        axes[0, 1].plot(modes["cycle"][place], 0, "x", color=style.ERROR, label="not told")
+    axes[0, 0].set(xlabel="cycle", ylabel="share of the fresh cell [%]", title="Modes, stacked")
+    axes[0, 1].set(xlabel="cycle", ylabel="share of the fresh cell [%]", title="With 95 % bands")
+    style.legend_once(axes[0, 0], loc="upper left")
+    style.legend_once(axes[0, 1], loc="upper left")
+    return figure
+
+
+def draw_peak_health(rows, cell):
+    """Capacity estimated from peaks over the measured one, and state of health over cycles.
+
+    `rows` are columns of stage `peak_calibration`: all cells of the type, those of `cell` in
+    colour, the others grey.
+    """
+    figure, axes = style.subplots(1, 2, width=9.5, height=3.6)
+    own = rows["cell"] == cell
+    known = np.isfinite(rows["measured_ampere_hour"]) & np.isfinite(rows["capacity_ampere_hour"])
+    panel = axes[0, 0]
+    panel.plot(*_pair(rows, known & ~own), ".", color=style.QUIET, ms=3, label="cells of the type")
+    rates = _rates(rows["c_rate"][own])
+    for colour, rate in zip(style.SERIES, rates, strict=False):
+        chosen = own & (np.abs(np.log(rows["c_rate"] / rate)) < 0.12)
+        label = f"{cell}, {rate:.2g}C"
+        shown = {"color": colour, "ms": 4, "capsize": 2, "lw": 0.8, "label": label}
+        panel.errorbar(
+            *_pair(rows, known & chosen), yerr=_bars(rows, known & chosen), fmt="o", **shown
+        )
+        at = chosen & np.isfinite(rows["soh"])
+        spread = 100 * np.nan_to_num(rows["soh_std"][at])
+        soh = 100 * rows["soh"][at]
+        axes[0, 1].errorbar(rows["cycle"][at], soh, yerr=1.96 * spread, fmt="o", **shown)
+    _diagonal(panel, np.concatenate(_pair(rows, known)))
+    panel.set(xlabel="measured capacity [Ah]", ylabel="from peaks, check-up left out [Ah]")
+    errors = rows["left_out_error"][known & own]
+    rms = 100 * np.sqrt(np.mean(errors**2)) if len(errors) else np.nan
+    panel.set_title(f"From peaks: {rms:.2g} % RMS" if np.isfinite(rms) else "From peaks")
+    measured = 100 * rows["measured_ampere_hour"][own] / rows["fresh_ampere_hour"][own]
+    order = np.argsort(rows["cycle"][own])
+    line = {"color": style.MEASURED, "lw": 0.9, "label": "measured"}
+    axes[0, 1].plot(rows["cycle"][own][order], measured[order], **line)
+    axes[0, 1].set(xlabel="cycle", ylabel="state of health [%]", title="Over cycles")
+    style.legend_once(panel, loc="upper left")
+    style.legend_once(axes[0, 1], loc="lower left")
+    return figure
+
+
+def _pair(rows, chosen):
+    return rows["measured_ampere_hour"][chosen], rows["capacity_ampere_hour"][chosen]
+
+
+def _bars(rows, chosen):
+    """Lengths of the intervals below and above; none where there is no interval."""
+    size = rows["capacity_ampere_hour"][chosen]
+    ends = [rows[f"capacity_{end}_ampere_hour"][chosen] for end in ("lower", "upper")]
+    return np.nan_to_num([np.maximum(size - ends[0], 0), np.maximum(ends[1] - size, 0)])
+
+
+def _rates(rates):
+    """Rates that differ by more than 12 %, from slow to fast."""
+    found = []
+    for rate in np.sort(rates[np.isfinite(rates)]):
+        if not found or rate > 1.12 * found[-1]:
+            found.append(float(rate))
+    return found
+
+
+def _diagonal(panel, values):
+    if len(values):
+        ends = [float(values.min()), float(values.max())]
+        panel.plot(ends, ends, color=style.INK, lw=0.6, ls=":")
+
+
+def draw_lives(lives):
+    """State of health over cycles of all cells, protocols side by side, with knees.
+
+    `lives` are dicts of cell, protocol ("" where not stated), cycle and soh (n,), knee_cycle, and
+    peaks: (cycle, soh) told by dQ/dV peaks.
+    """
+    if not lives:
+        return style.message("No cell was seen at two cycles of its life.")
+    protocols = sorted({life["protocol"] for life in lives})
+    figure, axes = style.subplots(1, len(protocols), width=9.5, height=3.8, sharey=True)
+    for panel, protocol in zip(axes[0], protocols, strict=True):
+        alike = [life for life in lives if life["protocol"] == protocol]
+        for place in style.evenly_spread(len(alike), MOST_LIVES):
+            _life(panel, alike[place], style.SERIES[place % len(style.SERIES)])
+        panel.axhline(80, color=style.QUIET, lw=0.7, ls="--")
+        panel.set_title(protocol.replace("_", " ") or "protocol not stated")
+        panel.set_xlabel("cycle")
+        style.legend_once(panel, fontsize=7, loc="lower left")
+    axes[0, 0].set_ylabel("state of health [%]")
+    return figure
+
+
+def _life(panel, life, colour):
+    order = np.argsort(life["cycle"])
+    cycle, soh = life["cycle"][order], 100 * life["soh"][order]
+    style.plot_thinned(panel, cycle, soh, points=300, color=colour, label=life["cell"])
+    if np.isfinite(life["knee_cycle"]):
+        at = life["knee_cycle"], np.interp(life["knee_cycle"], cycle, soh)
+        panel.plot(*at, "D", color=colour, ms=6, mfc="none", label="knee")
+    peaks = np.asarray(life["peaks"], float).reshape(-1, 2)
+    if len(peaks):
+        panel.plot(peaks[:, 0], 100 * peaks[:, 1], "+", color=colour, ms=6, label="from peaks")

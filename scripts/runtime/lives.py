@@ -1,0 +1,51 @@
+"""Lives of cells as jobs read them: ageing records with their temperature, what methods found."""
+
+from runtime import artefact, facts
+
+
+def records(cycles_paths, summary_paths, compensated_paths) -> list[tuple]:
+    """(facts of the test, cycles, temperature or None) of each ageing record with content."""
+    found = []
+    triples = zip(cycles_paths, summary_paths, compensated_paths, strict=True)
+    for cycles_path, summary_path, compensated_path in triples:
+        for cycles, about in artefact.load_all([cycles_path]):
+            summary = artefact.load_first([summary_path])
+            compensated = artefact.load_first([compensated_path])
+            temperature = None
+            if summary is not None and compensated is not None:
+                temperature = (artefact.rows(summary)[0], compensated)
+            found.append((facts.of_artefact(about), cycles, temperature))
+    if not found:
+        artefact.load_some(cycles_paths)
+    return found
+
+
+def throughputs(paths) -> list[tuple]:
+    """(cycle, charge discharged up to there) over a cell's life, where it has one."""
+    course = artefact.load_first(paths)
+    if course is None:
+        return []
+    return list(
+        zip(course["cycle"].tolist(), course["throughput_ampere_hour"].tolist(), strict=True)
+    )
+
+
+def found(inputs) -> dict:
+    """What each method found on a cell, as `cw.state_of_health` takes it; the inputs by name."""
+    loaded = {name: artefact.load_first([path]) for name, path in inputs.items()}
+    life, course = loaded.pop("life", None), loaded.pop("course", None)
+    if life is not None:
+        loaded["fade"] = artefact.rows(life)[0], course
+    told = {name: content for name, content in loaded.items() if content is not None}
+    return {name: c if name == "fade" else artefact.rows(c) for name, c in told.items()}
+
+
+def with_sheet(check_ups, sheet) -> list[dict]:
+    """Rows of check-ups beside what config/checkups.tsv says of the same cycle."""
+    quantities = [name for name in (sheet[0] if sheet else {}) if name not in ("cell", "cycle")]
+    by_cycle = {row["cycle"]: row for row in sheet}
+    return [
+        row._asdict()
+        | {f"sheet_{name}": by_cycle.get(row.cycle, {}).get(name) for name in quantities}
+        for row in check_ups
+    ]

@@ -1,0 +1,59 @@
+"""Peaks of dQ/dV of one cell's charges, from artefacts, with what the sheet says of each."""
+
+import math
+
+from cellwright.health.tracking import PeakCharge
+from runtime import artefact
+
+
+def of_check_ups(paths, tests):
+    """Peaks of the charges of tests of kind `ica`, also of those that have none, with the reason.
+
+    Parameters
+    ----------
+    paths : artefacts of stage `ica`. tests : facts of the sheet by "cell/test".
+    """
+    found = []
+    for path in paths:
+        about = artefact.read_about(path)
+        peaks = artefact.load(path) if about["reason"] is None else {}
+        if peaks or "no peaks" in about["reason"]:
+            facts = _facts(about, tests)
+            rate = float(peaks["c_rate"][0]) if peaks else math.nan
+            found.append(_charge(about, facts, facts["cycle"] or 0.0, rate, peaks, about["reason"]))
+    return [charge for charge in found if math.isfinite(charge.c_rate)]
+
+
+def of_lives(paths, tests):
+    """Peaks of the charges of ageing records.
+
+    Parameters
+    ----------
+    paths : artefacts of stage `ica_life`. tests : facts of the sheet by "cell/test".
+    """
+    found = []
+    for peaks, about in artefact.load_all(paths):
+        facts = _facts(about, tests)
+        for cycle in dict.fromkeys(peaks["cycle"].tolist()):
+            own = {name: column[peaks["cycle"] == cycle] for name, column in peaks.items()}
+            reason, rate = str(own["reason"][0]), float(own["c_rate"][0])
+            found.append(_charge(about, facts, cycle, rate, {} if reason else own, reason))
+    return found
+
+
+def _facts(about, tests):
+    """What the sheet says of the test of an artefact."""
+    return tests[f"{about['wildcards']['cell']}/{about['wildcards']['test']}"]
+
+
+def _charge(about, facts, cycle, c_rate, peaks, reason):
+    """One charge with its peaks."""
+    celsius = facts["ambient_temperature_celsius"]
+    return PeakCharge(
+        test=about["wildcards"]["test"],
+        cycle=float(cycle),
+        c_rate=c_rate,
+        celsius=math.nan if celsius is None else float(celsius),
+        peaks=peaks,
+        reason=reason or "",
+    )
