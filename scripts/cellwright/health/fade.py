@@ -303,7 +303,7 @@ def _supported(terms, points):
         ):
             return False
         first = points.share[0]
-        if term.kind == "early" and np.sum(points.share - first < 2 * term.first) < 3:
+        if term.kind == "early" and np.sum(points.share - first < 2 * term.first) < LEAST_CYCLES:
             return False
     return True
 
