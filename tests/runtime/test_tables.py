@@ -75,6 +75,7 @@ COLUMNS = {
     "missing_effect": "cell verdict effect in_one_line",
     "excluded": "cell",
     "health": "cell cycle method soh",
+    "protocols": "type first second",
     "fade": "cell knee_cycle remaining_cycles remaining_lower_cycles remaining_upper_cycles",
 }
 
