@@ -35,6 +35,7 @@ MODULE_OF = {
     "ica_over_temperature": "cellwright.api.laws",
     "ageing_over_temperature": "cellwright.api.laws",
     "degradation_modes": "cellwright.api.degradation",
+    "plateau_losses": "cellwright.api.degradation",
     "basis": "cellwright.api.models",
     "lender": "cellwright.api.models",
     "state_of_charge": "cellwright.api.models",
