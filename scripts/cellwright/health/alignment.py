@@ -270,7 +270,7 @@ def _alignment(curve, fits, residual, errors):
 
 
 def chosen_pair(curves, pairs, *, misfit_volt):
-    """Pair of half cells that fits a cell's curves best, and the others that fit about as well.
+    """Pair of half cells that fits a cell's curves best, and the others that fit.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def chosen_pair(curves, pairs, *, misfit_volt):
 
     Returns
     -------
-    fitting : list of (Pair, rmse_volt), best first, those within 1.5 times the best misfit.
+    fitting : list of (Pair, rmse_volt), best first: all that fit.
 
     Raises
     ------
@@ -298,11 +298,11 @@ def chosen_pair(curves, pairs, *, misfit_volt):
             f"the half cells do not fit: best are {names} with a misfit of {1e3 * best:.0f} mV, "
             f"at most {1e3 * misfit_volt:.0f} mV; is the chemistry right?"
         )
-    return [entry for entry in scored if entry[1] <= 1.5 * best]
+    return [entry for entry in scored if entry[1] <= misfit_volt]
 
 
 def _promising(curve, pairs):
-    """Pairs worth a thorough fit: a quick one comes within three times the best, at most eight."""
+    """Pairs worth a thorough fit: the six of least misfit in a quick one."""
     curve = _without_steep_ends(curve)
     errors = _errors(curve, FIRST_STD_VOLT, 0.0)
     quick = [
@@ -310,4 +310,4 @@ def _promising(curve, pairs):
         for pair in pairs
     ]
     order = np.argsort(quick)
-    return [pairs[row] for row in order[:8] if quick[row] <= 9 * quick[order[0]]]
+    return [pairs[row] for row in order[:6]]

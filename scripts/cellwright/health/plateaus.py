@@ -30,8 +30,8 @@ class Boundaries(NamedTuple):
 class PlateauLoss(NamedTuple):
     """One plateau at one check-up against the first.
 
-    plateau : number from the empty end, from 1. lower_volt, upper_volt : its boundaries at the first
-    check-up [V]; the ends of the curve where it is the first or last. charge_ampere_hour,
+    plateau : number from the empty end, from 1. lower_volt, upper_volt : its boundaries at the
+    first check-up [V]; the ends of the curve where it is the first or last. charge_ampere_hour,
     fresh_ampere_hour : its charge then and at the first check-up [Ah]. loss_ampere_hour : of it,
     with std. share_of_loss : of all that the cell has lost [1]. reason : why it is not known.
     """
@@ -54,8 +54,8 @@ def boundaries(curve, *, prominence=PROMINENCE):
     """Maxima of dV/dQ, which part a slow curve into plateaus.
 
     1. dV/dSoC by a parabola over 4 % of SoC. 2. Maxima that rise above both of their valleys by
-    more than `prominence` of the curve's median steepness, and than its noise. 3. How well each is placed: where the
-    steepness is less than the maximum by the scatter of the voltage in its window.
+    more than `prominence` of the curve's median steepness, and than its noise. 3. How well each is
+    placed: where the steepness is less than the maximum by the scatter of the voltage in its window.
 
     Parameters
     ----------
