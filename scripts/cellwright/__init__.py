@@ -46,6 +46,7 @@ MODULE_OF = {
     "fleet_resistance": "cellwright.api.health",
     "compare_protocols": "cellwright.api.health",
     "degradation_modes": "cellwright.api.degradation",
+    "plateau_losses": "cellwright.api.degradation",
     "basis": "cellwright.api.charge",
     "basis_at": "cellwright.api.charge",
     "lender": "cellwright.api.charge",
