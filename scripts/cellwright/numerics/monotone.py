@@ -20,13 +20,15 @@ import numpy as np
 ORDER = 3  # of the differences that are penalised
 STIFFEST_DECADE, SOFTEST_DECADE = 9.0, -4.0  # of the penalty; the curve's variance sets its scale
 PILOT_BLOCKS = 256
-LOCAL_ROUNDS = 2
+LOCAL_ROUNDS = 3
 LOCAL_CELLS = 8.0  # within which the curve bends about alike
 STRETCH_CELLS = 3.0
-CHANGE_CELLS = 4.0
+CHANGE_CELLS = 3.0
 STEPS, FIRST_STEPS, WORSE_DECADES = 5, 15, 2
 RELATIVE_CHANGE = 1e-3
 LEAST_READINGS = 12
+MOST_RANGE = 14.0  # of the logarithms of the steps, which double precision bears
+ROUNDING = 1e-12
 
 
 class RisingCurve(NamedTuple):
@@ -53,7 +55,7 @@ def rising_curve(x, y, weight, *, cells):
 
     1. Cells of an abscissa that gives flat and steep parts their share, fitted from the stiffest
     penalty down. 2. Cells that give every change of the logarithmic slope its share too. 3. The
-    penalty of each difference is divided by its expected square near there, twice.
+    penalty of each difference is divided by its expected square near there, three times.
 
     Parameters
     ----------
@@ -275,6 +277,7 @@ def _fitted(problem, decade, logs, most):
         change = np.diff(cho_solve_banded((factor, True), right)) / steps - 1
         # At once a step falls at most to a third and grows at most fourfold: it stays above 0.
         logs = logs + np.where(change < 0, np.maximum(change, -1), np.log1p(np.clip(change, 0, 3)))
+        logs = np.maximum(logs, logs.max() - MOST_RANGE)
         base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
         if np.abs(change).max() < RELATIVE_CHANGE:
             break
@@ -300,6 +303,7 @@ def _factor(normal, rows, strength):
     for k in range(ORDER + 2):
         for d in range(ORDER + 2 - k):
             whole[d, k : k + count] += strength * rows[k] * rows[k + d]
+    whole[0] *= 1 + ROUNDING
     return cholesky_banded(whole, lower=True)
 
 
