@@ -23,7 +23,7 @@ PILOT_BLOCKS = 256
 LOCAL_ROUNDS = 3
 LOCAL_CELLS = 8.0  # within which the curve bends about alike
 STRETCH_CELLS = 3.0
-CHANGE_CELLS = 3.0
+CHANGE_CELLS, SCALE_CELLS = 3.0, 8.0
 STEPS, FIRST_STEPS, WORSE_DECADES = 5, 15, 2
 RELATIVE_CHANGE = 1e-3
 LEAST_READINGS = 12
@@ -115,11 +115,21 @@ def _stretch_by_slope(curve):
     place = np.linspace(0, cells, cells + 1)
     x = x_at(curve, place)
     y, slope, bend = values(curve, place)
-    # Mean squares over some cells: a dip where the slope is extreme would itself look like a peak.
-    change = np.sqrt(_smoothed((bend / slope) ** 2, CHANGE_CELLS))
+    change = _change(x, bend / slope)
     varied = np.sum((change[1:] + change[:-1]) / 2 * np.diff(x))
     density = 1 / (x[-1] - x[0]) + slope / (y[-1] - y[0]) + change / max(varied, 1e-12)
     return _cumulative(x, density, STRETCH_CELLS)
+
+
+def _change(x, rate):
+    """Rate of change of the logarithmic slope (n,), as its envelope rather than its value.
+
+    Where the slope is extreme the rate is zero and its own change is largest; a dip of the envelope
+    there would crowd out cells and look like a peak itself. Of a sine both together are constant.
+    """
+    square, bent = rate**2, np.gradient(rate, x) ** 2
+    scale = _smoothed(square, SCALE_CELLS) / np.maximum(_smoothed(bent, SCALE_CELLS), 1e-300)
+    return np.sqrt(_smoothed(square + scale * bent, CHANGE_CELLS))
 
 
 def _cumulative(x, density, width):
