@@ -22,6 +22,7 @@ LEAST_READINGS = 4  # within the width of a peak: two on each flank tell it from
 POINTS_PER_CELL = 10
 MOST_POINTS = 20_000
 STD_POINTS = 400
+SIDE_POINTS = 16
 # Of the charge: what lies nearer to an end is judged by readings of one side alone.
 END_SHARE = 0.002
 QUANTILE = 1.959964
@@ -126,9 +127,12 @@ def slope_peaks(slope, *, prominence):
     peaks : Peaks.
     """
     height = 1 / slope.dv_dq_volt_per_ampere_hour
-    tops, bases = _resolved_tops(slope, height, prominence)
-    edges = _valleys(height, tops)
-    rows = [_described(slope, top, edges[k], edges[k + 1], bases[k]) for k, top in enumerate(tops)]
+    tops, bases, feet = _resolved_tops(slope, height, prominence)
+    sure = [k for k, top in enumerate(tops) if _stands_out(slope, top, *feet[k])]
+    edges = _valleys(height, tops[sure])
+    rows = [
+        _described(slope, tops[k], edges[n], edges[n + 1], bases[k]) for n, k in enumerate(sure)
+    ]
     kept = [row for row in rows if row is not None]
     columns = np.array(kept, float).reshape(len(kept), len(Peaks._fields))
     return Peaks(*columns.T)
@@ -149,7 +153,23 @@ def _resolved_tops(slope, height, prominence):
     resolved = wide >= LEAST_READINGS * slope.reading_ampere_hour
     highest = height[tops[resolved]].max(initial=max(height[0], height[-1]))
     kept = resolved & (found["prominences"] >= prominence * highest)
-    return tops[kept], (height[tops] - found["prominences"])[kept]
+    feet = np.column_stack([found["left_bases"], found["right_bases"]])
+    return tops[kept], (height[tops] - found["prominences"])[kept], feet[kept]
+
+
+def _stands_out(slope, top, *feet):
+    """Whether the slope at a peak is less than on either side by more than its noise allows.
+
+    The sides reach to the lowest points before the next higher peak.
+    """
+    surest = []
+    for foot in feet:
+        rows = np.unique(np.linspace(top, foot, SIDE_POINTS).astype(int))
+        rates = monotone.gradients(slope.fit, slope.place[np.append(rows, top)], 1)
+        std = monotone.standard_deviations(slope.fit, rates[:-1] - rates[-1])
+        rise = slope.dv_dq_volt_per_ampere_hour[rows] - slope.dv_dq_volt_per_ampere_hour[top]
+        surest.append(np.max(rise / np.maximum(std, 1e-12)))
+    return min(surest) > ONE_SIDED
 
 
 def _valleys(height, tops):
@@ -180,9 +200,7 @@ def _described(slope, top, lower, upper, base):
     functions = np.array([position, tall, ends[1] - ends[0] + 0 * tall, wide])
     spread = monotone.covariance(fit, functions)
     std = np.sqrt(np.diag(spread))
-    rises = steep[[lower, upper]] - steep[top]
-    rise_std = monotone.standard_deviations(fit, first[1:3] - first[0])
-    if std[1] > FLAT * height[top] or np.any(rises < ONE_SIDED * rise_std):
+    if std[1] > FLAT * height[top]:
         return None
     charge, volt = slope.charge_ampere_hour, slope.voltage_volt
     reach_std = (reach[1] - reach[0]) / (2 * QUANTILE)
