@@ -9,7 +9,7 @@ with artefact.Job(snakemake, output.cycles) as counting:
     facts_of_test, course = facts.of_job(snakemake)[0], artefact.load_first(inputs.course)
     found = cw.ageing_cycles(*record, facts_of_test, params.cell, course)
     counting.note(*found.notes)
-    counting.save(found.rows)
+    counting.save(found.rows, left_out=list(found.left_out))
 with artefact.Job(snakemake, *output[1:], after=counting) as job:
     test = {"test": snakemake.wildcards.test, "kind": "ageing"}
     found = cw.ageing_over_temperature(job.load(output.cycles), test, params.settings)

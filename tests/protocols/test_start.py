@@ -73,8 +73,9 @@ def test_discharges_count_though_most_charges_were_not_logged():
     assert ageing.rows.cycle[found].tolist() == list(range(1, 13))
     true = whole.rows.capacity_ampere_hour[whole.rows.direction == "discharge"]
     assert ageing.rows.capacity_ampere_hour[found] == pytest.approx(true, rel=2e-3)
-    assert "9 of 12 discharges counted by their rest" in ageing.left_out[0]
-    assert "as before cycles that start full" in ageing.left_out[0]
+    assert "9 of 12 discharges counted by their rest" in ageing.by_rest[0]
+    assert "as before cycles that start full" in ageing.by_rest[0]
+    assert not ageing.left_out
 
 
 def test_what_a_start_may_lack_is_its_uncertainty():

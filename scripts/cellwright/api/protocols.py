@@ -447,7 +447,8 @@ def ageing_cycles(series, steps, test, cell, course=None):
 
     Returns
     -------
-    cycles : Table; rows: `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C].
+    cycles : Cycles; rows: `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out:
+        for each reason how many half cycles were left out, and which.
 
     Raises
     ------
@@ -467,4 +468,5 @@ def ageing_cycles(series, steps, test, cell, course=None):
         upper_cutoff_volt=facts.upper_cutoff_volt,
         state_before=_state_before(course, test),
     )
-    return results.Table(complete.rows, tuple(complete.left_out))
+    left_out = tuple(complete.left_out)
+    return results.Cycles(complete.rows, (*left_out, *complete.by_rest), left_out)

@@ -46,10 +46,12 @@ class AgeingCycles(NamedTuple):
 
 
 class Ageing(NamedTuple):
-    """Complete half cycles; for each reason to leave some out a sentence with their number."""
+    """Complete half cycles; for each reason to leave some out a sentence with their number and
+    cycles; the same for each reason to count some by their rest."""
 
     rows: AgeingCycles
     left_out: tuple
+    by_rest: tuple
 
 
 class _Half(NamedTuple):
@@ -118,7 +120,7 @@ def ageing_cycles(
         series["current_ampere"], series["charge_ampere_hour"]
     )
     halves = _halves(series, steps, rated, (lower_cutoff_volt, upper_cutoff_volt), state_before)
-    left_out = _left_out(halves, first_cycle)
+    left_out, by_rest = (_by_reason(halves, first_cycle, faulty=faulty) for faulty in (True, False))
     rows = [
         (first_cycle + half.number, *_numbers(half, before, series, rated))
         for before, half in zip([None, *halves], halves, strict=False)
@@ -126,7 +128,8 @@ def ageing_cycles(
     ]
     if not rows:
         raise Refusal(f"no complete cycle: {'; '.join(left_out) or 'no half cycle is in it'}")
-    return Ageing(AgeingCycles(*[np.array(column) for column in zip(*rows, strict=True)]), left_out)
+    table = AgeingCycles(*[np.array(column) for column in zip(*rows, strict=True)])
+    return Ageing(table, left_out, by_rest)
 
 
 def _halves(series, steps, rated, limits, state_before):
@@ -184,25 +187,27 @@ def _start_by_rest(half, earlier, columns, limits, known):
 EXAMPLES = 5
 
 
-def _left_out(halves, first_cycle):
+def _by_reason(halves, first_cycle, *, faulty):
     """A sentence for each reason and direction: how many half cycles, of how many, and which."""
     reasons, numbered = {}, Counter(half.sign for half in halves)
     for half in halves:
-        words = half.fault or half.start.words
-        kind = (half.sign, bool(half.fault), re.sub(r"-?\d[\d.]*", "#", words))
+        words = half.fault if faulty else not half.fault and half.start.words
+        kind = (half.sign, re.sub(r"-?\d[\d.]*", "#", words or ""))
         if words:
             reasons.setdefault(kind, []).append((first_cycle + half.number, words))
-    return tuple(_sentence(kind, members, numbered[kind[0]]) for kind, members in reasons.items())
+    done = "left out" if faulty else "counted by their rest"
+    return tuple(
+        _sentence(f"of {numbered[sign]} {NAMES[sign]}s {done}", members)
+        for (sign, _), members in reasons.items()
+    )
 
 
-def _sentence(kind, members, total):
-    """One reason in words: its kind (sign, left out, …), its (cycle, words), of how many."""
-    done = "left out" if kind[1] else "counted by their rest"
+def _sentence(of_all, members):
+    """One reason in words, from the (cycle, words) of its half cycles."""
     named = ", ".join(f"{cycle:g}" for cycle, _ in members[:EXAMPLES])
     named += " …" if len(members) > EXAMPLES else ""
     cycle, words = members[0]
-    count = f"{len(members)} of {total} {NAMES[kind[0]]}s"
-    return f"{count} {done} (cycles {named}): cycle {cycle:g}: {words}"
+    return f"{len(members)} {of_all} (cycles {named}): cycle {cycle:g}: {words}"
 
 
 def _end(voltage, steps, sign, loads, limits):

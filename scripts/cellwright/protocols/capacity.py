@@ -186,6 +186,8 @@ def _start(record, half, load, ended, state_before):
         return Start()
     if ended is None and state_before == ENDS[sign]:
         return Start()
+    if load == 0 and sign < 0 and state_before == "empty":
+        return Start("it does not start full: the test before it left the cell empty")
     if load == 0:
         unknown = "the record begins with it, from an unknown state of charge"
         return Start() if sign < 0 else Start(unknown)

@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.records.facts import SAME_CHECKUP_CYCLES
 from cellwright.refusal import Refusal
 
 REST_C_RATE = 0.004
 START_C_RATE = 0.02  # of one row: its noise, or a leak that moves the voltage by a millivolt
 WHOLE_SWING = 0.9  # of the capacity: a record that moves so much has its place on the scale
 SLOW_C_RATE = 1.1 / 15  # a slow test: C/15 by a rating that the cell need not have
-SAME_CHECKUP_CYCLES = 5.0  # tests so near in cycles see a cell of one age
 CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
 
 

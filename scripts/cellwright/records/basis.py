@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import SAME_CHECKUP_CYCLES, Anchored, soc_series, telling_capacity
+from cellwright.records.anchor import Anchored, soc_series, telling_capacity
+from cellwright.records.facts import SAME_CHECKUP_CYCLES
 from cellwright.refusal import Refusal
 
 REFERENCE_CELSIUS = 25.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.records.anchor import SAME_CHECKUP_CYCLES, telling_capacity
+from cellwright.records.anchor import telling_capacity
 from cellwright.records.basis import (
     basis,
     first_choice,
@@ -10,6 +10,7 @@ from cellwright.records.basis import (
     same_temperature,
     slow_capacity,
 )
+from cellwright.records.facts import SAME_CHECKUP_CYCLES
 
 
 def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **limits):
@@ -64,7 +65,6 @@ def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **l
     return content | {"checkups": checkups}
 
 
-# ASSUME: Tests within 5 cycles of each other see a cell of one age.
 def _checkup_cycles(rows):
     """First cycle of each check-up, ascending."""
     first = []
