@@ -210,6 +210,31 @@ def test_one_line_for_both_models():
         "its model lacks something without a name, 1.9 mV near full"
     )
     assert one_line(verdict("unknown")) == "shows something without a name, 1.9 mV"
+    bent = own | {"as_given_rmse_volt": {"fit": 2e-3, "validation": 1.2e-3}}
+    assert one_line(verdict("none"), bent).endswith("without a name, 1.2 mV near full")
+
+
+def test_one_line_tells_of_the_users_simulator_last():
+    lacking = verdict("named", effects=[step("self_heating")])
+    line = one_line(verdict("none"), verdict("none"), lacking)
+    assert line.endswith(" mV; your simulation lacks self-heating")
+    assert one_line(verdict("none"), None, lacking).count(";") == 1
+
+
+@pytest.mark.parametrize(
+    ("base", "opening"),
+    [
+        ("plain", "Shows self-heating"),
+        ("own", "The model in use lacks self-heating"),
+        ("external", "Your model lacks self-heating"),
+    ],
+)
+def test_a_paragraph_begins_with_whose_lack_it_is(base, opening):
+    named = verdict("named", effects=[step("self_heating")], base=base)
+    given = {"as_given_rmse_volt": {"fit": 4e-3, "validation": 1e-3}} if base != "plain" else {}
+    text = paragraph(named | given, LIBRARY)
+    assert text.startswith(opening)
+    assert ("freed to follow the records fitted, by more on the others" in text) == bool(given)
 
 
 def test_places_in_words():
