@@ -86,6 +86,8 @@ def figures_of_laws(cell):
     if cell in COLD_PEAKS:
         names = {"matches": "ica_temperature", "peaks": "ica_temperature_peaks"}
         yield figure("ica_temperature", **of_cell(cell, curves="ica_temperature_curve", **names))
+    if cell in AGED_SLOWLY:
+        yield figure("degradation_modes", **of_cell(cell, modes="degradation_modes"))
     if tests(cell, "fast_charge"):
         stages = {"series": "clean", "steps": "segment", "numbers": "fast_charge"}
         parts = {name: artefacts(stage, cell, "fast_charge") for name, stage in stages.items()}

@@ -9,7 +9,7 @@ from cellwright.protocols.ocv.slow import legs_of, slow_ocv
 from cellwright.refusal import Refusal
 
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
-SAME_RATE = 1.12  # currents this near are one
+SAME_RATE = 1.25  # currents this near are one; one protocol may follow the capacity as it falls
 GROWN = 0.01  # of the capacity: by less than this a cell may gain from lithium of the overhang
 
 
@@ -123,7 +123,7 @@ def check_ups(curves):
     """
     protocols = []
     for curve in sorted(curves, key=lambda one: one.cycle):
-        like = [group for group in protocols if alike(group[0], curve)]
+        like = [group for group in protocols if alike(group[-1], curve)]
         like[0].append(curve) if like else protocols.append([curve])
     if not protocols:
         return [], []
@@ -142,7 +142,7 @@ def check_ups(curves):
 
 
 def alike(first, second):
-    """Whether two curves were made by one protocol: branches, current within 12 %, within 3 K.
+    """Whether two curves were made by one protocol: branches, current within 25 %, within 3 K.
 
     Parameters
     ----------
