@@ -40,6 +40,17 @@ def test_another_temperature_is_left_out_and_named():
     assert "at 5 °C" in left_out[0]
 
 
+def test_an_aged_curve_without_its_cycle_is_asked_about():
+    """A blank cycle means fresh: two curves of one cycle that differ by 20 % cannot both be."""
+    lost = made(0.0, test="late")._replace(capacity_ampere_hour=1.6)
+    chosen, left_out = check_ups([made(0.0), lost, made(100.0)])
+    assert [curve.test for curve in chosen] == ["slow_0", "slow_100"]
+    assert left_out == [
+        "late: a second curve at cycle 0, whose capacity is -20.0 % off slow_0; is its cycle "
+        "missing in tests.tsv?"
+    ]
+
+
 def test_one_check_up_is_refused_with_what_was_found():
     with pytest.raises(Refusal, match=r"C1: .*slow_0 at cycle 0.* column `cycle`"):
         need_two([made(0.0)], "C1")

@@ -138,7 +138,20 @@ def check_ups(curves):
         for curve in curves
         if curve.cycle not in chosen
     ]
-    return list(chosen.values()), left_out
+    seconds = [curve for curve in best if curve is not chosen[curve.cycle]]
+    left_out += [_second(curve, chosen[curve.cycle]) for curve in seconds]
+    return list(chosen.values()), [words for words in left_out if words]
+
+
+def _second(curve, counted):
+    """A sentence on a further curve of one cycle whose capacity is not that of the one counted."""
+    share = curve.capacity_ampere_hour / counted.capacity_ampere_hour - 1
+    if abs(share) <= GROWN:
+        return ""
+    return (
+        f"{curve.test}: a second curve at cycle {curve.cycle:g}, whose capacity is "
+        f"{100 * share:+.1f} % off {counted.test}; is its cycle missing in tests.tsv?"
+    )
 
 
 def alike(first, second):
