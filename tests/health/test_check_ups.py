@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from half_cell_lives import SOC, curve_of
 
+import cellwright as cw
 from cellwright.health.check_ups import check_ups, growth, need_two, slow_curve
-from cellwright.records.facts import TestFacts
 from cellwright.refusal import Refusal
 
 VOLT = 3.0 + SOC
@@ -80,7 +80,7 @@ def record(rate, *, charge_only=False):
 
 
 def test_faster_branches_count_where_both_are_there():
-    test = TestFacts("ica", "ica", 25.0, 100.0)
+    test = cw.TestFacts("ica", "ica", 25.0, 100.0)
     hours = {"least_hour": 8.0, "mean_hour": 1.2}
     curve = slow_curve(record(0.5), test, cell="C1", **hours, **LIMITS)
     assert curve.branches == "both"
@@ -90,7 +90,7 @@ def test_faster_branches_count_where_both_are_there():
 
 
 def test_a_fast_charge_alone_is_refused():
-    test = TestFacts("ica", "ica", 25.0, 100.0)
+    test = cw.TestFacts("ica", "ica", 25.0, 100.0)
     with pytest.raises(Refusal):
         slow_curve(
             record(0.5, charge_only=True), test, cell="C1", least_hour=8.0, mean_hour=1.2, **LIMITS
