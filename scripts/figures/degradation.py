@@ -98,36 +98,44 @@ def _ways(panel, charges, tracks, colours):
 
 
 def draw_modes(modes):
-    """Degradation modes over cycles: stacked, and each with its 95 % band.
+    """Degradation modes of a cell over its check-ups: stacked, and each with its 95 % band.
 
-    `modes` are columns of stage `degradation_modes`. Check-ups whose modes cannot be told are
-    marked on the axis.
+    `modes` are columns of stage `degradation_modes`. A mode that is not identifiable at a check-up
+    is left out of the stack there, and a hollow point has its value from that check-up alone.
     """
     figure, axes = style.subplots(1, 2, width=9.5, height=3.3)
-    told = modes["identifiable"].astype(bool)
     order = np.argsort(modes["cycle"])
-    order = order[told[order]]
-    cycle = modes["cycle"][order]
-    stacked = [100 * np.maximum(modes[name][order], 0) for name in MODES]
+    columns = {name: np.asarray(modes[name], float)[order] for name in _drawn_columns()}
+    cycle = columns["cycle"]
+    stacked = [100 * np.maximum(np.nan_to_num(columns[name]), 0.0) for name in MODES]
     labels, colours = zip(*MODES.values(), strict=True)
     axes[0, 0].stackplot(cycle, *stacked, labels=labels, colors=colours, alpha=0.55, lw=0)
-    fresh = modes["capacity_ampere_hour"][order][:1]
     for name, (label, colour) in MODES.items():
-        value, std = 100 * modes[name][order], 100 * modes[f"{name}_std"][order]
-        axes[0, 1].plot(cycle, value, "o-", color=colour, label=label)
-        axes[0, 1].fill_between(
-            cycle, value - 1.96 * std, value + 1.96 * std, color=colour, alpha=0.2, lw=0
-        )
-    if len(fresh):
-        lost = 100 * (1 - modes["capacity_ampere_hour"][order] / fresh[0])
-        axes[0, 1].plot(cycle, lost, "k--", lw=0.9, label="capacity lost")
-    for place in np.flatnonzero(~told):
-        axes[0, 1].plot(modes["cycle"][place], 0, "x", color=style.ERROR, label="not told")
+        _band(axes[0, 1], columns, name, {"label": label, "color": colour})
+    lost = 100 * (1 - columns["capacity_ampere_hour"] / columns["capacity_ampere_hour"][0])
+    axes[0, 1].plot(cycle, lost, "k--", lw=0.9, label="capacity lost")
     axes[0, 0].set(xlabel="cycle", ylabel="share of the fresh cell [%]", title="Modes, stacked")
     axes[0, 1].set(xlabel="cycle", ylabel="share of the fresh cell [%]", title="With 95 % bands")
-    style.legend_once(axes[0, 0], loc="upper left")
-    style.legend_once(axes[0, 1], loc="upper left")
+    for panel in axes[0]:
+        style.legend_once(panel, loc="upper left")
     return figure
+
+
+def _drawn_columns():
+    names = [f"{name}{end}" for name in MODES for end in ("", "_std", "_single")]
+    return ["cycle", "capacity_ampere_hour", *names]
+
+
+def _band(panel, columns, name, shown):
+    """One mode with its band; hollow points where only the check-up's own estimate is there."""
+    cycle, value, std = columns["cycle"], 100 * columns[name], 100 * columns[f"{name}_std"]
+    told = np.isfinite(value)
+    panel.plot(cycle[told], value[told], "o-", **shown)
+    limits = (value - 1.96 * std)[told], (value + 1.96 * std)[told]
+    panel.fill_between(cycle[told], *limits, color=shown["color"], alpha=0.2, lw=0)
+    alone = 100 * columns[f"{name}_single"][~told]
+    hollow = {"markerfacecolor": "white", "label": "not identifiable", "color": shown["color"]}
+    panel.plot(cycle[~told], alone, "o", **hollow)
 
 
 def draw_peak_health(rows, cell):

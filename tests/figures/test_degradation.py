@@ -46,11 +46,12 @@ def test_the_waterfall_has_a_panel_for_each_rate_and_temperature():
 def modes(told):
     cycle = np.array([0.0, 100.0, 200.0])
     shares = {"lli": 0.05, "lam_negative": 0.02, "lam_positive": 0.03}
-    columns = {name: share * cycle / 200 for name, share in shares.items()}
-    columns |= {f"{name}_std": np.full(3, 0.004) for name in shares}
-    capacity = np.array([20.0, 19.4, 18.8])
-    known = np.array(told)
-    return columns | {"cycle": cycle, "capacity_ampere_hour": capacity, "identifiable": known}
+    columns = {}
+    for name, share in shares.items():
+        columns[name] = np.where(told, share * cycle / 200, np.nan)
+        columns[f"{name}_std"] = np.where(told, 0.004, np.nan)
+        columns[f"{name}_single"] = share * cycle / 200
+    return columns | {"cycle": cycle, "capacity_ampere_hour": np.array([20.0, 19.4, 18.8])}
 
 
 def test_modes_add_up_and_have_bands():
@@ -63,10 +64,11 @@ def test_modes_add_up_and_have_bands():
     assert lost.get_ydata()[-1] == pytest.approx(6.0)
 
 
-def test_modes_that_cannot_be_told_are_marked_not_drawn():
+def test_a_mode_that_is_not_identifiable_is_a_hollow_point():
     _, banded = degradation.draw_modes(modes([True, True, False])).axes
-    assert lines(banded, "o")[0].get_xdata().tolist() == [0.0, 100.0]
-    assert lines(banded, "x")[0].get_xdata().tolist() == [200.0]
+    hollow = [one for one in banded.lines if one.get_markerfacecolor() == "white"]
+    assert [one.get_xdata().tolist() for one in hollow] == [[200.0]] * 3
+    assert [one.get_ydata().tolist() for one in hollow] == [[5.0], [2.0], [3.0]]
 
 
 def peak_rows():

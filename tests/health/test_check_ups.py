@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from half_cell_lives import SOC, curve_of
 
+import cellwright as cw
 from cellwright.health.check_ups import check_ups, growth, need_two, slow_curve
-from cellwright.records.facts import TestFacts
 from cellwright.refusal import Refusal
 
 VOLT = 3.0 + SOC
@@ -40,6 +40,17 @@ def test_another_temperature_is_left_out_and_named():
     assert "at 5 °C" in left_out[0]
 
 
+def test_an_aged_curve_without_its_cycle_is_asked_about():
+    """A blank cycle means fresh: two curves of one cycle that differ by 20 % cannot both be."""
+    lost = made(0.0, test="late")._replace(capacity_ampere_hour=1.6)
+    chosen, left_out = check_ups([made(0.0), lost, made(100.0)])
+    assert [curve.test for curve in chosen] == ["slow_0", "slow_100"]
+    assert left_out == [
+        "late: a second curve at cycle 0, whose capacity is -20.0 % off slow_0; is its cycle "
+        "missing in tests.tsv?"
+    ]
+
+
 def test_one_check_up_is_refused_with_what_was_found():
     with pytest.raises(Refusal, match=r"C1: .*slow_0 at cycle 0.* column `cycle`"):
         need_two([made(0.0)], "C1")
@@ -69,7 +80,7 @@ def record(rate, *, charge_only=False):
 
 
 def test_faster_branches_count_where_both_are_there():
-    test = TestFacts("ica", "ica", 25.0, 100.0)
+    test = cw.TestFacts("ica", "ica", 25.0, 100.0)
     hours = {"least_hour": 8.0, "mean_hour": 1.2}
     curve = slow_curve(record(0.5), test, cell="C1", **hours, **LIMITS)
     assert curve.branches == "both"
@@ -79,7 +90,7 @@ def test_faster_branches_count_where_both_are_there():
 
 
 def test_a_fast_charge_alone_is_refused():
-    test = TestFacts("ica", "ica", 25.0, 100.0)
+    test = cw.TestFacts("ica", "ica", 25.0, 100.0)
     with pytest.raises(Refusal):
         slow_curve(
             record(0.5, charge_only=True), test, cell="C1", least_hour=8.0, mean_hour=1.2, **LIMITS

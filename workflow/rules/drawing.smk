@@ -112,7 +112,7 @@ def figures_of_health(cell):
         facts = {"tests": facts_of_tests_of([cell])}
         tracks = f"results/ica_tracks/{cell}.parquet"
         yield figure("waterfall", settings=facts, tracks=tracks, **paths)
-    if cell in DEGRADED:
+    if cell in AGED_SLOWLY:
         yield figure("degradation_modes", **of_cell(cell, modes="degradation_modes"))
     if cell in FIRST_OF_TYPE:
         calibration = f"results/peak_calibration/{FIRST_OF_TYPE[cell]}.parquet"

@@ -21,6 +21,7 @@ BUILD_UP_SOC = 0.04  # over which polarisation and hysteresis build up as the cu
 # Beside a minimum in which one electrode ends the discharge may lie one in which the other does.
 MOVED = np.zeros((5, 6))
 MOVED[1:, 0], MOVED[1:, 2] = (-0.003, 0.02, 0.0, 0.0), (-0.02, 0.0, -0.06, 0.02)
+QUICK_STEPS = 12  # of a fit that only tells which half cells are worth a thorough one
 HOPELESS = 8.0  # half of chi-square above the best minimum
 STEPS = np.array([0.01, 0.02, 0.02, 0.02, 0.005, 0.002])  # typical changes of the limits
 
@@ -138,7 +139,7 @@ def _minima(curve, pair, starts, errors):
     return kept
 
 
-def _fits(curve, pair, starts, errors):
+def _fits(curve, pair, starts, errors, *, most_steps=100):
     """Least squares from each start."""
     low, high = _bounds(pair)
     return [
@@ -148,7 +149,9 @@ def _fits(curve, pair, starts, errors):
             bounds=(low, high),
             x_scale=STEPS,
             args=(curve, pair, errors),
-            max_nfev=100,
+            max_nfev=most_steps,
+            ftol=1e-6,
+            xtol=1e-6,
         )
         for start in starts
     ]
@@ -306,8 +309,9 @@ def _promising(curve, pairs):
     curve = _without_steep_ends(curve)
     errors = _errors(curve, FIRST_STD_VOLT, 0.0)
     quick = [
-        min(fit.cost for fit in _fits(curve, pair, _search(curve, pair, best=2), errors))
+        min(fit.cost for fit in _fits(curve, pair, starts, errors, most_steps=QUICK_STEPS))
         for pair in pairs
+        for starts in [_search(curve, pair, best=2)]
     ]
     order = np.argsort(quick)
     return [pairs[row] for row in order[:6]]

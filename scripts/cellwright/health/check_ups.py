@@ -9,7 +9,7 @@ from cellwright.protocols.ocv.slow import legs_of, slow_ocv
 from cellwright.refusal import Refusal
 
 SAME_CELSIUS = 3.0  # chamber temperatures this near are one
-SAME_RATE = 1.12  # currents this near are one
+SAME_RATE = 1.25  # currents this near are one; one protocol may follow the capacity as it falls
 GROWN = 0.01  # of the capacity: by less than this a cell may gain from lithium of the overhang
 
 
@@ -123,7 +123,7 @@ def check_ups(curves):
     """
     protocols = []
     for curve in sorted(curves, key=lambda one: one.cycle):
-        like = [group for group in protocols if alike(group[0], curve)]
+        like = [group for group in protocols if alike(group[-1], curve)]
         like[0].append(curve) if like else protocols.append([curve])
     if not protocols:
         return [], []
@@ -138,11 +138,24 @@ def check_ups(curves):
         for curve in curves
         if curve.cycle not in chosen
     ]
-    return list(chosen.values()), left_out
+    seconds = [curve for curve in best if curve is not chosen[curve.cycle]]
+    left_out += [_second(curve, chosen[curve.cycle]) for curve in seconds]
+    return list(chosen.values()), [words for words in left_out if words]
+
+
+def _second(curve, counted):
+    """A sentence on a further curve of one cycle whose capacity is not that of the one counted."""
+    share = curve.capacity_ampere_hour / counted.capacity_ampere_hour - 1
+    if abs(share) <= GROWN:
+        return ""
+    return (
+        f"{curve.test}: a second curve at cycle {curve.cycle:g}, whose capacity is "
+        f"{100 * share:+.1f} % off {counted.test}; is its cycle missing in tests.tsv?"
+    )
 
 
 def alike(first, second):
-    """Whether two curves were made by one protocol: branches, current within 12 %, within 3 K.
+    """Whether two curves were made by one protocol: branches, current within 25 %, within 3 K.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ def boundaries(curve, *, prominence=PROMINENCE):
 
     1. dV/dSoC by a parabola over 4 % of SoC. 2. Maxima that rise above both of their valleys by
     more than `prominence` of the curve's median steepness, and than its noise. 3. How well each is
-    placed: where the steepness is less than the maximum by the scatter of the voltage in its window.
+    placed: where the steepness falls short of the maximum by its noise.
 
     Parameters
     ----------
