@@ -36,13 +36,19 @@ def throughputs(paths) -> list[tuple]:
 
 
 def found(inputs) -> dict:
-    """What each method found on a cell, as `cw.state_of_health` takes it; the inputs by name."""
+    """What each method found on a cell, as `cw.state_of_health` takes it; the inputs by name.
+
+    Raises
+    ------
+    Passed
+        With the first reason, where no method found anything.
+    """
     loaded = {name: artefact.load_first([path]) for name, path in inputs.items()}
+    if all(content is None for content in loaded.values()):
+        artefact.load(next(iter(dict(inputs.items()).values())))
     life, course = loaded.pop("life", None), loaded.pop("course", None)
-    if life is not None:
-        loaded["fade"] = artefact.rows(life)[0], course
-    told = {name: content for name, content in loaded.items() if content is not None}
-    return {name: c if name == "fade" else artefact.rows(c) for name, c in told.items()}
+    told = {name: artefact.rows(content) for name, content in loaded.items() if content is not None}
+    return told if life is None else told | {"fade": (artefact.rows(life)[0], course)}
 
 
 def with_sheet(check_ups, sheet) -> list[dict]:
