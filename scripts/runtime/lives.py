@@ -1,6 +1,6 @@
 """Lives of cells as jobs read them: ageing records with their temperature, what methods found."""
 
-from runtime import artefact, facts
+from runtime import artefact, facts, tables
 
 
 def records(cycles_paths, summary_paths, compensated_paths) -> list[tuple]:
@@ -23,6 +23,20 @@ def _temperature(summary_path, compensated_path):
         return None
     (summary, _), (compensated, _) = told
     return artefact.rows(summary)[0], compensated
+
+
+def check_up_rows(paths, tests) -> list[list[dict]]:
+    """Rows of the capacities and of the resistances of a cell, two lists of paths.
+
+    Raises
+    ------
+    Passed
+        With the first reason, where all were refused.
+    """
+    found = [tables.rows_of(part, tests) for part in paths]
+    if not any(found):
+        artefact.load_some([path for part in paths for path in part])
+    return found
 
 
 def throughputs(paths) -> list[tuple]:
