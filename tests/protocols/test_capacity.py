@@ -120,7 +120,7 @@ def test_capacity_scales_with_the_cell(size):
             (-1.0,),
             0.6,
             {},
-            "does not start full .*: a rest voltage of 3.600 V may lack 65% of its charge",
+            "does not start full .* a rest voltage of 3.600 V it may lack 65% of its charge",
         ),
         ((1.0,), 0.3, {}, "does not start empty"),
         ((1.0,), 0.0, {"upper": None}, "upper cut-off is not stated"),

@@ -204,8 +204,8 @@ def _by_reason(halves, first_cycle, *, faulty):
 
 def _sentence(of_all, members):
     """One reason in words, from the (cycle, words) of its half cycles."""
-    named = ", ".join(f"{cycle:g}" for cycle, _ in members[:EXAMPLES])
-    named += " …" if len(members) > EXAMPLES else ""
+    cycles = list(dict.fromkeys(f"{cycle:g}" for cycle, _ in members))
+    named = ", ".join(cycles[:EXAMPLES]) + (" …" if len(cycles) > EXAMPLES else "")
     cycle, words = members[0]
     return f"{len(members)} {of_all} (cycles {named}): cycle {cycle:g}: {words}"
 

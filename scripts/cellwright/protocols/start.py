@@ -64,8 +64,11 @@ def start_at_rest(columns, rows, sign, limits, *, known_rests_volt=(), cut_short
     moved = abs(float(charge[-1] - charge[0]))
     if missing > MOST_MISSING * moved:
         share = f"{min(missing / moved, 1):.0%} of its charge" if moved else "all of its charge"
-        words = f"it does not start {end} or is not known to: a rest voltage of {rest:.3f} V may "
-        return Start(f"{words}lack {share}, and no test before it tells more")
+        may = f"may lack {share}" if sign < 0 else f"may already hold {share}"
+        words = (
+            f"it does not start {end} or is not known to: with a rest voltage of {rest:.3f} V it "
+        )
+        return Start(f"{words}{may}, and no test before it tells more")
     return Start("", missing, f"start by a rest voltage of {rest:.3f} V, ± {missing:.2g} Ah")
 
 
