@@ -230,7 +230,7 @@ def _searched(readings, stretch, stiffness, logs, decade):
 
 def _normal_equations(place, y, weight, cells):
     """Products of the B-splines with each other and with the readings, and sum of squares."""
-    first, splines = b_splines(place, cells)
+    first, splines = b_splines(place, cells, 0)
     number = cells + 3
     normal, right = np.zeros((ORDER + 2, number)), np.zeros(number)
     for a in range(4):
@@ -347,7 +347,7 @@ def _judged(problem, decade, strength, logs, base):
     return _Fit(decade, coefficients, factor, float(objective), float(evidence), logs)
 
 
-def b_splines(place, cells, derivative=0):
+def b_splines(place, cells, derivative):
     """First coefficient (n,) and weights (4, n) of uniform cubic B-splines, or of a derivative."""
     first = np.clip(place.astype(int), 0, cells - 1)
     t = place - first

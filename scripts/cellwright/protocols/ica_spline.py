@@ -28,6 +28,8 @@ END_SHARE = 0.002
 QUANTILE = 1.959964
 ONE_SIDED = 1.644854  # of the normal distribution, for 95 % in one direction
 DITHERED = 0.1  # least share of steps downward at which noise blurs the converter's steps
+# A voltage that stands still or falls, as when the chamber changes, would be a peak without width.
+NARROWEST_SIGMAS = 3.0  # of one reading
 FLAT = 0.5  # relative standard deviation from which a height is not known: flat within noise
 
 
@@ -141,7 +143,8 @@ def slope_peaks(slope, *, prominence):
 def _resolved_tops(slope, height, prominence):
     """Rows of the peaks that the readings resolve and that rise enough, and where they rise from.
 
-    What is narrower than four readings may be a swing of the curve between them, and sets no scale.
+    What is narrower than four readings may be a swing of the curve between them, what is narrower
+    than the noise of one reading a voltage that stands still; they set no scale.
     """
     from scipy.signal import find_peaks, peak_widths
 
@@ -150,7 +153,9 @@ def _resolved_tops(slope, height, prominence):
     rows = np.arange(len(height))
     charge = slope.charge_ampere_hour
     wide = np.interp(right, rows, charge) - np.interp(left, rows, charge)
+    volt = np.interp([left, right], rows, slope.voltage_volt)
     resolved = wide >= LEAST_READINGS * slope.reading_ampere_hour
+    resolved &= volt[1] - volt[0] >= NARROWEST_SIGMAS * np.sqrt(slope.fit.variance)
     highest = height[tops[resolved]].max(initial=max(height[0], height[-1]))
     kept = resolved & (found["prominences"] >= prominence * highest)
     feet = np.column_stack([found["left_bases"], found["right_bases"]])
