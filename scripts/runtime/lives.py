@@ -5,19 +5,24 @@ from runtime import artefact, facts
 
 def records(cycles_paths, summary_paths, compensated_paths) -> list[tuple]:
     """(facts of the test, cycles, temperature or None) of each ageing record with content."""
-    found = []
     triples = zip(cycles_paths, summary_paths, compensated_paths, strict=True)
-    for cycles_path, summary_path, compensated_path in triples:
-        for cycles, about in artefact.load_all([cycles_path]):
-            summary = artefact.load_first([summary_path])
-            compensated = artefact.load_first([compensated_path])
-            temperature = None
-            if summary is not None and compensated is not None:
-                temperature = (artefact.rows(summary)[0], compensated)
-            found.append((facts.of_artefact(about), cycles, temperature))
+    found = [
+        (facts.of_artefact(about), cycles, _temperature(summary_path, compensated_path))
+        for cycles_path, summary_path, compensated_path in triples
+        for cycles, about in artefact.load_all([cycles_path])
+    ]
     if not found:
         artefact.load_some(cycles_paths)
     return found
+
+
+def _temperature(summary_path, compensated_path):
+    """(row, columns) of what temperature does in a record, None where that could not be told."""
+    told = artefact.load_all([summary_path, compensated_path])
+    if len(told) < 2:
+        return None
+    (summary, _), (compensated, _) = told
+    return artefact.rows(summary)[0], compensated
 
 
 def throughputs(paths) -> list[tuple]:

@@ -169,6 +169,8 @@ def summary(cells, tables, models) -> "DataFrame":
     """One row per cell from the tables (name → DataFrame) and the models (cell → document)."""
     from pandas import DataFrame
 
+    # Tables of whole types of cells have no column `cell`.
+    tables = {name: frame for name, frame in tables.items() if "cell" in frame}
     # Each table is divided once: a look through it for every cell would grow with their square.
     parts = {name: dict(iter(frame.groupby("cell", sort=False))) for name, frame in tables.items()}
     rows = []

@@ -121,6 +121,17 @@ def test_throughput_is_known_as_far_as_records_reach():
     assert np.isnan(rows[2].throughput_ampere_hour)
 
 
+def test_check_ups_without_a_cycle_number_are_not_taken_for_one():
+    """Two capacities of a fresh cell that differ by 10 % are two check-ups: neither is told."""
+    blank = [capacity(None, 2.0, test="a"), capacity(None, 1.8, test="b")]
+    (row,), _ = check_ups(blank, [], **LIMITS)
+    assert np.isnan(row.soh)
+    assert np.isnan(row.capacity_ampere_hour)
+    assert "a, b stand at cycle 0 and give 2, 1.8 Ah" in row.reason
+    repeats = [capacity(None, 2.0, test="a"), capacity(None, 1.99, test="b")]
+    assert check_ups(repeats, [], **LIMITS)[0][0].soh == 1
+
+
 def test_nothing_at_all_is_refused():
     with pytest.raises(Refusal, match="no capacity and no resistance"):
         check_ups([], [], **LIMITS)

@@ -3,6 +3,7 @@
 from io import StringIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cellwright.refusal import Refusal
@@ -73,6 +74,9 @@ COLUMNS = {
     "soc": "cell filter scenario rmse_soc",
     "missing_effect": "cell verdict effect in_one_line",
     "excluded": "cell",
+    "health": "cell cycle method soh",
+    "protocols": "type first second",
+    "fade": "cell knee_cycle remaining_cycles remaining_lower_cycles remaining_upper_cycles",
 }
 
 
@@ -102,6 +106,26 @@ def test_summary_pools_the_error_over_samples():
     assert row["validation_rmse_volt"] == pytest.approx((3e-4 / 4 + 9e-4 / 4) ** 0.5)
     assert row["soc_rmse"] == pytest.approx((0.0025 / 2) ** 0.5)
     assert row["exclusions"] == 1
+
+
+def test_the_summary_has_the_latest_state_of_health():
+    """A check-up goes before the ageing cycles of the same cycle; what is fresh is no ageing."""
+    row = summary_of_a(
+        capacity=["A,discharge,0.5,,4"],
+        health=[
+            "A,0,check-up,1",
+            "A,300,ageing cycles,0.8",
+            "A,300,check-up,0.9",
+            "B,900,check-up,0.5",
+        ],
+        fade=["A,250,120,30,"],
+    )
+    assert (row["soh"], row["soh_cycle"]) == (0.9, 300)
+    assert (row["knee_cycle"], row["remaining_lower_cycles"]) == (250, 30)
+    assert np.isnan(row["remaining_upper_cycles"])
+    fresh = summary_of_a(capacity=["A,discharge,0.5,,4"], health=["A,0,check-up,1"])
+    assert fresh["soh"] == pytest.approx(0.8)
+    assert fresh["knee_cycle"] is None
 
 
 def test_the_capacity_of_a_cell_is_that_of_its_slowest_discharge_of_the_first_cycle():

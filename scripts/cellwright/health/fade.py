@@ -303,7 +303,7 @@ def _supported(terms, points):
         ):
             return False
         first = points.share[0]
-        if term.kind == "early" and np.sum(points.share - first < 2 * term.first) < 3:
+        if term.kind == "early" and np.sum(points.share - first < 2 * term.first) < LEAST_CYCLES:
             return False
     return True
 
@@ -421,14 +421,13 @@ def draws(fade, *, count, seed=0):
 def courses(drawn, share):
     """Capacity over the scale of each drawn law (draws, n) at shares of the life (n,)."""
     share = np.asarray(share, float)
-    values = {}
-    rows = []
-    for terms, factors in zip(drawn.terms, drawn.values, strict=True):
-        for term in terms:
-            if term not in values:
-                values[term] = column(term, share)
-        rows.append(sum(f * values[term] for f, term in zip(factors, terms, strict=True)))
-    return np.array(rows)
+    table = {term: column(term, share) for term in {t for terms in drawn.terms for t in terms}}
+    return np.array(
+        [
+            sum(factor * table[term] for factor, term in zip(factors, terms, strict=True))
+            for terms, factors in zip(drawn.terms, drawn.values, strict=True)
+        ]
+    )
 
 
 def recovery(fade):

@@ -11,6 +11,7 @@ SAME_CELSIUS = 3.0  # temperatures this near are one
 SAME_RATE = 1.12  # rates this near are one
 POWER_SOCS = (0.8, 0.5, 0.2)
 SOC_REACH = 0.15  # a state of charge is asked for between pulses at most this far apart from it [1]
+SAME_CAPACITY = 0.03  # of a capacity: what differs more is not one check-up [1]
 REPEAT_SHARE = 0.002  # of a capacity: least standard deviation from test to test [1]
 CHANGES = {
     "capacity_ampere_hour": "capacity_change",
@@ -124,7 +125,7 @@ def check_ups(
     cycles = sorted({_cycle(row) for row in [*capacities, *resistances]})
     if not cycles:
         raise Refusal("no capacity and no resistance of any check-up")
-    counted = _comparable(capacities)
+    counted, doubts = _comparable(capacities)
     rows = []
     for cycle in cycles:
         tests = [row for row in capacities if _cycle(row) == cycle]
@@ -135,6 +136,7 @@ def check_ups(
             **_efficiency(tests, counted.get(cycle)),
             **_power(pulses, lower_cutoff_volt, upper_cutoff_volt),
             "throughput_ampere_hour": _throughput(throughputs, cycle),
+            "reason": doubts.get(cycle, ""),
         }
         rows.append(found)
     return [
@@ -173,7 +175,7 @@ def _at_one_temperature(capacities, resistances):
 
 
 def _comparable(capacities):
-    """Of each check-up the capacity row at the slowest rate and direction that most have."""
+    """Of each check-up the capacity row at the rate and direction that most have, and doubts."""
     kinds = {}
     for row in capacities:
         if not (row["capacity_ampere_hour"] and row["c_rate"]):
@@ -185,10 +187,25 @@ def _comparable(capacities):
             and max(key[1] / row["c_rate"], row["c_rate"] / key[1]) <= SAME_RATE
         ]
         key = near[0] if near else (row["direction"], row["c_rate"])
-        kinds.setdefault(key, {}).setdefault(_cycle(row), row)
+        kinds.setdefault(key, {}).setdefault(_cycle(row), []).append(row)
     if not kinds:
-        return {}
-    return kinds[max(kinds, key=lambda key: (len(kinds[key]), key[0] == "discharge", -key[1]))]
+        return {}, {}
+    usual = max(kinds, key=lambda key: (len(kinds[key]), key[0] == "discharge", -key[1]))
+    doubts = {cycle: _doubt(cycle, rows) for cycle, rows in kinds[usual].items()}
+    counted = {cycle: rows[0] for cycle, rows in kinds[usual].items() if not doubts[cycle]}
+    return counted, doubts
+
+
+def _doubt(cycle, rows):
+    """Why tests of one check-up cannot be of one; "" where they can."""
+    sizes = [row["capacity_ampere_hour"] for row in rows]
+    if max(sizes) - min(sizes) <= SAME_CAPACITY * max(sizes):
+        return ""
+    names, listed = ", ".join(row["test"] for row in rows), ", ".join(f"{s:.4g}" for s in sizes)
+    return (
+        f"{names} stand at cycle {cycle:g} and give {listed} Ah: not one check-up; is their "
+        "`cycle` blank or wrong?"
+    )
 
 
 def _capacity(row):
@@ -298,10 +315,10 @@ def _with_soh(row, first, rated):
     """A check-up's row with its state of health and what that refers to."""
     own, fresh = row["capacity_ampere_hour"], first["capacity_ampere_hour"]
     reference, word = (fresh, "first check-up") if first["cycle"] == 0 else (rated, "rating")
-    reason = ""
-    if not np.isfinite(own):
+    reason = row["reason"]
+    if not reason and not np.isfinite(own):
         reason = "no capacity at the rate and direction that the other check-ups have"
-    elif reference is None or not np.isfinite(reference):
+    elif not reason and (reference is None or not np.isfinite(reference)):
         reason, word = "neither a fresh capacity nor a rating: state of health not knowable", ""
     known = not reason
     soh = own / reference if known else np.nan
@@ -341,19 +358,19 @@ def resistance_growth(resistances):
     Source: thesis 4.3 (fourfold at the end of life).
     """
     _, rows, _ = _at_one_temperature([], resistances)
-    cycles = sorted({_cycle(row) for row in rows})
-    found = []
-    for direction in ("discharge", "charge"):
-        for delay in sorted({row["delay_second"] for row in rows}):
-            courses = {
-                c: _course([r for r in rows if _cycle(r) == c], direction, delay) for c in cycles
-            }
-            fresh = courses[cycles[0]]
-            for cycle, course in courses.items():
-                found += [_growth(cycle, row, fresh) for row in course]
+    kinds = sorted({(row["direction"], row["delay_second"]) for row in rows}, reverse=True)
+    found = [one for kind in kinds for one in _growths(rows, *kind)]
     if not found:
         raise Refusal("no pulse of any check-up has a known state of charge")
     return found
+
+
+def _growths(rows, direction, delay):
+    """Pulses of one direction and delay, each beside the first check-up's."""
+    cycles = sorted({_cycle(row) for row in rows})
+    courses = [_course([r for r in rows if _cycle(r) == c], direction, delay) for c in cycles]
+    pairs = zip(cycles, courses, strict=True)
+    return [_growth(cycle, row, courses[0]) for cycle, course in pairs for row in course]
 
 
 def _growth(cycle, row, fresh):

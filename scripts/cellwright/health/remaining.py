@@ -8,8 +8,8 @@ from cellwright.health.fade import courses, recovery
 
 HORIZON = 6.0  # lives so far, up to which a course is carried forward
 STEPS = 240  # of the future
-EXPONENT_STD = 0.5  # by which the exponent of the fade to come differs from that so far
-KNEE_RATIOS = (1.5, 20.0)  # of the fade beyond a knee to that before it
+EXPONENT_STD = 0.35  # by which the exponent of the fade to come differs from that so far
+KNEE_RATIOS = (1.5, 8.0)  # of the fade beyond a knee to that before it
 LEAST_SEEN = 0.02  # of the capacity: of a smaller loss nothing is carried forward [1]
 
 
@@ -33,18 +33,18 @@ class Remaining(NamedTuple):
 
 
 # ASSUME: Unless a knee has been seen, one may lie ahead: that none lies before cycle m has the
-# chance n/m, n the cycles so far. The fade beyond it is 1.5 to 20 times as fast (log-uniform).
-# ASSUME: The fade to come follows the law so far times (m/n)^d, d normal, as wide as the square
-# root law is from the straight one.
+# chance n/m, n the cycles so far. The fade beyond it is 1.5 to 8 times as fast (log-uniform).
+# ASSUME: The fade to come follows the law so far times (m/n)^d, d normal with deviation 0.35; the
+# square root law lies at −0.5 from the straight one.
 def remaining_of(fade, drawn, knee, *, end_of_life, start_ampere_hour=None, level=0.95, seed=1):
     """Cycles that remain until capacity is `end_of_life` of what it was at the start.
 
     Each law that the data allow is carried forward, in the place of one draw. What the law does
     not know is laid on it: the fade slows or quickens as a power of the cycle ratio, and as long
     as no knee was seen a knee may come, at a place without scale (as likely between n and 2n as
-    beyond). These two are assumptions, not fits; they make the interval as wide as lives of an
-    unknown kind are. Recovery after rests
-    counts as on average over the first and the last third of the life: it comes and goes.
+    beyond). Both widths are set so that intervals hold for made lives of many kinds
+    (health-fade.md). Recovery after rests counts as on average over the first and the last third
+    of the life: it comes and goes.
 
     Parameters
     ----------
