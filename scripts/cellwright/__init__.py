@@ -43,6 +43,7 @@ MODULE_OF = {
     "fleet_resistance": "cellwright.api.health",
     "compare_protocols": "cellwright.api.health",
     "degradation_modes": "cellwright.api.degradation",
+    "plateau_losses": "cellwright.api.degradation",
     "basis": "cellwright.api.models",
     "lender": "cellwright.api.models",
     "state_of_charge": "cellwright.api.models",

@@ -63,7 +63,8 @@ def fresh_cells(cell):
     return marked[:1] if len(slow_check_ups(cell)) == 1 else []
 
 
-DEGRADED = cells_where(lambda cell: len(slow_check_ups(cell)) >= 2 or fresh_cells(cell))
+AGED_SLOWLY = cells_where(lambda cell: len(slow_check_ups(cell)) >= 2)
+DEGRADED = cells_where(lambda cell: cell in AGED_SLOWLY or fresh_cells(cell))
 
 
 def half_cells_of(cell):
@@ -310,3 +311,21 @@ rule protocols_compared:
         "Ageing protocols of each type of cells compared."
     script:
         "../../scripts/health/protocols_compared.py"
+
+
+rule plateau_losses:
+    input:
+        lambda w: fitted("clean", w.cell, *SLOW_CURVE_KINDS),
+    output:
+        "results/plateau_losses/{cell}.parquet",
+    log:
+        "logs/plateau_losses/{cell}.log",
+    wildcard_constraints:
+        cell=either(AGED_SLOWLY),
+    params:
+        settings=config["degradation_modes"],
+        cell=cell_facts,
+    message:
+        "Charge lost by each plateau of {wildcards.cell} between its check-ups."
+    script:
+        "../../scripts/health/plateau_losses.py"

@@ -66,6 +66,7 @@ STAGES = [
     *[path for cell in CELLS for path in rest_curves(cell)],
     *[f"results/basis/{cell}.json" for cell in CELLS],
     *[f"results/degradation_modes/{cell}.parquet" for cell in DEGRADED],
+    *[f"results/plateau_losses/{cell}.parquet" for cell in AGED_SLOWLY],
     *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
     *[f"results/bias/{cell}.json" for cell in BIASED],
     *[path for cell in COMPENSATED for path in left_out_of(cell)],

@@ -79,6 +79,37 @@ def _curves(tests, facts, options):
     return found
 
 
+def plateau_losses(tests, cell, settings=None, **changes):
+    """Charge lost by each plateau of one cell's slow curve since the first check-up [Ah].
+
+    Parameters
+    ----------
+    tests : (test, clean series) each, as of `degradation_modes`.
+    cell : CellFacts or mapping: cut-offs [V].
+    settings : `settings.DegradationModes`, or its keys as keywords.
+
+    Returns
+    -------
+    losses : Table; rows: `health.plateaus.PlateauLoss`, one a plateau and check-up.
+
+    Raises
+    ------
+    Refusal : Fewer than two check-ups, or a first curve without plateaus.
+
+    Source: thesis 4.3; docs/health-plateaus.md.
+    """
+    from cellwright.health.check_ups import growth, need_two
+    from cellwright.health.plateaus import plateau_losses as losses_of
+
+    options, facts = (
+        inputs.settings_of(DegradationModes, settings, changes),
+        inputs.cell_facts(cell),
+    )
+    own, left_out = _check_ups(_curves(tests, facts, options))
+    need_two(own, facts.cell)
+    return results.Table(losses_of(own), (*left_out, *growth(own)))
+
+
 def _check_ups(found):
     """Curves by check-up, and what was left out: also check-ups without any slow curve."""
     from cellwright.health.check_ups import check_ups

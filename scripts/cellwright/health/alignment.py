@@ -21,6 +21,7 @@ BUILD_UP_SOC = 0.04  # over which polarisation and hysteresis build up as the cu
 # Beside a minimum in which one electrode ends the discharge may lie one in which the other does.
 MOVED = np.zeros((5, 6))
 MOVED[1:, 0], MOVED[1:, 2] = (-0.003, 0.02, 0.0, 0.0), (-0.02, 0.0, -0.06, 0.02)
+HOPELESS = 8.0  # half of chi-square above the best minimum
 STEPS = np.array([0.01, 0.02, 0.02, 0.02, 0.005, 0.002])  # typical changes of the limits
 
 
@@ -113,17 +114,34 @@ def align(curve, pair, *, starts=(), least_std_volt=LEAST_STD_VOLT):
     curve = _without_steep_ends(curve)
     starts, errors = [*starts, *_search(curve, pair)], _errors(curve, FIRST_STD_VOLT, 0.0)
     for _ in range(2):
-        best = _fitted(curve, pair, starts, errors)
+        fits = _minima(curve, pair, starts, errors)
+        best = fits[0]
         residual = curve.voltage_volt - cell_volt(pair, best.x, curve.soc)
         std = max(_std(residual, errors, best, curve.soc), least_std_volt)
-        starts, errors = best.x + MOVED, _errors(curve, std, best.x[4])
-    return _alignment(curve, best, residual, errors)
+        starts = [*(best.x + MOVED), *(fit.x for fit in fits[1:])]
+        errors = _errors(curve, std, best.x[4])
+    return _alignment(curve, fits, residual, errors)
 
 
-def _fitted(curve, pair, starts, errors):
-    """Least squares from the best of several starts."""
+def _minima(curve, pair, starts, errors):
+    """Different minima from several starts, best first, those not hopelessly worse.
+
+    Only states in which a charge fills the negative electrode and empties the positive one.
+    """
+    fits = sorted(_fits(curve, pair, starts, errors), key=lambda fit: fit.cost)
+    forward = [fit for fit in fits if fit.x[1] > fit.x[0] and fit.x[2] > fit.x[3]] or fits[:1]
+    kept = []
+    for fit in forward:
+        near = [np.abs((fit.x - other.x) / STEPS).max() < 1.0 for other in kept]
+        if fit.cost < forward[0].cost + HOPELESS and not any(near):
+            kept.append(fit)
+    return kept
+
+
+def _fits(curve, pair, starts, errors):
+    """Least squares from each start."""
     low, high = _bounds(pair)
-    found = [
+    return [
         least_squares(
             _whitened,
             np.clip(start, low + 1e-6, high - 1e-6),
@@ -134,7 +152,6 @@ def _fitted(curve, pair, starts, errors):
         )
         for start in starts
     ]
-    return min(found, key=lambda fit: fit.cost)
 
 
 def _without_steep_ends(curve):
@@ -229,16 +246,22 @@ def _rms(misfit, errors):
     return float(np.sqrt(np.mean((misfit * errors.min() / errors) ** 2)))
 
 
-def _alignment(curve, fit, residual, errors):
-    """Alignment of a fit; its covariance is Fisher's information with the half cells' error."""
-    covariance = np.linalg.pinv(fit.jac.T @ fit.jac, rcond=1e-14, hermitian=True)
+def _alignment(curve, fits, residual, errors):
+    """Alignment of a fit; its covariance is Fisher's information with the half cells' error.
+
+    Other minima about as likely widen it: the covariance is that of their mixture about the best.
+    """
+    best = fits[0]
+    covariance = np.linalg.pinv(best.jac.T @ best.jac, rcond=1e-14, hermitian=True)
     whitening = _white(np.diag(1 / errors), curve.soc)
     slope = np.diff(residual) / np.diff(curve.soc)
+    likely = np.exp([best.cost - fit.cost for fit in fits])
+    apart = np.array([fit.x - best.x for fit in fits])
     return Alignment(
         curve=curve,
-        limits=fit.x,
-        covariance=covariance,
-        spread=-covariance @ fit.jac[:-2].T @ whitening,
+        limits=best.x,
+        covariance=covariance + (apart * (likely / likely.sum())[:, None]).T @ apart,
+        spread=-covariance @ best.jac[:-2].T @ whitening,
         residual_volt=residual,
         error_volt=errors,
         rmse_volt=_rms(residual, errors),
@@ -247,7 +270,7 @@ def _alignment(curve, fit, residual, errors):
 
 
 def chosen_pair(curves, pairs, *, misfit_volt):
-    """Pair of half cells that fits a cell's curves best, and the others that fit about as well.
+    """Pair of half cells that fits a cell's curves best, and the others that fit.
 
     Parameters
     ----------
@@ -256,7 +279,7 @@ def chosen_pair(curves, pairs, *, misfit_volt):
 
     Returns
     -------
-    fitting : list of (Pair, rmse_volt), best first, those within 1.5 times the best misfit.
+    fitting : list of (Pair, rmse_volt), best first: all that fit.
 
     Raises
     ------
@@ -275,13 +298,16 @@ def chosen_pair(curves, pairs, *, misfit_volt):
             f"the half cells do not fit: best are {names} with a misfit of {1e3 * best:.0f} mV, "
             f"at most {1e3 * misfit_volt:.0f} mV; is the chemistry right?"
         )
-    return [entry for entry in scored if entry[1] <= 1.5 * best]
+    return [entry for entry in scored if entry[1] <= misfit_volt]
 
 
 def _promising(curve, pairs):
-    """Pairs worth a thorough fit: a quick one comes within three times the best, at most eight."""
+    """Pairs worth a thorough fit: the six of least misfit in a quick one."""
     curve = _without_steep_ends(curve)
     errors = _errors(curve, FIRST_STD_VOLT, 0.0)
-    quick = [_fitted(curve, pair, _search(curve, pair, best=2), errors).cost for pair in pairs]
+    quick = [
+        min(fit.cost for fit in _fits(curve, pair, _search(curve, pair, best=2), errors))
+        for pair in pairs
+    ]
     order = np.argsort(quick)
-    return [pairs[row] for row in order[:8] if quick[row] <= 9 * quick[order[0]]]
+    return [pairs[row] for row in order[:6]]

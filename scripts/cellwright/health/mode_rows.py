@@ -4,7 +4,7 @@ import numpy as np
 
 from cellwright.health.modes import MODES
 
-WARNED_VOLT = 0.005  # misfit from which the half cells are said to fit poorly
+WARNED_VOLT = 0.003  # misfit from which the half cells are said to fit poorly
 
 
 def mode_rows(found, pair, curves):
@@ -86,5 +86,7 @@ def notes(found, fitting, *, given):
         words.append(f"the half cells fit poorly: misfit up to {1e3 * worst:.1f} mV")
     others = [f"{one.negative.name} with {one.positive.name}" for one, _ in fitting[1:]]
     if others:
-        words.append(f"fit about as well, counted into the intervals: {', '.join(others)}")
+        words.append(
+            f"fit too, what they give instead is counted into the intervals: {', '.join(others)}"
+        )
     return words

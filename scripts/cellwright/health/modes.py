@@ -41,14 +41,14 @@ def degradation_modes(curves, pair, *, others=()):
     lithiation; cyclable lithium is what both electrodes hold at soc 0; losses are the changes of
     the three since the first check-up. 3. Errors of the half cells that all check-ups share cancel
     in part: the covariance between check-ups follows from how alike their misfits are. What other
-    half cells that fit about as well give instead adds to it. 4. The joint estimate weighs all
+    half cells that fit give instead adds to it. 4. The joint estimate weighs all
     check-ups by that covariance; active material only falls, and a mode's slope over the capacity
     lost changes little from one check-up to the next.
 
     Parameters
     ----------
     curves : list of SlowCurve, two or more; the first stands for the fresh cell.
-    pair : Pair of half cells. others : further pairs that fit about as well.
+    pair : Pair of half cells. others : further pairs that fit.
 
     Returns
     -------

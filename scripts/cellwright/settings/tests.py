@@ -297,9 +297,10 @@ class DegradationModes(NamedTuple):
         takes longer than this.
     mean_hour [h] : The same where a record has both a discharge and a charge of about one rate;
         their mean counts, in which most of the polarisation drops out.
-    misfit_volt [V] : Half cells that miss the slow curves by more than this are refused.
+    misfit_volt [V] : Half cells that miss the slow curves by more than this are refused; what
+        all others give instead of the best counts into the intervals.
     """
 
     least_hour: float = 8.0
     mean_hour: float = 1.2
-    misfit_volt: float = 0.01
+    misfit_volt: float = 0.005
