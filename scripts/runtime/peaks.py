@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from cellwright.health.tracking import PeakCharge
 from runtime import artefact
 
@@ -31,14 +33,21 @@ def of_lives(paths, tests):
     ----------
     paths : artefacts of stage `ica_life`. tests : facts of the sheet by "cell/test".
     """
-    found = []
+    found, last = [], 0.0
     for peaks, about in artefact.load_all(paths):
-        facts = _facts(about, tests)
-        for cycle in dict.fromkeys(peaks["cycle"].tolist()):
-            own = {name: column[peaks["cycle"] == cycle] for name, column in peaks.items()}
-            reason, rate = str(own["reason"][0]), float(own["c_rate"][0])
-            found.append(_charge(about, facts, cycle, rate, {} if reason else own, reason))
+        facts, cycles = _facts(about, tests), peaks["cycle"]
+        # Records that follow each other without a stated cycle count on.
+        before = last if facts["cycle"] is None and cycles.min() <= last else 0.0
+        found += [_of_cycle(peaks, cycle, before, about, facts) for cycle in np.unique(cycles)]
+        last = before + float(cycles.max())
     return found
+
+
+def _of_cycle(peaks, cycle, before, about, facts):
+    """One charge of an ageing record; `before`: cycles of the records before it."""
+    own = {name: column[peaks["cycle"] == cycle] for name, column in peaks.items()}
+    reason, rate = str(own["reason"][0]), float(own["c_rate"][0])
+    return _charge(about, facts, before + cycle, rate, {} if reason else own, reason)
 
 
 def _facts(about, tests):

@@ -1,5 +1,7 @@
 """Analyses of one test: capacity, OCV, pulses, rests, dQ/dV, impedance, fast charge, ageing."""
 
+import numpy as np
+
 from cellwright.api import inputs, results
 from cellwright.settings import FastCharge, Ica, Impedance, Ocv, OcvStep, Relaxation, Resistance
 
@@ -245,15 +247,19 @@ def ica(series, steps, settings=None, **changes):
 
     Source: docs/ica.md.
     """
-    from cellwright.protocols.ica import charge_slope, constant_current_charge
+    from cellwright.protocols.ica import charge_slope, constant_current_charge, constant_rows
 
     steps = inputs.steps(steps)._asdict()
-    voltage, charge = inputs.quantities(series, ("voltage_volt", "charge_ampere_hour"))
+    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
+    current, voltage, charge = inputs.quantities(series, names)
     first, last, step = constant_current_charge(steps, charge)
+    first, last = constant_rows(current, first, last)
     rows = slice(first, last + 1)
     chosen = inputs.settings_of(Ica, settings, changes)
     curve, slope = charge_slope(voltage[rows], charge[rows], settings=chosen)
-    return results.Ica(curve, steps["c_rate"][step], slope)
+    # The mean current of a step that holds the voltage in the end is less than its constant one.
+    rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
+    return results.Ica(curve, float(np.median(current[rows]) / rated), slope)
 
 
 def ica_peaks(ica, *, prominence=ICA.prominence):

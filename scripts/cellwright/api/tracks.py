@@ -28,10 +28,11 @@ def ica_life(series, steps, cycles, settings=None, *, most=TRACKS.most_charges, 
     from cellwright.protocols.ica_life import peaks_of_life
 
     chosen = inputs.settings_of(Ica, settings, changes)
-    voltage, charge = inputs.quantities(series, ("voltage_volt", "charge_ampere_hour"))
+    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
+    record = inputs.quantities(series, names)
     columns = inputs.columns(cycles, "cycle", "direction", "start_time_second")
     steps = inputs.steps(steps)._asdict()
-    found = peaks_of_life(voltage, charge, steps, columns, settings=chosen, most=most)
+    found = peaks_of_life(*record, steps, columns, settings=chosen, most=most)
     return results.IcaLife(found.rows, found.curves, tuple(found.notes))
 
 

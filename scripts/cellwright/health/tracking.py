@@ -201,7 +201,7 @@ def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
         if old is None:
             numbers += 1
             track = _Track(numbers, voltage, height, area, height, 0.0, True)
-            event = _appearance(aligned, tracks, peaks, k) if tracks else ""
+            event = _appearance(aligned, tracks, peaks, k) if tracks and not joined else ""
         else:
             own = voltage - old.voltage - aligned.shift
             track = _Track(
@@ -215,7 +215,8 @@ def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
         lost = tracks[number]
         place = lost.voltage + aligned.shift
         after.append(lost._replace(voltage=place, seen=False))
-        event = _disappearance(aligned, tracks, peaks, number) if lost.seen else "absent"
+        fresh = lost.seen and not joined
+        event = _disappearance(aligned, tracks, peaks, number) if fresh else "absent"
         rows.append(_missing(charge, lost, aligned, event))
     order = np.argsort([track.voltage for track in after], kind="stable")
     return [rows[k] for k in order], [after[k] for k in order]

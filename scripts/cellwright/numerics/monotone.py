@@ -20,13 +20,15 @@ import numpy as np
 ORDER = 3  # of the differences that are penalised
 STIFFEST_DECADE, SOFTEST_DECADE = 9.0, -4.0  # of the penalty; the curve's variance sets its scale
 PILOT_BLOCKS = 256
-LOCAL_ROUNDS = 2
+LOCAL_ROUNDS = 3
 LOCAL_CELLS = 8.0  # within which the curve bends about alike
 STRETCH_CELLS = 3.0
-CHANGE_CELLS = 4.0
+CHANGE_CELLS, SCALE_CELLS = 3.0, 8.0
 STEPS, FIRST_STEPS, WORSE_DECADES = 5, 15, 2
 RELATIVE_CHANGE = 1e-3
 LEAST_READINGS = 12
+MOST_RANGE = 14.0  # of the logarithms of the steps, which double precision bears
+ROUNDING = 1e-12
 
 
 class RisingCurve(NamedTuple):
@@ -53,7 +55,7 @@ def rising_curve(x, y, weight, *, cells):
 
     1. Cells of an abscissa that gives flat and steep parts their share, fitted from the stiffest
     penalty down. 2. Cells that give every change of the logarithmic slope its share too. 3. The
-    penalty of each difference is divided by its expected square near there, twice.
+    penalty of each difference is divided by its expected square near there, three times.
 
     Parameters
     ----------
@@ -113,11 +115,21 @@ def _stretch_by_slope(curve):
     place = np.linspace(0, cells, cells + 1)
     x = x_at(curve, place)
     y, slope, bend = values(curve, place)
-    # Mean squares over some cells: a dip where the slope is extreme would itself look like a peak.
-    change = np.sqrt(_smoothed((bend / slope) ** 2, CHANGE_CELLS))
+    change = _change(x, bend / slope)
     varied = np.sum((change[1:] + change[:-1]) / 2 * np.diff(x))
     density = 1 / (x[-1] - x[0]) + slope / (y[-1] - y[0]) + change / max(varied, 1e-12)
     return _cumulative(x, density, STRETCH_CELLS)
+
+
+def _change(x, rate):
+    """Rate of change of the logarithmic slope (n,), as its envelope rather than its value.
+
+    Where the slope is extreme the rate is zero and its own change is largest; a dip of the envelope
+    there would crowd out cells and look like a peak itself. Of a sine both together are constant.
+    """
+    square, bent = rate**2, np.gradient(rate, x) ** 2
+    scale = _smoothed(square, SCALE_CELLS) / np.maximum(_smoothed(bent, SCALE_CELLS), 1e-300)
+    return np.sqrt(_smoothed(square + scale * bent, CHANGE_CELLS))
 
 
 def _cumulative(x, density, width):
@@ -218,7 +230,7 @@ def _searched(readings, stretch, stiffness, logs, decade):
 
 def _normal_equations(place, y, weight, cells):
     """Products of the B-splines with each other and with the readings, and sum of squares."""
-    first, splines = b_splines(place, cells)
+    first, splines = b_splines(place, cells, 0)
     number = cells + 3
     normal, right = np.zeros((ORDER + 2, number)), np.zeros(number)
     for a in range(4):
@@ -275,6 +287,7 @@ def _fitted(problem, decade, logs, most):
         change = np.diff(cho_solve_banded((factor, True), right)) / steps - 1
         # At once a step falls at most to a third and grows at most fourfold: it stays above 0.
         logs = logs + np.where(change < 0, np.maximum(change, -1), np.log1p(np.clip(change, 0, 3)))
+        logs = np.maximum(logs, logs.max() - MOST_RANGE)
         base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
         if np.abs(change).max() < RELATIVE_CHANGE:
             break
@@ -300,6 +313,7 @@ def _factor(normal, rows, strength):
     for k in range(ORDER + 2):
         for d in range(ORDER + 2 - k):
             whole[d, k : k + count] += strength * rows[k] * rows[k + d]
+    whole[0] *= 1 + ROUNDING
     return cholesky_banded(whole, lower=True)
 
 
@@ -333,7 +347,7 @@ def _judged(problem, decade, strength, logs, base):
     return _Fit(decade, coefficients, factor, float(objective), float(evidence), logs)
 
 
-def b_splines(place, cells, derivative=0):
+def b_splines(place, cells, derivative):
     """First coefficient (n,) and weights (4, n) of uniform cubic B-splines, or of a derivative."""
     first = np.clip(place.astype(int), 0, cells - 1)
     t = place - first

@@ -41,6 +41,32 @@ def constant_current_charge(steps, charge_ampere_hour):
     return int(first[step]), int(last[step]), step
 
 
+CURRENT_TOLERANCE = 0.02  # of the current, within which it is constant
+NOISE_SIGMAS = 5.0
+
+
+def constant_rows(current_ampere, first, last):
+    """First and last row between which the current of a charge is its usual one.
+
+    At the upper cut-off the current may begin to fall before the voltage is seen to be held: dQ/dV
+    would rise there without end.
+
+    Parameters
+    ----------
+    current_ampere : (n,) of the record [A]. first, last : rows of a charge, inclusive.
+
+    Returns
+    -------
+    first, last : rows, inclusive.
+    """
+    part = current_ampere[first : last + 1]
+    usual = np.median(part)
+    noise = 1.4826 * np.median(np.abs(part - usual))
+    tolerance = max(CURRENT_TOLERANCE * usual, NOISE_SIGMAS * noise)
+    steady = np.flatnonzero(np.abs(part - usual) <= tolerance)
+    return int(first + steady[0]), int(first + steady[-1])
+
+
 def charge_slope(voltage_volt, charge_ampere_hour, *, settings=ICA):
     """dQ/dV of one charge by the method that the settings name, and the fit behind it.
 

@@ -4,14 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.ica import charge_slope, peaks_of
+from cellwright.protocols.ica import charge_slope, constant_rows, peaks_of
 from cellwright.protocols.ica_curve import Peaks
 from cellwright.refusal import Refusal
 
 AHEAD_SECOND = 1.0
 
 
-def charges_of_life(cycles, steps, charge_ampere_hour, *, most):
+def charges_of_life(cycles, steps, current_ampere, charge_ampere_hour, *, most):
     """Constant-current parts of complete charges, evenly over a life.
 
     Parameters
@@ -19,7 +19,8 @@ def charges_of_life(cycles, steps, charge_ampere_hour, *, most):
     cycles : columns of stage `ageing_cycles`: cycle, direction, start_time_second, (k,) each.
     steps : columns kind, first_row, last_row, cv_first_row, start_time_second,
         current_mean_ampere, c_rate.
-    charge_ampere_hour : (n,) of the clean series [Ah]. most : number of charges at most.
+    current_ampere, charge_ampere_hour : (n,) of the clean series [A], [Ah].
+    most : number of charges at most.
 
     Returns
     -------
@@ -36,24 +37,33 @@ def charges_of_life(cycles, steps, charge_ampere_hour, *, most):
     begins = np.append(np.asarray(cycles["start_time_second"], float), np.inf)
     found = []
     for k in picked:
-        rows = _largest_step(steps, charge_ampere_hour, begins[k], begins[k + 1])
-        if rows is not None:
-            found.append((float(cycles["cycle"][k]), *rows))
+        step = _largest_step(steps, charge_ampere_hour, begins[k], begins[k + 1])
+        if step is not None:
+            found.append((float(cycles["cycle"][k]), *_constant_part(steps, current_ampere, step)))
     return found
 
 
 def _largest_step(steps, charge, begin, end):
-    """First and last row and rate of the constant-current step that moves most between times."""
+    """Number of the constant-current step that moves most between times, or None."""
     start = np.asarray(steps["start_time_second"])
     inside = (start > begin - AHEAD_SECOND) & (start < end - AHEAD_SECOND)
     inside &= np.isin(steps["kind"], ["CC", "CCCV"]) & (steps["current_mean_ampere"] > 0)
-    first, held = steps["first_row"], steps["cv_first_row"]
-    last = np.where(held > first, held - 1, steps["last_row"])
+    first, last = steps["first_row"], _last_rows(steps)
     moved = np.where(inside, charge[last] - charge[first], 0.0)
-    if not len(moved) or moved.max() <= 0:
-        return None
-    step = int(moved.argmax())
-    return int(first[step]), int(last[step]), float(steps["c_rate"][step])
+    return int(moved.argmax()) if len(moved) and moved.max() > 0 else None
+
+
+def _last_rows(steps):
+    """Last row of each step before its voltage is held."""
+    held = steps["cv_first_row"]
+    return np.where(held > steps["first_row"], held - 1, steps["last_row"])
+
+
+def _constant_part(steps, current, step):
+    """First and last row of a step at its constant current, and the rate there [1/h]."""
+    first, last = constant_rows(current, steps["first_row"][step], _last_rows(steps)[step])
+    rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
+    return first, last, float(np.median(current[first : last + 1]) / rated)
 
 
 class LifePeaks(NamedTuple):
@@ -67,12 +77,14 @@ class LifePeaks(NamedTuple):
 CURVE_POINTS = 500
 
 
-def peaks_of_life(voltage_volt, charge_ampere_hour, steps, cycles, *, settings, most):
+def peaks_of_life(
+    current_ampere, voltage_volt, charge_ampere_hour, steps, cycles, *, settings, most
+):
     """Peaks of dQ/dV of charges spread evenly over an ageing record.
 
     Parameters
     ----------
-    voltage_volt, charge_ampere_hour : (n,) clean series [V], [Ah].
+    current_ampere, voltage_volt, charge_ampere_hour : (n,) clean series [A], [V], [Ah].
     steps, cycles : as for `charges_of_life`. settings : Ica. most : charges at most.
 
     Returns
@@ -84,7 +96,8 @@ def peaks_of_life(voltage_volt, charge_ampere_hour, steps, cycles, *, settings, 
     Refusal : no complete charge, or none whose dQ/dV can be taken.
     """
     rows, curves, notes = [], [], []
-    for cycle, first, last, rate in charges_of_life(cycles, steps, charge_ampere_hour, most=most):
+    record = current_ampere, charge_ampere_hour
+    for cycle, first, last, rate in charges_of_life(cycles, steps, *record, most=most):
         part = slice(first, last + 1)
         try:
             curve, slope = charge_slope(

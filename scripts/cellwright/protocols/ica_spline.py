@@ -22,11 +22,14 @@ LEAST_READINGS = 4  # within the width of a peak: two on each flank tell it from
 POINTS_PER_CELL = 10
 MOST_POINTS = 20_000
 STD_POINTS = 400
+SIDE_POINTS = 16
 # Of the charge: what lies nearer to an end is judged by readings of one side alone.
 END_SHARE = 0.002
 QUANTILE = 1.959964
 ONE_SIDED = 1.644854  # of the normal distribution, for 95 % in one direction
 DITHERED = 0.1  # least share of steps downward at which noise blurs the converter's steps
+# A voltage that stands still or falls, as when the chamber changes, would be a peak without width.
+NARROWEST_SIGMAS = 3.0  # of one reading
 FLAT = 0.5  # relative standard deviation from which a height is not known: flat within noise
 
 
@@ -126,9 +129,12 @@ def slope_peaks(slope, *, prominence):
     peaks : Peaks.
     """
     height = 1 / slope.dv_dq_volt_per_ampere_hour
-    tops, bases = _resolved_tops(slope, height, prominence)
-    edges = _valleys(height, tops)
-    rows = [_described(slope, top, edges[k], edges[k + 1], bases[k]) for k, top in enumerate(tops)]
+    tops, bases, feet = _resolved_tops(slope, height, prominence)
+    sure = [k for k, top in enumerate(tops) if _stands_out(slope, top, *feet[k])]
+    edges = _valleys(height, tops[sure])
+    rows = [
+        _described(slope, tops[k], edges[n], edges[n + 1], bases[k]) for n, k in enumerate(sure)
+    ]
     kept = [row for row in rows if row is not None]
     columns = np.array(kept, float).reshape(len(kept), len(Peaks._fields))
     return Peaks(*columns.T)
@@ -137,7 +143,8 @@ def slope_peaks(slope, *, prominence):
 def _resolved_tops(slope, height, prominence):
     """Rows of the peaks that the readings resolve and that rise enough, and where they rise from.
 
-    What is narrower than four readings may be a swing of the curve between them, and sets no scale.
+    What is narrower than four readings may be a swing of the curve between them, what is narrower
+    than the noise of one reading a voltage that stands still; they set no scale.
     """
     from scipy.signal import find_peaks, peak_widths
 
@@ -146,10 +153,28 @@ def _resolved_tops(slope, height, prominence):
     rows = np.arange(len(height))
     charge = slope.charge_ampere_hour
     wide = np.interp(right, rows, charge) - np.interp(left, rows, charge)
+    volt = np.interp([left, right], rows, slope.voltage_volt)
     resolved = wide >= LEAST_READINGS * slope.reading_ampere_hour
+    resolved &= volt[1] - volt[0] >= NARROWEST_SIGMAS * np.sqrt(slope.fit.variance)
     highest = height[tops[resolved]].max(initial=max(height[0], height[-1]))
     kept = resolved & (found["prominences"] >= prominence * highest)
-    return tops[kept], (height[tops] - found["prominences"])[kept]
+    feet = np.column_stack([found["left_bases"], found["right_bases"]])
+    return tops[kept], (height[tops] - found["prominences"])[kept], feet[kept]
+
+
+def _stands_out(slope, top, *feet):
+    """Whether the slope at a peak is less than on either side by more than its noise allows.
+
+    The sides reach to the lowest points before the next higher peak.
+    """
+    surest = []
+    for foot in feet:
+        rows = np.unique(np.linspace(top, foot, SIDE_POINTS).astype(int))
+        rates = monotone.gradients(slope.fit, slope.place[np.append(rows, top)], 1)
+        std = monotone.standard_deviations(slope.fit, rates[:-1] - rates[-1])
+        rise = slope.dv_dq_volt_per_ampere_hour[rows] - slope.dv_dq_volt_per_ampere_hour[top]
+        surest.append(np.max(rise / np.maximum(std, 1e-12)))
+    return min(surest) > ONE_SIDED
 
 
 def _valleys(height, tops):
@@ -180,9 +205,7 @@ def _described(slope, top, lower, upper, base):
     functions = np.array([position, tall, ends[1] - ends[0] + 0 * tall, wide])
     spread = monotone.covariance(fit, functions)
     std = np.sqrt(np.diag(spread))
-    rises = steep[[lower, upper]] - steep[top]
-    rise_std = monotone.standard_deviations(fit, first[1:3] - first[0])
-    if std[1] > FLAT * height[top] or np.any(rises < ONE_SIDED * rise_std):
+    if std[1] > FLAT * height[top]:
         return None
     charge, volt = slope.charge_ampere_hour, slope.voltage_volt
     reach_std = (reach[1] - reach[0]) / (2 * QUANTILE)

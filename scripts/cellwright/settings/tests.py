@@ -170,7 +170,7 @@ class IcaTracks(NamedTuple):
     most_charges: int = 30
     motion_volt: float = 0.012
     height_factor: float = 1.8
-    shift_volt: float = 0.03
+    shift_volt: float = 0.015
     rate_shift_volt: float = 0.08
 
 
