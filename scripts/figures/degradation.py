@@ -33,9 +33,10 @@ def draw_waterfall(charges, tracks):
         celsius = style.temperature_label(kept[0]["celsius"])
         panel.set_title(f"{kept[0]['c_rate']:.2g}C, {celsius}")
     axes[0, 0].set_ylabel("dQ/dV [Ah/V], each charge above the one before")
-    handles = [axes[0, 0].plot([], [], ".-", color=colours[name], label=name)[0] for name in named]
-    if handles:
-        figure.legend(handles=handles, fontsize=7, ncols=6, loc="upper center")
+    for name in named:
+        axes[0, 0].plot([], [], ".-", color=colours[name], label=name)
+    below = {"loc": "upper left", "bbox_to_anchor": (0, -0.16)}
+    style.legend_once(axes[0, 0], fontsize=7, ncols=6, **below)
     return figure
 
 
