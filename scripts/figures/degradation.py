@@ -7,6 +7,7 @@ from figures import style
 
 MOST_PANELS, MOST_CURVES, MOST_LIVES = 3, 24, 40
 NEXT_CURVE = 0.18  # of the highest dQ/dV, from one charge to the next
+SEEN, MARGIN_VOLT = 0.03, 0.03  # of the highest dQ/dV; beside the lowest voltage drawn
 AGED = matplotlib.colormaps["viridis"]
 MODES = {
     "lli": ("lithium lost", style.SERIES[0]),
@@ -74,6 +75,11 @@ def _curves(panel, charges):
         if len(charges) <= 12 or place % 3 == 0:
             at = charge["voltage_volt"][-1], charge["dq_dv"][-1] + place * step
             panel.annotate(f" {charge['cycle']:g}", at, fontsize=6, color=colour)
+    # Where nothing stands out of the whole height there is nothing to see.
+    high = [
+        charge["voltage_volt"][charge["dq_dv"] > SEEN * step / NEXT_CURVE] for charge in charges
+    ]
+    panel.set_xlim(left=min(float(volt[0]) for volt in high if len(volt)) - MARGIN_VOLT)
     panel.set(xlabel="voltage [V], cycle at the right", yticks=[])
     panel.grid(False)
 
