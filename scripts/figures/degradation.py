@@ -7,6 +7,7 @@ from figures import style
 
 MOST_PANELS, MOST_CURVES, MOST_LIVES = 3, 24, 40
 NEXT_CURVE = 0.18  # of the highest dQ/dV, from one charge to the next
+SEEN, MARGIN_VOLT = 0.03, 0.03  # of the highest dQ/dV; beside the lowest voltage drawn
 AGED = matplotlib.colormaps["viridis"]
 MODES = {
     "lli": ("lithium lost", style.SERIES[0]),
@@ -33,9 +34,10 @@ def draw_waterfall(charges, tracks):
         celsius = style.temperature_label(kept[0]["celsius"])
         panel.set_title(f"{kept[0]['c_rate']:.2g}C, {celsius}")
     axes[0, 0].set_ylabel("dQ/dV [Ah/V], each charge above the one before")
-    handles = [axes[0, 0].plot([], [], ".-", color=colours[name], label=name)[0] for name in named]
-    if handles:
-        figure.legend(handles=handles, fontsize=7, ncols=6, loc="upper center")
+    for name in named:
+        axes[0, 0].plot([], [], ".-", color=colours[name], label=name)
+    below = {"loc": "upper left", "bbox_to_anchor": (0, -0.16)}
+    style.legend_once(axes[0, 0], fontsize=7, ncols=6, **below)
     return figure
 
 
@@ -73,6 +75,11 @@ def _curves(panel, charges):
         if len(charges) <= 12 or place % 3 == 0:
             at = charge["voltage_volt"][-1], charge["dq_dv"][-1] + place * step
             panel.annotate(f" {charge['cycle']:g}", at, fontsize=6, color=colour)
+    # Where nothing stands out of the whole height there is nothing to see.
+    high = [
+        charge["voltage_volt"][charge["dq_dv"] > SEEN * step / NEXT_CURVE] for charge in charges
+    ]
+    panel.set_xlim(left=min(float(volt[0]) for volt in high if len(volt)) - MARGIN_VOLT)
     panel.set(xlabel="voltage [V], cycle at the right", yticks=[])
     panel.grid(False)
 

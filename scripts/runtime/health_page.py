@@ -86,13 +86,16 @@ def _row(cell, rows, life):
 
 
 def _latest(rows):
-    return max(rows.to_dict("records"), key=lambda row: float(row["cycle"] or 0))
+    """The surest row of the last twentieth of the cycles."""
+    found = rows.to_dict("records")
+    last = max(float(row["cycle"] or 0) for row in found)
+    late = [row for row in found if float(row["cycle"] or 0) >= 0.95 * last]
+    return min(late, key=lambda row: float(row["soh_std"] or "inf"))
 
 
 def _last(rows):
     row = _latest(rows)
-    std = row["soh_std"]
-    spread = f" ± {100 * float(std):.1f}" if std else ""
+    spread = f" ± {100 * float(row['soh_std']):.1f}" if row["soh_std"] else ""
     return {"soh": f"{100 * float(row['soh']):.1f}{spread} %", "cycle": row["cycle"]}
 
 

@@ -12,6 +12,7 @@ from runtime.artefact import stage_of
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
     from pandas import DataFrame
 
+COUNTED = ("check-up", "ageing cycles")  # methods of tables/health that count a whole discharge
 # Facts of a row that is computed from several tests, in a table of rows of single tests.
 OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
 
@@ -213,7 +214,10 @@ def _health(of_cell, fresh) -> dict:
     """Latest state of health, or that of a cell that was not aged; knee and remaining cycles."""
     told, lives = of_cell["health"], of_cell["fade"]
     # A check-up goes before a cycle of the ageing itself, which is faster.
-    aged = told[told["cycle"].gt(0) & told["soh"].notna()].sort_values("method", ascending=False)
+    told = told[told["cycle"].gt(0) & told["soh"].notna()]
+    counted = told["method"].isin(COUNTED)
+    # What was counted goes before what models tell, from peaks or half cells.
+    aged = (told[counted] if counted.any() else told).sort_values("method", ascending=False)
     latest = aged.sort_values("cycle", kind="stable").drop_duplicates("cycle").tail(1)
     life = next(iter(lives.to_dict("records")), {})
     names = ("knee_cycle", "remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")

@@ -34,7 +34,7 @@ def test_the_waterfall_joins_what_is_one_peak_and_marks_its_end():
     assert ways[0].get_ydata()[2] > ways[0].get_ydata()[0]
     (end,) = lines(panel, "x")
     assert end.get_xdata()[0] == pytest.approx(3.8)
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["P1", "P2"]
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["P1", "P2"]
 
 
 def test_the_waterfall_has_a_panel_for_each_rate_and_temperature():

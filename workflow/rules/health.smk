@@ -142,6 +142,9 @@ PEAK_TYPES = {cells[0]: cells for cells in PEAK_TYPES.values() if calibrate(cell
 FIRST_OF_TYPE = {cell: first for first, cells in PEAK_TYPES.items() for cell in cells}
 
 
+PEAK_STAGES = ("peak_calibration", "peak_information")
+
+
 def of_peak_type(stage, *kinds):
     """Artefacts of a stage of all cells of the type of a job's cell."""
     return lambda w: [path for cell in PEAK_TYPES[w.cell] for path in fitted(stage, cell, *kinds)]

@@ -71,6 +71,8 @@ STAGES = [
     *[path for cell in CELLS for path in rest_curves(cell)],
     *[f"results/basis/{cell}.json" for cell in CELLS],
     *[f"results/degradation_modes/{cell}.parquet" for cell in DEGRADED],
+    *[f"results/{stage}/{cell}.parquet" for cell in PEAK_TYPES for stage in PEAK_STAGES],
+    *[f"results/health_from_peaks/{cell}.parquet" for cell in FIRST_OF_TYPE],
     *[f"results/plateau_losses/{cell}.parquet" for cell in AGED_SLOWLY],
     *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
     *[f"results/bias/{cell}.json" for cell in BIASED],

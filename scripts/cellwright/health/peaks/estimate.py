@@ -16,7 +16,7 @@ SAME_RATE = 1.12  # rates this near are one
 FEWEST_CHARGES = 4
 MOST_CHARGES = 100  # that one estimate is calibrated on: few terms need no more
 FEWEST_CELLS = 3  # that show how cells of a type differ
-FEWEST_TOLD, DISAGREES = 8, 5.0  # charges, robust standard deviations
+FEWEST_TOLD, DISAGREES, ENDS = 8, 5.0, 3  # charges, robust standard deviations, charges
 CARRIES = 0.5  # share of the models' weight from which on a peak carries the information
 FARTHEST = 0.5  # outside the calibration, in spans of a feature, that is still told
 # ASSUME: Before the data speak, a model misses the capacity by 1 %, weighing two charges;
@@ -231,15 +231,16 @@ def disagreeing(found):
     Returns
     -------
     dict of the relative error by (cell, cycle): those further from the middle of all errors than
-    five robust standard deviations, with 1 % added, a tenth of the charges at most. A check-up
-    with the smallest or largest capacity of all is not among them: its peaks are told by carrying
-    on what the others show, which may fail where nothing is wrong with it.
+    five robust standard deviations, with 1 % added, a tenth of the charges at most. The three
+    smallest and largest capacities are not among them: few others are like these, and what is
+    carried on to them may fail where nothing is wrong with them.
     """
     told = [one for one in found if np.isfinite(one.without_check_up.capacity_ampere_hour)]
     told = [one for one in told if one.charge.capacity_ampere_hour > 0]
     if len(told) < FEWEST_TOLD:
         return {}
     sizes = np.array([one.charge.capacity_ampere_hour for one in told])
+    low, high = np.sort(sizes)[[ENDS - 1, -ENDS]]
     errors = np.array(
         [
             one.without_check_up.capacity_ampere_hour / one.charge.capacity_ampere_hour - 1
@@ -252,7 +253,7 @@ def disagreeing(found):
     return {
         (told[place].charge.cell, told[place].charge.cycle): float(errors[place])
         for place in worst
-        if off[place] > DISAGREES * spread and sizes.min() < sizes[place] < sizes.max()
+        if off[place] > DISAGREES * spread and low < sizes[place] < high
     }
 
 

@@ -60,7 +60,8 @@ def features_of(charges):
     Heights, areas and charges are taken as logarithms, as is the capacity that they shall tell:
     a cell of the type that is larger by one per cent has all of them larger by one per cent. An
     area reaches from valley to valley, so that it is compared only where the neighbours of its
-    peak are the same ones: their identities are in its name too.
+    peak are the same ones: their identities are in its name too. Of each height the squared
+    distance from the middle of all is a feature as well, since a life bends.
 
     Parameters
     ----------
@@ -80,7 +81,15 @@ def features_of(charges):
     if not names:
         raise Refusal(f"none of {len(charges)} charge(s) has a peak")
     values = np.array([[row.get(name, np.nan) for name in names] for row in rows], float)
-    return Features(names, values)
+    return _with_bends(Features(names, values))
+
+
+def _with_bends(features):
+    """Features and, of each height, the squared distance from its middle: a curved relation."""
+    bent = [k for k, name in enumerate(features.names) if name[0] == "height"]
+    around = features.values[:, bent] - np.nanmedian(features.values[:, bent], axis=0)
+    names = [("bend", features.names[k][1]) for k in bent]
+    return Features([*features.names, *names], np.hstack([features.values, around**2]))
 
 
 def _usual_window(charges):
