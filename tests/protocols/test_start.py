@@ -92,7 +92,9 @@ def test_the_test_before_tells_that_it_starts_full():
     found = capacity_of(life((-1.0, 3.0), soc=0.97), state_before="full")
     assert np.isnan(found.rows.capacity_std_ampere_hour[0])
     assert not found.left_out
-    with pytest.raises(Refusal, match="does not start full or is not known to: with a rest voltage"):
+    with pytest.raises(
+        Refusal, match="does not start full or is not known to: with a rest voltage"
+    ):
         capacity_of(life((-1.0, 3.0), soc=0.8))
 
 
