@@ -1,6 +1,6 @@
 """Lives of cells as jobs read them: ageing records with their temperature, what methods found."""
 
-from runtime import artefact, facts
+from runtime import artefact, facts, tables
 
 
 def records(cycles_paths, summary_paths, compensated_paths) -> list[tuple]:
@@ -25,6 +25,20 @@ def _temperature(summary_path, compensated_path):
     return artefact.rows(summary)[0], compensated
 
 
+def check_up_rows(paths, tests) -> list[list[dict]]:
+    """Rows of the capacities and of the resistances of a cell, two lists of paths.
+
+    Raises
+    ------
+    Passed
+        With the first reason, where all were refused.
+    """
+    found = [tables.rows_of(part, tests) for part in paths]
+    if not any(found):
+        artefact.load_some([path for part in paths for path in part])
+    return found
+
+
 def throughputs(paths) -> list[tuple]:
     """(cycle, charge discharged up to there) over a cell's life, where it has one."""
     course = artefact.load_first(paths)
@@ -36,13 +50,19 @@ def throughputs(paths) -> list[tuple]:
 
 
 def found(inputs) -> dict:
-    """What each method found on a cell, as `cw.state_of_health` takes it; the inputs by name."""
+    """What each method found on a cell, as `cw.state_of_health` takes it; the inputs by name.
+
+    Raises
+    ------
+    Passed
+        With the first reason, where no method found anything.
+    """
     loaded = {name: artefact.load_first([path]) for name, path in inputs.items()}
+    if all(content is None for content in loaded.values()):
+        artefact.load(next(iter(dict(inputs.items()).values())))
     life, course = loaded.pop("life", None), loaded.pop("course", None)
-    if life is not None:
-        loaded["fade"] = artefact.rows(life)[0], course
-    told = {name: content for name, content in loaded.items() if content is not None}
-    return {name: c if name == "fade" else artefact.rows(c) for name, c in told.items()}
+    told = {name: artefact.rows(content) for name, content in loaded.items() if content is not None}
+    return told if life is None else told | {"fade": (artefact.rows(life)[0], course)}
 
 
 def with_sheet(check_ups, sheet) -> list[dict]:

@@ -48,7 +48,8 @@ def rows_of_cell(columns, cell) -> list[dict]:
 
 
 def excluded(paths, files) -> "DataFrame":
-    """Refused files and analyses, one row each, at the stage that refused them.
+    """Refused files and analyses, one row each, at the stage that refused them, and what others
+    left out of a record.
 
     A step of several outputs refuses all of them for one reason: it has one row.
     """
@@ -57,13 +58,14 @@ def excluded(paths, files) -> "DataFrame":
     rows = []
     for path in paths:
         about = artefact.read_about(path)
-        if about["reason"] is None or about["origin"] != path:
-            continue
+        reasons = about.get("facts", {}).get("left_out", [])
+        if about["reason"] is not None:
+            reasons = [about["reason"]] if about["origin"] == path else []
         wildcards = about["wildcards"]
         name, test = wildcards.get("cell") or wildcards.get("group"), wildcards.get("test", "")
         file = ";".join(files.get(f"{name}/{test}", []))
-        step = about["reason"], about["rule"], about["step"]
-        rows.append((name, test, file, stage_of(path), *step))
+        step = about["rule"], about["step"]
+        rows += [(name, test, file, stage_of(path), reason, *step) for reason in reasons]
     names = ["cell", "test", "file", "stage", "reason", "rule", "step"]
     table = DataFrame(rows, columns=names)
     once = table.drop_duplicates(["cell", "test", "reason", "rule", "step"])

@@ -91,3 +91,33 @@ def test_branch_currents_add_up(table):
 def test_models_are_within_half_a_volt(table):
     """A model that is half a volt off has a fault, not an error."""
     assert not _faults(table("validation"), lambda r: r["rmse_volt"] > 0.5, "model", "rmse_volt")
+
+
+def test_a_knee_and_an_end_of_life_lie_within_their_limits(table):
+    """Lower limit, value and upper limit stand in this order, and a knee within its life."""
+    rows = table("fade")
+    told = [row for row in rows if row["knee_cycle"] is not None]
+    wrong = _faults(
+        told,
+        lambda r: (
+            not 0 < r["knee_lower_cycle"] <= r["knee_cycle"] <= r["knee_upper_cycle"]
+            or r["knee_upper_cycle"] > r["last_cycle"]
+        ),
+        "knee_cycle",
+    )
+    told = [row for row in rows if row["remaining_cycles"] is not None]
+    wrong += _faults(
+        told,
+        lambda r: (
+            not 0 <= r["remaining_lower_cycles"] <= r["remaining_cycles"]
+            or (r["remaining_upper_cycles"] or math.inf) < r["remaining_cycles"]
+        ),
+        "remaining_cycles",
+    )
+    assert not wrong
+
+
+def test_a_state_of_health_does_not_rise_by_more_than_recovery(table):
+    """A cell gains some percent by a rest or at first; a tenth only by a wrong reference."""
+    rows = [row for row in table("health") if row["soh"] is not None]
+    assert not _faults(rows, lambda r: not 0.02 < r["soh"] < 1.1, "cycle", "method", "soh")

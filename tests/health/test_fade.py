@@ -92,9 +92,9 @@ KINDS = ("straight", "root", "power", "rise")
 
 @pytest.mark.parametrize("part", [0.5, 0.7])
 def test_remaining_cycles_lie_within_their_interval(part):
-    """Of 24 lives, half with a knee ahead, at least 22 (a true 95 % gives fewer in 2 %)."""
+    """Of 16 lives, half with a knee ahead, at least 14 (a true 95 % gives fewer in 4 %)."""
     held, ends = 0, 250
-    for seed in range(24):
+    for seed in range(16):
         random = np.random.default_rng(seed)
         share = smooth(KINDS[seed % 4], ends)
         if seed % 2:
@@ -106,7 +106,7 @@ def test_remaining_cycles_lie_within_their_interval(part):
         remaining = found_in(share)[3]
         upper = np.inf if np.isnan(remaining.upper) else remaining.upper
         held += remaining.lower <= true - seen <= upper
-    assert held >= 22
+    assert held >= 14
 
 
 def test_a_life_at_its_end_says_where_that_was():

@@ -132,6 +132,12 @@ def test_check_ups_without_a_cycle_number_are_not_taken_for_one():
     assert check_ups(repeats, [], **LIMITS)[0][0].soh == 1
 
 
+def test_tests_of_neighbouring_cycles_are_one_check_up():
+    rows, _ = check_ups([capacity(0, 2.0), capacity(300, 1.8)], pulses(303, 0.1), **LIMITS)
+    assert [row.cycle for row in rows] == [0, 300]
+    assert rows[1].resistance_10s_ohm == pytest.approx(0.1)
+
+
 def test_nothing_at_all_is_refused():
     with pytest.raises(Refusal, match="no capacity and no resistance"):
         check_ups([], [], **LIMITS)

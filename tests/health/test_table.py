@@ -16,11 +16,11 @@ def test_methods_stand_side_by_side():
         {"cycle": c, "capacity_ampere_hour": 3 * s, "soh": s, "soh_std": 0.002}
         for c, s in ((0.0, 1.0), (150.0, 0.85))
     ]
-    mode = {"identifiable": True, "lli": 0.1, "lam_negative": 0.02, "lam_positive": 0.03}
+    mode = {"lli": 0.1, "lam_negative": 0.02, "lam_positive": np.nan}
     modes = [
         mode | {"cycle": 0.0, "capacity_ampere_hour": 3.1},
         mode | {"cycle": 150.0, "capacity_ampere_hour": 2.635},
-        mode | {"cycle": 300.0, "capacity_ampere_hour": 2.2, "identifiable": False},
+        dict.fromkeys(mode, np.nan) | {"cycle": 300.0, "capacity_ampere_hour": 2.2},
     ]
     rows = cw.state_of_health(check_ups, (found.summary, found.columns), modes).rows
     by_method = {}

@@ -107,7 +107,7 @@ def test_of_several_capacity_tests_the_nearest_freshest_slowest_counts():
         row(1.9, 0.5),
         row(2.0, 0.5, cycle=9),
     ]
-    content = basis("A", [], [*rows, row(3.0, 0.01, direction="charge")], [])
+    content = basis("A", [], [*rows, row(3.0, 0.2, direction="charge")], [])
     assert content["capacity_ampere_hour"] == 1.9
     assert content["capacity_source"] == "discharge of capacity at 0.5C"
     assert content["ocv"] == []

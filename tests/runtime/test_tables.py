@@ -66,6 +66,15 @@ def test_two_steps_of_one_job_that_refuse_for_one_reason_are_two_rows(snakemake)
     ]
 
 
+def test_what_a_record_lacks_is_excluded_too(snakemake):
+    path = "results/ica/A/good.parquet"
+    said = ["3 of 50 discharges left out (cycles 4, 9, 20): cycle 4: it ends at 3.5 V"]
+    with artefact.Job(snakemake(path, wildcards={"cell": "A", "test": "good"})) as job:
+        job.save([ROW], left_out=said)
+    (row,) = tables.excluded([path], {}).to_dict("records")
+    assert (row["test"], row["reason"]) == ("good", said[0])
+
+
 COLUMNS = {
     "capacity": "cell direction c_rate cycle capacity_ampere_hour",
     "resistance": "cell direction delay_second soc c_rate cycle ambient_temperature_celsius "

@@ -17,8 +17,9 @@ CAMPAIGNS = ROOT / "tests" / "campaigns"
 # Planned for every campaign, and for every one that has a series of current and voltage.
 ALWAYS = {"tables_of_tests", "tables_of_models", "missing_effect", "summary", "report", "manifest"}
 ALWAYS |= {"figure_overview", "figures", "fleet"}
+ALWAYS |= {"tables_of_health", "fleet_health", "protocols_compared"}
 SERIES = {"series"}
-CAPACITY = SERIES | {"capacity", "basis", "relaxation"}
+CAPACITY = SERIES | {"capacity", "basis", "relaxation", "check_ups", "health"}
 METHODS = {"identification_methods"}
 # Of each campaign the other rules, among them the search, which says what it would need.
 PLANNED = {

@@ -196,6 +196,8 @@ def of_analysis(section):
 
 
 CAPACITY_KINDS = ("capacity", "ocv")
+# Tests that tell what SoC refers to: charges for dQ/dV too, where they are slow.
+SIZE_KINDS = (*CAPACITY_KINDS, "ica")
 PULSE_KINDS = ("hppc", "pulse_resistance")
 RELAXATION_KINDS = config["relaxation"]["kinds"]
 # Hashes of the code of all rules, kept from one start to the next.

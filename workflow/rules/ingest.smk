@@ -36,3 +36,33 @@ rule series:
         "Read {wildcards.cell} {wildcards.test}, flag and clean it, find its steps."
     script:
         "../../scripts/ingest/series.py"
+
+
+def series_of(stage, cell):
+    """Artefacts of one stage of all series of a cell, where it has several of them."""
+    paths = artefacts(stage, cell, *SERIES_KINDS)
+    return paths if len(paths) > 1 else []
+
+
+def course_of(wildcards):
+    """The order in time of a cell's tests, where it has several."""
+    several = wildcards.cell in CELLS and series_of("clean", wildcards.cell)
+    return [f"results/course/{wildcards.cell}.parquet"] if several else []
+
+
+rule course:
+    input:
+        series=lambda w: series_of("clean", w.cell),
+        steps=lambda w: series_of("segment", w.cell),
+    output:
+        "results/course/{cell}.parquet",
+    log:
+        "logs/course/{cell}.log",
+    wildcard_constraints:
+        cell=either(CELLS),
+    params:
+        cell=cell_facts,
+    message:
+        "Which test of {wildcards.cell} followed which, and how each left the cell."
+    script:
+        "../../scripts/ingest/course.py"

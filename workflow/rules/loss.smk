@@ -106,6 +106,7 @@ rule ageing:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
+        course=course_of,
     output:
         cycles="results/ageing_cycles/{cell}/{test}.parquet",
         summary="results/ageing_temperature/{cell}/{test}.parquet",

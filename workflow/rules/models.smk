@@ -76,8 +76,19 @@ SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for ce
 
 
 def resting(name):
-    """Pulse tests whose rests give an OCV curve, of a cell that was never tested slowly."""
-    return [] if tests(name, "ocv") else tests(name, "hppc", roles=["fit"])
+    """Pulse tests whose rests give an OCV curve: of check-ups without a slow test."""
+    slow = [row["cycle"] or 0 for row in tests(name, "ocv")]
+    aged = [row["cycle"] or 0 for row in tests(name, "capacity", roles=["fit"])] if slow else [0]
+    return [
+        row
+        for row in tests(name, "hppc", roles=["fit"])
+        if not near_in_cycles(row, slow) and (not slow or near_in_cycles(row, aged))
+    ]
+
+
+def near_in_cycles(row, cycles):
+    """Whether a test lies within 5 cycles of one of these, so that it sees a cell of one age."""
+    return any(abs((row["cycle"] or 0) - cycle) <= 5 for cycle in cycles)
 
 
 def rest_curves(cell):
@@ -85,10 +96,43 @@ def rest_curves(cell):
     return [f"results/ocv_rests/{cell}/{row['test']}.parquet" for row in resting(cell)]
 
 
+def aged_capacity_tests(cell):
+    """Capacity tests of a cell, where they lie at several ages."""
+    rows = tests(cell, "capacity", roles=["fit"])
+    cycles = [row["cycle"] or 0 for row in rows]
+    return rows if cycles and max(cycles) - min(cycles) > 5 else []
+
+
+def of_aged(stage):
+    """Input function: one stage's artefacts of these tests."""
+    return lambda w: [
+        f"results/{stage}/{w.cell}/{row['test']}.parquet" for row in aged_capacity_tests(w.cell)
+    ]
+
+
+rule ocv_shift:
+    input:
+        series=of_aged("clean"),
+        steps=of_aged("segment"),
+    output:
+        "results/ocv_shift/{cell}.parquet",
+    log:
+        "logs/ocv_shift/{cell}.log",
+    wildcard_constraints:
+        cell=either(cells_where(aged_capacity_tests)),
+    message:
+        "Shift of the open-circuit voltage of {wildcards.cell} since its first check-up."
+    script:
+        "../../scripts/models/ocv_shift.py"
+
+
 rule basis:
     input:
         rests=lambda w: rest_curves(w.cell),
-        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+        shifts=lambda w: (
+            [f"results/ocv_shift/{w.cell}.parquet"] if aged_capacity_tests(w.cell) else []
+        ),
+        capacity=lambda w: fitted("capacity", w.cell, *SIZE_KINDS),
         ocv=lambda w: fitted("ocv", w.cell, "ocv"),
         lent_ocv=lambda w: [p for c in curve_lenders(w.cell) for p in fitted("ocv", c, "ocv")],
         lent_capacity=lambda w: [
@@ -233,6 +277,66 @@ EXPORTED = {
 }
 
 
+def first_cycle(cell):
+    """Cycle of a cell's first check-up with a test that tells its capacity."""
+    rows = tests(cell, *CAPACITY_KINDS, roles=["fit"])
+    return min((row["cycle"] or 0 for row in rows), default=0)
+
+
+def later_checkups(cell):
+    """Cycles of the later check-ups that have an HPPC test and one that tells the capacity."""
+    sized = [row["cycle"] or 0 for row in tests(cell, *CAPACITY_KINDS, roles=["fit"])]
+    aged = [
+        row["cycle"]
+        for row in fit_tests(cell)
+        if row["kind"] == "hppc" and near_in_cycles(row, sized)
+    ]
+    young = {"cycle": first_cycle(cell)}
+    return sorted({f"{cycle:g}" for cycle in aged if not near_in_cycles(young, [cycle or 0])})
+
+
+CHECKUPS = {cell: cycles for cell in IDENTIFIED if (cycles := later_checkups(cell))}
+
+
+def checkup_series(wildcards):
+    """Tests of one later check-up that its model is fitted to."""
+    rows = [
+        row
+        for row in [*fit_tests(wildcards.cell), *tests(wildcards.cell, "capacity", roles=["fit"])]
+        if near_in_cycles(row, [float(wildcards.checkup)])
+    ]
+    return [f"results/clean/{wildcards.cell}/{row['test']}.parquet" for row in rows]
+
+
+rule model_of_checkup:
+    input:
+        basis="results/basis/{cell}.json",
+        series=checkup_series,
+    output:
+        model="results/models_of_checkups/{cell}/{checkup}.json",
+        parameters="results/parameters_of_checkups/{cell}/{checkup}.parquet",
+    log:
+        "logs/model_of_checkup/{cell}/{checkup}.log",
+    wildcard_constraints:
+        cell=either(CHECKUPS),
+    params:
+        members=config["models"]["members"],
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+    message:
+        "Model of {wildcards.cell} at its check-up at cycle {wildcards.checkup}."
+    script:
+        "../../scripts/models/model_of_checkup.py"
+
+
+def model_at_age(wildcards):
+    """The model of a cell at the age of a test: that of its check-up where there is one."""
+    row, cell = TESTS[wildcards.cell, wildcards.test], wildcards.cell
+    aged = [cycle for cycle in CHECKUPS.get(cell, []) if near_in_cycles(row, [float(cycle)])]
+    of_checkup = [f"results/models_of_checkups/{cell}/{cycle}.json" for cycle in aged[:1]]
+    return of_checkup or f"results/models/{cell}.json"
+
+
 rule export:
     input:
         "results/models/{cell}.json",
@@ -252,7 +356,7 @@ rule export:
 
 rule prediction:
     input:
-        model="results/models/{cell}.json",
+        model=model_at_age,
         series="results/clean/{cell}/{test}.parquet",
     output:
         scores="results/validation/{cell}/{test}.parquet",

@@ -45,6 +45,11 @@ TABLES_OF_MODELS = {
         f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
     ],
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
+    "models_of_checkups": [
+        f"results/parameters_of_checkups/{cell}/{cycle}.parquet"
+        for cell, cycles in CHECKUPS.items()
+        for cycle in cycles
+    ],
     "identification_methods": [
         f"results/identification_methods/{cell}.parquet" for cell in COMPARED
     ],

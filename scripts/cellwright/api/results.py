@@ -104,6 +104,18 @@ class RestOcv(NamedTuple):
         return frame(self.curve)
 
 
+class Cycles(NamedTuple):
+    """Complete half cycles of an ageing record, notes, and those of them on what was left out."""
+
+    rows: object
+    notes: tuple
+    left_out: tuple
+
+    def to_frame(self):
+        """One row a half cycle."""
+        return frame(self.rows)
+
+
 class Relaxation(NamedTuple):
     """Exponentials in rests: one row a rest, and voltage over time of one of them."""
 

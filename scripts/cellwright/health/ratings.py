@@ -7,6 +7,7 @@ import numpy as np
 from cellwright.health.fleet import mean_over_soc
 from cellwright.refusal import Refusal
 
+SAME_CHECKUP_CYCLES = 5.0  # tests so near in cycles see a cell of one age
 SAME_CELSIUS = 3.0  # temperatures this near are one
 SAME_RATE = 1.12  # rates this near are one
 POWER_SOCS = (0.8, 0.5, 0.2)
@@ -94,7 +95,7 @@ def check_ups(
 ):
     """Ratings of every check-up of a cell, each with its change since the first one.
 
-    1. Tests of one `cycle` of the sheet are one check-up; blank is new. Where tests were made at
+    1. Tests within 5 cycles of the sheet are one check-up; blank is new. Where tests were made at
     several temperatures, those at the one that most check-ups have count. 2. The capacity that
     counts is at the rate that most check-ups have, discharges before charges, the slowest first.
     3. Power at a state of charge: what the cell gives at its lower cut-off (takes at its upper
@@ -149,16 +150,27 @@ def _cycle(row):
     return float(row["cycle"] or 0.0)
 
 
+# ASSUME: Tests within 5 cycles of each other see a cell of one age.
+def _of_one_age(rows):
+    """Rows with the cycle of their check-up: the first of those that follow within 5 cycles."""
+    first, begin = {}, -np.inf
+    for cycle in sorted({_cycle(row) for row in rows}):
+        begin = cycle if cycle > begin + SAME_CHECKUP_CYCLES else begin
+        first[cycle] = begin
+    return [row | {"cycle": first[_cycle(row)]} for row in rows]
+
+
 def _at_one_temperature(capacities, resistances):
     """Rows at the temperature that most check-ups have, and what was left out."""
-    both = [*capacities, *resistances]
+    both = _of_one_age([*capacities, *resistances])
+    capacities, resistances = both[: len(capacities)], both[len(capacities) :]
     met = {}
     for row in both:
         celsius = row["ambient_temperature_celsius"]
         if celsius is not None:
             met.setdefault(celsius, set()).add(_cycle(row))
     if not met or max(met) - min(met) <= SAME_CELSIUS:
-        return list(capacities), list(resistances), []
+        return capacities, resistances, []
     usual = max(met, key=lambda celsius: (len(met[celsius]), -abs(celsius - 25.0)))
 
     def kept(rows):

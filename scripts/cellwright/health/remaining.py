@@ -9,7 +9,7 @@ from cellwright.health.fade import courses, recovery
 HORIZON = 6.0  # lives so far, up to which a course is carried forward
 STEPS = 240  # of the future
 EXPONENT_STD = 0.35  # by which the exponent of the fade to come differs from that so far
-KNEE_RATIOS = (1.5, 8.0)  # of the fade beyond a knee to that before it
+KNEE_RATIOS = (1.5, 12.0)  # of the fade beyond a knee to that before it
 LEAST_SEEN = 0.02  # of the capacity: of a smaller loss nothing is carried forward [1]
 
 
@@ -33,7 +33,7 @@ class Remaining(NamedTuple):
 
 
 # ASSUME: Unless a knee has been seen, one may lie ahead: that none lies before cycle m has the
-# chance n/m, n the cycles so far. The fade beyond it is 1.5 to 8 times as fast (log-uniform).
+# chance n/m, n the cycles so far. The fade beyond it is 1.5 to 12 times as fast (log-uniform).
 # ASSUME: The fade to come follows the law so far times (m/n)^d, d normal with deviation 0.35; the
 # square root law lies at −0.5 from the straight one.
 def remaining_of(fade, drawn, knee, *, end_of_life, start_ampere_hour=None, level=0.95, seed=1):

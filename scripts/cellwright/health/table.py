@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+LOST = ("lli", "lam_negative", "lam_positive")
 NEAR = 7  # discharges around a check-up whose median tells the capacity there
 CHECK_UP, CYCLES, MODES, PEAKS = "check-up", "ageing cycles", "degradation modes", "dQ/dV peaks"
 
@@ -49,8 +50,8 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
     ]
     if life:
         rows += _of_cycles(life, course, [row["cycle"] for row in check_ups])
-    told = sorted((row for row in modes if row["identifiable"]), key=lambda row: row["cycle"])
-    rows += [_of_modes(row, told[0]) for row in told]
+    told = sorted(modes, key=lambda row: row["cycle"])
+    rows += [_of_modes(row, told[0]) for row in told if any(np.isfinite(row[m]) for m in LOST)]
     rows += [
         HealthRow(row["cycle"], row["capacity_ampere_hour"], row["soh"], PEAKS, row["soh_std"])
         for row in peaks
@@ -86,5 +87,4 @@ def _of_modes(row, fresh):
     """A row of degradation modes; its state of health over the first one by the same method."""
     size = row["capacity_ampere_hour"]
     base = HealthRow(row["cycle"], size, size / fresh["capacity_ampere_hour"], MODES, np.nan)
-    lost = {name: row[name] for name in ("lli", "lam_negative", "lam_positive")}
-    return base._replace(**lost)
+    return base._replace(**{name: row[name] for name in LOST})

@@ -267,7 +267,7 @@ def net_charge(
 
     1. Trapezoids of the true time stamps.
     2. Where the current steps within an interval the trapezoid guesses when. The instrument's
-       counter knows: it serves where that guess is worse than twenty of its digits, and where what
+       counter knows: it serves where that guess is worse than five of its digits, and where what
        it counted lies between what either current would have moved.
     3. Across a gap: the counter; without one, a current that is the same on both sides, else none.
 
@@ -296,12 +296,15 @@ def net_charge(
     return np.concatenate([[0.0], np.cumsum(moved)])
 
 
+COUNTER_DIGITS = 5  # error of a guess beyond which a counter of so coarse a digit is better
+
+
 def _counter_is_better(before: np.ndarray, after: np.ndarray, counted: np.ndarray) -> np.ndarray:
     """Intervals in which the counter is more accurate than the trapezoid, and plausible."""
     if not np.any(counted[np.isfinite(counted)]):
         return np.zeros(counted.size, dtype=bool)
     digit = _digit(counted[np.isfinite(counted)])
-    unsure = 0.5 * np.abs(after - before) > 20 * digit
+    unsure = 0.5 * np.abs(after - before) > COUNTER_DIGITS * digit
     slack = digit + 0.02 * np.maximum(np.abs(before), np.abs(after))
     low, high = np.minimum(before, after) - slack, np.maximum(before, after) + slack
     return unsure & (counted >= low) & (counted <= high)

@@ -33,6 +33,7 @@ class Cell(NamedTuple):
     specimen: Any
     reference: bool = False
     note: str | None = None
+    ageing_protocol: str | None = None
 
 
 class Test(NamedTuple):
@@ -116,7 +117,8 @@ def seed_of(name: str, campaign: int = 0) -> int:
 
 
 def cells_sheet(plan: Plan) -> list[dict]:
-    """Rows of cells.tsv."""
+    """Rows of cells.tsv; how cells were aged only where some were."""
+    aged = any(cell.ageing_protocol for cell in plan.cells)
     return [
         {
             "cell": cell.name,
@@ -125,6 +127,7 @@ def cells_sheet(plan: Plan) -> list[dict]:
             "lower_cutoff_volt": cell.rating.lower_cutoff_volt,
             "upper_cutoff_volt": cell.rating.upper_cutoff_volt,
             "reference": "yes" if cell.reference else None,
+            **({"ageing_protocol": cell.ageing_protocol} if aged else {}),
             "note": cell.note,
         }
         for cell in plan.cells
