@@ -13,6 +13,7 @@ from figures import (
     impedance,
     models,
     ocv,
+    peaks,
     relaxation,
     resistance,
     temperature,
@@ -80,6 +81,12 @@ def _records(of, _):
 
 def _ica(of, _):
     return capacity.draw_ica(artefact.load_together(zip(of.curves, of.peaks, strict=True)))
+
+
+def _ica_tracks(of, _):
+    tracks = artefact.load(of.tracks)
+    loaded = artefact.load_all(of.curves), artefact.load_all(of.lives)
+    return peaks.draw_ica_tracks(tracks, peaks.curves_by_charge(*loaded, tracks))
 
 
 def _drt(of, _):
@@ -170,6 +177,7 @@ DRAW = {
     "ocv": lambda of, _: ocv.draw_ocv(artefact.load_some(of.curves)),
     "resistance": lambda of, _: resistance.draw_resistance(artefact.load_some(of.pulses)),
     "ica": _ica,
+    "ica_tracks": _ica_tracks,
     "impedance": lambda of, _: impedance.draw_nyquist(artefact.load_some(of.spectra)),
     "impedance_fit": lambda of, _: impedance.draw_impedance_fit(artefact.load_some(of.spectra)),
     "drt": _drt,

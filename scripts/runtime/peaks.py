@@ -8,22 +8,22 @@ from cellwright.health.tracking import PeakCharge
 from runtime import artefact
 
 
-def of_check_ups(paths, tests):
+def of_check_ups(paths, curves, tests):
     """Peaks of the charges of tests of kind `ica`, also of those that have none, with the reason.
 
     Parameters
     ----------
-    paths : artefacts of stage `ica`. tests : facts of the sheet by "cell/test".
+    paths, curves : artefacts of stages `ica` and `ica_curve` of the same tests.
+    tests : facts of the sheet by "cell/test". A charge whose curve is refused too is left out.
     """
     found = []
-    for path in paths:
-        about = artefact.read_about(path)
-        peaks = artefact.load(path) if about["reason"] is None else {}
-        if peaks or "no peaks" in about["reason"]:
-            facts = _facts(about, tests)
-            rate = float(peaks["c_rate"][0]) if peaks else math.nan
+    for path, curve in zip(paths, curves, strict=True):
+        about, made = artefact.read_about(path), artefact.read_about(curve)
+        if made["reason"] is None:
+            peaks = artefact.load(path) if about["reason"] is None else {}
+            facts, rate = _facts(about, tests), float(made["facts"]["c_rate"])
             found.append(_charge(about, facts, facts["cycle"] or 0.0, rate, peaks, about["reason"]))
-    return [charge for charge in found if math.isfinite(charge.c_rate)]
+    return found
 
 
 def of_lives(paths, tests):

@@ -129,6 +129,11 @@ def test_a_jump_beyond_all_tolerances_is_another_peak():
     assert found[1, 0.05]["P2"].event == "appeared"
 
 
+def test_the_only_peak_left_of_three_keeps_its_name_in_doubt():
+    found = tracks([charge(0, FRESH), charge(1, FRESH[2:])])
+    assert "the only one left of 3" in found[1, 0.05]["P3"].reason
+
+
 def test_the_chemistry_only_names():
     plain = tracked_peaks([charge(0, FRESH), charge(1, FRESH)], **OPTIONS)
     named = tracked_peaks([charge(0, FRESH), charge(1, FRESH)], chemistry="NMC", **OPTIONS)

@@ -81,6 +81,10 @@ def figures_of_laws(cell):
     if cell in COLD_PEAKS:
         names = {"matches": "ica_temperature", "peaks": "ica_temperature_peaks"}
         yield figure("ica_temperature", **of_cell(cell, curves="ica_temperature_curve", **names))
+    if cell in FOLLOWED:
+        curves = artefacts("ica_curve", cell, "ica"), artefacts("ica_life_curve", cell, "ageing")
+        tracks = {"tracks": f"results/ica_tracks/{cell}.parquet"}
+        yield figure("ica_tracks", curves=curves[0], lives=curves[1], **tracks)
     if tests(cell, "fast_charge"):
         stages = {"series": "clean", "steps": "segment", "numbers": "fast_charge"}
         parts = {name: artefacts(stage, cell, "fast_charge") for name, stage in stages.items()}

@@ -3,11 +3,6 @@
 FOLLOWED = cells_where(lambda cell: len(tests(cell, "ica")) >= 2 or tests(cell, "ageing"))
 
 
-def chemistry_of(wildcards):
-    """What the sheet says of a cell's chemistry."""
-    return CELLS[wildcards.cell]["chemistry"]
-
-
 rule ica_life:
     input:
         series="results/clean/{cell}/{test}.parquet",
@@ -30,6 +25,7 @@ rule ica_life:
 rule ica_tracks:
     input:
         check_ups=lambda w: artefacts("ica", w.cell, "ica"),
+        curves=lambda w: artefacts("ica_curve", w.cell, "ica"),
         lives=lambda w: artefacts("ica_life", w.cell, "ageing"),
     output:
         "results/ica_tracks/{cell}.parquet",
@@ -40,7 +36,7 @@ rule ica_tracks:
     params:
         settings=config["ica_tracks"],
         tests=facts_of_own_tests,
-        chemistry=chemistry_of,
+        chemistry=lambda w: CELLS[w.cell]["chemistry"],
     message:
         "Peaks of incremental capacity of {wildcards.cell}, followed through its life."
     script:

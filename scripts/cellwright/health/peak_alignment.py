@@ -12,12 +12,13 @@ class Aligned(NamedTuple):
     """Pairs (number in the first list, in the second), the common shift [V], margins.
 
     margins : by number in the second list, by how much the best alignment without that pair is
-    worse [-2 log likelihood].
+    worse [-2 log likelihood]. known : how many of the first list were seen in the charge before.
     """
 
     pairs: tuple
     shift: float
     margins: dict
+    known: int = 0
 
 
 def align(known, peaks, motion_volt, log_factor, shift_std_volt):

@@ -194,6 +194,7 @@ def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
     """Rows of one charge, and the tracks after it, from low voltage."""
     peaks = _peak_list(charge)
     aligned = align([(t.voltage, t.height, t.area) for t in tracks], peaks, *tolerance, shift_std)
+    aligned = aligned._replace(known=sum(track.seen for track in tracks))
     partner = {peak: track for track, peak in aligned.pairs}
     rows, after = [], []
     for k, (voltage, height, area) in enumerate(peaks):
@@ -279,8 +280,6 @@ def _row(charge, k, track, aligned, event):
         "area_std_ampere_hour",
         "width_volt",
     )
-    margin = aligned.margins.get(k, np.inf)
-    reason = "" if margin > AMBIGUOUS else "another assignment is nearly as likely"
     return TrackRow(
         *_what(charge),
         track.identity,
@@ -288,8 +287,17 @@ def _row(charge, k, track, aligned, event):
         aligned.shift,
         track.drift,
         event,
-        reason,
+        _doubt(aligned, k),
     )
+
+
+def _doubt(aligned, k):
+    """Why the name of a peak is in doubt, or ""."""
+    if aligned.margins.get(k, np.inf) <= AMBIGUOUS:
+        return "another assignment is nearly as likely"
+    if aligned.known > 1 and len(aligned.pairs) == 1 and k in aligned.margins:
+        return f"the only one left of {aligned.known}: what is common cannot be told from its own"
+    return ""
 
 
 def _missing(charge, track, aligned, event):

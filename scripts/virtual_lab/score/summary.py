@@ -21,6 +21,7 @@ QUANTITIES = {
     "fast_charge": ("",),
     "ageing": ("",),
     "ica": ("voltage_volt", "height_ampere_hour_per_volt", "area_ampere_hour"),
+    "ica_tracks": ("",),
     "health": (
         *("capacity_ampere_hour", "soh", "knee_cycle", "remaining_cycles"),
         *("lli", "lam_negative", "lam_positive"),
