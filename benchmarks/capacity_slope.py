@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 from timing import Entry, Goal, Topic, where_importable
 
-from cellwright.protocols.ica import charge_slope, peaks_of
+from cellwright.protocols.ica.charge import charge_slope, peaks_of
 from cellwright.settings import Ica
 
 ROWS, SEEDS, STEP_VOLT = 200_000, 20, 3e-4

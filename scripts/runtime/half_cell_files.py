@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from cellwright.health.half_cells import from_table
+from cellwright.health.electrodes.half_cells import from_table
 from cellwright.refusal import Refusal
 from runtime import provenance
 

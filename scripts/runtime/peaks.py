@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from cellwright.health.tracking import PeakCharge
+from cellwright.health.peaks.tracking import PeakCharge
 from runtime import artefact
 
 

@@ -5,7 +5,7 @@ import pytest
 from half_cell_lives import LOSSES, NMC_LITHIUM, nmc, window
 
 import cellwright as cw
-from cellwright.health.alignment import cell_volt
+from cellwright.health.electrodes.alignment import cell_volt
 
 CELL = {"cell": "C1", "lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.15}
 

@@ -5,7 +5,7 @@ import pytest
 from half_cell_lives import SOC, curve_of
 
 import cellwright as cw
-from cellwright.health.check_ups import check_ups, growth, need_two, slow_curve
+from cellwright.health.electrodes.slow_curves import check_ups, growth, need_two, slow_curve
 from cellwright.refusal import Refusal
 
 VOLT = 3.0 + SOC

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.health.half_cells import (
+from cellwright.health.electrodes.half_cells import (
     CHEMISTRIES,
     LIBRARY,
     blended,

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from half_cell_lives import LOSSES, curve_of, life, nmc
 
-from cellwright.health.alignment import Pair, align, chosen_pair
-from cellwright.health.half_cells import half_cell
-from cellwright.health.mode_rows import mode_rows
-from cellwright.health.modes import degradation_modes
+from cellwright.health.electrodes.alignment import Pair, align, chosen_pair
+from cellwright.health.electrodes.half_cells import half_cell
+from cellwright.health.electrodes.mode_rows import mode_rows
+from cellwright.health.electrodes.modes import degradation_modes
 from cellwright.refusal import Refusal
 
 

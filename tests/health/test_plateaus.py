@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from half_cell_lives import SOC, curve_of
 
-from cellwright.health.plateaus import boundaries, plateau_losses
+from cellwright.health.electrodes.plateaus import boundaries, plateau_losses
 from cellwright.refusal import Refusal
 
 STEPS_VOLT = (3.2, 3.3, 3.4, 3.5)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.health.tracking import PeakCharge, tracked_peaks
+from cellwright.health.peaks.tracking import PeakCharge, tracked_peaks
 from cellwright.refusal import Refusal
 from cellwright.settings import IcaTracks
 

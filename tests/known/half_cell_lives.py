@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cellwright.health.alignment import CORRELATED_SOC, Pair, SlowCurve, cell_volt
-from cellwright.health.half_cells import half_cell
+from cellwright.health.electrodes.alignment import CORRELATED_SOC, Pair, SlowCurve, cell_volt
+from cellwright.health.electrodes.half_cells import half_cell
 
 SOC = np.linspace(0.0, 1.0, 201)
 LOSSES = np.array([[0.0, 0.0, 0.0], [0.04, 0.02, 0.03], [0.10, 0.05, 0.06], [0.20, 0.12, 0.15]])

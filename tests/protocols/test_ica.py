@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cellwright.numerics.linear import savitzky_golay_weights
-from cellwright.protocols.ica import (
+from cellwright.protocols.ica.charge import (
     charge_peaks,
     charge_slope,
     constant_current_charge,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.protocols.ica_life import peaks_of_life
+from cellwright.protocols.ica.life import peaks_of_life
 from cellwright.refusal import Refusal
 from cellwright.settings import Ica
 

@@ -34,10 +34,10 @@ def degradation_modes(
 
     Source: docs/health-modes.md.
     """
-    from cellwright.health import mode_rows
-    from cellwright.health.alignment import chosen_pair
-    from cellwright.health.check_ups import alike, growth, need_two
-    from cellwright.health.modes import degradation_modes as modes_of
+    from cellwright.health.electrodes import mode_rows
+    from cellwright.health.electrodes.alignment import chosen_pair
+    from cellwright.health.electrodes.modes import degradation_modes as modes_of
+    from cellwright.health.electrodes.slow_curves import alike, growth, need_two
 
     options = inputs.settings_of(DegradationModes, settings, changes)
     facts = inputs.cell_facts(cell)
@@ -64,7 +64,7 @@ class _Curves(NamedTuple):
 
 
 def _curves(tests, facts, options):
-    from cellwright.health.check_ups import slow_curve
+    from cellwright.health.electrodes.slow_curves import slow_curve
 
     found, names = _Curves([], {}), ("lower_cutoff_volt", "upper_cutoff_volt")
     limits = {name: getattr(facts, name) for name in names}
@@ -98,8 +98,8 @@ def plateau_losses(tests, cell, settings=None, **changes):
 
     Source: thesis 4.3; docs/health-plateaus.md.
     """
-    from cellwright.health.check_ups import growth, need_two
-    from cellwright.health.plateaus import plateau_losses as losses_of
+    from cellwright.health.electrodes.plateaus import plateau_losses as losses_of
+    from cellwright.health.electrodes.slow_curves import growth, need_two
 
     options, facts = (
         inputs.settings_of(DegradationModes, settings, changes),
@@ -112,7 +112,7 @@ def plateau_losses(tests, cell, settings=None, **changes):
 
 def _check_ups(found):
     """Curves by check-up, and what was left out: also check-ups without any slow curve."""
-    from cellwright.health.check_ups import check_ups
+    from cellwright.health.electrodes.slow_curves import check_ups
 
     chosen, left_out = check_ups(found.curves)
     seen = {curve.cycle for curve in found.curves}
@@ -122,8 +122,8 @@ def _check_ups(found):
 
 def _pairs(chemistry, half_cells):
     """Pairs of half cells to try: those given, else the chemistry's."""
-    from cellwright.health.alignment import Pair
-    from cellwright.health.half_cells import CHEMISTRIES, candidates, half_cell
+    from cellwright.health.electrodes.alignment import Pair
+    from cellwright.health.electrodes.half_cells import CHEMISTRIES, candidates, half_cell
 
     known = CHEMISTRIES.get(str(chemistry).upper())
     if known is None and None in half_cells:

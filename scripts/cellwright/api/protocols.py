@@ -294,7 +294,7 @@ def ica(series, steps, settings=None, **changes):
 
     Returns
     -------
-    ica : Ica; curve: `protocols.ica_curve.IncrementalCapacity` [Ah/V] over voltage [V].
+    ica : Ica; curve: `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V].
 
     Raises
     ------
@@ -302,7 +302,7 @@ def ica(series, steps, settings=None, **changes):
 
     Source: docs/ica.md.
     """
-    from cellwright.protocols.ica import charge_slope, constant_current_charge, constant_rows
+    from cellwright.protocols.ica.charge import charge_slope, constant_current_charge, constant_rows
 
     steps = inputs.steps(steps)._asdict()
     names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
@@ -334,7 +334,7 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
     ------
     Refusal : No peaks.
     """
-    from cellwright.protocols.ica import charge_peaks
+    from cellwright.protocols.ica.charge import charge_peaks
 
     options = {"c_rate": ica.c_rate, "prominence": prominence}
     return results.Table(charge_peaks(ica.curve, ica.slope, **options))

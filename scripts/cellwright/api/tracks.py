@@ -25,7 +25,7 @@ def ica_life(series, steps, cycles, settings=None, *, most=TRACKS.most_charges, 
 
     Source: docs/ica.md.
     """
-    from cellwright.protocols.ica_life import peaks_of_life
+    from cellwright.protocols.ica.life import peaks_of_life
 
     chosen = inputs.settings_of(Ica, settings, changes)
     names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
@@ -55,7 +55,7 @@ def ica_tracks(charges, settings=None, *, chemistry="", **changes):
 
     Source: docs/ica.md.
     """
-    from cellwright.health.tracking import tracked_peaks
+    from cellwright.health.peaks.tracking import tracked_peaks
 
     options = inputs.settings_of(IcaTracks, settings, changes)._asdict()
     options.pop("most_charges")

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
-from cellwright.protocols.ica_curve import gridded
-from cellwright.protocols.ica_levels import tally, volt_at_rank
+from cellwright.protocols.ica.curve import gridded
+from cellwright.protocols.ica.levels import tally, volt_at_rank
 from cellwright.refusal import Refusal
 
 LEAST_ROWS = 50

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.ica import charge_slope, constant_rows, peaks_of
-from cellwright.protocols.ica_curve import Peaks
+from cellwright.protocols.ica.charge import charge_slope, constant_rows, peaks_of
+from cellwright.protocols.ica.curve import Peaks
 from cellwright.refusal import Refusal
 
 AHEAD_SECOND = 1.0

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
-from cellwright.protocols.ica_curve import Peaks
+from cellwright.protocols.ica.curve import Peaks
 
 
 def grid_peaks(curve, *, prominence, noise_factor=5.0):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.protocols.ica_curve import gridded
+from cellwright.protocols.ica.curve import gridded
 
 FIRST_DIVISOR = 5
 MARGIN_SHARE = 0.035  # 500 rows of a C/2 charge read twice a second, as the thesis' code adds

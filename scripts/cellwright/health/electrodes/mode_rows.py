@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.health.modes import MODES
+from cellwright.health.electrodes.modes import MODES
 
 WARNED_VOLT = 0.003  # misfit from which the half cells are said to fit poorly
 

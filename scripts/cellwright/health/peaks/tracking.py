@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.health.peak_alignment import align
-from cellwright.health.peak_names import names_of
-from cellwright.health.peak_sequences import joined_identities
+from cellwright.health.peaks.alignment import align
+from cellwright.health.peaks.names import names_of
+from cellwright.health.peaks.sequences import joined_identities
 from cellwright.refusal import Refusal
 
 SAME_RATE = 1.12  # rates this near are one

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from cellwright.protocols import ica_spline
-from cellwright.protocols.ica_adaptive import adaptive_capacity
-from cellwright.protocols.ica_binned import binned_capacity, counted_capacity
-from cellwright.protocols.ica_grid_peaks import grid_peaks
+from cellwright.protocols.ica import spline as ica_spline
+from cellwright.protocols.ica.adaptive import adaptive_capacity
+from cellwright.protocols.ica.binned import binned_capacity, counted_capacity
+from cellwright.protocols.ica.grid_peaks import grid_peaks
 from cellwright.refusal import Refusal
 from cellwright.settings import Ica
 

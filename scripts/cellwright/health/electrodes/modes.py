@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from cellwright.health.alignment import CORRELATED_SOC, align
+from cellwright.health.electrodes.alignment import CORRELATED_SOC, align
 
 MODES = ("lli", "lam_negative", "lam_positive")
 DRAWS, SEED = 200, 16

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics import monotone
-from cellwright.protocols.ica_curve import IncrementalCapacity, Peaks
-from cellwright.protocols.ica_levels import tally
+from cellwright.protocols.ica.curve import IncrementalCapacity, Peaks
+from cellwright.protocols.ica.levels import tally
 from cellwright.refusal import Refusal
 
 MOST_READINGS = 4000

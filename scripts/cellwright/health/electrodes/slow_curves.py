@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cellwright.health.alignment import SlowCurve
+from cellwright.health.electrodes.alignment import SlowCurve
 from cellwright.protocols.ocv.slow import legs_of, slow_ocv
 from cellwright.refusal import Refusal
 
