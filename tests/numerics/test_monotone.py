@@ -69,3 +69,25 @@ def test_variance_is_that_of_the_readings():
 def test_readings_that_do_not_rise_are_refused(y):
     with pytest.raises(ValueError, match="twelve readings that rise"):
         fitted(y)
+
+
+# A simulated 1C charge of a 32 Ah cell, read after a growing pause at first and every 0.534 Ah then.
+FEW_CHARGE = [0, 0.00018, 0.0008, 0.00169, 0.00435, 0.0088, 0.01769, 0.04435]
+FEW_CHARGE = np.append(FEW_CHARGE, 0.04435 + 0.53372 * np.arange(1, 60))
+FEW_VOLT = """
+    2.8413 2.8428 2.8455 2.8500 2.8626 2.8803 2.9121 2.9883 3.4893 3.6699 3.7530 3.7941 3.8163
+    3.8295 3.8388 3.8460 3.8529 3.8607 3.8700 3.8832 3.8961 3.9087 3.9210 3.9300 3.9384 3.9507
+    3.9591 3.9657 3.9714 3.9768 3.9822 3.9888 3.9954 4.0038 4.0143 4.0254 4.0377 4.0494 4.0614
+    4.0707 4.0788 4.0854 4.0896 4.0941 4.0962 4.0983 4.0995 4.1001 4.1007 4.1019 4.1034 4.1055
+    4.1103 4.1181 4.1250 4.1289 4.1313 4.1325 4.1337 4.1346 4.1367 4.1394 4.1451 4.1541 4.1700
+    4.1964 4.1997
+"""
+
+
+def test_few_readings_that_crowd_at_the_begin_make_a_rising_curve():
+    volt = np.array(FEW_VOLT.split(), float)
+    curve = monotone.rising_curve(FEW_CHARGE, volt, np.ones(len(volt)), cells=len(volt))
+    place = np.linspace(0, len(volt), 2001)
+    assert np.all(monotone.values(curve, place)[1] > 0)
+    at = np.interp(FEW_CHARGE, monotone.x_at(curve, place), place)
+    assert np.abs(monotone.values(curve, at)[0] - volt)[8:].max() < 5e-3

@@ -134,10 +134,15 @@ def _change(x, rate):
 
 def _cumulative(x, density, width):
     """Twice differentiable integral of a density (n,) over x, smoothed over `width` rows."""
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import CubicSpline, PchipInterpolator
 
     smooth = np.exp(_smoothed(np.log(density), width))
-    return CubicSpline(x, smooth, bc_type="natural").antiderivative()
+    spline = CubicSpline(x, smooth, bc_type="natural")
+    between = np.linspace(0, 1, 5)[1:-1, None]
+    if np.min(spline(x[:-1] + between * np.diff(x))) <= 0:
+        # Of few readings far apart a smoother spline may swing below zero.
+        spline = PchipInterpolator(x, smooth)
+    return spline.antiderivative()
 
 
 def _smoothed(values, width):
