@@ -112,9 +112,6 @@ SPECS = {
         quantities={
             "capacity_ampere_hour": ("Ah", ""),
             "soh": ("1", "soh_std"),
-            "lli": ("1", ""),
-            "lam_negative": ("1", ""),
-            "lam_positive": ("1", ""),
             "knee_cycle": ("1", ""),
         },
         at=_text("cycle {:.0f}", "cycle"),
@@ -198,7 +195,11 @@ def _parts(spec, name, rows):
     if name in spec.once:
         first = rows[spec.split[0]] == rows[spec.split[0]].min()
         return [(name, rows[first])]
-    return [(_label(spec, name, values), part) for values, part in parts]
+    labelled = [(_label(spec, name, values), part) for values, part in parts]
+    if "method" in spec.split and len(labelled) > 1:
+        # A method that never tells a quantity was not asked for it; another one was.
+        labelled = [pair for pair in labelled if pair[1]["found"].notna().any()]
+    return labelled
 
 
 def _label(spec, name, values) -> str:
