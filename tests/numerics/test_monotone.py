@@ -71,7 +71,7 @@ def test_readings_that_do_not_rise_are_refused(y):
         fitted(y)
 
 
-# A simulated 1C charge of a 32 Ah cell, read after a growing pause at first and every 0.534 Ah then.
+# A simulated 1C charge of a 32 Ah cell, read at growing intervals first, then every 0.534 Ah.
 FEW_CHARGE = [0, 0.00018, 0.0008, 0.00169, 0.00435, 0.0088, 0.01769, 0.04435]
 FEW_CHARGE = np.append(FEW_CHARGE, 0.04435 + 0.53372 * np.arange(1, 60))
 FEW_VOLT = """
