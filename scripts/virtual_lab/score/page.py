@@ -267,7 +267,7 @@ ABOUT = {
     "ica": "Peaks of the incremental capacity, each beside the nearest within 50 mV.",
     "ica_tracks": "Peaks of the incremental capacity followed from charge to charge.",
     "health": "State of health, method by method, at the same cycle (within 2).",
-    "checkups": "Capacity, power, resistance and efficiency of a check-up; its SoH is scored above.",
+    "checkups": "Capacity, power, resistance, efficiency of a check-up; its SoH is scored above.",
     "resistance_growth": "Resistance of a check-up over the first one's; pulses are scored above.",
     "fade": "Law, knee and remaining cycles of a life; knee and SoH are scored with the health.",
     "fade_laws": "Evidence of each law.",
