@@ -18,6 +18,7 @@ PEAK = {
     "width_volt": 0.05,
     "width_std_volt": 0.001,
     "position_height_covariance_ampere_hour": 1e-6,
+    "prominence": 0.5,
 }
 
 

@@ -21,6 +21,7 @@ ROW = {
     "width_volt": 0.05,
     "width_std_volt": 0.001,
     "position_height_covariance_ampere_hour": 1e-6,
+    "prominence": 0.5,
 }
 GOOD, BAD, AFTER = (f"results/ica/A/{name}.parquet" for name in ("good", "bad", "after"))
 

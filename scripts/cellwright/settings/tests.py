@@ -142,7 +142,9 @@ class Ica(NamedTuple):
         is filtered again (the thesis' code 0.4 mV, its text 0.6 mV).
     adaptive_end_volt [V] : Spans at the ends of `adaptive` shrink until less than this is
         removed on average.
-    prominence : A peak must rise out of its surroundings by this part of the curve's maximum.
+    prominence : A peak must rise out of its surroundings by this part of the curve's maximum,
+        and by more than its noise allows. Beside one narrow peak that towers over all others
+        even 0.05 would hide graphite's.
     """
 
     method: str = "spline"
@@ -151,7 +153,7 @@ class Ica(NamedTuple):
     adaptive_span_share: float = 0.05
     adaptive_threshold_volt: float = 0.0004
     adaptive_end_volt: float = 0.001
-    prominence: float = 0.05
+    prominence: float = 0.02
 
 
 class IcaTracks(NamedTuple):

@@ -32,7 +32,8 @@ class Peaks(NamedTuple):
 
     Position [V], height [Ah/V], area from valley to valley [Ah], full width at half of the rise
     above the higher valley [V], each with its standard deviation (NaN where the method tells
-    none); position_height_covariance [Ah].
+    none); position_height_covariance [Ah]. prominence : rise above the higher valley, as a share of
+    the curve's highest dQ/dV [1].
     """
 
     voltage_volt: np.ndarray
@@ -44,6 +45,7 @@ class Peaks(NamedTuple):
     width_volt: np.ndarray
     width_std_volt: np.ndarray
     position_height_covariance_ampere_hour: np.ndarray
+    prominence: np.ndarray
 
 
 def gridded(voltage_volt, dq_dv, *, bin_volt, smooth_volt, scatter_volt, density, method):

@@ -49,6 +49,7 @@ def grid_peaks(curve, *, prominence, noise_factor=5.0):
         width_volt=_widths(curve, tops),
         width_std_volt=unknown,
         position_height_covariance_ampere_hour=unknown,
+        prominence=np.array([_prominence(height, top) for top in tops]) / height.max(),
     )
 
 

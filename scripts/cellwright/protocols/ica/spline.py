@@ -129,20 +129,22 @@ def slope_peaks(slope, *, prominence):
     peaks : Peaks.
     """
     height = 1 / slope.dv_dq_volt_per_ampere_hour
-    tops, bases, feet = _resolved_tops(slope, height, prominence)
+    tops, bases, feet, highest = _resolved_tops(slope, height, prominence)
     sure = [k for k, top in enumerate(tops) if _stands_out(slope, top, *feet[k])]
     edges = _valleys(height, tops[sure])
     rows = [
         _described(slope, tops[k], edges[n], edges[n + 1], bases[k]) for n, k in enumerate(sure)
     ]
-    kept = [row for row in rows if row is not None]
+    shares = [(height[tops[k]] - bases[k]) / highest for k in sure]
+    kept = [(*row, share) for row, share in zip(rows, shares, strict=True) if row is not None]
     columns = np.array(kept, float).reshape(len(kept), len(Peaks._fields))
     return Peaks(*columns.T)
 
 
 def _resolved_tops(slope, height, prominence):
-    """Rows of the peaks that the readings resolve and that rise enough, and where they rise from.
+    """Rows of the peaks that the readings resolve and that rise enough, where they rise from, feet.
 
+    Also the height of the highest of them, or of an end.
     What is narrower than four readings may be a swing of the curve between them, what is narrower
     than the noise of one reading a voltage that stands still; they set no scale.
     """
@@ -159,7 +161,7 @@ def _resolved_tops(slope, height, prominence):
     highest = height[tops[resolved]].max(initial=max(height[0], height[-1]))
     kept = resolved & (found["prominences"] >= prominence * highest)
     feet = np.column_stack([found["left_bases"], found["right_bases"]])
-    return tops[kept], (height[tops] - found["prominences"])[kept], feet[kept]
+    return tops[kept], (height[tops] - found["prominences"])[kept], feet[kept], highest
 
 
 def _stands_out(slope, top, *feet):
@@ -184,7 +186,7 @@ def _valleys(height, tops):
 
 
 def _described(slope, top, lower, upper, base):
-    """Values of `Peaks` for one peak, or None where noise explains it."""
+    """Values of `Peaks` up to the covariance for one peak, or None where noise explains it."""
     fit, place = slope.fit, slope.place
     reach = _zero_range(slope, top, lower, upper)
     steep, height = slope.dv_dq_volt_per_ampere_hour, 1 / slope.dv_dq_volt_per_ampere_hour
