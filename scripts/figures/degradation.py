@@ -1,107 +1,16 @@
-"""Figures of what ages in cells: dQ/dV over life with its peaks, modes, capacity from peaks."""
+"""Figures of what ages in cells: degradation modes, capacity from peaks, lives side by side."""
 
-import matplotlib
 import numpy as np
 
 from figures import style
 
-MOST_PANELS, MOST_CURVES, MOST_LIVES = 3, 24, 40
-NEXT_CURVE = 0.18  # of the highest dQ/dV, from one charge to the next
+MOST_LIVES = 40
 SEEN, MARGIN_VOLT = 0.03, 0.03  # of the highest dQ/dV; beside the lowest voltage drawn
-AGED = matplotlib.colormaps["viridis"]
 MODES = {
     "lli": ("lithium lost", style.SERIES[0]),
     "lam_negative": ("material lost, negative", style.SERIES[1]),
     "lam_positive": ("material lost, positive", style.SERIES[3]),
 }
-
-
-def draw_waterfall(charges, tracks):
-    """dQ/dV of a cell's charges over its life, one above the other, with each peak's way.
-
-    `charges` are dicts of test, cycle, c_rate, celsius, voltage_volt (n,), dq_dv (n,); `tracks`
-    rows of stage `ica_tracks`, or peaks without identity, which stay points. One panel a rate and
-    temperature, those with most charges.
-    """
-    conditions = _conditions(charges)
-    figure, axes = style.subplots(1, len(conditions), width=9.5, height=4.6)
-    named = sorted({row["identity"] for row in tracks if row.get("identity")})
-    colours = {name: style.SERIES[k % len(style.SERIES)] for k, name in enumerate(named)}
-    for panel, alike in zip(axes[0], conditions, strict=True):
-        kept = [alike[place] for place in style.evenly_spread(len(alike), MOST_CURVES)]
-        _curves(panel, kept)
-        _ways(panel, kept, tracks, colours)
-        celsius = style.temperature_label(kept[0]["celsius"])
-        panel.set_title(f"{kept[0]['c_rate']:.2g}C, {celsius}")
-    axes[0, 0].set_ylabel("dQ/dV [Ah/V], each charge above the one before")
-    for name in named:
-        axes[0, 0].plot([], [], ".-", color=colours[name], label=name)
-    below = {"loc": "upper left", "bbox_to_anchor": (0, -0.16)}
-    style.legend_once(axes[0, 0], fontsize=7, ncols=6, **below)
-    return figure
-
-
-def _conditions(charges):
-    """Charges of one rate and temperature each, in order of cycle; those with most charges."""
-    lists = {}
-    for charge in charges:
-        celsius = charge["celsius"]
-        known = celsius is not None and np.isfinite(celsius)
-        # Rates within 12 % are one: steps of a logarithm to the base 1.25.
-        key = round(np.log(charge["c_rate"]) / np.log(1.25)), round(celsius) if known else None
-        lists.setdefault(key, []).append(charge)
-    most = sorted(lists.values(), key=lambda alike: -len(alike))[:MOST_PANELS]
-    return [sorted(alike, key=lambda charge: charge["cycle"]) for alike in most]
-
-
-def _step(charges):
-    return NEXT_CURVE * max(float(np.max(charge["dq_dv"])) for charge in charges)
-
-
-def _curves(panel, charges):
-    """Curves from the first charge (lowest) to the last, each with its cycle."""
-    step, cycles = _step(charges), [charge["cycle"] for charge in charges]
-    span = max(cycles[-1] - cycles[0], 1)
-    for place, charge in enumerate(charges):
-        colour = AGED(0.85 * (charge["cycle"] - cycles[0]) / span)
-        style.plot_thinned(
-            panel,
-            charge["voltage_volt"],
-            charge["dq_dv"] + place * step,
-            points=600,
-            color=colour,
-            linewidth=0.9,
-        )
-        if len(charges) <= 12 or place % 3 == 0:
-            at = charge["voltage_volt"][-1], charge["dq_dv"][-1] + place * step
-            panel.annotate(f" {charge['cycle']:g}", at, fontsize=6, color=colour)
-    # Where nothing stands out of the whole height there is nothing to see.
-    high = [
-        charge["voltage_volt"][charge["dq_dv"] > SEEN * step / NEXT_CURVE] for charge in charges
-    ]
-    panel.set_xlim(left=min(float(volt[0]) for volt in high if len(volt)) - MARGIN_VOLT)
-    panel.set(xlabel="voltage [V], cycle at the right", yticks=[])
-    panel.grid(False)
-
-
-def _ways(panel, charges, tracks, colours):
-    """Places of the peaks on the curves, joined where they are the same peak."""
-    step = _step(charges)
-    row_of = {(charge["test"], charge["cycle"]): k for k, charge in enumerate(charges)}
-    ways = {}
-    for row in tracks:
-        place = row_of.get((row["test"], row["cycle"]))
-        if place is not None and np.isfinite(row["voltage_volt"]):
-            height = row["height_ampere_hour_per_volt"] + place * step
-            point = place, row["voltage_volt"], height, row.get("event") or ""
-            ways.setdefault(row.get("identity") or "", []).append(point)
-    for name, points in ways.items():
-        places, volts, heights, events = zip(*sorted(points), strict=True)
-        shown = {"marker": "o", "ms": 3, "lw": 0.8, "color": colours.get(name, style.INK)}
-        panel.plot(volts, heights, ls="-" if name else "none", **shown)
-        last = max(places)
-        if name and (last < len(charges) - 1 or any("merged" in event for event in events)):
-            panel.plot(volts[-1], heights[-1], "x", color=colours[name], ms=7)
 
 
 def draw_modes(modes):

@@ -18,7 +18,7 @@ from figures import (
     resistance,
     temperature,
 )
-from runtime import artefact, peak_curves, provenance
+from runtime import artefact, provenance
 
 
 def part_of(job, name, drawn):
@@ -120,23 +120,6 @@ def _ageing(of, _):
     return ageing.draw_ageing(artefact.load(of.cycles), artefact.load(of.periods), summary)
 
 
-def _waterfall(of, _):
-    tracks = _table(of.tracks)
-    curves = peak_curves.curves(of.check_ups, of.lives, of.tests)
-    facts = {(row["test"], row["cycle"]): row for row in tracks}
-    charges = [
-        {
-            **{"test": test, "cycle": cycle, "c_rate": facts[test, cycle]["c_rate"]},
-            "celsius": facts[test, cycle]["ambient_temperature_celsius"],
-            "voltage_volt": curve["voltage_volt"],
-            "dq_dv": curve["dq_dv_ampere_hour_per_volt"],
-        }
-        for (_, test, cycle), curve in curves.items()
-        if (test, cycle) in facts
-    ]
-    return degradation.draw_waterfall(charges, tracks)
-
-
 def _health_from_peaks(of, _):
     return degradation.draw_peak_health(artefact.load(of.calibration), of.cell)
 
@@ -192,7 +175,6 @@ DRAW = {
     "fade": _fade,
     "resistance_growth": lambda of, _: health.draw_resistance_growth(artefact.load(of.growth)),
     "arrhenius": lambda of, _: temperature.draw_arrhenius(_table(of.points), _table(of.laws)),
-    "waterfall": _waterfall,
     "degradation_modes": lambda of, _: degradation.draw_modes(artefact.load(of.modes)),
     "health_from_peaks": _health_from_peaks,
     "surface": _surface,

@@ -1,4 +1,4 @@
-"""Figures of ageing: peaks joined by identity, modes with what is not told, protocols apart."""
+"""Figures of ageing: modes with what is not told, capacity from peaks, protocols apart."""
 
 import numpy as np
 import pytest
@@ -6,41 +6,8 @@ import pytest
 from figures import degradation
 
 
-def charge(cycle, c_rate=0.5, celsius=25.0):
-    volt = np.linspace(3.3, 4.1, 200)
-    places = 3.5 + 1e-4 * cycle, 3.8
-    slope = sum(20 * np.exp(-(((volt - at) / 0.03) ** 2)) for at in places)
-    facts = {"test": f"ica_{cycle:g}", "cycle": cycle, "c_rate": c_rate, "celsius": celsius}
-    return facts | {"voltage_volt": volt, "dq_dv": slope}
-
-
-def track(cycle, identity, volt, event=""):
-    place = {"test": f"ica_{cycle:g}", "cycle": cycle, "identity": identity, "event": event}
-    return place | {"voltage_volt": volt, "height_ampere_hour_per_volt": 20.0}
-
-
 def lines(panel, marker):
     return [line for line in panel.lines if line.get_marker() == marker]
-
-
-def test_the_waterfall_joins_what_is_one_peak_and_marks_its_end():
-    charges = [charge(cycle) for cycle in (0, 100, 200)]
-    tracks = [track(c, "P1", 3.5 + 1e-4 * c) for c in (0, 100, 200)]
-    tracks += [track(0, "P2", 3.8), track(100, "P2", 3.8), track(200, "P2", np.nan, "vanished")]
-    figure = degradation.draw_waterfall(charges, tracks)
-    (panel,) = figure.axes
-    ways = lines(panel, "o")
-    assert [len(way.get_xdata()) for way in ways] == [3, 2]
-    assert ways[0].get_ydata()[2] > ways[0].get_ydata()[0]
-    (end,) = lines(panel, "x")
-    assert end.get_xdata()[0] == pytest.approx(3.8)
-    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["P1", "P2"]
-
-
-def test_the_waterfall_has_a_panel_for_each_rate_and_temperature():
-    charges = [charge(c, rate, t) for c in (0, 50) for rate, t in ((0.5, 25), (0.05, 25), (0.5, 0))]
-    titles = [axes.get_title(loc="left") for axes in degradation.draw_waterfall(charges, []).axes]
-    assert sorted(titles) == ["0.05C, 25 °C", "0.5C, 0 °C", "0.5C, 25 °C"]
 
 
 def modes(told):

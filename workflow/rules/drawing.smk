@@ -81,10 +81,6 @@ def figures_of_laws(cell):
     if cell in COLD_PEAKS:
         names = {"matches": "ica_temperature", "peaks": "ica_temperature_peaks"}
         yield figure("ica_temperature", **of_cell(cell, curves="ica_temperature_curve", **names))
-    if cell in FOLLOWED:
-        curves = artefacts("ica_curve", cell, "ica"), artefacts("ica_life_curve", cell, "ageing")
-        tracks = {"tracks": f"results/ica_tracks/{cell}.parquet"}
-        yield figure("ica_tracks", curves=curves[0], lives=curves[1], **tracks)
     if tests(cell, "fast_charge"):
         stages = {"series": "clean", "steps": "segment", "numbers": "fast_charge"}
         parts = {name: artefacts(stage, cell, "fast_charge") for name, stage in stages.items()}
@@ -111,11 +107,9 @@ def figures_of_laws(cell):
 def figures_of_health(cell):
     """How a cell aged: dQ/dV over its life with its peaks, modes, capacity from peaks."""
     if cell in FOLLOWED:
-        paths = {"check_ups": artefacts("ica_curve", cell, "ica")}
-        paths["lives"] = artefacts("ica_life_curve", cell, "ageing")
-        facts = {"tests": facts_of_tests_of([cell])}
-        tracks = f"results/ica_tracks/{cell}.parquet"
-        yield figure("waterfall", settings=facts, tracks=tracks, **paths)
+        curves = artefacts("ica_curve", cell, "ica"), artefacts("ica_life_curve", cell, "ageing")
+        tracks = {"tracks": f"results/ica_tracks/{cell}.parquet"}
+        yield figure("ica_tracks", curves=curves[0], lives=curves[1], **tracks)
     if cell in AGED_SLOWLY:
         yield figure("degradation_modes", **of_cell(cell, modes="degradation_modes"))
     if cell in FIRST_OF_TYPE:
