@@ -5,7 +5,6 @@ import numpy as np
 from figures import style
 
 MOST_LIVES = 40
-SEEN, MARGIN_VOLT = 0.03, 0.03  # of the highest dQ/dV; beside the lowest voltage drawn
 MODES = {
     "lli": ("lithium lost", style.SERIES[0]),
     "lam_negative": ("material lost, negative", style.SERIES[1]),
