@@ -91,3 +91,24 @@ def test_few_readings_that_crowd_at_the_begin_make_a_rising_curve():
     assert np.all(monotone.values(curve, place)[1] > 0)
     at = np.interp(FEW_CHARGE, monotone.x_at(curve, place), place)
     assert np.abs(monotone.values(curve, at)[0] - volt)[8:].max() < 5e-3
+
+
+def test_the_compiled_fit_says_what_numpy_says(monkeypatch):
+    y = logistic_steps(X)[0] + 1e-3 * np.random.default_rng(3).standard_normal(len(X))
+    place = np.linspace(0, 200, 301)
+    compiled = fitted(y)
+    local = monotone.local_gradients(compiled, place, 2)
+    deviations = monotone.local_deviations(compiled, *local)
+    monkeypatch.setattr(monotone, "function", lambda *_types, **_result: None)
+    plain = fitted(y)
+    assert np.allclose(plain.coefficients, compiled.coefficients, rtol=1e-9)
+    assert np.allclose(monotone.local_deviations(plain, *local), deviations, rtol=1e-6)
+
+
+def test_deviations_of_neighbouring_coefficients_are_those_of_all():
+    curve = fitted(logistic_steps(X)[0] + 1e-3 * np.random.default_rng(4).standard_normal(len(X)))
+    place = np.linspace(0, 200, 77)
+    for derivative in (0, 1, 2):
+        whole = monotone.standard_deviations(curve, monotone.gradients(curve, place, derivative))
+        local = monotone.local_gradients(curve, place, derivative)
+        assert np.allclose(monotone.local_deviations(curve, *local), whole, rtol=1e-7)

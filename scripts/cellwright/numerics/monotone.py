@@ -17,6 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.native import array, count, function, real
+
 ORDER = 3  # of the differences that are penalised
 STIFFEST_DECADE, SOFTEST_DECADE = 9.0, -4.0  # of the penalty; the curve's variance sets its scale
 PILOT_BLOCKS = 256
@@ -180,12 +182,9 @@ def _logs_from(curve, stretch):
 def _stiffness(curve):
     """Root of the weight of each penalised difference: one over its expected square near there."""
     steps = np.diff(curve.coefficients)
-    bands = _penalty_rows(steps)
-    rows = np.zeros((bands.shape[1], len(curve.coefficients)))
-    at = np.arange(len(rows))
-    for k, band in enumerate(bands):
-        rows[at, at + k] = band
-    square = np.diff(np.log(steps), ORDER) ** 2 + standard_deviations(curve, rows) ** 2
+    rows = _penalty_rows(steps)
+    std = local_deviations(curve, np.arange(rows.shape[1]), rows)
+    square = np.diff(np.log(steps), ORDER) ** 2 + std**2
     expected = np.log(_smoothed(square, LOCAL_CELLS))
     return np.exp(0.5 * (expected.mean() - expected))
 
@@ -274,21 +273,36 @@ def _nearby(problem, logs, decade):
 
 def _fitted(problem, decade, logs, most):
     """Fit at one strength, by Gauss-Newton steps in the logarithms of the steps."""
+    strength = 1e-9 * 10**decade * max(problem.square, 1e-30) / problem.readings
+    types = (count, array, array, array, real, count, *[array] * 5)
+    kernel = function("rising_fit", *types, result=count)
+    if kernel is None:
+        return _judged(problem, decade, strength, *_stepped(problem, strength, logs, most))
+    logs, number = np.array(logs), len(logs) + 1
+    factor, base = np.empty((ORDER + 2, number)), np.empty(1)
+    limits, work = np.array([RELATIVE_CHANGE, MOST_RANGE, ROUNDING]), np.empty(8 * number)
+    given = problem.normal, problem.right, problem.stiffness, strength, most, limits
+    if kernel(number, *given, logs, work, factor, base):
+        raise np.linalg.LinAlgError("the normal equations of the curve are singular")
+    return _judged(problem, decade, strength, logs, float(base[0]), factor)
+
+
+def _stepped(problem, strength, logs, most):
+    """Logarithms after Gauss-Newton steps, first coefficient, factor; without a compiler."""
     from scipy.linalg import cho_solve_banded
 
-    strength = 1e-9 * 10**decade * max(problem.square, 1e-30) / problem.readings
     base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
     for _ in range(most):
         steps = np.exp(logs)
         coefficients = base + np.append(0, np.cumsum(steps))
         rows = _penalty_rows(steps) * problem.stiffness
         factor = _factor(problem.normal, rows, strength)
-        count = rows.shape[1]
-        aim = sum(row * coefficients[k : k + count] for k, row in enumerate(rows))
+        width = rows.shape[1]
+        aim = sum(row * coefficients[k : k + width] for k, row in enumerate(rows))
         aim -= np.diff(logs, ORDER) * problem.stiffness
         right = problem.right.copy()
         for k, row in enumerate(rows):
-            right[k : k + count] += strength * row * aim
+            right[k : k + width] += strength * row * aim
         change = np.diff(cho_solve_banded((factor, True), right)) / steps - 1
         # At once a step falls at most to a third and grows at most fourfold: it stays above 0.
         logs = logs + np.where(change < 0, np.maximum(change, -1), np.log1p(np.clip(change, 0, 3)))
@@ -296,15 +310,16 @@ def _fitted(problem, decade, logs, most):
         base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
         if np.abs(change).max() < RELATIVE_CHANGE:
             break
-    return _judged(problem, decade, strength, logs, base)
+    rows = _penalty_rows(np.exp(logs)) * problem.stiffness
+    return logs, base, _factor(problem.normal, rows, strength)
 
 
 def _penalty_rows(steps):
     """Derivative of the penalised differences by the coefficients: (ORDER + 2, rows) diagonals."""
-    count = len(steps) - ORDER
+    width = len(steps) - ORDER
     signs = [(-1) ** (ORDER - k) * comb(ORDER, k) for k in range(ORDER + 1)]
-    shares = np.array([sign / steps[k : k + count] for k, sign in enumerate(signs)])
-    rows = np.zeros((ORDER + 2, count))
+    shares = np.array([sign / steps[k : k + width] for k, sign in enumerate(signs)])
+    rows = np.zeros((ORDER + 2, width))
     rows[1:] += shares
     rows[:-1] -= shares
     return rows
@@ -314,10 +329,10 @@ def _factor(normal, rows, strength):
     """Lower banded Cholesky factor of the normal equations with the penalty."""
     from scipy.linalg import cholesky_banded
 
-    whole, count = normal.copy(), rows.shape[1]
+    whole, width = normal.copy(), rows.shape[1]
     for k in range(ORDER + 2):
         for d in range(ORDER + 2 - k):
-            whole[d, k : k + count] += strength * rows[k] * rows[k + d]
+            whole[d, k : k + width] += strength * rows[k] * rows[k + d]
     whole[0] *= 1 + ROUNDING
     return cholesky_banded(whole, lower=True)
 
@@ -337,7 +352,7 @@ def _base(problem, rise):
     return float((problem.right.sum() - product @ rise) / product.sum())
 
 
-def _judged(problem, decade, strength, logs, base):
+def _judged(problem, decade, strength, logs, base, factor):
     """Fit with its objective and twice its negative logarithmic restricted likelihood."""
     steps = np.exp(logs)
     coefficients = base + np.append(0, np.cumsum(steps))
@@ -345,7 +360,6 @@ def _judged(problem, decade, strength, logs, base):
     square += coefficients @ _times(problem.normal, coefficients)
     objective = square + strength * np.sum((problem.stiffness * np.diff(logs, ORDER)) ** 2)
     objective = max(objective, 1e-24 * problem.square)
-    factor = _factor(problem.normal, _penalty_rows(steps) * problem.stiffness, strength)
     evidence = (problem.readings - ORDER) * np.log(objective)
     evidence += 2 * np.log(factor[0]).sum() + 2 * logs.sum()
     evidence -= (len(steps) - ORDER) * np.log(strength)
@@ -377,24 +391,28 @@ def x_at(curve, place):
     return np.interp(place, cells, fine)
 
 
-def gradients(curve, place, derivative):
-    """Derivatives (m, cells + 3) of y or of dy/dx, d2y/dx2 at places, by the coefficients."""
-    cells = cells_of(curve)
-    scale = cells / curve.span
+def local_gradients(curve, place, derivative):
+    """Derivatives of y or of dy/dx, d2y/dx2 at places by the four coefficients that they depend on.
+
+    Returns
+    -------
+    first : (m,) number of the first of them. weights : (4, m).
+    """
+    scale = cells_of(curve) / curve.span
     x = x_at(curve, place)
-    rows = np.zeros((len(place), cells + 3))
-    _add(rows, place, derivative, (curve.stretch(x, 1) * scale) ** derivative)
+    first, weights = b_splines(place, cells_of(curve), derivative)
+    weights = weights * (curve.stretch(x, 1) * scale) ** derivative
     if derivative == 2:
-        _add(rows, place, 1, curve.stretch(x, 2) * scale)
+        weights += b_splines(place, cells_of(curve), 1)[1] * curve.stretch(x, 2) * scale
+    return first, weights
+
+
+def gradients(curve, place, derivative):
+    """The same by all coefficients: (m, cells + 3), for functions of several places."""
+    first, weights = local_gradients(curve, place, derivative)
+    rows = np.zeros((len(place), cells_of(curve) + 3))
+    rows[np.arange(len(place))[:, None], first[:, None] + np.arange(4)] = weights.T
     return rows
-
-
-def _add(rows, place, derivative, factor):
-    """Add B-spline derivatives, times a factor (m,), to dense rows."""
-    first, weights = b_splines(place, rows.shape[1] - 3, derivative)
-    at = np.arange(len(place))
-    for k in range(4):
-        rows[at, first + k] += weights[k] * factor
 
 
 def values(curve, place):
@@ -415,6 +433,35 @@ def covariance(curve, rows):
     from scipy.linalg import cho_solve_banded
 
     return curve.variance * rows @ cho_solve_banded((curve.factor, True), rows.T)
+
+
+def local_deviations(curve, first, weights):
+    """Posterior standard deviations (m,) of functions of few neighbouring coefficients.
+
+    Parameters
+    ----------
+    curve : RisingCurve. first : (m,) number of the first coefficient. weights : (k, m), k to 5.
+    """
+    inverse, number = _inverse_band(curve.factor), len(weights)
+    square = np.zeros(len(first))
+    for a in range(number):
+        square += weights[a] ** 2 * inverse[0][first + a]
+        for b in range(a + 1, number):
+            square += 2 * weights[a] * weights[b] * inverse[b - a][first + a]
+    return np.sqrt(curve.variance * np.maximum(square, 0.0))
+
+
+def _inverse_band(factor):
+    """Band (ORDER + 2, n) of the inverse of what this is the banded Cholesky factor of."""
+    kernel = function("inverse_band", count, array, array)
+    if kernel is None:
+        from scipy.linalg import cho_solve_banded
+
+        whole = cho_solve_banded((factor, True), np.eye(factor.shape[1]))
+        return [np.append(np.diagonal(whole, -d), np.zeros(d)) for d in range(len(factor))]
+    inverse = np.empty(factor.shape)
+    kernel(factor.shape[1], np.ascontiguousarray(factor), inverse)
+    return inverse
 
 
 def standard_deviations(curve, rows):

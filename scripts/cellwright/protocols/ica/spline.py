@@ -231,9 +231,8 @@ def _zero_range(slope, top, lower, upper):
     right = np.unique(np.round(top + (upper - top) * steps).astype(int))
     found = []
     for rows, sign in ((left, -1), (right, 1)):
-        std = monotone.standard_deviations(
-            slope.fit, monotone.gradients(slope.fit, slope.place[rows], 2)
-        )
+        local = monotone.local_gradients(slope.fit, slope.place[rows], 2)
+        std = monotone.local_deviations(slope.fit, *local)
         ratio = sign * slope.bend[rows] / std
         sure = ratio > QUANTILE
         last = int(np.argmax(sure)) if sure.any() else len(rows) - 1
@@ -261,8 +260,8 @@ def curve_of(slope, rows, *, bin_volt):
     points = min(int(np.ptp(volt) / max(step, 1e-9)) + 2, MOST_POINTS)
     grid = np.linspace(volt[0], volt[-1], points)
     some = np.linspace(0, len(volt) - 1, min(STD_POINTS, len(volt))).astype(int)
-    rates = monotone.gradients(slope.fit, slope.place[some], 1)
-    relative = monotone.standard_deviations(slope.fit, rates)
+    rates = monotone.local_gradients(slope.fit, slope.place[some], 1)
+    relative = monotone.local_deviations(slope.fit, *rates)
     relative = relative / slope.dv_dq_volt_per_ampere_hour[some]
     at, steep = (
         np.interp(grid, volt, charge),
