@@ -12,6 +12,7 @@ ROWS, SEEDS, STEP_VOLT = 200_000, 20, 3e-4
 VOLT = np.linspace(3.2, 4.15, 20_001)
 PEAKS = ((3.55, 0.020, 0.8), (3.70, 0.025, 1.0), (3.95, 0.022, 0.6))
 WINDOW_VOLT = 0.039
+PROMINENCE = 0.05  # of the highest point, for everyone
 
 
 def _bell(centre, width, area):
@@ -107,11 +108,11 @@ def _by_cellpy(volt, charge):
 def _tops(volt, slope, found):
     """(position, height) of the peaks: ours where the curve is ours, else a plain search."""
     if found is not None:
-        tops = peaks_of(*found)
+        tops = peaks_of(*found, prominence=PROMINENCE)
         return tops.voltage_volt, tops.height_ampere_hour_per_volt
     from scipy.signal import find_peaks
 
-    at, _ = find_peaks(slope, prominence=0.05 * np.nanmax(slope))
+    at, _ = find_peaks(slope, prominence=PROMINENCE * np.nanmax(slope))
     return volt[at], slope[at]
 
 
