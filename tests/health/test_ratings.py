@@ -105,6 +105,15 @@ def test_capacities_are_compared_at_one_rate_direction_and_temperature():
     assert "tests at 0 °C are left out" in notes[0]
 
 
+def test_capacities_without_a_stated_temperature_count_beside_pulses_at_several():
+    sizes = [capacity(0, 30.3, celsius=None, rate=0.9), capacity(0, 29.9, celsius=None, rate=1.9)]
+    at = [*pulses(0, 0.002, celsius=10.0), *pulses(0, 0.001, celsius=25.0)]
+    (row,), _ = check_ups(sizes, at, **LIMITS)
+    assert row.capacity_ampere_hour == 30.3
+    assert np.isnan(row.ambient_temperature_celsius)
+    assert row.resistance_10s_ohm == pytest.approx(0.001)
+
+
 def test_without_a_fresh_check_up_the_rating_serves():
     (row,), _ = check_ups([capacity(400, 1.7)], [], **LIMITS)
     assert row.soh == pytest.approx(0.85)

@@ -198,7 +198,8 @@ rule health_from_peaks:
 
 AGED = cells_where(lambda cell: tests(cell, "ageing"))
 CHECKED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, *PULSE_KINDS, roles=["fit"]))
-HEALTHY = cells_where(lambda cell: cell in AGED or cell in CHECKED)
+SIZED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, roles=["fit"]))
+HEALTHY = cells_where(lambda cell: cell in AGED or cell in SIZED)
 # Further methods of the state of health: stage, and the cells that have it.
 HEALTH_METHODS = {
     "modes": ("degradation_modes", DEGRADED),

@@ -174,12 +174,12 @@ def _at_one_temperature(capacities, resistances):
     usual = max(met, key=lambda celsius: (len(met[celsius]), -abs(celsius - 25.0)))
 
     def kept(rows):
-        return [
-            row
-            for row in rows
-            if row["ambient_temperature_celsius"] is not None
-            and abs(row["ambient_temperature_celsius"] - usual) <= SAME_CELSIUS
+        known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
+        # Tests without any stated temperature compare among themselves.
+        near = [
+            row for row in known if abs(row["ambient_temperature_celsius"] - usual) <= SAME_CELSIUS
         ]
+        return near if known else rows
 
     other = ", ".join(f"{c:g}" for c in sorted(met) if abs(c - usual) > SAME_CELSIUS)
     note = f"check-ups are compared at {usual:g} °C; tests at {other} °C are left out"
