@@ -45,8 +45,13 @@ def series_of(stage, cell):
 
 
 def course_of(wildcards):
-    """The order in time of a cell's tests, where it has several."""
-    several = wildcards.cell in CELLS and series_of("clean", wildcards.cell)
+    """The order in time of the tests of a cell that ages: an aged cell's rest tells no state.
+
+    A fresh cell's does, and none of its tests then hangs on another.
+    """
+    rows = tests(wildcards.cell, *SERIES_KINDS) if wildcards.cell in CELLS else []
+    ages = [row for row in rows if row["cycle"] or row["kind"] == "ageing"]
+    several = ages and series_of("clean", wildcards.cell)
     return [f"results/course/{wildcards.cell}.parquet"] if several else []
 
 
