@@ -174,7 +174,8 @@ DRAWN_FROM = {
 LIVED = cells_where(lambda cell: cell in AGED or len(check_ups(cell, *CAPACITY_KINDS)) > 1)
 HEALTH_FIGURES = [
     *(["results/figures/lives.svg"] if LIVED else []),
-    *(["results/figures/fleet.svg"] if FLEETS else []),
+    # Of fewer cells of a type no line is drawn; tables and page say so.
+    *(["results/figures/fleet.svg"] if max(map(len, FLEETS.values()), default=0) >= 6 else []),
 ]
 # Paths of all figures: of the campaign, of every cell, of every group.
 FIGURES = {"campaign": ["results/figures/overview.svg", *HEALTH_FIGURES]} | {
