@@ -44,45 +44,62 @@ def align(known, peaks, motion_volt, log_factor, shift_std_volt):
     apart = second[None, :, 0] - first[:, None, 0]
     ratio = np.log(second[None, :, 1:] / first[:, None, 1:]) / log_factor
     other = ratio[..., 0] ** 2 + 0.5 * ratio[..., 1] ** 2
-    shifts = SHIFTS_VOLT[np.abs(SHIFTS_VOLT) <= 3 * shift_std_volt + 1e-9]
-    found = [_paired(apart, other, shift, motion_volt, shift_std_volt) for shift in shifts]
-    best = min(range(len(shifts)), key=lambda k: found[k][0])
-    pairs, cost = found[best][1], found[best][0]
-    # The shift itself is the mean motion of the pairs, drawn to zero by its own tolerance.
-    moved = [apart[pair] for pair in pairs]
-    weight = (motion_volt / shift_std_volt) ** 2
-    shift = float(np.sum(moved) / (len(moved) + weight))
+    tolerances = motion_volt, shift_std_volt, ALONE_COST
+    cost, pairs, shift = paired(apart, other, *tolerances)
     margins = {}
     for pair in pairs:
         without = other.copy()
         without[pair] = np.inf
-        rest = min(_paired(apart, without, s, motion_volt, shift_std_volt)[0] for s in shifts)
-        margins[pair[1]] = rest - cost
+        margins[pair[1]] = paired(apart, without, *tolerances)[0] - cost
     return Aligned(tuple(pairs), shift, margins)
 
 
-def _paired(apart, other, shift, motion, shift_std):
+def paired(apart, other, motion_volt, shift_std_volt, alone_cost):
+    """Pairs of two ordered lists and the shift common to them, of least cost.
+
+    Parameters
+    ----------
+    apart : (n, m) voltage of each of the second list over each of the first [V].
+    other : (n, m) further cost of each pair, in units of -2 log likelihood.
+    motion_volt, shift_std_volt : standard deviations of an own motion, of the common shift [V].
+    alone_cost : of each member without a partner.
+
+    Returns
+    -------
+    cost : the least. pairs : list of (place in the first, in the second). shift_volt : mean motion
+    of the pairs, drawn to zero by its own tolerance; 0 without pairs.
+    """
+    shifts = SHIFTS_VOLT[np.abs(SHIFTS_VOLT) <= 3 * shift_std_volt + 1e-9]
+    options = (motion_volt, shift_std_volt, alone_cost)
+    cost, pairs = min(
+        (_paired_at(shift, apart, other, *options) for shift in shifts), key=lambda found: found[0]
+    )
+    weight = (motion_volt / shift_std_volt) ** 2
+    return cost, pairs, float(np.sum([apart[pair] for pair in pairs]) / (len(pairs) + weight))
+
+
+def _paired_at(shift, apart, other, motion, shift_std, alone_cost):
     """Least cost of an ordered pairing at one common shift, and its pairs."""
     cost = ((apart - shift) / motion) ** 2 + other
     rows, columns = cost.shape
     best = np.zeros((rows + 1, columns + 1))
-    best[:, 0] = ALONE_COST * np.arange(rows + 1)
-    best[0] = ALONE_COST * np.arange(columns + 1)
+    best[:, 0] = alone_cost * np.arange(rows + 1)
+    best[0] = alone_cost * np.arange(columns + 1)
     for i in range(rows):
         for j in range(columns):
-            alone = ALONE_COST + min(best[i, j + 1], best[i + 1, j])
+            alone = alone_cost + min(best[i, j + 1], best[i + 1, j])
             best[i + 1, j + 1] = min(alone, best[i, j] + cost[i, j])
-    return best[-1, -1] + (shift / shift_std) ** 2, _traced(best, cost)
+    return best[-1, -1] + (shift / shift_std) ** 2, _traced(best, cost, alone_cost)
 
 
-def _traced(best, cost):
+def _traced(best, cost, alone_cost):
     """Pairs of the cheapest way through a table of least costs, from the end."""
     pairs, (i, j) = [], cost.shape
     while i and j:
         if best[i, j] == best[i - 1, j - 1] + cost[i - 1, j - 1]:
             pairs.append((i - 1, j - 1))
             i, j = i - 1, j - 1
-        elif best[i, j] == ALONE_COST + best[i - 1, j]:
+        elif best[i, j] == alone_cost + best[i - 1, j]:
             i -= 1
         else:
             j -= 1

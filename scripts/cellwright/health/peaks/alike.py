@@ -1,8 +1,8 @@
 """The same peaks of dQ/dV across the cells of one type."""
 
-from itertools import combinations, product
-
 import numpy as np
+
+from cellwright.health.peaks.alignment import paired
 
 # ASSUME: From one check-up to the next, and from cell to cell, a peak moves by about 20 mV about
 # what all peaks of the charge move together (60 mV), and its height changes by a factor of two.
@@ -101,20 +101,9 @@ def matched(known, found):
     -------
     pairs : list of (place in known, place in found). shift_volt : 0 without pairs.
     """
-    best = (ALONE_COST * (len(known) + len(found)), [], 0.0)
-    known_at, found_at = (np.array(places, float).reshape(-1, 2) for places in (known, found))
-    for first, second in _choices(len(known), len(found)):
-        moved = found_at[second] - known_at[first]
-        shift = moved[:, 0].sum() / (len(first) + (OWN_VOLT / COMMON_VOLT) ** 2)
-        cost = ALONE_COST * (len(known) + len(found) - 2 * len(first))
-        cost += (shift / COMMON_VOLT) ** 2
-        cost += (((moved - [shift, 0]) / [OWN_VOLT, LOG_HEIGHT]) ** 2).sum()
-        best = min(best, (cost, list(zip(first, second, strict=True)), shift))
-    return best[1], float(best[2])
-
-
-def _choices(known, found):
-    """Every choice of as many of one list as of the other, both in order, as lists of places."""
-    for count in range(1, min(known, found) + 1):
-        pairs = product(combinations(range(known), count), combinations(range(found), count))
-        yield from ([list(part) for part in pair] for pair in pairs)
+    if not known or not found:
+        return [], 0.0
+    known_at, found_at = (np.array(places, float) for places in (known, found))
+    apart, taller = np.moveaxis(found_at[None, :] - known_at[:, None], 2, 0)
+    tolerances = OWN_VOLT, COMMON_VOLT, ALONE_COST
+    return paired(apart, (taller / LOG_HEIGHT) ** 2, *tolerances)[1:]
