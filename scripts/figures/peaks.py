@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from cellwright.health.conditions import SAME_CELSIUS, SAME_RATE
 from figures import style
 from figures.style import rows_where
 
 MOST_PANELS = 3
-SAME_RATE = 1.12
 GAP = 0.45  # between two curves, as a share of what counts as full height
 FULL_SHARE = 0.98  # quantile of all heights that counts as full
 
@@ -32,7 +32,7 @@ def _sequences(tracks):
         first = int(np.argmax(left))
         ratio = tracks["c_rate"] / tracks["c_rate"][first]
         same = left & (ratio <= SAME_RATE) & (ratio >= 1 / SAME_RATE)
-        same &= np.abs(celsius - celsius[first]) <= 3
+        same &= np.abs(celsius - celsius[first]) <= SAME_CELSIUS
         sequences.append(rows_where(tracks, same))
         left &= ~same
     return sorted(sequences, key=lambda part: -len(set(part["cycle"])))

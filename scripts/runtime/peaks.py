@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from cellwright.health.peaks.tracking import PeakCharge
+from cellwright.health.peaks.tracking import TrackedCharge
 from runtime import artefact
 
 
@@ -58,7 +58,7 @@ def _facts(about, tests):
 def _charge(about, facts, cycle, c_rate, peaks, reason):
     """One charge with its peaks."""
     celsius = facts["ambient_temperature_celsius"]
-    return PeakCharge(
+    return TrackedCharge(
         test=about["wildcards"]["test"],
         cycle=float(cycle),
         c_rate=c_rate,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.health.peaks.tracking import PeakCharge, tracked_peaks
+from cellwright.health.peaks.tracking import TrackedCharge, tracked_peaks
 from cellwright.refusal import Refusal
 from cellwright.settings import IcaTracks
 
@@ -25,7 +25,7 @@ def charge(cycle, peaks, *, c_rate=0.05, celsius=25.0, reason=""):
     volt, height, area = np.array(peaks, float).reshape(-1, 3).T
     values = (volt, 0 * volt + 1e-4, height, 0.01 * height, area, 0.01 * area, 0 * volt + 0.02)
     columns = dict(zip(COLUMNS, values, strict=True)) if len(peaks) else {}
-    return PeakCharge(f"t{cycle}_{c_rate}_{celsius}", cycle, c_rate, celsius, columns, reason)
+    return TrackedCharge(f"t{cycle}_{c_rate}_{celsius}", cycle, c_rate, celsius, columns, reason)
 
 
 def tracks(charges, **changes):

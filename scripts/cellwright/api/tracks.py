@@ -41,7 +41,7 @@ def ica_tracks(charges, settings=None, *, chemistry="", **changes):
 
     Parameters
     ----------
-    charges : `health.tracking.PeakCharge` each.
+    charges : `health.tracking.TrackedCharge` each.
     settings : `settings.IcaTracks`, or its keys as keywords.
     chemistry : of the cell, for names alone.
 

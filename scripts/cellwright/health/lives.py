@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.conditions import SAME_CELSIUS, SAME_RATE
 from cellwright.refusal import Refusal
 
-SAME_CELSIUS = 3.0  # chamber temperatures this near are one
-SAME_RATE = 1.12  # rates this near are one
 NEIGHBOURS = 4  # discharges on each side of which the median tells what one should be
 OUTLIER = 8.0  # typical steps from one discharge to the next, as standard deviations
 LONG = 12  # discharges from which the first one is left out

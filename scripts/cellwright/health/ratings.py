@@ -4,12 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.conditions import SAME_CELSIUS, same_rate
 from cellwright.health.fleet import mean_over_soc
 from cellwright.refusal import Refusal
 
 SAME_CHECKUP_CYCLES = 5.0  # tests so near in cycles see a cell of one age
-SAME_CELSIUS = 3.0  # temperatures this near are one
-SAME_RATE = 1.12  # rates this near are one
 POWER_SOCS = (0.8, 0.5, 0.2)
 SOC_REACH = 0.15  # a state of charge is asked for between pulses at most this far apart from it [1]
 SAME_CAPACITY = 0.03  # of a capacity: what differs more is not one check-up [1]
@@ -193,10 +192,7 @@ def _comparable(capacities):
         if not (row["capacity_ampere_hour"] and row["c_rate"]):
             continue
         near = [
-            key
-            for key in kinds
-            if key[0] == row["direction"]
-            and max(key[1] / row["c_rate"], row["c_rate"] / key[1]) <= SAME_RATE
+            key for key in kinds if key[0] == row["direction"] and same_rate(key[1], row["c_rate"])
         ]
         key = near[0] if near else (row["direction"], row["c_rate"])
         kinds.setdefault(key, {}).setdefault(_cycle(row), []).append(row)

@@ -8,9 +8,8 @@ from cellwright.protocols.capacity import TURN_SHARE, turns
 from cellwright.protocols.start import NEAR_VOLT, spans_with_lost_charges
 from cellwright.series.steps import assumed_rating
 
-LEFT_SHARE = (
-    0.01  # of the rating: what may flow after a cut-off for the cell to be left full, empty
-)
+# Of the rating: what may flow after a cut-off for the cell to be left full, or empty.
+LEFT_SHARE = 0.01
 LONGEST_HOUR = 720.0  # between two tests: longer, the one does not tell how the other begins
 CLOCK_SECOND = 60.0  # that dates of two files may disagree by
 STATES = {1: "full", -1: "empty"}  # in which a charge (+1) and a discharge (-1) end

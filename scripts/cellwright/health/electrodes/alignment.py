@@ -8,9 +8,8 @@ from scipy.optimize import least_squares
 from cellwright.refusal import Refusal
 
 CORRELATED_SOC = 0.05  # range over which half cells and polarisation are wrong alike
-CHARGE_STD = (
-    0.001  # of the capacity: how far charge and lithiation are off where the curve is steep
-)
+# Of the capacity: how far charge and lithiation are off where the curve is steep.
+CHARGE_STD = 0.001
 # ASSUME: Polarisation and hysteresis shift a slow charge by up to some 40 mV, and change by up to
 # some 10 mV from empty to full; of the mean of a slow charge and discharge little is left.
 SHIFT_STD_VOLT = {"charge": (0.02, 0.005), "discharge": (0.02, 0.005), "both": (0.005, 0.002)}

@@ -4,11 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from cellwright.health.conditions import SAME_CELSIUS
 from cellwright.health.electrodes.alignment import SlowCurve
 from cellwright.protocols.ocv.slow import legs_of, slow_ocv
 from cellwright.refusal import Refusal
 
-SAME_CELSIUS = 3.0  # chamber temperatures this near are one
 SAME_RATE = 1.25  # currents this near are one; one protocol may follow the capacity as it falls
 GROWN = 0.01  # of the capacity: by less than this a cell may gain from lithium of the overhang
 

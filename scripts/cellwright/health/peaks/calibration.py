@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.conditions import SAME_CELSIUS, same_rate
 from cellwright.health.peaks.alike import named_alike
 from cellwright.health.peaks.estimate import (
-    SAME_CELSIUS,
-    SAME_RATE,
     disagreeing,
     errors_of,
     left_out_estimates,
@@ -145,14 +144,10 @@ def _usual_rate(discharges):
     """Rate at which most check-ups have a discharge, the slowest of those [1/h]; NaN: none."""
     best = (0, np.nan)
     for rate in sorted({row["c_rate"] for row in discharges}, reverse=True):
-        near = [row for row in discharges if _same_rate(row["c_rate"], rate)]
+        near = [row for row in discharges if same_rate(row["c_rate"], rate)]
         check_ups = len({(row["cell"], _number(row["cycle"], 0.0)) for row in near})
         best = max(best, (check_ups, rate), key=lambda one: (one[0], -one[1]))
     return best[1]
-
-
-def _same_rate(first, second):
-    return max(first / second, second / first) <= SAME_RATE
 
 
 def _capacity(discharges, cell, cycle, celsius, usual):
@@ -163,7 +158,7 @@ def _capacity(discharges, cell, cycle, celsius, usual):
         if row["cell"] == cell
         and not row.get("of_a_life")
         and _number(row["cycle"], 0.0) == cycle
-        and _same_rate(row["c_rate"], usual)
+        and same_rate(row["c_rate"], usual)
         and not abs(_number(row["ambient_temperature_celsius"]) - celsius) > SAME_CELSIUS
     ]
     return float(np.mean(sizes)) if sizes else np.nan
@@ -234,7 +229,7 @@ def _conditions(charges):
 
 def _alike(first, second):
     apart = abs(first.temperature_celsius - second.temperature_celsius)
-    return _same_rate(first.c_rate, second.c_rate) and not apart > SAME_CELSIUS
+    return same_rate(first.c_rate, second.c_rate) and not apart > SAME_CELSIUS
 
 
 def _where(charges):

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.conditions import SAME_CELSIUS, same_rate
 from cellwright.health.peaks.features import features_of
 from cellwright.numerics.averaged_models import Rows, averaged, fitted_models
 from cellwright.refusal import Refusal
@@ -11,8 +12,6 @@ from cellwright.settings import HealthFromPeaks
 
 HEALTH_FROM_PEAKS = HealthFromPeaks()
 
-SAME_CELSIUS = 3.0  # chamber temperatures this near are one
-SAME_RATE = 1.12  # rates this near are one
 FEWEST_CHARGES = 4
 MOST_CHARGES = 100  # that one estimate is calibrated on: few terms need no more
 FEWEST_CELLS = 3  # that show how cells of a type differ
@@ -96,9 +95,9 @@ def _rows(values, names, charges):
 
 def _comparable(charge, other):
     """Whether a charge of known capacity was made at the same rate and temperature."""
-    ratio = max(charge.c_rate / other.c_rate, other.c_rate / charge.c_rate)
+    alike = same_rate(charge.c_rate, other.c_rate)
     apart = abs(charge.temperature_celsius - other.temperature_celsius)
-    return other.capacity_ampere_hour > 0 and ratio <= SAME_RATE and not apart > SAME_CELSIUS
+    return other.capacity_ampere_hour > 0 and alike and not apart > SAME_CELSIUS
 
 
 def _why_not(charge, calibration, alike):

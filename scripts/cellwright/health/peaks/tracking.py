@@ -11,19 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.health.conditions import SAME_CELSIUS, same_rate
 from cellwright.health.peaks.alignment import align
 from cellwright.health.peaks.names import names_of
 from cellwright.health.peaks.sequences import joined_identities
 from cellwright.refusal import Refusal
 
-SAME_RATE = 1.12  # rates this near are one
-SAME_CELSIUS = 3.0
 SHRUNK = 0.5  # height over that in the first charge, from which a peak is said to have shrunk
 AMBIGUOUS = 2.0  # cost, in units of -2 log likelihood, by which another assignment must be worse
 NO_TEMPERATURE = 25.0
 
 
-class PeakCharge(NamedTuple):
+class TrackedCharge(NamedTuple):
     """Peaks of one charge: what it was, and columns of (k,) each, from low voltage.
 
     test : its name. cycle [1], c_rate [1/h], celsius : chamber temperature, NaN where not known.
@@ -85,7 +84,7 @@ def tracked_peaks(
 
     Parameters
     ----------
-    charges : list of PeakCharge of one cell. chemistry : proposes names, no more.
+    charges : list of TrackedCharge of one cell. chemistry : proposes names, no more.
     motion_volt : standard deviation of a peak's own motion from charge to charge [V].
     height_factor : factor by which height or area may change from charge to charge.
     shift_volt, rate_shift_volt : standard deviation of the common shift from charge to charge,
@@ -143,9 +142,8 @@ def _sequences(charges):
 
 def _alike(first, other):
     """Whether two charges are of one rate and one temperature."""
-    ratio = max(first.c_rate / other.c_rate, other.c_rate / first.c_rate)
     apart = abs(_celsius(first) - _celsius(other))
-    return ratio <= SAME_RATE and apart <= SAME_CELSIUS
+    return same_rate(first.c_rate, other.c_rate) and apart <= SAME_CELSIUS
 
 
 def _celsius(charge):
