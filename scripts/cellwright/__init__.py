@@ -71,6 +71,8 @@ MODULE_OF = {
     "identify_branches": "cellwright.api.effects",
     "simulate_group": "cellwright.api.effects",
     "validate_group": "cellwright.api.effects",
+    "assemble_pack": "cellwright.api.pack_model",
+    "pack_model": "cellwright.api.pack_model",
 }
 
 __all__ = list(MODULE_OF)

@@ -330,6 +330,18 @@ class Exported(NamedTuple):
         return frame(self.lookup)
 
 
+class PackDocument(NamedTuple):
+    """The model of a pack: its document, and its tables in long form, one row a value."""
+
+    content: dict
+    lookup: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row a value of a table."""
+        return frame(self.lookup)
+
+
 class MissingEffect(NamedTuple):
     """Result of a search for missing effects.
 
