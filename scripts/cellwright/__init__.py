@@ -73,6 +73,8 @@ MODULE_OF = {
     "validate_group": "cellwright.api.effects",
     "assemble_pack": "cellwright.api.pack_model",
     "pack_model": "cellwright.api.pack_model",
+    "cell_fmu": "cellwright.api.fmu",
+    "pack_fmu": "cellwright.api.fmu",
 }
 
 __all__ = list(MODULE_OF)

@@ -17,7 +17,6 @@ from cellwright.fmu.description import (
     variables_of_cell,
     variables_of_pack,
 )
-from cellwright.packs.artefact import PackModel
 from cellwright.packs.cells import TABLES, pack_cells
 from cellwright.packs.network import network_of
 from cellwright.packs.wiring import Wiring
@@ -28,7 +27,8 @@ MAGIC = b"cellwright-fmu/1"
 NAME_BYTES = 24
 UNKNOWN_SOC = 0.5  # what a unit starts at where no start is stated; its description says so
 BEYOND_KELVIN = 40.0  # tables reach so far beyond the measured temperatures
-BETWEEN_KELVIN = 5.0  # largest distance of two temperatures of the tables between measured ones
+BETWEEN_KELVIN = 2.0  # largest distance of two temperatures of the tables between measured ones
+BEYOND_STEPS = 6
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -37,6 +37,7 @@ class Unit(NamedTuple):
 
     files : dict, path within the archive → bytes. token : its instantiation token.
     identifier : of the model in C. binary : the platform it is built for, None of sources only.
+    variables : tuple of Variable.
     notes : sentences on what was left out or assumed.
     """
 
@@ -44,6 +45,7 @@ class Unit(NamedTuple):
     token: str
     identifier: str
     binary: str | None
+    variables: tuple
     notes: tuple
 
 
@@ -79,39 +81,19 @@ def table_temperatures(models):
     inner = np.arange(measured[0], measured[-1], BETWEEN_KELVIN)
     ends = [measured[0] - BEYOND_KELVIN, measured[-1] + BEYOND_KELVIN]
     if any("resistance_laws" in c for c in conditions):
-        ends = [*np.linspace(ends[0], measured[0], 9), *np.linspace(measured[-1], ends[1], 9)]
+        ends = [*np.linspace(ends[0], measured[0], BEYOND_STEPS), *np.linspace(measured[-1], ends[1], BEYOND_STEPS)]
     return sorted({round(float(value), 6) for value in (*measured, *inner, *ends)})
 
 
-def cell_unit(model, sources, binary, *, initial_soc, points, largest_step_second, documents):
-    """The unit of a single cell, of its chosen member.
-
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2. initial_soc : at the start [1].
-    sources, binary, documents : as of `pack_unit`.
-    points : size of the SoC grid of its tables. largest_step_second : longest internal step [s].
-
-    Returns
-    -------
-    unit : Unit.
-
-    Raises
-    ------
-    Refusal : as `packs.cells.pack_cells`.
-    """
-    pack = PackModel(single(model), (model,), (initial_soc,), (None,), {})
-    return _unit(pack, sources, binary, documents, points, largest_step_second, alone=True)
-
-
-def pack_unit(pack, sources, binary, *, points, largest_step_second, documents):
-    """The unit of a pack.
+def unit_of(pack, sources, binary, *, alone, points, largest_step_second, documents):
+    """The unit of a cell or of a pack, each cell as its chosen member.
 
     Parameters
     ----------
     pack : PackModel.
     sources : dict, name → bytes of the C sources and headers.
-    binary : (platform, file name, bytes) of the compiled sources, or None.
+    binary : (platform, suffix, bytes) of the compiled sources, or None.
+    alone : whether the unit is of a single cell, with scalars instead of arrays.
     points : size of the SoC grid of its tables. largest_step_second : longest internal step [s].
     documents : dict, path within the archive → bytes, laid beside.
 
@@ -121,45 +103,52 @@ def pack_unit(pack, sources, binary, *, points, largest_step_second, documents):
 
     Raises
     ------
-    Refusal : as `packs.cells.pack_cells` and `packs.network.network_of`.
+    Refusal : a start that is not within 0 to 1, an internal step that is not above zero, or as
+        `packs.cells.pack_cells` and `packs.network.network_of`.
     """
-    return _unit(pack, sources, binary, documents, points, largest_step_second, alone=False)
-
-
-def _unit(pack, sources, binary, documents, points, largest_step_second, *, alone):
+    if not 0 < largest_step_second < np.inf:
+        raise Refusal(f"longest internal step is {largest_step_second:g} s, wanted above zero")
+    start = [UNKNOWN_SOC if soc is None else float(soc) for soc in pack.initial_soc]
+    if not all(0.0 <= soc <= 1.0 for soc in start):
+        raise Refusal(f"SoC at the start is {start}, wanted 0 to 1")
     celsius = table_temperatures(pack.models)
     cells = pack_cells(pack.models, temperature_celsius=celsius, points=points)
-    start = [UNKNOWN_SOC if soc is None else soc for soc in pack.initial_soc]
     ambient = _ambient(celsius)
     tables = arrays_of(pack, cells) | {
         "initial_soc": np.array(start, float),
-        "settings": np.array([ambient, largest_step_second]),
+        "settings": np.array([ambient, largest_step_second], float),
     }
     about = {"ambient_celsius": ambient, "largest_step_second": largest_step_second}
-    name, warm = pack.wiring.name, pack.thermal[0] is not None
     if alone:
+        warm = pack.thermal[0] is not None
         variables = variables_of_cell(initial_soc=start[0], cell_is_warm=warm, **about)
     else:
         variables = variables_of_pack(initial_soc=start, cells=pack.cells, **about)
-    notes = _notes(pack, celsius, binary)
-    described = {"description": _sentence(pack, alone)}
-    body = _body(tables)
-    plain = model_description(name, "", variables, **described)
+    files, token = _files(pack, variables, tables, sources, binary, alone)
+    notes = tuple(_notes(pack, celsius, binary))
+    identifier = identifier_of(pack.wiring.name)
+    return Unit(
+        files | documents, token, identifier, binary and binary[0], tuple(variables), notes
+    )
+
+
+def _files(pack, variables, tables, sources, binary, alone):
+    """Files of the unit, and its token: the hash of what it is described by and made of."""
+    name, sentence, body = pack.wiring.name, _sentence(pack, alone), _body(tables)
+    plain = model_description(name, "", variables, description=sentence)
     code = [content for _, content in sorted(sources.items())]
     token = hashlib.sha256(b"\0".join([plain, body, *code])).hexdigest()
+    compiled = sorted(source for source in sources if source.endswith(".c"))
     files = {
-        "modelDescription.xml": model_description(name, token, variables, **described),
+        "modelDescription.xml": model_description(name, token, variables, description=sentence),
         "resources/battery.bin": MAGIC + token.encode() + body,
-        "sources/buildDescription.xml": build_description(
-            name, sorted(source for source in sources if source.endswith(".c"))
-        ),
+        "sources/buildDescription.xml": build_description(name, compiled),
         **{f"sources/{source}": content for source, content in sources.items()},
-        **documents,
     }
     if binary:
         platform, suffix, content = binary
         files[f"binaries/{platform}/{identifier_of(name)}{suffix}"] = content
-    return Unit(files, token, identifier_of(name), binary and binary[0], tuple(notes))
+    return files, token
 
 
 def arrays_of(pack, cells):

@@ -86,7 +86,7 @@ def pack_document(wiring, cells, group_tests=()):
     """
     names = cells_of(wiring)
     _check_cells(names, cells)
-    entries = [_cell_entry(name, cells[name]) for name in names]
+    entries = [cell_entry(name, cells[name]) for name in names]
     models = [entry["model"] for entry in entries]
     tests = _group_tests(group_tests, models)
     capacities = {entry["cell"]: entry["capacity_ampere_hour"] for entry in entries}
@@ -113,8 +113,13 @@ def _check_cells(names, cells):
             raise Refusal(f"the model given for {name} is of {found}")
 
 
-def _cell_entry(name, cell):
-    """Entry of one cell: its model with the chosen member alone, its numbers, their errors."""
+def cell_entry(name, cell):
+    """Entry of one cell in a document: its model with the chosen member alone, numbers, errors.
+
+    Parameters
+    ----------
+    name : of the cell. cell : CellInPack.
+    """
     member = member_of(cell.model)
     model = {key: cell.model[key] for key in OF_MODEL if key in cell.model}
     model |= {"chosen": member["model"], "members": [member]}
