@@ -17,7 +17,7 @@ typedef struct {
 } tables;
 
 /* Numbers of a table and, where asked, how many; NULL where there is none of this name. */
-double *table(const tables *t, const char *name, size_t *count);
+double *array_of(const tables *t, const char *name, size_t *count);
 
 /* What the outside sees at one moment. `cell_` arrays have one number a cell. */
 typedef struct {
@@ -33,10 +33,12 @@ void battery_free(battery *b);
 size_t battery_cells(const battery *b);
 /* How many numbers its state takes. */
 size_t battery_states(const battery *b);
-/* State at rest at these SoC (one a cell) and this temperature of the surroundings. */
-void battery_rest(const battery *b, const double *soc, double celsius, double *state);
-/* The state after `second` at a held current, positive on charge; zero seconds leave it. The
- * reading is that at the end. Returns NULL, or why it cannot be computed. */
+/* State at rest at these SoC (one a cell) and this temperature of the surroundings, before a current
+ * of this direction. */
+void battery_rest(const battery *b, const double *soc, double celsius, double ampere,
+                  double *state);
+/* The state after `second` at a held current, positive on charge; zero seconds leave what the cells
+ * remember. The reading is that at the end. Returns NULL, or why it cannot be computed. */
 const char *battery_step(battery *b, double second, double ampere, double ambient_celsius,
                          double *state, reading *r);
 

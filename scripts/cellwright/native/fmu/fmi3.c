@@ -51,7 +51,7 @@ static fmi3Status say(instance *i, fmi3Status status, const char *words, ...) {
 
 /* ---- tables ---- */
 
-double *table(const tables *t, const char *name, size_t *count) {
+double *array_of(const tables *t, const char *name, size_t *count) {
     for (size_t k = 0; k < t->arrays; k++)
         if (strcmp(t->name[k], name) == 0) {
             if (count) *count = t->count[k];
@@ -143,8 +143,8 @@ static int lay_out(instance *i) {
     i->now.cell_soc = i->outputs + 2 * i->cells;
     i->now.cell_celsius = i->outputs + 3 * i->cells;
     size_t count;
-    const double *start = table(&i->tables, "initial_soc", &count);
-    const double *settings = table(&i->tables, "settings", NULL);
+    const double *start = array_of(&i->tables, "initial_soc", &count);
+    const double *settings = array_of(&i->tables, "settings", NULL);
     if (!start || count != i->cells || !settings) return 0;
     memcpy(i->held + FIXED, start, count * sizeof(double));
     i->held[AT_AMBIENT] = settings[0];
@@ -241,7 +241,8 @@ static fmi3Status wrong_mode(instance *i, const char *called) {
 
 /* Before the first step the state is that of rest at the SoC that is set. */
 static void begin(instance *i) {
-    battery_rest(i->battery, i->held + FIXED, i->held[AT_AMBIENT], state_of(i, i->held));
+    battery_rest(i->battery, i->held + FIXED, i->held[AT_AMBIENT], i->held[AT_CURRENT],
+                 state_of(i, i->held));
     i->read = 0;
 }
 
@@ -295,8 +296,9 @@ fmi3Status fmi3Reset(fmi3Instance given) {
 static fmi3Status look(instance *i) {
     if (i->read) return fmi3OK;
     if (mode_of(i) == INSTANTIATED || mode_of(i) == INITIALIZING) begin(i);
+    memcpy(i->tried, i->held, i->numbers * sizeof(double)); /* to look changes nothing */
     const char *why = battery_step(i->battery, 0.0, i->held[AT_CURRENT], i->held[AT_AMBIENT],
-                                   state_of(i, i->held), &i->now);
+                                   state_of(i, i->tried), &i->now);
     if (why) return say(i, fmi3Error, "at %g s: %s", i->held[AT_TIME], why);
     i->read = 1;
     return fmi3OK;
