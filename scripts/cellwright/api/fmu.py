@@ -87,13 +87,14 @@ def pack_fmu(pack, *, points=201, largest_step_second=1.0):
 
 
 def _unit(pack, shown, points, largest_step_second, *, alone):
-    from cellwright import native
     from cellwright.fmu.unit import archive, unit_of
+    from cellwright.native.fmu import COMPILED, unit_binary, unit_sources
 
     unit = unit_of(
         pack,
-        native.unit_sources(),
-        native.unit_binary(),
+        unit_sources(),
+        COMPILED,
+        unit_binary(),
         alone=alone,
         points=points,
         largest_step_second=largest_step_second,

@@ -17,14 +17,18 @@ from cellwright.fmu.description import (
     variables_of_cell,
     variables_of_pack,
 )
-from cellwright.packs.cells import TABLES, pack_cells
+from cellwright.packs.artefact import ThermalConstants
+from cellwright.packs.cells import pack_cells
+from cellwright.packs.kernel import ORDER, STRAIGHT, Keep, kernel_sizes
 from cellwright.packs.network import network_of
+from cellwright.packs.simulate import TOLERANCE_VOLT, sensed_element
+from cellwright.packs.steps import SAME_SOC
 from cellwright.packs.wiring import Wiring
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
 MAGIC = b"cellwright-fmu/1"
-NAME_BYTES = 24
+NAME_BYTES = 32
 UNKNOWN_SOC = 0.5  # what a unit starts at where no start is stated; its description says so
 BEYOND_KELVIN = 40.0  # tables reach so far beyond the measured temperatures
 BETWEEN_KELVIN = 2.0  # largest distance of two temperatures of the tables between measured ones
@@ -85,13 +89,14 @@ def table_temperatures(models):
     return sorted({round(float(value), 6) for value in (*measured, *inner, *ends)})
 
 
-def unit_of(pack, sources, binary, *, alone, points, largest_step_second, documents):
+def unit_of(pack, sources, compiled, binary, *, alone, points, largest_step_second, documents):
     """The unit of a cell or of a pack, each cell as its chosen member.
 
     Parameters
     ----------
     pack : PackModel.
     sources : dict, name → bytes of the C sources and headers.
+    compiled : names of those that are compiled; the others are included by them.
     binary : (platform, suffix, bytes) of the compiled sources, or None.
     alone : whether the unit is of a single cell, with scalars instead of arrays.
     points : size of the SoC grid of its tables. largest_step_second : longest internal step [s].
@@ -124,7 +129,7 @@ def unit_of(pack, sources, binary, *, alone, points, largest_step_second, docume
         variables = variables_of_cell(initial_soc=start[0], cell_is_warm=warm, **about)
     else:
         variables = variables_of_pack(initial_soc=start, cells=pack.cells, **about)
-    files, token = _files(pack, variables, tables, sources, binary, alone)
+    files, token = _files(pack, variables, tables, sources, compiled, binary, alone)
     notes = tuple(_notes(pack, celsius, binary))
     identifier = identifier_of(pack.wiring.name)
     return Unit(
@@ -132,13 +137,12 @@ def unit_of(pack, sources, binary, *, alone, points, largest_step_second, docume
     )
 
 
-def _files(pack, variables, tables, sources, binary, alone):
+def _files(pack, variables, tables, sources, compiled, binary, alone):
     """Files of the unit, and its token: the hash of what it is described by and made of."""
     name, sentence, body = pack.wiring.name, _sentence(pack, alone), _body(tables)
     plain = model_description(name, "", variables, description=sentence)
     code = [content for _, content in sorted(sources.items())]
     token = hashlib.sha256(b"\0".join([plain, body, *code])).hexdigest()
-    compiled = sorted(source for source in sources if source.endswith(".c"))
     files = {
         "modelDescription.xml": model_description(name, token, variables, description=sentence),
         "resources/battery.bin": MAGIC + token.encode() + body,
@@ -152,7 +156,7 @@ def _files(pack, variables, tables, sources, binary, alone):
 
 
 def arrays_of(pack, cells):
-    """What the C code knows of a pack: tables of its cells and its wiring, by name.
+    """What the C code knows of a pack, as native/fmu/battery.c reads it, by name.
 
     Parameters
     ----------
@@ -160,18 +164,39 @@ def arrays_of(pack, cells):
 
     Returns
     -------
-    arrays : dict, name → array of float.
+    arrays : dict, name → array of float. `tables`: all look-up tables one after the other;
+        `quantities`: (3, q), where in them each quantity begins, how far it is from cell to cell,
+        and 1 where it is linear in 1/T.
     """
     network = network_of(pack.wiring, cells.capacity_ampere_hour)
-    sense = -1.0 if pack.wiring.sense is None else float(pack.wiring.sense)
-    sizes = [len(cells.temperature_celsius), network.cells, cells.ocv_volt.shape[-1], sense]
-    held = {"sizes": np.array(sizes, float)}
-    held |= {name: getattr(cells, name) for name in ("temperature_celsius", *TABLES)}
-    held |= {"entries": np.array([getattr(cells, name).shape[2] for name in TABLES], float)}
-    held |= {"capacity_ampere_hour": cells.capacity_ampere_hour}
-    held |= {"near_end_soc": cells.near_end_soc}
+    sensed = sensed_element(pack.wiring, network)
+    tables = [np.ascontiguousarray(getattr(cells, name)) for name in ORDER]
+    begin = np.cumsum([0, *(table.size for table in tables)])
+    places = [
+        (first + entry * table.shape[3], table.shape[2] * table.shape[3], name in STRAIGHT)
+        for first, table, name in zip(begin, tables, ORDER, strict=False)
+        for entry in range(table.shape[2])
+    ]
     wired = ("connection", "first", "member", "contact_ohm", "link_ohm", "share")
-    return held | {name: np.asarray(getattr(network, name), float) for name in wired}
+    of_cells = ("temperature_celsius", "capacity_ampere_hour", "near_end_soc")
+    return {
+        "sizes": kernel_sizes(cells, network, "first_order", sensed, Keep()).astype(float),
+        "tolerances": np.array([TOLERANCE_VOLT, SAME_SOC]),
+        "quantities": np.array(places, float).T,
+        "tables": np.concatenate([table.ravel() for table in tables]),
+        **{name: np.asarray(getattr(cells, name), float) for name in of_cells},
+        **{name: np.asarray(getattr(network, name), float) for name in wired},
+        **_thermal(pack.thermal),
+    }
+
+
+def _thermal(constants):
+    """Thermal constants of all cells; none where one cell has none."""
+    if None in constants:
+        return {}
+    return {name: np.array(column) for name, column in zip(
+        ThermalConstants._fields, zip(*constants, strict=True), strict=True
+    )}
 
 
 def _ambient(celsius):

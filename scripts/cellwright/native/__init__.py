@@ -76,17 +76,23 @@ def function(name, *types, result=None):
 
 @cache
 def _library():
-    compiler = _compiler()
+    compiler = compiler_command()
     if compiler is None:
         return None
-    path = _library_file("kernels", compiler, FLAGS, SOURCES)
+    path = library_file("kernels", compiler, FLAGS, SOURCES)
     return path and ctypes.CDLL(str(path))
 
 
-def _library_file(kind, compiler, flags, sources):
-    """A library of these sources, built where it is not there yet; None where it cannot be."""
+def library_file(kind, compiler, flags, sources, included=()):
+    """A library of these sources, built where it is not there yet; None where it cannot be.
+
+    Parameters
+    ----------
+    kind : begin of its name. compiler : command. flags : of the compiler.
+    sources : paths of the C files. included : of those that they include.
+    """
     digest = hashlib.sha256(repr((flags, os.uname().machine, os.uname().sysname)).encode())
-    for source in sources:
+    for source in (*sources, *included):
         digest.update(source.read_bytes())
     for home in _homes():
         path = home / f"{kind}-{digest.hexdigest()[:16]}.so"
@@ -95,32 +101,7 @@ def _library_file(kind, compiler, flags, sources):
     return None
 
 
-# Of a library that is handed on: no names but those of the interface, nothing of this machine.
-UNIT_FLAGS = (
-    *("-O2", "-std=c11", "-fno-math-errno", "-ffp-contract=off", "-shared", "-fPIC"),
-    *("-fvisibility=hidden", "-s"),
-)
-UNIT_SOURCES = sorted((Path(__file__).parent / "fmu").glob("*.[ch]"))
-SYSTEMS = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib")}
-MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
-
-
-def unit_sources():
-    """The C files of a functional mock-up unit: name → bytes."""
-    return {path.name: path.read_bytes() for path in UNIT_SOURCES}
-
-
-def unit_binary():
-    """These files built for this machine: (platform as FMI 3 names it, suffix, bytes), or None."""
-    compiler = _compiler()
-    system, machine = SYSTEMS.get(os.uname().sysname), MACHINES.get(os.uname().machine)
-    if compiler is None or system is None or machine is None:
-        return None
-    path = _library_file("unit", compiler, UNIT_FLAGS, UNIT_SOURCES)
-    return path and (f"{machine}-{system[0]}", system[1], path.read_bytes())
-
-
-def _compiler():
+def compiler_command():
     """Command of a C compiler, None where there is none or kernels are not wanted."""
     compiler = next((c for c in (os.environ.get("CC"), "cc", "gcc", "clang") if _found(c)), None)
     return None if os.environ.get("CELLWRIGHT_NATIVE") == "0" else compiler
@@ -146,8 +127,7 @@ def _built(compiler, path, flags, sources):
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryDirectory(dir=path.parent) as folder:
             made = Path(folder) / path.name
-            code = [str(source) for source in sources if source.suffix == ".c"]
-            command = [*compiler.split(), *flags, *code, "-o", str(made), "-lm"]
+            command = [*compiler.split(), *flags, *map(str, sources), "-o", str(made), "-lm"]
             subprocess.run(command, check=True, capture_output=True, timeout=120)
             made.replace(path)
     except (OSError, subprocess.SubprocessError) as error:

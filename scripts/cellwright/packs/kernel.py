@@ -136,7 +136,7 @@ def _put(found, k, keep, solved, state, sensed):
 
 def _compiled(kernel, cells, network, state, load, *, hold, sensed, keep, tolerance_volt):
     address, stride, straight = _addresses(cells)
-    sizes = _sizes(cells, network, hold, sensed, keep)
+    sizes = kernel_sizes(cells, network, hold, sensed, keep)
     inverse, here = (
         -1.0 / (celsius + ZERO_CELSIUS_KELVIN)
         for celsius in (
@@ -186,7 +186,13 @@ def _addresses(cells):
     return (np.array(column, np.int64) for column in zip(*rows, strict=True))
 
 
-def _sizes(cells, network, hold, sensed, keep):
+def kernel_sizes(cells, network, hold, sensed, keep):
+    """Numbers by which native/pack.c knows what it is given: the array `sizes` of its comment.
+
+    Parameters
+    ----------
+    cells : PackCells. network : Network. hold, sensed, keep : as of `run_steps`.
+    """
     entries = {name: getattr(cells, name).shape[2] for name in TABLES}
     moving = len(cells.temperature_celsius) > 1 or any(
         np.any(getattr(cells, name) != getattr(cells, name)[..., :1]) for name in TIMES

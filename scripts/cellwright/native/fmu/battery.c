@@ -1,7 +1,8 @@
 /* A pack in any wiring, or a cell alone, as a battery that is stepped: pack.c does the work.
  *
- * The current is held over a step (zero order): before it, the cells' currents and voltages are
- * those at the present total; in it, the total flows; after it, they are read once more. */
+ * Before a step the total jumps, in no time, to what is asked; in the step it flows unchanged. So a
+ * row of steps is what `simulate_pack` gives for a current of edges (two samples at one time) with
+ * its hold of first order, under which resistances may move within a step. */
 #include "battery.h"
 #include "pack.c"
 
@@ -63,8 +64,8 @@ static int take(battery *b, const tables *t, char *why) {
         b->sizes[k] = (int64_t)sizes[k];
         if (b->sizes[k] < 0 || sizes[k] > 1e7) return 0;
     }
-    b->sizes[HOLD] = b->sizes[EXTREMES] = 0;
-    b->sizes[KEPT] = 1;
+    b->sizes[EXTREMES] = 0;
+    b->sizes[HOLD] = b->sizes[KEPT] = 1;
     const int64_t *z = b->sizes;
     const size_t cells = (size_t)z[0], groups = (size_t)z[1], kinds = (size_t)z[3];
     if (!cells || !groups || z[2] < 2 || !kinds || z[SENSED] >= z[0] + z[1]) return 0;

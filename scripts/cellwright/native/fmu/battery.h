@@ -4,13 +4,13 @@
 
 #include <stddef.h>
 
-enum { TOKEN = 64, MESSAGE = 200 };
+enum { TOKEN = 64, MESSAGE = 200, NAME = 32 };
 
 /* Named tables of the file resources/battery.bin, which the pipeline writes. */
 typedef struct {
     char token[TOKEN + 1];
     size_t arrays;
-    char (*name)[24];
+    char (*name)[NAME];
     size_t *count;
     double **values;
     double *memory;

@@ -78,7 +78,7 @@ static int64_t whole(const unsigned char *bytes) {
 /* The file: 16 bytes of name, the token, the number of arrays, of each name and count, the numbers;
  * all little-endian. Returns NULL, or what is wrong. */
 static const char *read_tables(FILE *file, tables *t) {
-    unsigned char head[16 + TOKEN + 8], entry[32];
+    unsigned char head[16 + TOKEN + 8], entry[NAME + 8];
     if (fread(head, 1, sizeof head, file) != sizeof head || memcmp(head, "cellwright-fmu/1", 16))
         return "is no file of this FMU";
     memcpy(t->token, head + 16, TOKEN);
@@ -90,9 +90,9 @@ static const char *read_tables(FILE *file, tables *t) {
     if (!t->name || !t->count || !t->values) return "needs more memory than there is";
     size_t total = 0;
     for (t->arrays = 0; t->arrays < (size_t)arrays; t->arrays++) {
-        if (fread(entry, 1, 32, file) != 32) return "ends too early";
-        memcpy(t->name[t->arrays], entry, 23);
-        const int64_t count = whole(entry + 24);
+        if (fread(entry, 1, sizeof entry, file) != sizeof entry) return "ends too early";
+        memcpy(t->name[t->arrays], entry, NAME - 1);
+        const int64_t count = whole(entry + NAME);
         if (count < 0 || count > (int64_t)1 << 40) return "holds an impossible size";
         t->count[t->arrays] = (size_t)count;
         total += (size_t)count;
