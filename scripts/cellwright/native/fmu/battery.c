@@ -89,8 +89,11 @@ static int take(battery *b, const tables *t, char *why) {
     b->link = of_size(t, "link_ohm", members, why);
     const double *tolerances = of_size(t, "tolerances", 2, why);
     if (*why || !member || !values) return 0;
-    b->heat_capacity = array_of(t, "heat_capacity_joule_per_kelvin", NULL);
-    b->heat_resistance = array_of(t, "resistance_kelvin_per_watt", NULL);
+    if (array_of(t, "heat_capacity_joule_per_kelvin", NULL)) {
+        b->heat_capacity = of_size(t, "heat_capacity_joule_per_kelvin", cells, why);
+        b->heat_resistance = of_size(t, "resistance_kelvin_per_watt", cells, why);
+    }
+    if (*why) return 0;
     b->tolerance = tolerances[0];
     b->same_soc = tolerances[1];
     b->whole = malloc((3 * b->quantities + 2 * groups + 1 + members) * sizeof(int64_t));
@@ -150,8 +153,8 @@ static void set_temperatures(const battery *b, const double *celsius) {
     }
 }
 
-/* Quantities of the cells at their SoC and temperature, as `respond` of pack.c looks them up. */
-static void look_up(const battery *b, const double *soc, double *quantities) {
+/* What the look-up functions of pack.c need to know. */
+static pack tables_only(const battery *b) {
     pack p = {0};
     p.cells = (int64_t)b->cells;
     p.points = b->sizes[2];
@@ -161,16 +164,17 @@ static void look_up(const battery *b, const double *soc, double *quantities) {
     p.straight = b->straight;
     p.inverse = b->inverse;
     p.inverse_here = b->here;
-    for (int64_t c = 0; c < p.cells; c++) {
-        const int64_t left = interval(&p, soc[c]);
-        const double share = soc[c] * (double)(p.points - 1) - (double)left;
-        const double inside = share > 0.0 ? share < 1.0 ? share : 1.0 : 0.0;
-        for (size_t q = 0; q < b->quantities; q++) {
-            const double low = at_point(&p, (int64_t)q, c, left);
-            const double rise = at_point(&p, (int64_t)q, c, left + 1) - low;
-            quantities[q * b->cells + (size_t)c] = low + rise * (q ? inside : share);
-        }
-    }
+    return p;
+}
+
+/* A quantity of a cell at a SoC, as `respond` of pack.c looks it up. The first is the OCV. */
+static double quantity_at(const pack *p, size_t q, size_t c, double soc) {
+    const int64_t left = interval(p, soc);
+    const double share = soc * (double)(p->points - 1) - (double)left;
+    const double inside = share > 0.0 ? share < 1.0 ? share : 1.0 : 0.0;
+    const double low = at_point(p, (int64_t)q, (int64_t)c, left);
+    const double rise = at_point(p, (int64_t)q, (int64_t)c, left + 1) - low;
+    return low + rise * (q ? inside : share);
 }
 
 void battery_rest(const battery *b, const double *soc, double celsius, double ampere,
@@ -181,7 +185,9 @@ void battery_rest(const battery *b, const double *soc, double celsius, double am
     for (size_t c = 0; c < n; c++) state[b->kept + c] = celsius;
     set_temperatures(b, state + b->kept);
     double *memory = state + 2 * n, *quantities = memory + b->memory * n;
-    look_up(b, soc, quantities);
+    const pack p = tables_only(b);
+    for (size_t q = 0; q < b->quantities; q++)
+        for (size_t c = 0; c < n; c++) quantities[q * n + c] = quantity_at(&p, q, c, soc[c]);
     const size_t goal = b->quantities - b->lags - 2 * (size_t)b->sizes[6];
     for (size_t c = 0; c < n; c++) {
         const double near = b->near_end[c];
@@ -219,14 +225,18 @@ static const char *one(battery *b, double second, double ampere, double *state, 
     return b->why;
 }
 
-/* Temperatures after a step with the heat I·(V − OCV) of its begin; exact for a held ambient. */
+/* Adds half of the heat I·(V − OCV) that flows now. */
+static void add_half(const battery *b, double *heat) {
+    const pack p = tables_only(b);
+    const double *current = b->now, *volt = b->now + b->cells, *soc = b->now + 2 * b->cells;
+    for (size_t c = 0; c < b->cells; c++)
+        heat[c] += 0.5 * current[c] * (volt[c] - quantity_at(&p, 0, c, soc[c]));
+}
+
+/* Temperatures after a step with the mean heat of its begin and end, exact for a held ambient. */
 static void warm(const battery *b, double second, double ambient, const double *heat,
                  double *celsius) {
     for (size_t c = 0; c < b->cells; c++) {
-        if (!b->heat_capacity) {
-            celsius[c] = ambient;
-            continue;
-        }
         const double r = b->heat_resistance[c], gain = -expm1(-second / (r * b->heat_capacity[c]));
         celsius[c] += gain * (ambient + r * heat[c] - celsius[c]);
     }
@@ -235,16 +245,17 @@ static void warm(const battery *b, double second, double ambient, const double *
 const char *battery_step(battery *b, double second, double ampere, double ambient_celsius,
                          double *state, reading *r) {
     const size_t n = b->cells;
-    double *const celsius = state + b->kept, *const ocv = state + (2 + b->memory) * n;
-    if (!b->heat_capacity) warm(b, 0.0, ambient_celsius, NULL, celsius);
+    double *const celsius = state + b->kept, *const heat = r->cell_celsius; /* written last */
+    for (size_t c = 0; !b->heat_capacity && c < n; c++) celsius[c] = ambient_celsius;
+    memset(heat, 0, n * sizeof(double));
     const char *why = one(b, 0.0, ampere, state, &r->voltage_volt);
-    if (!why && second > 0.0) {
-        double *const heat = r->cell_celsius; /* until the temperatures are written there */
-        for (size_t c = 0; c < n; c++) heat[c] = b->now[c] * (b->now[n + c] - ocv[c]);
-        why = one(b, second, ampere, state, &r->voltage_volt);
-        if (!why) warm(b, second, ambient_celsius, heat, celsius);
-    }
+    if (!why && b->heat_capacity) add_half(b, heat);
+    if (!why && second > 0.0) why = one(b, second, ampere, state, &r->voltage_volt);
     if (why) return why;
+    if (b->heat_capacity) {
+        add_half(b, heat);
+        warm(b, second, ambient_celsius, heat, celsius);
+    }
     memcpy(r->cell_current_ampere, b->now, n * sizeof(double));
     memcpy(r->cell_voltage_volt, b->now + n, n * sizeof(double));
     memcpy(r->cell_soc, b->now + 2 * n, n * sizeof(double));
