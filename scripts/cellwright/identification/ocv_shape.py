@@ -24,7 +24,7 @@ ROUNDS = 3  # of the weight of the data, found from what is left
 
 
 def shape_records(records, *, capacity_ampere_hour):
-    """Records that a steady load carries through a good part of the SoC, with rows all along it.
+    """Records whose steady loads pass a good part of the SoC, with rows all along it.
 
     Parameters
     ----------
@@ -32,22 +32,24 @@ def shape_records(records, *, capacity_ampere_hour):
 
     Returns
     -------
-    dense : list of Record, a row kept at each half per cent of the SoC; empty where none has such
-        a load.
+    dense : list of Record, a row kept at each half per cent of the SoC; empty where no long load
+        goes down or none goes up: from one way OCV and resistance cannot be told apart.
     """
     step = max(np.abs(np.diff(r.current_ampere)).max() for r in records) / 20
-    passing = [r for r in records if _passes(r, step, capacity_ampere_hour)]
+    ways = [_long_ways(r, step, capacity_ampere_hour) for r in records]
+    if len(set().union(*ways)) < 2:
+        return []
     sizes = {"step_ampere": step / 10, "capacity_ampere_hour": capacity_ampere_hour}
+    passing = [record for record, way in zip(records, ways, strict=True) if way]
     return [without_edges(thin(r, **sizes), step_ampere=step) for r in passing]
 
 
-def _passes(record, step_ampere, capacity_ampere_hour):
-    """Whether one steady load of a record passes `STEADY_SHARE` of the SoC, not too fast."""
+def _long_ways(record, step_ampere, capacity_ampere_hour):
+    """Signs of the steady loads that pass `STEADY_SHARE` of the SoC, not too fast."""
     marks = np.unique(np.r_[0, edges(record, step_ampere=step_ampere), len(record.soc) - 1])
-    passed = np.abs(np.diff(record.soc[marks]))
-    ampere = np.abs(record.current_ampere[marks[:-1]])
-    slow = ampere <= MOST_C_RATE * capacity_ampere_hour
-    return bool(np.any(passed[slow] >= STEADY_SHARE))
+    passed = np.diff(record.soc[marks])
+    slow = np.abs(record.current_ampere[marks[:-1]]) <= MOST_C_RATE * capacity_ampere_hour
+    return set(np.sign(passed[slow & (np.abs(passed) >= STEADY_SHARE)]))
 
 
 def ocv_from_loads(data, dense, *, capacity_ampere_hour, celsius):
