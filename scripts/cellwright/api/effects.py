@@ -264,7 +264,7 @@ def identify_branches(series, steps, cells, test):
     Source: docs/packs.md.
     """
     from cellwright.circuits.parameters import parameter_rows
-    from cellwright.packs.group import group_models
+    from cellwright.packs.identify import group_models
     from cellwright.records.facts import MeasuredTest
 
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
@@ -334,7 +334,7 @@ def validate_group(models, branches, series, test):
 
     Source: docs/packs.md.
     """
-    from cellwright.packs.group import validate_group as validated
+    from cellwright.packs.validate import validate_group as validated
     from cellwright.records.facts import MeasuredTest
 
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
