@@ -10,7 +10,7 @@ import numpy as np
 
 from cellwright.circuits.circuit import member_named
 from cellwright.circuits.temperature import table_soc
-from cellwright.identification.columns import base_of, columns_of, ocv_of, on_table
+from cellwright.identification.columns import base_of, columns_of, ocv_of
 from cellwright.identification.identify import identify
 from cellwright.identification.regression import SCALES, shift_precision, system_of
 from cellwright.numerics.linear import hats, solve

@@ -227,7 +227,12 @@ def group_models(test, steps, cells):
         f"{facts.test} (fit {1e3 * fit.fit_rmse_volt:.1f} mV); the rest of the record scores it"
     )
     return {
-        cell: _model(cell, fit.group, branch, celsius, fit.fit_rmse_volt, fitted, note)
+        cell: _model(
+            cell,
+            *(fit.group, branch, celsius, fit.fit_rmse_volt),
+            fitted | {"sensor_offset_ampere": float(offset[branch])},
+            note,
+        )
         for branch, cell in enumerate(cells)
     }
 
