@@ -1,14 +1,18 @@
 """dQ/dV of a slow charge with a coarse voltage converter, and its peaks."""
 
-import numpy as np
-from timing import Entry, Topic, where_importable
+from functools import partial
 
-from cellwright.protocols.ica import incremental_capacity, peaks
+import numpy as np
+from timing import Entry, Goal, Topic, where_importable
+
+from cellwright.protocols.ica.charge import charge_slope, peaks_of
+from cellwright.settings import Ica
 
 ROWS, SEEDS, STEP_VOLT = 200_000, 20, 3e-4
 VOLT = np.linspace(3.2, 4.15, 20_001)
 PEAKS = ((3.55, 0.020, 0.8), (3.70, 0.025, 1.0), (3.95, 0.022, 0.6))
 WINDOW_VOLT = 0.039
+PROMINENCE = 0.05  # of the highest point, for everyone
 
 
 def _bell(centre, width, area):
@@ -23,10 +27,16 @@ TOPS = np.flatnonzero((SLOPE[1:-1] > SLOPE[:-2]) & (SLOPE[1:-1] > SLOPE[2:])) + 
 def topic():
     """Topic: 200,000 rows in steps of 0.3 mV, three peaks."""
     makers = {
-        "**Cellwright**": lambda: _entry("**Cellwright**", _ours, runs=21),
+        "**Cellwright**": lambda: _entry("**Cellwright**", partial(_ours, "spline"), runs=9),
+        "binned": lambda: _entry("**Cellwright**, binned", partial(_ours, "binned"), runs=21),
+        "counting": lambda: _entry("**Cellwright**, counting", partial(_ours, "counting"), runs=21),
+        "adaptive": lambda: _entry("**Cellwright**, adaptive", partial(_ours, "adaptive"), runs=1),
         "interp": lambda: _entry("uniform grid by interpolation, scipy savgol_filter", _by_grid),
+        "PyProBE": lambda: _entry("PyProBE, level evaluation (LEAN)", _by_levels, runs=3),
+        "cellpy": lambda: _entry("cellpy dqdv_np, its own settings", _by_cellpy, runs=1),
     }
-    entries, skipped = where_importable({}, makers)
+    needed = {"PyProBE": ("pyprobe", "polars"), "cellpy": ("cellpy",)}
+    entries, skipped = where_importable(needed, makers)
     return Topic(
         "dQ/dV of a slow charge",
         f"{ROWS:,} rows of a charge read in steps of {1e3 * STEP_VOLT:g} mV, with 0.05 mV of "
@@ -36,6 +46,7 @@ def topic():
         "false peaks",
         entries,
         skipped,
+        goals=(Goal("**Cellwright**", 1e-3), Goal("**Cellwright**, binned", 1e-3)),
     )
 
 
@@ -57,9 +68,9 @@ def _entry(name, curve, runs=5):
     return Entry(name, lambda: curve(*first), judge, runs=runs)
 
 
-def _ours(volt, charge):
-    found = incremental_capacity(volt, charge)
-    return found.voltage_volt, found.dq_dv_ampere_hour_per_volt, found
+def _ours(method, volt, charge):
+    curve, slope = charge_slope(volt, charge, settings=Ica(method=method))
+    return curve.voltage_volt, curve.dq_dv_ampere_hour_per_volt, (curve, slope)
 
 
 def _by_grid(volt, charge):
@@ -72,14 +83,36 @@ def _by_grid(volt, charge):
     return grid, slope, None
 
 
+def _by_levels(volt, charge):
+    """PyProBE counts how often a voltage level was read, and smooths over five levels."""
+    import polars
+    from pyprobe.analysis.differentiation import differentiate_lean
+    from pyprobe.result import Result
+
+    names = ("Capacity [Ah]", "Voltage [V]")
+    frame = polars.DataFrame(dict(zip(names, (charge, volt), strict=True)))
+    record_of = Result(lf=frame, info={})
+    found = differentiate_lean(record_of, *names, gradient="dxdy")
+    slope = next(name for name in found.columns if name.startswith("d("))
+    return found.get(names[1]), found.get(slope), None
+
+
+def _by_cellpy(volt, charge):
+    """Without its last step, which scales the curve to the charge of the half cycle."""
+    from cellpy.utils.ica import dqdv_np
+
+    grid, slope = dqdv_np(volt, charge, post_normalization=False)
+    return np.asarray(grid), np.asarray(slope), None
+
+
 def _tops(volt, slope, found):
     """(position, height) of the peaks: ours where the curve is ours, else a plain search."""
     if found is not None:
-        tops = peaks(found)
+        tops = peaks_of(*found, prominence=PROMINENCE)
         return tops.voltage_volt, tops.height_ampere_hour_per_volt
     from scipy.signal import find_peaks
 
-    at, _ = find_peaks(slope, prominence=0.05 * np.nanmax(slope))
+    at, _ = find_peaks(slope, prominence=PROMINENCE * np.nanmax(slope))
     return volt[at], slope[at]
 
 

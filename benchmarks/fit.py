@@ -1,7 +1,7 @@
 """Fit of R0 and two RC pairs to a pulse test with 1 mV of noise."""
 
 import numpy as np
-from timing import Entry, Topic, where_importable
+from timing import Entry, Goal, Topic, where_importable
 
 from cellwright.numerics.lags import lag_weights
 
@@ -33,6 +33,7 @@ def hppc():
         "RMS error of the fit; largest error of a parameter, in Cramér-Rao standard deviations",
         [entry._replace(accuracy=entry.accuracy or judge) for entry in entries],
         skipped,
+        goals=(Goal("**Cellwright**", 1e-3),),
     )
 
 

@@ -5,13 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-from timing import Entry, Topic, missing
+from timing import Entry, Goal, Topic, missing
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 JOBS = {
     "**Cellwright**, simulation and fit": "cellwright.circuits.fast,"
     " cellwright.identification.methods.pulse",
-    "**Cellwright**, dQ/dV": "cellwright.protocols.ica",
+    "**Cellwright**, dQ/dV": "cellwright.protocols.ica.charge",
     "Python alone": "sys",
     "numpy": "numpy",
     "pandas": "pandas",
@@ -39,6 +39,7 @@ def topic():
         [entry._replace(accuracy=lambda _found: "–") for entry in entries],
         skipped,
         unit="process",
+        goals=(Goal("**Cellwright**, simulation and fit", 0.3),),
     )
 
 

@@ -56,8 +56,8 @@ def test_evidence_has_a_panel_an_effect_with_the_line_of_full_explanation():
     words = ["leakage", "ocv edge", "time skew"]
     assert [title(panel).split(":")[0] for panel in panels[:3]] == words
     assert [panel.axison for panel in panels] == [True, True, True, False]
-    assert title(panels[0]) == "leakage: 100 % of what was left"
-    assert title(panels[2]) == "time skew: 0 % of what was left"
+    assert title(panels[0]) == "leakage:\nby itself it explains 100 % of what was left"
+    assert title(panels[2]) == "time skew:\nby itself it explains nothing of what was left"
     np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[-2, -2], [2, 2]])
     points = panels[1].get_lines()[-1]
     assert points.get_label() == "samples, in bins of about 200"
@@ -159,13 +159,24 @@ def test_only_tests_for_proof_are_drawn_whole_and_where_the_plain_model_is_worst
     assert title(voltage).startswith("udds: ")
     rms = 1e3 * np.sqrt(np.mean((found["voltage_volt"] - found["before_volt"])[: len(SECOND)] ** 2))
     assert f"plain model {rms:.2f} mV, with what was missing 1.00 mV" in title(residual)
-    assert "noise floor 0.80 mV" in title(residual)
+    assert "grey: floor 0.80 mV" in title(residual)
     before, after = [line.get_ydata() for line in residual.get_lines()]
     assert (before.min(), before.max()) == pytest.approx((4.0, 6.0))
     np.testing.assert_allclose(after, 1.0)
     hours = worst.get_lines()[0].get_xdata()
     assert hours.min() >= 1.0
     assert hours.max() - hours.min() == pytest.approx(0.1)
+
+
+def test_the_floor_of_a_test_is_its_own_where_the_verdict_has_it():
+    verdict = {"effects": [], "partial": [], "floor_volt": 1e-3}
+    verdict["floors"] = [{"test": "udds", "volt": 2.5e-3}]
+    found = series(("udds", "validation"), ("us06", "validation"))
+    panels = rendered(effects.draw_effect_validation(verdict, found))
+    assert [f"floor {size} mV" in title(panels[k]) for k, size in ((2, "2.50"), (6, "1.00"))] == [
+        True,
+        True,
+    ]
 
 
 def test_a_cell_that_lacks_nothing_has_one_model_and_many_tests_are_counted():

@@ -140,11 +140,14 @@ def _run(tables, step, current, soc, hold, ampere_second):
         return _run_by_lags(tables, step, current, soc, hold, ampere_second)
     pairs, points = np.shape(tables.r_ohm)
     moves = np.ndim(tables.tau_second) == 2
-    columns = [tables.ocv_volt, tables.r0_ohm, *tables.r_ohm]
-    columns_at = np.stack([*columns, *tables.tau_second] if moves else columns, axis=1)
-    rows = np.ascontiguousarray(
-        np.concatenate([columns_at[:-1], np.diff(columns_at, axis=0)], axis=1)
-    )
+    width = 2 + pairs + (pairs if moves else 0)
+    columns = np.empty((width, points))
+    columns[0], columns[1], columns[2 : 2 + pairs] = tables.ocv_volt, tables.r0_ohm, tables.r_ohm
+    if moves:
+        columns[2 + pairs :] = tables.tau_second
+    rows = np.empty((points - 1, 2 * width))
+    rows[:, :width] = columns[:, :-1].T
+    rows[:, width:] = (columns[:, 1:] - columns[:, :-1]).T
     tau = np.ones(pairs) if moves else np.ascontiguousarray(tables.tau_second, float)
     voltage = np.empty(len(current))
     settings = (len(step) != len(current) - 1, hold == "first_order")
@@ -183,8 +186,9 @@ def _checked(tables, step_second, current_ampere, hold):
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
     if len(current) < 1 or (np.ndim(step_second) and len(step) != len(current) - 1):
         raise Refusal(f"{len(step)} steps for {len(current)} currents; one less is needed")
-    if not (step.min(initial=0.0) >= 0 and step.max(initial=0.0) < np.inf):
+    shortest, longest = (step.min(), step.max()) if len(step) else (0.0, 0.0)
+    if not (shortest >= 0 and longest < np.inf):
         raise Refusal("a step is below zero or not finite")
     if not np.isfinite(current).all():
         raise Refusal("a current is not finite")
-    return current, step[:1] if len(step) and step.min() == step.max() else step
+    return current, step[:1] if shortest == longest else step

@@ -141,8 +141,11 @@ static inline __attribute__((always_inline)) double product(const row *a, const 
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-/* Half the sum of squares at x (logarithms of the free parameters), gram = JᵀJ and slope = Jᵀr. */
-CLONES static double evaluate(const problem *p, const double *x, double *gram, double *gradient) {
+/* Half the sum of squares at x (logarithms of the free parameters), gram = JᵀJ and gradient = Jᵀr.
+ * rows, where not NULL, gets the weighted error and below it J (free + 1, 2n): the real parts of
+ * all points, then the imaginary ones. */
+CLONES static double evaluate(const problem *p, const double *x, double *gram, double *gradient,
+                              double *rows) {
     const int64_t q = p->free, last = p->nodes - 1;
     double value[PARAMETERS], cost = 0.0;
     row z[NODES], reach[NODES], of_left[NODES], of_right[NODES], own[PARAMETERS];
@@ -180,6 +183,12 @@ CLONES static double evaluate(const problem *p, const double *x, double *gram, d
         EACH {
             off.re[i] = w[i] * (z[last].re[i] - p->real[from + i]);
             off.im[i] = w[i] * (z[last].im[i] - p->imaginary[from + i]);
+        }
+        const int64_t size = p->n - from < BLOCK ? p->n - from : BLOCK;
+        for (int64_t a = 0; rows && a <= q; a++) {
+            const row *one = a ? total + a - 1 : &off;
+            memcpy(rows + 2 * a * p->n + from, one->re, sizeof(double) * size);
+            memcpy(rows + (2 * a + 1) * p->n + from, one->im, sizeof(double) * size);
         }
         cost += 0.5 * product(&off, &off);
         for (int64_t a = 0; a < q; a++) {
@@ -230,7 +239,7 @@ static double search(const problem *p, const double *lower, const double *upper,
     double gram[2][PARAMETERS * PARAMETERS], gradient[2][PARAMETERS];
     double step[PARAMETERS], trial[PARAMETERS], damping = 1e-2;
     int64_t held[PARAMETERS], now = 0;
-    double cost = evaluate(p, x, gram[0], gradient[0]);
+    double cost = evaluate(p, x, gram[0], gradient[0], NULL);
     for (*passes = 1; *passes < most && damping < STUCK; ++*passes) {
         for (int64_t a = 0; a < q; a++)
             held[a] = (x[a] <= lower[a] && gradient[now][a] > 0.0) ||
@@ -246,7 +255,7 @@ static double search(const problem *p, const double *lower, const double *upper,
             trial[a] = fmin(fmax(x[a] + share * step[a], lower[a]), upper[a]);
             moved = fmax(moved, fabs(trial[a] - x[a]));
         }
-        const double next = evaluate(p, trial, gram[1 - now], gradient[1 - now]);
+        const double next = evaluate(p, trial, gram[1 - now], gradient[1 - now], NULL);
         if (next < cost || moved < ARRIVED) { /* the last step is below what the cost resolves */
             memcpy(x, trial, sizeof(double) * q);
             cost = next;
@@ -261,14 +270,15 @@ static double search(const problem *p, const double *lower, const double *upper,
 }
 
 /* From one start (starts, free) after the other, in place, to an optimum: its cost (starts) and
- * passes. Done when `enough` of them have led to the best, the costs of the rest infinite.
+ * passes. Done when `enough` of them have led to the best, the costs of the rest infinite. rows :
+ * as of `evaluate`, at the best.
  * series : omega, real, imaginary, weight (n) each. tree : kind, left, right, at (nodes) each.
  * limits : lower, upper (free) each. work : six rows of n filled up to whole blocks. */
 void impedance_search(int64_t n, int64_t nodes, int64_t parameters, int64_t free_, int64_t starts,
                       int64_t enough, int64_t most, double same, const double *series,
                       const int64_t *tree, const int64_t *column, const double *offset,
                       const double *limits, double *work, double *x, double *cost,
-                      int64_t *passes) {
+                      int64_t *passes, double *rows) {
     const int64_t room = (n + BLOCK - 1) / BLOCK * BLOCK;
     for (int64_t i = 0; i < room; i++) {
         const int64_t k = i < n ? i : n - 1;
@@ -283,14 +293,17 @@ void impedance_search(int64_t n, int64_t nodes, int64_t parameters, int64_t free
                        work + 3 * room, work + 4 * room, work + 5 * room, tree, tree + nodes,
                        tree + 2 * nodes, tree + 3 * nodes, column, offset};
     int64_t arrived = 0;
+    int64_t best_start = 0;
     double best = INFINITY;
     for (int64_t s = 0; s < starts; s++) {
         cost[s] = INFINITY;
         passes[s] = 0;
         if (arrived >= enough) continue;
         cost[s] = search(&p, limits, limits + free_, most, x + s * free_, passes + s);
-        best = fmin(best, cost[s]);
+        if (cost[s] < best) best = cost[s], best_start = s;
         arrived = 0;
         for (int64_t k = 0; k <= s; k++) arrived += cost[k] <= best * (1.0 + same);
     }
+    double gram[PARAMETERS * PARAMETERS], gradient[PARAMETERS];
+    evaluate(&p, x + best_start * free_, gram, gradient, rows);
 }

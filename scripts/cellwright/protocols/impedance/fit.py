@@ -92,44 +92,50 @@ def spread_starts(circuit, size, *, number):
     same spectrum gives the same starts. Arcs take turns along the frequency axis, first come, fast.
     """
     roles = _roles(circuit)
-    share = _even_points(number, len(roles))
-    starts = np.empty((number, len(roles)))
+    shares, positions = _shares(number, roles)
+    middle = {
+        "series": size.smallest,
+        "resistance": size.span,
+        "inductance": size.leads,
+        "warburg": size.warburg,
+    }
     slow = [k for k, role in enumerate(roles) if role in SLOW]
-    rate = _rates(size, share[:, slow])
-    for k, role in enumerate(roles):
-        starts[:, k] = _start_value(role, size, share[:, k])
-        if k in slow:
-            rates = rate[:, slow.index(k)]
-            middle = size.span * np.power(10.0, share[:, k - 1] - 1)
-            power = np.power(rates, 0.75 if role == "cpe" else 1.0)
-            starts[:, k] = 1 / rates if role == "time" else 1 / (middle * power)
+    rate = np.exp(np.log(size.fastest) + positions * np.log(size.lowest / size.fastest))
+    starts = np.array([middle.get(role, 1.0) for role in roles]) * shares
+    for k, rates in zip(slow, rate.T, strict=True):
+        power = np.power(rates, 0.75 if roles[k] == "cpe" else 1.0)
+        resistance = size.span * shares[:, k]
+        starts[:, k] = 1 / rates if roles[k] == "time" else 1 / (resistance * power)
     return starts
 
 
-def _start_value(role, size, share):
-    """Start (s,) of a parameter of this role at shares 0 … 1 of its range."""
-    if role == "exponent":
-        return 0.6 + 0.3 * share
-    if role == "series":
-        return size.smallest * (0.6 + 0.4 * share)
-    around = {
-        "resistance": (size.span, 1.5 * share - 1.2),
-        "inductance": (size.leads, 0.5 * share - 0.25),
-        "warburg": (size.warburg, 1.5 * share - 0.5),
-    }
-    middle, decades = around.get(role, (1.0, share))
-    return middle * np.power(10.0, decades)
+@cache
+def _shares(number, roles):
+    """What does not depend on the spectrum: starts (s, p) over the size that belongs to their role,
+    for capacitive elements that of their resistance, and their places (s, slow) between the fastest
+    and the slowest frequency, 0 to 1.
 
-
-def _rates(size, share):
-    """Angular frequencies of the capacitive elements [1/s], each in its own range of the axis.
-
-    The first named is the fastest in one start, the slowest in the next.
+    The element named first is the fastest in one start, the slowest in the next.
     """
-    number = share.shape[1]
-    forwards, odd = np.arange(number), np.arange(len(share))[:, None] % 2
-    position = (np.where(odd, forwards[::-1], forwards) + share) / max(number, 1)
-    return np.exp(np.log(size.fastest) + position * np.log(size.lowest / size.fastest))
+    share = _even_points(number, len(roles))
+    slow = [k for k, role in enumerate(roles) if role in SLOW]
+    shares = np.stack([_start_share(role, share, k) for k, role in enumerate(roles)], axis=1)
+    forwards, odd = np.arange(len(slow)), np.arange(number)[:, None] % 2
+    order = np.where(odd, forwards[::-1], forwards)
+    return shares, (order + share[:, slow]) / max(len(slow), 1)
+
+
+def _start_share(role, share, k):
+    """Start (s,) of parameter k of this role over the size that belongs to it."""
+    if role == "exponent":
+        return 0.6 + 0.3 * share[:, k]
+    if role == "series":
+        return 0.6 + 0.4 * share[:, k]
+    if role in SLOW:
+        return np.power(10.0, share[:, k - 1] - 1)
+    decades = {"resistance": (1.5, -1.2), "inductance": (0.5, -0.25), "warburg": (1.5, -0.5)}
+    slope, least = decades[role]
+    return np.power(10.0, slope * share[:, k] + least)
 
 
 @cache
@@ -153,7 +159,7 @@ MOST_PASSES = 200
 MOST_NODES, MOST_PARAMETERS, BLOCK = 64, 32, 64  # of the kernel
 FARTHEST, ARRIVED, STUCK = 2.0, 1e-7, 1e12
 SAME = 1e-6  # relative difference of two sums of squares that are one optimum
-TYPES = (*[count] * 7, real, array, integers, integers, *[array] * 5, integers)
+TYPES = (*[count] * 7, real, array, integers, integers, *[array] * 5, integers, array)
 
 
 class Problem(NamedTuple):
@@ -190,11 +196,13 @@ class Problem(NamedTuple):
 
 class Optima(NamedTuple):
     """Optimum that each of s starts led to: x (s, q) logarithms; cost (s,) half sums of squares,
-    infinite where enough others had arrived before; passes (s,) over the data."""
+    infinite where enough others had arrived before; passes (s,) over the data. rows : (q + 1, 2n)
+    at the best: the weighted error, and its derivatives by the q logarithms; real parts first."""
 
     x: np.ndarray
     cost: np.ndarray
     passes: np.ndarray
+    rows: np.ndarray
 
 
 def search(problem, starts, *, enough):
@@ -233,8 +241,9 @@ def search(problem, starts, *, enough):
     work = np.empty(6 * BLOCK * -(-size // BLOCK))
     sizes = (size, len(circuit.kinds), len(circuit.names), x.shape[1], len(x), enough)
     tree = (_tree(circuit), problem.column, problem.offset)
-    kernel(*sizes, MOST_PASSES, SAME, series, *tree, bounds, work, x, cost, passes)
-    return Optima(x, cost, passes)
+    rows = np.empty((x.shape[1] + 1, 2 * size))
+    kernel(*sizes, MOST_PASSES, SAME, series, *tree, bounds, work, x, cost, passes, rows)
+    return Optima(x, cost, passes, rows)
 
 
 @cache
@@ -250,7 +259,9 @@ def search_by_numpy(problem, starts, *, enough):
     for s in range(len(x)):
         if np.sum(cost[:s] <= cost[:s].min(initial=np.inf) * (1 + SAME)) < max(enough, 1):
             x[s], cost[s], passes[s] = _descend(problem, x[s])
-    return Optima(x, cost, passes)
+    error, slopes = problem.jacobian(x[np.argmin(cost)])
+    rows = np.vstack([error, slopes])
+    return Optima(x, cost, passes, np.hstack([rows.real, rows.imag]))
 
 
 def _descend(problem, x):
@@ -437,13 +448,13 @@ def _result(problem, optima):
     """CircuitFit of the best optimum."""
     best = int(np.argmin(optima.cost))
     x, cost = optima.x[best], float(optima.cost[best])
-    error, slopes = problem.jacobian(x)
+    residual, slopes = optima.rows[0], optima.rows[1:]
     limited = (x - problem.lower < AT_BOUND) | (problem.upper - x < AT_BOUND)
     values, names = problem.values(x), problem.circuit.names
-    stacked = np.concatenate([slopes.real, slopes.imag], axis=1).T
-    residual = np.concatenate([error.real, error.imag])
+    points = len(problem.weight)
+    error = residual[:points] + 1j * residual[points:]
     logs = np.full((len(x), len(x)), np.nan)
-    logs[np.ix_(~limited, ~limited)] = covariance_from_jacobian(stacked[:, ~limited], residual)
+    logs[np.ix_(~limited, ~limited)] = covariance_from_jacobian(slopes[~limited].T, residual)
     covariance = _full_covariance(problem.column, logs) * np.outer(values, values)
     std = np.sqrt(np.diagonal(covariance))
     data, certain = len(residual), np.where(std > 0, std, np.nan)
@@ -459,7 +470,7 @@ def _result(problem, optima):
         correlation=covariance / np.outer(certain, certain),
         at_bound=tuple(at_bound),
         free=len(x),
-        rms_relative_residual=float(np.sqrt(2 * cost / len(error))),
+        rms_relative_residual=float(np.sqrt(2 * cost / points)),
         bic=float(data * np.log(max(2 * cost / data, 1e-30)) + len(x) * np.log(data)),
         fitted_ohm=problem.impedance_ohm + error / problem.weight,
         starts=int(np.isfinite(optima.cost).sum()),
