@@ -627,7 +627,7 @@ WIDE int64_t pack_steps(int64_t n, const double *step, const double *mode, const
         volt[i] = s->source[z[15]] + s->resistance[z[15]] * s->current[z[15]];
         const int64_t keeps = z[13] && i % z[13] == 0;
         double *volts = keeps ? cell_volt + row * cells : s->volt;
-        EACH(int64_t c = 0; c < (keeps || z[14] ? cells : 0); c++)
+        for (int64_t c = 0; (keeps || z[14]) && c < cells; c++)
             volts[c] = s->source[c] + s->resistance[c] * s->current[c];
         if (z[14])
             extremes(p, s, volts, out + 8 * i);
