@@ -12,6 +12,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
+from cellwright.packs.wiring import cells_of
+from cellwright.records.channels import BRANCH_CURRENT, CELL_VOLTAGE
 from cellwright.refusal import Refusal
 
 SENSOR_CLASS = 0.002  # of a reading: what two good sensors may differ by without a word
@@ -123,7 +125,8 @@ def _partly_logged(currents, total, logged, test):
 
 def _parallel_currents(currents, total, test):
     left = currents.sum(axis=1) - total
-    broken = [*_silent(currents, total, test), *_wrong_sensor(currents, total, left, test)]
+    broken = list(_wrong_sensor(currents, total, left, test))
+    broken = broken or list(_silent(currents, total, test))
     if broken:
         return broken
     steady = _steady(total)
@@ -221,17 +224,23 @@ def _sum_line(currents, total, left, test):
 def _guilty(currents, left):
     """Index of the branch whose gain alone explains the left-over, None where that is not clear.
 
-    Clear: with all gains free at once, one is beyond five of its deviations, and every other one
-    within three of its own and below a fifth of it.
+    Clear: beside its gain no other one is wanted (none beyond three of its deviations), while
+    beside the gain of each other branch at least one is (beyond five).
     """
-    columns = np.column_stack([np.ones(len(left)), currents])
-    values, stds = _fitted(columns, left)
-    size = np.abs(values[1:])
-    best = int(np.argmax(size))
-    others = np.delete(np.arange(len(size)), best)
-    clear = size[best] > SIGMAS * stds[1 + best]
-    clear &= (size[others] < np.minimum(3.0 * stds[1 + others], 0.2 * size[best])).all()
+    wanted = [_wanted_beside(k, currents, left) for k in range(currents.shape[1])]
+    best = int(np.argmin(wanted))
+    clear = wanted[best] < 3.0 and min(np.delete(wanted, best)) > SIGMAS
     return best if clear else None
+
+
+def _wanted_beside(k, currents, left):
+    """Largest further gain beside that of branch k, in its deviations."""
+    sizes = []
+    for j in (j for j in range(currents.shape[1]) if j != k):
+        columns = np.column_stack([np.ones(len(left)), currents[:, [k, j]]])
+        values, stds = _fitted(columns, left)
+        sizes.append(abs(values[2]) / stds[2])
+    return max(sizes)
 
 
 def _dependent(currents, total, left, test):
@@ -316,6 +325,41 @@ def _series_voltages(record, wiring):
         f"{1e3 * stds[1]:.2g} mΩ; groups.tsv states {1e3 * stated:.3g} mΩ"
     )
     yield Finding("contacts", None, values[1], stds[1], stated, "Ω", off, text if off else "")
+
+
+def swapped_channels(series, wiring, test):
+    """Swapped branch currents of members in parallel, swapped voltages of cells: `swapped`.
+
+    Parameters
+    ----------
+    series : dict of (n,) columns, measured ones beside simulated_<channel> of the same.
+    wiring : Wiring of the group. test : name, for the sentences.
+
+    Returns
+    -------
+    findings : list of Finding, empty where nothing was simulated.
+    """
+    total, found = rms(series["current_ampere"]), []
+    if wiring.connection == "parallel":
+        members = len(wiring.members)
+        pair = _both(series, BRANCH_CURRENT, members)
+        found += swapped(*pair, total / members, test=test) if pair else []
+    cells = len(cells_of(wiring))
+    pair = _both(series, CELL_VOLTAGE, cells)
+    if pair:
+        # What a swap must change a cell's voltage by: a share of what the load changes it by.
+        moved = rms(pair[0] - pair[0].mean(axis=0))
+        found += swapped(*pair, moved, test=test, what="cell")
+    return found
+
+
+def _both(series, channel, count):
+    """Measured and simulated readings (n, count) of a channel, None where one is lacking."""
+    names = [channel.format(number) for number in range(1, count + 1)]
+    if not all(name in series and f"simulated_{name}" in series for name in names):
+        return None
+    kinds = (names, [f"simulated_{name}" for name in names])
+    return [np.column_stack([series[name] for name in kind]) for kind in kinds]
 
 
 def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
