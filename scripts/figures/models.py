@@ -52,16 +52,21 @@ def _charge_transfer(panel, condition, look):
     panel.set_ylim(bottom=0)
 
 
+def resistance_after(condition, second):
+    """Voltage over current at a time after a small step of the current [Ω], over the SoC knots."""
+    ohm = _numbers(condition["r0_ohm"])
+    ohm = sum((_numbers(b["r_ohm"]) for b in _of_kind(condition, "charge_transfer")), ohm)
+    for branch in _of_kind(condition, "RC", "kinetic"):
+        share = -np.expm1(-second / _numbers(branch["tau_second"]))
+        ohm = ohm + share * _numbers(branch["r_ohm"])
+    return ohm
+
+
 def _resistance_after(second):
-    """Voltage over current at a time after a small step of the current."""
+    """A panel of it over SoC."""
 
     def plot(panel, condition, look):
-        ohm = _numbers(condition["r0_ohm"])
-        ohm = sum((_numbers(b["r_ohm"]) for b in _of_kind(condition, "charge_transfer")), ohm)
-        for branch in _of_kind(condition, "RC", "kinetic"):
-            share = -np.expm1(-second / _numbers(branch["tau_second"]))
-            ohm = ohm + share * _numbers(branch["r_ohm"])
-        _over_soc(panel, condition, ohm, look)
+        _over_soc(panel, condition, resistance_after(condition, second), look)
         panel.set_ylim(bottom=0)
 
     return plot
