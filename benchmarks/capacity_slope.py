@@ -1,14 +1,18 @@
 """dQ/dV of a slow charge with a coarse voltage converter, and its peaks."""
 
+from functools import partial
+
 import numpy as np
 from timing import Entry, Goal, Topic, where_importable
 
-from cellwright.protocols.ica import incremental_capacity, peaks
+from cellwright.protocols.ica.charge import charge_slope, peaks_of
+from cellwright.settings import Ica
 
 ROWS, SEEDS, STEP_VOLT = 200_000, 20, 3e-4
 VOLT = np.linspace(3.2, 4.15, 20_001)
 PEAKS = ((3.55, 0.020, 0.8), (3.70, 0.025, 1.0), (3.95, 0.022, 0.6))
 WINDOW_VOLT = 0.039
+PROMINENCE = 0.05  # of the highest point, for everyone
 
 
 def _bell(centre, width, area):
@@ -23,7 +27,10 @@ TOPS = np.flatnonzero((SLOPE[1:-1] > SLOPE[:-2]) & (SLOPE[1:-1] > SLOPE[2:])) + 
 def topic():
     """Topic: 200,000 rows in steps of 0.3 mV, three peaks."""
     makers = {
-        "**Cellwright**": lambda: _entry("**Cellwright**", _ours, runs=21),
+        "**Cellwright**": lambda: _entry("**Cellwright**", partial(_ours, "spline"), runs=9),
+        "binned": lambda: _entry("**Cellwright**, binned", partial(_ours, "binned"), runs=21),
+        "counting": lambda: _entry("**Cellwright**, counting", partial(_ours, "counting"), runs=21),
+        "adaptive": lambda: _entry("**Cellwright**, adaptive", partial(_ours, "adaptive"), runs=1),
         "interp": lambda: _entry("uniform grid by interpolation, scipy savgol_filter", _by_grid),
         "PyProBE": lambda: _entry("PyProBE, level evaluation (LEAN)", _by_levels, runs=3),
         "cellpy": lambda: _entry("cellpy dqdv_np, its own settings", _by_cellpy, runs=1),
@@ -39,7 +46,7 @@ def topic():
         "false peaks",
         entries,
         skipped,
-        goals=(Goal("**Cellwright**", 1e-3),),
+        goals=(Goal("**Cellwright**", 1e-3), Goal("**Cellwright**, binned", 1e-3)),
     )
 
 
@@ -61,9 +68,9 @@ def _entry(name, curve, runs=5):
     return Entry(name, lambda: curve(*first), judge, runs=runs)
 
 
-def _ours(volt, charge):
-    found = incremental_capacity(volt, charge)
-    return found.voltage_volt, found.dq_dv_ampere_hour_per_volt, found
+def _ours(method, volt, charge):
+    curve, slope = charge_slope(volt, charge, settings=Ica(method=method))
+    return curve.voltage_volt, curve.dq_dv_ampere_hour_per_volt, (curve, slope)
 
 
 def _by_grid(volt, charge):
@@ -101,11 +108,11 @@ def _by_cellpy(volt, charge):
 def _tops(volt, slope, found):
     """(position, height) of the peaks: ours where the curve is ours, else a plain search."""
     if found is not None:
-        tops = peaks(found)
+        tops = peaks_of(*found, prominence=PROMINENCE)
         return tops.voltage_volt, tops.height_ampere_hour_per_volt
     from scipy.signal import find_peaks
 
-    at, _ = find_peaks(slope, prominence=0.05 * np.nanmax(slope))
+    at, _ = find_peaks(slope, prominence=PROMINENCE * np.nanmax(slope))
     return volt[at], slope[at]
 
 

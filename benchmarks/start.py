@@ -11,7 +11,7 @@ SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 JOBS = {
     "**Cellwright**, simulation and fit": "cellwright.circuits.fast,"
     " cellwright.identification.methods.pulse",
-    "**Cellwright**, dQ/dV": "cellwright.protocols.ica",
+    "**Cellwright**, dQ/dV": "cellwright.protocols.ica.charge",
     "Python alone": "sys",
     "numpy": "numpy",
     "pandas": "pandas",

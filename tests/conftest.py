@@ -14,6 +14,29 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent / "known"))
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+# Files that take longest begin first, so that two workers end together: whole runs of Snakemake,
+# installs, and a search for each effect of a group. In falling order of their CPU time.
+LONGEST = (
+    *("workflow/test_whole_run", "workflow/test_module", "snakemake-executor-plugin-warm"),
+    *("workflow/test_run", "workflow/test_small_campaigns", "effects/test_group.py"),
+    *("effects/test_model", "workflow/test_profile", "workflow/test_standards"),
+    "workflow/test_lint",
+)
+
+
+def pytest_configure(config):
+    """Hand files to workers in the order of collection, not those with the most tests first."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items):
+    """Put the files that take longest first; the order within a file and of the others stays."""
+
+    def place(item):
+        path = item.path.as_posix()
+        return next((k for k, name in enumerate(LONGEST) if name in path), len(LONGEST))
+
+    items.sort(key=place)
 
 
 @pytest.fixture(scope="session")

@@ -8,11 +8,11 @@ import numpy as np
 
 import cellwright as cw
 from cellwright.effects import search
-from cellwright.effects.finding import KEPT, model_of
+from cellwright.effects.finding import KEPT, decided, model_of
 from cellwright.effects.groups.finding import KnownCell
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.paired import paired
-from cellwright.effects.search import matters, significant
+from cellwright.effects.proof import excess_volt
 from cellwright.effects.verdict import gap_closed, outcome, verdict_of
 from cellwright.records.basis import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
@@ -27,14 +27,15 @@ RANDOM, PERMUTED, EXTRA = "random_term", "permuted_current", "extra_rc"
 ONE_TEMPERATURE, BLIND = "one_temperature", "no_branch_currents"
 
 
-def verdict_of_search(cell: str, rounds, gates) -> dict:
+def verdict_of_search(cell: str, case, rounds) -> dict:
     """The verdict of a search, without the maps and plots of the pipeline.
 
     Parameters
     ----------
-    cell : its name. rounds : list of search.Round. gates : case.Gates.
+    cell : its name. case : case.Case. rounds : list of search.Round.
     """
-    return verdict_of(cell, outcome(rounds, gates), rounds, None)
+    rounds, result, _ = decided(case, rounds)
+    return verdict_of(cell, result, rounds, None)
 
 
 def plain_names(names) -> dict:
@@ -50,11 +51,12 @@ def bic_alone(first_round, gates) -> dict:
 
 
 def validation_alone(first_round, gates) -> dict:
-    """Verdict by the smallest error on validation data alone, after the first round."""
+    """Verdict by the smallest error on validation data alone, where its fall is material."""
     best = min(first_round.trials, key=lambda t: t.state.validation_rmse_volt, default=None)
-    most = (1.0 - gates.validation_fall) * first_round.before.validation_rmse_volt
-    falls = best is not None and best.state.validation_rmse_volt <= most
-    return plain_names([best.effect.id] if falls else [])
+    if best is None:
+        return plain_names([])
+    errors = first_round.before.validation_rmse_volt, best.state.validation_rmse_volt
+    return plain_names([best.effect.id] if excess_volt(*errors) > gates.material_volt else [])
 
 
 def gap_share(before, after, floor_volt: float) -> float:
@@ -74,7 +76,7 @@ def known_cell(cell: str, case) -> KnownCell:
     cell : its name. case : cellwright.effects.case.Case.
     """
     rounds = search.search(case, LIBRARY)
-    result = outcome(rounds, case.gates)
+    rounds, result, _ = decided(case, rounds)
     state = result.last if result.word in KEPT else rounds[0].before
     return KnownCell(model_of(case, state), cell)
 
@@ -153,7 +155,8 @@ def task(folder, left_out: dict, config: dict) -> Task:
     sheets, benchmark = campaign.read(folder), config["benchmark"]
     steps = campaign.Steps(config["clean"], config["segment"], config["ocv"]["least_hour"])
     lenders = campaign.lenders(sheets, steps)
-    settings = {k: v for k, v in config["missing_effect"].items() if k != "enabled"}
+    plans = ("enabled", "bases")  # they decide which jobs there are
+    settings = {k: v for k, v in config["missing_effect"].items() if k not in plans}
     rest = config["models"]["split_rest_second"]
     names = ("paired_chemistry", "seed", "control_every")
     choices = (left_out, *(benchmark[name] for name in names))
@@ -211,7 +214,7 @@ def _searched(cell, case):
     begun = time.process_time()
     rounds = search.search(case, LIBRARY)
     spent = time.process_time() - begun
-    verdict = verdict_of_search(cell, rounds, case.gates)
+    verdict = verdict_of_search(cell, case, rounds)
     return _row(cell, SEARCH, verdict, rounds=len(rounds), cpu_second=spent), rounds
 
 
@@ -224,7 +227,7 @@ def _cell_rows(work, cell, case, controlled):
         return rows
     if without := work.left_out.get(cell):
         rest = {name: effect for name, effect in LIBRARY.items() if name not in without}
-        verdict = verdict_of_search(cell, search.search(case, rest), gates)
+        verdict = verdict_of_search(cell, case, search.search(case, rest))
         rows.append(_row(cell, LEFT_OUT, verdict))
     return rows + _control_rows(cell, case, first, work.seed)
 
@@ -248,15 +251,15 @@ def _control_rows(cell, case, first, seed):
 def _control_row(cell, case, first, name, term):
     """Row of one control term: the verdict, were it chosen where it passes the gates."""
     trial = controls.tried(case, first, term)
-    gates, floor, before = case.gates, first.floor_volt, first.before
-    needed = before.worst_volt > gates.nothing_ratio * floor
-    passed = needed and significant(gates, before, trial)
-    passed = passed and matters(gates, before, before, trial, floor)
-    decided = first._replace(chosen=trial if passed else None, tied=())
-    rounds = [decided, decided._replace(before=trial.state, chosen=None)][: 1 + passed]
-    verdict = verdict_of_search(cell, rounds, gates)
+    before, floor = first.before, first.floor
+    passed = not search.explained(case.gates, before, floor)
+    passed = passed and search.significant(case.gates, trial)
+    passed = passed and case.matters(before, before, trial, floor)
+    asked = first._replace(chosen=trial if passed else None, tied=())
+    rounds = [asked, asked._replace(before=trial.state, chosen=None)][: 1 + passed]
+    verdict = verdict_of(cell, outcome(rounds, case.gates), rounds, None)
     volt = {"before": before.validation_rmse_volt, "after": trial.state.validation_rmse_volt}
-    closed = gap_share(before, trial.state, floor)
+    closed = gap_share(before, trial.state, floor.validation_volt)
     return _row(cell, name, verdict | {"validation_rmse_volt": volt, "gap_closed": closed})
 
 

@@ -1,5 +1,6 @@
 """Hidden campaigns read for the searches: raw files to tests and basis, in one process."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,11 +31,23 @@ class Loaded(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Settings of the stages before a search: sections clean, segment, and ocv.least_hour [h]."""
+    """Settings of the stages before a search: sections clean, segment, and of ocv two keys.
+
+    least_hour : ocv.least_hour [h]. rest_second : ocv.rest_second [s]; None: no curve from rests.
+    """
 
     clean: dict
     segment: dict
     least_hour: float
+    rest_second: float | None = None
+
+
+class Shown(NamedTuple):
+    """What a cell's tests show for its basis: (TestFacts, result) each."""
+
+    curves: list
+    capacities: list
+    rests: list
 
 
 def read(folder) -> Campaign:
@@ -89,11 +102,54 @@ def loaded(
 
 
 def tests_of(campaign: Campaign, cell: str, steps: Steps) -> list[tuple]:
-    """The cleaned tests of a cell or group: (TestFacts, columns) each."""
-    return [
-        (cw.TestFacts(**{name: row[name] for name in FACTS}), _series(campaign, row, steps))
-        for row in campaign.tests[cell]
-    ]
+    """The cleaned tests of a cell or group: (TestFacts, columns) each.
+
+    Raises
+    ------
+    Refusal : a file that cannot be read.
+    """
+    return [_test(campaign, row, steps) for row in campaign.tests[cell]]
+
+
+def readable_tests(campaign: Campaign, cell: str, steps: Steps) -> list[tuple]:
+    """The same without spectra and, as in the workflow, without tests that cannot be read."""
+    tried = []
+    for row in campaign.tests.get(cell, []):
+        with suppress(cw.Refusal):
+            tried += [_test(campaign, row, steps)] if row["kind"] != "eis" else []
+    return tried
+
+
+def _test(campaign, row, steps):
+    facts = cw.TestFacts(**{name: row[name] for name in FACTS})
+    return facts, _series(campaign, row, steps)
+
+
+def shown(records: list[tuple], cell: dict, steps: Steps) -> Shown:
+    """Curves of slow tests and capacities of a cell; without a slow test, curves of rests.
+
+    Parameters
+    ----------
+    records : of `tests_of`. cell : its facts. steps : settings.
+    """
+    curves, capacities = _curves(records, cell, steps), _capacities(records, cell, steps)
+    slow = any(facts.kind == "ocv" for facts, _ in records)
+    if slow or steps.rest_second is None:
+        return Shown(curves, capacities, [])
+    pulses = [record for record in records if record[0].kind == "hppc" and record[0].role == "fit"]
+    tried = [(facts, _rests(facts, series, cell, capacities, steps)) for facts, series in pulses]
+    return Shown(curves, capacities, [(facts, curve) for facts, curve in tried if curve])
+
+
+def _rests(facts, series, cell, capacities, steps):
+    """OCV from the rests of a pulse test; None, as in the workflow, where they are too few."""
+    try:
+        cut = cw.segment(series, cell, steps.segment)
+        return cw.ocv_from_rests(
+            series, cut, cell, facts, capacities, rest_second=steps.rest_second
+        )
+    except cw.Refusal:
+        return None
 
 
 def _series(campaign, row, steps):
@@ -104,11 +160,13 @@ def _series(campaign, row, steps):
 
 
 def _curves(records, row, steps):
-    return [
-        (facts, cw.ocv(series, row, least_hour=steps.least_hour))
-        for facts, series in records
-        if facts.kind == "ocv" and facts.role == "fit"
-    ]
+    """Curves of slow tests; none, as in the workflow, of one that is not slow or not complete."""
+    curves = []
+    for facts, series in records:
+        with suppress(cw.Refusal):
+            slow = facts.kind == "ocv" and facts.role == "fit"
+            curves += [(facts, cw.ocv(series, row, least_hour=steps.least_hour))] if slow else []
+    return curves
 
 
 def _capacities(records, row, steps):

@@ -8,7 +8,6 @@ another order; and an extra RC pair, whether or not one is missing.
 import numpy as np
 
 from cellwright.effects import base, search
-from cellwright.effects.case import extra_volt_of, filters_of
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import Effect, Parameter
 from cellwright.effects.screen import candidates, scored
@@ -80,7 +79,7 @@ def _mixed(stack, seed):
 
 
 def tried(case, first: search.Round, effect: Effect) -> search.Trial:
-    """A term refitted as the search refits an effect, beside the plain model and with its noise.
+    """A term refitted and judged as an effect of the search, beside those that it tried.
 
     Parameters
     ----------
@@ -88,8 +87,7 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
     """
     start = base.first_values(case.cell, case.fit)
     free = base.frees(case.fit, start, case.tolerance)
-    filters = filters_of(case, first.noise, extra_volt_of(case, start))
-    solution = first.before.solution
+    filters, solution = first.filters, first.before.solution
     residual = filters.fit.apply(solution.residual)
 
     def predict(values, one):
@@ -101,4 +99,7 @@ def tried(case, first: search.Round, effect: Effect) -> search.Trial:
         lined_up, whitened, residual, solution.white, solution.precision, solution.values
     )
     best = max(scores, key=lambda one: one.chi_square)
-    return search.tried(case, LIBRARY, free, first.before, best, filters)
+    trial = search.tried(case, LIBRARY, free, first.before, best, filters)
+    # Misfit is what the best model leaves, so that it is judged together with the others.
+    together = search.judged(case, first.before, [*first.trials, trial], filters)
+    return next(one for one in together if one.effect is best.candidate.effect)

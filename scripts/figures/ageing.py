@@ -31,7 +31,7 @@ def _over_cycles(axes, cycles):
         axes.plot(x[used], at_reference[used], ".", color=style.SERIES[1], label="temperature out")
     axes.plot(x, cycles["fade_ampere_hour"], color=style.SERIES[1], label="fade")
     axes.set(xlabel="cycle", ylabel="discharge capacity [Ah]", title="Over cycles")
-    style.legend_once(axes, ncols=4, fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.18))
+    style.legend_once(axes, ncols=4, fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.22))
 
 
 def _over_temperature(axes, cycles, summary):

@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from cellwright.effects.story.words import explained
 from figures import style
 from figures.style import rows_where
 
@@ -59,7 +60,7 @@ def draw_residual_map(columns):
     axes[0, 0].set_yticks(np.arange(len(names)) + 0.5, list(names.values()), fontsize=7.5)
     axes[0, 0].invert_yaxis()
     label = "RMS of measured − model [mV]"
-    figure.colorbar(shown, ax=list(axes[0]), label=label, pad=0.01, extend="max")
+    style.colour_bar(figure, shown, list(axes[0]), label=label, extend="max")
     return figure
 
 
@@ -88,12 +89,12 @@ def _rms_of_bins(columns, lines, edges, name):
 
 
 def _write_numbers(panel, edges, rms, top):
-    middles = 50 * (edges[1:] + edges[:-1])
-    for row, column in np.argwhere(np.isfinite(rms)):
-        size, spot = rms[row, column], (middles[column], row + 0.5)
-        colour = "white" if size > 0.6 * top else style.INK
-        look = {"ha": "center", "va": "center", "fontsize": 6, "color": colour}
-        panel.annotate(f"{size:.1f}", spot, **look, in_layout=False)
+    rows, columns = np.nonzero(np.isfinite(rms))
+    sizes = rms[rows, columns]
+    middles = 50 * (edges[1:] + edges[:-1])[columns]
+    colours = np.where(sizes > 0.6 * top, "white", style.INK).tolist()
+    texts = [f"{size:.1f}" for size in sizes]
+    style.write_numbers(panel, middles, rows + 0.5, texts, colours=colours, size=6)
 
 
 def _separate_tests(panel, tests):
@@ -180,7 +181,9 @@ def _ranking_legend(figure, gates):
     keys = [Patch(facecolor=c, edgecolor="white", label=text) for c, text in LABELS.items()]
     keys[-1].set_hatch(HATCH)
     fit, proof = gates["bic"], gates["validation_chi_square"]
-    label = f"gates: fit above {fit:g}, proof above {proof:g}; the line is their sum"
+    fall = gates.get("validation_fall")  # of groups; an effect of a cell must help evenly
+    also = "help in most parts of the records" if fall is None else f"its error down by {fall:.0%}"
+    label = f"needed: fit above {fit:g}, proof above {proof:g} (line: the sum), {also}"
     gate = Line2D([], [], color=style.ERROR, lw=0.9, ls="--", label=label)
     figure.legend(handles=[*keys, gate], loc="outside lower center", ncols=2, fontsize=7.5)
 
@@ -209,10 +212,11 @@ def _residual_over_change(panel, effect, columns):
     panel.axhline(0.0, color=style.QUIET, lw=1.0, ls="--", label="none of it is")
     label = f"samples, in bins of about {np.median(columns['rows']):.0f}"
     panel.plot(x, y, "o", color=style.SERIES[0], ms=4, alpha=0.75, label=label)
-    scatter = np.sum(y**2)
-    explained = 1.0 - np.sum((y - x) ** 2) / scatter if scatter > 0 else 0.0
+    share = explained(columns)[effect]
+    # Below zero the verdict calls it unsure, for the same reason (`story.words.doubts`).
+    alone = f"{100 * share:.0f} %" if share > 0 else "nothing"
     panel.set(
-        title=f"{_in_words(effect)}: {100 * max(explained, 0.0):.0f} % of what was left",
+        title=f"{_in_words(effect)}:\nby itself it explains {alone} of what was left",
         xlabel="what the effect changes [mV]",
         ylabel="measured − model without it [mV]",
     )
@@ -232,15 +236,15 @@ def draw_confounding(columns):
     panel = axes[0, 0]
     edges = np.arange(len(effects) + 1)
     shown = panel.pcolormesh(edges, edges, correlation, vmin=0, vmax=1, cmap="Blues")
-    for row, column in np.argwhere(correlation > LEAST_WRITTEN):
-        _pair(panel, row, column, correlation[row, column], same[row, column])
+    _write_pairs(panel, correlation, same)
     names = [_in_words(effect) for effect in effects]
     panel.set_xticks(edges[:-1] + 0.5, names, rotation=55, ha="right", fontsize=7.5)
     panel.set_yticks(edges[:-1] + 0.5, names, fontsize=7.5)
     panel.invert_yaxis()
     panel.grid(visible=False)
     panel.set(title="How alike two effects look in the tests that were fitted (framed: the same)")
-    figure.colorbar(shown, ax=panel, label="correlation [1]: 0 different, 1 the same", pad=0.01)
+    label = "correlation [1]: 0 different, 1 the same"
+    style.colour_bar(figure, shown, [panel], label=label)
     return figure
 
 
@@ -255,13 +259,14 @@ def _pairs(columns, effects):
     return correlation, same
 
 
-def _pair(panel, row, column, value, same):
-    """The number of a pair, and a frame where the two cannot be distinguished."""
-    colour = "white" if value > 0.6 else style.INK
-    spot = column + 0.5, row + 0.5
-    look = {"ha": "center", "va": "center", "fontsize": 5.5, "color": colour}
-    panel.annotate(f"{value:.2f}", spot, **look, in_layout=False)
-    if same:
+def _write_pairs(panel, correlation, same):
+    """The number of each pair, and a frame where the two cannot be distinguished."""
+    rows, columns = np.nonzero(correlation > LEAST_WRITTEN)
+    values = correlation[rows, columns]
+    colours = np.where(values > 0.6, "white", style.INK).tolist()
+    texts = [f"{value:.2f}" for value in values]
+    style.write_numbers(panel, columns + 0.5, rows + 0.5, texts, colours=colours, size=5.5)
+    for row, column in np.argwhere((correlation > LEAST_WRITTEN) & same):
         frame = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) + [column, row]
         panel.plot(*frame.T, color=style.ERROR, lw=1.3)
 
@@ -300,10 +305,12 @@ def draw_effect_validation(verdict, series):
         height_ratios=[3, 2] * len(shown),
         width_ratios=[2.2, 1],
     )
+    floors = {row["test"]: row["volt"] for row in verdict.get("floors", ())}
     for upper, lower, test in zip(axes[::2], axes[1::2], shown, strict=True):
         rows = (series["test"] == test) & (series["role"] == "validation") & series["used"]
         samples = rows_where(series, rows)
-        _whole_and_worst(upper, lower, test, samples, _models(verdict), verdict["floor_volt"])
+        floor = floors.get(test, verdict["floor_volt"])
+        _whole_and_worst(upper, lower, test, samples, _models(verdict), floor)
     if len(tests) > len(shown):
         figure.suptitle(f"{len(shown)} of {len(tests)} tests", x=0.01, ha="left", fontsize=8)
     return figure
@@ -326,7 +333,7 @@ def _whole_and_worst(upper, lower, test, series, models, floor):
     upper[1].set(title="Its worst six minutes")
     sizes = [1e3 * _rms(series["voltage_volt"] - series[f"{model}_volt"]) for model in models]
     errors = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
-    title = f"Residual, RMS: {', '.join(errors)} (grey: noise floor {1e3 * floor:.2f} mV)"
+    title = f"Residual, RMS: {', '.join(errors)} (grey: floor {1e3 * floor:.2f} mV)"
     lower[0].set(ylabel="measured − model [mV]", title=title)
     style.legend_once(upper[0], loc="best")
 

@@ -83,7 +83,8 @@ def _bias_map(axes, columns):
     reference = np.argmin(np.nansum(np.abs(shown), axis=1))
     without_reference = np.where(np.arange(len(levels))[:, None] == reference, np.nan, shown)
     axes.contour(soc, levels, without_reference, levels=[0.0], colors=style.INK, linewidths=1.0)
-    axes.figure.colorbar(filled, ax=axes, label="bias [mV]", ticks=np.linspace(-limit, limit, 5))
+    ticks = np.linspace(-limit, limit, 5)
+    style.colour_bar(axes.figure, filled, [axes], label="bias [mV]", ticks=ticks)
     axes.set(xlabel="SoC [%]", ylabel="temperature [°C]", title="Bias map (line: no bias)")
 
 
@@ -122,4 +123,4 @@ def _functions(axes, rows):
     names = [row["function"].removesuffix("(T)") + " ★" * row["chosen"] for row in rows]
     axes.set_yticks(position, names)
     axes.set(xlabel="RMSE [mV]", title="Functions (★ chosen)")
-    style.legend_once(axes, loc="upper center", bbox_to_anchor=(0.4, -0.15), ncols=2)
+    style.legend_once(axes, loc="upper center", bbox_to_anchor=(0.4, -0.24), ncols=2)

@@ -7,15 +7,18 @@ from figures import (
     ageing,
     campaign,
     capacity,
+    degradation,
     effects,
+    health,
     impedance,
     models,
     ocv,
+    peaks,
     relaxation,
     resistance,
     temperature,
 )
-from runtime import artefact
+from runtime import artefact, provenance
 
 
 def part_of(job, name, drawn):
@@ -38,6 +41,16 @@ def part_of(job, name, drawn):
         params=shared | {"figure": drawn["kind"]} | drawn["settings"],
         log=job.log,
     )
+
+
+def located(drawn, inputs):
+    """The same figure, drawn from copies where its artefacts lie in object storage."""
+    copies = {provenance.name_of(path): path for path in inputs}
+    parts = {
+        name: copies[part] if isinstance(part, str) else [copies[path] for path in part]
+        for name, part in drawn["inputs"].items()
+    }
+    return drawn | {"inputs": parts}
 
 
 def _listed(part):
@@ -68,6 +81,12 @@ def _records(of, _):
 
 def _ica(of, _):
     return capacity.draw_ica(artefact.load_together(zip(of.curves, of.peaks, strict=True)))
+
+
+def _ica_tracks(of, _):
+    tracks = artefact.load(of.tracks)
+    loaded = artefact.load_all(of.curves), artefact.load_all(of.lives)
+    return peaks.draw_ica_tracks(tracks, peaks.curves_by_charge(*loaded, tracks))
 
 
 def _drt(of, _):
@@ -101,6 +120,15 @@ def _ageing(of, _):
     return ageing.draw_ageing(artefact.load(of.cycles), artefact.load(of.periods), summary)
 
 
+def _health_from_peaks(of, _):
+    return degradation.draw_peak_health(artefact.load(of.calibration), of.cell)
+
+
+def _fade(of, _):
+    (life,) = _table(of.life)
+    return health.draw_fade(artefact.load(of.course), life)
+
+
 def _surface(of, _):
     return resistance.draw_resistance_surface(artefact.load(of.points), _table(of.laws))
 
@@ -132,6 +160,7 @@ DRAW = {
     "ocv": lambda of, _: ocv.draw_ocv(artefact.load_some(of.curves)),
     "resistance": lambda of, _: resistance.draw_resistance(artefact.load_some(of.pulses)),
     "ica": _ica,
+    "ica_tracks": _ica_tracks,
     "impedance": lambda of, _: impedance.draw_nyquist(artefact.load_some(of.spectra)),
     "impedance_fit": lambda of, _: impedance.draw_impedance_fit(artefact.load_some(of.spectra)),
     "drt": _drt,
@@ -143,7 +172,11 @@ DRAW = {
     "ica_temperature": _ica_temperature,
     "fast_charge": _fast_charge,
     "ageing": _ageing,
+    "fade": _fade,
+    "resistance_growth": lambda of, _: health.draw_resistance_growth(artefact.load(of.growth)),
     "arrhenius": lambda of, _: temperature.draw_arrhenius(_table(of.points), _table(of.laws)),
+    "degradation_modes": lambda of, _: degradation.draw_modes(artefact.load(of.modes)),
+    "health_from_peaks": _health_from_peaks,
     "surface": _surface,
     "relaxation": lambda of, _: relaxation.draw_relaxation(artefact.load_all(of.rests)),
     "polarisation": lambda of, _: relaxation.draw_polarisation(_table(of.points), _table(of.laws)),

@@ -93,7 +93,7 @@ def _surface(figure, axes, points, chosen):
     ohm = 1e3 * points[f"{chosen}_ohm"]
     filled = axes.tricontourf(soc, celsius, ohm, levels=12, cmap="viridis_r")
     axes.plot(soc, celsius, ".", color=style.INK, markersize=2)
-    figure.colorbar(filled, ax=axes, label="[mΩ]")
+    style.colour_bar(figure, filled, [axes], label="[mΩ]")
     axes.set(xlabel="SoC [%]", ylabel="temperature [°C]", title=f"surface: {chosen}")
 
 

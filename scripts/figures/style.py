@@ -7,7 +7,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures import svg
+from figures import canvas, svg
+from figures.layout import GridLayout
 
 INK, QUIET, GRID = "#1d2733", "#8a94a0", "#e6e9ed"
 MEASURED, ERROR = "#1d2733", "#c0392b"
@@ -46,7 +47,7 @@ matplotlib.rcParams.update(STYLE)
 
 def subplots(rows=1, columns=1, *, width=9.0, height=3.2, **settings):
     """A new figure and its axes (2-d array), `width` × `height` [inch]."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=GridLayout(canvas.MEASURING))
     return figure, figure.subplots(rows, columns, squeeze=False, **settings)
 
 
@@ -97,6 +98,18 @@ def legend_once(axes, **settings):
     if labels:
         unique = dict(zip(labels, handles, strict=True))
         axes.legend(unique.values(), unique.keys(), **settings)
+
+
+def colour_bar(figure, shown, panels, **settings):
+    """A colour bar of `shown` at the right of panels, the rightmost of them last."""
+    axes = figure.add_axes((0.9, 0.1, 0.02, 0.8))
+    figure.colorbar(shown, cax=axes, **settings)
+    figure.get_layout_engine().bars.append((axes, panels))
+
+
+def write_numbers(axes, x, y, texts, *, colours, size):
+    """Write a text into each cell of a map, centred at `x`, `y` (n,); `size` [point]."""
+    axes.add_artist(canvas.Numbers(x, y, texts, colours, size))
 
 
 def shade_unscored(axes, hours, scored):

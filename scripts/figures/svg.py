@@ -1,34 +1,21 @@
 """A figure as SVG text: laid out and drawn once, and written as short as its drawing allows."""
 
-import io
 import re
 
 import numpy as np
-from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 
-# Texts are measured with one renderer for all figures, which keeps the sizes that it has measured.
-MEASURING = RendererSVG(1, 1, io.StringIO())
+from figures import canvas
+
 PARTS_PER_POINT = 10  # a coordinate is a tenth of a point, about a tenth of a pixel in the report
 # Texts were measured in the first; where a reader has none of them, in any font without serifs.
 FONTS = "text{font-family:'DejaVu Sans',Verdana,Arial,sans-serif}"
 NUMBERED = r'<g id="[a-zA-Z.]+2?d?_\d+">'  # matplotlib's groups, which nothing refers to
 
 
-class _Canvas(FigureCanvasSVG):
-    def get_renderer(self):
-        """The renderer with which a figure is laid out."""
-        return MEASURING
-
-
 def text_of(figure, *, description: str) -> str:
-    """SVG text of a figure with a description in its metadata; no date, so the same bytes always.
-
-    `Figure.savefig` would draw the figure twice, the first time to no effect.
-    """
-    text = io.StringIO()
+    """SVG text of a figure with a description in its metadata; no date, so always the same."""
     about = {"Date": None, "Creator": "Cellwright", "Description": description}
-    _Canvas(figure).print_svg(text, metadata=about)
-    return shortened(text.getvalue())
+    return shortened(canvas.drawn(figure, metadata=about))
 
 
 def shortened(text: str) -> str:

@@ -1,14 +1,15 @@
 """Complete cycles of one ageing record; fade, temperature and daily cycle of their capacities."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, facts
 
 inputs, output, params = snakemake.input, snakemake.output, snakemake.params
 with artefact.Job(snakemake, output.cycles) as counting:
     record = counting.load(inputs.series), counting.load(inputs.steps)
-    found = cw.ageing_cycles(*record, params.test, params.cell)
+    facts_of_test, course = facts.of_job(snakemake)[0], artefact.load_first(inputs.course)
+    found = cw.ageing_cycles(*record, facts_of_test, params.cell, course)
     counting.note(*found.notes)
-    counting.save(found.rows)
+    counting.save(found.rows, left_out=list(found.left_out))
 with artefact.Job(snakemake, *output[1:], after=counting) as job:
     test = {"test": snakemake.wildcards.test, "kind": "ageing"}
     found = cw.ageing_over_temperature(job.load(output.cycles), test, params.settings)

@@ -6,6 +6,7 @@ from runtime import artefact
 with artefact.Job(snakemake) as job:
     inputs, params = snakemake.input, snakemake.params
     record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.basis)]
-    found = cw.fast_charge(*record, params.cell, params.settings)
+    cycle = params.test["cycle"]
+    found = cw.fast_charge(*record, params.cell, params.settings, cycle=cycle)
     job.note(*found.notes)
     job.save(found.rows)

@@ -3,5 +3,10 @@
 from runtime import artefact, tables
 
 with artefact.Job(snakemake) as job:
-    found = [verdict for verdict, _ in artefact.load_all(snakemake.input)]
-    job.save(tables.verdicts(found), snakemake.output.table)
+    found = [verdict for verdict, _ in artefact.load_all(snakemake.input.verdicts)]
+    witnesses = tables.rows_of(snakemake.input.witnesses, {})
+    own, external = (
+        {verdict["cell"]: verdict for verdict, _ in artefact.load_all(paths)}
+        for paths in (snakemake.input.own, snakemake.input.external)
+    )
+    job.save(tables.verdicts(found, witnesses, own, external), snakemake.output.table)

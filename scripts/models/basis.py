@@ -11,6 +11,7 @@ with artefact.Job(snakemake) as job:
         lending.capacities(inputs.capacity),
         lending.lenders(inputs.lent_ocv, inputs.lent_capacity, params.references),
         rests=lending.curves(inputs.rests),
+        shifts=artefact.load_first(inputs.shifts) or (),
     )
     job.note(*found.notes)
     job.save(found.content)

@@ -1,18 +1,14 @@
-"""A cell's model as the rest of the pipeline uses it, and why its chosen member was chosen."""
+"""A cell's model as the rest of the pipeline uses it, with what its member still lacked."""
 
 import cellwright as cw
-from runtime import artefact, facts
+from runtime import artefact
 
 with artefact.Job(snakemake) as job:
-    inputs, params = snakemake.input, snakemake.params
-    found = cw.finish_model(
-        params.cell,
-        job.load(inputs.source),
-        artefact.load_first(inputs.basis),
-        facts.tests(inputs.series),
-        laws=[tried for tried, _ in artefact.load_all(inputs.law)],
-        effects=artefact.load_first(inputs.effects),
-        split_rest_second=params.split_rest_second,
+    inputs = snakemake.input
+    found = cw.add_own_effects(
+        job.load(inputs.member),
+        artefact.load_first(inputs.effects),
+        choice=artefact.rows(job.load(inputs.choice)),
     )
     job.note(*found.notes)
     job.save(found.content, snakemake.output.model)

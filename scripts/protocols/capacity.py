@@ -1,10 +1,12 @@
 """Capacities of the complete charges and discharges of one test."""
 
 import cellwright as cw
-from runtime import artefact
+from runtime import artefact, facts
 
 with artefact.Job(snakemake) as job:
-    record = job.load(snakemake.input.series), job.load(snakemake.input.steps)
-    found = cw.capacity(*record, snakemake.params.cell, whole_swing=False)
+    inputs, params = snakemake.input, snakemake.params
+    record = job.load(inputs.series), job.load(inputs.steps)
+    before = {"test": facts.of_job(snakemake)[0], "course": artefact.load_first(inputs.course)}
+    found = cw.capacity(*record, params.cell, whole_swing=False, **before)
     job.note(*found.notes)
     job.save(found.rows)

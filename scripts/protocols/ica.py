@@ -6,8 +6,8 @@ from runtime import artefact
 with artefact.Job(snakemake) as job:
     params = snakemake.params
     record = job.load(snakemake.input.series), job.load(snakemake.input.steps)
-    found = cw.ica(*record, bin_volt=params.bin_volt, smooth_volt=params.smooth_volt)
+    found = cw.ica(*record, params.settings)
     arrays, facts = artefact.split(found.curve)
-    job.save(arrays, snakemake.output.curve, **facts)
-    peaks = cw.ica_peaks(found, prominence=params.prominence)
+    job.save(arrays, snakemake.output.curve, c_rate=found.c_rate, **facts)
+    peaks = cw.ica_peaks(found, prominence=params.settings["prominence"])
     job.save(peaks.rows, snakemake.output.peaks)

@@ -12,6 +12,7 @@ with artefact.Job(snakemake) as job:
         params.test,
         lending.capacities(inputs.capacity),
         rest_second=params.rest_second,
+        course=artefact.load_first(inputs.course),
     )
     job.note(*found.notes)
     arrays, facts = artefact.split(found.curve)

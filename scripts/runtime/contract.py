@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,15 @@ import numpy as np
 CONTRACT = Path(__file__).resolve().parents[2] / "workflow" / "schemas" / "artefacts.yaml"
 
 
-@cache
 def stages() -> dict:
     """The contract of all artefacts: stage → column → unit, meaning, range."""
+    about = CONTRACT.stat()
+    return _stages_of_file(about.st_mtime_ns, about.st_size, about.st_ino)
+
+
+@lru_cache(maxsize=1)
+def _stages_of_file(*version) -> dict:
+    """Content of the file, read anew where its time, size or inode is another than before."""
     import yaml
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -28,3 +28,8 @@ def tests(paths) -> list[MeasuredTest]:
     """Clean series with the facts of each test, of the artefacts that have content."""
     loaded = artefact.load_all(paths)
     return [MeasuredTest(of_artefact(about), series) for series, about in loaded]
+
+
+def fresh_cell(cells, paths):
+    """Facts and tests of the cell that lends its fresh state; None where none does."""
+    return (CellFacts(**cells[0]), tests(paths)) if cells else None

@@ -13,12 +13,14 @@ import pandas as pd
 import pyarrow as pa
 import yaml
 
-from runtime import artefact
+from runtime import artefact, health_page
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
+TABLES_OF_PAGE = [*TABLES_OF_CELL, "packs", "choice", "missing_effect"]
 SHOWN_ROWS = 60
 NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
 PROOFS = [f"effect_{name}" for name in NAMES]
+OF_HEALTH = ("lives", "fleet")  # pictures of the overview that stand in its part on health
 NO_MODEL = {
     "text": "No model, and no simulation: that needs an hppc test, a drive of role fit or split, a "
     "modelled cell of the same chemistry and rating to borrow from, or branch currents of a group.",
@@ -34,21 +36,31 @@ def render(job) -> str:
     captions = yaml.safe_load(Path(inputs.captions).read_text(encoding="utf-8"))
     owners = [row["cell"] for row in params.cells]
     effects = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.verdicts}
+    witnesses = {_owner(artefact.read_about(p)): _witnesses(p) for p in inputs.witnesses}
     cold = {_owner(artefact.read_about(path)): _paragraph(path) for path in inputs.cold}
     groups = list(dict.fromkeys(row["group"] for row in params.groups))
-    pages = [_page(name, params, tables, abouts, captions) for name in owners + groups]
+    abouts_of = {}
+    for about in abouts.values():
+        abouts_of.setdefault(_owner(about), []).append(about)
+    parts = _by_owner(tables, owners + groups)
+    pages = [
+        _page(name, params, parts[name], abouts_of.get(name, []), captions)
+        for name in owners + groups
+    ]
     for page in pages:
         page["effect"], page["cold"] = effects.get(page["name"]), cold.get(page["name"])
-        page["verdicts"] = _of(tables["missing_effect"], page["name"]).to_dict("records")
+        page["witnesses"] = witnesses.get(page["name"], [])
+        page["verdicts"] = parts[page["name"]]["missing_effect"].to_dict("records")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(inputs.template).parent),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "milli": milli, "percent": percent}
+    environment.filters |= {"number": number, "milli": milli}
     excluded = tables["excluded"].to_dict("records")
     template = environment.get_template(Path(inputs.page).name)
+    campaign = params.figures["campaign"]
     for page in pages:
         page["packed"] = packed(template.render(page=page, excluded=excluded))
     return environment.get_template(Path(inputs.template).name).render(
@@ -56,13 +68,41 @@ def render(job) -> str:
         excluded=excluded,
         checks=_text(inputs.checks).to_dict("records"),
         summary=_text(inputs.summary).to_dict("records"),
-        overview=[_picture(path, captions) for path in params.figures["campaign"]],
+        fleet=fleet_of(tables["fleet"]),
+        health=health_page.section(tables),
+        pictures_of_health=[_picture(p, captions) for p in campaign if Path(p).stem in OF_HEALTH],
+        overview=[_picture(p, captions) for p in campaign if Path(p).stem not in OF_HEALTH],
         pages=pages,
         assumptions=params.assumptions,
         choices=params.choices,
         environment_lock=next(iter(abouts.values()))["environment_lock"] if abouts else "",
         artefacts=len(abouts),
     )
+
+
+def fleet_of(table: pd.DataFrame) -> list[dict]:
+    """Each type of tables/fleet as a matrix, a row a cell and a column an effect, and its sentence.
+
+    A word is the size of an effect in millivolt, with a question mark where it is not sure.
+    """
+    types = []
+    for name, rows in table.groupby("type", sort=False):
+        shown = rows[rows["effect"] != ""]
+        effects = list(dict.fromkeys(shown["effect"]))
+        words = {(row["cell"], row["effect"]): _fleet_word(row) for _, row in shown.iterrows()}
+        cells = [
+            {"cell": cell, "words": [words[cell, effect] for effect in effects]}
+            for cell in dict.fromkeys(shown["cell"])
+        ]
+        sentence = rows["sentence"].iloc[0]
+        types.append({"name": name, "sentence": sentence, "effects": effects, "rows": cells})
+    return types
+
+
+def _fleet_word(row) -> str:
+    if row["shown"] in ("sure", "unsure"):
+        return f"{1e3 * float(row['size_volt']):.2g}{'' if row['shown'] == 'sure' else ' ?'}"
+    return {"no": "", "not testable": "n/t", "or another": "or"}[row["shown"]]
 
 
 def packed(html: str) -> str:
@@ -80,8 +120,20 @@ def _text(path) -> pd.DataFrame:
     return pd.read_csv(path, dtype=str, keep_default_na=False)
 
 
-def _of(table, name, column="cell") -> pd.DataFrame:
-    return table[table[column] == name]
+def _by_owner(tables, owners) -> dict:
+    """Rows of each table for each cell and group.
+
+    A table is divided once: a look through it for each page would take a time that grows with the
+    square of the number of cells.
+    """
+    parts = {
+        name: dict(iter(tables[name].groupby("group" if name == "packs" else "cell", sort=False)))
+        for name in TABLES_OF_PAGE
+    }
+    return {
+        owner: {name: part.get(owner, tables[name].iloc[:0]) for name, part in parts.items()}
+        for owner in owners
+    }
 
 
 def milli(text) -> str:
@@ -89,9 +141,11 @@ def milli(text) -> str:
     return f"{1e3 * float(text):.2f}" if text else "–"
 
 
-def percent(text) -> str:
-    """A share as per cent; a dash for what is not known."""
-    return f"{100 * float(text):.0f} %" if text else "–"
+def _witnesses(path) -> list[dict]:
+    """Rows of the witnesses of a verdict, those that speak first; none without a verdict."""
+    if artefact.read_about(path)["reason"] is not None:
+        return []
+    return sorted(artefact.rows(artefact.load(path)), key=lambda row: row["says"] == "silent")
 
 
 def _paragraph(path) -> dict:
@@ -109,10 +163,10 @@ def number(text) -> str:
 
 
 def _page(name, params, tables, abouts, captions) -> dict:
+    """What the template shows of a cell or group, from its own rows of tables and artefacts."""
     facts = next((row for row in params.cells if row["cell"] == name), {})
     branches = [row for row in params.groups if row["group"] == name]
-    shown = {table: _of(tables[table], name) for table in TABLES_OF_CELL}
-    shown["packs"] = _of(tables["packs"], name, "group")
+    shown = {table: tables[table] for table in [*TABLES_OF_CELL, "packs"]}
     pictures = params.figures.get(name, [])
     unmodelled = facts and name not in params.modelled
     return {
@@ -124,9 +178,9 @@ def _page(name, params, tables, abouts, captions) -> dict:
         "pictures": [
             _picture(path, captions) for path in pictures if Path(path).stem not in PROOFS
         ],
-        "choice": _choice(_of(tables["choice"], name)),
+        "choice": _choice(tables["choice"]),
         "tables": {table: _short(rows) for table, rows in shown.items() if len(rows)},
-        "notes": [*([NO_MODEL] if unmodelled else []), *_notes(name, abouts)],
+        "notes": [*([NO_MODEL] if unmodelled else []), *_notes(abouts)],
     }
 
 
@@ -151,17 +205,15 @@ def _short(rows) -> dict:
 
 
 def _test(row, abouts) -> dict:
-    of_test = [about for about in abouts.values() if about["wildcards"].get("test") == row["test"]]
-    of_test = [about for about in of_test if _owner(about) == row["cell"]]
+    of_test = [about for about in abouts if about["wildcards"].get("test") == row["test"]]
     reasons = list(dict.fromkeys(about["reason"] for about in of_test if about["reason"]))
     return row | {"reasons": reasons}
 
 
-def _notes(name, abouts) -> list[dict]:
+def _notes(abouts) -> list[dict]:
     notes = {}
-    of_owner = [about for about in abouts.values() if _owner(about) == name]
     texts = [
-        (note, about["wildcards"].get("test", "")) for about in of_owner for note in about["notes"]
+        (note, about["wildcards"].get("test", "")) for about in abouts for note in about["notes"]
     ]
     for note, test in texts:
         notes.setdefault(note, set()).add(test)

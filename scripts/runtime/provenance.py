@@ -6,11 +6,14 @@ import json
 import re
 import sys
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 SCRIPTS = Path(__file__).resolve().parents[1]
 LOCK = SCRIPTS.parent / "environment.lock"
+# Where Snakemake lays copies of what is in object storage: below this folder of the campaign.
+COPIES = (".snakemake", "storage")
 
 
 @cache
@@ -199,8 +202,14 @@ def _is_docstring(node) -> bool:
     )
 
 
-def _name(path: str) -> str:
-    """Path relative to the campaign, or to the repository for what lies there."""
+def name_of(path: str) -> str:
+    """Path relative to the campaign, or to the repository for what lies there.
+
+    Of what lies in object storage a job reads a copy, which has the name of the original.
+    """
+    parts = Path(path).parts
+    if COPIES in pairwise(parts) and "results" in parts:
+        return Path(*parts[parts.index("results") :]).as_posix()
     absolute = Path(path).resolve()
     roots = [root for root in (Path.cwd(), SCRIPTS.parent) if absolute.is_relative_to(root)]
     return absolute.relative_to(roots[0]).as_posix() if roots else absolute.name
@@ -219,7 +228,7 @@ def record(job, inputs) -> dict:
         "rule": job.params.get("rule", job.rule),
         "wildcards": dict(job.wildcards.items()),
         "params": json.loads(json.dumps(params, default=str, sort_keys=True)),
-        "inputs": {_name(path): sha256_of(path) for path in sorted(set(map(str, inputs)))},
+        "inputs": {name_of(path): sha256_of(path) for path in sorted(set(map(str, inputs)))},
         "code": job.params.get("code"),
         "contract": job.params.get("contract"),
         "environment_lock": sha256_of(LOCK),

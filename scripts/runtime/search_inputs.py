@@ -3,6 +3,7 @@
 from cellwright.effects.finding import Reference
 from cellwright.effects.groups.finding import KnownCell
 from cellwright.records.facts import CellFacts
+from cellwright.refusal import Refusal
 from runtime import artefact, facts
 
 
@@ -29,3 +30,28 @@ def references(rows, basis_paths, series_paths) -> list[Reference]:
         for cell in (CellFacts(**row) for row in rows)
         if cell.cell in bases
     ]
+
+
+def simulated(files, tests) -> tuple[dict, list[str]]:
+    """Simulated voltages by test, and notes on those that could not be read.
+
+    Parameters
+    ----------
+    files : dict test → path relative to the campaign. tests : list of MeasuredTest that there are.
+
+    Raises
+    ------
+    Refusal
+        None of them could be read.
+    """
+    import cellwright as cw
+
+    curves, notes = {}, []
+    for test in (name for name in files if name in {one.facts.test for one in tests}):
+        try:
+            curves[test] = cw.read_simulated(files[test])
+        except Refusal as refusal:
+            notes.append(f"not used: {test}: {refusal}")
+    if not curves:
+        raise Refusal("; ".join(["no simulated voltage of a test of the cell", *notes]))
+    return curves, notes

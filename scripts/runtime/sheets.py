@@ -13,6 +13,7 @@ from runtime import settings
 from runtime.settings import fault, wanted
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+QUANTITY = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)+")  # with its unit: thickness_millimetre
 COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
@@ -162,6 +163,7 @@ class Campaign(NamedTuple):
     cells: list[dict]
     tests: list[dict]
     groups: list[dict]
+    check_ups: list[dict]
 
 
 class CampaignError(ValueError):
@@ -195,12 +197,16 @@ def read(folder, schemas, overrides=None, *, alone=False) -> Campaign:
     groups = Sheet([], [], [])
     if (folder / "config" / "groups.tsv").exists():
         groups = _sheet(folder, schemas, "groups")
-    faults += [*cells.faults, *tests.faults, *groups.faults]
+    check_ups = Sheet([], [], [])
+    if (folder / "config" / "checkups.tsv").exists():
+        check_ups = _sheet(folder, schemas, "checkups")
+    faults += [*cells.faults, *tests.faults, *groups.faults, *check_ups.faults]
+    faults += [*_check_ups(check_ups, cells, tests)]
     faults += [*_cells(cells), *_groups(groups, cells), *_tests(tests, cells, groups)]
     if faults:
         count = "one fault" if len(faults) == 1 else f"{len(faults)} faults"
         raise CampaignError("\n".join([f"{count} in the campaign's sheets and config:", *faults]))
-    return Campaign(config, cells.rows, tests.rows, groups.rows)
+    return Campaign(config, cells.rows, tests.rows, groups.rows, check_ups.rows)
 
 
 def choices(config: dict, schemas) -> dict:
@@ -210,10 +216,34 @@ def choices(config: dict, schemas) -> dict:
 
 
 def _sheet(folder, schemas, name):
-    read = sheet_rows(folder, f"{name}.tsv", settings.load(schemas, name))
+    schema = settings.load(schemas, name)
+    if name == "checkups":
+        schema = _with_quantities(folder, schema)
+    read = sheet_rows(folder, f"{name}.tsv", schema)
     if not read.rows and not read.faults:
         read.faults.append(f"config/{name}.tsv: found no row below the header, wanted at least one")
     return read
+
+
+def _with_quantities(folder, schema):
+    """The schema of check-ups with the sheet's further columns, if named `quantity_unit`."""
+    data = (Path(folder) / "config" / "checkups.tsv").read_bytes()
+    lines, _ = _lines(_decoded(data, "config/checkups.tsv")[0], "config/checkups.tsv")
+    names = [name for name in (lines[0][1] if lines else []) if QUANTITY.fullmatch(name)]
+    further = {name: {"type": "number", "description": "measured"} for name in names}
+    return schema | {"properties": further | schema["properties"]}
+
+
+def _check_ups(check_ups, cells, tests):
+    yield from _repeated(check_ups, "cell", "cycle")
+    names = {row["cell"] for row in cells.rows}
+    made = {(row["cell"], row["cycle"] or 0.0) for row in tests.rows}
+    for row, place in zip(check_ups.rows, check_ups.places, strict=True):
+        if row["cell"] is not None and row["cell"] not in names:
+            yield fault(f"{place}, cell", row["cell"], "a cell of cells.tsv", names)
+        elif None not in (row["cell"], row["cycle"]) and (row["cell"], row["cycle"]) not in made:
+            wanted = f"a cycle at which tests.tsv has a test of {row['cell']} (blank there is 0)"
+            yield fault(f"{place}, cycle", row["cycle"], wanted)
 
 
 def _repeated(rows: Sheet, *columns):
@@ -266,12 +296,13 @@ def _tests(tests, cells, groups):
 
 
 def _files(row, place):
-    files, sums = row["file"] or [], row["sha256"]
-    for file in files:
+    files, sums, simulated = row["file"] or [], row["sha256"], row["simulated_file"]
+    named = [("file", file) for file in files] + [("simulated_file", simulated or "-")]
+    for column, file in named:
         if re.match(r"[/\\~]|[A-Za-z]:[/\\]", file):
-            yield fault(f"{place}, file", file, "a path relative to the campaign")
+            yield fault(f"{place}, {column}", file, "a path relative to the campaign")
         elif ".." in re.split(r"[/\\]", file):
-            yield fault(f"{place}, file", file, "a path inside the campaign, without ..")
+            yield fault(f"{place}, {column}", file, "a path inside the campaign, without ..")
     for file in sorted({file for file in files if files.count(file) > 1}):
         yield fault(f"{place}, file", file, "each file of a test once")
     if files and sums is not None and len(sums) != len(files):

@@ -5,12 +5,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cellwright.refusal import Refusal
 from runtime import artefact
 from runtime.artefact import stage_of
 
 if TYPE_CHECKING:  # its import is paid for only by the jobs that make tables for people
     from pandas import DataFrame
 
+COUNTED = ("check-up", "ageing cycles")  # methods of tables/health that count a whole discharge
 # Facts of a row that is computed from several tests, in a table of rows of single tests.
 OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
 
@@ -31,8 +33,23 @@ def rows_of(paths, tests) -> list[dict]:
     return [dict.fromkeys(names) | row for row in table_rows]
 
 
+def rows_of_cell(columns, cell) -> list[dict]:
+    """Rows of one cell among columns of several.
+
+    Raises
+    ------
+    Refusal
+        None is of this cell.
+    """
+    rows = [row for row in artefact.rows(columns) if row["cell"] == cell]
+    if not rows:
+        raise Refusal(f"nothing is known of {cell}: none of its charges could be used")
+    return rows
+
+
 def excluded(paths, files) -> "DataFrame":
-    """Refused files and analyses, one row each, at the stage that refused them.
+    """Refused files and analyses, one row each, at the stage that refused them, and what others
+    left out of a record.
 
     A step of several outputs refuses all of them for one reason: it has one row.
     """
@@ -41,24 +58,76 @@ def excluded(paths, files) -> "DataFrame":
     rows = []
     for path in paths:
         about = artefact.read_about(path)
-        if about["reason"] is None or about["origin"] != path:
-            continue
+        reasons = about.get("facts", {}).get("left_out", [])
+        if about["reason"] is not None:
+            reasons = [about["reason"]] if about["origin"] == path else []
         wildcards = about["wildcards"]
         name, test = wildcards.get("cell") or wildcards.get("group"), wildcards.get("test", "")
         file = ";".join(files.get(f"{name}/{test}", []))
-        step = about["reason"], about["rule"], about["step"]
-        rows.append((name, test, file, stage_of(path), *step))
+        step = about["rule"], about["step"]
+        rows += [(name, test, file, stage_of(path), reason, *step) for reason in reasons]
     names = ["cell", "test", "file", "stage", "reason", "rule", "step"]
     table = DataFrame(rows, columns=names)
     once = table.drop_duplicates(["cell", "test", "reason", "rule", "step"])
     return once.drop(columns=["rule", "step"])
 
 
-def verdicts(documents) -> list[dict]:
-    """Rows of tables/missing_effect from verdict files: one an effect, one where there is none."""
-    return [
-        _verdict_row(v, effect) for v in documents for effect in v["effects"] or [NO_EFFECT | v]
+def verdicts(documents, witnesses=(), own=None, external=None) -> list[dict]:
+    """Rows of tables/missing_effect from verdict files: one an effect, one where there is none.
+
+    `witnesses` are rows of all cells, each with its cell; those of effects that are not named stand
+    in the row of a cell's first effect. `own` are verdicts on the models in use, `external` on the
+    user's simulator, by cell.
+    """
+    from cellwright.effects.story.words import one_line
+
+    rows = []
+    for verdict in documents:
+        mine = [row for row in witnesses if row["cell"] == verdict["cell"]]
+        further = ((found or {}).get(verdict["cell"]) for found in (own, external))
+        line = one_line(verdict, *further)
+        for place, effect in enumerate(verdict["effects"] or [NO_EFFECT | verdict]):
+            others = [row for row in mine if not row["named"] and place == 0]
+            named = verdict["effects"] or verdict.get("partial", [])
+            names = {effect["effect"]} if verdict["effects"] else {one["effect"] for one in named}
+            said = [row for row in mine if row["named"] and row["effect"] in names]
+            row = _verdict_row(verdict, effect) | {"in_one_line": line}
+            rows.append(row | _sure(effect, said) | _counts([*said, *others]))
+    return rows
+
+
+def fleet_rows(documents, types, witnesses=()) -> list[dict]:
+    """Rows of tables/fleet from verdict files: one a cell and effect that its type shows.
+
+    A type of which no cell shows an effect has one row, without a cell. `types` are names of types
+    by cell; `witnesses` as in `verdicts`.
+    """
+    from cellwright.effects.story.fleet import fleet
+
+    found = fleet(documents, types, witnesses)
+    rows = [entry._asdict() | {"sentence": found.sentences[entry.type]} for entry in found.entries]
+    blank = {"cell": None, "effect": None, "shown": "no", "size_volt": None}
+    silent = set(found.sentences) - {row["type"] for row in rows}
+    rows += [
+        {"type": name} | blank | {"sentence": found.sentences[name]} for name in sorted(silent)
     ]
+    return rows
+
+
+def _sure(effect, witnesses) -> dict:
+    """Whether nothing speaks against a name; of no name it is not asked."""
+    if not effect["effect"]:
+        return {"sure": None, "doubts": ""}
+    from cellwright.effects.story.words import doubts
+
+    against = doubts(effect, witnesses)
+    return {"sure": not against, "doubts": "; ".join(against)}
+
+
+def _counts(witnesses) -> dict:
+    words = [row["says"] for row in witnesses]
+    names = {"agrees": "agree", "contradicts": "contradict", "silent": "silent"}
+    return {f"witnesses_{name}": words.count(word) for word, name in names.items()}
 
 
 NO_EFFECT = {"effect": None, "alternatives": [], "rmse_volt": {}, "validation_rmse_volt": {}}
@@ -105,9 +174,15 @@ def summary(cells, tables, models) -> "DataFrame":
     """One row per cell from the tables (name → DataFrame) and the models (cell → document)."""
     from pandas import DataFrame
 
+    # Tables of whole types of cells have no column `cell`.
+    tables = {name: frame for name, frame in tables.items() if "cell" in frame}
+    # Each table is divided once: a look through it for every cell would grow with their square.
+    parts = {name: dict(iter(frame.groupby("cell", sort=False))) for name, frame in tables.items()}
     rows = []
     for facts in cells:
-        of_cell = {name: frame[frame["cell"] == facts["cell"]] for name, frame in tables.items()}
+        of_cell = {
+            name: parts[name].get(facts["cell"], frame.iloc[:0]) for name, frame in tables.items()
+        }
         rows.append(_summary_row(facts, of_cell, models.get(facts["cell"], {})))
     return DataFrame(rows, dtype=object)
 
@@ -121,7 +196,7 @@ def _summary_row(facts, of_cell, model) -> dict:
     return {
         "cell": facts["cell"],
         "capacity_ampere_hour": capacity,
-        "soh": capacity / rated if capacity and rated else None,
+        **_health(of_cell, capacity / rated if capacity and rated else None),
         "r0_50_25_ohm": _resistance(of_cell["resistance"]),
         "best_model": model.get("chosen"),
         "validation_rmse_volt": _pooled(scored["rmse_volt"], scored["samples"]),
@@ -129,8 +204,27 @@ def _summary_row(facts, of_cell, model) -> dict:
         "soc_rmse": _pooled(filtered["rmse_soc"], np.ones(len(filtered))),
         "verdict": next(iter(missing["verdict"]), None),
         "missing_effect": ";".join(missing["effect"].dropna()),
+        "in_one_line": next(iter(missing["in_one_line"]), None),
         "exclusions": len(of_cell["excluded"]),
         "notes": "; ".join(model.get("notes", [])),
+    }
+
+
+def _health(of_cell, fresh) -> dict:
+    """Latest state of health, or that of a cell that was not aged; knee and remaining cycles."""
+    told, lives = of_cell["health"], of_cell["fade"]
+    # A check-up goes before a cycle of the ageing itself, which is faster.
+    told = told[told["cycle"].gt(0) & told["soh"].notna()]
+    counted = told["method"].isin(COUNTED)
+    # What was counted goes before what models tell, from peaks or half cells.
+    aged = (told[counted] if counted.any() else told).sort_values("method", ascending=False)
+    latest = aged.sort_values("cycle", kind="stable").drop_duplicates("cycle").tail(1)
+    life = next(iter(lives.to_dict("records")), {})
+    names = ("knee_cycle", "remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")
+    return {
+        "soh": next(iter(latest["soh"]), fresh),
+        "soh_cycle": next(iter(latest["cycle"]), None),
+        **{name: life.get(name) for name in names},
     }
 
 

@@ -1,5 +1,7 @@
 """What was left out and why, one row per cell, and the results held against tests/artefacts."""
 
+from pathlib import Path
+
 from runtime import artefact, results_check, tables
 
 inputs, output, params = snakemake.input, snakemake.output, snakemake.params
@@ -11,4 +13,4 @@ with artefact.Job(snakemake, output.summary, inputs=[*sources, *inputs.models]) 
     job.save(tables.summary(params.cells, frames, tables.load_models(inputs.models)))
 checked = [*sources, output.summary, *inputs.laws]
 with artefact.Job(snakemake, output.checks, inputs=checked) as job:
-    job.save(results_check.outcomes("results/tables"))
+    job.save(results_check.outcomes(Path(output.excluded).parent))

@@ -22,7 +22,9 @@ files are reported at once, before anything runs.
 
 def text() -> str:
     """The whole of config/README.md."""
-    sheets = [_sheet(settings.load(SCHEMAS, name)) for name in ("cells", "tests", "groups")]
+    sheets = [
+        _sheet(settings.load(SCHEMAS, name)) for name in ("cells", "tests", "groups", "checkups")
+    ]
     return "\n".join([INTRODUCTION, *sheets, _config(settings.load(SCHEMAS, "config"))])
 
 

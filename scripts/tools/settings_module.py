@@ -15,8 +15,9 @@ FILES = {
         "Settings of what is read from the tests of a cell, and of the laws over them.",
         [
             *("clean", "segment", "ocv", "ocv_step", "ocv_temperature", "resistance"),
-            *("temperature", "relaxation", "ica", "capacity_loss", "ica_temperature"),
-            *("fast_charge", "ageing", "impedance"),
+            *("temperature", "relaxation", "ica", "ica_tracks", "capacity_loss"),
+            *("ica_temperature", "health_from_peaks", "fast_charge", "ageing", "health"),
+            *("impedance", "degradation_modes"),
         ],
     ),
     "models.py": (

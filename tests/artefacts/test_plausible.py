@@ -1,5 +1,8 @@
 """What must hold of any cell's results, whatever the laboratory: physics first."""
 
+import itertools
+import math
+
 
 def _faults(rows, wrong, *names):
     """Rows that are wrong, as short texts."""
@@ -18,15 +21,17 @@ def test_resistance_is_positive_and_below_ten_ohm(table):
 
 
 def test_resistance_does_not_fall_within_a_pulse(table):
-    """Polarisation only adds to a pulse's resistance: later delays are never lower (5 % noise)."""
+    """Polarisation only adds to a pulse's resistance: later delays are lower by noise at most."""
     pulses = {}
     for row in table("resistance"):
         key = (row["cell"], row["test"], row["start_time_second"])
-        pulses.setdefault(key, []).append((row["delay_second"], row["resistance_ohm"]))
+        value = (row["delay_second"], row["resistance_ohm"], row["resistance_std_ohm"] or 0.0)
+        pulses.setdefault(key, []).append(value)
     falling = [
         key
         for key, values in pulses.items()
-        if any(b[1] < 0.95 * a[1] for a, b in zip(sorted(values), sorted(values)[1:], strict=False))
+        for (_, earlier, std), (_, later, later_std) in itertools.pairwise(sorted(values))
+        if earlier - later > max(0.05 * earlier, 2.0 * math.hypot(std, later_std))
     ]
     assert not falling
 
@@ -86,3 +91,33 @@ def test_branch_currents_add_up(table):
 def test_models_are_within_half_a_volt(table):
     """A model that is half a volt off has a fault, not an error."""
     assert not _faults(table("validation"), lambda r: r["rmse_volt"] > 0.5, "model", "rmse_volt")
+
+
+def test_a_knee_and_an_end_of_life_lie_within_their_limits(table):
+    """Lower limit, value and upper limit stand in this order, and a knee within its life."""
+    rows = table("fade")
+    told = [row for row in rows if row["knee_cycle"] is not None]
+    wrong = _faults(
+        told,
+        lambda r: (
+            not 0 < r["knee_lower_cycle"] <= r["knee_cycle"] <= r["knee_upper_cycle"]
+            or r["knee_upper_cycle"] > r["last_cycle"]
+        ),
+        "knee_cycle",
+    )
+    told = [row for row in rows if row["remaining_cycles"] is not None]
+    wrong += _faults(
+        told,
+        lambda r: (
+            not 0 <= r["remaining_lower_cycles"] <= r["remaining_cycles"]
+            or (r["remaining_upper_cycles"] or math.inf) < r["remaining_cycles"]
+        ),
+        "remaining_cycles",
+    )
+    assert not wrong
+
+
+def test_a_state_of_health_does_not_rise_by_more_than_recovery(table):
+    """A cell gains some percent by a rest or at first; a tenth only by a wrong reference."""
+    rows = [row for row in table("health") if row["soh"] is not None]
+    assert not _faults(rows, lambda r: not 0.02 < r["soh"] < 1.1, "cycle", "method", "soh")

@@ -3,7 +3,8 @@
 import pytest
 import truth
 
-from cellwright.circuits.model_file import model_of, parameter_rows
+from cellwright.circuits.model_file import model_of
+from cellwright.circuits.parameters import parameter_rows
 from cellwright.refusal import Refusal
 
 

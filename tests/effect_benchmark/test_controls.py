@@ -1,11 +1,13 @@
 """Control terms: what stays the same under another order, what a random term is, who sees truth."""
 
 import numpy as np
+import pytest
+from small_plant import HEALTHY, Truth, case, rounds
 
 from cellwright.effects import base, records
 from cellwright.effects.library import LIBRARY
 from cellwright.records.record import record_of
-from effect_benchmark import controls
+from effect_benchmark import answers, controls
 from runtime import provenance
 
 CELL = base.Cell(5.0, np.linspace(3.0, 4.2, 101))
@@ -58,6 +60,32 @@ def test_a_random_term_has_the_size_that_it_is_given():
     assert 0.0 < np.sqrt(np.mean(change**2)) < 4e-3
     again = controls.random_term(2, 5.0, np.random.default_rng(1))
     assert np.array_equal(base.voltage(CELL, many, plain | sizes, (again,)) - before, change)
+
+
+@pytest.mark.parametrize("truth", [HEALTHY, Truth(hysteresis=0.012)])
+def test_terms_that_must_not_help_are_judged_by_the_rule_of_the_effects(truth):
+    rows = answers._control_rows("c1", case(truth), rounds(truth)[0], seed=7)
+    assert [row["method"] for row in rows] == [answers.RANDOM, answers.PERMUTED, answers.EXTRA]
+    assert not [row["effects"] for row in rows if row["effects"]]
+    assert all(row["gap_closed"] is None or not row["gap_closed"] > 0.5 for row in rows)
+
+
+def test_the_effect_itself_tried_as_a_term_passes_where_it_is_there():
+    truth, effect = Truth(hysteresis=0.012), LIBRARY["hysteresis_instant"]
+    same = effect._replace(id="control_same")
+    row = answers._control_row("c1", case(truth), rounds(truth)[0], answers.PERMUTED, same)
+    assert (row["verdict"], row["effects"]) == ("named", "control_same")
+    assert row["gap_closed"] > 0.9
+
+
+def test_the_smallest_error_on_proof_names_only_what_falls_by_what_is_material():
+    truth = Truth(hysteresis=0.012)
+    first, gates = rounds(truth)[0], case(truth).gates
+    named = answers.validation_alone(first, gates)
+    assert [one["effect"] for one in named["effects"]] == ["hysteresis_instant"]
+    strict = answers.validation_alone(first, gates._replace(material_volt=0.1))
+    assert strict == {"verdict": "none", "effects": []}
+    assert answers.validation_alone(rounds(HEALTHY)[0], gates)["verdict"] == "none"
 
 
 def test_what_searches_never_imports_the_laboratory():

@@ -41,10 +41,11 @@ def said(**changed):
     ("changed", "words"),
     [
         ({}, ["In branch 2 (c2)", "0.0081 ± 0.0002 Ohm", "3.0 mV", "the branch takes less"]),
+        ({"effects": [ENTRY]}, ["Shows wire resistance (branch 2)"]),
         ({"verdict": "none", "effects": []}, ["Nothing is missing that these data could show"]),
         ({"verdict": "unknown", "effects": []}, ["no effect of one branch explains it"]),
         ({"branch_currents": False}, ["were not logged", "in the group's voltage"]),
-        ({"located_at": PLACE}, ["branch 1 in drive, 20 to 40 % state of charge, rest, at 25 °C"]),
+        ({"located_at": PLACE}, ["at 20–40 % SoC at rest in branch 1 in drive (25 °C)"]),
         ({"next_test": "log them"}, ["To test next: log them."]),
     ],
 )

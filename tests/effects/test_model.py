@@ -8,7 +8,8 @@ from sheets_facts import cell_facts, measured_test
 
 from cellwright.circuits.exports import pybamm_document
 from cellwright.circuits.instrument import words_of
-from cellwright.circuits.model_file import is_plain, member_of, parameter_rows, simulate_model
+from cellwright.circuits.model_file import is_plain, member_of, simulate_model
+from cellwright.circuits.parameters import parameter_rows
 from cellwright.effects import base
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order

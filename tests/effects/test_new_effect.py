@@ -80,7 +80,8 @@ def test_it_is_found_with_its_size():
 
 def test_it_is_said_in_its_own_words():
     text = finding().verdict["paragraph"]
-    assert f"What was missing: {NEW.sentence} (resistance " in text
+    assert text.startswith(f"Shows {NEW.id.replace('_', ' ')}: it takes the error")
+    assert f"{NEW.sentence[0].upper()}{NEW.sentence[1:]} (resistance " in text
     assert NEW.consequence in text
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import small_cells as small
 
-from cellwright.effects import planner
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.planner import next_test
-from cellwright.effects.sensitivity import Model
+from cellwright.effects.planning import planner
+from cellwright.effects.planning.planner import next_test
+from cellwright.effects.planning.sensitivity import Model
 from cellwright.refusal import Refusal
 
 RATING = planner.Rating(2.0, 1.2)

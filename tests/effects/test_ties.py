@@ -5,14 +5,14 @@ import pytest
 import small_cells as small
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.records import stacked
-from cellwright.effects.sensitivity import (
+from cellwright.effects.planning.sensitivity import (
     at_starts_of,
     confounding,
     information,
     projected,
     shown,
 )
+from cellwright.effects.records import stacked
 from cellwright.effects.ties import (
     STRUCTURAL,
     RestCurrent,

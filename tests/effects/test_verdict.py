@@ -32,7 +32,7 @@ LEFT = {
 def verdict(truth, **options):
     searched = rounds(truth, every=2.0, without=())
     result = outcome(searched, Gates())
-    return verdict_of("h1", result, searched, worst(LEFT, result.floor_volt), **options)
+    return verdict_of("h1", result, searched, worst(LEFT, result.floor.validation_volt), **options)
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +70,25 @@ def test_before_and_after_fall_and_close_the_gap(named):
     assert entry["gap_closed"] == pytest.approx(1 - remaining / whole)
 
 
+def test_an_effect_says_how_it_was_proven(named):
+    entry = named["effects"][0]
+    assert entry["proof"] == "proven"
+    blocks = entry["blocks"]
+    assert blocks["gain"] == pytest.approx(1.0, abs=0.1)
+    assert blocks["helped"] == blocks["excited"] >= 4
+    assert blocks["hurt"] == 0
+    assert entry["same_without_validation"] is True
+
+
+def test_each_record_that_judges_has_its_floor_and_the_remainder_is_told(named):
+    floors = {row["test"]: row["volt"] for row in named["floors"]}
+    assert set(floors) == {"wild", "mild"}
+    assert min(floors.values()) < named["floor_volt"] < max(floors.values())
+    assert named["remainder"]["adequate"] is True
+    assert named["remainder"]["excess_volt"] < 3e-3
+    assert named["located_at"] is None
+
+
 def test_a_healthy_cell_has_an_empty_verdict():
     result = verdict(HEALTHY)
     assert result["verdict"] == "none"
@@ -83,6 +102,8 @@ def test_what_is_unknown_is_located_and_not_named():
     assert result["verdict"] == "unknown"
     assert result["effects"] == []
     assert result["located_at"]["file"] == "b"
+    assert result["remainder"]["adequate"] is False
+    assert result["remainder"]["excess_volt"] > 3e-3
 
 
 def test_the_share_of_the_gap():

@@ -21,9 +21,9 @@ from small_plant import (
 )
 
 from cellwright.effects.case import Gates, not_excited
-from cellwright.effects.finding import of_case
+from cellwright.effects.finding import decided, of_case
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.records import lacking, stacked
+from cellwright.effects.records import stacked
 from cellwright.effects.search import best_of, search
 from cellwright.effects.verdict import outcome
 from cellwright.records.thinning import rows_of
@@ -64,14 +64,39 @@ def test_an_error_of_the_ocv_within_its_tolerance_fills_no_sink(wave):
     assert not set(named(steps)) & set(SINKS)
 
 
-def test_what_the_validation_does_not_excite_is_not_testable():
-    whole = case(Truth(activation=2.5e4))
-    cold = [measured("wild", drive(103), 8.0, 0.95, Truth(activation=2.5e4), seed=13)]
-    proof = whole._replace(validation=stacked(cold, capacity_ampere_hour=CAPACITY))
-    effect = LIBRARY["resistance_temperature"]
-    assert not lacking(effect, proof.fit, CAPACITY)
-    assert "temperatures" in not_excited(proof, effect)[0]
+def proved_by(truth, *proof):
+    """Case of a truth, with other records in the place of those that judge."""
+    return case(truth)._replace(validation=stacked(proof, capacity_ampere_hour=CAPACITY))
+
+
+def test_an_effect_that_the_fitted_records_excite_may_compete_whatever_the_proof_holds():
+    truth = Truth(activation=2.5e4)
+    proof = proved_by(truth, measured("wild", drive(103), 8.0, 0.95, truth, seed=13))
+    assert not not_excited(proof, LIBRARY["resistance_temperature"])
     verdict = of_case("c", proof, LIBRARY).verdict
+    assert [entry["effect"] for entry in verdict["effects"]] == ["resistance_temperature"]
+    assert verdict["effects"][0]["proof"] == "proven"
+    assert "resistance_temperature" not in verdict["not_testable"]
+
+
+def test_what_the_proof_cannot_show_is_named_and_told_as_unproven():
+    """Loads too mild to warm the cell say nothing of its own heat."""
+    truth = Truth(thermal=6.0)
+    mild = measured("mild", 0.25 * drive(103), 20.0, 0.95, truth, seed=13)
+    verdict = of_case("c", proved_by(truth, mild), LIBRARY).verdict
+    assert verdict["verdict"] == "named"
+    (entry,) = verdict["effects"]
+    assert (entry["effect"], entry["proof"]) == ("self_heating", "unproven")
+    assert entry["blocks"]["excited"] > 0
+    assert "no record that took no part in the fit excites it" in verdict["paragraph"]
+
+
+def test_what_the_fitted_records_do_not_excite_is_not_testable():
+    truth = Truth(activation=2.5e4)
+    one = case(truth, celsius=(25.0, 25.0))
+    effect = LIBRARY["resistance_temperature"]
+    assert "temperatures" in not_excited(one, effect)[0]
+    verdict = of_case("c", one, LIBRARY).verdict
     assert "resistance_temperature" in verdict["not_testable"]
     assert "resistance_temperature" not in [entry["effect"] for entry in verdict["effects"]]
 
@@ -86,31 +111,60 @@ def test_a_wobble_of_one_chamber_is_no_activation_energy(truth):
     assert "resistance_temperature" not in named(steps)
 
 
+def best_with(first, trials=None, **gates):
+    """The choice of a first round, with other trials or gates."""
+    made = case(HYSTERESIS)
+    made = made._replace(gates=made.gates._replace(**gates))
+    given = first.trials if trials is None else trials
+    return best_of(made, first.before, first.before, given, first.floor)
+
+
 def test_significance_without_size_is_no_name():
     first = rounds(HYSTERESIS)[0]
-    gates, trials, floor = GATES, first.trials, first.floor_volt
-    best, _ = best_of(gates, first.before, first.before, trials, floor)
+    best, _ = best_with(first)
     assert best.effect.id == "hysteresis_instant"
-    small = [t._replace(material=False) for t in trials]
-    assert best_of(gates, first.before, first.before, small, floor) == (None, ())
-    large = gates._replace(material_volt=0.05)
-    assert best_of(large, first.before, first.before, trials, floor) == (None, ())
+    small = [t._replace(material=False) for t in first.trials]
+    assert best_with(first, small, unknown_volt=0.05) == (None, ())
+    # What takes off as much as would be told as unknown matters, whatever the size is called.
+    assert best_with(first, small)[0].effect.id == "hysteresis_instant"
+    assert best_with(first, material_volt=0.05) == (None, ())
 
 
 def test_a_far_better_explanation_too_small_to_matter_stops_a_worse_one():
     first = rounds(HYSTERESIS)[0]
-    best, other = first.trials[:2]
-    trials = [best._replace(material=False), other._replace(delta_bic=0.3 * best.delta_bic)]
-    best = best_of(GATES, first.before, first.before, trials, first.floor_volt)
-    assert best == (None, ())
+    best = first.trials[0]
+    falls = {name: 0.3 * getattr(best, name) for name in ("delta_bic", "delta_validation")}
+    worse = best._replace(effect=LIBRARY["resistance_asymmetry"], **falls)
+    assert best_with(first, [worse])[0] is worse
+    small = [best._replace(material=False), worse]
+    assert best_with(first, small, unknown_volt=0.05) == (None, ())
 
 
 @pytest.mark.parametrize("name", ["delta_bic", "delta_validation"])
 def test_no_gain_on_either_side_is_no_name(name):
     first = rounds(HYSTERESIS)[0]
     trials = [t._replace(**{name: -1.0}) for t in first.trials]
-    best = best_of(GATES, first.before, first.before, trials, first.floor_volt)
-    assert best == (None, ())
+    assert best_with(first, trials) == (None, ())
+
+
+@pytest.mark.parametrize(
+    "uneven",
+    [{"gain": 0.4}, {"std": 0.6}, {"harm": 0.3}, {"helped": 1}, {"gain": 2.6}],
+)
+def test_help_that_is_not_even_is_no_name(uneven):
+    first = rounds(HYSTERESIS)[0]
+    best = first.trials[0]
+    assert best.proof.excited >= 4
+    trials = [best._replace(proof=best.proof._replace(**uneven))]
+    assert best_with(first, trials) == (None, ())
+
+
+def test_nothing_is_sought_where_no_error_is_left_that_matters():
+    first = rounds(HYSTERESIS)[0]
+    near = first.floor._replace(
+        fit_volt=first.before.rmse_volt, validation_volt=first.before.validation_rmse_volt
+    )
+    assert best_with(first._replace(floor=near)) == (None, ())
 
 
 def test_an_optimum_at_a_bound_is_flagged():
@@ -126,12 +180,15 @@ def test_an_optimum_at_a_bound_is_flagged():
     assert (True, False) in rows
 
 
-def test_a_rival_that_half_explains_is_not_the_name():
-    truth = Truth(slope_r1=1.0)
+@pytest.mark.parametrize(("slope", "answer"), [(1.0, "none"), (2.0, "unknown")])
+def test_a_rival_that_half_explains_is_not_the_name(slope, answer):
+    """Without the name, what is left counts as unknown only where somebody acts on it: 3 mV."""
+    truth = Truth(slope_r1=slope)
     assert named(rounds(truth)) == ["polarisation_soc"]
-    steps = rounds(truth, without=("polarisation_soc",))
-    assert outcome(steps, GATES).steps
-    assert word(steps) == "unknown"
+    _, result, shares = decided(case(truth), rounds(truth, without=("polarisation_soc",)))
+    assert (result.word, result.steps) == (answer, ())
+    assert all(share < 0.5 for name, share in shares.items() if name not in ("none", "unknown"))
+    assert (result.excess_volt > GATES.unknown_volt) is (answer == "unknown")
 
 
 @pytest.mark.parametrize("late", [0, 3])

@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 from figure_panels import rendered, title
 
-from figures import effects
+from figures import canvas, effects
 from runtime import page
 
 GATES = {"bic": 10, "validation_chi_square": 25}
+
+
+def numbers(panel):
+    """Texts written into the cells of a map."""
+    return [text for a in panel.artists if isinstance(a, canvas.Numbers) for text in a.texts]
 
 
 def bins(*rows):
@@ -38,7 +43,7 @@ def test_the_map_has_a_line_for_each_test_and_current_and_one_scale():
     assert left.get_clim() == right.get_clim()
     assert 2.0 < left.get_clim()[1] <= pooled
     assert "[mV]" in bar.get_ylabel()
-    assert sorted(text.get_text() for text in after.texts) == ["0.1", "0.2", "0.3"]
+    assert sorted(numbers(after)) == ["0.1", "0.2", "0.3"]
 
 
 def test_evidence_has_a_panel_an_effect_with_the_line_of_full_explanation():
@@ -51,8 +56,8 @@ def test_evidence_has_a_panel_an_effect_with_the_line_of_full_explanation():
     words = ["leakage", "ocv edge", "time skew"]
     assert [title(panel).split(":")[0] for panel in panels[:3]] == words
     assert [panel.axison for panel in panels] == [True, True, True, False]
-    assert title(panels[0]) == "leakage: 100 % of what was left"
-    assert title(panels[2]) == "time skew: 0 % of what was left"
+    assert title(panels[0]) == "leakage:\nby itself it explains 100 % of what was left"
+    assert title(panels[2]) == "time skew:\nby itself it explains nothing of what was left"
     np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[-2, -2], [2, 2]])
     points = panels[1].get_lines()[-1]
     assert points.get_label() == "samples, in bins of about 200"
@@ -118,7 +123,7 @@ def test_pairs_that_the_tests_cannot_tell_apart_are_framed():
         "current offset",
         "ocv edge",
     ]
-    assert [text.get_text() for text in panel.texts] == ["1.00", "0.40"]
+    assert numbers(panel) == ["1.00", "0.40"]
     (frame,) = panel.get_lines()
     assert frame.get_xydata().mean(axis=0) == pytest.approx([0.4, 1.4])
     assert "[1]" in bar.get_ylabel()
@@ -154,13 +159,24 @@ def test_only_tests_for_proof_are_drawn_whole_and_where_the_plain_model_is_worst
     assert title(voltage).startswith("udds: ")
     rms = 1e3 * np.sqrt(np.mean((found["voltage_volt"] - found["before_volt"])[: len(SECOND)] ** 2))
     assert f"plain model {rms:.2f} mV, with what was missing 1.00 mV" in title(residual)
-    assert "noise floor 0.80 mV" in title(residual)
+    assert "grey: floor 0.80 mV" in title(residual)
     before, after = [line.get_ydata() for line in residual.get_lines()]
     assert (before.min(), before.max()) == pytest.approx((4.0, 6.0))
     np.testing.assert_allclose(after, 1.0)
     hours = worst.get_lines()[0].get_xdata()
     assert hours.min() >= 1.0
     assert hours.max() - hours.min() == pytest.approx(0.1)
+
+
+def test_the_floor_of_a_test_is_its_own_where_the_verdict_has_it():
+    verdict = {"effects": [], "partial": [], "floor_volt": 1e-3}
+    verdict["floors"] = [{"test": "udds", "volt": 2.5e-3}]
+    found = series(("udds", "validation"), ("us06", "validation"))
+    panels = rendered(effects.draw_effect_validation(verdict, found))
+    assert [f"floor {size} mV" in title(panels[k]) for k, size in ((2, "2.50"), (6, "1.00"))] == [
+        True,
+        True,
+    ]
 
 
 def test_a_cell_that_lacks_nothing_has_one_model_and_many_tests_are_counted():

@@ -60,6 +60,7 @@ def job(snakemake):
         rule="figures",
         params=params,
         wildcards=Named(owner="A"),
+        input=sorted({path for drawn in figures.values() for path in drawn["inputs"].values()}),
         output=["results/figures/A"],
         log=[],
     )

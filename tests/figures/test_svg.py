@@ -75,6 +75,6 @@ def test_a_spike_of_one_sample_is_drawn_as_high_as_it_is():
     assert len(line.get_xdata()) < 2100
     drawn = svg.text_of(figure, description="")
     low, high = axes[0, 0].transData.transform([(0, -1), (0, 1)])[:, 1]
-    paths = re.findall(r' d="(M[^"zhC]*)"', drawn.partition("</defs>")[2])
+    paths = re.findall(r' d="(M[^"zhCM]*)"', drawn.partition("</defs>")[2])
     reach = max(np.ptp(points(path)[:, 1]) for path in paths if len(points(path)) > 4)
     assert reach == pytest.approx(10 * (high - low), abs=1.1)

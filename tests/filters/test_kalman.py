@@ -75,6 +75,17 @@ def test_kernel_is_its_twin_for_a_member_with_many_states(c_rate):
     np.testing.assert_allclose(kalman.run(*given), kalman.run_by_numpy(*given), rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("lengths", [3, 2000])
+def test_kernel_is_its_twin_however_many_lengths_its_steps_have(lengths):
+    """Weights are kept by the length of a step; more lengths than are kept take turns."""
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.choice(rng.uniform(0.05, 20.0, lengths), 1500))
+    columns = time, rng.uniform(-3, 2, 1500), 3.6 + 0.02 * rng.normal(size=1500)
+    plant = plant_of(bank_of(many(), None, 25.0), *columns, NOISE, hold="first_order")
+    given = plant, NOISE, acquire(plant, Start(0.4), NOISE)[0]
+    np.testing.assert_allclose(kalman.run(*given), kalman.run_by_numpy(*given), rtol=0, atol=1e-12)
+
+
 def test_a_correction_does_not_move_the_slope_at_once():
     """One voltage cannot tell SoC from model error; a slope that jumps with the SoC would."""
     plant, noise, state = prepared(stated())

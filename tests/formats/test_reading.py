@@ -144,10 +144,6 @@ def test_optional_channels_branches_and_counters():
     assert "strain" not in columns
 
 
-def test_bitrode_counter_per_step_is_no_net_counter():
-    assert "net_capacity_ampere_hour" not in read(BITRODE).columns
-
-
 def test_digatron_series_clock_and_messages():
     columns = read(DIGATRON).columns
     assert columns["test_time_second"].tolist() == [90001.5, 90061.5]
@@ -224,7 +220,7 @@ REFUSED = {
     "labview separator": (LABVIEW.replace(b"Separator\tTab", b"Separator\tComma"), "'Comma'"),
     "labview power": (LABVIEW.replace(b"-17.552", b"-17552"), "power is 1e.06 times current"),
     "labview no voltage": (LABVIEW.replace(b"Voltage", b"Pressure"), "no column 'voltage'"),
-    "xlsx": (b"PK\x03\x04 .... xl/workbook.xml", "Excel workbook"),
+    "xlsx": (b"PK\x03\x04 .... xl/workbook.xml", "Excel workbook is cut off or damaged"),
     "ndax": (b"PK\x03\x04 .... data.ndc", "Neware ndax"),
     "unknown": (b"a,b\n1,2\n", "of no instrument known here; readers: bdf, arbin"),
     "cut parquet": (b"PAR1" + b"x" * 50, "Parquet file is cut off"),

@@ -25,6 +25,9 @@ OF_THEIR_OWN = (
     "effect_left_out",
     "effect_answers",
     "missing_effect_benchmark",
+    "zoo_campaign",
+    "zoo_answers",
+    "zoo",
 )
 
 

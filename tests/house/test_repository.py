@@ -49,6 +49,29 @@ def test_every_locked_package_has_hashes_and_no_address():
     assert "://" not in LOCK
 
 
+def versions(lock):
+    """Versions of each package of a lock; more than one where it depends on the platform."""
+    text = (ROOT / lock).read_text(encoding="utf-8")
+    assert "://" not in text
+    assert text.count("--hash=sha256:") > text.count("==")
+    found = {}
+    for package, version in re.findall(r"^([a-z0-9][\w.-]*)==([^ ;\\]+)", text, re.M):
+        found.setdefault(package, set()).add(version)
+    return found
+
+
+# The client of object storage needs an older one.
+OTHER_VERSIONS = {"environment-cluster.lock": set(), "environment-cloud.lock": {"python-dateutil"}}
+
+
+@pytest.mark.parametrize("lock", OTHER_VERSIONS)
+def test_jobs_elsewhere_compute_with_the_same_versions(lock):
+    here, there = versions("environment.lock"), versions(lock)
+    assert {package for package in here if there.get(package) != here[package]} == (
+        OTHER_VERSIONS[lock]
+    )
+
+
 def test_the_lock_holds_what_is_asked_for():
     lines = (ROOT / "environment.in").read_text(encoding="utf-8").splitlines()
     asked = {re.match(r"[\w.-]+", line)[0] for line in lines if line and not line.startswith("#")}

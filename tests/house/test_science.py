@@ -17,6 +17,7 @@ ROOMS = {
     "protocols": {"numerics", "series", "records"},
     "laws": {"numerics", "protocols"},
     "circuits": {"numerics", "records"},
+    "health": {"numerics", "protocols", "laws", "series", "circuits"},
     "identification": {"numerics", "records", "protocols", "circuits"},
     "filters": {"numerics", "records", "circuits"},
     "packs": {"numerics", "records", "circuits", "identification"},

@@ -5,7 +5,7 @@ import re
 import pytest
 from tree import ROOT, SCRIPTS
 
-from runtime import settings
+from runtime import job_requests, settings
 from tools import config_readme, settings_module
 
 WORKFLOW = ROOT / "workflow"
@@ -18,8 +18,22 @@ CONFIG = settings.load(WORKFLOW / "schemas", "config")
 # Rules that run a command and no script of ours, and why.
 COMMANDS = {
     "effect_campaign": "the virtual laboratory is a workflow of its own, in its own environment",
+    "zoo_campaign": "the virtual laboratory has its own environment",
 }
-SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in ("cells", "tests", "groups")]
+# Rules that start runs of their own, which no cluster is asked for, or that wait for a user's word.
+STARTERS = {
+    "effect_campaign": "runs the virtual laboratory",
+    "effect_left_out": "part of the benchmark that is run by hand",
+    "effect_answers": "runs the pipeline on the benchmark's campaign",
+    "missing_effect_benchmark": "part of the benchmark that is run by hand",
+    "zoo_campaign": "runs the virtual laboratory",
+    "zoo_answers": "runs the pipeline on the zoo's campaigns",
+    "zoo": "part of the benchmark that is run by hand",
+    "real_campaign": "runs the pipeline on a campaign of real cells",
+    "real": "gathers those runs",
+}
+SHEET_NAMES = ("cells", "tests", "groups", "checkups")
+SHEETS = [settings.load(WORKFLOW / "schemas", name) for name in SHEET_NAMES]
 
 
 @pytest.mark.parametrize(("rule", "body"), RULES, ids=[rule for rule, _ in RULES])
@@ -40,6 +54,15 @@ def test_a_rule_says_what_it_does_logs_and_runs_the_script_of_its_name(rule, bod
 def test_only_rules_with_a_reason_run_a_command():
     commands = {rule for rule, body in RULES if re.search(r"^ +(shell|run):", body, re.M)}
     assert commands == set(COMMANDS)
+
+
+def test_every_rule_asks_for_memory_and_time():
+    costs = job_requests.read(WORKFLOW / "job_costs.csv")
+    rules = {rule for rule, _ in RULES} - set(STARTERS)
+    told = "run scripts/tools/job_costs.py, then fill the column part"
+    assert not rules - set(costs), f"rules without measured costs: {rules - set(costs)}; {told}"
+    assert not set(costs) - rules, f"job_costs.csv has what is no rule: {set(costs) - rules}"
+    assert all(cost.longest_cpu_second > 0 and cost.peak_megabyte > 0 for cost in costs.values())
 
 
 def test_all_rules_were_found():
@@ -81,7 +104,7 @@ def test_the_search_has_one_set_of_defaults():
 
     chosen = settings.defaults(CONFIG)["missing_effect"]
     tolerances = {f"{name}_tolerance": value for name, value in Tolerance()._asdict().items()}
-    others = {name: chosen[name] for name in ("enabled", "most_rows")}
+    others = {name: chosen[name] for name in ("enabled", "bases", "most_rows")}
     assert chosen == others | Gates()._asdict() | tolerances
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from cellwright.effects import base
 from cellwright.effects.case import Case
+from cellwright.effects.planning.sensitivity import Model
 from cellwright.effects.records import stacked
-from cellwright.effects.sensitivity import Model
 from cellwright.records.record import record_of
 
 CAPACITY = 2.5

@@ -76,8 +76,10 @@ def test_a_cut_cycle_takes_the_next_half_with_it():
     ageing = run(series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.5), (1.0, 1.0), (-1.0, 0.0)))
     assert ageing.rows.cycle.tolist() == [1, 2, 3]
     assert ageing.rows.direction.tolist() == ["discharge", "charge", "discharge"]
-    assert "cycle 2, discharge: it ends at 3.500 V, before the cut-off of 3 V" in ageing.left_out[0]
-    assert "cycle 3, charge: it does not start empty" in ageing.left_out[1]
+    discharge, charge = ageing.left_out
+    assert "1 of 3 discharges left out (cycles 2)" in discharge
+    assert "cycle 2: it ends at 3.500 V, before the cut-off of 3 V" in discharge
+    assert "cycle 3: it does not start empty: what came before was cut short" in charge
     assert np.isnan(ageing.rows.coulombic_efficiency[2])
 
 
@@ -108,7 +110,7 @@ def test_a_hold_after_a_pause_is_part_of_the_charge():
 def test_a_record_from_an_unknown_start_begins_with_the_next_half():
     ageing = run(series((1.0, 1.0), (-1.0, 0.0), soc=0.4))
     assert ageing.rows.direction.tolist() == ["discharge"]
-    assert "the record begins with it at 3.400 V" in ageing.left_out[0]
+    assert "a rest voltage of 3.400 V it may already hold 65% of its charge" in ageing.left_out[0]
 
 
 def test_nothing_complete_and_no_cut_off_are_refused():

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cellwright.protocols import ica as module
-from cellwright.protocols.ica import tally, volt_at_rank
+from cellwright.protocols.ica import levels as module
+from cellwright.protocols.ica.levels import tally, volt_at_rank
 
 LEVELS = arrays(float, st.integers(2, 80), elements=st.integers(-9, 9).map(lambda k: k * 0.1))
 

@@ -56,6 +56,12 @@ def test_slow_directions_that_part_are_averaged(back, capacity):
     assert ("mean of" in content["capacity_source"]) == (capacity != 2.0)
 
 
+@pytest.mark.parametrize("back", [None, np.nan])
+def test_a_slow_test_of_one_direction_has_the_capacity_of_that_direction(back):
+    content = basis("A", [curve(out=2.0, back=back)], [], [])
+    assert content["capacity_ampere_hour"] == 2.0
+
+
 def test_the_first_marked_reference_lends_else_the_largest():
     small, large = Lender("S", True, [curve(out=1.9)], []), Lender("L", False, [curve(out=2.1)], [])
     without = Lender("W", True, [], [row(2.5)])
@@ -101,7 +107,7 @@ def test_of_several_capacity_tests_the_nearest_freshest_slowest_counts():
         row(1.9, 0.5),
         row(2.0, 0.5, cycle=9),
     ]
-    content = basis("A", [], [*rows, row(3.0, 0.01, direction="charge")], [])
+    content = basis("A", [], [*rows, row(3.0, 0.2, direction="charge")], [])
     assert content["capacity_ampere_hour"] == 1.9
     assert content["capacity_source"] == "discharge of capacity at 0.5C"
     assert content["ocv"] == []

@@ -12,7 +12,7 @@ import pytest
 from cellwright.refusal import Refusal
 from runtime import artefact, contract
 
-CURVE = {"voltage_volt": np.array([3.0, 3.5]), "dq_dv_ampere_hour_per_volt": np.array([1.0, 2.0])}
+CURVE = {name: np.array([1.0, 2.0]) for name in contract.stages()["ica_curve"]["columns"]}
 PATH = "results/ica_curve/A/t.parquet"
 
 
@@ -93,7 +93,7 @@ def test_rows_and_columns_are_the_same_content(snakemake):
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
-        ({"voltage_volt": [1.0]}, "dq_dv_ampere_hour_per_volt is missing"),
+        ({"voltage_volt": [1.0]}, "ampere_hour is missing"),
         (CURVE | {"volt": [1.0, 2.0]}, "volt is not in the contract"),
     ],
 )

@@ -48,6 +48,16 @@ def test_words_and_other_entries_do_not(fingerprint):
     assert fingerprint(CAPACITY) != fingerprint(TABLE)
 
 
+def test_an_edited_contract_is_read_again(tmp_path, monkeypatch):
+    """A forked job has the contract from before; an edit within the run has to reach it."""
+    file = tmp_path / "artefacts.yaml"
+    monkeypatch.setattr(contract, "CONTRACT", file)
+    file.write_text("capacity: {columns: {cell: {}}}")
+    assert list(contract.stages()["capacity"]["columns"]) == ["cell"]
+    file.write_text("capacity: {columns: {cell: {}, test: {}}}")
+    assert list(contract.stages()["capacity"]["columns"]) == ["cell", "test"]
+
+
 def test_what_has_no_entry_has_no_hash(fingerprint):
     assert fingerprint("results/models/A.json", "logs/capacity/A.log") == ""
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cellwright.api.models import _basis_notes
+from cellwright.api.charge import _basis_notes
 from cellwright.refusal import Refusal
 from runtime import artefact, lending
 

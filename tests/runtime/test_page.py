@@ -20,7 +20,7 @@ from runtime import artefact, page
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLES = ["capacity", "ica", "eis", "temperature", "choice", "validation", "soc", "packs"]
-TABLES += ["missing_effect", "excluded"]
+TABLES += ["missing_effect", "fleet", "health", "fade", "excluded"]
 CELL = {"cell": "A", "chemistry": "NMC", "note": None}
 TEST = {
     "cell": "A",
@@ -43,7 +43,31 @@ VERDICT = {
     "validation_after_volt": 0.000987,
     "gap_closed": 0.973,
     "floor_volt": 0.0008,
+    "sure": False,
+    "doubts": "another explains it as well",
+    "in_one_line": "shows slow diffusion",
 }
+WITNESS = {"name": "relaxations", "effect": "slow_diffusion", "named": True, "says": "silent"}
+WITNESS |= {
+    "measured": 0.0,
+    "implied": 0.0,
+    "unit": "Ohm",
+    "std": 0.0,
+    "shown": False,
+    "text": "no long rest",
+}
+HEARD = WITNESS | {"name": "pulses", "effect": "resistance_soc", "named": False}
+HEARD |= {"says": "contradicts", "text": "not named, although < 3"}
+
+
+def write_witnesses(snakemake):
+    """Witnesses of cell A, and of cell B the reason why there is no verdict."""
+    paths = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in "AB"]
+    with artefact.Job(snakemake(paths[0], wildcards={"cell": "A"})) as writing:
+        writing.save([WITNESS, HEARD])
+    with artefact.Job(snakemake(paths[1], wildcards={"cell": "B"})):
+        raise Refusal("no validation test")
+    return paths
 
 
 # As the drawing of a figure writes it: a head, provenance, and the drawing.
@@ -100,6 +124,16 @@ def job(snakemake):
         {"check": "No charge from nothing.", "outcome": "failed", "found": "A: 3 Ah"}
     ]
     contents["missing_effect"] = [VERDICT]
+    kind = {"type": "NMC, 5 Ah", "sentence": "A alone shows self-discharge"}
+    shown = {"A": ("sure", 0.00312), "B": ("not testable", None)}
+    contents["fleet"] = [
+        kind | {"cell": cell, "effect": "leakage", "shown": word, "size_volt": volt}
+        for cell, (word, volt) in shown.items()
+    ]
+    contents["fleet"].append(
+        {"type": "LFP, 2 Ah", "sentence": "none of 2 cells shows an effect", "shown": "no"}
+        | dict.fromkeys(("cell", "effect", "size_volt"))
+    )
     at = {"ambient_temperature_celsius": 25.0, "blocks": 9, "typical_volt": 0.001}
     at |= {"cell": "A", "worst_volt": 0.03, "fit_rmse_volt": 0.00234}
     contents["choice"] = [
@@ -132,6 +166,7 @@ def job(snakemake):
         summary="results/summary.csv",
         artefacts=["results/ingest/A/good.parquet", "results/ingest/A/bad.parquet"],
         verdicts=verdicts,
+        witnesses=write_witnesses(snakemake),
         cold=write_cold(snakemake),
         template=ROOT / "workflow/report/report.html.j2",
         page=ROOT / "workflow/report/page.html.j2",
@@ -169,8 +204,14 @@ def test_a_page_begins_with_the_verdict_its_reading_and_its_proof(job):
     proof.write_text(PICTURE)
     job.params.figures["A"].append(str(proof))
     html = unpacked(page.render(job))
-    wanted = ['<section id="cell-A">', "<strong>ambiguous</strong>", "slow diffusion"]
-    wanted += ["leakage, current offset", "4.21 → 0.99", "97 %", "0.80", "time &amp; patience"]
+    wanted = ['<section id="cell-A">', "A shows slow diffusion.", "<strong>ambiguous</strong>"]
+    wanted += ["unsure: another explains it as well", "leakage, current offset", "4.21 → 0.99"]
+    wanted += [
+        "time &amp; patience",
+        "What other measurements say of it",
+        "resistance soc (not named)",
+    ]
+    wanted += ["contradicts</strong>", "although &lt; 3", "relaxations", "no long rest"]
     wanted += ["Where the model errs", "<h2>Tests</h2>", "Model over measurement: udds"]
     wanted += ['<section id="cell-B">', "No verdict: no validation test"]
     places = [html.find(text) for text in wanted]
@@ -238,13 +279,23 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
     abouts = {path: artefact.read_about(path) for path in job.input.artefacts}
     columns = ["cell", "group", "model", "ambient_temperature_celsius"]
     tables = {name: pd.DataFrame(columns=columns, dtype=str) for name in TABLES}
-    found = page._page("A", job.params, tables, abouts, {"validation": {"title": "V", "read": "r"}})
+    captions = {"validation": {"title": "V", "read": "r"}}
+    found = page._page("A", job.params, tables, list(abouts.values()), captions)
     assert [row["reasons"] for row in found["tests"]] == [["time & <i>space</i>"], []]
     assert found["notes"] == [{"text": "sign found from the data", "tests": ["bad", "good"]}]
     assert found["facts"] == {"cell": "A", "chemistry": "NMC"}
     (picture,) = found["pictures"]
     assert (picture["title"], picture["test"]) == ("V", "udds")
     assert found["tables"] == {}
+
+
+def test_cells_of_a_type_stand_beside_each_other(job):
+    html = page.render(job)
+    assert "<strong>NMC, 5 Ah:</strong> A alone shows self-discharge." in html
+    assert "<strong>LFP, 2 Ah:</strong> none of 2 cells shows an effect." in html
+    nmc, lfp = page.fleet_of(page._text("results/tables/fleet.csv"))
+    assert nmc["rows"] == [{"cell": "A", "words": ["3.1"]}, {"cell": "B", "words": ["n/t"]}]
+    assert lfp["effects"] == []
 
 
 @pytest.mark.parametrize(

@@ -42,8 +42,9 @@ def test_each_law_says_how_it_ended(laws, capsys):
 
 def write(folder, resistance):
     folder.mkdir()
-    head = "cell,test,start_time_second,soc,direction,delay_second,resistance_ohm\n"
-    (folder / "resistance.csv").write_text(f"{head}A,hppc,0,0.5,discharge,0,{resistance}\n")
+    head = "cell,test,start_time_second,soc,direction,delay_second,"
+    head += "resistance_ohm,resistance_std_ohm\n"
+    (folder / "resistance.csv").write_text(f"{head}A,hppc,0,0.5,discharge,0,{resistance},0.001\n")
     return folder
 
 

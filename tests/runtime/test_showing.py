@@ -12,7 +12,13 @@ PEAK = {
     "voltage_volt": 3.5,
     "voltage_std_volt": 0.001,
     "height_ampere_hour_per_volt": 4.0,
+    "height_std_ampere_hour_per_volt": 0.02,
     "area_ampere_hour": 0.5,
+    "area_std_ampere_hour": 0.01,
+    "width_volt": 0.05,
+    "width_std_volt": 0.001,
+    "position_height_covariance_ampere_hour": 1e-6,
+    "prominence": 0.5,
 }
 
 

@@ -1,6 +1,11 @@
-"""What a run took: jobs since its start, by rule."""
+"""What a run took by rule, and how parameters are compared with those of the run before."""
 
 import json
+import sys
+from functools import partial
+from types import SimpleNamespace
+
+import pandas as pd
 
 from runtime import snakemake_state
 
@@ -19,3 +24,22 @@ def test_rules_are_ranked_by_what_they_took_since_the_start(tmp_path):
         "fit: 7 s in 2 jobs, longest 5.0 s",
         "read: 1 s in 1 job, longest 1.0 s",
     ]
+
+
+def test_parameters_are_compared_as_before_and_pandas_is_not_imported_for_them(monkeypatch):
+    from snakemake.persistence import PersistenceBase
+
+    original = PersistenceBase._serialize_param_pandas
+    monkeypatch.setattr(PersistenceBase, "_serialize_param_pandas", original)
+    snakemake_state.compare_parameters_without_pandas()
+    serialize = PersistenceBase._serialize_param_pandas
+    builtin = partial(PersistenceBase._serialize_param_builtin, None)
+    records = SimpleNamespace(_serialize_param_builtin=builtin)
+    frame = pd.DataFrame({"volt": [3.6, 3.7]})
+    values = [None, 1, 2.5, "text", [1, 2], {"a": (1,)}, frame, frame["volt"]]
+    assert [serialize(records, value) for value in values] == [
+        original(records, value) for value in values
+    ]
+    monkeypatch.delitem(sys.modules, "pandas")
+    assert serialize(records, {"a": (1,)}) == "{'a': (1,)}"
+    assert "pandas" not in sys.modules

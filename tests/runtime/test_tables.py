@@ -3,6 +3,7 @@
 from io import StringIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cellwright.refusal import Refusal
@@ -14,7 +15,13 @@ ROW = {
     "voltage_volt": 3.5,
     "voltage_std_volt": 0.001,
     "height_ampere_hour_per_volt": 4.0,
+    "height_std_ampere_hour_per_volt": 0.02,
     "area_ampere_hour": 0.5,
+    "area_std_ampere_hour": 0.01,
+    "width_volt": 0.05,
+    "width_std_volt": 0.001,
+    "position_height_covariance_ampere_hour": 1e-6,
+    "prominence": 0.5,
 }
 GOOD, BAD, AFTER = (f"results/ica/A/{name}.parquet" for name in ("good", "bad", "after"))
 
@@ -65,14 +72,26 @@ def test_two_steps_of_one_job_that_refuse_for_one_reason_are_two_rows(snakemake)
     ]
 
 
+def test_what_a_record_lacks_is_excluded_too(snakemake):
+    path = "results/ica/A/good.parquet"
+    said = ["3 of 50 discharges left out (cycles 4, 9, 20): cycle 4: it ends at 3.5 V"]
+    with artefact.Job(snakemake(path, wildcards={"cell": "A", "test": "good"})) as job:
+        job.save([ROW], left_out=said)
+    (row,) = tables.excluded([path], {}).to_dict("records")
+    assert (row["test"], row["reason"]) == ("good", said[0])
+
+
 COLUMNS = {
     "capacity": "cell direction c_rate cycle capacity_ampere_hour",
     "resistance": "cell direction delay_second soc c_rate cycle ambient_temperature_celsius "
     "resistance_ohm",
     "validation": "cell chosen samples rmse_volt",
     "soc": "cell filter scenario rmse_soc",
-    "missing_effect": "cell verdict effect",
+    "missing_effect": "cell verdict effect in_one_line",
     "excluded": "cell",
+    "health": "cell cycle method soh",
+    "protocols": "type first second",
+    "fade": "cell knee_cycle remaining_cycles remaining_lower_cycles remaining_upper_cycles",
 }
 
 
@@ -104,6 +123,26 @@ def test_summary_pools_the_error_over_samples():
     assert row["exclusions"] == 1
 
 
+def test_the_summary_has_the_latest_state_of_health():
+    """A check-up goes before the ageing cycles of the same cycle; what is fresh is no ageing."""
+    row = summary_of_a(
+        capacity=["A,discharge,0.5,,4"],
+        health=[
+            "A,0,check-up,1",
+            "A,300,ageing cycles,0.8",
+            "A,300,check-up,0.9",
+            "B,900,check-up,0.5",
+        ],
+        fade=["A,250,120,30,"],
+    )
+    assert (row["soh"], row["soh_cycle"]) == (0.9, 300)
+    assert (row["knee_cycle"], row["remaining_lower_cycles"]) == (250, 30)
+    assert np.isnan(row["remaining_upper_cycles"])
+    fresh = summary_of_a(capacity=["A,discharge,0.5,,4"], health=["A,0,check-up,1"])
+    assert fresh["soh"] == pytest.approx(0.8)
+    assert fresh["knee_cycle"] is None
+
+
 def test_the_capacity_of_a_cell_is_that_of_its_slowest_discharge_of_the_first_cycle():
     rows = ["A,charge,0.1,,9", "A,discharge,0.5,40,3.5", "A,discharge,0.51,,4", "A,discharge,1,,3"]
     assert summary_of_a(capacity=rows)["capacity_ampere_hour"] == 4
@@ -124,7 +163,8 @@ def test_the_resistance_of_a_cell_is_that_near_half_charge_at_room_temperature()
 
 
 def test_the_summary_says_what_is_missing():
-    found = frames(missing_effect=["A,named,leakage", "A,named,time_skew", "B,none,"])
+    said = ["A,named,leakage,shows two", "A,named,time_skew,shows two", "B,none,,shows nothing"]
+    found = frames(missing_effect=said)
     facts = [{"cell": cell, "rated_capacity_ampere_hour": None} for cell in "ABC"]
     summary = tables.summary(facts, found, {}).to_dict("records")
     assert [(row["verdict"], row["missing_effect"]) for row in summary] == [
@@ -132,6 +172,7 @@ def test_the_summary_says_what_is_missing():
         ("none", ""),
         (None, ""),
     ]
+    assert [row["in_one_line"] for row in summary] == ["shows two", "shows nothing", None]
     assert summary[2]["validation_rmse_volt"] is None
     assert summary[2]["r0_50_25_ohm"] is None
 
@@ -143,6 +184,17 @@ def test_names_that_look_like_numbers_or_like_nothing_stay_names():
     assert frame["soc"].isna().tolist() == [True, False]
 
 
+WITNESSES = [
+    {"cell": "B", "effect": effect, "named": named, "says": says, "name": name, "shown": False}
+    for effect, named, says, name in (
+        ("leakage", True, "silent", "current at rest"),
+        ("ocv_edge", True, "agrees", "slow test"),
+        ("ocv_edge", True, "contradicts", "relaxations"),
+        ("resistance_soc", False, "contradicts", "pulses"),
+    )
+]
+
+
 def test_a_verdict_has_a_row_for_each_effect_and_one_where_there_is_none(snakemake):
     effect = {
         "effect": "leakage",
@@ -150,8 +202,10 @@ def test_a_verdict_has_a_row_for_each_effect_and_one_where_there_is_none(snakema
         "rmse_volt": {"before": 0.004, "after": 0.001},
         "validation_rmse_volt": {"before": 0.005, "after": 0.002},
         "gap_closed": 0.9,
+        "parameters": {},
+        "same_without_validation": True,
     }
-    facts = {"floor_volt": 0.001, "next_test": None}
+    facts = {"located_at": None, "partial": []} | {"floor_volt": 0.001, "next_test": None}
     facts |= {"rmse_volt": {"before": 0.0011, "after": 0.0011}}
     facts |= {"validation_rmse_volt": {"before": 0.0012, "after": 0.0012}}
     none = facts | {"cell": "A", "verdict": "none", "effects": [], "gap_closed": None}
@@ -159,7 +213,7 @@ def test_a_verdict_has_a_row_for_each_effect_and_one_where_there_is_none(snakema
     named |= {"effects": [effect, effect | {"effect": "ocv_edge", "alternatives": []}]}
     path = "results/tables/missing_effect.csv"
     with artefact.Job(snakemake(path)) as job:
-        job.save(tables.verdicts([none, named]))
+        job.save(tables.verdicts([none, named], WITNESSES))
     first, second, third = artefact.load_table(path)
     assert (first["verdict"], first["effect"], first["gap_closed"]) == ("none", "", "")
     assert (first["rmse_before_volt"], first["validation_after_volt"]) == ("0.0011", "0.0012")
@@ -169,6 +223,47 @@ def test_a_verdict_has_a_row_for_each_effect_and_one_where_there_is_none(snakema
     wanted = ["0.004", "0.001", "0.005", "0.002", "0.9", "0.001"]
     assert [second[name] for name in errors] == wanted
     assert (third["effect"], third["next_test"]) == ("ocv_edge", "A rest.")
+    names = ("witnesses_agree", "witnesses_contradict", "witnesses_silent")
+    counts = [[row[name] for name in names] for row in (first, second, third)]
+    # What pulses show and the verdict does not name is counted once, in the first row.
+    assert counts == [["0", "0", "0"], ["0", "1", "1"], ["1", "1", "0"]]
+    assert [row["sure"] for row in (first, second, third)] == ["", "False", "False"]
+    assert second["doubts"] == "another explains it as well"
+    assert third["doubts"] == "contradicted by relaxations"
+    assert {row["in_one_line"] for row in (second, third)} == {
+        "shows self-discharge or an offset of the current reading or charge lost in charging and "
+        "an OCV that differs near empty or full"
+    }
+
+
+def test_a_name_that_nothing_speaks_against_is_sure():
+    effect = {"effect": "leakage", "alternatives": [], "parameters": {}, "gap_closed": 0.9}
+    effect |= {"validation_rmse_volt": {"before": 0.005, "after": 0.002}, "rmse_volt": {}}
+    verdict = {
+        "cell": "A",
+        "verdict": "named",
+        "effects": [effect | {"same_without_validation": 1}],
+    }
+    verdict |= {"located_at": None, "floor_volt": 0.001, "next_test": None, "partial": []}
+    own = verdict | {"verdict": "none", "effects": []}
+    own |= {"validation_rmse_volt": {"before": 0.003, "after": 0.003}}
+    (row,) = tables.verdicts([verdict], own={"A": own})
+    assert (row["sure"], row["doubts"]) == (True, "")
+    assert row["in_one_line"] == "shows self-discharge; its model lacks nothing above 3 mV"
+
+
+def test_the_fleet_has_a_row_for_each_cell_and_effect_or_one_for_a_type_without():
+    effect = {"effect": "leakage", "alternatives": [], "parameters": {}, "gap_closed": 0.9}
+    effect |= {"validation_rmse_volt": {"before": 0.005, "after": 0.003}, "rmse_volt": {}}
+    none = {"verdict": "none", "effects": [], "not_testable": []}
+    named = none | {"verdict": "named", "effects": [effect | {"same_without_validation": True}]}
+    found = [named | {"cell": "A"}, *(none | {"cell": cell} for cell in "BCD")]
+    types = {"A": "NMC, 5 Ah", "B": "NMC, 5 Ah", "C": "LFP, 2 Ah", "D": "LFP, 2 Ah"}
+    first, second, silent = tables.fleet_rows(found, types)
+    assert (first["cell"], first["shown"], first["size_volt"]) == ("A", "sure", 0.004)
+    assert (second["cell"], second["shown"]) == ("B", "no")
+    assert (silent["type"], silent["cell"]) == ("LFP, 2 Ah", None)
+    assert silent["sentence"] == "none of 2 cells shows an effect"
 
 
 def test_manifest_finds_what_was_edited_by_hand(tmp_path, monkeypatch):

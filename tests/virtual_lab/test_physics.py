@@ -134,7 +134,7 @@ def test_lfp_rests_on_the_branch_it_came_by():
     after_discharge, after_charge = (float(found[k].voltage(4 * HOUR)) for k in (1, 5))
     # Dreyer's 20 mV, less what a tenth of the capacity leaves of a turn: exp(−decay·Δy/2).
     window = electrodes.window("LFP", cell.rating)
-    left = np.exp(-porous.LFP_DECAY * tenth / window.positive_ampere_hour / 2)
+    left = np.exp(-physics.LFP_DECAY * tenth / window.positive_ampere_hour / 2)
     assert after_charge - after_discharge == pytest.approx(0.020 * (1 - left), abs=0.0005)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from virtual_lab.score import curves, files, missing, tables
+from virtual_lab.score import curves, files, missing, modes, tables
 
 
 @pytest.fixture
@@ -130,6 +130,23 @@ def test_every_method_of_health_is_scored_and_a_knee_once_a_cell(place):
     assert errors["soh, ocv"] == pytest.approx([0.0, 0.01])
     assert errors["knee_cycle, ocv"] == [10]
     assert errors["knee_cycle, rate"] == [50]
+
+
+def test_degradation_modes_are_scored_with_their_intervals_but_not_the_fresh_state(place):
+    def row(cycle, **losses):
+        fresh = {"cell": "a", "test": f"ica_{cycle}", "cycle": cycle, "fresh_state": "a/ica_0"}
+        values = dict.fromkeys(modes.MODES, 0.0) | losses
+        return fresh | values | {f"{mode}_std": 0.01 for mode in modes.MODES}
+
+    truth = dict.fromkeys(modes.MODES, 0.0) | {"cell": "a"}
+    put(place.truth / "health.csv", [truth | {"cycle": c, "lli": c / 5000} for c in (0, 500)])
+    found = [row(0), row(501, lli=0.11, lam_negative=0.05, lam_positive=np.nan)]
+    put(place.results / "degradation_modes" / "a.parquet", found)
+    rows = modes.compare(place)
+    lithium = one(rows, "lli, half cells aligned")
+    assert (lithium["error"], lithium["inside_95"]) == (pytest.approx(0.01), True)
+    assert one(rows, "lam_negative, half cells aligned")["inside_95"] is False
+    assert one(rows, "lam_positive, half cells aligned")["status"] == "missing"
 
 
 def test_laws_are_scored_coefficient_by_coefficient(place):

@@ -1,12 +1,14 @@
 """`snakemake --lint` has nothing to say but what is named here, each with its reason."""
 
 import re
-import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import starts
 
 ROOT = Path(__file__).resolve().parents[2]
 # Finding → (where it may stand, why it stays).
@@ -18,7 +20,7 @@ EXCEPTIONS = {
         "image is published that a rule could name.",
     ),
     "Mixed rules and functions in same snakefile.": (
-        r"snakefile .+/rules/(benchmark|compensation|drawing|ingest|laws|loss"
+        r"snakefile .+/rules/(benchmark|compensation|drawing|health|ingest|laws|loss"
         r"|missing_effect|models|protocols)\.smk",
         "Which tests a stage takes stands as a function above the rules of that stage; what "
         "several stages use is in common.smk. Apart, both files would have to be read together.",
@@ -28,17 +30,14 @@ EXCEPTIONS = {
 
 def findings(snakefile, *arguments):
     """(where, title) of each finding of Snakemake's own linter."""
-    program = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / snakefile), "--lint"]
-    done = subprocess.run(
-        [*program, *arguments], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    said = starts.forked("--snakefile", str(ROOT / snakefile), "--lint", *arguments).said
     found, where = [], ""
-    for line in done.stderr.splitlines():
+    for line in said.splitlines():
         if line.startswith("Lints for "):
             where = line.removeprefix("Lints for ").rstrip(":")
         elif line.startswith("    * "):
             found.append((where, line.removeprefix("    * ").rstrip(":")))
-    assert found or "Congratulations" in done.stderr, done.stderr
+    assert found or "Congratulations" in said, said
     return found
 
 

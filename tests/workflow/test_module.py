@@ -1,22 +1,19 @@
 """The workflow as a module of another one: its rules renamed, its sheets and config that one's."""
 
-import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+import starts
 import tiny
 
 from runtime import artefact
 
 ROOT = Path(__file__).resolve().parents[2]
-# Set by `./run`; an environment of the user's own knows neither.
-SET_BY_RUN = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
 CAPACITY, TABLE = "results/capacity/B/capacity.parquet", "results/tables/capacity.csv"
 # As docs/use-as-module.md shows it, with a rule of its own before and after.
 USING = """
@@ -55,19 +52,14 @@ def largest(path, column):
 """
 
 
-def snakemake(folder, *arguments):
-    program = [sys.executable, "-m", "snakemake", "--cores", "1"]
-    # As in an environment that has the packages, without the launcher `run`.
-    plain = {name: value for name, value in os.environ.items() if name not in SET_BY_RUN}
-    done = subprocess.run(
-        [*program, *arguments], cwd=folder, env=plain, capture_output=True, text=True, check=False
-    )
-    return done.returncode, done.stdout + done.stderr
+def snakemake(folder, *arguments, start=starts.forked):
+    """Run Snakemake as in an environment that has the packages, without the launcher `run`."""
+    return start("--cores", "1", *arguments, folder=folder, environment=starts.plain())
 
 
 def write(folder, using=USING):
-    """The tiny campaign, and a workflow beside its sheets that uses ours."""
-    tiny.write(folder)
+    """The tiny campaign's capacity tests, and a workflow beside its sheets that uses ours."""
+    _capacities(folder)
     (folder / "scripts").mkdir()
     (folder / "scripts/largest.py").write_text(SCRIPT)
     (folder / "scripts/tables.py").write_text(TABLES)
@@ -78,11 +70,19 @@ def write(folder, using=USING):
     return folder
 
 
+def _capacities(folder):
+    """Write the tiny campaign with no other tests than these, a job of each kind is enough here."""
+    sheet = tiny.write(folder) / "config/tests.tsv"
+    head, *rows = sheet.read_text().splitlines(keepends=True)
+    sheet.write_text(head + "".join(row for row in rows if "\tcapacity\tcapacity\t" in row))
+    return folder
+
+
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory):
     """A workflow that uses ours, run to its own default target."""
     folder = write(tmp_path_factory.mktemp("module") / "fleet")
-    return folder, *snakemake(folder)
+    return folder, *snakemake(folder, start=starts.anew)
 
 
 def test_its_default_target_is_made_by_our_jobs(fleet):
@@ -101,7 +101,7 @@ def test_its_config_is_the_module_s_and_its_sheets_are_its_folder_s(fleet):
 
 
 def test_an_artefact_is_the_same_as_without_the_other_workflow(fleet, tmp_path):
-    folder = tiny.write(tmp_path / "alone")
+    folder = _capacities(tmp_path / "alone")
     (folder / "config/config.yaml").write_text("clean:\n  gap_second: 60\n")
     house = ["--snakefile", str(ROOT / "Snakefile")]
     status, said = snakemake(folder, *house, CAPACITY)

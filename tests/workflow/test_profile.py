@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))
+import starts
+
 ROOT = Path(__file__).resolve().parents[2]
 WORKFLOW = """
 import sys
@@ -37,16 +40,14 @@ def toy(tmp_path):
     return repository, folder
 
 
-def command(folder, *config, nap=0):
-    program = [sys.executable, "-m", "snakemake", "--cores", "1", "--directory", str(folder)]
-    return [*program, "--profile", "none", "--config", f"nap={nap}", *config]
+def arguments(folder, *config, nap=0):
+    given = ["--cores", "1", "--directory", str(folder), "--profile", "none"]
+    return [*given, "--config", f"nap={nap}", *config]
 
 
 def run(toy, *config):
     repository, folder = toy
-    call = command(folder, *config)
-    result = subprocess.run(call, cwd=repository, capture_output=True, text=True, check=False)
-    return result.stdout + result.stderr
+    return starts.forked(*arguments(folder, *config), folder=repository).said
 
 
 def test_only_what_changed_is_made_again(toy):
@@ -62,7 +63,7 @@ def test_only_what_changed_is_made_again(toy):
 def test_a_killed_run_does_not_lock_the_folder(toy):
     repository, folder = toy
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    call = command(folder, nap=60)
+    call = [sys.executable, "-m", "snakemake", *arguments(folder, nap=60)]
     first = subprocess.Popen(call, cwd=repository, start_new_session=True, **quiet)
     locks = folder / ".snakemake" / "locks"
     end = time.monotonic() + 30

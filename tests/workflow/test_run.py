@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -30,6 +31,32 @@ def wheel(folder, name, version="1.0"):
     return f"{name}=={version} \\\n    --hash=sha256:{digest}\n"
 
 
+@pytest.fixture(scope="session")
+def fresh(tmp_path_factory):
+    """An environment with pip alone, as `python -m venv` makes it in some seconds."""
+    folder = tmp_path_factory.mktemp("fresh") / "venv"
+    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+    return folder
+
+
+@pytest.fixture
+def quick(fresh, tmp_path):
+    """A PATH whose python3 copies such an environment instead of making one, and is Python else."""
+    real = Path(getattr(sys, "_base_executable", None) or sys.executable).resolve()
+    program = f"""#!/bin/sh
+case "$*" in
+*ensurepip*) echo 3.11; echo "$0" ;;
+"-m venv"*) cp -R "{fresh}" "$3" ;;
+*) exec {real} "$@" ;;
+esac
+"""
+    folder = tmp_path / "quick"
+    folder.mkdir()
+    (folder / "python3").write_text(program)
+    (folder / "python3").chmod(0o755)
+    return f"{folder}:{os.environ['PATH']}"
+
+
 @pytest.fixture
 def clone(tmp_path):
     """A folder like a fresh clone, with a lock of two small packages."""
@@ -54,9 +81,14 @@ def command(clone, *arguments, path=None, **variables):
     return {"args": [str(clone / "run"), *arguments], "env": environment}
 
 
-def run(clone, *arguments, **variables):
-    call = command(clone, *arguments, **variables)
+def run(clone, *arguments, path=None, **variables):
+    call = command(clone, *arguments, path=path, **variables)
     return subprocess.run(**call, capture_output=True, text=True, timeout=120, check=False)
+
+
+def _cpu_second_of_children():
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def bin_with(folder, **programs):
@@ -84,44 +116,46 @@ def test_installs_once_recovers_from_a_kill_and_waits_for_another(clone):
     output = [process.communicate(timeout=120) for process in both]
     assert [out for out, _ in output] == ["ran\n"] * 2, output
     assert sorted("installing 2 packages" in err for _, err in output) == [False, True]
-    start = time.perf_counter()
+    start = _cpu_second_of_children()
     again = run(clone, "python", "-c", "import tiny, sys; print(sys.prefix)", HOME="")
-    assert time.perf_counter() - start < 1.0
+    assert _cpu_second_of_children() - start < 1.0
     assert Path(again.stdout.strip()).parent == clone
     assert again.stderr == ""
     assert run(clone, "sh", "-c", "exit 7", HOME="").returncode == 7
 
 
-def test_a_home_keeps_the_environment(clone, tmp_path):
+def test_a_home_keeps_the_environment(clone, tmp_path, quick):
     home = tmp_path / "home"
     home.mkdir()
-    assert run(clone, "true", HOME=str(home)).returncode == 0
+    assert run(clone, "true", path=quick, HOME=str(home)).returncode == 0
     assert len(list(home.glob(".cache/cellwright/*/complete"))) == 1
     assert not list(clone.glob(".venv*"))
 
 
-def test_a_package_that_differs_is_refused(clone):
+def test_a_package_that_differs_is_refused(clone, quick):
     lock = clone / "environment.lock"
     head, _, digest = lock.read_text().rpartition("sha256:")
     lock.write_text(f"{head}sha256:{'0' * len(digest.strip())}\n")
-    result = run(clone, "true")
+    result = run(clone, "true", path=quick)
     assert result.returncode == 1
     assert "differs from the one in environment.lock" in result.stderr
     assert not list(clone.glob(".venv-*/complete"))
 
 
-def test_no_index_that_answers_is_named(clone):
+def test_no_index_that_answers_is_named(clone, quick):
     nobody = {"PIP_NO_INDEX": "0", "PIP_FIND_LINKS": "", "PIP_RETRIES": "0"}
-    result = run(clone, "true", PIP_INDEX_URL="http://127.0.0.1:9/simple", **nobody)
+    nobody["PIP_INDEX_URL"] = "http://127.0.0.1:9/simple"
+    result = run(clone, "true", path=quick, **nobody)
     assert result.returncode == 1
     assert "no package index answers" in result.stderr
 
 
-def test_a_package_that_the_index_has_not_is_named(clone):
+def test_a_package_that_the_index_has_not_is_named(clone, quick):
     wheels = clone.parent / "wheels"
     (wheels / "tiny-1.0-py3-none-any.whl").unlink()
     wheel(wheels, "tiny", "2.0")
-    assert "the package index has no such package for Python 3" in run(clone, "true").stderr
+    said = run(clone, "true", path=quick).stderr
+    assert "the package index has no such package for Python 3" in said
 
 
 @pytest.mark.parametrize(
@@ -187,21 +221,22 @@ def test_nothing_to_run_is_told(clone):
     assert "./run snakemake --cores 2" in result.stderr
 
 
-def test_the_laboratory_has_an_environment_of_its_own(clone):
+def test_the_laboratory_has_an_environment_of_its_own(clone, quick):
     lock = wheel(clone.parent / "wheels", "setuptools") + wheel(clone.parent / "wheels", "lab")
     (clone / "environment-lab.lock").write_text(lock)
-    ran = run(clone, "--lab", "python", "-c", "import lab; print('ran')", HOME="")
+    ran = run(clone, "--lab", "python", "-c", "import lab; print('ran')", path=quick, HOME="")
     assert ran.stdout == "ran\n", ran.stderr
-    assert run(clone, "python", "-c", "import lab", HOME="").returncode == 1
+    assert run(clone, "python", "-c", "import lab", path=quick, HOME="").returncode == 1
 
 
-def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_named(clone):
+def test_scripts_of_a_workflow_start_with_their_packages_unless_a_profile_is_named(clone, quick):
     """By a profile in the environment, which a command line's or the user's own replaces."""
     said = ["sh", "-c", 'echo "$PYTHONPATH $SNAKEMAKE_PROFILE"']
     ours = f"{clone}/workflow/profiles/warm"
     paths = f"{clone}/scripts:{clone}/plugins/snakemake-executor-plugin-warm"
-    assert run(clone, *said, HOME="").stdout == f"{paths} {ours}\n"
-    assert run(clone, *said, HOME="", SNAKEMAKE_PROFILE="own").stdout == f"{paths} own\n"
+    assert run(clone, *said, path=quick, HOME="").stdout == f"{paths} {ours}\n"
+    own = run(clone, *said, path=quick, HOME="", SNAKEMAKE_PROFILE="own")
+    assert own.stdout == f"{paths} own\n"
     (clone / "environment-lab.lock").write_text((clone / "environment.lock").read_text())
-    lab = run(clone, "--lab", *said, HOME="", SNAKEMAKE_PROFILE=ours)
+    lab = run(clone, "--lab", *said, path=quick, HOME="", SNAKEMAKE_PROFILE=ours)
     assert lab.stdout == f"{paths} \n"  # the laboratory's scripts need other packages

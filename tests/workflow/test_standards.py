@@ -3,10 +3,8 @@
 import ast
 import contextlib
 import json
-import os
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
 from fnmatch import fnmatch
@@ -19,13 +17,12 @@ from setuptools import Distribution
 from setuptools.config.pyprojecttoml import apply_configuration
 
 sys.path.insert(0, str(Path(__file__).parent))
+import starts
 import tiny
 
 from runtime import artefact, settings
 
 ROOT = Path(__file__).resolve().parents[2]
-# Set by `./run`; an environment of the user's own knows neither.
-SET_BY_RUN = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
 SCHEMAS = ROOT / "workflow" / "schemas"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 RECIPE = (ROOT / "container" / "Dockerfile").read_text(encoding="utf-8")
@@ -95,21 +92,15 @@ def test_the_files_of_the_image_are_enough_to_run_its_command(tmp_path):
     entry = json.loads(re.search(r"^ENTRYPOINT (.*?\])$", RECIPE.replace("\\\n", ""), re.M)[1])
     command = [word.replace("/cellwright", str(image)) for word in entry[1:]]
     campaign = tiny.write(tmp_path / "campaign")
-    plain = {name: value for name, value in os.environ.items() if name not in SET_BY_RUN}
-    for arguments in (["--dry-run"], ["results/capacity/B/capacity.parquet"]):
-        done = subprocess.run(
-            [sys.executable, "-m", entry[0], *command, "--cores", "1", *arguments],
-            cwd=campaign,
-            env=plain,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-    assert artefact.read_about(campaign / arguments[0])["reason"] is None
+    assert entry[0] == "snakemake"
+    artefact_of_b = "results/capacity/B/capacity.parquet"
+    for start, wanted in ((starts.forked, "--dry-run"), (starts.anew, artefact_of_b)):
+        done = start(*command, "--cores", "1", wanted, folder=campaign, environment=starts.plain())
+        assert done.status == 0, done.said
+    assert artefact.read_about(campaign / artefact_of_b)["reason"] is None
 
 
-@pytest.mark.parametrize("name", ["cells", "tests", "groups", "config"])
+@pytest.mark.parametrize("name", ["cells", "tests", "groups", "checkups", "config"])
 def test_a_schema_names_its_dialect_and_is_valid_in_it(name):
     schema = settings.load(SCHEMAS, name)
     assert schema["$schema"] == Draft202012Validator.META_SCHEMA["$id"]
@@ -161,7 +152,8 @@ def test_the_package_asks_for_what_it_imports(packaged):
         n.module.split(".")[0] for n in nodes if isinstance(n, ast.ImportFrom) and n.module
     }
     foreign = imported - set(sys.stdlib_module_names) - {"cellwright"}
-    assert {"numpy", "scipy"} <= foreign <= {re.match(r"\w+", one)[0] for one in asked}
+    known = {re.match(r"[\w-]+", one)[0].replace("-", "_") for one in asked}
+    assert {"numpy", "scipy"} <= foreign <= known
 
 
 def test_only_scripts_of_rules_may_use_a_name_that_nobody_defines():

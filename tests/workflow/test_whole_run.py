@@ -5,7 +5,6 @@ import html
 import json
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
+import starts
 import tiny
 from report_text import PACKED, unpacked
 
@@ -30,18 +30,16 @@ class Run(NamedTuple):
     said: str
 
 
-def snakemake(folder, *arguments, house=ROOT):
-    program = [sys.executable, "-m", "snakemake", "--cores", "2", "--directory", str(folder)]
-    result = subprocess.run(
-        [*program, *arguments], cwd=house, capture_output=True, text=True, check=False
-    )
-    return Run(folder, result.returncode, result.stdout + result.stderr)
+def snakemake(folder, *arguments, house=ROOT, start=starts.forked):
+    done = start("--cores", "2", "--directory", str(folder), *arguments, folder=house)
+    return Run(folder, *done)
 
 
 @pytest.fixture(scope="module")
 def first(tmp_path_factory):
     """The one whole run that all tests here look at; what is to be changed is copied first."""
-    return snakemake(tiny.write(tmp_path_factory.mktemp("run") / "tiny"))
+    folder = tiny.write(tmp_path_factory.mktemp("run") / "tiny")
+    return snakemake(folder, start=starts.anew)
 
 
 @pytest.fixture
@@ -194,8 +192,8 @@ def test_results_hold_the_laws_of_tests_artefacts(first):
 
 
 def test_a_second_run_finds_nothing_to_do(copy):
+    """New file times of the same bytes are no change."""
     before = report_of(copy)
-    assert "Nothing to be done" in snakemake(copy).said
     for path in [*copy.glob("raw/*"), *copy.glob("config/*")]:
         path.touch()
     assert "Nothing to be done" in snakemake(copy).said
@@ -206,10 +204,11 @@ def test_a_changed_file_runs_only_what_comes_from_it(copy):
     tiny.restate(copy, tiny.save(copy, "B", "drive", seed=2))
     planned = snakemake(copy, "--dry-run").said
     on_the_way = ["series", "prediction"]
-    on_the_way += ["effect_search", "missing_effect", "missing_effect_group"]
+    on_the_way += ["effect_search", "witnesses", "missing_effect", "missing_effect_group"]
+    on_the_way += ["effect_search_own", "fleet"]
     together = ["figure_overview", "tables_of_models", "summary", "report", "manifest"]
     # What the search says may change, and the model has it in it: Snakemake cannot know before.
-    maybe = ["model", "export", "pack"]
+    maybe = ["member", "model", "export", "pack"]
     once = dict.fromkeys([*on_the_way, *maybe, *together, "campaign"], 1)
     # Figures: of the cell and of its group.
     assert jobs(planned) == once | {"figures": 2}
@@ -285,20 +284,23 @@ def test_a_model_that_cannot_be_made_is_told_as_left_out(copy):
 
 def test_a_group_kept_for_validation_is_never_fitted(copy):
     """Its cells have no tests of their own: they stay without a model, and the run goes on."""
+    roles = {"fitted": "fit", "kept": "validation"}
     cells, tests = copy / "config/cells.tsv", copy / "config/tests.tsv"
-    cells.write_text(cells.read_text() + "".join(f"{c}\t\t\t3.0\t4.2\t\n" for c in "CD"))
-    with open(copy / "config/groups.tsv", "a", encoding="utf-8") as groups:
-        groups.write("kept\t1\tC\nkept\t2\tD\n")
     row = next(row for row in tests.read_text().splitlines() if row.startswith("pair\t"))
-    fields = row.split("\t")
-    fields[0] = "kept"
-    for role, fitted in (("fit", True), ("validation", False)):
-        fields[6] = role
-        base = [line for line in tests.read_text().splitlines() if not line.startswith("kept\t")]
-        tests.write_text("\n".join([*base, "\t".join(fields)]) + "\n")
-        run = snakemake(copy, "--dry-run")
-        assert run.status == 0, run.said
-        assert ("branches" in run.said) is fitted
+    for group, role in roles.items():
+        members = [f"{group}{position}" for position in (1, 2)]
+        cells.write_text(cells.read_text() + "".join(f"{m}\t\t\t3.0\t4.2\t\n" for m in members))
+        with open(copy / "config/groups.tsv", "a", encoding="utf-8") as groups:
+            groups.writelines(f"{group}\t{k}\t{m}\n" for k, m in enumerate(members, start=1))
+        # A file of its own, for what is fitted may not be kept for validation.
+        raw = copy / f"raw/{group}.csv"
+        raw.write_text((copy / "raw/pair.csv").read_text() + "\n" * (role == "validation"))
+        fields = [group, *row.split("\t")[1:3], f"raw/{raw.name}", "25", "", role, tiny.digest(raw)]
+        tests.write_text(tests.read_text() + "\t".join(fields) + "\n")
+    run = snakemake(copy, "--dry-run")
+    assert run.status == 0, run.said
+    assert jobs(run.said)["branches"] == 1
+    assert "Models of the cells of group fitted from" in run.said
 
 
 def test_verify_finds_what_was_edited_by_hand(copy):

@@ -1,7 +1,9 @@
 # What all rules share: the campaign's sheets, which artefact exists for whom, the code's hash.
 
+import re
 import sys
 import time
+from functools import cache
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -23,10 +25,13 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
-from runtime import contract, job_environment, settings, sheets, snakemake_state
+from runtime import contract, job_environment, job_requests, object_storage
+from runtime import settings, sheets, snakemake_state
 from runtime.provenance import codes_of
 
 job_environment.prepare(SCRIPTS)
+snakemake_state.compare_parameters_without_pandas()
+object_storage.keep_wildcard_constraints(workflow.storage_registry.default_storage_provider)
 STARTED = time.time()
 if workflow.is_main_process:
     snakemake_state.clear_stale_locks(Path.cwd())
@@ -93,6 +98,11 @@ def everywhere(stage, *kinds, **roles):
     return [path for name in TESTS_OF for path in artefacts(stage, name, *kinds, **roles)]
 
 
+def cells_where(condition):
+    """Cells of which this is so, as keys in the order of the sheet: asked for of cell after cell."""
+    return {cell: None for cell in CELLS if condition(cell)}
+
+
 def chamber_temperatures(cell, *kinds):
     """Stated temperatures of a cell's tests of these kinds that may be fitted [°C]."""
     rows = tests(cell, *kinds, roles=["fit"])
@@ -100,8 +110,31 @@ def chamber_temperatures(cell, *kinds):
 
 
 def either(names):
-    """Wildcard constraint: one of these names, or nothing at all."""
-    return "|".join(sorted(names)) or "(?!)"
+    """Wildcard constraint: one of these names, or nothing at all.
+
+    Names share their common beginnings in the pattern, and letters with the same endings one class,
+    since Snakemake tries a constraint on almost every file: with all names in a row the time of one
+    trial would grow with the number of cells.
+    """
+    return one_of(frozenset(names)) if names else "(?!)"
+
+
+@cache
+def one_of(names):
+    """Pattern of these names; an empty name makes the others optional."""
+    endings, letters = {}, {}
+    for name in filter(None, names):
+        endings.setdefault(name[0], set()).add(name[1:])
+    for letter, rest in sorted(endings.items()):
+        letters.setdefault(one_of(frozenset(rest)), []).append(re.escape(letter))
+    parts = [
+        f"{of[0]}{rest}" if len(of) == 1 else f"[{''.join(of)}]{rest}"
+        for rest, of in letters.items()
+    ]
+    grouped = parts[0] if len(parts) == 1 and "" not in names else f"(?:{'|'.join(parts)})"
+    if not parts:
+        return ""
+    return f"{grouped}?" if "" in names else grouped
 
 
 def only_these(rows):
@@ -135,6 +168,24 @@ def own_parameters(rule, codes):
     return {"code": codes[script], "contract": held_against, **renamed}
 
 
+JOB_COSTS = job_requests.read(PIPELINE / "workflow" / "job_costs.csv")
+
+
+def ask_for_resources(own_rule):
+    """Lay on a rule the memory and time that its jobs ask a cluster for, and their group.
+
+    What the user sets by --set-resources stays. Executors on this machine know no groups.
+    """
+    cost = JOB_COSTS.get(script_of(own_rule).rpartition("/")[2])
+    if cost is None:
+        return
+    set_by_user = workflow.resource_settings.overwrite_resources.get(own_rule.name, {})
+    for name, amount in job_requests.requests(cost).items():
+        if name not in set_by_user:
+            own_rule.resources[name] = amount
+    own_rule.group = job_requests.group_of(cost, own_rule.wildcard_names)
+
+
 SECTIONS = settings.load(SCHEMAS, "config")["properties"]
 
 
@@ -145,6 +196,8 @@ def of_analysis(section):
 
 
 CAPACITY_KINDS = ("capacity", "ocv")
+# Tests that tell what SoC refers to: charges for dQ/dV too, where they are slow.
+SIZE_KINDS = (*CAPACITY_KINDS, "ica")
 PULSE_KINDS = ("hppc", "pulse_resistance")
 RELAXATION_KINDS = config["relaxation"]["kinds"]
 # Hashes of the code of all rules, kept from one start to the next.
@@ -157,9 +210,15 @@ TEST_FACTS = {
 }
 
 
+def facts_of_tests_of(names):
+    """Of each test of these cells what tables say beside its results."""
+    keys = [f"{row['cell']}/{row['test']}" for name in names for row in TESTS_OF[name]]
+    return {key: TEST_FACTS[key] for key in keys}
+
+
 def facts_of_own_tests(wildcards):
-    """Of each of a cell's tests what tables say beside its results."""
-    return {k: v for k, v in TEST_FACTS.items() if k.startswith(f"{wildcards.cell}/")}
+    """The same of the tests of a job's cell."""
+    return facts_of_tests_of([wildcards.cell])
 
 
 # Snakemake's default limit of 100 jobs a second limits nothing here, and costs: each look for jobs

@@ -9,7 +9,9 @@ def known_celsius(cell):
 
 # Two temperatures are the least that a law can go through, and one is left out.
 LEAVES_OUT = config["models"]["leave_temperatures_out"]
-COMPENSATED = [cell for cell in IDENTIFIED if LEAVES_OUT and len(known_celsius(cell)) >= 3]
+COMPENSATED = cells_where(
+    lambda cell: LEAVES_OUT and cell in IDENTIFIED and len(known_celsius(cell)) >= 3
+)
 
 
 def left_out_of(cell):

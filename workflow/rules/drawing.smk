@@ -20,11 +20,6 @@ def figure(kind, *, test=None, settings=None, name=None, **inputs):
     return name, {"kind": kind, "test": test, "inputs": inputs, "settings": settings or {}}
 
 
-def of_cell(cell, **stages):
-    """The artefact of a cell in each of these stages."""
-    return {name: f"results/{stage}/{cell}.parquet" for name, stage in stages.items()}
-
-
 def of_test(owner, test, **stages):
     """The artefact of a test in each of these stages."""
     return {name: f"results/{stage}/{owner}/{test}.parquet" for name, stage in stages.items()}
@@ -94,6 +89,10 @@ def figures_of_laws(cell):
         stages = {name: f"ageing_temperature_{name}" for name in ("cycles", "periods")}
         stages["summary"] = "ageing_temperature"
         yield figure("ageing", test=row["test"], **of_test(cell, row["test"], **stages))
+    if cell in AGED:
+        yield figure("fade", **of_cell(cell, course="fade_course", life="life"))
+    if cell in CHECKED and tests(cell, *PULSE_KINDS, roles=["fit"]):
+        yield figure("resistance_growth", **of_cell(cell, growth="resistance_growth"))
     if cell in CHILLED:
         yield figure("arrhenius", **of_cell(cell, points="temperature_points", laws="temperature"))
     if cell in PULSED:
@@ -103,6 +102,20 @@ def figures_of_laws(cell):
         yield figure("relaxation", rests=artefacts("relaxation_curve", cell, *RELAXATION_KINDS))
         stages = {"points": "polarisation_points", "laws": "polarisation"}
         yield figure("polarisation", **of_cell(cell, **stages))
+
+
+def figures_of_health(cell):
+    """How a cell aged: dQ/dV over its life with its peaks, modes, capacity from peaks."""
+    if cell in FOLLOWED:
+        curves = artefacts("ica_curve", cell, "ica"), artefacts("ica_life_curve", cell, "ageing")
+        tracks = {"tracks": f"results/ica_tracks/{cell}.parquet"}
+        yield figure("ica_tracks", curves=curves[0], lives=curves[1], **tracks)
+    if cell in AGED_SLOWLY:
+        yield figure("degradation_modes", **of_cell(cell, modes="degradation_modes"))
+    if cell in FIRST_OF_TYPE:
+        calibration = f"results/peak_calibration/{FIRST_OF_TYPE[cell]}.parquet"
+        settings = {"cell": cell}
+        yield figure("health_from_peaks", settings=settings, calibration=calibration)
 
 
 def figures_of_models(cell):
@@ -151,13 +164,21 @@ DRAWN_FROM = {
             *figures_of_records(cell),
             *figures_of_tests(cell),
             *figures_of_laws(cell),
+            *figures_of_health(cell),
             *figures_of_models(cell),
         ]
     )
     for cell in CELLS
 } | {group: dict(figures_of_group(group)) for group in BRANCHES}
+# Cells seen at two cycles of their life.
+LIVED = cells_where(lambda cell: cell in AGED or len(check_ups(cell, *CAPACITY_KINDS)) > 1)
+HEALTH_FIGURES = [
+    *(["results/figures/lives.svg"] if LIVED else []),
+    # Of fewer cells of a type no line is drawn; tables and page say so.
+    *(["results/figures/fleet.svg"] if max(map(len, FLEETS.values()), default=0) >= 6 else []),
+]
 # Paths of all figures: of the campaign, of every cell, of every group.
-FIGURES = {"campaign": ["results/figures/overview.svg"]} | {
+FIGURES = {"campaign": ["results/figures/overview.svg", *HEALTH_FIGURES]} | {
     owner: [f"results/figures/{owner}/{name}.svg" for name in figures]
     for owner, figures in DRAWN_FROM.items()
 }
@@ -190,6 +211,37 @@ rule figures:
         "Figures of {wildcards.owner}."
     script:
         "../../scripts/drawing/figures.py"
+
+
+rule figure_lives:
+    input:
+        health="results/tables/health.csv",
+        fade="results/tables/fade.csv",
+        courses=[f"results/fade_course/{cell}.parquet" for cell in AGED],
+    output:
+        "results/figures/lives.svg",
+    log:
+        "logs/figures/lives.log",
+    params:
+        protocols={cell: CELLS[cell]["ageing_protocol"] for cell in LIVED},
+    message:
+        "Figure: state of health over the lives of all cells."
+    script:
+        "../../scripts/drawing/figure_lives.py"
+
+
+rule figure_fleet:
+    input:
+        cells="results/tables/fleet_health.csv",
+        lines="results/tables/fleet_health_lines.csv",
+    output:
+        "results/figures/fleet.svg",
+    log:
+        "logs/figures/fleet.log",
+    message:
+        "Figure: resistance against capacity over the cells of each type."
+    script:
+        "../../scripts/drawing/figure_fleet.py"
 
 
 rule figure_overview:

@@ -2,9 +2,12 @@
 
 
 def raw_files(wildcards):
-    """The files of a test that are there; what is missing the job itself will report."""
+    """The files of a test that are there; what is missing the job itself will report.
+
+    They stay where the laboratory wrote them, also where artefacts lie in object storage.
+    """
     row = TESTS[wildcards.cell, wildcards.test]
-    return [file for file in row["file"] if Path(file).is_file()]
+    return [local(file) for file in row["file"] if Path(file).is_file()]
 
 
 def reading(wildcards):
@@ -33,3 +36,38 @@ rule series:
         "Read {wildcards.cell} {wildcards.test}, flag and clean it, find its steps."
     script:
         "../../scripts/ingest/series.py"
+
+
+def series_of(stage, cell):
+    """Artefacts of one stage of all series of a cell, where it has several of them."""
+    paths = artefacts(stage, cell, *SERIES_KINDS)
+    return paths if len(paths) > 1 else []
+
+
+def course_of(wildcards):
+    """The order in time of the tests of a cell that ages: an aged cell's rest tells no state.
+
+    A fresh cell's does, and none of its tests then hangs on another.
+    """
+    rows = tests(wildcards.cell, *SERIES_KINDS) if wildcards.cell in CELLS else []
+    ages = [row for row in rows if row["cycle"] or row["kind"] == "ageing"]
+    several = ages and series_of("clean", wildcards.cell)
+    return [f"results/course/{wildcards.cell}.parquet"] if several else []
+
+
+rule course:
+    input:
+        series=lambda w: series_of("clean", w.cell),
+        steps=lambda w: series_of("segment", w.cell),
+    output:
+        "results/course/{cell}.parquet",
+    log:
+        "logs/course/{cell}.log",
+    wildcard_constraints:
+        cell=either(CELLS),
+    params:
+        cell=cell_facts,
+    message:
+        "Which test of {wildcards.cell} followed which, and how each left the cell."
+    script:
+        "../../scripts/ingest/course.py"

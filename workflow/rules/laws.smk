@@ -1,13 +1,13 @@
 # How quantities move with temperature, the open-circuit voltage among them.
 
 
-VARIED = [
-    c for c in CELLS if len(chamber_temperatures(c, *CAPACITY_KINDS, *PULSE_KINDS, "eis")) >= 3
-]
-PULSED = [cell for cell in VARIED if len(chamber_temperatures(cell, *PULSE_KINDS)) >= 3]
-CHILLED = [
-    c for c in VARIED if max(len(chamber_temperatures(c, k)) for k in [*PULSE_KINDS, "eis"]) >= 3
-]
+VARIED = cells_where(
+    lambda cell: len(chamber_temperatures(cell, *CAPACITY_KINDS, *PULSE_KINDS, "eis")) >= 3
+)
+PULSED = cells_where(lambda cell: len(chamber_temperatures(cell, *PULSE_KINDS)) >= 3)
+CHILLED = cells_where(
+    lambda cell: max(len(chamber_temperatures(cell, k)) for k in [*PULSE_KINDS, "eis"]) >= 3
+)
 
 # Cells of one type that were pulsed at few temperatures each, many together; by the first of them.
 KINDRED = {}
@@ -23,8 +23,7 @@ KINDRED = {
 
 def facts_of_tests_of_type(wildcards):
     """What the sheet says of each test of a cell, and of its kindred."""
-    names = {wildcards.cell, *KINDRED.get(wildcards.cell, [])}
-    return {k: v for k, v in TEST_FACTS.items() if k.partition("/")[0] in names}
+    return facts_of_tests_of(dict.fromkeys([wildcards.cell, *KINDRED.get(wildcards.cell, [])]))
 
 
 rule temperature:
@@ -106,11 +105,10 @@ rule temperature_of_type:
 
 
 # Cells with slow tests at three temperatures, or with rests in a chamber that steps.
-STEPPED = [
-    cell
-    for cell in CELLS
-    if tests(cell, "ocv_temperature", roles=["fit"]) or len(chamber_temperatures(cell, "ocv")) >= 3
-]
+STEPPED = cells_where(
+    lambda cell: tests(cell, "ocv_temperature", roles=["fit"])
+    or len(chamber_temperatures(cell, "ocv")) >= 3
+)
 
 
 rule ocv_step:
@@ -158,7 +156,7 @@ rule ocv_temperature:
 RESTED_KINDS = [
     kind for kind in ("relaxation", "hppc", "ocv_temperature") if kind in RELAXATION_KINDS
 ]
-RELAXED = [cell for cell in CELLS if RESTED_KINDS and tests(cell, *RESTED_KINDS, roles=["fit"])]
+RELAXED = cells_where(lambda cell: RESTED_KINDS and tests(cell, *RESTED_KINDS, roles=["fit"]))
 
 
 rule polarisation:

@@ -3,9 +3,9 @@
 SLOW_KINDS = (*CAPACITY_KINDS, "ica")
 
 
-COLD = [cell for cell in CELLS if len(chamber_temperatures(cell, *SLOW_KINDS)) >= 2]
-COLD_PEAKS = [cell for cell in CELLS if len(chamber_temperatures(cell, "ica")) >= 2]
-COLD_FAST = [cell for cell in CELLS if len(chamber_temperatures(cell, "fast_charge")) >= 3]
+COLD = cells_where(lambda cell: len(chamber_temperatures(cell, *SLOW_KINDS)) >= 2)
+COLD_PEAKS = cells_where(lambda cell: len(chamber_temperatures(cell, "ica")) >= 2)
+COLD_FAST = cells_where(lambda cell: len(chamber_temperatures(cell, "fast_charge")) >= 3)
 LOSS_LAWS = [
     *[f"results/capacity_loss_laws/{cell}.parquet" for cell in COLD],
     *[f"results/fast_charge_laws/{cell}.parquet" for cell in COLD_FAST],
@@ -106,6 +106,7 @@ rule ageing:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
+        course=course_of,
     output:
         cycles="results/ageing_cycles/{cell}/{test}.parquet",
         summary="results/ageing_temperature/{cell}/{test}.parquet",

@@ -1,7 +1,7 @@
 # Identification methods compared: the thesis' three, lmfit and this project's, on the same pulses.
 
 # Cells with pulses that may be fitted.
-COMPARED = [cell for cell in CELLS if tests(cell, *PULSE_KINDS, roles=["fit"])]
+COMPARED = cells_where(lambda cell: tests(cell, *PULSE_KINDS, roles=["fit"]))
 
 
 rule identification_methods:

@@ -11,8 +11,8 @@ def searchable(cell):
 
 
 # A cell with any such test has a verdict file; one that cannot be searched says there why.
-ASKED = [c for c in CELLS if config["missing_effect"]["enabled"] and tests(c, *EFFECT_KINDS)]
-SEARCHED = [cell for cell in ASKED if searchable(cell)]
+ASKED = cells_where(lambda cell: config["missing_effect"]["enabled"] and tests(cell, *EFFECT_KINDS))
+SEARCHED = cells_where(lambda cell: cell in ASKED and searchable(cell))
 # A group is asked where it has tests. A branch is held against its cell's model, else its type's.
 GROUPS_ASKED = [
     group for group in BRANCHES if config["missing_effect"]["enabled"] and tests(group, "group")
@@ -39,27 +39,39 @@ def group_searchable(group):
 
 
 GROUPS_SEARCHED = [group for group in GROUPS_ASKED if group_searchable(group)]
-VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in ASKED + GROUPS_ASKED]
+VERDICTS = [f"results/missing_effect/{name}/verdict.json" for name in [*ASKED, *GROUPS_ASKED]]
 GROUP_PARTS = ["ranking.parquet", "series.parquet", "model.json"]
 EFFECT_PARTS = [
     *[f"{name}.parquet" for name in ("ranking", "map", "evidence", "series")],
-    *["confounding.parquet", "menu.parquet", "model.json"],
+    *["confounding.parquet", "menu.parquet", "model.json", "witnesses.parquet"],
 ]
+# What the model in use lacks is asked of cells with a model that were searched at all.
+ASKED_OF_OWN = "own" in config["missing_effect"]["bases"]
+SEARCHED_OWN = [cell for cell in SEARCHED if ASKED_OF_OWN and cell in MODELLED]
+OWN_VERDICTS = [f"results/missing_effect/{cell}/own/verdict.json" for cell in SEARCHED_OWN]
+# What a simulator of the user's lacks is asked of cells with simulated tests to fit and for proof.
+ASKED_OF_EXTERNAL = "external" in config["missing_effect"]["bases"]
 
 
-def healthy_like(cell):
-    """Cells marked as reference of the type, where there are three to be held against."""
-    marked = [c for c in peers(cell) if CELLS[c]["reference"] == "yes"]
-    return marked if len(marked) >= 3 else []
+def simulated_tests(cell):
+    """Tests of a cell that take part in a search and for which the user has simulated a voltage."""
+    return [row for row in tests(cell, *EFFECT_KINDS) if row["simulated_file"]]
+
+
+SEARCHED_EXTERNAL = [cell for cell in ASKED if ASKED_OF_EXTERNAL and simulated_tests(cell)]
+EXTERNAL_VERDICTS = [
+    f"results/missing_effect/{cell}/external/verdict.json" for cell in SEARCHED_EXTERNAL
+]
+WITNESSES = [f"results/missing_effect/{cell}/witnesses.parquet" for cell in ASKED]
 
 
 rule effect_search:
     input:
         basis="results/basis/{cell}.json",
         series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
-        lent_basis=lambda w: [f"results/basis/{c}.json" for c in healthy_like(w.cell)],
+        lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
         lent_series=lambda w: [
-            p for c in healthy_like(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
+            p for c in references(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
         ],
     output:
         verdict="results/missing_effect/{cell}/verdict.json",
@@ -78,11 +90,69 @@ rule effect_search:
         settings=of_analysis("missing_effect"),
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
-        references=lambda w: [facts_of(c) for c in healthy_like(w.cell)],
+        references=lambda w: [facts_of(c) for c in references(w.cell)],
     message:
         "Search for an effect that the model of {wildcards.cell} lacks."
     script:
         "../../scripts/missing_effect/effect_search.py"
+
+
+rule effect_search_own:
+    input:
+        member="results/member/{cell}.json",
+        basis="results/basis/{cell}.json",
+        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+    output:
+        verdict="results/missing_effect/{cell}/own/verdict.json",
+        ranking="results/missing_effect/{cell}/own/ranking.parquet",
+        residual_map="results/missing_effect/{cell}/own/map.parquet",
+        series="results/missing_effect/{cell}/own/series.parquet",
+        model="results/missing_effect/{cell}/own/model.json",
+    log:
+        "logs/missing_effect/{cell}_own.log",
+    wildcard_constraints:
+        cell=either(SEARCHED_OWN),
+    params:
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+    message:
+        "Search for an effect that the model in use of {wildcards.cell} still lacks."
+    script:
+        "../../scripts/missing_effect/effect_search_own.py"
+
+
+def simulated_files(wildcards):
+    """The simulated files of a cell that are there; what is missing the job itself will report."""
+    files = dict.fromkeys(row["simulated_file"] for row in simulated_tests(wildcards.cell))
+    return [local(file) for file in files if Path(file).is_file()]
+
+
+rule effect_search_external:
+    input:
+        basis="results/basis/{cell}.json",
+        series=lambda w: [
+            f"results/clean/{w.cell}/{row['test']}.parquet" for row in simulated_tests(w.cell)
+        ],
+        simulated=simulated_files,
+    output:
+        verdict="results/missing_effect/{cell}/external/verdict.json",
+        ranking="results/missing_effect/{cell}/external/ranking.parquet",
+        residual_map="results/missing_effect/{cell}/external/map.parquet",
+        series="results/missing_effect/{cell}/external/series.parquet",
+    log:
+        "logs/missing_effect/{cell}_external.log",
+    wildcard_constraints:
+        cell=either(SEARCHED_EXTERNAL),
+    params:
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+        files=lambda w: {row["test"]: row["simulated_file"] for row in simulated_tests(w.cell)},
+    message:
+        "Search for an effect that your simulator of {wildcards.cell} lacks."
+    script:
+        "../../scripts/missing_effect/effect_search_external.py"
 
 
 rule missing_effect_group:
@@ -108,9 +178,79 @@ rule missing_effect_group:
         "../../scripts/missing_effect/missing_effect_group.py"
 
 
+rule witnesses:
+    input:
+        verdict="results/missing_effect/{cell}/verdict.json",
+        model="results/missing_effect/{cell}/model.json",
+        series="results/missing_effect/{cell}/series.parquet",
+        basis="results/basis/{cell}.json",
+        eis=lambda w: fitted("eis", w.cell, "eis"),
+        resistance=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
+        relaxation=lambda w: fitted("relaxation", w.cell, *RELAXATION_KINDS),
+        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+        ocv_entropic=lambda w: [f"results/ocv_entropic/{c}.parquet" for c in STEPPED if c == w.cell],
+    output:
+        "results/missing_effect/{cell}/witnesses.parquet",
+    log:
+        "logs/missing_effect/{cell}_witnesses.log",
+    wildcard_constraints:
+        cell=either(ASKED),
+    params:
+        tests=facts_of_own_tests,
+        ambient_celsius=lambda w: {
+            row["test"]: row["ambient_temperature_celsius"] for row in TESTS_OF[w.cell]
+        },
+    message:
+        "What other measurements of {wildcards.cell} say of its verdict."
+    script:
+        "../../scripts/missing_effect/witnesses.py"
+
+
+rule effect_stability:
+    input:
+        basis="results/basis/{cell}.json",
+        series=lambda w: artefacts("clean", w.cell, *EFFECT_KINDS),
+        lent_basis=lambda w: [f"results/basis/{c}.json" for c in references(w.cell)],
+        lent_series=lambda w: [
+            p for c in references(w.cell) for p in artefacts("clean", c, *EFFECT_KINDS)
+        ],
+    output:
+        names="results/missing_effect/{cell}/stability.parquet",
+        searches="results/missing_effect/{cell}/stability_searches.parquet",
+    log:
+        "logs/missing_effect/{cell}_stability.log",
+    wildcard_constraints:
+        cell=either(SEARCHED),
+    params:
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+        references=lambda w: [facts_of(c) for c in references(w.cell)],
+    message:
+        "Search of {wildcards.cell} repeated without each of its records: which names stay."
+    script:
+        "../../scripts/missing_effect/effect_stability.py"
+
+
+rule missing_effect_stability:
+    input:
+        [f"results/missing_effect/{cell}/stability.parquet" for cell in SEARCHED],
+    output:
+        "results/missing_effect_stability/names.csv",
+    log:
+        "logs/table/missing_effect_stability.log",
+    message:
+        "How often each name of a verdict stays when one record is left out of the search."
+    script:
+        "../../scripts/missing_effect/missing_effect_stability.py"
+
+
 rule missing_effect:
     input:
-        VERDICTS,
+        verdicts=VERDICTS,
+        own=OWN_VERDICTS,
+        external=EXTERNAL_VERDICTS,
+        witnesses=WITNESSES,
     output:
         table="results/tables/missing_effect.csv",
     log:
@@ -119,3 +259,23 @@ rule missing_effect:
         "Verdicts of the whole campaign: what the models of its cells and groups lack."
     script:
         "../../scripts/missing_effect/missing_effect.py"
+
+
+rule fleet:
+    input:
+        verdicts=[f"results/missing_effect/{cell}/verdict.json" for cell in ASKED],
+        witnesses=WITNESSES,
+    output:
+        table="results/tables/fleet.csv",
+    log:
+        "logs/table/fleet.log",
+    params:
+        types={
+            cell: f"{chemistry}, {rating:g} Ah"
+            for (chemistry, rating), cells in OF_TYPE.items()
+            for cell in cells
+        },
+    message:
+        "Cells of each type beside each other: which effect all show, and which one alone."
+    script:
+        "../../scripts/missing_effect/fleet.py"

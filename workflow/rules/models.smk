@@ -7,12 +7,22 @@ def type_of(cell):
     return row["chemistry"], row["rated_capacity_ampere_hour"]
 
 
+# Cells of each stated type, and those of them that are marked as reference.
+OF_TYPE, MARKED_OF_TYPE = {}, {}
+for cell in cells_where(lambda cell: None not in type_of(cell)):
+    OF_TYPE.setdefault(type_of(cell), []).append(cell)
+    if CELLS[cell]["reference"] == "yes":
+        MARKED_OF_TYPE.setdefault(type_of(cell), []).append(cell)
+
+
+def references(cell):
+    """Other cells of the type that are marked as reference."""
+    return [c for c in MARKED_OF_TYPE.get(type_of(cell), []) if c != cell]
+
+
 def peers(cell):
     """Other cells of the type, from which a cell may borrow: the marked ones, else all."""
-    mine = type_of(cell)
-    alike = [c for c in CELLS if c != cell and None not in mine and type_of(c) == mine]
-    marked = [c for c in alike if CELLS[c]["reference"] == "yes"]
-    return marked or alike
+    return references(cell) or [c for c in OF_TYPE.get(type_of(cell), []) if c != cell]
 
 
 def curve_lenders(cell):
@@ -21,9 +31,8 @@ def curve_lenders(cell):
     Where no peer is marked as reference, a cell with a slow test of its own asks nobody: a
     campaign of a thousand such cells would else make a million dependencies.
     """
-    marked = any(CELLS[c]["reference"] == "yes" for c in peers(cell))
-    asked = marked or not tests(cell, "ocv", roles=["fit"])
-    return [c for c in peers(cell) if asked and tests(c, "ocv", roles=["fit"])]
+    asked = references(cell) or not tests(cell, "ocv", roles=["fit"])
+    return [c for c in peers(cell) if tests(c, "ocv", roles=["fit"])] if asked else []
 
 
 # Kinds of test that a model may be fitted to, and in which roles.
@@ -46,31 +55,40 @@ def fit_series(cell):
 
 def calibrating(cell):
     """Cells of the type that have a model of their own."""
-    mine = type_of(cell)
-    alike = [c for c in IDENTIFIED if c != cell and type_of(c) == mine]
-    return [] if None in mine else alike
+    return [c for c in OF_TYPE.get(type_of(cell), []) if c != cell and c in IDENTIFIED]
 
 
 # A cell's model comes from its own tests, else from its type's reference, else from its group.
-IDENTIFIED = [cell for cell in CELLS if fit_tests(cell)]
-BIASED = [
-    cell
-    for cell in CELLS
-    if cell not in IDENTIFIED and tests(cell, "ica", "drive", "capacity") and calibrating(cell)
-]
+IDENTIFIED = cells_where(fit_tests)
+BIASED = cells_where(
+    lambda cell: cell not in IDENTIFIED
+    and tests(cell, "ica", "drive", "capacity")
+    and calibrating(cell)
+)
 GROUPED = {
     row["cell"]: group
     for group, rows in BRANCHES.items()
     for row in rows
-    if row["cell"] not in IDENTIFIED + BIASED and tests(group, "group", roles=["fit"])
+    if row["cell"] not in IDENTIFIED | BIASED and tests(group, "group", roles=["fit"])
 }
-MODELLED = [*IDENTIFIED, *BIASED, *GROUPED]
+MODELLED = IDENTIFIED | BIASED | GROUPED
 SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for cell in MODELLED}
 
 
 def resting(name):
-    """Pulse tests whose rests give an OCV curve, of a cell that was never tested slowly."""
-    return [] if tests(name, "ocv") else tests(name, "hppc", roles=["fit"])
+    """Pulse tests whose rests give an OCV curve: of check-ups without a slow test."""
+    slow = [row["cycle"] or 0 for row in tests(name, "ocv")]
+    aged = [row["cycle"] or 0 for row in tests(name, "capacity", roles=["fit"])] if slow else [0]
+    return [
+        row
+        for row in tests(name, "hppc", roles=["fit"])
+        if not near_in_cycles(row, slow) and (not slow or near_in_cycles(row, aged))
+    ]
+
+
+def near_in_cycles(row, cycles):
+    """Whether a test lies within 5 cycles of one of these, so that it sees a cell of one age."""
+    return any(abs((row["cycle"] or 0) - cycle) <= 5 for cycle in cycles)
 
 
 def rest_curves(cell):
@@ -78,10 +96,43 @@ def rest_curves(cell):
     return [f"results/ocv_rests/{cell}/{row['test']}.parquet" for row in resting(cell)]
 
 
+def aged_capacity_tests(cell):
+    """Capacity tests of a cell, where they lie at several ages."""
+    rows = tests(cell, "capacity", roles=["fit"])
+    cycles = [row["cycle"] or 0 for row in rows]
+    return rows if cycles and max(cycles) - min(cycles) > 5 else []
+
+
+def of_aged(stage):
+    """Input function: one stage's artefacts of these tests."""
+    return lambda w: [
+        f"results/{stage}/{w.cell}/{row['test']}.parquet" for row in aged_capacity_tests(w.cell)
+    ]
+
+
+rule ocv_shift:
+    input:
+        series=of_aged("clean"),
+        steps=of_aged("segment"),
+    output:
+        "results/ocv_shift/{cell}.parquet",
+    log:
+        "logs/ocv_shift/{cell}.log",
+    wildcard_constraints:
+        cell=either(cells_where(aged_capacity_tests)),
+    message:
+        "Shift of the open-circuit voltage of {wildcards.cell} since its first check-up."
+    script:
+        "../../scripts/models/ocv_shift.py"
+
+
 rule basis:
     input:
         rests=lambda w: rest_curves(w.cell),
-        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+        shifts=lambda w: (
+            [f"results/ocv_shift/{w.cell}.parquet"] if aged_capacity_tests(w.cell) else []
+        ),
+        capacity=lambda w: fitted("capacity", w.cell, *SIZE_KINDS),
         ocv=lambda w: fitted("ocv", w.cell, "ocv"),
         lent_ocv=lambda w: [p for c in curve_lenders(w.cell) for p in fitted("ocv", c, "ocv")],
         lent_capacity=lambda w: [
@@ -93,7 +144,7 @@ rule basis:
         "logs/basis/{cell}.log",
     params:
         cell=cell_facts,
-        references=lambda w: [c for c in peers(w.cell) if CELLS[c]["reference"] == "yes"],
+        references=lambda w: references(w.cell),
     message:
         "What the SoC of {wildcards.cell} refers to: capacity and OCV curves."
     script:
@@ -160,7 +211,7 @@ rule bias_correction:
     wildcard_constraints:
         cell=either(BIASED),
     params:
-        references=lambda w: [c for c in calibrating(w.cell) if CELLS[c]["reference"] == "yes"],
+        references=lambda w: [c for c in references(w.cell) if c in IDENTIFIED],
     message:
         "Model of {wildcards.cell} from the reference cell and the shift of its IC peaks."
     script:
@@ -196,13 +247,40 @@ def law_of(wildcards):
     return [found] if wildcards.cell in COMPENSATED else []
 
 
-rule model:
+rule member:
     input:
         source=source_of_model,
         basis=lambda w: [f"results/basis/{w.cell}.json"] if w.cell in IDENTIFIED else [],
         law=law_of,
         effects=effects_of,
         series=choice_series,
+    output:
+        model="results/member/{cell}.json",
+        choice="results/member_choice/{cell}.parquet",
+    log:
+        "logs/member/{cell}.log",
+    wildcard_constraints:
+        cell=either(MODELLED),
+    params:
+        cell=cell_facts,
+        split_rest_second=config["models"]["split_rest_second"],
+    message:
+        "Which member of the family serves {wildcards.cell}."
+    script:
+        "../../scripts/models/member.py"
+
+
+def own_effects_of(wildcards):
+    """The effects that the chosen member of a cell lacks, where they were searched for."""
+    found = f"results/missing_effect/{wildcards.cell}/own/model.json"
+    return [found] if wildcards.cell in SEARCHED_OWN else []
+
+
+rule model:
+    input:
+        member="results/member/{cell}.json",
+        choice="results/member_choice/{cell}.parquet",
+        effects=own_effects_of,
     output:
         model="results/models/{cell}.json",
         parameters="results/parameters/{cell}.parquet",
@@ -211,9 +289,6 @@ rule model:
         "logs/model/{cell}.log",
     wildcard_constraints:
         cell=either(MODELLED),
-    params:
-        cell=cell_facts,
-        split_rest_second=config["models"]["split_rest_second"],
     message:
         "Model of {wildcards.cell} as the rest of the pipeline uses it."
     script:
@@ -224,6 +299,66 @@ EXPORTED = {
     kind: [f"results/export/{cell}/{kind}" for cell in MODELLED]
     for kind in ("pybamm_thevenin.json", "lookup.csv", "over_temperature.csv")
 }
+
+
+def first_cycle(cell):
+    """Cycle of a cell's first check-up with a test that tells its capacity."""
+    rows = tests(cell, *CAPACITY_KINDS, roles=["fit"])
+    return min((row["cycle"] or 0 for row in rows), default=0)
+
+
+def later_checkups(cell):
+    """Cycles of the later check-ups that have an HPPC test and one that tells the capacity."""
+    sized = [row["cycle"] or 0 for row in tests(cell, *CAPACITY_KINDS, roles=["fit"])]
+    aged = [
+        row["cycle"]
+        for row in fit_tests(cell)
+        if row["kind"] == "hppc" and near_in_cycles(row, sized)
+    ]
+    young = {"cycle": first_cycle(cell)}
+    return sorted({f"{cycle:g}" for cycle in aged if not near_in_cycles(young, [cycle or 0])})
+
+
+CHECKUPS = {cell: cycles for cell in IDENTIFIED if (cycles := later_checkups(cell))}
+
+
+def checkup_series(wildcards):
+    """Tests of one later check-up that its model is fitted to."""
+    rows = [
+        row
+        for row in [*fit_tests(wildcards.cell), *tests(wildcards.cell, "capacity", roles=["fit"])]
+        if near_in_cycles(row, [float(wildcards.checkup)])
+    ]
+    return [f"results/clean/{wildcards.cell}/{row['test']}.parquet" for row in rows]
+
+
+rule model_of_checkup:
+    input:
+        basis="results/basis/{cell}.json",
+        series=checkup_series,
+    output:
+        model="results/models_of_checkups/{cell}/{checkup}.json",
+        parameters="results/parameters_of_checkups/{cell}/{checkup}.parquet",
+    log:
+        "logs/model_of_checkup/{cell}/{checkup}.log",
+    wildcard_constraints:
+        cell=either(CHECKUPS),
+    params:
+        members=config["models"]["members"],
+        split_rest_second=config["models"]["split_rest_second"],
+        cell=cell_facts,
+    message:
+        "Model of {wildcards.cell} at its check-up at cycle {wildcards.checkup}."
+    script:
+        "../../scripts/models/model_of_checkup.py"
+
+
+def model_at_age(wildcards):
+    """The model of a cell at the age of a test: that of its check-up where there is one."""
+    row, cell = TESTS[wildcards.cell, wildcards.test], wildcards.cell
+    aged = [cycle for cycle in CHECKUPS.get(cell, []) if near_in_cycles(row, [float(cycle)])]
+    of_checkup = [f"results/models_of_checkups/{cell}/{cycle}.json" for cycle in aged[:1]]
+    return of_checkup or f"results/models/{cell}.json"
 
 
 rule export:
@@ -245,7 +380,7 @@ rule export:
 
 rule prediction:
     input:
-        model="results/models/{cell}.json",
+        model=model_at_age,
         series="results/clean/{cell}/{test}.parquet",
     output:
         scores="results/validation/{cell}/{test}.parquet",

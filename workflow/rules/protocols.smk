@@ -5,6 +5,7 @@ rule capacity:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
+        course=course_of,
     output:
         "results/capacity/{cell}/{test}.parquet",
     log:
@@ -46,7 +47,8 @@ rule ocv_rests:
     input:
         series="results/clean/{cell}/{test}.parquet",
         steps="results/segment/{cell}/{test}.parquet",
-        capacity=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS),
+        course=course_of,
+        capacity=lambda w: fitted("capacity", w.cell, *SIZE_KINDS),
     output:
         curve="results/ocv_rests/{cell}/{test}.parquet",
         points="results/ocv_rest_points/{cell}/{test}.parquet",
@@ -143,9 +145,7 @@ rule ica:
     log:
         "logs/ica/{cell}/{test}.log",
     params:
-        bin_volt=config["ica"]["bin_volt"],
-        smooth_volt=config["ica"]["smooth_volt"],
-        prominence=config["ica"]["prominence"],
+        settings=config["ica"],
         test=test_facts,
         cell=cell_facts,
     message:

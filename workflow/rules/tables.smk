@@ -31,12 +31,25 @@ TABLES_OF_TESTS = {
     "fast_charge": everywhere("fast_charge", "fast_charge"),
     "ageing": everywhere("ageing_temperature", "ageing"),
     "ica": everywhere("ica", "ica"),
+    "ica_tracks": [f"results/ica_tracks/{cell}.parquet" for cell in FOLLOWED],
+}
+TABLES_OF_HEALTH = {
+    "health": [f"results/health/{cell}.parquet" for cell in HEALTHY],
+    "checkups": [f"results/checkups/{cell}.parquet" for cell in CHECKED],
+    "resistance_growth": [f"results/resistance_growth/{cell}.parquet" for cell in CHECKED],
+    "fade": [f"results/life/{cell}.parquet" for cell in AGED],
+    "fade_laws": [f"results/fade/{cell}.parquet" for cell in AGED],
 }
 TABLES_OF_MODELS = {
     "temperature_prediction": [
         f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
     ],
     "models": [f"results/parameters/{cell}.parquet" for cell in MODELLED],
+    "models_of_checkups": [
+        f"results/parameters_of_checkups/{cell}/{cycle}.parquet"
+        for cell, cycles in CHECKUPS.items()
+        for cycle in cycles
+    ],
     "identification_methods": [
         f"results/identification_methods/{cell}.parquet" for cell in COMPARED
     ],
@@ -45,8 +58,9 @@ TABLES_OF_MODELS = {
     "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }
-TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_MODELS
-TABLES = [*TABLE_INPUTS, "missing_effect", "excluded"]
+TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
+COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
+TABLES = [*TABLE_INPUTS, *COMPARED_CELLS, "missing_effect", "fleet", "excluded"]
 COLD_WORDS = [f"results/cold_limit/{cell}.json" for cell in CHILLED]
 STAGES = [
     *everywhere("ingest", *SERIES_KINDS),
@@ -56,6 +70,10 @@ STAGES = [
     *everywhere("relaxation", *RELAXATION_KINDS),
     *[path for cell in CELLS for path in rest_curves(cell)],
     *[f"results/basis/{cell}.json" for cell in CELLS],
+    *[f"results/degradation_modes/{cell}.parquet" for cell in DEGRADED],
+    *[f"results/{stage}/{cell}.parquet" for cell in PEAK_TYPES for stage in PEAK_STAGES],
+    *[f"results/health_from_peaks/{cell}.parquet" for cell in FIRST_OF_TYPE],
+    *[f"results/plateau_losses/{cell}.parquet" for cell in AGED_SLOWLY],
     *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
     *[f"results/bias/{cell}.json" for cell in BIASED],
     *[path for cell in COMPENSATED for path in left_out_of(cell)],
@@ -86,6 +104,21 @@ rule tables_of_tests:
         "../../scripts/tables/tables_of_tests.py"
 
 
+rule tables_of_health:
+    input:
+        unpack(lambda w: TABLES_OF_HEALTH),
+    output:
+        **{name: f"results/tables/{name}.csv" for name in TABLES_OF_HEALTH},
+    log:
+        "logs/tables_of_health.log",
+    params:
+        tests=TEST_FACTS,
+    message:
+        "Tables of the health of all cells."
+    script:
+        "../../scripts/tables/tables_of_health.py"
+
+
 rule tables_of_models:
     input:
         unpack(lambda w: TABLES_OF_MODELS),
@@ -106,7 +139,7 @@ rule summary:
         tables=[f"results/tables/{table}.csv" for table in TABLES if table != "excluded"],
         stages=STAGES,
         models=MODELS,
-        laws=Path(PIPELINE, "tests/artefacts").glob("*.py"),
+        laws=[local(str(path)) for path in Path(PIPELINE, "tests/artefacts").glob("*.py")],
     output:
         excluded="results/tables/excluded.csv",
         summary="results/summary.csv",

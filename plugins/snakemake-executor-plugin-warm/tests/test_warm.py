@@ -432,8 +432,8 @@ def test_the_keyboards_interrupt_reaches_the_script(tmp_path):
     """A terminal sends it to the whole group: to Snakemake, the server and the script."""
     slow = """
         import time
-        open("started", "w").close()
         try:
+            open("started", "w").close()
             time.sleep(120)
         except KeyboardInterrupt:
             open("cleaned_up", "w").close()

@@ -13,11 +13,15 @@ def missing_effect(
     settings=None,
     *,
     references=(),
+    model=None,
+    simulated=None,
     library=None,
     split_rest_second=MODELS.split_rest_second,
     **changes,
 ):
-    """Effects that a plain model of a cell lacks, proved on tests that were not fitted.
+    """Effects that a model of a cell lacks, proved on tests that were not fitted.
+
+    Of the plain circuit; of a model of the cell (`model`); or of any other (`simulated`).
 
     Parameters
     ----------
@@ -25,6 +29,10 @@ def missing_effect(
     settings : `settings.MissingEffect`, or its keys as keywords.
     references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
         compared with them.
+    model : result of `finish_model`: what does its chosen member still lack?
+    simulated : dict test → (time (n,) [s], voltage (n,) [V]) by any simulator, on the test's own
+        clock, or the result of `read_simulated`: what does that one lack? Tests without a simulated
+        voltage take no part; one whose simulation does not fit is left out with a note.
     library : effects by id that are tried, None: all of `effects.library.LIBRARY`.
     split_rest_second : shortest rest that cuts a test of role split into blocks [s].
 
@@ -48,8 +56,108 @@ def missing_effect(
         LIBRARY if library is None else library,
         settings=_search(settings, split_rest_second, changes),
         references=[_reference(reference) for reference in references],
+        model=None if model is None else inputs.content(model),
+        simulated=None if simulated is None else _simulated(simulated),
     )
     return results.MissingEffect(**finding._asdict())
+
+
+def add_own_effects(model, effects, *, choice=()):
+    """A model with the effects that its chosen member lacks; they are used where that is better.
+
+    Parameters
+    ----------
+    model : result of `finish_model`.
+    effects : `model` of the result of `missing_effect(..., model=model)`, or None.
+    choice : rows of the choice of the member, where `model` is a document without them.
+
+    Returns
+    -------
+    model : FinishedModel, with the member `<chosen>+effects` where effects were found.
+
+    Source: docs/models.md.
+    """
+    from cellwright.circuits.parameters import parameter_rows
+    from cellwright.effects.given.member import with_own_effects
+
+    rows = inputs.rows(choice or getattr(model, "choice", ()))
+    content, rows = with_own_effects(inputs.content(model), rows, effects)
+    notes = (content["choice"],) if rows else ()
+    return results.FinishedModel(content, parameter_rows(content), rows, notes)
+
+
+def missing_effect_stability(
+    cell,
+    basis,
+    tests,
+    settings=None,
+    *,
+    references=(),
+    model=None,
+    library=None,
+    split_rest_second=MODELS.split_rest_second,
+    **changes,
+):
+    """How often each name of a verdict stays when one record is left out of the search.
+
+    Parameters
+    ----------
+    cell, basis, tests, settings, references, model, library, split_rest_second, changes : as of
+        `missing_effect`.
+
+    Returns
+    -------
+    stability : Stability; one row a name; `repeats`: one row a search.
+
+    Raises
+    ------
+    Refusal : as `missing_effect`, with all records.
+
+    Source: docs/missing-effect.md.
+    """
+    from cellwright.effects.library import LIBRARY
+    from cellwright.effects.stability import repeat_rows, stability
+
+    found = stability(
+        inputs.cell_facts(cell),
+        inputs.content(basis),
+        inputs.tests(tests),
+        LIBRARY if library is None else library,
+        settings=_search(settings, split_rest_second, changes),
+        references=[_reference(reference) for reference in references],
+        model=None if model is None else inputs.content(model),
+    )
+    return results.Stability(found.rows, repeat_rows(found.repeats))
+
+
+def witnesses(verdict, model, basis, tables, *, ambient_celsius=None, library=None):
+    """Which independent measurements of a cell agree with a verdict, contradict it, or are silent.
+
+    Parameters
+    ----------
+    verdict, model : of `missing_effect`. basis : as of `identify`.
+    tables : rows or DataFrames by name, what is absent was not measured: resistance, eis,
+        relaxation, capacity and ocv_entropic, with the test's temperature, SoC and cycle beside
+        each row; `series`, that of `missing_effect`.
+    ambient_celsius : chamber's temperature by test [°C].
+    library : effects by id, None: all of `effects.library.LIBRARY`.
+
+    Returns
+    -------
+    found : Table; one row a witness: what is measured, what the verdict implies, which it says.
+
+    Source: docs/missing-effect.md.
+    """
+    from cellwright.effects.library import LIBRARY
+    from cellwright.effects.witnesses.collected import measured_of
+    from cellwright.effects.witnesses.collected import witnesses as held_against
+
+    content, known = inputs.content(basis), dict(tables)
+    series = inputs.columns(known.pop("series", {}))
+    rows = {name: inputs.rows(table) for name, table in known.items()}
+    ambient = ambient_celsius or {}
+    measured = measured_of(rows | {"series": series}, content, model, ambient=ambient)
+    return results.Table(held_against(verdict, model, measured, library or LIBRARY))
 
 
 def prepared_case(
@@ -80,6 +188,13 @@ def prepared_case(
     mine = inputs.tests([one for one in known if one[0].kind in KINDS])
     facts = inputs.cell_facts(cell)
     return prepared(facts, inputs.content(basis), mine, **options).case
+
+
+def _simulated(simulated) -> dict:
+    """Simulated voltages by test, from pairs or triples (time, voltage, name of the file)."""
+    from cellwright.effects.given.external import Simulated
+
+    return {test: Simulated(*curve) for test, curve in simulated.items()}
 
 
 def _search(settings, split_rest_second, changes) -> dict:
@@ -148,7 +263,7 @@ def identify_branches(series, steps, cells, test):
 
     Source: docs/packs.md.
     """
-    from cellwright.circuits.model_file import parameter_rows
+    from cellwright.circuits.parameters import parameter_rows
     from cellwright.packs.group import group_models
     from cellwright.records.facts import MeasuredTest
 

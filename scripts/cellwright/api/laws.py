@@ -195,7 +195,7 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
 
     Source: thesis 3.1; docs/ocv-temperature.md.
     """
-    from cellwright.api.models import _curves
+    from cellwright.api.charge import _curves
     from cellwright.laws.ocv import over_temperature as ocv
 
     chosen = inputs.settings_of(OcvTemperature, settings, changes)
@@ -209,6 +209,35 @@ def ocv_over_temperature(curves=(), steps=(), settings=None, **changes):
         ocv.function_rows(result),
         tuple(result.notes),
     )
+
+
+def ocv_shifts(tests):
+    """Shift of the OCV [V] of a cell since its first check-up, from charges and discharges alike.
+
+    Parameters
+    ----------
+    tests : (test, clean series, result of `segment`) each, of capacity tests at several `cycle`s.
+
+    Returns
+    -------
+    shifts : Table; one row a later test and SoC: cycle, soc [1], shift_volt, shift_std_volt [V],
+        test, reference_test. What cannot be compared is in the notes.
+
+    Source: docs/state-of-charge.md.
+    """
+    from cellwright.protocols.ocv.shift import shifts_since_first
+
+    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
+    records = [
+        (
+            inputs.test_facts(test).test,
+            inputs.test_facts(test).cycle or 0.0,
+            (*inputs.quantities(series, names), inputs.steps(steps)),
+        )
+        for test, series, steps in tests
+    ]
+    rows, notes = shifts_since_first(records)
+    return results.Table(rows, tuple(notes))
 
 
 def capacity_loss(capacities, settings=None, **changes):

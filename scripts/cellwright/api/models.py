@@ -6,111 +6,6 @@ from cellwright.settings import IdentificationMethods, Models, Soc
 MODELS = Models()
 
 
-def basis(cell, curves=(), capacities=(), lenders=(), *, rests=()):
-    """The capacity and OCV curves that the SoC of a cell refers to, its own or borrowed.
-
-    Parameters
-    ----------
-    cell : CellFacts or mapping.
-    curves : (test, result of `ocv`) each.
-    capacities : (test, result of `capacity`) each.
-    lenders : `records.basis.Lender` of cells of the same type.
-    rests : (test, result of `ocv_from_rests`) each.
-
-    Returns
-    -------
-    basis : Document; content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from and
-        ocv, the curves over SoC [1]; its table: one row a curve and SoC.
-
-    Raises
-    ------
-    Refusal : No capacity test, no slow test and no rating.
-
-    Source: docs/state-of-charge.md.
-    """
-    from cellwright.records.basis import basis as basis_of
-
-    facts = inputs.cell_facts(cell)
-    content = basis_of(
-        facts.cell,
-        inputs.entries(curves, _curves),
-        inputs.entries(capacities),
-        lenders,
-        rests=inputs.entries(rests, _curves),
-        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
-        lower_cutoff_volt=facts.lower_cutoff_volt,
-    )
-    return results.Document(content, tuple(_basis_notes(content)), _curve_rows(content["ocv"]))
-
-
-def lender(cell, curves, capacities, *, marked=False):
-    """OCV curves and capacities of a cell, for other cells of its type to borrow.
-
-    Parameters
-    ----------
-    cell, curves, capacities : as of `basis`. marked : whether it is a reference of its type.
-
-    Returns
-    -------
-    lender : `records.basis.Lender`.
-    """
-    from cellwright.records.basis import Lender
-
-    shown = (inputs.entries(curves, _curves), inputs.entries(capacities))
-    return Lender(inputs.cell_facts(cell).cell, marked, *shown)
-
-
-def _curves(result):
-    """The OCV curve of a result as plain lists; of rests with the source of its capacity."""
-    source = getattr(result, "capacity_source", None)
-    source_fact = {} if source is None else {"capacity_source": source}
-    return [inputs.plain(result.curve._asdict()) | source_fact]
-
-
-def _curve_rows(curves):
-    names = ("test", "ambient_temperature_celsius")
-    return [
-        {name: curve[name] for name in names} | {"soc": soc, "ocv_volt": volt}
-        for curve in curves
-        for soc, volt in zip(curve["soc"], curve["ocv_volt"], strict=True)
-    ]
-
-
-def _basis_notes(basis):
-    """Sentences on where capacity [Ah] and OCV come from."""
-    notes = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
-    if basis["borrowed_from"]:
-        notes.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
-    elif not basis["ocv"]:
-        notes.append("no OCV: no slow test of its own, and no cell of its type has one")
-    tests = [curve["test"] for curve in basis["ocv"] if curve["branches"] == "rests"]
-    if tests and not basis["borrowed_from"]:
-        notes.append(
-            f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type"
-        )
-    return notes
-
-
-def state_of_charge(series, basis, test, cell):
-    """State of charge over a record of a cell.
-
-    Parameters
-    ----------
-    series : DataFrame or columns of a clean series, (n,) each.
-    basis : result of `basis`, or a model.
-    test, cell : TestFacts, CellFacts or mappings.
-
-    Returns
-    -------
-    anchored : `records.anchor.Anchored`: soc (n,) [1], NaN where it cannot be known, and in words
-        what it is counted from.
-    """
-    from cellwright.records.basis import soc_or_unknown
-
-    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
-    return soc_or_unknown(columns, inputs.content(basis), inputs.test_facts(test), facts)
-
-
 def identify(
     cell, basis, tests, *, members=MODELS.members, split_rest_second=MODELS.split_rest_second
 ):
@@ -141,7 +36,7 @@ def identify(
 
 
 def _model(content):
-    from cellwright.circuits.model_file import parameter_rows
+    from cellwright.circuits.parameters import parameter_rows
 
     return results.Document(content, tuple(content["notes"]), parameter_rows(content))
 
@@ -301,7 +196,8 @@ def finish_model(
     ------
     Refusal : A group's document that has no model of the cell.
     """
-    from cellwright.circuits.model_file import model_of, parameter_rows
+    from cellwright.circuits.model_file import model_of
+    from cellwright.circuits.parameters import parameter_rows
     from cellwright.effects.member import finished
     from cellwright.identification.compensation import laws_kept, with_laws
 
@@ -365,7 +261,8 @@ def export_model(model):
     document, member = pybamm_document(model), plain_member(model)
     notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
     for entry in model["members"]:
-        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(entry)]
+        with_blocks = entry.get("companions", {"with": entry})["with"]
+        notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
     if member != model["chosen"]:
         notes.append(f"the look-up table holds {member}: {model['chosen']} is more than RC pairs")
     tables = (lookup_table(model, member), temperature_table(model, None))
@@ -433,10 +330,11 @@ def validate(model, series, test, cell, *, split_rest_second=MODELS.split_rest_s
     Source: docs/models.md.
     """
     from cellwright.identification.validation import validate as validated
+    from cellwright.records.basis import at_cycle
 
     (measured,) = inputs.tests([(test, series)])
     scores = validated(
-        inputs.content(model),
+        at_cycle(inputs.content(model), measured.facts.cycle),
         inputs.cell_facts(cell),
         measured,
         split_rest_second=split_rest_second,
@@ -473,10 +371,11 @@ def estimate_soc(
     Source: thesis 2.4; docs/soc-filters.md.
     """
     from cellwright.filters.evaluate import soc_runs
+    from cellwright.records.basis import at_cycle
 
     (measured,) = inputs.tests([(test, series)])
     runs = soc_runs(
-        inputs.content(model),
+        at_cycle(inputs.content(model), measured.facts.cycle),
         inputs.cell_facts(cell),
         measured,
         settings=inputs.settings_of(Soc, settings, changes),

@@ -1,5 +1,7 @@
 """Analyses of one test: capacity, OCV, pulses, rests, dQ/dV, impedance, fast charge, ageing."""
 
+import numpy as np
+
 from cellwright.api import inputs, results
 from cellwright.settings import FastCharge, Ica, Impedance, Ocv, OcvStep, Relaxation, Resistance
 
@@ -7,7 +9,55 @@ OCV = Ocv()
 ICA = Ica()
 
 
-def capacity(series, steps, cell, *, whole_swing=False):
+def course(tests, cell):
+    """The tests of one cell in time: which came before each, and whether it left the cell full.
+
+    Parameters
+    ----------
+    tests : (test, clean series, result of `segment`) each.
+    cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
+
+    Returns
+    -------
+    course : Table; rows: `protocols.course.Course`, one entry a test: test_before, hour_between
+        [h], state_at_begin ("full", "empty" or "" where not known) and words.
+
+    Raises
+    ------
+    Refusal : A cut-off is not stated, so that no end of a test can be told.
+
+    Source: docs/capacity.md.
+    """
+    from cellwright.protocols.course import course as course_of
+    from cellwright.protocols.course import ends_of_test
+    from cellwright.refusal import Refusal
+
+    facts = inputs.cell_facts(cell)
+    limits = {name: getattr(facts, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
+    if None in limits.values():
+        raise Refusal("a cut-off is not stated, so whether a test ends full or empty is not known")
+    rated = facts.rated_capacity_ampere_hour
+    ends = [
+        ends_of_test(
+            inputs.test_facts(test).test,
+            inputs.columns(series, *inputs.COUNTED),
+            inputs.steps(steps),
+            rated_capacity_ampere_hour=rated,
+            **limits,
+        )
+        for test, series, steps in tests
+    ]
+    return results.Table(course_of(ends, **limits))
+
+
+def _state_before(course, test):
+    """State in which the test before left the cell, by the result of `course`; "" where none."""
+    rows = inputs.rows(course) if course is not None else []
+    name = inputs.test_facts(test).test if test is not None else None
+    return next((row["state_at_begin"] for row in rows if row["test"] == name), "")
+
+
+def capacity(series, steps, cell, *, whole_swing=False, test=None, course=None):
     """Capacities [Ah] of the complete charges and discharges of one test.
 
     Parameters
@@ -16,6 +66,7 @@ def capacity(series, steps, cell, *, whole_swing=False):
     steps : result of `segment`, or a table of its columns.
     cell : CellFacts or mapping: rating [Ah] and cut-offs [V].
     whole_swing : a half cycle that ends short of the cut-off counts too, as in slow OCV tests.
+    test, course : TestFacts or mapping, result of `course`: how the test before left the cell.
 
     Returns
     -------
@@ -39,6 +90,7 @@ def capacity(series, steps, cell, *, whole_swing=False):
         upper_cutoff_volt=facts.upper_cutoff_volt,
         surface_temperature_celsius=columns.get("surface_temperature_celsius"),
         whole_swing=whole_swing,
+        state_before=_state_before(course, test),
     )
     return results.Table(half_cycles.rows, tuple(half_cycles.left_out))
 
@@ -77,7 +129,9 @@ def ocv(series, cell, *, least_hour=OCV.least_hour):
     return results.Ocv(curve, fit_functions(curve.soc, curve.ocv_volt), notes)
 
 
-def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.rest_second):
+def ocv_from_rests(
+    series, steps, cell, test, capacities=(), *, rest_second=OCV.rest_second, course=None
+):
     """Open-circuit voltage [V] over SoC from the rests of a pulse test.
 
     Parameters
@@ -86,6 +140,7 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
     cell, test : CellFacts, TestFacts or mappings.
     capacities : (test, result of `capacity`) each, or rows with their test's facts.
     rest_second : shortest rest that is a point of the curve [s].
+    course : result of `course`: how the test before left the cell.
 
     Returns
     -------
@@ -110,7 +165,9 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, rest_second=OCV.
         lower_cutoff_volt=cell.lower_cutoff_volt,
         upper_cutoff_volt=cell.upper_cutoff_volt,
         ambient_temperature_celsius=test.ambient_temperature_celsius,
+        cycle=test.cycle,
         soc_at_start=test.soc,
+        state_before=_state_before(course, test),
     )
     points = rest_points(*columns, steps, rest_second=rest_second)
     limits = {name: getattr(cell, name) for name in ("lower_cutoff_volt", "upper_cutoff_volt")}
@@ -139,7 +196,7 @@ def chamber_steps(series, steps, basis, test, cell, settings=None, **changes):
 
     Source: thesis 3.3; docs/ocv-temperature.md.
     """
-    from cellwright.api.models import state_of_charge
+    from cellwright.api.charge import state_of_charge
     from cellwright.protocols.ocv.steps import cell_temperature, chamber_shifts
 
     columns, anchored = inputs.columns(series), state_of_charge(series, basis, test, cell)
@@ -174,7 +231,7 @@ def resistance(series, steps, basis, test, cell, settings=None, **changes):
 
     Source: docs/resistance.md.
     """
-    from cellwright.api.models import state_of_charge
+    from cellwright.api.charge import state_of_charge
     from cellwright.protocols.resistance import pulse_resistance
 
     anchored = state_of_charge(series, basis, test, cell)
@@ -209,7 +266,7 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
 
     Source: thesis 3.3; docs/relaxation.md.
     """
-    from cellwright.api.models import state_of_charge
+    from cellwright.api.charge import state_of_charge
     from cellwright.protocols.rests import chamber_or_cell, example, rests_of
 
     columns = inputs.columns(series, *inputs.NAMES)
@@ -227,17 +284,17 @@ def relaxation(series, steps, basis, test, cell, settings=None, **changes):
     return results.Relaxation(rests.rows, shown, tuple(rests.left_out))
 
 
-def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
+def ica(series, steps, settings=None, **changes):
     """Incremental capacity dQ/dV [Ah/V] over voltage of the constant-current charge in one test.
 
     Parameters
     ----------
     series, steps : clean series, (n,) columns, and its steps.
-    bin_volt, smooth_volt : widths of the bins and of the smoothing window [V].
+    settings : `settings.Ica`, or its keys as keywords.
 
     Returns
     -------
-    ica : Ica; curve: `protocols.ica.IncrementalCapacity` [Ah/V] over voltage [V].
+    ica : Ica; curve: `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V].
 
     Raises
     ------
@@ -245,15 +302,19 @@ def ica(series, steps, *, bin_volt=ICA.bin_volt, smooth_volt=ICA.smooth_volt):
 
     Source: docs/ica.md.
     """
-    from cellwright.protocols.ica import constant_current_charge, incremental_capacity
+    from cellwright.protocols.ica.charge import charge_slope, constant_current_charge, constant_rows
 
     steps = inputs.steps(steps)._asdict()
-    voltage, charge = inputs.quantities(series, ("voltage_volt", "charge_ampere_hour"))
+    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
+    current, voltage, charge = inputs.quantities(series, names)
     first, last, step = constant_current_charge(steps, charge)
+    first, last = constant_rows(current, first, last)
     rows = slice(first, last + 1)
-    widths = {"bin_volt": bin_volt, "smooth_volt": smooth_volt}
-    curve = incremental_capacity(voltage[rows], charge[rows], **widths)
-    return results.Ica(curve, steps["c_rate"][step])
+    chosen = inputs.settings_of(Ica, settings, changes)
+    curve, slope = charge_slope(voltage[rows], charge[rows], settings=chosen)
+    # The mean current of a step that holds the voltage in the end is less than its constant one.
+    rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
+    return results.Ica(curve, float(np.median(current[rows]) / rated), slope)
 
 
 def ica_peaks(ica, *, prominence=ICA.prominence):
@@ -266,15 +327,17 @@ def ica_peaks(ica, *, prominence=ICA.prominence):
 
     Returns
     -------
-    peaks : Table; (k,) columns: voltage [V], height [Ah/V], area [Ah], their uncertainty.
+    peaks : Table; (k,) columns: voltage [V], height [Ah/V], area [Ah], width [V], each with its
+        standard deviation.
 
     Raises
     ------
     Refusal : No peaks.
     """
-    from cellwright.protocols.ica import charge_peaks
+    from cellwright.protocols.ica.charge import charge_peaks
 
-    return results.Table(charge_peaks(ica.curve, c_rate=ica.c_rate, prominence=prominence))
+    options = {"c_rate": ica.c_rate, "prominence": prominence}
+    return results.Table(charge_peaks(ica.curve, ica.slope, **options))
 
 
 def impedance(spectrum, settings=None, **changes):
@@ -336,7 +399,7 @@ def thermometer(spectra, series):
     return results.Table(rows, tuple(notes))
 
 
-def fast_charge(series, steps, basis, cell, settings=None, **changes):
+def fast_charge(series, steps, basis, cell, settings=None, *, cycle=None, **changes):
     """Share of the capacity [1] that a fast charge reaches in its minutes, and what limits it.
 
     Parameters
@@ -344,6 +407,7 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
     series, steps : clean series, (n,) columns, and its steps.
     basis : result of `basis`.
     cell : CellFacts or mapping.
+    cycle : of the test: the share is of the capacity of that check-up.
     settings : `settings.FastCharge`, or its key as keyword: minutes [min].
 
     Returns
@@ -357,12 +421,13 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
     Source: docs/fast-charge.md.
     """
     from cellwright.protocols.fast_charge import fast_charge as charged
+    from cellwright.records.basis import at_cycle
 
     facts = inputs.cell_facts(cell)
     charge, notes = charged(
         inputs.columns(series, *inputs.COUNTED),
         inputs.steps(steps),
-        capacity_ampere_hour=inputs.content(basis)["capacity_ampere_hour"],
+        capacity_ampere_hour=at_cycle(inputs.content(basis), cycle)["capacity_ampere_hour"],
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
@@ -371,17 +436,19 @@ def fast_charge(series, steps, basis, cell, settings=None, **changes):
     return results.Table([charge], tuple(notes))
 
 
-def ageing_cycles(series, steps, test, cell):
+def ageing_cycles(series, steps, test, cell, course=None):
     """Complete cycles of one ageing record: capacity, energy, efficiency, temperature.
 
     Parameters
     ----------
     series, steps : clean series, (n,) columns, and its steps.
     test, cell : TestFacts (its `cycle` is that of the first), CellFacts or mappings.
+    course : result of `course`: how the test before left the cell.
 
     Returns
     -------
-    cycles : Table; rows: `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C].
+    cycles : Cycles; rows: `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out:
+        for each reason how many half cycles were left out, and which.
 
     Raises
     ------
@@ -399,5 +466,7 @@ def ageing_cycles(series, steps, test, cell):
         rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
         lower_cutoff_volt=facts.lower_cutoff_volt,
         upper_cutoff_volt=facts.upper_cutoff_volt,
+        state_before=_state_before(course, test),
     )
-    return results.Table(complete.rows, tuple(complete.left_out))
+    left_out = tuple(complete.left_out)
+    return results.Cycles(complete.rows, (*left_out, *complete.by_rest), left_out)

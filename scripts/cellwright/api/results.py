@@ -104,6 +104,18 @@ class RestOcv(NamedTuple):
         return frame(self.curve)
 
 
+class Cycles(NamedTuple):
+    """Complete half cycles of an ageing record, notes, and those of them on what was left out."""
+
+    rows: object
+    notes: tuple
+    left_out: tuple
+
+    def to_frame(self):
+        """One row a half cycle."""
+        return frame(self.rows)
+
+
 class Relaxation(NamedTuple):
     """Exponentials in rests: one row a rest, and voltage over time of one of them."""
 
@@ -117,14 +129,30 @@ class Relaxation(NamedTuple):
 
 
 class Ica(NamedTuple):
-    """Incremental capacity of a charge: the curve dQ/dV [Ah/V], the rate of the charge [1/h]."""
+    """Incremental capacity of a charge: the curve dQ/dV [Ah/V], the rate of the charge [1/h].
+
+    slope : the fitted V(Q) behind it, where the method has one.
+    """
 
     curve: object
     c_rate: float
+    slope: object = None
 
     def to_frame(self):
         """One row a voltage."""
         return frame(self.curve)
+
+
+class IcaLife(NamedTuple):
+    """dQ/dV over an ageing record: rows, one a peak; curves: columns of all charges; notes."""
+
+    rows: list
+    curves: dict
+    notes: tuple = ()
+
+    def to_frame(self):
+        """One row a peak."""
+        return frame(self.rows)
 
 
 class Impedance(NamedTuple):
@@ -187,6 +215,18 @@ class PeakMatches(NamedTuple):
         return frame(self.rows)
 
 
+class PeakHealth(NamedTuple):
+    """State of health from peaks of dQ/dV: rows of charges; what each peak tells; notes."""
+
+    rows: list
+    information: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row a charge."""
+        return frame(self.rows)
+
+
 class AgeingLaws(NamedTuple):
     """Temperature in the capacities of an ageing record."""
 
@@ -199,6 +239,43 @@ class AgeingLaws(NamedTuple):
     def to_frame(self):
         """One row a cycle."""
         return frame(self.cycles)
+
+
+class FadeOfLife(NamedTuple):
+    """Fade of a life: every discharge with the law, the laws, and a summary with the knee."""
+
+    columns: dict
+    laws: list
+    summary: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row a discharge."""
+        return frame(self.columns)
+
+
+class CheckUps(NamedTuple):
+    """Ratings of the check-ups of a cell, and growth of its resistance over SoC, as rows."""
+
+    rows: list
+    growth: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row a check-up."""
+        return frame(self.rows)
+
+
+class FleetResistance(NamedTuple):
+    """Resistance against capacity over a fleet: the line, one row a cell, delay into pulses."""
+
+    line: object
+    rows: list
+    delay: str
+
+    def to_frame(self):
+        """One row a cell."""
+        return frame(self.rows)
 
 
 class Simulation(NamedTuple):
@@ -273,3 +350,17 @@ class MissingEffect(NamedTuple):
     def to_frame(self):
         """One row for each effect tried."""
         return frame(self.ranking)
+
+
+class Stability(NamedTuple):
+    """Names of a search without each record in turn, as rows.
+
+    rows : a name each. repeats : a search each.
+    """
+
+    rows: list
+    repeats: list
+
+    def to_frame(self):
+        """One row for each name."""
+        return frame(self.rows)

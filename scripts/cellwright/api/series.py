@@ -42,6 +42,33 @@ def read(source, *, kind="series", name=None, instrument=None, current_sign=None
     return results.Raw(readings[0].columns, kind, instruments, ())
 
 
+def read_simulated(source, *, name=None):
+    """A voltage that was simulated for a test, for `missing_effect(..., simulated=...)`.
+
+    Parameters
+    ----------
+    source : a path, bytes or (name, bytes): CSV or Parquet with `Test Time / s` and `Simulated
+        Voltage / V`; the file of the test itself may hold both. A file without current may say
+        `Voltage / V`.
+    name : of the file in messages, where `source` is bytes.
+
+    Returns
+    -------
+    simulated : (time (n,) [s], voltage (n,) [V], name of the file).
+
+    Raises
+    ------
+    Refusal : No such file, a broken file, or one of the two columns is not there.
+
+    Source: docs/missing-effect.md.
+    """
+    from cellwright import formats
+
+    called, data = _named_bytes(source, name or "the file")
+    columns = formats.read_simulated(data, name=called)
+    return columns["test_time_second"], columns["voltage_volt"], called
+
+
 def _named_bytes(part, name):
     """(name for messages, bytes) of a path, of bytes, or of (name, bytes)."""
     if isinstance(part, bytes):

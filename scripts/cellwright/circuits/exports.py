@@ -52,23 +52,48 @@ def pybamm_parameters(model, member, temperature_celsius):
     Source: PyBaMM, pybamm.equivalent_circuit.Thevenin: of an element du/dt = (R·I − u)/(R·C), R and
     C functions of temperature, current and SoC.
     """
-    soc, entry = _knots(model, member, temperature_celsius), member_of(model, member)
-    sampled = circuit_at(entry["conditions"], soc, temperature_celsius)
-    ocv = open_circuit_volt(model, sampled, temperature_celsius)
-    r0, elements = np.zeros(len(soc)), []
-    for branch in sampled.circuit:
-        direct, lagged = _elements(branch, len(soc))
-        r0, elements = r0 + direct, elements + lagged
-    inside = soc[~sampled.outside_soc]
+    entry = member_of(model, member)
+    parts = _parts(entry)
+    knots = [_knots(model, part, temperature_celsius) for _, part in parts]
+    soc = _distinct_soc(np.concatenate(knots))
+    ocv, r0, elements = np.zeros(len(soc)), np.zeros(len(soc)), []
+    for share, part in parts:
+        sampled = circuit_at(part["conditions"], soc, temperature_celsius)
+        ocv = ocv + share * open_circuit_volt(model, sampled, temperature_celsius)
+        for branch in sampled.circuit:
+            direct, lagged = _elements(branch, len(soc))
+            r0 = r0 + share * direct
+            elements += [_times(element, share) for element in lagged]
+    outside = circuit_at(entry["conditions"], soc, temperature_celsius).outside_soc
+    inside, counted = soc[~outside], parts[1][1] if len(parts) > 1 else entry
     return {
         "temperature_celsius": float(temperature_celsius),
-        "capacity_ampere_hour": capacity_of(model, entry, temperature_celsius),
+        "capacity_ampere_hour": capacity_of(model, counted, temperature_celsius),
         "identified_soc": [inside.min(), inside.max()],
         "soc": soc,
         "ocv_volt": ocv,
         "r0_ohm": r0,
         "elements": elements,
     }
+
+
+def _parts(member):
+    """Entries of a member whose voltages add up, each with its share: itself alone, or companions.
+
+    All run on one SoC, that of the companion with the effects: where the OCV of the other two lies
+    at another SoC, it cancels between them.
+    """
+    if "companions" not in member:
+        return [(1.0, member)]
+    companions = member["companions"]
+    scale = companions["scale"]
+    return [(scale, member), (1.0, companions["with"]), (-scale, companions["without"])]
+
+
+def _times(element, share):
+    """An element whose voltage is a share of another's: its resistances and voltages times it."""
+    sized = [name for name in element if name.endswith(("_ohm", "_volt"))]
+    return element | {name: share * element[name] for name in sized}
 
 
 def pybamm_document(model):
@@ -116,9 +141,7 @@ def lookup_table(model, member):
     if not is_plain(entry):
         raise Refusal(f"{member} holds more than RC pairs; a look-up table has no column for it")
     temperatures = _temperatures(entry)
-    soc = _distinct_soc(
-        np.concatenate([_knots(model, member, celsius) for celsius in temperatures])
-    )
+    soc = _distinct_soc(np.concatenate([_knots(model, entry, celsius) for celsius in temperatures]))
     blocks = [_lookup_block(model, entry, soc, celsius) for celsius in temperatures]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
@@ -139,11 +162,11 @@ def _lookup_block(model, member, soc, celsius):
     return columns
 
 
-def _knots(model, member, celsius):
+def _knots(model, entry, celsius):
     """SoC of all knots of parameters and OCV at a measured temperature, ascending."""
     conditions = [
         condition
-        for condition in member_of(model, member)["conditions"]
+        for condition in entry["conditions"]
         if np.array_equal(
             celsius_of(condition["ambient_temperature_celsius"]), celsius, equal_nan=True
         )

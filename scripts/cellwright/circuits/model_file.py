@@ -1,11 +1,11 @@
-"""Model file (results/models/<cell>.json): entries, parameters per sample, simulation, table."""
+"""Model file (results/models/<cell>.json): entries, parameters per sample, simulation."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.circuits import instrument
-from cellwright.circuits.circuit import KINDS, UNRESOLVED_SECOND, Branch
+from cellwright.circuits.circuit import KINDS, Branch
 from cellwright.circuits.simulate import OpenCircuit, overpotentials
 from cellwright.circuits.temperature import (
     SMALLEST,
@@ -126,20 +126,6 @@ def with_shared_scale(circuit):
     )
 
 
-# Parameters of branches: name in the table, without the branch's number or kind, and unit.
-NAMES = {
-    "r_ohm": ("r", "Ohm"),
-    "r_charge_ohm": ("r_charge", "Ohm"),
-    "r_discharge_ohm": ("r_discharge", "Ohm"),
-    "tau_second": ("tau", "s"),
-    "scale_volt": ("scale", "V"),
-    "m_volt": ("m", "V"),
-    "charge_ampere_hour": ("charge", "Ah"),
-    "soc_per_ampere": ("gain", "1/A"),
-    "exchange_ampere": ("exchange", "A"),
-}
-
-
 def model_of(document, cell):
     """The model of `cell` from a model file, or from a group's file {"models": {cell: model}}.
 
@@ -153,61 +139,6 @@ def model_of(document, cell):
     if cell not in document["models"]:
         raise Refusal(f"the group has no model of {cell}; it has {', '.join(document['models'])}")
     return document["models"][cell]
-
-
-def parameter_rows(model):
-    """Rows model, ambient_temperature_celsius, soc, parameter, value, std, unit, at_bound.
-
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2.
-
-    Returns
-    -------
-    rows : list of dict, by member, condition, parameter and SoC: r0, then r1, tau1, … of RC pairs
-        and kinetics (these with scale1, …), rct, tauct, scalect of the charge transfer that no
-        sample resolves, hysteresis_m, hysteresis_charge, diffusion_gain, diffusion_tau, ocv_shift;
-        without SoC ocv_missing, ocv_stretch and activation_energy, of the condition as a whole.
-    """
-    conditions = [(m["model"], c) for m in model["members"] for c in m["conditions"]]
-    return [row for name, condition in conditions for row in _rows(name, condition)]
-
-
-def _rows(member, condition):
-    celsius = condition["ambient_temperature_celsius"]
-    about = {"model": member, "ambient_temperature_celsius": celsius}
-    flags = condition.get("at_bound", [])
-    for name, flag, values, stds, unit in _columns(condition):
-        stds = stds or [None] * len(values)
-        for soc, value, std in zip(condition["soc"], values, stds, strict=True):
-            row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
-            yield about | row | {"at_bound": name in flags or f"{flag} at SoC {soc:.3f}" in flags}
-    scale = condition.get("ocv_scale", {})
-    scale_rows = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
-    energy = condition.get("activation_energy_joule_per_mole")
-    for name, value, unit in [*scale_rows, ("activation_energy", energy, "J/mol")]:
-        row = {"soc": None, "parameter": name, "value": value, "std": None, "unit": unit}
-        if value is not None:
-            yield about | row | {"at_bound": False}
-
-
-def _columns(condition):
-    """Name, name of the bound, values, deviations and unit of each quantity over SoC."""
-    yield "r0", "R0", condition["r0_ohm"], condition["r0_std_ohm"], "Ohm"
-    number = 0
-    for branch in condition["branches"]:
-        kind, label = branch.get("kind", "RC"), ""
-        if kind in ("RC", "kinetic"):
-            resolved = kind == "RC" or branch["tau_second"][0] > UNRESOLVED_SECOND
-            number += resolved
-            label = str(number) if resolved else "ct"
-        for parameter in KINDS[kind].parameters:
-            short, unit = NAMES[parameter]
-            name = f"{short}{label}" if label else f"{kind}_{short}"
-            flag = f"{short}{label}".upper()
-            yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
-    if "ocv_shift_volt" in condition:
-        yield "ocv_shift", "", condition["ocv_shift_volt"], None, "V"
 
 
 SAME_KELVIN = 5.0
@@ -285,10 +216,13 @@ def circuit_at(conditions, soc, temperature_celsius):
         pairs = zip(conditions, elements, strict=True)
         return [_course(c, e[index][1][name], soc) for c, e in pairs]
 
+    met = [k for k, weight in enumerate(weights) if weight.any()]  # a record sees few temperatures
+
     def mixed(index, name):
-        logs = [np.log(np.maximum(course, SMALLEST)) for course in courses(index, name)]
+        pairs = [(conditions[k], elements[k][index][1][name]) for k in met]
+        logs = [np.log(np.maximum(_course(c, values, soc), SMALLEST)) for c, values in pairs]
         factor = beyond if name in instrument.WARMED else 1.0
-        return factor * np.exp(mixed_by(weights, logs))
+        return factor * np.exp(mixed_by([weights[k] for k in met], logs))
 
     resistive = [k for k, (_, parameters) in enumerate(elements[0]) if "r_ohm" in parameters]
     origins = [elements[0][k][0] for k in resistive]
@@ -401,26 +335,73 @@ def simulate_model(
     -------
     simulated : Simulated; `instrument` says what a member may correct of the record.
     """
-    entry = member_of(model, member)
-    capacity, time, celsius = model["capacity_ampere_hour"], test_time_second, temperature_celsius
-    read = (time, current_ampere, np.asarray(soc, float))
-    true = instrument.corrected(entry, capacity, *read, celsius, kind=kind)
-    sampled = circuit_at(entry["conditions"], true.soc, celsius)
+    read = test_time_second, current_ampere, np.asarray(soc, float), temperature_celsius
+    return simulate_member(model, member_of(model, member), *read, hold=hold, kind=kind)
+
+
+def simulate_member(
+    model,
+    member,
+    test_time_second,
+    current_ampere,
+    soc,
+    temperature_celsius,
+    *,
+    hold=None,
+    kind=None,
+):
+    """As `simulate_model`, of a member by its entry, which need not be in the model.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2. member : dict, entry of a member.
+    test_time_second, current_ampere, soc, temperature_celsius, hold, kind : as of `simulate_model`.
+
+    Returns
+    -------
+    simulated : Simulated; of a member with `companions` circuit and OCV of the member it begins
+        from, and the voltage of all three.
+    """
+    record = test_time_second, current_ampere, np.asarray(soc, float), temperature_celsius
+    if "companions" in member:
+        return _with_companions(model, member, record, hold=hold, kind=kind)
+    time, celsius, capacity = test_time_second, temperature_celsius, model["capacity_ampere_hour"]
+    true = instrument.corrected(member, capacity, *record, kind=kind)
+    sampled = circuit_at(member["conditions"], true.soc, celsius)
     ocv = open_circuit_volt(model, sampled, celsius)
     curve = OpenCircuit(lambda z: continued_ocv_at(model["ocv"], z, celsius), sampled.table_soc)
-    settings = {"hold": hold or instrument.hold_of(entry, current_ampere), "open_circuit": curve}
-    record = (time, np.asarray(true.current_ampere, float))
-    over = _overpotentials(entry, sampled.circuit, record, celsius, settings)
-    if "history" in entry:
+    settings = {"hold": hold or instrument.hold_of(member, current_ampere), "open_circuit": curve}
+    flowing = (time, np.asarray(true.current_ampere, float))
+    over = _overpotentials(member, sampled.circuit, flowing, celsius, settings)
+    if "history" in member:
         over = instrument.with_history(
-            *(entry, sampled.circuit, over, record, current_ampere),
+            *(member, sampled.circuit, over, flowing, current_ampere),
             soc_at_start=true.soc[0],
             capacity_ampere_hour=capacity,
             hold=settings["hold"],
         )
     at_once = over[instrument.at_once(sampled.circuit)].sum(axis=0)
-    volt = instrument.as_read(entry, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
+    volt = instrument.as_read(member, time, ocv + over.sum(axis=0), at_once, hold=settings["hold"])
     return Simulated(volt, ocv, over, *sampled[3:])
+
+
+def _with_companions(model, member, record, *, hold, kind):
+    """Simulation of a member beside which two companions stand: see `simulate_member`."""
+    bare = {name: member[name] for name in member if name != "companions"}
+    parts = (bare, member["companions"]["with"], member["companions"]["without"])
+    runs = [simulate_member(model, part, *record, hold=hold, kind=kind) for part in parts]
+    return runs[0]._replace(voltage_volt=summed(member, *(run.voltage_volt for run in runs)))
+
+
+def summed(member, given_volt, with_volt, without_volt):
+    """Voltage of a member with companions [V]: scale·(given − without) + with.
+
+    Parameters
+    ----------
+    member : dict, its entry. given_volt : (n,) of the member that it begins from [V].
+    with_volt, without_volt : (n,) of its companions, with the effects and without [V].
+    """
+    return member["companions"]["scale"] * (given_volt - without_volt) + with_volt
 
 
 def _overpotentials(member, circuit, record, celsius, settings):
@@ -455,7 +436,7 @@ def is_plain(member):
     ----------
     member : dict, a member of a model file.
     """
-    if "own_heat" in member:
+    if "own_heat" in member or "companions" in member:
         return False
     branches = [branch for entry in member["conditions"] for branch in entry["branches"]]
     return all(branch.get("kind", "RC") == "RC" for branch in branches)
@@ -473,7 +454,8 @@ def plain_member(model):
 
     Returns
     -------
-    name : the chosen member where it is plain, else the plain one of the smallest error of what was
+    name : the chosen member where it is plain, or the one that its effects stand beside, else the
+        plain one of the smallest error of what was
         left out of its fit (`left_out_rmse_volt`); where none states it, that of most pairs.
 
     Raises
@@ -483,8 +465,10 @@ def plain_member(model):
     plain = [member for member in model["members"] if is_plain(member)]
     if not plain:
         raise Refusal(f"no member of the model of {model['cell']} is made of RC pairs alone")
-    if model["chosen"] in [member["model"] for member in plain]:
-        return model["chosen"]
+    chosen = member_of(model)
+    for name in (chosen["model"], chosen.get("of")):
+        if name in [member["model"] for member in plain]:
+            return name
     return min(plain, key=_left_out_rank)["model"]
 
 

@@ -39,14 +39,19 @@ def continued_ocv_at(tables, soc, temperature_celsius):
     ----------
     tables, soc, temperature_celsius : as in `ocv_at`.
     """
-    inside = np.clip(soc, 0.0, 1.0)
+    soc = np.asarray(soc, float)
+    volt = ocv_at(tables, np.clip(soc, 0.0, 1.0), temperature_celsius)
+    outside = (soc < 0.0) | (soc > 1.0)
+    if not outside.any():
+        return volt
+    there, celsius = soc[outside], np.broadcast_to(temperature_celsius, soc.shape)[outside]
     ends = np.array([0.0, 0.005, 0.995, 1.0])
-    end_volt = [ocv_at(tables, np.full(np.shape(soc), end), temperature_celsius) for end in ends]
-    below, above = np.minimum(soc, 0.0), np.maximum(soc - 1.0, 0.0)
-    beyond = (
+    end_volt = [ocv_at(tables, np.full(there.shape, end), celsius) for end in ends]
+    below, above = np.minimum(there, 0.0), np.maximum(there - 1.0, 0.0)
+    volt[outside] += (
         below * (end_volt[1] - end_volt[0]) / 0.005 + above * (end_volt[3] - end_volt[2]) / 0.005
     )
-    return ocv_at(tables, inside, temperature_celsius) + beyond
+    return volt
 
 
 def table_soc(soc, missing, stretch):

@@ -174,6 +174,10 @@ def _make_room(kept):
 def _begun(cell, stack, values):
     """Fields before the first stage: measured current and temperature, resistances, capacity."""
     r0, r1, tau1, r2, tau2 = (np.exp(values[name]) for name in LOGARITHMS)
+    if stack.ohmic_course is not None:
+        r0 = r0 * stack.ohmic_course
+    if stack.slow_course is not None:
+        r1, r2 = r1 * stack.slow_course, r2 * stack.slow_course
     none = np.zeros(0)
     capacity = cell.capacity_ampere_hour * (1.0 + values["capacity"])
     return Fields(
@@ -303,19 +307,21 @@ class Tolerance(NamedTuple):
     known: float = SEARCH.known_tolerance
 
 
-def frees(stack, start, tolerance):
+def frees(stack, start, tolerance, log_std=None):
     """Free parameters of the plain model.
 
     Parameters
     ----------
     stack : records.Stack. start : dict of first values. tolerance : Tolerance.
+    log_std : standard deviations of the logarithms by name, about the first values; None: LOG_STD.
 
     Returns
     -------
     free : tuple of least_squares.Free, in the order of `base_names`; in paired mode the scale of
         the template of healthy cells after them.
     """
-    logs = [Free(name, LOG_STEP, start[name], LOG_STD[name], *_limits(name)) for name in LOGARITHMS]
+    stds = log_std or LOG_STD
+    logs = [Free(name, LOG_STEP, start[name], stds[name], *_limits(name)) for name in LOGARITHMS]
     capacity = Free("capacity", LOG_STEP / 10, 0.0, tolerance.capacity)
     socs = [
         Free(f"soc0[{k}]", SOC_STEP, soc, tolerance.soc) for k, soc in enumerate(stack.soc_at_start)

@@ -8,9 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.judge import by_starts, rests_of, started
+from cellwright.effects.judge import rests_of, start_errors, started
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.proof import (
+    blocks_of,
+    consistency,
+    excess_volt,
+    floor_of,
+    inflation,
+)
 from cellwright.effects.records import lacking, stacked
 from cellwright.effects.screen import candidates, chi_square_of, screened
 from cellwright.effects.search import State, frees_of
@@ -44,16 +51,9 @@ class Gates(NamedTuple):
     refits: int = SEARCH.refits
     bic: float = SEARCH.bic
     validation_chi_square: float = SEARCH.validation_chi_square
-    validation_fall: float = SEARCH.validation_fall
     visible_chi_square: float = SEARCH.visible_chi_square
     material_volt: float = SEARCH.material_volt
-    material_share: float = SEARCH.material_share
-    nothing_ratio: float = SEARCH.nothing_ratio
-    nothing_volt: float = SEARCH.nothing_volt
-    adequate_ratio: float = SEARCH.adequate_ratio
-    adequate_closed: float = SEARCH.adequate_closed
-    partial_closed: float = SEARCH.partial_closed
-    unknown_ratio: float = SEARCH.unknown_ratio
+    unknown_volt: float = SEARCH.unknown_volt
     tie_absolute: float = SEARCH.tie_absolute
     tie_relative: float = SEARCH.tie_relative
     rounds: int = SEARCH.rounds
@@ -65,15 +65,16 @@ class Gates(NamedTuple):
 STEADY_C_RATE = 0.02
 LOGGED = {"current_offset", "leakage"}  # what the current logged at rest decides between
 SLOW = "slow_diffusion"
+MOST_WHITE = 1.5  # times the scatter of neighbouring rows
 FAR_LOG = 0.2  # change of a log resistance or time constant up to which derivatives are kept
+FAR_SOC = 0.003  # and of the SoC at the start of a record
 
 
 class Filters(NamedTuple):
     """Whitening of both stacks by one noise, and which of their rows an rms error counts.
 
     noise : noise.Noise. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV, where a
-    little
-    charge is many millivolts, do not count.
+    little charge is many millivolts, do not count.
     """
 
     noise: noise.Noise
@@ -87,7 +88,8 @@ class Filters(NamedTuple):
 class Case(NamedTuple):
     """A cell, its records fitted and those that judge (records.Stack), tolerances and gates.
 
-    gap : voltage between the branches of the slow test, gap.SlowGap. The methods are those
+    gap : voltage between the branches of the slow test, gap.SlowGap. start, log_std : values of the
+    companion of a given model and how well they are known (`own`), else None. The methods are those
     that `search` needs.
     """
 
@@ -100,6 +102,13 @@ class Case(NamedTuple):
     polish_share: float = 0.3  # of the best J, from which a misled trial is refitted
     settled: float = SETTLED
     keeps_derivatives: bool = True
+    start: dict | None = None
+    log_std: dict | None = None
+
+    @property
+    def steady_ampere(self):
+        """Change of the current between two rows up to which it counts as steady [A]."""
+        return STEADY_C_RATE * self.cell.capacity_ampere_hour
 
     def possible(self, library):
         """Effects, by key, that the records excite and that current and voltage can show."""
@@ -111,8 +120,8 @@ class Case(NamedTuple):
 
     def begun(self):
         """Free parameters of the plain model, its first values, and filters of a first noise."""
-        values = base.first_values(self.cell, self.fit)
-        free = base.frees(self.fit, values, self.tolerance)
+        values = self.start or base.first_values(self.cell, self.fit)
+        free = base.frees(self.fit, values, self.tolerance, self.log_std)
         return free, values, filters_of(self, noise.FIRST, extra_volt_of(self, values))
 
     def with_effect(self, free, effect):
@@ -133,16 +142,18 @@ class Case(NamedTuple):
         return candidates(predict, solution.prediction, solution.values, further)
 
     def filters_for(self, residual, filters, earlier):
-        """Filters by the noise of the residual of a model with all candidates in it."""
+        """Filters by the noise of the residual with all candidates in the model."""
         limits = {
             name: getattr(self.gates, name) for name in ("most_slow_volt", "most_slow_second")
         }
-        spread = noise.estimate_noise(
-            residual, self.fit, extra_volt=filters.extra_volt[0], **limits
-        )
+        extra = filters.extra_volt[0]
+        spread = noise.estimate_noise(residual, self.fit, extra_volt=extra, **limits)
+        # What a reading scatters by, neighbouring rows show; more of it is misfit of the model.
+        read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
+        spread = spread._replace(white_volt=min(spread.white_volt, MOST_WHITE * read))
         return filters_of(self, spread, filters.extra_volt)
 
-    def sharper(self, trial, filters):
+    def sharper(self, trials, filters):
         """None: the noise of a cell is taken once a round."""
 
     def screened(self, lined_up, before, free, possible, filters):
@@ -153,18 +164,75 @@ class Case(NamedTuple):
         """State of a fitted model: its errors on the records that judge."""
         return state_of(self, effects, solution, filters)
 
-    def floor_volt(self, residual, filters, earlier):
-        """Noise that no model can explain: white, from neighbouring rows, and slow [V]."""
+    def floor(self, before, free, residual, filters, earlier):
+        """Error that readings and stated tolerances leave, of the plain model: proof.Floor."""
         if earlier:
-            return earlier[0].floor_volt
-        steady = STEADY_C_RATE * self.cell.capacity_ampere_hour
-        white = noise.read_volt(residual, self.fit, steady_ampere=steady)
-        return float(np.hypot(min(white, filters.noise.white_volt), filters.noise.slow_volt))
+            return earlier[0].floor
+        read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
+        read = min(read, filters.noise.white_volt)
+        return floor_of(self, before, free, filters.validation_rows, read)
+
+    def proof(self, before, after, filters):
+        """How evenly a further effect helps: (Consistency, whether records that judge show it).
+
+        Where it changes nothing there that matters, it is judged on the records fitted.
+        """
+        values = after.values
+        soc = base.fields_of(self.cell, self.validation, values, after.effects).soc
+        blocks = blocks_of(self.validation, soc, filters.validation_rows)
+        sides = before.validation, after.validation
+        limit = {"material_volt": self.gates.material_volt}
+        shown = consistency(*sides, blocks, self.validation.file, **limit)
+        if shown.excited:
+            return shown, True
+        values = after.solution.values
+        soc = base.fields_of(self.cell, self.fit, values, after.effects).soc
+        blocks = blocks_of(self.fit, soc, filters.fit_rows)
+        sides = before.solution.residual, after.solution.residual
+        return consistency(*sides, blocks, self.fit.file, **limit), False
+
+    def inflation(self, state):
+        """By how much the chi-square of each record is too large by correlation, by role.
+
+        What a model misses lasts for minutes to hours and is no reading noise.
+        """
+        stacks = ("fit", state.solution.whitened), ("validation", state.validation_white)
+        sides = {role: (getattr(self, role), white) for role, white in stacks}
+        return {
+            role: inflation(white, stack.file, len(stack.first))
+            for role, (stack, white) in sides.items()
+        }
+
+    def falls(self, before, after):
+        """Fall of the chi-square of each record from one State to another, by role."""
+        white = (np.square(s.solution.whitened) for s in (before, after))
+        fit = np.subtract(*(np.bincount(self.fit.file, squares) for squares in white))
+        judged = before.validation_chi_squares - after.validation_chi_squares
+        return {"fit": fit, "validation": judged}
+
+    def rows_per_record(self):
+        """Number of rows of each record fitted (f,)."""
+        return np.bincount(self.fit.file)
+
+    def matters(self, first, before, trial, floor, *, share=1.0):
+        """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
+        after = trial.state
+        taken = excess_volt(before.rmse_volt, after.rmse_volt)
+        if trial.proven:
+            errors = before.validation_rmse_volt, after.validation_rmse_volt
+            taken = max(taken, excess_volt(*errors)) if errors[1] < errors[0] else 0.0
+        if excess_volt(after.rmse_volt, before.rmse_volt) > self.gates.material_volt:
+            return False
+        # A small size matters, too, where the load makes a large voltage of it.
+        sized = trial.material or taken >= self.gates.unknown_volt
+        return sized and taken >= share * self.gates.material_volt
 
     def misled(self, before, trial):
-        """Whether resistances or time constants moved too far for kept derivatives to hold."""
+        """Whether resistances, time constants or starts moved too far for kept derivatives."""
         then, now = before.solution.values, trial.state.solution.values
-        return max(abs(now[name] - then[name]) for name in base.LOGARITHMS) > FAR_LOG
+        moved = {name: abs(now[name] - then[name]) for name in before.solution.names}
+        starts = (size for name, size in moved.items() if name.startswith("soc0["))
+        return max(moved[name] for name in base.LOGARITHMS) > FAR_LOG or max(starts) > FAR_SOC
 
     def denied(self, trials):
         """Keys of trials that a measurement outside the fit contradicts.
@@ -187,9 +255,8 @@ class Case(NamedTuple):
 
 
 def not_excited(case, effect):
-    """What the records of either role lack for this effect, in words; empty: nothing."""
-    capacity = case.cell.capacity_ampere_hour
-    return lacking(effect, case.fit, capacity) or lacking(effect, case.validation, capacity)
+    """What the records fitted lack to excite this effect, in words; empty: nothing."""
+    return lacking(effect, case.fit, case.cell.capacity_ampere_hour)
 
 
 def _by_rest_current(case, trial):
@@ -242,16 +309,17 @@ def state_of(case, effects, solution, filters):
     rests = rests_of(case.cell, case.fit, solution)
     values = started(case.cell, stack, solution.values, effects, case.tolerance, pairs, rests)
     volt = base.voltage(case.cell, stack, values, effects)
-    error = stack.voltage_volt - volt
     about = case.cell, stack, values, effects, case.tolerance
-    white = filters.validation.apply(error)
-    explained = by_starts(*about, volt, filters.validation, pairs)
+    moved, explained = start_errors(*about, volt, filters.validation, pairs)
+    error = stack.voltage_volt - volt - moved
+    white = filters.validation.apply(stack.voltage_volt - volt)
     return State(
         effects,
         solution,
         values,
         error,
-        float(white @ white) - explained,
+        filters.validation.apply(error),
+        np.bincount(stack.file, white**2) - explained,
         rms(solution.residual[filters.fit_rows]),
         rms(error[filters.validation_rows]),
     )
@@ -281,9 +349,13 @@ def filters_of(case, spread, extra):
 
 
 class Prepared(NamedTuple):
-    """A case; notes on how it was made; caveats that weaken a proof by it, part of the verdict."""
+    """A case and its records, fitted and judging; notes on how it was made.
+
+    caveats : what weakens a proof by it, part of the verdict.
+    """
 
     case: Case
+    records: tuple
     notes: tuple
     caveats: tuple = ()
 
@@ -328,7 +400,7 @@ def prepared(cell, basis, tests, *, tolerance, gates, settings):
     for hold in HOLDS:
         both = [stacked(side, capacity_ampere_hour=capacity, hold=hold) for side in sides]
         cases.append(Case(measured, *both, tolerance, gates, slow_gap(curve)))
-    return Prepared(min(cases, key=_misfit), tuple(notes), caveats)
+    return Prepared(min(cases, key=_misfit), sides, tuple(notes), caveats)
 
 
 def _sides(cell, basis, tests, settings):

@@ -5,16 +5,24 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base
-from cellwright.effects.case import Gates, extra_volt_of, filters_of, not_excited, prepared
+from cellwright.effects.case import Gates, not_excited, prepared
+from cellwright.effects.ceiling import ceiling, reached
+from cellwright.effects.given.case import own_case
+from cellwright.effects.given.external import external_case, with_simulated
+from cellwright.effects.given.judged import as_given, judged_blocks
 from cellwright.effects.judge import joined, residual_map, worst
 from cellwright.effects.member import folds
+from cellwright.effects.odds import likely, probabilities
 from cellwright.effects.paired import Pairing, paired
-from cellwright.effects.planner import next_test
+from cellwright.effects.planning.advice import advised
+from cellwright.effects.planning.sensitivity import Model, confounding, shown
 from cellwright.effects.screen import evidence
-from cellwright.effects.search import frees_of, search
-from cellwright.effects.sensitivity import Model, confounding, shown
+from cellwright.effects.search import frees_of, search, up_to
+from cellwright.effects.story.places import worsened
+from cellwright.effects.story.words import explained, paragraph
 from cellwright.effects.ties import tie_of
-from cellwright.effects.verdict import outcome, paragraph, verdict_of
+from cellwright.effects.verdict import outcome, verdict_of
+from cellwright.effects.witnesses.collected import values_of
 from cellwright.numerics.least_squares import stds
 from cellwright.records.facts import CellFacts
 from cellwright.refusal import Refusal
@@ -48,16 +56,24 @@ class Reference(NamedTuple):
     tests: list
 
 
-def missing_effect(cell, basis, tests, library, *, settings, references=()):
-    """Verdict on a cell: which effect the plain model lacks, with ranking, residuals and next test.
+def missing_effect(
+    cell, basis, tests, library, *, settings, references=(), model=None, simulated=None
+):
+    """Verdict on a cell: which effect a model of it lacks, with ranking, residuals and next test.
+
+    The model is the plain circuit (base `plain`); or one that is given: the chosen member of the
+    cell's model (`own`), or a voltage simulated by any other (`external`).
 
     Parameters
     ----------
     cell : CellFacts. basis : dict, from `basis.basis`.
     tests : list of MeasuredTest. library : dict of Effect by id.
     settings : dict: those of `settings_of`, most_rows and split_rest_second.
-    references : sequence of Reference. Where three or more ran the same protocol, and the plain
-    model fails them by far more than noise, the cell is compared with them (paired mode).
+    model : dict of schema cellwright-model/2, for the base `own`. simulated : dict test →
+    external.Simulated, for the base `external`; tests without one take no part.
+    references : sequence of Reference, of the base `plain`. Where one or more ran the same
+    protocol, and the plain model fails them by far more than noise, the cell is compared with them
+    (paired mode).
 
     Returns
     -------
@@ -65,21 +81,65 @@ def missing_effect(cell, basis, tests, library, *, settings, references=()):
 
     Raises
     ------
-    Refusal : no OCV, nothing to fit, or nothing that judges.
+    Refusal : no OCV, nothing to fit, or nothing that judges; no simulated voltage that can be
+    joined to its test.
     """
+    bases = {"references": references, "model": model, "simulated": simulated}
+    asked = asked_of(cell, basis, tests, settings=settings, **bases)
+    # A plain or own model is one to choose: it is fitted again without blocks. External is none.
+    split = None if asked.base_name == "external" else settings["split_rest_second"]
+    names = {"split_rest_second": split, "base_name": asked.base_name}
+    finding = of_case(cell.cell, asked.case, library, **names)
+    text = "\n".join([finding.verdict["paragraph"], *asked.caveats])
+    verdict = finding.verdict | {"references": list(asked.references), "paragraph": text}
+    known = {} if asked.given is None else {"given": asked.given}
+    notes = (*asked.notes, *finding.notes)
+    return finding._replace(verdict=verdict, model=finding.model | known, notes=notes)
+
+
+class Asked(NamedTuple):
+    """What a search is asked: its case, and what the model is.
+
+    case : case.Case. base_name : "plain", "own" or "external". references : names of the healthy
+    cells that the cell is compared with. notes, caveats : tuples of str, see `case.Prepared`.
+    """
+
+    case: object
+    base_name: str
+    references: tuple
+    notes: tuple
+    caveats: tuple
+    given: dict | None = None
+
+
+def asked_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
+    """Case of a search before anything is searched: Asked; arguments as of `missing_effect`."""
     gates, tolerance = settings_of(settings)
     options = {"tolerance": tolerance, "gates": gates, "settings": settings}
-    ready = prepared(cell, basis, tests, **options)
-    case, used, note = _paired(ready.case, references, options)
-    finding = of_case(cell.cell, case, library, split_rest_second=settings["split_rest_second"])
-    text = " ".join([finding.verdict["paragraph"], *ready.caveats])
-    verdict = finding.verdict | {"references": used, "paragraph": text}
-    return finding._replace(verdict=verdict, notes=(*ready.notes, *note, *finding.notes))
+    base_name, used, note, given = "plain", [], (), None
+    if simulated is not None:
+        tests, note = with_simulated(tests, simulated)
+    ready = _ready(cell, basis, tests, options, note)
+    if model is not None:
+        base_name, (case, given) = "own", own_case(ready, model)
+    elif simulated is not None:
+        base_name, case = "external", external_case(ready)
+    else:
+        case, used, note = _paired(ready.case, references, options)
+    return Asked(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats, given)
+
+
+def _ready(cell, basis, tests, options, notes):
+    """As `case.prepared`; a refusal tells as well which simulation could not be joined."""
+    try:
+        return prepared(cell, basis, tests, **options)
+    except Refusal as refusal:
+        raise Refusal("; ".join([str(refusal), *notes])) from None
 
 
 def _paired(case, references, options):
     """The case in paired mode where that serves: (case, names of the references, notes)."""
-    if len(references) < Pairing().references:
+    if not references:
         return case, [], ()
     try:
         others = {r.cell.cell: prepared(*r, **options).case for r in references}
@@ -89,7 +149,16 @@ def _paired(case, references, options):
     if not pair.needed:
         return case, [], ("searched alone: the plain model follows the references to the noise",)
     names = ", ".join(pair.references)
-    return pair.case, list(pair.references), (f"searched beside the references {names}",)
+    notes = [f"searched beside the references {names}"]
+    notes += [f"not compared with {name}: {why}" for name, why in pair.unshared.items()]
+    few = Pairing()
+    if len(pair.references) < few.known_from:
+        notes.append(
+            f"how much healthy cells differ cannot be read from {len(pair.references)} of them: "
+            f"{1e3 * few.material_volt_of_few:g} mV, and {100 * few.scale_std_of_few:g} % of what "
+            "the references show, were taken"
+        )
+    return pair.case, list(pair.references), tuple(notes)
 
 
 def settings_of(settings):
@@ -103,56 +172,95 @@ def settings_of(settings):
     return gates, base.Tolerance(**tolerances)
 
 
-def of_case(name, case, library, *, split_rest_second=None):
+def decided(case, rounds):
+    """What the rounds of a search come to: names that stand for themselves, and are likely.
+
+    Parameters
+    ----------
+    case : case.Case. rounds : list of search.Round.
+
+    Returns
+    -------
+    rounds : list of search.Round, up to the first name that falls short of what could be learned
+    without physics (`ceiling.reached`), is less likely than not (`odds.likely`), or makes the model
+    worse on records that judge.
+    result : verdict.Outcome. shares : probability of each answer, before names were refused.
+    """
+    rounds, short = reached(case, rounds, rounds[0].floor)
+    result = outcome(rounds, case.gates)
+    shares = probabilities(case, rounds, result)
+    rounds, unlikely = likely(rounds, result, shares)
+    rounds, worse = _helping(rounds, outcome(rounds, case.gates))
+    result = outcome(rounds, case.gates)
+    return rounds, result._replace(refused=worse or unlikely or short), shares
+
+
+def _helping(rounds, result):
+    """Rounds up to the first proven name without which other records are followed better.
+
+    A choice is refitted with all rows anew; what helped as it was tried may not any more.
+    """
+    now = result.last.validation_rmse_volt
+    for step in result.steps:
+        if step.chosen.proven and now >= step.before.validation_rmse_volt:
+            return up_to(rounds, step), step
+    return rounds, None
+
+
+def of_case(name, case, library, *, split_rest_second=None, base_name="plain"):
     """Finding of a case that is prepared already; else as `missing_effect`.
 
+    base_name : "plain", "own" or "external", for the words.
     split_rest_second : shortest rest that ends a block [s]; None: the model is not fitted again
     without blocks, which only a choice between models asks for.
     """
-    rounds = search(case, library)
-    result = outcome(rounds, case.gates)
+    rounds, result, shares_of_answers = decided(case, search(case, library))
     residuals = _map(case, rounds[0].before, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {step.chosen.effect.id for step in result.steps}
     hidden = set.intersection(*(set(step.hidden) for step in rounds)) - named
     hidden |= {name for name in library if tie_of(name) is not None}
     untestable = sorted({n for n, why in unexcited.items() if why} | hidden)
-    menu, advice = _advised(case, result, rounds, library, untestable)
-    place = worst(residuals, result.floor_volt)
+    place = worst(residuals, result.floor.validation_volt)
+    open_place = None if result.adequate else place
+    menu, advice, test = advised(case, result, rounds, library, untestable, open_place)
     verdict = verdict_of(name, result, rounds, place, next_test=advice, not_testable=untestable)
-    verdict["paragraph"] = paragraph(verdict, library)
+    verdict["base"] = base_name
+    if base_name != "plain":
+        verdict["as_given_rmse_volt"] = as_given(case, rounds[0].filters)
+    evidence_columns = _evidence(case, result)
+    shares = explained(evidence_columns)
+    for entry in (*verdict["effects"], *verdict["partial"]):
+        entry["explained"] = shares.get(entry["effect"])
+    best = ceiling(case, result.last, rounds[-1].filters, result.floor)
+    verdict["remainder"] |= {
+        "ceiling_volt": best.validation_volt,
+        "ceiling_fit_volt": best.fit_volt,
+        "learnable": best.learnable,
+    }
+    verdict["next_test_id"] = test
+    verdict["probabilities"] = shares_of_answers
+    verdict["worsened"] = worsened(residuals)
     plain = Model(rounds[0].before.solution.values, rounds[0].before.effects)
     kept = bool(result.steps) and result.word in KEPT
     model = model_of(case, result.last if kept else rounds[0].before)
+    verdict["paragraph"] = paragraph(verdict, library, values=values_of(model))
     if kept and split_rest_second is not None:
-        model["folds"] = folds(
-            case, result.last, rounds[-1].noise, split_rest_second=split_rest_second
-        )
+        rest = {"split_rest_second": split_rest_second}
+        model["folds"] = folds(case, result.last, rounds[-1].noise, **rest)
+        if base_name == "own":
+            model["blocks"] = judged_blocks(case, result.last, model["folds"], **rest)
     return Finding(
         verdict,
         ranking_of(rounds),
         residuals,
-        _evidence(case, result),
+        evidence_columns,
         _series(case, rounds[0].before, result.last),
         confounding(shown(case, library, plain, spread=rounds[0].noise)),
         menu,
         model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
     )
-
-
-def _advised(case, result, rounds, library, untestable):
-    """Menu of next tests and advice: to break a tie, else on resistance over temperature."""
-    tied = next((s for s in result.steps if s.tied), None)
-    if tied is not None:
-        after = tied.chosen.state
-        advice = next_test(case, after, tied.chosen.effect.id, tied.tied, library=library)
-        return advice.table, advice.sentence
-    # Of effects that could not be tested, resistance over temperature is what most cells have.
-    if result.word != "none" or "resistance_temperature" not in untestable:
-        return {}, None
-    advice = next_test(case, result.last, "resistance_temperature", library=library)
-    return advice.table, advice.sentence
 
 
 def _map(case, before, after):
@@ -219,9 +327,8 @@ def _evidence(case, result):
         }
         effects = step.chosen.state.effects
         volts = [base.voltage(case.cell, case.fit, v, effects) for v in (after, neutral)]
-        filters = filters_of(case, step.noise, extra_volt_of(case, after))
-        change = (volts[0] - volts[1])[:, None]
-        bins = evidence(step.before, change, np.ones(1), step.before.solution.residual, filters.fit)
+        change, whiten = (volts[0] - volts[1])[:, None], step.filters.fit
+        bins = evidence(step.before, change, np.ones(1), step.before.solution.residual, whiten)
         parts.append({"effect": [effect.id] * len(bins["rows"])} | bins)
     return joined(parts)
 

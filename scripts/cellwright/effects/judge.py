@@ -88,11 +88,11 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
     return values
 
 
-def by_starts(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
-    """Chi-square of a residual that errors of the SoC at the starts explain, their priors held.
+def start_errors(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
+    """Errors of the SoC at the starts that explain most of a residual, their priors held.
 
-    A start that is known to a millivolt moves the whole record by as much. That is no noise of
-    single rows; counted as such, it would be proof of an effect that also moves whole records.
+    A start that is known to a millivolt moves the whole record by as much. That is no error of the
+    model; counted as such, it would be proof of an effect that also moves whole records.
 
     Parameters
     ----------
@@ -101,19 +101,22 @@ def by_starts(cell, stack, values, effects, tolerance, prediction, whitening, sh
 
     Returns
     -------
-    chi_square : by which the whitened residual falls.
+    moved_volt : (n,) change of the prediction by these errors [V].
+    chi_square : (f,) by which the whitened residual of each record falls.
     """
     starts = [f"soc0[{k}]" for k in range(len(stack.first))]
     moved = values | {name: values[name] + SOC_STEP for name in starts}
     change = (base.voltage(cell, stack, moved, effects) - prediction) / SOC_STEP
     both = whitening.apply(np.stack([change, stack.voltage_volt - prediction], axis=1))
-    loaded, fitted, fall = _loaded(cell, stack), {k for k, _ in shared}, 0.0
+    loaded, fitted = _loaded(cell, stack), {k for k, _ in shared}
+    error_soc, fall = np.zeros(len(starts)), np.zeros(len(starts))
     for k in sorted(set(range(len(starts))) - fitted):
         column, error = both[stack.file == k].T
         rows = len(_first_rest(stack, k, loaded))
         precision = sum(_precisions(_slope(cell, values[starts[k]]), rows, tolerance))
-        fall += (column @ error) ** 2 / (column @ column + precision)
-    return float(fall)
+        error_soc[k] = (column @ error) / (column @ column + precision)
+        fall[k] = error_soc[k] * (column @ error)
+    return change * error_soc[stack.file], fall
 
 
 def _loaded(cell, stack):

@@ -5,6 +5,7 @@ what no circuit holds goes into the blocks of `cellwright.circuits.instrument`.
 """
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,7 +40,7 @@ PROBED = ("counting", "resistance", "ocv")  # stages that a circuit holds by its
 SAME_KELVIN, FURTHEST_KELVIN = 2.0, 15.0
 
 
-def effect_member(effect_model, model, celsius, library=LIBRARY):
+def effect_member(effect_model, model, celsius, library=LIBRARY, *, courses=None):
     """Member of a model file that gives the voltages of the model of a search.
 
     Parameters
@@ -50,6 +51,8 @@ def effect_member(effect_model, model, celsius, library=LIBRARY):
     model : dict of schema cellwright-model/2, whose capacity and OCV tables it stands beside.
     celsius : temperatures at which it has conditions [degC].
     library : dict of Effect by id, which has the effects of that model.
+    courses : function temperature [degC] → courses of the resistances over `KNOTS`, ohmic and slow,
+        see `given.case.Given`; None: constant.
 
     Returns
     -------
@@ -71,7 +74,8 @@ def effect_member(effect_model, model, celsius, library=LIBRARY):
     spacing = np.diff(effect_model["ocv_soc"])
     if np.ptp(spacing) > 1e-6:
         raise Refusal(f"OCV knots are {spacing.min():g} to {spacing.max():g} apart, wanted even")
-    conditions = [_condition(cell, effect_model, effects, model["ocv"], float(t)) for t in celsius]
+    searched = Searched(cell, effect_model, effects, courses or (lambda celsius: (None, None)))
+    conditions = [_condition(searched, model["ocv"], float(t)) for t in celsius]
     tested = cell.capacity_ampere_hour / model["capacity_ampere_hour"]
     tested = tested * (1.0 + effect_model["values"].get("capacity", 0.0))
     return {
@@ -82,6 +86,15 @@ def effect_member(effect_model, model, celsius, library=LIBRARY):
         "conditions": conditions,
         **_blocks(effects, effect_model["values"], tested, conditions[0]["branches"]),
     }
+
+
+class Searched(NamedTuple):
+    """Model of a search: base.Cell, its document, its effects, and courses, see `effect_member`."""
+
+    cell: base.Cell
+    document: dict
+    effects: list
+    courses: object
 
 
 def _check_place(effect):
@@ -105,29 +118,34 @@ def temperatures(courses, stated, effects):
         float(np.mean(course)) if chamber is None else float(chamber)
         for course, chamber in zip(courses, stated, strict=True)
     ]
-    kept = _distinct(sorted(means))
+    kept = distinct(sorted(means))
     if "entropic_ocv" not in effects:
         return kept
     ends = [float(np.floor(min(c.min() for c in courses)))]
     ends += [float(np.ceil(max(c.max() for c in courses)))]
-    measured = _distinct(sorted([*kept, *ends]))
+    measured = distinct(sorted([*kept, *ends]))
     counts = [(a, b, int(np.ceil((b - a) / FURTHEST_KELVIN))) for a, b in pairwise(measured)]
     inner = [a + (b - a) * k / count for a, b, count in counts for k in range(count)]
     return [*inner, measured[-1]]
 
 
-def _distinct(ordered):
-    """Sorted temperatures without those within 2 K above the one before [degC]."""
+def distinct(ordered):
+    """Sorted temperatures without those within 2 K above the one before [degC].
+
+    Parameters
+    ----------
+    ordered : list of temperatures, ascending [degC].
+    """
     kept = ordered[:1]
     for celsius in ordered[1:]:
         kept += [celsius] if celsius - kept[-1] > SAME_KELVIN else []
     return kept
 
 
-def _condition(cell, effect_model, effects, tables, celsius):
+def _condition(searched, tables, celsius):
     """Resistances, branches and OCV of the model of a search at one temperature."""
-    values, std = effect_model["values"], effect_model.get("std", {})
-    out, back = (_probed(cell, effect_model, effects, celsius, sign) for sign in (-1.0, 1.0))
+    values, std = searched.document["values"], searched.document.get("std", {})
+    out, back = (_probed(searched, celsius, sign) for sign in (-1.0, 1.0))
     gain = 1.0 + values.get("current_gain.gain_relative", 0.0)
     r0, excess = np.minimum(out.r0, back.r0), out.r0 - back.r0
     branches = [
@@ -137,7 +155,7 @@ def _condition(cell, effect_model, effects, tables, celsius):
     if np.any(excess != 0.0):
         ways = {"r_charge_ohm": np.maximum(-excess, 0.0), "r_discharge_ohm": np.maximum(excess, 0)}
         branches.append(_branch("R_two_way", None, **ways))
-    for effect in (e for e in effects if e.circuit):
+    for effect in (e for e in searched.effects if e.circuit):
         r0, kind, parameters = effect.circuit(effect.sizes_of(values), r0, out.capacity / gain)
         branches.append(_branch(kind, None, **parameters))
     shift = out.ocv - continued_ocv_at(tables, KNOTS, celsius)
@@ -149,26 +167,29 @@ def _condition(cell, effect_model, effects, tables, celsius):
         "branches": branches,
         "ocv_shift_volt": _listed(shift),
         "ocv_scale": {"missing": 0.0, "stretch": 0.0},
-        "activation_energy_joule_per_mole": _energy(cell, effect_model, effects, celsius),
+        "activation_energy_joule_per_mole": _energy(searched, celsius),
         "at_bound": [],
     }
 
 
-def _probed(cell, effect_model, effects, celsius, sign):
+def _probed(searched, celsius, sign):
     """Fields of the model of a search at every knot of SoC, at C/1000 of the sign given."""
+    cell, document = searched.cell, searched.document
     capacity = cell.capacity_ampere_hour
     current = sign * 1e-3 * capacity
     rows = [record_of([0.0], [current], [0.0], soc, celsius=celsius) for soc in KNOTS]
-    stack = stacked(rows, capacity_ampere_hour=capacity, hold=effect_model["hold"])
+    stack = stacked(rows, capacity_ampere_hour=capacity, hold=document["hold"])
+    ohmic, slow = searched.courses(celsius)
+    stack = stack._replace(ohmic_course=ohmic, slow_course=slow)
     starts = {f"soc0[{k}]": float(soc) for k, soc in enumerate(KNOTS)}
-    held = [effect for effect in effects if effect.stage in PROBED]
-    return base.fields_of(cell, stack, effect_model["values"] | starts, held)
+    held = [effect for effect in searched.effects if effect.stage in PROBED]
+    return base.fields_of(cell, stack, document["values"] | starts, held)
 
 
-def _energy(cell, effect_model, effects, celsius):
+def _energy(searched, celsius):
     """Activation energy of the sum of the resistances at half charge [J/mol]."""
     kelvin = celsius + ZERO_CELSIUS_KELVIN + np.array([-0.5, 0.5])
-    fields = [_probed(cell, effect_model, effects, t - ZERO_CELSIUS_KELVIN, -1.0) for t in kelvin]
+    fields = [_probed(searched, t - ZERO_CELSIUS_KELVIN, -1.0) for t in kelvin]
     logs = [np.log(_total_ohm(at_celsius)) for at_celsius in fields]
     return float(GAS_CONSTANT * (logs[0] - logs[1]) / (1.0 / kelvin[0] - 1.0 / kelvin[1]))
 
@@ -229,13 +250,13 @@ def folds(case, state, noise, *, split_rest_second):
     folds : list of dict: values, as in the model; blocks, list of [test, from, until] in seconds
         of the test. Empty where the records fitted are one block.
     """
-    numbers, spans = _blocks_of_case(case, split_rest_second)
+    numbers, spans = blocks_of_case(case, split_rest_second)
     count = min(FOLDS, len(spans))
     if count < 2:
         return []
-    values = base.first_values(case.cell, case.fit)
+    values = case.start or base.first_values(case.cell, case.fit)
     of_effects = [parameter for effect in state.effects for parameter in frees_of(effect)]
-    free = (*base.frees(case.fit, values, case.tolerance), *of_effects)
+    free = (*base.frees(case.fit, values, case.tolerance, case.log_std), *of_effects)
     renew = tuple(parameter.name for parameter in of_effects)
     folds = []
     for fold in range(count):
@@ -253,8 +274,13 @@ def folds(case, state, noise, *, split_rest_second):
     return folds
 
 
-def _blocks_of_case(case, rest_second):
-    """Number of the block of each row, and [test, from, until] of each; unused rows: number −1."""
+def blocks_of_case(case, rest_second):
+    """Number of the block of each row, and [test, from, until] of each; unused rows: number −1.
+
+    Parameters
+    ----------
+    case : case.Case. rest_second : shortest rest that ends a block [s].
+    """
     stack, numbers, spans = case.fit, np.full(len(case.fit.file), -1), []
     rest_ampere = REST_C_RATE * case.cell.capacity_ampere_hour
     for file, test in enumerate(stack.tests):

@@ -5,7 +5,9 @@ errs alike. The mean of their residuals is a template that is part of the model 
 the error beyond it is searched for an effect.
 
 Two runs of one protocol differ in time where a voltage, not a clock, ended a step. Their times are
-matched at the edges of long rests; between these, time runs in proportion.
+matched at the edges of long rests. Between these, time runs in proportion in a step at constant
+current, and by the clock in a drive, which a cut-off voltage ends earlier in one cell than in
+another: what one of the two has not is not compared.
 """
 
 from typing import NamedTuple
@@ -15,6 +17,7 @@ import numpy as np
 from cellwright.effects import base
 from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
 from cellwright.effects.records import LOADED_C_RATE
+from cellwright.effects.ties import AT_REST_C_RATE
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
 from cellwright.numerics.statistics import rms
@@ -24,16 +27,17 @@ NEXT_ROWS = np.arange(-1, 3)
 STEP_C_RATE = 0.02  # between two rows, from which the current steps
 FITTED = (*base.LOGARITHMS, "soc0[")  # first letters of the parameters fitted to a reference
 ROLES = ("fit", "validation")
+CLEARLY = 0.5  # of the difference in proportion, below which that by the clock decides
 
 
 class Sameness(NamedTuple):
     """Largest differences between two runs of one protocol.
 
     rest_second : least length of a rest whose edges are matched. duration : relative difference of
-    a stretch between two matched edges, beyond `slack_second`. c_rate : root mean square difference
-    of the
-    currents over `window_second` [1/h]. celsius : difference of the mean temperatures.
-    covered : least share of a record's rows to which the other has a counterpart.
+    a stretch between two matched edges, beyond `slack_second`, up to which time may run in
+    proportion. c_rate : root mean square difference of the currents over `window_second` [1/h].
+    celsius : difference of the mean temperatures. covered : least share of a record's rows to which
+    the other has a counterpart, and of a role's rows that some reference shares.
     """
 
     rest_second: float = 120.0
@@ -42,7 +46,7 @@ class Sameness(NamedTuple):
     c_rate: float = 0.1
     window_second: float = 600.0
     celsius: float = 2.0
-    covered: float = 0.9
+    covered: float = 0.5
 
 
 class Part(NamedTuple):
@@ -74,24 +78,22 @@ def counterpart_second(record, reference, limits=None):
 
     Returns
     -------
-    second : (n,) time within the reference [s]; NaN after the end of the shorter of the two.
+    second : (n,) time within the reference [s]; NaN where one of the two had ended a stretch.
 
     Raises
     ------
-    Refusal : other durations, currents or temperature; with test, row and difference.
+    Refusal : too little in common, other currents or temperature; with test, row and difference.
     """
     limits = limits or Sameness()
-    edges, others = (
-        _rest_edges(record, limits.rest_second),
-        _rest_edges(reference, limits.rest_second),
-    )
+    runs = record, reference
+    edges, others = (_rest_edges(run, limits.rest_second) for run in runs)
     count = min(len(edges), len(others))
-    at, at_reference = record.second[edges[:count]], reference.second[others[:count]]
-    _same_durations(record, at, at_reference, edges, limits)
-    second = np.interp(record.second, at, at_reference)
-    after = record.second > at[-1]
-    second[after] = record.second[after] - at[-1] + at_reference[-1]
-    second[second > reference.second[-1]] = np.nan
+    second = np.empty(len(record.second))
+    for k in range(count):
+        last = k + 1 == count
+        rows = np.arange(edges[k], len(second) if last else edges[k + 1])
+        ends = None if last else (record.second[edges[k + 1]], reference.second[others[k + 1]])
+        second[rows] = _in_stretch(record, reference, rows, others[k], ends, limits)
     _covers(record, second, limits)
     matched = np.flatnonzero(np.isfinite(second))
     row, difference = _nearest(record, reference, second, matched)
@@ -102,9 +104,43 @@ def counterpart_second(record, reference, limits=None):
     return second
 
 
+def _in_stretch(record, reference, rows, begin, ends, limits):
+    """Time in the reference of the rows between two edges of rests (m,) [s]; NaN: it has none.
+
+    begin : row of the reference at the first edge. ends : time of the second edge in both records,
+    None after the last one.
+    """
+    second = record.second[rows]
+    clock = second - second[0] + reference.second[begin]
+    if ends is None:
+        return np.where(clock <= reference.second[-1], clock, np.nan)
+    here, there = ends[0] - second[0], ends[1] - reference.second[begin]
+    clock[clock > ends[1]] = np.nan
+    if abs(there - here) > max(limits.slack_second, limits.duration * here):
+        return clock
+    proportional = reference.second[begin] + (second - second[0]) * (there / here)
+    both = (_difference_ampere(record, reference, rows, s) for s in (clock, proportional))
+    by_clock, in_proportion = both
+    return clock if by_clock < CLEARLY * in_proportion else proportional
+
+
+def _difference_ampere(record, reference, rows, second):
+    """Root mean square difference of the currents at matched times [A]."""
+    matched = np.isfinite(second)
+    times = np.full(len(record.second), np.nan)
+    times[rows] = second
+    return rms(_nearest(record, reference, times, rows[matched])[1])
+
+
 def _rest_edges(record, least_second):
-    """First row, and the rows at which long rests begin and end."""
-    rest = np.abs(record.current_ampere) <= LOADED_C_RATE * record.capacity_ampere_hour
+    """First row, and the rows at which long rests begin and end.
+
+    A rest stays within C/100 of what the log reads at rest: an offset of the sensor makes no load.
+    """
+    current, capacity = record.current_ampere, record.capacity_ampere_hour
+    low = np.abs(current) <= AT_REST_C_RATE * capacity
+    level = np.median(current[low]) if low.any() else 0.0
+    rest = low & (np.abs(current - level) <= LOADED_C_RATE * capacity)
     edges = np.flatnonzero(np.diff(np.r_[0, rest, 0])).reshape(-1, 2)
     last, second = len(record.second) - 1, record.second
     lasting = [e for e in edges if second[min(e[1], last)] - second[e[0]] >= least_second]
@@ -112,26 +148,13 @@ def _rest_edges(record, least_second):
     return np.array(sorted({0} | inner))
 
 
-def _same_durations(record, at, at_reference, edges, limits):
-    long, other = np.diff(at), np.diff(at_reference)
-    allowed = np.maximum(limits.slack_second, limits.duration * long)
-    wrong = np.flatnonzero(np.abs(other - long) > allowed)
-    if len(wrong):
-        k = wrong[0]
-        raise Refusal(
-            f"{record.test}: after row {edges[k]} it goes on for {long[k]:.0f} s until a rest "
-            f"begins or ends, the reference for {other[k]:.0f} s; wanted a difference of at most "
-            f"{allowed[k]:.0f} s"
-        )
-
-
 def _covers(record, second, limits):
     share = np.isfinite(second).mean()
     if share < limits.covered:
         row = int(np.flatnonzero(~np.isfinite(second))[0])
         raise Refusal(
-            f"{record.test}: the reference ends where this cell is in row {row}, after "
-            f"{100 * share:.0f} % of the rows; wanted {100 * limits.covered:.0f} %"
+            f"{record.test}: the reference has {100 * share:.0f} % of the rows, the first that it "
+            f"has not is row {row}; wanted {100 * limits.covered:.0f} %"
         )
 
 
@@ -181,15 +204,19 @@ def _same_temperature(record, reference, limits):
 class Pairing(NamedTuple):
     """When and how healthy reference cells are used.
 
-    references : least number. scale_std : of the template's factor. material_volt : an effect that
-    takes less than its square off the mean square error is within what healthy cells differ by.
+    known_from : number of references from which their scatter tells how much healthy cells differ.
+    scale_std : of the template's factor. material_volt : an effect that takes less than its square
+    off the mean square error is within what healthy cells differ by. scale_std_of_few,
+    material_volt_of_few : the same where there are fewer, declared and not read from them.
     needed_ratio : times the noise of a single reading, which the template must exceed. Below it
     the circuit follows healthy cells well, and the template would add no more than its own noise.
     """
 
-    references: int = 3
+    known_from: int = 3
     scale_std: float = 0.2
     material_volt: float = 1e-3
+    scale_std_of_few: float = 0.4
+    material_volt_of_few: float = 2e-3
     needed_ratio: float = 2.0
     sameness: Sameness = Sameness()
 
@@ -197,10 +224,11 @@ class Pairing(NamedTuple):
 class Paired(NamedTuple):
     """A case with the template of healthy cells.
 
-    case : case.Case, its stacks with the template, its gates with the material voltage.
-    references : names used. left_out : reasons why others were not, by name.
+    case : case.Case, its stacks with the template, its gates with what healthy cells differ by.
+    references : names used. left_out : reasons why others were not, by name. unshared : reasons why
+    single tests of the references used were not, by their names.
     template_volt, scatter_volt : by role, root mean square of the template, and of single
-    references about it (most of which other resistances explain).
+    references about it (most of which other resistances explain; NaN with one reference).
     read_volt : noise of a single reading of the references. needed : whether the template exceeds
     it by `Pairing.needed_ratio`; where it does not, the case is better searched alone.
     """
@@ -208,6 +236,7 @@ class Paired(NamedTuple):
     case: object
     references: tuple
     left_out: dict
+    unshared: dict
     template_volt: dict
     scatter_volt: dict
     read_volt: float
@@ -216,6 +245,9 @@ class Paired(NamedTuple):
 
 def paired(case, references, pairing=None):
     """A case with the template of healthy cells that went through the same protocol.
+
+    Each test is compared with the references that ran it alike; what none of them ran is not
+    compared.
 
     Parameters
     ----------
@@ -228,77 +260,139 @@ def paired(case, references, pairing=None):
 
     Raises
     ------
-    Refusal : too few references ran the same protocol; with test, row and difference of each other.
+    Refusal : no reference ran the same protocol, or too little of it; with test, row and difference
+        of each.
     """
     pairing = pairing or Pairing()
-    seconds, left_out = _same(case, references, pairing)
-    if len(seconds) < pairing.references:
-        reasons = "".join(f"; {name}: {why}" for name, why in left_out.items())
-        raise Refusal(
-            f"{len(seconds)} healthy reference cells ran the same protocol, "
-            f"wanted {pairing.references}{reasons}"
-        )
-    misfits = [_misfit_volt(references[name], times) for name, times in seconds.items()]
+    seconds, left_out, unshared = _same(case, references, pairing)
+    if not seconds:
+        reasons = "; ".join(f"{name}: {why}" for name, why in left_out.items())
+        raise Refusal(f"no healthy reference cell ran the same protocol; {reasons}")
+    misfits = [_misfit_volt(case, references[name], times) for name, times in seconds.items()]
     rows = {role: np.stack([misfit[role] for misfit in misfits], axis=1) for role in ROLES}
     stacks = {role: _with_template(getattr(case, role), rows[role]) for role in ROLES}
-    gates = case.gates._replace(material_volt=max(case.gates.material_volt, pairing.material_volt))
-    with_template = case._replace(
-        **stacks, gates=gates, tolerance=case.tolerance._replace(known=pairing.scale_std)
+    for role, stack in stacks.items():
+        _enough(role, stack, getattr(case, role), unshared, pairing.sameness)
+    few = len(seconds) < pairing.known_from
+    material_volt = pairing.material_volt_of_few if few else pairing.material_volt
+    known = pairing.scale_std_of_few if few else pairing.scale_std
+    healthy = material_volt if few else max(_healthy_volt(rows[role]) for role in ROLES)
+    gates = case.gates._replace(
+        material_volt=max(case.gates.material_volt, material_volt),
+        unknown_volt=float(np.hypot(case.gates.unknown_volt, healthy)),
     )
+    tolerance = case.tolerance._replace(known=known)
+    with_template = case._replace(**stacks, gates=gates, tolerance=tolerance)
     sizes = {role: rms(stacks[role].template_volt) for role in ROLES}
-    spread = {role: rms(np.nan_to_num(np.std(rows[role], axis=1, ddof=1))) for role in ROLES}
+    spread = {role: _scatter_volt(rows[role]) for role in ROLES}
     read = _read_volt(case, rows["fit"])
     needed = max(sizes.values()) >= pairing.needed_ratio * read
-    return Paired(with_template, tuple(seconds), left_out, sizes, spread, read, needed)
+    return Paired(with_template, tuple(seconds), left_out, unshared, sizes, spread, read, needed)
 
 
 def _with_template(stack, rows):
-    """A stack with the references' mean residual; rows that one of them lacks are not compared."""
-    complete = np.isfinite(rows).all(axis=1)
-    template = np.where(complete, rows.mean(axis=1), 0.0)
+    """A stack with the mean residual of the references that ran each test.
+
+    Rows that one of these lacks are not compared, so that the template makes no step where the
+    number of references changes.
+    """
+    template, complete = np.zeros(len(stack.file)), np.zeros(len(stack.file), bool)
+    for k in range(len(stack.first)):
+        of_test = stack.file == k
+        part = rows[of_test]
+        part = part[:, np.isfinite(part).any(axis=0)]
+        complete[of_test] = np.isfinite(part).all(axis=1) & (part.shape[1] > 0)
+        template[of_test] = part.mean(axis=1) if part.shape[1] else 0.0
+    template = np.where(complete, template, 0.0)
     return stack._replace(template_volt=template, used=stack.used & complete)
 
 
+def _healthy_volt(rows):
+    """What the mean of the other references, its scale free, leaves of one, root mean square [V].
+
+    By so much healthy cells differ: no more of a cell's error is unknown.
+    """
+    shared = rows[np.isfinite(rows).all(axis=1)]
+    if not len(shared):
+        return 0.0
+    remainders = []
+    for k in range(shared.shape[1]):
+        own, others = shared[:, k], np.delete(shared, k, axis=1).mean(axis=1)
+        scale = own @ others / max(others @ others, np.finfo(float).tiny)
+        remainders.append(own - scale * others)
+    return rms(np.concatenate(remainders))
+
+
+def _scatter_volt(rows):
+    """Root mean square of single references about their mean [V]; NaN where there is one only."""
+    several = rows[np.isfinite(rows).sum(axis=1) > 1]
+    return rms(np.nanstd(several, axis=1, ddof=1)) if len(several) else float("nan")
+
+
+def _enough(role, stack, whole, unshared, limits):
+    """Refuse a case of which the references share too small a part."""
+    share = stack.used.sum() / max(whole.used.sum(), 1)
+    if share < limits.covered:
+        reasons = "; ".join(f"{name}: {why}" for name, why in unshared.items())
+        raise Refusal(
+            f"the references ran {100 * share:.0f} % of the {role} rows alike; wanted "
+            f"{100 * limits.covered:.0f} %; {reasons}"
+        )
+
+
 def _same(case, references, pairing):
-    """Times in the references that ran the same protocol, by name; reasons of the others."""
-    seconds, left_out = {}, {}
+    """Times in the references that ran tests alike, by name, and reasons of the others.
+
+    Reasons are of two kinds: of references that share no test to fit or none that judges, and of
+    single tests of the references used.
+    """
+    seconds, left_out, unshared = {}, {}, {}
     for name, reference in references.items():
-        try:
-            seconds[name] = _counterparts(case, reference, pairing.sameness)
-        except Refusal as reason:
-            left_out[name] = str(reason)
-    return seconds, left_out
+        times, reasons = _counterparts(case, reference, pairing.sameness)
+        if all(times.values()):
+            seconds[name] = times
+        (unshared if all(times.values()) else left_out).update({name: reasons} if reasons else {})
+    return seconds, left_out, unshared
 
 
 def _counterparts(case, reference, sameness):
-    """Time of each row within the reference's record (n,) [s], by role and test."""
+    """Time of each row within the reference's record (n,) [s], by role and test; and reasons."""
     capacity = case.cell.capacity_ampere_hour
-    seconds = {role: {} for role in ROLES}
-    for role in ROLES:
-        stacks = getattr(case, role), getattr(reference, role)
-        for test, kind in zip(stacks[0].tests, stacks[0].kinds, strict=True):
-            parts = (part(stack, test, kind, capacity) for stack in stacks)
+    seconds, reasons = {role: {} for role in ROLES}, []
+    stacks = {role: (getattr(case, role), getattr(reference, role)) for role in ROLES}
+    asked = [
+        (role, *test)
+        for role in ROLES
+        for test in zip(stacks[role][0].tests, stacks[role][0].kinds, strict=True)
+    ]
+    for role, test, kind in asked:
+        try:
+            parts = [part(stack, test, kind, capacity) for stack in stacks[role]]
             seconds[role][test] = counterpart_second(*parts, sameness)
-    return seconds
+        except Refusal as reason:
+            reasons.append(str(reason))
+    return seconds, "; ".join(reasons)
 
 
-def _misfit_volt(reference, seconds):
-    """Residual of the plain model of a reference at the times of the case's rows [V], by role."""
+def _misfit_volt(case, reference, seconds):
+    """Residual of the plain model of a reference at the times of the case's rows [V], by role.
+
+    NaN in tests that they do not share.
+    """
     for role in ROLES:  # tests that the case has not are not fitted either
         stack = getattr(reference, role)
         shared = np.isin(np.array(stack.tests)[stack.file], list(seconds[role]))
         reference = reference._replace(**{role: stack._replace(used=stack.used & shared)})
     state = plain_state(reference)
     residual = {"fit": state.solution.residual, "validation": state.validation}
-    return {
-        role: np.concatenate(
-            [
-                _at_times(getattr(reference, role), residual[role], test, second)
-                for test, second in seconds[role].items()
-            ]
-        )
-        for role in ROLES
-    }
+    misfit = {}
+    for role in ROLES:
+        whole = getattr(case, role)
+        misfit[role] = np.full(len(whole.file), np.nan)
+        for test, second in seconds[role].items():
+            volt = _at_times(getattr(reference, role), residual[role], test, second)
+            misfit[role][whole.file == whole.tests.index(test)] = volt
+    return misfit
 
 
 def plain_state(case):

@@ -36,7 +36,10 @@ class Stack(NamedTuple):
     held_ampere : (n,) current that flowed since the row before [A], 0 in first rows.
     soc_at_start : (f,) [1]. hold : of the current between rows, see `stacked`.
     linear : (n,) 1 where the current moved on a straight line since the row before, else 0.
-    template_volt : (n,) mean residual of healthy cells (paired mode), else zero [V].
+    template_volt : (n,) part of the voltage that is given beside the circuit's: mean residual of
+    healthy cells (paired mode), what a given model has and its companion has not (`own`) [V].
+    ohmic_course, slow_course : (n,) resistance of a given model at each row over its mean, ohmic
+    and of the RC pairs, or None.
     used : (n,) bool, rows that are compared. unseen_ampere_hour : (n,) charge since
     the row before that the current between them does not explain: a gap in the record [Ah].
     responses : lags of the measured current, by time constant; kept, as most
@@ -64,6 +67,8 @@ class Stack(NamedTuple):
     unseen_ampere_hour: np.ndarray
     responses: dict
     courses: dict
+    ohmic_course: np.ndarray | None = None
+    slow_course: np.ndarray | None = None
 
     def part(self, files):
         """The rows of some of the records, by their numbers, as a mask (n,)."""

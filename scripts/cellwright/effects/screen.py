@@ -174,7 +174,11 @@ def residual_with_all(solution, candidates, whitening):
     ridge = np.diag(1e-6 * np.diag(gram) + 1e-12)
     k = len(solution.precision)
     ridge[:k, :k] = solution.precision - gram[:k, :k]
-    change = np.linalg.solve(gram + ridge, both.T @ whitening.apply(solution.residual))
+    # Scaled to one on the diagonal: columns of a millivolt beside some of hundreds of volts (a leak
+    # that an iron-phosphate cell's steep end turns into voltage) are else singular to rounding.
+    size = np.sqrt(np.maximum(np.diag(gram + ridge), 1e-300))
+    moment = both.T @ whitening.apply(solution.residual)
+    change = np.linalg.solve((gram + ridge) / np.outer(size, size), moment / size) / size
     return solution.residual - np.concatenate([solution.columns, many], axis=1) @ change
 
 

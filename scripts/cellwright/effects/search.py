@@ -10,13 +10,18 @@ Both have these methods and values:
 `candidates(effects, solution, possible, further)` : what each further effect would change,
     list of `screen.Candidate`.
 `filters_for(residual, filters, earlier)` : whitening by the noise of a residual (`.noise`, `.fit`).
-`sharper(trial, filters)` : the same where the best trial shows a smaller noise, else None.
+`sharper(trials, filters)` : the same where the best trial shows another noise, else None.
 `screened(candidates, before, free, possible, filters)` : scores, best first; keys of effects that
     the records cannot show.
 `state(effects, solution, filters)` : a fit and its errors on the records that judge, `State`.
-`floor_volt(residual, filters, earlier)` : noise that no model can explain.
+`floor(before, free, residual, filters, earlier)` : what no effect can explain, `proof.Floor`.
+`proof(before, after, filters)` : how evenly an effect helps, and whether records that judge show
+    it.
+`inflation(state)`, `falls(before, after)`, `rows_per_record()` : by how much the chi-square of each
+    record is too large, its fall, by role; rows of each record fitted.
+`matters(first, before, trial, floor, share)` : when the size of an effect counts.
 `denied(trials)`, `ties(chosen, tied, denied, possible)` : by measurements outside the fit.
-`gates`, `polish_share`, `misled(before, trial)` : when an effect counts; which trials go on.
+`gates`, `polish_share`, `misled(before, trial)` : limits; which trials go on.
 `settled` : fall of the cost that ends a fit. `keeps_derivatives` : whether those of the model
     serve its refit to another noise.
 """
@@ -26,20 +31,23 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.proof import excess_volt
 from cellwright.effects.screen import residual_with_all
 from cellwright.numerics.least_squares import Free, fit
 
 CHORD_STEPS, POLISH_STEPS, ANEW_STEPS, NOISE_STEPS = 6, 4, 4, 3
 POLISHED = 3  # how many trials at most
-SHARPENED = 2  # how often at most a round is repeated with a smaller noise
+SHARPENED = 2  # how often at most a round is repeated with another noise
+STAYS = 0.7  # of the size from which an effect counts: with that much, one that was chosen stays
 OUTDONE = 0.5  # of the best J: no effect below it is chosen, where the better ones are immaterial
 
 
 class State(NamedTuple):
     """A fitted model: its effects, and its errors on the records fitted and those that judge.
 
-    values : of the validation records, with their own starts. validation : residual (m,).
-    validation_chi_square : of it, whitened by the same noise. rmse_volt, validation_rmse_volt :
+    values : of the validation records, with their own starts. validation : residual (m,), errors of
+    the starts taken out. validation_white : the same whitened. validation_chi_squares : (f,) of
+    each validation record. rmse_volt, validation_rmse_volt :
     of a cell's voltage, of a group's branch currents times their cells' ohmic resistance [V].
     """
 
@@ -47,7 +55,8 @@ class State(NamedTuple):
     solution: object
     values: dict
     validation: np.ndarray
-    validation_chi_square: float
+    validation_white: np.ndarray
+    validation_chi_squares: np.ndarray
     rmse_volt: float
     validation_rmse_volt: float
 
@@ -61,7 +70,10 @@ class Trial(NamedTuple):
     """A candidate refitted, compared with the model without it.
 
     score : fall of chi-square that the screen expected. delta_bic, delta_validation : fall of the
-    criterion on the records fitted, of chi-square on those that judge. material : its size matters.
+    criterion on the records fitted, of chi-square on those that judge, both corrected for
+    correlated misfit by `inflation`, of each record by role. material : its size matters.
+    proof : proof.Consistency. proven : whether the records that judge show it; else it was judged
+    on the records fitted.
     """
 
     effect: object
@@ -70,30 +82,40 @@ class Trial(NamedTuple):
     delta_validation: float
     material: bool
     state: State
+    proof: object = None
+    proven: bool = True
+    inflation: dict | None = None
 
     @property
     def j(self):
-        return self.delta_bic + self.delta_validation
+        return self.delta_bic + (self.delta_validation if self.proven else 0.0)
 
 
 class Round(NamedTuple):
     """One round of the search: the model before it, the trials, and the choice.
 
-    before : State without the choice. noise : noise.Noise, of a group a tuple of them, one a
-    channel. floor_volt : what no model can explain. scores : list of screen.Score, best first.
+    before : State without the choice. filters : whitening of both sides, by which `before` and the
+    trials were fitted and judged. floor : proof.Floor. scores : list of screen.Score, best first.
     trials : list of Trial, best first. chosen : Trial, or None. tied : keys that explain as
     much.
-    hidden : keys of effects that these records cannot show.
+    hidden : keys of effects that these records cannot show. dropped : keys of earlier effects that
+    do not count any more beside the choice.
     """
 
     before: State
-    noise: object
-    floor_volt: float
+    filters: object
+    floor: object
     scores: list
     trials: list
     chosen: Trial | None
     tied: tuple
     hidden: tuple
+    dropped: tuple = ()
+
+    @property
+    def noise(self):
+        """Noise of the readings: noise.Noise, of a group a tuple of them, one a channel."""
+        return self.filters.noise
 
 
 def search(case, library):
@@ -109,7 +131,7 @@ def search(case, library):
     """
     possible = case.possible(library)
     free, values, filters = case.begun()
-    effects, rounds = (), []
+    plain, effects, rounds = free, (), []
     solution = fit(case.problem(effects, free, filters), values, settled=case.settled)
     for _ in range(case.gates.rounds + 1):
         step, filters = _round(case, possible, effects, free, solution, filters, rounds)
@@ -121,28 +143,91 @@ def search(case, library):
         problem = case.problem(effects, free, filters)
         values = step.chosen.state.solution.values
         solution = fit(problem, values, steps=POLISH_STEPS, settled=case.settled)
+        model = effects, free, solution
+        effects, free, solution, dropped = _needed(case, plain, *model, filters, rounds)
+        rounds[-1] = step._replace(dropped=dropped)
+        possible = {key: effect for key, effect in possible.items() if key not in dropped}
+        if step.chosen.effect.key in dropped:
+            # At the edge of what counts. A rival that explains less must not take its place.
+            before = case.state(effects, solution, filters)
+            rounds.append(step._replace(before=before, chosen=None, tied=(), dropped=()))
+            return rounds
     return rounds
 
 
+def _needed(case, plain, effects, free, solution, filters, rounds):
+    """The model without effects that count no more, now that all are refitted together.
+
+    What a first effect took up may be the work of the next; each is taken out, the rest refitted,
+    and held to what would make it a choice beside the others.
+    """
+    dropped = []
+    first, floor = rounds[0].before, rounds[0].floor
+    while effects:
+        without = [_without(case, plain, one, effects, solution, filters) for one in effects]
+        needless = [one for one in without if not one.stays(case, first, floor)]
+        if not needless:
+            break
+        weakest = min(needless, key=lambda one: one.trial.j)
+        dropped.append(weakest.trial.effect.key)
+        effects, free, solution = weakest.before.effects, weakest.free, weakest.before.solution
+    return effects, free, solution, tuple(dropped)
+
+
+class _Without(NamedTuple):
+    """A model refitted without one of its effects.
+
+    before : State without it. free : of that fit. trial : Trial of the effect beside the others.
+    """
+
+    before: State
+    free: tuple
+    trial: Trial
+
+    def stays(self, case, first, floor):
+        """Whether the effect still counts beside the others."""
+        counts = significant(case.gates, self.trial)
+        return counts and case.matters(first, self.before, self.trial, floor, share=STAYS)
+
+
+def _without(case, plain, effect, effects, solution, filters):
+    others = tuple(e for e in effects if e is not effect)
+    free = _free_of(case, plain, others)
+    problem = case.problem(others, free, filters)
+    refitted = fit(problem, solution.values, steps=POLISH_STEPS, settled=case.settled)
+    before = case.state(others, refitted, filters)
+    trial = _trial(case, before, effect, effects, 0.0, solution, filters)
+    return _Without(before, free, judged(case, before, [trial], filters)[0])
+
+
+def _free_of(case, plain, effects):
+    """Free parameters of the healthy model and of some effects."""
+    free = plain
+    for effect in effects:
+        free = case.with_effect(free, effect)
+    return free
+
+
 def _round(case, possible, effects, free, solution, filters, earlier):
-    """The next Round and its filters; repeated while its best trial shows a smaller noise."""
+    """The next Round and its filters; repeated while its best trial shows another noise."""
     further = {key: effect for key, effect in possible.items() if effect not in effects}
     candidates = case.candidates(effects, solution, possible, tuple(further.values()))
     residual = residual_with_all(solution, candidates, filters.fit)
     filters = case.filters_for(residual, filters, earlier)
     for _ in range(SHARPENED):
         step = _tested(case, possible, effects, free, solution, filters, candidates)
-        sharper = case.sharper(step.trials[0], filters) if step.trials else None
+        sharper = case.sharper(step.trials, filters) if step.trials else None
         if sharper is None:
             break
         solution, filters = step.before.solution, sharper
     else:
         step = _tested(case, possible, effects, free, solution, filters, candidates)
-    step = step._replace(floor_volt=case.floor_volt(residual, filters, earlier))
+    floor = case.floor(step.before, free, residual, filters, earlier)
     first = earlier[0].before if earlier else step.before
     denied = case.denied(step.trials)
     allowed = [t for t in step.trials if t.effect.key not in denied]
-    chosen, tied = best_of(case.gates, first, step.before, allowed, step.floor_volt)
+    chosen, tied = best_of(case, first, step.before, allowed, floor)
+    step = step._replace(floor=floor)
     if chosen is not None:
         tied = case.ties(chosen, tied, denied, possible)
     return step._replace(chosen=chosen, tied=tied), filters
@@ -160,7 +245,8 @@ def _tested(case, possible, effects, free, solution, filters, candidates):
         tried(case, possible, free, before, score, filters) for score in scores[: case.gates.refits]
     ]
     trials = _polished(case, free, before, trials, filters)
-    return Round(before, filters.noise, np.nan, scores, trials, None, (), hidden)
+    trials = judged(case, before, trials, filters)
+    return Round(before, filters, None, scores, trials, None, (), hidden)
 
 
 def tried(case, possible, free, before, score, filters):
@@ -194,18 +280,58 @@ def _trial(case, before, effect, effects, promised, solution, filters):
         effect,
         promised,
         before.solution.cost - solution.cost - counted,
-        before.validation_chi_square - state.validation_chi_square,
+        float(np.sum(before.validation_chi_squares - state.validation_chi_squares)),
         _material(effect, solution.values),
         state,
     )
 
 
+def judged(case, before, trials, filters):
+    """Trials with their proof, best first; falls of chi-square corrected for correlated misfit.
+
+    Of each record the trial tells the misfit that leaves the least of it: what one effect explains
+    is no misfit. By the misfit of a record its fall of chi-square is too large, and its rows are
+    worth as much fewer.
+
+    Parameters
+    ----------
+    case : as in `search`. before : State without the trials. trials : list of Trial.
+    filters : of the round.
+
+    Returns
+    -------
+    trials : list of Trial.
+    """
+    if not trials:
+        return []
+    inflations = [case.inflation(trial.state) for trial in trials]
+    least = {role: np.min([one[role] for one in inflations], axis=0) for role in inflations[0]}
+    rows = np.sum(case.rows_per_record() / least["fit"])
+    with_proof = []
+    for trial in trials:
+        falls = case.falls(before, trial.state)
+        proof, proven = case.proof(before, trial.state, filters)
+        solutions = before.solution, trial.state.solution
+        by_priors = np.subtract(*(s.cost - s.chi_square for s in solutions))
+        counted = len(frees_of(trial.effect)) * np.log(max(rows, np.e))
+        criterion = float(np.sum(falls["fit"] / least["fit"]) + by_priors - counted)
+        fall = float(np.sum(falls["validation"] / least["validation"]))
+        now = {"delta_bic": criterion, "delta_validation": fall, "proof": proof, "proven": proven}
+        with_proof.append(trial._replace(**now, inflation=least))
+    return sorted(with_proof, key=lambda t: -t.j)
+
+
 def _polished(case, free, before, trials, filters):
-    """Trials, best first; the best refitted with new derivatives where kept ones do not hold."""
+    """Trials, best first; the best refitted with new derivatives where kept ones do not hold.
+
+    The best by the fit is among them, whatever it does on other records before it is refitted.
+    """
     trials = sorted(trials, key=lambda t: -t.j)
     best = max(trials[0].j, 0.0) if trials else 0.0
-    for n, trial in enumerate(trials[:POLISHED]):
-        if trial.j >= case.polish_share * best and case.misled(before, trial):
+    by_fit = max(trials, key=lambda t: t.delta_bic, default=None)
+    for n, trial in enumerate(trials):
+        near = n < POLISHED and trial.j >= case.polish_share * best
+        if (near or trial is by_fit) and case.misled(before, trial):
             trials[n] = _refitted(case, free, before, trial, filters)
     return sorted(trials, key=lambda t: -t.j)
 
@@ -213,7 +339,7 @@ def _polished(case, free, before, trials, filters):
 def _refitted(case, free, before, trial, filters):
     effect, effects = trial.effect, trial.state.effects
     problem = case.problem(effects, case.with_effect(free, effect), filters)
-    solution = fit(problem, trial.state.solution.values, steps=POLISH_STEPS)
+    solution = fit(problem, trial.state.solution.values, steps=2 * POLISH_STEPS)
     return _trial(case, before, effect, effects, trial.score, solution, filters)
 
 
@@ -221,7 +347,7 @@ def frees_of(effect):
     """Free parameters of an effect; those without a step are set by its starts, not fitted."""
     pairs = zip(effect.parameters, effect.names, strict=True)
     return tuple(
-        Free(name, p.step, p.neutral, np.inf, p.lower, p.upper) for p, name in pairs if p.step
+        Free(name, p.step, p.neutral, p.prior_std, p.lower, p.upper) for p, name in pairs if p.step
     )
 
 
@@ -233,43 +359,62 @@ def _material(effect, values):
     )
 
 
-def best_of(gates, first, before, trials, floor):
-    """The best trial that passes the gates, and the keys of those that explain as much.
+def explained(gates, before, floor):
+    """Whether no error is left that would be material beyond the floor.
 
     Parameters
     ----------
-    gates : case.Gates. first, before : State of the healthy model, and of the model so far.
-    trials : list of Trial, best first. floor : noise that no model can explain [V].
+    gates : of the case. before : State. floor : proof.Floor.
     """
-    if before.worst_volt <= max(gates.nothing_ratio * floor, gates.nothing_volt):
+    fit = excess_volt(before.rmse_volt, floor.fit_volt)
+    proof = excess_volt(before.validation_rmse_volt, floor.validation_volt)
+    return max(fit, proof) <= gates.material_volt
+
+
+def significant(gates, trial):
+    """Whether a trial is no chance, in the fit and evenly over the records that judge.
+
+    Parameters
+    ----------
+    gates : of the case. trial : Trial with its proof.
+    """
+    judged_well = trial.delta_validation > gates.validation_chi_square or not trial.proven
+    return trial.delta_bic > gates.bic and judged_well and trial.proof.holds
+
+
+def best_of(case, first, before, trials, floor):
+    """The best trial that counts, and the keys of those that explain as much.
+
+    Parameters
+    ----------
+    case : as in `search`. first, before : State of the healthy model, and of the model so far.
+    trials : list of Trial, best first. floor : proof.Floor.
+    """
+    if explained(case.gates, before, floor):
         return None, ()
-    if before is not first and before.worst_volt <= gates.adequate_ratio * floor:
-        return None, ()
-    proven = [t for t in trials if significant(gates, before, t)]
-    passed = [t for t in proven if matters(gates, first, before, t, floor)]
-    if not passed or passed[0].j < OUTDONE * proven[0].j:
+    shown = [t for t in trials if significant(case.gates, t)]
+    passed = [t for t in shown if case.matters(first, before, t, floor)]
+    if not passed or passed[0].j < OUTDONE * shown[0].j:
         return None, ()
     best = passed[0]
-    within = max(gates.tie_absolute, gates.tie_relative * best.j)
+    within = max(case.gates.tie_absolute, case.gates.tie_relative * best.j)
     near = [t.effect.key for t in passed[1:] if best.j - t.j <= within]
     return best, tuple(dict.fromkeys(key for key in near if key != best.effect.key))
 
 
-def significant(gates, before, trial):
-    """Whether a trial improves the fit by more than chance, on both kinds of records."""
-    was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
-    return (
-        trial.delta_bic > gates.bic
-        and trial.delta_validation > gates.validation_chi_square
-        and now <= (1.0 - gates.validation_fall) * was
-    )
+def up_to(rounds, refused):
+    """Rounds of a search up to one whose choice is refused, and which then chose nothing.
 
+    Effects of its model that were dropped beside that choice or later do not come back by this.
 
-def matters(gates, first, before, trial, floor):
-    """Whether an effect takes enough off the error [V], also as a share of the first gap."""
-    was, now = before.validation_rmse_volt, trial.state.validation_rmse_volt
-    whole = max(first.validation_rmse_volt**2 - floor**2, 1e-12)
-    taken = was**2 - now**2
-    return (
-        trial.material and taken >= gates.material_volt**2 and taken / whole >= gates.material_share
-    )
+    Parameters
+    ----------
+    rounds : list of Round. refused : the Round of them.
+    """
+    place = next(number for number, step in enumerate(rounds) if step is refused)
+    gone = {key for step in rounds[place:] for key in step.dropped}
+    chose = [step.chosen.effect.key if step.chosen else None for step in rounds]
+    place = min([place, *(n for n, key in enumerate(chose[:place]) if key in gone)])
+    step = rounds[place]
+    dropped = (*step.dropped, step.chosen.effect.key)
+    return [*rounds[:place], step._replace(chosen=None, tied=(), dropped=dropped)]

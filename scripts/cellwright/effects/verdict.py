@@ -1,52 +1,58 @@
-"""From the rounds of a search to a verdict, and the verdict in plain language."""
+"""From the rounds of a search to a verdict."""
 
 from typing import NamedTuple
 
+from cellwright.effects.proof import excess_volt
 from cellwright.numerics.least_squares import stds
 
 
 class Outcome(NamedTuple):
     """Result of a search in one word, and the errors behind it.
 
-    word : "none", "named", "ambiguous" or "unknown". steps : rounds that chose an effect.
-    last : State at the end. floor_volt : [V]. closed : share of the gap that is closed on the
-    validation records, by all effects. adequate : the error left is within the gates.
+    word : "none", "named", "ambiguous" or "unknown". steps : rounds whose choice is in the model
+    at the end. last : State at the end. floor : proof.Floor. closed : share of the gap that is
+    closed on the validation records, by all effects. excess_volt : error left beyond the floor, of
+    the side, fit or proof, where it is larger. adequate : nobody would act on that.
+    refused : round whose choice is no name, as it explains too little of what could be learned.
     """
 
     word: str
     steps: tuple
     last: object
-    floor_volt: float
+    floor: object
     closed: float | None
+    excess_volt: float
     adequate: bool
+    refused: object = None
 
 
-def outcome(rounds, gates, *, adequate_volt=0.0, alternatives=lambda step: step.tied):
+def outcome(rounds, gates, *, alternatives=lambda step: step.tied):
     """Outcome of the rounds of a search: its word, and what is left of the gap.
 
     Parameters
     ----------
     rounds : list of search.Round. gates : case.Gates or groups.case.GroupGates.
-    adequate_volt : error that may be left, however small the noise [V].
     alternatives : function (round) → ids of effects that its data cannot tell from the choice.
 
     Returns
     -------
     outcome : Outcome.
     """
-    first, last, floor = rounds[0].before, rounds[-1].before, rounds[-1].floor_volt
-    steps = tuple(step for step in rounds if step.chosen is not None)[: gates.rounds]
+    first, last, floor = rounds[0].before, rounds[-1].before, rounds[0].floor
+    kept = {effect.key for effect in last.effects}
+    chose = (step for step in rounds if step.chosen is not None)
+    steps = tuple(step for step in chose if step.chosen.effect.key in kept)
+    excess = max(
+        excess_volt(last.rmse_volt, floor.fit_volt),
+        excess_volt(last.validation_rmse_volt, floor.validation_volt),
+    )
+    adequate = excess <= gates.unknown_volt
     if not steps:
-        most = max(gates.unknown_ratio * floor, gates.nothing_volt)
-        word = "none" if first.worst_volt <= most else "unknown"
-        return Outcome(word, (), first, floor, None, word == "none")
-    closed = gap_closed(first.validation_rmse_volt, last.validation_rmse_volt, floor)
-    small = last.worst_volt <= max(gates.adequate_ratio * floor, adequate_volt)
-    adequate = small or (closed is not None and closed >= gates.adequate_closed)
-    if not adequate and (closed is None or closed < gates.partial_closed):
-        return Outcome("unknown", steps, last, floor, closed, False)
+        return Outcome("none" if adequate else "unknown", (), first, floor, None, excess, adequate)
+    errors = first.validation_rmse_volt, last.validation_rmse_volt
+    closed = gap_closed(*errors, floor.validation_volt)
     word = "ambiguous" if any(alternatives(step) for step in steps) else "named"
-    return Outcome(word, steps, last, floor, closed, adequate)
+    return Outcome(word, steps, last, floor, closed, excess, adequate)
 
 
 def gap_closed(before_volt, after_volt, floor_volt):
@@ -66,7 +72,7 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     name : of the cell or group. result : Outcome. rounds : list of search.Round.
     place : dict, where most of the error left lies, see `judge.worst`; None.
     next_test : sentence, or None. not_testable : ids.
-    entry : function (round, state after it, floor) → dict of one effect; None: `entry_of`.
+    entry : function (round, state after it, outcome) → dict of one effect; None: `entry_of`.
 
     Returns
     -------
@@ -75,10 +81,13 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     """
     states = [step.before for step in rounds[1 : len(result.steps)]] + [result.last]
     entries = [
-        (entry or entry_of)(step, after, result.floor_volt)
+        (entry or entry_of)(step, after, result)
         for step, after in zip(result.steps, states, strict=False)
     ]
     settled = result.word in ("named", "ambiguous")
+    if result.word == "unknown" and result.refused is not None:
+        after = result.refused.chosen.state
+        entries = [(entry or entry_of)(result.refused, after, result._replace(last=after))]
     first, last = rounds[0].before, result.last
     return {
         "cell": name,
@@ -86,7 +95,9 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
         "effects": entries if settled else [],
         "partial": [] if settled else entries,
         "located_at": None if result.adequate else place,
-        "floor_volt": result.floor_volt,
+        "floor_volt": result.floor.validation_volt,
+        "floors": [{"test": k, "volt": volt} for k, volt in result.floor.by_test.items()],
+        "remainder": {"excess_volt": result.excess_volt, "adequate": result.adequate},
         "rmse_volt": {"before": first.rmse_volt, "after": last.rmse_volt},
         "validation_rmse_volt": {
             "before": first.validation_rmse_volt,
@@ -98,188 +109,37 @@ def verdict_of(name, result, rounds, place, *, next_test=None, not_testable=(), 
     }
 
 
-def entry_of(step, after, floor_volt):
-    """Entry of one effect in a verdict: sizes, errors before and after, proof.
+def entry_of(step, after, result):
+    """Entry of one effect in a verdict: sizes at the end, errors before and after it, proof.
 
     Parameters
     ----------
     step : search.Round that chose it. after : search.State with it, from which the next round
-    begins. floor_volt : [V].
+    begins. result : Outcome.
     """
-    effect, before = step.chosen.effect, step.before
+    effect, before, proof = step.chosen.effect, step.before, step.chosen.proof
     was, now = before.validation_rmse_volt, after.validation_rmse_volt
-    deviations = stds(after.solution)
+    final = result.last.solution
+    deviations = stds(final)
     return {
         "effect": effect.id,
         "alternatives": list(step.tied),
         "parameters": {
             p.name: {
-                "value": float(after.solution.values[name]),
+                "value": float(final.values[name]),
                 "std": deviations.get(name),
                 "unit": p.unit,
-                "at_bound": name in after.solution.at_bound,
+                "at_bound": name in final.at_bound,
             }
             for p, name in zip(effect.parameters, effect.names, strict=True)
         },
         "rmse_volt": {"before": before.rmse_volt, "after": after.rmse_volt},
         "validation_rmse_volt": {"before": was, "after": now},
-        "gap_closed": gap_closed(was, now, floor_volt),
+        "gap_closed": gap_closed(was, now, result.floor.validation_volt),
+        "proof": "proven" if step.chosen.proven else "unproven",
+        "blocks": proof._asdict() if proof else None,
         "delta_bic": step.chosen.delta_bic,
         "delta_validation_chi_square": step.chosen.delta_validation,
         # Whether the fitted records alone would have chosen it.
         "same_without_validation": max(step.trials, key=lambda t: t.delta_bic).effect == effect,
     }
-
-
-class Phrases(NamedTuple):
-    """Words of a paragraph that differ between cells and groups.
-
-    where : on which records, of which quantity, the error is. healthy : the model without an
-    effect, and its verb. none : subject of "explains it", of an unknown error.
-    """
-
-    where: str
-    healthy: str
-    none: str
-
-
-CELL = Phrases(
-    "on records that took no part in the fit",
-    "the plain model (open-circuit voltage, a resistance, two RC pairs) is off by",
-    "no effect of the vocabulary",
-)
-
-
-def paragraph(verdict, library, phrases=CELL):
-    """A paragraph for people about one cell or group.
-
-    Parameters
-    ----------
-    verdict : dict, as `verdict_of` makes it. library : dict of Effect by id. phrases : Phrases.
-
-    Returns
-    -------
-    text : str.
-    """
-    opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
-    parts = [opening(verdict, library, phrases), *_remainder(verdict)]
-    if verdict["next_test"]:
-        parts.append(f"To test next: {verdict['next_test'].rstrip('.')}.")
-    return " ".join(parts)
-
-
-def millivolt(volt):
-    """A voltage in words."""
-    return f"{1e3 * volt:.1f} mV"
-
-
-def _none(verdict, library, phrases):
-    both = verdict["validation_rmse_volt"]["before"]
-    return (
-        f"Nothing is missing that these data could show: {phrases.where} {phrases.healthy} "
-        f"{millivolt(both)}, and the noise alone is {millivolt(verdict['floor_volt'])}."
-    )
-
-
-def _unknown(verdict, library, phrases):
-    both = verdict["validation_rmse_volt"]
-    text = (
-        f"Something is missing that the library does not know: {phrases.where} {phrases.healthy} "
-        f"{millivolt(both['before'])} where the noise is {millivolt(verdict['floor_volt'])}"
-    )
-    names = [
-        library[e["effect"]].sentence + (f" (branch {e['branch']})" if "branch" in e else "")
-        for e in verdict["partial"]
-    ]
-    if not names:
-        return f"{text}, and {phrases.none} explains it."
-    return (
-        f"{text}. The nearest explanation ({'; '.join(names)}) leaves {millivolt(both['after'])}, "
-        f"too much for it to be named."
-    )
-
-
-def _named(verdict, library, phrases):
-    both = verdict["validation_rmse_volt"]
-    text = " Then: ".join(_step(entry, library) for entry in verdict["effects"])
-    changes = [library[entry["effect"]].consequence for entry in verdict["effects"]]
-    return (
-        f"{text[0].upper()}{text[1:]} Overall the error {phrases.where} fell from "
-        f"{millivolt(both['before'])} to {millivolt(both['after'])}; the noise is "
-        f"{millivolt(verdict['floor_volt'])}. "
-        f"What it changes: {'; '.join(dict.fromkeys(filter(None, changes)))}."
-    )
-
-
-def _step(entry, library):
-    effect = library[entry["effect"]]
-    sizes = [
-        f"{name_of(name, p['unit'])} {number(p)}"
-        for name, p in entry["parameters"].items()
-        if p["std"] is not None
-    ]
-    place = f"in branch {entry['branch']} ({entry['cell']}) " if "branch" in entry else ""
-    text = f"{place or 'what was missing: '}{effect.sentence} ({', '.join(sizes)})."
-    if entry["alternatives"]:
-        others = " or ".join(library[name].sentence for name in entry["alternatives"])
-        text += f" These data cannot tell it from: {others}."
-    if entry.get("branch_alternatives"):
-        others = " or ".join(str(branch) for branch in entry["branch_alternatives"])
-        text += f" As well it could be branch {others}."
-    return text + _proof(entry)
-
-
-def name_of(name, unit):
-    """A parameter's name in words, without the unit, which stands behind the number."""
-    words = name.split("_")
-    spelt = [part for part in _SPELT.get(unit, "").split() if part]
-    return " ".join(words[: -len(spelt)] if spelt and words[-len(spelt) :] == spelt else words)
-
-
-_SPELT = {
-    "V": "volt",
-    "A": "ampere",
-    "Ohm": "ohm",
-    "s": "second",
-    "1/A": "per ampere",
-    "K/W": "kelvin per watt",
-    "V/K": "volt per kelvin",
-    "1/K": "per kelvin",
-    "J/mol": "joule per mole",
-}
-
-
-def number(p):
-    """Value of a parameter of a verdict, with standard deviation and unit."""
-    unit = "" if p["unit"] == "1" else f" {p['unit']}"
-    return f"{p['value']:.3g} ± {p['std']:.1g}{unit}"
-
-
-def _proof(entry):
-    both = entry["validation_rmse_volt"]
-    # Refitted with the noise of the next round, an effect may do worse than without it.
-    goes = "falls" if both["after"] < both["before"] else "does not fall: it goes"
-    text = (
-        f" With it the error on those records {goes} from {millivolt(both['before'])} to "
-        f"{millivolt(both['after'])}."
-    )
-    bounds = [name for name, p in entry["parameters"].items() if p["at_bound"]]
-    if bounds:
-        names = ", ".join(bounds).replace("_", " ")
-        text += f" Its {names} ended on a bound: take its size with care."
-    if not entry["same_without_validation"]:
-        text += " The fitted records alone would have named another effect: not a clear case."
-    return text
-
-
-def _remainder(verdict):
-    place = verdict["located_at"]
-    if place is None:
-        return []
-    low, high = (round(100 * soc) for soc in place["soc"])
-    branch = f"branch {place['branch']} in " if place.get("branch") else ""
-    return [
-        f"What is left sits mostly ({100 * place['share']:.0f} % of it) in {branch}"
-        f"{place['file']}, {low} to {high} % state of charge, "
-        f"{place['current'].replace('_', ', ')}, at {place['temperature_celsius'][0]:.0f} °C."
-    ]

@@ -113,13 +113,13 @@ def drives(element, current_ampere):
 
     Returns
     -------
-    drive : (n, nodes) over `NODES`.
+    drive : (nodes, n) over `NODES`.
     """
     rows = [
         element.drive(current_ampere, **{name: v[k] for name, v in element.parameters.items()})
         for k in range(len(NODES))
     ]
-    return np.array(rows).T
+    return np.array(rows)
 
 
 def resistance_factor_of(model, member, celsius, reference_celsius):

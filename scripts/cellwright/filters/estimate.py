@@ -140,32 +140,46 @@ def _looked_up(plant):
     curve = np.maximum.accumulate(plant.tables[inside, TOTAL])
     soc = np.interp(plant.voltage_volt, curve, grid[inside])
     for _ in range(PASSES):
-        over = _overpotential(plant, soc, grid)
+        over = _overpotential(plant, soc)
         soc = np.interp(plant.voltage_volt - over, curve, grid[inside])
-    slope_and_error = [np.interp(soc, grid, plant.tables[:, column]) for column in (SLOPE, ERROR)]
-    volt = np.sqrt(slope_and_error[1] ** 2 + plant.slow_variance + plant.white_variance)
-    std = volt / np.maximum(slope_and_error[0], FLAT_VOLT)
+    at = _places(plant, soc)
+    error = _looked(plant, at, ERROR)
+    volt = np.sqrt(error**2 + plant.slow_variance + plant.white_variance)
+    std = volt / np.maximum(_looked(plant, at, SLOPE), FLAT_VOLT)
     return soc, np.minimum(std, 1.0 / np.sqrt(12.0))
 
 
-def _overpotential(plant, soc, grid):
+def _places(plant, soc):
+    """Row of the tables below each SoC (n,), and the part of the way to the next one."""
+    spot = (soc - plant.soc_first) / plant.soc_spacing
+    row = np.minimum(spot.astype(int), len(plant.tables) - 2)
+    return row, spot - row
+
+
+def _looked(plant, places, column):
+    """A column of the tables at each place (n,), linear between two rows."""
+    values = np.ascontiguousarray(plant.tables[:, column])
+    return values[places[0]] + places[1] * np.diff(values)[places[0]]
+
+
+def _overpotential(plant, soc):
     """Voltage over the circuit (n,) along a course of the SoC; what shifts the SoC by the slope."""
-    drives, over = [], np.zeros(len(soc))
-    slope = np.interp(soc, grid, plant.tables[:, SLOPE])
-    rows = np.arange(len(soc))
+    drives, over, at = [], np.zeros(len(soc)), _places(plant, soc)
+    slope = _looked(plant, at, SLOPE)
+    spot = np.clip(soc, 0.0, 1.0) * (len(NODES) - 1)
+    cell, samples = np.minimum(spot.astype(int), len(NODES) - 2), np.arange(len(soc))
     for e, source in enumerate(plant.source):
         current = plant.between_ampere if plant.by_charge[e] else plant.current_ampere
         if source < 0:
-            drive = np.interp(soc, grid, plant.tables[:, GAIN + e]) * current
+            drive = _looked(plant, at, GAIN + e) * current
         else:
-            spot = np.clip(soc, 0.0, 1.0) * (len(NODES) - 1)
-            cell = np.minimum(spot.astype(int), len(NODES) - 2)
-            low, high = (plant.drives[source, rows, cell + side] for side in (0, 1))
+            low, high = (plant.drives[source, cell + side, samples] for side in (0, 1))
             drive = low + (spot - cell) * (high - low)
-        drives.append(drive * np.where(plant.shifts_soc[e], slope, 1.0))
+        drives.append(drive * (slope if plant.shifts_soc[e] else 1.0))
         over += plant.direct[e] * drives[-1]
     for j, e in enumerate(plant.element):
-        constant = np.interp(soc, grid, plant.tables[:, GAIN + len(drives) + j])[:-1]
+        column = GAIN + len(drives) + j
+        constant = _looked(plant, at, column)[:-1] if plant.moves[j] else plant.tables[0, column]
         held = plant.by_charge[e] or not plant.first_order
         clock = plant.passed_ampere_hour if plant.by_charge[e] else plant.step_second
         driven = np.append(drives[e][1:], 0.0) if plant.by_charge[e] else drives[e]

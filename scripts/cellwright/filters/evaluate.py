@@ -182,6 +182,7 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
     Refusal
         The test cannot be laid out, nothing is left to score, or as `estimate.estimate`.
     """
+    model, notes = _circuit_alone(model)
     record = laid_out(test, model, cell, split_rest_second=split_rest_second, proof=True)
     celsius = _loaded_mean(model, record)
     bank, entry = bank_of(model, None, celsius), member_of(model, None)
@@ -190,7 +191,7 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
         resistance_factor=resistance_factor_of(model, None, record.celsius, celsius)
     )
     source = record.temperature_source
-    notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
+    notes += [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
     blocks = ("reading", "counting")
     notes += [
         f"filters and their reference know that {sentence}" for sentence in words_of(entry, blocks)
@@ -208,6 +209,15 @@ def soc_runs(model, cell, test, *, settings, split_rest_second):
     rows = [row | {"model": model["chosen"]} for row in rows]
     series = {"test_time_second": record.test_time_second, "soc": record.soc}
     return SocRuns(rows, series | {"scored": record.used} | columns, tuple(notes))
+
+
+def _circuit_alone(model):
+    """The model with a member that is one circuit, and notes: filters hold no companions."""
+    chosen = member_of(model, None)
+    if "companions" not in chosen:
+        return model, []
+    kept = f"filters run {chosen['of']}: the effects of {chosen['model']} stand beside its circuit"
+    return model | {"chosen": chosen["of"]}, [kept]
 
 
 def noise_of(settings, test_time_second):

@@ -443,7 +443,7 @@ def _steady_lag(plant, e, c_rate):
 def _drive(plant, e, soc, grid):
     if plant.source[e] < 0:
         return plant.current_ampere[0] * np.interp(soc, grid, plant.tables[:, GAIN + e])
-    return np.interp(soc, NODES, plant.drives[plant.source[e], 0])
+    return np.interp(soc, NODES, plant.drives[plant.source[e], :, 0])
 
 
 def _grid(plant):

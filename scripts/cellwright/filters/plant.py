@@ -20,7 +20,7 @@ def levels_of(bank, current_ampere, curved):
     ----------
     bank : Bank.
     current_ampere : (n,) [A].
-    curved : dict, index of an element that is not linear → its drives (n, nodes).
+    curved : dict, index of an element that is not linear → its drives (nodes, n).
 
     Returns
     -------
@@ -30,7 +30,7 @@ def levels_of(bank, current_ampere, curved):
     slope = (bank.ocv_volt[half + 1] - bank.ocv_volt[half - 1]) / (bank.soc[2] - bank.soc[0])
     for k, element in enumerate(bank.elements):
         middle = len(NODES) // 2
-        drive = curved[k][:, middle] if k in curved else element.gain[half] * current_ampere
+        drive = curved[k][middle] if k in curved else element.gain[half] * current_ampere
         levels[k] = rms(drive) * (slope if element.output == "soc" else 1.0)
     return levels
 
@@ -119,7 +119,7 @@ class Plant(NamedTuple):
     soc_first, soc_spacing : their uniform grid.
     shifts_soc, direct, source, by_charge : (E,) whether an element's output is an offset of the
         SoC; the share that acts at once; its row of `drives`, −1 for a gain; its clock.
-    drives : (q, n, nodes) of what is not linear in the current. largest : (q,) mean over SoC of the
+    drives : (q, nodes, n) of what is not linear in the current. largest : (q,) mean over SoC of the
         largest of them. usual_gain : (E,) median of the gains over SoC 0 to 1, else 0.
     element, share, moves : (L,) of each lag; `moves` where its constant changes over SoC.
     white_variance, fast_variance, slow_variance : of the noise, of what acts at once, and of the
@@ -202,7 +202,7 @@ def plant_of(
     driving = resistance_factor * current, resistance_factor * between
     curved = [k for k, e in enumerate(bank.elements) if e.gain is None]
     rows = [drives(bank.elements[k], driving[by_charge[k]]) for k in curved]
-    drives_of_curved = np.ascontiguousarray(np.reshape(rows, (-1, len(time), len(NODES))))
+    drives_of_curved = np.ascontiguousarray(np.reshape(rows, (-1, len(NODES), len(time))))
     levels = levels_of(bank, driving[0], dict(zip(curved, rows, strict=True)))
     constants = [relaxation.constant for relaxation in bank.lags]
     spots = _places(bank, noise, track_capacity, track_ohmic)
@@ -225,7 +225,7 @@ def plant_of(
         ),
         by_charge=by_charge,
         drives=drives_of_curved,
-        largest=np.array([np.abs(drive).max(axis=0).mean() for drive in drives_of_curved]),
+        largest=np.array([np.abs(drive).max(axis=1).mean() for drive in drives_of_curved]),
         usual_gain=_usual_gain(bank),
         element=np.array([relaxation.element for relaxation in bank.lags], np.int64),
         share=np.array([relaxation.share for relaxation in bank.lags], float),
@@ -353,7 +353,7 @@ def drive_at(plant, e, k, soc):
     cells = len(NODES) - 1
     spot = min(max(soc, 0.0), 1.0) * cells
     i = min(int(spot), cells - 1)
-    low, high = plant.drives[plant.source[e], k, i : i + 2]
+    low, high = plant.drives[plant.source[e], i : i + 2, k]
     return low + (spot - i) * (high - low)
 
 

@@ -60,6 +60,32 @@ def read(data: bytes, *, name: str, instrument: str | None = None) -> Reading:
         raise Refusal(f"{name}: {reason}") from None
 
 
+def read_simulated(data: bytes, *, name: str) -> dict[str, np.ndarray]:
+    """A voltage that was simulated for a test, from a file in the Battery Data Format.
+
+    Parameters
+    ----------
+    data : bytes
+        The file as it lies there, CSV or Parquet; gzip and Zstandard are unpacked.
+    name : str
+        What messages call the file.
+
+    Returns
+    -------
+    dict
+        test_time_second [s], voltage_volt [V]; nothing of them is checked.
+
+    Raises
+    ------
+    Refusal
+        The file is damaged, or lacks one of the two columns. The message starts with `name`.
+    """
+    try:
+        return bdf.read_simulated(unpacked(data))
+    except Refusal as reason:
+        raise Refusal(f"{name}: {reason}") from None
+
+
 def detect(data: bytes) -> str:
     """Name of the reader that recognises the (unpacked) content.
 

@@ -1,14 +1,27 @@
-"""Arbin: csv of a channel sheet, labels `Test_Time(s)`, `Test Time (s)` or, of its data base, bare.
+"""Arbin: a workbook (.xlsx), or the csv of one of its channel sheets.
 
-Charge and discharge counters are per file or per cycle; time is the whole test's.
+Labels are `Test_Time(s)`, `Test Time (s)` or, of its data base, bare. Charge and discharge counters
+are per file or per cycle; time is the whole test's. A channel whose rows fill a sheet goes on in
+another one.
 """
 
 import re
+from itertools import pairwise
 
 import numpy as np
 
-from cellwright.formats.fields import SERIES, Field, converted, known_fields, require
+from cellwright.formats.fields import (
+    SERIES,
+    Field,
+    converted,
+    in_house_units,
+    known_fields,
+    require,
+    with_net_counter,
+)
 from cellwright.formats.table import layout_of, line_of, read_numbers, unix_time_second
+from cellwright.formats.workbook import dates, is_workbook, numbers, sheets_of
+from cellwright.refusal import Refusal
 
 NAME = "arbin"
 # Third: the unit of Arbin's data base, whose exports carry bare labels.
@@ -28,25 +41,61 @@ MEANING = {
 SPELT = dict(zip(SERIES, ("Test_Time(s)", "Current(A)", "Voltage(V)"), strict=True))
 OWN = {"test time", "data point", "step index", "cycle index", "date time", "charge capacity"}
 DATES = ("%m/%d/%Y %H:%M:%S", "%Y-%m-%d %H:%M:%S", "%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %H:%M")
+CHANNEL = "Channel"  # begins the names of the sheets that hold readings
 LABEL = re.compile(r"^(?P<base>[^()]+?)\s*(?:\((?P<unit>[^()]*)\))?$")
 
 
 def recognises(head: bytes) -> bool:
-    """At least three of the labels that only Arbin writes, in the first line."""
+    """A workbook, or at least three of the labels that only Arbin writes in the first line."""
+    if is_workbook(head):
+        return True
     bases = {_base_and_unit(label.strip())[0] for label in line_of(head, 1).split(",")}
     return len(bases & OWN) >= 3 and not bases.isdisjoint({"test time", "current", "voltage"})
 
 
 def read(data: bytes) -> dict[str, np.ndarray]:
-    """Columns of an Arbin csv."""
+    """Columns of an Arbin workbook or csv."""
+    return _of_workbook(data) if is_workbook(data) else _of_text(data)
+
+
+def _of_workbook(data):
+    """Columns of all channel sheets, one behind the other in the order of their clocks."""
+    sheets = sheets_of(data, lambda name: name.startswith(CHANNEL))
+    parts = sorted((_of_sheet(sheet) for sheet in sheets), key=lambda p: p["test_time_second"][0])
+    for before, after in pairwise(parts):
+        end, start = before["test_time_second"][-1], after["test_time_second"][0]
+        if start < end:
+            named = ", ".join(repr(sheet.name) for sheet in sheets)
+            raise Refusal(
+                f"sheets {named} run at the same time ({start:g} s is before {end:g} s), so they "
+                "are several channels; one channel a file is wanted"
+            )
+    shared = [name for name in parts[0] if all(name in part for part in parts)]
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in shared}
+    return with_net_counter(columns)
+
+
+def _of_sheet(sheet):
+    """Columns of one channel sheet in the house's names and units, its counters as they stand."""
+    fields = known_fields(sheet.labels, _meaning)
+    require(fields, SERIES, SPELT)
+    columns = in_house_units(numbers(sheet, [field.label for field in fields]), fields)
+    label = next((name for name in sheet.labels if _is_date(name)), None)
+    seconds = dates(sheet, label) if label else None
+    return columns if seconds is None else columns | {"unix_time_second": seconds}
+
+
+def _of_text(data):
     layout = layout_of(data)
     fields = known_fields(layout.labels, _meaning)
     require(fields, SERIES, SPELT)
-    date = [
-        label for label in layout.labels if _base_and_unit(label)[0] in ("date time", "datetime")
-    ]
+    date = [label for label in layout.labels if _is_date(label)]
     found = read_numbers(data, layout, [field.label for field in fields], texts=date[:1])
     return converted(found, fields) | _unix_time(found[date[0]] if date else None)
+
+
+def _is_date(label):
+    return _base_and_unit(label)[0] in ("date time", "datetime")
 
 
 def _unix_time(texts) -> dict[str, np.ndarray]:

@@ -21,6 +21,7 @@ from cellwright.formats.table import layout_of, line_of, read_numbers
 from cellwright.refusal import Refusal
 
 NAME = "bdf"
+SIMULATED = "Simulated Voltage / V"
 PARQUET = b"PAR1"
 MEANING = {
     "test time": ("test_time_second", "time"),
@@ -59,20 +60,53 @@ def recognises(head: bytes) -> bool:
 
 def read(data: bytes) -> dict[str, np.ndarray]:
     """Columns of a BDF file; a spectrum where it has a frequency, else a series."""
+    return _read(data, _meaning, _checked)
+
+
+def read_simulated(data: bytes) -> dict[str, np.ndarray]:
+    """Test time [s] and simulated voltage [V] of a BDF file: test_time_second, voltage_volt.
+
+    The voltage is that of `Simulated Voltage / V`; `Voltage / V` in a file that has no current, and
+    so is a simulator's own.
+    """
+    return _read(data, _simulated_meaning, _checked_simulated)
+
+
+def _read(data, meaning, checked) -> dict[str, np.ndarray]:
+    """Columns of a CSV or Parquet file: `meaning` knows the labels, `checked` the whole set."""
     if data.startswith(PARQUET):
-        return _read_parquet(data)
+        return _read_parquet(data, meaning, checked)
     layout = layout_of(data)
-    fields = _checked(known_fields(layout.labels, _meaning))
+    fields = checked(known_fields(layout.labels, meaning))
     return converted(read_numbers(data, layout, [field.label for field in fields]), fields)
 
 
-def _read_parquet(data: bytes) -> dict[str, np.ndarray]:
+def _simulated_meaning(label: str) -> Field | None:
+    base, unit = _base_and_unit(label)
+    simulated = Field(label, "simulated_voltage_volt", "voltage", unit)
+    return simulated if base == "simulated voltage" else _meaning(label)
+
+
+def _checked_simulated(fields: list[Field]) -> list[Field]:
+    """The two fields of a simulation."""
+    by_column = {field.column: field for field in fields}
+    voltage = by_column.get("simulated_voltage_volt")
+    if voltage is None and "current_ampere" not in by_column:
+        voltage = by_column.get("voltage_volt")
+    kept = [by_column[name] for name in ("test_time_second",) if name in by_column]
+    kept += [voltage._replace(column="voltage_volt")] if voltage else []
+    spelt = SPELT | {"voltage_volt": SIMULATED}
+    require(kept, ("test_time_second", "voltage_volt"), spelt)
+    return kept
+
+
+def _read_parquet(data: bytes, meaning, checked) -> dict[str, np.ndarray]:
     import pyarrow as pa
     from pyarrow import parquet
 
     try:
         file = parquet.ParquetFile(pa.BufferReader(data))
-        fields = _checked(known_fields(file.schema_arrow.names, _meaning))
+        fields = checked(known_fields(file.schema_arrow.names, meaning))
         found = file.read([field.label for field in fields])
     except (pa.ArrowInvalid, OSError) as fault:
         raise Refusal(f"the Parquet file is cut off or damaged: {fault}") from None

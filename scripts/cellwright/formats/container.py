@@ -87,7 +87,6 @@ BEGINNINGS = (
 )
 # What a zip archive holds tells whose it is.
 ARCHIVES = (
-    (b"xl/", "an Excel workbook (xlsx)"),
     (b".ndc", "a Neware ndax file"),
     (b"VersionInfo.xml", "a Neware ndax file"),
 )

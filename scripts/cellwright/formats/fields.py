@@ -106,6 +106,13 @@ def converted(values: Mapping[str, np.ndarray], fields: Sequence[Field]) -> dict
     Optional columns without a single number are left out. Counters of charge and of discharge
     become one net counter.
     """
+    return with_net_counter(in_house_units(values, fields))
+
+
+def in_house_units(
+    values: Mapping[str, np.ndarray], fields: Sequence[Field]
+) -> dict[str, np.ndarray]:
+    """As `converted`, with the counters of charge and discharge as they stand."""
     columns = {}
     for field in fields:
         column = in_house_unit(
@@ -113,7 +120,7 @@ def converted(values: Mapping[str, np.ndarray], fields: Sequence[Field]) -> dict
         )
         if field.column in SERIES + IMPEDANCE or np.isfinite(column).any():
             columns[field.column] = _counted(column) if field.quantity == "count" else column
-    return _with_net_counter(columns)
+    return columns
 
 
 def _counted(column: np.ndarray) -> np.ndarray:
@@ -121,7 +128,8 @@ def _counted(column: np.ndarray) -> np.ndarray:
     return column.astype(np.int64) if whole else column
 
 
-def _with_net_counter(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def with_net_counter(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Columns with the counters of charge and of discharge, where both are, as one net counter."""
     counters = [columns.pop(name, None) for name in COUNTERS]
     if "net_capacity_ampere_hour" not in columns and all(c is not None for c in counters):
         columns["net_capacity_ampere_hour"] = net_capacity(*counters)

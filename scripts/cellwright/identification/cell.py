@@ -18,7 +18,7 @@ from cellwright.identification.identify import (
 from cellwright.identification.search import ABSENT_SECOND, shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.basis import REFERENCE_CELSIUS, stated_or_reference
+from cellwright.records.basis import REFERENCE_CELSIUS, capacities_of_checkups, stated_or_reference
 from cellwright.records.facts import of_first_checkup
 from cellwright.records.record import blocks_of_used, records_by_temperature
 from cellwright.refusal import Refusal
@@ -92,6 +92,7 @@ def cell_model(cell, basis, tests, *, members, split_rest_second):
         "cell": cell.cell,
         "capacity_ampere_hour": basis["capacity_ampere_hour"],
         "borrowed_from": basis["borrowed_from"],
+        "checkups": capacities_of_checkups(basis),
         "ocv": [condition.ocv for condition in identified],
         "members": [
             {"model": name, "left_out_rmse_volt": choice.rmse_volt[name]}

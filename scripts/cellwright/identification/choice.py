@@ -341,7 +341,7 @@ def decided(model, conditions, searched=None):
         5–95 %), chosen, reason.
     """
     judged = {
-        name: _judged(model, name, conditions) for name in model["left_out"][0]["square_volt2"]
+        name: judged_of(model, name, conditions) for name in model["left_out"][0]["square_volt2"]
     }
     judged |= searched or {}
     celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
@@ -354,14 +354,20 @@ def decided(model, conditions, searched=None):
     rows = [
         row | {"chosen": name == choice.name, "reason": choice.reasons[name]}
         for name, verdict in judged.items()
-        for row in _rows(name, verdict, celsius)
+        for row in judged_rows(name, verdict, celsius)
     ]
     members = [m | {"left_out_rmse_volt": choice.rmse_volt[m["model"]]} for m in model["members"]]
     return model | {"members": members, "chosen": choice.name, "choice": choice.words}, rows
 
 
-def _judged(model, name, conditions):
-    """Judged of a member of the family: left-out blocks and its simulation."""
+def judged_of(model, name, conditions):
+    """Judged of a member of the family: left-out blocks and its simulation.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2, with `left_out`. name : of the member.
+    conditions : list of lists of FittedRecord, from `fitted_records`.
+    """
     scores = [
         Score(np.array(fitted["square_volt2"][name]), np.array(fitted["rows"]))
         for fitted in model["left_out"]
@@ -376,7 +382,13 @@ def _judged(model, name, conditions):
     )
 
 
-def _rows(name, judged, celsius):
+def judged_rows(name, judged, celsius):
+    """Rows of a member in the table of reasons, without `chosen` and `reason`; see `decided`.
+
+    Parameters
+    ----------
+    name : of the member. judged : Judged. celsius : temperature of each condition [degC].
+    """
     for score, volt, condition_celsius in zip(
         judged.scores, judged.fit_rmse_volt, celsius, strict=True
     ):

@@ -103,9 +103,9 @@ def cycle_temperature(rows, *, least_kelvin=AGEING.least_kelvin, level=AGEING.le
     over a temperature that is read with an error comes out too small and is corrected for it (see
     `_corrected_for_reading_error`).
     Discharges whose charge before, or the one before that, is not in the record are set aside, for
-    they did not begin like the others, and so are those further than six robust standard
-    deviations from the course. The temperature is the room's where recorded, else the cell's as
-    a discharge begins, before its own heat.
+    they did not begin like the others (unless most are without), and so are those further than six
+    robust standard deviations from the course. The temperature is the room's where recorded, else
+    the cell's as a discharge begins, before its own heat.
 
     Parameters
     ----------
@@ -204,7 +204,11 @@ def _record(rows):
     discharges = np.flatnonzero(rows.direction == "discharge")
     cycle, capacity = rows.cycle[discharges], rows.capacity_ampere_hour[discharges]
     complete = np.isfinite(rows.coulombic_efficiency[discharges])
-    used = _inliers(cycle, capacity, complete & np.append(False, complete[:-1]))
+    usual = complete & np.append(False, complete[:-1])
+    # Where most charges are not in the record, most discharges begin alike without them.
+    if len(usual) >= LEAST_CYCLES and 2 * usual.sum() < len(usual):
+        usual = np.ones(len(usual), bool)
+    used = _inliers(cycle, capacity, usual)
     hour = rows.start_time_second[discharges] / 3600
     place = (hour[used] - hour[used][0]) / np.median(np.diff(hour[used]))
     celsius, source = _temperature(rows, discharges)

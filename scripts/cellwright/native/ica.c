@@ -1,4 +1,4 @@
-/* The rows of a charge told apart by their voltage, in one pass: see protocols/ica.py.
+/* The rows of a charge told apart by their voltage, in one pass: see protocols/ica/levels.py.
  *
  * A converter knows few levels, so a small table of hashes finds the level of a row, and no row
  * need be sorted. */

@@ -1,8 +1,8 @@
 /* Extended Kalman filter over a record: see models/kalman.py, whose numpy twin says the same.
  *
- * `pass` is inlined once per common number of states and lags, so that the compiler unrolls the
- * loops over the covariance; any other number takes the general copy. That one carries a covariance
- * only for states that are in doubt: a lag that starts from rest is known for all time. */
+ * `pass` is inlined once per common number of states in doubt, so that the compiler unrolls the
+ * loops over the covariance; any other number takes the last copy. Only states in doubt have a
+ * covariance: a lag that starts from rest is known for all time. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -61,8 +61,8 @@ static inline __attribute__((always_inline)) double drive(
     const double cells = (double)(s->nodes - 1);
     const double spot = (soc > 0.0 ? (soc < 1.0 ? soc : 1.0) : 0.0) * cells;
     const int64_t i = spot < cells - 1.0 ? (int64_t)spot : s->nodes - 2;
-    const double *row = p->drives + (p->source[e] * s->n + k) * s->nodes + i;
-    return row[0] + (spot - (double)i) * (row[1] - row[0]);
+    const double *course = p->drives + (p->source[e] * s->nodes + i) * s->n + k;
+    return course[0] + (spot - (double)i) * (course[s->n] - course[0]);
 }
 
 /* Slope of the OCV over what is not known of the SoC, and what a chord misses in its middle. */
@@ -76,25 +76,53 @@ static double chord(const sizes_t *s, const reals_t *r, const double *tables, do
     return (c - a) / (high - low);
 }
 
+/* What a step's length decides, kept for the lengths that a record has: instruments that sample at
+ * one rate have some hundred of them, and exponentials are most of what a lag costs. */
+#define KEPT 256
+typedef struct {
+    double step, per_step, keep, kept, decay[MOST], before[MOST], after[MOST];
+    int64_t cells[MOST];
+} weights_t;
+
+static inline weights_t *weights_of(weights_t *all, double step) {
+    uint64_t bits;
+    memcpy(&bits, &step, sizeof bits);
+    return all + ((bits * 0x9E3779B97F4A7C15u) >> 56);
+}
+
+/* Index of each row of the covariance: the SoC, the lags in doubt, then what is tracked beside. */
+typedef struct {
+    int64_t many, error, fast, standing, capacity, ohmic;
+} rows_t;
+
 static inline __attribute__((always_inline)) void pass(
-    const int plain, const int64_t size, const int64_t lags, const int64_t elements,
-    const int64_t error, const int64_t fast, const int64_t standing, const int64_t capacity,
-    const int64_t ohmic, const sizes_t *s,
+    const int plain, const int64_t many, const int64_t unsure, const int64_t lags,
+    const int64_t elements, const int64_t error, const int64_t fast, const int64_t standing,
+    const int64_t capacity, const int64_t ohmic, const int64_t *doubted, const sizes_t *s,
     const reals_t *r, const plant_t *p, int64_t filled, double *ring, const double *start,
     double *out) {
-    double x[MOST], P[MOST][MOST] = {{0}}, u[MOST], K[MOST] = {0}, C[MOST] = {0}, decay[MOST], before[MOST], after[MOST],
-        relaxed[MOST];
-    int64_t cells[MOST];
-    for (int64_t i = 0; i < size; i++) {
-        x[i] = start[i];
-        relaxed[i] = 1.0;
-        for (int64_t j = 0; j < size; j++) P[i][j] = start[size + i * size + j];
+    /* x, P, u, K, C and relaxed by rows of the covariance; y: all lags, those in doubt as well */
+    double x[MOST], y[MOST], P[MOST][MOST] = {{0}}, u[MOST], K[MOST] = {0}, C[MOST] = {0};
+    double relaxed[MOST], volt_share[MOST], soc_share[MOST];
+    weights_t all[KEPT];
+    for (int64_t w = 0; w < KEPT; w++) all[w].step = -1.0;
+    int shifted = 0;
+    for (int64_t j = 0; j < lags; j++) {
+        const int64_t shifts = p->shifts[p->element[j]];
+        y[j] = start[1 + j];
+        volt_share[j] = shifts ? 0.0 : p->share[j];
+        soc_share[j] = shifts ? p->share[j] : 0.0;
+        shifted = shifted || shifts;
     }
-    int64_t doubted[MOST], many = 0;
-    for (int64_t i = 0; i < size; i++)
-        if (plain || i == 0 || i > lags || P[i][i] > 0.0) doubted[many++] = i;
-    if (plain) many = size;
-#define AT(a) (plain ? (a) : doubted[a])
+    for (int64_t e = 0; e < elements; e++)
+        shifted = shifted || (p->shifts[e] && p->direct[e] != 0.0);
+#define STATE(a) ((a) == 0 ? 0 : (a) <= unsure ? 1 + doubted[(a) - 1] : (a) - unsure + lags)
+    for (int64_t a = 0; a < many; a++) {
+        x[a] = start[STATE(a)];
+        relaxed[a] = 1.0;
+        for (int64_t b = 0; b < many; b++) P[a][b] = start[s->size + STATE(a) * s->size + STATE(b)];
+    }
+#undef STATE
     double square_sum = 0.0, known_sum = 0.0, own_sum = 0.0, walk = r->walk, slow = r->error_variance;
     for (int64_t i = 0; i < filled; i++) {
         square_sum += ring[3 * i];
@@ -102,35 +130,39 @@ static inline __attribute__((always_inline)) void pass(
         own_sum += ring[3 * i + 2];
     }
     int64_t spot = filled % s->window;
-    double last_step = -1.0, keep = 1.0, per_step = 0.0, linear = r->linear, kept = 1.0;
-    double surface = 0.0, wide = r->wide;
-    for (int64_t j = 0; j < lags; j++) cells[j] = -1;
+    double linear = r->linear, surface = 0.0, wide = r->wide;
     const double per_ampere_hour = 1.0 / r->ampere_hour, per_window = 1.0 / (double)s->window;
     const double half_squared = r->half * r->half;
 
     for (int64_t k = 1; k < s->n; k++) {
         /* predict: the SoC */
         const double step = p->step[k], charge = p->charge[k] * per_ampere_hour, earlier = x[0];
+        weights_t *const w = weights_of(all, step);
+        if (w->step != step) {
+            w->step = step;
+            w->per_step = 1.0 / step;
+            w->keep = error >= 0 ? exp(-step / r->second) : 1.0;
+            w->kept = fast >= 0 ? exp(-step / r->brief) : 1.0;
+            for (int64_t j = 0; j < lags; j++) w->cells[j] = -1;
+        }
+        const double keep = w->keep, kept = w->kept;
         if (capacity >= 0) {
             x[0] += charge * x[capacity];
             const double own = P[capacity][capacity], shared = P[0][capacity];
             for (int64_t a = 1; a < many; a++) {
-                P[0][AT(a)] += charge * P[capacity][AT(a)];
-                P[AT(a)][0] = P[0][AT(a)];
+                P[0][a] += charge * P[capacity][a];
+                P[a][0] = P[0][a];
             }
             P[0][0] += charge * (2.0 * shared + charge * own);
         } else {
             x[0] += charge;
         }
         P[0][0] += walk * step;
-        const int64_t fresh = step != last_step;
-        last_step = step;
         const double soc = x[0];
         const place_t at = place(s, r, p->tables, soc);
         /* where the Jacobian is taken follows the charge, and a correction only slowly */
         place_t there = at;
         if (error >= 0) {
-            if (fresh) keep = exp(-step / r->second);
             linear += soc - earlier;
             linear += (1.0 - keep) * (soc - linear);
             wide += (1.0 - keep) * (P[0][0] - wide);
@@ -141,45 +173,45 @@ static inline __attribute__((always_inline)) void pass(
             linear = soc;
             wide = P[0][0];
         }
-        double value[MOST];
+        /* the drive of each element at this sample, and at the one before, at the SoC of now */
+        double value[MOST], was[MOST];
         if (plain) {
             value[0] = p->current[k] * look(at, GAIN);
         } else {
-            for (int64_t e = 0; e < elements; e++)
+            for (int64_t e = 0; e < elements; e++) {
                 value[e] = drive(s, p, e, k, soc, at);
+                was[e] = p->by_charge[e] ? 0.0 : drive(s, p, e, k - 1, soc, at);
+            }
         }
 
-        /* predict: the lags, by weights that are made anew only where step or constant change */
-        if (fresh) per_step = 1.0 / step;
+        /* predict: the lags, by weights that are made anew where step or constant are new */
         for (int64_t j = 0; j < lags; j++) {
             const int64_t e = p->element[j], charged = !plain && p->by_charge[e];
             int64_t cell = 0;
             if (!plain && p->moves[j]) cell = place(s, r, p->tables, soc + r->spacing / 2.0).cell;
-            if (fresh || charged || cell != cells[j]) {
+            if (charged || cell != w->cells[j]) {
                 const double constant = p->tables[cell * s->width + GAIN + elements + j];
                 const double ratio = (charged ? p->passed[k] : step) / constant;
                 const double gain = -expm1(-ratio), mean = ratio > 0.0 ? gain / ratio : 1.0;
                 const int64_t ramp = s->first_order && !charged;
-                decay[j] = 1.0 - gain;
-                before[j] = charged ? 0.0 : ramp ? mean + gain - 1.0 : gain;
-                after[j] = charged ? gain : ramp ? 1.0 - mean : 0.0;
-                cells[j] = cell;
+                w->decay[j] = 1.0 - gain;
+                w->before[j] = charged ? 0.0 : ramp ? mean + gain - 1.0 : gain;
+                w->after[j] = charged ? gain : ramp ? 1.0 - mean : 0.0;
+                w->cells[j] = cell;
             }
             if (plain) {
-                const double push = before[j] * p->current[k - 1] + after[j] * p->current[k];
-                x[1 + j] = decay[j] * x[1 + j] + look(at, GAIN + e) * push;
+                const double push = w->before[j] * p->current[k - 1] + w->after[j] * p->current[k];
+                y[j] = w->decay[j] * y[j] + look(at, GAIN + e) * push;
             } else {
-                const double was = charged ? 0.0 : drive(s, p, e, k - 1, soc, at);
-                x[1 + j] = decay[j] * x[1 + j] + (before[j] * was + after[j] * value[e]);
+                y[j] = w->decay[j] * y[j] + (w->before[j] * was[e] + w->after[j] * value[e]);
             }
-            relaxed[1 + j] = decay[j];
         }
+        for (int64_t a = 1; a <= unsure; a++) relaxed[a] = w->decay[plain ? a - 1 : doubted[a - 1]];
         if (error >= 0) {
             x[error] *= keep;
             relaxed[error] = keep;
         }
         if (fast >= 0) {
-            if (fresh) kept = exp(-step / r->brief);
             x[fast] *= kept;
             relaxed[fast] = kept;
         }
@@ -189,23 +221,22 @@ static inline __attribute__((always_inline)) void pass(
             relaxed[standing] = held;
         }
         for (int64_t a = 1; a < many; a++) {
-            const int64_t i = AT(a);
-            P[0][i] *= relaxed[i];
-            for (int64_t b = a; b < many; b++) P[i][AT(b)] *= relaxed[i] * relaxed[AT(b)];
+            P[0][a] *= relaxed[a];
+            for (int64_t b = a; b < many; b++) P[a][b] *= relaxed[a] * relaxed[b];
         }
         if (error >= 0) P[error][error] += (1.0 - keep * keep) * slow;
         if (fast >= 0) P[fast][fast] += (1.0 - kept * kept) * r->fast;
         if (standing >= 0) P[standing][standing] += 1.0 - relaxed[standing] * relaxed[standing];
         if (ohmic >= 0) P[ohmic][ohmic] += r->ohmic_walk * step;
         for (int64_t a = 0; a < many; a++)
-            for (int64_t b = 0; b < a; b++) P[AT(a)][AT(b)] = P[AT(b)][AT(a)];
+            for (int64_t b = 0; b < a; b++) P[a][b] = P[b][a];
 
         /* predicted voltage and its Jacobian */
         double curvature = 0.0, direct = 0.0, offset = 0.0, over = 0.0;
         if (plain) {
             direct = ohmic >= 0 ? x[ohmic] * value[0] : value[0];
-            over = x[1];
-            for (int64_t j = 2; j <= lags; j++) over += x[j];
+            over = y[0];
+            for (int64_t j = 1; j < lags; j++) over += y[j];
             for (int64_t j = 1; j <= lags; j++) C[j] = 1.0;
         } else {
             for (int64_t e = 0; e < elements; e++) {
@@ -214,13 +245,12 @@ static inline __attribute__((always_inline)) void pass(
                 offset += p->shifts[e] ? scale * value[e] : 0.0;
                 direct += p->shifts[e] ? 0.0 : scale * value[e];
             }
-            for (int64_t j = 0; j < lags; j++) {
-                const int64_t shifts = p->shifts[p->element[j]];
-                offset += shifts ? p->share[j] * x[1 + j] : 0.0;
-                over += shifts ? 0.0 : p->share[j] * x[1 + j];
+            for (int64_t j = 0; j < lags; j++) over += volt_share[j] * y[j];
+            if (shifted) {
+                for (int64_t j = 0; j < lags; j++) offset += soc_share[j] * y[j];
+                surface = error >= 0 ? surface + (1.0 - keep) * (offset - surface) : offset;
+                if (surface != 0.0) there = place(s, r, p->tables, linear + surface);
             }
-            surface = error >= 0 ? surface + (1.0 - keep) * (offset - surface) : offset;
-            if (surface != 0.0) there = place(s, r, p->tables, linear + surface);
         }
         /* the voltage is that of the surface, and so is its slope, but not at every turn of the load */
         double slope = look(there, SLOPE);
@@ -228,8 +258,10 @@ static inline __attribute__((always_inline)) void pass(
             slope = chord(s, r, p->tables, linear + surface, sqrt(3.0 * wide), &curvature);
         C[0] = slope;
         if (!plain)
-            for (int64_t j = 0; j < lags; j++)
-                C[1 + j] = p->share[j] * (p->shifts[p->element[j]] ? slope : 1.0);
+            for (int64_t a = 1; a <= unsure; a++) {
+                const int64_t j = doubted[a - 1];
+                C[a] = volt_share[j] + soc_share[j] * slope;
+            }
         double volt = (look(at, TOTAL) + direct) + over;
         if (!plain && offset != 0.0)
             volt += look(place(s, r, p->tables, soc + offset), OCV) - look(at, OCV);
@@ -253,13 +285,12 @@ static inline __attribute__((always_inline)) void pass(
         const double e = p->voltage[k] - volt;
         /* u = P·Cᵀ; C·P·Cᵀ from P itself, so that neither waits for the other */
         double inner = 0.0, cross = 0.0;
-        for (int64_t a = 1; a < many; a++) cross += P[0][AT(a)] * C[AT(a)];
+        for (int64_t a = 1; a < many; a++) cross += P[0][a] * C[a];
         for (int64_t a = 1; a < many; a++) {
-            const int64_t i = AT(a);
-            double sum = P[i][AT(1)] * C[AT(1)];
-            for (int64_t b = 2; b < many; b++) sum += P[i][AT(b)] * C[AT(b)];
-            u[i] = P[i][0] * C[0] + sum;
-            inner += sum * C[i];
+            double sum = P[a][1] * C[1];
+            for (int64_t b = 2; b < many; b++) sum += P[a][b] * C[b];
+            u[a] = P[a][0] * C[0] + sum;
+            inner += sum * C[a];
         }
         u[0] = P[0][0] * C[0] + cross;
         const double known = C[0] * (u[0] + cross) + inner;
@@ -282,20 +313,19 @@ static inline __attribute__((always_inline)) void pass(
         white += curvature * curvature + p->edge[k];
         const double variance = known + white;
         /* Q = K·H·Kᵀ without its two divisions by the variance, for which the next step would wait */
-        const double learnt = u[0] * u[0] * ((square_sum + empty * variance) * per_window) * per_step;
+        const double mean_square = (square_sum + empty * variance) * per_window;
+        const double learnt = u[0] * u[0] * mean_square * w->per_step;
         const double inverse = 1.0 / variance;
 
         /* update, in Joseph's form with its products taken apart, P − K·uᵀ − u·Kᵀ + K·S·Kᵀ: an error
          * of the gain enters squared */
-        for (int64_t a = 0; a < many; a++) K[AT(a)] = u[AT(a)] * inverse;
+        for (int64_t a = 0; a < many; a++) K[a] = u[a] * inverse;
         for (int64_t a = 0; a < many; a++) {
-            const int64_t i = AT(a);
-            const double left = u[i] - K[i] * variance;
-            x[i] += K[i] * e;
-            for (int64_t b = a; b < many; b++) {
-                const int64_t j = AT(b);
-                P[i][j] = P[j][i] = (P[i][j] - K[i] * u[j]) - left * K[j];
-            }
+            const double left = u[a] - K[a] * variance;
+            if (a == 0 || a > unsure) x[a] += K[a] * e;
+            else y[plain ? a - 1 : doubted[a - 1]] += K[a] * e;
+            for (int64_t b = a; b < many; b++)
+                P[a][b] = P[b][a] = (P[a][b] - K[a] * u[b]) - left * K[b];
         }
         if (s->adaptive && step > 0.0)
             walk = smaller(larger(learnt * (inverse * inverse), r->least_walk), r->most_walk);
@@ -340,16 +370,31 @@ void kalman(const int64_t *sizes, const int64_t *shifts, const int64_t *source,
         plain = plain && source[e] < 0 && !by_charge[e] && !shifts[e] && (e == 0 || direct[e] == 0.0);
     for (int64_t j = 0; j < s.lags; j++)
         plain = plain && !moves[j] && element[j] == j + 1 && share[j] == 1.0;
-#define PLAIN(a, b, c, f, d, o)                                                               \
-    if (plain && s.size == (a) && s.lags == (b) && s.error == (c) && s.fast == (f) &&         \
-        s.standing == (d) && s.ohmic == (o)) {                                                \
-        pass(1, a, b, b + 1, c, f, d, -1, o, &s, &r, &p, *filled, ring, start, out);          \
-        return;                                                                               \
+    int64_t doubted[MOST], unsure = 0;
+    for (int64_t j = 0; j < s.lags; j++)
+        if (plain || start[s.size + (1 + j) * (s.size + 1)] > 0.0) doubted[unsure++] = j;
+    /* a state that is tracked stands as far behind the last lag as its row behind the last in doubt */
+#define ROW(state) ((state) < 0 ? -1 : (state) - s.lags + unsure)
+    const rows_t rows = {s.size - s.lags + unsure, ROW(s.error), ROW(s.fast), ROW(s.standing),
+                         ROW(s.capacity), ROW(s.ohmic)};
+#undef ROW
+#define COPY(plain_, many_, unsure_, lags_, elements_, error_, fast_, standing_, capacity_, ohmic_) \
+    if (plain == (plain_) && rows.many == (many_) && unsure == (unsure_) &&                        \
+        rows.error == (error_) && rows.fast == (fast_) && rows.standing == (standing_) &&          \
+        rows.capacity == (capacity_) && rows.ohmic == (ohmic_)) {                                  \
+        pass(plain_, many_, unsure_, lags_, elements_, error_, fast_, standing_, capacity_,        \
+             ohmic_, doubted, &s, &r, &p, *filled, ring, start, out);                              \
+        return;                                                                                    \
     }
-    PLAIN(2, 1, -1, -1, -1, -1)
-    PLAIN(3, 2, -1, -1, -1, -1)
-    PLAIN(6, 1, 2, 3, 4, 5)
-    PLAIN(7, 2, 3, 4, 5, 6)
-    pass(0, s.size, s.lags, s.elements, s.error, s.fast, s.standing, s.capacity, s.ohmic, &s, &r,
-         &p, *filled, ring, start, out);
+    COPY(1, 2, 1, 1, 2, -1, -1, -1, -1, -1)
+    COPY(1, 3, 2, 2, 3, -1, -1, -1, -1, -1)
+    COPY(1, 6, 1, 1, 2, 2, 3, 4, -1, 5)
+    COPY(1, 7, 2, 2, 3, 3, 4, 5, -1, 6)
+    COPY(0, 5, 0, s.lags, s.elements, 1, 2, 3, -1, 4)
+    COPY(0, 6, 0, s.lags, s.elements, 1, 2, 3, 4, 5)
+    COPY(0, 6, 1, s.lags, s.elements, 2, 3, 4, -1, 5)
+    COPY(0, 7, 1, s.lags, s.elements, 2, 3, 4, 5, 6)
+#undef COPY
+    pass(0, rows.many, unsure, s.lags, s.elements, rows.error, rows.fast, rows.standing,
+         rows.capacity, rows.ohmic, doubted, &s, &r, &p, *filled, ring, start, out);
 }

@@ -1,15 +1,22 @@
 /* First-order lags over true time steps, for the exact hold of the input: see models/kernels.py.
  *
  * Rows lie one after the other (n, m), so that the m inputs of one row share decay and weights,
- * and the exponential is taken anew only where step or time constant change. */
+ * and the exponential is taken anew only where step and time constant are not those of a step that
+ * is kept. */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
-/* Steps whose weights are kept. Those of a thinned record differ from row to row, but are few:
- * whole samples of its clock. */
+/* Steps whose weights are kept. They differ from row to row, but are few: whole samples of the
+ * clock of a record. */
 #define KNOWN_BITS 9
 #define KNOWN (1 << KNOWN_BITS)
+
+static int64_t slot_of(double step) {
+    uint64_t bits;
+    memcpy(&bits, &step, sizeof bits);
+    return (int64_t)((bits * 0x9E3779B97F4A7C15u) >> (64 - KNOWN_BITS));
+}
 
 static void weights(double step, double tau, int64_t first_order, double *decay, double *before,
                     double *after) {
@@ -29,14 +36,20 @@ static void weights(double step, double tau, int64_t first_order, double *decay,
 /* state[k+1] = decay·state[k] + before·drive[k] + after·drive[k+1], state[0] given in `state`. */
 void lag(int64_t n, int64_t m, const double *step, const double *tau, int64_t tau_moves,
          int64_t first_order, const double *drive, double *state) {
-    double decay = 1.0, before = 0.0, after = 0.0, last_step = -1.0, last_tau = -1.0;
+    struct {
+        double step, tau, decay, before, after;
+    } known[KNOWN];
+    for (int64_t i = 0; i < KNOWN; i++) known[i].step = -1.0;
     for (int64_t k = 0; k + 1 < n; k++) {
         const double here = tau_moves ? tau[k] : tau[0];
-        if (step[k] != last_step || here != last_tau) {
-            weights(step[k], here, first_order, &decay, &before, &after);
-            last_step = step[k];
-            last_tau = here;
+        const int64_t i = slot_of(step[k]);
+        if (known[i].step != step[k] || known[i].tau != here) {
+            known[i].step = step[k];
+            known[i].tau = here;
+            weights(step[k], here, first_order, &known[i].decay, &known[i].before,
+                    &known[i].after);
         }
+        const double decay = known[i].decay, before = known[i].before, after = known[i].after;
         const double *x = drive + k * m;
         const double *u = state + k * m;
         double *next = state + (k + 1) * m;
@@ -59,9 +72,7 @@ void lag_fresh(int64_t n, const double *step, const double *fresh, const double 
             state[k] = start[k];
             continue;
         }
-        uint64_t bits;
-        memcpy(&bits, step + k, sizeof bits);
-        const uint64_t i = (bits * 0x9E3779B97F4A7C15u) >> (64 - KNOWN_BITS);
+        const int64_t i = slot_of(step[k]);
         if (known[i].step != step[k] || known[i].linear != linear[k]) {
             known[i].step = step[k];
             known[i].linear = linear[k];

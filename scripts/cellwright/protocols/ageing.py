@@ -1,10 +1,19 @@
 """Ageing records: the complete discharges and charges of many cycles in one test."""
 
+import re
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.capacity import FULL_SHARE, NAMES, NEAR_VOLT, TURN_SHARE, turns
+from cellwright.protocols.capacity import NAMES, TURN_SHARE, turns
+from cellwright.protocols.start import (
+    ENDS,
+    NEAR_VOLT,
+    Start,
+    spans_with_lost_charges,
+    start_at_rest,
+)
 from cellwright.refusal import Refusal
 from cellwright.series.steps import assumed_rating
 
@@ -33,23 +42,33 @@ class AgeingCycles(NamedTuple):
     room_temperature_celsius: np.ndarray
     temperature_start_celsius: np.ndarray
     temperature_mean_celsius: np.ndarray
+    capacity_std_ampere_hour: np.ndarray | None = None
 
 
 class Ageing(NamedTuple):
-    """Complete half cycles, and a sentence for every half cycle that is not complete."""
+    """Complete half cycles; for each reason to leave some out a sentence with their number and
+    cycles; the same for each reason to count some by their rest."""
 
     rows: AgeingCycles
     left_out: tuple
+    by_rest: tuple
 
 
 class _Half(NamedTuple):
-    """A half cycle: sign (+1 charge), rows (inclusive), cycle number in the record, fault or ""."""
+    """A half cycle: sign (+1 charge), rows (inclusive), cycle number in the record, how it starts,
+    and why its end is not complete, or ""."""
 
     sign: int
     first: int
     last: int
     number: int
-    fault: str
+    start: Start
+    end_fault: str
+
+    @property
+    def fault(self):
+        """Why it is not complete, or ""."""
+        return self.end_fault or self.start.fault
 
 
 # ASSUME: A half cycle that reaches its cut-off under load is complete, whatever its load's shape;
@@ -62,14 +81,17 @@ def ageing_cycles(
     lower_cutoff_volt,
     upper_cutoff_volt,
     first_cycle=0.0,
+    state_before="",
 ):
     """Capacity, energy and temperature of every complete half cycle of an ageing record.
 
     1. The record is cut where its counted charge turns (a return of less than 2 % of the rating
-    is no turn). 2. A half cycle is complete where it reaches its cut-off within 10 mV (what is
-    held there afterwards is part of it) and the one before it reached the other; the first of the
-    record where it begins at a rest within 5 % of the voltage window of the other cut-off. What
-    was cut short is left out, and so is what follows it. 3. Coulombic efficiency is a discharge
+    is no turn), and where a charge between two discharges was not logged. 2. A half cycle is
+    complete where it reaches its cut-off within 10 mV (what is held there afterwards is part of it)
+    and the one before it, in this record or in the test before, reached the other. Where that
+    is not in the record, its rest tells (`start.start_at_rest`): as high as before those that start
+    full, or what it may lack is its standard deviation. What was cut short is left out, and so is
+    what follows it. 3. Coulombic efficiency is a discharge
     over the charge before it; NaN outside 0.8 … 1.05, where the record lacks what happened
     between.
 
@@ -81,6 +103,8 @@ def ageing_cycles(
     rated_capacity_ampere_hour : [Ah] or None.
     lower_cutoff_volt, upper_cutoff_volt : [V].
     first_cycle : cycles before the record [1].
+    state_before : "full" or "empty", as the test before this one in time left the cell; "": not
+        known.
 
     Returns
     -------
@@ -95,12 +119,8 @@ def ageing_cycles(
     rated = rated_capacity_ampere_hour or assumed_rating(
         series["current_ampere"], series["charge_ampere_hour"]
     )
-    halves = _halves(series, steps, rated, (lower_cutoff_volt, upper_cutoff_volt))
-    left_out = tuple(
-        f"cycle {first_cycle + half.number:g}, {NAMES[half.sign]}: {half.fault}"
-        for half in halves
-        if half.fault
-    )
+    halves = _halves(series, steps, rated, (lower_cutoff_volt, upper_cutoff_volt), state_before)
+    left_out, by_rest = (_by_reason(halves, first_cycle, faulty=faulty) for faulty in (True, False))
     rows = [
         (first_cycle + half.number, *_numbers(half, before, series, rated))
         for before, half in zip([None, *halves], halves, strict=False)
@@ -108,26 +128,86 @@ def ageing_cycles(
     ]
     if not rows:
         raise Refusal(f"no complete cycle: {'; '.join(left_out) or 'no half cycle is in it'}")
-    return Ageing(AgeingCycles(*[np.array(column) for column in zip(*rows, strict=True)]), left_out)
+    table = AgeingCycles(*[np.array(column) for column in zip(*rows, strict=True)])
+    return Ageing(table, left_out, by_rest)
 
 
-def _halves(series, steps, rated, limits):
-    """Half cycles in time order, each with its cycle's number and why it is not complete."""
-    halves, reached_before, number = [], None, 0
-    charge, voltage = series["charge_ampere_hour"], series["voltage_volt"]
-    for sign, first, last in turns(charge, steps, least_ampere_hour=TURN_SHARE * rated):
+def _halves(series, steps, rated, limits, state_before):
+    """Half cycles in time order, each with its cycle's number and why it is not complete.
+
+    What starts after something that is not in the record is judged last, by the others' rests.
+    """
+    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
+    columns, halves, number = tuple(series[name] for name in names), [], 0
+    spans = turns(columns[2], steps, least_ampere_hour=TURN_SHARE * rated)
+    for sign, first, last in spans_with_lost_charges(spans, columns, steps, limits):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
         begin = max(int(steps.first_row[loads[0]]) - 1, 0)
-        reached, last_load = _end(voltage, steps, sign, loads, limits)
+        reached, last_load = _end(columns[1], steps, sign, loads, limits)
         end = int(steps.last_row[last_load])
         number += sign < 0
-        fault = _start_fault(voltage[begin], sign, limits, reached_before)
-        if not reached:
-            cut_off = f"before the cut-off of {limits[sign > 0]:g} V"
-            fault = f"it ends at {voltage[end]:.3f} V, {cut_off}"
-        halves.append(_Half(sign, begin, end, number + (sign > 0), fault))
-        reached_before = reached
-    return halves
+        cut_off = f"before the cut-off of {limits[sign > 0]:g} V"
+        fault = "" if reached else f"it ends at {columns[1][end]:.3f} V, {cut_off}"
+        halves.append(_Half(sign, begin, end, number + (sign > 0), None, fault))
+    sure = [
+        half._replace(start=_sure_start(half, earlier, state_before))
+        for earlier, half in zip([None, *halves], halves, strict=False)
+    ]
+    known = {
+        sign: [columns[1][h.first] for h in sure if h.start and h.sign == sign] for sign in ENDS
+    }
+    return [
+        half
+        if half.start
+        else half._replace(start=_start_by_rest(half, earlier, columns, limits, known))
+        for earlier, half in zip([None, *sure], sure, strict=False)
+    ]
+
+
+def _sure_start(half, earlier, state_before):
+    """Start of a half cycle that what came before tells, else None."""
+    if earlier is None:
+        return Start() if state_before == ENDS[half.sign] else None
+    return Start() if earlier.sign != half.sign and not earlier.end_fault else None
+
+
+def _start_by_rest(half, earlier, columns, limits, known):
+    """Start of a half cycle after something that was cut short or is not in the record."""
+    after_other = earlier is not None and earlier.sign != half.sign
+    return start_at_rest(
+        columns,
+        (half.first, half.last),
+        half.sign,
+        limits,
+        known_rests_volt=known[half.sign],
+        cut_short_volt=columns[1][earlier.last] if after_other else None,
+    )
+
+
+EXAMPLES = 5
+
+
+def _by_reason(halves, first_cycle, *, faulty):
+    """A sentence for each reason and direction: how many half cycles, of how many, and which."""
+    reasons, numbered = {}, Counter(half.sign for half in halves)
+    for half in halves:
+        words = half.fault if faulty else not half.fault and half.start.words
+        kind = (half.sign, re.sub(r"-?\d[\d.]*", "#", words or ""))
+        if words:
+            reasons.setdefault(kind, []).append((first_cycle + half.number, words))
+    done = "left out" if faulty else "counted by their rest"
+    return tuple(
+        _sentence(f"of {numbered[sign]} {NAMES[sign]}s {done}", members)
+        for (sign, _), members in reasons.items()
+    )
+
+
+def _sentence(of_all, members):
+    """One reason in words, from the (cycle, words) of its half cycles."""
+    cycles = list(dict.fromkeys(f"{cycle:g}" for cycle, _ in members))
+    named = ", ".join(cycles[:EXAMPLES]) + (" …" if len(cycles) > EXAMPLES else "")
+    cycle, words = members[0]
+    return f"{len(members)} {of_all} (cycles {named}): cycle {cycle:g}: {words}"
 
 
 def _end(voltage, steps, sign, loads, limits):
@@ -156,16 +236,6 @@ def _farthest(voltage, sign):
     return max(np.max(sign * voltage), sign * ahead)
 
 
-def _start_fault(volt, sign, limits, reached_before):
-    """Why the cell was not full (discharge) or empty (charge) at the start; "" where it was."""
-    end = "full" if sign < 0 else "empty"
-    if reached_before is not None:
-        return "" if reached_before else f"it does not start {end}: what came before was cut short"
-    start_limit = limits[sign < 0]
-    near = sign * (volt - start_limit) <= FULL_SHARE * (limits[1] - limits[0])
-    return "" if near else f"it does not start {end}: the record begins with it at {volt:.3f} V"
-
-
 def _numbers(half, before, series, rated):
     """Columns of AgeingCycles after `cycle` for one complete half cycle."""
     rows = slice(half.first, half.last + 1)
@@ -186,6 +256,7 @@ def _numbers(half, before, series, rated):
         _time_mean(ambient, rows, time),
         _median(surface, before_load),
         _time_mean(surface, rows, time),
+        half.start.missing_ampere_hour,
     )
 
 

@@ -4,12 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols.start import (
+    ENDS,
+    NEAR_VOLT,
+    Start,
+    spans_with_lost_charges,
+    start_at_rest,
+)
 from cellwright.refusal import Refusal
 from cellwright.series.steps import assumed_rating
 
 TURN_SHARE = 0.02  # of the rating: a smaller return of charge (regeneration, dither) is no turn
-NEAR_VOLT = 0.010  # a limit counts as reached this near to it
-FULL_SHARE = 0.05  # of the voltage window: a rest this near to a limit is full, or empty
 RATE_SHARE = 0.9  # of the charge must move at the one rate that a capacity is stated for
 SAME_RATE = 1.05
 RETURN_SHARE = 0.03
@@ -22,6 +27,7 @@ class Half(NamedTuple):
     sign : +1 charge, -1 discharge. first_row, last_row : inclusive; the first is the last one
     before the load. rate_ampere : size of its constant current [A]. held_row : where its voltage
     is first held, or its last row. fault : why it is not complete, "" where it is.
+    missing_ampere_hour : standard deviation of what an unsure start may lack [Ah]. words : on it.
     """
 
     sign: int
@@ -30,6 +36,8 @@ class Half(NamedTuple):
     rate_ampere: float
     held_row: int
     fault: str
+    missing_ampere_hour: float = 0.0
+    words: str = ""
 
 
 def turns(charge_ampere_hour, steps, *, least_ampere_hour):
@@ -78,21 +86,23 @@ class _Record(NamedTuple):
 
 
 # ASSUME: A record that begins under load with a discharge begins with a full cell.
-# ASSUME: A rest within 5 % of the voltage window of a cut-off is full there, or empty.
-def _half_cycles(record, rated, *, whole):
+def _half_cycles(record, rated, state_before, *, whole):
     """Half cycles of a record in time order, each with the reason why it is not complete.
 
     They are counted to the turn of the charge where `whole`, else to where the cut-off is first
     reached.
     """
-    steps, halves, reached_before = record.steps, [], None
-    for sign, first, last in turns(record.charge, steps, least_ampere_hour=TURN_SHARE * rated):
+    steps, halves, ended = record.steps, [], None
+    spans = turns(record.charge, steps, least_ampere_hour=TURN_SHARE * rated)
+    columns = (record.current, record.voltage, record.charge)
+    for sign, first, last in spans_with_lost_charges(spans, columns, steps, record.limits):
         loads = [k for k in range(first, last + 1) if steps.kind[k] != "rest"]
         reached = _reaches(record, sign, loads)
         half = _half(record, sign, loads, reached, whole)
         if not half.fault:
-            half = half._replace(fault=_start_fault(record, sign, loads[0], reached_before))
-        reached_before = reached is not None
+            start = _start(record, half, loads[0], ended, state_before)
+            half = half._replace(**start._asdict())
+        ended = (sign, reached is not None, float(record.voltage[steps.last_row[loads[-1]]]))
         halves.append(half)
     return _excused(halves, record.charge)
 
@@ -100,11 +110,12 @@ def _half_cycles(record, rated, *, whole):
 # ASSUME: A first discharge that the complete charge after it returns within 3 % began full.
 def _excused(halves, charge):
     """Half cycles; the first counts as begun full where the second returns its charge."""
-    if len(halves) < 2 or "start" not in halves[0].fault or halves[1].fault:
+    unsure = halves and ("start" in halves[0].fault or halves[0].missing_ampere_hour)
+    if len(halves) < 2 or not unsure or halves[1].fault:
         return halves
     if abs(_moved(halves[0], charge) / _moved(halves[1], charge) - 1) > RETURN_SHARE:
         return halves
-    return [halves[0]._replace(fault=""), *halves[1:]]
+    return [halves[0]._replace(fault="", missing_ampere_hour=0.0, words=""), *halves[1:]]
 
 
 def _half(record, sign, loads, reached, whole):
@@ -166,19 +177,25 @@ def _end_fault(record, sign, last_load):
     return f"it ends at {end:.3f} V, before the cut-off of {limit} V"
 
 
-def _start_fault(record, sign, load, reached_before):
-    """Why the cell was not full (discharge) or empty (charge) at the start; "" where it was."""
-    end, limits = "full" if sign < 0 else "empty", record.limits
-    if reached_before is not None:
-        return "" if reached_before else f"it does not start {end}: what came before was incomplete"
+def _start(record, half, load, ended, state_before):
+    """How a half cycle begins: Start. `ended`: sign, whether it reached its cut-off and voltage of
+    the half cycle before, None for the first."""
+    sign, limits = half.sign, record.limits
+    turned = ended is not None and ended[0] != sign
+    if turned and ended[1]:
+        return Start()
+    if ended is None and state_before == ENDS[sign]:
+        return Start()
+    if load == 0 and sign < 0 and state_before == "empty":
+        return Start("it does not start full: the test before it left the cell empty")
     if load == 0:
-        return "" if sign < 0 else "the record begins with it, from an unknown state of charge"
+        unknown = "the record begins with it, from an unknown state of charge"
+        return Start() if sign < 0 else Start(unknown)
     if None in limits:
-        return f"whether it starts {end} cannot be told: a cut-off is not stated"
-    rest = record.voltage[record.steps.first_row[load] - 1]
-    if sign * (rest - record.end_limit(-sign)) <= FULL_SHARE * (limits[1] - limits[0]):
-        return ""
-    return f"it does not start {end}: the record begins at a rest voltage of {rest:.3f} V"
+        return Start(f"whether it starts {ENDS[sign]} cannot be told: a cut-off is not stated")
+    columns = (record.current, record.voltage, record.charge)
+    rows = half.first_row, half.last_row
+    return start_at_rest(columns, rows, sign, limits, cut_short_volt=ended[2] if turned else None)
 
 
 EFFICIENCY_MAX = 1.05  # above it the two were not one cycle between the same two ends
@@ -188,8 +205,8 @@ class CapacityRows(NamedTuple):
     """One entry a direction and rate, arrays of shape (rows,).
 
     Capacity, energy and the rest are means over the repeats, capacity_std_ampere_hour is their
-    standard deviation (ddof 1; NaN for a single one). constant_current_ampere_hour is the part
-    before the voltage was held.
+    standard deviation (ddof 1; NaN for a single one), and what an unsure start may lack.
+    constant_current_ampere_hour is the part before the voltage was held.
     """
 
     direction: np.ndarray
@@ -205,7 +222,7 @@ class CapacityRows(NamedTuple):
 
 
 class Capacities(NamedTuple):
-    """Capacities, and a sentence for every discharge or charge that is not complete."""
+    """Capacities, and a sentence for each half cycle that is incomplete or of unsure start."""
 
     rows: CapacityRows
     left_out: tuple
@@ -222,6 +239,7 @@ class _Measured(NamedTuple):
     current: float
     temperature: float
     constant: float
+    missing: float
 
 
 def capacity(
@@ -236,6 +254,7 @@ def capacity(
     upper_cutoff_volt,
     surface_temperature_celsius=None,
     whole_swing=False,
+    state_before="",
 ):
     """Capacity of every complete discharge and charge, averaged over repeats at one rate.
 
@@ -246,8 +265,10 @@ def capacity(
     that a remainder drawn later, at another temperature, is included (slow OCV tests).
     4. Rates within 5 % are repeats of one: mean and standard deviation (thesis, ch. 4.3).
 
-    Coulombic efficiency is the discharge over the charge before it, or else the one after it; NaN
-    where there is none, or where it exceeds 1.05: such a charge did not return the discharge.
+    A start that only a rest tells (`start.start_at_rest`) may lack some charge: that is part of
+    the standard deviation. Coulombic efficiency is the discharge over the charge before it, or else
+    the one after it; NaN where there is none, or where it exceeds 1.05: such a charge did not
+    return the discharge.
 
     Parameters
     ----------
@@ -258,6 +279,8 @@ def capacity(
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None: then no charge is complete.
     surface_temperature_celsius : (n,) [°C] or None.
     whole_swing : count from turn to turn of the charge.
+    state_before : "full" or "empty", as the test before this one in time left the cell; "": not
+        known.
 
     Returns
     -------
@@ -271,11 +294,11 @@ def capacity(
     charge, time = np.asarray(charge_ampere_hour, float), np.asarray(test_time_second, float)
     rated = rated_capacity_ampere_hour or assumed_rating(current, charge)
     record = _Record(current, voltage, charge, steps, (lower_cutoff_volt, upper_cutoff_volt))
-    halves = _half_cycles(record, rated, whole=whole_swing)
+    halves = _half_cycles(record, rated, state_before, whole=whole_swing)
     left_out = tuple(
-        f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {half.fault}"
+        f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {half.fault or half.words}"
         for half in halves
-        if half.fault
+        if half.fault or half.words
     )
     complete = [
         _measured(half, partner, voltage, charge, surface_temperature_celsius)
@@ -318,6 +341,7 @@ def _measured(half, partner, voltage, charge, temperature):
         current=half.sign * half.rate_ampere,
         temperature=celsius,
         constant=abs(charge[half.held_row] - charge[half.first_row]),
+        missing=half.missing_ampere_hour,
     )
 
 
@@ -365,7 +389,7 @@ def _row(halves, rated):
         NAMES[halves[0].sign],
         mean["rate"] / rated,
         sizes.mean(),
-        sizes.std(ddof=1) if len(sizes) > 1 else np.nan,
+        _std(sizes, np.mean([half.missing for half in halves])),
         mean["energy"],
         mean["efficiency"],
         len(sizes),
@@ -373,3 +397,10 @@ def _row(halves, rated):
         mean["temperature"],
         mean["constant"],
     )
+
+
+def _std(sizes, missing):
+    """Standard deviation of repeats and of what their starts may lack [Ah]; NaN: not known."""
+    if len(sizes) < 2:
+        return missing or np.nan
+    return float(np.hypot(sizes.std(ddof=1), missing))

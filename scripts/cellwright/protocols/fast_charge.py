@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.protocols.capacity import FULL_SHARE, NEAR_VOLT, TURN_SHARE, turns
+from cellwright.protocols.capacity import TURN_SHARE, turns
+from cellwright.protocols.start import NEAR_VOLT, start_at_rest
 from cellwright.refusal import Refusal
 from cellwright.settings import FastCharge
 
@@ -88,9 +89,8 @@ def fast_charge(
     voltage, current = series["voltage_volt"][rows], series["current_ampere"][rows]
     met = np.flatnonzero(voltage[1:] >= upper_cutoff_volt - NEAR_VOLT) + 1
     held = int(met[0]) if len(met) else len(voltage) - 1
-    empty = _from_empty(
-        voltage[0], steps_before, series, steps, lower_cutoff_volt, upper_cutoff_volt
-    )
+    limits = (lower_cutoff_volt, upper_cutoff_volt)
+    empty = _from_empty((rows.start, rows.stop - 1), steps_before, series, steps, limits)
     within = float(np.interp(minutes, minute, charge))
     constant = float(np.interp(min(minute[held], minutes), minute, charge))
     energy = np.concatenate([[0.0], np.cumsum((voltage[1:] + voltage[:-1]) / 2 * np.diff(charge))])
@@ -130,16 +130,15 @@ def _main_charge(charge, steps, capacity):
     return (loads[0], loads[-1]), spans[best - 1][1:] if best else None
 
 
-def _from_empty(start_volt, steps_before, series, steps, lower, upper):
-    """Whether the cell was at its lower cut-off when the charge began."""
-    if lower is None:
+def _from_empty(rows, steps_before, series, steps, limits):
+    """Whether the cell was at its lower cut-off when the charge over these rows began."""
+    if limits[0] is None:
         return False
+    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
     if steps_before:
-        rows = slice(
-            int(steps.first_row[steps_before[0]]), int(steps.last_row[steps_before[1]]) + 1
-        )
-        return bool(series["voltage_volt"][rows].min() <= lower + NEAR_VOLT)
-    return bool(start_volt - lower <= FULL_SHARE * (upper - lower))
+        first, last = int(steps.first_row[steps_before[0]]), int(steps.last_row[steps_before[1]])
+        return bool(series["voltage_volt"][first : last + 1].min() <= limits[0] + NEAR_VOLT)
+    return not start_at_rest(tuple(series[name] for name in names), rows, 1, limits).fault
 
 
 def _time_to(wanted, minute, charge):

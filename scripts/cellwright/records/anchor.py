@@ -4,11 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.records.facts import SAME_CHECKUP_CYCLES
 from cellwright.refusal import Refusal
 
 REST_C_RATE = 0.004
 START_C_RATE = 0.02  # of one row: its noise, or a leak that moves the voltage by a millivolt
 WHOLE_SWING = 0.9  # of the capacity: a record that moves so much has its place on the scale
+SLOW_C_RATE = 1.1 / 15  # a slow test: C/15 by a rating that the cell need not have
 CUTOFF_SHARE = 0.005  # of the upper cut-off: how near to it the end of a full charge is
 
 
@@ -153,7 +155,9 @@ def rest_scale(
     capacities=(),
     *,
     ambient_temperature_celsius=None,
+    cycle=None,
     soc_at_start=None,
+    state_before="",
     rated_capacity_ampere_hour=None,
     lower_cutoff_volt,
     upper_cutoff_volt=None,
@@ -161,18 +165,22 @@ def rest_scale(
     """Full end and capacity of a record that discharges a cell in portions.
 
     SoC is known, by the first that applies, from: the stated one of the first row; the end of a
-    full charge in the record; a first row at rest near the upper cut-off; where no upper cut-off is
-    stated, from a record that moves 90 % of the capacity, which then begins full. The capacity is
-    what the record takes out where a constant current ends at the lower cut-off, else that of the
-    cell's capacity test nearest in temperature (the slowest of them), else the rating; never less
-    than the record takes out.
+    full charge in the record; a first row at rest near the upper cut-off; a first row at rest after
+    a test that left the cell full, which an aged cell needs: it rests lower; where no upper cut-off
+    is stated, from a record that moves 90 % of the capacity, which then begins full. The capacity
+    is what the record takes out where a constant current ends at the lower cut-off, else that of
+    the cell's capacity test of the same check-up (else of the nearest in cycles) nearest in
+    temperature (the slowest of them), else the rating; never less than the record takes out.
 
     Parameters
     ----------
     current_ampere, voltage_volt, charge_ampere_hour : (n,) [A] positive on charge, [V], net [Ah].
     steps : series.segments.Steps of the record.
-    capacities : list of dict, rows of the capacity stage with test and ambient_temperature_celsius.
-    ambient_temperature_celsius : of the record [°C] or None. soc_at_start : stated [1] or None.
+    capacities : list of dict, rows of the capacity stage with test, cycle and
+        ambient_temperature_celsius.
+    ambient_temperature_celsius : of the record [°C] or None. cycle : of the record, None as 0.
+    soc_at_start : stated [1] or None. state_before : "full", as the test before in time left the
+        cell; "": not known.
     rated_capacity_ampere_hour : [Ah] or None.
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None.
 
@@ -191,7 +199,7 @@ def rest_scale(
     if upper is not None:
         window = upper - lower_cutoff_volt
     nominal, source = _nominal_capacity(
-        capacities, ambient_temperature_celsius, rated_capacity_ampere_hour
+        capacities, ambient_temperature_celsius, cycle, rated_capacity_ampere_hour
     )
     ends_empty = _ends_empty(steps, lower_cutoff_volt + EMPTY_WINDOW * window)
     rate = current / max(nominal, float(np.ptp(charge)))
@@ -200,7 +208,8 @@ def rest_scale(
     if soc_at_start is not None:
         anchor = _Anchor(charge[0], soc_at_start, f"SoC {soc_at_start:g} is stated at its start")
     else:
-        anchor = _full_anchor(rate, voltage, charge, upper, FULL_WINDOW * window, share, first)
+        near = FULL_WINDOW * window if state_before != "full" else np.inf
+        anchor = _full_anchor(rate, voltage, charge, upper, near, share, first)
     discharged = float(anchor.charge_ampere_hour - charge.min())
     if ends_empty:
         nominal, source = (
@@ -214,20 +223,35 @@ def rest_scale(
     return Scale(float(full), capacity, first, source, anchor.words)
 
 
-def _nominal_capacity(capacities, celsius, rated):
-    """Capacity [Ah] of the test nearest in temperature, else the rating, else 0, and its source."""
-    discharges = [row for row in capacities if row["direction"] == "discharge"]
-    if not discharges:
+# ASSUME: A complete charge at C/15 or slower puts in what a discharge as slow takes out.
+def telling_capacity(capacities):
+    """Rows that tell a cell's capacity: its discharges, and its charges at C/15 or slower.
+
+    Parameters
+    ----------
+    capacities : list of dict, rows of the capacity stage.
+    """
+    return [
+        row for row in capacities if row["direction"] == "discharge" or row["c_rate"] <= SLOW_C_RATE
+    ]
+
+
+def _nominal_capacity(capacities, celsius, cycle, rated):
+    """Capacity [Ah] of the nearest test in age, then temperature, else the rating; its source."""
+    rows = telling_capacity(capacities)
+    if not rows:
         return rated or 0.0, "rating"
 
     def distance(row):
+        cycles = abs((row.get("cycle") or 0) - (cycle or 0))
         temperatures = row["ambient_temperature_celsius"], celsius
-        return (0.0 if None in temperatures else abs(temperatures[0] - temperatures[1])), row[
-            "c_rate"
-        ]
+        kelvin = 0.0 if None in temperatures else abs(temperatures[0] - temperatures[1])
+        return max(cycles, SAME_CHECKUP_CYCLES), kelvin, row["c_rate"]
 
-    best = min(discharges, key=distance)
-    return best["capacity_ampere_hour"], f"discharge of {best['test']} at {best['c_rate']:.2g}C"
+    best = min(rows, key=distance)
+    return best[
+        "capacity_ampere_hour"
+    ], f"{best['direction']} of {best['test']} at {best['c_rate']:.2g}C"
 
 
 def _ends_empty(steps, limit_volt):

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.records.anchor import Anchored, soc_series
+from cellwright.records.anchor import Anchored, soc_series, telling_capacity
+from cellwright.records.facts import SAME_CHECKUP_CYCLES
 from cellwright.refusal import Refusal
 
 REFERENCE_CELSIUS = 25.0
@@ -66,7 +67,7 @@ def basis(
     # ASSUME: A cell without a slow test has the open-circuit voltage curve of its reference cell.
     content = {"cell": cell, "borrowed_from": None, "ocv": curves}
     if curves:
-        capacity, source = _slow_capacity(min(curves, key=_first_choice))
+        capacity, source = slow_capacity(min(curves, key=first_choice))
         return content | {"capacity_ampere_hour": capacity, "capacity_source": source}
     lender = reference_of(
         [lender for lender in lenders if lender.curves],
@@ -95,8 +96,13 @@ def _celsius(row):
     return stated_or_reference(row["ambient_temperature_celsius"])
 
 
-def _first_choice(row):
-    """Sort key of tests: distance from 25 °C beyond 3 K first, then age in cycles."""
+def first_choice(row):
+    """Sort key of tests: distance from 25 °C beyond 3 K first, then age in cycles.
+
+    Parameters
+    ----------
+    row : dict with ambient_temperature_celsius [°C] and cycle, each a number or None.
+    """
     celsius = row["ambient_temperature_celsius"]
     distance = abs(REFERENCE_CELSIUS - celsius) if celsius is not None else float("inf")
     return max(distance, SAME_CELSIUS), row["cycle"] or 0
@@ -116,7 +122,7 @@ def reference_of(cells, *, capacity):
 
 def _from_rests(curves, lower_cutoff_volt):
     """Basis from rests: one OCV curve per temperature on the SoC scale of the one nearest 25 °C."""
-    ordered = sorted(curves, key=lambda c: (*_first_choice(c), -_celsius(c), _load(c)))
+    ordered = sorted(curves, key=lambda c: (*first_choice(c), -_celsius(c), _load(c)))
     chosen = []
     for curve in ordered:
         same_temperature = [c for c in ordered if abs(_celsius(c) - _celsius(curve)) < SAME_CELSIUS]
@@ -154,10 +160,16 @@ def _on_scale(curve, capacity, lower_cutoff_volt):
     }
 
 
-def _slow_capacity(curve):
-    """Capacity of a slow test [Ah], the mean of its directions where they differ; its source."""
+def slow_capacity(curve):
+    """Capacity of a slow test [Ah], the mean of its directions where they differ; its source.
+
+    Parameters
+    ----------
+    curve : dict with capacity_ampere_hour, charge_capacity_ampere_hour [Ah] and test.
+    """
     discharged, charged = curve["capacity_ampere_hour"], curve["charge_capacity_ampere_hour"]
-    if charged is None or abs(discharged / charged - 1) <= CLOSED:
+    one_way = charged is None or np.isnan(charged)
+    if one_way or abs(discharged / charged - 1) <= CLOSED:
         return discharged, f"slow test {curve['test']}"
     # ASSUME: Where slow discharge and charge differ by more than 3 %, the current sensor has an
     # offset, and the mean of the two is the capacity: the cell itself returns what it took.
@@ -169,13 +181,13 @@ def _slow_capacity(curve):
 
 
 def _own_capacity(capacities, lender, rated):
-    discharges = [row for row in capacities if row["direction"] == "discharge"]
-    if not discharges:
+    rows = telling_capacity(capacities)
+    if not rows:
         if not rated:
             raise Refusal("no complete discharge, no slow test and no rating: no capacity is known")
         return rated, "rating"
-    slowest = min(discharges, key=lambda row: (*_first_choice(row), row["c_rate"]))
-    source = f"discharge of {slowest['test']} at {slowest['c_rate']:.2g}C"
+    slowest = min(rows, key=lambda row: (*first_choice(row), row["c_rate"]))
+    source = f"{slowest['direction']} of {slowest['test']} at {slowest['c_rate']:.2g}C"
     ratio = _slow_ratio(slowest, lender) if lender else None
     if ratio is None:
         return slowest["capacity_ampere_hour"], source
@@ -186,16 +198,93 @@ def _own_capacity(capacities, lender, rated):
 # ASSUME: A cell that borrows its OCV loses as much capacity to rate as the lender does.
 def _slow_ratio(row, lender):
     """Slow capacity of the lender over its capacity at the rate and temperature of `row` [1]."""
-    slow, _ = _slow_capacity(min(lender.curves, key=_first_choice))
-    alike = [
-        row_of_lender
-        for row_of_lender in lender.capacities
-        if row_of_lender["direction"] == "discharge"
-        and abs(row_of_lender["c_rate"] / row["c_rate"] - 1) < SAME_RATE
-        and abs(_celsius(row_of_lender) - _celsius(row)) < SAME_CELSIUS
-    ]
+    slow, _ = slow_capacity(min(lender.curves, key=first_choice))
+    alike = [other for other in lender.capacities if same_condition(row, other)]
     youngest = min(alike, key=lambda row_of_lender: row_of_lender["cycle"] or 0, default=None)
     return slow / youngest["capacity_ampere_hour"] if youngest else None
+
+
+def same_condition(row, other):
+    """Whether two rows have one direction, rate (within 10 %) and temperature (within 3 K).
+
+    Parameters
+    ----------
+    row, other : dict, rows of the capacity stage with ambient_temperature_celsius.
+    """
+    return (
+        other["direction"] == row["direction"]
+        and abs(other["c_rate"] / row["c_rate"] - 1) < SAME_RATE
+        and same_temperature(row, other)
+    )
+
+
+def same_temperature(row, other):
+    """Whether two tests were made at one temperature, within 3 K.
+
+    Parameters
+    ----------
+    row, other : dict with ambient_temperature_celsius [°C], 25 °C where None.
+    """
+    return abs(_celsius(other) - _celsius(row)) < SAME_CELSIUS
+
+
+def at_cycle(basis, cycle):
+    """The basis as it is at a cycle: capacity and OCV of that check-up.
+
+    Within 5 cycles of a check-up they are that one's. Between two check-ups the capacity is
+    interpolated over cycles and the curves are those of the nearer one; after the last one
+    they are the last one's. What that may be wrong by is in `capacity_std_ampere_hour`: the line's
+    change to the nearer check-up, as of even odds between none of it and all.
+
+    Parameters
+    ----------
+    basis : dict, from `basis` or `checkups.basis_of_life`, or a model that holds the same.
+    cycle : of the test; None as 0.
+
+    Returns
+    -------
+    basis : dict; the same one where it has no check-ups.
+    """
+    checkups = basis.get("checkups")
+    if not checkups:
+        return basis
+    age = cycle or 0.0
+    nearest = min(checkups, key=lambda checkup: abs(checkup["cycle"] - age))
+    content = basis | {"ocv": nearest.get("ocv") or basis["ocv"]}
+    names = ("capacity_ampere_hour", "capacity_std_ampere_hour", "capacity_source")
+    if -SAME_CHECKUP_CYCLES <= age - nearest["cycle"] <= SAME_CHECKUP_CYCLES:
+        return content | {name: nearest[name] for name in names}
+    return content | dict(zip(names, _between(checkups, nearest, age), strict=True))
+
+
+def capacities_of_checkups(basis):
+    """Check-ups of a basis without their curves, for a model of the cell, which has its own.
+
+    Parameters
+    ----------
+    basis : dict, from `checkups.basis_of_life` or `basis`.
+    """
+    return [
+        {name: value for name, value in checkup.items() if not name.startswith("ocv")}
+        for checkup in basis.get("checkups", [])
+    ]
+
+
+def _between(checkups, nearest, age):
+    """Capacity [Ah], its standard deviation [Ah] and source at an age between check-ups."""
+    cycles = [checkup["cycle"] for checkup in checkups]
+    sizes = [checkup["capacity_ampere_hour"] for checkup in checkups]
+    after = int(np.clip(np.searchsorted(cycles, age), 1, len(cycles) - 1))
+    rate = (sizes[after] - sizes[after - 1]) / (cycles[after] - cycles[after - 1])
+    changed = abs(rate * (age - nearest["cycle"])) / np.sqrt(3)
+    std = float(np.hypot(changed, nearest["capacity_std_ampere_hour"] or 0.0))
+    size = float(np.interp(age, cycles, sizes))
+    place = f"between the check-ups at {cycles[after - 1]:g} and {cycles[after]:g}"
+    if age < cycles[0]:
+        place = f"before the first check-up at {cycles[0]:g}"
+    elif age > cycles[-1]:
+        place = f"after the last check-up at {cycles[-1]:g}"
+    return size, std, f"cycle {age:g} lies {place}: {size:.4g} ± {std:.2g} Ah"
 
 
 def soc_of(series, basis, facts, cell):
@@ -204,8 +293,9 @@ def soc_of(series, basis, facts, cell):
     Parameters
     ----------
     series : dict of (n,) columns of a clean series.
-    basis : dict, from `basis`.
-    facts : TestFacts, of which the stated SoC at the start and the chamber's temperature count.
+    basis : dict, from `basis` or `checkups.basis_of_life`.
+    facts : TestFacts, of which the stated SoC at the start, the chamber's temperature and the cycle
+        count.
     cell : CellFacts, of which the cut-off voltages count.
 
     Returns
@@ -217,10 +307,11 @@ def soc_of(series, basis, facts, cell):
     Refusal
         As `anchor.soc_series`.
     """
+    basis = at_cycle(basis, facts.cycle)
     celsius = stated_or_reference(facts.ambient_temperature_celsius)
     no_curve = {"soc": None, "ocv_volt": None}
     curve = min(basis["ocv"], key=lambda row: abs(_celsius(row) - celsius), default=no_curve)
-    return soc_series(
+    anchored = soc_series(
         series["charge_ampere_hour"],
         series["current_ampere"],
         series["voltage_volt"],
@@ -231,6 +322,14 @@ def soc_of(series, basis, facts, cell):
         ocv_soc=curve["soc"],
         ocv_volt=curve["ocv_volt"],
     )
+    return anchored._replace(anchor=anchored.anchor + _size_in_words(basis))
+
+
+def _size_in_words(basis):
+    """What the SoC of a cell with several check-ups refers to, said behind its anchor."""
+    if not basis.get("checkups"):
+        return ""
+    return f"; of {basis['capacity_ampere_hour']:.4g} Ah ({basis['capacity_source']})"
 
 
 def soc_or_unknown(series, basis, facts, cell):

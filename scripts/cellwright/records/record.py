@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.records.anchor import REST_C_RATE
-from cellwright.records.basis import REFERENCE_CELSIUS, soc_of
+from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, soc_of
 from cellwright.records.thinning import row_fields
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged, hidden_rest_level
@@ -27,6 +27,7 @@ class Record(NamedTuple):
     resistance_factor : of the resistances at `celsius` over those that a model states; 1 as long as
         no law over temperature has been applied [1].
     anchor, temperature_source : in words, where soc and celsius are from.
+    simulated_volt : voltage of the test that the user simulated, None where there is none [V].
     """
 
     test: str
@@ -42,6 +43,7 @@ class Record(NamedTuple):
     resistance_factor: np.ndarray
     anchor: str = ""
     temperature_source: str = ""
+    simulated_volt: np.ndarray | None = None
 
 
 def record_of(
@@ -141,6 +143,7 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
     Refusal : as `soc_of`, `fit_mask` and `checked`; a single row.
     """
     facts, series = test
+    basis = at_cycle(basis, facts.cycle)
     columns = as_logged(series) if as_read else series
     time = columns["test_time_second"]
     if len(time) < 2:
@@ -165,7 +168,7 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
             used=used,
             anchor=anchored.anchor,
             temperature_source=source,
-        )
+        )._replace(simulated_volt=columns.get("simulated_voltage_volt"))
     )
 
 
@@ -188,7 +191,8 @@ def laid_out_to_fit(test, basis, cell, **settings):
     low, high = record.soc.min(), record.soc.max()
     if low < SOC_RANGE[0] or high > SOC_RANGE[1]:
         raise Refusal(f"SoC of the record runs from {low:.3f} to {high:.3f}, outside −0.1 to 1.1")
-    return bridged(record, capacity_ampere_hour=basis["capacity_ampere_hour"])
+    size = at_cycle(basis, test.facts.cycle)["capacity_ampere_hour"]
+    return bridged(record, capacity_ampere_hour=size)
 
 
 def cell_temperature(facts, series, *, as_read=False):

@@ -267,8 +267,9 @@ def net_charge(
 
     1. Trapezoids of the true time stamps.
     2. Where the current steps within an interval the trapezoid guesses when. The instrument's
-       counter knows: it serves where that guess is worse than twenty of its digits, and where what
-       it counted lies between what either current would have moved.
+       counter knows: it serves where that guess is worse than twenty of its digits (five in an
+       interval ten times as long as usual, where no neighbour evens it out), and where what it
+       counted lies between what either current would have moved.
     3. Across a gap: the counter; without one, a current that is the same on both sides, else none.
 
     Parameters
@@ -289,19 +290,26 @@ def net_charge(
     counted = np.full(moved.size, np.nan)
     if counter_ampere_hour is not None:
         counted = np.diff(counter_ampere_hour)
-    better = _counter_is_better(before, after, counted)
+    digits = np.where(interval > LATE * np.median(interval), COUNTER_DIGITS_LATE, COUNTER_DIGITS)
+    better = _counter_is_better(before, after, counted, digits)
     moved[better] = counted[better]
     if gap_rows is not None and gap_rows.size:
         moved[gap_rows - 1] = _across_gaps(before, after, counted, gap_rows - 1)
     return np.concatenate([[0.0], np.cumsum(moved)])
 
 
-def _counter_is_better(before: np.ndarray, after: np.ndarray, counted: np.ndarray) -> np.ndarray:
+COUNTER_DIGITS = 20  # error of a guess beyond which a counter of so coarse a digit is better
+COUNTER_DIGITS_LATE, LATE = 5, 10  # the same where a sample is so many usual intervals late
+
+
+def _counter_is_better(
+    before: np.ndarray, after: np.ndarray, counted: np.ndarray, digits: np.ndarray
+) -> np.ndarray:
     """Intervals in which the counter is more accurate than the trapezoid, and plausible."""
     if not np.any(counted[np.isfinite(counted)]):
         return np.zeros(counted.size, dtype=bool)
     digit = _digit(counted[np.isfinite(counted)])
-    unsure = 0.5 * np.abs(after - before) > 20 * digit
+    unsure = 0.5 * np.abs(after - before) > digits * digit
     slack = digit + 0.02 * np.maximum(np.abs(before), np.abs(after))
     low, high = np.minimum(before, after) - slack, np.maximum(before, after) + slack
     return unsure & (counted >= low) & (counted <= high)

@@ -336,6 +336,52 @@ def hidden_rest_level(time: np.ndarray, current: np.ndarray, rest_ampere: float)
     return level if abs(level) > rest_ampere else 0.0
 
 
+STEADY_SHARE = 0.25  # of its mean, by which an offset at rest may wander, and its noise scatter
+SETTLING = 2.0  # by how much more the voltage moves in the first half of a rest than in the second
+
+
+def offset_at_rest(
+    time: np.ndarray,
+    current: np.ndarray,
+    voltage: np.ndarray,
+    *,
+    least_ampere: float,
+    most_ampere: float,
+    least_second: float = 600.0,
+) -> float:
+    """Current that a record logs in rests [A] where that is above what counts as rest, else 0.
+
+    A rest is a long stretch after a larger load in which a small current stays the same and the
+    voltage settles: it moves more in the first half than in the second, as after a load and not as
+    under one, or as at a held voltage, where the current fades.
+
+    Parameters
+    ----------
+    time, current, voltage : (n,) arrays [s], [A], [V]
+    least_ampere, most_ampere : limits of such a reading [A]
+    least_second : shortest stretch [s]
+
+    Returns
+    -------
+    Median over the rests of their median reading [A].
+    """
+    low = np.abs(current) <= most_ampere
+    turns = np.flatnonzero(np.diff(np.r_[False, low, False].astype(int)))
+    levels = []
+    for first, stop in zip(turns[::2], turns[1::2], strict=True):
+        if first == 0 or time[stop - 1] - time[first] < least_second or stop - first < LEAST_ROWS:
+            continue
+        read, volt = current[first:stop], voltage[first:stop]
+        level = float(np.median(read))
+        middle = int(np.searchsorted(time[first:stop], (time[first] + time[stop - 1]) / 2))
+        early, late = abs(volt[middle] - volt[0]), abs(volt[-1] - volt[middle])
+        steady = np.percentile(np.abs(read - level), 90) <= STEADY_SHARE * abs(level)
+        if early >= SETTLING * late and (steady or abs(level) <= least_ampere):
+            levels.append(level)
+    level = float(np.median(levels)) if levels else 0.0
+    return level if abs(level) > least_ampere else 0.0
+
+
 def _verdict(columns: Mapping, rests: RestReading, readings: np.ndarray) -> tuple[str, str]:
     """Verdict "sensor", "current" or "unknown" on the reading in rests, and its reason."""
     by_counter = _judge_by_counter(columns, rests)

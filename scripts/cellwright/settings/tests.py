@@ -130,14 +130,50 @@ class Relaxation(NamedTuple):
 class Ica(NamedTuple):
     """Incremental capacity of constant-current charges.
 
-    bin_volt [V] : Width of the voltage bins over which the charge is averaged.
-    smooth_volt [V] : Width of the smoothing window.
-    prominence : A peak must rise out of its surroundings by this part of the curve's maximum.
+    method : `spline` smooths voltage over charge so that its logarithmic slope is smooth;
+        `binned` filters the mean charge of voltage bins; `counting` counts rows by voltage
+        (LEAN); `adaptive` is the thesis' filter (appendix A).
+    bin_volt [V] : Width of the voltage bins over which the charge is averaged; for `spline` the
+        widest step of the curve that is written.
+    smooth_volt [V] : Width of the smoothing window of `binned` and `counting`.
+    adaptive_span_share : Span of the first filter of `adaptive`, as a part of the record (the
+        thesis' code 1/20, its text 1/10).
+    adaptive_threshold_volt [V] : Where `adaptive` removes more than this, an end of the charge
+        is filtered again (the thesis' code 0.4 mV, its text 0.6 mV).
+    adaptive_end_volt [V] : Spans at the ends of `adaptive` shrink until less than this is
+        removed on average.
+    prominence : A peak must rise out of its surroundings by this part of the curve's maximum,
+        and by more than its noise allows. Beside one narrow peak that towers over all others
+        even 0.05 would hide graphite's.
     """
 
+    method: str = "spline"
     bin_volt: float = 0.003
     smooth_volt: float = 0.039
-    prominence: float = 0.05
+    adaptive_span_share: float = 0.05
+    adaptive_threshold_volt: float = 0.0004
+    adaptive_end_volt: float = 0.001
+    prominence: float = 0.02
+
+
+class IcaTracks(NamedTuple):
+    """Peaks of dQ/dV followed through the life of a cell.
+
+    most_charges : Charges of an ageing record whose dQ/dV is taken, evenly over its life.
+    motion_volt [V] : Standard deviation of a peak's own motion from charge to charge, beside
+        what all peaks move.
+    height_factor : Factor by which the height or area of a peak may well change from charge to
+        charge (one standard deviation).
+    shift_volt [V] : Standard deviation of the shift common to all peaks from charge to charge
+        (resistance).
+    rate_shift_volt [V] : The same between charges at different rates or temperatures.
+    """
+
+    most_charges: int = 30
+    motion_volt: float = 0.012
+    height_factor: float = 1.8
+    shift_volt: float = 0.015
+    rate_shift_volt: float = 0.08
 
 
 class CapacityLoss(NamedTuple):
@@ -173,6 +209,16 @@ class IcaTemperature(NamedTuple):
     prominence: float = 0.05
 
 
+class HealthFromPeaks(NamedTuple):
+    """State of health from peaks of dQ/dV, calibrated on charges of known capacity.
+
+    most_terms : A model of the capacity has at most this many features of peaks; how many it
+        needs is found by left-out charges.
+    """
+
+    most_terms: int = 3
+
+
 class FastCharge(NamedTuple):
     """Fast charge.
 
@@ -192,6 +238,22 @@ class Ageing(NamedTuple):
 
     least_kelvin: float = 0.3
     level: float = 0.95
+
+
+class Health(NamedTuple):
+    """Fade of a life, its knee, and the cycles that remain.
+
+    end_of_life [1] : Share of the capacity at the start of the life at which it ends.
+    level : Coverage of the intervals of the fade, the knee and the remaining cycles.
+    knee_log_evidence : A knee is told where two stages are likelier than every smooth law by
+        this logarithm (5 is 150 to 1).
+    draw_count : Laws that are drawn, by their probability, for the intervals.
+    """
+
+    end_of_life: float = 0.8
+    level: float = 0.95
+    knee_log_evidence: float = 5.0
+    draw_count: int = 1000
 
 
 class Impedance(NamedTuple):
@@ -228,3 +290,19 @@ class Impedance(NamedTuple):
     inductance: str = "model"
     drift_tolerance: float = 0.01
     starts: int = 8
+
+
+class DegradationModes(NamedTuple):
+    """Lithium and active material lost, from slow curves of check-ups.
+
+    least_hour [h] : A charge or discharge is slow enough to be compared with half cells if it
+        takes longer than this.
+    mean_hour [h] : The same where a record has both a discharge and a charge of about one rate;
+        their mean counts, in which most of the polarisation drops out.
+    misfit_volt [V] : Half cells that miss the slow curves by more than this are refused; what
+        all others give instead of the best counts into the intervals.
+    """
+
+    least_hour: float = 8.0
+    mean_hour: float = 1.2
+    misfit_volt: float = 0.005

@@ -33,6 +33,7 @@ class Cell(NamedTuple):
     specimen: Any
     reference: bool = False
     note: str | None = None
+    ageing_protocol: str | None = None
 
 
 class Test(NamedTuple):
@@ -89,7 +90,8 @@ class Plan(NamedTuple):
 
     `groups` holds the specimen of each parallel group by name. `config` is the text of
     config.yaml, `about` that of a README beside the truth, which goes to the folder `truth` of the
-    campaign.
+    campaign. `compared` completes the truth tables of all cells where cells are compared with each
+    other.
     """
 
     cells: tuple[Cell, ...]
@@ -98,6 +100,7 @@ class Plan(NamedTuple):
     config: str
     about: str
     truth: str = "truth"
+    compared: Callable[[dict[str, list[dict]]], dict[str, list[dict]]] | None = None
 
     def batches(self) -> dict[str, list[Test]]:
         """Tests by the job that makes them, in the plan's order."""
@@ -114,7 +117,8 @@ def seed_of(name: str, campaign: int = 0) -> int:
 
 
 def cells_sheet(plan: Plan) -> list[dict]:
-    """Rows of cells.tsv."""
+    """Rows of cells.tsv; how cells were aged only where some were."""
+    aged = any(cell.ageing_protocol for cell in plan.cells)
     return [
         {
             "cell": cell.name,
@@ -123,6 +127,7 @@ def cells_sheet(plan: Plan) -> list[dict]:
             "lower_cutoff_volt": cell.rating.lower_cutoff_volt,
             "upper_cutoff_volt": cell.rating.upper_cutoff_volt,
             "reference": "yes" if cell.reference else None,
+            **({"ageing_protocol": cell.ageing_protocol} if aged else {}),
             "note": cell.note,
         }
         for cell in plan.cells
@@ -172,6 +177,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "groups": 2,
     },
     "scale": {"seed": 0, "cells": 1000},
+    "zoo_physics": {"seed": 0, "forms": 13, "healthy": 3},
 }
 OF_THE_WORKFLOW = {"campaign", "folder", "real"}  # what else its --config may hold
 FOLDERS = {"demo": "."} | {name: f"virtual/{name}" for name in OPTIONS if name != "demo"}

@@ -40,6 +40,7 @@ def make_sheets(plan: Plan, folder: Path) -> None:
     ]
     checksums = {file: digest for part in parts for file, digest in part["files"].items()}
     truth_tables = _merged(part["truth"] for part in parts)
+    truth_tables = plan.compared(truth_tables) if plan.compared else truth_tables
     groups = truth_tables.pop("groups", [])
     sheets = {"cells": cells_sheet(plan), "tests": tests_sheet(plan, checksums)}
     sheets |= {"groups": groups} if groups else {}

@@ -309,7 +309,8 @@ def ageing_part(seed: int) -> tuple[list[Cell], list[Test]]:
     rows, tests = [], []
     for name, life in lives(seed).items():
         chemistry = thesis_cells.CELL_TYPES[life.kind].chemistry
-        rows.append(Cell(name, chemistry, life.rating, life, note=f"{life.protocol} ageing"))
+        about = {"note": f"{life.protocol} ageing", "ageing_protocol": life.protocol}
+        rows.append(Cell(name, chemistry, life.rating, life, **about))
         tests.append(_life_test(name, life, seed))
         for cycle in check_up_cycles(life):
             tests += _check_up_tests(name, life, cycle, seed)

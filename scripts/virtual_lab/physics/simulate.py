@@ -16,7 +16,7 @@ from virtual_lab.behaviour import Behaviour
 from virtual_lab.chamber import Chamber, steady, temperature_at
 from virtual_lab.instruments.chain import EARLY_SECOND
 from virtual_lab.instruments.measurement import Columns
-from virtual_lab.physics import Cell, porous
+from virtual_lab.physics import Cell, inside, porous
 from virtual_lab.protocols import Step
 
 TOLERANCE = 1e-6
@@ -47,16 +47,19 @@ def run(
     One behaviour per step.
     """
     around = steady(ambient_celsius) if chamber is None else chamber
+    model = porous.model(cell)
     simulation = pybamm.Simulation(
-        porous.model(cell),
+        model,
         parameter_values=_parameters(cell, around, initial_soc),
         experiment=pybamm.Experiment([_instruction(step) for step in steps]),
         solver=pybamm.IDAKLUSolver(rtol=TOLERANCE, atol=TOLERANCE, options=_solver_options(around)),
+        **porous.mesh(model, cell),
     )
     solution = simulation.solve()
     full, drawn, behaviours = porous.full_charge_ampere_hour(cell), 0.0, []
+    sensor = inside.sensor_kelvin(cell.inside)
     for cycle in solution.cycles:
-        behaviours.append(_behaviour(cycle.steps[0], drawn, initial_soc, full))
+        behaviours.append(_behaviour(cycle.steps[0], drawn, initial_soc, full, sensor))
         drawn = float(cycle.steps[0]["Discharge capacity [A.h]"].data[-1])
     return behaviours
 
@@ -73,7 +76,7 @@ def _parameters(cell, chamber, initial_soc):
         kelvin = np.pad(chamber.celsius + porous.ZERO_CELSIUS_KELVIN, 1, mode="edge")
         values["Ambient temperature [K]"] = lambda y, z, t: pybamm.Interpolant(second, kelvin, t)
     # A cell set to a state of charge got there by a discharge from full.
-    if cell.chemistry == "LFP" and initial_soc < 1:
+    if porous.has_hysteresis(cell) and initial_soc < 1:
         values["Initial hysteresis state in positive electrode"] = -1.0
     return values
 
@@ -106,7 +109,7 @@ def _instruction(step: Step):
     return pybamm.step.current(value, **common)
 
 
-def _behaviour(solution, drawn_before, initial_soc, full_ampere_hour) -> Behaviour:
+def _behaviour(solution, drawn_before, initial_soc, full_ampere_hour, sensor) -> Behaviour:
     begin, end = solution.t[0], solution.t[-1]
 
     def quantity(name, sign=1.0, shift=0.0):
@@ -124,9 +127,7 @@ def _behaviour(solution, drawn_before, initial_soc, full_ampere_hour) -> Behavio
         duration_second=float(end - begin),
         current=quantity("Current [A]", sign=-1.0),
         voltage=quantity("Voltage [V]"),
-        temperature=quantity(
-            "Volume-averaged cell temperature [K]", shift=-porous.ZERO_CELSIUS_KELVIN
-        ),
+        temperature=quantity(sensor, shift=-porous.ZERO_CELSIUS_KELVIN),
         charge=lambda second: drawn_before - drawn(second),
         soc=lambda second: initial_soc - drawn(second) / full_ampere_hour,
     )

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from virtual_lab.score import comparison, curves, files, missing, tables, verdicts
+from virtual_lab.score import comparison, curves, files, missing, modes, tables, verdicts
 from virtual_lab.score.missing import COUNTED
 
 # The contract's tables, and the quantities of each that could be scored.
@@ -21,12 +21,17 @@ QUANTITIES = {
     "fast_charge": ("",),
     "ageing": ("",),
     "ica": ("voltage_volt", "height_ampere_hour_per_volt", "area_ampere_hour"),
+    "ica_tracks": ("",),
     "health": (
         *("capacity_ampere_hour", "soh", "knee_cycle", "remaining_cycles"),
         *("lli", "lam_negative", "lam_positive"),
     ),
+    **dict.fromkeys(("checkups", "resistance_growth", "fade", "fade_laws"), ("",)),
+    **dict.fromkeys(("fleet_health", "fleet_health_lines", "protocols"), ("",)),
     "models": ("r0", "r_10s", "r_total"),
+    "models_of_checkups": ("",),
     "choice": ("",),
+    "identification_methods": ("",),
     "soc": ("soc_begin", "soc_end", "capacity_ampere_hour"),
     "validation": ("rmse_volt",),
     "packs": ("group_capacity_ampere_hour", "charge_ampere_hour", "current_max_ampere"),
@@ -164,6 +169,7 @@ def score(place: files.Campaign) -> Score:
     parts = [tables.compare(place, name) for name in tables.SPECS]
     parts += [curves.ocv(place), curves.circuits(place), curves.soc(place), curves.packs(place)]
     parts += [
+        modes.compare(place),
         verdicts.parameters(place),
         missing.refused_files(place),
         missing.flagged_samples(place),

@@ -13,6 +13,7 @@ RATE_TOLERANCE = 0.25  # of the logarithm of the rate
 START_TOLERANCE_SECOND = 5.0
 LATE_SECOND = 0.02
 PEAK_TOLERANCE_VOLT = 0.05
+PEAK_PROMINENCE = 0.05  # of the curve's maximum: the truth lists no smaller peaks
 CYCLE_TOLERANCE = 2.0
 NO_METHOD = "not made"
 
@@ -104,6 +105,7 @@ SPECS = {
             "height_ampere_hour_per_volt": ("Ah/V", ""),
         },
         at=_text("{:.3g}C, peak at {:.3f} V", "c_rate", "voltage_volt"),
+        beside=("prominence",),
     ),
     "health": Spec(
         keys=("cell", "method"),
@@ -112,9 +114,6 @@ SPECS = {
         quantities={
             "capacity_ampere_hour": ("Ah", ""),
             "soh": ("1", "soh_std"),
-            "lli": ("1", ""),
-            "lam_negative": ("1", ""),
-            "lam_positive": ("1", ""),
             "knee_cycle": ("1", ""),
         },
         at=_text("cycle {:.0f}", "cycle"),
@@ -148,6 +147,9 @@ def compare(place: files.Campaign, table: str) -> pd.DataFrame:
     rows = side_by_side(found, true, keys=list(spec.keys), columns=wanted, **options)
     rows = files.with_columns(rows, ["test"]).assign(word=_status_word(spec, rows, true))
     rows["at"] = spec.at(_with_place(rows, spec))
+    if table == "ica":
+        small = rows["prominence_found"].astype(float) < PEAK_PROMINENCE
+        rows["word"] = rows["word"].mask(small, "no truth")
     if table == "resistance":
         # What a late first sample shows is not what the truth has after 10 ms.
         after = rows["actual_delay_second_found"].astype(float)
@@ -198,7 +200,11 @@ def _parts(spec, name, rows):
     if name in spec.once:
         first = rows[spec.split[0]] == rows[spec.split[0]].min()
         return [(name, rows[first])]
-    return [(_label(spec, name, values), part) for values, part in parts]
+    labelled = [(_label(spec, name, values), part) for values, part in parts]
+    if "method" in spec.split and len(labelled) > 1:
+        # A method that never tells a quantity was not asked for it; another one was.
+        labelled = [pair for pair in labelled if pair[1]["found"].notna().any()]
+    return labelled
 
 
 def _label(spec, name, values) -> str:

@@ -18,11 +18,12 @@ from cellwright.effects.groups.model import (
 )
 from cellwright.effects.judge import READ_VOLT
 from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.proof import Floor, blocks_of, consistency, excess_volt, inflation
 from cellwright.effects.records import LOADED_C_RATE
 from cellwright.effects.screen import Score, candidates
 from cellwright.effects.search import State, frees_of
 from cellwright.numerics import noise
-from cellwright.numerics.least_squares import Problem, bounded_minimum, priors
+from cellwright.numerics.least_squares import Problem, bounded_minimum, derivatives, priors
 from cellwright.numerics.statistics import rms
 from cellwright.settings.effects import MissingEffectGroupGates
 from cellwright.settings.effects import MissingEffectGroupShared as Shared
@@ -31,6 +32,7 @@ from cellwright.settings.effects import MissingEffectGroupSpread as Spread
 GATES = MissingEffectGroupGates()  # the schema's defaults
 PASSES = 2
 SOC_APART = 0.005
+SOC_STEP = 1e-3
 SLOW_SECOND = (30.0, 100.0, 300.0)
 FIRST_NOISE_VOLT = 2e-3
 FIRST_NOISE_SHARE = 2e-3  # of the largest branch current
@@ -41,9 +43,9 @@ VISIBLE = 25.0  # fall of chi-square by an effect of plausible size
 class GroupGates(NamedTuple):
     """When an effect of a branch counts; meanings as those of a cell's gates.
 
-    material_volt : fall of the rms error of the branch currents on validation records, times their
-    cells' ohmic resistance, below which nobody would act on it [V]. adequate_volt : such an error
-    that may be left [V]. most_slow_volt : largest slow noise of a branch current, times its cell's
+    material_volt : an error of the branch currents, times their cells' ohmic resistance, that
+    nobody acts on [V]. unknown_volt : such an error beyond the floor up to which there is no
+    unknown effect [V]. most_slow_volt : largest slow noise of a branch current, times its cell's
     ohmic resistance [V]. shared_slow_volt : slow error of the model's voltage that all branches
     share, and that must not move their currents [V].
     """
@@ -51,33 +53,13 @@ class GroupGates(NamedTuple):
     refits: int = GATES.refits
     bic: float = GATES.bic
     validation_chi_square: float = GATES.validation_chi_square
-    validation_fall: float = GATES.validation_fall
     material_volt: float = GATES.material_volt
-    nothing_ratio: float = GATES.nothing_ratio
-    adequate_ratio: float = GATES.adequate_ratio
-    adequate_volt: float = GATES.adequate_volt
-    adequate_closed: float = GATES.adequate_closed
-    partial_closed: float = GATES.partial_closed
+    unknown_volt: float = GATES.unknown_volt
     tie_absolute: float = GATES.tie_absolute
     tie_relative: float = GATES.tie_relative
     rounds: int = GATES.rounds
     most_slow_volt: float = GATES.most_slow_volt
     shared_slow_volt: float = GATES.shared_slow_volt
-
-    @property
-    def nothing_volt(self):
-        """Error of the healthy group up to which nothing is missing: `adequate_volt` [V]."""
-        return self.adequate_volt
-
-    @property
-    def unknown_ratio(self):
-        """Ratio of error to noise up to which there is no unknown effect: `adequate_ratio`."""
-        return self.adequate_ratio
-
-    @property
-    def material_share(self):
-        """0: an effect of a branch counts by its size alone, not by a share of the first error."""
-        return 0.0
 
 
 class Channels(NamedTuple):
@@ -173,12 +155,12 @@ class GroupCase(NamedTuple):
         """Filters by the noise of a residual; with more effects the noise does not grow."""
         return _filters(self, noises_of(self, residual, filters.noise if earlier else None))
 
-    def sharper(self, trial, filters):
-        """Filters by the residual of a trial where its slow noise is 20 % smaller, else None.
+    def sharper(self, trials, filters):
+        """Filters by the residual of the best trial where its slow noise is 20 % less, else None.
 
         The noise is first taken from a linear extrapolation, which fails for a strong effect.
         """
-        noises = noises_of(self, trial.state.solution.residual, filters.noise)
+        noises = noises_of(self, trials[0].state.solution.residual, filters.noise)
         pairs = zip(noises, filters.noise, strict=True)
         alike = all(new.slow_volt > SHARPER * old.slow_volt for new, old in pairs)
         return None if alike else _filters(self, noises)
@@ -191,20 +173,72 @@ class GroupCase(NamedTuple):
         return sorted(scores, key=lambda s: -s.chi_square), hidden
 
     def state(self, effects, solution, filters):
-        """State of a fitted model: its errors on the records that judge."""
+        """State of a fitted model: its errors on the records that judge, starts profiled out."""
         values = _started(self, solution.values, effects)
-        rows = rows_of(self, self.validation)
-        error = rows - predicted(self, self.validation, self.validation_soc, values, effects)
+        volts = predicted(self, self.validation, self.validation_soc, values, effects)
+        error = rows_of(self, self.validation) - volts
+        moved, explained = _start_errors(self, values, effects, volts, error, filters)
+        squares = filters.validation.apply(error) ** 2
+        chi_squares = np.bincount(self.files_of(self.validation), squares) - explained
+        error = error - moved
         white = filters.validation.apply(error)
         sizes = error_volt(self, solution.residual), error_volt(self, error)
-        return State(effects, solution, values, error, float(white @ white), *sizes)
+        return State(effects, solution, values, error, white, chi_squares, *sizes)
 
-    def floor_volt(self, residual, filters, earlier):
-        """Size of the noise alone, in the measure of `error_volt` [V]."""
-        if not self.sensors:
-            return filters.noise[0].volt
-        pairs = zip(filters.noise[1:], ohms(self), strict=True)
-        return rms([channel.volt * ohm for channel, ohm in pairs])
+    def files_of(self, stack):
+        """Number of the record of each row of `rows_of` (m,)."""
+        return np.tile(stack.file, 1 + len(self.cells) * self.sensors)
+
+    def floor(self, before, free, residual, filters, earlier):
+        """Error that readings and the spread of healthy cells leave: proof.Floor.
+
+        In the measure of `error_volt`, of the model without effects.
+        """
+        if earlier:
+            return earlier[0].floor
+        return _floor(self, before, free, filters)
+
+    def proof(self, before, after, filters):
+        """How evenly an effect helps: (Consistency, whether records that judge show it).
+
+        Where it changes nothing there that matters, it is judged on the records fitted.
+        """
+        sides = before.validation, after.validation
+        shown = _evenly(self, self.validation, self.validation_soc, after, after.values, sides)
+        if shown.excited:
+            return shown, True
+        sides = before.solution.residual, after.solution.residual
+        return _evenly(self, self.fit, self.fit_soc, after, after.solution.values, sides), False
+
+    def inflation(self, state):
+        """By how much the chi-square of each record is too large by correlation, by role.
+
+        Of records that judge the largest over the channels: the currents of a group sum up to one
+        total. On the records fitted the misfit is in the noise of the shared voltage.
+        """
+        stack = self.validation
+        channels = np.split(state.validation_white, 1 + len(self.cells) * self.sensors)
+        each = [inflation(white, stack.file, len(stack.first)) for white in channels]
+        return {"fit": np.ones(1), "validation": np.max(each, axis=0)}
+
+    def falls(self, before, after):
+        """Fall of the chi-square from one State to another, by role."""
+        fit = before.solution.chi_square - after.solution.chi_square
+        judged = before.validation_chi_squares - after.validation_chi_squares
+        return {"fit": np.array([fit]), "validation": judged}
+
+    def rows_per_record(self):
+        """Number of rows fitted, of all channels (1,)."""
+        return np.array([len(rows_of(self, self.fit))])
+
+    def matters(self, first, before, trial, floor, *, share=1.0):
+        """Whether an effect has a size, and takes so much off the error, that somebody acts on."""
+        after = trial.state
+        taken = excess_volt(before.rmse_volt, after.rmse_volt)
+        if trial.proven:
+            errors = before.validation_rmse_volt, after.validation_rmse_volt
+            taken = max(taken, excess_volt(*errors)) if errors[1] < errors[0] else 0.0
+        return trial.material and taken >= share * self.gates.material_volt
 
     def misled(self, before, trial):
         """True: the best trials are always refitted with derivatives at their own optimum."""
@@ -282,10 +316,60 @@ def error_volt(case, residual):
     Of the branch currents times their cells' ohmic resistance; of the voltage, where no branch
     currents were logged.
     """
+    return rms(currents_volt(case, residual))
+
+
+def currents_volt(case, rows):
+    """Rows of `rows_of` that `error_volt` measures, as voltages of channels one by one (c, n) [V].
+
+    The branch currents times their cells' ohmic resistance; the voltage, where none were logged.
+    """
     if not case.sensors:
-        return rms(residual)
-    currents = residual.reshape(1 + len(case.cells), -1)[1:]
-    return rms(currents * ohms(case)[:, None])
+        return rows[None]
+    return rows.reshape(1 + len(case.cells), -1)[1:] * ohms(case)[:, None]
+
+
+def _evenly(case, stack, soc, state, values, sides):
+    """Consistency over blocks, record and band of the group's SoC, all branches in each."""
+    run = group_run(group_fields(case.cells, soc, values, state.effects), stack)
+    capacity = np.array([cell.capacity_ampere_hour for cell in case.cells])
+    blocks = blocks_of(stack, run.soc @ (capacity / capacity.sum()), np.ones(len(stack.file), bool))
+    before, after = (currents_volt(case, side) for side in sides)
+    channels = len(before)
+    return consistency(
+        *(before.ravel(), after.ravel()),
+        *(np.tile(blocks, channels), np.tile(stack.file, channels)),
+        material_volt=case.gates.material_volt,
+    )
+
+
+def _floor(case, state, free, filters):
+    """Noise of the readings, and what the spread of healthy cells may leave on other records.
+
+    Branches are known to within their posterior: the declared spread about their own tests or
+    their type's, narrowed by the records fitted. Through the sensitivities of the records that
+    judge, this is an error that no effect of a branch has made.
+    """
+    stack, soc, solution = case.validation, case.validation_soc, state.solution
+    shared = tuple(f for f in free if not f.name.startswith("soc0["))
+    at = predicted(case, stack, soc, state.values, state.effects)
+    judging = Problem(
+        lambda values: predicted(case, stack, soc, values, state.effects),
+        *(rows_of(case, stack), filters.validation.apply, shared),
+    )
+    columns = derivatives(judging, state.values, at)
+    place = [solution.names.index(f.name) for f in shared]
+    covariance = np.linalg.inv(solution.precision)[np.ix_(place, place)]
+    variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
+    spread_volt = currents_volt(case, np.sqrt(np.maximum(variance, 0.0)))
+    reads = filters.noise[1:] if case.sensors else filters.noise[:1]
+    ohm = ohms(case) if case.sensors else np.ones(1)
+    read_volt = np.array([channel.white_volt for channel in reads]) * ohm
+    squares = np.mean(spread_volt**2 + read_volt[:, None] ** 2, axis=0)
+    by_test = {
+        test: float(np.sqrt(squares[stack.file == k].mean())) for k, test in enumerate(stack.tests)
+    }
+    return Floor(rms(read_volt), float(np.sqrt(squares.mean())), by_test)
 
 
 def noises_of(case, residual, earlier=None):
@@ -338,6 +422,24 @@ def _started(case, values, effects):
             shifts[f"soc0[{k}]"] = _shift(case, soc[k], values[f"soc0[{k}]"], error[rest])
         values = values | shifts
     return values
+
+
+def _start_errors(case, values, effects, prediction, error, filters):
+    """Errors of the group's SoC at the starts that explain most of an error, priors held.
+
+    Returns the change of the prediction (m,) by them, and the fall of the chi-square of each
+    record (f,); see `judge.start_errors`.
+    """
+    stack = case.validation
+    starts = [f"soc0[{k}]" for k in range(len(stack.first))]
+    moved = values | {name: values[name] + SOC_STEP for name in starts}
+    change = predicted(case, stack, case.validation_soc, moved, effects) - prediction
+    change /= SOC_STEP
+    white, error = filters.validation.apply(np.stack([change, error], axis=1)).T
+    files = case.files_of(stack)
+    square, shared = np.bincount(files, white**2), np.bincount(files, white * error)
+    error_soc = shared / (square + case.shared.soc**-2.0)
+    return change * error_soc[files], error_soc * shared
 
 
 def _shift(case, stated, shift, error):

@@ -24,7 +24,8 @@ from cellwright.effects.groups.model import (
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import LOADED_C_RATE, group_stacked
 from cellwright.effects.search import search
-from cellwright.effects.verdict import Phrases, entry_of, outcome, paragraph, verdict_of
+from cellwright.effects.story.words import Phrases, paragraph
+from cellwright.effects.verdict import entry_of, outcome, verdict_of
 from cellwright.records.record import group_record
 from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
@@ -356,7 +357,7 @@ def group_paragraph(verdict, library):
     what = "branch currents (each times its cell's resistance)" if logged else "the group's voltage"
     where = f"in {what} of tests that took no part in the fit"
     text = paragraph(verdict, library, Phrases(where, HEALTHY, "no effect of one branch"))
-    return text if logged else f"{text} {BLIND}"
+    return text if logged else f"{text}\n{BLIND}"
 
 
 def group_verdict(group, case, rounds, library):
@@ -378,7 +379,6 @@ def group_verdict(group, case, rounds, library):
     result = outcome(
         rounds,
         case.gates,
-        adequate_volt=case.gates.adequate_volt,
         alternatives=lambda step: _alternatives(case, step),
     )
     if result.word == "unknown" and not result.steps and not case.sensors:

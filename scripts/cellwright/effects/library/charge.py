@@ -72,7 +72,7 @@ EFFECTS = (
                 *("relative", "1", 0.0, -0.4, 0.4),
                 step=2e-3,
                 plausible=0.02,
-                material=3e-3,
+                material=0.01,
             ),
         ),
         stage="counting",

@@ -4,22 +4,34 @@ import numpy as np
 
 from cellwright.effects.library.vocabulary import Effect, Parameter
 
-DECAY_SOC = 0.15
+# Knots of the logarithm of a resistance over SoC, from the middle to either end. A parameter is
+# the change from one knot to the next: beyond the last SoC tested the resistance stays as it is.
+TOWARDS_EMPTY = (0.35, 0.2, 0.1, 0.04, 0.0)
+TOWARDS_FULL = (0.65, 0.8, 0.9, 1.0)
+MIDDLE = 0.5
 
 
-def _courses(soc, towards_empty, falling, bowl):
-    """Factor over SoC: three shapes in the logarithm, each zero in the middle."""
-    soc = np.clip(soc, 0.0, 1.0)
-    low = np.exp(-soc / DECAY_SOC) - np.exp(-0.5 / DECAY_SOC)
-    return np.exp(towards_empty * low + falling * (0.5 - soc) + bowl * 4 * (soc - 0.5) ** 2)
+def _course(soc, steps):
+    """Factor of a resistance at each SoC: straight in its logarithm between knots, 1 in the middle.
+
+    steps : dict of the changes of the logarithm by name, see `_course_parameters`.
+    """
+    empty = np.cumsum([steps[_step_name(knot)] for knot in TOWARDS_EMPTY])
+    full = np.cumsum([steps[_step_name(knot)] for knot in TOWARDS_FULL])
+    knots = np.array([*TOWARDS_EMPTY[::-1], MIDDLE, *TOWARDS_FULL])
+    return np.exp(np.interp(soc, knots, np.concatenate([empty[::-1], [0.0], full])))
+
+
+def _step_name(knot):
+    return f"step_to_{100 * knot:.0f}_percent"
 
 
 def _resistance_soc(fields, stack, p):
-    return fields._replace(r0=fields.r0 * _courses(fields.soc, **p))
+    return fields._replace(r0=fields.r0 * _course(fields.soc, p))
 
 
 def _polarisation_soc(fields, stack, p):
-    factor = _courses(fields.soc, **p)
+    factor = _course(fields.soc, p)
     return fields._replace(r1=fields.r1 * factor, r2=fields.r2 * factor)
 
 
@@ -32,11 +44,17 @@ def _lead(fields, stack, p):
     return fields._replace(r0=fields.r0 + p["resistance_ohm"])
 
 
-def _course_parameters(most):
-    names = ("towards_empty", "falling", "bowl")
+def _course_parameters():
+    """Changes of the logarithm of a resistance from knot to knot, outwards from half charge."""
     return tuple(
-        Parameter(name, "1", 0.0, -most, most, step=0.05, plausible=0.5, material=0.05)
-        for name in names
+        Parameter(
+            *(_step_name(knot), "1", 0.0, -3.0, 3.0),
+            step=0.05,
+            plausible=0.3,
+            material=0.01,
+            prior_std=0.7,
+        )
+        for knot in (*TOWARDS_EMPTY, *TOWARDS_FULL)
     )
 
 
@@ -63,7 +81,7 @@ EFFECTS = (
     Effect(
         id="resistance_soc",
         sentence="the ohmic resistance changes with the state of charge",
-        parameters=_course_parameters(4.0),
+        parameters=_course_parameters(),
         stage="resistance",
         act=_resistance_soc,
         needs=("soc_range",),
@@ -73,7 +91,7 @@ EFFECTS = (
     Effect(
         id="polarisation_soc",
         sentence="the polarisation (what relaxes) changes with the state of charge",
-        parameters=_course_parameters(4.0),
+        parameters=_course_parameters(),
         stage="resistance",
         act=_polarisation_soc,
         needs=("soc_range",),

@@ -1,5 +1,7 @@
 """Effects of the temperature, as measured and inside the cell."""
 
+import numpy as np
+
 from cellwright.circuits.instrument import capacity_over_temperature
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.effects.base import REFERENCE_CELSIUS, relaxed, slow_volt
@@ -14,9 +16,24 @@ def _warmed(fields, factor):
     return fields._replace(r0=fields.r0 * factor, r1=fields.r1 * factor, r2=fields.r2 * factor)
 
 
+COLD_CELSIUS = -20.0
+WAVES = (2, 3, 4)  # of the entropic coefficient over SoC, beside its mean and tilt
+
+
 def _resistance(fields, stack, p):
-    energy = p["activation_energy_joule_per_mole"]
-    return _warmed(fields, resistance_factor(fields.celsius, REFERENCE_CELSIUS, energy))
+    """Arrhenius, the polarisation with an energy of its own; in the cold the slope may grow.
+
+    The ohmic resistance holds electrolyte (low energy) and charge transfer (high energy): their
+    sum has an apparent energy that grows as it gets colder.
+    """
+    about = fields.celsius, REFERENCE_CELSIUS
+    cold = np.log(resistance_factor(*about, 1.0))
+    cold = cold / np.log(resistance_factor(COLD_CELSIUS, REFERENCE_CELSIUS, 1.0))
+    bend = 1.0 + p["growth_towards_cold"] * cold
+    energy = p["activation_energy_joule_per_mole"] * bend
+    ohmic = resistance_factor(*about, energy)
+    slow = ohmic * resistance_factor(*about, p["polarisation_excess_joule_per_mole"])
+    return fields._replace(r0=fields.r0 * ohmic, r1=fields.r1 * slow, r2=fields.r2 * slow)
 
 
 def _self_heating(fields, stack, p):
@@ -34,7 +51,10 @@ def _own_heat_block(p, blocks):
 
 def _entropic(fields, stack, p):
     even, tilt = p["coefficient_volt_per_kelvin"], p["tilt_volt_per_kelvin"]
-    slope = even + tilt * (1.0 - 2.0 * fields.soc)
+    soc = np.clip(fields.soc, 0.0, 1.0)
+    slope = even + tilt * (1.0 - 2.0 * soc)
+    for wave in WAVES:
+        slope = slope + p[f"wave_{wave}_volt_per_kelvin"] * np.cos(np.pi * wave * soc)
     return fields._replace(ocv=fields.ocv + slope * (fields.celsius - REFERENCE_CELSIUS))
 
 
@@ -52,7 +72,16 @@ EFFECTS = (
                 *("activation_energy_joule_per_mole", "J/mol", 0.0, -2e4, 1.2e5),
                 step=1e3,
                 plausible=2e4,
-                material=300.0,
+                material=2.5e3,  # a tenth of a resistance between 0 and 25 °C
+            ),
+            Parameter(
+                *("polarisation_excess_joule_per_mole", "J/mol", 0.0, -6e4, 6e4),
+                step=1e3,
+                shape=True,
+                prior_std=1.5e4,
+            ),
+            Parameter(
+                "growth_towards_cold", "1", 0.0, -0.9, 3.0, step=0.02, shape=True, prior_std=0.3
             ),
         ),
         stage="resistance",
@@ -96,6 +125,16 @@ EFFECTS = (
                 step=2e-5,
                 plausible=3e-4,
                 material=2e-5,
+            ),
+            *(
+                Parameter(
+                    *(f"wave_{wave}_volt_per_kelvin", "V/K", 0.0, -3e-3, 3e-3),
+                    step=2e-5,
+                    plausible=1e-4,
+                    material=2e-5,
+                    prior_std=2e-4,
+                )
+                for wave in WAVES
             ),
         ),
         stage="ocv",

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 
 class Parameter(NamedTuple):
     """One parameter of an effect: its unit, bounds and usual sizes.
@@ -11,7 +13,8 @@ class Parameter(NamedTuple):
     (`shape` true: without meaning while the effect is absent), where a search begins.
     lower, upper : physical bounds. step : for derivatives, and the unit of a step of the fit; 0:
     set by the starts, not fitted. plausible : a size usual in a laboratory.
-    material : a size below which nobody would act on it.
+    material : a size below which nobody would act on it. prior_std : what is known of it before
+    the fit, about its neutral value; infinite: nothing.
     """
 
     name: str
@@ -23,12 +26,13 @@ class Parameter(NamedTuple):
     plausible: float = 0.0
     material: float = 0.0
     shape: bool = False
+    prior_std: float = np.inf
 
 
 class Effect(NamedTuple):
     """One effect: its equation, its numbers, its words, and how it stands in a model file.
 
-    id : of the contract. sentence : for people, after "What was missing: ". parameters : tuple of
+    id : of the contract. sentence : for people, a clause. parameters : tuple of
     Parameter. stage : where it enters the model, one of `base.STAGES`. act : its equation, function
     (fields, stack, p) → fields, p being a dict of its parameters by name; see `base.Fields`.
     starts : tuple of dicts, parameters from which it is tried. held : what it changes is not

@@ -6,15 +6,19 @@ upper cut-off; (4) fill the remainder. Ampere-hours of all four make the SoC; vo
 the slow constant currents of (1) and (3) alone.
 """
 
+from contextlib import suppress
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.refusal import Refusal
+from cellwright.series.rest_current import offset_at_rest
 from cellwright.settings import Ocv
 
 OCV = Ocv()
+CLOSED = 0.03  # of the charge, by which slow discharge and charge may differ
+LEAST_OFFSET, MOST_OFFSET = 0.005, 0.3  # of the slow current: readings at rest that are looked for
 
 
 def joined(soc, discharge_volt, charge_volt, discharge, charge, joined_by):
@@ -276,9 +280,10 @@ def slow_ocv(
     files = np.zeros(len(voltage_volt), int) if file_index is None else np.asarray(file_index, int)
     columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
     time, current, voltage, net_charge = (np.asarray(column, float) for column in columns)
-    legs = legs_of(time, current, voltage, net_charge, files)
     cutoffs = {-1: lower_cutoff_volt, 1: upper_cutoff_volt}
-    discharge, charge = _chosen(legs, cutoffs, least_hour)
+    limits = cutoffs, least_hour
+    columns = time, current, voltage, net_charge, files
+    discharge, charge, net_charge, offset_note = _legs_chosen(columns, limits)
     soc = np.linspace(0.0, 1.0, POINTS)
     discharge_volt, moved_out = _branch(discharge, voltage, net_charge, soc)
     charge_volt, moved_back = _branch(charge, voltage, net_charge, soc)
@@ -299,8 +304,46 @@ def slow_ocv(
         joined_by=joined_by,
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
         moved_volt=float(max(moved_out, moved_back, np.abs(table - ocv).max())),
-        note=_balance(discharge, charge),
+        note=_balance(discharge, charge) or offset_note,
     )
+
+
+def _legs_chosen(columns, limits):
+    """Branches of a record, its net charge [Ah], and a note: with an offset of the reading.
+
+    An offset of the current counts a discharge and a charge between the same ends unequal. Where
+    they differ by 3 % and more, or the lesser is not taken for a full branch, and what the record
+    logs at rest makes up for most of it, that is taken off.
+    """
+    time, current, voltage, net_charge, files = columns
+    try:
+        chosen, refusal = _chosen(legs_of(*columns), *limits), None
+    except Refusal as refused:
+        chosen, refusal = (None, None), refused
+    if None not in chosen and _unequal(*chosen) < CLOSED:
+        return *chosen, net_charge, ""
+    largest = float(np.percentile(np.abs(current), 90))
+    offset = offset_at_rest(
+        *(time, current, voltage),
+        least_ampere=LEAST_OFFSET * largest,
+        most_ampere=MOST_OFFSET * largest,
+    )
+    corrected = net_charge - offset * (time - time[0]) / 3600.0
+    better = (None, None)
+    if offset:
+        with suppress(Refusal):
+            better = _chosen(legs_of(time, current - offset, voltage, corrected, files), *limits)
+    if None not in better and _unequal(*better) < CLOSED:
+        words = f"{1e3 * offset:+.3g} mA, which its rests read, taken off the current"
+        return *better, corrected, f"{words}: discharge and charge differed without"
+    if refusal is not None:
+        raise refusal
+    return *chosen, net_charge, ""
+
+
+def _unequal(discharge, charge):
+    """Relative difference of the ampere-hours of both branches."""
+    return abs(charge.capacity_ampere_hour / discharge.capacity_ampere_hour - 1.0)
 
 
 def _chosen(legs, cutoffs, least_hour):
@@ -390,7 +433,7 @@ def _balance(discharge, charge):
     if discharge is None or charge is None:
         return ""
     discharged, charged = discharge.capacity_ampere_hour, charge.capacity_ampere_hour
-    if abs(charged / discharged - 1) < 0.03:
+    if abs(charged / discharged - 1) < CLOSED:
         return ""
     discharge_hours = -discharged / discharge.current_ampere
     offset = (discharged - charged) / (discharge_hours + charged / charge.current_ampere)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.base import STAGES
+from cellwright.effects.planning.sensitivity import Model, at_starts_of, information, projected
 from cellwright.effects.records import stacked
-from cellwright.effects.sensitivity import Model, at_starts_of, information, projected
 from cellwright.effects.ties import tie_of
 from cellwright.numerics.noise import FIRST
 from cellwright.records.record import Record, record_of
@@ -230,17 +230,27 @@ class Question(NamedTuple):
 
     effects : tuple of Effect: the effect unless it is in the model, the rivals, and the other
     effects of temperature.
-    estimated : the effect's size is that of a fit, not a plausible one.
+    estimated : the effect's size is that of a fit, not a plausible one. proof : see `next_test`.
     """
 
     effect: str
     rivals: tuple
     effects: tuple
     estimated: bool
+    proof: bool = False
 
 
 def next_test(
-    case, state, effect, alternatives=(), *, library, spread=FIRST, rating=None, drive=None
+    case,
+    state,
+    effect,
+    alternatives=(),
+    *,
+    library,
+    spread=FIRST,
+    rating=None,
+    drive=None,
+    proof=False,
 ):
     """Advice on the test that tells an effect from its alternatives, or shows it without any.
 
@@ -251,6 +261,8 @@ def next_test(
     alternatives : ids as good; without any, the effect is weighed against the model without it.
     library : dict of Effect by id. spread : noise.Noise. rating : Rating; without one, as the
     records show it. drive : Record to repeat at other temperatures; without one, of the records.
+    proof : the test is to judge an effect that the records fitted show already: what they show of
+    it does not count.
 
     Returns
     -------
@@ -264,21 +276,22 @@ def next_test(
     if unknown:
         raise Refusal(f"no effect {unknown[0]!r} to plan a test for; known: {', '.join(library)}")
     model = state if isinstance(state, Model) else Model(state.solution.values, state.effects)
-    model, question = _question(model, effect, tuple(alternatives), library)
+    model, question = _question(model, effect, tuple(alternatives), library, proof)
     facts = {"tolerance": case.tolerance, "spread": spread, "circuit_error": CIRCUIT_ERROR}
     facts["asked"] = effect if question.estimated else None
 
     def informed_by(stack):
         return information(case.cell, stack, at_starts_of(model, stack), question.effects, **facts)
 
-    on_hand = information(case.cell, case.fit, model, question.effects, **facts)
-    on_hand = on_hand.with_more(informed_by(case.validation))
-    now = between(on_hand, question, case.tolerance)
+    fitted = information(case.cell, case.fit, model, question.effects, **facts)
+    on_hand = fitted.with_more(informed_by(case.validation))
+    known = between(fitted, question, case.tolerance) if proof else 0.0
+    now = max(between(on_hand, question, case.tolerance) - known, 0.0)
     tests = _tests(case, rating, drive)
     layout = {"capacity_ampere_hour": case.cell.capacity_ampere_hour, "hold": case.fit.hold}
     stacks = [stacked([test.record], **layout) for test in tests]
     sums = (on_hand.with_more(informed_by(stack)) for stack in stacks)
-    chi_square = [between(total, question, case.tolerance) for total in sums]
+    chi_square = [max(between(total, question, case.tolerance) - known, 0.0) for total in sums]
     return _advice(question, library, tests, chi_square, now)
 
 
@@ -317,7 +330,7 @@ def _without_rival(labels, chi_square, asked, question, rival):
     )
 
 
-def _question(model, effect, rivals, library):
+def _question(model, effect, rivals, library, proof):
     """The model without the rivals, and the Question."""
     inside = any(e.id == effect for e in model.effects)
     model = model._replace(effects=tuple(e for e in model.effects if e.id not in rivals))
@@ -330,7 +343,28 @@ def _question(model, effect, rivals, library):
     ]
     asked = [] if inside else [library[effect]]
     effects = (*asked, *(library[rival] for rival in rivals), *warm)
-    return model, Question(effect, rivals, effects, inside)
+    return model, Question(effect, rivals, effects, inside, proof)
+
+
+def planned(case, test):
+    """A test of a case's menu.
+
+    Parameters
+    ----------
+    case : case.Case. test : id.
+
+    Returns
+    -------
+    planned : Planned.
+
+    Raises
+    ------
+    Refusal : the menu has no such test.
+    """
+    tests = {one.id: one for one in _tests(case, None, None)}
+    if test not in tests:
+        raise Refusal(f"no test {test!r} in the menu; there are: {', '.join(tests)}")
+    return tests[test]
 
 
 def _tests(case, rating, drive):
@@ -390,6 +424,8 @@ def _sentence(effect, question, ties, best, most, now, helps):
 def _goal(question, ties):
     if question.rivals:
         return f"To tell {_named(question.effect)} from {' or '.join(map(_named, question.rivals))}"
+    if question.proof:
+        return f"To prove {_named(question.effect)} on a record that is not fitted"
     apart = f" apart from {_named(ties[0].partner)}" if ties else ""
     return f"To see {_named(question.effect)}{apart}"
 

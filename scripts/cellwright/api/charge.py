@@ -1,0 +1,135 @@
+"""What the state of charge of a cell refers to, and the state of charge over a record."""
+
+from cellwright.api import inputs, results
+
+
+def basis(cell, curves=(), capacities=(), lenders=(), *, rests=(), shifts=()):
+    """The capacity and OCV curves that the SoC of a cell refers to, its own or borrowed.
+
+    Parameters
+    ----------
+    cell : CellFacts or mapping.
+    curves : (test, result of `ocv`) each.
+    capacities : (test, result of `capacity`) each.
+    lenders : `records.basis.Lender` of cells of the same type.
+    rests : (test, result of `ocv_from_rests`) each.
+    shifts : result of `ocv_shifts`, or its rows.
+
+    Returns
+    -------
+    basis : Document; content: cell, capacity_ampere_hour [Ah], capacity_source, borrowed_from,
+        ocv, the curves over SoC [1], and checkups, the same for each of several check-ups; its
+        table: one row a curve and SoC.
+
+    Raises
+    ------
+    Refusal : No capacity test, no slow test and no rating.
+
+    Source: docs/state-of-charge.md.
+    """
+    from cellwright.records.checkups import basis_of_life as basis_of
+
+    facts = inputs.cell_facts(cell)
+    content = basis_of(
+        facts.cell,
+        inputs.entries(curves, _curves),
+        inputs.entries(capacities),
+        lenders,
+        rests=inputs.entries(rests, _curves),
+        shifts=inputs.rows(shifts),
+        rated_capacity_ampere_hour=facts.rated_capacity_ampere_hour,
+        lower_cutoff_volt=facts.lower_cutoff_volt,
+    )
+    return results.Document(content, tuple(_basis_notes(content)), _curve_rows(content["ocv"]))
+
+
+def basis_at(basis, cycle):
+    """The basis of a cell at one of its check-ups: that capacity and OCV, for a model of that age.
+
+    Parameters
+    ----------
+    basis : result of `basis`. cycle : of the check-up.
+
+    Returns
+    -------
+    basis : dict, content as of `basis`, without check-ups.
+
+    Source: docs/state-of-charge.md.
+    """
+    from cellwright.records.basis import at_cycle
+
+    return at_cycle(inputs.content(basis), cycle) | {"checkups": []}
+
+
+def lender(cell, curves, capacities, *, marked=False):
+    """OCV curves and capacities of a cell, for other cells of its type to borrow.
+
+    Parameters
+    ----------
+    cell, curves, capacities : as of `basis`. marked : whether it is a reference of its type.
+
+    Returns
+    -------
+    lender : `records.basis.Lender`.
+    """
+    from cellwright.records.basis import Lender
+
+    shown = (inputs.entries(curves, _curves), inputs.entries(capacities))
+    return Lender(inputs.cell_facts(cell).cell, marked, *shown)
+
+
+def _curves(result):
+    """The OCV curve of a result as plain lists; of rests with the source of its capacity."""
+    source = getattr(result, "capacity_source", None)
+    source_fact = {} if source is None else {"capacity_source": source}
+    return [inputs.plain(result.curve._asdict()) | source_fact]
+
+
+def _curve_rows(curves):
+    names = ("test", "ambient_temperature_celsius")
+    return [
+        {name: curve[name] for name in names} | {"soc": soc, "ocv_volt": volt}
+        for curve in curves
+        for soc, volt in zip(curve["soc"], curve["ocv_volt"], strict=True)
+    ]
+
+
+def _basis_notes(basis):
+    """Sentences on where capacity [Ah] and OCV come from."""
+    notes = [f"SoC refers to {basis['capacity_ampere_hour']:.4g} Ah: {basis['capacity_source']}"]
+    if basis["borrowed_from"]:
+        notes.append(f"OCV borrowed from {basis['borrowed_from']}: no usable slow test of its own")
+    elif not basis["ocv"]:
+        notes.append("no OCV: no slow test of its own, and no cell of its type has one")
+    notes += [
+        f"check-up at cycle {checkup['cycle']:g}: SoC refers to "
+        f"{checkup['capacity_ampere_hour']:.4g} Ah: {checkup['capacity_source']}; OCV "
+        f"{checkup['ocv_source']}"
+        for checkup in basis.get("checkups", [])[1:]
+    ]
+    tests = [curve["test"] for curve in basis["ocv"] if curve["branches"] == "rests"]
+    if tests and not basis["borrowed_from"]:
+        notes.append(
+            f"OCV from the rests of {', '.join(tests)}: no slow test of its or of its type"
+        )
+    return notes
+
+
+def state_of_charge(series, basis, test, cell):
+    """State of charge over a record of a cell.
+
+    Parameters
+    ----------
+    series : DataFrame or columns of a clean series, (n,) each.
+    basis : result of `basis`, or a model.
+    test, cell : TestFacts, CellFacts or mappings.
+
+    Returns
+    -------
+    anchored : `records.anchor.Anchored`: soc (n,) [1], NaN where it cannot be known, and in words
+        what it is counted from.
+    """
+    from cellwright.records.basis import soc_or_unknown
+
+    columns, facts = inputs.columns(series, *inputs.COUNTED), inputs.cell_facts(cell)
+    return soc_or_unknown(columns, inputs.content(basis), inputs.test_facts(test), facts)

@@ -1,0 +1,76 @@
+"""A model file as rows: each parameter over SoC and temperature, for `models.csv`."""
+
+from cellwright.circuits.circuit import KINDS, UNRESOLVED_SECOND
+from cellwright.circuits.model_file import std_name
+
+# Parameters of branches: name in the table, without the branch's number or kind, and unit.
+NAMES = {
+    "r_ohm": ("r", "Ohm"),
+    "r_charge_ohm": ("r_charge", "Ohm"),
+    "r_discharge_ohm": ("r_discharge", "Ohm"),
+    "tau_second": ("tau", "s"),
+    "scale_volt": ("scale", "V"),
+    "m_volt": ("m", "V"),
+    "charge_ampere_hour": ("charge", "Ah"),
+    "soc_per_ampere": ("gain", "1/A"),
+    "exchange_ampere": ("exchange", "A"),
+}
+
+
+def parameter_rows(model):
+    """Rows model, ambient_temperature_celsius, soc, parameter, value, std, unit, at_bound.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2.
+
+    Returns
+    -------
+    rows : list of dict, by member, condition, parameter and SoC: r0, then r1, tau1, … of RC pairs
+        and kinetics (these with scale1, …), rct, tauct, scalect of the charge transfer that no
+        sample resolves, hysteresis_m, hysteresis_charge, diffusion_gain, diffusion_tau, ocv_shift;
+        without SoC ocv_missing, ocv_stretch and activation_energy, of the condition as a whole.
+        Of a member with companions the circuit that it begins from, and the sizes of its effects.
+    """
+    conditions = [(m["model"], c) for m in model["members"] for c in m["conditions"]]
+    rows = [row for name, condition in conditions for row in _rows(name, condition)]
+    of_no_condition = {"ambient_temperature_celsius": None, "soc": None, "at_bound": False}
+    sizes = [(m["model"], size) for m in model["members"] for size in m.get("sizes", ())]
+    return [*rows, *({"model": name} | of_no_condition | size for name, size in sizes)]
+
+
+def _rows(member, condition):
+    celsius = condition["ambient_temperature_celsius"]
+    about = {"model": member, "ambient_temperature_celsius": celsius}
+    flags = condition.get("at_bound", [])
+    for name, flag, values, stds, unit in _columns(condition):
+        stds = stds or [None] * len(values)
+        for soc, value, std in zip(condition["soc"], values, stds, strict=True):
+            row = {"soc": soc, "parameter": name, "value": value, "std": std, "unit": unit}
+            yield about | row | {"at_bound": name in flags or f"{flag} at SoC {soc:.3f}" in flags}
+    scale = condition.get("ocv_scale", {})
+    scale_rows = [(f"ocv_{name}", scale.get(name), "1") for name in ("missing", "stretch")]
+    energy = condition.get("activation_energy_joule_per_mole")
+    for name, value, unit in [*scale_rows, ("activation_energy", energy, "J/mol")]:
+        row = {"soc": None, "parameter": name, "value": value, "std": None, "unit": unit}
+        if value is not None:
+            yield about | row | {"at_bound": False}
+
+
+def _columns(condition):
+    """Name, name of the bound, values, deviations and unit of each quantity over SoC."""
+    yield "r0", "R0", condition["r0_ohm"], condition["r0_std_ohm"], "Ohm"
+    number = 0
+    for branch in condition["branches"]:
+        kind, label = branch.get("kind", "RC"), ""
+        if kind in ("RC", "kinetic"):
+            resolved = kind == "RC" or branch["tau_second"][0] > UNRESOLVED_SECOND
+            number += resolved
+            label = str(number) if resolved else "ct"
+        for parameter in KINDS[kind].parameters:
+            short, unit = NAMES[parameter]
+            name = f"{short}{label}" if label else f"{kind}_{short}"
+            flag = f"{short}{label}".upper()
+            yield name, flag, branch[parameter], branch.get(std_name(parameter)), unit
+    if "ocv_shift_volt" in condition:
+        yield "ocv_shift", "", condition["ocv_shift_volt"], None, "V"

@@ -1,0 +1,202 @@
+"""Base of the search whose voltage a model gives, row by row, and its companion.
+
+`own` : the chosen member of the cell's model; what does the model in use still lack? A companion
+circuit, fitted to the given voltage, tells how that would change with an effect:
+
+    voltage = given + companion(parameters, effects) − companion(as fitted to the given voltage)
+
+so that without an effect, and with the parameters where they were, it is the given model. The
+companion has a resistance and two RC pairs, with the member's own courses over SoC and temperature.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.model_file import circuit_at, member_of, std_name
+from cellwright.effects import base
+from cellwright.effects.case import extra_volt_of, filters_of, problem_of
+from cellwright.identification.validation import simulated
+from cellwright.numerics.least_squares import fit
+from cellwright.numerics.noise import FIRST
+from cellwright.refusal import Refusal
+
+OHMIC = ("R", "charge_transfer", "R_two_way")
+LEAST_LOG_STD, MOST_LOG_STD = 0.02, 0.3
+TAU_LOG_STD = 0.1
+LEAST_OHM = 1e-9
+GIVEN_STD = 1e-3  # of the scale of the given voltage's part that the companion does not have
+
+
+class Given(NamedTuple):
+    """Voltage that a model gives over the rows of a stack, and the courses of its resistances.
+
+    volt : (n,) [V]. ohmic_course, slow_course : (n,) resistance at each row over its geometric mean
+    of the records fitted, of what follows the current at once and of what relaxes; None: constant.
+    """
+
+    volt: np.ndarray
+    ohmic_course: np.ndarray | None = None
+    slow_course: np.ndarray | None = None
+
+
+def own_case(prepared, model):
+    """Case of what the chosen member of a cell's model lacks.
+
+    Parameters
+    ----------
+    prepared : case.Prepared of the plain circuit. model : dict of schema cellwright-model/2.
+
+    Returns
+    -------
+    case : case.Case, its stacks with the member's voltage.
+    given : dict, what else a model file needs of it: `member`, its name; `values`, the companion as
+        fitted to the member; `ohmic_mean_ohm`, `slow_mean_ohm`, see `Given`.
+
+    Raises
+    ------
+    Refusal : a member whose voltage is not finite over a record.
+    """
+    member = member_of(model)
+    sides = [_given_by(model, member, records) for records in prepared.records]
+    # One scale for both sides: the companion that is fitted on one is to hold on the other.
+    means = [float(np.exp(np.log(course).mean())) for course in sides[0][1:]]
+    sides = [
+        Given(side.volt, *(course / mean for course, mean in zip(side[1:], means, strict=True)))
+        for side in sides
+    ]
+    case = given_case(prepared.case, *sides, log_std=_log_stds(member))
+    names = ("member", "values", "ohmic_mean_ohm", "slow_mean_ohm")
+    return case, dict(zip(names, (member["model"], dict(case.start), *means), strict=True))
+
+
+def given_case(case, fitted, judging, *, log_std=None):
+    """Case of what a model lacks whose voltage is given.
+
+    Parameters
+    ----------
+    case : case.Case of the plain circuit. fitted, judging : Given, over the rows of its stacks.
+    log_std : standard deviations of the companion's logarithms about the given model, by name;
+        None: those of a plain circuit, nothing is known of the given model's parameters.
+
+    Returns
+    -------
+    case : case.Case.
+    """
+    stacks = [
+        stack._replace(ohmic_course=given.ohmic_course, slow_course=given.slow_course, courses={})
+        for stack, given in ((case.fit, fitted), (case.validation, judging))
+    ]
+    bare = case._replace(fit=stacks[0]._replace(voltage_volt=fitted.volt), validation=stacks[1])
+    values = _companion(bare)
+    stacks = [_without_steep_rows(case, stack, values) for stack in stacks]
+    templates = [
+        given.volt - base.voltage(case.cell, stack, at_starts(values, stack))
+        for stack, given in zip(stacks, (fitted, judging), strict=True)
+    ]
+    fit_stack, proof_stack = (
+        stack._replace(template_volt=template)
+        for stack, template in zip(stacks, templates, strict=True)
+    )
+    tolerance = case.tolerance._replace(known=GIVEN_STD)
+    start = values | {"known": 1.0}
+    return case._replace(
+        fit=fit_stack, validation=proof_stack, tolerance=tolerance, start=start, log_std=log_std
+    )
+
+
+def _without_steep_rows(case, stack, values):
+    """A stack whose rows on a steep end of the OCV are not compared.
+
+    There a given model may err by a volt through a little charge. Rows that no error of the search
+    counts would then decide its fit.
+    """
+    soc = base.fields_of(case.cell, stack, at_starts(values, stack)).soc
+    steep = base.steep_volt(case.cell, soc, case.tolerance)
+    return stack._replace(used=stack.used & (steep <= case.gates.steep_volt))
+
+
+def _given_by(model, member, records):
+    """Voltage of a member over records one after the other, and its resistances [ohm]: Given."""
+    volts, ohmic, slow = [], [], []
+    for record in records:
+        volt = simulated(model, member["model"], record).voltage_volt
+        if not np.isfinite(volt).all():
+            raise Refusal(f"{record.test}: {member['model']} gives no finite voltage there")
+        volts.append(volt)
+        at_once, lagging = resistances(member, record.soc, record.celsius)
+        ohmic.append(at_once)
+        slow.append(lagging)
+    return Given(*(np.concatenate(parts) for parts in (volts, ohmic, slow)))
+
+
+def resistances(member, soc, celsius):
+    """Resistance of a member that follows the current at once, and what lags, (n,) each [ohm].
+
+    Parameters
+    ----------
+    member : dict of a model file. soc : (n,) [1]. celsius : scalar or (n,) [degC].
+    """
+    circuit = circuit_at(member["conditions"], soc, celsius).circuit
+    return tuple(_summed(circuit, len(soc), at_once=at_once) for at_once in (True, False))
+
+
+def _summed(circuit, rows, *, at_once):
+    """Sum of the resistances of the branches that follow the current at once, or of the others."""
+    parts = [
+        branch.parameters["r_ohm"]
+        for branch in circuit
+        if "r_ohm" in branch.parameters and (branch.kind in OHMIC) == at_once
+    ]
+    return np.maximum(np.sum(parts, axis=0), LEAST_OHM) if parts else np.ones(rows)
+
+
+def _log_stds(member):
+    """Standard deviations of the logarithms of a member's resistances and time constants."""
+    ohmic, slow = [], []
+    for condition in member["conditions"]:
+        ohmic.append(_relative(condition["r0_std_ohm"], condition["r0_ohm"]))
+        slow += [
+            _relative(branch.get(std_name("r_ohm")), branch["r_ohm"])
+            for branch in condition["branches"]
+            if "r_ohm" in branch
+        ]
+    stds = {"log_r0": _middle(ohmic), "log_r1": _middle(slow), "log_r2": _middle(slow)}
+    return stds | {"log_tau1": TAU_LOG_STD, "log_tau2": TAU_LOG_STD}
+
+
+def _relative(std, value):
+    """Median of standard deviations over their values, NaN where none was stated."""
+    pairs = zip(np.atleast_1d(std), np.atleast_1d(value), strict=False)
+    stated = [s / v for s, v in pairs if s is not None and v]
+    return float(np.median(stated)) if stated else np.nan
+
+
+def _middle(relative):
+    """Median of relative deviations within limits; the upper one where nothing was stated."""
+    stated = [value for value in relative if np.isfinite(value)]
+    middle = float(np.median(stated)) if stated else MOST_LOG_STD
+    return float(np.clip(middle, LEAST_LOG_STD, MOST_LOG_STD))
+
+
+def _companion(case):
+    """Values of the companion: resistances and time constants fitted to the given voltage.
+
+    Everything else stays as it was stated, so that the difference is a part of the given model.
+    """
+    values = base.first_values(case.cell, case.fit)
+    free = base.frees(case.fit, values, case.tolerance)
+    filters = filters_of(case, FIRST, extra_volt_of(case, values))
+    problem = problem_of(case, (), free, filters)
+    logs = tuple(parameter for parameter in free if parameter.name in base.LOGARITHMS)
+    return fit(problem._replace(free=logs, coupling=None), values).values
+
+
+def at_starts(values, stack):
+    """Values with the stated SoC at the starts of a stack: dict.
+
+    Parameters
+    ----------
+    values : dict of parameters by name. stack : records.Stack.
+    """
+    return values | {f"soc0[{k}]": float(soc) for k, soc in enumerate(stack.soc_at_start)}

@@ -1,0 +1,216 @@
+"""How likely each answer of a search is: none, names, or something unknown.
+
+The records are few, and their blocks (a record's band of the SoC) scatter by more than the noise of
+their rows. Each draw gives every block a random weight, and the rule of the search chooses anew
+among the trials of each round; none is fitted again.
+"""
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import base
+from cellwright.effects.proof import block_sums, blocks_of, consistency_of, excess_volt
+from cellwright.effects.search import best_of, up_to
+
+DRAWS = 200
+LIKELY = 0.5
+SEED = 15
+# Both are from half of the behavioural cells; docs/missing-effect.md, "How likely".
+SPREAD = 8.0  # blocks that lie side by side err alike: weights scatter as if they were fewer
+UNSEEN = 0.05  # searches that all blocks agree on and that are wrong: a form that no effect has
+
+
+class Side(NamedTuple):
+    """Blocks of the records fitted, or of those that judge, with weights of each draw.
+
+    block : (n,) number of the block of each row, -1 where a row does not count. number : (n,) place
+    of the block among those present, also of rows that do not count. blocks : how many.
+    file : (n,) number of the record. weights : (d, b) [1].
+    """
+
+    block: np.ndarray
+    number: np.ndarray
+    blocks: int
+    file: np.ndarray
+    weights: np.ndarray
+
+    def sums(self, values, rows=None):
+        """Sums of values (n,) over each block (b,), of rows that are marked."""
+        values = values if rows is None else values * rows
+        return np.bincount(self.number, values, self.blocks)
+
+    def rms(self, residual):
+        """Root mean square of a residual [V] over rows that count, in each draw (d,)."""
+        rows = self.block >= 0
+        return np.sqrt(
+            self.weights @ self.sums(residual**2, rows) / (self.weights @ self.sums(1.0 * rows))
+        )
+
+
+def probabilities(case, rounds, result, *, draws=DRAWS, spread=SPREAD, unseen=UNSEEN):
+    """Probability of each answer: the share of draws that end in it.
+
+    1. Every block of the records fitted and of those that judge has a weight, of mean one and
+       variance `spread`, drawn from a gamma distribution.
+    2. In each round gain, harm, sizes and criteria of its trials follow with these weights, and
+       the rule of the search (`search.best_of`) chooses.
+    3. A draw that chooses as the search did, what is tied with that, or what the search chose
+       later, goes on;
+       one that chooses another effect ends with it; one that chooses none, or one that the search
+       took back, ends with those so far.
+
+    Parameters
+    ----------
+    case : case.Case. rounds : list of search.Round. result : verdict.Outcome of them.
+    draws : how many. spread : variance of the weights [1]. unseen : probability that goes evenly to
+    all answers, as blocks cannot show it: "none", "unknown", each name tried last, those drawn.
+
+    Returns
+    -------
+    probabilities : dict answer → probability, the likeliest first: "none", "unknown", or ids in
+    alphabetical order joined by " + ". Ids that no fit tells apart share theirs evenly.
+
+    Source: D. Rubin, Ann. Statist. 9 (1981) 130 (the Bayesian bootstrap).
+    """
+    random = np.random.default_rng(SEED)
+    kept = tuple(step.chosen.effect.id for step in result.steps)
+    going, answers = np.arange(draws), [()] * draws
+    sides, first = None, None
+    refused = {key for step in rounds for key in step.dropped}
+    for number, step in enumerate(rounds):
+        if sides is None:
+            sides = _sides(case, step, random.gamma, draws, spread)
+            first = _befores(step.before, sides)
+        choices = _choices(case, step, sides, first, going, rounds[0].floor)
+        later = {s.chosen.effect.key for s in rounds[number:] if s.chosen}
+        later |= set(step.tied) if step.chosen else set()
+        further = [draw for draw, t in choices.items() if t is not None and t.effect.key in later]
+        for draw, trial in choices.items():
+            answers[draw] = _ended(step, trial, refused)
+        for draw in further:
+            answers[draw] = kept
+        going = np.array(further, int)
+    shares = _shares(answers, _unknown(result, sides, first, case.gates.unknown_volt), result)
+    possible = {*shares, "none", "unknown", *(t.effect.id for t in rounds[-1].trials)}
+    even = unseen / len(possible)
+    shares = {one: (1.0 - unseen) * shares.get(one, 0.0) + even for one in possible}
+    return dict(sorted(shares.items(), key=lambda pair: (-pair[1], pair[0])))
+
+
+def _ended(step, trial, refused):
+    """Ids of a draw that ends in a round with a choice (search.Trial), or without one (None)."""
+    so_far = tuple(effect.id for effect in step.before.effects)
+    none = trial is None or trial.effect.key in refused
+    return so_far if none else (*so_far, trial.effect.id)
+
+
+def _sides(case, step, gamma, draws, spread):
+    """Both sides with blocks by the SoC of the model before a round."""
+    state, sides = step.before, []
+    both = (
+        (case.fit, state.solution.values, step.filters.fit_rows),
+        (case.validation, state.values, step.filters.validation_rows),
+    )
+    for stack, values, rows in both:
+        soc = base.fields_of(case.cell, stack, values, state.effects).soc
+        number = np.unique(blocks_of(stack, soc, np.ones_like(rows)), return_inverse=True)[1]
+        blocks = int(number.max()) + 1
+        weights = gamma(1.0 / spread, spread, (draws, blocks))
+        sides.append(Side(np.where(rows, number, -1), number, blocks, stack.file, weights))
+    return sides
+
+
+def _befores(state, sides):
+    """A state with its errors as each draw weighs the blocks: list of search.State."""
+    errors = sides[0].rms(state.solution.residual), sides[1].rms(state.validation)
+    return [
+        state._replace(rmse_volt=fit, validation_rmse_volt=judging)
+        for fit, judging in zip(*(e.tolist() for e in errors), strict=True)
+    ]
+
+
+def _choices(case, step, sides, first, going, floor):
+    """What each draw chooses in a round: dict draw → search.Trial of the search, or None."""
+    denied = case.denied(step.trials)
+    allowed = [t for t in step.trials if t.effect.key not in denied]
+    befores = _befores(step.before, sides)
+    weighed = [_weighed(case, step.before, trial, sides) for trial in allowed]
+    choices = {}
+    for draw in going.tolist():
+        trials = sorted((t[draw] for t in weighed), key=lambda t: -t.j)
+        chosen, _ = best_of(case, first[draw], befores[draw], trials, floor)
+        choices[draw] = chosen
+    return choices
+
+
+def _weighed(case, before, trial, sides):
+    """A trial as each draw weighs the blocks: list of search.Trial."""
+    fit, judging = sides
+    fall = before.solution.whitened**2 - trial.state.solution.whitened**2
+    fall = fall / trial.inflation["fit"][fit.file]
+    delta_bic = trial.delta_bic + (fit.weights - 1.0) @ fit.sums(fall)
+    fall = before.validation_white**2 - trial.state.validation_white**2
+    fall = fall / trial.inflation["validation"][judging.file]
+    delta_validation = trial.delta_validation + (judging.weights - 1.0) @ judging.sums(fall)
+    side = judging if trial.proven else fit
+    residuals = [
+        s.validation if trial.proven else s.solution.residual for s in (before, trial.state)
+    ]
+    sums = block_sums(*residuals, side.block, side.file)
+    present = np.unique(side.block[side.block >= 0])
+    limit = {"material_volt": case.gates.material_volt}
+    proofs = consistency_of(sums, side.weights[:, present], **limit)
+    columns = delta_bic.tolist(), delta_validation.tolist(), _befores(trial.state, sides), proofs
+    return [
+        trial._replace(delta_bic=bic, delta_validation=judged, state=state, proof=proof)
+        for bic, judged, state, proof in zip(*columns, strict=True)
+    ]
+
+
+def _unknown(result, sides, first, unknown_volt):
+    """Draws in which the plain model leaves more than anyone would accept (d,) bool."""
+    floor = result.floor
+    return [
+        max(
+            excess_volt(state.rmse_volt, floor.fit_volt),
+            excess_volt(state.validation_rmse_volt, floor.validation_volt),
+        )
+        > unknown_volt
+        for state in first
+    ]
+
+
+def _shares(answers, unknown, result):
+    """Shares of the draws that end in each answer; what no fit tells apart shares evenly."""
+    same = {step.chosen.effect.id: (step.chosen.effect.id, *step.tied) for step in result.steps}
+    shares = {}
+    for names, lost in zip(answers, unknown, strict=True):
+        alike = product(*(same.get(name, (name,)) for name in names))
+        said = [" + ".join(sorted(set(one))) for one in alike]
+        said = said if names else ["unknown" if lost else "none"]
+        for one in said:
+            shares[one] = shares.get(one, 0.0) + 1.0 / len(said) / len(answers)
+    return shares
+
+
+def likely(rounds, result, shares):
+    """Rounds of a search up to the first name that is less likely than not.
+
+    Parameters
+    ----------
+    rounds : list of search.Round. result : verdict.Outcome of them. shares : from `probabilities`.
+
+    Returns
+    -------
+    rounds : list of search.Round; the last one chose nothing where a name was refused.
+    refused : search.Round that chose the name that is refused, or None.
+    """
+    answers = {tuple(answer.split(" + ")): share for answer, share in shares.items()}
+    for number, step in enumerate(result.steps, 1):
+        wanted = [{s.chosen.effect.id, *s.tied} for s in result.steps[:number]]
+        with_all = [names for names in answers if all(set(names) & one for one in wanted)]
+        if sum(answers[names] for names in with_all) < LIKELY:
+            return up_to(rounds, step), step
+    return rounds, None

@@ -1,0 +1,1 @@
+"""What records can show of an effect, and the test that would show it next."""

@@ -1,0 +1,87 @@
+"""Which question of a verdict the next test is to answer."""
+
+from cellwright.effects.planning.planner import next_test
+from cellwright.effects.story.places import where
+
+REST_HOUR = 1  # before and after the loads of a test that is repeated
+NEAR = 0.25  # share of the squared gap that an explanation near enough to be tested takes
+DOUBLED = 2.0  # what a test makes of the chi-square on hand: explanations told apart are both wrong
+
+
+def advised(case, result, rounds, library, untestable, place):
+    """Menu of next tests and advice of one, for the most urgent open question.
+
+    1. A tie: what tells the effects apart.
+    2. A name that no record shows which was not fitted: the test that would prove it.
+    3. A gap that is larger than anyone would accept: what tells the two nearest explanations of it
+       apart, or would prove the only one, where they take a quarter of the gap and a test of the
+       menu at least doubles what the records on hand say. Else the test in which most of the gap
+       sits, again, with rests before and after.
+    4. Nothing missing, at one temperature only: whether resistance over temperature is.
+
+    Parameters
+    ----------
+    case : case.Case. result : verdict.Outcome. rounds : list of search.Round.
+    library : dict of Effect by id. untestable : ids that the records cannot show.
+    place : dict, see `judge.worst`; None: unknown.
+
+    Returns
+    -------
+    menu : dict of columns test, hours, chi_square; {} where nothing of the menu was weighed.
+    sentence : str, or None: there is no open question. test : id of the menu that is advised, or
+    None.
+    """
+    tied = next((step for step in result.steps if step.tied), None)
+    if tied is not None:
+        after, name = tied.chosen.state, tied.chosen.effect.id
+        return _told(next_test(case, after, name, tied.tied, library=library))
+    unproven = next((step for step in result.steps if not step.chosen.proven), None)
+    if unproven is not None:
+        name = unproven.chosen.effect.id
+        return _told(next_test(case, result.last, name, library=library, proof=True))
+    if not result.adequate:
+        return _of_gap(case, result, rounds[-1], library, place)
+    # Of effects that could not be tested, resistance over temperature is what most cells have.
+    if result.word != "none" or "resistance_temperature" not in untestable:
+        return {}, None, None
+    return _told(next_test(case, result.last, "resistance_temperature", library=library))
+
+
+def _told(advice):
+    return advice.table, advice.sentence, None if advice.test == "check" else advice.test
+
+
+def _of_gap(case, result, step, library, place):
+    """Advice on what is left after the last round: on its nearest explanations, or on its place."""
+    near = [t for t in step.trials if _near(case, step.before, t, result.floor)]
+    near = {t.effect.id: t for t in sorted(near, key=lambda t: t.j)}
+    near = sorted(near.values(), key=lambda t: -t.j)[:2]
+    if near:
+        state, name = near[0].state, near[0].effect.id
+        rivals = tuple(t.effect.id for t in near[1:])
+        advice = next_test(case, state, name, rivals, library=library, proof=not rivals)
+        most = max(advice.table["chi_square"])
+        if advice.test is not None and most >= DOUBLED * advice.now:
+            sentence = f"{advice.sentence[:-1]}. Neither explains all that is left."
+            return advice.table, sentence, advice.test
+    if place is None:
+        return {}, None, None
+    rest = f"{REST_HOUR} h of rest before and after"
+    sentence = (
+        f"To see what is left {where(place)}: the loads of that test once more in this range of "
+        f"the state of charge, with {rest}, as a test that is not fitted."
+    )
+    return {}, sentence, None
+
+
+def _near(case, before, trial, floor):
+    """Whether an effect that was tried explains a fair part of a gap, without being chosen."""
+    if trial.delta_bic <= case.gates.bic or not trial.material:
+        return False
+    after = trial.state
+    sides = (
+        (before.rmse_volt, after.rmse_volt, floor.fit_volt),
+        (before.validation_rmse_volt, after.validation_rmse_volt, floor.validation_volt),
+    )
+    was, now, least = max(sides, key=lambda side: side[0] ** 2 - side[2] ** 2)
+    return was**2 - now**2 >= NEAR * (was**2 - least**2)

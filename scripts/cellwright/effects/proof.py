@@ -1,0 +1,242 @@
+"""Whether an effect is proven, what may be left, and what of it could still be learned.
+
+An effect counts by how evenly it helps over the records that judge, block by block, not by one
+pooled error: the misfit of a real cell lasts for hours, so that a pooled test finds anything that
+follows it, and one record with a large error decides for all the others.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects import base
+from cellwright.effects.judge import BANDS, LEAST_ROWS
+
+HALF = 0.5  # of what an effect promises: below it, it makes the error larger
+TWICE = 2.0  # of what an effect promises: records that ask for more lack something beside it
+SURE = 2.0  # standard errors: 95 %
+LITTLE = 0.2  # of what an effect takes off the errors, so much it may add to others
+BATCHES = (10, 30, 100, 300)  # rows over which whitened residuals are summed
+
+
+class Consistency(NamedTuple):
+    """How an effect explains what was missing, block by block of the records that judge.
+
+    gain : mean over the blocks of <residual before, change>/<change, change>: 1 where the effect
+    explains all that it changes, 0 where it explains nothing, below 1/2 where it makes things
+    worse. Blocks count by their rms change, so that one record with a large error does not decide.
+    std : its standard error by the scatter between the blocks. changed_volt : rms change over all
+    rows that count [V]. excited, helped, hurt : numbers of blocks that the effect changes by more
+    than is material; of those among them, and of all blocks, whose error falls or rises by as much.
+    harm : of the excited blocks together, what rms errors rise by over what they fall by, both
+    times the blocks' rows. worse_volt : largest rise of the rms error of one record [V].
+    """
+
+    gain: float
+    std: float
+    changed_volt: float
+    excited: int
+    helped: int
+    hurt: int
+    harm: float
+    worse_volt: float
+
+    @property
+    def holds(self):
+        """Whether it helps most blocks that it changes, beyond chance, in its size, and harms few.
+
+        Where records that were not fitted ask for twice the size and more, what they lack is
+        something else that goes along with it.
+        """
+        beyond = self.gain > max(HALF, SURE * self.std)
+        sized = self.gain < TWICE
+        return beyond and sized and self.helped > HALF * self.excited and self.harm <= LITTLE
+
+
+class BlockSums(NamedTuple):
+    """What a change of the residual does in each block, and to each record.
+
+    rows : (b,) of a block. kept : (b,) bool, blocks that count. file : (b,) number of its record.
+    energy, shared : (b,) mean square of the change, mean product of it and the residual [V²].
+    was, now : (b,) rms error before and after it [V].
+    """
+
+    rows: np.ndarray
+    kept: np.ndarray
+    file: np.ndarray
+    energy: np.ndarray
+    shared: np.ndarray
+    was: np.ndarray
+    now: np.ndarray
+
+
+def block_sums(before, after, block, record):
+    """BlockSums of a change of the residual.
+
+    Parameters
+    ----------
+    before, after : (n,) residual without and with the effect [V].
+    block : (n,) number of the block of each row, -1 where a row does not count.
+    record : (n,) number of the record of each row.
+    """
+    counts = block >= 0
+    first, number = np.unique(block[counts], return_index=True, return_inverse=True)[1:]
+    rows = np.bincount(number)
+    change = before - after
+
+    def mean(values):
+        return np.bincount(number, values[counts]) / rows
+
+    energy = mean(change**2)
+    kept = (energy > 0) & (rows >= LEAST_ROWS)
+    errors = (np.sqrt(mean(r**2)) for r in (before, after))
+    return BlockSums(rows, kept, record[counts][first], energy, mean(before * change), *errors)
+
+
+def consistency(before, after, block, record, *, material_volt):
+    """Consistency of a change of the residual over blocks.
+
+    Parameters
+    ----------
+    before, after, block, record : see `block_sums`. material_volt : a change below it is none [V].
+
+    Returns
+    -------
+    consistency : Consistency.
+    """
+    if not np.any(block >= 0):
+        return Consistency(0.0, np.inf, 0.0, 0, 0, 0, np.inf, 0.0)
+    sums = block_sums(before, after, block, record)
+    whole = consistency_of(sums, np.ones((1, len(sums.rows))), material_volt=material_volt)[0]
+    numbers = {name: round(getattr(whole, name)) for name in ("excited", "helped", "hurt")}
+    return whole._replace(**numbers)
+
+
+def consistency_of(sums, weights, *, material_volt):
+    """Consistency of a change where each block is there as often as a weight says.
+
+    Parameters
+    ----------
+    sums : BlockSums, of one block or more. weights : (d, b) [1]. material_volt : [V].
+
+    Returns
+    -------
+    consistencies : list of d Consistency, its numbers of blocks being sums of weights.
+    """
+    kept, rows = sums.kept, sums.rows
+    size = np.where(kept, rows * np.sqrt(sums.energy), 0.0)
+    each = np.where(kept, sums.shared / np.maximum(sums.energy, 1e-300), 0.0)
+    whole = np.maximum(weights @ size, 1e-300)
+    gain = weights @ (size * each) / whole
+    scatter = weights * (size * (each - gain[:, None])) ** 2
+    std = np.sqrt(scatter.sum(axis=1)) / whole if kept.sum() > 1 else np.full(len(gain), np.inf)
+    excited = kept & (sums.energy >= material_volt**2)
+    rise = np.where(excited, rows * (sums.now - sums.was), 0.0)
+    risen, fallen = (weights @ np.maximum(way * rise, 0.0) for way in (1.0, -1.0))
+    harm = np.divide(risen, fallen, out=np.where(risen > 0, np.inf, 0.0), where=fallen > 0)
+    numbers = (
+        excited,
+        excited & (sums.now < sums.was),
+        kept & (sums.now > sums.was + material_volt),
+    )
+    changed = np.sqrt(weights @ (rows * sums.energy) / np.maximum(weights @ rows, 1e-300))
+    measures = (gain, std, changed, *(weights @ n for n in numbers), harm, _worse(sums, weights))
+    return [Consistency(*row) for row in np.stack(measures, axis=1).tolist()]
+
+
+def _worse(sums, weights):
+    """Largest rise of the rms error of one record (d,) [V]."""
+    of_file = (sums.file[:, None] == np.unique(sums.file)).astype(float)
+    rows = np.maximum((weights * sums.rows) @ of_file, 1e-300)
+    now, was = (
+        np.sqrt((weights * sums.rows * error**2) @ of_file / rows) for error in sums[-1:-3:-1]
+    )
+    return (now - was).max(axis=1)
+
+
+def blocks_of(stack, soc, rows):
+    """Number of the block of each row, a record's band of the SoC; -1 where a row does not count.
+
+    Parameters
+    ----------
+    stack : records.Stack. soc : (n,) [1]. rows : (n,) bool, rows that count.
+    """
+    band = np.clip((soc * BANDS).astype(int), 0, BANDS - 1)
+    return np.where(rows, stack.file * BANDS + band, -1)
+
+
+def inflation(white, file, files):
+    """Ratio of the variance of sums over batches of whitened rows to that of independent rows.
+
+    Parameters
+    ----------
+    white : (n,) whitened residual. file : (n,) number of the record of each row. files : how many.
+
+    Returns
+    -------
+    inflation : (f,) of each record, 1 or more: by it a chi-square of its rows is too large.
+
+    Source: J. Flegal, G. Jones, Ann. Statist. 38 (2010) 1034 (batch means).
+    """
+    most = np.ones(files)
+    for number in range(files):
+        rows = white[file == number]
+        for length in (size for size in BATCHES if len(rows) >= 4 * size):
+            batches = rows[: len(rows) // length * length].reshape(-1, length).sum(axis=1)
+            most[number] = max(most[number], np.mean(batches**2) / length)
+    return most
+
+
+class Floor(NamedTuple):
+    """Error that is left by readings and by the tolerances of what is known beforehand [V].
+
+    fit_volt, validation_volt : root mean square over the rows that count, of the records fitted
+    and of those that judge. by_test : of each record that judges, by its name.
+    """
+
+    fit_volt: float
+    validation_volt: float
+    by_test: dict
+
+
+def floor_of(case, state, free, rows, read_volt):
+    """Floor of a case: noise of the readings, and what stated tolerances leave on other records.
+
+    The parameters of the plain model are known to within their posterior: priors (tolerances of
+    the OCV, of the capacity, of the SoC at a start) narrowed by the records fitted. Through the
+    sensitivities of the records that judge this is an error that no missing effect has made.
+
+    Parameters
+    ----------
+    case : case.Case. state : search.State of the plain model. free : tuple of Free, of its fit.
+    rows : (m,) bool, rows that count. read_volt : noise of a single reading [V].
+
+    Returns
+    -------
+    floor : Floor.
+    """
+    stack, solution = case.validation, state.solution
+    at = base.voltage(case.cell, stack, state.values, state.effects)
+    shared = [f for f in free if not f.name.startswith("soc0[")]
+    columns = np.stack([_derivative(case, state, at, f) for f in shared], axis=1)
+    place = [solution.names.index(f.name) for f in shared]
+    covariance = np.linalg.pinv(solution.precision)[np.ix_(place, place)]
+    variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
+    variance = np.maximum(variance, 0.0) + read_volt**2
+    by_test = {
+        test: float(np.sqrt(variance[rows & (stack.file == k)].mean()))
+        for k, test in enumerate(stack.tests)
+        if np.any(rows & (stack.file == k))
+    }
+    return Floor(read_volt, float(np.sqrt(variance[rows].mean())), by_test)
+
+
+def _derivative(case, state, at, free):
+    """Derivative of the voltage of the records that judge by one parameter (m,)."""
+    moved = state.values | {free.name: state.values[free.name] + free.step}
+    return (base.voltage(case.cell, case.validation, moved, state.effects) - at) / free.step
+
+
+def excess_volt(error_volt, floor_volt):
+    """What is left of an rms error beyond its floor [V]."""
+    return float(np.sqrt(max(error_volt**2 - floor_volt**2, 0.0)))

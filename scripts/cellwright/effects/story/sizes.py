@@ -1,0 +1,242 @@
+"""Sizes of effects as people use them: kJ/mol, mΩ at three states of charge, mA, % of capacity."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.effects.base import LOGARITHMS
+from cellwright.effects.witnesses.probes import acted
+
+THIRDS = (0.1, 0.5, 0.9)  # SoC at which a course is told
+SMALL_RATE = 0.02  # of the capacity per hour: a current that charge transfer answers in proportion
+DAY_HOUR, MINUTE_SECOND = 24.0, 60.0
+LEAST_DEVIATION = 1e-3  # of the value: none that is smaller is written
+
+
+class Size(NamedTuple):
+    """One size: `name` in words, `value` ± `std` in `unit`; std is NaN where none is stated."""
+
+    name: str
+    value: float
+    std: float
+    unit: str
+
+    @property
+    def text(self):
+        """In words: name, value, deviation, unit."""
+        number = f"{self.value:.3g}"
+        if np.isfinite(self.std) and self.std > LEAST_DEVIATION * abs(self.value):
+            number += f" ± {self.std:.1g}"
+        return f"{self.name} {number} {self.unit}".strip().replace("-", "−")
+
+
+def sizes_as_used(effect, parameters, values=None):
+    """Sizes of one effect as people use them, with their standard deviations.
+
+    A deviation adds up those of the parameters, as if they were independent.
+
+    Parameters
+    ----------
+    effect : Effect. parameters : of the verdict: name → {value, std, unit}.
+    values : dict of the model's parameters, with capacity_ampere_hour; what needs them and lacks
+        them is told by the effect's own parameters.
+
+    Returns
+    -------
+    sizes : tuple of Size.
+    """
+    own = {name: one["value"] for name, one in parameters.items()}
+    form = FORMS.get(effect.id)
+    known = values is not None and all(name in values for name in LOGARITHMS)
+    if form is None or not {p.name for p in effect.parameters} <= set(own):
+        return _as_fitted(parameters)
+    if effect.id in OF_THE_MODEL and not (known and "capacity_ampere_hour" in values):
+        return _as_fitted(parameters)
+    told = form(effect, own, values or {})
+    deviations = [
+        [one[1] for one in form(effect, own | {name: own[name] + p["std"]}, values or {})]
+        for name, p in parameters.items()
+        if p["std"] is not None and np.isfinite(p["std"])
+    ]
+    moved = np.array(deviations).reshape(-1, len(told)) - [one[1] for one in told]
+    stds = np.sqrt(np.sum(moved**2, axis=0)) if len(moved) else np.full(len(told), np.nan)
+    return tuple(
+        Size(name, float(value), float(std), unit)
+        for (name, value, unit), std in zip(told, stds, strict=True)
+    )
+
+
+def _as_fitted(parameters):
+    """Parameters as they are, those with a deviation; of a group's branch the number is no size."""
+    return tuple(
+        Size(name_of(name, p["unit"]), p["value"], p["std"], "" if p["unit"] == "1" else p["unit"])
+        for name, p in parameters.items()
+        if p["std"] is not None
+    )
+
+
+def name_of(name, unit):
+    """A parameter's name in words, without the unit, which stands behind the number.
+
+    Parameters
+    ----------
+    name : of the parameter. unit : as in the verdict.
+    """
+    words = name.split("_")
+    spelt = SPELT.get(unit, "").split()
+    return " ".join(words[: -len(spelt)] if spelt and words[-len(spelt) :] == spelt else words)
+
+
+SPELT = {
+    "V": "volt",
+    "A": "ampere",
+    "Ohm": "ohm",
+    "s": "second",
+    "1/A": "per ampere",
+    "K/W": "kelvin per watt",
+    "V/K": "volt per kelvin",
+    "1/K": "per kelvin",
+    "J/mol": "joule per mole",
+    "K": "kelvin",
+}
+
+
+def _energy(effect, p, values):
+    return [("activation energy", 1e-3 * next(iter(p.values())), "kJ/mol")]
+
+
+def _over_soc(words, resistance):
+    """Resistance at three states of charge, and what the model would have without the effect."""
+
+    def told(effect, p, values):
+        ohm = resistance(acted(effect, p, values, soc=THIRDS))
+        sizes = [
+            (f"at {100 * soc:.0f} % SoC", 1e3 * one, "mΩ")
+            for soc, one in zip(THIRDS, ohm, strict=True)
+        ]
+        return [(f"{words} {sizes[0][0]}", *sizes[0][1:]), *sizes[1:]]
+
+    return told
+
+
+def _asymmetry(effect, p, values):
+    ohm = acted(effect, p, values, current=[-1.0, 1.0]).r0
+    return [("R0 on discharge", 1e3 * ohm[0], "mΩ"), ("on charge", 1e3 * ohm[1], "mΩ")]
+
+
+def _lead(effect, p, values):
+    return [("", 1e3 * p["resistance_ohm"], "mΩ")]
+
+
+def _charge_transfer(effect, p, values):
+    rates = np.array([SMALL_RATE, 1.0, 3.0])
+    current = rates * values["capacity_ampere_hour"]
+    ohm = -acted(effect, p, values, current=-current).ohmic / current
+    names = ("R0 at small currents", "at 1C", "at 3C")
+    return [(name, 1e3 * one, "mΩ") for name, one in zip(names, ohm, strict=True)]
+
+
+def _diffusion(effect, p, values):
+    minutes = p["time_constant_second"] / MINUTE_SECOND
+    return [("", 1e3 * p["resistance_ohm"], "mΩ"), ("time constant", minutes, "min")]
+
+
+def _hysteresis(effect, p, values):
+    sizes = [("half the distance of charge and discharge", 1e3 * p["amplitude_volt"], "mV")]
+    if "rate_per_soc" not in p:
+        return sizes
+    return [*sizes, ("turned over within", 100 / p["rate_per_soc"], "% of SoC")]
+
+
+def _heating(effect, p, values):
+    minutes = p["time_constant_second"] / MINUTE_SECOND
+    warm = p["thermal_resistance_kelvin_per_watt"]
+    return [("", warm, "K for each watt"), ("time constant", minutes, "min")]
+
+
+def _entropic(effect, p, values):
+    warm, cold = (acted(effect, p, values, soc=THIRDS, celsius=c).ocv for c in (26.0, 25.0))
+    names = (f"at {100 * soc:.0f} % SoC" for soc in THIRDS)
+    return [(name, 1e3 * one, "mV/K") for name, one in zip(names, warm - cold, strict=True)]
+
+
+def _capacity_temperature(effect, p, values):
+    ampere_hour = acted(effect, p, values, celsius=[20.0, 25.0, 30.0]).capacity
+    share = (ampere_hour[2] - ampere_hour[0]) / ampere_hour[1]
+    return [("", 100 * share, "% of capacity for 10 K warmer")]
+
+
+def _capacity(effect, p, values):
+    now, before = (acted(one, p, values).capacity[0] for one in (effect, None))
+    sizes = [("", 100 * (now / before - 1), "% of capacity")]
+    return [*sizes, ("", now - before, "Ah")] if "capacity_ampere_hour" in values else sizes
+
+
+def _lost(effect, p, values):
+    return [("", 100 * p["lost_share_of_charge"], "% of what is charged")]
+
+
+def _current(name, sign=1.0):
+    def told(effect, p, values):
+        sizes = [("", 1e3 * p[name], "mA")]
+        if "capacity_ampere_hour" not in values:
+            return sizes
+        share = 100 * abs(p[name]) * DAY_HOUR / values["capacity_ampere_hour"]
+        return [*sizes, ("", share, "% of SoC a day")]
+
+    return told
+
+
+def _share(name):
+    return lambda effect, p, values: [("", 100 * p[name], "% of reading")]
+
+
+def _volt(effect, p, values):
+    return [("", 1e3 * p["offset_volt"], "mV")]
+
+
+def _skew(effect, p, values):
+    return [("voltage behind current by", p["voltage_delay_second"], "s")]
+
+
+def _moved(effect, p, values):
+    volt = acted(effect, p, values, soc=THIRDS).ocv
+    names = (f"at {100 * soc:.0f} % SoC" for soc in THIRDS)
+    return [(name, 1e3 * one, "mV") for name, one in zip(names, volt, strict=True)]
+
+
+def _edges(effect, p, values):
+    volt = acted(effect, p, values, soc=[0.0, 1.0]).ocv
+    names = "when empty", "when full"
+    return [(name, 1e3 * one, "mV") for name, one in zip(names, volt, strict=True)]
+
+
+FORMS = {
+    "resistance_temperature": _energy,
+    "resistance_soc": _over_soc("R0", lambda fields: fields.r0),
+    "polarisation_soc": _over_soc("what relaxes", lambda fields: fields.r1 + fields.r2),
+    "resistance_asymmetry": _asymmetry,
+    "lead_resistance": _lead,
+    "charge_transfer_nonlinearity": _charge_transfer,
+    "slow_diffusion": _diffusion,
+    "hysteresis_instant": _hysteresis,
+    "hysteresis_one_state": _hysteresis,
+    "self_heating": _heating,
+    "entropic_ocv": _entropic,
+    "capacity_temperature": _capacity_temperature,
+    "capacity_error": _capacity,
+    "coulombic_inefficiency": _lost,
+    "leakage": _current("leak_ampere"),
+    "current_offset": _current("offset_ampere"),
+    "current_gain": _share("gain_relative"),
+    "voltage_gain": _share("gain_relative"),
+    "voltage_offset": _volt,
+    "time_skew": _skew,
+    "ocv_shift": _moved,
+    "ocv_edge": _edges,
+}
+# Sizes that are changes of the model's own resistances.
+OF_THE_MODEL = {
+    *("resistance_soc", "polarisation_soc", "resistance_asymmetry"),
+    "charge_transfer_nonlinearity",
+}

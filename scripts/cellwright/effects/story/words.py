@@ -1,0 +1,364 @@
+"""A verdict in words, for a reader who knows no statistics: one sentence first, then the rest."""
+
+from typing import NamedTuple
+
+from cellwright.effects.story.places import millivolt, near, where
+from cellwright.effects.story.sizes import sizes_as_used
+
+NAMES = {
+    "hysteresis_instant": "instant hysteresis",
+    "hysteresis_one_state": "hysteresis",
+    "resistance_asymmetry": "a resistance that differs between charge and discharge",
+    "resistance_soc": "resistance over state of charge",
+    "polarisation_soc": "polarisation over state of charge",
+    "slow_diffusion": "slow diffusion",
+    "charge_transfer_nonlinearity": "charge-transfer kinetics",
+    "resistance_temperature": "resistance over temperature",
+    "entropic_ocv": "an OCV that moves with temperature",
+    "self_heating": "self-heating",
+    "capacity_temperature": "capacity over temperature",
+    "coulombic_inefficiency": "charge lost in charging",
+    "leakage": "self-discharge",
+    "capacity_error": "a capacity other than tested",
+    "ocv_shift": "a shifted OCV",
+    "ocv_edge": "an OCV that differs near empty or full",
+    "current_offset": "an offset of the current reading",
+    "current_gain": "a gain error of the current reading",
+    "voltage_offset": "an offset of the voltage reading",
+    "voltage_gain": "a gain error of the voltage reading",
+    "time_skew": "a time shift between voltage and current",
+    "lead_resistance": "lead resistance",
+    "none": "nothing missing",
+    "unknown": "something unknown",
+}
+LEAST_PROBABILITY = 0.01
+BENT = 1.1  # times its error as it is, beyond which a given model was bent by the records fitted
+MANY_WORSE = 0.1  # of the parts that are better: so many worse ones make a name unsure
+SHOWN_WORSE = 2
+
+
+class Phrases(NamedTuple):
+    """How a paragraph speaks of what was searched.
+
+    where : on which records, of which quantity, the error is. healthy : the model without an
+    effect, and its verb. none : what does not explain an unknown error. named : what the names
+    are named of, and its verb.
+    """
+
+    where: str
+    healthy: str
+    none: str
+    named: str = "Shows"
+
+
+CELL = Phrases(
+    "on records that took no part in the fit",
+    "the plain model (open-circuit voltage, a resistance, two RC pairs) is off by",
+    "no effect of the vocabulary",
+)
+BASES = {
+    "plain": CELL,
+    "own": CELL._replace(healthy="the model in use is off by", named="The model in use lacks"),
+    "external": CELL._replace(healthy="your model is off by", named="Your model lacks"),
+}
+
+
+def name_of_effect(effect):
+    """An effect's short name in words; of one that has none here, its id."""
+    return NAMES.get(effect, effect.removeprefix("branch_").replace("_", " "))
+
+
+def one_line(verdict, own=None, external=None):
+    """What a cell shows, and what the model in use and that of the user lack, in one line.
+
+    Parameters
+    ----------
+    verdict : dict of the contract, of the plain circuit. own, external : dict, of the model in
+    use and of the user's simulator, or None.
+
+    Returns
+    -------
+    line : str, without a full stop.
+    """
+    lacking = (("its model", own), ("your simulation", external))
+    told = [_lacks(model, other) for model, other in lacking if other is not None]
+    return "; ".join([_shows(verdict), *told])
+
+
+def _shows(verdict):
+    names = _listed(_name(one) for one in verdict["effects"])
+    if verdict["verdict"] == "none":
+        return "shows nothing beyond a plain circuit"
+    if not names:
+        return f"shows something without a name, {millivolt(_open(verdict))}{_in_place(verdict)}"
+    return f"shows {names}"
+
+
+def _lacks(model, own):
+    names = _listed(_name(one) for one in own["effects"])
+    if own["verdict"] == "none":
+        most = own["validation_rmse_volt"]["after"]
+        return f"{model} lacks nothing above {1e3 * most:.2g} mV"
+    if names:
+        return f"{model} lacks {names}"
+    # Freed to follow the records fitted, a model may err by more than it does as it is.
+    left = _open(own)
+    most = min(left, (own.get("as_given_rmse_volt") or {}).get("validation", left))
+    return f"{model} lacks something without a name, {millivolt(most)}{_in_place(own)}"
+
+
+def _open(verdict):
+    """Error without a name [V]: on records for proof or fitted, whichever is larger."""
+    after = verdict["validation_rmse_volt"]["after"]
+    return max(after, (verdict.get("remainder") or {}).get("excess_volt", 0.0))
+
+
+def _in_place(verdict):
+    place = _located(verdict)
+    return f" {near(place)}" if place else ""
+
+
+def _located(verdict):
+    return (verdict.get("remainder") or {}).get("located_at") or verdict["located_at"]
+
+
+def _name(one):
+    names = [name_of_effect(name) for name in (one["effect"], *one["alternatives"])]
+    text = " or ".join(dict.fromkeys(names)) + _branch(one)
+    return f"{text} (unproven)" if one.get("proof") == "unproven" else text
+
+
+def _branch(one):
+    return f" (branch {one['branch']})" if "branch" in one else ""
+
+
+def _listed(names):
+    names = list(names)
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def paragraph(verdict, library, phrases=None, values=None):
+    """A paragraph for people about one cell or group.
+
+    Parameters
+    ----------
+    verdict : dict, as `verdict.verdict_of` makes it. Of its fields base, remainder, nuisances,
+        floors, probabilities, worsened and, of an effect, proof, blocks and explained, each is told
+        where it is there. library : dict of Effect by id. phrases : Phrases, None: those of the
+        verdict's base. values : dict of the model's parameters, for sizes in mΩ.
+
+    Returns
+    -------
+    text : str, a line for each part: what is shown, each effect, what is left, what to do.
+    """
+    phrases = phrases or BASES[verdict.get("base") or "plain"]
+    opening = {"none": _none, "unknown": _unknown}.get(verdict["verdict"], _named)
+    parts = [
+        *opening(verdict, library, phrases, values),
+        *_as_given(verdict),
+        *_remainder(verdict),
+        *_worsened(verdict),
+        *map(_nuisance, verdict.get("nuisances") or []),
+        *_probabilities(verdict),
+    ]
+    if verdict["next_test"]:
+        advice = verdict["next_test"].rstrip(".")
+        advice = advice.removeprefix("To ") if advice.startswith("To ") else advice
+        parts.append(f"To test next: {advice}.")
+    return "\n".join(parts)
+
+
+def _as_given(verdict):
+    """What a given model errs by before any of its parameters is freed."""
+    given = verdict.get("as_given_rmse_volt")
+    if given is None:
+        return
+    now = verdict["validation_rmse_volt"]["before"]
+    text = (
+        f"As it is, with no parameter freed, it is off by {millivolt(given['fit'])} on the records "
+        f"fitted and by {millivolt(given['validation'])} on the others"
+    )
+    if now > BENT * given["validation"]:
+        text += "; freed to follow the records fitted, by more on the others"
+    yield f"{text}."
+
+
+def _none(verdict, library, phrases, values):
+    both = verdict["validation_rmse_volt"]["before"]
+    return [
+        f"Nothing is missing that these data could show: {phrases.where} {phrases.healthy} "
+        f"{millivolt(both)}, and {_floor(verdict)}."
+    ]
+
+
+def _floor(verdict):
+    """What would be there anyway: by noise, and where it is known by the declared tolerances."""
+    volts = sorted(one["volt"] for one in verdict.get("floors") or [])
+    if not volts:
+        return f"the noise alone is {millivolt(verdict['floor_volt'])}"
+    ends = dict.fromkeys(millivolt(volt) for volt in (volts[0], volts[-1]))
+    return f"noise and declared tolerances may leave {' to '.join(ends)} in a record"
+
+
+def _unknown(verdict, library, phrases, values):
+    both = verdict["validation_rmse_volt"]
+    text = (
+        f"Something is missing that has no name here: {phrases.where} {phrases.healthy} "
+        f"{millivolt(both['before'])}, and {_floor(verdict)}"
+    )
+    if not verdict["partial"]:
+        return [f"{text}; {phrases.none} explains it."]
+    names = _listed(_name(one) for one in verdict["partial"])
+    return [
+        f"{text}. The nearest explanation, {names}, leaves {millivolt(both['after'])}, too much "
+        f"for it to be named."
+    ]
+
+
+def _named(verdict, library, phrases, values):
+    both, named = verdict["validation_rmse_volt"], verdict["effects"]
+    names = _listed(_name(one) for one in named)
+    change = (
+        f"{'together they take' if len(named) > 1 else 'it takes'} the error {phrases.where} from "
+        f"{millivolt(both['before'])} to {millivolt(both['after'])}"
+    )
+    if not both["after"] < both["before"]:
+        change = (
+            f"but the error {phrases.where} does not fall: {millivolt(both['before'])} before, "
+            f"{millivolt(both['after'])} after"
+        )
+    place = _located(verdict)
+    left = f"; what is left sits {near(place)}" if place else ""
+    changes = [library[one["effect"]].consequence for one in named]
+    changes = "; ".join(dict.fromkeys(filter(None, changes)))
+    return [
+        f"{phrases.named} {names}: {change}{left}. Of this, {_floor(verdict)}.",
+        *(_effect(one, library, values) for one in named),
+        *([f"What it changes: {changes}."] if changes else []),
+    ]
+
+
+def _effect(one, library, values):
+    """One effect: what it is, its sizes, what it cannot be told from, and what makes it unsure."""
+    effect = library[one["effect"]]
+    sizes = ", ".join(size.text for size in sizes_as_used(effect, one["parameters"], values))
+    place = f"in branch {one['branch']} ({one['cell']}) " if "branch" in one else ""
+    text = f"{place}{effect.sentence}"
+    text = f"{text[0].upper()}{text[1:]} ({sizes})."
+    if one["alternatives"]:
+        others = " or ".join(library[name].sentence for name in one["alternatives"])
+        text += f" These data cannot tell it from: {others}."
+    if one.get("branch_alternatives"):
+        others = " or ".join(str(branch) for branch in one["branch_alternatives"])
+        text += f" As well it could be branch {others}."
+    why = doubts(one)
+    return f"{text} Unsure: {'; '.join(why)}." if why else text
+
+
+def doubts(one, witnesses=()):
+    """What speaks against trusting an effect of a verdict; empty where it is sure.
+
+    Parameters
+    ----------
+    one : dict, entry of a verdict. witnesses : of this effect: sequence of dict with name, says
+        and shown; one that shows the effect with another size is no doubt of its name.
+
+    Returns
+    -------
+    reasons : tuple of str.
+    """
+    both, blocks = one["validation_rmse_volt"], one.get("blocks") or {}
+    bounds = [name.replace("_", " ") for name, p in one["parameters"].items() if p["at_bound"]]
+    explained = one.get("explained")
+    against = [w["name"] for w in witnesses if w["says"] == "contradicts" and not w["shown"]]
+    reasons = (
+        (one["alternatives"] or one.get("branch_alternatives"), "another explains it as well"),
+        (one.get("proof") == "unproven", "no record that took no part in the fit excites it"),
+        (not both["after"] < both["before"], "the error on records for proof does not fall"),
+        (
+            explained is not None and explained <= 0,
+            "at its size it does not by itself make smaller what was left before it",
+        ),
+        (bounds, f"{_listed(bounds)} ended on a bound"),
+        (
+            not one["same_without_validation"],
+            "the fitted records alone would have named another effect",
+        ),
+        (
+            blocks.get("hurt", 0) > MANY_WORSE * blocks.get("helped", 0),
+            f"of the {blocks.get('excited')} parts of the records for proof that excite it, "
+            f"{blocks.get('helped')} are better with it and {blocks.get('hurt')} worse",
+        ),
+        (against, f"contradicted by {_listed(against)}"),
+    )
+    return tuple(text for holds, text in reasons if holds)
+
+
+def explained(evidence):
+    """Share of what was left that an effect at its size takes away by itself.
+
+    1 − Σ(residual − change)²/Σ residual², over the evidence's bins; above zero exactly where the
+    residual follows the effect with a slope of more than one half.
+
+    Parameters
+    ----------
+    evidence : dict of columns effect, sensitivity_volt, residual_volt, rows.
+
+    Returns
+    -------
+    shares : dict: effect → share [1], at most 1; negative where the effect alone makes it worse.
+    """
+    sums = {}
+    names = ("effect", "rows", "sensitivity_volt", "residual_volt")
+    for effect, rows, change, residual in zip(*(evidence.get(n, ()) for n in names), strict=True):
+        after, before = sums.get(effect, (0.0, 0.0))
+        sums[effect] = after + rows * (residual - change) ** 2, before + rows * residual**2
+    return {str(k): float(1.0 - a / b) if b > 0 else 0.0 for k, (a, b) in sums.items()}
+
+
+def _remainder(verdict):
+    left, place = verdict.get("remainder"), verdict["located_at"]
+    parts = []
+    if place is not None:
+        share = f"{100 * place['share']:.0f} %, sits {where(place)}"
+        parts.append(f"The largest part of what is left, {share}.")
+    if not left:
+        return parts
+    text = f"Left beyond what noise and declared tolerances allow: {millivolt(left['excess_volt'])}"
+    ceiling = left.get("ceiling_volt")
+    known = "" if ceiling is None else f", down to {millivolt(ceiling)}"
+    learnable = {
+        True: f"; a function of state of charge, temperature and past current can learn it{known}",
+        False: "; no function of state of charge, temperature and past current learns it from the "
+        "fitted records",
+    }
+    return [*parts, f"{text}{learnable.get(left.get('learnable'), '')}."]
+
+
+def _worsened(verdict):
+    fields = (verdict.get("worsened") or [])[:SHOWN_WORSE]
+    if not fields or not verdict["effects"]:
+        return []
+    listed = _listed(f"by {millivolt(one['volt'])} {where(one)}" for one in fields)
+    more = len(verdict["worsened"]) - len(fields)
+    return [f"Worse than before {listed}{f', and in {more} more places' if more else ''}."]
+
+
+def _nuisance(one):
+    test = f" of {one['test']}" if one.get("test") else ""
+    name = one["name"].replace("_", " ")
+    unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    return (
+        f"Not an effect of the cell: {name}{test} is off by {one['value']:.3g} ± "
+        f"{one['std']:.1g}{unit}, beyond its tolerance of {one['prior_std']:.2g}{unit}."
+    )
+
+
+def _probabilities(verdict):
+    known = sorted((verdict.get("probabilities") or {}).items(), key=lambda pair: -pair[1])
+    listed = [
+        f"{' and '.join(name_of_effect(one.strip()) for one in answer.split('+'))} {100 * p:.0f} %"
+        for answer, p in known
+        if p >= LEAST_PROBABILITY
+    ]
+    return [f"How likely: {', '.join(listed)}."] if listed else []

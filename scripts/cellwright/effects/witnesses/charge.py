@@ -1,0 +1,181 @@
+"""What capacities, logged currents at rest and thermometers tell."""
+
+import numpy as np
+
+from cellwright.effects.ties import AT_REST_C_RATE, REST_SECOND, STEADY_C_RATE
+from cellwright.effects.witnesses.statement import (
+    LEAST_SHARE,
+    REFERENCE_CELSIUS,
+    SAME_CELSIUS,
+    Measured,
+    celsius_of,
+    cycle_of,
+    silent,
+    spread,
+)
+from cellwright.numerics.lags import lag
+
+SLOW_C_RATE = 0.1  # up to which the polarisation ends a discharge at nearly the OCV
+SAME_RATE = 1.1  # ratio of rates that are one
+WARM_KELVIN = 3.0  # of rise, from which it is held against the heat
+DAY_HOUR = 24.0
+TAU_SECOND = np.geomspace(60.0, 6000.0, 9)
+
+
+def of_capacities(rows):
+    """What the capacities of tests tell: over temperature, and from check-up to check-up.
+
+    Parameters
+    ----------
+    rows : list of dict, of the table of capacities of one cell.
+
+    Returns
+    -------
+    measured : list of Measured, two.
+    """
+    rows = [row for row in rows if row["direction"] == "discharge"]
+    return [_over_temperature(rows), _later(rows)]
+
+
+def _over_temperature(rows):
+    effect, name = "capacity_temperature", "capacities"
+    first = min((cycle_of(row) for row in rows), default=0.0)
+    slow = [row for row in rows if row["c_rate"] <= SLOW_C_RATE and cycle_of(row) == first]
+    slowest = min((row["c_rate"] for row in slow), default=0.0)
+    points = [
+        (celsius_of(row), row["capacity_ampere_hour"])
+        for row in slow
+        if row["c_rate"] <= SAME_RATE * slowest
+    ]
+    if np.ptp([c for c, _ in points] or [0.0]) < SAME_CELSIUS:
+        reason = (
+            "no discharges of C/10 or slower at two temperatures: faster ones end by resistance"
+        )
+        return silent(name, (effect,), reason)
+    celsius, ampere_hour = np.array(sorted(points)).T
+    line = np.polyfit(celsius - REFERENCE_CELSIUS, ampere_hour, 1)
+    local = np.diff(ampere_hour) / np.maximum(np.diff(celsius), 1e-9) / line[1]
+    slope, at = float(line[0] / line[1]), (float(celsius[0]), float(celsius[-1]))
+    return Measured(
+        *(name, (effect,), f"change of the slow capacity, {at[0]:g} to {at[1]:g} °C"),
+        *("capacity_per_kelvin", at, slope, spread(local[np.diff(celsius) >= SAME_CELSIUS])),
+        *("1/K", 0.0),
+        material=bool(abs(slope) * (at[1] - at[0]) > LEAST_SHARE),
+    )
+
+
+def _later(rows):
+    """Change of the capacity from the first check-up to the last, of discharges that compare."""
+    effect, name = "capacity_error", "check-ups"
+    known = sorted(rows, key=cycle_of)
+    before = [row for row in known if _compare(row, known[-1])]
+    if not before:
+        return silent(name, (effect,), "no capacities of two check-ups at one rate and temperature")
+    last = known[-1]
+    share = last["capacity_ampere_hour"] / before[0]["capacity_ampere_hour"] - 1.0
+    words = f"change of the capacity from cycle {cycle_of(before[0]):g} to {cycle_of(last):g}"
+    return Measured(
+        *(name, (effect,), words, "capacity", (), float(share), np.nan, "share", 0.0),
+        material=bool(abs(share) > LEAST_SHARE),
+    )
+
+
+def _compare(row, other):
+    rates = sorted([row["c_rate"], other["c_rate"]])
+    alike = rates[1] <= SAME_RATE * rates[0]
+    return (
+        cycle_of(row) < cycle_of(other)
+        and alike
+        and abs(celsius_of(row) - celsius_of(other)) <= SAME_CELSIUS
+    )
+
+
+def of_records(series, ambient, values):
+    """What the logged current at rest and the surface's temperature tell.
+
+    Parameters
+    ----------
+    series : dict of columns of the records that were searched: test, test_time_second,
+        current_ampere, voltage_volt, soc, celsius; empty where nothing was searched.
+    ambient : dict of the chamber's stated temperature by test [degC].
+    values : dict of the model: ocv_soc, ocv_volt, capacity_ampere_hour.
+
+    Returns
+    -------
+    measured : list of Measured, three.
+    """
+    if not len(series.get("test", ())):
+        names = (("current_offset",), ("leakage",), ("self_heating",))
+        return [silent("records", one, "the records were not searched") for one in names]
+    tests = np.asarray(series["test"])
+    parts = [
+        (test, {name: np.asarray(column)[tests == test] for name, column in series.items()})
+        for test in dict.fromkeys(tests.tolist())
+    ]
+    return [*_at_rest(parts, values["capacity_ampere_hour"]), _surface(parts, ambient, values)]
+
+
+def _at_rest(parts, capacity):
+    effects, name = ("current_offset", "leakage"), "current at rest"
+    means = [_rest_means(one, capacity) for _, one in parts]
+    logged = [np.mean(one) for one in ([m for m in some if m != 0.0] for some in means) if one]
+    if not logged:
+        reason = "the log reads exactly zero in every rest: switched off, or not resolved"
+        reason = reason if any(means) else "no rest of a minute in the records"
+        return [silent(name, (effect,), reason) for effect in effects]
+    # A reading drifts from test to test, by more than the noise of each: that is its deviation.
+    mean, std = float(np.mean(logged)), spread(logged)
+    words, share = f"logged current at rest in {len(logged)} tests", abs(mean) * DAY_HOUR / capacity
+    numbers = (mean, std, "A", 0.0)
+    large = share > LEAST_SHARE
+    return [
+        Measured(name, effects[:1], words, "offset", (), *numbers, material=large),
+        Measured(name, effects[1:], words, "no_reading", (), *numbers),
+    ]
+
+
+def _rest_means(one, capacity):
+    """Mean logged current of each steady stretch near zero of a record [A]."""
+    current, second = one["current_ampere"], one["test_time_second"]
+    low = np.abs(current) <= AT_REST_C_RATE * capacity
+    edges = np.flatnonzero(np.diff(np.r_[0, low.astype(int), 0])).reshape(-1, 2)
+    found = []
+    for begin, end in edges:
+        steady = np.abs(current[begin:end] - np.median(current[begin:end]))
+        long = second[end - 1] - second[begin] >= REST_SECOND
+        if long and np.mean(steady <= STEADY_C_RATE * capacity) > 0.95:
+            found.append(float(np.mean(current[begin:end])))
+    return found
+
+
+def _surface(parts, ambient, values):
+    """How far the surface warms above the chamber, and by how much a watt of loss warms it."""
+    effect, name = "self_heating", "surface temperature"
+    rises, fitted = [], []
+    for test, one in parts:
+        rise = one["celsius"] - one["celsius"][0]
+        if ambient.get(test) is None or np.ptp(one["celsius"]) == 0.0:
+            continue
+        rises.append(float(np.max(rise)))
+        if rises[-1] >= WARM_KELVIN:
+            fitted.append(_kelvin_per_watt(one, rise, values))
+    if not rises:
+        return silent(name, (effect,), "no temperature of the surface was logged")
+    words = f"the surface warms by up to {max(rises):.1f} K"
+    if fitted:
+        words += f", {np.median(fitted):.2g} K for each watt of loss"
+    reason = f"{words}; the model runs at the surface's temperature, and no sensor tells the core's"
+    return silent(name, (effect,), reason)
+
+
+def _kelvin_per_watt(one, rise, values):
+    """Thermal resistance from the surface to the chamber [K/W], the best of several lags."""
+    ocv = np.interp(one["soc"], values["ocv_soc"], values["ocv_volt"])
+    loss = np.maximum(one["current_ampere"] * (one["voltage_volt"] - ocv), 0.0)
+    steps = np.maximum(np.diff(one["test_time_second"]), 0.0)
+    best = np.inf, np.nan
+    for tau in TAU_SECOND:
+        shape = lag(steps, tau, loss, hold="first_order")
+        gain = float(shape @ rise / max(shape @ shape, 1e-12))
+        best = min(best, (float(np.mean((rise - gain * shape) ** 2)), gain))
+    return best[1]

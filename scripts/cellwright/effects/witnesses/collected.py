@@ -1,0 +1,126 @@
+"""All witnesses of one verdict: of what it names, and of what it does not name and they show."""
+
+import numpy as np
+
+from cellwright.effects.witnesses.charge import of_capacities, of_records
+from cellwright.effects.witnesses.probes import implied
+from cellwright.effects.witnesses.resistances import of_pulses, of_spectra
+from cellwright.effects.witnesses.statement import (
+    AGREES,
+    CONTRADICTS,
+    DEVIATIONS,
+    SILENT,
+    Witness,
+    in_words,
+    same,
+    size_of,
+)
+from cellwright.effects.witnesses.voltages import of_entropy, of_moved_ocv, of_rests, of_slow_test
+
+
+def measured_of(tables, basis, model, *, ambient):
+    """All that independent measurements of a cell tell, before any verdict is looked at.
+
+    Parameters
+    ----------
+    tables : dict of lists of dict: resistance, eis, relaxation, capacity, ocv_entropic, each as its
+        stage has it; `series` as a dict of columns. Absent or empty: not measured.
+    basis : dict, of the cell. model : dict, as a search leaves it: values, ocv_soc, ocv_volt,
+        capacity_ampere_hour; {} where there is none. ambient : dict, chamber by test [degC].
+
+    Returns
+    -------
+    measured : list of Measured.
+    """
+    values, ampere = values_of(model), basis.get("capacity_ampere_hour") or np.nan
+    size = {"capacity_ampere_hour": ampere}
+    return [
+        *of_spectra(tables.get("eis", []), **size),
+        *of_pulses(tables.get("resistance", []), **size),
+        *of_rests(tables.get("relaxation", []), values, **size),
+        *of_slow_test(basis, values),
+        *of_records(tables.get("series", {}), ambient, model | size),
+        *of_entropy(tables.get("ocv_entropic", [])),
+        *of_capacities(tables.get("capacity", [])),
+        *of_moved_ocv(basis),
+    ]
+
+
+def values_of(model):
+    """Parameters of a model by name, with its capacity."""
+    known = {"capacity_ampere_hour": model["capacity_ampere_hour"]} if model else {}
+    return model.get("values", {}) | known
+
+
+def witnesses(verdict, model, measured, library):
+    """Which measurements agree with a verdict, contradict it, or are silent.
+
+    1. Of each effect that the verdict names (or gives as the nearest explanation) every
+       measurement of it speaks: what the effect implies of the measured quantity is held against
+       it, by `statement.same`.
+    2. Of an effect that is not named only a measurement speaks that shows it plainly: it
+       contradicts.
+
+    Parameters
+    ----------
+    verdict : dict of the contract. model : dict, as a search leaves it.
+    measured : list of Measured. library : dict of Effect by id.
+
+    Returns
+    -------
+    found : list of Witness, those of named effects first, in the verdict's order.
+    """
+    entries = [*verdict["effects"], *verdict.get("partial", [])]
+    entries = {one["effect"]: one for one in entries}
+    values = values_of(model)
+    spoken = [
+        _of_named(one, library[effect], entry, values)
+        for effect, entry in entries.items()
+        if effect in library
+        for one in measured
+        if effect in one.effects
+    ]
+    explained = {other for one in entries.values() for other in one.get("alternatives", [])}
+    hidden = [
+        _of_unnamed(one)
+        for one in measured
+        if _shows(one) and not {*entries, *explained} & set(one.effects)
+    ]
+    return [*spoken, *hidden]
+
+
+def _shows(one):
+    return one.material and not same(one.value, one.neutral, one.std, neutral=one.neutral)
+
+
+def _of_named(one, effect, entry, values):
+    if one.reason:
+        blank = (np.nan, np.nan, one.unit, np.nan, False)
+        return Witness(one.name, effect.id, True, SILENT, *blank, one.reason)
+    value, doubt = implied(one.probe, effect, entry, values, one.at)
+    stated = np.isfinite([one.std, doubt]).all()
+    std = float(np.hypot(one.std, doubt)) if stated else np.nan
+    agrees = same(one.value, value, std, neutral=one.neutral)
+    alike = (
+        np.isfinite(std)
+        and value != one.neutral
+        and abs(one.value - one.neutral) <= DEVIATIONS * std
+    )
+    said = in_words(one.value, one.unit, one.std)
+    text = f"{one.quantity}: {said} measured, {in_words(value, one.unit, doubt)} by the verdict"
+    word = AGREES if agrees else CONTRADICTS
+    alongside = size_of(one.value, one.neutral) * size_of(value, one.neutral) > 0
+    shown = bool(alongside and _shows(one))
+    if agrees and alike:
+        word, text = SILENT, f"{text}: as near to no such effect"
+    elif shown and not agrees:
+        text += ": the effect is there, with another size"
+    numbers = (one.value, value, one.unit, std)
+    return Witness(one.name, effect.id, True, word, *numbers, shown, text)
+
+
+def _of_unnamed(one):
+    said = in_words(one.value, one.unit, one.std)
+    text = f"not named, although {one.quantity} is {said}"
+    numbers = (one.value, one.neutral, one.unit, one.std)
+    return Witness(one.name, one.effects[0], False, CONTRADICTS, *numbers, True, text)

@@ -1,0 +1,176 @@
+"""What an effect of a model implies of a quantity that other measurements read.
+
+Each probe lets the effect act on the plain model's resistances, capacity and OCV under the
+conditions of the measurement, so that none depends on the formula that an effect has.
+"""
+
+import numpy as np
+
+from cellwright.effects.base import LOGARITHMS, Fields, slow_volt
+from cellwright.effects.records import Stack
+from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
+
+REFERENCE_CELSIUS, MIDDLE_SOC = 25.0, 0.5
+STEP_SECOND = 10.0  # of a record made for a rest
+EARLIER_SECOND = 600.0  # of a rest: what relaxes later is slow, as the plain model's longest tau2
+
+
+def acted(effect, p, values, *, soc=MIDDLE_SOC, celsius=REFERENCE_CELSIUS, current=-1.0, step=None):
+    """Fields of the plain model with one effect, at given conditions.
+
+    Parameters
+    ----------
+    effect : Effect or None. p : dict of its parameters by name. values : dict of the plain model.
+    soc : (n,) or scalar [1]. celsius : [degC]. current : [A]. step : time between rows [s], None:
+        rows do not hang together.
+
+    Returns
+    -------
+    fields : base.Fields, (n,) each; `volt` is the effect's own where it is one of overpotential.
+    """
+    soc, celsius, current = (np.array(v, float) for v in np.broadcast_arrays(soc, celsius, current))
+    soc, celsius, current = (np.atleast_1d(v) for v in (soc, celsius, current))
+    one, none = np.ones(len(soc)), np.zeros(len(soc))
+    r0, r1, tau1, r2, tau2 = (float(np.exp(values.get(name, 0.0))) for name in LOGARITHMS)
+    capacity = values.get("capacity_ampere_hour", 1.0)
+    fields = Fields(
+        *(current, current, none, capacity * one, soc, celsius, r0 * one, r1 * one, r2 * one),
+        *(tau1, tau2, none, r0 * current, none),
+    )
+    return fields if effect is None else effect.act(fields, _stack(current, celsius, step), p)
+
+
+def _stack(current, celsius, step):
+    none = np.zeros(len(current))
+    fresh = np.append(1.0, none[1:])
+    steps = none if step is None else np.where(fresh > 0, 0.0, step)
+    return Stack(
+        *(("",), ("drive",), np.zeros(1, int), np.zeros(len(current), int), np.cumsum(steps)),
+        *(steps, fresh, current, current, np.sign(current), none, celsius, np.ones(1)),
+        *("zero_order", none, none, none == 0, none, {}, {}),
+    )
+
+
+def _total(fields):
+    return fields.r0 + fields.r1 + fields.r2
+
+
+def _activation_energy(effect, p, values, at):
+    """Of the sum of all resistances between two temperatures [J/mol]."""
+    cold, warm = at
+    ohm = _total(acted(effect, p, values, celsius=[cold, warm]))
+    kelvin = np.array([cold, warm]) + ZERO_CELSIUS_KELVIN
+    return GAS_CONSTANT * float(np.log(ohm[0] / ohm[1]) / (1 / kelvin[0] - 1 / kelvin[1]))
+
+
+def _ohmic_over_soc(effect, p, values, at):
+    low, high = acted(effect, p, values, soc=at).r0
+    return float(low / high)
+
+
+def _relaxing_over_soc(effect, p, values, at):
+    fields = acted(effect, p, values, soc=at)
+    low, high = fields.r1 + fields.r2
+    return float(low / high)
+
+
+def _charge_over_discharge(effect, p, values, at):
+    discharge, charge = acted(effect, p, values, current=[-at[0], at[0]]).r0
+    return float(charge / discharge)
+
+
+def _large_over_small(effect, p, values, at):
+    small, large = np.abs(at)
+    ohmic = acted(effect, p, values, current=[-small, -large]).ohmic
+    return float((ohmic[1] / large) / (ohmic[0] / small))
+
+
+def _slow_resistance(effect, p, values, at):
+    """Voltage that relaxes between 10 min and the end of a rest, per ampere of its load [ohm]."""
+    load, rest = (int(np.ceil(second / STEP_SECOND)) for second in at)
+    current = np.append(np.full(load + 1, -1.0), np.zeros(rest))
+    fields = acted(effect, p, values, current=current, step=STEP_SECOND)
+    pairs = slow_volt(_stack(current, fields.celsius, STEP_SECOND), fields)
+    volt = fields.volt + pairs
+    return float(volt[-1] - volt[load + int(EARLIER_SECOND / STEP_SECOND)])
+
+
+def _hysteresis(effect, p, values, at):
+    return float(p["amplitude_volt"])
+
+
+def _offset(effect, p, values, at):
+    fields = acted(effect, p, values, current=[0.0])
+    return -float(fields.current[0])
+
+
+def _nothing(effect, p, values, at):
+    """The logged current at rest of a leak, which passes the ammeter by."""
+    return 0.0
+
+
+def _entropic(effect, p, values, at):
+    """Mean slope of the OCV over temperature within a range of SoC [V/K]."""
+    soc = np.linspace(*at, 21)
+    warm, cold = (acted(effect, p, values, soc=soc, celsius=c).ocv for c in (26.0, 25.0))
+    return float(np.mean(warm - cold))
+
+
+def _capacity_per_kelvin(effect, p, values, at):
+    cold, warm = at
+    ampere_hour = acted(effect, p, values, celsius=[cold, warm]).capacity
+    middle = acted(effect, p, values).capacity[0]
+    return float((ampere_hour[1] - ampere_hour[0]) / (warm - cold) / middle)
+
+
+def _capacity(effect, p, values, at):
+    return float(acted(effect, p, values).capacity[0] / acted(None, {}, values).capacity[0] - 1.0)
+
+
+def _ocv(effect, p, values, at):
+    """RMS change of the OCV within a range of SoC [V]."""
+    soc = np.linspace(*at, 41)
+    return float(np.sqrt(np.mean(acted(effect, p, values, soc=soc).ocv ** 2)))
+
+
+PROBES = {
+    "activation_energy": _activation_energy,
+    "ohmic_over_soc": _ohmic_over_soc,
+    "relaxing_over_soc": _relaxing_over_soc,
+    "charge_over_discharge": _charge_over_discharge,
+    "large_over_small": _large_over_small,
+    "slow_resistance": _slow_resistance,
+    "hysteresis": _hysteresis,
+    "offset": _offset,
+    "no_reading": _nothing,
+    "entropic": _entropic,
+    "capacity_per_kelvin": _capacity_per_kelvin,
+    "capacity": _capacity,
+    "ocv": _ocv,
+}
+
+
+def implied(probe, effect, entry, values, at):
+    """What an effect of a verdict implies of a measured quantity, and its standard deviation.
+
+    The deviation adds up those of the effect's parameters, as if they were independent.
+
+    Parameters
+    ----------
+    probe : name in `PROBES`. effect : Effect. entry : of the verdict, with `parameters`.
+    values : dict of the model's parameters, with capacity_ampere_hour. at : conditions.
+
+    Returns
+    -------
+    value, std : in the probe's unit; std is NaN where no parameter states one.
+    """
+    own = {name: one["value"] for name, one in entry["parameters"].items()}
+    stds = {name: one.get("std") for name, one in entry["parameters"].items()}
+    function = PROBES[probe]
+    value = function(effect, own, values, at)
+    moved = [
+        function(effect, own | {name: own[name] + std}, values, at) - value
+        for name, std in stds.items()
+        if std is not None and np.isfinite(std)
+    ]
+    return value, float(np.sqrt(np.sum(np.square(moved)))) if moved else np.nan

@@ -1,0 +1,1 @@
+"""Health of cells over their lives: fade, knee, remaining cycles, degradation, ratings."""

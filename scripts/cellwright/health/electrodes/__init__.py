@@ -1,0 +1,1 @@
+"""Half cells aligned to a cell: lithium and active material lost, plateaus."""

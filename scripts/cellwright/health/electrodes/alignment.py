@@ -1,0 +1,316 @@
+"""One slow curve of a cell as the difference of two half cells: where each electrode stands."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cellwright.refusal import Refusal
+
+CORRELATED_SOC = 0.05  # range over which half cells and polarisation are wrong alike
+# Of the capacity: how far charge and lithiation are off where the curve is steep.
+CHARGE_STD = 0.001
+# ASSUME: Polarisation and hysteresis shift a slow charge by up to some 40 mV, and change by up to
+# some 10 mV from empty to full; of the mean of a slow charge and discharge little is left.
+SHIFT_STD_VOLT = {"charge": (0.02, 0.005), "discharge": (0.02, 0.005), "both": (0.005, 0.002)}
+FIRST_STD_VOLT = 0.002  # error of the half cells that a fit begins with
+LEAST_STD_VOLT = 0.001  # no half cell is better known, and few cyclers read better
+STEEPEST_VOLT = 20.0  # per SoC; steeper ends tell how a fit ends, not where the cell stands
+BUILD_UP_SOC = 0.04  # over which polarisation and hysteresis build up as the current starts
+# Beside a minimum in which one electrode ends the discharge may lie one in which the other does.
+MOVED = np.zeros((5, 6))
+MOVED[1:, 0], MOVED[1:, 2] = (-0.003, 0.02, 0.0, 0.0), (-0.02, 0.0, -0.06, 0.02)
+QUICK_STEPS = 12  # of a fit that only tells which half cells are worth a thorough one
+HOPELESS = 8.0  # half of chi-square above the best minimum
+STEPS = np.array([0.01, 0.02, 0.02, 0.02, 0.005, 0.002])  # typical changes of the limits
+
+
+class SlowCurve(NamedTuple):
+    """Slow charge, slow discharge or mean of both of one check-up.
+
+    cell, test : names. cycle : of the check-up. ambient_temperature_celsius : of the chamber, NaN
+    where not known. current_ampere : the slow one. soc : (n,) rising, 0 and 1 are the ends of this
+    curve's own charge. voltage_volt : (n,). capacity_ampere_hour : from soc 0 to 1. branches :
+    "both", "charge" or "discharge".
+    """
+
+    cell: str
+    test: str
+    cycle: float
+    ambient_temperature_celsius: float
+    current_ampere: float
+    soc: np.ndarray
+    voltage_volt: np.ndarray
+    capacity_ampere_hour: float
+    branches: str
+
+
+class Alignment(NamedTuple):
+    """The four stoichiometric limits of one curve, what they say, and how well it fits.
+
+    limits : (6,) lithiation [1] of the negative electrode at soc 0 and 1, of the positive one
+    at 0 and 1, the shift of the voltage by current and hysteresis at half charge [V], and by how
+    much more it is at soc 1 than at 0 [V]. covariance : (6, 6). spread : (6, n) change of `limits`
+    per volt of error in each sample. residual_volt : (n,) measured less model. error_volt : (n,)
+    standard deviation of each sample. rmse_volt, slope_rmse_volt : of the voltage and of its slope
+    over SoC, steep ends weighed down.
+    """
+
+    curve: SlowCurve
+    limits: np.ndarray
+    covariance: np.ndarray
+    spread: np.ndarray
+    residual_volt: np.ndarray
+    error_volt: np.ndarray
+    rmse_volt: float
+    slope_rmse_volt: float
+
+
+class Pair(NamedTuple):
+    """Half cells of the negative and the positive electrode."""
+
+    negative: object
+    positive: object
+
+
+def cell_volt(pair, limits, soc):
+    """Voltage of a cell [V] from its half cells.
+
+    Parameters
+    ----------
+    pair : Pair. limits : (6,), as in `Alignment`. soc : (n,) [1].
+
+    Source: U(soc) = Up(y(soc)) − Un(x(soc)) + shift; Honkura and Horiba, J. Power Sources 264
+    (2014) 140; Birkl et al., J. Power Sources 341 (2017) 373.
+    """
+    x = limits[0] + (limits[1] - limits[0]) * soc
+    y = limits[2] + (limits[3] - limits[2]) * soc
+    negative, positive = pair
+    return (
+        np.interp(y, positive.lithiation, positive.potential_volt)
+        - np.interp(x, negative.lithiation, negative.potential_volt)
+        + limits[4]
+        + limits[5] * (soc - 0.5)
+    )
+
+
+def align(curve, pair, *, starts=(), least_std_volt=LEAST_STD_VOLT):
+    """Fit the four limits and the shift of one curve to its voltage and its slope together.
+
+    The half cells' error is a random walk that is pulled back over 5 % of SoC. To whiten it, each
+    sample is compared less a part of the one before: voltage and dV/dQ are weighed together as the
+    error demands, with nothing to choose. Its size is that of the misfit.
+
+    Parameters
+    ----------
+    curve : SlowCurve. pair : Pair.
+    starts : limits (6,) to begin from, beside a search over the whole range.
+    least_std_volt : least error of the half cells and of the readings [V].
+
+    Returns
+    -------
+    alignment : Alignment.
+    """
+    curve = _without_steep_ends(curve)
+    starts, errors = [*starts, *_search(curve, pair)], _errors(curve, FIRST_STD_VOLT, 0.0)
+    for _ in range(2):
+        fits = _minima(curve, pair, starts, errors)
+        best = fits[0]
+        residual = curve.voltage_volt - cell_volt(pair, best.x, curve.soc)
+        std = max(_std(residual, errors, best, curve.soc), least_std_volt)
+        starts = [*(best.x + MOVED), *(fit.x for fit in fits[1:])]
+        errors = _errors(curve, std, best.x[4])
+    return _alignment(curve, fits, residual, errors)
+
+
+def _minima(curve, pair, starts, errors):
+    """Different minima from several starts, best first, those not hopelessly worse.
+
+    Only states in which a charge fills the negative electrode and empties the positive one.
+    """
+    fits = sorted(_fits(curve, pair, starts, errors), key=lambda fit: fit.cost)
+    forward = [fit for fit in fits if fit.x[1] > fit.x[0] and fit.x[2] > fit.x[3]] or fits[:1]
+    kept = []
+    for fit in forward:
+        near = [np.abs((fit.x - other.x) / STEPS).max() < 1.0 for other in kept]
+        if fit.cost < forward[0].cost + HOPELESS and not any(near):
+            kept.append(fit)
+    return kept
+
+
+def _fits(curve, pair, starts, errors, *, most_steps=100):
+    """Least squares from each start."""
+    low, high = _bounds(pair)
+    return [
+        least_squares(
+            _whitened,
+            np.clip(start, low + 1e-6, high - 1e-6),
+            bounds=(low, high),
+            x_scale=STEPS,
+            args=(curve, pair, errors),
+            max_nfev=most_steps,
+            ftol=1e-6,
+            xtol=1e-6,
+        )
+        for start in starts
+    ]
+
+
+def _without_steep_ends(curve):
+    """Curve without the samples at its ends where an electrode is all but empty or full."""
+    slope = np.abs(np.gradient(curve.voltage_volt, curve.soc))
+    kept = slope < STEEPEST_VOLT
+    return curve._replace(soc=curve.soc[kept], voltage_volt=curve.voltage_volt[kept])
+
+
+def _bounds(pair):
+    """Limits [1] and shift [V] that the half cells' tables allow."""
+    (low_x, high_x), (low_y, high_y) = ((c.lithiation[0], c.lithiation[-1]) for c in pair)
+    low = np.array([low_x, low_x, low_y, low_y, -0.1, -0.05])
+    return low, np.array([high_x, high_x, high_y, high_y, 0.1, 0.05])
+
+
+def _errors(curve, std, shift):
+    """Standard deviation of each sample (n,) [V]: of the half cells, more where the curve is steep.
+
+    As the current starts its shift has yet to build up: there it is as wrong as it is large.
+    """
+    slope = np.abs(np.gradient(curve.voltage_volt, curve.soc))
+    start = {"charge": curve.soc, "discharge": 1 - curve.soc}.get(curve.branches)
+    starting = 0.0 if start is None else shift * np.exp(-start / BUILD_UP_SOC)
+    charge_std = slope * CHARGE_STD / FIRST_STD_VOLT
+    return np.sqrt(std**2 * (1 + charge_std**2) + starting**2)
+
+
+def _whitened(limits, curve, pair, errors):
+    """Residuals of unit variance and no correlation, then the shift over its expected size."""
+    scaled = (curve.voltage_volt - cell_volt(pair, limits, curve.soc)) / errors
+    expected = limits[4:] / SHIFT_STD_VOLT[curve.branches]
+    return np.append(_white(scaled, curve.soc), expected)
+
+
+def _white(series, soc):
+    """Samples (n, …) correlated over `CORRELATED_SOC`, made independent."""
+    kept = np.exp(-np.diff(soc) / CORRELATED_SOC)
+    rest = np.sqrt(1 - kept**2)
+    shape = (-1,) + (1,) * (series.ndim - 1)
+    kept, rest = kept.reshape(shape), rest.reshape(shape)
+    return np.concatenate([series[:1], (series[1:] - kept * series[:-1]) / rest])
+
+
+def _search(curve, pair, *, best=4):
+    """The best of a coarse grid of limits, as starts: list of (6,)."""
+    grid = [
+        (x0, x1, y0, y1)
+        for x0 in (0.005, 0.02, 0.06, 0.15)
+        for x1 in (0.3, 0.45, 0.55, 0.65, 0.75, 0.85, 0.95)
+        for y0 in (0.55, 0.7, 0.8, 0.88, 0.94, 0.985)
+        for y1 in (0.01, 0.1, 0.2, 0.27, 0.35, 0.45)
+        if x1 > x0 + 0.1 and y0 > y1 + 0.1
+    ]
+    low, high = _bounds(pair)
+    limits = np.clip(np.c_[grid, np.zeros((len(grid), 2))], low, high)
+    sparse = slice(None, None, 4)
+    soc, voltage = curve.soc[sparse], curve.voltage_volt[sparse]
+    model = cell_volt(pair, limits.T[:, :, None], soc[None, :])
+    misfit = (voltage - model) / _errors(curve, FIRST_STD_VOLT, 0.0)[sparse]
+    order = np.argsort(np.mean(np.abs(misfit), axis=1))
+    chosen = []
+    for row in order:
+        far = [np.abs(limits[row] - one).max() > 0.08 for one in chosen]
+        if all(far):
+            chosen.append(limits[row])
+        if len(chosen) == best:
+            break
+    return chosen
+
+
+def _std(residual, errors, fit, soc):
+    """Error of the half cells that explains a misfit [V], what the fit has taken up added."""
+    slopes = _coloured(fit.jac[:-2], soc)
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac, rcond=1e-14, hermitian=True)
+    taken_up = np.mean(np.einsum("ni,ij,nj->n", slopes, covariance, slopes))
+    return _rms(residual, errors) / float(np.sqrt(max(1 - taken_up, 0.1)))
+
+
+def _coloured(series, soc):
+    """Inverse of `_white`."""
+    kept = np.exp(-np.diff(soc) / CORRELATED_SOC)
+    rest = np.sqrt(1 - kept**2)
+    rows = [series[0]]
+    for row, share, new in zip(series[1:], kept, rest, strict=True):
+        rows.append(share * rows[-1] + new * row)
+    return np.array(rows)
+
+
+def _rms(misfit, errors):
+    """Root mean square of a misfit, each sample weighed as the best known one."""
+    return float(np.sqrt(np.mean((misfit * errors.min() / errors) ** 2)))
+
+
+def _alignment(curve, fits, residual, errors):
+    """Alignment of a fit; its covariance is Fisher's information with the half cells' error.
+
+    Other minima about as likely widen it: the covariance is that of their mixture about the best.
+    """
+    best = fits[0]
+    covariance = np.linalg.pinv(best.jac.T @ best.jac, rcond=1e-14, hermitian=True)
+    whitening = _white(np.diag(1 / errors), curve.soc)
+    slope = np.diff(residual) / np.diff(curve.soc)
+    likely = np.exp([best.cost - fit.cost for fit in fits])
+    apart = np.array([fit.x - best.x for fit in fits])
+    return Alignment(
+        curve=curve,
+        limits=best.x,
+        covariance=covariance + (apart * (likely / likely.sum())[:, None]).T @ apart,
+        spread=-covariance @ best.jac[:-2].T @ whitening,
+        residual_volt=residual,
+        error_volt=errors,
+        rmse_volt=_rms(residual, errors),
+        slope_rmse_volt=_rms(slope, errors[1:]),
+    )
+
+
+def chosen_pair(curves, pairs, *, misfit_volt):
+    """Pair of half cells that fits a cell's curves best, and the others that fit.
+
+    Parameters
+    ----------
+    curves : list of SlowCurve, of which the first and the last are asked. pairs : list of Pair.
+    misfit_volt : largest misfit of a curve at which half cells count as this cell's [V].
+
+    Returns
+    -------
+    fitting : list of (Pair, rmse_volt), best first: all that fit.
+
+    Raises
+    ------
+    Refusal : no pair fits.
+    """
+    asked = curves[:1] if len(curves) == 1 else [curves[0], curves[-1]]
+    scored = []
+    for pair in _promising(asked[0], pairs):
+        misfits = [align(curve, pair).rmse_volt for curve in asked]
+        scored.append((pair, float(np.sqrt(np.mean(np.square(misfits))))))
+    scored.sort(key=lambda entry: entry[1])
+    best = scored[0][1]
+    if best > misfit_volt:
+        names = " and ".join(one.name for one in scored[0][0])
+        raise Refusal(
+            f"the half cells do not fit: best are {names} with a misfit of {1e3 * best:.0f} mV, "
+            f"at most {1e3 * misfit_volt:.0f} mV; is the chemistry right?"
+        )
+    return [entry for entry in scored if entry[1] <= misfit_volt]
+
+
+def _promising(curve, pairs):
+    """Pairs worth a thorough fit: the six of least misfit in a quick one."""
+    curve = _without_steep_ends(curve)
+    errors = _errors(curve, FIRST_STD_VOLT, 0.0)
+    quick = [
+        min(fit.cost for fit in _fits(curve, pair, starts, errors, most_steps=QUICK_STEPS))
+        for pair in pairs
+        for starts in [_search(curve, pair, best=2)]
+    ]
+    order = np.argsort(quick)
+    return [pairs[row] for row in order[:6]]

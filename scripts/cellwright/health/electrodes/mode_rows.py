@@ -1,0 +1,92 @@
+"""Degradation modes as rows of a table, with the reason where they are not known."""
+
+import numpy as np
+
+from cellwright.health.electrodes.modes import MODES
+
+WARNED_VOLT = 0.003  # misfit from which the half cells are said to fit poorly
+
+
+def mode_rows(found, pair, curves):
+    """Rows of the stage `degradation_modes`, one a check-up, as list of dict.
+
+    A mode that the curve does not tell better than the capacity alone is NaN, and the reason says
+    so with its interval.
+
+    Parameters
+    ----------
+    found : Modes. pair : Pair. curves : list of SlowCurve; the first is the fresh state.
+    """
+    fresh = curves[0]
+    own = [k for k, curve in enumerate(curves) if k or curve.cell == curves[-1].cell]
+    return [_row(found, k, curves[k]) | _facts(pair, fresh) for k in own]
+
+
+def _row(found, k, curve):
+    alignment, known = found.alignments[k], found.known[k]
+    row = {"cell": curve.cell, "test": curve.test, "cycle": curve.cycle}
+    for j, mode in enumerate(MODES):
+        row[mode] = float(found.joint[k, j]) if known[j] else np.nan
+        row[f"{mode}_std"] = float(found.joint_std[k, j]) if known[j] else np.nan
+        row[f"{mode}_single"] = float(found.single[k, j])
+        row[f"{mode}_single_std"] = float(found.single_std[k, j])
+    names = ("negative_at_empty", "negative_at_full", "positive_at_empty", "positive_at_full")
+    limits = dict(zip(names, map(float, alignment.limits[:4]), strict=True))
+    return (
+        row
+        | {
+            "capacity_ampere_hour": float(curve.capacity_ampere_hour),
+            "rmse_volt": alignment.rmse_volt,
+            "identifiable": bool(known.all()),
+            "reason": _reason(found, k),
+        }
+        | limits
+        | {"shift_volt": float(alignment.limits[4])}
+    )
+
+
+def _reason(found, k):
+    """Which modes the window does not tell, and by how much."""
+    words = [
+        f"{mode} not identifiable from this window: {100 * found.single[k, j]:.0f} ± "
+        f"{196 * found.single_std[k, j]:.0f} % (95 %), the capacity alone allows up to "
+        f"{100 * found.possible[k, j]:.0f} %"
+        for j, mode in enumerate(MODES)
+        if not found.known[k, j]
+    ]
+    return "; ".join(words)
+
+
+def _facts(pair, fresh):
+    return {
+        "negative_half_cell": pair.negative.name,
+        "positive_half_cell": pair.positive.name,
+        "fresh_state": f"{fresh.cell}/{fresh.test}",
+    }
+
+
+def notes(found, fitting, *, given):
+    """Sentences on the half cells: whose they are, their sources, how well they fit.
+
+    Parameters
+    ----------
+    found : Modes. fitting : list of (Pair, rmse_volt), best first.
+    given : whether the user gave both half cells.
+    """
+    pair = fitting[0][0]
+    names = f"{pair.negative.name} ({pair.negative.source}) and {pair.positive.name} "
+    words = [f"half cells: {names}({pair.positive.source})"]
+    if not given:
+        words.append(
+            "half cells of the chemistry's published curves, chosen by misfit, not measured on "
+            "this cell: give negative_half_cell and positive_half_cell in cells.tsv"
+        )
+    worst = max(alignment.rmse_volt for alignment in found.alignments)
+    if worst > WARNED_VOLT:
+        words.append(f"the half cells fit poorly: misfit up to {1e3 * worst:.1f} mV")
+    others = [f"{one.negative.name} with {one.positive.name}" for one, _ in fitting[1:]]
+    if others:
+        words.append(
+            f"fit too, what they give instead is counted into the intervals: {', '.join(others)}"
+        )
+    return words

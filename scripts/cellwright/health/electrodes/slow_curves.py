@@ -1,0 +1,211 @@
+"""Slow curves of a cell, one for each check-up of its life."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from cellwright.health.conditions import SAME_CELSIUS
+from cellwright.health.electrodes.alignment import SlowCurve
+from cellwright.protocols.ocv.slow import legs_of, slow_ocv
+from cellwright.refusal import Refusal
+
+SAME_RATE = 1.25  # currents this near are one; one protocol may follow the capacity as it falls
+GROWN = 0.01  # of the capacity: by less than this a cell may gain from lithium of the overhang
+
+
+def slow_curve(columns, test, *, cell, lower_cutoff_volt, upper_cutoff_volt, least_hour, mean_hour):
+    """Voltage over charge of a slow test: the mean of its branches, or the only one.
+
+    Parameters
+    ----------
+    columns : mapping of a clean series, (n,) each. test : TestFacts. cell : its name.
+    lower_cutoff_volt, upper_cutoff_volt : [V].
+    least_hour : a branch is slow if it takes longer than this [h].
+    mean_hour : the same where a discharge and a charge of about one rate are averaged, so that
+        most of the polarisation drops out [h].
+
+    Returns
+    -------
+    curve : SlowCurve.
+
+    Raises
+    ------
+    Refusal : no branch is slow, full and runs to its cut-off.
+    """
+    limits = {"lower_cutoff_volt": lower_cutoff_volt, "upper_cutoff_volt": upper_cutoff_volt}
+    try:
+        found = _ocv(columns, limits, least_hour)
+        branch = {"charge": found.charge_volt, "discharge": found.discharge_volt}
+        voltage = branch.get(found.branches, found.ocv_volt)
+    except Refusal as refusal:
+        found, voltage = _mean_of_both(columns, limits, mean_hour, refusal)
+    measured = np.isfinite(voltage)
+    celsius = test.ambient_temperature_celsius
+    return SlowCurve(
+        cell=cell,
+        test=test.test,
+        cycle=float(test.cycle or 0.0),
+        ambient_temperature_celsius=np.nan if celsius is None else float(celsius),
+        current_ampere=float(np.nanmax(_currents(found))),
+        soc=found.soc[measured],
+        voltage_volt=voltage[measured],
+        capacity_ampere_hour=found.capacity_ampere_hour,
+        branches=found.branches,
+    )
+
+
+NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
+
+
+def _ocv(columns, limits, least_hour):
+    series, files = [columns[name] for name in NAMES], columns.get("file_index")
+    return slow_ocv(*series, file_index=files, least_hour=least_hour, **limits)
+
+
+def _mean_of_both(columns, limits, mean_hour, refusal):
+    """A faster discharge and charge, and their mean over SoC; else the refusal of slow ones."""
+    try:
+        found = _ocv(columns, limits, mean_hour)
+    except Refusal:
+        raise refusal from None
+    currents = _currents(found)
+    if found.branches != "both" or currents.max() > SAME_RATE * currents.min():
+        raise refusal
+    return found, _mean_at_equal_charge(found, columns)
+
+
+def _mean_at_equal_charge(found, columns):
+    """Mean of a discharge and a charge over SoC of the discharge [V]; NaN where one is missing.
+
+    Under load the charge ends before the cell is full: the two are laid beside each other by the
+    charge counted from where one followed the other. Ends where their gap is more than three times
+    the usual are left out.
+    """
+    files = columns.get("file_index", np.zeros(len(columns["voltage_volt"]), int))
+    legs = legs_of(*(np.asarray(columns[name], float) for name in NAMES), np.asarray(files))
+    ends = (found.capacity_ampere_hour, found.charge_capacity_ampere_hour)
+    rows = [
+        min(
+            (leg for leg in legs if leg.sign == sign),
+            key=lambda leg: abs(leg.capacity_ampere_hour - size),
+        ).first_row
+        for sign, size in zip((-1, 1), ends, strict=True)
+    ]
+    share = ends[1] / ends[0]
+    charged_soc = found.soc * share + (0.0 if rows[0] < rows[1] else 1 - share)
+    known = np.isfinite(found.charge_volt)
+    charge = np.interp(
+        found.soc, charged_soc[known], found.charge_volt[known], left=np.nan, right=np.nan
+    )
+    half_gap = (charge - found.discharge_volt) / 2
+    usual = np.nanmedian(half_gap[(found.soc > 0.2) & (found.soc < 0.8)])
+    return np.where(half_gap < 3 * usual, found.discharge_volt + half_gap, np.nan)
+
+
+def _currents(found):
+    return np.abs([found.discharge_current_ampere, found.charge_current_ampere])
+
+
+def check_ups(curves):
+    """One curve for each check-up, all of one protocol, in order of age, and what was left out.
+
+    What polarisation and hysteresis do to one branch at one current they do to it in the others:
+    alike curves are compared. Of several protocols (branches, current, temperature) that counts
+    which most check-ups have; of two equal ones the slower, then that with both branches.
+
+    Parameters
+    ----------
+    curves : list of SlowCurve in any order.
+
+    Returns
+    -------
+    chosen : list of SlowCurve. left_out : list of sentences, on check-ups without that protocol.
+    """
+    protocols = []
+    for curve in sorted(curves, key=lambda one: one.cycle):
+        like = [group for group in protocols if alike(group[-1], curve)]
+        like[0].append(curve) if like else protocols.append([curve])
+    if not protocols:
+        return [], []
+    cycles = [len({curve.cycle for curve in group}) for group in protocols]
+    order = zip(cycles, protocols, strict=True)
+    best = min(order, key=lambda o: (-o[0], o[1][0].current_ampere, o[1][0].branches != "both"))[1]
+    chosen = {}
+    for curve in best:
+        chosen.setdefault(curve.cycle, curve)
+    left_out = [
+        f"{curve.test}: {_protocol(curve)}, the others {_protocol(best[0])}"
+        for curve in curves
+        if curve.cycle not in chosen
+    ]
+    seconds = [curve for curve in best if curve is not chosen[curve.cycle]]
+    left_out += [_second(curve, chosen[curve.cycle]) for curve in seconds]
+    return list(chosen.values()), [words for words in left_out if words]
+
+
+def _second(curve, counted):
+    """A sentence on a further curve of one cycle whose capacity is not that of the one counted."""
+    share = curve.capacity_ampere_hour / counted.capacity_ampere_hour - 1
+    if abs(share) <= GROWN:
+        return ""
+    return (
+        f"{curve.test}: a second curve at cycle {curve.cycle:g}, whose capacity is "
+        f"{100 * share:+.1f} % off {counted.test}; is its cycle missing in tests.tsv?"
+    )
+
+
+def alike(first, second):
+    """Whether two curves were made by one protocol: branches, current within 25 %, within 3 K.
+
+    Parameters
+    ----------
+    first, second : SlowCurve.
+    """
+    warmer = first.ambient_temperature_celsius - second.ambient_temperature_celsius
+    currents = sorted([first.current_ampere, second.current_ampere])
+    same_rate = currents[1] <= SAME_RATE * currents[0]
+    return first.branches == second.branches and same_rate and not abs(warmer) > SAME_CELSIUS
+
+
+def _protocol(curve):
+    words = {"both": "discharge and charge", "charge": "a charge", "discharge": "a discharge"}
+    celsius = curve.ambient_temperature_celsius
+    at = "" if np.isnan(celsius) else f" at {celsius:g} °C"
+    return f"{words[curve.branches]} with {curve.current_ampere:.3g} A{at}"
+
+
+def growth(curves):
+    """A sentence for each check-up whose capacity is more than that of the one before, by 1 %.
+
+    Parameters
+    ----------
+    curves : list of SlowCurve in the order of age.
+    """
+    words = []
+    for before, after in pairwise(curves):
+        share = after.capacity_ampere_hour / before.capacity_ampere_hour - 1
+        if share > GROWN and before.cell == after.cell:
+            words.append(
+                f"{after.test}: capacity grew by {100 * share:.1f} % since {before.test}; is the "
+                "order of the cycles right?"
+            )
+    return words
+
+
+def need_two(curves, cell):
+    """Refuse a life of fewer than two check-ups.
+
+    Parameters
+    ----------
+    curves : list of SlowCurve. cell : its name.
+
+    Raises
+    ------
+    Refusal : fewer than two.
+    """
+    if len(curves) < 2:
+        found = ", ".join(f"{curve.test} at cycle {curve.cycle:g}" for curve in curves) or "none"
+        raise Refusal(
+            f"{cell}: slow curves of one check-up or none ({found}); losses need two, or a fresh "
+            "cell of the type marked as reference. Is the column `cycle` of tests.tsv filled?"
+        )

@@ -1,0 +1,138 @@
+"""Knee of a life: whether its fade turns steeper within a short part of it, and where."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.health.fade import SMOOTH, TWO_STAGE, column, courses
+
+LEAST_RATIO = 2.0  # of the fade after a knee to that before it
+LEAST_SHARE = 0.5  # of the life's mean fade: what the fade before a knee at least counts as
+MOST_WIDTH = 0.05  # of the life: where the slope is read on both sides of a knee
+LEAST_LOSS = 0.02  # of the capacity, lost before a knee and again beyond it [1]
+
+
+class Knee(NamedTuple):
+    """Knee of a life.
+
+    found : whether there is one. cycle, lower, upper : middle of the bend, and its 95 % interval,
+    which holds the bend from 5 to 95 % of its change of slope and the point by the other
+    definition; NaN where none is told. chord_cycle : that point, furthest from the chord of the
+    course (Kneedle). ratio : fade after over before.
+    log_evidence : of two stages against the best smooth law. certainty : share of the two-stage
+    laws that the data allow which turn steeper by the ratio asked for [1]. reason : why none.
+    """
+
+    found: bool
+    cycle: float
+    lower: float
+    upper: float
+    chord_cycle: float
+    ratio: float
+    log_evidence: float
+    certainty: float
+    reason: str
+
+
+def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
+    """Knee of a life, told only by evidence.
+
+    A knee is a place beyond which capacity fades at least twice as fast as before it, within a
+    tenth of the life; 2 % of the capacity must be lost before it (else it is where an early rise
+    ends) and 2 % beyond it. Two straight (or
+    gently bent) stages must be likelier than every smooth law (linear, root, power, gradual
+    acceleration), by `least_log_evidence`, and 95 % of the two-stage laws that the data allow must
+    turn so. A life that bends gradually has no knee.
+
+    Parameters
+    ----------
+    fade : fade.Fade. drawn : fade.Draws of it. least_log_evidence : [1]. level : of the interval.
+
+    Returns
+    -------
+    knee : Knee.
+
+    Source: two lines with a smooth bend: P. Fermín-Cueto et al., Energy and AI 1 (2020) 100006,
+    after D. W. Bacon, D. G. Watts, Biometrika 58 (1971) 525; furthest from the chord: V. Satopää
+    et al., ICDCS Workshops 2011, 166 (Kneedle); definitions compared: P. M. Attia et al.,
+    J. Electrochem. Soc. 169 (2022) 060517.
+    """
+    smooth = max(fade.log_evidence[name] for name in SMOOTH if name in fade.log_evidence)
+    evidence = fade.log_evidence.get(TWO_STAGE, -np.inf) - smooth
+    bent = [k for k, law in enumerate(drawn.laws) if law == TWO_STAGE]
+    if evidence < least_log_evidence or len(bent) < len(drawn.laws) // 2:
+        word = f"two stages are no likelier than a smooth law (log evidence {evidence:.1f})"
+        return _none(evidence, 0.0, word)
+    ratios, before, losses = np.array([_turn(drawn.terms[k], drawn.values[k]) for k in bent]).T
+    lost = (before >= LEAST_LOSS) & (losses >= LEAST_LOSS)
+    certainty = float(np.mean((ratios >= LEAST_RATIO) & lost))
+    if certainty < level:
+        ratio = float(np.median(ratios))
+        if ratio < LEAST_RATIO:
+            word = f"the fade changes by a factor of {ratio:.2g}, less than {LEAST_RATIO:g}"
+        elif np.median(before) < LEAST_LOSS:
+            word = f"the fade begins there: only {100 * np.median(before):.1f} % lost before"
+        elif np.median(losses) < LEAST_LOSS:
+            word = f"{100 * np.median(losses):.1f} % lost beyond a possible knee: too early to tell"
+        else:
+            word = f"only {100 * certainty:.0f} % of the laws that fit turn steeper by two"
+        return _none(evidence, certainty, word)
+    places = np.array([_place(drawn.terms[k]) for k in bent])
+    random = np.random.default_rng(0)
+    # Of a smooth bend the slope changes from 5 to 95 % within two widths on each side.
+    spread = 2 * places[:, 1] + 0.01  # half a step of the positions tried
+    at = (places[:, 0] + spread * random.uniform(-1, 1, len(places))) * fade.points.cycle[-1]
+    chord = _furthest_from_chord(fade, drawn)
+    lower, upper = np.quantile(at, [(1 - level) / 2, (1 + level) / 2])
+    middle = float(np.median(places[:, 0]) * fade.points.cycle[-1])
+    return Knee(
+        True,
+        middle,
+        float(min(lower, chord)),
+        float(min(max(upper, chord), fade.points.cycle[-1])),
+        chord,
+        float(np.median(ratios)),
+        float(evidence),
+        certainty,
+        "",
+    )
+
+
+def _none(evidence, certainty, reason):
+    nan = np.nan
+    return Knee(False, nan, nan, nan, nan, nan, float(evidence), certainty, f"no knee: {reason}")
+
+
+def _place(terms):
+    """Position and width of a law's bend, shares of the life."""
+    hinge = next(term for term in terms if term.kind == "hinge")
+    return hinge.first, hinge.second
+
+
+def _turn(terms, values):
+    """Fade after the bend over that before it, the loss before it and beyond it [1]."""
+    place, _ = _place(terms)
+    low, high = max(place - MOST_WIDTH, 1e-3), min(place + MOST_WIDTH, 1.0)
+    at = np.array([0.0, low / 2, low, high, (1 + high) / 2, 1.0])
+    course = sum(value * column(term, at) for value, term in zip(values, terms, strict=True))
+    mean = (course[1] - course[-1]) / (1 - low / 2)
+    before = (course[1] - course[2]) / (low / 2)
+    after = (course[3] - course[-1]) / (1 - high) if high < 0.98 else _end(terms, values)
+    size = max(before, LEAST_SHARE * mean, 1e-12)
+    return after / size, course[0] - course[2], course[2] - course[-1]
+
+
+def _end(terms, values):
+    """Fade at the end of the life, per life."""
+    at = np.array([0.99, 1.0])
+    course = sum(value * column(term, at) for value, term in zip(values, terms, strict=True))
+    return (course[0] - course[1]) / 0.01
+
+
+def _furthest_from_chord(fade, drawn):
+    """Cycle at which the median course lies furthest above its chord."""
+    share = np.linspace(fade.points.share[0], 1.0, 400)
+    median = np.median(courses(drawn, share), axis=0)
+    along = (share - share[0]) / (1 - share[0])
+    above = median - (median[0] + along * (median[-1] - median[0]))
+    return float(share[np.argmax(above)] * fade.points.cycle[-1])

@@ -1,0 +1,192 @@
+"""A life analysed whole: law, knee, remaining cycles, early rise, recovery, efficiency."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.health import fade as laws_of_fade
+from cellwright.health.fade import courses, draws, fade_of, recovery
+from cellwright.health.knee import knee_of
+from cellwright.health.remaining import remaining_of
+from cellwright.settings import Health
+
+HEALTH = Health()
+LEAST_RISE = 5e-4  # of the capacity: a smaller early rise is none [1]
+
+
+class LifeAnalysed(NamedTuple):
+    """Results of one life.
+
+    columns : (n,) one entry a discharge, as in artefact `fade_course`. laws : rows of artefact
+    `fade`. summary : the row of artefact `life`.
+    """
+
+    columns: dict
+    laws: list
+    summary: dict
+
+
+def analysed(
+    life,
+    *,
+    end_of_life=HEALTH.end_of_life,
+    level=HEALTH.level,
+    knee_log_evidence=HEALTH.knee_log_evidence,
+    draw_count=HEALTH.draw_count,
+):
+    """Law of the fade, knee, remaining cycles and what else a life tells.
+
+    Parameters
+    ----------
+    life : lives.Life. end_of_life : share of the capacity at the start [1]. level : coverage of
+    intervals [1]. knee_log_evidence : from which a knee is told [1]. draw_count : laws drawn.
+
+    Returns
+    -------
+    found : LifeAnalysed.
+
+    Raises
+    ------
+    Refusal : fewer than eight comparable discharges.
+    """
+    fade = fade_of(life)
+    drawn = draws(fade, count=draw_count)
+    knee = knee_of(fade, drawn, least_log_evidence=knee_log_evidence, level=level)
+    remaining = remaining_of(fade, drawn, knee, end_of_life=end_of_life, level=level)
+    chosen = max(fade.log_evidence, key=fade.log_evidence.get)
+    summary = {
+        "cycles": int(life.used.sum()),
+        "left_out": int((~life.used).sum()),
+        "last_cycle": float(life.cycle[-1]),
+        "throughput_ampere_hour": float(life.throughput_ampere_hour[-1]),
+        "law": chosen,
+        **_course_numbers(fade, drawn, level),
+        "soh": remaining.soh,
+        "soh_std": remaining.soh_std,
+        **{name: getattr(knee, field) for name, field in KNEE_COLUMNS.items()},
+        "knee_reason": knee.reason,
+        "remaining_cycles": remaining.cycles,
+        "remaining_lower_cycles": remaining.lower,
+        "remaining_upper_cycles": remaining.upper,
+        "end_of_life_cycle": remaining.end_cycle,
+        "end_of_life_reached": remaining.reached,
+        "remaining_reason": remaining.reason,
+        **_recoveries(fade),
+        **_efficiencies(life),
+    }
+    return LifeAnalysed(_columns(life, fade, drawn, level), _law_rows(fade, chosen), summary)
+
+
+KNEE_COLUMNS = {
+    "knee_cycle": "cycle",
+    "knee_lower_cycle": "lower",
+    "knee_upper_cycle": "upper",
+    "knee_chord_cycle": "chord_cycle",
+    "knee_ratio": "ratio",
+    "knee_log_evidence": "log_evidence",
+}
+
+
+def _course_numbers(fade, drawn, level):
+    """Capacity at the start, fade now, early rise, each with its error."""
+    scale, last = fade.points.scale_ampere_hour, fade.points.cycle[-1]
+    share = np.linspace(fade.points.share[0], 1.0, 101)
+    course = courses(drawn, share)
+    pace = 100 * (course[:, -6] - course[:, -1]) / course[:, 0] / (share[-1] - share[-6])
+    per_hundred = pace * 100 / last
+    rise = course.max(axis=1) / course[:, 0] - 1
+    told = np.quantile(rise, (1 - level) / 2) > LEAST_RISE
+    top = share[np.argmax(course, axis=1)] * last
+    return {
+        "start_ampere_hour": float(scale * np.median(course[:, 0])),
+        "start_std_ampere_hour": float(scale * np.std(course[:, 0])),
+        "now_ampere_hour": float(scale * np.median(course[:, -1])),
+        "fade_percent_per_100_cycles": float(np.median(per_hundred)),
+        "fade_std_percent_per_100_cycles": float(np.std(per_hundred)),
+        "early_rise_percent": float(100 * np.median(rise)) if told else 0.0,
+        "early_rise_std_percent": float(100 * np.std(rise)),
+        "early_rise_cycle": float(np.median(top)) if told else np.nan,
+    }
+
+
+def _recoveries(fade):
+    """How many rests brought capacity back, by how much at most, and for how many cycles."""
+    returned = recovery(fade)
+    told = np.isfinite(fade.recovery_cycles)
+    return {
+        "pauses": int(fade.points.since_pause.shape[1]),
+        "recovery_percent": float(100 * returned.max()) if told else 0.0,
+        "recovery_cycles": fade.recovery_cycles,
+        "recovery_log_evidence": fade.recovery_evidence,
+    }
+
+
+def _efficiencies(life):
+    """Energy and efficiencies over the first and the last twentieth of a life."""
+    used = np.flatnonzero(life.used)
+    some = max(len(used) // 20, 3)
+    ends = {"start": used[:some], "end": used[-some:]}
+    found = {}
+    for name in ("energy_watt_hour", "energy_efficiency", "coulombic_efficiency"):
+        values = getattr(life, name)
+        for end, rows in ends.items():
+            known = values[rows][np.isfinite(values[rows])]
+            found[f"{name}_{end}"] = float(np.median(known)) if len(known) else np.nan
+    return found
+
+
+def _columns(life, fade, drawn, level):
+    """One entry a discharge: measured, and the law at its cycle with an interval."""
+    points = fade.points
+    share = life.cycle / points.cycle[-1]
+    scale = points.scale_ampere_hour
+    low, middle, high = np.quantile(
+        courses(drawn, share), [(1 - level) / 2, 0.5, (1 + level) / 2], axis=0
+    )
+    columns = {name: getattr(life, name) for name in life._fields if name != "notes"}
+    return columns | {
+        "law_ampere_hour": scale * middle,
+        "law_lower_ampere_hour": scale * low,
+        "law_upper_ampere_hour": scale * high,
+        "recovered_ampere_hour": scale * np.interp(life.cycle, points.cycle, recovery(fade)),
+    }
+
+
+def _law_rows(fade, chosen):
+    """One row a law: its log evidence against the best, and the terms of its best candidate."""
+    best = max(fade.log_evidence.values())
+    total = sum(np.exp(value - best) for value in fade.log_evidence.values())
+    rows = []
+    for name, value in fade.log_evidence.items():
+        mine = [one for one in fade.candidates if one.law == name]
+        top = max(mine, key=lambda one: one.weight) if mine else None
+        rows.append(
+            {
+                "law": name,
+                "chosen": name == chosen,
+                "log_evidence": float(max(value - best, laws_of_fade.IMPOSSIBLE)),
+                "probability": float(np.exp(value - best) / total),
+                "formula": _formula(top, fade.points) if top else "",
+                "noise_correlation": float(top.correlation) if top else np.nan,
+                "early_course_log_evidence": fade.early,
+            }
+        )
+    return rows
+
+
+def _formula(candidate, points):
+    """A law in words of its terms: capacity [Ah] over cycle n."""
+    scale, last = points.scale_ampere_hour, points.cycle[-1]
+    parts = []
+    for term, value in zip(candidate.terms, candidate.values, strict=False):
+        size = f"{scale * value:+.5g}"
+        if term.kind == "hinge":
+            width = f"{term.second * last:.3g}"
+            parts.append(f"{size} bend((n - {term.first * last:.4g})/{last:.4g}, width {width})")
+        elif term.kind == "early":
+            parts.append(f"{size} exp(-n/{term.first * last:.3g})")
+        elif term.first == 0:
+            parts.append(f"{scale * value:.5g}")
+        else:
+            parts.append(f"{size} (n/{last:.4g})^{term.first:.2g}")
+    return " ".join(parts)

@@ -1,0 +1,1 @@
+"""State of health from peaks of dQ/dV: features of peaks, estimates, their calibration."""

@@ -1,0 +1,321 @@
+"""Peaks of dQ/dV followed through the life of one cell: which of one charge is which of another.
+
+Charges at one rate and temperature form a sequence in the order of cycles. From charge to charge
+all peaks move together, since resistance shifts the whole curve; each moves a little by itself;
+heights and areas change slowly. The sequences of other rates and temperatures are joined to the
+first.
+"""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.health.conditions import SAME_CELSIUS, same_rate
+from cellwright.health.peaks.alignment import align
+from cellwright.health.peaks.names import names_of
+from cellwright.health.peaks.sequences import joined_identities
+from cellwright.refusal import Refusal
+
+SHRUNK = 0.5  # height over that in the first charge, from which a peak is said to have shrunk
+AMBIGUOUS = 2.0  # cost, in units of -2 log likelihood, by which another assignment must be worse
+NO_TEMPERATURE = 25.0
+
+
+class TrackedCharge(NamedTuple):
+    """Peaks of one charge: what it was, and columns of (k,) each, from low voltage.
+
+    test : its name. cycle [1], c_rate [1/h], celsius : chamber temperature, NaN where not known.
+    peaks : dict of columns of stage `ica`. reason : why it has no peaks, "" where it has.
+    """
+
+    test: str
+    cycle: float
+    c_rate: float
+    celsius: float
+    peaks: dict
+    reason: str
+
+
+class TrackRow(NamedTuple):
+    """One peak of one charge, or one that is missing there (voltage NaN)."""
+
+    test: str
+    cycle: float
+    c_rate: float
+    ambient_temperature_celsius: float
+    identity: str
+    voltage_volt: float
+    voltage_std_volt: float
+    height_ampere_hour_per_volt: float
+    height_std_ampere_hour_per_volt: float
+    area_ampere_hour: float
+    area_std_ampere_hour: float
+    width_volt: float
+    common_shift_volt: float
+    own_shift_volt: float
+    event: str
+    reason: str
+
+
+class _Track(NamedTuple):
+    """A peak as last seen: number of its identity, place, height, area, and where it began."""
+
+    identity: int
+    voltage: float
+    height: float
+    area: float
+    first_height: float
+    drift: float
+    seen: bool
+
+
+def tracked_peaks(
+    charges, *, chemistry="", motion_volt, height_factor, shift_volt, rate_shift_volt
+):
+    """Peaks of every charge of one cell under names that stay through its life.
+
+    1. Charges within 12 % of rate and 3 K form a sequence by cycle. 2. Each charge is aligned with
+    the peaks known so far: one common shift, the order kept, squared distances over the stated
+    tolerances; what fits nothing is new, or missing. A missing peak is remembered, moves with
+    the common shift, and may return. 3. The slowest sequence gives the names; another one begins
+    with its charge nearest in cycle, aligned with a wider common shift. 4. A peak that is gone
+    while the area of its neighbour has grown by its own is merged with it; the reverse is a split.
+
+    Parameters
+    ----------
+    charges : list of TrackedCharge of one cell. chemistry : proposes names, no more.
+    motion_volt : standard deviation of a peak's own motion from charge to charge [V].
+    height_factor : factor by which height or area may change from charge to charge.
+    shift_volt, rate_shift_volt : standard deviation of the common shift from charge to charge,
+        and between rates or temperatures [V].
+
+    Returns
+    -------
+    rows : list of TrackRow, by rate, temperature and cycle, from low voltage.
+
+    Raises
+    ------
+    Refusal : fewer than two charges, or no charge with a peak.
+    """
+    if len(charges) < 2:
+        raise Refusal(f"{len(charges)} charge for dQ/dV; two are needed to follow peaks")
+    if not any(_count(charge) for charge in charges):
+        raise Refusal(f"no peaks in any of {len(charges)} charges: {charges[0].reason}")
+    tolerance = (motion_volt, np.log(height_factor))
+    sequences = _sequences(charges)
+    known, rows, begun = [], [], []
+    for sequence in sequences:
+        start = known if not begun else _nearest(begun, sequence[0].cycle)
+        wide = rate_shift_volt if begun else shift_volt
+        found, states = _followed(sequence, start, tolerance, (wide, shift_volt), known)
+        rows += found
+        known = _all_known(known, states)
+        begun += states
+    rows = joined_identities(rows, motion_volt)
+    names = names_of(_first_places(rows), chemistry)
+    return [_named(row, names) for row in rows]
+
+
+def _named(row, names):
+    """A row with names in place of the numbers of identities."""
+    event = re.sub(r"#(\d+)", lambda found: names[int(found[1])], row.event).strip()
+    return row._replace(identity=names[row.identity], event=event)
+
+
+def _count(charge):
+    return len(charge.peaks.get("voltage_volt", ()))
+
+
+def _sequences(charges):
+    """Charges of one rate and temperature by cycle; slowest first, nearest to 25 °C first."""
+    sequences = []
+    for charge in sorted(charges, key=lambda c: (c.c_rate, c.cycle)):
+        same = (s for s in sequences if _alike(s[0], charge))
+        sequence = next(same, None)
+        if sequence is None:
+            sequences.append(sequence := [])
+        sequence.append(charge)
+    sequences = [sorted(s, key=lambda c: c.cycle) for s in sequences]
+    return sorted((s for s in sequences if any(map(_count, s))), key=_from_reference)
+
+
+def _alike(first, other):
+    """Whether two charges are of one rate and one temperature."""
+    apart = abs(_celsius(first) - _celsius(other))
+    return same_rate(first.c_rate, other.c_rate) and apart <= SAME_CELSIUS
+
+
+def _celsius(charge):
+    return charge.celsius if np.isfinite(charge.celsius) else NO_TEMPERATURE
+
+
+def _from_reference(sequence):
+    return abs(_celsius(sequence[0]) - NO_TEMPERATURE) > 10, sequence[0].c_rate, sequence[0].cycle
+
+
+def _nearest(states, cycle):
+    """Tracks after the charge nearest in cycle: those seen there."""
+    tracks = min(states, key=lambda state: abs(state[0] - cycle))[1]
+    return [track for track in tracks if track.seen]
+
+
+def _all_known(known, states):
+    """Identities known after a sequence."""
+    numbers = {track.identity for track in known}
+    last = states[-1][1] if states else []
+    return [*known, *(track for track in last if track.identity not in numbers)]
+
+
+def _followed(sequence, tracks, tolerance, shifts, known):
+    """Rows of one sequence, and (cycle, tracks) after each of its charges."""
+    rows, states, numbers = [], [], max([t.identity for t in [*known, *tracks]], default=0)
+    wide, usual = shifts
+    joined = bool(tracks)
+    for charge in sequence:
+        new_rows, tracks = _charge_rows(charge, tracks, tolerance, wide, joined, numbers)
+        numbers = max([numbers, *(track.identity for track in tracks)])
+        rows += new_rows
+        states.append((charge.cycle, tracks))
+        if _count(charge):
+            tracks = [_begun(t) if joined else t for t in tracks]
+            wide, joined = usual, False
+    return rows, states
+
+
+def _begun(track):
+    """A track whose first height is that of this sequence."""
+    return track._replace(first_height=track.height if track.seen else np.nan)
+
+
+def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):
+    """Rows of one charge, and the tracks after it, from low voltage."""
+    peaks = _peak_list(charge)
+    aligned = align([(t.voltage, t.height, t.area) for t in tracks], peaks, *tolerance, shift_std)
+    aligned = aligned._replace(known=sum(track.seen for track in tracks))
+    partner = {peak: track for track, peak in aligned.pairs}
+    rows, after = [], []
+    for k, (voltage, height, area) in enumerate(peaks):
+        old = tracks[partner[k]] if k in partner else None
+        if old is None:
+            numbers += 1
+            track = _Track(numbers, voltage, height, area, height, 0.0, True)
+            event = _appearance(aligned, tracks, peaks, k) if tracks and not joined else ""
+        else:
+            own = voltage - old.voltage - aligned.shift
+            track = _Track(
+                old.identity, voltage, height, area, old.first_height, old.drift + own, True
+            )
+            event = _change(old, track, own, tolerance[0], joined)
+        after.append(track)
+        rows.append(_row(charge, k, track, aligned, event))
+    gone = [t for t in range(len(tracks)) if t not in {track for track, _ in aligned.pairs}]
+    for number in gone:
+        lost = tracks[number]
+        place = lost.voltage + aligned.shift
+        after.append(lost._replace(voltage=place, seen=False))
+        fresh = lost.seen and not joined
+        event = _disappearance(aligned, tracks, peaks, number) if fresh else "absent"
+        rows.append(_missing(charge, lost, aligned, event))
+    order = np.argsort([track.voltage for track in after], kind="stable")
+    return [rows[k] for k in order], [after[k] for k in order]
+
+
+def _peak_list(charge):
+    """Place, height and area of each peak of a charge."""
+    names = ("voltage_volt", "height_ampere_hour_per_volt", "area_ampere_hour")
+    return list(zip(*[charge.peaks[name] for name in names], strict=True)) if _count(charge) else []
+
+
+def _appearance(aligned, tracks, peaks, k):
+    """How a peak that was not there before came about."""
+    for track, peak in aligned.pairs:
+        old, now, new = tracks[track], peaks[peak][2], peaks[k][2]
+        near = abs(peak - k) == 1
+        if near and _agree(old.area, now + new) and not _agree(old.area, now):
+            return f"split from #{old.identity} "
+    return "appeared"
+
+
+def _disappearance(aligned, tracks, peaks, number):
+    """How a peak went: into its neighbour, or by itself."""
+    for track, peak in aligned.pairs:
+        before, lost, now = tracks[track].area, tracks[number].area, peaks[peak][2]
+        near = abs(track - number) == 1
+        if near and _agree(before + lost, now) and not _agree(before, now):
+            return f"merged with #{tracks[track].identity} "
+    return "vanished"
+
+
+AGREE = 0.15  # areas from valley to valley that differ by less are one
+
+
+def _agree(first, second):
+    """Whether two areas agree within 15 %."""
+    return abs(first - second) <= AGREE * max(first, second)
+
+
+def _change(old, track, own, motion, joined):
+    """Events of a peak that was found again."""
+    words = [] if old.seen else ["returned"]
+    if abs(own) > 2 * motion and not joined:
+        words.append(f"moved by {1e3 * own:+.0f} mV beside the others")
+    shrunk = track.height < SHRUNK * old.first_height
+    if shrunk and not old.height < SHRUNK * old.first_height and not joined:
+        words.append(f"shrunk to {track.height / old.first_height:.0%}")
+    return "; ".join(words)
+
+
+def _row(charge, k, track, aligned, event):
+    """Row of a peak that is there."""
+    peaks = charge.peaks
+    names = (
+        "voltage_volt",
+        "voltage_std_volt",
+        "height_ampere_hour_per_volt",
+        "height_std_ampere_hour_per_volt",
+        "area_ampere_hour",
+        "area_std_ampere_hour",
+        "width_volt",
+    )
+    return TrackRow(
+        *_what(charge),
+        track.identity,
+        *(float(peaks[name][k]) for name in names),
+        aligned.shift,
+        track.drift,
+        event,
+        _doubt(aligned, k),
+    )
+
+
+def _doubt(aligned, k):
+    """Why the name of a peak is in doubt, or ""."""
+    if aligned.margins.get(k, np.inf) <= AMBIGUOUS:
+        return "another assignment is nearly as likely"
+    if aligned.known > 1 and len(aligned.pairs) == 1 and k in aligned.margins:
+        return f"the only one left of {aligned.known}: what is common cannot be told from its own"
+    return ""
+
+
+def _missing(charge, track, aligned, event):
+    """Row of a peak that is not there."""
+    expected = track.voltage + aligned.shift
+    reason = charge.reason or f"no peak near {expected:.3f} V, where it would be"
+    unknown = [np.nan] * 7
+    return TrackRow(
+        *_what(charge), track.identity, *unknown, aligned.shift, track.drift, event, reason
+    )
+
+
+def _what(charge):
+    return charge.test, charge.cycle, charge.c_rate, charge.celsius
+
+
+def _first_places(rows):
+    """Voltage of each identity where it was first seen, in the order of the rows."""
+    places = {}
+    for row in rows:
+        if np.isfinite(row.voltage_volt):
+            places.setdefault(row.identity, (row.voltage_volt, row.c_rate))
+    return places

@@ -1,0 +1,401 @@
+"""What a check-up says of a cell in the terms of standards: ratings, and their change since new."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.health.conditions import SAME_CELSIUS, same_rate
+from cellwright.health.fleet import mean_over_soc
+from cellwright.refusal import Refusal
+
+SAME_CHECKUP_CYCLES = 5.0  # tests so near in cycles see a cell of one age
+POWER_SOCS = (0.8, 0.5, 0.2)
+SOC_REACH = 0.15  # a state of charge is asked for between pulses at most this far apart from it [1]
+SAME_CAPACITY = 0.03  # of a capacity: what differs more is not one check-up [1]
+REPEAT_SHARE = 0.002  # of a capacity: least standard deviation from test to test [1]
+CHANGES = {
+    "capacity_ampere_hour": "capacity_change",
+    "energy_watt_hour": "energy_change",
+    "resistance_10s_ohm": "resistance_change",
+    "discharge_power_50_watt": "discharge_power_change",
+    "charge_power_50_watt": "charge_power_change",
+    "round_trip_efficiency": "round_trip_efficiency_change",
+}
+
+
+class CheckUp(NamedTuple):
+    """Ratings of one check-up; NaN where its tests do not tell one.
+
+    cycle : [1]. ambient_temperature_celsius, c_rate, direction : of the capacity that counts.
+    capacity, its std : [Ah]. soh, soh_std : over the first check-up's capacity at the same rate,
+    direction and temperature, or over the rating where `soh_reference` says so [1]. energy : of
+    that test's discharge [Wh]. round_trip_efficiency : energy out over energy in, for equal charge
+    [1]. resistance_* : at 50 % SoC, first sample and 10 s, and means over SoC, of the first
+    samples and at 1 s [Ω]. first_delay : of the first samples into their pulses [s]. *_power_* :
+    10 s at 80, 50, 20 % SoC [W]. throughput : discharged in ageing records up to there [Ah].
+    *_change : over the first check-up, minus 1 [1]. reason : what is not known, and why.
+    """
+
+    cycle: float
+    ambient_temperature_celsius: float
+    c_rate: float
+    direction: str
+    capacity_ampere_hour: float
+    capacity_std_ampere_hour: float
+    soh: float
+    soh_std: float
+    soh_reference: str
+    energy_watt_hour: float
+    round_trip_efficiency: float
+    resistance_first_ohm: float
+    resistance_10s_ohm: float
+    resistance_mean_ohm: float
+    resistance_mean_1s_ohm: float
+    first_delay_second: float
+    discharge_power_80_watt: float
+    discharge_power_50_watt: float
+    discharge_power_20_watt: float
+    charge_power_80_watt: float
+    charge_power_50_watt: float
+    charge_power_20_watt: float
+    throughput_ampere_hour: float
+    capacity_change: float
+    energy_change: float
+    resistance_change: float
+    discharge_power_change: float
+    charge_power_change: float
+    round_trip_efficiency_change: float
+    reason: str
+
+
+class Growth(NamedTuple):
+    """Resistance at one SoC of one check-up [Ω], over the first check-up's there [1].
+
+    factor is NaN where the first check-up has no pulses around that SoC.
+    """
+
+    cycle: float
+    direction: str
+    delay_second: float
+    soc: float
+    resistance_ohm: float
+    factor: float
+    factor_std: float
+
+
+def check_ups(
+    capacities,
+    resistances,
+    *,
+    rated_capacity_ampere_hour,
+    lower_cutoff_volt,
+    upper_cutoff_volt,
+    throughputs=(),
+):
+    """Ratings of every check-up of a cell, each with its change since the first one.
+
+    1. Tests within 5 cycles of the sheet are one check-up; blank is new. Where tests were made at
+    several temperatures, those at the one that most check-ups have count. 2. The capacity that
+    counts is at the rate that most check-ups have, discharges before charges, the slowest first.
+    3. Power at a state of charge: what the cell gives at its lower cut-off (takes at its upper
+    one) at the end of 10 s, U_low (U_rest − U_low)/R, U_high (U_high − U_rest)/R, with the rest
+    voltage and the resistance 10 s into a pulse interpolated between pulses. 4. Round trip: ratio
+    of mean voltages of a discharge and a charge of one test, for charges are rarely closed to a
+    percent.
+
+    Parameters
+    ----------
+    capacities, resistances : rows of stages `capacity`, `resistance` with test, cycle and
+        ambient_temperature_celsius.
+    rated_capacity_ampere_hour, lower_cutoff_volt, upper_cutoff_volt : of the sheet, or None.
+    throughputs : pairs (cycle, discharged up to there [Ah]) of the cell's ageing records.
+
+    Returns
+    -------
+    rows : list of CheckUp by cycle. notes : list of sentences.
+
+    Raises
+    ------
+    Refusal : no capacity and no resistance.
+
+    Source: power from pulses: INL/EXT-07-12536, FreedomCAR Battery Test Manual (2008), 4.3;
+    quantities: Regulation (EU) 2023/1542, annex IV, part A.
+    """
+    capacities, resistances, notes = _at_one_temperature(capacities, resistances)
+    cycles = sorted({_cycle(row) for row in [*capacities, *resistances]})
+    if not cycles:
+        raise Refusal("no capacity and no resistance of any check-up")
+    counted, doubts = _comparable(capacities)
+    rows = []
+    for cycle in cycles:
+        tests = [row for row in capacities if _cycle(row) == cycle]
+        pulses = [row for row in resistances if _cycle(row) == cycle]
+        found = {
+            "cycle": cycle,
+            **_capacity(counted.get(cycle)),
+            **_efficiency(tests, counted.get(cycle)),
+            **_power(pulses, lower_cutoff_volt, upper_cutoff_volt),
+            "throughput_ampere_hour": _throughput(throughputs, cycle),
+            "reason": doubts.get(cycle, ""),
+        }
+        rows.append(found)
+    return [
+        CheckUp(**_with_soh(row, rows[0], rated_capacity_ampere_hour), **_changes(row, rows[0]))
+        for row in rows
+    ], notes
+
+
+def _cycle(row):
+    return float(row["cycle"] or 0.0)
+
+
+# ASSUME: Tests within 5 cycles of each other see a cell of one age.
+def _of_one_age(rows):
+    """Rows with the cycle of their check-up: the first of those that follow within 5 cycles."""
+    first, begin = {}, -np.inf
+    for cycle in sorted({_cycle(row) for row in rows}):
+        begin = cycle if cycle > begin + SAME_CHECKUP_CYCLES else begin
+        first[cycle] = begin
+    return [row | {"cycle": first[_cycle(row)]} for row in rows]
+
+
+def _at_one_temperature(capacities, resistances):
+    """Rows at the temperature that most check-ups have, and what was left out."""
+    both = _of_one_age([*capacities, *resistances])
+    capacities, resistances = both[: len(capacities)], both[len(capacities) :]
+    met = {}
+    for row in both:
+        celsius = row["ambient_temperature_celsius"]
+        if celsius is not None:
+            met.setdefault(celsius, set()).add(_cycle(row))
+    if not met or max(met) - min(met) <= SAME_CELSIUS:
+        return capacities, resistances, []
+    usual = max(met, key=lambda celsius: (len(met[celsius]), -abs(celsius - 25.0)))
+
+    def kept(rows):
+        known = [row for row in rows if row["ambient_temperature_celsius"] is not None]
+        # Tests without any stated temperature compare among themselves.
+        near = [
+            row for row in known if abs(row["ambient_temperature_celsius"] - usual) <= SAME_CELSIUS
+        ]
+        return near if known else rows
+
+    other = ", ".join(f"{c:g}" for c in sorted(met) if abs(c - usual) > SAME_CELSIUS)
+    note = f"check-ups are compared at {usual:g} °C; tests at {other} °C are left out"
+    return kept(capacities), kept(resistances), [note]
+
+
+def _comparable(capacities):
+    """Of each check-up the capacity row at the rate and direction that most have, and doubts."""
+    kinds = {}
+    for row in capacities:
+        if not (row["capacity_ampere_hour"] and row["c_rate"]):
+            continue
+        near = [
+            key for key in kinds if key[0] == row["direction"] and same_rate(key[1], row["c_rate"])
+        ]
+        key = near[0] if near else (row["direction"], row["c_rate"])
+        kinds.setdefault(key, {}).setdefault(_cycle(row), []).append(row)
+    if not kinds:
+        return {}, {}
+    usual = max(kinds, key=lambda key: (len(kinds[key]), key[0] == "discharge", -key[1]))
+    doubts = {cycle: _doubt(cycle, rows) for cycle, rows in kinds[usual].items()}
+    counted = {cycle: rows[0] for cycle, rows in kinds[usual].items() if not doubts[cycle]}
+    return counted, doubts
+
+
+def _doubt(cycle, rows):
+    """Why tests of one check-up cannot be of one; "" where they can."""
+    sizes = [row["capacity_ampere_hour"] for row in rows]
+    if max(sizes) - min(sizes) <= SAME_CAPACITY * max(sizes):
+        return ""
+    names, listed = ", ".join(row["test"] for row in rows), ", ".join(f"{s:.4g}" for s in sizes)
+    return (
+        f"{names} stand at cycle {cycle:g} and give {listed} Ah: not one check-up; is their "
+        "`cycle` blank or wrong?"
+    )
+
+
+def _capacity(row):
+    """Capacity of a check-up and the facts of its test."""
+    if row is None:
+        nan = np.nan
+        return {
+            "ambient_temperature_celsius": nan,
+            "c_rate": nan,
+            "direction": "",
+            "capacity_ampere_hour": nan,
+            "capacity_std_ampere_hour": nan,
+        }
+    std = row["capacity_std_ampere_hour"]
+    size, repeats = row["capacity_ampere_hour"], row["repeats"]
+    spread = std / np.sqrt(repeats) if std is not None and np.isfinite(std) else 0.0
+    celsius = row["ambient_temperature_celsius"]
+    return {
+        "ambient_temperature_celsius": np.nan if celsius is None else celsius,
+        "c_rate": row["c_rate"],
+        "direction": row["direction"],
+        "capacity_ampere_hour": size,
+        "capacity_std_ampere_hour": float(max(spread, REPEAT_SHARE * size)),
+    }
+
+
+def _efficiency(tests, counted):
+    """Energy of the discharge, and round-trip efficiency at equal charge.
+
+    Of the test whose rate is nearest to that of the capacity that counts.
+    """
+    pairs = {}
+    for row in tests:
+        pairs.setdefault(row["test"], {}).setdefault(row["direction"], row)
+    whole = [pair for pair in pairs.values() if "discharge" in pair]
+    if not whole:
+        return {"energy_watt_hour": np.nan, "round_trip_efficiency": np.nan}
+    rate = counted["c_rate"] if counted else 0.5
+    pair = min(whole, key=lambda one: abs(np.log(one["discharge"]["c_rate"] / rate)))
+    discharge, charge = pair["discharge"], pair.get("charge")
+    efficiency = np.nan
+    if charge:
+        mean = [
+            row["energy_watt_hour"] / row["capacity_ampere_hour"] for row in (discharge, charge)
+        ]
+        efficiency = mean[0] / mean[1]
+    return {"energy_watt_hour": discharge["energy_watt_hour"], "round_trip_efficiency": efficiency}
+
+
+def _power(pulses, low, high):
+    """Resistances at 50 % SoC and powers at 80, 50 and 20 %; NaN where pulses do not reach."""
+    found = {"resistance_first_ohm": _at(pulses, "discharge", 0, 0.5)[0]}
+    found["resistance_10s_ohm"] = _at(pulses, "discharge", 10, 0.5)[0]
+    for delay, name in ((0, "resistance_mean_ohm"), (1, "resistance_mean_1s_ohm")):
+        course = _course(pulses, "discharge", delay)
+        socs, ohms = ([row[key] for row in course] for key in ("soc", "resistance_ohm"))
+        found[name] = mean_over_soc(socs, ohms)
+    first = [row["actual_delay_second"] for row in _course(pulses, "discharge", 0)]
+    found["first_delay_second"] = float(np.median(first)) if first else np.nan
+    for soc in POWER_SOCS:
+        name = f"power_{100 * soc:.0f}_watt"
+        resistance, rest = _at(pulses, "discharge", 10, soc)
+        found[f"discharge_{name}"] = np.nan if low is None else low * (rest - low) / resistance
+        resistance, rest = _at(pulses, "charge", 10, soc)
+        found[f"charge_{name}"] = np.nan if high is None else high * (high - rest) / resistance
+    return found
+
+
+def _at(pulses, direction, delay, soc):
+    """Resistance [Ω] and rest voltage [V] at a SoC, between the nearest pulses; NaN beyond them."""
+    rows = _course(pulses, direction, delay)
+    if len(rows) < 2:
+        return np.nan, np.nan
+    socs = np.array([row["soc"] for row in rows])
+    after = int(np.searchsorted(socs, soc))
+    if not 0 < after < len(socs) or min(abs(socs - soc)) > SOC_REACH:
+        return np.nan, np.nan
+    return tuple(
+        float(np.interp(soc, socs, [row[name] for row in rows]))
+        for name in ("resistance_ohm", "voltage_before_volt")
+    )
+
+
+def _course(pulses, direction, delay):
+    """Pulses of one direction and delay whose SoC is known, by SoC."""
+    rows = [
+        row
+        for row in pulses
+        if row["direction"] == direction
+        and row["delay_second"] == delay
+        and row["soc"] is not None
+        and np.isfinite(row["soc"])
+    ]
+    return sorted(rows, key=lambda row: row["soc"])
+
+
+def _throughput(throughputs, cycle):
+    """Charge discharged up to a cycle [Ah]; NaN where no ageing record tells it."""
+    if cycle == 0:
+        return 0.0
+    reached = [size for at, size in throughputs if at <= cycle + 1]
+    beyond = any(at >= cycle - 1 for at, _ in throughputs)
+    return float(max(reached)) if reached and beyond else np.nan
+
+
+def _with_soh(row, first, rated):
+    """A check-up's row with its state of health and what that refers to."""
+    own, fresh = row["capacity_ampere_hour"], first["capacity_ampere_hour"]
+    reference, word = (fresh, "first check-up") if first["cycle"] == 0 else (rated, "rating")
+    reason = row["reason"]
+    if not reason and not np.isfinite(own):
+        reason = "no capacity at the rate and direction that the other check-ups have"
+    elif not reason and (reference is None or not np.isfinite(reference)):
+        reason, word = "neither a fresh capacity nor a rating: state of health not knowable", ""
+    known = not reason
+    soh = own / reference if known else np.nan
+    share = row["capacity_std_ampere_hour"] / own if known else np.nan
+    std = soh * share * (np.sqrt(2) if word == "first check-up" else 1.0)
+    if known and row is first and first["cycle"] == 0:
+        std = 0.0
+    return row | {
+        "soh": soh,
+        "soh_std": std,
+        "soh_reference": word,
+        "reason": reason,
+    }
+
+
+def _changes(row, first):
+    """Change of each quantity since the first check-up."""
+    return {new: float(row[name] / first[name] - 1) for name, new in CHANGES.items()}
+
+
+def resistance_growth(resistances):
+    """Resistance over SoC at every check-up, and its growth since the first one.
+
+    Parameters
+    ----------
+    resistances : rows of stage `resistance` with cycle and ambient_temperature_celsius.
+
+    Returns
+    -------
+    rows : list of Growth; the first check-up's resistance is interpolated over SoC between its
+        pulses, no further.
+
+    Raises
+    ------
+    Refusal : no pulse with a known SoC.
+
+    Source: thesis 4.3 (fourfold at the end of life).
+    """
+    _, rows, _ = _at_one_temperature([], resistances)
+    kinds = sorted({(row["direction"], row["delay_second"]) for row in rows}, reverse=True)
+    found = [one for kind in kinds for one in _growths(rows, *kind)]
+    if not found:
+        raise Refusal("no pulse of any check-up has a known state of charge")
+    return found
+
+
+def _growths(rows, direction, delay):
+    """Pulses of one direction and delay, each beside the first check-up's."""
+    cycles = sorted({_cycle(row) for row in rows})
+    courses = [_course([r for r in rows if _cycle(r) == c], direction, delay) for c in cycles]
+    pairs = zip(cycles, courses, strict=True)
+    return [_growth(cycle, row, courses[0]) for cycle, course in pairs for row in course]
+
+
+def _growth(cycle, row, fresh):
+    """One pulse beside the first check-up's resistance at its SoC."""
+    socs = [other["soc"] for other in fresh]
+    factor, std = np.nan, np.nan
+    if fresh and socs[0] - 0.02 <= row["soc"] <= socs[-1] + 0.02:
+        base = np.interp(row["soc"], socs, [other["resistance_ohm"] for other in fresh])
+        base_std = np.interp(row["soc"], socs, [other["resistance_std_ohm"] for other in fresh])
+        factor = row["resistance_ohm"] / base
+        std = factor * np.hypot(row["resistance_std_ohm"] / row["resistance_ohm"], base_std / base)
+    return Growth(
+        cycle,
+        row["direction"],
+        float(row["delay_second"]),
+        row["soc"],
+        row["resistance_ohm"],
+        float(factor),
+        float(std),
+    )

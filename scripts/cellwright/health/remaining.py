@@ -1,0 +1,134 @@
+"""Cycles that remain until a share of the capacity is left, with an interval."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.health.fade import courses, recovery
+
+HORIZON = 6.0  # lives so far, up to which a course is carried forward
+STEPS = 240  # of the future
+EXPONENT_STD = 0.35  # by which the exponent of the fade to come differs from that so far
+KNEE_RATIOS = (1.5, 12.0)  # of the fade beyond a knee to that before it
+LEAST_SEEN = 0.02  # of the capacity: of a smaller loss nothing is carried forward [1]
+
+
+class Remaining(NamedTuple):
+    """Cycles from the last one until the end of life, and at which cycle that is.
+
+    cycles, lower, upper : median and 95 % interval; NaN where not knowable (upper alone: beyond
+    what can be carried forward). end_cycle : where it is, or was reached. reached : whether the
+    life has reached it. soh, soh_std : capacity at the last cycle over that at the start [1].
+    reason : what is not known, and why.
+    """
+
+    cycles: float
+    lower: float
+    upper: float
+    end_cycle: float
+    reached: bool
+    soh: float
+    soh_std: float
+    reason: str
+
+
+# ASSUME: Unless a knee has been seen, one may lie ahead: that none lies before cycle m has the
+# chance n/m, n the cycles so far. The fade beyond it is 1.5 to 12 times as fast (log-uniform).
+# ASSUME: The fade to come follows the law so far times (m/n)^d, d normal with deviation 0.35; the
+# square root law lies at −0.5 from the straight one.
+def remaining_of(fade, drawn, knee, *, end_of_life, start_ampere_hour=None, level=0.95, seed=1):
+    """Cycles that remain until capacity is `end_of_life` of what it was at the start.
+
+    Each law that the data allow is carried forward, in the place of one draw. What the law does
+    not know is laid on it: the fade slows or quickens as a power of the cycle ratio, and as long
+    as no knee was seen a knee may come, at a place without scale (as likely between n and 2n as
+    beyond). Both widths are set so that intervals hold for made lives of many kinds
+    (health-fade.md). Recovery after rests counts as on average over the first and the last third
+    of the life: it comes and goes.
+
+    Parameters
+    ----------
+    fade : fade.Fade. drawn : fade.Draws. knee : knee.Knee. end_of_life : share of the capacity
+    [1]. start_ampere_hour : what the share refers to [Ah], None: the course at the first cycle.
+    level : of the interval. seed : of the draws.
+
+    Returns
+    -------
+    remaining : Remaining.
+
+    Source: the chance of a knee: J. R. Gott, Nature 363 (1993) 315 (no scale but the time so far);
+    ratios: P. M. Attia et al., J. Electrochem. Soc. 169 (2022) 060517.
+    """
+    points = fade.points
+    start, now, soh, soh_std = _state(fade, drawn, start_ampere_hour)
+    target = end_of_life * start
+    last = float(points.cycle[-1])
+    median = np.median(courses(drawn, points.share), axis=0) + recovery(fade)
+    unknown = Remaining(np.nan, np.nan, np.nan, np.nan, False, soh, soh_std, "")
+    if np.mean(now <= target) > (1 + level) / 2:
+        below = np.flatnonzero(median <= np.median(target))
+        at = float(points.cycle[below[0]]) if len(below) else last
+        return Remaining(0.0, 0.0, 0.0, at, True, soh, soh_std, "")
+    lost = median.max() - np.median(now)
+    if np.median(now) > median[0] + max(LEAST_SEEN, 2 * soh_std) / 2:
+        return unknown._replace(
+            reason=f"capacity grows ({100 * (soh - 1):+.1f} %): no fade to carry forward"
+        )
+    if lost < LEAST_SEEN:
+        return unknown._replace(
+            reason=f"{100 * lost:.1f} % lost so far, less than {100 * LEAST_SEEN:g} %: "
+            "remaining cycles are not knowable"
+        )
+    crossing = _crossings(fade, drawn, now, target, knee, np.random.default_rng(seed))
+    limits = [(1 - level) / 2, 0.5, (1 + level) / 2]
+    low, middle, high = np.quantile(crossing, limits, method="inverted_cdf")
+    if not np.isfinite(middle):
+        return unknown._replace(
+            lower=float(low * last) if np.isfinite(low) else np.nan,
+            reason=f"more than half of the laws do not get there within {HORIZON:g} lives so far",
+        )
+    open_end = "" if np.isfinite(high) else f"no upper limit within {HORIZON:g} lives so far"
+    cycles = [
+        float(value * last) if np.isfinite(value) else np.nan for value in (middle, low, high)
+    ]
+    return Remaining(*cycles, last + cycles[0], False, soh, soh_std, open_end)
+
+
+def _state(fade, drawn, start_ampere_hour):
+    """Capacity at the start and now, over the scale, of each draw; state of health and its std."""
+    ends = courses(drawn, fade.points.share[[0, -1]])
+    start = ends[:, 0]
+    if start_ampere_hour is not None:
+        start = np.full(len(start), start_ampere_hour / fade.points.scale_ampere_hour)
+    # Noise that remembers itself is where the cell is; noise that does not is the reading's.
+    steps = np.diff(fade.points.place)
+    carried = drawn.correlation ** float(np.median(steps))
+    returned, third = recovery(fade), max(len(steps) // 3, 1)
+    start = start + (np.mean(returned[:third]) if start_ampere_hour is None else 0.0)
+    now = ends[:, 1] + carried * drawn.last + np.mean(returned[-third:])
+    share = now / start
+    return start, now, float(np.median(share)), float(np.std(share))
+
+
+def _crossings(fade, drawn, now, target, knee, random):
+    """Share of the life so far after which each draw falls below the target; inf: never."""
+    count = len(now)
+    ratio = np.geomspace(1.0, HORIZON, STEPS)
+    ahead = courses(drawn, ratio)
+    steps = -np.diff(ahead, axis=1)
+    middle = np.sqrt(ratio[1:] * ratio[:-1])
+    # A law that bends upwards would have the capacity come back: at most it slows as 1/cycle.
+    pace = steps[:, :1] / (ratio[1] - ratio[0])
+    slowest = pace * (np.diff(ratio) / middle)[None, :]
+    steps = np.where(pace > 0, np.maximum(steps, slowest), steps)
+    slope = random.normal(0.0, EXPONENT_STD, count)
+    steps = steps * middle[None, :] ** slope[:, None]
+    if not knee.found:
+        place = 1 / random.uniform(0.0, 1.0, count)
+        faster = np.exp(random.uniform(*np.log(KNEE_RATIOS), count))
+        steps = steps * np.where(middle[None, :] > place[:, None], faster[:, None], 1.0)
+    level = now[:, None] - np.cumsum(steps, axis=1)
+    below = level <= target[:, None]
+    first = np.argmax(below, axis=1)
+    crossing = np.where(below.any(axis=1), ratio[1:][first] - 1, np.inf)
+    return np.where(now <= target, 0.0, crossing)

@@ -1,0 +1,132 @@
+"""The tests of one cell in the order of time: how each of them left the cell for the next one."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.protocols.capacity import TURN_SHARE, turns
+from cellwright.protocols.start import NEAR_VOLT, spans_with_lost_charges
+from cellwright.series.steps import assumed_rating
+
+# Of the rating: what may flow after a cut-off for the cell to be left full, or empty.
+LEFT_SHARE = 0.01
+LONGEST_HOUR = 720.0  # between two tests: longer, the one does not tell how the other begins
+CLOCK_SECOND = 60.0  # that dates of two files may disagree by
+STATES = {1: "full", -1: "empty"}  # in which a charge (+1) and a discharge (-1) end
+
+
+class TestEnds(NamedTuple):
+    """Begin and end of a test by the dates in its record, and how it left the cell.
+
+    test : name. begin_second, end_second : since 1970, NaN where the record has no dates [s].
+    begin_volt, end_volt : first and last voltage [V]. state_at_end : "full", "empty" or "".
+    """
+
+    test: str
+    begin_second: float
+    end_second: float
+    begin_volt: float
+    end_volt: float
+    state_at_end: str
+
+
+class Course(NamedTuple):
+    """Tests of a cell, in the order given; one entry a test.
+
+    test_before : the last one that ended before it began, "" where none is known. hour_between :
+    time since then [h]. state_at_begin : "full", "empty" or "" where not known. words : why.
+    """
+
+    test: list
+    test_before: list
+    hour_between: list
+    state_at_begin: list
+    words: list
+
+
+def ends_of_test(
+    test, series, steps, *, rated_capacity_ampere_hour, lower_cutoff_volt, upper_cutoff_volt
+):
+    """When a test begins and ends, and whether it leaves the cell full or empty.
+
+    It leaves it full where its last half cycle is a charge that reaches the upper cut-off within
+    10 mV, and no more than 1 % of the rating flows after it; empty likewise.
+
+    Parameters
+    ----------
+    test : name. series : dict of (n,) columns of a clean series. steps : Steps of it.
+    rated_capacity_ampere_hour : [Ah] or None. lower_cutoff_volt, upper_cutoff_volt : [V] or None.
+
+    Returns
+    -------
+    ends : TestEnds.
+    """
+    names = ("current_ampere", "voltage_volt", "charge_ampere_hour")
+    columns = tuple(np.asarray(series[name], float) for name in names)
+    dates = series.get("unix_time_second", np.full(1, np.nan))
+    rated = rated_capacity_ampere_hour or assumed_rating(columns[0], columns[2])
+    limits = (lower_cutoff_volt, upper_cutoff_volt)
+    volts = float(columns[1][0]), float(columns[1][-1])
+    state = _state_at_end(columns, steps, rated, limits)
+    return TestEnds(test, float(dates[0]), float(dates[-1]), *volts, state)
+
+
+def _state_at_end(columns, steps, rated, limits):
+    spans = turns(columns[2], steps, least_ampere_hour=TURN_SHARE * rated)
+    spans = spans_with_lost_charges(spans, columns, steps, limits)
+    if not spans or limits[spans[-1][0] > 0] is None:
+        return ""
+    sign, first, last = spans[-1]
+    rows = slice(steps.first_row[first], steps.last_row[last] + 1)
+    reached = np.max(sign * columns[1][rows]) >= sign * limits[sign > 0] - NEAR_VOLT
+    at_end = abs(columns[2][-1] - columns[2][rows.stop - 1]) <= LEFT_SHARE * rated
+    return STATES[sign] if reached and at_end else ""
+
+
+# ASSUME: Between two tests of a cell, by their dates, nothing was done to it that is not in a file.
+def course(ends, *, lower_cutoff_volt, upper_cutoff_volt):
+    """How the cell was as each of its tests began, by the test before it in time.
+
+    Nothing is known where a test has no dates, overlaps another one, follows more than 30 days
+    after, or where its first voltage contradicts: a cell that was left full rests above the middle
+    of its window and no higher than it was left; an empty one below, and no lower.
+
+    Parameters
+    ----------
+    ends : list of TestEnds. lower_cutoff_volt, upper_cutoff_volt : [V] or None.
+
+    Returns
+    -------
+    course : Course.
+    """
+    limits = (lower_cutoff_volt, upper_cutoff_volt)
+    rows = [(one.test, *_before(one, ends, limits)) for one in ends]
+    return Course(*[list(column) for column in zip(*rows, strict=True)] or [[]] * 5)
+
+
+def _before(one, ends, limits):
+    """Test before, hours since, state at the begin and words, for one test."""
+    unknown = ("", np.nan, "")
+    if np.isnan(one.begin_second):
+        return *unknown, "its record has no dates, so what came before it is not known"
+    others = [other for other in ends if other is not one and other.begin_second <= one.end_second]
+    earlier = [o for o in others if o.end_second <= one.begin_second + CLOCK_SECOND]
+    if len(earlier) < len(others):
+        return *unknown, "by their dates another test runs at the same time"
+    if not earlier:
+        return *unknown, "no test before it has dates"
+    last = max(earlier, key=lambda other: other.end_second)
+    hour = max(one.begin_second - last.end_second, 0.0) / 3600
+    found = (last.test, float(hour))
+    if not last.state_at_end:
+        return *found, "", f"{last.test} before it does not end at a cut-off"
+    if hour > LONGEST_HOUR:
+        return *found, "", f"{last.test} before it ended {hour / 24:.0f} days earlier"
+    sign = 1 if last.state_at_end == "full" else -1
+    middle = sum(limits) / 2
+    fits = sign * (one.begin_volt - middle) > 0
+    if not fits or sign * (one.begin_volt - last.end_volt) > NEAR_VOLT:
+        words = f"{last.test} before it ended {last.state_at_end} at {last.end_volt:.3f} V, "
+        return *found, "", f"{words}but it begins at {one.begin_volt:.3f} V"
+    words = f"{last.test} ended {last.state_at_end} {hour:.1f} h before it"
+    return *found, last.state_at_end, f"starts {last.state_at_end}: {words}"

@@ -1,0 +1,1 @@
+"""Incremental capacity of constant-current charges, its methods, and its peaks."""

@@ -1,0 +1,152 @@
+"""Incremental capacity dQ/dV of a constant-current charge, and its peaks."""
+
+import numpy as np
+
+from cellwright.protocols.ica import spline as ica_spline
+from cellwright.protocols.ica.adaptive import adaptive_capacity
+from cellwright.protocols.ica.binned import binned_capacity, counted_capacity
+from cellwright.protocols.ica.grid_peaks import grid_peaks
+from cellwright.refusal import Refusal
+from cellwright.settings import Ica
+
+ICA = Ica()
+
+LEAST_ROWS = 50
+
+
+def constant_current_charge(steps, charge_ampere_hour):
+    """Rows of the constant-current charge that moves the most charge.
+
+    Parameters
+    ----------
+    steps : columns kind, first_row, last_row, cv_first_row, current_mean_ampere, (k,) each.
+    charge_ampere_hour : (n,) net charge of the record the rows point into [Ah].
+
+    Returns
+    -------
+    first_row, last_row : inclusive, without the part at constant voltage.
+    step : row of `steps` that they come from.
+
+    Raises
+    ------
+    Refusal : no step of constant current charges the cell.
+    """
+    charging = np.isin(steps["kind"], ["CC", "CCCV"]) & (steps["current_mean_ampere"] > 0)
+    first, held = steps["first_row"], steps["cv_first_row"]
+    last = np.where(held > first, held - 1, steps["last_row"])
+    moved = np.where(charging, charge_ampere_hour[last] - charge_ampere_hour[first], 0.0)
+    if not len(moved) or moved.max() <= 0:
+        raise Refusal(f"no constant-current charge among {len(moved)} step(s)")
+    step = int(moved.argmax())
+    return int(first[step]), int(last[step]), step
+
+
+CURRENT_TOLERANCE = 0.02  # of the current, within which it is constant
+NOISE_SIGMAS = 5.0
+
+
+def constant_rows(current_ampere, first, last):
+    """First and last row between which the current of a charge is its usual one.
+
+    At the upper cut-off the current may begin to fall before the voltage is seen to be held: dQ/dV
+    would rise there without end.
+
+    Parameters
+    ----------
+    current_ampere : (n,) of the record [A]. first, last : rows of a charge, inclusive.
+
+    Returns
+    -------
+    first, last : rows, inclusive.
+    """
+    part = current_ampere[first : last + 1]
+    usual = np.median(part)
+    noise = 1.4826 * np.median(np.abs(part - usual))
+    tolerance = max(CURRENT_TOLERANCE * usual, NOISE_SIGMAS * noise)
+    steady = np.flatnonzero(np.abs(part - usual) <= tolerance)
+    return int(first + steady[0]), int(first + steady[-1])
+
+
+def charge_slope(voltage_volt, charge_ampere_hour, *, settings=ICA):
+    """dQ/dV of one charge by the method that the settings name, and the fit behind it.
+
+    Parameters
+    ----------
+    voltage_volt, charge_ampere_hour : (n,) rows of one constant-current charge [V], [Ah].
+    settings : Ica.
+
+    Returns
+    -------
+    curve : IncrementalCapacity [Ah/V]. slope : ica_spline.Slope, or None for other methods.
+
+    Raises
+    ------
+    Refusal : fewer than 50 rows, or a voltage that does not rise, or too little of it.
+
+    Source: docs/ica.md.
+    """
+    voltage, charge = np.asarray(voltage_volt, float), np.asarray(charge_ampere_hour, float)
+    _refuse_unusable(voltage, charge)
+    if settings.method == "spline":
+        slope = ica_spline.slope_of_charge(voltage, np.maximum.accumulate(charge))
+        return ica_spline.curve_of(slope, len(voltage), bin_volt=settings.bin_volt), slope
+    if settings.method == "adaptive":
+        return adaptive_capacity(voltage, charge, settings=settings), None
+    method = {"binned": binned_capacity, "counting": counted_capacity}[settings.method]
+    widths = {"bin_volt": settings.bin_volt, "smooth_volt": settings.smooth_volt}
+    return method(voltage, charge, **widths), None
+
+
+def _refuse_unusable(voltage, charge):
+    """Refuse too few rows, no charge moved and a voltage that does not rise."""
+    if len(voltage) < LEAST_ROWS or charge.max() <= charge.min():
+        raise Refusal(
+            f"{len(voltage)} rows of charge are too few for dQ/dV; {LEAST_ROWS} are needed"
+        )
+    tenth = len(voltage) // 10
+    if not np.median(voltage[-tenth:]) > np.median(voltage[:tenth]):
+        raise Refusal("voltage does not rise in the charge")
+
+
+def peaks_of(curve, slope, *, prominence=ICA.prominence):
+    """Peaks of the dQ/dV of one charge, each with its covariance.
+
+    Parameters
+    ----------
+    curve, slope : results of `charge_slope`.
+    prominence : least rise above the higher valley, as a share of the highest dQ/dV [1].
+
+    Returns
+    -------
+    peaks : ica_curve.Peaks; empty where there is none, which is a result.
+    """
+    if slope is None:
+        return grid_peaks(curve, prominence=prominence)
+    return ica_spline.slope_peaks(slope, prominence=prominence)
+
+
+def charge_peaks(curve, slope, *, c_rate, prominence):
+    """Peaks of one charge as the columns of the stage `ica`.
+
+    Parameters
+    ----------
+    curve, slope : results of `charge_slope`.
+    c_rate : rate of the charge [1/h].
+    prominence : least rise of a peak, as a share of the highest dQ/dV [1].
+
+    Returns
+    -------
+    columns : dict of (k,) arrays.
+
+    Raises
+    ------
+    Refusal : no peaks; a flat curve is typical of an aged cell or a high rate.
+    """
+    columns = peaks_of(curve, slope, prominence=prominence)._asdict()
+    count = len(columns["voltage_volt"])
+    if not count:
+        raise Refusal(f"no peaks: dQ/dV at {c_rate:.3g}C is flat within {prominence:.0%}")
+    return {
+        "c_rate": np.full(count, c_rate),
+        "peak": np.arange(1, count + 1),
+    } | columns

@@ -1,0 +1,80 @@
+"""Rows of a charge told apart by their voltage: how many, and how much charge, at each level."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.native import array, count, function
+
+ROOM = 32768  # levels; half of the slots in ica.c
+
+
+class Tally(NamedTuple):
+    """Number of rows and charge at each distinct voltage of a record, in rising order (k,).
+
+    volt [V], rows [1], charge_ampere_hour: sum over the rows [Ah]. scatter_volt: white noise of
+    one row along the axis of voltage, from the second differences [V].
+    """
+
+    volt: np.ndarray
+    rows: np.ndarray
+    charge_ampere_hour: np.ndarray
+    scatter_volt: float
+
+
+def tally(voltage_volt, charge_ampere_hour):
+    """Number of rows and charge at each distinct voltage, compiled where that is possible.
+
+    Parameters
+    ----------
+    voltage_volt, charge_ampere_hour : (n,) [V], [Ah].
+
+    Returns
+    -------
+    tally : Tally.
+    """
+    types = (count, array, array, count, array, array, array, array)
+    kernel = function("tally", *types, result=count)
+    room = min(ROOM, len(voltage_volt) // 2)
+    if kernel is None or not room:
+        return _tally_by_sorting(voltage_volt, charge_ampere_hour)
+    rows = (
+        np.ascontiguousarray(voltage_volt, float),
+        np.ascontiguousarray(charge_ampere_hour, float),
+    )
+    volt, sums, bend = np.empty(room), np.zeros((2, 2, room)), np.empty(1)
+    levels = kernel(len(rows[0]), *rows, room, volt, *sums, bend)
+    if levels < 0:
+        return _tally_by_sorting(*rows)
+    order = volt[:levels].argsort()
+    sums = (sums[:, 0, :levels] + sums[:, 1, :levels])[:, order]
+    return Tally(volt[order], *sums, _scatter(bend[0], len(rows[0])))
+
+
+def volt_at_rank(levels, rank):
+    """Voltage at ranks in the order of rising voltage [V].
+
+    Parameters
+    ----------
+    levels : Tally.
+    rank : (m,) places from 0 [1].
+
+    Returns
+    -------
+    voltage_volt : (m,) [V].
+    """
+    return levels.volt[np.searchsorted(np.cumsum(levels.rows), rank, side="right")]
+
+
+def _tally_by_sorting(voltage, charge):
+    """Tally without a compiler, with the same result."""
+    volt, level = np.unique(voltage, return_inverse=True)
+    bend = np.sum(np.diff(voltage, 2) ** 2)
+    return Tally(
+        volt, np.bincount(level) + 0.0, np.bincount(level, charge), _scatter(bend, len(voltage))
+    )
+
+
+def _scatter(bend, rows):
+    """White noise of one row [V], from the sum of squared second differences [V²]."""
+    return float(np.sqrt(bend / max(rows - 2, 1) / 6))

@@ -1,0 +1,281 @@
+"""dQ/dV of a charge by a spline of V(Q) whose logarithmic slope is smooth, and its peaks.
+
+The charge is known far better than the voltage, so the voltage is smoothed over the charge and
+dQ/dV is one over the slope: noise and steps of the converter then act where they arise, and a peak
+keeps its height however narrow it is in voltage.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.numerics import monotone
+from cellwright.protocols.ica.curve import IncrementalCapacity, Peaks
+from cellwright.protocols.ica.levels import tally
+from cellwright.refusal import Refusal
+
+MOST_READINGS = 4000
+LEAST_CELLS, MOST_CELLS = 12, 300
+READINGS_PER_CELL = 1  # with more cells than readings nothing would hold the curve between them
+LEAST_READINGS = 4  # within the width of a peak: two on each flank tell it from a swing
+POINTS_PER_CELL = 10
+MOST_POINTS = 20_000
+STD_POINTS = 400
+SIDE_POINTS = 16
+# Of the charge: what lies nearer to an end is judged by readings of one side alone.
+END_SHARE = 0.002
+QUANTILE = 1.959964
+ONE_SIDED = 1.644854  # of the normal distribution, for 95 % in one direction
+DITHERED = 0.1  # least share of steps downward at which noise blurs the converter's steps
+# A voltage that stands still or falls, as when the chamber changes, would be a peak without width.
+NARROWEST_SIGMAS = 3.0  # of one reading
+FLAT = 0.5  # relative standard deviation from which a height is not known: flat within noise
+
+
+def readings(voltage_volt, charge_ampere_hour):
+    """Readings of V(Q) that a fit may take as independent: voltage, charge, rows behind each.
+
+    Neighbouring rows are averaged, at most 4,000 blocks. A converter without noise reads the same
+    voltage many times and then the next: there the mean charge of each of its levels counts, since
+    the error of rows at one level is the same error.
+
+    Parameters
+    ----------
+    voltage_volt, charge_ampere_hour : (n,) rows of one constant-current charge.
+
+    Returns
+    -------
+    voltage, charge, rows : (m,), charge rising.
+    """
+    change = np.diff(voltage_volt)
+    up, down = np.count_nonzero(change > 0), np.count_nonzero(change < 0)
+    if down < DITHERED * up and up < 0.5 * len(change):
+        levels = tally(voltage_volt, charge_ampere_hour)
+        mean = levels.charge_ampere_hour / levels.rows
+        order = np.argsort(mean, kind="stable")
+        return levels.volt[order], mean[order], np.ones(len(mean))
+    size = -(-len(voltage_volt) // MOST_READINGS)
+    starts = np.arange(0, len(voltage_volt), size)
+    rows = np.diff(np.append(starts, len(voltage_volt))).astype(float)
+    blocks = [np.add.reduceat(v, starts) / rows for v in (voltage_volt, charge_ampere_hour)]
+    return *blocks, rows / size
+
+
+class Slope(NamedTuple):
+    """Fitted V(Q) of a charge on a fine grid, from low voltage, without the very ends (n,).
+
+    place in cells of the fit; charge [Ah], voltage [V], dV/dQ [V/Ah], d2V/dQ2 [V/Ah²].
+    reading_ampere_hour : charge between two readings.
+    """
+
+    fit: monotone.RisingCurve
+    place: np.ndarray
+    charge_ampere_hour: np.ndarray
+    voltage_volt: np.ndarray
+    dv_dq_volt_per_ampere_hour: np.ndarray
+    bend: np.ndarray
+    reading_ampere_hour: float
+
+
+def slope_of_charge(voltage_volt, charge_ampere_hour):
+    """Voltage over charge of one constant-current charge as a rising curve.
+
+    Parameters
+    ----------
+    voltage_volt, charge_ampere_hour : (n,) [V], [Ah].
+
+    Returns
+    -------
+    slope : Slope.
+
+    Raises
+    ------
+    Refusal : fewer than 50 rows, or a voltage that does not rise.
+
+    Source: cellwright.numerics.monotone.
+    """
+    volt, charge, rows = readings(voltage_volt, charge_ampere_hour)
+    if len(volt) < 12:
+        raise Refusal(f"{len(volt)} distinct readings of voltage are too few for dQ/dV")
+    try:
+        cells = int(np.clip(len(volt) / READINGS_PER_CELL, LEAST_CELLS, MOST_CELLS))
+        fit = monotone.rising_curve(charge, volt, rows, cells=cells)
+    except np.linalg.LinAlgError as fault:
+        raise Refusal(f"no rising curve follows the voltage of this charge ({fault})") from fault
+    cells = monotone.cells_of(fit)
+    place = np.linspace(0, cells, POINTS_PER_CELL * cells + 1)
+    at = monotone.x_at(fit, place)
+    least = END_SHARE * (at[-1] - at[0])
+    inner = (at > at[0] + least) & (at < at[-1] - least)
+    columns = (column[inner] for column in monotone.values(fit, place))
+    return Slope(fit, place[inner], at[inner], *columns, float(np.median(np.diff(charge))))
+
+
+def slope_peaks(slope, *, prominence):
+    """Peaks of dQ/dV, each with the covariance of what describes it.
+
+    A peak of dQ/dV is a least slope of V(Q). It counts if it rises above the higher of its valleys
+    by `prominence`, and the slope falls before and rises after it by more than its noise allows.
+    The interval of its position holds the places where d2V/dQ2 may be zero.
+
+    Parameters
+    ----------
+    slope : Slope.
+    prominence : least rise, as a share of the curve's highest dQ/dV [1].
+
+    Returns
+    -------
+    peaks : Peaks.
+    """
+    height = 1 / slope.dv_dq_volt_per_ampere_hour
+    tops, bases, feet, highest = _resolved_tops(slope, height, prominence)
+    sure = [k for k, top in enumerate(tops) if _stands_out(slope, top, *feet[k])]
+    edges = _valleys(height, tops[sure])
+    rows = [
+        _described(slope, tops[k], edges[n], edges[n + 1], bases[k]) for n, k in enumerate(sure)
+    ]
+    shares = [(height[tops[k]] - bases[k]) / highest for k in sure]
+    kept = [(*row, share) for row, share in zip(rows, shares, strict=True) if row is not None]
+    columns = np.array(kept, float).reshape(len(kept), len(Peaks._fields))
+    return Peaks(*columns.T)
+
+
+def _resolved_tops(slope, height, prominence):
+    """Rows of the peaks that the readings resolve and that rise enough, where they rise from, feet.
+
+    Also the height of the highest of them, or of an end.
+    What is narrower than four readings may be a swing of the curve between them, what is narrower
+    than the noise of one reading a voltage that stands still; they set no scale.
+    """
+    from scipy.signal import find_peaks, peak_widths
+
+    tops, found = find_peaks(height, prominence=0)
+    _, _, left, right = peak_widths(height, tops, 0.5)
+    rows = np.arange(len(height))
+    charge = slope.charge_ampere_hour
+    wide = np.interp(right, rows, charge) - np.interp(left, rows, charge)
+    volt = np.interp([left, right], rows, slope.voltage_volt)
+    resolved = wide >= LEAST_READINGS * slope.reading_ampere_hour
+    resolved &= volt[1] - volt[0] >= NARROWEST_SIGMAS * np.sqrt(slope.fit.variance)
+    highest = height[tops[resolved]].max(initial=max(height[0], height[-1]))
+    kept = resolved & (found["prominences"] >= prominence * highest)
+    feet = np.column_stack([found["left_bases"], found["right_bases"]])
+    return tops[kept], (height[tops] - found["prominences"])[kept], feet[kept], highest
+
+
+def _stands_out(slope, top, *feet):
+    """Whether the slope at a peak is less than on either side by more than its noise allows.
+
+    The sides reach to the lowest points before the next higher peak.
+    """
+    surest = []
+    for foot in feet:
+        rows = np.unique(np.linspace(top, foot, SIDE_POINTS).astype(int))
+        rates = monotone.gradients(slope.fit, slope.place[np.append(rows, top)], 1)
+        std = monotone.standard_deviations(slope.fit, rates[:-1] - rates[-1])
+        rise = slope.dv_dq_volt_per_ampere_hour[rows] - slope.dv_dq_volt_per_ampere_hour[top]
+        surest.append(np.max(rise / np.maximum(std, 1e-12)))
+    return min(surest) > ONE_SIDED
+
+
+def _valleys(height, tops):
+    """Rows of the lowest points between neighbouring peaks, and the ends of the curve."""
+    between = [a + int(height[a:b].argmin()) for a, b in pairwise(tops)]
+    return [0, *between, len(height) - 1]
+
+
+def _described(slope, top, lower, upper, base):
+    """Values of `Peaks` up to the covariance for one peak, or None where noise explains it."""
+    fit, place = slope.fit, slope.place
+    reach = _zero_range(slope, top, lower, upper)
+    steep, height = slope.dv_dq_volt_per_ampere_hour, 1 / slope.dv_dq_volt_per_ampere_hour
+    half = 0.5 * (height[top] + base)
+    left = lower + int(np.argmax(height[lower : top + 1] > half))
+    right = top + int(np.argmax(np.append(height[top : upper + 1] < half, True)))
+    right = min(right, upper)
+    rows = np.array([top, lower, upper, left, right])
+    value, first, second = (monotone.gradients(fit, place[rows], d) for d in (0, 1, 2))
+    bend = _bend_rate(slope, rows)
+    # Where dV/dQ is extreme, its place moves by -d(slope)/d(bend); the voltage moves with it.
+    moved = -second / bend[:, None]
+    position = value[0] + steep[top] * moved[0]
+    tall = -first[0] * height[top] ** 2
+    ends = [moved[k] if 0 < row < len(height) - 1 else 0 for k, row in ((1, lower), (2, upper))]
+    crossing = [-first[k] / slope.bend[rows[k]] for k in (3, 4)]
+    wide = value[4] - value[3] + steep[right] * crossing[1] - steep[left] * crossing[0]
+    functions = np.array([position, tall, ends[1] - ends[0] + 0 * tall, wide])
+    spread = monotone.covariance(fit, functions)
+    std = np.sqrt(np.diag(spread))
+    if std[1] > FLAT * height[top]:
+        return None
+    charge, volt = slope.charge_ampere_hour, slope.voltage_volt
+    reach_std = (reach[1] - reach[0]) / (2 * QUANTILE)
+    area, width = charge[upper] - charge[lower], volt[right] - volt[left]
+    spans = (area, min(std[2], area), width, min(std[3], width))
+    return volt[top], max(reach_std, std[0]), height[top], std[1], *spans, spread[0, 1]
+
+
+def _bend_rate(slope, rows):
+    """Third derivative of V(Q) at rows, from differences of the second."""
+    near = np.clip(rows, 1, len(slope.bend) - 2)
+    change = slope.bend[near + 1] - slope.bend[near - 1]
+    rate = change / (slope.charge_ampere_hour[near + 1] - slope.charge_ampere_hour[near - 1])
+    return np.where(rate == 0, np.inf, rate)
+
+
+def _zero_range(slope, top, lower, upper):
+    """Voltages between which the peak lies with 95 %; a valley where nothing nearer bounds it."""
+    steps = np.linspace(0, 1, 24) ** 2
+    left = np.unique(np.round(top - (top - lower) * steps).astype(int))[::-1]
+    right = np.unique(np.round(top + (upper - top) * steps).astype(int))
+    found = []
+    for rows, sign in ((left, -1), (right, 1)):
+        local = monotone.local_gradients(slope.fit, slope.place[rows], 2)
+        std = monotone.local_deviations(slope.fit, *local)
+        ratio = sign * slope.bend[rows] / std
+        sure = ratio > QUANTILE
+        last = int(np.argmax(sure)) if sure.any() else len(rows) - 1
+        volt = slope.voltage_volt[rows]
+        span = slice(max(last - 1, 0), last + 1)
+        found.append(float(np.interp(QUANTILE, ratio[span], volt[span])))
+    return found
+
+
+def curve_of(slope, rows, *, bin_volt):
+    """dQ/dV of a fitted charge over a uniform grid of voltage.
+
+    Parameters
+    ----------
+    slope : Slope. rows : of the record. bin_volt : widest step of the grid [V]; a tenth of the
+        narrowest range that holds a tenth of the charge, if that is less.
+
+    Returns
+    -------
+    curve : IncrementalCapacity.
+    """
+    volt, charge = slope.voltage_volt, slope.charge_ampere_hour
+    shares = np.interp(np.linspace(charge[0], charge[-1], 101), charge, volt)
+    step = min(bin_volt, (shares[10:] - shares[:-10]).min() / 10)
+    points = min(int(np.ptp(volt) / max(step, 1e-9)) + 2, MOST_POINTS)
+    grid = np.linspace(volt[0], volt[-1], points)
+    some = np.linspace(0, len(volt) - 1, min(STD_POINTS, len(volt))).astype(int)
+    rates = monotone.local_gradients(slope.fit, slope.place[some], 1)
+    relative = monotone.local_deviations(slope.fit, *rates)
+    relative = relative / slope.dv_dq_volt_per_ampere_hour[some]
+    at, steep = (
+        np.interp(grid, volt, charge),
+        np.interp(grid, volt, slope.dv_dq_volt_per_ampere_hour),
+    )
+    return IncrementalCapacity(
+        voltage_volt=grid,
+        charge_ampere_hour=at - at[0],
+        dq_dv_ampere_hour_per_volt=1 / steep,
+        dv_dq_volt_per_ampere_hour=steep,
+        dq_dv_std_ampere_hour_per_volt=np.interp(grid, volt[some], relative) / steep,
+        bin_volt=float(grid[1] - grid[0]),
+        smooth_volt=0.0,
+        scatter_volt=float(np.sqrt(slope.fit.variance)),
+        rows_per_ampere_hour=float(rows / (charge[-1] - charge[0])),
+        method="spline",
+    )

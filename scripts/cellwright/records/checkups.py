@@ -1,0 +1,177 @@
+"""Basis of the SoC of a cell that ages: the capacity and the OCV of each of its check-ups."""
+
+import numpy as np
+
+from cellwright.records.anchor import telling_capacity
+from cellwright.records.basis import (
+    basis,
+    first_choice,
+    same_condition,
+    same_temperature,
+    slow_capacity,
+)
+from cellwright.records.facts import SAME_CHECKUP_CYCLES
+
+
+def basis_of_life(cell, curves, capacities, lenders, *, rests=(), shifts=(), **limits):
+    """Basis of a cell with the capacity and the OCV of each of its check-ups.
+
+    1. Discharges and slow tests whose cycles lie within 5 of each other make one check-up; a blank
+    cycle is 0. 2. A later one counts where it can be compared with the first: it has a slow
+    test at its temperature, or a discharge at the rate and temperature of one of the first.
+    Every other test belongs to the check-up nearest in cycles. 3. The first check-up gives the
+    basis of the cell, as `basis.basis` says. 4. The capacity of a later one is that of its own
+    slow test; else the first one's, times what the same discharge has become since: what a cell
+    loses to rate is then the same at both. 5. Its OCV curves are those of its slow tests, else
+    those of the rests of its pulse tests, else those of the first check-up with their shift since,
+    else those of the check-up before it, as its text says.
+
+    Parameters
+    ----------
+    cell, curves, capacities, lenders, rests : as of `basis.basis`, each curve and capacity with its
+        `cycle`.
+    shifts : list of dict, shift of the OCV since the first check-up: cycle, soc, shift_volt,
+        shift_std_volt, from `protocols.ocv.shift`.
+    limits : other keywords of `basis.basis`.
+
+    Returns
+    -------
+    basis : dict, as of `basis.basis`, with `checkups`: list of dict, by cycle: cycle,
+        capacity_ampere_hour, capacity_std_ampere_hour (None: no repeats tell it), capacity_source,
+        ocv, ocv_source. Empty where there are fewer than two check-ups.
+
+    Raises
+    ------
+    Refusal : as `basis.basis`.
+    """
+    capacities = telling_capacity(capacities)
+    kinds = (curves, capacities)
+    cycles = _checkup_cycles([row for rows in kinds for row in rows])
+    alike = [
+        cycle for cycle in cycles[1:] if _comparable(*[_within(k, cycles, cycle) for k in kinds])
+    ]
+    cycles = [*cycles[:1], *alike]
+    first, *others = [
+        tuple(_nearest(rows, cycles, cycle) for rows in (curves, capacities, rests))
+        for cycle in cycles or [0]
+    ]
+    content = basis(cell, *first[:2], lenders, rests=first[2], **limits)
+    if not others:
+        return content | {"checkups": []}
+    checkups = [_first_checkup(cycles[0], content, *first[:2])]
+    for cycle, group in zip(cycles[1:], others, strict=True):
+        of_cycle = [row for row in shifts if abs(row["cycle"] - cycle) <= SAME_CHECKUP_CYCLES]
+        checkups.append(_later(cycle, (*group, of_cycle), first[1], checkups, limits))
+    return content | {"checkups": checkups}
+
+
+def _checkup_cycles(rows):
+    """First cycle of each check-up, ascending."""
+    first = []
+    for cycle in sorted(row["cycle"] or 0 for row in rows):
+        if not first or cycle - first[-1] > SAME_CHECKUP_CYCLES:
+            first.append(cycle)
+    return first
+
+
+def _within(rows, cycles, cycle):
+    """Rows of the first check-up, and those of the one at `cycle`."""
+    ages = [row["cycle"] or 0 for row in rows]
+    return [
+        [row for row, age in zip(rows, ages, strict=True) if 0 <= age - of <= SAME_CHECKUP_CYCLES]
+        for of in (cycles[0], cycle)
+    ]
+
+
+def _comparable(curves, discharges):
+    """Whether a check-up can be compared with the first; each is a pair (first, it)."""
+    young = min([*curves[0], *discharges[0]], key=first_choice)
+    if any(same_temperature(curve, young) for curve in curves[1]):
+        return True
+    return any(same_condition(row, old) for row in discharges[1] for old in discharges[0])
+
+
+def _nearest(rows, cycles, cycle):
+    """Rows of which `cycle` is the nearest of the check-ups' cycles."""
+    if len(cycles) < 2:
+        return rows
+    ages = [row["cycle"] or 0 for row in rows]
+    nearest = [cycles[int(np.argmin(np.abs(np.array(cycles) - age)))] for age in ages]
+    return [row for row, of in zip(rows, nearest, strict=True) if of == cycle]
+
+
+def _first_checkup(cycle, content, curves, capacities):
+    """The first check-up, whose numbers are those of the basis itself."""
+    chosen = min([*curves, *capacities], key=first_choice)
+    return {
+        "cycle": cycle,
+        "ambient_temperature_celsius": chosen["ambient_temperature_celsius"],
+        "capacity_ampere_hour": content["capacity_ampere_hour"],
+        "capacity_std_ampere_hour": _repeat_share(capacities, content["capacity_ampere_hour"]),
+        "capacity_source": content["capacity_source"],
+        "ocv": content["ocv"],
+        "ocv_source": "of this check-up" if not content["borrowed_from"] else "borrowed",
+    }
+
+
+def _repeat_share(capacities, size):
+    """Standard deviation that repeats of a discharge show, for a capacity `size` [Ah]; or None."""
+    shares = [
+        row["capacity_std_ampere_hour"] / row["capacity_ampere_hour"]
+        for row in capacities
+        if np.isfinite(row["capacity_std_ampere_hour"])
+    ]
+    return float(np.sqrt(np.mean(np.square(shares))) * size) if shares else None
+
+
+def _later(cycle, group, first_capacities, before, limits):
+    """A later check-up from its (curves, capacities, rests, shifts) and those before it."""
+    curves, capacities, rests, shifts = group
+    capacity, source = _later_capacity(curves, capacities, first_capacities, before[0])
+    content = {
+        "cycle": cycle,
+        "ambient_temperature_celsius": before[0]["ambient_temperature_celsius"],
+        "capacity_ampere_hour": capacity,
+        "capacity_std_ampere_hour": _repeat_share(capacities, capacity),
+        "capacity_source": source,
+    }
+    if curves:
+        names = ", ".join(curve["test"] for curve in curves)
+        return content | {"ocv": curves, "ocv_source": f"slow test {names}"}
+    if rests:
+        found = basis("", [], [], [], rests=rests, **limits)
+        names = ", ".join(curve["test"] for curve in found["ocv"])
+        return content | {"ocv": found["ocv"], "ocv_source": f"rests of {names}"}
+    if shifts and before[0]["ocv"]:
+        std = float(np.sqrt(np.mean([row["shift_std_volt"] ** 2 for row in shifts])))
+        words = f"carried over from cycle {before[0]['cycle']:g} with its shift since, "
+        words += f"± {1e3 * std:.1f} mV"
+        shifted = [_shifted(curve, shifts) for curve in before[0]["ocv"]]
+        return content | {"ocv": shifted, "ocv_source": words}
+    # ASSUME: A check-up without any of these has the OCV over SoC of the one before it.
+    words = f"carried over from cycle {before[-1]['cycle']:g}; its shift since is not known"
+    return content | {"ocv": before[-1]["ocv"], "ocv_source": words}
+
+
+def _shifted(curve, shifts):
+    """An OCV curve with its shift over SoC added, still rising."""
+    rows = sorted(shifts, key=lambda row: row["soc"])
+    soc = np.asarray(curve["soc"], float)
+    moved = np.interp(soc, [row["soc"] for row in rows], [row["shift_volt"] for row in rows])
+    volt = np.maximum.accumulate(np.asarray(curve["ocv_volt"], float) + moved) + 1e-6 * soc
+    return curve | {"ocv_volt": volt.tolist()}
+
+
+# ASSUME: Of a cell that ages the capacity at a slow rate falls by the same share as at the rate of
+# its check-ups.
+def _later_capacity(curves, capacities, first_capacities, first):
+    """Capacity of a later check-up [Ah] and in words where it is from."""
+    if any(same_temperature(curve, first) for curve in curves):
+        return slow_capacity(min(curves, key=first_choice))
+    own = sorted(capacities, key=lambda row: (*first_choice(row), row["c_rate"]))
+    pairs = [(row, old) for row in own for old in first_capacities if same_condition(row, old)]
+    row, old = pairs[0]
+    share = row["capacity_ampere_hour"] / old["capacity_ampere_hour"]
+    words = f"{row['direction']} of {row['test']} at {row['c_rate']:.2g}C, {share:.4f} of that of "
+    words += f"{old['test']}, times the capacity then"
+    return share * first["capacity_ampere_hour"], words

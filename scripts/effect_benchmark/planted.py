@@ -1,0 +1,194 @@
+"""Effects planted in records of real cells: answers beside what was planted.
+
+What the search names in the unplanted copy of a cell it names without any planting; judged is which
+names are new in the planted copy.
+"""
+
+import json
+
+import numpy as np
+import pandas as pd
+
+from effect_benchmark.scoring import Share, share
+from effect_benchmark.zoo import searching
+from virtual_lab.score import files
+from virtual_lab.zoo.planted import UNPLANTED
+
+RIGHT, TIED = "right", "right, as one of a tie"
+WRONG, SILENT = "wrong new name", "no new name"
+KNOWN, NOTHING = "named without planting", "no verdict"
+OUTCOMES = (RIGHT, TIED, WRONG, SILENT, KNOWN, NOTHING)
+# By what is left of the effect, over what a plain circuit leaves of the unplanted records; sizes
+# are met within a few percent.
+BANDS = {"1 and more": (0.9, np.inf), "0.5 to 1": (0.45, 0.9), "below 0.5": (0.0, 0.45)}
+GOALS = {"1 and more": 0.8, "0.5 to 1": 0.6}
+
+
+def answers_of(folder, sizes=None, done=()):
+    """Rows of `searching.answers`, one cell at a time: unplanted copies, then the planted ones.
+
+    Parameters
+    ----------
+    folder : of the campaign; its own settings are used, of its truth only the names and sizes.
+    sizes : those of the copies that are searched, as "1base"; None: all. done : cells to skip.
+    """
+    work = searching.Folder(folder)
+    for row in _chosen(folder, sizes):
+        if row["cell"] not in done:
+            yield from searching.answers(work, [row["cell"]])
+
+
+def _chosen(folder, sizes):
+    rows = files.read_json(files.campaign(folder).truth / "missing_effect.json")
+    controls = [row for row in rows if row["kind"] == UNPLANTED]
+    asked = [row for row in rows if "size" in row and (sizes is None or row["size"] in sizes)]
+    return [*controls, *asked]
+
+
+def judged(folder, answers: list[dict], sizes=None) -> pd.DataFrame:
+    """One row a planted copy: what was planted, which names are new, and the outcome.
+
+    `outcome`: "right" where a new name is accepted (with its alternatives, then "as one of a tie"),
+    "wrong new name", "no new name", "named without planting" where an accepted name stands in the
+    answer on the unplanted copy, too, or "no verdict" where either copy has none. `wrong_names`:
+    how many new names are not accepted, whatever the outcome. `size_ratio`: what the right new name
+    closes of the error on the records that judge, over what was planted. `nearest_right`: an
+    accepted name is new among the explanations that an answer "unknown" tried and did not name.
+
+    Parameters
+    ----------
+    folder : of the campaign with its truth. answers : rows of `answers_of`. sizes : of the copies
+    that are judged, as "1base"; None: all.
+    """
+    said = {row["cell"]: row for row in answers}
+    rows = [row for row in _chosen(folder, sizes) if row["kind"] != UNPLANTED]
+    return pd.DataFrame(
+        [_row(row, said.get(row["cell"]), said.get(row["control"])) for row in rows]
+    )
+
+
+def _verdict(answer):
+    return json.loads(answer["document"]) if answer and answer["document"] else None
+
+
+def _row(truth, answer, control_answer):
+    verdict, control = _verdict(answer), _verdict(control_answer)
+    reasons = [one["reason"] for one in (answer, control_answer) if one and one["reason"]]
+    (effect,) = truth["effects"]
+    row = {
+        "cell": truth["cell"],
+        "campaign": truth["campaign"],
+        "planted": effect["effect"],
+        "millivolt": effect["visible_gap_millivolt"],
+        "base_millivolt": 1e3 * truth["base_volt"],
+        "relative_size": truth["relative_size"],
+        "visible": truth["visible"],
+        "verdict": verdict["verdict"] if verdict else None,
+        "new": "",
+        "outcome": NOTHING,
+        "wrong_names": np.nan,
+        "nearest_right": False,
+        "size_ratio": np.nan,
+        "reason": "; ".join(reasons),
+        "control": "",
+    }
+    if verdict is None or control is None:
+        return row
+    before = {one["effect"] for one in control["effects"]}
+    accept = set(effect["accept"])
+    new = [one for one in verdict["effects"] if one["effect"] not in before]
+    right = [one for one in new if _names(one) & accept]
+    row |= {"new": " + ".join(one["effect"] for one in new), "control": " + ".join(sorted(before))}
+    row |= {"wrong_names": len(new) - len(right), "outcome": _outcome(before & accept, new, right)}
+    tried = [one["effect"] for one in control.get("partial", [])]
+    nearest = [one for one in verdict.get("partial", []) if one["effect"] not in {*before, *tried}]
+    row["nearest_right"] = any(_names(one) & accept for one in nearest)
+    if right:
+        row["size_ratio"] = _closed_volt(right[0]) / (1e-3 * effect["visible_gap_millivolt"])
+    return row
+
+
+def _names(one):
+    return {one["effect"], *one.get("alternatives", [])}
+
+
+def _outcome(known, new, right):
+    if known:
+        return KNOWN
+    if right:
+        return TIED if len(_names(right[0])) > 1 else RIGHT
+    return WRONG if new else SILENT
+
+
+def _closed_volt(one):
+    """Root of the mean square that a name takes away on records that judge [V]; 0 where it adds."""
+    volt = one["validation_rmse_volt"]
+    return float(np.sqrt(max(volt["before"] ** 2 - volt["after"] ** 2, 0.0)))
+
+
+def right(table: pd.DataFrame) -> pd.Series:
+    """Rows whose new name is right, ties included."""
+    return table["outcome"].isin([RIGHT, TIED])
+
+
+def in_band(table: pd.DataFrame, band: str) -> pd.DataFrame:
+    """Rows of a band of `BANDS`."""
+    low, high = BANDS[band]
+    return table[(table["relative_size"] >= low) & (table["relative_size"] < high)]
+
+
+def shares(table: pd.DataFrame) -> list[dict]:
+    """By campaign (and all together) and band of size: right, wrong new names, size.
+
+    Copies whose effect the search names without planting are counted, and left out of the shares.
+    """
+    rows = []
+    for campaign in ["all", *dict.fromkeys(table["campaign"])]:
+        part = table if campaign == "all" else table[table["campaign"] == campaign]
+        rows += [{"campaign": campaign, "band": b} | _shares(in_band(part, b), b) for b in BANDS]
+    return [row for row in rows if row["copies"]]
+
+
+def _shares(part, band):
+    asked = part[part["outcome"] != KNOWN]
+    goal = ("at least", GOALS[band]) if band in GOALS else ()
+    sizes = part.loc[right(part), "size_ratio"].dropna().to_numpy(float)
+    return {
+        "copies": len(part),
+        "known": int((part["outcome"] == KNOWN).sum()),
+        "right": share("right", asked, right, *goal),
+        "wrong": share("wrong new name", part, lambda t: t["wrong_names"] > 0, "at most", 0.02),
+        "size_ratio": float(np.median(sizes)) if sizes.size else float("nan"),
+    }
+
+
+def by_effect(table: pd.DataFrame) -> pd.DataFrame:
+    """Numbers of copies of half of the base error and more: effect planted against the outcome."""
+    seen = table[table["relative_size"] >= BANDS["0.5 to 1"][0]]
+    counts = pd.crosstab(seen["planted"], seen["outcome"])
+    return counts.reindex(columns=[one for one in OUTCOMES if one in counts])
+
+
+def page(table: pd.DataFrame) -> str:
+    """The scores as Markdown."""
+    lines = [
+        "| campaign | size over base error | copies | named without planting | right |"
+        " a wrong new name | size found over planted |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for row in shares(table):
+        size = "–" if np.isnan(row["size_ratio"]) else f"{row['size_ratio']:.2f}"
+        cells = [row["campaign"], row["band"], row["copies"], row["known"]]
+        cells += [_told(row["right"]), _told(row["wrong"]), size]
+        lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
+    counts = by_effect(table)
+    lines += ["", "| planted, half of the base error and more | " + " | ".join(counts) + " |"]
+    lines.append("| --- " * (1 + counts.shape[1]) + "|")
+    for name, numbers in counts.iterrows():
+        lines.append(f"| `{name}` | " + " | ".join(str(x) for x in numbers) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _told(one: Share) -> str:
+    low, high = one.interval
+    return f"{one.hits} of {one.of} ({low:.0%}–{high:.0%})" if one.of else "–"

@@ -1,0 +1,17 @@
+"""Lithium and active material lost by one cell, from the slow curves of its check-ups."""
+
+import cellwright as cw
+from runtime import artefact, facts, half_cell_files
+
+with artefact.Job(snakemake) as job:
+    params = snakemake.params
+    found = cw.degradation_modes(
+        facts.tests(snakemake.input.own),
+        params.cell,
+        params.materials["chemistry"],
+        half_cells=half_cell_files.given(params.materials, snakemake.input.half_cells),
+        fresh=facts.fresh_cell(params.fresh, snakemake.input.fresh),
+        settings=params.settings,
+    )
+    job.note(*found.notes)
+    job.save(found.rows)

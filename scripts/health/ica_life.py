@@ -1,0 +1,12 @@
+"""Incremental capacity of charges spread over one ageing record, and their peaks."""
+
+import cellwright as cw
+from runtime import artefact
+
+with artefact.Job(snakemake) as job:
+    inputs, params = snakemake.input, snakemake.params
+    record = [job.load(path) for path in (inputs.series, inputs.steps, inputs.cycles)]
+    found = cw.ica_life(*record, params.settings, most=params.most)
+    job.note(*found.notes)
+    job.save(found.rows, snakemake.output.peaks)
+    job.save(found.curves, snakemake.output.curves)

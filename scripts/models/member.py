@@ -1,0 +1,19 @@
+"""The member of the family that serves a cell, and why it was chosen."""
+
+import cellwright as cw
+from runtime import artefact, facts
+
+with artefact.Job(snakemake) as job:
+    inputs, params = snakemake.input, snakemake.params
+    found = cw.finish_model(
+        params.cell,
+        job.load(inputs.source),
+        artefact.load_first(inputs.basis),
+        facts.tests(inputs.series),
+        laws=[tried for tried, _ in artefact.load_all(inputs.law)],
+        effects=artefact.load_first(inputs.effects),
+        split_rest_second=params.split_rest_second,
+    )
+    job.note(*found.notes)
+    job.save(found.content, snakemake.output.model)
+    job.save(found.choice, snakemake.output.choice)

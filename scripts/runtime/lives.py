@@ -1,0 +1,76 @@
+"""Lives of cells as jobs read them: ageing records with their temperature, what methods found."""
+
+from runtime import artefact, facts, tables
+
+
+def records(cycles_paths, summary_paths, compensated_paths) -> list[tuple]:
+    """(facts of the test, cycles, temperature or None) of each ageing record with content."""
+    triples = zip(cycles_paths, summary_paths, compensated_paths, strict=True)
+    found = [
+        (facts.of_artefact(about), cycles, _temperature(summary_path, compensated_path))
+        for cycles_path, summary_path, compensated_path in triples
+        for cycles, about in artefact.load_all([cycles_path])
+    ]
+    if not found:
+        artefact.load_some(cycles_paths)
+    return found
+
+
+def _temperature(summary_path, compensated_path):
+    """(row, columns) of what temperature does in a record, None where that could not be told."""
+    told = artefact.load_all([summary_path, compensated_path])
+    if len(told) < 2:
+        return None
+    (summary, _), (compensated, _) = told
+    return artefact.rows(summary)[0], compensated
+
+
+def check_up_rows(paths, tests) -> list[list[dict]]:
+    """Rows of the capacities and of the resistances of a cell, two lists of paths.
+
+    Raises
+    ------
+    Passed
+        With the first reason, where all were refused.
+    """
+    found = [tables.rows_of(part, tests) for part in paths]
+    if not any(found):
+        artefact.load_some([path for part in paths for path in part])
+    return found
+
+
+def throughputs(paths) -> list[tuple]:
+    """(cycle, charge discharged up to there) over a cell's life, where it has one."""
+    course = artefact.load_first(paths)
+    if course is None:
+        return []
+    return list(
+        zip(course["cycle"].tolist(), course["throughput_ampere_hour"].tolist(), strict=True)
+    )
+
+
+def found(inputs) -> dict:
+    """What each method found on a cell, as `cw.state_of_health` takes it; the inputs by name.
+
+    Raises
+    ------
+    Passed
+        With the first reason, where no method found anything.
+    """
+    loaded = {name: artefact.load_first([path]) for name, path in inputs.items()}
+    if all(content is None for content in loaded.values()):
+        artefact.load(next(iter(dict(inputs.items()).values())))
+    life, course = loaded.pop("life", None), loaded.pop("course", None)
+    told = {name: artefact.rows(content) for name, content in loaded.items() if content is not None}
+    return told if life is None else told | {"fade": (artefact.rows(life)[0], course)}
+
+
+def with_sheet(check_ups, sheet) -> list[dict]:
+    """Rows of check-ups beside what config/checkups.tsv says of the same cycle."""
+    quantities = [name for name in (sheet[0] if sheet else {}) if name not in ("cell", "cycle")]
+    by_cycle = {row["cycle"]: row for row in sheet}
+    return [
+        row._asdict()
+        | {f"sheet_{name}": by_cycle.get(row.cycle, {}).get(name) for name in quantities}
+        for row in check_ups
+    ]

@@ -1,0 +1,75 @@
+"""What whole runs are measured with: each second of CPU once, at the work that it was spent on."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = """
+import time
+
+from figures import style
+from runtime import artefact
+
+def spend(second, call):
+    end = time.process_time() + second
+    while time.process_time() < end:
+        call()
+
+spend(0.6, lambda: style.evenly_spread(100_000, 50))
+spend(0.3, lambda: artefact.plain({"numbers": list(range(2000))}))
+"""
+
+
+@pytest.fixture
+def measured(tmp_path):
+    """Record of a script, run as Snakemake runs one."""
+    scripts, records = tmp_path / ".snakemake" / "scripts", tmp_path / "records"
+    scripts.mkdir(parents=True)
+    records.mkdir()
+    script = scripts / "tmp1234.capacity.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    paths = [ROOT / "benchmarks" / "sampled", ROOT / "scripts"]
+    variables = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "WHOLE_RUN_RECORDS": str(records)}
+    subprocess.run([sys.executable, str(script)], env=os.environ | variables, check=True)
+    (record,) = records.iterdir()
+    return json.loads(record.read_text(encoding="utf-8"))
+
+
+def test_a_script_is_named_by_its_rule_and_its_seconds_add_up(measured):
+    assert (measured["process"], measured["name"]) == ("script", "capacity")
+    assert measured["memory_megabyte"] > 20
+    seconds = measured["seconds"]
+    assert sum(seconds.values()) == pytest.approx(measured["cpu_second"], rel=0.1, abs=0.05)
+    assert seconds["figures"] == pytest.approx(0.6, abs=0.15)
+    assert seconds["files"] == pytest.approx(0.3, abs=0.15)
+    assert seconds["import"] > 0.05
+    assert seconds.get("numerics", 0.0) < 0.1
+
+
+def test_other_processes_of_a_measured_run_leave_no_record(tmp_path):
+    paths = [ROOT / "benchmarks" / "sampled", ROOT / "scripts"]
+    variables = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "WHOLE_RUN_RECORDS": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", "1"], env=os.environ | variables, check=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_parts_of_a_run_are_its_whole(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    from whole_run_page import KINDS, parts
+
+    script = {"process": "script", "cpu_second": 3.0} | dict.fromkeys(KINDS, 0.0)
+    rules = {
+        "identify": script | {"numerics": 2.0, "import": 0.5},
+        "imports": {"process": "server", "cpu_second": 2.5},
+        "Snakemake itself": {"process": "snakemake", "cpu_second": 4.0},
+    }
+    found = parts({"rules": rules})
+    assert found["numerics"] == 2.0
+    assert found["other"] == 0.5
+    assert (found["server"], found["snakemake"]) == (2.5, 4.0)
+    assert sum(found.values()) == 9.5

@@ -1,0 +1,105 @@
+"""Planted copies and answers made up: what each is worth is known."""
+
+import json
+
+import pytest
+
+from effect_benchmark import planted
+
+
+def copy(cell, effect, relative, accept=None):
+    told = {"effect": effect, "accept": accept or [effect], "visible_gap_millivolt": 10.0}
+    facts = {"control": "A_u", "campaign": "real", "base_volt": 0.01, "visible": True}
+    facts["size"] = f"{relative}base"
+    return {"cell": cell, "kind": "single", "relative_size": relative, "effects": [told], **facts}
+
+
+def answer(cell, word, *effects, tied=(), partial=()):
+    volt = {"before": 0.013, "after": 0.005}
+    said = [
+        {"effect": e, "alternatives": list(tied), "validation_rmse_volt": volt} for e in effects
+    ]
+    told = {"verdict": word, "effects": said, "partial": [{"effect": e} for e in partial]}
+    document = json.dumps(told) if word else ""
+    return {"cell": cell, "document": document, "reason": "" if word else "why"}
+
+
+UNPLANTED = {"cell": "A_u", "kind": "unplanted", "campaign": "real", "effects": []}
+TRUTH = [
+    UNPLANTED,
+    copy("A_leak", "leakage", 1.0, ["leakage", "current_offset"]),
+    copy("A_skew", "time_skew", 1.01),
+    copy("A_heat", "self_heating", 0.5),
+    copy("A_rsoc", "resistance_soc", 0.5),
+    copy("A_gain", "current_gain", 0.2),
+    copy("A_slow", "slow_diffusion", 2.0),
+]
+ANSWERS = [
+    answer("A_u", "unknown", "resistance_soc"),
+    answer("A_leak", "ambiguous", "resistance_soc", "current_offset", tied=["leakage"]),
+    answer("A_skew", "named", "time_skew", "entropic_ocv"),
+    answer("A_heat", "named", "resistance_temperature"),
+    answer("A_rsoc", "named", "resistance_soc"),
+    answer("A_gain", "unknown", "resistance_soc", partial=["current_gain"]),
+    answer("A_slow", ""),
+]
+
+
+@pytest.fixture
+def table(tmp_path):
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
+    return planted.judged(tmp_path, ANSWERS)
+
+
+def test_only_new_names_are_judged(table):
+    assert table.set_index("cell")["outcome"].to_dict() == {
+        "A_leak": "right, as one of a tie",
+        "A_skew": "right",
+        "A_heat": "wrong new name",
+        "A_rsoc": "named without planting",
+        "A_gain": "no new name",
+        "A_slow": "no verdict",
+    }
+    by_cell = table.set_index("cell")
+    assert by_cell.loc["A_skew", "wrong_names"] == 1
+    assert by_cell.loc["A_leak", "wrong_names"] == 0
+    assert by_cell.loc["A_slow", "reason"] == "why"
+    assert by_cell.index[by_cell["nearest_right"]].tolist() == ["A_gain"]
+
+
+def test_the_size_is_what_the_name_takes_away_over_what_was_planted(table):
+    # sqrt(13² − 5²) = 12 mV of 10 mV
+    assert table.set_index("cell").loc["A_skew", "size_ratio"] == pytest.approx(1.2)
+
+
+def test_shares_are_by_size_over_the_base_error(table):
+    rows = {row["band"]: row for row in planted.shares(table) if row["campaign"] == "all"}
+    large, middle, small = (rows[band] for band in ("1 and more", "0.5 to 1", "below 0.5"))
+    # Without a verdict a copy is not right.
+    assert (large["right"].hits, large["right"].of) == (2, 3)
+    assert (large["wrong"].hits, large["wrong"].of) == (1, 2)
+    assert (middle["copies"], middle["known"]) == (2, 1)
+    assert (middle["right"].hits, middle["right"].of) == (0, 1)
+    assert middle["right"].reached is False
+    assert small["right"].reached is None
+
+
+def test_the_page_has_a_line_for_each_share_and_each_effect(table):
+    page = planted.page(table)
+    assert "| real | 1 and more | 3 | 0 | 2 of 3" in page
+    assert "| `self_heating` | 0 | 0 | 1 | 0 | 0 |" in page
+
+
+def test_without_an_answer_on_the_unplanted_copy_nothing_is_new(tmp_path):
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
+    table = planted.judged(tmp_path, [answer("A_u", ""), *ANSWERS[1:]])
+    assert set(table["outcome"]) == {"no verdict"}
+
+
+def test_copies_of_other_sizes_are_not_judged(tmp_path):
+    (tmp_path / "truth").mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
+    table = planted.judged(tmp_path, ANSWERS, ["0.5base"])
+    assert set(table["cell"]) == {"A_heat", "A_rsoc"}

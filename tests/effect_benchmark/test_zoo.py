@@ -1,0 +1,191 @@
+"""The judge of the zoo on truths and verdicts made up: what each is worth is known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from effect_benchmark.zoo import judging, page
+from effect_benchmark.zoo.__main__ import line
+
+NAN = float("nan")
+
+
+def hidden(cell, kind, *effects, visible=True, **more):
+    entries = [
+        {"effect": e, "validation_gap_millivolt": 6.0, "accept": [e], "form": "own"} | more
+        for e in effects
+    ]
+    facts = {"kind": kind, "visible": visible, "none_acceptable": not visible}
+    return {"cell": cell, **facts, "effects": entries}
+
+
+def answer(cell, word, *effects, gap=0.97, sizes=None, **more):
+    entries = [
+        {"effect": e, "alternatives": [], "gap_closed": gap, "parameters": sizes or {}}
+        for e in effects
+    ]
+    document = {"verdict": word, "effects": entries, "floor_volt": 1e-3, "paragraph": "It is so."}
+    document["validation_rmse_volt"] = {"before": 6e-3, "after": 1e-3}
+    row = {"cell": cell, "campaign": "", "verdict": word, "rounds": len(effects) + 1}
+    return row | {"cpu_second": 3.0, "reason": "", "document": json.dumps(document | more)}
+
+
+TRUTH = [
+    hidden("a1", "reference", visible=False),
+    hidden("a2", "none", visible=False),
+    hidden("a3", "none", visible=False),
+    hidden("a4", "single", "leakage"),
+    hidden("a5", "single", "self_heating"),
+    hidden("a6", "single", "slow_diffusion", parts=["polarisation_soc"]),
+    hidden("a7", "two", "time_skew", "leakage"),
+    hidden("a8", "unknown", "contact", accept=[]),
+    hidden("a9", "unknown", "pick_up", accept=["time_skew"]),
+    hidden("b1", "sheet", "voltage_offset", visible=False),
+    hidden("b2", "sheet", "voltmeter_drift", visible=False),
+    hidden("b3", "single", "entropic_ocv") | {"unproven": True},
+    hidden("b4", "single", "voltage_gain", visible=False),
+]
+ANSWERS = [
+    answer("a2", "none"),
+    answer("a3", "unknown"),
+    answer("a4", "named", "leakage", "ocv_edge"),
+    answer("a5", "named", "resistance_temperature"),
+    answer("a6", "named", "slow_diffusion", "polarisation_soc", gap=0.8),
+    answer("a7", "named", "time_skew"),
+    answer("a8", "named", "resistance_soc"),
+    answer("a9", "named", "time_skew"),
+    answer("b1", "named", "voltage_offset"),
+    answer("b2", "named", "leakage"),
+    answer("b3", "none", unproven=["entropic_ocv"]),
+    answer("b4", "none"),
+]
+WORTH = {
+    "a2": "right",
+    "a3": "false alarm",
+    "a4": "right",
+    "a5": "false name",
+    "a6": "right",
+    "a7": "one of two",
+    "a8": "false name",
+    "a9": "right",
+    "b1": "right",
+    "b2": "false name",
+    "b3": "right",
+    "b4": "rightly silent",
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("truth", "config"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH))
+    (tmp_path / "config" / "cells.tsv").write_text("cell\n")
+    return tmp_path
+
+
+@pytest.fixture
+def rows(folder):
+    return judging.of_part("forms", folder, ANSWERS)
+
+
+def test_each_answer_is_worth_what_it_is(rows):
+    assert {row.cell: row.outcome for row in rows} == WORTH
+    assert {row.cell: row.extra for row in rows if row.extra} == {"a4": 1}
+
+
+def test_shares_count_right_false_extra_and_none(rows):
+    shares = {one.name: one for one in judging.shares(rows, "forms")}
+    counts = {
+        "visible effects right": (3, 5),
+        "false names": (1, 6),
+        "extra names": (1, 6),
+        "healthy anything but none": (1, 2),
+        "sheet or sensor wrong: anything else": (1, 2),
+        "outside the vocabulary, given a name": (1, 2),
+    }
+    assert {name: (shares[name].hits, shares[name].of) for name in counts} == counts
+    assert shares["visible effects right"].wanted == 0.8
+    assert shares["visible effects right"].reached is False
+    # Of the two right names that were proven: 0.97 and 0.8.
+    assert shares["gap closed, median"].value == pytest.approx(0.885)
+    assert shares["CPU a cell and round, median"].value == pytest.approx(1.5)
+    named = {one.name: one for one in judging.shares(rows)}["visible effects right"]
+    assert named.reached is None
+
+
+def test_a_cell_without_an_answer_counts_as_not_right(folder):
+    rows = judging.of_part("forms", folder, [])
+    assert {row.outcome for row in rows} == {"no verdict"}
+    assert judging.shares(rows)[0].share == 0
+    assert all(one.of == 0 for one in judging.shares(rows)[1:])
+
+
+def test_sizes_and_probabilities_are_held_against_the_truth(folder):
+    truth = hidden("a4", "single", "leakage", parameters={"leak_ampere": 0.02, "shape": "even"})
+    (folder / "truth" / "missing_effect.json").write_text(json.dumps([truth]))
+    sizes = {"leak_ampere": {"value": 0.0225, "std": 0.001, "unit": "A"}}
+    said = {"leakage": 0.7, "none": 0.2, "leakage + time_skew": 0.1}
+    one = answer("a4", "named", "leakage", sizes=sizes, probabilities=said)
+    row = judging.of_part("forms", folder, [one])[0]
+    assert row.sizes_inside == (False,)
+    assert dict(row.said_probabilities) == {0.7: True, 0.2: False, 0.1: True}
+    bins = judging.calibration([row])
+    assert [(round(k["said"], 2), k["right"].hits, k["right"].of) for k in bins] == [
+        (0.1, 1, 1),
+        (0.2, 0, 1),
+        (0.7, 1, 1),
+    ]
+    told = {one.name: one for one in judging.shares([row])}
+    assert told["best answer: said minus right"].value == pytest.approx(0.3)
+
+
+def test_several_campaigns_make_one_part(folder, tmp_path_factory):
+    part = tmp_path_factory.mktemp("planted")
+    for name in ("a123", "panasonic"):
+        (part / name).mkdir()
+        for inside in ("truth", "config"):
+            (part / name / inside).mkdir()
+        (part / name / "config" / "cells.tsv").write_text("cell\n")
+        (part / name / "truth" / "missing_effect.json").write_text(json.dumps(TRUTH[1:2]))
+    answers = [ANSWERS[0] | {"campaign": "a123"}]
+    rows = judging.of_part("planted", part, answers)
+    assert {row.cell: row.outcome for row in rows} == {
+        "a123/a2": "right",
+        "panasonic/a2": "no verdict",
+    }
+
+
+def test_a_line_and_the_page_say_what_is_wrong(rows):
+    by_cell = {row.cell: row for row in rows}
+    assert "WRONG false name" in line(by_cell["a5"])
+    assert "WRONG right +1 extra" in line(by_cell["a4"])
+    assert "ok    right" in line(by_cell["a6"])
+    text = page.markdown(rows, {"physics": "no solver"}, "seed 1")
+    wrong = text.split("## Where it is wrong")[1]
+    assert {cell for cell in WORTH if f"| {cell} |" in wrong} == {
+        "a3",
+        "a4",
+        "a5",
+        "a7",
+        "a8",
+        "b2",
+    }
+    assert "skipped: no solver" in text
+    assert "60.0 % (" in text
+    assert "**missed**" in text
+
+
+def test_the_picture_has_a_panel_a_goal_and_a_point_a_part(rows):
+    drawn = page.picture([*rows, *(row._replace(part="fast") for row in rows)])
+    panels = [axes for axes in drawn.axes if axes.get_title() or axes.get_title(loc="left")]
+    assert len(panels) == page.DRAWN
+    assert [label.get_text() for label in panels[0].get_xticklabels()] == ["fast", "forms"]
+
+
+def test_columns_have_a_value_for_each_cell(rows):
+    columns = judging.columns(rows)
+    assert set(columns) == set(judging.COLUMNS)
+    assert all(len(values) == len(rows) for values in columns.values())
+    assert np.isfinite(columns["cpu_second"]).all()

@@ -1,0 +1,70 @@
+"""Which question of a verdict the next test is to answer."""
+
+import small_plant
+from small_plant import HEALTHY, Truth, case, rounds
+
+from cellwright.effects.case import Gates
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.planning.advice import advised
+from cellwright.effects.verdict import outcome
+
+PLACE = {
+    "file": "judge_1",
+    "soc": [0.1, 0.2],
+    "current": "discharge_high",
+    "temperature_celsius": [8.0],
+    "share": 0.4,
+}
+
+
+def asked(truth, *, untestable=(), place=None, change=lambda steps: steps):
+    steps = change(list(rounds(truth)))
+    result = outcome(steps, Gates())
+    return advised(case(truth), result, steps, LIBRARY, untestable, place), result
+
+
+def test_nothing_is_advised_where_nothing_is_open():
+    assert asked(HEALTHY)[0] == ({}, None, None)
+    assert asked(Truth(hysteresis=0.012))[0] == ({}, None, None)
+
+
+def test_a_tie_is_asked_first():
+    (menu, sentence, _), result = asked(Truth(leak=0.06))
+    assert result.word == "ambiguous"
+    assert sentence.startswith("To tell ")
+    assert "rest_48h" in menu["test"]
+
+
+def test_a_name_without_proof_gets_the_test_that_proves_it():
+    def unproven(steps):
+        chosen = steps[0].chosen._replace(proven=False)
+        return [steps[0]._replace(chosen=chosen), *steps[1:]]
+
+    (menu, sentence, _), _ = asked(Truth(activation=2.5e4), change=unproven)
+    assert sentence.startswith("To prove resistance temperature on a record that is not fitted: ")
+    assert menu["test"][0].endswith(("_warm", "_cold"))
+    assert menu["chi_square"][0] > 1000.0
+
+
+def test_a_gap_without_a_near_explanation_is_sought_where_it_sits():
+    def alone(steps):
+        return [*steps[:-1], steps[-1]._replace(trials=[])]
+
+    (menu, sentence, _), result = asked(Truth(ripple=0.008), place=PLACE, change=alone)
+    assert result.word == "unknown"
+    assert menu == {}
+    assert "at 10–20 % SoC on discharge above 0.7C in judge_1 (8 °C)" in sentence
+    assert "rest before and after" in sentence
+
+
+def test_an_unknown_always_has_advice():
+    (_, sentence, _), result = asked(Truth(ripple=0.008), place=PLACE)
+    assert result.word == "unknown"
+    assert sentence.startswith("To ")
+
+
+def test_at_one_temperature_resistance_over_temperature_is_asked():
+    truth = small_plant.HEALTHY
+    (menu, sentence, _), _ = asked(truth, untestable=("resistance_temperature",))
+    assert sentence.startswith("To see resistance temperature")
+    assert menu["test"]

@@ -1,0 +1,65 @@
+"""How likely each answer of a search is."""
+
+import numpy as np
+import pytest
+from small_plant import HEALTHY, Truth, case, rounds
+
+from cellwright.effects.case import Gates
+from cellwright.effects.odds import UNSEEN, probabilities
+from cellwright.effects.proof import block_sums, consistency, consistency_of
+from cellwright.effects.verdict import outcome
+
+
+def said(truth, **options):
+    steps = rounds(truth)
+    return probabilities(case(truth), steps, outcome(steps, Gates()), **options)
+
+
+@pytest.mark.parametrize(
+    ("truth", "answer"),
+    [
+        (HEALTHY, "none"),
+        (Truth(hysteresis=0.012), "hysteresis_instant"),
+        (Truth(ripple=0.008), "unknown"),
+        (
+            Truth(hysteresis=0.012, activation=2.5e4),
+            "hysteresis_instant + resistance_temperature",
+        ),
+    ],
+)
+def test_a_clear_answer_is_the_likeliest_but_never_certain(truth, answer):
+    weighed = said(truth)
+    assert next(iter(weighed)) == answer
+    assert 0.7 < weighed[answer] < 1.0
+    assert sum(weighed.values()) == pytest.approx(1.0)
+    assert weighed == said(truth)
+
+
+def test_two_effects_that_no_fit_tells_apart_share_their_probability():
+    weighed = said(Truth(leak=0.06))
+    assert weighed["leakage"] == pytest.approx(weighed["current_offset"])
+    assert weighed["leakage"] > 0.35
+
+
+def test_weaker_effects_are_less_sure():
+    sizes = [said(Truth(hysteresis=volt), unseen=0.0) for volt in (0.012, 0.0012)]
+    assert sizes[0].get("hysteresis_instant", 0.0) > sizes[1].get("hysteresis_instant", 0.0)
+
+
+def test_without_draws_that_differ_the_search_itself_is_the_answer():
+    alike = said(Truth(hysteresis=0.012), spread=1e-6, unseen=0.0)
+    assert alike["hysteresis_instant"] == pytest.approx(1.0)
+    assert 0.0 < UNSEEN < 0.5
+
+
+def test_a_block_of_weight_two_counts_as_if_it_were_there_twice():
+    random = np.random.default_rng(3)
+    before, after = random.normal(0.0, 3e-3, (2, 120))
+    block, record = np.repeat(np.arange(4), 30), np.repeat([0, 0, 1, 1], 30)
+    twice = [np.append(column, column[-30:]) for column in (before, after)]
+    more = np.append(block, np.full(30, 4)), np.append(record, np.ones(30, int))
+    limit = {"material_volt": 1e-3}
+    wanted = consistency(*twice, *more, **limit)
+    sums = block_sums(before, after, block, record)
+    weights = np.array([[1.0, 1.0, 1.0, 2.0]])
+    assert consistency_of(sums, weights, **limit)[0] == pytest.approx(wanted)

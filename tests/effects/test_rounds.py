@@ -1,0 +1,106 @@
+"""Rounds: an effect that another makes needless is taken out, and where a search ends."""
+
+from functools import cache
+
+import pytest
+from small_plant import HEALTHY, Truth, case, rounds
+
+from cellwright.effects import search
+from cellwright.effects.case import Gates
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.vocabulary import in_order
+from cellwright.effects.verdict import outcome
+from cellwright.numerics.least_squares import fit
+
+HYSTERESIS = Truth(hysteresis=0.012)
+RIVAL, TRUE = "charge_transfer_nonlinearity", "hysteresis_instant"
+
+
+@cache
+def together(truth, names):
+    """(case, free of the plain model, effects, free, solution, filters) with these effects in."""
+    made, steps = case(truth), rounds(truth)
+    plain, values, _ = made.begun()
+    filters = steps[0].filters
+    effects = in_order([LIBRARY[name] for name in names], LIBRARY)
+    free = search._free_of(made, plain, effects)
+    for effect in effects:
+        start = effect.starts[0]
+        values |= {f"{effect.id}.{p.name}": start.get(p.name, p.neutral) for p in effect.parameters}
+    solution = fit(made.problem(effects, free, filters), values)
+    return made, plain, effects, free, solution, filters
+
+
+def kept(truth, *names):
+    """Names that stay in the model, and those that are taken out of it."""
+    made, plain, effects, free, solution, filters = together(truth, names)
+    result = search._needed(made, plain, effects, free, solution, filters, rounds(truth))
+    effects, free, solution, dropped = result
+    # The fit that is handed on is one of just these effects.
+    fitted = {name for name in solution.values if name.rpartition(".")[0]}
+    assert {one.name for one in free} == set(solution.names)
+    assert all(name in fitted for effect in effects for name in effect.names)
+    return {effect.id for effect in effects}, set(dropped)
+
+
+def test_a_first_wrong_name_is_taken_out_once_the_true_one_is_in():
+    """Without the true one its rival is named: it takes up what hysteresis makes."""
+    alone = outcome(rounds(HYSTERESIS, without=(TRUE, "hysteresis_one_state")), Gates())
+    assert [step.chosen.effect.id for step in alone.steps] == [RIVAL]
+    assert kept(HYSTERESIS, RIVAL, TRUE) == ({TRUE}, {RIVAL})
+
+
+def test_two_effects_that_are_both_there_both_stay():
+    both = Truth(hysteresis=0.012, activation=2.5e4)
+    names = {TRUE, "resistance_temperature"}
+    assert kept(both, *sorted(names)) == (names, set())
+
+
+def test_all_go_that_a_healthy_cell_has_not():
+    names = {TRUE, "resistance_asymmetry"}
+    assert kept(HEALTHY, *sorted(names)) == (set(), names)
+
+
+def test_what_was_chosen_and_counts_no_more_ends_the_search(monkeypatch):
+    """No rival that explains less may take the place of a choice at the edge."""
+    made, few = case(HYSTERESIS), {name: LIBRARY[name] for name in (TRUE, RIVAL)}
+    needed, calls = search._needed, []
+
+    def without(case, plain, effects, free, solution, filters, earlier):
+        calls.append([effect.id for effect in effects])
+        result = needed(case, plain, effects, free, solution, filters, earlier)
+        fewer = tuple(effect for effect in result[0] if effect.id != TRUE)
+        free = search._free_of(case, plain, fewer)
+        values = earlier[0].before.solution.values
+        return fewer, free, fit(case.problem(fewer, free, filters), values), (TRUE,)
+
+    monkeypatch.setattr(search, "_needed", without)
+    steps = search.search(made, few)
+    assert calls == [[TRUE]]
+    assert [step.chosen and step.chosen.effect.id for step in steps] == [TRUE, None]
+    assert steps[0].dropped == (TRUE,)
+    result = outcome(steps, Gates())
+    assert (result.word, result.steps) == ("unknown", ())
+
+
+def test_an_effect_that_was_chosen_stays_with_less_than_makes_a_choice():
+    """Else a size near the limit would come and go with the last digit of a fit."""
+    first = rounds(HYSTERESIS)[0]
+    made, trial = case(HYSTERESIS), first.trials[0]
+    size = Gates().material_volt
+    near = (trial.state.validation_rmse_volt**2 + (0.8 * size) ** 2) ** 0.5
+    about = trial.state.rmse_volt
+    before = first.before._replace(validation_rmse_volt=near, rmse_volt=about)
+    asked = first.before, before, trial, first.floor
+    assert not made.matters(*asked)
+    assert made.matters(*asked, share=search.STAYS)
+
+
+@pytest.mark.parametrize("truth", [HYSTERESIS, HEALTHY])
+def test_a_round_holds_the_filters_by_which_it_was_judged(truth):
+    """The cost of its model is that of a fit with them: what reads a round needs no others."""
+    for step in rounds(truth):
+        solution = step.before.solution
+        again = step.filters.fit.apply(solution.residual)
+        assert again @ again == pytest.approx(solution.chi_square, rel=1e-9)
+        assert step.noise == step.filters.noise

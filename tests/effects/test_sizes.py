@@ -1,0 +1,128 @@
+"""Sizes as people use them: arithmetic from the parameters, with units and deviations."""
+
+import numpy as np
+import pytest
+
+from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.groups import GROUP_LIBRARY
+from cellwright.effects.story.sizes import sizes_as_used
+
+VALUES = {"log_r0": np.log(0.020), "log_r1": np.log(0.010), "log_r2": np.log(0.005)}
+VALUES |= {"log_tau1": np.log(10.0), "log_tau2": np.log(200.0), "capacity_ampere_hour": 4.0}
+
+
+def sizes(effect, values=VALUES, **given):
+    parameters = {
+        p.name: {"value": given.get(p.name, p.neutral), "std": None, "unit": p.unit}
+        for p in LIBRARY[effect].parameters
+    }
+    for name, std in given.pop("std", {}).items():
+        parameters[name]["std"] = std
+    return sizes_as_used(LIBRARY[effect], parameters, values)
+
+
+@pytest.mark.parametrize(
+    ("effect", "given", "words"),
+    [
+        (
+            "resistance_temperature",
+            {
+                "activation_energy_joule_per_mole": 23558.0,
+                "std": {"activation_energy_joule_per_mole": 1200.0},
+            },
+            ["activation energy 23.6 ± 1 kJ/mol"],
+        ),
+        (
+            "resistance_asymmetry",
+            {"charge_resistance_excess_relative": 0.5},
+            ["R0 on discharge 20 mΩ", "on charge 30 mΩ"],
+        ),
+        ("lead_resistance", {"resistance_ohm": 0.0042}, ["4.2 mΩ"]),
+        (
+            "slow_diffusion",
+            {"resistance_ohm": 0.0088, "time_constant_second": 2400.0},
+            ["8.8 mΩ", "time constant 40 min"],
+        ),
+        (
+            "hysteresis_one_state",
+            {"amplitude_volt": 0.012, "rate_per_soc": 20.0},
+            ["half the distance of charge and discharge 12 mV", "turned over within 5 % of SoC"],
+        ),
+        (
+            "self_heating",
+            {"thermal_resistance_kelvin_per_watt": 4.0, "time_constant_second": 300.0},
+            ["4 K for each watt", "time constant 5 min"],
+        ),
+        (
+            "entropic_ocv",
+            {"coefficient_volt_per_kelvin": 2e-4, "tilt_volt_per_kelvin": 1e-4},
+            ["at 10 % SoC 0.28 mV/K", "at 50 % SoC 0.2 mV/K", "at 90 % SoC 0.12 mV/K"],
+        ),
+        ("capacity_error", {"relative": -0.05}, ["−5 % of capacity", "−0.2 Ah"]),
+        ("coulombic_inefficiency", {"lost_share_of_charge": 0.01}, ["1 % of what is charged"]),
+        ("leakage", {"leak_ampere": 0.01}, ["10 mA", "6 % of SoC a day"]),
+        ("current_offset", {"offset_ampere": -0.02}, ["−20 mA", "12 % of SoC a day"]),
+        ("current_gain", {"gain_relative": 0.01}, ["1 % of reading"]),
+        ("voltage_offset", {"offset_volt": 0.005}, ["5 mV"]),
+        ("ocv_edge", {"empty_volt": 0.02, "full_volt": -0.01}, ["when empty 20 mV"]),
+        ("time_skew", {"voltage_delay_second": 0.3}, ["voltage behind current by 0.3 s"]),
+    ],
+)
+def test_sizes_are_those_that_people_use(effect, given, words):
+    found = [size.text.strip() for size in sizes(effect, **given)]
+    assert found[: len(words)] == words
+
+
+def test_a_course_over_soc_is_told_in_milliohm_of_the_model_itself():
+    steps = {"step_to_35_percent": 0.3, "step_to_20_percent": 0.3, "step_to_10_percent": 0.4}
+    steps |= {"step_to_65_percent": -0.1, "step_to_90_percent": -0.1}
+    found = sizes("resistance_soc", **steps, std={"step_to_35_percent": 0.1})
+    assert [size.unit for size in found] == ["mΩ"] * 3
+    low, middle, high = (size.value for size in found)
+    assert middle == pytest.approx(20.0)
+    assert low == pytest.approx(20.0 * np.exp(1.0))
+    assert high == pytest.approx(20.0 * np.exp(-0.2))
+    assert found[0].std == pytest.approx(low * (np.exp(0.1) - 1), rel=1e-6)
+    assert found[2].std == 0.0, "what is not known below the middle moves nothing above it"
+    relaxing = sizes("polarisation_soc", **steps)
+    assert relaxing[1].value == pytest.approx(15.0)
+    assert relaxing[0].value / relaxing[2].value == pytest.approx(np.exp(1.2))
+
+
+def test_charge_transfer_is_told_at_rates():
+    small, one, three = sizes(
+        "charge_transfer_nonlinearity",
+        per_exchange_current_per_ampere=1.0,
+        share_of_resistance=0.5,
+    )
+    assert small.value == pytest.approx(20.0, rel=0.01)
+    assert 10.0 < three.value < one.value < small.value
+
+
+def test_capacity_over_temperature_is_for_ten_kelvin():
+    (found,) = sizes("capacity_temperature", relative_per_kelvin=1e-3)
+    assert found.value == pytest.approx(1.0, rel=1e-3)
+
+
+def test_without_the_model_a_course_is_told_by_its_parameters():
+    step = "step_to_20_percent"
+    found = sizes("resistance_soc", None, **{step: 1.0}, std={step: 0.1})
+    assert [size.text.strip() for size in found] == ["step to 20 percent 1 ± 0.1"]
+
+
+@pytest.mark.parametrize("effect", sorted(LIBRARY))
+def test_every_effect_has_sizes_that_are_numbers(effect):
+    given = {p.name: p.plausible or p.neutral for p in LIBRARY[effect].parameters}
+    found = sizes(effect, **given, std=dict.fromkeys(given, 0.001))
+    assert found
+    assert all(np.isfinite([size.value, size.std]).all() for size in found)
+
+
+def test_an_effect_of_a_group_is_told_by_its_parameters():
+    effect = GROUP_LIBRARY["branch_wire_resistance"]
+    parameters = {
+        "excess_ohm": {"value": 0.0081, "std": 2e-4, "unit": "Ohm"},
+        "branch": {"value": 2, "std": None, "unit": "1"},
+    }
+    (found,) = sizes_as_used(effect, parameters)
+    assert found.text == "excess 0.0081 ± 0.0002 Ohm"

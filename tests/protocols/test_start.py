@@ -1,0 +1,165 @@
+"""How half cycles begin: by the half before, by the test before, else by their rest, with doubt."""
+
+import re
+
+import numpy as np
+import pytest
+
+from cellwright.protocols.ageing import ageing_cycles
+from cellwright.protocols.capacity import capacity
+from cellwright.protocols.course import course, ends_of_test
+from cellwright.refusal import Refusal
+from cellwright.series.cleaning import net_charge
+from cellwright.series.steps import segment
+
+HOUR = 3600.0
+NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
+LIMITS = {"rated_capacity_ampere_hour": 2.0, "lower_cutoff_volt": 3.0, "upper_cutoff_volt": 4.2}
+AGED_OHM = 0.08
+
+
+def ocv(soc):
+    """Open-circuit voltage over SoC, steepest at its ends."""
+    return 3.45 + 0.55 * soc + 0.2 * soc**12 - 0.45 * np.exp(-soc / 0.03)
+
+
+def life(*parts, soc=1.0, size=2.0, ohm=AGED_OHM, lost=(), start_second=0.0):
+    """Record of a cell with a resistance: parts are (ampere, cut-off), with rests between.
+
+    Parts with a number in `lost` are lived but not logged.
+    """
+    columns, second = {name: [] for name in NAMES[:3]}, start_second
+
+    def log(ampere, limit, seconds, kept):
+        nonlocal soc, second
+        for _ in range(int(seconds // 10)):
+            second, soc = second + 10, soc + ampere * 10 / HOUR / size
+            row = (second, ampere, ocv(soc) + ampere * ohm)
+            for name, value in zip(NAMES[:3], row, strict=True):
+                columns[name] += [value] if kept else []
+            if ampere and np.sign(ampere) * (row[2] - limit) >= 0:
+                return
+
+    for number, (ampere, limit) in enumerate(parts):
+        log(0.0, None, 1800, True)
+        log(ampere, limit, 20 * HOUR, number not in lost)
+    log(0.0, None, 1800, True)
+    columns = {name: np.array(values) for name, values in columns.items()}
+    gaps = np.flatnonzero(np.diff(columns[NAMES[0]]) > 600) + 1
+    columns[NAMES[3]] = net_charge(columns[NAMES[0]], columns[NAMES[1]], gap_rows=gaps)
+    return columns
+
+
+def steps_of(columns):
+    return segment(*[columns[name] for name in NAMES], rated_capacity_ampere_hour=2.0)
+
+
+def cycles_of(columns, **settings):
+    return ageing_cycles(columns, steps_of(columns), **LIMITS, **settings)
+
+
+def capacity_of(columns, **settings):
+    return capacity(*[columns[n] for n in NAMES], steps_of(columns), **LIMITS, **settings)
+
+
+CYCLE = [(-1.0, 3.0), (1.0, 4.2)]
+
+
+def test_discharges_count_though_most_charges_were_not_logged():
+    parts = CYCLE * 12
+    lost = [k for k in range(1, 24, 2) if k not in (5, 15)]
+    whole, ageing = cycles_of(life(*parts)), cycles_of(life(*parts, lost=lost))
+    found = ageing.rows.direction == "discharge"
+    assert ageing.rows.cycle[found].tolist() == list(range(1, 13))
+    true = whole.rows.capacity_ampere_hour[whole.rows.direction == "discharge"]
+    assert ageing.rows.capacity_ampere_hour[found] == pytest.approx(true, rel=2e-3)
+    assert "9 of 12 discharges counted by their rest" in ageing.by_rest[0]
+    assert "as before cycles that start full" in ageing.by_rest[0]
+    assert not ageing.left_out
+
+
+def test_what_a_start_may_lack_is_its_uncertainty():
+    """An aged cell, its charge in no file: it rests lower, by the drop at the end of its charge."""
+    columns = life((-1.0, 3.0), soc=0.97)
+    assert 4.0 < columns["voltage_volt"][0] < 4.2 - 0.05 * 1.2
+    found = capacity_of(columns)
+    true = 2.0 * (1 - 0.97)
+    assert found.rows.capacity_std_ampere_hour[0] == pytest.approx(true, rel=0.7)
+    assert "start by a rest voltage of" in found.left_out[0]
+
+
+def test_the_test_before_tells_that_it_starts_full():
+    found = capacity_of(life((-1.0, 3.0), soc=0.97), state_before="full")
+    assert np.isnan(found.rows.capacity_std_ampere_hour[0])
+    assert not found.left_out
+    with pytest.raises(
+        Refusal, match="does not start full or is not known to: with a rest voltage"
+    ):
+        capacity_of(life((-1.0, 3.0), soc=0.8))
+
+
+def test_a_charge_cut_short_is_not_made_full_by_its_rest():
+    ageing = cycles_of(life((-1.0, 3.0), (1.0, 4.12), (-1.0, 3.0), (1.0, 4.2), (-1.0, 3.0)))
+    discharges = ageing.rows.direction == "discharge"
+    assert ageing.rows.cycle[discharges].tolist() == [1, 3]
+    assert any("what came before was cut short" in words for words in ageing.left_out)
+
+
+def test_a_second_slower_discharge_is_not_a_new_one():
+    """What a slow discharge still takes out after a fast one belongs to the same half cycle."""
+    ageing = cycles_of(life((-4.0, 3.0), (-0.2, 3.0), (1.0, 4.2), (-1.0, 3.0)))
+    discharges = ageing.rows.direction == "discharge"
+    assert ageing.rows.cycle[discharges].tolist() == [1, 2]
+
+
+def dated(name, columns, begin_second):
+    columns = columns | {"unix_time_second": columns["test_time_second"] + begin_second}
+    return ends_of_test(name, columns, steps_of(columns), **LIMITS)
+
+
+def run_course(*ends):
+    return course(list(ends), lower_cutoff_volt=3.0, upper_cutoff_volt=4.2)
+
+
+def test_course_follows_dates_not_the_order_given():
+    charge = dated("charge", life((1.0, 4.2), soc=0.02), 0.0)
+    discharge = dated("discharge", life((-1.0, 3.0), soc=0.96), 20 * HOUR)
+    found = run_course(discharge, charge)
+    assert found.test_before == ["charge", ""]
+    assert found.state_at_begin == ["full", ""]
+    assert found.words[1] == "no test before it has dates"
+
+
+REFUSALS = {
+    "no dates": ([("a", CYCLE, 1.0, None), ("b", CYCLE, 1.0, None)], "no dates"),
+    "overlap": ([("a", CYCLE, 1.0, 0.0), ("b", CYCLE, 1.0, HOUR)], "runs at the same time"),
+    "too long": ([("a", CYCLE, 1.0, 0.0), ("b", CYCLE, 1.0, 3000 * HOUR)], "days earlier"),
+    "no cut-off": (
+        [("a", [(-1.0, 3.6)], 1.0, 0.0), ("b", CYCLE, 0.5, 30 * HOUR)],
+        "does not end at a cut-off",
+    ),
+    "contradiction": (
+        [("a", CYCLE, 1.0, 0.0), ("b", [(1.0, 4.2)], 0.05, 30 * HOUR)],
+        "ended full at .* but it begins at 3",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", REFUSALS)
+def test_course_says_why_nothing_is_known(what):
+    tests, words = REFUSALS[what]
+    ends = [
+        dated(name, life(*parts, soc=soc), np.nan if begin is None else begin)
+        for name, parts, soc, begin in tests
+    ]
+    found = run_course(*ends)
+    assert found.state_at_begin[1] == ""
+    assert re.search(words, found.words[1])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.005, 0.015])
+def test_a_rest_close_to_the_cut_off_needs_no_proof(share):
+    soc = 1 - share
+    found = capacity_of(life((-1.0, 3.0), soc=soc))
+    std = found.rows.capacity_std_ampere_hour[0]
+    assert np.isnan(std) if ocv(soc) >= 4.19 else std > 0.3 * share * 2.0

@@ -1,0 +1,88 @@
+"""Health in the overview: the latest state by each method, and nothing that nobody told."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from runtime import artefact, health_page
+
+NAMES = ["cell", "cycle", "soh", "soh_std", "method", "lli", "lam_negative", "lam_positive"]
+
+
+def row(cell, cycle, soh, method, *modes, std=0.004):
+    return dict(zip(NAMES, [cell, cycle, soh, std, method, *(modes or [np.nan] * 3)], strict=True))
+
+
+HEALTH = pd.DataFrame(
+    [
+        row("A", 0.0, 1.0, "check-up"),
+        row("A", 900.0, 0.8765, "check-up"),
+        row("A", 500.0, 0.95, "check-up"),
+        row("A", 900.0, 0.881, "dQ/dV peaks", std=np.nan),
+        row("A", 900.0, np.nan, "degradation modes", 0.08, 0.02, 0.031),
+        row("B", 0.0, 0.98, "check-up"),
+    ]
+)
+FADE = pd.DataFrame(
+    [
+        {
+            "cell": "A",
+            "start_ampere_hour": 20.0,
+            "knee_cycle": 843.2,
+            "knee_lower_cycle": 800.0,
+            "knee_upper_cycle": np.nan,
+            "remaining_cycles": np.nan,
+        }
+    ]
+)
+
+
+def as_text(frame):
+    """A table as the report reads it: text, an empty cell for what is not known."""
+    return frame.astype(object).where(frame.notna(), "").astype(str)
+
+
+def test_the_overview_has_the_latest_state_by_each_method():
+    tables = {"health": as_text(HEALTH), "fade": as_text(FADE)}
+    (found,) = health_page.section(tables)["rows"]
+    assert found["check_up"] == {"soh": "87.6 ± 0.4 %", "cycle": "900.0"}
+    assert found["peaks"]["soh"] == "88.1 %"
+    assert found["cycles"] == {}
+    assert [found[name] for name in health_page.SHARES] == ["8.0 %", "2.0 %", "3.1 %"]
+    assert found["knee"] == "843 (800 to ?)"
+    assert found["remaining"] == ""
+
+
+def test_comparisons_are_told_in_their_own_words():
+    protocols = pd.DataFrame([{"type": "NMC, 20 Ah", "verdict": "fast charge lasts a fourth"}])
+    tables = {"health": as_text(HEALTH), "fade": as_text(FADE), "protocols": protocols}
+    assert health_page.section(tables)["sentences"] == ["NMC, 20 Ah: fast charge lasts a fourth"]
+
+
+def test_a_campaign_of_fresh_cells_has_no_health_in_its_overview():
+    fresh = as_text(HEALTH[HEALTH["cell"] == "B"])
+    assert health_page.section({"health": fresh, "fade": as_text(FADE)}) == {}
+
+
+def test_lives_are_drawn_from_every_discharge_else_from_check_ups(snakemake):
+    path = "results/fade_course/A.parquet"
+    columns = {"cycle": np.arange(1.0, 4.0), "capacity_ampere_hour": np.array([20.0, 5.0, 18.0])}
+    with artefact.Job(snakemake(path, wildcards={"cell": "A"})) as job:
+        job.save(made_course(columns))
+    aged = pd.concat([HEALTH, pd.DataFrame([row("B", 100.0, 0.9, "check-up")])])
+    lives = health_page.lives(aged, FADE, [path], {"A": "fast_charge", "B": None})
+    cycled, checked = lives
+    assert cycled["protocol"] == "fast_charge"
+    assert cycled["soh"].tolist() == pytest.approx([1.0, 0.9])
+    assert cycled["knee_cycle"] == 843.2
+    assert cycled["peaks"].tolist() == [[900.0, 0.881]]
+    assert checked["cycle"].tolist() == [0.0, 100.0]
+    assert checked["protocol"] == ""
+
+
+def made_course(columns):
+    """Columns of stage `fade_course` of three discharges, the second of them left out."""
+    names = artefact.contract.stages()["fade_course"]["columns"]
+    texts = {"test": ["life"] * 3, "reason": ["", "cut short", ""]}
+    course = {name: np.zeros(3) for name in names} | texts | columns
+    return course | {"used": np.array([True, False, True])}

@@ -1,0 +1,74 @@
+"""Lives and fleets as jobs read them: what is refused in one cell takes no other down."""
+
+import numpy as np
+import pytest
+
+from cellwright.health.ratings import CheckUp, check_ups
+from cellwright.refusal import Refusal
+from runtime import artefact, fleets, lives
+
+
+def rating(size, ohm, cycle=0.0):
+    blank = dict.fromkeys(CheckUp._fields, np.nan)
+    words = dict.fromkeys(("direction", "soh_reference", "reason"), "")
+    known = {"cycle": cycle, "capacity_ampere_hour": size, "first_delay_second": 0.01}
+    means = dict.fromkeys(("resistance_mean_ohm", "resistance_mean_1s_ohm"), ohm)
+    return CheckUp(**blank | words | known | means)
+
+
+@pytest.fixture
+def checked(snakemake):
+    """Check-ups of nine cells of one pack, of which one was refused."""
+    paths = []
+    for place in range(9):
+        path = f"results/checkups/P{place}.parquet"
+        paths.append(path)
+        with artefact.Job(snakemake(path, wildcards={"cell": f"P{place}"})) as job:
+            if place == 8:
+                raise Refusal("no capacity and no resistance")
+            job.save([rating(20.0 + place, 4e-3 - 1e-4 * place + 1e-6 * (place % 3))])
+    return paths
+
+
+def test_a_fleet_is_compared_without_the_refused_cell(checked):
+    types = {"NMC, 30 Ah": [f"P{place}" for place in range(9)], "LFP": ["P8", "X"]}
+    cells, lines = fleets.resistance_tables(checked, types)
+    assert [row["cell"] for row in cells] == [f"P{place}" for place in range(8)]
+    assert lines[0]["cells"] == 8
+    assert lines[0]["correlation"] < -0.99
+    assert lines[1]["verdict"] == "0 cells with capacity and resistance over SoC; a fleet needs 6"
+    assert lines[1]["slope_ohm_per_ampere_hour"] is None
+
+
+def test_what_no_method_tells_keeps_its_reason(checked):
+    with pytest.raises(artefact.Passed, match="no capacity and no resistance"):
+        lives.found({"check_ups": checked[8]})
+    (row,) = lives.found({"check_ups": checked[0]})["check_ups"]
+    assert row["capacity_ampere_hour"] == 20.0
+
+
+def test_the_sheet_of_check_ups_comes_along():
+    sheet = [{"cell": "A", "cycle": 900.0, "thickness_millimetre": 7.67}]
+    rows = lives.with_sheet([rating(20.0, 1e-3), rating(18.0, 1e-3, 900.0)], sheet)
+    assert [row["sheet_thickness_millimetre"] for row in rows] == [None, 7.67]
+    assert "sheet_thickness_millimetre" not in lives.with_sheet([rating(20.0, 1e-3)], [])[0]
+
+
+def test_ratings_fit_their_contract(snakemake):
+    capacity = {
+        "test": "c",
+        "cycle": None,
+        "ambient_temperature_celsius": None,
+        "direction": "discharge",
+        "c_rate": 0.5,
+        "capacity_ampere_hour": 2.0,
+        "capacity_std_ampere_hour": np.nan,
+        "repeats": 1,
+        "energy_watt_hour": 7.0,
+    }
+    limits = ("rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt")
+    rows, _ = check_ups([capacity], [], **dict.fromkeys(limits))
+    path = "results/checkups/A.parquet"
+    with artefact.Job(snakemake(path, wildcards={"cell": "A"})) as job:
+        job.save(lives.with_sheet(rows, []))
+    assert artefact.load(path)["soh"].tolist() == [1.0]

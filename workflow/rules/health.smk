@@ -1,0 +1,331 @@
+# Health over a life: fade with knee and remaining cycles, ratings of check-ups, state of health.
+
+FOLLOWED = cells_where(lambda cell: len(tests(cell, "ica")) >= 2 or tests(cell, "ageing"))
+
+
+rule ica_life:
+    input:
+        series="results/clean/{cell}/{test}.parquet",
+        steps="results/segment/{cell}/{test}.parquet",
+        cycles="results/ageing_cycles/{cell}/{test}.parquet",
+    output:
+        peaks="results/ica_life/{cell}/{test}.parquet",
+        curves="results/ica_life_curve/{cell}/{test}.parquet",
+    log:
+        "logs/ica_life/{cell}/{test}.log",
+    params:
+        settings=config["ica"],
+        most=config["ica_tracks"]["most_charges"],
+    message:
+        "Incremental capacity of {wildcards.cell}, up to {params.most} charges of {wildcards.test}."
+    script:
+        "../../scripts/health/ica_life.py"
+
+
+rule ica_tracks:
+    input:
+        check_ups=lambda w: artefacts("ica", w.cell, "ica"),
+        curves=lambda w: artefacts("ica_curve", w.cell, "ica"),
+        lives=lambda w: artefacts("ica_life", w.cell, "ageing"),
+    output:
+        "results/ica_tracks/{cell}.parquet",
+    log:
+        "logs/ica_tracks/{cell}.log",
+    wildcard_constraints:
+        cell=either(FOLLOWED),
+    params:
+        settings=config["ica_tracks"],
+        tests=facts_of_own_tests,
+        chemistry=lambda w: CELLS[w.cell]["chemistry"],
+    message:
+        "Peaks of incremental capacity of {wildcards.cell}, followed through its life."
+    script:
+        "../../scripts/health/ica_tracks.py"
+
+
+# State of health: what slow curves of check-ups tell of lithium and active material lost.
+
+SLOW_CURVE_KINDS = ("ocv", "ica")
+
+
+def slow_check_ups(cell):
+    """Cycles at which a cell has a test that may be a slow curve; blank: fresh."""
+    return {row["cycle"] or 0 for row in tests(cell, *SLOW_CURVE_KINDS, roles=["fit"])}
+
+
+def fresh_cells(cell):
+    """The marked cell of the type that stands for the fresh state of a cell with one check-up."""
+    marked = [c for c in references(cell) if slow_check_ups(c)]
+    return marked[:1] if len(slow_check_ups(cell)) == 1 else []
+
+
+AGED_SLOWLY = cells_where(lambda cell: len(slow_check_ups(cell)) >= 2)
+DEGRADED = cells_where(lambda cell: cell in AGED_SLOWLY or fresh_cells(cell))
+
+
+def half_cells_of(cell):
+    """What the sheet says of a cell's half cells, and its chemistry."""
+    names = ("chemistry", "negative_half_cell", "positive_half_cell")
+    return {name: CELLS[cell].get(name) for name in names}
+
+
+def half_cell_files(cell):
+    """Files among the half cells of a cell: what ends in .csv is no name of the library."""
+    given = half_cells_of(cell).values()
+    return [name for name in given if str(name).lower().endswith(".csv")]
+
+
+rule degradation_modes:
+    input:
+        own=lambda w: fitted("clean", w.cell, *SLOW_CURVE_KINDS),
+        fresh=lambda w: [
+            p for c in fresh_cells(w.cell) for p in fitted("clean", c, *SLOW_CURVE_KINDS)
+        ],
+        half_cells=lambda w: half_cell_files(w.cell),
+    output:
+        "results/degradation_modes/{cell}.parquet",
+    log:
+        "logs/degradation_modes/{cell}.log",
+    wildcard_constraints:
+        cell=either(DEGRADED),
+    params:
+        settings=config["degradation_modes"],
+        cell=cell_facts,
+        materials=lambda w: half_cells_of(w.cell),
+        fresh=lambda w: [facts_of(c) for c in fresh_cells(w.cell)],
+    message:
+        "Lithium and active material lost by {wildcards.cell}, from slow curves of its check-ups."
+    script:
+        "../../scripts/health/degradation_modes.py"
+
+
+rule plateau_losses:
+    input:
+        lambda w: fitted("clean", w.cell, *SLOW_CURVE_KINDS),
+    output:
+        "results/plateau_losses/{cell}.parquet",
+    log:
+        "logs/plateau_losses/{cell}.log",
+    wildcard_constraints:
+        cell=either(AGED_SLOWLY),
+    params:
+        settings=config["degradation_modes"],
+        cell=cell_facts,
+    message:
+        "Charge lost by each plateau of {wildcards.cell} between its check-ups."
+    script:
+        "../../scripts/health/plateau_losses.py"
+
+
+# Cells of one type with charges for dQ/dV, by the first of them; where the capacities of four of
+# their check-ups are known, or of cycles of an ageing record, they calibrate the peaks.
+PEAK_TYPES = {}
+for cell, row in CELLS.items():
+    if tests(cell, "ica", "ageing", roles=["fit"]):
+        window = row["lower_cutoff_volt"], row["upper_cutoff_volt"]
+        type_of_cell = row["chemistry"], row["rated_capacity_ampere_hour"], *window
+        PEAK_TYPES.setdefault(type_of_cell, []).append(cell)
+
+
+def check_ups(cell, *kinds):
+    """Cycles at which a cell has tests of these kinds that may be fitted."""
+    return {row["cycle"] or 0 for row in tests(cell, *kinds, roles=["fit"])}
+
+
+def calibrate(cells):
+    """Whether enough capacities of these cells are known beside charges for dQ/dV."""
+    known = [check_ups(cell, "ica") & check_ups(cell, *CAPACITY_KINDS) for cell in cells]
+    return sum(map(len, known)) >= 4 or any(tests(c, "ageing", roles=["fit"]) for c in cells)
+
+
+PEAK_TYPES = {cells[0]: cells for cells in PEAK_TYPES.values() if calibrate(cells)}
+FIRST_OF_TYPE = {cell: first for first, cells in PEAK_TYPES.items() for cell in cells}
+
+
+PEAK_STAGES = ("peak_calibration", "peak_information")
+
+
+def of_peak_type(stage, *kinds):
+    """Artefacts of a stage of all cells of the type of a job's cell."""
+    return lambda w: [path for cell in PEAK_TYPES[w.cell] for path in fitted(stage, cell, *kinds)]
+
+
+def tracks_of_type(wildcards):
+    """Tracked peaks of those cells of a type that have several charges."""
+    cells = [cell for cell in PEAK_TYPES[wildcards.cell] if cell in FOLLOWED]
+    return [f"results/ica_tracks/{cell}.parquet" for cell in cells]
+
+
+rule peak_calibration:
+    input:
+        tracks=tracks_of_type,
+        peaks=of_peak_type("ica", "ica"),
+        curves=of_peak_type("ica_curve", "ica"),
+        life_curves=of_peak_type("ica_life_curve", "ageing"),
+        capacity=of_peak_type("capacity", *CAPACITY_KINDS),
+        cycles=of_peak_type("ageing_cycles", "ageing"),
+    output:
+        charges="results/peak_calibration/{cell}.parquet",
+        information="results/peak_information/{cell}.parquet",
+    log:
+        "logs/peak_calibration/{cell}.log",
+    wildcard_constraints:
+        cell=either(PEAK_TYPES),
+    params:
+        tests=lambda w: facts_of_tests_of(PEAK_TYPES[w.cell]),
+        rated_ampere_hour=lambda w: CELLS[w.cell]["rated_capacity_ampere_hour"],
+        most_terms=config["health_from_peaks"]["most_terms"],
+    message:
+        "Capacity from peaks of dQ/dV, calibrated over the cells of the type of {wildcards.cell}."
+    script:
+        "../../scripts/health/peak_calibration.py"
+
+
+rule health_from_peaks:
+    input:
+        calibration=lambda w: f"results/peak_calibration/{FIRST_OF_TYPE[w.cell]}.parquet",
+    output:
+        "results/health_from_peaks/{cell}.parquet",
+    log:
+        "logs/health_from_peaks/{cell}.log",
+    wildcard_constraints:
+        cell=either(FIRST_OF_TYPE),
+    message:
+        "State of health of {wildcards.cell} from peaks of dQ/dV."
+    script:
+        "../../scripts/health/health_from_peaks.py"
+
+
+AGED = cells_where(lambda cell: tests(cell, "ageing"))
+CHECKED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, *PULSE_KINDS, roles=["fit"]))
+SIZED = cells_where(lambda cell: tests(cell, *SLOW_KINDS, roles=["fit"]))
+HEALTHY = cells_where(lambda cell: cell in AGED or cell in SIZED)
+# Further methods of the state of health: stage, and the cells that have it.
+HEALTH_METHODS = {
+    "modes": ("degradation_modes", DEGRADED),
+    "peaks": ("health_from_peaks", FIRST_OF_TYPE),
+}
+
+
+def inputs_of_health(wildcards):
+    """What the state of health of a cell is gathered from."""
+    cell, stages = wildcards.cell, {}
+    if cell in AGED:
+        stages |= {"life": "life", "course": "fade_course"}
+    if cell in CHECKED:
+        stages["check_ups"] = "checkups"
+    stages |= {name: stage for name, (stage, cells) in HEALTH_METHODS.items() if cell in cells}
+    return of_cell(cell, **stages)
+
+
+def of_cell(cell, **stages):
+    """The artefact of a cell in each of these stages."""
+    return {name: f"results/{stage}/{cell}.parquet" for name, stage in stages.items()}
+
+
+rule fade:
+    input:
+        cycles=lambda w: artefacts("ageing_cycles", w.cell, "ageing"),
+        summaries=lambda w: artefacts("ageing_temperature", w.cell, "ageing"),
+        compensated=lambda w: artefacts("ageing_temperature_cycles", w.cell, "ageing"),
+    output:
+        laws="results/fade/{cell}.parquet",
+        course="results/fade_course/{cell}.parquet",
+        life="results/life/{cell}.parquet",
+    log:
+        "logs/fade/{cell}.log",
+    wildcard_constraints:
+        cell=either(AGED),
+    params:
+        settings=config["health"],
+        cell=cell_facts,
+    message:
+        "Fade of {wildcards.cell}: law, knee, remaining cycles."
+    script:
+        "../../scripts/health/fade.py"
+
+
+rule check_ups:
+    input:
+        capacities=lambda w: fitted("capacity", w.cell, *CAPACITY_KINDS)
+        or fitted("capacity", w.cell, "ica"),
+        resistances=lambda w: fitted("resistance", w.cell, *PULSE_KINDS),
+        courses=lambda w: of_cell(w.cell, course="fade_course").values() if w.cell in AGED else [],
+    output:
+        rows="results/checkups/{cell}.parquet",
+        growth="results/resistance_growth/{cell}.parquet",
+    log:
+        "logs/check_ups/{cell}.log",
+    wildcard_constraints:
+        cell=either(CHECKED),
+    params:
+        tests=facts_of_own_tests,
+        cell=cell_facts,
+        sheet=lambda w: [row for row in CAMPAIGN.check_ups if row["cell"] == w.cell],
+    message:
+        "Ratings of {wildcards.cell} at each check-up, and their change since new."
+    script:
+        "../../scripts/health/check_ups.py"
+
+
+rule health:
+    input:
+        unpack(inputs_of_health),
+    output:
+        "results/health/{cell}.parquet",
+    log:
+        "logs/health/{cell}.log",
+    wildcard_constraints:
+        cell=either(HEALTHY),
+    message:
+        "State of health of {wildcards.cell} by each method."
+    script:
+        "../../scripts/health/health.py"
+
+
+def types_of(cells):
+    """Cells of each type, by its name; of those, the ones in `cells`."""
+    named = {
+        f"{chemistry or 'chemistry not stated'}, {rating:g} Ah" if rating else str(chemistry): names
+        for (chemistry, rating), names in OF_TYPE.items()
+    }
+    parts = {name: [cell for cell in names if cell in cells] for name, names in named.items()}
+    return {name: part for name, part in parts.items() if len(part) > 1}
+
+
+FLEETS = types_of(CHECKED)
+PROTOCOL_OF = {cell: CELLS[cell]["ageing_protocol"] for cell in AGED}
+ARMS = types_of({cell for cell, protocol in PROTOCOL_OF.items() if protocol})
+
+
+rule fleet_health:
+    input:
+        [f"results/checkups/{cell}.parquet" for cells in FLEETS.values() for cell in cells],
+    output:
+        cells="results/tables/fleet_health.csv",
+        lines="results/tables/fleet_health_lines.csv",
+    log:
+        "logs/fleet_health.log",
+    params:
+        types=FLEETS,
+    message:
+        "Resistance against capacity over the cells of each type."
+    script:
+        "../../scripts/health/fleet_health.py"
+
+
+rule protocols_compared:
+    input:
+        courses=[f"results/fade_course/{cell}.parquet" for cells in ARMS.values() for cell in cells],
+        lives=[f"results/life/{cell}.parquet" for cells in ARMS.values() for cell in cells],
+    output:
+        "results/tables/protocols.csv",
+    log:
+        "logs/protocols_compared.log",
+    params:
+        types=ARMS,
+        protocols=PROTOCOL_OF,
+    message:
+        "Ageing protocols of each type of cells compared."
+    script:
+        "../../scripts/health/protocols_compared.py"
