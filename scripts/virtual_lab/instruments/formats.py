@@ -136,9 +136,9 @@ BDF_COLUMNS = {
 }
 # Columns of which there is one a branch or cell, by their name without its number.
 BDF_MEMBERS = {
-    ("branch", "current", "ampere"): ("Branch {} Current / A", 3),
-    ("cell", "voltage", "volt"): ("Cell {} Voltage / V", 4),
-    ("cell", "temperature", "celsius"): ("Cell {} Temperature / degC", 1),
+    ("branch", "current_ampere"): ("Branch {} Current / A", 3),
+    ("cell", "voltage_volt"): ("Cell {} Voltage / V", 4),
+    ("cell", "temperature_celsius"): ("Cell {} Temperature / degC", 1),
 }
 
 
@@ -173,9 +173,10 @@ def _bdf_columns(columns) -> list[Written]:
     """The columns that the record has; those of branches and cells come last."""
     labels = dict(BDF_COLUMNS)
     for name in columns:
-        owner, number, *quantity = name.split("_")
-        if (owner, *quantity) in BDF_MEMBERS:
-            label, decimals = BDF_MEMBERS[owner, *quantity]
+        owner, _, rest = name.partition("_")
+        number, _, quantity = rest.partition("_")
+        if (owner, quantity) in BDF_MEMBERS:
+            label, decimals = BDF_MEMBERS[owner, quantity]
             labels[name] = (label.format(number), decimals)
     return [
         Written(label, columns[name], decimals)
