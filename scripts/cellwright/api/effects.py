@@ -1,6 +1,7 @@
 """Missing effects of a cell or of a branch of a parallel group; models of parallel groups."""
 
 from cellwright.api import inputs, results
+from cellwright.refusal import Refusal
 from cellwright.settings import MissingEffect, MissingEffectGroup, Models
 
 MODELS = Models()
@@ -320,7 +321,8 @@ def validate_group(models, branches, series, test):
 
     Parameters
     ----------
-    models : of the cells, in the order of the branches. branches : rows of groups.tsv.
+    models : of the cells, in the order of the branches. branches : rows of groups.tsv, of the group
+        and of all groups in it.
     series : clean series with branch_<k>_current_ampere [A], (n,) columns.
     test : TestFacts or mapping.
 
@@ -330,14 +332,20 @@ def validate_group(models, branches, series, test):
 
     Raises
     ------
-    Refusal : Other branch currents than branches, or no SoC at the start.
+    Refusal : Other branch currents than branches, a cell without a model, or no SoC at the start.
 
     Source: docs/packs.md.
     """
     from cellwright.packs.group import validate_group as validated
+    from cellwright.packs.wiring import described, is_star, models_of, wiring_of
     from cellwright.records.facts import MeasuredTest
 
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
-    rows = [inputs.branch_facts(branch) for branch in branches]
-    scores = validated([inputs.content(model) for model in models], rows, measured)
+    rows = inputs.rows(branches)
+    wiring = wiring_of(rows[0].get("group", "the group"), rows)
+    if not is_star(wiring):
+        raise Refusal(f"found {described(wiring)}, wanted cells in parallel without links")
+    documents = models_of(wiring, [inputs.content(model) for model in models])
+    facts = [inputs.branch_facts(row) for row in rows]
+    scores = validated(documents, facts, measured)
     return results.Scored(scores.rows, scores.series, tuple(scores.notes))
