@@ -121,6 +121,8 @@ class PackDecisions(NamedTuple):
     group_c_rate [1/h] : Rate of the discharge of a parallel group whose branch currents are
         looked at. Source: thesis 5.2.
     pulse_second [s] : Length of the pulses of which the power of a series pack is told.
+    largest_c_rate [1/h] : Largest current of such a pulse, over the median capacity of the
+        cells: models are not asked what no test has shown.
     power_points : Points of the discharge at which the power is told.
     current_spread [1] : Largest deviation of a branch current from its share by capacity within
         the safe window of SoC. Source: thesis 5.2: 125 to 130 % below 15 % SoC.
@@ -144,6 +146,7 @@ class PackDecisions(NamedTuple):
     c_rate: float = 0.5
     group_c_rate: float = 1.0
     pulse_second: float = 10.0
+    largest_c_rate: float = 3.0
     power_points: int = 21
     current_spread: float = 0.2
     draws: int = 200

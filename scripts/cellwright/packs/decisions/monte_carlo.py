@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import member_of, simulate_model
-from cellwright.packs.capability import BEYOND, first_crossing
-from cellwright.packs.group_use import discharge_group
+from cellwright.packs.decisions.group_use import discharge_group
+from cellwright.packs.series.capability import BEYOND, first_crossing
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
@@ -111,9 +111,7 @@ def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SETTINGS.seed):
     shape = (draws, len(uncertainty.capacity_relative))
     normal = [random.standard_normal(shape) for _ in uncertainty]
     capacity, resistance, volt, soc = (z * std for z, std in zip(normal, uncertainty, strict=True))
-    return CellDraws(
-        np.maximum(1.0 + capacity, 0.1), np.maximum(1.0 + resistance, 0.1), volt, soc
-    )
+    return CellDraws(np.maximum(1.0 + capacity, 0.1), np.maximum(1.0 + resistance, 0.1), volt, soc)
 
 
 class PackDraws(NamedTuple):
@@ -198,7 +196,7 @@ def drawn_group(group, drawn, draw):
     """
     factor = drawn.resistance_factor[draw][:, None]
     return group._replace(
-        ocv_volt=group.ocv_volt + drawn.voltage_volt[draw][:, None],
+        ocv_volt=group.ocv_volt + drawn.voltage_volt[draw, 0],
         r0_ohm=group.r0_ohm * factor,
         r_ohm=group.r_ohm * factor[:, :, None],
         capacity_ampere_hour=group.capacity_ampere_hour * drawn.capacity_factor[draw],
@@ -217,6 +215,9 @@ def group_draws(
     seed=SETTINGS.seed,
 ):
     """A parallel group discharged to its cut-off in every draw of its cells and wires.
+
+    Cells that rest joined have one voltage: errors of the voltage and of the SoC at the start are
+    those of the first cell for all. Drawn apart they would drive currents that no rested group has.
 
     Parameters
     ----------
@@ -245,7 +246,7 @@ def group_draws(
             one,
             lower_cutoff_volt=lower_cutoff_volt,
             c_rate=current / one.capacity_ampere_hour.sum(),
-            initial_soc=np.minimum(start + drawn.initial_soc[draw], 1.0 + 0.02),
+            initial_soc=start + drawn.initial_soc[draw, 0],
             wire_resistance_ohm=wire * factors[draw],
         )
         busiest = int(np.argmax(use.branch_share.max(axis=0)))
@@ -267,7 +268,7 @@ def summary_rows(draws, names):
 
     Returns
     -------
-    rows : list of dict: charge, energy, peak share and heat with the percentiles 5, 25, 50, 75, 95,
+    rows : list of dict: charge, energy, peak share and heat: mean, percentiles 5, 25, 50, 75, 95;
         then of each cell that is weakest (hottest) in some draw how often, by falling share.
     """
     quantities = {
@@ -277,7 +278,7 @@ def summary_rows(draws, names):
         "heat of the hottest cell": ("W", draws.hottest_watt),
     }
     rows = [
-        {"quantity": name, "cell": None, "unit": unit}
+        {"quantity": name, "cell": None, "unit": unit, "value": float(values.mean())}
         | {f"p{int(p):02d}": float(np.percentile(values, p)) for p in PERCENTILES}
         for name, (unit, values) in quantities.items()
     ]
@@ -286,6 +287,6 @@ def summary_rows(draws, names):
         for k in np.argsort(-count, kind="stable")[: np.count_nonzero(count)]:
             rows.append(
                 {"quantity": f"probability: {name}", "cell": names[k], "unit": "1"}
-                | {"p50": float(count[k])}
+                | {"value": float(count[k])}
             )
     return rows

@@ -236,13 +236,14 @@ class Replacement(NamedTuple):
     in_turn: list
 
 
-def replacements(use, cells, *, capacity_ampere_hour, turns=3):
+def replacements(use, cells, *, capacity_ampere_hour, spare_of=None, turns=3):
     """Which cell of a pack to replace by the median one, by the energy that brings.
 
     Parameters
     ----------
     use : function, list of cells → (capacity [Ah], energy [Wh]) of the pack with these cells in
         its places. cells : list, of whatever `use` takes. capacity_ampere_hour : (cells,) of each.
+    spare_of : function, the median cell of the list → the one that is put in; None: as it is.
     turns : so many cells are replaced one after the other.
 
     Returns
@@ -257,17 +258,18 @@ def replacements(use, cells, *, capacity_ampere_hour, turns=3):
         raise Refusal("a pack of one cell has no cell to replace by its median one")
     capacity = np.asarray(capacity_ampere_hour, float)
     median = int(np.argsort(capacity, kind="stable")[len(cells) // 2])
+    spare = spare_of(cells[median]) if spare_of else cells[median]
     now, in_turn = list(cells), []
     before = np.array(use(now))
-    gains = _gains(use, now, cells[median]) - before
+    gains = _gains(use, now, spare) - before
     order = np.argsort(-gains[:, 1], kind="stable")
     best = int(order[0])
     turn_gains = gains + before
     for turn in range(min(turns, len(cells))):
         if turn:
-            turn_gains = _gains(use, now, cells[median])
+            turn_gains = _gains(use, now, spare)
         k = int(np.argmax(turn_gains[:, 1]))
-        now[k] = cells[median]
+        now[k] = spare
         in_turn.append((k, *map(float, turn_gains[k])))
     margin = float(gains[order[0], 1] - gains[order[1], 1])
     return Replacement(gains[:, 1], gains[:, 0], best, margin, median, in_turn)

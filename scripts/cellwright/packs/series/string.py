@@ -108,14 +108,15 @@ def validate_string(models, positions, record):
     start = string_soc(models, positions, record, notes)
     celsius = cell_temperatures(record, len(models), notes)
     time, current = record.test_time_second, record.current_ampere
-    run = simulate_string(
-        models, time, current, initial_soc=start, temperature_celsius=celsius
-    )
+    run = simulate_string(models, time, current, initial_soc=start, temperature_celsius=celsius)
     names = [row.cell for row in positions]
+    contact = sum(row.wire_resistance_ohm or 0.0 for row in positions)
     measured = logged(record.cell_voltage_volt, run.cell_voltage_volt.shape)
     cells = _cell_rows(names, models, run, measured)
-    series = _series(record, run, measured, names)
-    return StringValidation(_pack_row(record, run, measured, names, cells), cells, series, notes)
+    series = _series(record, run, measured, names, contact)
+    error = record.voltage_volt - series["simulated_voltage_volt"]
+    row = _pack_row(record, run, measured, names, cells, error)
+    return StringValidation(row, cells, series, tuple(notes))
 
 
 def logged(columns, shape):
@@ -182,7 +183,9 @@ def cell_temperatures(record, cells, notes):
         return np.broadcast_to(np.asarray(record.celsius, float)[:, None], shape)
     if not known.all():
         # ASSUME: A cell without a sensor is as warm as the cells with one are on average.
-        notes.append(f"temperature of {known.sum()} of {cells} cells logged, the others as their mean")
+        notes.append(
+            f"temperature of {known.sum()} of {cells} cells logged, the others as their mean"
+        )
     return np.where(known, own, own[:, known].mean(axis=1, keepdims=True))
 
 
@@ -206,11 +209,12 @@ def _cell_rows(names, models, run, measured):
     return rows
 
 
-def _series(record, run, measured, names):
+def _series(record, run, measured, names, contact_ohm):
     """Columns (n,) over time: the pack, its extreme cells by voltage and SoC, measured beside."""
     volt, soc = run.cell_voltage_volt, run.soc
     columns = {name: getattr(record, name) for name in ("test_time_second", "current_ampere")}
-    columns |= {"voltage_volt": record.voltage_volt, "simulated_voltage_volt": volt.sum(axis=1)}
+    whole = volt.sum(axis=1) + contact_ohm * record.current_ampere
+    columns |= {"voltage_volt": record.voltage_volt, "simulated_voltage_volt": whole}
     columns |= {
         "lowest_cell": _names_at(names, np.argmin(volt, axis=1)),
         "lowest_cell_volt": volt.min(axis=1),
@@ -232,10 +236,9 @@ def _names_at(names, index):
     return np.asarray(names, object)[index]
 
 
-def _pack_row(record, run, measured, names, cells):
+def _pack_row(record, run, measured, names, cells, error):
     """One row on the pack: errors, weakest cells, spread of SoC."""
     volt, soc, current = run.cell_voltage_volt, run.soc, record.current_ampere
-    error = record.voltage_volt - volt.sum(axis=1)
     scored = [row for row in cells if row["samples"]]
     end = _end_of_discharge(current)
     worst = max(scored, key=lambda row: row["mean_abs_volt"], default=None)

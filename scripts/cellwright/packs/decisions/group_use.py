@@ -81,7 +81,9 @@ def discharge_group(
     second = np.append(time[:end], stop)
     hour = second / 3600.0
     volt = np.interp(second, time, run.voltage_volt)
-    current = np.array([np.interp(second, time, branch) for branch in run.branch_current_ampere.T]).T
+    current = np.array(
+        [np.interp(second, time, branch) for branch in run.branch_current_ampere.T]
+    ).T
     ideal = -c_rate * group.capacity_ampere_hour
     shares = current[1:] / ideal
     return GroupUse(
