@@ -61,36 +61,42 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
     return Fleet(names, tuple(warm), float(lower), drawn)
 
 
-class Uses:
+def discharges_of(fleet, c_rate):
     """Discharges of parallel groups of a fleet's cells, each simulated once.
 
-    of(group, draw) gives the worst over the temperatures: charge given [Ah], largest branch current
-    over its share by capacity [1], mean heat of the hottest cell [W]. Draw None: the cells as their
-    models say.
+    Parameters
+    ----------
+    fleet : Fleet. c_rate : over the capacities of a group's cells [1/h].
+
+    Returns
+    -------
+    uses : function (cells, draw=None) → the worst over the temperatures of: charge given [Ah],
+        largest branch current over its share by capacity [1], mean heat of the hottest cell [W].
+        `cells` are indices, `draw` one of the fleet's draws; None: the cells as their models say.
+        Voltage and SoC at the start, which joined cells share, are the same in all draws, so that
+        they are the same for all assemblies that are compared.
     """
+    known = {}
 
-    def __init__(self, fleet, c_rate):
-        self.fleet, self.c_rate, self.known = fleet, c_rate, {}
-
-    def of(self, group, draw=None):
-        """Charge, largest share and hottest cell of a group of cells; see the class."""
-        key = (tuple(sorted(map(int, group))), draw)
-        if key not in self.known:
-            found = [self._at(key[0], draw, tables) for tables in self.fleet.tables]
+    def uses(cells, draw=None):
+        key = (tuple(sorted(map(int, cells))), draw)
+        if key not in known:
+            found = [_discharged(fleet, tables, c_rate, *key) for tables in fleet.tables]
             charge, share, heat = zip(*found, strict=True)
-            self.known[key] = (min(charge), max(share), max(heat))
-        return self.known[key]
+            known[key] = (min(charge), max(share), max(heat))
+        return known[key]
 
-    def _at(self, cells, draw, tables):
-        part = cells_from(tables, cells)
-        if draw is not None:
-            drawn = self.fleet.drawn
-            chosen = type(drawn)(*(column[:, list(cells)] for column in drawn))
-            part = drawn_group(part, chosen, draw)
-        use = discharge_group(
-            part, lower_cutoff_volt=self.fleet.lower_cutoff_volt, c_rate=self.c_rate
-        )
-        return use.capacity_ampere_hour, use.peak_share, float(use.loss_watt.max())
+    return uses
+
+
+def _discharged(fleet, tables, c_rate, cells, draw):
+    part = cells_from(tables, cells)
+    if draw is not None:
+        drawn = fleet.drawn
+        chosen = type(drawn)(*(column[:, list(cells)] for column in drawn))
+        part = drawn_group(part, chosen._replace(voltage_volt=0 * chosen.voltage_volt), draw)
+    use = discharge_group(part, lower_cutoff_volt=fleet.lower_cutoff_volt, c_rate=c_rate)
+    return use.capacity_ampere_hour, use.peak_share, float(use.loss_watt.max())
 
 
 def matched_fleet(fleet, settings=SETTINGS):
@@ -118,44 +124,44 @@ def matched_fleet(fleet, settings=SETTINGS):
     size, length = settings.group_size, settings.string_length
     if cells < 2 * size:
         raise Refusal(f"{cells} cells, wanted at least two groups of {size} to choose between")
-    uses = Uses(fleet, settings.group_c_rate)
+    uses = discharges_of(fleet, settings.group_c_rate)
     random = np.random.default_rng([settings.seed, 2])
-    rows, assembly = _parallel(uses, random, settings)
+    rows, assembly = _parallel(fleet, uses, random, settings)
     if cells >= 2 * length:
-        more = _strings(uses, random, settings)
+        more = _strings(fleet, uses, random, settings)
         rows, assembly = rows + more[0], assembly + more[1]
     if cells >= 2 * size * length:
-        more = _strings_of_groups(uses, random, settings)
+        more = _strings_of_groups(fleet, uses, random, settings)
         rows, assembly = rows + more[0], assembly + more[1]
     return rows, assembly
 
 
-def parallel_groups(uses, size):
+def parallel_groups(fleet, uses, size):
     """Parallel groups of a fleet in which the busiest cells have least above their share.
 
     Parameters
     ----------
-    uses : Uses. size : cells in a group.
+    fleet : Fleet. uses : function, from `discharges_of`. size : cells in a group.
 
     Returns
     -------
     groups : (groups, size) int.
     """
-    cells = len(uses.fleet.names)
+    cells = len(fleet.names)
     if size == 2:
         cost = np.zeros((cells, cells))
         for a, b in combinations(range(cells), 2):
-            cost[a, b] = cost[b, a] = uses.of((a, b))[1]
+            cost[a, b] = cost[b, a] = uses((a, b))[1]
         return pairs_of_least_cost(cost)
-    tables = uses.fleet.tables[0]
+    tables = fleet.tables[0]
     resistance = (tables.r0_ohm + tables.r_ohm.sum(axis=1)).mean(axis=1)
     order = np.argsort(resistance * tables.capacity_ampere_hour, kind="stable")
     begin = order[: cells // size * size].reshape(-1, size)
-    return groups_by_swaps(begin, lambda group: uses.of(group)[1])
+    return groups_by_swaps(begin, lambda group: uses(group)[1])
 
 
-def _parallel(uses, random, settings):
-    matched = parallel_groups(uses, settings.group_size)
+def _parallel(fleet, uses, random, settings):
+    matched = parallel_groups(fleet, uses, settings.group_size)
     at_random = _assemblies(matched, settings.group_size, random, settings.assemblies)
     quantities = {
         "largest branch current over its share, worst group": ("1", _largest(uses, 1), False),
@@ -165,7 +171,7 @@ def _parallel(uses, random, settings):
         "usable charge of the smallest group": ("Ah", _smallest(uses), True),
     }
     decision = f"parallel groups of {settings.group_size}"
-    return _compared(uses, decision, matched, at_random, quantities, settings)
+    return _compared(fleet, decision, matched, at_random, quantities, settings)
 
 
 def _assemblies(matched, size, random, count):
@@ -173,42 +179,42 @@ def _assemblies(matched, size, random, count):
 
 
 def _mean(uses, index):
-    return lambda groups, draw: float(np.mean([uses.of(g, draw)[index] for g in groups]))
+    return lambda groups, draw: float(np.mean([uses(g, draw)[index] for g in groups]))
 
 
 def _sum(uses, index):
-    return lambda groups, draw: float(np.sum([uses.of(g, draw)[index] for g in groups]))
+    return lambda groups, draw: float(np.sum([uses(g, draw)[index] for g in groups]))
 
 
 def _largest(uses, index):
-    return lambda groups, draw: float(max(uses.of(g, draw)[index] for g in groups))
+    return lambda groups, draw: float(max(uses(g, draw)[index] for g in groups))
 
 
 def _smallest(uses):
-    return lambda groups, draw: float(min(uses.of(g, draw)[0] for g in groups))
+    return lambda groups, draw: float(min(uses(g, draw)[0] for g in groups))
 
 
-def _strings(uses, random, settings):
-    matched = strings_by_capacity(_charges(uses, None), length=settings.string_length)
+def _strings(fleet, uses, random, settings):
+    matched = strings_by_capacity(_charges(fleet, uses, None), length=settings.string_length)
     at_random = _assemblies(matched, settings.string_length, random, settings.assemblies)
 
     def of_all(strings, draw):
-        charge = _charges(uses, draw)
+        charge = _charges(fleet, uses, draw)
         return float(charge[strings].min(axis=1).sum())
 
     quantities = {"usable charge of all strings": ("Ah", of_all, True)}
     decision = f"strings of {settings.string_length}"
-    return _compared(uses, decision, matched, at_random, quantities, settings)
+    return _compared(fleet, decision, matched, at_random, quantities, settings)
 
 
-def _charges(uses, draw):
+def _charges(fleet, uses, draw):
     """Charge that each cell alone gives to its cut-off (cells,) [Ah]."""
-    return np.array([uses.of((k,), draw)[0] for k in range(len(uses.fleet.names))])
+    return np.array([uses((k,), draw)[0] for k in range(len(fleet.names))])
 
 
-def _strings_of_groups(uses, random, settings):
+def _strings_of_groups(fleet, uses, random, settings):
     size, length = settings.group_size, settings.string_length
-    charge = _charges(uses, None)
+    charge = _charges(fleet, uses, None)
     blocks = strings_by_capacity(charge, length=size * length)
     groups = [block[even_groups(charge[block], size=size)] for block in blocks]
     matched = np.array(groups)
@@ -217,29 +223,29 @@ def _strings_of_groups(uses, random, settings):
         return random.permutation(np.ravel(matched)).reshape(matched.shape)
 
     def of_all(strings, draw):
-        given = [[uses.of(group, draw)[0] for group in string] for string in strings]
+        given = [[uses(group, draw)[0] for group in string] for string in strings]
         return float(np.min(given, axis=1).sum())
 
     at_random = [shuffled() for _ in range(settings.assemblies)]
     quantities = {"usable charge of all strings": ("Ah", of_all, True)}
     decision = f"strings of {length} groups of {size}"
-    return _compared(uses, decision, matched, at_random, quantities, settings)
+    return _compared(fleet, decision, matched, at_random, quantities, settings)
 
 
-def _compared(uses, decision, matched, at_random, quantities, settings):
+def _compared(fleet, decision, matched, at_random, quantities, settings):
     """Rows of each quantity of an assembly beside random ones, and rows of who is where."""
     draws = range(settings.draws)
     rows = []
     for quantity, (unit, value, more) in quantities.items():
         gain = gain_of(value, matched, at_random, draws, more_is_better=more)
         rows.append(
-            {"decision": decision, "quantity": quantity, "cell": None, "unit": unit}
+            {"decision": decision, "quantity": quantity, "unit": unit}
             | {"value": gain.matched, "random_p05": gain.random_low}
             | {"random_p50": gain.random_median, "random_p95": gain.random_high}
             | {"gain_p05": gain.gain_low, "gain_p50": gain.gain_median}
             | {"gain_p95": gain.gain_high, "better_share": gain.better_share}
         )
-    names = uses.fleet.names
+    names = fleet.names
     strings = matched if matched.ndim == 3 else matched[None]
     assembly = [
         {"decision": decision, "string": s + 1, "group": g + 1, "position": p + 1}

@@ -278,7 +278,7 @@ def summary_rows(draws, names):
         "heat of the hottest cell": ("W", draws.hottest_watt),
     }
     rows = [
-        {"quantity": name, "cell": None, "unit": unit, "value": float(values.mean())}
+        {"quantity": name, "cell": "", "unit": unit, "value": float(values.mean())}
         | {f"p{int(p):02d}": float(np.percentile(values, p)) for p in PERCENTILES}
         for name, (unit, values) in quantities.items()
     ]

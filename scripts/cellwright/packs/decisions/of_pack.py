@@ -18,6 +18,9 @@ from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
+PERCENTILES = ("p05", "p25", "p50", "p75", "p95")
+EMPTY = {"decision": "", "quantity": "", "cell": "", "unit": "", "value": np.nan}
+EMPTY |= dict.fromkeys(PERCENTILES, np.nan)
 
 
 def pack_decisions(
@@ -63,8 +66,8 @@ def pack_decisions(
     capacity = [model["capacity_ampere_hour"] for model in models]
     names = [row.cell for row in positions]
     rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names)]
-    rows += replacement_rows(use, items, spare_of, capacity, names)
-    return rows + window
+    rows += replacement_rows(use, items, spare_of, capacity, names) + window
+    return [EMPTY | row for row in rows]
 
 
 def _string(models, positions, lower, drawn, start, celsius, settings):
@@ -160,7 +163,7 @@ def window_rows(use, current_spread):
         "largest branch current over its share": use.peak_share,
         "charge given over the sum of the cells": use.capacity_ampere_hour / use.cells_ampere_hour,
     }
-    about = {"decision": f"safe window, spread below {current_spread:.0%}", "cell": None}
+    about = {"decision": f"safe window, spread below {current_spread:.0%}", "cell": ""}
     return [
         about | {"quantity": quantity, "unit": "1", "value": float(value)}
         for quantity, value in values.items()

@@ -296,7 +296,7 @@ def _measured_discharge(record, lower, names):
     }
     cells = logged(record.cell_voltage_volt, (len(time), len(names)))
     unknown = {"current_ampere": None, "measured_ampere_hour": np.nan}
-    unknown |= {"measured_watt_hour": np.nan, "measured_ended_by": None}
+    unknown |= {"measured_watt_hour": np.nan, "measured_ended_by": ""}
     if not down.any() or not np.isfinite(cells).all():
         return row | unknown
     end = int(np.flatnonzero(down)[-1])

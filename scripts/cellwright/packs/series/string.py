@@ -200,7 +200,7 @@ def _cell_rows(names, models, run, measured):
         names_of_scores = ("mean_abs_volt", "rmse_volt", "max_abs_volt", "mean_volt")
         rows.append(
             {"position": k + 1, "cell": name, "model": model["chosen"]}
-            | {"kind": model.get("kind")}
+            | {"kind": model.get("kind") or ""}
             | {key: float(value) for key, value in zip(names_of_scores, scores, strict=True)}
             | {"samples": len(known), "extrapolated": float(run.extrapolated[:, k].mean())}
             | {"capacity_ampere_hour": float(model["capacity_ampere_hour"])}
@@ -250,7 +250,7 @@ def _pack_row(record, run, measured, names, cells, error):
         "cells_logged": len(scored),
         "cell_mean_abs_volt": float(np.mean([r["mean_abs_volt"] for r in scored] or [np.nan])),
         "cell_worst_mean_abs_volt": worst["mean_abs_volt"] if worst else np.nan,
-        "cell_worst": worst["cell"] if worst else None,
+        "cell_worst": worst["cell"] if worst else "",
         "cell_max_abs_volt": max([r["max_abs_volt"] for r in scored], default=np.nan),
         "soc_spread_start": float(np.ptp(soc[0])),
         "soc_spread_end": float(np.ptp(soc[-1])),
@@ -276,7 +276,7 @@ def _agreement(current, volt, measured, names, end):
     """
     if not np.isfinite(measured).all():
         return {
-            "measured_weakest_by_voltage": None,
+            "measured_weakest_by_voltage": "",
             "lowest_cell_found_share": np.nan,
             "lowest_cell_gap_volt": np.nan,
         }
