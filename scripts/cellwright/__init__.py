@@ -74,6 +74,7 @@ MODULE_OF = {
     "series_pack": "cellwright.api.packs",
     "pack_decisions": "cellwright.api.packs",
     "match_cells": "cellwright.api.packs",
+    "check_group": "cellwright.api.effects",
 }
 
 __all__ = list(MODULE_OF)

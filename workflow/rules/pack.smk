@@ -46,3 +46,22 @@ rule pack:
         "Simulate the group {wildcards.group} through {wildcards.test}."
     script:
         "../../scripts/pack/pack.py"
+
+
+rule pack_checks:
+    input:
+        series="results/clean/{group}/{test}.parquet",
+        simulated="results/pack_series/{group}/{test}.parquet",
+    output:
+        "results/pack_checks/{group}/{test}.parquet",
+    log:
+        "logs/pack_checks/{group}/{test}.log",
+    wildcard_constraints:
+        group=either(PAIRS),
+    params:
+        test=test_facts,
+        branches=lambda w: WIRED[w.group],
+    message:
+        "Do the channels of {wildcards.group} in {wildcards.test} agree with each other?"
+    script:
+        "../../scripts/pack/pack_checks.py"

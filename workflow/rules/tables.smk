@@ -65,6 +65,7 @@ TABLES_OF_MODELS = {
         *[f"results/pack_decisions/{group}.parquet" for group in PAIRS],
         *[f"results/pack_matching/{fleet}.parquet" for fleet in MATCHED],
     ],
+    "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
 COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
