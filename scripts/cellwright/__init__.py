@@ -71,6 +71,9 @@ MODULE_OF = {
     "identify_branches": "cellwright.api.effects",
     "simulate_group": "cellwright.api.effects",
     "validate_group": "cellwright.api.effects",
+    "series_pack": "cellwright.api.packs",
+    "pack_decisions": "cellwright.api.packs",
+    "match_cells": "cellwright.api.packs",
     "check_group": "cellwright.api.effects",
 }
 

@@ -57,6 +57,14 @@ TABLES_OF_MODELS = {
     "validation": SCORES,
     "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
+    "series_packs": [p for group in SERIES for p in artefacts("series_pack", group, "group")],
+    "series_pack_cells": [
+        p for group in SERIES for p in artefacts("series_pack_cells", group, "group")
+    ],
+    "pack_decisions": [
+        *[f"results/pack_decisions/{group}.parquet" for group in PAIRS],
+        *[f"results/pack_matching/{fleet}.parquet" for fleet in MATCHED],
+    ],
     "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
