@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from cellwright.identification.borrowed import scaled_reference
 from cellwright.packs import parallel
-from cellwright.packs.group import identify_branches, rest_offset
+from cellwright.packs.identify import identify_branches, rest_offset
 from cellwright.packs.parallel import Group, group_of, simulate_parallel
 from cellwright.refusal import Refusal
 
