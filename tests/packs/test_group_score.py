@@ -5,7 +5,7 @@ import pytest
 import truth
 from sheets_facts import branch_facts, measured_test
 
-from cellwright.identification.borrowed import scaled_reference
+from cellwright.bias.scaled import scaled_reference
 from cellwright.packs.group import validate_group
 from cellwright.packs.parallel import group_of, simulate_parallel
 from cellwright.refusal import Refusal

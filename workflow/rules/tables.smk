@@ -55,6 +55,7 @@ TABLES_OF_MODELS = {
     ],
     "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
+    "bias": [f"results/bias_ways/{cell}.parquet" for cell in JUDGED],
     "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
 }

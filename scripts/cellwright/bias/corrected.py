@@ -124,7 +124,7 @@ def _model(cell, reference, courses, notes):
         return np.exp(fast), np.exp(slow), ocv
 
     about = {"cell": cell.cell, "capacity": cell.capacity_ampere_hour}
-    return changed(reference.model, change, kind="bias", notes=notes, **about)
+    return changed(reference.model, change, kind="bias", notes=notes, knots=KNOTS, **about)
 
 
 def _with_deviations(model, found):

@@ -7,7 +7,7 @@ import numpy as np
 from cellwright.circuits.model_file import circuit_at, member_of, open_circuit_volt
 from cellwright.records.basis import REFERENCE_CELSIUS
 
-KNOTS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0])
+KNOTS = np.append(0.02, np.round(np.arange(0.05, 1.001, 0.05), 2))
 # ASSUME: What a step of current causes within 10 s is fast, what comes within ten minutes is slow.
 FAST_SECOND, SLOW_SECOND = 10.0, 600.0
 LEAST_OHM = 1e-9

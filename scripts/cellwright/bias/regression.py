@@ -129,9 +129,7 @@ def _without(scaled, scale, changes):
     variance = 1.0 + np.mean(np.square(scaled), axis=1) if scaled.shape[1] else np.ones(len(scaled))
     left_out = -np.asarray(changes, float)
     spread = _spread(left_out, variance)
-    return Shrunk(
-        scaled, scale, 0, np.inf, np.zeros_like(left_out), left_out, variance, spread
-    )
+    return Shrunk(scaled, scale, 0, np.inf, np.zeros_like(left_out), left_out, variance, spread)
 
 
 def _fitted(scaled, scale, changes, degree, penalty):

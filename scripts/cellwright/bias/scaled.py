@@ -5,11 +5,38 @@ import numpy as np
 from cellwright.bias.courses import fast_share
 from cellwright.refusal import Refusal
 
+NO_COURSES = ("soc", "branches", "tests", "at_bound")
 LEAST = 0.1  # of the reference's resistance: no cell of its type has less
 RESISTANCES = ("r_ohm", "r_charge_ohm", "r_discharge_ohm")
 
 
-def changed(reference, change, *, cell, capacity, kind, notes):
+def refined(entry, knots):
+    """A condition of a model with further knots of SoC; it says the same as before.
+
+    Parameters
+    ----------
+    entry : dict, a condition of a member. knots : (k,) SoC; those beyond its own do not count.
+
+    Returns
+    -------
+    entry : dict.
+    """
+    known = np.asarray(entry["soc"], float)
+    soc = np.union1d(known, [z for z in knots if known[0] < z < known[-1]])
+
+    def course(values):
+        if not isinstance(values, list) or len(values) != len(known):
+            return values
+        there = np.array([np.nan if value is None else value for value in values], float)
+        over = np.interp(soc, known, there)
+        return [None if np.isnan(value) else value for value in over.tolist()]
+
+    of_entry = {n: course(v) for n, v in entry.items() if n not in NO_COURSES}
+    branches = [{n: course(v) for n, v in branch.items()} for branch in entry["branches"]]
+    return entry | of_entry | {"soc": soc.tolist(), "branches": branches}
+
+
+def changed(reference, change, *, cell, capacity, kind, notes, knots=()):
     """Model of a cell as its type's reference with other resistances, OCV and capacity.
 
     Parameters
@@ -20,6 +47,7 @@ def changed(reference, change, *, cell, capacity, kind, notes):
     cell : id of the new cell.
     capacity : its capacity [Ah].
     kind : of the model, "bias" or "scaled". notes : list of sentences for the report.
+    knots : (k,) SoC at which the change bends, which its conditions get besides their own.
 
     Returns
     -------
@@ -28,6 +56,7 @@ def changed(reference, change, *, cell, capacity, kind, notes):
     size = capacity / reference["capacity_ampere_hour"]
 
     def entry_of(entry):
+        entry = refined(entry, knots)
         fast, slow, ocv = change(np.asarray(entry["soc"], float))
         fast, slow = np.maximum(fast, LEAST), np.maximum(slow, LEAST)
         shift = np.asarray(entry.get("ocv_shift_volt", np.zeros(len(entry["soc"]))))

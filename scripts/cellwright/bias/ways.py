@@ -22,7 +22,6 @@ from cellwright.records.record import laid_out
 from cellwright.refusal import Refusal
 
 FEW = (0, 3, 5, 10, 20)  # cells that calibrate, drawn at random
-MOST_SCORED = 60  # cells of a type that are left out one by one
 AT_SOC = {"100": 1.0, "50": 0.5, "10": 0.1}
 
 
@@ -56,7 +55,7 @@ def compare_ways(cells, *, split_rest_second, seed=0):
 
     Raises
     ------
-    Refusal : fewer than two cells.
+    Refusal : fewer than two cells, or no test could be compared.
     """
     if len(cells) < 2:
         raise Refusal(f"{len(cells)} cell(s) of this type have a model; wanted two or more")
@@ -64,10 +63,8 @@ def compare_ways(cells, *, split_rest_second, seed=0):
     base = courses_of(reference.model, reference.model["chosen"])
     others = [cell for cell in cells if cell.shown is not reference]
     against = compared(reference, [cell.shown for cell in others])
-    places = np.linspace(0, len(others) - 1, min(len(others), MOST_SCORED)).round().astype(int)
     rows, notes, random = [], [], np.random.default_rng(seed)
-    for place in places:
-        cell = others[place]
+    for place, cell in enumerate(others):
         rest = [one for one in against if one is not against[place]]
         models = (against[place], base, rest)
         ways, found = _models(cell.own, reference, *models, random)
@@ -77,6 +74,8 @@ def compare_ways(cells, *, split_rest_second, seed=0):
                 rows += _rows(cell, ways, test, found.model_error_volt, split_rest_second)
             except Refusal as refusal:
                 notes.append(f"{cell.shown.cell}, {test.facts.test}: {refusal}")
+    if not rows:
+        raise Refusal(f"no test could be compared: {'; '.join(notes) or 'none was given'}")
     return rows, notes
 
 
