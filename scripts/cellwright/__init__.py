@@ -58,6 +58,7 @@ MODULE_OF = {
     "predict_left_out": "cellwright.api.models",
     "finish_model": "cellwright.api.models",
     "borrow_model": "cellwright.api.models",
+    "compare_bias_ways": "cellwright.api.models",
     "export_model": "cellwright.api.models",
     "simulate": "cellwright.api.models",
     "validate": "cellwright.api.models",

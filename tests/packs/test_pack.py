@@ -8,7 +8,7 @@ import truth
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cellwright.identification.borrowed import scaled_reference
+from cellwright.bias.scaled import scaled_reference
 from cellwright.packs import parallel
 from cellwright.packs.identify import identify_branches, rest_offset
 from cellwright.packs.parallel import Group, group_of, simulate_parallel

@@ -61,6 +61,7 @@ TABLES_OF_MODELS = {
     ],
     "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
+    "bias": [f"results/bias_ways/{cell}.parquet" for cell in JUDGED],
     "soc": FILTERED,
     "series_packs": [p for group in SERIES for p in artefacts("series_pack", group, "group")],
     "series_pack_cells": [
