@@ -50,7 +50,7 @@ def draw_wiring(group, rows, models):
     resistance = {model["cell"]: _resistance(model) for model in models}
     beside = 2 * block.width <= 1.6 * ACROSS
     unit = min(POINT_PER_UNIT, 620.0 / ((2.1 if beside else 1.0) * (block.width + 0.8))) / 72.0
-    high = (block.height + 0.7) * unit + 0.35
+    high = (block.height + 0.8) * unit + 0.35
     grid = (1, 2) if beside else (2, 1)
     figure, axes = style.subplots(*grid, width=9.0, height=(1 if beside else 2) * high + 0.3)
     panels = axes.flat
@@ -193,22 +193,22 @@ def _parallel(wiring):
     parts, x = [], 0.0
     for first in range(0, len(blocks), size):
         links = wiring.link_ohm[first : first + size]
-        column = _column(blocks[first : first + size], links, inner=first > 0)
-        parts.append(_moved(column, x, 0.3 if columns > 1 else 0.0))
+        column = _column(blocks[first : first + size], links)
+        parts.append(_moved(column, x, 0.55 if columns > 1 else 0.0))
         x += column.width + 0.35
-    high = max(part.height for part in parts) + (0.6 if columns > 1 else 0.0)
+    high = max(part.height for part in parts) + (0.9 if columns > 1 else 0.0)
     last = parts[-1].leaves if wiring.terminals == "opposite_ends" else parts[0].enters
     if not any(wiring.link_ohm):
         last = parts[0].enters
     whole = _joined(parts, width=x - 0.35, height=high, enters=parts[0].enters, leaves=last)
     if columns > 1 and any(wiring.link_ohm):
-        return whole._replace(words=whole.words + _goes_on(parts))
+        return _ladder_of_columns(whole, parts, wiring)
     if columns > 1:
         return whole._replace(lines=whole.lines + _bars_between(parts, high))
     return whole
 
 
-def _column(blocks, links, *, inner):
+def _column(blocks, links):
     """One column of members with its two busbars, resistors of links upon them."""
     gap = 0.45 if any(links) else 0.1
     wide = max(block.width for block in blocks)
@@ -220,7 +220,7 @@ def _column(blocks, links, *, inner):
         right = wide + 2 * LEAD
         lines += [[(0.0, moved.enters), (LEAD, moved.enters)]]
         lines += [[(LEAD + block.width, moved.leaves), (right, moved.leaves)]]
-        if link and (k or inner):
+        if link and k:
             middle = top - gap / 2
             resistors += [(0.0, middle, True), (right, middle, True)]
         ends.append((moved.enters, moved.leaves))
@@ -243,20 +243,31 @@ def _bars_between(parts, high):
     return lines
 
 
-def _goes_on(parts):
-    """Letters at the ends of the busbars of a ladder, which goes on from column to column."""
-    words, letters = [], iter("abcdefghijklmnopqrstuvwxyz")
+def _ladder_of_columns(whole, parts, wiring):
+    """A ladder that goes on from column to column, by letters at the ends of its busbars."""
+    words, lines, resistors = [], [], []
+    letters = iter("abcdefghijklmnopqrstuvwxyz")
     for part, following in pairwise(parts):
         for bar in (-2, -1):
             letter = next(letters, "…")
             (x, y), (a, b) = part.lines[bar][1], following.lines[bar][0]
-            words += [(x, y + 0.22, letter), (a, b - 0.22, letter)]
-    return words
+            words += [(x, y + 0.3, letter), (a, b - 0.62, letter)]
+            lines += [[(x, y), (x, y + 0.18)], [(a, b), (a, b - 0.5)]]
+            resistors.append((a, b - 0.25, True))
+    if wiring.terminals == "same_end":
+        (x, y), top = parts[0].lines[-1][0], -0.05
+        lines.append([(x, y), (x, top), (whole.width, top)])
+        whole = whole._replace(leaves=top)
+    return whole._replace(
+        words=whole.words + words,
+        lines=whole.lines + lines,
+        resistors=whole.resistors + resistors,
+    )
 
 
 def _panel(axes, block, bias, *, worse, unit):
     """One drawing of the wiring, its cells coloured by a bias; `worse` is the sign of the bad."""
-    axes.set(xticks=[], yticks=[], xlim=(-0.5, block.width + 0.4), ylim=(block.height + 0.1, -0.15))
+    axes.set(xticks=[], yticks=[], xlim=(-0.5, block.width + 0.4), ylim=(block.height + 0.1, -0.25))
     axes.set_aspect("equal", adjustable="box", anchor="NW")
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
@@ -273,7 +284,8 @@ def _panel(axes, block, bias, *, worse, unit):
     for x, y, letter in block.words:
         axes.text(x, y, letter, ha="center", va="center", fontsize=7, color=SENSE)
     largest = max([LEAST_RANGE, *map(abs, bias.values())])
-    size = float(np.clip(0.17 * unit, 4.5, 8.0))
+    longest = max(5, *(len(name) for name, _, _ in block.cells))
+    size = float(np.clip(min(0.17, 1.6 * BOX[0] / longest) * unit, 3.5, 8.0))
     for name, x, y in block.cells:
         _box(axes, name, x, y, bias.get(name), worse / largest, size)
 
