@@ -11,7 +11,7 @@ from wirings import WIRINGS, parallel, series
 
 from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.model_file import simulate_model
-from cellwright.identification.borrowed import scaled_reference
+from cellwright.bias.scaled import scaled_reference
 from cellwright.packs import kernel
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.kernel import Keep

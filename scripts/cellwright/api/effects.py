@@ -348,3 +348,42 @@ def validate_group(models, branches, series, test):
     members = sorted(own, key=lambda row: row["position"])
     facts = [inputs.branch_facts(row) for row in members]
     return results.ScoredGroup(*validated(documents, facts, measured, wiring))
+
+
+def check_group(branches, series, test, simulated=None):
+    """Checks of a group's record: do its channels agree, and are they where the sheet says.
+
+    Parameters
+    ----------
+    branches : rows of groups.tsv, of the group and of all groups in it.
+    series : clean series of the group, (n,) columns, with whichever of branch_<k>_current_ampere
+        [A] and cell_<k>_voltage_volt [V] were logged. test : TestFacts or mapping.
+    simulated : the series of `validate_group`, whose simulated channels tell swapped ones.
+
+    Returns
+    -------
+    checks : Table; a row a check, notes what was found.
+
+    Raises
+    ------
+    Refusal : channels beyond the wiring, or a wiring that is none.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.packs.checks import channel_findings, swapped_channels
+    from cellwright.packs.wiring import cells_of, wiring_of
+    from cellwright.records.facts import MeasuredTest
+    from cellwright.records.record import group_record
+
+    rows = inputs.rows(branches)
+    group = rows[0].get("group", "the group")
+    wiring = wiring_of(group, rows)
+    own = sorted((r for r in rows if r.get("group", group) == group), key=lambda r: r["position"])
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    facts = [inputs.branch_facts(row) for row in own]
+    record = group_record(measured, facts, cells=len(cells_of(wiring)))
+    findings = channel_findings(record, wiring)
+    if simulated is not None:
+        findings += swapped_channels(inputs.columns(simulated), wiring, record.test)
+    notes = tuple(found.sentence for found in findings if found.found)
+    return results.Table([found._asdict() for found in findings], notes)
