@@ -58,6 +58,7 @@ MODULE_OF = {
     "predict_left_out": "cellwright.api.models",
     "finish_model": "cellwright.api.models",
     "borrow_model": "cellwright.api.models",
+    "compare_bias_ways": "cellwright.api.models",
     "export_model": "cellwright.api.models",
     "simulate": "cellwright.api.models",
     "validate": "cellwright.api.models",
@@ -75,6 +76,10 @@ MODULE_OF = {
     "pack_model": "cellwright.api.pack_model",
     "cell_fmu": "cellwright.api.fmu",
     "pack_fmu": "cellwright.api.fmu",
+    "series_pack": "cellwright.api.packs",
+    "pack_decisions": "cellwright.api.packs",
+    "match_cells": "cellwright.api.packs",
+    "check_group": "cellwright.api.effects",
 }
 
 __all__ = list(MODULE_OF)

@@ -11,12 +11,12 @@ from wirings import WIRINGS, parallel, series
 
 from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.model_file import simulate_model
-from cellwright.identification.borrowed import scaled_reference
+from cellwright.bias.scaled import scaled_reference
 from cellwright.packs import kernel
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.kernel import Keep
 from cellwright.packs.simulate import simulate_pack
-from cellwright.packs.wiring import cells_of
+from cellwright.packs.wiring import Wiring, cells_of
 from cellwright.refusal import Refusal
 
 CELLS = (
@@ -95,6 +95,15 @@ def into(wiring, by_cell):
         np.testing.assert_allclose(np.ptp(inner, axis=0), 0.0, rtol=0, atol=1e-9)
         return inner[0]
     return np.sum(inner, axis=0)
+
+
+@pytest.mark.parametrize("link", [0.0, 1e-8])
+def test_the_currents_of_a_thousand_cells_sum_to_the_total(link):
+    names = tuple(map(str, range(1002)))
+    wiring = Wiring("p", "parallel", names, (0.0,) * 1002, (0.0,) + (link,) * 1001)
+    run = simulate_pack(TIME[:60], 1000 * LOAD[:60], pack(*CELLS * 334), wiring, initial_soc=0.5)
+    total = run.cell_current_ampere.sum(axis=1)
+    np.testing.assert_allclose(total, 1000 * LOAD[:60], rtol=0, atol=1e-9)
 
 
 def test_cells_on_one_bar_have_one_voltage():

@@ -20,7 +20,7 @@ from fmpy.validation import validate_fmu
 import cellwright as cw
 from cellwright.circuits.circuit import KINDS
 from cellwright.fmu.unit import table_temperatures
-from cellwright.identification.borrowed import scaled_reference
+from cellwright.bias.scaled import scaled_reference
 from cellwright.packs.artefact import CellInPack, ThermalConstants, pack_document, read_pack
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack

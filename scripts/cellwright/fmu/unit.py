@@ -19,7 +19,7 @@ from cellwright.fmu.description import (
 )
 from cellwright.packs.artefact import ThermalConstants
 from cellwright.packs.cells import pack_cells
-from cellwright.packs.kernel import ORDER, STRAIGHT, Keep, kernel_sizes
+from cellwright.packs.kernel import ORDER, STRAIGHT, Keep, kernel_sizes, work_room
 from cellwright.packs.network import network_of
 from cellwright.packs.simulate import TOLERANCE_VOLT, sensed_element
 from cellwright.packs.steps import SAME_SOC
@@ -181,6 +181,7 @@ def arrays_of(pack, cells):
     of_cells = ("temperature_celsius", "capacity_ampere_hour", "near_end_soc")
     return {
         "sizes": kernel_sizes(cells, network, "first_order", sensed, Keep()).astype(float),
+        "room": np.array([work_room(cells, network)], float),
         "tolerances": np.array([TOLERANCE_VOLT, SAME_SOC]),
         "quantities": np.array(places, float).T,
         "tables": np.concatenate([table.ravel() for table in tables]),

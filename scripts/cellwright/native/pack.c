@@ -20,6 +20,7 @@
 enum { SERIES, STAR, LADDER, OPPOSITE };
 enum { CURRENT, VOLTAGE, POWER };
 enum { SOLVED, NO_RESISTANCE, NOT_SOLVED, NO_POWER };
+#define BLOCK 256 /* cells whose rows stay near the processor */
 #define MOST_PASSES 60
 #define MOST_TURNS 30
 #define SMALLEST 1e-9
@@ -31,7 +32,7 @@ typedef struct {
     int64_t cells, groups, points, temperatures, pairs, kinetics, hystereses, surfaces, two_way;
     int64_t quantities, lags, linear, moving, bare;
     const int64_t *address, *stride, *straight;
-    const double *inverse, *inverse_here, *ampere_second, *share;
+    const double *inverse, *inverse_here, *per_second, *share; /* per_second: SoC per ampere and second */
     const int64_t *connection, *first, *member;
     const double *contact, *link;
     double tolerance, same_soc;
@@ -43,7 +44,7 @@ typedef struct {
     double *before;                    /* quantities at the last sample */
     double *left, *base, *rise, *now;  /* interval, quantities at its left end, over it, now */
     double *gain, *after;              /* (lags,) */
-    double *next, *guess, *place, *soc_next, *volt, *slope, *goal, *zr;
+    double *next, *guess, *place, *soc_next, *volt, *slope, *held, *zr;
     double *source, *resistance, *through; /* (elements,) */
     double *conductance, *onward;          /* (members,), (members, 3) */
 } states;
@@ -117,27 +118,29 @@ static void weigh(const pack *p, const states *s, double step, int64_t first_ord
     }
 }
 
-/* Cells of resistors and RC pairs as sources behind resistances, about the currents of `guess`. */
-INLINE void line(const pack *p, const states *s, double step, double ramp, double rise) {
+/* Cells from..to of resistors and RC pairs as sources behind resistances, about the currents that
+ * the last ones lead to. */
+INLINE void line(const pack *p, const states *s, int64_t from, int64_t to, double step, double ramp,
+                 double rise) {
     const double last = (double)(p->points - 1), on = step > 0.0 ? 1.0 : 0.0;
     int64_t moved = 0;
-    EACH(int64_t c = 0; c < p->cells; c++) {
+    EACH(int64_t c = from; c < to; c++) {
         s->guess[c] = s->current[c] + p->share[c] * rise;
         const double mean = s->guess[c] - 0.5 * p->share[c] * ramp;
-        s->place[c] = (s->soc[c] + step / p->ampere_second[c] * mean) * last - s->left[c];
+        s->place[c] = (s->soc[c] + step * p->per_second[c] * mean) * last - s->left[c];
         moved |= !(s->place[c] >= 0.0 && s->place[c] < 1.0);
     }
-    for (int64_t c = 0; moved && c < p->cells; c++)
+    for (int64_t c = from; moved && c < to; c++)
         if (!(s->place[c] >= 0.0 && s->place[c] < 1.0)) {
             const double soc = (s->place[c] + s->left[c]) / last;
             enter(p, s, c, interval(p, soc));
             s->place[c] = soc * last - s->left[c];
         }
-    EACH(int64_t c = 0; c < p->cells; c++) {
+    EACH(int64_t c = from; c < to; c++) {
         const double above = s->place[c] > 0.0 ? s->place[c] : 0.0;
         const double held = above < 1.0 ? above : 1.0, rising = s->rise[c];
-        const double steep = (rising > 0.0 ? rising : 0.0) * last * (step / p->ampere_second[c]);
-        s->goal[c] = held;
+        const double steep = (rising > 0.0 ? rising : 0.0) * last * (step * p->per_second[c]);
+        s->held[c] = held;
         s->source[c] = s->base[c] + rising * s->place[c] - steep * s->guess[c];
         s->resistance[c] = steep + ROW(s->base, R0(p))[c] + ROW(s->rise, R0(p))[c] * held;
     }
@@ -146,8 +149,8 @@ INLINE void line(const pack *p, const states *s, double step, double ramp, doubl
         const double *gain = ROW(s->gain, j), *after = ROW(s->after, j), *u = ROW(s->memory, j);
         const double *old = ROW(s->before, PAIR(p) + j);
         double *next = ROW(s->next, j), *zr = ROW(s->zr, j), *now = ROW(s->now, PAIR(p) + j);
-        EACH(int64_t c = 0; c < p->cells; c++) {
-            now[c] = base[c] + slope[c] * s->goal[c];
+        EACH(int64_t c = from; c < to; c++) {
+            now[c] = base[c] + slope[c] * s->held[c];
             const double begin = on * (gain[c] - after[c]) * old[c];
             next[c] = u[c] - on * gain[c] * u[c] - begin * (p->share[c] * ramp);
             zr[c] = begin + on * after[c] * now[c];
@@ -158,18 +161,18 @@ INLINE void line(const pack *p, const states *s, double step, double ramp, doubl
 }
 
 /* What `line` prepared, once the currents are known; whether a SoC is far from the guessed one. */
-INLINE int64_t follow(const pack *p, const states *s, double step, double ramp) {
+INLINE int64_t follow(const pack *p, const states *s, int64_t from, int64_t to, double step,
+                      double ramp) {
     int64_t far = 0;
-    EACH(int64_t c = 0; c < p->cells; c++) {
-        const double charge = step / p->ampere_second[c];
+    EACH(int64_t c = from; c < to; c++) {
+        const double charge = step * p->per_second[c];
         far |= !(fabs(charge * (s->through[c] - s->guess[c])) <= p->same_soc);
         s->soc_next[c] = s->soc[c] + charge * (s->through[c] - 0.5 * p->share[c] * ramp);
-        s->volt[c] = s->source[c] + s->resistance[c] * s->through[c];
     }
     for (int64_t j = 0; j < p->pairs; j++) {
         double *next = ROW(s->next, j);
         const double *zr = ROW(s->zr, j);
-        EACH(int64_t c = 0; c < p->cells; c++)
+        EACH(int64_t c = from; c < to; c++)
             next[c] += zr[c] * s->through[c];
     }
     return far;
@@ -196,7 +199,7 @@ INLINE void surface(const pack *p, const states *s, int64_t c, double ahead, dou
  * parameters then into next, now and soc_next. */
 static void respond(const pack *p, const states *s, int64_t c, double step, double ramp,
                     double current, double *volt, double *slope) {
-    const double on = step > 0.0 ? 1.0 : 0.0, charge = step / p->ampere_second[c];
+    const double on = step > 0.0 ? 1.0 : 0.0, charge = step * p->per_second[c];
     const double begin = current - p->share[c] * ramp, mean = 0.5 * (begin + current);
     const double soc = s->soc[c] + charge * mean;
     const int64_t left = interval(p, soc);
@@ -438,7 +441,7 @@ static int64_t newton(const pack *p, const states *s, double step, double ramp, 
         resistless |= slope[c] == 0.0;
     }
     for (int64_t c = 0; still && resistless && c < p->cells; c++) {
-        s->source[c] = s->volt[c] = volt[c];
+        s->source[c] = volt[c];
         s->resistance[c] = 1.0;
         s->through[c] = 0.0;
     }
@@ -467,7 +470,6 @@ static int64_t newton(const pack *p, const states *s, double step, double ramp, 
             const double way = s->through[c] - s->guess[c], on_line = volt[c] + slope[c] * way;
             double found, rise;
             respond(p, s, c, step, ramp, s->through[c], &found, &rise);
-            s->volt[c] = on_line;
             begin += slope[c] * way * way;
             end += way * (found - on_line);
             if (!(fabs(found - on_line) <= worst)) {
@@ -501,11 +503,14 @@ INLINE int64_t advance(const pack *p, states *s, double step, double ramp, doubl
                        int64_t mode, double value, double *fault) {
     int64_t outcome = -1;
     if (p->linear && !(step == 0.0 && p->bare)) {
-        int64_t culprit = 0;
-        line(p, s, step, ramp, rise);
+        int64_t culprit = 0, far = 0;
+        for (int64_t c = 0; c < p->cells; c += BLOCK)
+            line(p, s, c, c + BLOCK < p->cells ? c + BLOCK : p->cells, step, ramp, rise);
         if (reduce(p, s, &culprit) < 0 && asked(p, s, mode, value) == SOLVED) {
             divide(p, s);
-            outcome = follow(p, s, step, ramp) ? -1 : SOLVED;
+            for (int64_t c = 0; c < p->cells; c += BLOCK)
+                far |= follow(p, s, c, c + BLOCK < p->cells ? c + BLOCK : p->cells, step, ramp);
+            outcome = far ? -1 : SOLVED;
         }
     } else
         for (int64_t c = 0; c < p->cells; c++)
@@ -517,9 +522,11 @@ INLINE int64_t advance(const pack *p, states *s, double step, double ramp, doubl
     } else if (p->moving)
         for (int64_t q = TAU(p); q < p->quantities; q++)
             EACH(int64_t c = 0; c < p->cells; c++)
-                ROW(s->now, q)[c] = ROW(s->base, q)[c] + ROW(s->rise, q)[c] * s->goal[c];
-    memcpy(s->current, s->through, (size_t)p->cells * sizeof(double));
-    double *kept = s->memory;
+                ROW(s->now, q)[c] = ROW(s->base, q)[c] + ROW(s->rise, q)[c] * s->held[c];
+    double *kept = s->current;
+    s->current = s->through;
+    s->through = kept;
+    kept = s->memory;
     s->memory = s->next;
     s->next = kept;
     kept = s->soc;
@@ -532,19 +539,19 @@ INLINE int64_t advance(const pack *p, states *s, double step, double ramp, doubl
 }
 
 /* Lowest and highest voltage of a cell and which, lowest and highest SoC, and current. */
-INLINE void extremes(const pack *p, const states *s, double *out) {
+INLINE void extremes(const pack *p, const states *s, const double *volt, double *out) {
     int64_t low = 0, high = 0;
-    double soc[2] = {s->soc[0], s->soc[0]}, current[2] = {s->through[0], s->through[0]};
+    double soc[2] = {s->soc[0], s->soc[0]}, current[2] = {s->current[0], s->current[0]};
     for (int64_t c = 1; c < p->cells; c++) {
-        low = s->volt[c] < s->volt[low] ? c : low;
-        high = s->volt[c] > s->volt[high] ? c : high;
+        low = volt[c] < volt[low] ? c : low;
+        high = volt[c] > volt[high] ? c : high;
         soc[0] = s->soc[c] < soc[0] ? s->soc[c] : soc[0];
         soc[1] = s->soc[c] > soc[1] ? s->soc[c] : soc[1];
-        current[0] = s->through[c] < current[0] ? s->through[c] : current[0];
-        current[1] = s->through[c] > current[1] ? s->through[c] : current[1];
+        current[0] = s->current[c] < current[0] ? s->current[c] : current[0];
+        current[1] = s->current[c] > current[1] ? s->current[c] : current[1];
     }
-    const double row[8] = {s->volt[low], (double)low,  s->volt[high], (double)high,
-                           soc[0],       soc[1],       current[0],    current[1]};
+    const double row[8] = {volt[low], (double)low, volt[high],  (double)high,
+                           soc[0],    soc[1],      current[0], current[1]};
     memcpy(out, row, sizeof row);
 }
 
@@ -552,24 +559,24 @@ INLINE void extremes(const pack *p, const states *s, double *out) {
  * surfaces, two_way, linear, moving, bare, hold (1: first order, 0: zero order), rows to keep
  * (every how many, 0: none), extremes (1) or none, sensed element. Per quantity: address of its
  * table, doubles from cell to cell, 1 where it is linear in 1/T and not its logarithm. work: first
- * `kept` rows of (cells,) (soc, current, memory, quantities of the last sample), to begin with and
- * at the end, then room. out: current, voltage, soc (kept rows, cells), of the pack (n), extremes
+ * rows of (cells,) (soc, memory, quantities of the last sample), to begin with and at the end, then
+ * room. flow: (cells,) currents, to begin with and at the end. out: current, voltage, soc (kept rows, cells), of the pack (n), extremes
  * (n, 8), currents of the pack (n), the last. Returns −1, or the step that was not solved, with the
  * reason and two numbers about it in fault. */
 WIDE int64_t pack_steps(int64_t n, const double *step, const double *mode, const double *value,
                         double total, const int64_t *sizes, const int64_t *address,
                         const int64_t *stride, const int64_t *straight, const double *inverse,
-                        const double *inverse_here, const double *ampere_second,
+                        const double *inverse_here, const double *per_second,
                         const double *share, const int64_t *connection, const int64_t *first,
                         const int64_t *member, const double *contact, const double *link,
-                        double tolerance, double same_soc, double *work, double *current,
+                        double tolerance, double same_soc, double *work, double *flow, double *current,
                         double *cell_volt, double *soc, double *volt, double *out,
                         double *totals, double *fault) {
     const int64_t *z = sizes, lags = z[4] + z[5] + z[7], quantities = 3 + 2 * z[8] + 2 * z[4]
                                   + 3 * z[5] + 2 * z[7] + 2 * z[6];
     const pack whole = {z[0], z[1], z[2], z[3], z[4], z[5], z[6], z[7], z[8], quantities, lags,
                         z[9], z[10], z[11], address, stride, straight, inverse, inverse_here,
-                        ampere_second, share, connection, first, member, contact, link,
+                        per_second, share, connection, first, member, contact, link,
                         tolerance, same_soc}, *p = &whole;
     const int64_t memory = lags + z[6], cells = z[0], root = cells + z[1] - 1, hold = z[12];
     double *at = work;
@@ -577,20 +584,22 @@ WIDE int64_t pack_steps(int64_t n, const double *step, const double *mode, const
     states here, *s = &here;
     int64_t heights[20], k = 0;
 #define TAKE(name, height) rows[k] = &s->name, heights[k++] = (height)
-    TAKE(soc, 1); TAKE(current, 1); TAKE(memory, memory); TAKE(before, quantities);
+    TAKE(soc, 1); TAKE(memory, memory); TAKE(before, quantities);
     TAKE(now, quantities); TAKE(left, 1); TAKE(base, quantities); TAKE(rise, quantities);
     TAKE(gain, lags); TAKE(after, lags); TAKE(next, memory); TAKE(guess, 1); TAKE(place, 1);
-    TAKE(soc_next, 1); TAKE(volt, 1); TAKE(slope, 1); TAKE(goal, 1); TAKE(zr, z[4]);
+    TAKE(soc_next, 1); TAKE(volt, 1); TAKE(slope, 1); TAKE(held, 1); TAKE(zr, z[4]);
     for (int64_t i = 0; i < k; i++) {
         *rows[i] = at;
         at += heights[i] * cells;
     }
     s->source = at;
     s->resistance = s->source + root + 1;
-    s->through = s->resistance + root + 1;
+    s->current = s->resistance + root + 1;
+    s->through = s->current + root + 1;
     s->onward = s->through + root + 1;
     s->conductance = s->onward + 3 * first[z[1]];
-    double *const kept[5] = {s->soc, s->memory, s->before, s->current, work};
+    double *const kept[3] = {s->soc, s->memory, s->before};
+    memcpy(s->current, flow, (size_t)cells * sizeof(double));
     memcpy(s->now, s->before, (size_t)(quantities * cells) * sizeof(double));
     for (int64_t c = 0; c < cells; c++)
         enter(p, s, c, interval(p, s->soc[c]));
@@ -606,7 +615,7 @@ WIDE int64_t pack_steps(int64_t n, const double *step, const double *mode, const
             if (left > 0.0 && (left != weighed || p->moving))
                 weigh(p, s, weighed = left, hold);
             outcome = advance(p, s, left, hold ? rise : 0.0, rise, asks, goal, fault + 1);
-            total = s->through[root];
+            total = s->current[root];
             left = 0.0;
         }
         if (outcome != SOLVED) {
@@ -615,16 +624,20 @@ WIDE int64_t pack_steps(int64_t n, const double *step, const double *mode, const
             break;
         }
         totals[i] = total;
-        volt[i] = s->source[z[15]] + s->resistance[z[15]] * s->through[z[15]];
+        volt[i] = s->source[z[15]] + s->resistance[z[15]] * s->current[z[15]];
+        const int64_t keeps = z[13] && i % z[13] == 0;
+        double *volts = keeps ? cell_volt + row * cells : s->volt;
+        for (int64_t c = 0; (keeps || z[14]) && c < cells; c++)
+            volts[c] = s->source[c] + s->resistance[c] * s->current[c];
         if (z[14])
-            extremes(p, s, out + 8 * i);
-        if (z[13] && i % z[13] == 0) {
-            memcpy(current + row * cells, s->through, (size_t)cells * sizeof(double));
-            memcpy(cell_volt + row * cells, s->volt, (size_t)cells * sizeof(double));
+            extremes(p, s, volts, out + 8 * i);
+        if (keeps) {
+            memcpy(current + row * cells, s->current, (size_t)cells * sizeof(double));
             memcpy(soc + row * cells, s->soc, (size_t)cells * sizeof(double));
             row++;
         }
     }
+    memcpy(flow, s->current, (size_t)cells * sizeof(double));
     /* What was swapped step by step goes to where it is looked for. */
     if (s->soc != kept[0])
         memcpy(kept[0], s->soc, (size_t)cells * sizeof(double));

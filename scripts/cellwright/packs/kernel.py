@@ -84,7 +84,7 @@ def run_steps(cells, network, state, load, *, hold, sensed=-1, keep=None, tolera
     keep = Keep() if keep is None else keep
     doubles, ints = [array] * 3 + [real], [integers] * 4
     types = (count, *doubles, *ints, *[array] * 4, *[integers] * 3, *[array] * 2, real, real)
-    kernel = function("pack_steps", *types, *[array] * 8, result=count)
+    kernel = function("pack_steps", *types, *[array] * 9, result=count)
     settings = {"hold": hold, "sensed": sensed, "keep": keep, "tolerance_volt": tolerance_volt}
     if kernel is None:
         return _step_by_step(cells, network, state, load, **settings)
@@ -144,8 +144,8 @@ def _compiled(kernel, cells, network, state, load, *, hold, sensed, keep, tolera
             np.clip(state.temperature_celsius, *cells.temperature_celsius[[0, -1]]),
         )
     )
-    begin = _packed(state)
-    work = np.zeros(_work_rows(cells) * network.cells + _network_room(network))
+    begin, current = _packed(state), state.current_ampere.copy()
+    work = np.zeros(work_room(cells, network))
     work[: len(begin)] = begin
     found, fault = _room(len(load.second), network.cells, keep), np.zeros(3)
     stopped = kernel(
@@ -153,16 +153,17 @@ def _compiled(kernel, cells, network, state, load, *, hold, sensed, keep, tolera
         *(np.ascontiguousarray(column, float) for column in load),
         state.total_ampere,
         *(sizes, address, stride, straight, inverse, here),
-        3600.0 * cells.capacity_ampere_hour,
+        1.0 / (3600.0 * cells.capacity_ampere_hour),
         network.share,
         *(network.connection, network.first, network.member),
         *(network.contact_ohm, network.link_ohm, tolerance_volt, SAME_SOC, work),
+        current,
         *(found.current_ampere, found.voltage_volt, found.soc, found.sensed_volt),
         *(found.extremes, found.total_ampere, fault),
     )
     if stopped >= 0:
         raise _refusal(cells, network, load, stopped, fault)
-    return found, _unpacked(work, state, found)
+    return found, _unpacked(work, current, state, found)
 
 
 def _refusal(cells, network, load, stopped, fault):
@@ -210,25 +211,29 @@ def kernel_sizes(cells, network, hold, sensed, keep):
     )
 
 
-def _work_rows(cells):
+def work_room(cells, network):
+    """How many numbers native/pack.c needs to work with.
+
+    Parameters
+    ----------
+    cells : PackCells. network : Network.
+    """
     quantities = sum(getattr(cells, name).shape[2] for name in ORDER)
     lags = sum(getattr(cells, name).shape[2] for name in TIMES)
     memory = lags + cells.hysteresis_volt.shape[2]
-    return 9 + 4 * quantities + 2 * lags + 2 * memory + cells.r_ohm.shape[2]
-
-
-def _network_room(network):
-    return 3 * (network.cells + len(network.connection)) + 6 * len(network.member)
+    rows = 8 + 4 * quantities + 2 * lags + 2 * memory + cells.r_ohm.shape[2]
+    elements = network.cells + len(network.connection)
+    return rows * network.cells + 4 * elements + 6 * len(network.member)
 
 
 def _packed(state):
-    """State as rows of (cells,): SoC, current, memory, quantities."""
+    """State as rows of (cells,): SoC, memory, quantities."""
     parts = [getattr(state, name).T for name in MEMORY]
     parts += [state.parameters[name].T for name in ORDER]
-    return np.concatenate([state.soc, state.current_ampere, *(part.ravel() for part in parts)])
+    return np.concatenate([state.soc, *(part.ravel() for part in parts)])
 
 
-def _unpacked(work, state, found):
+def _unpacked(work, current, state, found):
     at, cells = 0, len(state.soc)
 
     def taken(shape):
@@ -236,7 +241,7 @@ def _unpacked(work, state, found):
         at += shape[0] * shape[1]
         return work[at - shape[0] * shape[1] : at].reshape(shape[::-1]).T.copy()
 
-    soc, current = (taken((cells, 1))[:, 0] for _ in range(2))
+    soc = taken((cells, 1))[:, 0]
     memory = {name: taken(getattr(state, name).shape) for name in MEMORY}
     parameters = {name: taken(state.parameters[name].shape) for name in ORDER}
     total = float(found.total_ampere[-1])

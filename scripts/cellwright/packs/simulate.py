@@ -34,6 +34,18 @@ class PackRun(NamedTuple):
     extremes: np.ndarray | None = None
 
 
+class Plant(NamedTuple):
+    """A pack ready to be stepped: PackCells, Network, ThermalModes or None, the element whose
+    voltage is measured, hold, and tolerance [V]."""
+
+    cells: object
+    network: object
+    modes: object
+    sensed: int
+    hold: str
+    tolerance_volt: float
+
+
 def simulate_pack(
     test_time_second,
     current_ampere,
@@ -86,17 +98,16 @@ def simulate_pack(
     Source: docs/packs.md; of the parallel group thesis 5.3.
     """
     time, total = _record(test_time_second, current_ampere, hold)
-    network = network_of(wiring, cells.capacity_ampere_hour)
-    ambient = _ambient(ambient_celsius, cells, thermal, len(time))
-    state = start(cells, network, initial_soc, ambient[0], thermal, first_ampere=total[0])
+    plant = plant_of(cells, wiring, thermal, hold=hold, tolerance_volt=tolerance_volt)
+    ambient = ambient_of(cells, thermal, ambient_celsius, len(time))
+    first = {"first_ampere": total[0]}
+    state = start(cells, plant.network, initial_soc, ambient[0], thermal, **first)
     load = Load(np.diff(time, prepend=time[0]), np.full(len(time), CURRENT), total)
-    how = {"hold": hold, "sensed": sensed_element(wiring, network), "keep": keep}
-    how |= {"tolerance_volt": tolerance_volt}
     if thermal is None and np.ptp(ambient) == 0:
-        steps, _ = run_steps(cells, network, state, load, **how)
+        how = {"hold": hold, "sensed": plant.sensed, "tolerance_volt": tolerance_volt}
+        steps, _ = run_steps(cells, plant.network, state, load, keep=keep, **how)
         return _run(steps, np.broadcast_to(ambient[0], steps.soc.shape), keep)
-    modes = None if thermal is None else thermal_modes(thermal, network.cells)
-    return _run(*_with_temperatures(cells, network, state, load, ambient, modes, how), keep)
+    return _run(*_with_temperatures(plant, state, load, ambient, keep), keep)
 
 
 def _run(steps, celsius, keep):
@@ -105,20 +116,14 @@ def _run(steps, celsius, keep):
     return PackRun(*per_cell, kept, steps.extremes if keep.extremes else None)
 
 
-def _with_temperatures(cells, network, state, load, ambient, modes, how):
+def _with_temperatures(plant, state, load, ambient, keep):
     """Steps (n, …) one by one, each at the temperatures that the one before has left."""
-    keep, parts, temperatures = how["keep"], [], []
-    settings, heat = how | {"keep": Keep(1, keep.extremes)}, np.zeros(network.cells)
+    heat, parts, temperatures = np.zeros(plant.network.cells), [], []
     for k in range(len(load.second)):
         one = Load(*(column[k : k + 1] for column in load))
-        part, state = run_steps(cells, network, state, one, **settings)
-        now = heat_of(cells, modes, state, part.voltage_volt[0])
-        mean = heat if how["hold"] == "zero_order" else 0.5 * (heat + now)
-        celsius = state.temperature_celsius
-        celsius = warmed(modes, celsius, mean, ambient[k], load.second[k])
-        state, heat = state._replace(temperature_celsius=celsius), now
+        state, heat, part = stepped(plant, state, heat, one, ambient[k], extremes=keep.extremes)
         parts.append(part)
-        temperatures.append(celsius)
+        temperatures.append(state.temperature_celsius)
     joined = Steps(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     rows = slice(0, len(parts) if keep.every else 0, keep.every or 1)
     return joined._replace(
@@ -126,6 +131,61 @@ def _with_temperatures(cells, network, state, load, ambient, modes, how):
         voltage_volt=joined.voltage_volt[rows],
         soc=joined.soc[rows],
     ), np.array(temperatures)[rows]
+
+
+def plant_of(cells, wiring, thermal, *, hold, tolerance_volt):
+    """A pack ready to be stepped.
+
+    Parameters
+    ----------
+    cells, wiring, thermal, hold, tolerance_volt : as in `simulate_pack`.
+
+    Returns
+    -------
+    plant : Plant.
+    """
+    network = network_of(wiring, cells.capacity_ampere_hour)
+    modes = None if thermal is None else thermal_modes(thermal, network.cells)
+    return Plant(cells, network, modes, sensed_element(wiring, network), hold, tolerance_volt)
+
+
+def stepped(plant, state, heat_watt, load, ambient_celsius, *, extremes=False):
+    """A pack one step later, with the temperatures that its heat leads to.
+
+    Parameters
+    ----------
+    plant : Plant. state : PackState. heat_watt : (cells,) before the step [W].
+    load : Load of one step. ambient_celsius : in the step [degC]. extremes : whether they are kept.
+
+    Returns
+    -------
+    state : PackState. heat_watt : (cells,) at the end of the step [W]. steps : Steps of one.
+    """
+    how = {"hold": plant.hold, "sensed": plant.sensed, "tolerance_volt": plant.tolerance_volt}
+    keep = Keep(1, extremes)
+    steps, state = run_steps(plant.cells, plant.network, state, load, keep=keep, **how)
+    now = heat_of(plant.cells, plant.modes, state, steps.voltage_volt[0])
+    mean = heat_watt if plant.hold == "zero_order" else 0.5 * (heat_watt + now)
+    celsius = warmed(plant.modes, state.temperature_celsius, mean, ambient_celsius, load.second[0])
+    return state._replace(temperature_celsius=celsius), now, steps
+
+
+def ambient_of(cells, thermal, ambient_celsius, samples):
+    """Temperature of the ambient at each sample (n,) [degC].
+
+    Parameters
+    ----------
+    cells, thermal, ambient_celsius : as in `simulate_pack`. samples : how many.
+
+    Raises
+    ------
+    Refusal : none is given where one is needed.
+    """
+    if ambient_celsius is not None:
+        return np.broadcast_to(np.asarray(ambient_celsius, float), (samples,))
+    if thermal is not None or len(cells.temperature_celsius) > 1:
+        raise Refusal("parameters follow temperature, but no ambient temperature is given")
+    return np.full(samples, cells.temperature_celsius[0])
 
 
 def _record(test_time_second, current_ampere, hold):
@@ -140,11 +200,3 @@ def _record(test_time_second, current_ampere, hold):
     if hold not in HOLDS:
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
     return time, total
-
-
-def _ambient(ambient_celsius, cells, thermal, samples):
-    if ambient_celsius is not None:
-        return np.broadcast_to(np.asarray(ambient_celsius, float), (samples,))
-    if thermal is not None or len(cells.temperature_celsius) > 1:
-        raise Refusal("parameters follow temperature, but no ambient temperature is given")
-    return np.full(samples, cells.temperature_celsius[0])

@@ -20,6 +20,10 @@ MOST_TURNS = 30  # passes in which cells with hysteresis go on from rest
 SAME_SOC = 1e-4  # a cell without kinetics or hysteresis is linear within so much of its SoC
 
 
+class NoPower(Refusal):
+    """A power that a pack cannot give."""
+
+
 class PackState(NamedTuple):
     """A pack at one moment: what its cells remember; (cells,), of several elements (cells, e).
 
@@ -290,7 +294,7 @@ def no_power(watt):
     ----------
     watt : asked for, negative on discharge [W].
     """
-    return Refusal(f"the pack cannot give {-watt:g} W at this moment, whatever the current")
+    return NoPower(f"the pack cannot give {-watt:g} W at this moment, whatever the current")
 
 
 def is_linear(cells):

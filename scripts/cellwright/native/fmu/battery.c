@@ -20,11 +20,12 @@ struct battery {
     double *inverse;                            /* (temperatures,) −1/T */
     const double *celsius, *capacity_ampere_hour, *near_end, *share, *contact, *link;
     const double *heat_capacity, *heat_resistance; /* (cells,), or NULL: the ambient's temperature */
-    double *ampere_second, *here, *work, *now;  /* (cells,), (cells,), room, (3 × cells) */
+    double *per_second, *here, *work, *now;     /* (cells,), (cells,), room, (3 × cells) */
     double tolerance, same_soc;
     char why[MESSAGE];
 };
 
+/* Numbers of a table; NULL, and why, where there are others than wanted. */
 static const double *of_size(const tables *t, const char *name, size_t wanted, char *why) {
     size_t count;
     const double *values = array_of(t, name, &count);
@@ -74,7 +75,7 @@ static int take(battery *b, const tables *t, char *why) {
     b->lags = (size_t)(z[4] + z[5] + z[7]);
     b->memory = b->lags + (size_t)z[6];
     b->quantities = (size_t)(3 + 2 * z[8] + 2 * z[4] + 3 * z[5] + 2 * z[7] + 2 * z[6]);
-    b->kept = (2 + b->memory + b->quantities) * cells;
+    b->kept = (1 + b->memory + b->quantities) * cells;
     size_t members, numbers;
     const double *member = array_of(t, "member", &members);
     const double *values = array_of(t, "tables", &numbers);
@@ -88,6 +89,7 @@ static int take(battery *b, const tables *t, char *why) {
     b->contact = of_size(t, "contact_ohm", members, why);
     b->link = of_size(t, "link_ohm", members, why);
     const double *tolerances = of_size(t, "tolerances", 2, why);
+    const double *room = of_size(t, "room", 1, why);
     if (*why || !member || !values) return 0;
     if (array_of(t, "heat_capacity_joule_per_kelvin", NULL)) {
         b->heat_capacity = of_size(t, "heat_capacity_joule_per_kelvin", cells, why);
@@ -97,13 +99,14 @@ static int take(battery *b, const tables *t, char *why) {
     b->tolerance = tolerances[0];
     b->same_soc = tolerances[1];
     b->whole = malloc((3 * b->quantities + 2 * groups + 1 + members) * sizeof(int64_t));
-    b->room = (9 + 4 * b->quantities + 2 * b->lags + 2 * b->memory + (size_t)z[4]) * cells
-              + 3 * (cells + groups) + 6 * members;
+    const size_t least = 4 * (b->quantities + b->memory) * cells + 6 * members;
+    if (!(*room >= (double)least && *room < 1e9)) return 0;
+    b->room = (size_t)*room;
     b->work = calloc(b->room, sizeof(double));
     b->inverse = malloc((kinds + 2 * cells + 3 * cells) * sizeof(double));
     if (!b->whole || !b->work || !b->inverse) return 0;
-    b->ampere_second = b->inverse + kinds;
-    b->here = b->ampere_second + cells;
+    b->per_second = b->inverse + kinds;
+    b->here = b->per_second + cells;
     b->now = b->here + cells;
     int64_t *at = b->whole;
     b->address = as_whole(place, b->quantities, &at);
@@ -117,8 +120,8 @@ static int take(battery *b, const tables *t, char *why) {
         b->address[q] = (int64_t)(intptr_t)(values + b->address[q]);
     for (size_t k = 0; k < kinds; k++) b->inverse[k] = -1.0 / (b->celsius[k] + KELVIN);
     for (size_t c = 0; c < cells; c++) {
-        b->ampere_second[c] = 3600.0 * b->capacity_ampere_hour[c];
-        if (!(b->ampere_second[c] > 0.0)) return 0;
+        b->per_second[c] = 1.0 / (3600.0 * b->capacity_ampere_hour[c]);
+        if (!(b->per_second[c] > 0.0 && isfinite(b->per_second[c]))) return 0;
     }
     return 1;
 }
@@ -142,8 +145,8 @@ void battery_free(battery *b) {
 
 size_t battery_cells(const battery *b) { return b->cells; }
 
-/* The state: what pack.c keeps (SoC, current, memory, quantities), temperatures, the total. */
-size_t battery_states(const battery *b) { return b->kept + b->cells + 1; }
+/* The state: what pack.c keeps (SoC, memory, quantities), currents, temperatures, the total. */
+size_t battery_states(const battery *b) { return b->kept + 2 * b->cells + 1; }
 
 static void set_temperatures(const battery *b, const double *celsius) {
     const double low = b->celsius[0], high = b->celsius[b->temperatures - 1];
@@ -182,9 +185,9 @@ void battery_rest(const battery *b, const double *soc, double celsius, double am
     const size_t n = b->cells;
     memset(state, 0, battery_states(b) * sizeof(double));
     memcpy(state, soc, n * sizeof(double));
-    for (size_t c = 0; c < n; c++) state[b->kept + c] = celsius;
-    set_temperatures(b, state + b->kept);
-    double *memory = state + 2 * n, *quantities = memory + b->memory * n;
+    for (size_t c = 0; c < n; c++) state[b->kept + n + c] = celsius;
+    set_temperatures(b, state + b->kept + n);
+    double *memory = state + n, *quantities = memory + b->memory * n;
     const pack p = tables_only(b);
     for (size_t q = 0; q < b->quantities; q++)
         for (size_t c = 0; c < n; c++) quantities[q * n + c] = quantity_at(&p, q, c, soc[c]);
@@ -202,15 +205,15 @@ void battery_rest(const battery *b, const double *soc, double celsius, double am
 static const char *one(battery *b, double second, double ampere, double *state, double *volt) {
     static const double by_current = CURRENT;
     double fault[3] = {0}, total = 0.0, extremes_of_none = 0.0;
-    double *const last = state + b->kept + b->cells;
+    double *const flow = state + b->kept, *const last = flow + 2 * b->cells;
     memset(b->work, 0, b->room * sizeof(double));
     memcpy(b->work, state, b->kept * sizeof(double));
-    set_temperatures(b, state + b->kept);
+    set_temperatures(b, flow + b->cells);
     const int64_t stopped = pack_steps(
         1, &second, &by_current, &ampere, *last, b->sizes, b->address, b->stride, b->straight,
-        b->inverse, b->here, b->ampere_second, b->share, b->connection, b->first, b->member,
-        b->contact, b->link, b->tolerance, b->same_soc, b->work, b->now, b->now + b->cells,
-        b->now + 2 * b->cells, volt, &extremes_of_none, &total, fault);
+        b->inverse, b->here, b->per_second, b->share, b->connection, b->first, b->member,
+        b->contact, b->link, b->tolerance, b->same_soc, b->work, flow, b->now,
+        b->now + b->cells, b->now + 2 * b->cells, volt, &extremes_of_none, &total, fault);
     if (stopped >= 0 && (int)fault[0] == NO_RESISTANCE)
         snprintf(b->why, MESSAGE, "member %d of group %d has no resistance at this moment",
                  (int)fault[2] + 1, (int)fault[1] + 1);
@@ -245,7 +248,7 @@ static void warm(const battery *b, double second, double ambient, const double *
 const char *battery_step(battery *b, double second, double ampere, double ambient_celsius,
                          double *state, reading *r) {
     const size_t n = b->cells;
-    double *const celsius = state + b->kept, *const heat = r->cell_celsius; /* written last */
+    double *const celsius = state + b->kept + n, *const heat = r->cell_celsius; /* written last */
     for (size_t c = 0; !b->heat_capacity && c < n; c++) celsius[c] = ambient_celsius;
     memset(heat, 0, n * sizeof(double));
     const char *why = one(b, 0.0, ampere, state, &r->voltage_volt);
