@@ -1,8 +1,9 @@
 """The only place that opens artefacts: load, save with provenance, check against the contract.
 
 An artefact is a Parquet table (columns in the contract, facts in its metadata), a JSON document,
-for people a CSV table, or for simulators a functional mock-up unit (.fmu). What could not be made is an artefact too: no rows, and a reason that
-every later stage passes on, so that one bad file never takes the others down.
+for people a CSV table, or for simulators a functional mock-up unit (.fmu). What could not be made
+is an artefact too: no rows, and a reason that every later stage passes on, so that one bad file
+never takes the others down.
 """
 
 import csv

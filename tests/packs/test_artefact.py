@@ -139,8 +139,10 @@ def test_a_pack_is_validated_by_a_test_that_no_model_was_fitted_to(rows, fitted,
         given = {n: c._replace(model=c.model | {"fitted": part}) for n, c in given.items()}
     document = written(pack_document(parallel("A", "B"), given, rows))
     assert document["validated"] is validated
-    assert (document["why_not_validated"] is None) if why is None else (
-        why in document["why_not_validated"]
+    assert (
+        (document["why_not_validated"] is None)
+        if why is None
+        else (why in document["why_not_validated"])
     )
     assert [test["role"] for test in document["tests"]] == [row["role"] for row in rows[:1]]
 
@@ -178,7 +180,9 @@ def test_the_long_table_holds_every_value_of_the_models():
 
 
 def test_thermal_constants_are_kept():
-    document = written(pack_document(parallel("A", "B"), cells(thermal=ThermalConstants(60.0, 4.0))))
+    document = written(
+        pack_document(parallel("A", "B"), cells(thermal=ThermalConstants(60.0, 4.0)))
+    )
     assert read_pack(document).thermal == (ThermalConstants(60.0, 4.0),) * 2
 
 
@@ -195,8 +199,8 @@ def test_refusals_name_what_was_found():
     tree = document["wiring"]
     with pytest.raises(Refusal, match="connection 'crossed'"):
         read_pack(document | {"wiring": tree | {"connection": "crossed"}})
+    broken = [tree["members"][0] | {"contact_ohm": -1.0}, tree["members"][1]]
     with pytest.raises(Refusal, match="contact_ohm of A is -1"):
-        broken = [tree["members"][0] | {"contact_ohm": -1.0}, tree["members"][1]]
         read_pack(document | {"wiring": tree | {"members": broken}})
     with pytest.raises(Refusal, match="group 'p' has no members"):
         read_pack(document | {"wiring": tree | {"members": []}})

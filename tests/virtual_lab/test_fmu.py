@@ -18,9 +18,9 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 import cellwright as cw
+from cellwright.bias.scaled import scaled_reference
 from cellwright.circuits.circuit import KINDS
 from cellwright.fmu.unit import table_temperatures
-from cellwright.bias.scaled import scaled_reference
 from cellwright.packs.artefact import CellInPack, ThermalConstants, pack_document, read_pack
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
@@ -112,7 +112,9 @@ def pack_of(wiring, *, kind="kinetic", start=0.6, **known):
     spread = np.linspace(-0.05, 0.05, len(cells_of(wiring)))
     cells = {
         name: CellInPack(
-            scaled_reference(reference, cell=name, capacity=2.0 - k / 10, resistance_ratio=1 + k / 5),
+            scaled_reference(
+                reference, cell=name, capacity=2.0 - k / 10, resistance_ratio=1 + k / 5
+            ),
             start + float(spread[k]),
             **known,
         )
@@ -383,7 +385,9 @@ def test_tables_of_nonsense_are_refused_and_never_crash(seed, unit, tmp_path):
     for _ in range(10):
         broken = bytearray(whole)
         place = begin + 8 * int(rng.integers(0, 60))
-        broken[place : place + 8] = np.float64(rng.choice([-1.0, 1e6, 1e300, 7.0, np.nan])).tobytes()
+        broken[place : place + 8] = np.float64(
+            rng.choice([-1.0, 1e6, 1e300, 7.0, np.nan])
+        ).tobytes()
         path.write_bytes(broken)
         try:
             runner.begin()

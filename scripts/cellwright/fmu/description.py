@@ -84,7 +84,9 @@ def variables_of_pack(*, initial_soc, ambient_celsius, largest_step_second, cell
         Variable("cell_current_ampere", 10, "output", "A", f"Currents {order}", None, size),
         Variable("cell_voltage_volt", 11, "output", "V", f"Voltages {order}", None, size),
         Variable("cell_soc", 12, "output", "1", f"States of charge {order}", None, size),
-        Variable("cell_temperature_celsius", 13, "output", "degC", f"Temperatures {order}", None)._replace(size=size),
+        Variable(
+            "cell_temperature_celsius", 13, "output", "degC", f"Temperatures {order}", None
+        )._replace(size=size),
     ]
 
 
@@ -92,12 +94,15 @@ def _common(initial_soc, size, ambient_celsius, largest_step_second):
     return [
         Variable("time", 0, "independent", "s", "Simulation time"),
         CURRENT,
-        Variable("ambient_temperature_celsius", 2, "input", "degC", CELSIUS, ambient_celsius)
-        ._replace(minimum=-100.0, maximum=200.0),
-        Variable("initial_soc", 3, "parameter", "1", "State of charge at the start", initial_soc)
-        ._replace(size=size, minimum=0.0, maximum=1.0),
-        Variable("largest_step_second", 4, "parameter", "s", STEP, largest_step_second)
-        ._replace(minimum=1e-6),
+        Variable(
+            "ambient_temperature_celsius", 2, "input", "degC", CELSIUS, ambient_celsius
+        )._replace(minimum=-100.0, maximum=200.0),
+        Variable(
+            "initial_soc", 3, "parameter", "1", "State of charge at the start", initial_soc
+        )._replace(size=size, minimum=0.0, maximum=1.0),
+        Variable("largest_step_second", 4, "parameter", "s", STEP, largest_step_second)._replace(
+            minimum=1e-6
+        ),
     ]
 
 
@@ -148,9 +153,7 @@ def model_description(name, token, variables, *, description):
     categories = ElementTree.SubElement(root, "LogCategories")
     for category in ("error", "warning"):
         ElementTree.SubElement(categories, "Category", name=category)
-    ElementTree.SubElement(
-        root, "DefaultExperiment", startTime="0", stopTime="3600", stepSize="1"
-    )
+    ElementTree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="3600", stepSize="1")
     listed = ElementTree.SubElement(root, "ModelVariables")
     for variable in variables:
         _add_variable(listed, variable)
@@ -198,9 +201,7 @@ def build_description(name, sources):
     text : bytes of XML.
     """
     root = ElementTree.Element("fmiBuildDescription", fmiVersion=FMI_VERSION)
-    build = ElementTree.SubElement(
-        root, "BuildConfiguration", modelIdentifier=identifier_of(name)
-    )
+    build = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=identifier_of(name))
     files = ElementTree.SubElement(build, "SourceFileSet", language="C11")
     for source in sources:
         ElementTree.SubElement(files, "SourceFile", name=source)

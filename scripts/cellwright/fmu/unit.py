@@ -85,7 +85,10 @@ def table_temperatures(models):
     inner = np.arange(measured[0], measured[-1], BETWEEN_KELVIN)
     ends = [measured[0] - BEYOND_KELVIN, measured[-1] + BEYOND_KELVIN]
     if any("resistance_laws" in c for c in conditions):
-        ends = [*np.linspace(ends[0], measured[0], BEYOND_STEPS), *np.linspace(measured[-1], ends[1], BEYOND_STEPS)]
+        ends = [
+            *np.linspace(ends[0], measured[0], BEYOND_STEPS),
+            *np.linspace(measured[-1], ends[1], BEYOND_STEPS),
+        ]
     return sorted({round(float(value), 6) for value in (*measured, *inner, *ends)})
 
 
@@ -132,9 +135,7 @@ def unit_of(pack, sources, compiled, binary, *, alone, points, largest_step_seco
     files, token = _files(pack, variables, tables, sources, compiled, binary, alone)
     notes = tuple(_notes(pack, celsius, binary))
     identifier = identifier_of(pack.wiring.name)
-    return Unit(
-        files | documents, token, identifier, binary and binary[0], tuple(variables), notes
-    )
+    return Unit(files | documents, token, identifier, binary and binary[0], tuple(variables), notes)
 
 
 def _files(pack, variables, tables, sources, compiled, binary, alone):
@@ -195,9 +196,10 @@ def _thermal(constants):
     """Thermal constants of all cells; none where one cell has none."""
     if None in constants:
         return {}
-    return {name: np.array(column) for name, column in zip(
-        ThermalConstants._fields, zip(*constants, strict=True), strict=True
-    )}
+    return {
+        name: np.array(column)
+        for name, column in zip(ThermalConstants._fields, zip(*constants, strict=True), strict=True)
+    }
 
 
 def _ambient(celsius):
