@@ -75,10 +75,9 @@ INLINE double at_point(const pack *p, int64_t q, int64_t cell, int64_t point) {
         t++;
     const double weight = (here - p->inverse[t - 1]) / (p->inverse[t] - p->inverse[t - 1]);
     const double cold = table(p, q, t - 1, cell, point), hot = table(p, q, t, cell, point);
-    if (p->straight[q])
+    /* Also where one is zero: its share of a resistance grows linearly from there. */
+    if (p->straight[q] || !(cold > 0.0 && hot > 0.0))
         return cold + weight * (hot - cold);
-    if (!(cold > 0.0 && hot > 0.0))
-        return 0.0;
     const double low = log(fmax(cold, SMALLEST)), high = log(fmax(hot, SMALLEST));
     return exp(low + weight * (high - low));
 }
@@ -128,7 +127,7 @@ INLINE void line(const pack *p, const states *s, int64_t from, int64_t to, doubl
         s->guess[c] = s->current[c] + p->share[c] * rise;
         const double mean = s->guess[c] - 0.5 * p->share[c] * ramp;
         s->place[c] = (s->soc[c] + step * p->per_second[c] * mean) * last - s->left[c];
-        moved |= !(s->place[c] >= 0.0 && s->place[c] < 1.0);
+        moved |= !((s->place[c] >= 0.0) & (s->place[c] < 1.0));
     }
     for (int64_t c = from; moved && c < to; c++)
         if (!(s->place[c] >= 0.0 && s->place[c] < 1.0)) {

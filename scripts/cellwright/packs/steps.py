@@ -179,7 +179,8 @@ def _at_temperature(cells, values, name, celsius):
     if name in ("ocv_volt", "ocv_shift_volt"):
         return cold + weight * (hot - cold)
     low, high = (np.log(np.maximum(v, SMALLEST)) for v in (cold, hot))
-    return np.where((cold > 0) & (hot > 0), np.exp(low + weight * (high - low)), 0.0)
+    straight = cold + weight * (hot - cold)  # where one is zero: its share grows linearly from there
+    return np.where((cold > 0) & (hot > 0), np.exp(low + weight * (high - low)), straight)
 
 
 def advance(cells, network, state, step, mode, value, *, tolerance_volt):
