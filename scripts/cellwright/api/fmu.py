@@ -10,7 +10,7 @@ def cell_fmu(
     capacities=(),
     validation=(),
     thermal=None,
-    points=2001,
+    points=4001,
     largest_step_second=1.0,
 ):
     """A cell's chosen member as an FMI 3.0 unit for co-simulation.
