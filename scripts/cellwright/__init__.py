@@ -71,6 +71,7 @@ MODULE_OF = {
     "identify_branches": "cellwright.api.effects",
     "simulate_group": "cellwright.api.effects",
     "validate_group": "cellwright.api.effects",
+    "check_group": "cellwright.api.effects",
 }
 
 __all__ = list(MODULE_OF)

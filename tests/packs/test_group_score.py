@@ -109,5 +109,5 @@ def test_wires_that_are_not_stated_are_none_and_it_is_said():
 
 
 def test_refuses_another_number_of_branches():
-    with pytest.raises(Refusal, match=r"2 branch currents for 1 branches of groups\.tsv"):
+    with pytest.raises(Refusal, match=r"found Branch 2 Current / A; groups\.tsv wires 1 members"):
         score(record(), branches()[:1], models=MODELS[:1])

@@ -57,6 +57,7 @@ TABLES_OF_MODELS = {
     "validation": SCORES,
     "soc": FILTERED,
     "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
+    "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
 COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]

@@ -1,6 +1,7 @@
 """Missing effects of a cell or of a branch of a parallel group; models of parallel groups."""
 
 from cellwright.api import inputs, results
+from cellwright.refusal import Refusal
 from cellwright.settings import MissingEffect, MissingEffectGroup, Models
 
 MODELS = Models()
@@ -320,7 +321,8 @@ def validate_group(models, branches, series, test):
 
     Parameters
     ----------
-    models : of the cells, in the order of the branches. branches : rows of groups.tsv.
+    models : of the cells, in the order of the branches. branches : rows of groups.tsv, of the group
+        and of all groups in it.
     series : clean series with branch_<k>_current_ampere [A], (n,) columns.
     test : TestFacts or mapping.
 
@@ -330,14 +332,59 @@ def validate_group(models, branches, series, test):
 
     Raises
     ------
-    Refusal : Other branch currents than branches, or no SoC at the start.
+    Refusal : Other branch currents than branches, a cell without a model, or no SoC at the start.
 
     Source: docs/packs.md.
     """
     from cellwright.packs.group import validate_group as validated
+    from cellwright.packs.wiring import described, is_star, models_of, wiring_of
     from cellwright.records.facts import MeasuredTest
 
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
-    rows = [inputs.branch_facts(branch) for branch in branches]
-    scores = validated([inputs.content(model) for model in models], rows, measured)
+    rows = inputs.rows(branches)
+    wiring = wiring_of(rows[0].get("group", "the group"), rows)
+    if not is_star(wiring):
+        raise Refusal(f"found {described(wiring)}, wanted cells in parallel without links")
+    documents = models_of(wiring, [inputs.content(model) for model in models])
+    facts = [inputs.branch_facts(row) for row in rows]
+    scores = validated(documents, facts, measured)
     return results.Scored(scores.rows, scores.series, tuple(scores.notes))
+
+
+def check_group(branches, series, test, simulated=None):
+    """Checks of a group's record: do its channels agree, and are they where the sheet says.
+
+    Parameters
+    ----------
+    branches : rows of groups.tsv, of the group and of all groups in it.
+    series : clean series of the group, (n,) columns, with whichever of branch_<k>_current_ampere
+        [A] and cell_<k>_voltage_volt [V] were logged. test : TestFacts or mapping.
+    simulated : the series of `validate_group`, whose simulated channels tell swapped ones.
+
+    Returns
+    -------
+    checks : Table; a row a check, notes what was found.
+
+    Raises
+    ------
+    Refusal : channels beyond the wiring, or a wiring that is none.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.packs.checks import channel_findings, swapped_channels
+    from cellwright.packs.wiring import cells_of, wiring_of
+    from cellwright.records.facts import MeasuredTest
+    from cellwright.records.record import group_record
+
+    rows = inputs.rows(branches)
+    group = rows[0].get("group", "the group")
+    wiring = wiring_of(group, rows)
+    own = sorted((r for r in rows if r.get("group", group) == group), key=lambda r: r["position"])
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    facts = [inputs.branch_facts(row) for row in own]
+    record = group_record(measured, facts, cells=len(cells_of(wiring)))
+    findings = channel_findings(record, wiring)
+    if simulated is not None:
+        findings += swapped_channels(inputs.columns(simulated), wiring, record.test)
+    notes = tuple(found.sentence for found in findings if found.found)
+    return results.Table([found._asdict() for found in findings], notes)

@@ -6,6 +6,14 @@ import numpy as np
 
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, soc_of
+from cellwright.records.channels import (
+    BRANCH_CURRENT,
+    CELL_TEMPERATURE,
+    CELL_VOLTAGE,
+    logged,
+    refuse_beyond,
+    table,
+)
 from cellwright.records.filled import bridged, with_edges
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged, hidden_rest_level
@@ -367,11 +375,13 @@ def _chamber_celsius(test):
 
 
 class GroupRecord(NamedTuple):
-    """One test of a parallel group; arrays (n,).
+    """One test of a group; arrays (n,). Members and cells count as in its wiring.
 
     test : its name. celsius : (n,) temperature around the cells [degC].
-    branch_current_ampere : (n, branches), + on charge, or None where it was not logged [A].
-    initial_soc : (branches,) stated at its start [1], or None.
+    branch_current_ampere : (n, members), + on charge, or None where one was not logged [A].
+    initial_soc : (members,) stated at its start [1], or None.
+    member_current_ampere : (n, members), NaN where not logged, None where none was [A].
+    cell_voltage_volt, cell_temperature_celsius : (n, cells), likewise [V], [degC].
     """
 
     test: str
@@ -381,37 +391,45 @@ class GroupRecord(NamedTuple):
     celsius: np.ndarray
     branch_current_ampere: np.ndarray | None = None
     initial_soc: np.ndarray | None = None
+    member_current_ampere: np.ndarray | None = None
+    cell_voltage_volt: np.ndarray | None = None
+    cell_temperature_celsius: np.ndarray | None = None
 
 
-def group_record(test, branches):
-    """Record of a test of a parallel group.
+def group_record(test, branches, *, cells=None):
+    """Record of a test of a group, with whichever of its channels were logged.
 
     Parameters
     ----------
     test : MeasuredTest of a group. branches : list of BranchFacts, in order of position.
+    cells : how many cells the group's wiring has; None: one a branch.
 
     Returns
     -------
-    record : GroupRecord, without branch currents where none were logged.
+    record : GroupRecord.
 
     Raises
     ------
-    Refusal : another number of branch currents than of branches.
+    Refusal : channels of more branches or cells than there are.
     """
     facts, series = test
-    currents = branch_currents(series)
-    if currents is not None and currents.shape[1] != len(branches):
-        logged = f"{currents.shape[1]} branch currents"
-        raise Refusal(f"{facts.test} has {logged} for {len(branches)} branches of groups.tsv")
+    cells = cells or len(branches)
+    try:
+        refuse_beyond(series, members=len(branches), cells=cells)
+    except Refusal as refusal:
+        raise Refusal(f"{facts.test}: {refusal}") from None
+    currents = table(series, BRANCH_CURRENT, len(branches))
+    all_logged = len(logged(series, BRANCH_CURRENT)) == len(branches)
     initial_soc = stated_soc(facts, branches)
     return GroupRecord(
         facts.test,
-        series["test_time_second"],
-        series["current_ampere"],
-        series["voltage_volt"],
-        cell_temperature(facts, series, as_read=True)[0],
-        currents,
-        None if None in initial_soc else np.array(initial_soc, float),
+        *(series[name] for name in ("test_time_second", "current_ampere", "voltage_volt")),
+        celsius=cell_temperature(facts, series, as_read=True)[0],
+        branch_current_ampere=currents if all_logged else None,
+        initial_soc=None if None in initial_soc else np.array(initial_soc, float),
+        member_current_ampere=currents,
+        cell_voltage_volt=table(series, CELL_VOLTAGE, cells),
+        cell_temperature_celsius=table(series, CELL_TEMPERATURE, cells),
     )
 
 
@@ -422,8 +440,7 @@ def branch_currents(series):
     ----------
     series : dict of (n,) columns, those of the branches named branch_<k>_current_ampere.
     """
-    names = [name for name in series if name.startswith("branch_")]
-    names.sort(key=lambda name: int(name.split("_")[1]))  # branch 10 comes after 9, not after 1
+    names = [BRANCH_CURRENT.format(number) for number in logged(series, BRANCH_CURRENT)]
     return np.column_stack([series[name] for name in names]) if names else None
 
 
