@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sheets_facts import measured_test
 
-from cellwright.packs.group import group_models
+from cellwright.packs.identify import group_models
 from cellwright.packs.parallel import Group, group_of, simulate_parallel
 from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal

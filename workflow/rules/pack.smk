@@ -2,6 +2,8 @@
 
 # Groups with tests; one of whose cells has no model says so and is left out.
 PAIRS = [group for group in BRANCHES if tests(group, "group")]
+# Those of members in parallel, whose branch currents are simulated.
+SHARED = [group for group in PAIRS if BRANCHES[group][0]["connection"] == "parallel"]
 
 
 def models_of_group(wildcards):
@@ -34,11 +36,13 @@ rule pack:
         models=models_of_group,
     output:
         scores="results/pack/{group}/{test}.parquet",
+        findings="results/pack_findings/{group}/{test}.parquet",
+        spread="results/pack_spread/{group}/{test}.parquet",
         series="results/pack_series/{group}/{test}.parquet",
     log:
         "logs/pack/{group}/{test}.log",
     wildcard_constraints:
-        group=either(PAIRS),
+        group=either(SHARED),
     params:
         test=test_facts,
         branches=lambda w: WIRED[w.group],
@@ -48,10 +52,16 @@ rule pack:
         "../../scripts/pack/pack.py"
 
 
+def simulated_channels(wildcards):
+    """The simulated branch currents of a test, which tell swapped ones, where there are some."""
+    path = f"results/pack_series/{wildcards.group}/{wildcards.test}.parquet"
+    return [path] if wildcards.group in SHARED else []
+
+
 rule pack_checks:
     input:
         series="results/clean/{group}/{test}.parquet",
-        simulated="results/pack_series/{group}/{test}.parquet",
+        simulated=simulated_channels,
     output:
         "results/pack_checks/{group}/{test}.parquet",
     log:
