@@ -96,7 +96,7 @@ class CellDraws(NamedTuple):
     initial_soc: np.ndarray
 
 
-def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SETTINGS.seed):
+def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SETTINGS.random_seed):
     """Draws of the cells of a pack, independent from cell to cell, normal.
 
     Parameters
@@ -212,7 +212,7 @@ def group_draws(
     initial_soc=1.0,
     wire_resistance_ohm=0.0,
     wire_relative_std=SETTINGS.wire_relative_std,
-    seed=SETTINGS.seed,
+    seed=SETTINGS.random_seed,
 ):
     """A parallel group discharged to its cut-off in every draw of its cells and wires.
 

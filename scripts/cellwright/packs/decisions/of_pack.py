@@ -51,7 +51,7 @@ def pack_decisions(
         resistance_relative_std=settings.resistance_relative_std,
         initial_soc_std=settings.initial_soc_std,
     )
-    drawn = draw_cells(known, draws=settings.draws, seed=settings.seed)
+    drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
     lower, _ = cutoffs_of(cells)
     if wiring.connection == "series" and depth(wiring) == 1:
         pack = _string(models, positions, lower, drawn, start, celsius, settings)
@@ -110,7 +110,7 @@ def _group(models, positions, lower, drawn, start, celsius, settings):
         c_rate=rate,
         initial_soc=start,
         wire_relative_std=settings.wire_relative_std,
-        seed=settings.seed,
+        seed=settings.random_seed,
         **setting,
     )
     nominal = discharge_group(tables, c_rate=rate, initial_soc=np.array(start), **setting)
