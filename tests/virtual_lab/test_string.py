@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cellwright import formats
-from virtual_lab import instruments, protocols, truth
-from virtual_lab.campaigns import Test, making, thesis, thesis_packs
+from virtual_lab import campaigns, instruments, protocols, truth
+from virtual_lab.campaigns import making, thesis, thesis_packs
 from virtual_lab.chamber import steady
 from virtual_lab.instruments import measurement
 
@@ -59,7 +59,7 @@ def test_the_first_cell_at_its_cut_off_ends_the_discharge(discharged):
 
 def test_truth_says_the_charge_and_who_ended_it(string, discharged):
     steps, pack, _ = discharged
-    test = Test(thesis_packs.PACK, "t", "group", 25.0, "parquet", string, steps=steps)
+    test = campaigns.Test(thesis_packs.PACK, "t", "group", 25.0, "parquet", string, steps=steps)
     rows = truth.rows(test, pack)["series_packs"]
     assert len(rows) == CELLS
     charge = 15.0 * pack[-1].duration_second / 3600
@@ -73,7 +73,7 @@ def test_truth_says_the_charge_and_who_ended_it(string, discharged):
 
 def test_a_record_has_every_cells_voltage_and_some_temperatures(string):
     steps = [protocols.rest(30.0, period_second=1.0)]
-    test = Test(
+    test = campaigns.Test(
         thesis_packs.PACK, "t", "group", 25.0, "parquet", string, steps=steps, initial_soc=None
     )
     content, _ = making.made(test)
