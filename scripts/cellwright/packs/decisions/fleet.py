@@ -43,10 +43,11 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
 
     Raises
     ------
-    Refusal : more than 200 cells, or as `parallel.group_of`.
+    Refusal : fewer than 2 cells, more than 200, or as `parallel.group_of`.
     """
-    if len(models) > MOST_CELLS:
-        raise Refusal(f"{len(models)} cells of one type; at most {MOST_CELLS} are matched at once")
+    if not 2 <= len(models) <= MOST_CELLS:
+        found = f"{len(models)} cells of one type with a model"
+        raise Refusal(f"{found}; from 2 to {MOST_CELLS} can be matched at once")
     known = uncertainty_of(
         models,
         capacity_std_ampere_hour,
