@@ -236,7 +236,8 @@ def test_rows_of_a_pack(connection):
     of = {(row["decision"], row["quantity"], row["cell"]): row for row in rows}
     charge = of["uncertainty", "usable charge", ""]
     assert charge["p05"] < charge["p50"] < charge["p95"]
-    shares = [r["value"] for r in rows if r["quantity"] == "probability: weakest cell"]
+    first = "weakest" if connection == "series" else "busiest"
+    shares = [r["value"] for r in rows if r["quantity"] == f"probability: {first} cell"]
     assert sum(shares) == pytest.approx(1.0)
     best = next(row for row in rows if row["quantity"].startswith("best"))
     assert best["cell"] == "B"
