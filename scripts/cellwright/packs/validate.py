@@ -139,6 +139,8 @@ def _offset(fits, branches, facts, record, notes):
         offset = _read_at_start(record)
     else:
         return np.zeros(len(branches))
+    if not offset.any():
+        return offset
     listed = ", ".join(f"{1e3 * value:+.1f}" for value in offset)
     notes.append(f"offsets of the branch sensors [mA], read in a rest and taken out: {listed}")
     return offset
