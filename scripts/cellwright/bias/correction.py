@@ -129,7 +129,7 @@ def _resistance_change(which, cell, base, peers, features):
 
 
 def _ocv_change(cell, base, peers, features):
-    """Change of the OCV: by the cell's charge where all charges tell it, else by the terms alone."""
+    """Change of the OCV: by the cell's charge where all charges tell it, else by terms alone."""
     true = _stacked(peers, "ocv")
     plain = _by_terms(features, true, 0.0 * true, np.zeros(len(KNOTS)))
     by_thesis = _ocv_by_thesis(cell, peers)

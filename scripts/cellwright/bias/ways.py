@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.bias.compared import compared
 from cellwright.bias.corrected import (
     alternatives,
     corrected_model,
@@ -11,7 +12,6 @@ from cellwright.bias.corrected import (
     scaled_model,
     voltage_interval,
 )
-from cellwright.bias.compared import compared
 from cellwright.bias.correction import correction
 from cellwright.bias.courses import FAST_SECOND, KNOTS, courses_of, step_ohm
 from cellwright.circuits.model_file import circuit_at, member_of, simulate_model
@@ -133,7 +133,7 @@ def _resistance_errors(own, model):
     for name, second in (("r0", 0.0), ("r10", FAST_SECOND)):
         courses = [_step(one, second) for one in (own, model)]
         ratio = np.interp(list(AT_SOC.values()), KNOTS, courses[1] / courses[0]) - 1
-        found |= {f"{name}_error_soc_{at}": float(value) for at, value in zip(AT_SOC, ratio)}
+        found |= {f"{name}_error_soc_{at}": r for at, r in zip(AT_SOC, ratio.tolist(), strict=True)}
     return found
 
 
