@@ -138,19 +138,19 @@ def test_paths_of_each_peer_stay_together_and_peers_without_a_model_are_left_out
 
 
 def test_cells_that_are_judged_have_a_model_in_use(write):
-    """The model of A is in use; that of B could not be made, and B is left out."""
-    for cell in "AB":
+    """The model of J1 is in use; that of J2 could not be made, and J2 is left out."""
+    for cell in ("J1", "J2"):
         write(f"results/basis/{cell}.json", {"cell": cell, "capacity_ampere_hour": 2.0})
         write(f"results/identify/{cell}.json", {"chosen": "1RC"})
-    write("results/models/A.json", {"chosen": "2RC"})
-    write("results/models/B.json", "no member")
+    write("results/models/J1.json", {"chosen": "2RC"})
+    write("results/models/J2.json", "no member")
 
     class Inputs:
-        peer_basis = ("results/basis/A.json", "results/basis/B.json")
-        peer_models = ("results/identify/A.json", "results/identify/B.json")
+        peer_basis = ("results/basis/J1.json", "results/basis/J2.json")
+        peer_models = ("results/identify/J1.json", "results/identify/J2.json")
         peer_peaks = peer_curves = peer_onset = peer_capacity = series = ()
-        own = ("results/models/A.json", "results/models/B.json")
+        own = ("results/models/J1.json", "results/models/J2.json")
 
-    (found,) = lending.judged_cells(Inputs, [], {"A": {"cell": "A"}, "B": {"cell": "B"}})
+    (found,) = lending.judged_cells(Inputs, [], {name: {"cell": name} for name in ("J1", "J2")})
     assert (found.shown.model, found.own) == ({"chosen": "1RC"}, {"chosen": "2RC"})
-    assert (found.facts.cell, found.tests) == ("A", ())
+    assert (found.facts.cell, found.tests) == ("J1", ())

@@ -68,15 +68,23 @@ def compare_ways(cells, *, split_rest_second, seed=0):
         rest = [one for one in against if one is not against[place]]
         models = (against[place], base, rest)
         ways, found = _models(cell.own, reference, *models, random)
-        notes += [f"{cell.shown.cell}: {words}" for words in found.outside]
-        for test in cell.tests:
-            try:
-                rows += _rows(cell, ways, test, found.model_error_volt, split_rest_second)
-            except Refusal as refusal:
-                notes.append(f"{cell.shown.cell}, {test.facts.test}: {refusal}")
+        of_cell, reasons = _scored(cell, ways, found.model_error_volt, split_rest_second)
+        rows += of_cell
+        notes += [f"{cell.shown.cell}: {words}" for words in found.outside] + reasons
     if not rows:
         raise Refusal(f"no test could be compared: {'; '.join(notes) or 'none was given'}")
     return rows, notes
+
+
+def _scored(cell, ways, model_error_volt, split_rest_second):
+    """Rows of all tests of a cell, and why others have none."""
+    rows, reasons = [], []
+    for test in cell.tests:
+        try:
+            rows += _rows(cell, ways, test, model_error_volt, split_rest_second)
+        except Refusal as refusal:
+            reasons.append(f"{cell.shown.cell}, {test.facts.test}: {refusal}")
+    return rows, reasons
 
 
 def _models(own, reference, cell, base, rest, random):
