@@ -6,6 +6,7 @@ import truth
 import type_of_cells
 
 from cellwright.bias.ways import Scored, compare_ways
+from cellwright.bias.worst import corrected_voltages, worst_cell
 from cellwright.records.facts import CellFacts, MeasuredTest, TestFacts
 from cellwright.refusal import Refusal
 
@@ -97,3 +98,32 @@ def test_what_cannot_be_compared_is_refused():
     untested = [cell._replace(tests=()) for cell in cells(1)]
     with pytest.raises(Refusal, match="no test could be compared: none was given"):
         compare_ways(untested, split_rest_second=60.0)
+
+
+def row(cell, way, rmse_volt):
+    return {"cell": cell, "way": way, "rmse_volt": rmse_volt}
+
+
+def test_the_worst_cell_is_that_of_which_the_correction_errs_most():
+    """D's test is followed by no model; of B the correction loses most, over both its tests."""
+    rows = [row("A", "bias", 3e-3), row("A", "own", 2e-3)]
+    rows += [row("B", "bias", 3e-3), row("B", "bias", 5e-3), row("B", "own", 2e-3)]
+    rows += [row("D", "bias", 9e-3), row("D", "own", 9e-3), row("C", "reference", 1.0)]
+    found = worst_cell(rows)
+    assert (found.cell, found.rmse_volt) == ("B", pytest.approx(np.sqrt(17e-6)))
+    assert found.own_rmse_volt == 2e-3
+    assert "D has the largest error, 9 mV, but its own model errs by 9 mV" in found.words
+    with pytest.raises(Refusal, match="no cell has a corrected model that was scored"):
+        worst_cell([row("C", "reference", 1.0)])
+
+
+def test_the_corrected_voltage_of_a_cell_is_what_its_row_was_scored_by(compared):
+    rows, _ = compared
+    all_cells = cells(8)
+    tests = all_cells[2].tests
+    voltages = corrected_voltages(all_cells, "C2", tests, split_rest_second=60.0)
+    error = tests[0].series["voltage_volt"] - voltages["drive"][1]
+    (scored_row,) = [r for r in rows if (r["cell"], r["way"]) == ("C2", "bias")]
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(scored_row["rmse_volt"], rel=1e-9)
+    with pytest.raises(Refusal, match="no cell X; there are C0, C1"):
+        corrected_voltages(all_cells, "X", tests, split_rest_second=60.0)
