@@ -19,6 +19,7 @@ ROOMS = {
     "circuits": {"numerics", "records"},
     "health": {"numerics", "protocols", "laws", "series", "circuits"},
     "identification": {"numerics", "records", "protocols", "circuits"},
+    "bias": {"numerics", "records", "protocols", "circuits", "health", "identification"},
     "filters": {"numerics", "records", "circuits"},
     "packs": {"numerics", "records", "circuits", "identification"},
     "fmu": {"records", "circuits", "packs"},
@@ -93,7 +94,9 @@ BUILDERS = ("native/__init__.py", "native/fmu/__init__.py")
 OF_THE_INTERFACE = {"api": ({"pandas"}, {"open"})}
 
 
-@pytest.mark.parametrize("path", [m for m in modules(SCIENCE) if not str(m).endswith(BUILDERS)], ids=name)
+@pytest.mark.parametrize(
+    "path", [m for m in modules(SCIENCE) if not str(m).endswith(BUILDERS)], ids=name
+)
 def test_no_file_plot_log_or_clock(path):
     packages, opened = OF_THE_INTERFACE.get(path.relative_to(SCIENCE).parts[0], (set(), set()))
     banned = IMPURE - packages
