@@ -17,8 +17,8 @@ CURRENT, VOLTAGE, POWER = range(3)  # what is asked of a pack in a step
 MOST_PASSES = 60  # as in native/pack.c
 REMEMBERED = ("soc", "relaxed_volt", "kinetic_volt", "hysteresis_volt", "surface_soc", "parameters")
 MOST_TURNS = 30  # passes in which cells with hysteresis go on from rest
-# A parameter that grows by more from one temperature to the next follows no Arrhenius law: it is the
-# share of a resistance that begins there, which is linear.
+# A parameter that grows by more from one temperature to the next follows no Arrhenius law: a share
+# of a resistance begins there, and shares are linear.
 SAME_KIND = 1e4
 SAME_SOC = 1e-4  # a cell without kinetics or hysteresis is linear within so much of its SoC
 
