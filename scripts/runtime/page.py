@@ -111,9 +111,10 @@ def packed(html: str) -> str:
     """A page as gzip in base64.
 
     By pyarrow's own compressor, whose version the locked environment holds: the same page then has
-    the same bytes on any machine, which Python's, built on the system's, does not promise.
+    the same bytes on any machine, which Python's, built on the system's, does not promise. Level 9
+    takes three times as long for 3 % fewer bytes.
     """
-    codec = pa.Codec("gzip", compression_level=9)
+    codec = pa.Codec("gzip", compression_level=6)
     return base64.b64encode(codec.compress(html.encode(), asbytes=True)).decode()
 
 
