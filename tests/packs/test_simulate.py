@@ -13,7 +13,6 @@ from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.model_file import simulate_model
 from cellwright.identification.borrowed import scaled_reference
 from cellwright.packs.cells import pack_cells
-from cellwright.packs.network import network_of
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import cells_of
 from cellwright.refusal import Refusal
