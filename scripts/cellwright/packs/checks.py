@@ -362,7 +362,7 @@ def _both(series, channel, count):
     return [np.column_stack([series[name] for name in kind]) for kind in kinds]
 
 
-def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
+def swapped(measured, simulated, share, *, test, what="branch", numbers=None, blocks=20):
     """Channels whose readings fit the models of other members clearly better than their own's.
 
     1. The assignment of readings to members with the least squared error (Hungarian method). 2. Of
@@ -374,7 +374,8 @@ def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
     measured, simulated : (n, members), of the same unit; the simulated ones from the members' own
         models in the wiring as the sheet states it.
     share : root mean square of a member's share of the total, in that unit.
-    test : name, for the sentence. what : "branch" or "cell". blocks : of the record.
+    test : name, for the sentence. what : "branch" or "cell". numbers : (members,) of those that
+        were logged; None: 1, 2, …. blocks : of the record.
 
     Returns
     -------
@@ -389,7 +390,10 @@ def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
         return []
     cost = np.square(measured).sum(axis=0)[:, None] + np.square(simulated).sum(axis=0)
     cost -= 2.0 * measured.T @ simulated
+    # Who is read where must be worth more than what the models of two like cells do not tell.
+    cost += len(measured) * (SWAP_SHARE * share) ** 2 * (1.0 - np.eye(len(cost)))
     member_of = linear_sum_assignment(cost)[1]
+    names = range(1, len(cost) + 1) if numbers is None else numbers
     found = []
     for circle in _circles(member_of):
         own = np.square(measured[:, circle] - simulated[:, circle]).sum(axis=1)
@@ -398,7 +402,8 @@ def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
         gains = np.array([part.sum() for part in np.array_split(own - other, blocks)])
         steady = -gains[gains < 0].sum() <= SWAP_AGAINST * gains[gains > 0].sum()
         if steady and after <= SWAP_RATIO * before and before - after > SWAP_SHARE * share:
-            found.append(_swap(circle, member_of, before / share, after / share, test, what))
+            named = [names[k] for k in circle], [names[member_of[k]] for k in circle]
+            found.append(_swap(*named, before / share, after / share, test, what))
     return found
 
 
@@ -415,11 +420,13 @@ def _circles(member_of):
     return circles
 
 
-def _swap(circle, member_of, before, after, test, what):
-    fits = [f"{what} {k + 1} fits the model of {what} {member_of[k] + 1}" for k in circle]
+def _swap(read, fitting, before, after, test, what):
+    of = "its share" if what == "branch" else "what its load moves it by"
+    pairs = zip(read, fitting, strict=True)
+    fits = ", ".join(f"{what} {k} fits the model of {what} {other}" for k, other in pairs)
     text = (
-        f"{test}: swapped channels? What was read as {', '.join(fits)}: {after:.1%} of its share "
+        f"{test}: swapped channels? What was read as {fits}: error {after:.1%} of {of} "
         f"instead of {before:.1%}; nothing was swapped here"
     )
     limit = SWAP_RATIO * before
-    return Finding("swapped", circle[0] + 1, after, np.nan, limit, "of its share", True, text)
+    return Finding("swapped", int(read[0]), after, np.nan, limit, f"of {of}", True, text)
