@@ -28,6 +28,9 @@ UNITS = {-1.0: "its sign is turned", 1000.0: "it reads in mA what is taken as A"
 UNITS |= {0.001: "it reads in A what is taken as mA"}
 
 
+BEYOND_CALIBRATION = "outside the calibration"  # so begins the note of such a model
+
+
 class Finding(NamedTuple):
     """One check of a record.
 
@@ -90,16 +93,37 @@ def refuse_contradiction(record, wiring):
 
     Raises
     ------
-    Refusal : what `channel_findings` say of it, where the sum misses the total by 5 % of it.
+    Refusal : what `channel_findings` say of it, where the sum misses the total by 5 % of it beside
+        a constant, which is an offset and leaves the course of the currents known.
     """
     currents, total = record.branch_current_ampere, record.current_ampere
     if wiring.connection == "series" or currents is None:
         return
-    left, size = rms(np.nansum(currents, axis=1) - total), rms(total)
+    missed, size = np.nansum(currents, axis=1) - total, rms(total)
+    left = rms(missed - np.median(missed))
     if left > CONTRADICTION * size:
         said = [found.sentence for found in channel_findings(record, wiring) if found.found]
         sums = f"its branch currents miss the total by {left:.3g} A of {size:.3g} A RMS"
         raise Refusal("; ".join([f"{record.test}: {sums}", *said]))
+
+
+def beyond_calibration(models):
+    """What bias-corrected models of a group's cells say of lying beyond their calibration.
+
+    Parameters
+    ----------
+    models : list of model dicts.
+
+    Returns
+    -------
+    notes : list of sentences with the cells' names.
+    """
+    return [
+        f"{model['cell']}: {note}"
+        for model in models
+        for note in model.get("notes", ())
+        if note.startswith(BEYOND_CALIBRATION)
+    ]
 
 
 def _untold(check, sentence):

@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
 from cellwright.numerics.statistics import rms
-from cellwright.packs.checks import swapped
+from cellwright.packs.checks import beyond_calibration, swapped
 from cellwright.refusal import Refusal
 
 REST_SHARE = 0.02  # of the largest current: less is a rest
@@ -105,7 +105,7 @@ def validate_string(models, positions, record):
 
     Source: thesis 4.5 (fifty cells under one FUDS current, mean and largest voltage error).
     """
-    notes = []
+    notes = beyond_calibration(models)
     start = string_soc(models, positions, record, notes)
     celsius = cell_temperatures(record, len(models), notes)
     time, current = record.test_time_second, record.current_ampere
