@@ -12,9 +12,11 @@ from wirings import WIRINGS, parallel, series
 from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.model_file import simulate_model
 from cellwright.identification.borrowed import scaled_reference
+from cellwright.packs import kernel
 from cellwright.packs.cells import pack_cells
+from cellwright.packs.kernel import Keep
 from cellwright.packs.simulate import simulate_pack
-from cellwright.packs.wiring import cells_of
+from cellwright.packs.wiring import Wiring, cells_of
 from cellwright.refusal import Refusal
 
 CELLS = (
@@ -63,9 +65,10 @@ def test_a_switch_turns_one_step_after_the_current_has_turned():
     run = simulate_pack(time, LOAD / 3, pack(cell), ALONE, initial_soc=0.6)
     alone = simulate_model(cell, None, time, LOAD / 3, run.soc[:, 0], 25.0, hold="first_order")
     turned = np.diff(np.sign(LOAD), prepend=0.0) != 0
+    loaded = np.abs(LOAD) > 0.01 * np.abs(LOAD).max()
     off = np.abs(run.voltage_volt - alone.voltage_volt)
     assert off[turned].max() > 0.01
-    assert off[~turned].max() < 1e-6
+    assert off[loaded & ~turned].max() < 1e-5
 
 
 @settings(deadline=None, max_examples=10)
@@ -92,6 +95,15 @@ def into(wiring, by_cell):
         np.testing.assert_allclose(np.ptp(inner, axis=0), 0.0, rtol=0, atol=1e-9)
         return inner[0]
     return np.sum(inner, axis=0)
+
+
+@pytest.mark.parametrize("link", [0.0, 1e-8])
+def test_the_currents_of_a_thousand_cells_sum_to_the_total(link):
+    names = tuple(map(str, range(1002)))
+    wiring = Wiring("p", "parallel", names, (0.0,) * 1002, (0.0,) + (link,) * 1001)
+    run = simulate_pack(TIME[:60], 1000 * LOAD[:60], pack(*CELLS * 334), wiring, initial_soc=0.5)
+    total = run.cell_current_ampere.sum(axis=1)
+    np.testing.assert_allclose(total, 1000 * LOAD[:60], rtol=0, atol=1e-9)
 
 
 def test_cells_on_one_bar_have_one_voltage():
@@ -178,9 +190,9 @@ def test_cells_without_ohmic_resistance_run_from_rest_where_their_lags_resist():
     run = simulate_pack(time, load, pack(*bare), parallel(*"AB"), initial_soc=0.5)
     np.testing.assert_allclose(run.cell_current_ampere.sum(axis=1), load, rtol=0, atol=1e-9)
     assert run.cell_current_ampere[-1, 0] < run.cell_current_ampere[-1, 1] < 0
-    with pytest.raises(Refusal, match="resistance of 0 ohm"):
+    with pytest.raises(Refusal, match=r"member \d of p has no resistance"):
         simulate_pack(time, load - 1.0, pack(*bare), parallel(*"AB"), initial_soc=0.5)
-    with pytest.raises(Refusal, match="resistance of 0 ohm"):
+    with pytest.raises(Refusal, match=r"member \d of p has no resistance"):
         simulate_pack(time, load, pack(*bare), parallel(*"AB"), initial_soc=0.5, hold="zero_order")
 
 
@@ -258,22 +270,67 @@ class Independent:
 
 
 def test_two_cells_with_kinetics_and_hysteresis_agree_with_an_independent_solver():
-    """The error falls with the step, at 1 s below 2 mA and 0.1 mV of 9 A beside 0.5 A apart."""
+    """9 A shared by unequal cells at unequal SoC: the error falls with the step, as first order."""
     true = Independent()
     edges = np.array([0.0, 60.0, 300.0, 420.0, 600.0, 900.0])
-    levels, start = np.array([0.0, -9.0, 5.0, -2.0, 0.0]), np.array([0.62, 0.55])
+    levels, begin = np.array([0.0, -9.0, 5.0, -2.0, 0.0]), np.array([0.62, 0.55])
     wiring = parallel(*"AB")._replace(contact_ohm=tuple(true.CONTACT))
     errors = []
-    for step in (4.0, 1.0):
+    for step in (1.0, 0.25):
         time = np.arange(0.0, 900.0, step)
-        current, volt = true.run(edges, levels, time, start)
+        current, volt = true.run(edges, levels, time, begin)
         load = levels[np.searchsorted(edges, time, side="right") - 1]
-        run = simulate_pack(
-            time, load, pack(*true.models()), wiring, initial_soc=start, hold="zero_order"
-        )
-        off = np.abs(run.cell_current_ampere - current).max()
-        errors.append((off, np.abs(run.voltage_volt - volt).max()))
-    print(errors)
-    assert errors[1][0] < 0.35 * errors[0][0]
-    assert errors[1][0] < 2e-2
-    assert errors[1][1] < 2e-4
+        cells = pack(*true.models(), points=401)
+        run = simulate_pack(time, load, cells, wiring, initial_soc=begin, hold="zero_order")
+        off = run.cell_current_ampere - current
+        volts = np.sqrt(np.mean((run.voltage_volt - volt) ** 2))
+        errors.append((np.sqrt(np.mean(off**2)), np.abs(off).max(), volts))
+    assert errors[0][0] < 3e-3
+    assert errors[0][2] < 1e-5
+    assert errors[1][0] < 0.4 * errors[0][0]
+    assert errors[1][1] < 0.4 * errors[0][1]
+
+
+def with_fields(points=51, cells=4, seed=1):
+    """Cells that differ in everything, time constants that move with SoC."""
+    rng, knots = np.random.default_rng(seed), len(truth.KNOTS)
+    models = []
+    for k in range(cells):
+        scale = rng.uniform(0.6, 1.6)
+        kinds = [kind for kind in KINDS if kind != "R"]
+        model = with_branches(truth.model(f"c{k}", scale=scale), *kinds)
+        for branch in model["members"][0]["conditions"][0]["branches"]:
+            for name in set(branch) - {"kind"}:
+                branch[name] = (np.array(branch[name]) * rng.uniform(0.7, 1.4, knots)).tolist()
+        models.append(model | {"capacity_ampere_hour": float(rng.uniform(1.5, 2.5))})
+    return models
+
+
+def numpy_alone(monkeypatch):
+    monkeypatch.setattr(kernel, "function", lambda *_types, **_result: None)
+
+
+@pytest.mark.parametrize("hold", ["first_order", "zero_order"])
+@pytest.mark.parametrize("shape", ["three deep", "star", "leads at opposite ends", "one"])
+@pytest.mark.parametrize("plain", [True, False])
+def test_compiled_and_numpy_agree(monkeypatch, plain, shape, hold):
+    """Also beyond the ends of the tables, where a step repeats and where one lasts long."""
+    wiring = WIRINGS[shape]
+    names = cells_of(wiring)
+    models = with_fields(cells=len(names))
+    if plain:
+        pairs = ("R", "RC", "warburg")
+        for model in models:
+            condition = model["members"][0]["conditions"][0]
+            condition["branches"] = [
+                b for b in condition["branches"] if b.get("kind", "RC") in pairs
+            ]
+    time = np.cumsum(np.repeat([0.0, 1.0, 4.0, 0.5, 60.0], 16))
+    load = np.repeat(np.random.default_rng(3).uniform(-5, 2, 16), 5) * len(names) ** 0.5
+    begin = np.random.default_rng(4).uniform(0.1, 0.9, len(names))
+    setting = {"initial_soc": begin, "hold": hold, "keep": Keep(3, extremes=True)}
+    cells = pack(*models, points=51)
+    run = simulate_pack(time, load, cells, wiring, **setting)
+    numpy_alone(monkeypatch)
+    for one, other in zip(run, simulate_pack(time, load, cells, wiring, **setting), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)

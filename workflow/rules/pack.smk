@@ -34,6 +34,8 @@ rule pack:
         models=models_of_group,
     output:
         scores="results/pack/{group}/{test}.parquet",
+        findings="results/pack_findings/{group}/{test}.parquet",
+        spread="results/pack_spread/{group}/{test}.parquet",
         series="results/pack_series/{group}/{test}.parquet",
     log:
         "logs/pack/{group}/{test}.log",

@@ -40,6 +40,11 @@ TABLES_OF_HEALTH = {
     "fade": [f"results/life/{cell}.parquet" for cell in AGED],
     "fade_laws": [f"results/fade/{cell}.parquet" for cell in AGED],
 }
+TABLES_OF_GROUPS = {
+    "packs": "pack",
+    "pack_findings": "pack_findings",
+    "pack_spread": "pack_spread",
+}
 TABLES_OF_MODELS = {
     "temperature_prediction": [
         f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
@@ -56,7 +61,10 @@ TABLES_OF_MODELS = {
     "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
     "soc": FILTERED,
-    "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
+    **{
+        table: [p for group in PAIRS for p in artefacts(stage, group, "group")]
+        for table, stage in TABLES_OF_GROUPS.items()
+    },
     "series_packs": [p for group in SERIES for p in artefacts("series_pack", group, "group")],
     "series_pack_cells": [
         p for group in SERIES for p in artefacts("series_pack_cells", group, "group")

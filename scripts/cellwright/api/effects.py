@@ -1,7 +1,6 @@
 """Missing effects of a cell or of a branch of a parallel group; models of parallel groups."""
 
 from cellwright.api import inputs, results
-from cellwright.refusal import Refusal
 from cellwright.settings import MissingEffect, MissingEffectGroup, Models
 
 MODELS = Models()
@@ -265,7 +264,7 @@ def identify_branches(series, steps, cells, test):
     Source: docs/packs.md.
     """
     from cellwright.circuits.parameters import parameter_rows
-    from cellwright.packs.group import group_models
+    from cellwright.packs.identify import group_models
     from cellwright.records.facts import MeasuredTest
 
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
@@ -328,7 +327,7 @@ def validate_group(models, branches, series, test):
 
     Returns
     -------
-    validation : Scored; one row a branch: errors of current [A] and voltage [V].
+    validation : ScoredGroup; one row a branch: errors of current [A] and voltage [V].
 
     Raises
     ------
@@ -336,19 +335,19 @@ def validate_group(models, branches, series, test):
 
     Source: docs/packs.md.
     """
-    from cellwright.packs.group import validate_group as validated
-    from cellwright.packs.wiring import described, is_star, models_of, wiring_of
+    from cellwright.packs.validate import validate_group as validated
+    from cellwright.packs.wiring import models_of, wiring_of
     from cellwright.records.facts import MeasuredTest
 
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
     rows = inputs.rows(branches)
-    wiring = wiring_of(rows[0].get("group", "the group"), rows)
-    if not is_star(wiring):
-        raise Refusal(f"found {described(wiring)}, wanted cells in parallel without links")
+    group = rows[0].get("group", "the group")
+    wiring = wiring_of(group, rows)
     documents = models_of(wiring, [inputs.content(model) for model in models])
-    facts = [inputs.branch_facts(row) for row in rows]
-    scores = validated(documents, facts, measured)
-    return results.Scored(scores.rows, scores.series, tuple(scores.notes))
+    own = [row for row in rows if row.get("group", group) == group]
+    members = sorted(own, key=lambda row: row["position"])
+    facts = [inputs.branch_facts(row) for row in members]
+    return results.ScoredGroup(*validated(documents, facts, measured, wiring))
 
 
 def check_group(branches, series, test, simulated=None):

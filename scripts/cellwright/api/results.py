@@ -304,6 +304,20 @@ class Scored(NamedTuple):
         return frame(self.rows)
 
 
+class ScoredGroup(NamedTuple):
+    """Scores of a group, what its cells do to each other, that over SoC, and the series of both."""
+
+    rows: list
+    findings: list
+    spread: list
+    series: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row a branch."""
+        return frame(self.rows)
+
+
 class FinishedModel(NamedTuple):
     """A model ready for use: its document, rows of its parameters, rows of the choice of member."""
 

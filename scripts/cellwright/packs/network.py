@@ -23,7 +23,7 @@ class Network(NamedTuple):
     cells : how many. connection : (groups,) SERIES, STAR, LADDER or OPPOSITE (leads at the two
     ends), a group after all groups within it, the whole last. first : (groups + 1,) where a
     group's members begin. member : (m,) element. contact_ohm, link_ohm : (m,) [ohm].
-    share : (cells,) of the total current by capacity [1].
+    share : (cells,) of the total current by capacity [1]. names : of the groups.
     """
 
     cells: int
@@ -33,6 +33,7 @@ class Network(NamedTuple):
     contact_ohm: np.ndarray
     link_ohm: np.ndarray
     share: np.ndarray
+    names: tuple
 
 
 class Reduced(NamedTuple):
@@ -72,10 +73,10 @@ def network_of(wiring, capacity_ampere_hour):
     twice = sorted({name for name in names if names.count(name) > 1}) if len(names) < 1000 else []
     if twice or len(set(names)) < len(names):
         raise Refusal(f"{wiring.name} names a cell twice: {', '.join(twice)}")
-    parts = {"connection": [], "first": [0], "member": [], "contact": [], "link": [], "size": []}
-    _walk(wiring, 0, len(names), np.asarray(capacity_ampere_hour, float), parts)
-    first, member = np.array(parts["first"]), np.array(parts["member"])
-    connection = np.array(parts["connection"])
+    parts = {"connection": [], "first": [0], "member": [], "contact": [], "link": [], "name": []}
+    _walk(wiring, 0, len(names), parts)
+    first, member = (np.array(parts[name], np.int64) for name in ("first", "member"))
+    connection = np.array(parts["connection"], np.int64)
     return Network(
         cells=len(names),
         connection=connection,
@@ -84,10 +85,11 @@ def network_of(wiring, capacity_ampere_hour):
         contact_ohm=np.array(parts["contact"], float),
         link_ohm=np.array(parts["link"], float),
         share=_shares(len(names), connection, first, member, capacity_ampere_hour),
+        names=tuple(parts["name"]),
     )
 
 
-def _walk(wiring, leaf, cells, capacity, parts):
+def _walk(wiring, leaf, cells, parts):
     """Number the groups below a group and itself, children first: (its element, next leaf)."""
     members = []
     for inner in wiring.members:
@@ -95,10 +97,11 @@ def _walk(wiring, leaf, cells, capacity, parts):
             members.append(leaf)
             leaf += 1
         else:
-            element, leaf = _walk(inner, leaf, cells, capacity, parts)
+            element, leaf = _walk(inner, leaf, cells, parts)
             members.append(element)
     _check(wiring)
     parts["connection"].append(_code(wiring))
+    parts["name"].append(wiring.name)
     parts["member"] += members
     parts["first"].append(len(parts["member"]))
     parts["contact"] += wiring.contact_ohm
@@ -171,10 +174,7 @@ def reduced(network, source_volt, resistance_ohm):
             source[at], resistance[at] = e.sum(), z.sum()
             continue
         if not z.min() > 0:
-            raise Refusal(
-                f"member {int(np.argmin(z)) + 1} of a parallel group has a resistance of "
-                f"{z.min():g} ohm at this moment; its cell or its contact needs one above zero"
-            )
+            raise no_resistance(network, node, int(np.argmin(z)))
         if code == STAR:
             conductance = 1.0 / z
             resistance[at] = 1.0 / conductance.sum()
@@ -184,6 +184,19 @@ def reduced(network, source_volt, resistance_ohm):
             found = _ladder(e, z, network.link_ohm[rows], half)
             source[at], resistance[at], onward[rows] = found
     return Reduced(source, resistance, onward)
+
+
+def no_resistance(network, group, member):
+    """What to raise where a member on a busbar has no resistance: its current is any.
+
+    Parameters
+    ----------
+    network : Network. group, member : indices, of the group and of the member within it.
+    """
+    return Refusal(
+        f"member {member + 1} of {network.names[group]} has no resistance at this moment; its cell "
+        "or its contact needs one that acts at once"
+    )
 
 
 def _ladder(e, z, link, half):
@@ -238,3 +251,15 @@ def _along(onward, through):
     for k in range(1, len(onward)):
         reaching[k] = onward[k] @ (1.0, reaching[k - 1], through)
     return reaching[:-1] - reaching[1:]
+
+
+def sensed_element(wiring, network):
+    """Element of the network at whose terminals the pack's voltage is measured.
+
+    Parameters
+    ----------
+    wiring : Wiring. network : Network of it.
+    """
+    if wiring.sense is None:
+        return network.cells + len(network.connection) - 1
+    return int(network.member[network.first[-2] + wiring.sense])

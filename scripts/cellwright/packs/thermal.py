@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.heat import heat
+from cellwright.packs.steps import ocv_volt
 from cellwright.refusal import Refusal
 
 SYMMETRIC = 1e-9  # of the largest conductance: what a matrix between neighbours may be off
@@ -76,18 +78,39 @@ def thermal_modes(thermal, cells):
     return ThermalModes(rate, to_modes, from_modes, capacity, to_ambient, entropic)
 
 
+def heat_of(cells, modes, state, voltage_volt):
+    """Heat of each cell at a moment: I·(V − OCV) + I·T·dOCV/dT (cells,) [W].
+
+    Parameters
+    ----------
+    cells : PackCells. modes : ThermalModes, or None: no heat is asked for. state : PackState.
+    voltage_volt : (cells,) [V].
+
+    Source: D. Bernardi, E. Pawlikowski, J. Newman, J. Electrochem. Soc. 132 (1985) 5, without
+    heat of mixing.
+    """
+    if modes is None:
+        return np.zeros(len(state.soc))
+    celsius = state.temperature_celsius
+    settings = {"temperature_celsius": celsius, "entropic_volt_per_kelvin": modes.entropic}
+    return heat(state.current_ampere, voltage_volt, ocv_volt(cells, state.soc, celsius), **settings)
+
+
 def warmed(modes, celsius, heat_watt, ambient_celsius, step_second):
     """Temperatures a step later [degC], exact for heat and ambient that keep their values.
 
     Parameters
     ----------
-    modes : ThermalModes. celsius, heat_watt : (cells,) at its start, in it [degC], [W].
+    modes : ThermalModes, or None: the ambient's temperature.
+    celsius, heat_watt : (cells,) at the begin of the step, in it [degC], [W].
     ambient_celsius : in the step [degC]. step_second : [s].
 
     Returns
     -------
     temperature_celsius : (cells,) [degC].
     """
+    if modes is None:
+        return np.full(len(celsius), float(ambient_celsius))
     inward = (heat_watt - modes.to_ambient * (celsius - ambient_celsius)) / modes.capacity
     if modes.to_modes.ndim == 1:
         return celsius + inward * _effective(modes.rate, step_second)
