@@ -6,7 +6,7 @@ from runtime import artefact
 with artefact.Job(snakemake) as job:
     record = job.load(snakemake.input.series)
     test = snakemake.params.test | {"test": snakemake.wildcards.test}
-    simulated = artefact.load_first([snakemake.input.simulated])
+    simulated = artefact.load_first(snakemake.input.simulated)
     found = cw.check_group(snakemake.params.branches, record, test, simulated)
     job.note(*found.notes)
     job.save(found.rows)

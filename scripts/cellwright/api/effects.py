@@ -292,27 +292,28 @@ def simulate_group(
 
     Raises
     ------
-    Refusal : no model, or one without a member of RC pairs.
+    Refusal : no model, or as `packs.simulate.simulate_pack`.
 
     Source: docs/packs.md.
     """
     import numpy as np
 
-    from cellwright.packs.parallel import group_of, simulate_parallel
+    from cellwright.packs.cells import pack_cells
+    from cellwright.packs.simulate import simulate_pack
+    from cellwright.packs.wiring import Wiring
 
     documents = [inputs.content(model) for model in models]
-    pack = group_of(documents, temperature_celsius=temperature_celsius)
+    cells = pack_cells(documents, temperature_celsius=temperature_celsius)
     time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
-    start, wire = (
-        np.broadcast_to(np.asarray(value, float), len(documents))
-        for value in (initial_soc, wire_resistance_ohm)
-    )
-    run = simulate_parallel(time, total, pack, initial_soc=start, wire_resistance_ohm=wire)
+    wire = np.broadcast_to(np.asarray(wire_resistance_ohm, float), len(documents))
+    branches = tuple(f"branch {k + 1}" for k in range(len(documents)))
+    wiring = Wiring("the group", "parallel", branches, tuple(wire), (0.0,) * len(documents))
+    run = simulate_pack(time, total, cells, wiring, initial_soc=initial_soc)
     columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
     for k in range(len(documents)):
-        columns[f"branch_{k + 1}_current_ampere"] = run.branch_current_ampere[:, k]
+        columns[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
         columns[f"branch_{k + 1}_soc"] = run.soc[:, k]
-    return results.Simulation(columns, "the members of RC pairs")
+    return results.Simulation(columns, ", ".join(dict.fromkeys(cells.members)))
 
 
 def validate_group(models, branches, series, test):

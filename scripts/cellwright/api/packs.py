@@ -1,7 +1,121 @@
-"""Packs: what a series string can give, decisions on a pack, cells put together."""
+"""Packs: simulated, what a series string can give, decisions on a pack, cells put together."""
 
 from cellwright.api import inputs, results
 from cellwright.settings import PackDecisions
+
+
+def simulate_pack(
+    models,
+    members,
+    current,
+    *,
+    initial_soc,
+    temperature_celsius=25.0,
+    thermal=None,
+    hold="first_order",
+    member=None,
+):
+    """Currents, voltages, SoC and temperatures of all cells of a pack under a total current.
+
+    Parameters
+    ----------
+    models : of its cells, in any order; each runs as its chosen member, or as `member`.
+    members : rows of groups.tsv of the pack and of the groups in it, or a Wiring.
+    current : DataFrame or columns: test_time_second [s], current_ampere [A], of the pack.
+    initial_soc : scalar or one a cell in the order of the wiring [1].
+    temperature_celsius : of all cells, or with `thermal` of the ambient; scalar or (n,) [°C].
+    thermal : `Thermal`, or None: cells do not warm.
+    hold : of the current between samples, "first_order" or "zero_order".
+    member : name of a member of all models, or None.
+
+    Returns
+    -------
+    simulation : PackSimulation; (n,) columns: voltage_volt [V], cell_<k>_current_ampere [A],
+        cell_<k>_voltage_volt [V], cell_<k>_soc [1], cell_<k>_temperature_celsius [°C].
+
+    Raises
+    ------
+    Refusal : a wiring that is none, a cell without a model, or as `packs.simulate.simulate_pack`.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.packs.simulate import simulate_pack as simulated
+
+    wiring, cells = _wired(models, members, temperature_celsius, thermal, member)
+    time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
+    around = {"ambient_celsius": temperature_celsius, "thermal": thermal}
+    run = simulated(time, total, cells, wiring, initial_soc=initial_soc, hold=hold, **around)
+    columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
+    return results.PackSimulation(columns | _of_cells(run), cells.names, cells.members, [])
+
+
+def run_pack_phases(
+    models,
+    members,
+    phases,
+    *,
+    initial_soc,
+    temperature_celsius=25.0,
+    thermal=None,
+    member=None,
+):
+    """A pack through phases of current, voltage, power, rest or drive, with limits by cell.
+
+    Parameters
+    ----------
+    models, members, initial_soc, thermal, member : as of `simulate_pack`.
+    phases : sequence of `Phase`.
+    temperature_celsius : of all cells, or with `thermal` of the ambient [°C].
+
+    Returns
+    -------
+    simulation : PackSimulation; columns as of `simulate_pack` and `phase`; rows say when, why and
+        by which cell each phase ended.
+
+    Raises
+    ------
+    Refusal : as `simulate_pack`, a phase of an unknown kind or without an end.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.packs.phases import run_phases
+
+    wiring, cells = _wired(models, members, temperature_celsius, thermal, member)
+    around = {"ambient_celsius": temperature_celsius, "thermal": thermal}
+    run = run_phases(phases, cells, wiring, initial_soc=initial_soc, **around)
+    names = ("test_time_second", "phase", "current_ampere", "voltage_volt")
+    columns = {name: getattr(run, name) for name in names} | _of_cells(run)
+    ends = [end._asdict() for end in run.ends]
+    return results.PackSimulation(columns, cells.names, cells.members, ends)
+
+
+def _wired(models, members, celsius, thermal, member):
+    """Wiring and PackCells of a pack."""
+    import numpy as np
+
+    from cellwright.packs.cells import pack_cells, table_temperatures
+    from cellwright.packs.wiring import Wiring, models_of, wiring_of
+
+    wiring = members
+    if not isinstance(members, Wiring):
+        rows = inputs.rows(members)
+        wiring = wiring_of(rows[0].get("group", "the pack"), rows)
+    documents = models_of(wiring, [inputs.content(model) for model in models])
+    if thermal is None and np.ndim(celsius) == 0:
+        return wiring, pack_cells(documents, temperature_celsius=celsius, member=member)
+    grid = table_temperatures(documents, celsius)
+    return wiring, pack_cells(documents, temperature_celsius=grid, member=member)
+
+
+def _of_cells(run):
+    """Columns of each cell of a pack's run."""
+    columns = {}
+    for k in range(run.soc.shape[1]):
+        columns[f"cell_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
+        columns[f"cell_{k + 1}_voltage_volt"] = run.cell_voltage_volt[:, k]
+        columns[f"cell_{k + 1}_soc"] = run.soc[:, k]
+        columns[f"cell_{k + 1}_temperature_celsius"] = run.temperature_celsius[:, k]
+    return columns
 
 
 def series_pack(models, members, cells, series, test, settings=None, **changes):

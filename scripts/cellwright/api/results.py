@@ -380,6 +380,20 @@ class Stability(NamedTuple):
         return frame(self.rows)
 
 
+class PackSimulation(NamedTuple):
+    """A pack simulated: (n,) columns of the pack and of each cell, names of the cells in the order
+    of the columns and the members that they ran as; rows say how each phase ended."""
+
+    columns: dict
+    cells: tuple
+    members: tuple
+    rows: list
+
+    def to_frame(self):
+        """One row a sample."""
+        return frame(self.columns)
+
+
 class SeriesPack(NamedTuple):
     """A series pack: rows of the pack (one), its cells, its power over its discharge, its charge
     from the cells' capacities down to what it gives; series (n,) of its record."""
