@@ -26,6 +26,7 @@ from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
 JOINT_OHM = 1e-5  # of each joint of a matched group
+MOST_DRAWS = 60  # of a whole fleet, in each of which all groups are simulated
 MOST_CELLS = 200  # of which every pair is simulated
 
 
@@ -245,7 +246,7 @@ def _strings_of_groups(fleet, uses, random, settings):
 
 def _compared(fleet, decision, matched, at_random, quantities, settings):
     """Rows of each quantity of an assembly beside random ones, and rows of who is where."""
-    draws = range(settings.draws)
+    draws = range(min(settings.draws, MOST_DRAWS))
     rows = []
     for quantity, (unit, value, more) in quantities.items():
         gain = gain_of(value, matched, at_random, draws, more_is_better=more)
