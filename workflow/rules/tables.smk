@@ -66,11 +66,11 @@ TABLES_OF_MODELS = {
     "series_pack_cells": [
         p for group in SERIES for p in artefacts("series_pack_cells", group, "group")
     ],
-    "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
     "pack_decisions": [
         *[f"results/pack_decisions/{group}.parquet" for group in PAIRS],
         *[f"results/pack_matching/{fleet}.parquet" for fleet in MATCHED],
     ],
+    "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
     **{
         table: [p for group in SHARED for p in artefacts(stage, group, "group")]
         for table, stage in TABLES_OF_GROUPS.items()
