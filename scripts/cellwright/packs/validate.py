@@ -38,10 +38,11 @@ def validate_group(models, branches, test, wiring):
     """Group simulated through its whole record, scored on the rows not used for the fit.
 
     1. Each cell runs as its chosen member, at the temperature that was logged in the group, else
-    at the chamber's; see `of_one_activation_energy`. 2. Where no SoC is stated at the start, the group is taken to rest there in
-    equilibrium: every cell's OCV is the group's first voltage, and what the branch sensors read is
-    their offset, which is taken out. 3. Models from the group's own record name the rows that they
-    were fitted to, which are not scored, and the offsets found there.
+    at the chamber's; see `of_one_activation_energy`. 2. Where no SoC is stated at the start, the
+    group is taken to rest there in equilibrium: every cell's OCV is the group's first voltage, and
+    what the branch sensors read is their offset, which is taken out. 3. Models from the group's own
+    record name the rows that they were fitted to, which are not scored, the offsets found there,
+    and where the SoC is 0.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ def validate_group(models, branches, test, wiring):
 
 
 def of_one_activation_energy(models):
-    """Models of the cells of a pack, with one activation energy for those tested at one temperature.
+    """Models of a pack's cells, of one activation energy where each saw one chamber temperature.
 
     A cell that was tested at one chamber temperature tells its energy from its own warming by a few
     kelvin, within 10 kJ/mol or so. Two cells of one type with energies 20 kJ/mol apart would share
@@ -122,8 +123,8 @@ def of_one_activation_energy(models):
         return models, []
     mean = float(np.mean(energies))
     words = (
-        f"activation energy {mean / 1e3:.0f} kJ/mol for all cells, the mean of what each tells from "
-        f"its own warming ({min(energies) / 1e3:.0f} to {max(energies) / 1e3:.0f})"
+        f"activation energy {mean / 1e3:.0f} kJ/mol for all cells, the mean of what each tells "
+        f"from its own warming ({min(energies) / 1e3:.0f} to {max(energies) / 1e3:.0f})"
     )
     return [_with_energy(model, mean) for model in models], [words]
 

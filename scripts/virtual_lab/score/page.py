@@ -283,7 +283,8 @@ ABOUT = {
     "soc": "State of charge at the ends of a test: counted, and by the filters from a wrong start.",
     "validation": "Errors of simulations are measured against the record, not against a truth.",
     "packs": "Branches of parallel groups as simulated: the charge of all discharges, the "
-    "largest current; and the capacity of the group as recorded.",
+    "largest current; the capacity of the group as recorded and simulated; errors of current (over "
+    "the mean branch current) and voltage against the record.",
     "missing_effect": "What was hidden in a cell, and what was said of it.",
     "excluded": "Files spoiled beyond use on purpose: refused, or taken for good (missing).",
     "faults": "Samples spoiled on purpose: flagged, not seen (missing); other flags are extra.",
