@@ -58,6 +58,7 @@ MODULE_OF = {
     "predict_left_out": "cellwright.api.models",
     "finish_model": "cellwright.api.models",
     "borrow_model": "cellwright.api.models",
+    "compare_bias_ways": "cellwright.api.models",
     "export_model": "cellwright.api.models",
     "simulate": "cellwright.api.models",
     "validate": "cellwright.api.models",
@@ -71,6 +72,14 @@ MODULE_OF = {
     "identify_branches": "cellwright.api.effects",
     "simulate_group": "cellwright.api.effects",
     "validate_group": "cellwright.api.effects",
+    "simulate_pack": "cellwright.api.packs",
+    "run_pack_phases": "cellwright.api.packs",
+    "Phase": "cellwright.packs.phases",
+    "Thermal": "cellwright.packs.thermal",
+    "series_pack": "cellwright.api.packs",
+    "pack_decisions": "cellwright.api.packs",
+    "match_cells": "cellwright.api.packs",
+    "check_group": "cellwright.api.effects",
 }
 
 __all__ = list(MODULE_OF)

@@ -1,10 +1,13 @@
 """Artefacts of one cell for the model of another: OCV curves, capacities, peaks, models."""
 
 from statistics import median
+from typing import NamedTuple
 
-from cellwright.identification.borrowed import Shown
+from cellwright.bias.features import Shown
+from cellwright.bias.ways import Scored
 from cellwright.laws.peaks import Charge
 from cellwright.records.basis import Lender
+from cellwright.records.facts import SAME_CHECKUP_CYCLES, CellFacts
 from runtime import artefact, facts
 
 
@@ -59,39 +62,107 @@ def charges(pairs, celsius) -> list[Charge]:
     ]
 
 
-FULL_SOC = 0.95
+FULL_SOC, EMPTY_SOC = 0.95, 0.1
 
 
-def cell_shows(basis_path, model_path, peak_paths, onset_paths, references) -> Shown:
-    """Basis, model, peaks and onset resistance of a cell; `model_path`: None without a model."""
+class ShownPaths(NamedTuple):
+    """Paths of what a cell shows: peaks, curves of dQ/dV, onset resistances, capacities."""
+
+    peaks: list
+    curves: list
+    onset: list
+    capacity: list
+
+
+def shown_paths(inputs, folder="", prefix="") -> ShownPaths:
+    """Paths in a job's inputs, of names that begin with `prefix`, of those in `folder`."""
+    named = (getattr(inputs, prefix + name) for name in ShownPaths._fields)
+    return ShownPaths(*([path for path in paths if folder in path] for paths in named))
+
+
+def cell_shows(basis_path, model_path, paths, references) -> Shown:
+    """What a cell shows at its first check-up; `model_path`: None without a model of its own.
+
+    `paths` : ShownPaths.
+    """
     basis = artefact.load(basis_path)
     models = artefact.load_all([model_path] if model_path else [])
-    peaks = [row for columns, _ in artefact.load_all(peak_paths) for row in artefact.rows(columns)]
+    peaks, onset, capacity = (_first_checkup(getattr(paths, name)) for name in SHOWN_TABLES)
+    curve_of = dict(zip(map(_name_of, paths.curves), paths.curves, strict=True))
+    pairs = [(curve_of[about["wildcards"]["test"]], columns) for columns, about in peaks]
     return Shown(
         cell=basis["cell"],
         marked=basis["cell"] in references,
         capacity_ampere_hour=basis["capacity_ampere_hour"],
         model=models[0][0] if models else None,
-        peaks=peaks,
-        onset_ohm=_onset(onset_paths),
+        peaks=_rows(peaks),
+        onset_ohm=_onset(onset, "discharge", lambda soc: soc > FULL_SOC),
+        begin_ohm=_onset(onset, "charge", lambda soc: soc < EMPTY_SOC),
+        capacities=tuple(_rows(capacity)),
+        charges=tuple(_charge(path, columns) for path, columns in pairs if len(columns["c_rate"])),
     )
 
 
+SHOWN_TABLES = ("peaks", "onset", "capacity")
+
+
+def _name_of(path):
+    return path.rpartition("/")[2].removesuffix(".parquet")
+
+
+def _first_checkup(paths) -> list:
+    """(columns, about) of the artefacts with content of the earliest check-up."""
+    loaded = artefact.load_all(paths)
+    ages = [facts.of_artefact(about).cycle or 0 for _, about in loaded]
+    first = min(ages, default=0) + SAME_CHECKUP_CYCLES
+    return [one for one, age in zip(loaded, ages, strict=True) if age <= first]
+
+
+def _rows(loaded) -> list[dict]:
+    return [_dated(about) | row for columns, about in loaded for row in artefact.rows(columns)]
+
+
+def _charge(path, peaks) -> dict:
+    curve = artefact.load(path)
+    names = ("voltage_volt", "charge_ampere_hour")
+    return {"c_rate": float(peaks["c_rate"][0])} | {name: curve[name] for name in names}
+
+
+def _onset(loaded, direction, within) -> dict:
+    """Median resistance [ohm] at the onset of loads from full or from empty, by delay [s]."""
+    by_delay = {}
+    for row in (row for columns, _ in loaded for row in artefact.rows(columns)):
+        if row["direction"] == direction and within(row["soc"]):
+            by_delay.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
+    return {delay: median(values) for delay, values in by_delay.items()}
+
+
 def peer_paths(inputs):
-    """(basis, model, peaks, onset) paths of each peer that has a model, of `bias_correction`."""
+    """(basis, model, ShownPaths) of each peer that has a model, of `bias_correction`."""
     pairs = zip(inputs.peer_basis, inputs.peer_models, strict=True)
     usable = [pair for pair in pairs if artefact.read_about(pair[1])["reason"] is None]
     for basis, model in usable:
-        folder = f"/{basis.split('/')[-1].removesuffix('.json')}/"
-        peaks = [path for path in inputs.peer_peaks if folder in path]
-        yield basis, model, peaks, [path for path in inputs.peer_onset if folder in path]
+        folder = f"/{_cell_of(basis)}/"
+        yield basis, model, shown_paths(inputs, folder, "peer_")
 
 
-def _onset(paths) -> dict:
-    """Median resistance [ohm] at the onset of discharges from full, by delay [s]."""
-    tables = [artefact.rows(columns) for columns, _ in artefact.load_all(paths)]
-    by_delay = {}
-    for row in (row for rows in tables for row in rows):
-        if row["direction"] == "discharge" and row["soc"] > FULL_SOC:
-            by_delay.setdefault(row["delay_second"], []).append(row["resistance_ohm"])
-    return {delay: median(values) for delay, values in by_delay.items()}
+def _cell_of(path):
+    return path.rpartition("/")[2].removesuffix(".json")
+
+
+def judged_cells(inputs, references, cells) -> list[Scored]:
+    """Cells with a model of their own, the model in use, and their tests that no fit has seen.
+
+    `cells` : facts of each, by name.
+    """
+    own = {_cell_of(path): path for path in inputs.own}
+    found = []
+    for basis, model, paths in peer_paths(inputs):
+        cell = _cell_of(basis)
+        series = [path for path in inputs.series if f"/{cell}/" in path]
+        in_use = artefact.load_first([own[cell]])
+        if in_use is not None:
+            shown = cell_shows(basis, model, paths, references)
+            tests = tuple(facts.tests(series))
+            found.append(Scored(shown, in_use, CellFacts(**cells[cell]), tests))
+    return found

@@ -5,7 +5,7 @@ import pytest
 import truth
 from sheets_facts import branch_facts, measured_test
 
-from cellwright.identification.borrowed import scaled_reference
+from cellwright.bias.scaled import scaled_reference
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.validate import of_one_activation_energy, validate_group

@@ -5,7 +5,7 @@ import pytest
 import truth
 from wirings import parallel, series
 
-from cellwright.identification.borrowed import scaled_reference
+from cellwright.bias.scaled import scaled_reference
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.phases import Phase, run_phases
 from cellwright.packs.simulate import simulate_pack

@@ -1,4 +1,4 @@
-# Equivalent circuits: what a cell's SoC refers to, identification, bias correction, validation.
+# Equivalent circuits: what a cell's SoC refers to, identification, validation.
 
 
 def type_of(cell):
@@ -175,53 +175,6 @@ rule identify:
         "Identify the equivalent circuits of {wildcards.cell} ({params.members})."
     script:
         "../../scripts/models/identify.py"
-
-
-def of_peers(stage, *kinds):
-    """Input function: one stage's artefacts of the cells that a cell may borrow its model from."""
-    return lambda w: [p for c in calibrating(w.cell) for p in fitted(stage, c, *kinds)]
-
-
-rule onset:
-    input:
-        series="results/clean/{cell}/{test}.parquet",
-        steps="results/segment/{cell}/{test}.parquet",
-        basis="results/basis/{cell}.json",
-    output:
-        "results/onset/{cell}/{test}.parquet",
-    log:
-        "logs/onset/{cell}/{test}.log",
-    params:
-        settings=config["resistance"],
-        test=test_facts,
-        cell=cell_facts,
-    message:
-        "Resistance of {wildcards.cell} at the onset of the loads in {wildcards.test}."
-    script:
-        "../../scripts/models/onset.py"
-
-
-rule bias_correction:
-    input:
-        basis="results/basis/{cell}.json",
-        peaks=lambda w: fitted("ica", w.cell, "ica"),
-        onset=lambda w: fitted("onset", w.cell, "capacity"),
-        peer_basis=lambda w: [f"results/basis/{c}.json" for c in calibrating(w.cell)],
-        peer_models=lambda w: [f"results/identify/{c}.json" for c in calibrating(w.cell)],
-        peer_peaks=of_peers("ica", "ica"),
-        peer_onset=of_peers("onset", "capacity"),
-    output:
-        "results/bias/{cell}.json",
-    log:
-        "logs/bias/{cell}.log",
-    wildcard_constraints:
-        cell=either(BIASED),
-    params:
-        references=lambda w: [c for c in references(w.cell) if c in IDENTIFIED],
-    message:
-        "Model of {wildcards.cell} from the reference cell and the shift of its IC peaks."
-    script:
-        "../../scripts/models/bias_correction.py"
 
 
 def source_of_model(wildcards):

@@ -2,6 +2,8 @@
 
 # Groups with tests; one of whose cells has no model says so and is left out.
 PAIRS = [group for group in BRANCHES if tests(group, "group")]
+# Those of members in parallel, whose branch currents are simulated.
+SHARED = [group for group in PAIRS if BRANCHES[group][0]["connection"] == "parallel"]
 
 
 def models_of_group(wildcards):
@@ -40,7 +42,7 @@ rule pack:
     log:
         "logs/pack/{group}/{test}.log",
     wildcard_constraints:
-        group=either(PAIRS),
+        group=either(SHARED),
     params:
         test=test_facts,
         branches=lambda w: WIRED[w.group],
@@ -48,3 +50,28 @@ rule pack:
         "Simulate the group {wildcards.group} through {wildcards.test}."
     script:
         "../../scripts/pack/pack.py"
+
+
+def simulated_channels(wildcards):
+    """The simulated branch currents of a test, which tell swapped ones, where there are some."""
+    path = f"results/pack_series/{wildcards.group}/{wildcards.test}.parquet"
+    return [path] if wildcards.group in SHARED else []
+
+
+rule pack_checks:
+    input:
+        series="results/clean/{group}/{test}.parquet",
+        simulated=simulated_channels,
+    output:
+        "results/pack_checks/{group}/{test}.parquet",
+    log:
+        "logs/pack_checks/{group}/{test}.log",
+    wildcard_constraints:
+        group=either(PAIRS),
+    params:
+        test=test_facts,
+        branches=lambda w: WIRED[w.group],
+    message:
+        "Do the channels of {wildcards.group} in {wildcards.test} agree with each other?"
+    script:
+        "../../scripts/pack/pack_checks.py"

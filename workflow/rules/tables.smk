@@ -60,9 +60,19 @@ TABLES_OF_MODELS = {
     ],
     "choice": [f"results/choice/{cell}.parquet" for cell in MODELLED],
     "validation": SCORES,
+    "bias": [f"results/bias_ways/{cell}.parquet" for cell in JUDGED],
     "soc": FILTERED,
+    "series_packs": [p for group in SERIES for p in artefacts("series_pack", group, "group")],
+    "series_pack_cells": [
+        p for group in SERIES for p in artefacts("series_pack_cells", group, "group")
+    ],
+    "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
+    "pack_decisions": [
+        *[f"results/pack_decisions/{group}.parquet" for group in PAIRS],
+        *[f"results/pack_matching/{fleet}.parquet" for fleet in MATCHED],
+    ],
     **{
-        table: [p for group in PAIRS for p in artefacts(stage, group, "group")]
+        table: [p for group in SHARED for p in artefacts(stage, group, "group")]
         for table, stage in TABLES_OF_GROUPS.items()
     },
 }

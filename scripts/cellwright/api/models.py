@@ -222,7 +222,7 @@ def borrow_model(cell, peers):
 
     Parameters
     ----------
-    cell : `identification.borrowed.Shown`, what its tests show. peers : the same of modelled cells.
+    cell : `bias.features.Shown`, what its tests show. peers : the same of modelled cells.
 
     Returns
     -------
@@ -234,9 +234,34 @@ def borrow_model(cell, peers):
 
     Source: thesis 4.5; docs/bias.md.
     """
-    from cellwright.identification.borrowed import borrowed_model
+    from cellwright.bias.corrected import borrowed_model
 
     return _model(borrowed_model(cell, peers))
+
+
+def compare_bias_ways(cells, *, split_rest_second=MODELS.split_rest_second):
+    """Voltage errors [V] of cells by the reference's model, scaled, corrected, and their own.
+
+    Parameters
+    ----------
+    cells : `bias.ways.Scored` of one type, each with its own model and tests not fitted to.
+    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+
+    Returns
+    -------
+    ways : Table; one row a cell, way and test: rmse_volt, mean_abs_volt, max_abs_volt,
+        half_interval_volt [V], share_within, relative errors of resistances [1].
+
+    Raises
+    ------
+    Refusal : Fewer than two cells, or no test could be compared.
+
+    Source: thesis 4.5; docs/bias.md.
+    """
+    from cellwright.bias.ways import compare_ways
+
+    rows, notes = compare_ways(cells, split_rest_second=split_rest_second)
+    return results.Table(rows, tuple(notes))
 
 
 def export_model(model):

@@ -378,3 +378,44 @@ class Stability(NamedTuple):
     def to_frame(self):
         """One row for each name."""
         return frame(self.rows)
+
+
+class PackSimulation(NamedTuple):
+    """A pack simulated: (n,) columns of the pack and of each cell, names of the cells in the order
+    of the columns and the members that they ran as; rows say how each phase ended."""
+
+    columns: dict
+    cells: tuple
+    members: tuple
+    rows: list
+
+    def to_frame(self):
+        """One row a sample."""
+        return frame(self.columns)
+
+
+class SeriesPack(NamedTuple):
+    """A series pack: rows of the pack (one), its cells, its power over its discharge, its charge
+    from the cells' capacities down to what it gives; series (n,) of its record."""
+
+    pack: list
+    cells: list
+    power: list
+    waterfall: list
+    series: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row a cell."""
+        return frame(self.cells)
+
+
+class Matching(NamedTuple):
+    """Cells put together: rows of what is gained, and of which cell is where."""
+
+    rows: list
+    assembly: list
+
+    def to_frame(self):
+        """One row a quantity of an assembly."""
+        return frame(self.rows)

@@ -128,7 +128,7 @@ INLINE void line(const pack *p, const states *s, int64_t from, int64_t to, doubl
         s->guess[c] = s->current[c] + p->share[c] * rise;
         const double mean = s->guess[c] - 0.5 * p->share[c] * ramp;
         s->place[c] = (s->soc[c] + step * p->per_second[c] * mean) * last - s->left[c];
-        moved |= !(s->place[c] >= 0.0 && s->place[c] < 1.0);
+        moved |= !((s->place[c] >= 0.0) & (s->place[c] < 1.0));
     }
     for (int64_t c = from; moved && c < to; c++)
         if (!(s->place[c] >= 0.0 && s->place[c] < 1.0)) {

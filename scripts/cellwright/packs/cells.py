@@ -110,6 +110,29 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
     )
 
 
+def table_temperatures(models, celsius, *, step_kelvin=5.0, above_kelvin=40.0):
+    """Temperatures to look models up at, where cells warm or their ambient changes (t,) [degC].
+
+    Every `step_kelvin` from the coldest ambient to `above_kelvin` over the warmest, and the
+    temperatures that the models know in between: on these the tables say what the models say.
+
+    Parameters
+    ----------
+    models : sequence of model dicts. celsius : scalar or (n,) of the ambient [degC].
+    step_kelvin : between two tables [K]. above_kelvin : that a cell may be warmer [K].
+    """
+    low, high = np.min(celsius), np.max(celsius) + above_kelvin
+    known = [
+        condition["ambient_temperature_celsius"]
+        for model in models
+        for member in model["members"]
+        for condition in member["conditions"]
+    ]
+    inside = [value for value in known if value is not None and low < value < high]
+    steps = int(np.ceil((high - low) / step_kelvin))
+    return np.unique(np.round([*np.linspace(low, high, steps + 1), *inside], 6))
+
+
 def _temperatures(temperature_celsius):
     if temperature_celsius is None:
         return [None]

@@ -1,0 +1,220 @@
+"""Models of cells without pulses: the reference cell's, corrected by what the cell shows."""
+
+import numpy as np
+from scipy import stats
+
+from cellwright.bias.compared import compared
+from cellwright.bias.correction import correction
+from cellwright.bias.courses import KNOTS, courses_of
+from cellwright.bias.features import resistance_ratio
+from cellwright.bias.scaled import changed, scaled_reference
+from cellwright.circuits.model_file import simulate_model
+from cellwright.numerics.statistics import rms
+from cellwright.records.basis import reference_of
+from cellwright.refusal import Refusal
+
+LEVEL = 0.95
+MOST_DRAWS = 24  # alternative models that an interval of the voltage is taken from
+FORMS = {
+    "scaling": "scaling",
+    "charge": "its own charge",
+    "terms": "the differences",
+    "thesis": "the thesis' function",
+}
+
+
+def borrowed_model(cell, peers):
+    """Model from the reference cell of the type, corrected by what the cell shows, or scaled.
+
+    1. The reference is the first marked cell, else the largest. 2. What the cell's tests show
+    against the reference corrects fast and slow resistance and OCV, each over SoC, calibrated on
+    the other cells of the type (`correction.correction`). 3. Where that leaves only one factor on
+    all resistances, the model is a scaled reference.
+
+    Parameters
+    ----------
+    cell : Shown, with model None.
+    peers : list of Shown, with models.
+
+    Returns
+    -------
+    model : dict of schema cellwright-model/2, kind "bias" or "scaled"; `notes` say by what, with
+        the errors of cells left out.
+
+    Raises
+    ------
+    Refusal
+        No cell of the type has a model, or the capacity is not positive.
+    """
+    reference, others = reference_and_others(cell, peers)
+    base = courses_of(reference.model, reference.model["chosen"])
+    found = correction(*compared(reference, [cell]), base, compared(reference, others))
+    if all(getattr(found, which).form == "scaling" for which in ("fast", "slow", "ocv")):
+        return scaled_model(cell, reference, found)
+    return corrected_model(cell, reference, found)
+
+
+def reference_and_others(cell, peers):
+    """The reference of a cell among its peers, and the other peers.
+
+    Parameters
+    ----------
+    cell : Shown. peers : list of Shown, with models.
+
+    Raises
+    ------
+    Refusal : no peer has a model, or the cell's capacity is not positive.
+    """
+    if not peers:
+        raise Refusal("no cell of the same chemistry and rating has a model to borrow")
+    if not cell.capacity_ampere_hour > 0:
+        raise Refusal(f"capacity of {cell.cell} is {cell.capacity_ampere_hour} Ah; not positive")
+    reference = reference_of(peers, capacity=lambda peer: peer.capacity_ampere_hour)
+    return reference, [peer for peer in peers if peer is not reference]
+
+
+def scaled_model(cell, reference, found=None):
+    """The reference with the cell's capacity and its resistance ratio.
+
+    Parameters
+    ----------
+    cell, reference : Shown. found : Correction that carried no more, for the notes; or None.
+
+    Returns
+    -------
+    model : dict of schema cellwright-model/2, kind "scaled".
+    """
+    ratio, words = resistance_ratio(reference, cell)
+    model = scaled_reference(
+        reference.model, cell=cell.cell, capacity=cell.capacity_ampere_hour, resistance_ratio=ratio
+    )
+    notes = [*model["notes"], words]
+    if found is not None:
+        notes += [f"{len(found.cells)} cell(s) beside {reference.cell} can calibrate: no more"]
+        notes += _errors(found)
+    return model | {"notes": notes}
+
+
+def corrected_model(cell, reference, found):
+    """The reference's model with the corrections of a cell.
+
+    Parameters
+    ----------
+    cell, reference : Shown. found : Correction.
+
+    Returns
+    -------
+    model : dict of schema cellwright-model/2, kind "bias". Of R0 and all branches the resistances
+        are scaled, at least to a tenth of the reference's; its conditions hold the standard
+        deviation of R0 and of the OCV that the cells left out tell.
+    """
+    forms = {FORMS[getattr(found, which).form] for which in ("fast", "slow", "ocv")}
+    count = f"calibrated on {len(found.cells)} cells" if found.cells else "not calibrated"
+    notes = [f"bias-corrected from {reference.cell} by {', '.join(sorted(forms))}, {count}"]
+    notes += [found.ratio_words] if "scaling" in forms or not found.cells else []
+    notes += [*_errors(found), *_outside_words(found)]
+    courses = [getattr(found, which).change for which in ("fast", "slow", "ocv")]
+    model = _model(cell, reference, courses, notes)
+    return _with_deviations(model, found) if len(found.cells) > 1 else model
+
+
+def _model(cell, reference, courses, notes):
+    def change(soc):
+        fast, slow, ocv = (np.interp(soc, KNOTS, course) for course in courses)
+        return np.exp(fast), np.exp(slow), ocv
+
+    about = {"cell": cell.cell, "capacity": cell.capacity_ampere_hour}
+    return changed(reference.model, change, kind="bias", notes=notes, knots=KNOTS, **about)
+
+
+def _with_deviations(model, found):
+    """The model with standard deviations of R0 and of its OCV, from the intervals of 95 %."""
+    quantile = stats.t.ppf(0.5 + LEVEL / 2, len(found.cells) - 1)
+    of_log, of_ocv = found.fast.half_interval / quantile, found.ocv.half_interval / quantile
+
+    def entry_of(entry):
+        soc = entry["soc"]
+        r0_std = np.asarray(entry["r0_ohm"]) * np.interp(soc, KNOTS, of_log)
+        ocv_std = np.interp(soc, KNOTS, of_ocv)
+        return entry | {"r0_std_ohm": r0_std.tolist(), "ocv_shift_std_volt": ocv_std.tolist()}
+
+    members = [
+        member | {"conditions": [entry_of(entry) for entry in member["conditions"]]}
+        for member in model["members"]
+    ]
+    return model | {"members": members}
+
+
+def _errors(found):
+    """Sentence on the errors of the calibrating cells, each predicted from the others."""
+    if len(found.cells) < 2:
+        return []
+    fast, slow, ocv = (rms(getattr(found, n).left_out) for n in ("fast", "slow", "ocv"))
+    return [
+        f"leave-one-cell-out errors: fast resistance {100 * fast:.2g} %, slow resistance "
+        f"{100 * slow:.2g} %, OCV {1e3 * ocv:.2g} mV"
+    ]
+
+
+def _outside_words(found):
+    if not found.outside:
+        return []
+    return [f"outside the calibration, its interval is wider: {'; '.join(found.outside)}"]
+
+
+def alternatives(cell, reference, found):
+    """Models that are as likely as the corrected one, by the errors of the calibrating cells.
+
+    The errors that the corrections of one calibrating cell had together, when it was left out, are
+    laid on this cell's corrections, widened as this cell is further out.
+
+    Parameters
+    ----------
+    cell, reference : Shown. found : Correction.
+
+    Returns
+    -------
+    models : list of dict of schema cellwright-model/2, at most `MOST_DRAWS`; none of fewer than
+        two cells.
+    """
+    count = len(found.cells)
+    if count < 2:
+        return []
+    drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_DRAWS)).round().astype(int))
+    models = []
+    for place in drawn:
+        courses = [
+            one.change - one.left_out[place] * one.stretch[place]
+            for one in (found.fast, found.slow, found.ocv)
+        ]
+        models.append(_model(cell, reference, courses, []))
+    return models
+
+
+def voltage_interval(model, others, record, *, model_error_volt):
+    """Half interval of 95 % of a corrected model's voltage over a record [V].
+
+    What the alternatives differ by, and what even a cell's own model errs by.
+
+    Parameters
+    ----------
+    model : dict, the corrected one. others : list of dict, from `alternatives`.
+    record : Record, on the SoC scale of the cell.
+    model_error_volt : typical error of the calibrating cells' own models, `Correction` [V].
+
+    Returns
+    -------
+    half_volt : (n,) [V]; NaN without alternatives.
+    """
+    rows = len(record.test_time_second)
+    if len(others) < 2:
+        return np.full(rows, np.nan)
+    volt = _volt(model, record)
+    square = np.mean([(_volt(other, record) - volt) ** 2 for other in others], axis=0)
+    quantile = stats.t.ppf(0.5 + LEVEL / 2, len(others) - 1)
+    return quantile * np.sqrt(square + np.nan_to_num(model_error_volt) ** 2)
+
+
+def _volt(model, record):
+    columns = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
+    return simulate_model(model, None, *columns, kind=record.kind).voltage_volt

@@ -1,0 +1,125 @@
+"""A reference cell's model with other resistances, open-circuit voltage and capacity."""
+
+import numpy as np
+
+from cellwright.bias.courses import fast_share
+from cellwright.refusal import Refusal
+
+NO_COURSES = ("soc", "branches", "tests", "at_bound")
+LEAST = 0.1  # of the reference's resistance: no cell of its type has less
+RESISTANCES = ("r_ohm", "r_charge_ohm", "r_discharge_ohm")
+
+
+def refined(entry, knots):
+    """A condition of a model with further knots of SoC; it says the same as before.
+
+    Parameters
+    ----------
+    entry : dict, a condition of a member. knots : (k,) SoC; those beyond its own do not count.
+
+    Returns
+    -------
+    entry : dict.
+    """
+    known = np.asarray(entry["soc"], float)
+    soc = np.union1d(known, [z for z in knots if known[0] < z < known[-1]])
+
+    def course(values):
+        if not isinstance(values, list) or len(values) != len(known):
+            return values
+        there = np.array([np.nan if value is None else value for value in values], float)
+        over = np.interp(soc, known, there)
+        return [None if np.isnan(value) else value for value in over.tolist()]
+
+    of_entry = {n: course(v) for n, v in entry.items() if n not in NO_COURSES}
+    branches = [{n: course(v) for n, v in branch.items()} for branch in entry["branches"]]
+    return entry | of_entry | {"soc": soc.tolist(), "branches": branches}
+
+
+def changed(reference, change, *, cell, capacity, kind, notes, knots=()):
+    """Model of a cell as its type's reference with other resistances, OCV and capacity.
+
+    Parameters
+    ----------
+    reference : model dict of schema cellwright-model/2.
+    change : function (soc (k,)) → factor on fast, on slow resistance [1], addition to the OCV [V];
+        each a scalar or one value per knot. Factors below `LEAST` count as that.
+    cell : id of the new cell.
+    capacity : its capacity [Ah].
+    kind : of the model, "bias" or "scaled". notes : list of sentences for the report.
+    knots : (k,) SoC at which the change bends, which its conditions get besides their own.
+
+    Returns
+    -------
+    model : dict.
+    """
+    size = capacity / reference["capacity_ampere_hour"]
+
+    def entry_of(entry):
+        entry = refined(entry, knots)
+        fast, slow, ocv = change(np.asarray(entry["soc"], float))
+        fast, slow = np.maximum(fast, LEAST), np.maximum(slow, LEAST)
+        shift = np.asarray(entry.get("ocv_shift_volt", np.zeros(len(entry["soc"]))))
+        return entry | {
+            "r0_ohm": (fast * np.asarray(entry["r0_ohm"])).tolist(),
+            "branches": [_branch(branch, fast, slow, size) for branch in entry["branches"]],
+            "ocv_shift_volt": (shift + ocv).tolist(),
+        }
+
+    members = [
+        member | {"conditions": [entry_of(entry) for entry in member["conditions"]]}
+        for member in reference["members"]
+    ]
+    cell_fields = {
+        "cell": cell,
+        "capacity_ampere_hour": float(capacity),
+        "kind": kind,
+        "members": members,
+    }
+    # What was left out of the reference's fit says nothing of this cell.
+    rest = {name: value for name, value in reference.items() if name != "left_out"}
+    return {**rest, **cell_fields, "notes": list(notes)}
+
+
+def _branch(branch, fast, slow, size):
+    # ASSUME: Cells of one type have the same hysteresis, kinetics and diffusion over SoC, whatever
+    # their capacity: charge constants go with the capacity, the lead of a surface with its inverse.
+    share = fast_share(branch)
+    factors = dict.fromkeys(RESISTANCES, share * fast + (1 - share) * slow)
+    factors |= {"soc_per_ampere": 1.0 / size, "charge_ampere_hour": size}
+    scaled = {n: (np.asarray(branch[n]) * f).tolist() for n, f in factors.items() if n in branch}
+    return branch | scaled
+
+
+def scaled_reference(reference, *, cell, capacity, resistance_ratio):
+    """Model of a cell as the reference with its own capacity and all resistances scaled.
+
+    Parameters
+    ----------
+    reference : model dict of schema cellwright-model/2.
+    cell : id of the new cell.
+    capacity : its capacity [Ah].
+    resistance_ratio : its resistance over the reference's [1].
+
+    Returns
+    -------
+    model : dict, kind "scaled". Time constants, the scale of the kinetics and the size of the
+        hysteresis stay; its charge goes with the capacity, the lead of diffusion with its inverse.
+
+    Raises
+    ------
+    Refusal : ratio or capacity not positive.
+    """
+    # ASSUME: A cell without its own pulses has the reference's OCV over SoC and its resistances
+    # times one factor.
+    if not (resistance_ratio > 0 and capacity > 0):
+        raise Refusal(f"capacity {capacity} Ah or resistance ratio {resistance_ratio} not positive")
+    note = f"scaled from {reference['cell']}: resistances times {resistance_ratio:.3f}"
+    return changed(
+        reference,
+        lambda soc: (resistance_ratio, resistance_ratio, np.zeros(len(soc))),
+        cell=cell,
+        capacity=capacity,
+        kind="scaled",
+        notes=[note],
+    )
