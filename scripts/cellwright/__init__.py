@@ -59,6 +59,8 @@ MODULE_OF = {
     "finish_model": "cellwright.api.models",
     "borrow_model": "cellwright.api.models",
     "compare_bias_ways": "cellwright.api.models",
+    "worst_corrected": "cellwright.api.models",
+    "corrected_voltages": "cellwright.api.models",
     "export_model": "cellwright.api.models",
     "simulate": "cellwright.api.models",
     "validate": "cellwright.api.models",

@@ -19,6 +19,7 @@ ROOMS = {
     "circuits": {"numerics", "records"},
     "health": {"numerics", "protocols", "laws", "series", "circuits"},
     "identification": {"numerics", "records", "protocols", "circuits"},
+    "bias": {"numerics", "records", "protocols", "circuits", "health", "identification"},
     "filters": {"numerics", "records", "circuits"},
     "packs": {"numerics", "records", "circuits", "identification"},
     "effects": {"numerics", "series", "records", "protocols", "circuits", "identification"},

@@ -28,6 +28,9 @@ UNITS = {-1.0: "its sign is turned", 1000.0: "it reads in mA what is taken as A"
 UNITS |= {0.001: "it reads in A what is taken as mA"}
 
 
+BEYOND_CALIBRATION = "outside the calibration"  # so begins the note of such a model
+
+
 class Finding(NamedTuple):
     """One check of a record.
 
@@ -90,16 +93,37 @@ def refuse_contradiction(record, wiring):
 
     Raises
     ------
-    Refusal : what `channel_findings` say of it, where the sum misses the total by 5 % of it.
+    Refusal : what `channel_findings` say of it, where the sum misses the total by 5 % of it beside
+        a constant, which is an offset and leaves the course of the currents known.
     """
     currents, total = record.branch_current_ampere, record.current_ampere
     if wiring.connection == "series" or currents is None:
         return
-    left, size = rms(np.nansum(currents, axis=1) - total), rms(total)
+    missed, size = np.nansum(currents, axis=1) - total, rms(total)
+    left = rms(missed - np.median(missed))
     if left > CONTRADICTION * size:
         said = [found.sentence for found in channel_findings(record, wiring) if found.found]
         sums = f"its branch currents miss the total by {left:.3g} A of {size:.3g} A RMS"
         raise Refusal("; ".join([f"{record.test}: {sums}", *said]))
+
+
+def beyond_calibration(models):
+    """What bias-corrected models of a group's cells say of lying beyond their calibration.
+
+    Parameters
+    ----------
+    models : list of model dicts.
+
+    Returns
+    -------
+    notes : list of sentences with the cells' names.
+    """
+    return [
+        f"{model['cell']}: {note}"
+        for model in models
+        for note in model.get("notes", ())
+        if note.startswith(BEYOND_CALIBRATION)
+    ]
 
 
 def _untold(check, sentence):
@@ -362,7 +386,7 @@ def _both(series, channel, count):
     return [np.column_stack([series[name] for name in kind]) for kind in kinds]
 
 
-def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
+def swapped(measured, simulated, share, *, test, what="branch", numbers=None, blocks=20):
     """Channels whose readings fit the models of other members clearly better than their own's.
 
     1. The assignment of readings to members with the least squared error (Hungarian method). 2. Of
@@ -374,7 +398,8 @@ def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
     measured, simulated : (n, members), of the same unit; the simulated ones from the members' own
         models in the wiring as the sheet states it.
     share : root mean square of a member's share of the total, in that unit.
-    test : name, for the sentence. what : "branch" or "cell". blocks : of the record.
+    test : name, for the sentence. what : "branch" or "cell". numbers : (members,) of those that
+        were logged; None: 1, 2, …. blocks : of the record.
 
     Returns
     -------
@@ -389,7 +414,10 @@ def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
         return []
     cost = np.square(measured).sum(axis=0)[:, None] + np.square(simulated).sum(axis=0)
     cost -= 2.0 * measured.T @ simulated
+    # Who is read where must be worth more than what the models of two like cells do not tell.
+    cost += len(measured) * (SWAP_SHARE * share) ** 2 * (1.0 - np.eye(len(cost)))
     member_of = linear_sum_assignment(cost)[1]
+    names = range(1, len(cost) + 1) if numbers is None else numbers
     found = []
     for circle in _circles(member_of):
         own = np.square(measured[:, circle] - simulated[:, circle]).sum(axis=1)
@@ -398,7 +426,8 @@ def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
         gains = np.array([part.sum() for part in np.array_split(own - other, blocks)])
         steady = -gains[gains < 0].sum() <= SWAP_AGAINST * gains[gains > 0].sum()
         if steady and after <= SWAP_RATIO * before and before - after > SWAP_SHARE * share:
-            found.append(_swap(circle, member_of, before / share, after / share, test, what))
+            named = [names[k] for k in circle], [names[member_of[k]] for k in circle]
+            found.append(_swap(*named, before / share, after / share, test, what))
     return found
 
 
@@ -415,11 +444,13 @@ def _circles(member_of):
     return circles
 
 
-def _swap(circle, member_of, before, after, test, what):
-    fits = [f"{what} {k + 1} fits the model of {what} {member_of[k] + 1}" for k in circle]
+def _swap(read, fitting, before, after, test, what):
+    of = "its share" if what == "branch" else "what its load moves it by"
+    pairs = zip(read, fitting, strict=True)
+    fits = ", ".join(f"{what} {k} fits the model of {what} {other}" for k, other in pairs)
     text = (
-        f"{test}: swapped channels? What was read as {', '.join(fits)}: {after:.1%} of its share "
+        f"{test}: swapped channels? What was read as {fits}: error {after:.1%} of {of} "
         f"instead of {before:.1%}; nothing was swapped here"
     )
     limit = SWAP_RATIO * before
-    return Finding("swapped", circle[0] + 1, after, np.nan, limit, "of its share", True, text)
+    return Finding("swapped", int(read[0]), after, np.nan, limit, f"of {of}", True, text)

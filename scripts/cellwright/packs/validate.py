@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.circuits.model_file import member_of
 from cellwright.numerics.statistics import rms
-from cellwright.packs import findings
+from cellwright.packs import checks, findings
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import cells_of, described
@@ -58,13 +58,10 @@ def validate_group(models, branches, test, wiring):
     Raises
     ------
     Refusal
-        Other wirings; a branch without a measured current; a SoC at the start that is not known.
+        Other wirings; a branch without a measured current; branch currents that contradict the
+        total (`checks.refuse_contradiction`); a SoC at the start that is not known.
     """
-    if wiring.connection != "parallel" or len(cells_of(wiring)) != len(branches):
-        raise Refusal(f"found {described(wiring)}, wanted single cells in parallel")
-    record, notes = group_record(test, branches), []
-    if record.branch_current_ampere is None:
-        raise Refusal(f"{record.test} has no current of one branch or more: nothing to score")
+    record, notes = _to_score(test, branches, wiring), checks.beyond_calibration(models)
     models, words = of_one_activation_energy(models)
     notes += words
     cells = pack_cells(models, temperature_celsius=_table_celsius(test.facts, record, notes))
@@ -135,6 +132,17 @@ def _with_energy(model, joule_per_mole):
         for member in model["members"]
     ]
     return model | {"members": members}
+
+
+def _to_score(test, branches, wiring):
+    """Record of a test with currents of all branches, which agree with the total."""
+    if wiring.connection != "parallel" or len(cells_of(wiring)) != len(branches):
+        raise Refusal(f"found {described(wiring)}, wanted single cells in parallel")
+    record = group_record(test, branches)
+    if record.branch_current_ampere is None:
+        raise Refusal(f"{record.test} has no current of one branch or more: nothing to score")
+    checks.refuse_contradiction(record, wiring)
+    return record
 
 
 def _table_celsius(facts, record, notes):

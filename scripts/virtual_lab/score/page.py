@@ -248,6 +248,9 @@ TITLES = {
     "soc": "State of charge",
     "validation": "Validation of models",
     "packs": "Parallel groups",
+    "series_packs": "Series packs",
+    "series_pack_cells": "Cells of series packs",
+    "pack_decisions": "Decisions on packs",
     "missing_effect": "Missing effects",
     "excluded": "Spoiled files",
     "faults": "Spoiled samples",
@@ -285,6 +288,9 @@ ABOUT = {
     "packs": "Branches of parallel groups as simulated: the charge of all discharges, the "
     "largest current; the capacity of the group as recorded and simulated; errors of current (over "
     "the mean branch current) and voltage against the record.",
+    "series_packs": "Usable charge and energy of strings, where a cell's cut-off ended the record.",
+    "series_pack_cells": "How each cell stands when the string has ended, and its full charge.",
+    "pack_decisions": "Intervals and gains; the tables of the truth have no other pack to compare.",
     "missing_effect": "What was hidden in a cell, and what was said of it.",
     "excluded": "Files spoiled beyond use on purpose: refused, or taken for good (missing).",
     "faults": "Samples spoiled on purpose: flagged, not seen (missing); other flags are extra.",

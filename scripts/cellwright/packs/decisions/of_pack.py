@@ -12,7 +12,12 @@ from cellwright.packs.decisions.monte_carlo import (
     uncertainty_of,
 )
 from cellwright.packs.parallel import group_of
-from cellwright.packs.series.capability import contact_of, cutoffs_of, discharge_string
+from cellwright.packs.series.capability import (
+    contact_of,
+    cutoffs_of,
+    discharge_curves,
+    ended_string,
+)
 from cellwright.packs.wiring import depth, described, is_star
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
@@ -51,7 +56,7 @@ def pack_decisions(
         resistance_relative_std=settings.resistance_relative_std,
         initial_soc_std=settings.initial_soc_std,
     )
-    drawn = draw_cells(known, draws=settings.draws, seed=settings.seed)
+    drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
     lower, _ = cutoffs_of(cells)
     if wiring.connection == "series" and depth(wiring) == 1:
         pack = _string(models, positions, lower, drawn, start, celsius, settings)
@@ -63,29 +68,32 @@ def pack_decisions(
             "or in parallel without links"
         )
     use, items, spare_of, draws, window = pack
+    first = "weakest cell" if wiring.connection == "series" else "busiest cell"
     capacity = [model["capacity_ampere_hour"] for model in models]
     names = [row.cell for row in positions]
-    rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names)]
+    rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names, first=first)]
     rows += replacement_rows(use, items, spare_of, capacity, names) + window
     return [EMPTY | row for row in rows]
 
 
 def _string(models, positions, lower, drawn, start, celsius, settings):
-    capacity = np.array([model["capacity_ampere_hour"] for model in models])
+    """Use, items, spares of a string: items are columns of curves, k + cells is cell k in full."""
+    capacity, cells = np.array([model["capacity_ampere_hour"] for model in models]), len(models)
     current = settings.c_rate * float(np.median(capacity))
     at = {"current_ampere": current, "celsius": celsius}
+    twice = {
+        "lower_cutoff_volt": np.tile(lower, 2),
+        "initial_soc": np.append(start, np.ones(cells)),
+    }
+    curves = discharge_curves([*models, *models], **twice, **at)
+    contact = contact_of(positions) * current
 
     def use(items):
-        chosen, soc = zip(*items, strict=True)
-        found = discharge_string(
-            chosen, lower_cutoff_volt=lower, initial_soc=soc, contact_ohm=contact, **at
-        )
+        found = ended_string(curves.of(items), contact_volt=contact)
         return found.capacity_ampere_hour, found.energy_watt_hour
 
-    contact = contact_of(positions)
     draws = string_draws(models, drawn, lower_cutoff_volt=lower, initial_soc=start, **at)
-    items = list(zip(models, start, strict=True))
-    return use, items, lambda item: (item[0], 1.0), draws, []
+    return use, list(range(cells)), lambda item: item + cells, draws, []
 
 
 def _group(models, positions, lower, drawn, start, celsius, settings):
@@ -110,7 +118,7 @@ def _group(models, positions, lower, drawn, start, celsius, settings):
         c_rate=rate,
         initial_soc=start,
         wire_relative_std=settings.wire_relative_std,
-        seed=settings.seed,
+        seed=settings.random_seed,
         **setting,
     )
     nominal = discharge_group(tables, c_rate=rate, initial_soc=np.array(start), **setting)
@@ -163,7 +171,7 @@ def window_rows(use, current_spread):
         "largest branch current over its share": use.peak_share,
         "charge given over the sum of the cells": use.capacity_ampere_hour / use.cells_ampere_hour,
     }
-    about = {"decision": f"safe window, spread below {current_spread:.0%}", "cell": ""}
+    about = {"decision": f"safe window, spread below {100 * current_spread:g} %", "cell": ""}
     return [
         about | {"quantity": quantity, "unit": "1", "value": float(value)}
         for quantity, value in values.items()
