@@ -74,6 +74,18 @@ MODULE_OF = {
     "identify_branches": "cellwright.api.effects",
     "simulate_group": "cellwright.api.effects",
     "validate_group": "cellwright.api.effects",
+    "assemble_pack": "cellwright.api.pack_model",
+    "pack_model": "cellwright.api.pack_model",
+    "cell_fmu": "cellwright.api.fmu",
+    "pack_fmu": "cellwright.api.fmu",
+    "simulate_pack": "cellwright.api.packs",
+    "run_pack_phases": "cellwright.api.packs",
+    "Phase": "cellwright.packs.phases",
+    "Thermal": "cellwright.packs.thermal",
+    "series_pack": "cellwright.api.packs",
+    "pack_decisions": "cellwright.api.packs",
+    "match_cells": "cellwright.api.packs",
+    "check_group": "cellwright.api.effects",
 }
 
 __all__ = list(MODULE_OF)

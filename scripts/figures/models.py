@@ -52,16 +52,21 @@ def _charge_transfer(panel, condition, look):
     panel.set_ylim(bottom=0)
 
 
+def resistance_after(condition, second):
+    """Voltage over current at a time after a small step of the current [Ω], over the SoC knots."""
+    ohm = _numbers(condition["r0_ohm"])
+    ohm = sum((_numbers(b["r_ohm"]) for b in _of_kind(condition, "charge_transfer")), ohm)
+    for branch in _of_kind(condition, "RC", "kinetic"):
+        share = -np.expm1(-second / _numbers(branch["tau_second"]))
+        ohm = ohm + share * _numbers(branch["r_ohm"])
+    return ohm
+
+
 def _resistance_after(second):
-    """Voltage over current at a time after a small step of the current."""
+    """A panel of it over SoC."""
 
     def plot(panel, condition, look):
-        ohm = _numbers(condition["r0_ohm"])
-        ohm = sum((_numbers(b["r_ohm"]) for b in _of_kind(condition, "charge_transfer")), ohm)
-        for branch in _of_kind(condition, "RC", "kinetic"):
-            share = -np.expm1(-second / _numbers(branch["tau_second"]))
-            ohm = ohm + share * _numbers(branch["r_ohm"])
-        _over_soc(panel, condition, ohm, look)
+        _over_soc(panel, condition, resistance_after(condition, second), look)
         panel.set_ylim(bottom=0)
 
     return plot
@@ -245,36 +250,6 @@ def _filter_label(row):
     after = row["convergence_second"]
     when = "does not converge" if np.isnan(after) else f"{after:.0f} s, then"
     return f"{row['filter']}: {when} RMSE {100 * row['rmse_soc']:.1f} %"
-
-
-def draw_pack(series, scores, test):
-    """Branch currents of parallel cells: those of the models over the measured ones.
-
-    `series` are columns of stage `pack_series`, `scores` rows of `pack`.
-    """
-    figure, axes = style.subplots(3, 1, height=5.4, sharex=True, height_ratios=[3, 2, 2])
-    current, residual, voltage = axes[:, 0]
-    hours = series["test_time_second"] / 3600
-    for index, row in enumerate(scores):
-        colour, branch = style.SERIES[index % len(style.SERIES)], row["branch"]
-        measured = series[f"branch_{branch}_current_ampere"]
-        simulated = series[f"simulated_branch_{branch}_current_ampere"]
-        label = f"branch {branch}: RMSE {1e3 * row['current_rmse_ampere']:.0f} mA"
-        style.plot_thinned(current, hours, measured, color=colour, linewidth=0.6, alpha=0.6)
-        style.plot_thinned(current, hours, simulated, color=colour, linewidth=1.2, label=label)
-        error = 1e3 * (measured - simulated)
-        style.plot_thinned(residual, hours, error, color=colour, linewidth=0.7)
-    style.shade_unscored(residual, hours, series["scored"])
-    measured, simulated = series["voltage_volt"], series["simulated_voltage_volt"]
-    label = f"simulated: RMSE {1e3 * scores[0]['voltage_rmse_volt']:.0f} mV"
-    style.plot_thinned(voltage, hours, measured, color=style.MEASURED, label="measured")
-    style.plot_thinned(voltage, hours, simulated, color=style.ERROR, linewidth=0.8, label=label)
-    current.set(ylabel="current [A]", title=f"{test}: branch currents (pale: measured)")
-    residual.set(ylabel="residual [mA]", title="Measured − simulated (grey: fitted, not scored)")
-    voltage.set(ylabel="voltage [V]", xlabel="time [h]")
-    style.legend_once(current)
-    style.legend_once(voltage)
-    return figure
 
 
 NAMES = ("r0_ohm", "r1_ohm", "r2_ohm", "tau1_second", "tau2_second")

@@ -13,10 +13,12 @@ from figures import (
     impedance,
     models,
     ocv,
+    packs,
     peaks,
     relaxation,
     resistance,
     temperature,
+    wiring,
 )
 from runtime import artefact, provenance
 
@@ -142,7 +144,26 @@ def _soc(of, test):
 
 
 def _pack(of, test):
-    return models.draw_pack(artefact.load(of.series), _table(of.scores), test)
+    return packs.draw_pack(artefact.load(of.series), _table(of.scores), test)
+
+
+def _wiring(of, _):
+    found = [content for content, _ in artefact.load_all(of.models)]
+    return wiring.draw_wiring(of.rows[0]["group"], of.rows, found)
+
+
+def _pack_spread(of, test):
+    (findings,) = _table(of.findings)
+    return packs.draw_pack_spread(artefact.load(of.spread), findings, test)
+
+
+def _series_pack(of, test):
+    return packs.draw_series_pack(_table(of.waterfall), _table(of.cells), test)
+
+
+def _ways(of, _):
+    rows = [row for columns, _ in artefact.load_some(of.ways) for row in artefact.rows(columns)]
+    return packs.draw_ways(rows, of.cells)
 
 
 def _effect_validation(of, _):
@@ -186,6 +207,11 @@ DRAW = {
     "validation": _validation,
     "soc": _soc,
     "pack": _pack,
+    "wiring": _wiring,
+    "pack_spread": _pack_spread,
+    "series_pack": _series_pack,
+    "weakest": lambda of, test: packs.draw_weakest(artefact.load(of.series), test),
+    "ways": _ways,
     "effect_validation": _effect_validation,
     "effect_map": lambda of, _: effects.draw_residual_map(artefact.load(of.residuals)),
     "effect_evidence": lambda of, _: effects.draw_evidence(artefact.load(of.evidence)),

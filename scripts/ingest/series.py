@@ -7,7 +7,8 @@ params, output = snakemake.params, snakemake.output
 with artefact.Job(snakemake, output.ingest) as reading:
     said = params.reading
     files = raw_files.contents(said["file"], said["sha256"])
-    found = cw.read(files, instrument=said["instrument"], current_sign=said["current_sign"])
+    how = {name: said[name] for name in ("instrument", "current_sign")}
+    found = cw.read(files, **how, **params.channels)
     reading.note(*found.notes)
     reading.save(found.columns, instrument=found.instrument)
 with artefact.Job(snakemake, output.clean, output.flags, after=reading) as cleaning:

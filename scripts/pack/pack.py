@@ -10,4 +10,6 @@ with artefact.Job(snakemake) as job:
     found = cw.validate_group(models, snakemake.params.branches, record, test)
     job.note(*found.notes)
     job.save(found.rows, snakemake.output.scores)
+    job.save(found.findings, snakemake.output.findings)
+    job.save(found.spread, snakemake.output.spread)
     job.save(found.series, snakemake.output.series)

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from cellwright.packs.wiring import wiring_faults
 from runtime import settings
 from runtime.settings import fault, wanted
 
@@ -270,14 +271,16 @@ def _cells(cells):
 
 
 def _groups(groups, cells):
-    yield from _repeated(groups, "group", "position")
-    yield from _repeated(groups, "group", "cell")
     cell_names = {row["cell"] for row in cells.rows}
     for row, place in zip(groups.rows, groups.places, strict=True):
-        if row["cell"] is not None and row["cell"] not in cell_names:
-            yield fault(f"{place}, cell", row["cell"], "a cell of cells.tsv", cell_names)
         if row["group"] in cell_names and row["group"] is not None:
             yield fault(f"{place}, group", row["group"], "a name that no cell of cells.tsv has")
+    names = {row["group"] for row in groups.rows} - {None} | cell_names
+    for found in wiring_faults(groups.rows, cell_names):
+        place, also = f"{groups.places[found.row]}, {found.column}", found.also
+        same = "" if also is None else f" (also {groups.places[also].split(', ', 1)[1]})"
+        near = names if found.column == "cell" and found.found not in names else ()
+        yield fault(place, found.found, found.wanted + same, near)
 
 
 def _tests(tests, cells, groups):

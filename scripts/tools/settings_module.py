@@ -22,7 +22,7 @@ FILES = {
     ),
     "models.py": (
         "Settings of equivalent circuits, of the methods that find them, and of filters.",
-        ["models", "identification_methods", "soc"],
+        ["models", "identification_methods", "soc", "pack_decisions"],
     ),
     "effects.py": (
         "Settings of the search for missing effects.",

@@ -22,9 +22,11 @@ class Behaviour(NamedTuple):
     """True current, voltage and temperature of a cell in one step, as functions of time.
 
     Times [s] are counted from the start of the step. The current [A] is positive on charge; of
-    cells in parallel `branches` are the currents of each. Where the generator knows them:
-    `charge`, the charge [Ah] since the start of the step, and `soc`, the true state of charge [1]
-    (of cells in parallel, that of the first).
+    cells in parallel `branches` are the currents of each, of cells in series `cell_voltages` and
+    `cell_soc` the voltage and state of charge of each, and `cell_temperatures` those that have a
+    sensor, by position (1, 2, …). Where the
+    generator knows them: `charge`, the charge [Ah] since the start of the step, and `soc`, the true
+    state of charge [1] (of several cells, that of the first).
     """
 
     duration_second: float
@@ -34,6 +36,9 @@ class Behaviour(NamedTuple):
     branches: tuple[Callable[[np.ndarray], np.ndarray], ...] = ()
     charge: Callable[[np.ndarray], np.ndarray] | None = None
     soc: Callable[[np.ndarray], np.ndarray] | None = None
+    cell_voltages: tuple[Callable[[np.ndarray], np.ndarray], ...] = ()
+    cell_temperatures: dict[int, Callable[[np.ndarray], np.ndarray]] | None = None
+    cell_soc: tuple[Callable[[np.ndarray], np.ndarray], ...] = ()
 
 
 def running_integral(time: np.ndarray, values: np.ndarray) -> np.ndarray:

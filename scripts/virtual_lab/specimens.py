@@ -7,12 +7,13 @@ rows of truth tables about the specimen itself.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
 
 from virtual_lab import fast
+from virtual_lab.behaviour import Behaviour
 from virtual_lab.chamber import Chamber
 
 CURVE_SOC = np.linspace(0.0, 1.0, 101)
@@ -169,6 +170,69 @@ class BehaviouralGroup(NamedTuple):
     def facts(self, name: str) -> dict[str, list[dict]]:
         """Rows of groups.tsv."""
         return {"groups": branch_rows(name, self.names, self.wire_ohm, self.initial_soc)}
+
+
+class SeriesString(NamedTuple):
+    """Cells of the fast generator in series, each in its own place of the chamber.
+
+    A step with a voltage at which it ends is ended by the first cell that meets it: the voltage is
+    one cell's. `sensors` are the positions (1, 2, …) of the cells whose temperature is logged.
+    """
+
+    names: tuple[str, ...]
+    members: tuple[Behavioural, ...]
+    chambers: tuple[Chamber, ...]
+    initial_soc: tuple[float, ...]
+    sensors: tuple[int, ...] = ()
+
+    @property
+    def capacities_ampere_hour(self) -> list[float]:
+        """Charge [Ah] of each full cell."""
+        return [member.full_ampere_hour for member in self.members]
+
+    @property
+    def full_ampere_hour(self) -> float:
+        """Charge [Ah] of the smallest cell."""
+        return min(self.capacities_ampere_hour)
+
+    def run_cells(self, steps, *, initial_soc=None) -> list[list[Behaviour]]:
+        """Behaviours of each cell under the one current of the string."""
+        fixed = []
+        for step in steps:
+            if step.until_volt is not None:
+                last = [one[-1] for one in self._each([*fixed, step], initial_soc)]
+                first = min(behaviour.duration_second for behaviour in last)
+                step = step._replace(duration_second=round(first, 3), until_volt=None)
+            fixed.append(step)
+        return self._each(fixed, initial_soc)
+
+    def _each(self, steps, initial_soc):
+        places = zip(self.members, self.chambers, initial_soc or self.initial_soc, strict=True)
+        return [one.run(steps, chamber=around, initial_soc=soc) for one, around, soc in places]
+
+    def run(self, steps, *, chamber: Chamber, initial_soc=None):
+        """Take the string through a protocol of its current, without held voltages."""
+        cells = self.run_cells(steps, initial_soc=initial_soc)
+        return [self._together(of_step) for of_step in zip(*cells, strict=True)]
+
+    def _together(self, of_step):
+        volts = tuple(behaviour.voltage for behaviour in of_step)
+        return of_step[0]._replace(
+            voltage=partial(_sum_of, functions=volts),
+            cell_voltages=volts,
+            cell_temperatures={k: of_step[k - 1].temperature for k in self.sensors},
+            cell_soc=tuple(behaviour.soc for behaviour in of_step),
+        )
+
+    def facts(self, name: str) -> dict[str, list[dict]]:
+        """Rows of groups.tsv."""
+        none = (None,) * len(self.names)
+        rows = branch_rows(name, self.names, none, self.initial_soc)
+        return {"groups": [row | {"connection": "series"} for row in rows]}
+
+
+def _sum_of(second, functions):
+    return np.sum([function(second) for function in functions], axis=0)
 
 
 @lru_cache(maxsize=256)

@@ -350,6 +350,48 @@ def _ended_empty(step, behaviour) -> bool:
     return abs(end - step.until_volt) < NEAR_VOLT
 
 
+def string_rows(
+    steps: list, behaviours: list, *, names: Sequence[str], capacities_ampere_hour: Sequence[float]
+) -> list[dict]:
+    """Charge and energy of a series string and the state of each cell; rows of series_packs.csv.
+
+    Parameters
+    ----------
+    steps, behaviours : of the test; each behaviour has a voltage and a state of charge per cell.
+    names : cells in the order of the string.
+    capacities_ampere_hour : of the full cells [Ah].
+
+    Returns
+    -------
+    One row a cell, none where nothing was discharged. Of the cell: its full charge, state of charge
+    at begin and end of the test, lowest voltage, and voltage at the end of the last discharge. Of
+    the string: net charge and energy of all that discharged it, and the cell of the lowest voltage
+    at that end.
+    """
+    flows = [_integral(b.current, b.duration_second) for b in behaviours]
+    down = [b for b, flow in zip(behaviours, flows, strict=True) if flow < -1e-6]
+    if not down:
+        return []
+    shared = {
+        "discharged_ampere_hour": round(-sum(flow for flow in flows if flow < 0), 6),
+        "discharged_watt_hour": round(-sum(_energy(b) for b in down), 5),
+    }
+    last = down[-1].duration_second
+    at_end = [float(volt(last)) for volt in down[-1].cell_voltages]
+    shared["lowest_at_end"] = names[int(np.argmin(at_end))]
+    rows = []
+    for k, (name, full) in enumerate(zip(names, capacities_ampere_hour, strict=True)):
+        lowest = min(float(b.cell_voltages[k](instants(b.duration_second)).min()) for b in down)
+        rows.append(
+            {"position": k + 1, "cell": name, "capacity_ampere_hour": round(full, 6)}
+            | {"soc_begin": round(float(behaviours[0].cell_soc[k](0.0)), 6)}
+            | {"soc_at_end_of_discharge": round(float(down[-1].cell_soc[k](last)), 6)}
+            | {"lowest_volt": round(lowest, 6), "volt_at_end_of_discharge": round(at_end[k], 6)}
+            | shared
+        )
+    return rows
+
+
 PULSED = ("hppc", "pulse_resistance")
 REFERENCE_CELSIUS = 25.0
 CYCLED = ("capacity", "ocv", "fast_charge")
@@ -367,8 +409,9 @@ def rows(test, behaviours: list) -> dict[str, list[dict]]:
 
     Returns
     -------
-    Tables by name: packs for a group; else soc and, by the kind, capacity, resistance and ica; of
-    an ageing test cycles, since a mean over a life says nothing.
+    Tables by name: packs for a parallel group, series_packs for cells in series; else soc and, by
+    the kind, capacity, resistance and ica; of an ageing test cycles, since a mean over a life says
+    nothing.
     """
     specimen = test.specimen
     if test.kind == "group":
@@ -376,6 +419,9 @@ def rows(test, behaviours: list) -> dict[str, list[dict]]:
             "names": specimen.names,
             "capacities_ampere_hour": specimen.capacities_ampere_hour,
         }
+        if behaviours[0].cell_voltages:
+            string = string_rows(test.steps, behaviours, **of_cells)
+            return {"series_packs": [{"group": test.cell, **row} for row in string]}
         branches = group_rows(test.steps, behaviours, **of_cells)
         return {"packs": [{"group": test.cell, **row} for row in branches]}
     # Of the full cell at the temperature of the test.

@@ -82,7 +82,7 @@ BOTH = (a_test("a", "fit"), a_test("b", "validation"))
 REFUSED = {
     r"one \(fit\); one of role fit and another": ((a_test("one", "fit"),), KNOWN),
     "no model of c2 by itself": (BOTH, [KNOWN[0], KnownCell(None, "c2")]),
-    "3 branch currents for 2 branches": ((a_test("a", "fit", branches=3), BOTH[1]), KNOWN),
+    "found Branch 3 Current / A": ((a_test("a", "fit", branches=3), BOTH[1]), KNOWN),
     "none; one of role fit": ((), KNOWN),
 }
 

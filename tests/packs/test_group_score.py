@@ -6,8 +6,10 @@ import truth
 from sheets_facts import branch_facts, measured_test
 
 from cellwright.bias.scaled import scaled_reference
-from cellwright.packs.group import validate_group
-from cellwright.packs.parallel import group_of, simulate_parallel
+from cellwright.packs.cells import pack_cells
+from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.validate import validate_group
+from cellwright.packs.wiring import Wiring
 from cellwright.refusal import Refusal
 
 MODELS = [
@@ -23,17 +25,24 @@ def branches(soc=SOC, wire=WIRE):
     return branch_facts("AB", soc, wire)
 
 
-def record(soc=SOC, wire=WIRE):
-    group = group_of(MODELS, temperature_celsius=25.0)
-    run = simulate_parallel(TIME, TOTAL, group, initial_soc=soc, wire_resistance_ohm=wire)
-    series = {"test_time_second": TIME, "current_ampere": TOTAL, "voltage_volt": run.voltage_volt}
-    measured = {f"branch_{k + 1}_current_ampere": run.branch_current_ampere[:, k] for k in (0, 1)}
+def star(wire=WIRE):
+    return Wiring("pair", "parallel", ("A", "B"), tuple(v or 0.0 for v in wire), (0.0, 0.0))
+
+
+def record(soc=SOC, wire=WIRE, models=MODELS, total=TOTAL, celsius=25.0, tables=25.0):
+    cells = pack_cells(models, temperature_celsius=tables)
+    settings = {"initial_soc": soc, "ambient_celsius": celsius}
+    run = simulate_pack(TIME, total, cells, star(wire), **settings)
+    series = {"test_time_second": TIME, "current_ampere": total, "voltage_volt": run.voltage_volt}
+    measured = {f"branch_{k + 1}_current_ampere": run.cell_current_ampere[:, k] for k in (0, 1)}
     return series | measured
 
 
-def score(series, rows=None, models=MODELS, **facts):
+def score(series, rows=None, models=MODELS, wiring=None, **facts):
     test = measured_test(series, "pair", "group", **facts)
-    return validate_group(models, rows or branches(), test)
+    rows = rows or branches()
+    wired = wiring or star([row.wire_resistance_ohm for row in rows])
+    return validate_group(models, rows, test, wired)
 
 
 def test_the_truth_has_no_error_and_currents_sum_to_the_total():
@@ -48,16 +57,103 @@ def test_the_truth_has_no_error_and_currents_sum_to_the_total():
     assert scored.notes == ()
 
 
-def test_a_member_that_a_group_cannot_run_is_replaced_and_it_is_said():
+def test_each_cell_runs_as_its_chosen_member():
     entry = MODELS[0]["members"][0]["conditions"][0]
     kinetic = {"kind": "kinetic", "r_ohm": [0.01] * 5, "tau_second": [1.0] * 5}
     kinetic |= {"scale_volt": [0.05] * 5}
     more = {"model": "DRT+K", "conditions": [entry | {"branches": [kinetic]}]}
-    first = MODELS[0] | {"members": [more, *MODELS[0]["members"]], "chosen": "DRT+K"}
-    scored = score(record(), models=[first, MODELS[1]])
-    assert [row["model"] for row in scored.rows] == ["2RC", "2RC"]
-    assert scored.notes == ("A simulated as 2RC: its DRT+K is more than RC pairs",)
+    models = [MODELS[0] | {"members": [more, *MODELS[0]["members"]], "chosen": "DRT+K"}, MODELS[1]]
+    scored = score(record(models=models), models=models)
+    assert [row["model"] for row in scored.rows] == ["DRT+K", "2RC"]
     assert scored.rows[0]["current_rmse_ampere"] < 1e-9
+    assert score(record(), models=models).rows[0]["current_rmse_ampere"] > 1e-3
+
+
+def test_cells_run_at_the_temperature_that_was_logged_in_the_group():
+    warm = 25.0 + 12.0 * np.minimum(TIME / 3000.0, 1.0)
+    conditions = MODELS[0]["members"][0]["conditions"][0] | {
+        "activation_energy_joule_per_mole": 30e3
+    }
+    active = [
+        model | {"members": [model["members"][0] | {"conditions": [conditions]}]}
+        for model in MODELS
+    ]
+    kelvin = np.arange(25.0, 38.0, 1.0)
+    series = record(models=active, celsius=warm, tables=kelvin)
+    known = score(series | {"surface_temperature_celsius": warm}, models=active)
+    unknown = score(series, models=active)
+    assert known.rows[0]["voltage_rmse_volt"] < 5e-4 < unknown.rows[0]["voltage_rmse_volt"]
+    assert known.notes == ("cells at the group's measured temperature, 25 to 37 °C",)
+
+
+DISCHARGE = np.where((TIME < 100) | (TIME >= 4600), 0.0, -2.6)
+
+
+@pytest.fixture(scope="module")
+def discharged():
+    return score(record(total=DISCHARGE), models=MODELS)
+
+
+def test_the_capacity_of_the_group_is_found_again(discharged):
+    (finding,) = discharged.findings
+    given = 2.6 * 4500.0 / 3600.0
+    assert finding["group_capacity_ampere_hour"] == pytest.approx(given, rel=5e-3)
+    assert finding["cells_capacity_ampere_hour"] == pytest.approx(3.6)
+    assert finding["lost_ampere_hour"] == pytest.approx(3.6 - given, abs=0.02)
+    for row in discharged.rows:
+        assert abs(row["group_capacity_error"]) < 1e-3
+        assert row["charge_ampere_hour"] < given
+    assert sum(r["charge_ampere_hour"] for r in discharged.rows) == pytest.approx(given, rel=5e-3)
+
+
+def test_a_model_of_less_capacity_ends_earlier_and_of_more_later():
+    for factor in (0.9, 1.1):
+        models = [m | {"capacity_ampere_hour": factor * m["capacity_ampere_hour"]} for m in MODELS]
+        (finding,) = score(record(total=DISCHARGE), models=models).findings
+        ratio = (
+            finding["simulated_group_capacity_ampere_hour"] / finding["group_capacity_ampere_hour"]
+        )
+        assert ratio == pytest.approx(factor, abs=0.02)
+
+
+def test_what_is_found_of_the_truth_is_the_same_measured_and_simulated(discharged):
+    (finding,) = discharged.findings
+    for name in ("peak_share", "spread_above_15_soc", "circulating_ampere"):
+        assert finding[f"simulated_{name}"] == pytest.approx(finding[name])
+        assert finding[name] > 0
+    share = discharged.series["branch_1_current_ampere"][10:460] / -1.3
+    assert finding["peak_share"] == pytest.approx(
+        np.maximum(share, 2 - share)[1:-1].max(), rel=1e-6
+    )
+    assert sum(row["samples"] for row in discharged.spread) == 450
+    assert all(row["relative_current_rmse"] < 1e-9 for row in discharged.spread)
+
+
+def test_without_a_whole_discharge_no_capacity_is_told():
+    (finding,) = score(record()).findings
+    assert np.isnan(finding["group_capacity_ampere_hour"])
+    assert np.isnan(finding["peak_share"])
+    assert finding["branches"] == 2
+
+
+def test_errors_above_and_below_15_percent_are_told_apart(discharged):
+    series = record(total=DISCHARGE)
+    low = discharged.series["soc"] <= 0.15
+    series["branch_1_current_ampere"] = series["branch_1_current_ampere"] + 0.13 * low
+    first = score(series, models=MODELS).rows[0]
+    assert first["mean_branch_current_ampere"] == pytest.approx(1.3)
+    assert first["relative_current_rmse_below_15_soc"] == pytest.approx(0.1)
+    assert first["relative_current_rmse_above_15_soc"] < 1e-9
+
+
+def test_offsets_of_the_sensors_are_read_at_the_start_where_the_group_is_at_equilibrium():
+    long = np.where(TIME < 600, 0.0, TOTAL)
+    series = record(total=long)
+    series["branch_1_current_ampere"] = series["branch_1_current_ampere"] + 0.02
+    first, second = score(series, branches(soc=[None, None])).rows
+    assert first["sensor_offset_ampere"] == pytest.approx(0.02, abs=1e-3)
+    assert second["sensor_offset_ampere"] == pytest.approx(0.0, abs=1e-3)
+    assert score(series).rows[0]["sensor_offset_ampere"] == 0.0
 
 
 def test_an_error_of_one_sensor_is_that_branch_alone():
@@ -91,7 +187,7 @@ def test_what_a_model_was_fitted_to_is_not_scored():
 
 def test_soc_at_the_start_is_found_from_the_rest_voltage_where_not_stated():
     scored = score(record(), branches(soc=[None, None]))
-    assert scored.notes == ("SoC at the start from the group's first voltage",)
+    assert scored.notes[0] == "SoC at the start from the group's first voltage"
     assert scored.rows[0]["current_rmse_ampere"] < 2e-3
     mixed = score(record(soc=[0.8, 0.9]), branches(soc=[0.8, None]))
     assert mixed.series["simulated_voltage_volt"][0] == pytest.approx(
@@ -108,6 +204,10 @@ def test_wires_that_are_not_stated_are_none_and_it_is_said():
     assert scored.notes == ("wire resistances are not stated: taken as none beyond the cells' own",)
 
 
-def test_refuses_another_number_of_branches():
-    with pytest.raises(Refusal, match=r"2 branch currents for 1 branches of groups\.tsv"):
-        score(record(), branches()[:1], models=MODELS[:1])
+def test_refuses_other_wirings_and_branches_that_were_not_logged():
+    chain = star()._replace(connection="series")
+    with pytest.raises(Refusal, match=r"found A \+ B, wanted single cells in parallel"):
+        score(record(), wiring=chain)
+    lacking = {k: v for k, v in record().items() if k != "branch_2_current_ampere"}
+    with pytest.raises(Refusal, match="no current of one branch or more"):
+        score(lacking)

@@ -1,132 +1,18 @@
-"""Parallel groups: Kirchhoff, symmetries, stability; identification from branch currents."""
+"""Cells of a parallel group identified from branch currents."""
 
 import gzip
 
 import numpy as np
 import pytest
-import truth
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from cellwright.bias.scaled import scaled_reference
-from cellwright.packs import parallel
-from cellwright.packs.group import identify_branches, rest_offset
+from cellwright.packs.identify import identify_branches, rest_offset
 from cellwright.packs.parallel import Group, group_of, simulate_parallel
 from cellwright.refusal import Refusal
 
-CELLS = (
-    truth.model("A"),
-    scaled_reference(truth.model(), cell="B", capacity=1.6, resistance_ratio=1.7),
-    scaled_reference(truth.model(), cell="C", capacity=2.3, resistance_ratio=0.8),
-)
 TIME = np.cumsum(np.random.default_rng(1).exponential(5.0, 300))
-LOAD = np.repeat(np.random.default_rng(2).uniform(-6, 4, 15), 20)
-
-
-def group(*cells):
-    return group_of(cells, temperature_celsius=25.0)
-
-
-@settings(deadline=None, max_examples=20)
-@given(st.lists(st.floats(0.1, 0.9), min_size=3, max_size=3), st.floats(0, 0.05))
-def test_branch_currents_sum_to_the_total(soc, wire):
-    run = simulate_parallel(TIME, LOAD, group(*CELLS), initial_soc=soc, wire_resistance_ohm=wire)
-    np.testing.assert_allclose(run.branch_current_ampere.sum(axis=1), LOAD, rtol=0, atol=1e-9)
-
-
-def test_the_order_of_the_cells_does_not_matter():
-    order, soc, wire = [2, 0, 1], np.array([0.4, 0.5, 0.6]), np.array([0.0, 0.01, 0.02])
-    run = simulate_parallel(TIME, LOAD, group(*CELLS), initial_soc=soc, wire_resistance_ohm=wire)
-    turned = simulate_parallel(
-        TIME,
-        LOAD,
-        group(*(CELLS[k] for k in order)),
-        initial_soc=soc[order],
-        wire_resistance_ohm=wire[order],
-    )
-    np.testing.assert_allclose(
-        turned.branch_current_ampere, run.branch_current_ampere[:, order], atol=1e-9
-    )
-
-
-def test_two_identical_cells_are_one_of_double_capacity_and_half_resistance():
-    one = simulate_parallel(TIME, LOAD / 2, group(CELLS[0]), initial_soc=0.6)
-    two = simulate_parallel(TIME, LOAD, group(CELLS[0], CELLS[0]), initial_soc=0.6)
-    np.testing.assert_allclose(two.voltage_volt, one.voltage_volt, atol=1e-9)
-    np.testing.assert_allclose(two.branch_current_ampere[:, 1], LOAD / 2, atol=1e-9)
-
-
-def test_one_cell_alone_is_the_single_cell_simulation():
-    time = np.arange(0.0, 4000.0, 0.5)
-    current = np.where(time % 400 < 200, -1.0, 0.3)
-    run = simulate_parallel(time, current, group(CELLS[0]), initial_soc=0.9)
-    alone = truth.voltage(time, current, run.soc[:, 0], hold="zero_order")
-    assert np.abs(run.voltage_volt - alone)[current == -1].mean() < 1e-3
-
-
-def test_unequal_cells_equalise_at_rest():
-    time = np.linspace(0, 3e5, 4000)
-    run = simulate_parallel(time, 0 * time, group(*CELLS), initial_soc=[0.3, 0.5, 0.7])
-    assert run.branch_current_ampere[0, 0] > 0.1 > -0.1 > run.branch_current_ampere[0, 2]
-    np.testing.assert_allclose(run.branch_current_ampere[-1], 0, atol=1e-4)
-    capacity = group(*CELLS).capacity_ampere_hour
-    stored = run.soc[-1] @ capacity - [0.3, 0.5, 0.7] @ capacity
-    assert stored == pytest.approx(0, abs=1e-9)
-    assert np.ptp(run.soc[-1]) < 1e-3
-
-
-def test_a_stiff_group_with_long_steps_stays_calm():
-    """Milliohm cells, a steep OCV and steps of ten minutes, where an explicit form explodes."""
-    grid = np.linspace(0, 1, 201)
-    stiff = Group(
-        ocv_volt=np.array([3.0 + 1.2 * grid] * 2),
-        r0_ohm=np.full((2, 201), 1e-3),
-        r_ohm=np.zeros((2, 1, 201)),
-        tau_second=np.ones((2, 1, 201)),
-        capacity_ampere_hour=np.array([2.0, 3.0]),
-    )
-    time = np.arange(0.0, 20000.0, 600.0)
-    run = simulate_parallel(time, 0 * time, stiff, initial_soc=[0.4, 0.6])
-    assert np.all(np.diff(np.abs(run.branch_current_ampere[:, 0])) <= 1e-9)
-    np.testing.assert_allclose(run.soc[-1], 0.52, atol=1e-6)
-
-
-@pytest.mark.parametrize("pairs", [1, 2, 3])
-@pytest.mark.parametrize("cells", [1, 4, 7])
-def test_compiled_and_numpy_agree(monkeypatch, cells, pairs):
-    """Also over the ends of the tables, where time constants move and where a step repeats."""
-    rng, grid = np.random.default_rng(cells), np.linspace(0, 1, 51)
-    many = Group(
-        ocv_volt=3.2 + 0.8 * grid + 0.1 * np.sin(8 * grid) + 0.01 * rng.normal(size=(cells, 1)),
-        r0_ohm=0.02 + 0.01 * rng.random((cells, 51)),
-        r_ohm=0.01 + 0.01 * rng.random((cells, pairs, 51)),
-        tau_second=rng.uniform(5, 500, (cells, pairs, 1)) * (1 + grid * (cells > 1)),
-        capacity_ampere_hour=rng.uniform(1.5, 2.5, cells),
-    )
-    time = np.cumsum(np.repeat([1.0, 4.0, 0.5, 60.0], 150))
-    load = cells * np.repeat(rng.uniform(-5, 2, 30), 20)
-    setting = {"initial_soc": rng.uniform(0.1, 0.9, cells), "wire_resistance_ohm": 1e-3}
-    run = simulate_parallel(time, load, many, **setting)
-    monkeypatch.setattr(parallel, "function", lambda *_types: None)
-    for one, other in zip(run, simulate_parallel(time, load, many, **setting), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
-    assert run.soc.min() < 0
-
-
-def test_the_currents_of_a_thousand_cells_sum_to_the_total():
-    cells = group(*CELLS)
-    thousand = Group(*(np.repeat(table, 334, axis=0) for table in cells))
-    run = simulate_parallel(TIME[:60], 1000 * LOAD[:60], thousand, initial_soc=0.5)
-    total = run.branch_current_ampere.sum(axis=1)
-    np.testing.assert_allclose(total, 1000 * LOAD[:60], rtol=0, atol=1e-9)
 
 
 def test_refusals():
-    with pytest.raises(Refusal, match="time runs back"):
-        simulate_parallel(TIME[::-1], LOAD, group(*CELLS), initial_soc=0.5)
-    bare = group(*CELLS)._replace(r0_ohm=np.zeros((3, 201)))
-    with pytest.raises(Refusal, match="neither a resistance"):
-        simulate_parallel(TIME, LOAD, bare, initial_soc=0.5)
     with pytest.raises(Refusal, match="without models"):
         group_of([])
     currents = np.ones((300, 2)) * 0.1

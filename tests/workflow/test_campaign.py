@@ -169,9 +169,9 @@ def test_groups_are_read_and_their_tests_belong_to_them(folder):
 @pytest.mark.parametrize(
     ("row", "expected"),
     [
-        ("pair\t2\tA", "found 'pair 2', wanted each once"),
-        ("pair\t3\tA", "found 'pair A', wanted each once"),
-        ("pair\t3\tZ", "found 'Z', wanted a cell of cells.tsv"),
+        ("pair\t2\tA", "position: found 2, wanted each once in pair (also row 2 (line 3))"),
+        ("pair\t3\tA", "cell: found 'A', wanted each once in pair (also row 1 (line 2))"),
+        ("pair\t3\tZ", "found 'Z', wanted a cell of cells.tsv or a group"),
         ("A\t1\tB", "a name that no cell of cells.tsv has"),
         ("pair\t1.5\tA", "found '1.5', wanted a whole number at least 1"),
     ],

@@ -25,6 +25,7 @@ if workflow.modifier.path_modifier.prefix or workflow.modifier.path_modifier.mod
     )
 sys.path.insert(0, SCRIPTS)
 
+from cellwright.packs import wiring
 from runtime import contract, job_environment, job_requests, object_storage
 from runtime import settings, sheets, snakemake_state
 from runtime.provenance import codes_of
@@ -48,9 +49,13 @@ TESTS = {(row["cell"], row["test"]): row for row in CAMPAIGN.tests}
 TESTS_OF = {owner: [] for owner in [*CELLS, *(row["group"] for row in CAMPAIGN.groups)]}
 for row in CAMPAIGN.tests:
     TESTS_OF[row["cell"]].append(row)
+# Members of each group in their order; its rows with those of the groups in it; its cells, in the
+# order in which cell voltages and temperatures of its records stand.
 BRANCHES = {}
 for row in sorted(CAMPAIGN.groups, key=lambda row: row["position"]):
     BRANCHES.setdefault(row["group"], []).append(row)
+WIRED = {group: wiring.rows_below(group, CAMPAIGN.groups) for group in BRANCHES}
+LEAVES = {g: wiring.cells_of(wiring.wiring_of(g, rows)) for g, rows in WIRED.items()}
 
 
 def owner(wildcards):
@@ -66,13 +71,13 @@ def test_facts(wildcards):
 
 
 def cell_facts(wildcards):
-    """Of the sheet's row of a cell what analyses need; of a group, that of its first branch."""
+    """Of the sheet's row of a cell what analyses need; of a group, that of its first cell."""
     return facts_of(owner(wildcards))
 
 
 def facts_of(name):
     """The same by the name of the cell or group."""
-    row = CELLS.get(name) or CELLS[BRANCHES[name][0]["cell"]]
+    row = CELLS.get(name) or CELLS[LEAVES[name][0]]
     names = ["cell", "rated_capacity_ampere_hour", "lower_cutoff_volt", "upper_cutoff_volt"]
     return {name: row[name] for name in names}
 

@@ -148,13 +148,30 @@ def figures_of_effect(owner, figures, gates):
 
 
 def figures_of_group(group):
-    """Figures of a group: of the search in it, and of its tests."""
+    """Figures of a group: its wiring, the search in it, its tests, the ways to its cells' models."""
+    models = [f"results/models/{cell}.json" for cell in LEAVES[group] if cell in MODELLED]
+    yield figure("wiring", settings={"rows": WIRED[group]}, models=models)
     if group in GROUPS_SEARCHED:
         gates = config["missing_effect_group"]["gates"]
         yield from figures_of_effect(group, GROUP_EFFECT_FIGURES, gates)
-    for row in tests(group, "group") if group in PAIRS else ():
-        stages = {"series": "pack_series", "scores": "pack"}
-        yield figure("pack", test=row["test"], **of_test(group, row["test"], **stages))
+    for row in tests(group, "group") if group in SHARED else ():
+        parts = of_test(group, row["test"], series="pack_series", scores="pack")
+        yield figure("pack", test=row["test"], **parts)
+        parts = of_test(group, row["test"], spread="pack_spread", findings="pack_findings")
+        yield figure("pack_spread", test=row["test"], **parts)
+    for row in tests(group, "group") if group in SERIES else ():
+        stages = {"waterfall": "series_pack_waterfall", "cells": "series_pack_cells"}
+        yield figure("series_pack", test=row["test"], **of_test(group, row["test"], **stages))
+        parts = of_test(group, row["test"], series="series_pack_series")
+        yield figure("weakest", test=row["test"], **parts)
+    ways = [f"results/bias_ways/{first}.parquet" for first in judged_with(LEAVES[group])]
+    if ways:
+        yield figure("ways", settings={"cells": list(LEAVES[group])}, ways=ways)
+
+
+def judged_with(cells):
+    """The first cells of the types of which some of these cells are compared by four ways."""
+    return [first for first, compared in JUDGED.items() if not set(compared).isdisjoint(cells)]
 
 
 # Of every cell and group: what its figures are drawn from, in the report's order.

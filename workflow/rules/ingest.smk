@@ -16,6 +16,12 @@ def reading(wildcards):
     return {name: row[name] for name in ["file", "sha256", "instrument", "current_sign"]}
 
 
+def channels_of_group(wildcards):
+    """How many members and cells a group has, whose channels its files number; none of a cell."""
+    name = wildcards.cell
+    return {"members": len(BRANCHES[name]), "cells": len(LEAVES[name])} if name in BRANCHES else {}
+
+
 rule series:
     input:
         raw=raw_files,
@@ -28,6 +34,7 @@ rule series:
         "logs/series/{cell}/{test}.log",
     params:
         reading=reading,
+        channels=channels_of_group,
         clean=config["clean"],
         segment=config["segment"],
         test=test_facts,

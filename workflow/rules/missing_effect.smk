@@ -13,9 +13,13 @@ def searchable(cell):
 # A cell with any such test has a verdict file; one that cannot be searched says there why.
 ASKED = cells_where(lambda cell: config["missing_effect"]["enabled"] and tests(cell, *EFFECT_KINDS))
 SEARCHED = cells_where(lambda cell: cell in ASKED and searchable(cell))
-# A group is asked where it has tests. A branch is held against its cell's model, else its type's.
+# A group is asked where it has tests and its cells lie on one bar each, which is the group that the
+# search simulates. A branch is held against its cell's model, else its type's.
 GROUPS_ASKED = [
-    group for group in BRANCHES if config["missing_effect"]["enabled"] and tests(group, "group")
+    group
+    for group, rows in PARALLEL.items()
+    if config["missing_effect"]["enabled"] and tests(group, "group")
+    if not any(row["link_resistance_ohm"] for row in rows)
 ]
 
 

@@ -65,9 +65,15 @@ BIASED = cells_where(
     and tests(cell, "ica", "drive", "capacity")
     and calibrating(cell)
 )
+# Of a plain group of cells in parallel alone: in series nothing tells one cell's charge by itself.
+PARALLEL = {
+    group: rows
+    for group, rows in BRANCHES.items()
+    if rows[0]["connection"] == "parallel" and [row["cell"] for row in rows] == list(LEAVES[group])
+}
 GROUPED = {
     row["cell"]: group
-    for group, rows in BRANCHES.items()
+    for group, rows in PARALLEL.items()
     for row in rows
     if row["cell"] not in IDENTIFIED | BIASED and tests(group, "group", roles=["fit"])
 }

@@ -1,10 +1,14 @@
-# Cells in parallel: branch currents from the cells' models, scored against the measured ones.
+# Groups of cells: their currents and voltages from the cells' models, scored against the measured.
 
-PAIRS = [
-    group
-    for group, rows in BRANCHES.items()
-    if tests(group, "group") and all(row["cell"] in MODELLED for row in rows)
-]
+# Groups with tests; one of whose cells has no model says so and is left out.
+PAIRS = [group for group in BRANCHES if tests(group, "group")]
+# Those of members in parallel, whose branch currents are simulated.
+SHARED = [group for group in PAIRS if BRANCHES[group][0]["connection"] == "parallel"]
+
+
+def models_of_group(wildcards):
+    """Models of the cells of a group, in the order of its leaves, of those that have one."""
+    return [f"results/models/{cell}.json" for cell in LEAVES[wildcards.group] if cell in MODELLED]
 
 
 rule branches:
@@ -29,18 +33,45 @@ rule branches:
 rule pack:
     input:
         series="results/clean/{group}/{test}.parquet",
-        models=lambda w: [f"results/models/{row['cell']}.json" for row in BRANCHES[w.group]],
+        models=models_of_group,
     output:
         scores="results/pack/{group}/{test}.parquet",
+        findings="results/pack_findings/{group}/{test}.parquet",
+        spread="results/pack_spread/{group}/{test}.parquet",
         series="results/pack_series/{group}/{test}.parquet",
     log:
         "logs/pack/{group}/{test}.log",
     wildcard_constraints:
+        group=either(SHARED),
+    params:
+        test=test_facts,
+        branches=lambda w: WIRED[w.group],
+    message:
+        "Simulate the group {wildcards.group} through {wildcards.test}."
+    script:
+        "../../scripts/pack/pack.py"
+
+
+def simulated_channels(wildcards):
+    """The simulated branch currents of a test, which tell swapped ones, where there are some."""
+    path = f"results/pack_series/{wildcards.group}/{wildcards.test}.parquet"
+    return [path] if wildcards.group in SHARED else []
+
+
+rule pack_checks:
+    input:
+        series="results/clean/{group}/{test}.parquet",
+        simulated=simulated_channels,
+    output:
+        "results/pack_checks/{group}/{test}.parquet",
+    log:
+        "logs/pack_checks/{group}/{test}.log",
+    wildcard_constraints:
         group=either(PAIRS),
     params:
         test=test_facts,
-        branches=lambda w: BRANCHES[w.group],
+        branches=lambda w: WIRED[w.group],
     message:
-        "Simulate the parallel group {wildcards.group} through {wildcards.test}."
+        "Do the channels of {wildcards.group} in {wildcards.test} agree with each other?"
     script:
-        "../../scripts/pack/pack.py"
+        "../../scripts/pack/pack_checks.py"

@@ -40,6 +40,11 @@ TABLES_OF_HEALTH = {
     "fade": [f"results/life/{cell}.parquet" for cell in AGED],
     "fade_laws": [f"results/fade/{cell}.parquet" for cell in AGED],
 }
+TABLES_OF_GROUPS = {
+    "packs": "pack",
+    "pack_findings": "pack_findings",
+    "pack_spread": "pack_spread",
+}
 TABLES_OF_MODELS = {
     "temperature_prediction": [
         f"results/temperature_prediction/{cell}.parquet" for cell in COMPENSATED
@@ -57,7 +62,19 @@ TABLES_OF_MODELS = {
     "validation": SCORES,
     "bias": [f"results/bias_ways/{cell}.parquet" for cell in JUDGED],
     "soc": FILTERED,
-    "packs": [p for group in PAIRS for p in artefacts("pack", group, "group")],
+    "series_packs": [p for group in SERIES for p in artefacts("series_pack", group, "group")],
+    "series_pack_cells": [
+        p for group in SERIES for p in artefacts("series_pack_cells", group, "group")
+    ],
+    "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
+    "pack_decisions": [
+        *[f"results/pack_decisions/{group}.parquet" for group in PAIRS],
+        *[f"results/pack_matching/{fleet}.parquet" for fleet in MATCHED],
+    ],
+    **{
+        table: [p for group in SHARED for p in artefacts(stage, group, "group")]
+        for table, stage in TABLES_OF_GROUPS.items()
+    },
 }
 TABLE_INPUTS = TABLES_OF_TESTS | TABLES_OF_HEALTH | TABLES_OF_MODELS
 COMPARED_CELLS = ["fleet_health", "fleet_health_lines", "protocols"]
@@ -81,6 +98,7 @@ STAGES = [
     *[path for cell in COMPENSATED for path in left_out_of(cell)],
     *[f"results/compensation/{cell}.parquet" for cell in COMPENSATED],
     *[f"results/branches/{group}.json" for group in sorted(set(GROUPED.values()))],
+    *[f"results/pack_models/{group}.json" for group in PACK_MODELS],
     *MODELS,
     *EXPORTED["pybamm_thevenin.json"],
     *[path for paths in TABLE_INPUTS.values() for path in paths],

@@ -264,7 +264,7 @@ def identify_branches(series, steps, cells, test):
     Source: docs/packs.md.
     """
     from cellwright.circuits.parameters import parameter_rows
-    from cellwright.packs.group import group_models
+    from cellwright.packs.identify import group_models
     from cellwright.records.facts import MeasuredTest
 
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
@@ -292,27 +292,28 @@ def simulate_group(
 
     Raises
     ------
-    Refusal : no model, or one without a member of RC pairs.
+    Refusal : no model, or as `packs.simulate.simulate_pack`.
 
     Source: docs/packs.md.
     """
     import numpy as np
 
-    from cellwright.packs.parallel import group_of, simulate_parallel
+    from cellwright.packs.cells import pack_cells
+    from cellwright.packs.simulate import simulate_pack
+    from cellwright.packs.wiring import Wiring
 
     documents = [inputs.content(model) for model in models]
-    pack = group_of(documents, temperature_celsius=temperature_celsius)
+    cells = pack_cells(documents, temperature_celsius=temperature_celsius)
     time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
-    start, wire = (
-        np.broadcast_to(np.asarray(value, float), len(documents))
-        for value in (initial_soc, wire_resistance_ohm)
-    )
-    run = simulate_parallel(time, total, pack, initial_soc=start, wire_resistance_ohm=wire)
+    wire = np.broadcast_to(np.asarray(wire_resistance_ohm, float), len(documents))
+    branches = tuple(f"branch {k + 1}" for k in range(len(documents)))
+    wiring = Wiring("the group", "parallel", branches, tuple(wire), (0.0,) * len(documents))
+    run = simulate_pack(time, total, cells, wiring, initial_soc=initial_soc)
     columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
     for k in range(len(documents)):
-        columns[f"branch_{k + 1}_current_ampere"] = run.branch_current_ampere[:, k]
+        columns[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
         columns[f"branch_{k + 1}_soc"] = run.soc[:, k]
-    return results.Simulation(columns, "the members of RC pairs")
+    return results.Simulation(columns, ", ".join(dict.fromkeys(cells.members)))
 
 
 def validate_group(models, branches, series, test):
@@ -320,24 +321,70 @@ def validate_group(models, branches, series, test):
 
     Parameters
     ----------
-    models : of the cells, in the order of the branches. branches : rows of groups.tsv.
+    models : of the cells, in the order of the branches. branches : rows of groups.tsv, of the group
+        and of all groups in it.
     series : clean series with branch_<k>_current_ampere [A], (n,) columns.
     test : TestFacts or mapping.
 
     Returns
     -------
-    validation : Scored; one row a branch: errors of current [A] and voltage [V].
+    validation : ScoredGroup; one row a branch: errors of current [A] and voltage [V].
 
     Raises
     ------
-    Refusal : Other branch currents than branches, or no SoC at the start.
+    Refusal : Other branch currents than branches, a cell without a model, or no SoC at the start.
 
     Source: docs/packs.md.
     """
-    from cellwright.packs.group import validate_group as validated
+    from cellwright.packs.validate import validate_group as validated
+    from cellwright.packs.wiring import models_of, wiring_of
     from cellwright.records.facts import MeasuredTest
 
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
-    rows = [inputs.branch_facts(branch) for branch in branches]
-    scores = validated([inputs.content(model) for model in models], rows, measured)
-    return results.Scored(scores.rows, scores.series, tuple(scores.notes))
+    rows = inputs.rows(branches)
+    group = rows[0].get("group", "the group")
+    wiring = wiring_of(group, rows)
+    documents = models_of(wiring, [inputs.content(model) for model in models])
+    own = [row for row in rows if row.get("group", group) == group]
+    members = sorted(own, key=lambda row: row["position"])
+    facts = [inputs.branch_facts(row) for row in members]
+    return results.ScoredGroup(*validated(documents, facts, measured, wiring))
+
+
+def check_group(branches, series, test, simulated=None):
+    """Checks of a group's record: do its channels agree, and are they where the sheet says.
+
+    Parameters
+    ----------
+    branches : rows of groups.tsv, of the group and of all groups in it.
+    series : clean series of the group, (n,) columns, with whichever of branch_<k>_current_ampere
+        [A] and cell_<k>_voltage_volt [V] were logged. test : TestFacts or mapping.
+    simulated : the series of `validate_group`, whose simulated channels tell swapped ones.
+
+    Returns
+    -------
+    checks : Table; a row a check, notes what was found.
+
+    Raises
+    ------
+    Refusal : channels beyond the wiring, or a wiring that is none.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.packs.checks import channel_findings, swapped_channels
+    from cellwright.packs.wiring import cells_of, wiring_of
+    from cellwright.records.facts import MeasuredTest
+    from cellwright.records.record import group_record
+
+    rows = inputs.rows(branches)
+    group = rows[0].get("group", "the group")
+    wiring = wiring_of(group, rows)
+    own = sorted((r for r in rows if r.get("group", group) == group), key=lambda r: r["position"])
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    facts = [inputs.branch_facts(row) for row in own]
+    record = group_record(measured, facts, cells=len(cells_of(wiring)))
+    findings = channel_findings(record, wiring)
+    if simulated is not None:
+        findings += swapped_channels(inputs.columns(simulated), wiring, record.test)
+    notes = tuple(found.sentence for found in findings if found.found)
+    return results.Table([found._asdict() for found in findings], notes)

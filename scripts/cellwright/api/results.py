@@ -304,6 +304,20 @@ class Scored(NamedTuple):
         return frame(self.rows)
 
 
+class ScoredGroup(NamedTuple):
+    """Scores of a group, what its cells do to each other, that over SoC, and the series of both."""
+
+    rows: list
+    findings: list
+    spread: list
+    series: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row a branch."""
+        return frame(self.rows)
+
+
 class FinishedModel(NamedTuple):
     """A model ready for use: its document, rows of its parameters, rows of the choice of member."""
 
@@ -328,6 +342,37 @@ class Exported(NamedTuple):
     def to_frame(self):
         """The look-up table."""
         return frame(self.lookup)
+
+
+class PackDocument(NamedTuple):
+    """The model of a pack: its document, and its tables in long form, one row a value."""
+
+    content: dict
+    lookup: list
+    notes: tuple
+
+    def to_frame(self):
+        """One row a value of a table."""
+        return frame(self.lookup)
+
+
+class Fmu(NamedTuple):
+    """A functional mock-up unit of a cell or a pack.
+
+    content : bytes of a .fmu file. token : instantiation token, the hash of what it is made of.
+    platform : that its binary is built for as FMI 3 names it, None where it holds sources only.
+    variables : `fmu.description.Variable` each.
+    """
+
+    content: bytes
+    token: str
+    platform: str | None
+    variables: tuple
+    notes: tuple
+
+    def to_frame(self):
+        """One row a variable."""
+        return frame(self.variables)
 
 
 class MissingEffect(NamedTuple):
@@ -363,4 +408,45 @@ class Stability(NamedTuple):
 
     def to_frame(self):
         """One row for each name."""
+        return frame(self.rows)
+
+
+class PackSimulation(NamedTuple):
+    """A pack simulated: (n,) columns of the pack and of each cell, names of the cells in the order
+    of the columns and the members that they ran as; rows say how each phase ended."""
+
+    columns: dict
+    cells: tuple
+    members: tuple
+    rows: list
+
+    def to_frame(self):
+        """One row a sample."""
+        return frame(self.columns)
+
+
+class SeriesPack(NamedTuple):
+    """A series pack: rows of the pack (one), its cells, its power over its discharge, its charge
+    from the cells' capacities down to what it gives; series (n,) of its record."""
+
+    pack: list
+    cells: list
+    power: list
+    waterfall: list
+    series: dict
+    notes: tuple
+
+    def to_frame(self):
+        """One row a cell."""
+        return frame(self.cells)
+
+
+class Matching(NamedTuple):
+    """Cells put together: rows of what is gained, and of which cell is where."""
+
+    rows: list
+    assembly: list
+
+    def to_frame(self):
+        """One row a quantity of an assembly."""
         return frame(self.rows)

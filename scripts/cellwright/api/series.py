@@ -5,7 +5,16 @@ from cellwright.refusal import Refusal
 from cellwright.settings import Clean, Segment
 
 
-def read(source, *, kind="series", name=None, instrument=None, current_sign=None):
+def read(
+    source,
+    *,
+    kind="series",
+    name=None,
+    instrument=None,
+    current_sign=None,
+    members=None,
+    cells=None,
+):
     """A record from the files of an instrument.
 
     Parameters
@@ -15,6 +24,7 @@ def read(source, *, kind="series", name=None, instrument=None, current_sign=None
     name : of the file in messages, where `source` is bytes.
     instrument : name of its reader; None: recognised from the content.
     current_sign : "charge_positive" or "discharge_positive"; None: determined from the data.
+    members, cells : of a group, how many its wiring has; its numbered channels are held against it.
 
     Returns
     -------
@@ -24,9 +34,11 @@ def read(source, *, kind="series", name=None, instrument=None, current_sign=None
 
     Raises
     ------
-    Refusal : No such file, no reader for it, a broken file, or a sign that cannot be known.
+    Refusal : No such file, no reader for it, a broken file, a sign that cannot be known, or
+        channels of more branches or cells than a group has.
     """
     from cellwright import formats
+    from cellwright.records.channels import refuse_beyond
     from cellwright.series.joining import assemble
 
     parts = source if isinstance(source, list) else [source]
@@ -35,6 +47,8 @@ def read(source, *, kind="series", name=None, instrument=None, current_sign=None
     instruments = [reading.instrument for reading in readings]
     if kind == "series":
         joined = assemble(readings, stated_sign=current_sign)
+        if members:
+            refuse_beyond(joined.columns, members=members, cells=cells or members)
         return results.Raw(joined.columns, kind, instruments, tuple(joined.notes))
     if len(readings) != 1 or readings[0].kind != kind:
         held = ", ".join(reading.kind for reading in readings)

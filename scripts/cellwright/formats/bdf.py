@@ -48,6 +48,11 @@ SPELT = {
     "impedance_real_ohm": "Real Impedance / ohm",
     "impedance_imaginary_ohm": "Imaginary Impedance / ohm",
 }
+# Numbered channels of a group: of its members and of its cells, with the house's units.
+OF_GROUP = {
+    "branch": {"current": "ampere"},
+    "cell": {"voltage": "volt", "temperature": "celsius"},
+}
 SPOKEN_UNIT = re.compile(rf"^(?P<base>.+)_(?P<word>{'|'.join(sorted(WORDS, key=len)[::-1])})$")
 
 
@@ -137,9 +142,11 @@ def _fields(header: str) -> list[Field]:
 
 def _meaning(label: str) -> Field | None:
     base, unit = _base_and_unit(label)
-    branch = re.fullmatch(r"branch (\d+) current", base)
-    if branch:
-        return Field(label, f"branch_{branch[1]}_current_ampere", "current", unit)
+    numbered = re.fullmatch(r"(branch|cell) (\d+) (current|voltage|temperature)", base)
+    if numbered and numbered[3] in OF_GROUP[numbered[1]]:
+        owner, number, quantity = numbered.groups()
+        column = f"{owner}_{int(number)}_{quantity}_{OF_GROUP[owner][quantity]}"
+        return Field(label, column, quantity, unit)
     probe = re.fullmatch(r"surface temperature t(\d+)", base)
     if probe:
         number = "" if probe[1] == "1" else f"_{probe[1]}"

@@ -15,6 +15,7 @@ from cellwright.identification.identify import (
     identify,
     limits_of,
 )
+from cellwright.identification.ocv_shape import ocv_from_loads, shape_records
 from cellwright.identification.search import ABSENT_SECOND, shared_of
 from cellwright.protocols.ocv.gap import largest_hysteresis
 from cellwright.records.anchor import REST_C_RATE
@@ -200,6 +201,10 @@ def _condition(fit_records, energy, basis, members, split_rest_second, diffusion
         slow = curve[f"{curve['branches']}_current_ampere"]
         first = identify(data, member_named("DRT"), **settings).condition
         data = data._replace(ocv_volt=ocv_from_slow_branch(GRID, data.ocv_volt, slow, first))
+    dense = shape_records(fit_records.records, capacity_ampere_hour=capacity)
+    if dense and (basis["borrowed_from"] or curve["branches"] == "rests"):
+        data = data._replace(ocv_volt=ocv_from_loads(data, dense, **settings))
+        notes.append(f"OCV between the rests from {', '.join(r.test for r in dense)}")
     rest = {"rest_second": split_rest_second, "rest_ampere": REST_C_RATE * capacity}
     block = np.concatenate(blocks_of_used(data.records, **rest))
     entries, scores, shared = {}, {}, shared_of(data)

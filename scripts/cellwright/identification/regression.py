@@ -167,15 +167,10 @@ def _typical_sizes(names, gram, moment, knots):
 
 def _precision(knots, sizes, prior):
     """Inverse covariance of all parameters before the data."""
-    count = len(knots)
-    near_empty = np.diff(np.log(np.maximum(knots, 0.0) + 0.02))  # counting may end below zero
-    path = np.diff(knots) + prior.empty * near_empty
-    change = np.diff(np.eye(count), axis=0)
-    smooth = change.T @ (change / path[:, None])
+    count, smooth = len(knots), _smoothness(knots, prior)
     size = count + SCALES + count * len(sizes)
     precision = np.zeros((size, size))
-    precision[:count, :count] = smooth / prior.shift_walk_volt**2
-    precision[:count, :count] += np.eye(count) / prior.shift_volt**2
+    precision[:count, :count] = shift_precision(knots, prior=prior)
     precision[count, count] = 1.0 / prior.missing**2
     precision[count + 1, count + 1] = 1.0 / prior.stretch**2
     for number, typical in enumerate(sizes):
@@ -183,6 +178,26 @@ def _precision(knots, sizes, prior):
         precision[block, block] = smooth / (prior.walk * typical) ** 2
         precision[block, block] += np.eye(count) / ((10.0 * typical) ** 2 * count)
     return precision
+
+
+def _smoothness(knots, prior):
+    """Precision (k, k) of a course whose change over the whole of SoC is of size one."""
+    near_empty = np.diff(np.log(np.maximum(knots, 0.0) + 0.02))  # counting may end below zero
+    path = np.diff(knots) + prior.empty * near_empty
+    change = np.diff(np.eye(len(knots)), axis=0)
+    return change.T @ (change / path[:, None])
+
+
+def shift_precision(knots, *, prior=None):
+    """Inverse covariance of the shift of the OCV table at knots before the data (k, k) [1/V²].
+
+    Parameters
+    ----------
+    knots : (k,) SoC [1]. prior : Prior; None: the default.
+    """
+    prior = prior or Prior()
+    size = np.eye(len(knots)) / prior.shift_volt**2
+    return _smoothness(knots, prior) / prior.shift_walk_volt**2 + size
 
 
 def solved(system, *, factor=None, rounds=2, expected=None, scale_free=True):

@@ -1,4 +1,4 @@
-"""Cells in parallel: how a total current divides between them, step by step."""
+"""Cells in parallel on one bar, given as tables of resistors and RC pairs."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,9 @@ import numpy as np
 
 from cellwright.circuits.fast import tables_of
 from cellwright.circuits.model_file import capacity_of, member_of, plain_member
-from cellwright.native import array, count, function
+from cellwright.packs.cells import PackCells
+from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.wiring import Wiring
 from cellwright.refusal import Refusal
 
 
@@ -35,16 +37,7 @@ class ParallelRun(NamedTuple):
 def simulate_parallel(
     test_time_second, total_current_ampere, group, *, initial_soc, wire_resistance_ohm=0.0
 ):
-    """Branch currents, terminal voltage and SoC of cells in parallel.
-
-    Every sample: all cells see one voltage and their currents sum to the total (Kirchhoff), with
-    the resistances, relaxations and the slope of the OCV of that moment. The branch current found
-    at a sample is taken to flow since the sample before.
-
-    SoC enters semi-implicitly (OCV of the new SoC to first order in the unknown current). With
-    the OCV of the old SoC alone, stiff corners (a steep OCV, a milliohm cell, a step of a minute)
-    would swing charge between the cells ever harder; this form only damps. RC states are exact
-    for the current of the step.
+    """Branch currents, terminal voltage and SoC of cells in parallel: `simulate_pack` of a star.
 
     Parameters
     ----------
@@ -59,77 +52,50 @@ def simulate_parallel(
 
     Raises
     ------
-    Refusal : time runs back, or a branch has no resistance at all.
+    Refusal : as `simulate_pack`.
 
     Source: thesis 5.3 (one RC per cell, equal small wire resistance, Coulomb counting per cell).
     """
-    # ASSUME: Wires of a parallel group are equal resistances from each cell to a common bar.
-    steps = np.diff(np.asarray(test_time_second, float), prepend=test_time_second[0])
-    if np.any(steps < 0) or not np.isfinite(total_current_ampere).all():
-        raise Refusal("time runs back or the total current is not finite")
-    cells = len(group.capacity_ampere_hour)
-    wire = np.broadcast_to(np.asarray(wire_resistance_ohm, float), (cells,))
-    if np.any(group.r0_ohm.min(axis=1) + wire <= 0):
-        raise Refusal("a branch of the group has neither a resistance in its cell nor in its wire")
-    soc = np.broadcast_to(np.asarray(initial_soc, float), (cells,)).copy()
-    total = np.ascontiguousarray(total_current_ampere, float)
-    kernel = function("parallel", count, *[array] * 2, *[count] * 3, *[array] * 10)
-    if kernel is None:
-        return _run_step_by_step(group, wire, soc, steps, total)
-    return _run_compiled(kernel, group, wire, soc, steps, total)
+    cells = cells_of_group(group)
+    count = len(cells.names)
+    contact = np.broadcast_to(np.asarray(wire_resistance_ohm, float), (count,))
+    wiring = Wiring("the group", "parallel", cells.names, tuple(contact), (0.0,) * count)
+    run = simulate_pack(
+        test_time_second, total_current_ampere, cells, wiring, initial_soc=initial_soc
+    )
+    return ParallelRun(run.cell_current_ampere, run.voltage_volt, run.soc)
 
 
-def _run_compiled(kernel, group, wire, soc, steps, total):
-    tables = (group.ocv_volt, group.r0_ohm, group.r_ohm, group.tau_second)
+def cells_of_group(group):
+    """A Group as PackCells.
+
+    Parameters
+    ----------
+    group : Group.
+    """
     cells, pairs, points = group.r_ohm.shape
-    tables_and_cell = (*tables, 3600.0 * group.capacity_ampere_hour, wire)
-    tables_and_cell = [np.ascontiguousarray(table, float) for table in tables_and_cell]
-    run = _empty_run(len(steps), cells)
-    work = np.zeros((11 + 5 * pairs, cells))
-    work[10] = soc
-    kernel(len(steps), steps, total, cells, pairs, points, *tables_and_cell, work, *run)
-    return run
-
-
-def _run_step_by_step(group, wire, soc, steps, total):
-    """The kernel's result in numpy, step by step."""
-    relaxed = np.zeros(group.r_ohm.shape[:2])
-    run = _empty_run(len(steps), len(soc))
-    for k, step in enumerate(steps):
-        current, voltage, soc, relaxed = _step(group, wire, soc, relaxed, step, total[k])
-        run.branch_current_ampere[k], run.voltage_volt[k], run.soc[k] = current, voltage, soc
-    return run
-
-
-def _empty_run(rows, cells):
-    return ParallelRun(*(np.empty((rows, *shape)) for shape in ((cells,), (), (cells,))))
-
-
-def _step(group, wire, soc, relaxed, step_second, total_ampere):
-    ocv, slope, r0, r, tau = _tables_at(group, soc)
-    charge = step_second / (3600.0 * group.capacity_ampere_hour)
-    gain = -np.expm1(-step_second / tau)
-    source = ocv + (relaxed * (1.0 - gain)).sum(axis=1)
-    effective = r0 + wire + slope * charge + (gain * r).sum(axis=1)
-    conductance = 1.0 / effective
-    voltage = (total_ampere + conductance @ source) / conductance.sum()
-    current = conductance * (voltage - source)
-    relaxed = relaxed * (1.0 - gain) + gain * r * current[:, None]
-    return current, voltage, soc + charge * current, relaxed
-
-
-def _tables_at(group, soc):
-    """OCV, its slope, R0, R and tau of each cell; outside 0…1 OCV on its end slope, R held."""
-    last, rows = group.ocv_volt.shape[1] - 1, np.arange(len(soc))
-    lower = np.clip((soc * last).astype(int), 0, last - 1)
-    share = soc * last - lower
-    inside = np.minimum(np.maximum(share, 0.0), 1.0)
-    ocv = group.ocv_volt[rows, lower]
-    rise = group.ocv_volt[rows, lower + 1] - ocv
-    r0 = group.r0_ohm[rows, lower] * (1 - inside) + group.r0_ohm[rows, lower + 1] * inside
-    column = inside[:, None]
-    r = group.r_ohm[rows, :, lower] * (1 - column) + group.r_ohm[rows, :, lower + 1] * column
-    return ocv + rise * share, np.maximum(rise, 0.0) * last, r0, r, group.tau_second[rows, :, lower]
+    none = np.zeros((1, cells, 0, points))
+    r0 = group.r0_ohm[None, :, None]
+    return PackCells(
+        names=tuple(f"cell {k + 1}" for k in range(cells)),
+        members=(f"{pairs}RC",) * cells,
+        capacity_ampere_hour=np.asarray(group.capacity_ampere_hour, float),
+        near_end_soc=np.zeros(cells),
+        temperature_celsius=np.array([25.0]),
+        ocv_volt=np.ascontiguousarray(group.ocv_volt[None, :, None], float),
+        ocv_shift_volt=np.zeros((1, cells, 1, points)),
+        r0_ohm=np.ascontiguousarray(r0, float),
+        two_way_ohm=none,
+        r_ohm=np.ascontiguousarray(group.r_ohm[None], float),
+        tau_second=np.ascontiguousarray(group.tau_second[None], float),
+        kinetic_r_ohm=none,
+        kinetic_tau_second=none,
+        kinetic_scale_volt=none,
+        hysteresis_volt=none,
+        hysteresis_ampere_hour=none,
+        soc_per_ampere=none,
+        soc_tau_second=none,
+    )
 
 
 def group_of(models, *, temperature_celsius=None, member=None, points=201):

@@ -6,7 +6,15 @@ import numpy as np
 
 from cellwright.records.anchor import REST_C_RATE
 from cellwright.records.basis import REFERENCE_CELSIUS, at_cycle, soc_of
-from cellwright.records.thinning import row_fields
+from cellwright.records.channels import (
+    BRANCH_CURRENT,
+    CELL_TEMPERATURE,
+    CELL_VOLTAGE,
+    logged,
+    refuse_beyond,
+    table,
+)
+from cellwright.records.filled import bridged, with_edges
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged, hidden_rest_level
 
@@ -173,7 +181,7 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
 
 
 def laid_out_to_fit(test, basis, cell, **settings):
-    """As `laid_out`, with gaps filled and refused where the SoC leaves −0.1 to 1.1.
+    """As `laid_out`, with gaps and edges filled, refused where the SoC leaves −0.1 to 1.1.
 
     Parameters
     ----------
@@ -192,7 +200,7 @@ def laid_out_to_fit(test, basis, cell, **settings):
     if low < SOC_RANGE[0] or high > SOC_RANGE[1]:
         raise Refusal(f"SoC of the record runs from {low:.3f} to {high:.3f}, outside −0.1 to 1.1")
     size = at_cycle(basis, test.facts.cycle)["capacity_ampere_hour"]
-    return bridged(record, capacity_ampere_hour=size)
+    return with_edges(bridged(record, capacity_ampere_hour=size), capacity_ampere_hour=size)
 
 
 def cell_temperature(facts, series, *, as_read=False):
@@ -295,46 +303,6 @@ def blocks_of_used(records, *, rest_second, rest_ampere):
     return numbers
 
 
-def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
-    """The record with each gap filled by a load that moves its charge, then a rest.
-
-    Some testers store the pulses of an HPPC only, and not the discharges to the next set point.
-    The relaxation after such a discharge goes on for hours and is in what follows; so the charge
-    that the counter says has passed is let flow at the gap's beginning, and the rest is a rest.
-
-    Parameters
-    ----------
-    record : Record, whose SoC runs on over its gaps.
-    capacity_ampere_hour : what its SoC refers to [Ah].
-    gap_second : a longer time between two samples while charge has passed is a gap [s].
-    c_rate : current of what is filled in, over the capacity [1/h].
-
-    Returns
-    -------
-    record : Record, four more rows for each gap, none of which is compared with a model.
-    """
-    # ASSUME: The charge that passed in a gap of a record flowed at 1C at the gap's beginning.
-    time, soc = record.test_time_second, record.soc
-    soc_change = np.diff(soc)
-    gaps = np.flatnonzero((np.diff(time) > gap_second) & (np.abs(soc_change) > 1e-4))
-    if not len(gaps):
-        return record
-    length = np.diff(time)[gaps]
-    lasts = np.minimum(np.abs(soc_change[gaps]) * 3600.0 / c_rate, 0.9 * length)
-    ampere = soc_change[gaps] * capacity_ampere_hour * 3600.0 / lasts
-    share = np.array([0.0, 0.5, 1.0, 1.0])
-    filled = {name: np.repeat(getattr(record, name)[gaps], 4) for name in row_fields(record)}
-    filled |= {
-        "test_time_second": (time[gaps, None] + lasts[:, None] * share).ravel(),
-        "current_ampere": (ampere[:, None] * np.array([1.0, 1.0, 1.0, 0.0])).ravel(),
-        "soc": (soc[gaps, None] + soc_change[gaps, None] * share).ravel(),
-        "used": np.zeros(4 * len(gaps), bool),
-    }
-    before = np.repeat(gaps + 1, 4)
-    columns = {name: np.insert(getattr(record, name), before, new) for name, new in filled.items()}
-    return record._replace(**columns)
-
-
 class FitRecords(NamedTuple):
     """The records of one temperature, ready to be fitted.
 
@@ -407,11 +375,13 @@ def _chamber_celsius(test):
 
 
 class GroupRecord(NamedTuple):
-    """One test of a parallel group; arrays (n,).
+    """One test of a group; arrays (n,). Members and cells count as in its wiring.
 
     test : its name. celsius : (n,) temperature around the cells [degC].
-    branch_current_ampere : (n, branches), + on charge, or None where it was not logged [A].
-    initial_soc : (branches,) stated at its start [1], or None.
+    branch_current_ampere : (n, members), + on charge, or None where one was not logged [A].
+    initial_soc : (members,) stated at its start [1], or None.
+    member_current_ampere : (n, members), NaN where not logged, None where none was [A].
+    cell_voltage_volt, cell_temperature_celsius : (n, cells), likewise [V], [degC].
     """
 
     test: str
@@ -421,37 +391,45 @@ class GroupRecord(NamedTuple):
     celsius: np.ndarray
     branch_current_ampere: np.ndarray | None = None
     initial_soc: np.ndarray | None = None
+    member_current_ampere: np.ndarray | None = None
+    cell_voltage_volt: np.ndarray | None = None
+    cell_temperature_celsius: np.ndarray | None = None
 
 
-def group_record(test, branches):
-    """Record of a test of a parallel group.
+def group_record(test, branches, *, cells=None):
+    """Record of a test of a group, with whichever of its channels were logged.
 
     Parameters
     ----------
     test : MeasuredTest of a group. branches : list of BranchFacts, in order of position.
+    cells : how many cells the group's wiring has; None: one a branch.
 
     Returns
     -------
-    record : GroupRecord, without branch currents where none were logged.
+    record : GroupRecord.
 
     Raises
     ------
-    Refusal : another number of branch currents than of branches.
+    Refusal : channels of more branches or cells than there are.
     """
     facts, series = test
-    currents = branch_currents(series)
-    if currents is not None and currents.shape[1] != len(branches):
-        logged = f"{currents.shape[1]} branch currents"
-        raise Refusal(f"{facts.test} has {logged} for {len(branches)} branches of groups.tsv")
+    cells = cells or len(branches)
+    try:
+        refuse_beyond(series, members=len(branches), cells=cells)
+    except Refusal as refusal:
+        raise Refusal(f"{facts.test}: {refusal}") from None
+    currents = table(series, BRANCH_CURRENT, len(branches))
+    all_logged = len(logged(series, BRANCH_CURRENT)) == len(branches)
     initial_soc = stated_soc(facts, branches)
     return GroupRecord(
         facts.test,
-        series["test_time_second"],
-        series["current_ampere"],
-        series["voltage_volt"],
-        cell_temperature(facts, series, as_read=True)[0],
-        currents,
-        None if None in initial_soc else np.array(initial_soc, float),
+        *(series[name] for name in ("test_time_second", "current_ampere", "voltage_volt")),
+        celsius=cell_temperature(facts, series, as_read=True)[0],
+        branch_current_ampere=currents if all_logged else None,
+        initial_soc=None if None in initial_soc else np.array(initial_soc, float),
+        member_current_ampere=currents,
+        cell_voltage_volt=table(series, CELL_VOLTAGE, cells),
+        cell_temperature_celsius=table(series, CELL_TEMPERATURE, cells),
     )
 
 
@@ -462,8 +440,7 @@ def branch_currents(series):
     ----------
     series : dict of (n,) columns, those of the branches named branch_<k>_current_ampere.
     """
-    names = [name for name in series if name.startswith("branch_")]
-    names.sort(key=lambda name: int(name.split("_")[1]))  # branch 10 comes after 9, not after 1
+    names = [BRANCH_CURRENT.format(number) for number in logged(series, BRANCH_CURRENT)]
     return np.column_stack([series[name] for name in names]) if names else None
 
 

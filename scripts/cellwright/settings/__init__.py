@@ -11,6 +11,7 @@ from cellwright.settings.effects import (
 from cellwright.settings.models import (
     IdentificationMethods,
     Models,
+    PackDecisions,
     Soc,
 )
 from cellwright.settings.tests import (
@@ -53,6 +54,7 @@ __all__ = [
     "Ocv",
     "OcvStep",
     "OcvTemperature",
+    "PackDecisions",
     "Relaxation",
     "Resistance",
     "Segment",

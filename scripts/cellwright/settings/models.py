@@ -110,3 +110,52 @@ class Soc(NamedTuple):
     track_resistance: bool = True
     window_second: float = 600.0
     slope_window_soc: float = 0.02
+
+
+class PackDecisions(NamedTuple):
+    """What a pack can give and what is best done with it: capability of series packs, matching,
+    replacement, safe windows, Monte Carlo.
+
+    c_rate [1/h] : Rate of the discharges by which the capacity and energy of a pack are told,
+        over the median capacity of its cells.
+    group_c_rate [1/h] : Rate of the discharge of a parallel group whose branch currents are
+        looked at. Source: thesis 5.2.
+    pulse_second [s] : Length of the pulses of which the power of a series pack is told.
+    largest_c_rate [1/h] : Largest current of such a pulse, over the median capacity of the
+        cells: models are not asked what no test has shown.
+    power_points : Points of the discharge at which the power is told.
+    current_spread [1] : Largest deviation of a branch current from its share by capacity within
+        the safe window of SoC. Source: thesis 5.2: 125 to 130 % below 15 % SoC.
+    draws : Draws of the Monte Carlo over the uncertainties of the cells.
+    assemblies : Random assemblies of a fleet that a matched one is compared with.
+    group_size : Cells in a parallel group that a fleet is matched into.
+    string_length : Cells, or parallel groups, in a series string that a fleet is matched into.
+    matching_celsius [°C] : Temperatures at which parallel groups are compared; a group counts by
+        the worst of them.
+    initial_soc_std [1] : SoC of a cell at the start beside what the sheet says, standard
+        deviation.
+    wire_relative_std [1] : Resistance of a connection beside what groups.tsv says, relative
+        standard deviation.
+    capacity_relative_std [1] : Least relative standard deviation of a cell's capacity; repeats
+        of its capacity test may say more.
+    resistance_relative_std [1] : Least relative standard deviation of a cell's resistance; its
+        model may say more.
+    random_seed : Seed of all draws.
+    """
+
+    c_rate: float = 0.5
+    group_c_rate: float = 1.0
+    pulse_second: float = 10.0
+    largest_c_rate: float = 3.0
+    power_points: int = 21
+    current_spread: float = 0.2
+    draws: int = 200
+    assemblies: int = 200
+    group_size: int = 2
+    string_length: int = 10
+    matching_celsius: tuple[float, ...] = (25.0,)
+    initial_soc_std: float = 0.005
+    wire_relative_std: float = 0.1
+    capacity_relative_std: float = 0.003
+    resistance_relative_std: float = 0.02
+    random_seed: int = 17

@@ -7,7 +7,14 @@ import numpy as np
 
 from virtual_lab import fast, physics, protocols, thesis_cells
 from virtual_lab.campaigns import Cell, Plan, Test, seed_of
-from virtual_lab.campaigns.thesis_packs import CHAIN, group_part, group_specimens, pack_part
+from virtual_lab.campaigns.thesis_packs import (
+    CHAIN,
+    PACK,
+    group_part,
+    group_specimens,
+    pack_part,
+    pack_string,
+)
 from virtual_lab.chamber import room, steady
 from virtual_lab.protocols.pulses import THESIS_CELSIUS
 from virtual_lab.specimens import Behavioural, Physical
@@ -38,7 +45,8 @@ def plan(*, seed: int) -> Plan:
     parts.append(spectra_part(seed))
     cells = tuple(cell for of_part, _ in parts for cell in of_part)
     tests = tuple(test for _, of_part in parts for test in of_part)
-    return Plan(cells, tests, group_specimens(seed), CONFIG, ABOUT)
+    groups = group_specimens(seed) | {PACK: pack_string(seed)}
+    return Plan(cells, tests, groups, CONFIG, ABOUT)
 
 
 COLD_KIND = "E"

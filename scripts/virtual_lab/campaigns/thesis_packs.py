@@ -11,7 +11,7 @@ from virtual_lab.campaigns import Cell, Test, seed_of
 from virtual_lab.chamber import wobbling
 from virtual_lab.instruments import faults
 from virtual_lab.instruments.chain import TYPICAL, Chain
-from virtual_lab.specimens import Behavioural, BehaviouralGroup
+from virtual_lab.specimens import Behavioural, BehaviouralGroup, SeriesString
 
 KIND = "D"
 PACK_CELLS = 50
@@ -36,6 +36,8 @@ CHAIN = Chain(
 WOBBLE = {"amplitude_kelvin": 0.3, "period_second": 1500.0, "duration_second": 40 * 3600.0}
 SERIES_SHARE = 0.9  # of what the weakest cell holds
 REFERENCE = "P01"
+PACK = "pack"
+SENSOR_EVERY = 5  # cells of the pack from one with a thermometer to the next
 LOSSES = ("lli", "lam_negative", "lam_positive")
 # What goes wrong in laboratories: in records, and with whole files.
 SPOILED = {
@@ -105,7 +107,49 @@ def pack_part(seed: int) -> tuple[list[Cell], list[Test]]:
         for k, one in enumerate(pack_cells(seed))
         for test in _pack_cell_tests(one, k, seed, string)
     ]
-    return rows, tests
+    return rows, tests + _string_tests(pack_string(seed), string, seed)
+
+
+def pack_string(seed: int, *, cells: int = PACK_CELLS) -> SeriesString:
+    """The first `cells` of the used pack in series, all full; every fifth has a thermometer."""
+    members = pack_cells(seed)[:cells]
+    return SeriesString(
+        tuple(one.name for one in members),
+        tuple(one.specimen for one in members),
+        tuple(_place(one.name, seed) for one in members),
+        (1.0,) * cells,
+        tuple(range(1, cells + 1, SENSOR_EVERY)),
+    )
+
+
+def _place(name, seed):
+    """Temperature around a cell, the same in all its tests."""
+    return wobbling(25.0, **WOBBLE, seed=seed_of(f"chamber of {name}", seed))
+
+
+def _string_tests(string, drive, seed):
+    """The drive of the single cells, and a discharge at C/2 to the first cell's cut-off."""
+    at = partial(
+        Test,
+        PACK,
+        kind="group",
+        ambient_celsius=25.0,
+        instrument="parquet",
+        specimen=string,
+        chamber=_place(PACK, seed),
+        chain=CHAIN,
+        soc=None,
+        initial_soc=None,
+        role="validation",
+        batch=PACK,
+        seed_of_campaign=seed,
+    )
+    still = protocols.rest(10 * protocols.MINUTE, period_second=5.0)
+    down = protocols.discharge(RATING, 1 / 2, period_second=5.0)
+    return [
+        at("series_fuds_25C", steps=drive, note="as the single cells' series_fuds_25C"),
+        at("discharge_C2", steps=[still, down, still], note="until the first cell is empty"),
+    ]
 
 
 def _pack_cell_tests(one, number, seed, string):
@@ -118,7 +162,7 @@ def _pack_cell_tests(one, number, seed, string):
         instrument=instrument,
         specimen=one.specimen,
         chain=TYPICAL.get(instrument, CHAIN),
-        chamber=wobbling(25.0, **WOBBLE, seed=seed_of(f"chamber of {one.name}", seed)),
+        chamber=_place(one.name, seed),
         batch=one.name,
         seed_of_campaign=seed,
     )

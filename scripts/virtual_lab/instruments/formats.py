@@ -134,6 +134,12 @@ BDF_COLUMNS = {
     "ambient_celsius": ("Ambient Temperature / degC", 1),
     "surface_celsius": ("Surface Temperature T1 / degC", 1),
 }
+# Columns of which there is one a branch or cell, by their name without its number.
+BDF_MEMBERS = {
+    ("branch", "current_ampere"): ("Branch {} Current / A", 3),
+    ("cell", "voltage_volt"): ("Cell {} Voltage / V", 4),
+    ("cell", "temperature_celsius"): ("Cell {} Temperature / degC", 1),
+}
 
 
 def bdf_csv(columns: Columns, *, discharge_positive: bool = False) -> bytes:
@@ -164,11 +170,14 @@ def _discharge_positive(columns) -> Columns:
 
 
 def _bdf_columns(columns) -> list[Written]:
-    """The columns that the record has; currents of branches come last."""
-    branches = [name for name in columns if name.startswith("branch_")]
-    labels = BDF_COLUMNS | {
-        name: (f"Branch {name.split('_')[1]} Current / A", 3) for name in branches
-    }
+    """The columns that the record has; those of branches and cells come last."""
+    labels = dict(BDF_COLUMNS)
+    for name in columns:
+        owner, _, rest = name.partition("_")
+        number, _, quantity = rest.partition("_")
+        if (owner, quantity) in BDF_MEMBERS:
+            label, decimals = BDF_MEMBERS[owner, quantity]
+            labels[name] = (label.format(number), decimals)
     return [
         Written(label, columns[name], decimals)
         for name, (label, decimals) in labels.items()

@@ -43,7 +43,8 @@ def record(
     -------
     Columns of equal length: time_second, step (1, 2, …), current_ampere, voltage_volt,
     surface_celsius, ambient_celsius, charged_ampere_hour, discharged_ampere_hour, and of cells in
-    parallel branch_1_current_ampere and so on.
+    parallel branch_1_current_ampere and so on, of cells in series cell_1_voltage_volt and
+    cell_1_temperature_celsius.
     """
     random = np.random.default_rng(seed)
     times = [
@@ -78,12 +79,14 @@ def _sensors(behaviours, durations, own, chain) -> Columns:
         lagged = shown(pieces, lag_second=lag) if lag else true
         return _by_ammeter(true, lagged, gain, offset, chain)
 
-    volt = shown(
-        [b.voltage for b in behaviours],
-        lag_second=chain.voltage_lag_second,
-        delay_second=chain.voltage_delay_second,
-    )
-    surface = shown([b.temperature for b in behaviours], lag_second=chain.surface_lag_second)
+    def voltmeter(pieces):
+        lag, delay = chain.voltage_lag_second, chain.voltage_delay_second
+        volt = shown(pieces, lag_second=lag, delay_second=delay)
+        return _straight(volt, chain.voltage_gain, chain.voltage_offset_volt)
+
+    def thermometer(pieces):
+        return shown(pieces, lag_second=chain.surface_lag_second) + chain.surface_offset_celsius
+
     total = ammeter(
         [b.current for b in behaviours], chain.current_gain, chain.current_offset_ampere
     )
@@ -95,11 +98,19 @@ def _sensors(behaviours, durations, own, chain) -> Columns:
         )
         for k in range(len(behaviours[0].branches))
     }
+    cells = {
+        f"cell_{k + 1}_voltage_volt": voltmeter([b.cell_voltages[k] for b in behaviours])
+        for k in range(len(behaviours[0].cell_voltages))
+    }
+    cells |= {
+        f"cell_{k}_temperature_celsius": thermometer([b.cell_temperatures[k] for b in behaviours])
+        for k in behaviours[0].cell_temperatures or ()
+    }
     return {
         "current_ampere": total,
-        "voltage_volt": _straight(volt, chain.voltage_gain, chain.voltage_offset_volt),
-        "surface_celsius": surface + chain.surface_offset_celsius,
-    } | branches
+        "voltage_volt": voltmeter([b.voltage for b in behaviours]),
+        "surface_celsius": thermometer([b.temperature for b in behaviours]),
+    } | (branches | cells)
 
 
 def _of_branch(values, k):
@@ -176,11 +187,15 @@ def _noises(columns, chain):
     ampere = (chain.current_noise_ampere, chain.current_slow_noise_ampere)
     ampere += (chain.current_slow_noise_second, chain.current_resolution_ampere)
     currents = [name for name in columns if name.endswith("current_ampere")]
+    voltages = [name for name in columns if name.endswith("_voltage_volt")]
+    temperatures = [name for name in columns if name.endswith("_temperature_celsius")]
     return [
         ("voltage_volt", *volt),
         ("surface_celsius", *kelvin),
         ("ambient_celsius", *kelvin),
         *[(name, *ampere) for name in currents],
+        *[(name, *volt) for name in voltages],
+        *[(name, *kelvin) for name in temperatures],
     ]
 
 

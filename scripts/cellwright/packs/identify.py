@@ -10,14 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.model_file import plain_member
 from cellwright.identification.cell import SCHEMA
 from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.statistics import rms
-from cellwright.packs.parallel import Group, group_of, simulate_parallel
+from cellwright.packs.parallel import Group
 from cellwright.records.basis import stated_or_reference
-from cellwright.records.record import branch_currents, group_record, stated_soc
+from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 
 
@@ -189,10 +188,11 @@ REST_SHARE = 0.02
 def group_models(test, steps, cells):
     """Models of all cells of a group from the longest charge in its own record.
 
-    1. The stretch runs from the end of the rest before the group's longest charge to the end of
-    the rest after it; the branch sensors' offsets are what they read in the rest before.
-    2. `branches.identify_branches` fits it. 3. What lies outside the stretch is left for scoring:
-    each model says in `fitted` which part of the record it has seen.
+    1. The stretch runs from the middle of the rest before the group's longest charge to the end of
+    the rest after it; the branch sensors' offsets are what they read in the first part. That rest
+    is needed: on a slow charge nothing but the step from it tells the resistance that all cells
+    have in common from the OCV. 2. `identify_branches` fits it. 3. What lies outside the stretch is
+    left for scoring: each model says in `fitted` which part of the record it has seen.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def group_models(test, steps, cells):
     tail = slice(max(rest.stop - (rest.stop - rest.start) // 2, rest.start), rest.stop)
     limit = REST_SHARE * np.abs(total).max()
     offset = rest_offset(current[tail], total[tail], rest_ampere=limit)
-    rows = slice(rest.stop - 1, steps["last_row"][last] + 1)
+    rows = slice(tail.start, steps["last_row"][last] + 1)
     time = series["test_time_second"][rows]
     fit = identify_branches(time, current[rows] - offset, series["voltage_volt"][rows])
     # ASSUME: All cells of a group have the chamber's temperature, 25 °C where none is stated.
@@ -228,7 +228,12 @@ def group_models(test, steps, cells):
         f"{facts.test} (fit {1e3 * fit.fit_rmse_volt:.1f} mV); the rest of the record scores it"
     )
     return {
-        cell: _model(cell, fit.group, branch, celsius, fit.fit_rmse_volt, fitted, note)
+        cell: _model(
+            cell,
+            *(fit.group, branch, celsius, fit.fit_rmse_volt),
+            fitted | {"sensor_offset_ampere": float(offset[branch])},
+            note,
+        )
         for branch, cell in enumerate(cells)
     }
 
@@ -297,120 +302,3 @@ def _courses(group, branch, grid):
         "activation_energy_joule_per_mole": 0.0,
         "at_bound": [],
     }
-
-
-class GroupValidation(NamedTuple):
-    """Rows of scores, one a branch, the series they were taken from, sentences for the report."""
-
-    rows: list
-    series: dict
-    notes: tuple
-
-
-def validate_group(models, branches, test):
-    """Group simulated through its whole record, scored on the rows not used for the fit.
-
-    Parameters
-    ----------
-    models : list of model dicts, in the order of the branches.
-    branches : list of BranchFacts in the same order.
-    test : MeasuredTest of the group, with branch_<k>_current_ampere.
-
-    Returns
-    -------
-    validation : GroupValidation.
-
-    Raises
-    ------
-    Refusal
-        As many branch currents as branches are wanted; a SoC at the start must be known.
-    """
-    record = group_record(test, branches)
-    measured = _logged(record.branch_current_ampere)
-    time, total = record.test_time_second, record.current_ampere
-    group = group_of(
-        models, temperature_celsius=stated_or_reference(test.facts.ambient_temperature_celsius)
-    )
-    members = [plain_member(model) for model in models]
-    notes = _replaced(models, members)
-    wire = _wires(branches, notes)
-    start = _initial_soc(stated_soc(test.facts, branches), group, record, notes)
-    run = simulate_parallel(time, total, group, initial_soc=start, wire_resistance_ohm=wire)
-    scored = _unseen(models, record, notes)
-    rows = _rows(record, run, scored, branches, members, group)
-    names = ("test_time_second", "current_ampere", "voltage_volt")
-    columns = {name: getattr(record, name) for name in names}
-    columns |= {"simulated_voltage_volt": run.voltage_volt, "scored": scored}
-    for k in range(len(branches)):
-        columns[f"branch_{k + 1}_current_ampere"] = measured[:, k]
-        columns[f"simulated_branch_{k + 1}_current_ampere"] = run.branch_current_ampere[:, k]
-    return GroupValidation(rows, columns, tuple(notes))
-
-
-def _replaced(models, members):
-    """Notes on cells simulated by another member than the chosen one."""
-    return [
-        f"{model['cell']} simulated as {member}: its {model['chosen']} is more than RC pairs"
-        for model, member in zip(models, members, strict=True)
-        if member != model["chosen"]
-    ]
-
-
-def _wires(branches, notes):
-    stated = [row.wire_resistance_ohm for row in branches]
-    if None in stated:
-        notes.append("wire resistances are not stated: taken as none beyond the cells' own")
-    return np.array([0.0 if value is None else value for value in stated])
-
-
-def _initial_soc(stated, group, record, notes):
-    """SoC of each cell at the start (cells,): stated, else from the rest voltage at the start."""
-    if None not in stated:
-        return np.array(stated, float)
-    total = record.current_ampere
-    if abs(total[0]) > REST_SHARE * np.abs(total).max():
-        raise Refusal("initial_soc is not stated in groups.tsv, and the record begins under load")
-    # ASSUME: A group that starts at rest without a stated SoC is at equilibrium: the OCV of every
-    # cell is the group's first voltage.
-    notes.append("SoC at the start from the group's first voltage")
-    grid = np.linspace(0.0, 1.0, group.ocv_volt.shape[1])
-    rising = np.maximum.accumulate(group.ocv_volt, axis=1)
-    looked_up = [np.interp(record.voltage_volt[0], curve, grid) for curve in rising]
-    return np.array([v if s is None else s for s, v in zip(stated, looked_up, strict=True)])
-
-
-def _unseen(models, record, notes):
-    """Rows (n,) of the record outside the stretch that the models were fitted to."""
-    time = record.test_time_second
-    unseen = np.ones(len(time), bool)
-    for fitted in (model.get("fitted") for model in models):
-        if fitted and fitted["test"] == record.test:
-            unseen &= (time < fitted["from_second"]) | (time > fitted["to_second"])
-    if not unseen.any():
-        raise Refusal("the models were fitted to the whole record: nothing is left to score")
-    if not unseen.all():
-        notes.append(f"{np.mean(~unseen):.0%} of the record was fitted and is not scored")
-    return unseen
-
-
-def _rows(record, run, scored, branches, members, group):
-    measured = record.branch_current_ampere
-    total = run.branch_current_ampere.sum(axis=1) - record.current_ampere
-    voltage_error = (record.voltage_volt - run.voltage_volt)[scored]
-    rows = []
-    for k, (branch, member) in enumerate(zip(branches, members, strict=True)):
-        error = (measured[:, k] - run.branch_current_ampere[:, k])[scored]
-        rows.append(
-            {
-                "branch": branch.position,
-                "cell": branch.cell,
-                "current_rmse_ampere": rms(error),
-                "current_max_ampere": float(np.abs(error).max()),
-                "voltage_rmse_volt": rms(voltage_error),
-                "capacity_ampere_hour": float(group.capacity_ampere_hour[k]),
-                "kcl_residual_ampere": float(np.abs(total).max()),
-                "samples": int(scored.sum()),
-                "model": member,
-            }
-        )
-    return rows

@@ -1,0 +1,249 @@
+"""Packs: simulated, what a series string can give, decisions on a pack, cells put together."""
+
+from cellwright.api import inputs, results
+from cellwright.settings import PackDecisions
+
+
+def simulate_pack(
+    models,
+    members,
+    current,
+    *,
+    initial_soc,
+    temperature_celsius=25.0,
+    thermal=None,
+    hold="first_order",
+    member=None,
+):
+    """Currents, voltages, SoC and temperatures of all cells of a pack under a total current.
+
+    Parameters
+    ----------
+    models : of its cells, in any order; each runs as its chosen member, or as `member`.
+    members : rows of groups.tsv of the pack and of the groups in it, or a Wiring.
+    current : DataFrame or columns: test_time_second [s], current_ampere [A], of the pack.
+    initial_soc : scalar or one a cell in the order of the wiring [1].
+    temperature_celsius : of all cells, or with `thermal` of the ambient; scalar or (n,) [°C].
+    thermal : `Thermal`, or None: cells do not warm.
+    hold : of the current between samples, "first_order" or "zero_order".
+    member : name of a member of all models, or None.
+
+    Returns
+    -------
+    simulation : PackSimulation; (n,) columns: voltage_volt [V], cell_<k>_current_ampere [A],
+        cell_<k>_voltage_volt [V], cell_<k>_soc [1], cell_<k>_temperature_celsius [°C].
+
+    Raises
+    ------
+    Refusal : a wiring that is none, a cell without a model, or as `packs.simulate.simulate_pack`.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.packs.simulate import simulate_pack as simulated
+
+    wiring, cells = _wired(models, members, temperature_celsius, thermal, member)
+    time, total = inputs.quantities(current, ("test_time_second", "current_ampere"))
+    around = {"ambient_celsius": temperature_celsius, "thermal": thermal}
+    run = simulated(time, total, cells, wiring, initial_soc=initial_soc, hold=hold, **around)
+    columns = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
+    return results.PackSimulation(columns | _of_cells(run), cells.names, cells.members, [])
+
+
+def run_pack_phases(
+    models,
+    members,
+    phases,
+    *,
+    initial_soc,
+    temperature_celsius=25.0,
+    thermal=None,
+    member=None,
+):
+    """A pack through phases of current, voltage, power, rest or drive, with limits by cell.
+
+    Parameters
+    ----------
+    models, members, initial_soc, thermal, member : as of `simulate_pack`.
+    phases : sequence of `Phase`.
+    temperature_celsius : of all cells, or with `thermal` of the ambient [°C].
+
+    Returns
+    -------
+    simulation : PackSimulation; columns as of `simulate_pack` and `phase`; rows say when, why and
+        by which cell each phase ended.
+
+    Raises
+    ------
+    Refusal : as `simulate_pack`, a phase of an unknown kind or without an end.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.packs.phases import run_phases
+
+    wiring, cells = _wired(models, members, temperature_celsius, thermal, member)
+    around = {"ambient_celsius": temperature_celsius, "thermal": thermal}
+    run = run_phases(phases, cells, wiring, initial_soc=initial_soc, **around)
+    names = ("test_time_second", "phase", "current_ampere", "voltage_volt")
+    columns = {name: getattr(run, name) for name in names} | _of_cells(run)
+    ends = [end._asdict() for end in run.ends]
+    return results.PackSimulation(columns, cells.names, cells.members, ends)
+
+
+def _wired(models, members, celsius, thermal, member):
+    """Wiring and PackCells of a pack."""
+    import numpy as np
+
+    from cellwright.packs.cells import pack_cells, table_temperatures
+    from cellwright.packs.wiring import Wiring, models_of, wiring_of
+
+    wiring = members
+    if not isinstance(members, Wiring):
+        rows = inputs.rows(members)
+        wiring = wiring_of(rows[0].get("group", "the pack"), rows)
+    documents = models_of(wiring, [inputs.content(model) for model in models])
+    if thermal is None and np.ndim(celsius) == 0:
+        return wiring, pack_cells(documents, temperature_celsius=celsius, member=member)
+    grid = table_temperatures(documents, celsius)
+    return wiring, pack_cells(documents, temperature_celsius=grid, member=member)
+
+
+def _of_cells(run):
+    """Columns of each cell of a pack's run."""
+    columns = {}
+    for k in range(run.soc.shape[1]):
+        columns[f"cell_{k + 1}_current_ampere"] = run.cell_current_ampere[:, k]
+        columns[f"cell_{k + 1}_voltage_volt"] = run.cell_voltage_volt[:, k]
+        columns[f"cell_{k + 1}_soc"] = run.soc[:, k]
+        columns[f"cell_{k + 1}_temperature_celsius"] = run.temperature_celsius[:, k]
+    return columns
+
+
+def series_pack(models, members, cells, series, test, settings=None, **changes):
+    """A series pack simulated through a record; its charge, energy, power, limits and balancing.
+
+    Parameters
+    ----------
+    models : of its cells, in any order. members : rows of groups.tsv of the pack. cells :
+        CellFacts or mappings of its cells, in any order.
+    series : clean series of the pack, (n,) columns, with cell_<k>_voltage_volt where logged.
+    test : TestFacts or mapping.
+    settings : `settings.PackDecisions`, or its keys as keywords.
+
+    Returns
+    -------
+    pack : SeriesPack; one row of the pack, rows of its cells, of its power and of its charge.
+
+    Raises
+    ------
+    Refusal : a wiring that is not cells in series, a cell without a model or cut-offs, no SoC at
+        the start.
+
+    Source: docs/series-packs.md.
+    """
+    from cellwright.packs.series.capability import series_pack as analysed
+    from cellwright.packs.wiring import depth, described
+    from cellwright.records.facts import MeasuredTest
+    from cellwright.records.record import group_record
+    from cellwright.refusal import Refusal
+
+    wiring, documents, positions, facts = _pack(models, members, cells)
+    if wiring.connection != "series" or depth(wiring) != 1:
+        raise Refusal(f"{wiring.name}: found {described(wiring)}, wanted cells in series")
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    record = group_record(measured, positions, cells=len(positions))
+    chosen = inputs.settings_of(PackDecisions, settings, changes)
+    found = analysed(documents, positions, facts, record, chosen)
+    return results.SeriesPack(*found)
+
+
+def pack_decisions(
+    models, members, cells, capacities=(), settings=None, *, temperature_celsius=25.0, **changes
+):
+    """What is decided about a pack: Monte Carlo, which cell to replace, safe window of SoC.
+
+    Parameters
+    ----------
+    models, members, cells, settings : as of `series_pack`; also of cells in a star of parallel
+        branches.
+    capacities : rows of the capacity stage of its cells, with cell and test: of their standard
+        deviations. temperature_celsius : of all cells [°C].
+
+    Returns
+    -------
+    decisions : Table; rows of decision, quantity, cell, unit, value and percentiles.
+
+    Raises
+    ------
+    Refusal : another wiring, a cell without a model or cut-offs.
+
+    Source: docs/pack-decisions.md.
+    """
+    from cellwright.packs.decisions.of_pack import pack_decisions as decided
+
+    wiring, documents, positions, facts = _pack(models, members, cells)
+    stds = _capacity_stds(capacities, [row.cell for row in positions])
+    chosen = inputs.settings_of(PackDecisions, settings, changes)
+    rows = decided(
+        wiring, documents, positions, facts, stds, celsius=temperature_celsius, settings=chosen
+    )
+    return results.Table(rows)
+
+
+def match_cells(models, cells, capacities=(), settings=None, **changes):
+    """Cells of one type put together, and what that brings beside random assemblies.
+
+    Parameters
+    ----------
+    models : of the cells. cells : CellFacts or mappings, in any order. capacities, settings : as of
+        `pack_decisions`.
+
+    Returns
+    -------
+    matching : Matching; rows of what is gained, rows of who is put where.
+
+    Raises
+    ------
+    Refusal : too few cells, too many, or one without cut-offs.
+
+    Source: docs/pack-decisions.md.
+    """
+    from cellwright.packs.decisions.fleet import fleet_of, matched_fleet
+    from cellwright.packs.series.capability import cutoffs_of
+
+    documents = [inputs.content(model) for model in models]
+    names = [model["cell"] for model in documents]
+    facts = _facts_of(cells, names)
+    cutoffs_of(facts)
+    chosen = inputs.settings_of(PackDecisions, settings, changes)
+    fleet = fleet_of(documents, facts, _capacity_stds(capacities, names), chosen)
+    return results.Matching(*matched_fleet(fleet, chosen))
+
+
+def _pack(models, members, cells):
+    """Wiring, models, BranchFacts and CellFacts of a pack, in the order of its cells."""
+    from cellwright.packs.wiring import cells_of, models_of, wiring_of
+
+    rows = inputs.rows(members)
+    wiring = wiring_of(rows[0].get("group", "the pack"), rows)
+    names = cells_of(wiring)
+    documents = models_of(wiring, [inputs.content(model) for model in models])
+    by_cell = {row["cell"]: inputs.branch_facts(row) for row in rows}
+    return wiring, documents, [by_cell[name] for name in names], _facts_of(cells, names)
+
+
+def _facts_of(cells, names):
+    known = {facts.cell: facts for facts in map(inputs.cell_facts, cells)}
+    return [known[name] for name in names]
+
+
+def _capacity_stds(capacities, names):
+    """Standard deviation of each cell's capacity: of the mean of its slowest repeated discharge."""
+    slowest = {}
+    for row in inputs.rows(capacities):
+        std, repeats = row["capacity_std_ampere_hour"], row["repeats"]
+        if row["direction"] != "discharge" or std is None or not std > 0 or not repeats > 1:
+            continue
+        rate = row["c_rate"]
+        if row["cell"] not in slowest or rate < slowest[row["cell"]][0]:
+            slowest[row["cell"]] = (rate, std / repeats**0.5)
+    return [slowest.get(name, (None, None))[1] for name in names]

@@ -1,0 +1,242 @@
+"""Cells of a pack as look-up tables over SoC and temperature, each of its chosen member."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.circuit import PLANE_MODES, SPHERE_MODES
+from cellwright.circuits.model_file import (
+    SMALLEST_RESISTANCE_OHM,
+    capacity_of,
+    circuit_at,
+    member_of,
+    open_circuit_volt,
+)
+from cellwright.refusal import Refusal
+
+UNKNOWN_CELSIUS = 25.0  # stands for the temperature of models that know none
+SWITCH_SHARE = 2e-5  # of the capacity: a zero-state hysteresis turns over that charge
+
+
+class PackCells(NamedTuple):
+    """Look-up tables of a pack's cells on one uniform grid of SoC from 0 to 1, with p points.
+
+    All tables are (temperatures, cells, entries, p), the entries of a cell that has fewer filled
+    with elements without resistance.
+
+    names, members : of the cells, tuples of str. capacity_ampere_hour, near_end_soc : (cells,)
+    [Ah], [1]; near_end_soc : how near full or empty a start has hysteresis from what led there.
+    temperature_celsius : (temperatures,) rising [degC]; one where the tables know one.
+    ocv_volt : one entry; at the counted SoC. ocv_shift_volt : one entry; what of it belongs to the
+    counted SoC where diffusion takes the OCV at another.
+    r0_ohm : one entry. two_way_ohm : none, or resistances to charge and to discharge.
+    r_ohm, tau_second : RC pairs and Warburg elements.
+    kinetic_r_ohm, kinetic_tau_second, kinetic_scale_volt : with arcsinh over the current; a time
+    constant of 0 acts at once.
+    hysteresis_volt, hysteresis_ampere_hour : goal, and the charge after which 1/e is left.
+    soc_per_ampere, soc_tau_second : lags by which the surface's SoC leads the mean.
+    """
+
+    names: tuple
+    members: tuple
+    capacity_ampere_hour: np.ndarray
+    near_end_soc: np.ndarray
+    temperature_celsius: np.ndarray
+    ocv_volt: np.ndarray
+    ocv_shift_volt: np.ndarray
+    r0_ohm: np.ndarray
+    two_way_ohm: np.ndarray
+    r_ohm: np.ndarray
+    tau_second: np.ndarray
+    kinetic_r_ohm: np.ndarray
+    kinetic_tau_second: np.ndarray
+    kinetic_scale_volt: np.ndarray
+    hysteresis_volt: np.ndarray
+    hysteresis_ampere_hour: np.ndarray
+    soc_per_ampere: np.ndarray
+    soc_tau_second: np.ndarray
+
+
+TABLES = PackCells._fields[5:]
+# What an entry holds that a cell does not have: elements without effect, constants above zero.
+FILL = {"tau_second": 1.0, "kinetic_tau_second": 1.0, "kinetic_scale_volt": 1.0}
+FILL |= {"hysteresis_ampere_hour": 1.0, "soc_tau_second": 1.0}
+
+
+def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
+    """Stack the models of a pack's cells on one grid of SoC, each as its chosen member.
+
+    Parameters
+    ----------
+    models : sequence of model dicts, in the order of the leaves of the wiring.
+    temperature_celsius : scalar, or (t,) rising ones between which parameters follow the cells'
+        temperature [degC]; None only for models of one condition.
+    member : name of a member for all cells, a sequence of one name a cell, or None for the chosen
+        ones.
+    points : size of the SoC grid; knots of a model that lie on it are met exactly.
+
+    Returns
+    -------
+    cells : PackCells.
+
+    Raises
+    ------
+    Refusal : no model, a member that warms by a law of its own, temperatures that do not rise, or
+        as `model_file.circuit_at`.
+    """
+    # ASSUME: Within a pack side reactions and leaks of single cells do not matter.
+    if not models:
+        raise Refusal("a pack without models cannot be simulated")
+    celsius = _temperatures(temperature_celsius)
+    names = [member] * len(models) if member is None or isinstance(member, str) else list(member)
+    if len(names) != len(models):
+        raise Refusal(f"{len(names)} names of members for {len(models)} cells; one each is wanted")
+    entries = [member_of(model, name) for model, name in zip(models, names, strict=True)]
+    grid = np.linspace(0.0, 1.0, points)
+    tables = [
+        [_tables(model, entry, grid, value) for value in celsius]
+        for model, entry in zip(models, entries, strict=True)
+    ]
+    known = np.array([UNKNOWN_CELSIUS if value is None else value for value in celsius])
+    middle = celsius[len(celsius) // 2]
+    sizes = [capacity_of(m, e, middle) for m, e in zip(models, entries, strict=True)]
+    return PackCells(
+        tuple(model.get("cell", f"cell {k + 1}") for k, model in enumerate(models)),
+        tuple(entry["model"] for entry in entries),
+        np.array(sizes),
+        np.array([entry.get("history", {}).get("near_end_soc", 0.0) for entry in entries]),
+        known,
+        **{name: _stacked(tables, name) for name in TABLES},
+    )
+
+
+def table_temperatures(models, celsius, *, step_kelvin=5.0, above_kelvin=40.0):
+    """Temperatures to look models up at, where cells warm or their ambient changes (t,) [degC].
+
+    Every `step_kelvin` from the coldest ambient to `above_kelvin` over the warmest, and the
+    temperatures that the models know in between: on these the tables say what the models say.
+
+    Parameters
+    ----------
+    models : sequence of model dicts. celsius : scalar or (n,) of the ambient [degC].
+    step_kelvin : between two tables [K]. above_kelvin : that a cell may be warmer [K].
+    """
+    low, high = np.min(celsius), np.max(celsius) + above_kelvin
+    known = [
+        condition["ambient_temperature_celsius"]
+        for model in models
+        for member in model["members"]
+        for condition in member["conditions"]
+    ]
+    inside = [value for value in known if value is not None and low < value < high]
+    steps = int(np.ceil((high - low) / step_kelvin))
+    return np.unique(np.round([*np.linspace(low, high, steps + 1), *inside], 6))
+
+
+def _temperatures(temperature_celsius):
+    if temperature_celsius is None:
+        return [None]
+    celsius = np.atleast_1d(np.asarray(temperature_celsius, float))
+    if np.any(np.diff(celsius) <= 0):
+        raise Refusal(f"temperatures of tables are {celsius.tolist()} °C; they have to rise")
+    return celsius.tolist()
+
+
+def _tables(model, entry, grid, celsius):
+    """Tables of one cell at one temperature: name → (entries, p)."""
+    if "own_heat" in entry:
+        raise Refusal(
+            f"{entry['model']} of {model['cell']} warms by a law of its own, which a pack does not "
+            "run; name another member, and the thermal state of the pack"
+        )
+    temperature = np.nan if celsius is None else celsius
+    sampled = circuit_at(entry["conditions"], grid, temperature)
+    volt = open_circuit_volt(model, sampled, temperature)
+    stretch = np.gradient(sampled.table_soc, grid)
+    found = {name: [] for name in TABLES}
+    found["ocv_volt"], found["ocv_shift_volt"] = [volt], [sampled.ocv_shift_volt]
+    found["r0_ohm"] = [np.zeros(len(grid))]
+    for branch in sampled.circuit:
+        full = {k: np.broadcast_to(v, grid.shape) for k, v in branch.parameters.items()}
+        _ADD[branch.kind](found, full, model["capacity_ampere_hour"], stretch)
+    return found
+
+
+def _stacked(tables, name):
+    """(temperatures, cells, entries, p) of one quantity."""
+    most = max(len(found[name]) for cell in tables for found in cell)
+    points = len(tables[0][0]["ocv_volt"][0])
+    fill = FILL.get(name, 0.0)
+    out = np.full((len(tables[0]), len(tables), most, points), fill)
+    places = [(t, c) for c, cell in enumerate(tables) for t in range(len(cell))]
+    for t, c in places:
+        held = tables[c][t][name]
+        out[t, c, : len(held)] = np.reshape(held, (len(held), points))
+    return out
+
+
+def _ohmic(found, p, _capacity, _stretch):
+    found["r0_ohm"][0] = found["r0_ohm"][0] + p["r_ohm"]
+
+
+def _two_way(found, p, _capacity, _stretch):
+    held = found["two_way_ohm"] or [0.0, 0.0]
+    found["two_way_ohm"] = [held[0] + p["r_charge_ohm"], held[1] + p["r_discharge_ohm"]]
+
+
+def _pair(found, p, _capacity, _stretch, modes=((1.0, 1.0),)):
+    for constant, share in modes:
+        found["r_ohm"].append(share * p["r_ohm"])
+        found["tau_second"].append(constant * p["tau_second"])
+
+
+def _plane(found, p, capacity, stretch):
+    _pair(found, p, capacity, stretch, PLANE_MODES)
+
+
+def _sphere(found, p, capacity, stretch):
+    _pair(found, p, capacity, stretch, SPHERE_MODES)
+
+
+def _kinetic(found, p, _capacity, _stretch):
+    found["kinetic_r_ohm"].append(p["r_ohm"])
+    found["kinetic_tau_second"].append(p["tau_second"])
+    found["kinetic_scale_volt"].append(p["scale_volt"])
+
+
+def _transfer(found, p, _capacity, _stretch):
+    found["kinetic_r_ohm"].append(p["r_ohm"])
+    found["kinetic_tau_second"].append(np.zeros(len(p["r_ohm"])))
+    scale = 2.0 * p["exchange_ampere"] * np.maximum(p["r_ohm"], SMALLEST_RESISTANCE_OHM)
+    found["kinetic_scale_volt"].append(scale)
+
+
+def _hysteresis(found, p, _capacity, _stretch):
+    found["hysteresis_volt"].append(p["m_volt"])
+    found["hysteresis_ampere_hour"].append(p["charge_ampere_hour"])
+
+
+def _switch(found, p, capacity, _stretch):
+    # ASSUME: In a pack a zero-state hysteresis turns over a fifty-thousandth of the capacity.
+    found["hysteresis_volt"].append(p["m_volt"])
+    found["hysteresis_ampere_hour"].append(np.full(len(p["m_volt"]), SWITCH_SHARE * capacity))
+
+
+def _diffusion(found, p, _capacity, stretch):
+    for constant, share in SPHERE_MODES:
+        found["soc_per_ampere"].append(share * p["soc_per_ampere"] / stretch)
+        found["soc_tau_second"].append(constant * p["tau_second"])
+
+
+_ADD = {
+    "R": _ohmic,
+    "R_two_way": _two_way,
+    "RC": _pair,
+    "warburg": _plane,
+    "warburg_sphere": _sphere,
+    "kinetic": _kinetic,
+    "charge_transfer": _transfer,
+    "hysteresis": _hysteresis,
+    "switch": _switch,
+    "diffusion": _diffusion,
+}

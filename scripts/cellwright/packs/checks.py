@@ -1,0 +1,425 @@
+"""A group's record held against itself and against its wiring, before anything is scored with it.
+
+Branch currents of members in parallel must add up to the total, and voltages of cells in series to
+the pack's. What is left over tells a sensor that is turned, silent, in another unit, off in gain or
+offset; a sum that is exact tells that one reading was computed from the others. Which channel
+belongs to which member the cells' models tell: `swapped`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
+from cellwright.packs.wiring import cells_of
+from cellwright.records.channels import BRANCH_CURRENT, CELL_VOLTAGE
+from cellwright.refusal import Refusal
+
+SENSOR_CLASS = 0.002  # of a reading: what two good sensors may differ by without a word
+SIGMAS = 5.0
+CONTRADICTION = 0.05  # of the total: a sum that misses it by more is no measurement of branches
+SILENT = 0.01  # of a member's share of the total
+EXPLAINED = 0.1  # of the left-over that one sensor's fault leaves unexplained
+SWAP_SHARE = 0.02  # of a member's share: a smaller gain by swapping may be the models' error
+SWAP_RATIO = 0.5  # error after the swap over the error before
+SWAP_AGAINST = 0.1  # squares that blocks of a record speak against a swap, over those for it
+UNITS = {-1.0: "its sign is turned", 1000.0: "it reads in mA what is taken as A"}
+UNITS |= {0.001: "it reads in A what is taken as mA"}
+
+
+class Finding(NamedTuple):
+    """One check of a record.
+
+    check : its name. branch : number of the member or cell, None where it is of all.
+    value, std, limit : what was found, its standard deviation, and the value up to which nothing
+        is said, in `unit`; NaN where there is none.
+    found : whether something is wrong or must be known by who reads the scores.
+    sentence : for the report, also where the check could not tell.
+    """
+
+    check: str
+    branch: int | None
+    value: float
+    std: float
+    limit: float
+    unit: str
+    found: bool
+    sentence: str
+
+
+def channel_findings(record, wiring):
+    """Findings on the channels of a group's record by themselves.
+
+    1. Members in parallel: a branch that reads nothing; one sensor whose sign or unit explains what
+    the sum leaves over; else offset and gain of the sum, on the steady rows, with errors that know
+    of correlated left-overs; whether one reading was computed from the others. 2. Members in
+    series: each branch current against the total, and the sum of all cell voltages against the
+    pack's.
+
+    Parameters
+    ----------
+    record : GroupRecord. wiring : Wiring of the group.
+
+    Returns
+    -------
+    findings : list of Finding; empty where nothing was logged beside the total.
+    """
+    if wiring.connection == "series":
+        return [*_series_currents(record), *_series_voltages(record, wiring)]
+    currents, total = record.member_current_ampere, record.current_ampere
+    if currents is None:
+        return []
+    logged = np.isfinite(currents).any(axis=0)
+    rows = np.isfinite(currents[:, logged]).all(axis=1) & np.isfinite(total)
+    if rows.sum() < 10 or not rms(total[rows]) > 0:
+        return [
+            _untold("sum", f"{record.test}: too few rows with a current to add its branches up")
+        ]
+    if not logged.all():
+        return _partly_logged(currents[rows], total[rows], logged, record.test)
+    return _parallel_currents(currents[rows], total[rows], record.test)
+
+
+def refuse_contradiction(record, wiring):
+    """Refuse a record whose branch currents miss the total by so much that they measure nothing.
+
+    Parameters
+    ----------
+    record : GroupRecord. wiring : Wiring of the group.
+
+    Raises
+    ------
+    Refusal : what `channel_findings` say of it, where the sum misses the total by 5 % of it.
+    """
+    currents, total = record.branch_current_ampere, record.current_ampere
+    if wiring.connection == "series" or currents is None:
+        return
+    left, size = rms(np.nansum(currents, axis=1) - total), rms(total)
+    if left > CONTRADICTION * size:
+        said = [found.sentence for found in channel_findings(record, wiring) if found.found]
+        sums = f"its branch currents miss the total by {left:.3g} A of {size:.3g} A RMS"
+        raise Refusal("; ".join([f"{record.test}: {sums}", *said]))
+
+
+def _untold(check, sentence):
+    return Finding(check, None, np.nan, np.nan, np.nan, "", False, sentence)
+
+
+def _partly_logged(currents, total, logged, test):
+    """Members without a channel: do the others carry the whole total by themselves?"""
+    silent = [int(k) + 1 for k in np.flatnonzero(~logged)]
+    names = " and ".join(map(str, silent))
+    left = currents[:, logged].sum(axis=1) - total
+    share = rms(left) / rms(total)
+    if share > SILENT / len(logged) * len(silent):
+        text = f"{test}: no current of branch {names} was logged, so the sum checks no sensor"
+        return [_untold("sum", text)]
+    text = (
+        f"{test}: the logged branches carry the whole total by themselves (left over {share:.2%}): "
+        f"branch {names} of groups.tsv is not connected"
+    )
+    limit = SILENT / len(logged)
+    return [Finding("absent", silent[0], share, np.nan, limit, "of the total", True, text)]
+
+
+def _parallel_currents(currents, total, test):
+    left = currents.sum(axis=1) - total
+    broken = list(_wrong_sensor(currents, total, left, test))
+    broken = broken or list(_silent(currents, total, test))
+    if broken:
+        return broken
+    steady = _steady(total)
+    return [
+        *_sum_line(currents[steady], total[steady], left[steady], test),
+        _dependent(currents, total, left, test),
+    ]
+
+
+def _silent(currents, total, test):
+    """Branches that read nothing while the group is loaded."""
+    share = rms(total) / currents.shape[1]
+    for k in range(currents.shape[1]):
+        size = rms(currents[:, k]) / share
+        if size > SILENT:
+            continue
+        others = np.delete(currents, k, axis=1).sum(axis=1) - total
+        alone = rms(others) <= SILENT * rms(total)
+        why = "the others carry the whole total: it is open or its cell is missing"
+        dead = f"the others leave {rms(others):.3g} A RMS of the total: its sensor is dead"
+        text = f"{test}: branch {k + 1} carries {size:.2%} of its share; {why if alone else dead}"
+        limit, check = SILENT, "absent" if alone else "silent"
+        yield Finding(check, k + 1, size, np.nan, limit, "of its share", True, text)
+
+
+def _wrong_sensor(currents, total, left, test):
+    """The one branch whose sign or unit explains nearly all that the sum leaves over."""
+    if rms(left) <= CONTRADICTION * rms(total):
+        return
+    for k in range(currents.shape[1]):
+        for factor, words in UNITS.items():
+            rest = left - (1.0 - 1.0 / factor) * currents[:, k]
+            if rms(rest) < EXPLAINED * rms(left):
+                text = f"{test}: branch {k + 1} alone explains what the sum leaves over: {words}"
+                yield Finding("unit", k + 1, factor, np.nan, np.nan, "times", True, text)
+                return
+
+
+def _steady(total):
+    """Rows (n,) between which the total hardly moves; all where there are few of them.
+
+    Where it steps, sensors that are read one after the other disagree for a sample.
+    """
+    change = np.abs(np.diff(total, prepend=total[0], append=total[-1]))
+    steady = np.maximum(change[:-1], change[1:]) <= 0.01 * np.abs(total).max()
+    return steady if steady.sum() >= 20 else np.ones(len(total), bool)
+
+
+def _line(regressor, left):
+    """Offset and slope (2,) of what is left over, and their deviations (2,).
+
+    The slope is NaN where the regressor does not move.
+    """
+    moves = np.ptp(regressor) > 0.05 * np.abs(regressor).max()
+    columns = np.column_stack([np.ones(len(left)), regressor])[:, : 1 + moves]
+    return [np.append(part, [np.nan] * (2 - len(part))) for part in _fitted(columns, left)]
+
+
+def _fitted(columns, left):
+    """Coefficients (p,) of what is left over, and deviations that know of correlated errors."""
+    values, *_ = np.linalg.lstsq(columns, left, rcond=None)
+    error = left - columns @ values
+    gram, power = columns.T @ columns, error @ error
+    cover = parameter_covariance(gram, power, len(left), sensitivity=columns.T, residual=error)
+    return values, standard_deviations(cover)
+
+
+def _sum_line(currents, total, left, test):
+    """Offset and gain of the sum, and the branch whose gain it is where that can be told."""
+    members = currents.shape[1]
+    values, stds = _line(total, left)
+    share = rms(total) / members
+    limit = SENSOR_CLASS * share * np.sqrt(members)
+    off = abs(values[0]) > max(SIGMAS * stds[0], limit)
+    text = (
+        f"{test}: the branch currents add up to {values[0]:+.3g} A more than the total"
+        if off
+        else ""
+    )
+    yield Finding("sum_offset", None, values[0], stds[0], limit, "A", off, text)
+    wrong = abs(values[1]) > max(SIGMAS * stds[1], SENSOR_CLASS)
+    branch, gain, std, text = None, values[1], stds[1], ""
+    if wrong:
+        branch = _guilty(currents, left)
+        text = f"{test}: the branch currents add up to {values[1]:+.2%} of the total too much"
+        text += ", of one branch or several: the record does not tell which"
+    if branch is not None:
+        slopes, deviations = _line(currents[:, branch], left)
+        gain, std = 1.0 / (1.0 - slopes[1]) - 1.0, deviations[1] / (1.0 - slopes[1]) ** 2
+        text = f"{test}: branch {branch + 1} reads {gain:+.2%} ± {std:.2%} too much"
+    number = None if branch is None else branch + 1
+    yield Finding("sum_gain", number, gain, std, SENSOR_CLASS, "1", bool(wrong), text)
+
+
+def _guilty(currents, left):
+    """Index of the branch whose gain alone explains the left-over, None where that is not clear.
+
+    Clear: beside its gain no other one is wanted (none beyond three of its deviations), while
+    beside the gain of each other branch at least one is (beyond five).
+    """
+    wanted = [_wanted_beside(k, currents, left) for k in range(currents.shape[1])]
+    best = int(np.argmin(wanted))
+    clear = wanted[best] < 3.0 and min(np.delete(wanted, best)) > SIGMAS
+    return best if clear else None
+
+
+def _wanted_beside(k, currents, left):
+    """Largest further gain beside that of branch k, in its deviations."""
+    sizes = []
+    for j in (j for j in range(currents.shape[1]) if j != k):
+        columns = np.column_stack([np.ones(len(left)), currents[:, [k, j]]])
+        values, stds = _fitted(columns, left)
+        sizes.append(abs(values[2]) / stds[2])
+    return max(sizes)
+
+
+def _dependent(currents, total, left, test):
+    """Whether the sum is exact, so that one branch was computed from the total and the others."""
+    members = currents.shape[1]
+    digit = max(map(_digit, currents.T))
+    exact = np.abs(left).max() <= 1e-9 * np.abs(total).max()
+    rounded = np.abs(left).max() <= 0.5 * (members + 1) * digit
+    noise = np.sqrt(sum(_jitter(column) ** 2 for column in currents.T))
+    found = bool(exact or (rounded and _jitter(left) < 0.3 * noise))
+    text = ""
+    if found:
+        same = "the errors of the two branches are the same number"
+        many = f"only {members - 1} of {members} branch errors are measured"
+        text = (
+            f"{test}: the branch currents add up to the total exactly: one of them was computed "
+            f"from the others, and {same if members == 2 else many}"
+        )
+    largest = float(np.abs(left).max())
+    return Finding("dependent", None, largest, np.nan, np.nan, "A", found, text)
+
+
+def _digit(column):
+    """Smallest step between different readings, which a resolution shows as."""
+    steps = np.diff(np.unique(column))
+    steps = steps[steps > 1e-9 * max(np.abs(column).max(), 1e-30)]
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def _jitter(column):
+    """White noise from second differences, which a slow course hardly has: robust deviation."""
+    bend = np.diff(column, 2)
+    return 1.4826 * float(np.median(np.abs(bend))) / np.sqrt(6.0)
+
+
+def _series_currents(record):
+    """Each branch current of members in series against the total: they are one current."""
+    currents, total = record.member_current_ampere, record.current_ampere
+    for k in range(0 if currents is None else currents.shape[1]):
+        rows = np.isfinite(currents[:, k]) & np.isfinite(total)
+        if rows.sum() < 10 or not rms(total[rows]) > 0:
+            continue
+        steady = np.flatnonzero(rows)[_steady(total[rows])]
+        left = currents[steady, k] - total[steady]
+        values, stds = _line(total[steady], left)
+        limits = (SENSOR_CLASS * rms(total[rows]), SENSOR_CLASS)
+        words = (f"{values[0]:+.3g} A", f"{values[1]:+.2%}")
+        names = (("current_offset", "A"), ("current_gain", "1"))
+        for value, std, limit, said, (name, unit) in zip(
+            values, stds, limits, words, names, strict=True
+        ):
+            off = bool(abs(value) > max(SIGMAS * std, limit))
+            text = (
+                f"{record.test}: the current of member {k + 1}, in series, is {said} off the total"
+            )
+            yield Finding(name, k + 1, value, std, limit, unit, off, text if off else "")
+
+
+def _series_voltages(record, wiring):
+    """The sum of all cell voltages of members in series against the pack's, and its contacts."""
+    cells, pack = record.cell_voltage_volt, record.voltage_volt
+    if cells is None or cells.shape[1] != len(wiring.members):
+        return
+    if not np.isfinite(cells).any(axis=0).all():
+        missing = [str(k + 1) for k in np.flatnonzero(~np.isfinite(cells).any(axis=0))]
+        text = f"{record.test}: no voltage of cell {', '.join(missing)} was logged: no sum to check"
+        yield _untold("voltage_sum", text)
+        return
+    rows = np.isfinite(cells).all(axis=1) & np.isfinite(pack)
+    steady = np.flatnonzero(rows)[_steady(record.current_ampere[rows])]
+    left = pack[steady] - cells[steady].sum(axis=1)
+    values, stds = _line(record.current_ampere[steady], left)
+    limit = SENSOR_CLASS * rms(pack[steady])
+    off = bool(abs(values[0]) > max(SIGMAS * stds[0], limit))
+    text = f"{record.test}: the pack reads {values[0]:+.3g} V more than its cells add up to"
+    yield Finding("voltage_sum", None, values[0], stds[0], limit, "V", off, text if off else "")
+    stated = sum(wiring.contact_ohm)
+    limit = max(SIGMAS * stds[1], 0.2 * stated)
+    off = bool(values[1] < -SIGMAS * stds[1] or (stated and abs(values[1] - stated) > limit))
+    text = (
+        f"{record.test}: between cells and pack lie {1e3 * values[1]:.3g} ± "
+        f"{1e3 * stds[1]:.2g} mΩ; groups.tsv states {1e3 * stated:.3g} mΩ"
+    )
+    yield Finding("contacts", None, values[1], stds[1], stated, "Ω", off, text if off else "")
+
+
+def swapped_channels(series, wiring, test):
+    """Swapped branch currents of members in parallel, swapped voltages of cells: `swapped`.
+
+    Parameters
+    ----------
+    series : dict of (n,) columns, measured ones beside simulated_<channel> of the same.
+    wiring : Wiring of the group. test : name, for the sentences.
+
+    Returns
+    -------
+    findings : list of Finding, empty where nothing was simulated.
+    """
+    total, found = rms(series["current_ampere"]), []
+    if wiring.connection == "parallel":
+        members = len(wiring.members)
+        pair = _both(series, BRANCH_CURRENT, members)
+        found += swapped(*pair, total / members, test=test) if pair else []
+    cells = len(cells_of(wiring))
+    pair = _both(series, CELL_VOLTAGE, cells)
+    if pair:
+        # What a swap must change a cell's voltage by: a share of what the load changes it by.
+        moved = rms(pair[0] - pair[0].mean(axis=0))
+        found += swapped(*pair, moved, test=test, what="cell")
+    return found
+
+
+def _both(series, channel, count):
+    """Measured and simulated readings (n, count) of a channel, None where one is lacking."""
+    names = [channel.format(number) for number in range(1, count + 1)]
+    if not all(name in series and f"simulated_{name}" in series for name in names):
+        return None
+    kinds = (names, [f"simulated_{name}" for name in names])
+    return [np.column_stack([series[name] for name in kind]) for kind in kinds]
+
+
+def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
+    """Channels whose readings fit the models of other members clearly better than their own's.
+
+    1. The assignment of readings to members with the least squared error (Hungarian method). 2. Of
+    each circle of members that it turns: the error must fall to half or less, by more than 2 % of a
+    member's share of the total, and in three quarters of twenty blocks of the record.
+
+    Parameters
+    ----------
+    measured, simulated : (n, members), of the same unit; the simulated ones from the members' own
+        models in the wiring as the sheet states it.
+    share : root mean square of a member's share of the total, in that unit.
+    test : name, for the sentence. what : "branch" or "cell". blocks : of the record.
+
+    Returns
+    -------
+    findings : list of Finding, one a circle; members too alike for their models are not told apart.
+
+    Source: H. W. Kuhn, The Hungarian method for the assignment problem, Naval Research Logistics
+    Quarterly 2 (1955) 83.
+    """
+    rows = np.isfinite(measured).all(axis=1) & np.isfinite(simulated).all(axis=1)
+    measured, simulated = measured[rows], simulated[rows]
+    if len(measured) < blocks or not share > 0:
+        return []
+    cost = np.square(measured).sum(axis=0)[:, None] + np.square(simulated).sum(axis=0)
+    cost -= 2.0 * measured.T @ simulated
+    member_of = linear_sum_assignment(cost)[1]
+    found = []
+    for circle in _circles(member_of):
+        own = np.square(measured[:, circle] - simulated[:, circle]).sum(axis=1)
+        other = np.square(measured[:, circle] - simulated[:, member_of[circle]]).sum(axis=1)
+        before, after = (np.sqrt(error.mean() / len(circle)) for error in (own, other))
+        gains = np.array([part.sum() for part in np.array_split(own - other, blocks)])
+        steady = -gains[gains < 0].sum() <= SWAP_AGAINST * gains[gains > 0].sum()
+        if steady and after <= SWAP_RATIO * before and before - after > SWAP_SHARE * share:
+            found.append(_swap(circle, member_of, before / share, after / share, test, what))
+    return found
+
+
+def _circles(member_of):
+    """Circles of the permutation, longer than one: lists of indices."""
+    seen, circles = set(), []
+    for first in range(len(member_of)):
+        circle, k = [], first
+        while k not in seen:
+            seen.add(k)
+            circle.append(k)
+            k = int(member_of[k])
+        circles += [circle] if len(circle) > 1 else []
+    return circles
+
+
+def _swap(circle, member_of, before, after, test, what):
+    fits = [f"{what} {k + 1} fits the model of {what} {member_of[k] + 1}" for k in circle]
+    text = (
+        f"{test}: swapped channels? What was read as {', '.join(fits)}: {after:.1%} of its share "
+        f"instead of {before:.1%}; nothing was swapped here"
+    )
+    limit = SWAP_RATIO * before
+    return Finding("swapped", circle[0] + 1, after, np.nan, limit, "of its share", True, text)

@@ -1,0 +1,1 @@
+"""What is best done with cells of packs, and how sure that is."""

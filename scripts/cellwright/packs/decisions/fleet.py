@@ -1,0 +1,258 @@
+"""A fleet of cells put together: strings, parallel groups, strings of groups; and the gain."""
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.packs.decisions.group_use import cells_from, discharge_group
+from cellwright.packs.decisions.matching import (
+    even_groups,
+    gain_of,
+    groups_by_swaps,
+    pairs_of_least_cost,
+    random_groups,
+    strings_by_capacity,
+)
+from cellwright.packs.decisions.monte_carlo import draw_cells, drawn_group, uncertainty_of
+from cellwright.packs.parallel import group_of
+from cellwright.refusal import Refusal
+from cellwright.settings import PackDecisions
+
+SETTINGS = PackDecisions()
+MOST_CELLS = 200  # of which every pair is simulated
+
+
+class Fleet(NamedTuple):
+    """Cells of one type: names, tables at each temperature of comparison (tuple of Group), lower
+    cut-off [V], what they may be (CellDraws)."""
+
+    names: tuple
+    tables: tuple
+    lower_cutoff_volt: float
+    drawn: object
+
+
+def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
+    """Cells of one type, ready to be put together.
+
+    Parameters
+    ----------
+    models : model dicts. cells : CellFacts in their order. capacity_std_ampere_hour : (cells,) [Ah]
+        or None. settings : PackDecisions.
+
+    Raises
+    ------
+    Refusal : fewer than 2 cells, more than 200, or as `parallel.group_of`.
+    """
+    if not 2 <= len(models) <= MOST_CELLS:
+        found = f"{len(models)} cells of one type with a model"
+        raise Refusal(f"{found}; from 2 to {MOST_CELLS} can be matched at once")
+    known = uncertainty_of(
+        models,
+        capacity_std_ampere_hour,
+        capacity_relative_std=settings.capacity_relative_std,
+        resistance_relative_std=settings.resistance_relative_std,
+        initial_soc_std=settings.initial_soc_std,
+    )
+    warm = (group_of(models, temperature_celsius=float(t)) for t in settings.matching_celsius)
+    lower = max(cell.lower_cutoff_volt for cell in cells)
+    names = tuple(model["cell"] for model in models)
+    drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
+    return Fleet(names, tuple(warm), float(lower), drawn)
+
+
+def discharges_of(fleet, c_rate):
+    """Discharges of parallel groups of a fleet's cells, each simulated once.
+
+    Parameters
+    ----------
+    fleet : Fleet. c_rate : over the capacities of a group's cells [1/h].
+
+    Returns
+    -------
+    uses : function (cells, draw=None) → the worst over the temperatures of: charge given [Ah],
+        largest branch current over its share by capacity [1], mean heat of the hottest cell [W].
+        `cells` are indices, `draw` one of the fleet's draws; None: the cells as their models say.
+        Voltage and SoC at the start, which joined cells share, are the same in all draws, so that
+        they are the same for all assemblies that are compared.
+    """
+    known = {}
+
+    def uses(cells, draw=None):
+        key = (tuple(sorted(map(int, cells))), draw)
+        if key not in known:
+            found = [_discharged(fleet, tables, c_rate, *key) for tables in fleet.tables]
+            charge, share, heat = zip(*found, strict=True)
+            known[key] = (min(charge), max(share), max(heat))
+        return known[key]
+
+    return uses
+
+
+def _discharged(fleet, tables, c_rate, cells, draw):
+    part = cells_from(tables, cells)
+    if draw is not None:
+        drawn = fleet.drawn
+        chosen = type(drawn)(*(column[:, list(cells)] for column in drawn))
+        part = drawn_group(part, chosen._replace(voltage_volt=0 * chosen.voltage_volt), draw)
+    use = discharge_group(part, lower_cutoff_volt=fleet.lower_cutoff_volt, c_rate=c_rate)
+    return use.capacity_ampere_hour, use.peak_share, float(use.loss_watt.max())
+
+
+def matched_fleet(fleet, settings=SETTINGS):
+    """A fleet put together in three ways, each beside random assemblies of the same cells.
+
+    Parallel groups are matched by the largest branch current over its share: of all pairs exactly
+    (matching of least total cost), of larger groups by exchanges from a sorted start. Strings are
+    sorted by what each cell alone gives at that current. Strings of groups: blocks of cells by
+    capacity, and in each block groups of even capacity.
+
+    Parameters
+    ----------
+    fleet : Fleet. settings : PackDecisions.
+
+    Returns
+    -------
+    rows : list of dict: decision, quantity, unit, value, percentiles of random assemblies and of
+        the gain. assembly : list of dict: decision, group, string, position, cell.
+
+    Raises
+    ------
+    Refusal : fewer cells than two parallel groups or one string need.
+    """
+    cells = len(fleet.names)
+    size, length = settings.group_size, settings.string_length
+    if cells < 2 * size:
+        raise Refusal(f"{cells} cells, wanted at least two groups of {size} to choose between")
+    uses = discharges_of(fleet, settings.group_c_rate)
+    random = np.random.default_rng([settings.random_seed, 2])
+    rows, assembly = _parallel(fleet, uses, random, settings)
+    if cells >= 2 * length:
+        more = _strings(fleet, uses, random, settings)
+        rows, assembly = rows + more[0], assembly + more[1]
+    if cells >= 2 * size * length:
+        more = _strings_of_groups(fleet, uses, random, settings)
+        rows, assembly = rows + more[0], assembly + more[1]
+    return rows, assembly
+
+
+def parallel_groups(fleet, uses, size):
+    """Parallel groups of a fleet in which the busiest cells have least above their share.
+
+    Parameters
+    ----------
+    fleet : Fleet. uses : function, from `discharges_of`. size : cells in a group.
+
+    Returns
+    -------
+    groups : (groups, size) int.
+    """
+    cells = len(fleet.names)
+    if size == 2:
+        cost = np.zeros((cells, cells))
+        for a, b in combinations(range(cells), 2):
+            cost[a, b] = cost[b, a] = uses((a, b))[1]
+        return pairs_of_least_cost(cost)
+    tables = fleet.tables[0]
+    resistance = (tables.r0_ohm + tables.r_ohm.sum(axis=1)).mean(axis=1)
+    order = np.argsort(resistance * tables.capacity_ampere_hour, kind="stable")
+    begin = order[: cells // size * size].reshape(-1, size)
+    return groups_by_swaps(begin, lambda group: uses(group)[1])
+
+
+def _parallel(fleet, uses, random, settings):
+    matched = parallel_groups(fleet, uses, settings.group_size)
+    at_random = _assemblies(matched, settings.group_size, random, settings.assemblies)
+    quantities = {
+        "largest branch current over its share, worst group": ("1", _largest(uses, 1), False),
+        "largest branch current over its share, mean": ("1", _mean(uses, 1), False),
+        "heat of the hottest cell": ("W", _largest(uses, 2), False),
+        "usable charge of all groups": ("Ah", _sum(uses, 0), True),
+        "usable charge of the smallest group": ("Ah", _smallest(uses), True),
+    }
+    decision = f"parallel groups of {settings.group_size}"
+    return _compared(fleet, decision, matched, at_random, quantities, settings)
+
+
+def _assemblies(matched, size, random, count):
+    return [random_groups(np.ravel(matched), size, random) for _ in range(count)]
+
+
+def _mean(uses, index):
+    return lambda groups, draw: float(np.mean([uses(g, draw)[index] for g in groups]))
+
+
+def _sum(uses, index):
+    return lambda groups, draw: float(np.sum([uses(g, draw)[index] for g in groups]))
+
+
+def _largest(uses, index):
+    return lambda groups, draw: float(max(uses(g, draw)[index] for g in groups))
+
+
+def _smallest(uses):
+    return lambda groups, draw: float(min(uses(g, draw)[0] for g in groups))
+
+
+def _strings(fleet, uses, random, settings):
+    matched = strings_by_capacity(_charges(fleet, uses, None), length=settings.string_length)
+    at_random = _assemblies(matched, settings.string_length, random, settings.assemblies)
+
+    def of_all(strings, draw):
+        charge = _charges(fleet, uses, draw)
+        return float(charge[strings].min(axis=1).sum())
+
+    quantities = {"usable charge of all strings": ("Ah", of_all, True)}
+    decision = f"strings of {settings.string_length}"
+    return _compared(fleet, decision, matched, at_random, quantities, settings)
+
+
+def _charges(fleet, uses, draw):
+    """Charge that each cell alone gives to its cut-off (cells,) [Ah]."""
+    return np.array([uses((k,), draw)[0] for k in range(len(fleet.names))])
+
+
+def _strings_of_groups(fleet, uses, random, settings):
+    size, length = settings.group_size, settings.string_length
+    charge = _charges(fleet, uses, None)
+    blocks = strings_by_capacity(charge, length=size * length)
+    groups = [block[even_groups(charge[block], size=size)] for block in blocks]
+    matched = np.array(groups)
+
+    def shuffled():
+        return random.permutation(np.ravel(matched)).reshape(matched.shape)
+
+    def of_all(strings, draw):
+        given = [[uses(group, draw)[0] for group in string] for string in strings]
+        return float(np.min(given, axis=1).sum())
+
+    at_random = [shuffled() for _ in range(settings.assemblies)]
+    quantities = {"usable charge of all strings": ("Ah", of_all, True)}
+    decision = f"strings of {length} groups of {size}"
+    return _compared(fleet, decision, matched, at_random, quantities, settings)
+
+
+def _compared(fleet, decision, matched, at_random, quantities, settings):
+    """Rows of each quantity of an assembly beside random ones, and rows of who is where."""
+    draws = range(settings.draws)
+    rows = []
+    for quantity, (unit, value, more) in quantities.items():
+        gain = gain_of(value, matched, at_random, draws, more_is_better=more)
+        rows.append(
+            {"decision": decision, "quantity": quantity, "unit": unit}
+            | {"value": gain.matched, "random_p05": gain.random_low}
+            | {"random_p50": gain.random_median, "random_p95": gain.random_high}
+            | {"gain_p05": gain.gain_low, "gain_p50": gain.gain_median}
+            | {"gain_p95": gain.gain_high, "better_share": gain.better_share}
+        )
+    names = fleet.names
+    strings = matched if matched.ndim == 3 else matched[None]
+    assembly = [
+        {"decision": decision, "string": s + 1, "group": g + 1, "position": p + 1}
+        | {"cell": names[cell]}
+        for s, string in enumerate(strings)
+        for g, group in enumerate(string)
+        for p, cell in enumerate(group)
+    ]
+    return rows, assembly

@@ -1,0 +1,279 @@
+"""What is best done with cells: which to put together, and which to replace."""
+
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.sparse import csc_array
+
+from cellwright.refusal import Refusal
+
+PERCENTILES = (5.0, 50.0, 95.0)
+MOST_SWEEPS = 50
+
+
+def strings_by_capacity(capacity_ampere_hour, *, length):
+    """Cells put into series strings so that the strings together hold most: sorted, cut in blocks.
+
+    A string holds what its smallest cell holds. Sorting is exact: of all ways, the smallest cell
+    of one string is the smallest of all, and with it it costs least to put the next smallest; the
+    argument repeats for what is left.
+
+    Parameters
+    ----------
+    capacity_ampere_hour : (cells,) [Ah]. length : cells in a string. The smallest cells that fill
+        no string are left out.
+
+    Returns
+    -------
+    strings : (strings, length) int, indices of the cells, the largest string first.
+
+    Raises
+    ------
+    Refusal : fewer cells than a string has.
+    """
+    order = np.argsort(-np.asarray(capacity_ampere_hour, float), kind="stable")
+    return _blocks(order, length, "string")
+
+
+def _blocks(order, size, what):
+    if len(order) < size:
+        raise Refusal(f"{len(order)} cells, wanted at least the {size} of a {what}")
+    return order[: len(order) // size * size].reshape(-1, size)
+
+
+def pairs_of_least_cost(cost):
+    """Cells put into pairs of the least total cost: minimum-weight matching, exact.
+
+    Parameters
+    ----------
+    cost : (cells, cells) symmetric; the diagonal is not used. With an odd number of cells one is
+        left out.
+
+    Returns
+    -------
+    pairs : (cells // 2, 2) int.
+
+    Raises
+    ------
+    Refusal : fewer than two cells, costs that are not finite, or no solution is found.
+
+    Source: integer programme of perfect matching (Edmonds 1965), solved by HiGHS in scipy.
+    """
+    cells = len(cost)
+    if cells < 2:
+        raise Refusal(f"{cells} cell, wanted two or more")
+    edges = np.array(list(combinations(range(cells), 2)))
+    weight = np.asarray(cost, float)[edges[:, 0], edges[:, 1]]
+    if not np.isfinite(weight).all():
+        raise Refusal("the cost of a pair is not finite")
+    column = np.repeat(np.arange(len(edges)), 2)
+    uses = csc_array((np.ones(2 * len(edges)), (edges.ravel(), column)), (cells, len(edges)))
+    # Of an odd number one cell stays alone: no cell twice, and as many pairs as there can be.
+    count = csc_array(np.ones((1, len(edges))))
+    whole = cells // 2
+    constraints = [
+        LinearConstraint(uses, 0, 1),
+        LinearConstraint(count, whole, whole),
+    ]
+    found = milp(
+        weight, integrality=np.ones(len(edges)), bounds=Bounds(0, 1), constraints=constraints
+    )
+    if found.x is None:
+        raise Refusal(f"no matching of {cells} cells is found: {found.message}")
+    return edges[found.x > 0.5]
+
+
+def groups_by_swaps(begin, cost, *, worst=False):
+    """Groups improved by exchanging two cells as long as that lowers their cost.
+
+    Parameters
+    ----------
+    begin : (groups, size) int, indices of cells. cost : function of a sorted tuple of indices →
+        float; it is asked once for each tuple.
+    worst : lower the costliest group first and the sum second, else the sum alone.
+
+    Returns
+    -------
+    groups : (groups, size) int: no exchange of two cells betters it, which need not be the best of
+        all; see tests/packs/test_decisions.py for how near it comes.
+    """
+    groups, known = [tuple(map(int, row)) for row in begin], {}
+
+    def of(group):
+        key = tuple(sorted(group))
+        if key not in known:
+            known[key] = cost(key)
+        return known[key]
+
+    def rank(a, b):
+        return (max(a, b), a + b) if worst else (a + b,)
+
+    for _ in range(MOST_SWEEPS):
+        before = list(groups)
+        for one, other in combinations(range(len(groups)), 2):
+            pair = _best_exchange(groups[one], groups[other], of, rank)
+            groups[one], groups[other] = pair
+        if groups == before:
+            break
+    return np.array([sorted(group) for group in groups])
+
+
+def _best_exchange(one, other, cost, rank):
+    """The two groups, with the exchange of one cell each that lowers their rank most, if any."""
+    best, least = (one, other), rank(cost(one), cost(other))
+    for i, j in product(range(len(one)), range(len(other))):
+        a = (*one[:i], other[j], *one[i + 1 :])
+        b = (*other[:j], one[i], *other[j + 1 :])
+        now = rank(cost(a), cost(b))
+        if now < least:
+            best, least = (a, b), now
+    return best
+
+
+def even_groups(capacity_ampere_hour, *, size):
+    """Cells put into parallel groups of nearly one capacity, for a series string of such groups.
+
+    The string holds what its smallest group holds. Cells are dealt out from the largest, always to
+    the emptiest group that has room, and then exchanged in pairs as long as the smallest group
+    grows.
+
+    Parameters
+    ----------
+    capacity_ampere_hour : (cells,) [Ah], groups × size of them. size : cells in a group.
+
+    Returns
+    -------
+    groups : (groups, size) int, indices of the cells.
+
+    Raises
+    ------
+    Refusal : fewer cells than a group has.
+
+    Source: number partitioning with equal counts: greedy (LPT) and pairwise interchange.
+    """
+    capacity = np.asarray(capacity_ampere_hour, float)
+    dealt = _blocks(np.argsort(-capacity, kind="stable"), size, "group")
+    groups = [[] for _ in dealt]
+    for cell in dealt.ravel():
+        open_groups = [group for group in groups if len(group) < size]
+        min(open_groups, key=lambda group: capacity[group].sum()).append(int(cell))
+    return groups_by_swaps(groups, lambda group: -capacity[list(group)].sum(), worst=True)
+
+
+def random_groups(cells, size, random):
+    """Cells put together at random, (cells // size, size) int.
+
+    Parameters
+    ----------
+    cells : (k,) int, indices. size : of a group. random : numpy Generator.
+    """
+    return _blocks(random.permutation(cells), size, "group")
+
+
+class Gain(NamedTuple):
+    """What a matched assembly is better by than random ones, in one quantity.
+
+    matched : its value. random_* : percentiles 5, 50, 95 of random assemblies of the same cells.
+    gain_* : percentiles of matched − random where the cells are what they may be within their
+    uncertainties. better_share : of those draws in which the matched one is better [1].
+    """
+
+    matched: float
+    random_low: float
+    random_median: float
+    random_high: float
+    gain_low: float
+    gain_median: float
+    gain_high: float
+    better_share: float
+
+
+def gain_of(value, matched, assemblies, draws, *, more_is_better=True):
+    """A matched assembly against random ones, with the interval of what it brings.
+
+    Parameters
+    ----------
+    value : function (assembly, draw) → float; draw None is the cells as their models say.
+    matched : assembly. assemblies : random ones. draws : cells as they may be, one draw each; the
+        first assembly meets the first draw and so on, round and round.
+    more_is_better : of the quantity.
+
+    Returns
+    -------
+    gain : Gain.
+    """
+    nominal = np.array([value(assembly, None) for assembly in assemblies])
+    met = [
+        value(matched, draw) - value(assemblies[k % len(assemblies)], draw)
+        for k, draw in enumerate(draws)
+    ]
+    better = np.array(met) > 0 if more_is_better else np.array(met) < 0
+    return Gain(
+        float(value(matched, None)),
+        *(float(v) for v in np.percentile(nominal, PERCENTILES)),
+        *(float(v) for v in np.percentile(met, PERCENTILES)),
+        float(better.mean()),
+    )
+
+
+class Replacement(NamedTuple):
+    """What replacing each cell of a pack by its median cell brings, (cells,) each.
+
+    gain_watt_hour, gain_ampere_hour : usable. best : index of the cell that brings most energy.
+    margin_watt_hour : to the cell that brings second most. median : index of the median cell.
+    in_turn : list of (index, capacity [Ah], energy [Wh]): the best cell replaced, then the best of
+    those left, and so on.
+    """
+
+    gain_watt_hour: np.ndarray
+    gain_ampere_hour: np.ndarray
+    best: int
+    margin_watt_hour: float
+    median: int
+    in_turn: list
+
+
+def replacements(use, cells, *, capacity_ampere_hour, spare_of=None, turns=3):
+    """Which cell of a pack to replace by the median one, by the energy that brings.
+
+    Parameters
+    ----------
+    use : function, list of cells → (capacity [Ah], energy [Wh]) of the pack with these cells in
+        its places. cells : list, of whatever `use` takes. capacity_ampere_hour : (cells,) of each.
+    spare_of : function, the median cell of the list → the one that is put in; None: as it is.
+    turns : so many cells are replaced one after the other.
+
+    Returns
+    -------
+    replacement : Replacement.
+
+    Raises
+    ------
+    Refusal : fewer than two cells.
+    """
+    if len(cells) < 2:
+        raise Refusal("a pack of one cell has no cell to replace by its median one")
+    capacity = np.asarray(capacity_ampere_hour, float)
+    median = int(np.argsort(capacity, kind="stable")[len(cells) // 2])
+    spare = spare_of(cells[median]) if spare_of else cells[median]
+    now, in_turn = list(cells), []
+    before = np.array(use(now))
+    gains = _gains(use, now, spare) - before
+    order = np.argsort(-gains[:, 1], kind="stable")
+    best = int(order[0])
+    turn_gains = gains + before
+    for turn in range(min(turns, len(cells))):
+        if turn:
+            turn_gains = _gains(use, now, spare)
+        k = int(np.argmax(turn_gains[:, 1]))
+        now[k] = spare
+        in_turn.append((k, *map(float, turn_gains[k])))
+    margin = float(gains[order[0], 1] - gains[order[1], 1])
+    return Replacement(gains[:, 1], gains[:, 0], best, margin, median, in_turn)
+
+
+def _gains(use, cells, spare):
+    """(capacity, energy) of the pack with each cell in turn replaced, (cells, 2)."""
+    return np.array([use([*cells[:k], spare, *cells[k + 1 :]]) for k in range(len(cells))])

@@ -1,0 +1,171 @@
+"""Decisions on one pack: what it gives and how sure that is, which cell to replace, safe window."""
+
+import numpy as np
+
+from cellwright.packs.decisions.group_use import discharge_group, safe_window
+from cellwright.packs.decisions.matching import replacements
+from cellwright.packs.decisions.monte_carlo import (
+    draw_cells,
+    group_draws,
+    string_draws,
+    summary_rows,
+    uncertainty_of,
+)
+from cellwright.packs.parallel import group_of
+from cellwright.packs.series.capability import contact_of, cutoffs_of, discharge_string
+from cellwright.packs.wiring import depth, described, is_star
+from cellwright.refusal import Refusal
+from cellwright.settings import PackDecisions
+
+SETTINGS = PackDecisions()
+PERCENTILES = ("p05", "p25", "p50", "p75", "p95")
+EMPTY = {"decision": "", "quantity": "", "cell": "", "unit": "", "value": np.nan}
+EMPTY |= dict.fromkeys(PERCENTILES, np.nan)
+
+
+def pack_decisions(
+    wiring, models, positions, cells, capacity_std_ampere_hour, *, celsius, settings=SETTINGS
+):
+    """What is decided about a pack, as rows of pack_decisions.
+
+    Parameters
+    ----------
+    wiring : Wiring, cells in series or in a star of parallel branches.
+    models : model dicts in the order of its cells. positions : BranchFacts, cells : CellFacts,
+        capacity_std_ampere_hour : (cells,) [Ah] or None, each in that order.
+    celsius : of all cells [degC]. settings : PackDecisions.
+
+    Returns
+    -------
+    rows : list of dict: decision, quantity, cell, unit, value, and of uncertain ones percentiles.
+
+    Raises
+    ------
+    Refusal : another wiring, a cell without cut-offs, a discharge without an end.
+    """
+    start = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
+    known = uncertainty_of(
+        models,
+        capacity_std_ampere_hour,
+        capacity_relative_std=settings.capacity_relative_std,
+        resistance_relative_std=settings.resistance_relative_std,
+        initial_soc_std=settings.initial_soc_std,
+    )
+    drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
+    lower, _ = cutoffs_of(cells)
+    if wiring.connection == "series" and depth(wiring) == 1:
+        pack = _string(models, positions, lower, drawn, start, celsius, settings)
+    elif is_star(wiring):
+        pack = _group(models, positions, lower, drawn, start, celsius, settings)
+    else:
+        raise Refusal(
+            f"{wiring.name} is not decided on: found {described(wiring)}, wanted cells in series, "
+            "or in parallel without links"
+        )
+    use, items, spare_of, draws, window = pack
+    first = "weakest cell" if wiring.connection == "series" else "busiest cell"
+    capacity = [model["capacity_ampere_hour"] for model in models]
+    names = [row.cell for row in positions]
+    rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names, first=first)]
+    rows += replacement_rows(use, items, spare_of, capacity, names) + window
+    return [EMPTY | row for row in rows]
+
+
+def _string(models, positions, lower, drawn, start, celsius, settings):
+    capacity = np.array([model["capacity_ampere_hour"] for model in models])
+    current = settings.c_rate * float(np.median(capacity))
+    at = {"current_ampere": current, "celsius": celsius}
+
+    def use(items):
+        chosen, soc = zip(*items, strict=True)
+        found = discharge_string(
+            chosen, lower_cutoff_volt=lower, initial_soc=soc, contact_ohm=contact, **at
+        )
+        return found.capacity_ampere_hour, found.energy_watt_hour
+
+    contact = contact_of(positions)
+    draws = string_draws(models, drawn, lower_cutoff_volt=lower, initial_soc=start, **at)
+    items = list(zip(models, start, strict=True))
+    return use, items, lambda item: (item[0], 1.0), draws, []
+
+
+def _group(models, positions, lower, drawn, start, celsius, settings):
+    wires = [row.wire_resistance_ohm or 0.0 for row in positions]
+    tables = group_of(models, temperature_celsius=celsius)
+    # The group stops at the first of its cells' cut-offs, which are one voltage in parallel.
+    setting = {"lower_cutoff_volt": float(lower.max()), "wire_resistance_ohm": np.array(wires)}
+    rate = settings.group_c_rate
+    total = rate * tables.capacity_ampere_hour.sum()
+
+    def use(items):
+        chosen, soc = zip(*items, strict=True)
+        group = type(tables)(*(np.array(column) for column in zip(*chosen, strict=True)))
+        same_current = total / group.capacity_ampere_hour.sum()
+        found = discharge_group(group, c_rate=same_current, initial_soc=np.array(soc), **setting)
+        return found.capacity_ampere_hour, found.energy_watt_hour
+
+    items = [(tuple(table[k] for table in tables), start[k]) for k in range(len(models))]
+    draws = group_draws(
+        tables,
+        drawn,
+        c_rate=rate,
+        initial_soc=start,
+        wire_relative_std=settings.wire_relative_std,
+        seed=settings.random_seed,
+        **setting,
+    )
+    nominal = discharge_group(tables, c_rate=rate, initial_soc=np.array(start), **setting)
+    window = window_rows(nominal, settings.current_spread)
+    return use, items, lambda item: (item[0], 1.0), draws, window
+
+
+def replacement_rows(use, items, spare_of, capacity, names):
+    """Rows on which cell to replace: the gain of each cell, the best and its margin, and in turn.
+
+    Parameters
+    ----------
+    use, items : as `cells` of `matching.replacements`. spare_of : function, item → the same cell as
+        it is put in. capacity : (cells,) [Ah]. names : of the cells.
+    """
+    found = replacements(use, items, capacity_ampere_hour=capacity, spare_of=spare_of)
+    about = {"decision": "replace a cell", "unit": "Wh"}
+    rows = [
+        about | {"quantity": "gain in usable energy", "cell": name, "value": float(gain)}
+        for name, gain in zip(names, found.gain_watt_hour, strict=True)
+    ]
+    rows.sort(key=lambda row: -row["value"])
+    spare = names[found.median]
+    best = {"cell": names[found.best], "value": float(found.gain_watt_hour[found.best])}
+    rows.insert(0, about | {"quantity": f"best, by one as {spare} (median)"} | best)
+    margin = {"cell": names[found.best], "value": found.margin_watt_hour}
+    rows.insert(1, about | {"quantity": "margin to the second best"} | margin)
+    for turn, (k, charge, energy) in enumerate(found.in_turn, 1):
+        done = {"cell": names[k], "quantity": f"after {turn} replaced in turn, usable"}
+        rows.append(about | done | {"value": energy})
+        rows.append(about | done | {"unit": "Ah", "value": charge})
+    return rows
+
+
+def window_rows(use, current_spread):
+    """Rows on the range of SoC in which the branch currents stay within a spread.
+
+    Parameters
+    ----------
+    use : GroupUse. current_spread : [1].
+    """
+    window = safe_window(use, current_spread=current_spread)
+    values = {
+        "lowest SoC": window.lower_soc,
+        "highest SoC": window.upper_soc,
+        "share of the charge": window.charge_share,
+        "largest spread within": window.spread,
+        "largest spread of all": window.worst_spread,
+        "SoC of the largest spread": window.worst_soc,
+        "largest branch current over its share": use.peak_share,
+        "charge given over the sum of the cells": use.capacity_ampere_hour / use.cells_ampere_hour,
+    }
+    about = {"decision": f"safe window, spread below {100 * current_spread:g} %", "cell": ""}
+    return [
+        about | {"quantity": quantity, "unit": "1", "value": float(value)}
+        for quantity, value in values.items()
+    ]

@@ -1,0 +1,153 @@
+"""Power of a series pack in pulses over its discharge, limited by its first cell."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.model_file import simulate_model
+from cellwright.settings import PackDecisions
+
+SETTINGS = PackDecisions()
+LONG_REST_SECOND = 1e7  # between simulated pulses: every relaxation has ended
+ROUNDS = 6  # of the secant that finds a pulse's current; it stops at 0.1 mV
+SMALL_VOLT = 1e-4
+
+
+class Power(NamedTuple):
+    """Power of a string over its charge, (points,) each.
+
+    discharged_share : of what the string gives [1]. mean_soc : of its cells.
+    discharge_watt, charge_watt : at the end of a pulse that brings the first cell to its limit;
+    *_ampere : its current. limiting_discharge, limiting_charge : index of that cell, −1 where the
+    largest allowed current is less.
+    """
+
+    discharged_share: np.ndarray
+    mean_soc: np.ndarray
+    discharge_watt: np.ndarray
+    discharge_ampere: np.ndarray
+    limiting_discharge: np.ndarray
+    charge_watt: np.ndarray
+    charge_ampere: np.ndarray
+    limiting_charge: np.ndarray
+
+
+def power_of_string(
+    models,
+    discharge,
+    *,
+    initial_soc,
+    cutoffs_volt,
+    celsius=25.0,
+    contact_ohm=0.0,
+    pulse_second=SETTINGS.pulse_second,
+    largest_c_rate=SETTINGS.largest_c_rate,
+    points=SETTINGS.power_points,
+):
+    """Power of a string in pulses from rest, limited by its first cell, over its discharge.
+
+    At each point every cell is at rest at its own SoC. The current of a pulse is the one at which
+    the first cell is at its lower (upper) cut-off when the pulse ends, or the largest allowed one;
+    the power is that current times the voltage of the whole string then.
+
+    Parameters
+    ----------
+    models : model dicts. discharge : Discharge of the string, from `initial_soc`.
+    initial_soc : scalar or (cells,) [1]. cutoffs_volt : lower and upper, scalars or (cells,) [V].
+    celsius : [degC]. contact_ohm : of all contacts together [ohm]. pulse_second : length of a pulse
+    [s]. largest_c_rate : over the median capacity; beyond it a model has seen no pulse [1/h].
+    points : of the discharge.
+
+    Returns
+    -------
+    power : Power. Zero where a cell is at or beyond its limit before the pulse.
+
+    Raises
+    ------
+    Refusal : as `model_file.simulate_model`.
+
+    Source: pulse power by cut-off voltages, FreedomCAR Battery Test Manual (2003), 4.3; here with
+    the model's whole response instead of one resistance.
+    """
+    share = np.linspace(0.0, 1.0, points)
+    drawn = share * discharge.capacity_ampere_hour
+    capacity = np.array([model["capacity_ampere_hour"] for model in models])
+    start = np.broadcast_to(np.asarray(initial_soc, float), capacity.shape)
+    soc = start - drawn[:, None] / capacity
+    pulses = {}
+    for sign, cutoff in zip((-1, 1), cutoffs_volt, strict=True):
+        limits = np.broadcast_to(np.asarray(cutoff, float), capacity.shape)
+        settings = {"sign": sign, "celsius": celsius, "pulse_second": pulse_second}
+        found = [
+            limiting_current(model, soc[:, k], limits[k], **settings)
+            for k, model in enumerate(models)
+        ]
+        largest = largest_c_rate * np.median(capacity)
+        ampere = np.minimum(np.min(found, axis=0), largest)
+        limiting = np.where(ampere < largest, np.argmin(found, axis=0), -1)
+        volt = [
+            pulse_volt(model, soc[:, k], sign * ampere, celsius=celsius, pulse_second=pulse_second)
+            for k, model in enumerate(models)
+        ]
+        at_terminals = np.sum(volt, axis=0) + sign * contact_ohm * ampere
+        pulses[sign] = (ampere * at_terminals, ampere, limiting)
+    return Power(share, soc.mean(axis=1), *pulses[-1], *pulses[1])
+
+
+def limiting_current(model, soc, limit_volt, *, sign, celsius, pulse_second):
+    """Current of a pulse from rest at whose end a cell is at a limit of its voltage, (p,) [A].
+
+    Parameters
+    ----------
+    model : model dict. soc : (p,) [1]. limit_volt : [V]. sign : −1 for a discharge, 1 for a charge.
+    celsius : [degC]. pulse_second : [s].
+
+    Returns
+    -------
+    current_ampere : (p,) its size; 0 where the cell is beyond the limit at rest.
+    """
+    settings = {"celsius": celsius, "pulse_second": pulse_second}
+    rested = pulse_volt(model, soc, np.zeros(len(soc)), **settings)
+    room = sign * (limit_volt - rested)
+    tried = np.full(len(soc), model["capacity_ampere_hour"])
+    for _ in range(ROUNDS):
+        change = sign * (pulse_volt(model, soc, sign * tried, **settings) - rested)
+        if np.all(np.abs(change - room)[room > 0] < SMALL_VOLT):
+            break
+        tried = np.where(room > 0, tried * room / np.maximum(change, SMALL_VOLT), tried)
+    return np.where(room > 0, tried, 0.0)
+
+
+def pulse_volt(model, soc, current_ampere, *, celsius, pulse_second):
+    """Voltage of a cell at the end of pulses from rest, (p,) [V].
+
+    Parameters
+    ----------
+    model : model dict. soc : (p,) before each pulse [1]. current_ampere : (p,) [A], positive on
+        charge. celsius : [degC]. pulse_second : [s].
+    """
+    # One record of all pulses, each begun at rest, with rests in which everything relaxes.
+    begin = np.arange(len(soc)) * (LONG_REST_SECOND + pulse_second)
+    time = np.column_stack([begin, begin + pulse_second, begin + pulse_second]).ravel()
+    current = np.column_stack([current_ampere, current_ampere, np.zeros(len(soc))]).ravel()
+    moved = current_ampere * pulse_second / 3600.0 / model["capacity_ampere_hour"]
+    course = np.column_stack([soc, soc + moved, soc + moved]).ravel()
+    celsius = np.full(len(time), float(celsius))
+    run = simulate_model(model, None, time, current, course, celsius, hold="zero_order")
+    return run.voltage_volt[1::3]
+
+
+def power_rows(power, names):
+    """Rows of a string's power over its discharge, the limiting cells by name, "" for none.
+
+    Parameters
+    ----------
+    power : Power. names : of the cells.
+    """
+    columns = power._asdict()
+    for key in ("limiting_discharge", "limiting_charge"):
+        columns[key] = [names[k] if k >= 0 else "" for k in columns[key]]
+    return [
+        dict(zip(columns, (v if isinstance(v, str) else float(v) for v in row), strict=True))
+        for row in zip(*columns.values(), strict=True)
+    ]

@@ -1,0 +1,414 @@
+"""A pack step by step: how every cell's model moves, and how the wiring divides the current.
+
+The numpy form of native/pack.c, which says the same a hundred times faster (`kernel.py`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.circuits.temperature import SMALLEST, ZERO_CELSIUS_KELVIN
+from cellwright.numerics.lags import lag_weights
+from cellwright.packs.cells import TABLES
+from cellwright.packs.network import currents, reduced
+from cellwright.refusal import Refusal
+
+CURRENT, VOLTAGE, POWER = range(3)  # what is asked of a pack in a step
+MOST_PASSES = 60  # as in native/pack.c
+REMEMBERED = ("soc", "relaxed_volt", "kinetic_volt", "hysteresis_volt", "surface_soc", "parameters")
+MOST_TURNS = 30  # passes in which cells with hysteresis go on from rest
+SAME_SOC = 1e-4  # a cell without kinetics or hysteresis is linear within so much of its SoC
+
+
+class NoPower(Refusal):
+    """A power that a pack cannot give."""
+
+
+class PackState(NamedTuple):
+    """A pack at one moment: what its cells remember; (cells,), of several elements (cells, e).
+
+    parameters : looked up at the moment, name → (cells, e). relaxed_volt : of RC pairs.
+    kinetic_volt, hysteresis_volt : [V]. surface_soc : parts of what the surface leads by [1].
+    total_ampere : through the pack [A].
+    """
+
+    soc: np.ndarray
+    current_ampere: np.ndarray
+    total_ampere: float
+    relaxed_volt: np.ndarray
+    kinetic_volt: np.ndarray
+    hysteresis_volt: np.ndarray
+    surface_soc: np.ndarray
+    temperature_celsius: np.ndarray
+    parameters: dict
+
+
+class Step(NamedTuple):
+    """One step: its length, and how the branch currents run in it.
+
+    ramp_ampere : (cells,) a cell's current runs on a straight line that rises by this much to what
+    it is at the end [A]. hold : weights of the lags are exact for it.
+    """
+
+    second: float
+    ramp_ampere: np.ndarray
+    hold: str
+
+
+class Response(NamedTuple):
+    """Voltage of each cell at a current, its slope [ohm], and what it remembers then."""
+
+    voltage_volt: np.ndarray
+    slope_ohm: np.ndarray
+    soc: np.ndarray
+    relaxed_volt: np.ndarray
+    kinetic_volt: np.ndarray
+    hysteresis_volt: np.ndarray
+    surface_soc: np.ndarray
+    parameters: dict
+
+
+class Solved(NamedTuple):
+    """Currents (elements,), cells' voltages (cells,), the network, and the cells' responses."""
+
+    current_ampere: np.ndarray
+    voltage_volt: np.ndarray
+    network: object
+    response: Response
+
+
+def start(cells, network, initial_soc, ambient_celsius, thermal=None, *, first_ampere=0.0):
+    """State of a pack at rest.
+
+    Parameters
+    ----------
+    cells : PackCells. network : Network. initial_soc : scalar or (cells,) [1].
+    ambient_celsius : [degC]. thermal : Thermal or None.
+    first_ampere : total current of the first sample [A], whose direction counts as the load before
+        it for cells of which the model knows a history.
+
+    Returns
+    -------
+    state : PackState.
+
+    Raises
+    ------
+    Refusal : another number of cells, or of values of SoC.
+    """
+    count = network.cells
+    if len(cells.capacity_ampere_hour) != count:
+        raise Refusal(f"{len(cells.capacity_ampere_hour)} models for {count} cells of the wiring")
+    given = np.asarray(initial_soc, float)
+    if given.shape not in ((), (count,)) or not np.isfinite(given).all():
+        raise Refusal(f"initial SoC is {initial_soc}; wanted one, or one for each of {count} cells")
+    soc = np.broadcast_to(given, (count,)).copy()
+    begin = None if thermal is None else thermal.initial_celsius
+    celsius = np.full(count, ambient_celsius if begin is None else begin, float)
+    parameters = looked_up(cells, soc, celsius)
+    nothing = {"relaxed_volt": "r_ohm", "kinetic_volt": "kinetic_r_ohm"}
+    nothing |= {"surface_soc": "soc_per_ampere"}
+    remembered = {name: np.zeros_like(parameters[table]) for name, table in nothing.items()}
+    direction = _led_here(cells, soc, np.sign(first_ampere))
+    remembered["hysteresis_volt"] = direction[:, None] * parameters["hysteresis_volt"]
+    none = np.zeros(count)
+    return PackState(
+        soc=soc,
+        current_ampere=none,
+        total_ampere=0.0,
+        temperature_celsius=celsius,
+        parameters=parameters,
+        **remembered,
+    )
+
+
+def _led_here(cells, soc, first):
+    """Direction of the load before the first sample, 0 where the model knows of none (cells,)."""
+    near = cells.near_end_soc
+    at_rest = (soc > 1.0 - near).astype(float) - (soc < near)
+    return np.where(near > 0, at_rest if first == 0 else first, 0.0)
+
+
+def looked_up(cells, soc, temperature_celsius):
+    """Parameters of every cell at its SoC and temperature: name → (cells, entries).
+
+    Linear in SoC; between two temperatures voltages are linear in 1/T, and the logarithms of all
+    else. Outside 0…1 and the tables' temperatures they stay what they are; the OCV goes on as
+    steeply as it ends.
+
+    Parameters
+    ----------
+    cells : PackCells. soc, temperature_celsius : (cells,) [1], [degC].
+    """
+    return {name: _entries(cells, name, soc, temperature_celsius)[0] for name in TABLES}
+
+
+def ocv_volt(cells, soc, temperature_celsius):
+    """Open-circuit voltage of each cell (cells,) [V].
+
+    Parameters
+    ----------
+    cells : PackCells. soc, temperature_celsius : (cells,) [1], [degC].
+    """
+    return _entries(cells, "ocv_volt", soc, temperature_celsius)[0][:, 0]
+
+
+def _entries(cells, name, soc, celsius):
+    """Entries of a table at each cell's SoC and temperature, and their slopes over SoC."""
+    table = getattr(cells, name)
+    last, rows = table.shape[-1] - 1, np.arange(len(soc))
+    lower = np.clip((soc * last).astype(int), 0, last - 1)
+    share = soc * last - lower
+    inside = share if name == "ocv_volt" else np.minimum(np.maximum(share, 0.0), 1.0)
+    low, high = (
+        _at_temperature(cells, table[:, rows, :, at], name, celsius) for at in (lower, lower + 1)
+    )
+    return low + (high - low) * inside[:, None], (high - low) * last
+
+
+def _at_temperature(cells, values, name, celsius):
+    """Values (cells, temperatures, e) at each cell's temperature (cells, e)."""
+    measured = cells.temperature_celsius
+    if len(measured) == 1:
+        return values[:, 0]
+    inverse = -1.0 / (measured + ZERO_CELSIUS_KELVIN)
+    here = -1.0 / (np.clip(celsius, measured[0], measured[-1]) + ZERO_CELSIUS_KELVIN)
+    right = np.clip(np.searchsorted(inverse, here, side="right"), 1, len(measured) - 1)
+    weight = ((here - inverse[right - 1]) / (inverse[right] - inverse[right - 1]))[:, None]
+    rows = np.arange(len(values))
+    cold, hot = values[rows, right - 1], values[rows, right]
+    if name in ("ocv_volt", "ocv_shift_volt"):
+        return cold + weight * (hot - cold)
+    low, high = (np.log(np.maximum(v, SMALLEST)) for v in (cold, hot))
+    return np.where((cold > 0) & (hot > 0), np.exp(low + weight * (high - low)), 0.0)
+
+
+def advance(cells, network, state, step, mode, value, *, tolerance_volt):
+    """A pack one step later.
+
+    Parameters
+    ----------
+    cells : PackCells. network : Network. state : PackState. step : Step.
+    mode, value : what is asked at the end of the step, see `asked`.
+    tolerance_volt : of Newton's method [V].
+
+    Returns
+    -------
+    solved : Solved. state : PackState.
+
+    Raises
+    ------
+    Refusal : as `simulate.simulate_pack`; a power that the pack cannot give.
+    """
+    rise = value - state.total_ampere if mode == CURRENT else 0.0
+    guess = state.current_ampere + network.share * rise
+    total_of = asked(mode, value)
+    solved = newton(cells, network, state, step, guess, total_of, tolerance_volt=tolerance_volt)
+    after = {name: getattr(solved.response, name) for name in REMEMBERED}
+    after |= {"current_ampere": solved.current_ampere[: network.cells]}
+    return solved, state._replace(total_ampere=float(solved.current_ampere[-1]), **after)
+
+
+def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
+    """Currents that satisfy the cells' equations and Kirchhoff's laws together.
+
+    Parameters
+    ----------
+    cells, network, state, step, tolerance_volt : as in `advance`.
+    guess : (cells,) currents to begin with [A]. total_of : see `asked`.
+
+    Returns
+    -------
+    solved : Solved.
+
+    Raises
+    ------
+    Refusal : not solved after 60 passes.
+    """
+    weights = _weights(state, step)
+    at = respond(cells, state, step, weights, guess)
+    if step.second == 0 and not guess.any() and not at.slope_ohm.all():
+        # At rest at an instant: what acts at once decides nothing where it is nothing.
+        lines = reduced(network, at.voltage_volt, np.ones(network.cells))
+        return Solved(np.zeros(len(lines.source_volt)), at.voltage_volt, lines, at)
+    for turn in range(MOST_PASSES):
+        lines = reduced(network, at.voltage_volt - at.slope_ohm * guess, at.slope_ohm)
+        current = currents(network, lines, total_of(lines))
+        through = current[: network.cells]
+        on_line = at.voltage_volt + at.slope_ohm * (through - guess)
+        moved = step.second * (through - guess) / (3600.0 * cells.capacity_ampere_hour)
+        if turn == 0 and is_linear(cells) and np.abs(moved).max() <= SAME_SOC:
+            found = respond(cells, state, step, weights, through, at.parameters)
+            return Solved(current, on_line, lines, found)
+        found = respond(cells, state, step, weights, through)
+        off = found.voltage_volt - on_line
+        if np.abs(off).max() <= tolerance_volt:
+            return Solved(current, on_line, lines, found)
+        turned = _turned(state, step, guess, through) if turn < MOST_TURNS else np.zeros(1, bool)
+        short = 1.0 if turned.any() else _shortened(through - guess, at.slope_ohm, off)
+        guess = guess + short * (through - guess)
+        guess = np.where(turned, 0.5 * step.ramp_ampere, guess)
+        same = short == 1.0 and not turned.any()
+        at = found if same else respond(cells, state, step, weights, guess)
+    worst = int(np.argmax(np.abs(off)))
+    raise not_solved(cells, worst, abs(off[worst]), step.second)
+
+
+def not_solved(cells, cell, off_volt, second):
+    """What to raise where Newton's method does not arrive.
+
+    Parameters
+    ----------
+    cells : PackCells. cell : index of the cell that is furthest off. off_volt : how far [V].
+    second : length of the step [s].
+    """
+    return Refusal(
+        f"{cells.names[cell]} is still {off_volt:.2g} V from its equations after {MOST_PASSES} "
+        f"passes, in a step of {second:g} s"
+    )
+
+
+def asked(mode, value):
+    """Total current that is asked of a pack, as a function of its Reduced network.
+
+    Parameters
+    ----------
+    mode : CURRENT, VOLTAGE or POWER. value : [A], [V] or [W], positive on charge.
+    """
+
+    def total(lines):
+        source, ohm = lines.source_volt[-1], lines.resistance_ohm[-1]
+        if mode == VOLTAGE:
+            return (value - source) / ohm
+        root = source**2 + 4.0 * ohm * value
+        if root < 0:
+            raise no_power(value)
+        return 2.0 * value / (source + np.sqrt(root))
+
+    return (lambda _: value) if mode == CURRENT else total
+
+
+def no_power(watt):
+    """What to raise where a pack cannot give a power: two currents would, or none.
+
+    Parameters
+    ----------
+    watt : asked for, negative on discharge [W].
+    """
+    return NoPower(f"the pack cannot give {-watt:g} W at this moment, whatever the current")
+
+
+def is_linear(cells):
+    """Whether all cells are resistors and RC pairs: linear but for what SoC does to them.
+
+    Parameters
+    ----------
+    cells : PackCells.
+    """
+    more = (cells.two_way_ohm, cells.kinetic_r_ohm, cells.hysteresis_volt, cells.soc_per_ampere)
+    return not any(table.size for table in more)
+
+
+def _turned(state, step, guess, through):
+    """Cells with hysteresis whose current of the step turned (cells,): they go on from rest.
+
+    There their voltage bends; from the bend on Newton's method runs straight to the solution.
+    """
+    half = 0.5 * step.ramp_ampere
+    return (state.hysteresis_volt.shape[1] > 0) & ((guess - half) * (through - half) < 0)
+
+
+def _shortened(direction, slope, off):
+    """Share of a step to take, 1 where it does not overshoot what the cells dissipate.
+
+    The wiring's part of the dissipation is solved exactly, so the slope of all of it along the
+    step is at its end Σ direction·off (Tellegen), and at its begin −Σ slope·direction² or less.
+    """
+    begin, end = slope @ direction**2, direction @ off
+    return 1.0 if end <= 0.5 * begin else begin / (begin + end)
+
+
+def _weights(state, step):
+    """Weights of the lags over the step, by name of the time constant: (decay, before, after)."""
+    found = {}
+    for name in ("tau_second", "kinetic_tau_second", "soc_tau_second"):
+        tau = state.parameters[name]
+        at_once = tau <= 0
+        weights = lag_weights(step.second, np.where(at_once, 1.0, tau), hold=step.hold)
+        found[name] = [np.where(at_once, w, v) for w, v in zip((0, 0, 1), weights, strict=True)]
+    return found
+
+
+def respond(cells, state, step, weights, current, parameters=None):
+    """Voltage of each cell a step later if its current ends at a value, and its slope.
+
+    Parameters
+    ----------
+    cells, state, step : as in `advance`. weights : of the lags in this step.
+    current : (cells,) at the end of the step [A].
+    parameters : at the end of the step; None: looked up where the current leads.
+
+    Returns
+    -------
+    response : Response.
+    """
+    begin = current - step.ramp_ampere
+    per_ampere = step.second / (3600.0 * cells.capacity_ampere_hour)
+    mean = 0.5 * (begin + current)
+    soc = state.soc + per_ampere * mean
+    celsius, before = state.temperature_celsius, state.parameters
+    now = looked_up(cells, soc, celsius) if parameters is None else parameters
+    column, begin_column = current[:, None], begin[:, None]
+
+    def lagged(held, drive, name):
+        decay, old, new = weights[name]
+        (was, was_slope), (is_, is_slope) = drive(before, begin_column), drive(now, column)
+        return decay * held + old * was + new * is_, old * was_slope + new * is_slope
+
+    relaxed, slope = lagged(state.relaxed_volt, _ohmic("r_ohm"), "tau_second")
+    kinetic, kinetic_slope = lagged(state.kinetic_volt, _arcsinh, "kinetic_tau_second")
+    surface, surface_slope = lagged(state.surface_soc, _ohmic("soc_per_ampere"), "soc_tau_second")
+    hysteresis, hysteresis_slope = _by_charge(state.hysteresis_volt, before, mean, step.second)
+    at_once, at_once_slope = _at_once(now, current)
+    ahead = soc + surface.sum(axis=1)
+    volt, rise = (v[:, 0] for v in _entries(cells, "ocv_volt", ahead, celsius))
+    if surface.size:
+        volt = volt + now["ocv_shift_volt"][:, 0]
+        volt = volt - _entries(cells, "ocv_shift_volt", ahead, celsius)[0][:, 0]
+    parts = [relaxed, kinetic, hysteresis]
+    slopes = [slope, kinetic_slope, hysteresis_slope]
+    ocv_slope = np.maximum(rise, 0.0) * (per_ampere + surface_slope.sum(axis=1))
+    return Response(
+        volt + at_once + sum(part.sum(axis=1) for part in parts),
+        ocv_slope + at_once_slope + sum(part.sum(axis=1) for part in slopes),
+        *(soc, relaxed, kinetic, hysteresis, surface, now),
+    )
+
+
+def _ohmic(name):
+    """Drive of a linear element and its slope."""
+    return lambda p, current: (p[name] * current, p[name])
+
+
+def _arcsinh(p, current):
+    """Drive of kinetics and its slope: scale·arcsinh(r·I/scale)."""
+    r, scale = p["kinetic_r_ohm"], p["kinetic_scale_volt"]
+    return scale * np.arcsinh(r * current / scale), r / np.hypot(1.0, r * current / scale)
+
+
+def _at_once(p, current):
+    """Voltage of the resistances that act at once, and its slope."""
+    r = p["r0_ohm"][:, 0]
+    if p["two_way_ohm"].size:
+        r = r + np.where(current > 0, *p["two_way_ohm"].T)
+    return r * current, r
+
+
+def _by_charge(held, p, mean, second):
+    """Hysteresis after the charge of the step, and its slope over the current at its end."""
+    charge = 3600.0 * p["hysteresis_ampere_hour"]
+    decay = np.exp(-np.abs(mean)[:, None] * second / charge)
+    goal = p["hysteresis_volt"] * np.sign(mean)[:, None]
+    # At rest the steeper of both directions, so that the first pass is on the safe side.
+    towards = np.where(mean[:, None] == 0, np.abs(p["hysteresis_volt"]) + np.abs(held), 0.0)
+    towards = towards + np.sign(mean)[:, None] * (goal - held)
+    return goal + decay * (held - goal), np.maximum(towards, 0.0) * decay * second / charge

@@ -1,0 +1,154 @@
+"""Temperatures of a pack's cells: a cell alone, neighbours, heat that is neither made nor lost."""
+
+import numpy as np
+import pytest
+import truth
+from scipy.integrate import solve_ivp
+from wirings import parallel, series
+
+from cellwright.circuits.heat import simulate_warm
+from cellwright.packs.cells import pack_cells
+from cellwright.packs.phases import Phase, run_phases
+from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.thermal import Thermal, thermal_modes, warmed
+from cellwright.refusal import Refusal
+
+TIME = np.arange(0.0, 1800.0, 2.0)
+LOAD = np.where(TIME % 600 < 400, -4.0, 1.0)
+ENERGY = 30000.0
+
+
+def warm_model(name="A", celsius=(15.0, 25.0, 45.0)):
+    """The true cell at several temperatures, its resistances by an Arrhenius law."""
+    document = truth.model(name)
+    (condition,), conditions = document["members"][0]["conditions"], []
+    for value in celsius:
+        factor = np.exp(ENERGY / 8.314462618 * (1 / (value + 273.15) - 1 / 298.15))
+        branches = [
+            branch | {"r_ohm": (factor * np.array(branch["r_ohm"])).tolist()}
+            for branch in condition["branches"]
+        ]
+        r0 = (factor * np.array(condition["r0_ohm"])).tolist()
+        at = {"ambient_temperature_celsius": value, "r0_ohm": r0, "branches": branches}
+        conditions.append(condition | at)
+    member = document["members"][0] | {"conditions": conditions}
+    return document | {"members": [member]}
+
+
+CELLS = pack_cells(
+    [warm_model("A"), warm_model("B"), warm_model("C")],
+    temperature_celsius=[15.0, 25.0, 35.0, 45.0],
+)
+CONSTANTS = {"heat_capacity_joule_per_kelvin": 45.0, "resistance_kelvin_per_watt": 8.0}
+
+
+@pytest.mark.parametrize("entropic", [0.0, 2e-4])
+@pytest.mark.parametrize("hold", ["first_order", "zero_order"])
+def test_one_cell_alone_is_the_single_cell_simulation(hold, entropic):
+    cells = pack_cells([warm_model()], temperature_celsius=np.arange(15.0, 46.0, 5.0))
+    thermal = Thermal(**CONSTANTS, entropic_volt_per_kelvin=entropic)
+    setting = {"initial_soc": 0.9, "ambient_celsius": 20.0, "thermal": thermal, "hold": hold}
+    run = simulate_pack(TIME, LOAD, cells, series("A"), **setting)
+    more = {"entropic_volt_per_kelvin": entropic, "hold": hold}
+    alone = simulate_warm(warm_model(), None, TIME, LOAD, run.soc[:, 0], 20.0, **CONSTANTS, **more)
+    assert np.ptp(alone.temperature_celsius) > 2.0
+    off = np.abs(run.temperature_celsius[:, 0] - alone.temperature_celsius)
+    assert off.max() < 0.05
+    assert np.abs(run.voltage_volt - alone.simulated.voltage_volt).max() < 1e-3
+
+
+def test_temperatures_of_neighbours_are_those_of_an_independent_solver():
+    rng = np.random.default_rng(7)
+    conductance = rng.uniform(0.0, 0.5, (4, 4))
+    conductance = conductance + conductance.T
+    capacity, resistance = rng.uniform(30, 60, 4), rng.uniform(5, 20, 4)
+    modes = thermal_modes(Thermal(capacity, resistance, conductance), 4)
+    celsius, heat = rng.uniform(20, 40, 4), rng.uniform(0, 3, 4)
+
+    def rates(_, t):
+        exchanged = [conductance[k] @ (t - t[k]) for k in range(4)]
+        return (heat - (t - 22.0) / resistance + exchanged) / capacity
+
+    true = solve_ivp(rates, (0, 500), celsius, rtol=1e-10, atol=1e-10).y[:, -1]
+    np.testing.assert_allclose(warmed(modes, celsius, heat, 22.0, 500.0), true, atol=1e-6)
+    halfway = warmed(modes, celsius, heat, 22.0, 180.0)
+    np.testing.assert_allclose(warmed(modes, halfway, heat, 22.0, 320.0), true, atol=1e-6)
+
+
+def test_heat_between_cells_without_a_way_out_is_neither_made_nor_lost():
+    thermal = Thermal(np.array([40.0, 50.0, 60.0]), np.inf, 0.3)
+    modes, celsius = thermal_modes(thermal, 3), np.array([20.0, 30.0, 45.0])
+    heat = np.array([1.0, 0.0, 2.0])
+    after = warmed(modes, celsius, heat, 25.0, 300.0)
+    assert modes.capacity @ (after - celsius) == pytest.approx(900.0)
+    late = warmed(modes, celsius, 0.0 * heat, 25.0, 1e7)
+    np.testing.assert_allclose(late, modes.capacity @ celsius / modes.capacity.sum())
+
+
+def test_the_cell_in_the_middle_of_a_row_gets_warmest_and_carries_more():
+    thermal = Thermal(**CONSTANTS, between_watt_per_kelvin=0.2)
+    run = simulate_pack(
+        *(TIME, 3 * LOAD, CELLS, parallel(*"ABC")),
+        initial_soc=0.9,
+        ambient_celsius=20.0,
+        thermal=thermal,
+    )
+    np.testing.assert_allclose(run.temperature_celsius[:, 0], run.temperature_celsius[:, 2])
+    apart = Thermal(45.0, np.array([8.0, 100.0, 8.0]), 0.01)
+    run = simulate_pack(
+        *(TIME, 3 * LOAD, CELLS, parallel(*"ABC")),
+        initial_soc=0.9,
+        ambient_celsius=20.0,
+        thermal=apart,
+    )
+    assert run.temperature_celsius[-1, 1] > run.temperature_celsius[-1, 0] + 1.0
+    first_discharge = slice(150, 200)
+    assert (run.cell_current_ampere[first_discharge, 1] < -4.0).all()
+
+
+def test_an_ambient_that_changes_moves_the_parameters():
+    ambient = np.linspace(15.0, 45.0, len(TIME))
+    warmer = simulate_pack(
+        TIME, LOAD, CELLS, series(*"ABC"), initial_soc=0.9, ambient_celsius=ambient
+    )
+    cold = simulate_pack(TIME, LOAD, CELLS, series(*"ABC"), initial_soc=0.9, ambient_celsius=15.0)
+    assert warmer.voltage_volt[0] == pytest.approx(cold.voltage_volt[0], abs=1e-9)
+    discharge = LOAD < 0
+    assert (warmer.voltage_volt[discharge][50:] > cold.voltage_volt[discharge][50:]).all()
+    np.testing.assert_allclose(warmer.temperature_celsius[:, 1], ambient)
+
+
+def test_phases_warm_the_cells_too():
+    thermal = Thermal(**CONSTANTS, between_watt_per_kelvin=0.2)
+    done = run_phases(
+        [Phase("drive", (TIME, LOAD))],
+        CELLS,
+        series(*"ABC"),
+        initial_soc=0.9,
+        ambient_celsius=20.0,
+        thermal=thermal,
+    )
+    setting = {"initial_soc": 0.9, "ambient_celsius": 20.0, "thermal": thermal}
+    straight = simulate_pack(TIME, LOAD, CELLS, series(*"ABC"), **setting)
+    np.testing.assert_allclose(done.temperature_celsius, straight.temperature_celsius, atol=1e-9)
+
+
+def test_refusals():
+    def run(thermal, **changes):
+        setting = {"initial_soc": 0.5, "ambient_celsius": 25.0, "thermal": thermal} | changes
+        return simulate_pack(TIME[:3], LOAD[:3], CELLS, series(*"ABC"), **setting)
+
+    with pytest.raises(Refusal, match="no ambient temperature"):
+        run(None, ambient_celsius=None)
+    with pytest.raises(Refusal, match=r"heat capacity is 0 J/K"):
+        run(Thermal(0.0, 8.0))
+    with pytest.raises(Refusal, match=r"thermal resistance has shape \(2,\)"):
+        run(Thermal(45.0, [8.0, 8.0]))
+    with pytest.raises(Refusal, match="row of cells, or 3 × 3"):
+        run(Thermal(45.0, 8.0, np.ones((2, 2))))
+    with pytest.raises(Refusal, match="below zero"):
+        run(Thermal(45.0, 8.0, -0.1))
+    with pytest.raises(Refusal, match="not symmetric"):
+        run(Thermal(45.0, 8.0, np.triu(np.ones((3, 3)))))
+    with pytest.raises(Refusal, match="have to rise"):
+        pack_cells([warm_model()], temperature_celsius=[25.0, 15.0])

@@ -1,0 +1,91 @@
+# What a series pack can give, decisions on a pack, and cells of one type put together.
+
+SERIES = [group for group in PAIRS if BRANCHES[group][0].get("connection") == "series"]
+
+
+def median_celsius(group):
+    """Median of the stated temperatures of a group's tests; 25 °C where none is stated."""
+    rows = [row["ambient_temperature_celsius"] for row in TESTS_OF[group]]
+    stated = sorted(celsius for celsius in rows if celsius is not None)
+    return stated[len(stated) // 2] if stated else 25.0
+
+
+def capacities_of(cells):
+    """Capacities of cells, of their tests that may be fitted."""
+    return [path for cell in cells for path in fitted("capacity", cell, "capacity")]
+
+
+# Cells of one type that have a model of their own tests, under a name that a file may have.
+MATCHED = {
+    "".join(c if c.isalnum() else "_" for c in name): names
+    for name, names in types_of(IDENTIFIED).items()
+    if 4 <= len(names) <= 200
+}
+
+
+rule series_pack:
+    input:
+        series="results/clean/{group}/{test}.parquet",
+        models=models_of_group,
+    output:
+        pack="results/series_pack/{group}/{test}.parquet",
+        cells="results/series_pack_cells/{group}/{test}.parquet",
+        power="results/series_pack_power/{group}/{test}.parquet",
+        waterfall="results/series_pack_waterfall/{group}/{test}.parquet",
+        series="results/series_pack_series/{group}/{test}.parquet",
+    log:
+        "logs/series_pack/{group}/{test}.log",
+    wildcard_constraints:
+        group=either(SERIES),
+    params:
+        test=test_facts,
+        members=lambda w: WIRED[w.group],
+        cells=lambda w: [facts_of(cell) for cell in LEAVES[w.group]],
+        settings=config["pack_decisions"],
+    message:
+        "Series pack {wildcards.group} through {wildcards.test}: errors, limits, power, balancing."
+    script:
+        "../../scripts/pack_decisions/series_pack.py"
+
+
+rule pack_decisions:
+    input:
+        models=models_of_group,
+        capacities=lambda w: capacities_of(LEAVES[w.group]),
+    output:
+        "results/pack_decisions/{group}.parquet",
+    log:
+        "logs/pack_decisions/{group}.log",
+    wildcard_constraints:
+        group=either(PAIRS),
+    params:
+        members=lambda w: WIRED[w.group],
+        cells=lambda w: [facts_of(cell) for cell in LEAVES[w.group]],
+        tests=lambda w: {k: v for k, v in TEST_FACTS.items() if k.split("/")[0] in LEAVES[w.group]},
+        celsius=lambda w: median_celsius(w.group),
+        settings=config["pack_decisions"],
+    message:
+        "Decisions on pack {wildcards.group}: uncertainty, which cell to replace, safe window of SoC."
+    script:
+        "../../scripts/pack_decisions/pack_decisions.py"
+
+
+rule pack_matching:
+    input:
+        models=lambda w: [f"results/models/{cell}.json" for cell in MATCHED[w.fleet]],
+        capacities=lambda w: capacities_of(MATCHED[w.fleet]),
+    output:
+        gains="results/pack_matching/{fleet}.parquet",
+        assembly="results/pack_assembly/{fleet}.parquet",
+    log:
+        "logs/pack_matching/{fleet}.log",
+    wildcard_constraints:
+        fleet=either(MATCHED),
+    params:
+        cells=lambda w: [facts_of(cell) for cell in MATCHED[w.fleet]],
+        tests=lambda w: {k: v for k, v in TEST_FACTS.items() if k.split("/")[0] in MATCHED[w.fleet]},
+        settings=config["pack_decisions"],
+    message:
+        "Cells of type {wildcards.fleet} put together: matched beside random assemblies."
+    script:
+        "../../scripts/pack_decisions/pack_matching.py"
