@@ -143,8 +143,16 @@ def test_too_few_to_calibrate_scales_by_the_onset_of_the_discharge():
     assert any(note.startswith("0 cell(s) beside R can calibrate") for note in model["notes"])
 
 
-def test_without_a_common_onset_the_resistance_stays_and_is_said():
-    model = borrowed_model(BARE._replace(onset_ohm={5.0: 1.0}), [bare("R")])
+def test_a_reference_without_an_onset_has_the_response_of_its_model():
+    """10 s into a step at full its model has R0 and of each pair what has risen."""
+    full = truth.R0[-1] + truth.R[:, -1] @ (1 - np.exp(-10.0 / truth.TAU))
+    model = borrowed_model(BARE._replace(onset_ohm={10.0: 1.3 * full}), [bare("R", onset_ohm={})])
+    np.testing.assert_allclose(r0_of(model), 1.3 * truth.R0)
+    assert any("response of the reference's model" in note for note in model["notes"])
+
+
+def test_without_an_onset_the_resistance_stays_and_is_said():
+    model = borrowed_model(BARE._replace(onset_ohm={}), [bare("R")])
     np.testing.assert_allclose(r0_of(model), truth.R0)
     assert "its resistance is not known: taken as the reference's" in model["notes"]
 

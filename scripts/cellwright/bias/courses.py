@@ -86,3 +86,14 @@ def fast_share(branch):
     branch : dict of parameters, as of `risen`.
     """
     return risen(branch, FAST_SECOND) / risen(branch, SLOW_SECOND)
+
+
+def full_ohm(model, second):
+    """Resistance of the chosen member of a model at full, some time into a step of current [ohm].
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2. second : time since the step [s].
+    """
+    sampled = circuit_at(member_of(model)["conditions"], np.ones(1), REFERENCE_CELSIUS)
+    return float(step_ohm([branch.parameters for branch in sampled.circuit], second)[0])

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.bias.courses import full_ohm
 from cellwright.health.peaks.alike import matched
 from cellwright.records.basis import same_condition
 from cellwright.refusal import Refusal
@@ -76,6 +77,8 @@ def differences(reference, cell):
 def resistance_ratio(reference, cell):
     """Ratio of the onset resistances at the longest common delay [1], 1 without any; its source.
 
+    A reference whose onset was not measured has the response of its model at full.
+
     Parameters
     ----------
     reference, cell : Shown.
@@ -84,14 +87,19 @@ def resistance_ratio(reference, cell):
     -------
     ratio : [1]. words : sentence for the notes.
     """
-    both = set(cell.onset_ohm) & set(reference.onset_ohm)
-    common = [delay for delay in both if min(cell.onset_ohm[delay], reference.onset_ohm[delay]) > 0]
+    ours, of_model = reference.onset_ohm, ""
+    if not set(cell.onset_ohm) & set(ours) and reference.model:
+        late = [delay for delay in cell.onset_ohm if delay >= 1.0]
+        ours = {delay: full_ohm(reference.model, delay) for delay in late}
+        of_model = ", against the response of the reference's model"
+    both = set(cell.onset_ohm) & set(ours)
+    common = [delay for delay in both if min(cell.onset_ohm[delay], ours[delay]) > 0]
     if not common:
         found = f"; found {min(cell.onset_ohm.values()):.3g} ohm at an onset" if both else ""
         return 1.0, f"its resistance is not known: taken as the reference's{found}"
     delay = max(common)
-    ratio = cell.onset_ohm[delay] / reference.onset_ohm[delay]
-    return ratio, f"resistance by the onset of its discharges from full ({delay:g} s)"
+    words = f"resistance by the onset of its discharges from full ({delay:g} s{of_model})"
+    return cell.onset_ohm[delay] / ours[delay], words
 
 
 def peak_pairs(reference, cell):

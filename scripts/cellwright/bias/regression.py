@@ -14,6 +14,7 @@ from cellwright.numerics.statistics import rms
 PENALTIES = 10.0 ** np.arange(-5.0, 3.1, 0.5)
 DEGREES = (1, 2)
 LEVEL = 0.95
+FEW = 12  # cells, of which a choice among many fits deceives about errors
 NEGLIGIBLE = 1e-4  # of a mean squared error
 
 
@@ -51,7 +52,7 @@ class Prediction(NamedTuple):
     stretch: np.ndarray
 
 
-def shrunk(features, changes, *, degrees=DEGREES):
+def shrunk(features, changes, *, degrees=DEGREES, judged_again=True):
     """Regression of courses on features, with the noise that serves cells left out best.
 
     Nothing is predicted (degree 0) unless the errors of the cells left out are clearly smaller:
@@ -83,7 +84,22 @@ def shrunk(features, changes, *, degrees=DEGREES):
         for penalty in PENALTIES
     ]
     best = _stiffest(tried)
-    return best if clearly_less(none.left_out, best.left_out) else none
+    if not clearly_less(none.left_out, best.left_out):
+        return none
+    return (
+        _judged_again(best, features, changes, degrees) if judged_again and cells <= FEW else best
+    )
+
+
+def _judged_again(fit, features, changes, degrees):
+    """A fit of few cells with the errors of cells left out of the choice of its noise as well."""
+    left_out = []
+    for place in range(len(features)):
+        others = np.arange(len(features)) != place
+        found = shrunk(features[others], changes[others], degrees=degrees, judged_again=False)
+        left_out.append(predicted(found, features[place]).change - changes[place])
+    left_out = np.array(left_out)
+    return fit._replace(left_out=left_out, spread=_spread(left_out, fit.variance))
 
 
 def _stiffest(tried):
