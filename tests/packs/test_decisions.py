@@ -12,7 +12,7 @@ from cellwright.packs.cells import pack_cells
 from cellwright.packs.decisions import matching, monte_carlo
 from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fleet
 from cellwright.packs.decisions.group_use import discharge_pack, safe_window, star_of
-from cellwright.packs.decisions.of_pack import pack_decisions
+from cellwright.packs.decisions.of_pack import charged, pack_decisions
 from cellwright.packs.series.capability import discharge_string
 from cellwright.packs.wiring import Wiring
 from cellwright.records.facts import BranchFacts, CellFacts
@@ -307,3 +307,18 @@ PAIR = strings.models([1.0, 0.9])
 def test_refusals(call, message):
     with pytest.raises(Refusal, match=message):
         call()
+
+
+def test_a_pack_is_judged_from_full_and_a_string_keeps_what_its_cells_differ_by():
+    capacity = np.array([2.0, 4.0, 2.0, 2.0])
+    pair = Wiring("pair", "parallel", ("A", "B"), (0.0, 0.0), (0.0, 0.0))
+    string = Wiring("string", "series", (pair, "C", "D"), (0.0,) * 3, (0.0,) * 3)
+    soc = np.array([0.1, 0.1, 0.2, 0.4])
+    full = charged(string, capacity, soc)
+    np.testing.assert_allclose(full[3], 1.0)
+    np.testing.assert_allclose(full[2], 0.8)
+    taken = capacity * (full - soc)
+    np.testing.assert_allclose([taken[:2].sum(), *taken[2:]], 1.2)
+    np.testing.assert_allclose(full[0], full[1])
+    np.testing.assert_allclose(charged(pair, capacity[:2], np.array([0.1, 0.5])), 1.0)
+    np.testing.assert_allclose(charged(pair, capacity[:2], np.ones(2)), 1.0)

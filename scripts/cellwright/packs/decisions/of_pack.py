@@ -19,7 +19,7 @@ from cellwright.packs.series.capability import (
     discharge_curves,
     ended_string,
 )
-from cellwright.packs.wiring import depth
+from cellwright.packs.wiring import cells_of, depth
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
@@ -49,7 +49,9 @@ def pack_decisions(
     ------
     Refusal : a cell without cut-offs, a discharge without an end, or as `simulate_pack`.
     """
-    start = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
+    capacity = np.array([model["capacity_ampere_hour"] for model in models])
+    stated = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
+    start = charged(wiring, capacity, np.array(stated))
     known = uncertainty_of(
         models,
         capacity_std_ampere_hour,
@@ -66,11 +68,50 @@ def pack_decisions(
     use, items, spare_of, draws, window = pack
     plain = wiring.connection == "series" and depth(wiring) == 1
     first = "weakest cell" if plain else "busiest cell"
-    capacity = [model["capacity_ampere_hour"] for model in models]
     names = [row.cell for row in positions]
     rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names, first=first)]
     rows += replacement_rows(use, items, spare_of, capacity, names) + window
     return [EMPTY | row for row in rows]
+
+
+def charged(wiring, capacity_ampere_hour, soc):
+    """SoC of the cells when a pack has been charged until it takes no more (cells,) [1].
+
+    Members in series take the same charge until the first is full, so that what they differ by
+    stays; members in parallel are all filled.
+
+    Parameters
+    ----------
+    wiring : Wiring. capacity_ampere_hour : (cells,) [Ah].
+    soc : (cells,) before the charge [1].
+    """
+    lacks = capacity_ampere_hour * (1.0 - soc)
+    return 1.0 - (lacks - _taken(wiring, lacks, _room(wiring, lacks))) / capacity_ampere_hour
+
+
+def _parts(wiring, lacks):
+    """Members of a wiring, each with what its cells lack."""
+    bounds = np.cumsum([len(cells_of(member)) for member in wiring.members])[:-1]
+    return zip(wiring.members, np.split(lacks, bounds), strict=True)
+
+
+def _room(wiring, lacks):
+    """Charge that a member takes until full [Ah]."""
+    if isinstance(wiring, str):
+        return float(lacks[0])
+    rooms = [_room(member, part) for member, part in _parts(wiring, lacks)]
+    return min(rooms) if wiring.connection == "series" else sum(rooms)
+
+
+def _taken(wiring, lacks, charge):
+    """Charge that each cell takes of what its member takes (cells,) [Ah]."""
+    if isinstance(wiring, str):
+        return np.array([charge])
+    shares, whole = [], _room(wiring, lacks)
+    for member, part in _parts(wiring, lacks):
+        share = 1.0 if wiring.connection == "series" else _room(member, part) / (whole or 1.0)
+        shares.append(_taken(member, part, share * charge))
+    return np.concatenate(shares)
 
 
 def _string(models, positions, lower, drawn, start, celsius, settings):
