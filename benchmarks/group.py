@@ -29,7 +29,7 @@ def ladder():
 
 def chosen():
     """Topic: the same with kinetics and hysteresis, solved by Newton's method."""
-    cells, time, load = _chosen_cells(), np.arange(float(STEPS)), CELLS * cell.drive(STEPS)
+    cells, time, load = chosen_cells(CELLS), np.arange(float(STEPS)), CELLS * cell.drive(STEPS)
     wiring = wired(CELLS, 0.0)
     true = simulate_pack(time, load, cells, wiring, initial_soc=0.8, tolerance_volt=1e-12)
     entries = [_ours(cells, wiring, time, load, runs=5), _numpy(cells, wiring, time, load, runs=1)]
@@ -95,7 +95,7 @@ def plain_cells(count):
     )
 
 
-def _chosen_cells():
+def chosen_cells(count):
     """Unequal cells of two RC pairs, kinetics and hysteresis."""
     model, knots = cell.model(), len(cell.GRID)
     more = [
@@ -108,16 +108,16 @@ def _chosen_cells():
         for branch in more
     ]
     one, rng = pack_cells([model], points=101), np.random.default_rng(9)
-    scale = rng.uniform(0.9, 1.1, (1, CELLS, 1, 1))
+    scale = rng.uniform(0.9, 1.1, (1, count, 1, 1))
     tables = {
-        name: np.ascontiguousarray(np.repeat(table, CELLS, axis=1))
+        name: np.ascontiguousarray(np.repeat(table, count, axis=1))
         for name, table in one._asdict().items()
         if np.ndim(table) == 4
     }
     tables |= {name: tables[name] * scale for name in ("r0_ohm", "r_ohm", "kinetic_r_ohm")}
-    names = tuple(f"cell {k + 1}" for k in range(CELLS))
-    more = {"names": names, "members": one.members * CELLS, "near_end_soc": np.zeros(CELLS)}
-    return one._replace(capacity_ampere_hour=rng.uniform(2.8, 3.2, CELLS), **tables, **more)
+    names = tuple(f"cell {k + 1}" for k in range(count))
+    more = {"names": names, "members": one.members * count, "near_end_soc": np.zeros(count)}
+    return one._replace(capacity_ampere_hour=rng.uniform(2.8, 3.2, count), **tables, **more)
 
 
 def _topic(title, where, bar, goal):

@@ -77,7 +77,7 @@ def test_constant_power_is_met_and_ends_where_the_pack_cannot_give_it():
     ):
         assert lost.ends[-1].reason == "power"
         assert lost.current_ampere[-1] == 0.0
-    falling = run(Phase("power", -600.0, second=3000.0), soc=0.6)
+    falling = run(Phase("power", -200.0, second=3000.0), soc=0.6)
     assert falling.ends[0].reason == "power"
     assert falling.ends[0].second > 1.0
 
