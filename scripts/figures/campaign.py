@@ -13,6 +13,7 @@ STEP_COLOURS = {
     "dynamic": style.SERIES[1],
 }
 THUMBNAILS_ACROSS = 4
+SPOTS_ACROSS = 400  # of a panel: dots nearer to each other than this cannot be told apart
 
 
 def draw_overview(cells, capacity, resistance, validation):
@@ -35,12 +36,19 @@ def draw_overview(cells, capacity, resistance, validation):
 
 
 def _dots(axes, height_of, rows, name, scale, marker_by):
-    for row in rows:
+    """One dot a row; of those that would fall on the same spot of the picture only the first."""
+    values = scale * np.array([_number(row[name]) for row in rows])
+    spot = np.nanmax(values, initial=0.0) / SPOTS_ACROSS or 1.0
+    drawn = {}
+    for row, value in zip(rows, values, strict=True):
         marker = style.MARKERS.get(row.get(marker_by), "o") if marker_by else "o"
         colour = style.temperature_colour(_number(row["ambient_temperature_celsius"]))
-        axes.plot(
-            scale * _number(row[name]), height_of[row["cell"]], marker, color=colour, alpha=0.8
-        )
+        if np.isfinite(value):
+            at = drawn.setdefault((marker, colour), {})
+            at.setdefault((round(value / spot), height_of[row["cell"]]), value)
+    for (marker, colour), at in drawn.items():
+        heights = [height for _, height in at]
+        axes.plot(list(at.values()), heights, marker, color=colour, alpha=0.8)
     axes.set_xlim(left=0)
 
 

@@ -6,6 +6,7 @@ from figures import style
 
 NAMED_BRANCHES = 6  # more are drawn as a band, with the worst of them by name
 NAMED_CELLS = 12  # of those that were lowest, by their time
+APART_VOLT = 0.005  # highest less lowest cell: where they are nearer, none is told to be the lowest
 WAYS = {
     "reference": "the reference's model as it is",
     "scaled": "the reference's, scaled by capacity",
@@ -140,15 +141,13 @@ def _ends(axes, cells):
     )
     margins = [row["margin_ampere_hour"] for row in known]
     axes.plot(margins, range(len(known)), "o", ms=3, color=style.SERIES[0])
-    for place, row in enumerate(known[:5]):
-        axes.annotate(
-            f"{row['cell']} ({row['model']})",
-            (margins[place], place),
-            xytext=(6, 0),
-            textcoords="offset points",
-            fontsize=7,
-            va="center",
-        )
+    few = len(known) <= NAMED_CELLS
+    for place, row in enumerate(known if few else ()):
+        text = {"xytext": (6, 0), "textcoords": "offset points", "fontsize": 7, "va": "center"}
+        axes.annotate(row["cell"], (margins[place], place), **text)
+    if not few:
+        first = ", ".join(row["cell"] for row in known[:5])
+        axes.text(0.97, 0.95, f"first: {first}", transform=axes.transAxes, ha="right", va="top")
     axes.set(xlabel="charge beyond the string's end [Ah]", ylabel="cells, by their end")
     axes.set_title("When each cell is empty")
     axes.set_ylim(len(known) - 0.5, -0.5)
@@ -188,7 +187,9 @@ def _lowest(axes, hours, series):
     """Which cell has the lowest voltage, a row a cell, the most frequent on top."""
     simulated = np.asarray(series["lowest_cell"], str)
     measured = np.asarray(series.get("measured_lowest_cell", simulated), str)
-    names, counts = np.unique(np.concatenate([simulated, measured]), return_counts=True)
+    apart = series["highest_cell_volt"] - series["lowest_cell_volt"] > APART_VOLT
+    told = np.concatenate([simulated[apart], measured[apart]])
+    names, counts = np.unique(told, return_counts=True)
     order = names[np.argsort(-counts)]
     shown = order[:NAMED_CELLS].tolist()
     rows = {name: place for place, name in enumerate(shown)}
@@ -200,6 +201,7 @@ def _lowest(axes, hours, series):
         if label == "measured" and "measured_lowest_cell" not in series:
             continue
         places = np.array([rows.get(name, len(shown)) for name in seen], float)
+        places[~apart] = np.nan
         for start, stop in _runs(places):
             at, end = places[start] + shift, hours[min(stop, len(hours) - 1)]
             axes.plot([hours[start], end], [at, at], color=colour, lw=2.2, label=label)
@@ -209,9 +211,11 @@ def _lowest(axes, hours, series):
 
 
 def _runs(places, *, most=600):
-    """First and last + 1 of stretches of one value; of very many the longest ones."""
-    edges = np.flatnonzero(np.diff(places)) + 1
+    """First and last + 1 of stretches of one value, no NaN; of very many the longest ones."""
+    edges = np.flatnonzero(np.diff(np.nan_to_num(places, nan=-1.0))) + 1
     starts, stops = np.append(0, edges), np.append(edges, len(places))
+    told = np.isfinite(places[starts])
+    starts, stops = starts[told], stops[told]
     longest = np.sort(np.argsort(starts - stops)[:most])
     return list(zip(starts[longest], stops[longest], strict=True))
 

@@ -363,12 +363,15 @@ def string_rows(
 
     Returns
     -------
-    One row a cell. Of the cell: its full charge, state of charge at begin and end of the test,
-    lowest voltage, and voltage at the end of the last discharge. Of the string: net charge and
-    energy of all that discharged it, and the cell of the lowest voltage at that end.
+    One row a cell, none where nothing was discharged. Of the cell: its full charge, state of charge
+    at begin and end of the test, lowest voltage, and voltage at the end of the last discharge. Of
+    the string: net charge and energy of all that discharged it, and the cell of the lowest voltage
+    at that end.
     """
     flows = [_integral(b.current, b.duration_second) for b in behaviours]
     down = [b for b, flow in zip(behaviours, flows, strict=True) if flow < -1e-6]
+    if not down:
+        return []
     shared = {
         "discharged_ampere_hour": round(-sum(flow for flow in flows if flow < 0), 6),
         "discharged_watt_hour": round(-sum(_energy(b) for b in down), 5),

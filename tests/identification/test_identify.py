@@ -22,7 +22,8 @@ from cellwright.circuits.temperature import resistance_factor
 from cellwright.identification.columns import MOST_KEPT, base_of, columns_of, ocv_of, on_table
 from cellwright.identification.identify import data_of, limits_of
 from cellwright.identification.search import shared_of
-from cellwright.records.record import bridged, fit_mask, record_of
+from cellwright.records.filled import bridged
+from cellwright.records.record import fit_mask, record_of
 from cellwright.refusal import Refusal
 
 THERMAL_VOLT = 2 * 8.314462618 * 298.15 / 96485.33212

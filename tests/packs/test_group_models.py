@@ -90,7 +90,8 @@ def test_only_the_charge_between_its_rests_is_seen(models_of_group):
     assert group_models(test, steps, ["A", "B"]) == models_of_group
     fitted = models_of_group["A"]["fitted"]
     assert fitted["test"] == "pair"
-    assert fitted["from_second"] == 10.0 * (SPANS["rest"] - 1)
+    assert fitted["from_second"] == 10.0 * (SPANS["rest"] // 2)
+    assert fitted["sensor_offset_ampere"] == pytest.approx(OFFSET[0], abs=1e-3)
     assert fitted["to_second"] == 10.0 * (SPANS["rest"] + SPANS["charge"] + SPANS["rest after"] - 1)
 
 

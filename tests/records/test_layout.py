@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from sheets_facts import cell_facts, measured_test
 
+from cellwright.records.filled import bridged
 from cellwright.records.record import laid_out, laid_out_to_fit
 from cellwright.refusal import Refusal
 
@@ -99,7 +100,9 @@ def test_what_is_filled_into_a_gap_is_never_compared(proof):
     torn = made("split", test_time_second=time, rows=np.r_[0:11, 16:30])
     whole = laid(torn, proof=proof)
     settings = {"split_rest_second": 120.0, "proof": proof}
-    record = laid_out_to_fit(torn, BASIS, CELL, **settings)
+    record = bridged(whole, capacity_ampere_hour=BASIS["capacity_ampere_hour"])
+    fitted = laid_out_to_fit(torn, BASIS, CELL, **settings)
+    assert fitted.used.sum() == whole.used.sum()
     assert len(record.soc) == len(whole.soc) + 4
     filled = slice(11, 15)
     assert not record.used[filled].any()

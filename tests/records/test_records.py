@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cellwright.records.record import blocks, bridged, checked, fit_mask, record_of
+from cellwright.records.filled import bridged, with_edges
+from cellwright.records.record import blocks, checked, fit_mask, record_of
 from cellwright.refusal import Refusal
 
 TIME = np.arange(3000.0)
@@ -86,6 +87,56 @@ def test_what_has_no_room_in_a_gap_flows_faster():
     full = bridged(torn, capacity_ampere_hour=2.0)
     assert full.test_time_second[12] == pytest.approx(9.0 + 0.9 * 700.0)
     assert full.current_ampere[11] == pytest.approx(-0.5 * 2.0 * 3600 / 630)
+
+
+def sampled_every_5_second(counted_ampere):
+    """Pulses of 60 A on a load of 10 A for 15 ms, each shown by its last row; a row every 5 s."""
+    time = np.sort(np.r_[5.0 * np.arange(40.0), 15.0 * np.arange(1.0, 13.0) + 0.015])
+    current = np.where(np.isclose(time % 15.0, 0.015), -60.0, -10.0)
+    moved = np.diff(time) * counted_ampere(time, current) / 3600.0
+    soc = 1.0 + np.append(0.0, np.cumsum(moved)) / 25.0
+    return record_of(time, current, 0 * time + 3.7, soc, kind="pulse_resistance")
+
+
+def test_the_counter_tells_which_current_flowed_between_two_rows():
+    """From the row of a pulse to the next the load flows, not the pulse, nor their mean."""
+
+    def flowing(time, current):
+        return np.where(np.diff(time) < 0.1, current[1:], -10.0)
+
+    read = sampled_every_5_second(flowing)
+    full = with_edges(read, capacity_ampere_hour=25.0)
+    assert full.used.sum() == len(read.soc)
+    between = (full.current_ampere[1:] + full.current_ampere[:-1]) / 2
+    counted = np.cumsum(between * np.diff(full.test_time_second)) / 3600.0 / 25.0
+    np.testing.assert_allclose(full.soc[1:] - 1.0, counted, atol=1e-12)
+    assert (np.diff(full.test_time_second) >= 0).all()
+    ramps = np.diff(full.test_time_second)[np.abs(np.diff(full.current_ampere)) > 1.0]
+    np.testing.assert_allclose(ramps, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.7])
+def test_an_edge_lies_where_the_charge_counted_has_it(share):
+    time = np.array([0.0, 10.0, 20.0, 30.0, 40.0])
+    current = np.array([0.0, 0.0, -5.0, -5.0, -5.0])
+    moved = np.array([0.0, -50.0 * (1 - share), -50.0, -50.0]) / 3600.0
+    soc = np.append(0.8, 0.8 + np.cumsum(moved) / 2.0)
+    read = record_of(time, current, 0 * time, soc, kind="hppc")
+    full = with_edges(read, capacity_ampere_hour=2.0)
+    np.testing.assert_allclose(full.test_time_second[2:4], 10.0 + 10.0 * share)
+    np.testing.assert_array_equal(full.current_ampere[2:4], [0.0, -5.0])
+    np.testing.assert_allclose(full.soc[2:4], 0.8)
+
+
+def test_without_a_counter_and_in_a_drive_no_edge_is_known():
+    guessed = sampled_every_5_second(lambda _, current: (current[1:] + current[:-1]) / 2)
+    assert with_edges(guessed, capacity_ampere_hour=25.0) is guessed
+    time, current = np.arange(500.0), 10.0 * np.sin(np.arange(500.0))
+    soc = 0.9 + np.cumsum(current) / 3600.0 / 25.0
+    drive = record_of(time, current, 0 * time, soc)
+    assert with_edges(drive, capacity_ampere_hour=25.0) is drive
+    rest = record_of(time, 0 * time, 0 * time, 0.5 + 0 * time, kind="hppc")
+    assert with_edges(rest, capacity_ampere_hour=25.0) is rest
 
 
 def test_blocks_end_with_their_rest():

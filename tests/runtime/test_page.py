@@ -20,6 +20,7 @@ from runtime import artefact, page
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLES = ["capacity", "ica", "eis", "temperature", "choice", "validation", "soc", "packs"]
+TABLES += ["pack_findings", "pack_checks", "series_packs"]
 TABLES += ["missing_effect", "fleet", "health", "fade", "excluded"]
 CELL = {"cell": "A", "chemistry": "NMC", "note": None}
 TEST = {
@@ -118,7 +119,10 @@ def job(snakemake):
         }
     ]
     contents["packs"] = [
-        {"group": "pair", "branch": 1, "cell": "A", "current_rmse_ampere": 0.0123456}
+        {"group": "pair", "test": "c10", "branch": 1, "cell": "A", "current_rmse_ampere": 0.0123456}
+    ]
+    contents["pack_checks"] = [
+        {"group": "pair", "test": "c10", "found": True, "sentence": "branch 2 < branch 1 & turned"}
     ]
     contents["checks"] = [
         {"check": "No charge from nothing.", "outcome": "failed", "found": "A: 3 Ah"}
@@ -175,7 +179,7 @@ def job(snakemake):
     params = SimpleNamespace(
         cells=[CELL],
         tests=[TEST, TEST | {"test": "good", "note": None}],
-        groups=[{"group": "pair", "position": 1, "cell": "A"}],
+        groups=[{"group": "pair", "position": k, "cell": c} for k, c in ((1, "A"), (2, "B"))],
         figures={"campaign": [], "A": ["results/figures/A/validation_udds.svg"]},
         modelled=["A"],
         title="Tiny & small",
@@ -190,7 +194,8 @@ def test_report_holds_everything_escaped_and_in_order(job):
     wanted = ["1 exclusion: what could not be used", "time &amp; &lt;i&gt;space", "raw/bad.csv"]
     wanted += ["1 of 1 checks of the results failed", "No charge from nothing.", "0.9877"]
     wanted += ['<section id="cell-A">', "&lt;b&gt;odd&lt;/b&gt;", "1.988", "and 10 more rows"]
-    wanted += ['<section id="cell-pair">', "branch 1: A", "0.01235", "Cells are round.", "strict"]
+    wanted += ['<section id="cell-pair">', "branch 2 &lt; branch 1 &amp; turned"]
+    wanted += ["branch 1: A", "0.01235", "Cells are round.", "strict"]
     places = [html.find(text) for text in wanted]
     assert -1 not in places, dict(zip(wanted, places, strict=True))
     assert places == sorted(places)
@@ -234,6 +239,16 @@ def test_every_member_says_why_it_is_the_chosen_one_or_not(job):
     wanted = ["<h2>Why this model</h2>", "<th>25 °C</th>", "<strong>2RC</strong>"]
     wanted += ["12.30 (2.34)", "2RC chosen", "45.60 (2.34)", "far &amp; off"]
     places = [html.find(text) for text in wanted]
+    assert -1 not in places, dict(zip(wanted, places, strict=True))
+    assert places == sorted(places)
+
+
+def test_packs_have_a_line_each_in_the_overview(job):
+    html = unpacked(page.render(job))
+    overview = html[html.index('<section id="overview">') : html.index('<section id="cell-A">')]
+    wanted = ["<h2>Packs</h2>", '<a href="#cell-pair">', "A || B", "12.3 mA RMS, A in c10"]
+    wanted += ["1 on its page"]
+    places = [overview.find(text) for text in wanted]
     assert -1 not in places, dict(zip(wanted, places, strict=True))
     assert places == sorted(places)
 

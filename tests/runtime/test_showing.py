@@ -37,10 +37,26 @@ def pulse(ohm, delay=10.0, soc=0.99, direction="discharge"):
     }
 
 
+FACTS = {"kind": "capacity", "ambient_temperature_celsius": 25.0, "cycle": None, "role": "fit"}
+TEST = {"ambient_temperature_celsius": 25.0, "cycle": None}
+
+
+CURVE = {
+    "voltage_volt": [3.0, 4.0],
+    "charge_ampere_hour": [0.0, 1.0],
+    "dq_dv_ampere_hour_per_volt": [1.0, 1.0],
+    "dv_dq_volt_per_ampere_hour": [1.0, 1.0],
+    "dq_dv_std_ampere_hour_per_volt": [0.1, 0.1],
+}
+NOTHING = lending.ShownPaths([], [], [], [])
+
+
 @pytest.fixture
 def write(snakemake):
-    def write(path, content):
-        with artefact.Job(snakemake(path)) as job:
+    def write(path, content, cycle=None):
+        name = path.rpartition("/")[2].partition(".")[0]
+        about = {"wildcards": {"cell": "A", "test": name}, "test": FACTS | {"cycle": cycle}}
+        with artefact.Job(snakemake(path, **about)) as job:
             if isinstance(content, str):
                 raise Refusal(content)
             job.save(content)
@@ -50,12 +66,17 @@ def write(snakemake):
 
 
 def test_only_discharges_from_full_tell_the_onset(write):
-    """Median of 0.03, 0.04 and 0.09 at 10 s; a charge or half charge does not count."""
+    """Median of 0.03, 0.04 and 0.09 at 10 s; a charge or half charge does not count there."""
     onset = [
         write("results/onset/A/a.parquet", [pulse(0.03), pulse(0.09), pulse(0.02, delay=0.0)]),
         write(
             "results/onset/A/b.parquet",
-            [pulse(0.04), pulse(0.5, soc=0.5), pulse(9.0, direction="charge")],
+            [
+                pulse(0.04),
+                pulse(0.5, soc=0.5),
+                pulse(9.0, direction="charge"),
+                pulse(0.07, soc=0.02, direction="charge"),
+            ],
         ),
         write("results/onset/A/c.parquet", "no pulse"),
     ]
@@ -64,19 +85,35 @@ def test_only_discharges_from_full_tell_the_onset(write):
         write("results/ica/A/t.parquet", [PEAK]),
         write("results/ica/A/u.parquet", "no charge"),
     ]
+    curves = [write(f"results/ica_curve/A/{name}.parquet", CURVE) for name in "tu"]
     model = write("results/identify/A.json", {"chosen": "1RC"})
-    found = lending.cell_shows(basis, model, peaks, onset, ["A"])
+    paths = lending.ShownPaths(peaks, curves, onset, [])
+    found = lending.cell_shows(basis, model, paths, ["A"])
     assert found.onset_ohm == {10.0: 0.04, 0.0: 0.02}
-    assert found.peaks == [PEAK]
+    assert found.begin_ohm == {10.0: 0.07}
+    assert found.peaks == [{"test": "t", **TEST, **PEAK}]
+    assert [charge["c_rate"] for charge in found.charges] == [0.1]
+    assert found.charges[0]["charge_ampere_hour"].tolist() == [0.0, 1.0]
     assert (found.cell, found.marked, found.capacity_ampere_hour) == ("A", True, 2.0)
     assert found.model == {"chosen": "1RC"}
 
 
+def test_a_cell_is_shown_as_at_its_first_check_up(write):
+    """At cycle 300 its resistance had doubled: its model is of cycle 0."""
+    onset = [
+        write("results/onset/A/old.parquet", [pulse(0.08)], cycle=300.0),
+        write("results/onset/A/new.parquet", [pulse(0.04)]),
+    ]
+    basis = write("results/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
+    found = lending.cell_shows(basis, None, NOTHING._replace(onset=onset), [])
+    assert found.onset_ohm == {10.0: 0.04}
+
+
 def test_a_cell_without_a_model_of_its_own(write):
     basis = write("results/basis/A.json", {"cell": "A", "capacity_ampere_hour": 2.0})
-    assert lending.cell_shows(basis, None, [], [], []).model is None
+    assert lending.cell_shows(basis, None, NOTHING, []).model is None
     refused = write("results/identify/B.json", "no OCV curve")
-    found = lending.cell_shows(basis, refused, [], [], ["B"])
+    found = lending.cell_shows(basis, refused, NOTHING, ["B"])
     assert (found.model, found.marked, found.onset_ohm) == (None, False, {})
     assert np.array_equal(found.peaks, [])
 
@@ -91,11 +128,29 @@ def test_paths_of_each_peer_stay_together_and_peers_without_a_model_are_left_out
         peer_models = tuple(f"results/identify/{cell}.json" for cell in ("A", "C", "AB"))
         peer_peaks = ("results/ica/AB/x.parquet", "results/ica/A/x.parquet")
         peer_onset = ("results/onset/AB/A.parquet",)
+        peer_curves = peer_capacity = ()
 
     first, second = lending.peer_paths(Inputs)
-    assert first == (
-        *[f"results/{s}/A.json" for s in ("basis", "identify")],
-        ["results/ica/A/x.parquet"],
-        [],
-    )
-    assert second[2:] == (["results/ica/AB/x.parquet"], ["results/onset/AB/A.parquet"])
+    assert first[:2] == ("results/basis/A.json", "results/identify/A.json")
+    assert first[2] == NOTHING._replace(peaks=["results/ica/A/x.parquet"])
+    of_second = {"peaks": ["results/ica/AB/x.parquet"], "onset": ["results/onset/AB/A.parquet"]}
+    assert second[2] == NOTHING._replace(**of_second)
+
+
+def test_cells_that_are_judged_have_a_model_in_use(write):
+    """The model of J1 is in use; that of J2 could not be made, and J2 is left out."""
+    for cell in ("J1", "J2"):
+        write(f"results/basis/{cell}.json", {"cell": cell, "capacity_ampere_hour": 2.0})
+        write(f"results/identify/{cell}.json", {"chosen": "1RC"})
+    write("results/models/J1.json", {"chosen": "2RC"})
+    write("results/models/J2.json", "no member")
+
+    class Inputs:
+        peer_basis = ("results/basis/J1.json", "results/basis/J2.json")
+        peer_models = ("results/identify/J1.json", "results/identify/J2.json")
+        peer_peaks = peer_curves = peer_onset = peer_capacity = series = ()
+        own = ("results/models/J1.json", "results/models/J2.json")
+
+    (found,) = lending.judged_cells(Inputs, [], {name: {"cell": name} for name in ("J1", "J2")})
+    assert (found.shown.model, found.own) == ({"chosen": "1RC"}, {"chosen": "2RC"})
+    assert (found.facts.cell, found.tests) == ("J1", ())

@@ -70,23 +70,35 @@ JUDGED = [judged(cells) for cells in OF_TYPE.values()]
 JUDGED = {cells[0]: cells for cells in JUDGED if len(cells) > 1 and any(map(SCORED.get, cells))}
 
 
-def of_judged(stage, *kinds):
-    """Input function: one stage's artefacts of the cells of a type that are compared."""
-    return lambda w: [p for c in JUDGED[w.cell] for p in fitted(stage, c, *kinds)]
+def judged_inputs(wildcards):
+    """What the cells of a type show, their models, and the tests that those are scored on."""
+    cells = JUDGED[wildcards.cell]
+    shown = {"peaks": "ica", "curves": "ica_curve", "onset": "onset", "capacity": "capacity"}
+    kinds = {"peaks": "ica", "curves": "ica", "onset": "capacity", "capacity": "capacity"}
+    return {
+        f"peer_{name}": [path for cell in cells for path in fitted(stage, cell, kinds[name])]
+        for name, stage in shown.items()
+    } | {
+        "peer_basis": [f"results/basis/{cell}.json" for cell in cells],
+        "peer_models": [f"results/identify/{cell}.json" for cell in cells],
+        "own": [f"results/models/{cell}.json" for cell in cells],
+        "series": [f"results/clean/{c}/{row['test']}.parquet" for c in cells for row in SCORED[c]],
+    }
+
+
+def judged_references(wildcards):
+    """Marked cells among those of a type that are compared."""
+    return [cell for cell in JUDGED[wildcards.cell] if CELLS[cell]["reference"] == "yes"]
+
+
+def judged_facts(wildcards):
+    """Facts of those cells, by name."""
+    return {cell: facts_of(cell) for cell in JUDGED[wildcards.cell]}
 
 
 rule bias_ways:
     input:
-        peer_basis=lambda w: [f"results/basis/{c}.json" for c in JUDGED[w.cell]],
-        peer_models=lambda w: [f"results/identify/{c}.json" for c in JUDGED[w.cell]],
-        peer_peaks=of_judged("ica", "ica"),
-        peer_curves=of_judged("ica_curve", "ica"),
-        peer_onset=of_judged("onset", "capacity"),
-        peer_capacity=of_judged("capacity", "capacity"),
-        own=lambda w: [f"results/models/{c}.json" for c in JUDGED[w.cell]],
-        series=lambda w: [
-            f"results/clean/{c}/{row['test']}.parquet" for c in JUDGED[w.cell] for row in SCORED[c]
-        ],
+        unpack(judged_inputs),
     output:
         "results/bias_ways/{cell}.parquet",
     log:
@@ -94,10 +106,41 @@ rule bias_ways:
     wildcard_constraints:
         cell=either(JUDGED),
     params:
-        references=lambda w: [c for c in JUDGED[w.cell] if CELLS[c]["reference"] == "yes"],
-        cells=lambda w: {c: facts_of(c) for c in JUDGED[w.cell]},
+        references=judged_references,
+        cells=judged_facts,
         split_rest_second=config["models"]["split_rest_second"],
     message:
         "Four ways to the model of each cell of the type of {wildcards.cell}, compared on its drives."
     script:
         "../../scripts/bias/bias_ways.py"
+
+
+# The cell that a type's corrected models serve worst is searched for what its model lacks.
+JUDGED_WORST = JUDGED if config["missing_effect"]["enabled"] else {}
+
+
+def series_fitted(wildcards):
+    """Tests that the own models of those cells are fitted to: what a search may fit as well."""
+    return [path for cell in JUDGED[wildcards.cell] for path in fit_series(cell)]
+
+
+rule bias_worst:
+    input:
+        unpack(judged_inputs),
+        ways="results/bias_ways/{cell}.parquet",
+        fitted=series_fitted,
+    output:
+        "results/bias_worst/{cell}.json",
+    log:
+        "logs/bias_worst/{cell}.log",
+    wildcard_constraints:
+        cell=either(JUDGED_WORST),
+    params:
+        references=judged_references,
+        cells=judged_facts,
+        settings=of_analysis("missing_effect"),
+        split_rest_second=config["models"]["split_rest_second"],
+    message:
+        "What the corrected model lacks of the worst cell of the type of {wildcards.cell}."
+    script:
+        "../../scripts/bias/bias_worst.py"

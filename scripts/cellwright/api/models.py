@@ -264,6 +264,51 @@ def compare_bias_ways(cells, *, split_rest_second=MODELS.split_rest_second):
     return results.Table(rows, tuple(notes))
 
 
+def worst_corrected(rows):
+    """The cell of which the corrected model errs most beyond what the cell's own model does.
+
+    Parameters
+    ----------
+    rows : result of `compare_bias_ways`, or its rows.
+
+    Returns
+    -------
+    worst : `bias.worst.Worst`: cell, rmse_volt and own_rmse_volt over all its tests [V], words.
+
+    Raises
+    ------
+    Refusal : No corrected model was scored.
+    """
+    from cellwright.bias.worst import worst_cell
+
+    return worst_cell(inputs.rows(rows))
+
+
+def corrected_voltages(cells, name, tests, *, split_rest_second=MODELS.split_rest_second):
+    """Voltage of a cell's corrected model on its tests, the cell left out of the calibration.
+
+    Parameters
+    ----------
+    cells : as of `compare_bias_ways`. name : of the cell among them.
+    tests : (test, clean series) each, of the cell.
+    split_rest_second : shortest rest that cuts a test of role split into blocks [s].
+
+    Returns
+    -------
+    voltages : dict test → (time [s], voltage [V]), (n,) each, as `missing_effect` takes them.
+
+    Raises
+    ------
+    Refusal : The cell is not among them, or a test cannot be laid out.
+
+    Source: docs/bias.md.
+    """
+    from cellwright.bias.worst import corrected_voltages as simulated
+
+    measured = inputs.tests(tests)
+    return simulated(cells, name, measured, split_rest_second=split_rest_second)
+
+
 def export_model(model):
     """A model for other tools: as PyBaMM's Thevenin model, and as tables over SoC and temperature.
 

@@ -10,6 +10,7 @@ from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 MOST_CELLS = 60  # that calibrate: more make the regression slower, not better
+DIFFERENCES = ("scalars", "course")
 PRESENT = 0.8  # of the calibrating cells show a feature that is used
 BEYOND = 0.1  # of the range of a feature over the calibrating cells
 
@@ -104,15 +105,15 @@ def _features(cell, peers):
     gets the mean of the others.
     """
     names, columns = [], []
-    for part in ("scalars", "course"):
-        for name, value in getattr(cell.differences, part).items():
-            shown = [getattr(peer.differences, part).get(name, np.nan) for peer in peers]
-            there = np.isfinite(shown)
-            if not there.any() or there.mean() < PRESENT:
-                continue
-            names.append((name, part == "course"))
-            filled = np.where(there, shown, np.mean(np.asarray(shown)[there]))
-            columns.append(np.append(filled, value))
+    own = [(part, name) for part in DIFFERENCES for name in getattr(cell.differences, part)]
+    for part, name in own:
+        shown = np.array([getattr(peer.differences, part).get(name, np.nan) for peer in peers])
+        there = np.isfinite(shown)
+        if not there.any() or there.mean() < PRESENT:
+            continue
+        names.append((name, part == "course"))
+        filled = np.where(there, shown, shown[there].mean())
+        columns.append(np.append(filled, getattr(cell.differences, part)[name]))
     table = np.array(columns).T if columns else np.empty((len(peers) + 1, 0))
     return names, table
 
@@ -129,7 +130,7 @@ def _resistance_change(which, cell, base, peers, features):
 
 
 def _ocv_change(cell, base, peers, features):
-    """Change of the OCV: by the cell's charge where all charges tell it, else by the terms alone."""
+    """Change of the OCV: by the cell's charge where all charges tell it, else by terms alone."""
     true = _stacked(peers, "ocv")
     plain = _by_terms(features, true, 0.0 * true, np.zeros(len(KNOTS)))
     by_thesis = _ocv_by_thesis(cell, peers)

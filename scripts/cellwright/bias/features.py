@@ -84,10 +84,12 @@ def resistance_ratio(reference, cell):
     -------
     ratio : [1]. words : sentence for the notes.
     """
-    common = sorted(set(cell.onset_ohm) & set(reference.onset_ohm))
+    both = set(cell.onset_ohm) & set(reference.onset_ohm)
+    common = [delay for delay in both if min(cell.onset_ohm[delay], reference.onset_ohm[delay]) > 0]
     if not common:
-        return 1.0, "its resistance is not known: taken as the reference's"
-    delay = common[-1]
+        found = f"; found {min(cell.onset_ohm.values()):.3g} ohm at an onset" if both else ""
+        return 1.0, f"its resistance is not known: taken as the reference's{found}"
+    delay = max(common)
     ratio = cell.onset_ohm[delay] / reference.onset_ohm[delay]
     return ratio, f"resistance by the onset of its discharges from full ({delay:g} s)"
 

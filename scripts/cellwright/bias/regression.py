@@ -21,10 +21,10 @@ class Shrunk(NamedTuple):
     """A regression of courses on features.
 
     features : (c, p) scaled by `scale` (p,). degree : of the kernel, 0 where the features carry
-    nothing. penalty : variance of the noise over that of the kernel [1], infinite where degree is 0.
-    weights : (c, k) of the cells. left_out : (c, k) error of each cell, predicted from the others
-    alone (predicted minus true). variance : (c,) of those predictions, in units of the kernel.
-    spread : (k,) standard deviation of an error of unit variance.
+    nothing. penalty : variance of the noise over that of the kernel [1], infinite where degree is
+    0. weights : (c, k) of the cells. left_out : (c, k) error of each cell, predicted from the
+    others alone (predicted minus true). variance : (c,) of those predictions, in units of the
+    kernel. spread : (k,) standard deviation of an error of unit variance.
     """
 
     features: np.ndarray

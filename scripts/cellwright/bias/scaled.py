@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cellwright.bias.courses import fast_share
+from cellwright.bias.courses import FAST_SECOND, SLOW_SECOND, fast_share, risen
 from cellwright.refusal import Refusal
 
 NO_COURSES = ("soc", "branches", "tests", "at_bound")
@@ -42,8 +42,8 @@ def changed(reference, change, *, cell, capacity, kind, notes, knots=()):
     Parameters
     ----------
     reference : model dict of schema cellwright-model/2.
-    change : function (soc (k,)) → factor on fast, on slow resistance [1], addition to the OCV [V];
-        each a scalar or one value per knot. Factors below `LEAST` count as that.
+    change : function (soc (k,)) → ratio of the fast, of the slow resistance [1], addition to the
+        OCV [V]; each a scalar or one value per knot. No resistance falls below `LEAST`.
     cell : id of the new cell.
     capacity : its capacity [Ah].
     kind : of the model, "bias" or "scaled". notes : list of sentences for the report.
@@ -57,8 +57,8 @@ def changed(reference, change, *, cell, capacity, kind, notes, knots=()):
 
     def entry_of(entry):
         entry = refined(entry, knots)
-        fast, slow, ocv = change(np.asarray(entry["soc"], float))
-        fast, slow = np.maximum(fast, LEAST), np.maximum(slow, LEAST)
+        *ratios, ocv = change(np.asarray(entry["soc"], float))
+        fast, slow = factors_of(entry, *ratios)
         shift = np.asarray(entry.get("ocv_shift_volt", np.zeros(len(entry["soc"]))))
         return entry | {
             "r0_ohm": (fast * np.asarray(entry["r0_ohm"])).tolist(),
@@ -79,6 +79,41 @@ def changed(reference, change, *, cell, capacity, kind, notes, knots=()):
     # What was left out of the reference's fit says nothing of this cell.
     rest = {name: value for name, value in reference.items() if name != "left_out"}
     return {**rest, **cell_fields, "notes": list(notes)}
+
+
+def factors_of(entry, fast_ratio, slow_ratio):
+    """Factors on what acts fast and slowly, that give these ratios of the responses to a step.
+
+    A time constant between the two takes part in both responses: two linear equations at each knot,
+    for the response after ten seconds and for what it grows until ten minutes.
+
+    Parameters
+    ----------
+    entry : dict, a condition of a member.
+    fast_ratio, slow_ratio : new over old response, scalar or (k,) [1].
+
+    Returns
+    -------
+    fast, slow : (k,) factors, at least `LEAST`.
+    """
+    parts = [{"r_ohm": entry["r0_ohm"]}, *(b for b in entry["branches"] if "r_ohm" in b)]
+    shares = [np.asarray(fast_share(part)) for part in parts]
+    early, late = (
+        [np.asarray(part["r_ohm"], float) * risen(part, second) for part in parts]
+        for second in (FAST_SECOND, SLOW_SECOND)
+    )
+    rows = []
+    for responses in (early, [b - a for a, b in zip(early, late, strict=True)]):
+        by_fast = sum(share * r for share, r in zip(shares, responses, strict=True))
+        rows.append((by_fast, sum(responses) - by_fast))
+    (a, b), (c, d) = rows
+    wanted = fast_ratio * (a + b), slow_ratio * (c + d)
+    determinant = a * d - b * c
+    solvable = determinant > 1e-6 * (a + b) * (c + d)
+    divisor = np.where(solvable, determinant, 1.0)
+    fast = np.where(solvable, (wanted[0] * d - wanted[1] * b) / divisor, fast_ratio)
+    slow = np.where(solvable, (wanted[1] * a - wanted[0] * c) / divisor, slow_ratio)
+    return np.maximum(fast, LEAST), np.maximum(slow, LEAST)
 
 
 def _branch(branch, fast, slow, size):

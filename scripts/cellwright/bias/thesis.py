@@ -10,7 +10,6 @@ import numpy as np
 
 from cellwright.refusal import Refusal
 
-
 LEAST_CELLS = 3
 
 

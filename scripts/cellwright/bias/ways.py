@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.bias.compared import compared
 from cellwright.bias.corrected import (
     alternatives,
     corrected_model,
@@ -11,7 +12,6 @@ from cellwright.bias.corrected import (
     scaled_model,
     voltage_interval,
 )
-from cellwright.bias.compared import compared
 from cellwright.bias.correction import correction
 from cellwright.bias.courses import FAST_SECOND, KNOTS, courses_of, step_ohm
 from cellwright.circuits.model_file import circuit_at, member_of, simulate_model
@@ -68,15 +68,23 @@ def compare_ways(cells, *, split_rest_second, seed=0):
         rest = [one for one in against if one is not against[place]]
         models = (against[place], base, rest)
         ways, found = _models(cell.own, reference, *models, random)
-        notes += [f"{cell.shown.cell}: {words}" for words in found.outside]
-        for test in cell.tests:
-            try:
-                rows += _rows(cell, ways, test, found.model_error_volt, split_rest_second)
-            except Refusal as refusal:
-                notes.append(f"{cell.shown.cell}, {test.facts.test}: {refusal}")
+        of_cell, reasons = _scored(cell, ways, found.model_error_volt, split_rest_second)
+        rows += of_cell
+        notes += [f"{cell.shown.cell}: {words}" for words in found.outside] + reasons
     if not rows:
         raise Refusal(f"no test could be compared: {'; '.join(notes) or 'none was given'}")
     return rows, notes
+
+
+def _scored(cell, ways, model_error_volt, split_rest_second):
+    """Rows of all tests of a cell, and why others have none."""
+    rows, reasons = [], []
+    for test in cell.tests:
+        try:
+            rows += _rows(cell, ways, test, model_error_volt, split_rest_second)
+        except Refusal as refusal:
+            reasons.append(f"{cell.shown.cell}, {test.facts.test}: {refusal}")
+    return rows, reasons
 
 
 def _models(own, reference, cell, base, rest, random):
@@ -133,7 +141,7 @@ def _resistance_errors(own, model):
     for name, second in (("r0", 0.0), ("r10", FAST_SECOND)):
         courses = [_step(one, second) for one in (own, model)]
         ratio = np.interp(list(AT_SOC.values()), KNOTS, courses[1] / courses[0]) - 1
-        found |= {f"{name}_error_soc_{at}": float(value) for at, value in zip(AT_SOC, ratio)}
+        found |= {f"{name}_error_soc_{at}": r for at, r in zip(AT_SOC, ratio.tolist(), strict=True)}
     return found
 
 

@@ -171,15 +171,14 @@ def _groups_left_out(residual, design, spread, rows, extra, freedom):
     """The same with whole groups left out, and the variance that they show where it is larger."""
     missed, widened = np.zeros_like(residual), np.ones_like(residual)
     whole = np.ones(len(residual), bool)
-    for group in dict.fromkeys(rows.groups):
-        of_group = np.flatnonzero(rows.groups == group)
-        hat = spread[:, of_group] @ design[:, of_group].transpose(0, 2, 1)
-        rest = np.eye(len(of_group)) - hat
+    for at in _rows_of_groups(rows.groups):
+        hat = np.einsum("mgik,mgjk->mgij", spread[:, at], design[:, at])
+        rest = np.eye(at.shape[1]) - hat
         known = np.linalg.cond(rest) < WORST_CONDITION
-        inverse = np.linalg.inv(np.where(known[:, None, None], rest, np.eye(len(of_group))))
-        missed[:, of_group] = np.einsum("mij,mj->mi", inverse, residual[:, of_group])
-        widened[:, of_group] = np.maximum(np.einsum("mii->mi", inverse), 1.0)
-        whole &= known
+        inverse = np.linalg.inv(np.where(known[..., None, None], rest, np.eye(at.shape[1])))
+        missed[:, at] = np.einsum("mgij,mgj->mgi", inverse, residual[:, at])
+        widened[:, at] = np.maximum(np.einsum("mgii->mgi", inverse), 1.0)
+        whole &= known.all(axis=1)
     shown = (missed**2 / widened).sum(axis=1) + PRIOR_FREEDOM * rows.prior_std**2
     variance = np.maximum(
         _variance(residual, rows, freedom), shown / (residual.shape[1] + PRIOR_FREEDOM)
@@ -187,6 +186,13 @@ def _groups_left_out(residual, design, spread, rows, extra, freedom):
     scale = np.sqrt(variance[:, None] * widened + extra[:, None])
     density = student.logpdf(missed / scale, freedom - 1) - np.log(scale)
     return density.mean(axis=1), variance, whole
+
+
+def _rows_of_groups(groups):
+    """Numbers of the rows of each group (groups, rows), groups of one size together."""
+    _, number, sizes = np.unique(groups, return_inverse=True, return_counts=True)
+    by_group = np.split(np.argsort(number, kind="stable"), np.cumsum(sizes)[:-1])
+    return [np.array([r for r in by_group if len(r) == size]) for size in np.unique(sizes)]
 
 
 def averaged(models):

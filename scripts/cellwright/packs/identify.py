@@ -188,10 +188,11 @@ REST_SHARE = 0.02
 def group_models(test, steps, cells):
     """Models of all cells of a group from the longest charge in its own record.
 
-    1. The stretch runs from the end of the rest before the group's longest charge to the end of
-    the rest after it; the branch sensors' offsets are what they read in the rest before.
-    2. `branches.identify_branches` fits it. 3. What lies outside the stretch is left for scoring:
-    each model says in `fitted` which part of the record it has seen.
+    1. The stretch runs from the middle of the rest before the group's longest charge to the end of
+    the rest after it; the branch sensors' offsets are what they read in the first part. That rest
+    is needed: on a slow charge nothing but the step from it tells the resistance that all cells
+    have in common from the OCV. 2. `identify_branches` fits it. 3. What lies outside the stretch is
+    left for scoring: each model says in `fitted` which part of the record it has seen.
 
     Parameters
     ----------
@@ -216,7 +217,7 @@ def group_models(test, steps, cells):
     tail = slice(max(rest.stop - (rest.stop - rest.start) // 2, rest.start), rest.stop)
     limit = REST_SHARE * np.abs(total).max()
     offset = rest_offset(current[tail], total[tail], rest_ampere=limit)
-    rows = slice(rest.stop - 1, steps["last_row"][last] + 1)
+    rows = slice(tail.start, steps["last_row"][last] + 1)
     time = series["test_time_second"][rows]
     fit = identify_branches(time, current[rows] - offset, series["voltage_volt"][rows])
     # ASSUME: All cells of a group have the chamber's temperature, 25 °C where none is stated.

@@ -127,7 +127,7 @@ def prepare(cells, network):
         np.array(sizes, np.int64),
         -1.0 / (cells.temperature_celsius + ZERO_CELSIUS_KELVIN),
         1.0 / (3600.0 * cells.capacity_ampere_hour),
-        _work_rows(cells) * network.cells + _network_room(network),
+        work_room(cells, network),
     )
 
 
@@ -175,8 +175,6 @@ def _put(found, k, keep, solved, state, sensed):
 
 
 def _compiled(kernel, ready, cells, network, state, load, *, hold, sensed, keep, tolerance_volt):
-    elements = network.cells + len(network.connection)
-    asks = [hold == "first_order", keep.every, keep.extremes, sensed % elements]
     measured = cells.temperature_celsius
     celsius = np.minimum(np.maximum(state.temperature_celsius, measured[0]), measured[-1])
     begin, current = _packed(state), state.current_ampere.copy()
@@ -187,7 +185,7 @@ def _compiled(kernel, ready, cells, network, state, load, *, hold, sensed, keep,
         len(load.second),
         *(np.ascontiguousarray(column, float) for column in load),
         state.total_ampere,
-        np.concatenate([ready.sizes, np.array(asks, np.int64)]),
+        _all_sizes(ready, network, hold, sensed, keep),
         *(ready.address, ready.stride, ready.straight, ready.inverse),
         -1.0 / (celsius + ZERO_CELSIUS_KELVIN),
         *(ready.per_second, network.share, network.connection, network.first, network.member),
@@ -221,15 +219,35 @@ def _addresses(cells):
     return (np.array(column, np.int64) for column in zip(*rows, strict=True))
 
 
-def _work_rows(cells):
+def kernel_sizes(cells, network, hold, sensed, keep):
+    """Numbers by which native/pack.c knows what it is given: the array `sizes` of its comment.
+
+    Parameters
+    ----------
+    cells : PackCells. network : Network. hold, sensed, keep : as of `run_steps`.
+    """
+    return _all_sizes(prepare(cells, network), network, hold, sensed, keep)
+
+
+def _all_sizes(ready, network, hold, sensed, keep):
+    elements = network.cells + len(network.connection)
+    asked_for = [hold == "first_order", keep.every, keep.extremes, sensed % elements]
+    return np.concatenate([ready.sizes, np.array(asked_for, np.int64)])
+
+
+def work_room(cells, network):
+    """How many numbers native/pack.c needs to work with.
+
+    Parameters
+    ----------
+    cells : PackCells. network : Network.
+    """
     quantities = sum(getattr(cells, name).shape[2] for name in ORDER)
     lags = sum(getattr(cells, name).shape[2] for name in TIMES)
     memory = lags + cells.hysteresis_volt.shape[2]
-    return 8 + 4 * quantities + 2 * lags + 2 * memory + cells.r_ohm.shape[2]
-
-
-def _network_room(network):
-    return 4 * (network.cells + len(network.connection)) + 6 * len(network.member)
+    rows = 8 + 4 * quantities + 2 * lags + 2 * memory + cells.r_ohm.shape[2]
+    elements = network.cells + len(network.connection)
+    return rows * network.cells + 4 * elements + 6 * len(network.member)
 
 
 def _packed(state):

@@ -65,7 +65,14 @@ def validate_group(models, branches, test, wiring):
     cells = pack_cells(models, temperature_celsius=_table_celsius(test.facts, record, notes))
     if None in [row.wire_resistance_ohm for row in branches]:
         notes.append("wire resistances are not stated: taken as none beyond the cells' own")
-    start = _initial_soc(stated_soc(test.facts, branches), cells, record, notes)
+    fits = [m["fitted"] for m in models if m.get("fitted", {}).get("test") == record.test]
+    fits = fits if len(fits) == len(models) else []
+    offset = _offset(fits, branches, test.facts, record, notes)
+    stated = stated_soc(test.facts, branches)
+    if fits and stated == [None] * len(stated):
+        start = _counted_back(fits[0], record, offset, cells, notes)
+    else:
+        start = _initial_soc(stated, cells, record, notes)
 
     def simulated(time_second, total_ampere, celsius):
         return simulate_pack(
@@ -74,7 +81,6 @@ def validate_group(models, branches, test, wiring):
 
     run = simulated(record.test_time_second, record.current_ampere, record.celsius)
     scored = _unseen(models, record, notes)
-    offset = _offset(models, branches, test.facts, record, notes)
     compared = _compared(record, run, offset, cells.capacity_ampere_hour, scored)
     discharge = findings.whole_discharge(compared)
     end = None if discharge is None else _end(compared, discharge, record.celsius, simulated)
@@ -115,16 +121,26 @@ def _initial_soc(stated, cells, record, notes):
     return np.array([v if s is None else s for s, v in zip(stated, looked_up, strict=True)])
 
 
-def _offset(models, branches, facts, record, notes):
+def _counted_back(fitted, record, offset, cells, notes):
+    """SoC of each cell at the start (cells,): 0 where its fit began, and the charge before that."""
+    time = record.test_time_second
+    before = time <= fitted["from_second"]
+    current = record.branch_current_ampere[before] - offset
+    passed = np.diff(time[before])[:, None] * (current[1:] + current[:-1]) / 7200.0
+    notes.append(f"SoC counted from 0 at {fitted['from_second']:.0f} s, as in the fit of the cells")
+    return -passed.sum(axis=0) / cells.capacity_ampere_hour
+
+
+def _offset(fits, branches, facts, record, notes):
     """Offsets of the branch sensors (branches,) [A], 0 where nothing tells them."""
-    fits = [m["fitted"] for m in models if m.get("fitted", {}).get("test") == record.test]
-    found = [fit["sensor_offset_ampere"] for fit in fits if "sensor_offset_ampere" in fit]
-    if len(found) == len(models):
-        offset = np.array(found)
+    if fits:
+        offset = np.array([fit["sensor_offset_ampere"] for fit in fits])
     elif stated_soc(facts, branches) == [None] * len(branches):
         offset = _read_at_start(record)
     else:
         return np.zeros(len(branches))
+    if not offset.any():
+        return offset
     listed = ", ".join(f"{1e3 * value:+.1f}" for value in offset)
     notes.append(f"offsets of the branch sensors [mA], read in a rest and taken out: {listed}")
     return offset

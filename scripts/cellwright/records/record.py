@@ -14,7 +14,7 @@ from cellwright.records.channels import (
     refuse_beyond,
     table,
 )
-from cellwright.records.thinning import row_fields
+from cellwright.records.filled import bridged, with_edges
 from cellwright.refusal import Refusal
 from cellwright.series.rest_current import as_logged, hidden_rest_level
 
@@ -181,7 +181,7 @@ def laid_out(test, basis, cell, *, split_rest_second, proof=False, as_read=False
 
 
 def laid_out_to_fit(test, basis, cell, **settings):
-    """As `laid_out`, with gaps filled and refused where the SoC leaves −0.1 to 1.1.
+    """As `laid_out`, with gaps and edges filled, refused where the SoC leaves −0.1 to 1.1.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def laid_out_to_fit(test, basis, cell, **settings):
     if low < SOC_RANGE[0] or high > SOC_RANGE[1]:
         raise Refusal(f"SoC of the record runs from {low:.3f} to {high:.3f}, outside −0.1 to 1.1")
     size = at_cycle(basis, test.facts.cycle)["capacity_ampere_hour"]
-    return bridged(record, capacity_ampere_hour=size)
+    return with_edges(bridged(record, capacity_ampere_hour=size), capacity_ampere_hour=size)
 
 
 def cell_temperature(facts, series, *, as_read=False):
@@ -301,46 +301,6 @@ def blocks_of_used(records, *, rest_second, rest_ampere):
         numbers.append(next_free + block[record.used])
         next_free += block.max() + 1
     return numbers
-
-
-def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
-    """The record with each gap filled by a load that moves its charge, then a rest.
-
-    Some testers store the pulses of an HPPC only, and not the discharges to the next set point.
-    The relaxation after such a discharge goes on for hours and is in what follows; so the charge
-    that the counter says has passed is let flow at the gap's beginning, and the rest is a rest.
-
-    Parameters
-    ----------
-    record : Record, whose SoC runs on over its gaps.
-    capacity_ampere_hour : what its SoC refers to [Ah].
-    gap_second : a longer time between two samples while charge has passed is a gap [s].
-    c_rate : current of what is filled in, over the capacity [1/h].
-
-    Returns
-    -------
-    record : Record, four more rows for each gap, none of which is compared with a model.
-    """
-    # ASSUME: The charge that passed in a gap of a record flowed at 1C at the gap's beginning.
-    time, soc = record.test_time_second, record.soc
-    soc_change = np.diff(soc)
-    gaps = np.flatnonzero((np.diff(time) > gap_second) & (np.abs(soc_change) > 1e-4))
-    if not len(gaps):
-        return record
-    length = np.diff(time)[gaps]
-    lasts = np.minimum(np.abs(soc_change[gaps]) * 3600.0 / c_rate, 0.9 * length)
-    ampere = soc_change[gaps] * capacity_ampere_hour * 3600.0 / lasts
-    share = np.array([0.0, 0.5, 1.0, 1.0])
-    filled = {name: np.repeat(getattr(record, name)[gaps], 4) for name in row_fields(record)}
-    filled |= {
-        "test_time_second": (time[gaps, None] + lasts[:, None] * share).ravel(),
-        "current_ampere": (ampere[:, None] * np.array([1.0, 1.0, 1.0, 0.0])).ravel(),
-        "soc": (soc[gaps, None] + soc_change[gaps, None] * share).ravel(),
-        "used": np.zeros(4 * len(gaps), bool),
-    }
-    before = np.repeat(gaps + 1, 4)
-    columns = {name: np.insert(getattr(record, name), before, new) for name, new in filled.items()}
-    return record._replace(**columns)
 
 
 class FitRecords(NamedTuple):

@@ -13,10 +13,12 @@ WORTH = 0.8  # of the width of a bin, below which the sampling of a record is wo
 def averaged(record, *, width_second):
     """Means of a record over bins of time, where it is sampled faster than the bins are wide.
 
-    A mean is of what is linear between rows, such as current and voltage of a circuit. Where the
-    median step of the clock is `WORTH` of the width or more, a bin would hold 1.25 rows at most,
-    now one and now two: edges of the current would be smeared for a fifth fewer rows, and a clock
-    of 1 s that reads 0.999 s would be averaged at all. Such a record stays as it is.
+    A mean is of what is linear between rows, such as current and voltage of a circuit, and over
+    time: a row counts for half the way to either neighbour, so that three rows of a pulse of 15 ms
+    do not outweigh the second around it. Where the median step of the clock is `WORTH` of the
+    width or more, a bin would hold 1.25 rows at most, now one and now two: edges of the current
+    would be smeared for a fifth fewer rows, and a clock of 1 s that reads 0.999 s would be averaged
+    at all. Such a record stays as it is.
 
     Parameters
     ----------
@@ -33,17 +35,24 @@ def averaged(record, *, width_second):
     if not len(steps) or np.median(steps) >= WORTH * width_second:
         return record
     _, bins = np.unique(np.floor(time / width_second), return_inverse=True)
-    count = np.bincount(bins)
+    count, stands_for = np.bincount(bins), _second_of_rows(steps, width_second)
+    in_bin = np.bincount(bins, stands_for)
 
     def mean(column):
         if column.ndim == 2:
             return np.stack([mean(column_part) for column_part in column.T], axis=1)
         if column.dtype == bool:
             return np.bincount(bins, column) == count
-        return np.bincount(bins, column) / count
+        return np.bincount(bins, column * stands_for) / in_bin
 
     columns = {name: np.asarray(getattr(record, name)) for name in row_fields(record)}
     return record._replace(**{name: mean(column) for name, column in columns.items()})
+
+
+def _second_of_rows(steps, width_second):
+    """Time that each row stands for: half the way to either neighbour, at most a bin (n,) [s]."""
+    around = np.concatenate([steps[:1], (steps[1:] + steps[:-1]) / 2, steps[-1:]])
+    return np.clip(around, 1e-6 * width_second, width_second)
 
 
 def averaged_to(records, *, most_rows, thinned=None):

@@ -130,8 +130,8 @@ class PackDecisions(NamedTuple):
     assemblies : Random assemblies of a fleet that a matched one is compared with.
     group_size : Cells in a parallel group that a fleet is matched into.
     string_length : Cells, or parallel groups, in a series string that a fleet is matched into.
-    matching_celsius [degC] : Temperatures at which parallel groups are compared; a group counts
-        by the worst of them.
+    matching_celsius [°C] : Temperatures at which parallel groups are compared; a group counts by
+        the worst of them.
     initial_soc_std [1] : SoC of a cell at the start beside what the sheet says, standard
         deviation.
     wire_relative_std [1] : Resistance of a connection beside what groups.tsv says, relative
@@ -140,7 +140,7 @@ class PackDecisions(NamedTuple):
         of its capacity test may say more.
     resistance_relative_std [1] : Least relative standard deviation of a cell's resistance; its
         model may say more.
-    seed : Seed of all draws.
+    random_seed : Seed of all draws.
     """
 
     c_rate: float = 0.5
@@ -158,4 +158,4 @@ class PackDecisions(NamedTuple):
     wire_relative_std: float = 0.1
     capacity_relative_std: float = 0.003
     resistance_relative_std: float = 0.02
-    seed: int = 17
+    random_seed: int = 17

@@ -5,7 +5,16 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from virtual_lab.score import comparison, curves, files, missing, modes, tables, verdicts
+from virtual_lab.score import (
+    comparison,
+    curves,
+    files,
+    missing,
+    modes,
+    strings,
+    tables,
+    verdicts,
+)
 from virtual_lab.score.missing import COUNTED
 
 # The contract's tables, and the quantities of each that could be scored.
@@ -35,10 +44,14 @@ QUANTITIES = {
     "soc": ("soc_begin", "soc_end", "capacity_ampere_hour"),
     "validation": ("rmse_volt",),
     "packs": ("group_capacity_ampere_hour", "charge_ampere_hour", "current_max_ampere"),
+    "series_packs": ("usable_ampere_hour", "usable_watt_hour"),
+    "series_pack_cells": ("capacity_ampere_hour", "soc_at_pack_end", "volt_at_pack_end"),
+    "pack_decisions": ("",),
     "missing_effect": ("",),
     "excluded": ("",),
     "faults": ("",),
 }
+TRUTH_OF = {"series_pack_cells": "series_packs"}  # where a table's truth has another name
 COLUMNS = [
     *("table", "quantity", "unit", "state", "n_compared", "n_missing", "n_extra", "n_spoiled"),
     *("n_untested", "n_no_truth"),
@@ -75,7 +88,7 @@ def _state(place, table) -> str:
     else:
         flags = (place.results / "flags").is_dir()
         made = flags if table == "faults" else files.found(place, table) is not None
-        has_truth = files.true(place, table) is not None
+        has_truth = files.true(place, TRUTH_OF.get(table, table)) is not None
     if made and has_truth:
         return "scored"
     if has_truth:
@@ -169,6 +182,7 @@ def score(place: files.Campaign) -> Score:
     parts = [tables.compare(place, name) for name in tables.SPECS]
     parts += [curves.ocv(place), curves.circuits(place), curves.soc(place), curves.packs(place)]
     parts += [
+        strings.series_packs(place),
         modes.compare(place),
         verdicts.parameters(place),
         missing.refused_files(place),

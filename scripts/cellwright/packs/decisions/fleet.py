@@ -43,10 +43,11 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
 
     Raises
     ------
-    Refusal : more than 200 cells, or as `parallel.group_of`.
+    Refusal : fewer than 2 cells, more than 200, or as `parallel.group_of`.
     """
-    if len(models) > MOST_CELLS:
-        raise Refusal(f"{len(models)} cells of one type; at most {MOST_CELLS} are matched at once")
+    if not 2 <= len(models) <= MOST_CELLS:
+        found = f"{len(models)} cells of one type with a model"
+        raise Refusal(f"{found}; from 2 to {MOST_CELLS} can be matched at once")
     known = uncertainty_of(
         models,
         capacity_std_ampere_hour,
@@ -57,7 +58,7 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
     warm = (group_of(models, temperature_celsius=float(t)) for t in settings.matching_celsius)
     lower = max(cell.lower_cutoff_volt for cell in cells)
     names = tuple(model["cell"] for model in models)
-    drawn = draw_cells(known, draws=settings.draws, seed=settings.seed)
+    drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
     return Fleet(names, tuple(warm), float(lower), drawn)
 
 
@@ -125,7 +126,7 @@ def matched_fleet(fleet, settings=SETTINGS):
     if cells < 2 * size:
         raise Refusal(f"{cells} cells, wanted at least two groups of {size} to choose between")
     uses = discharges_of(fleet, settings.group_c_rate)
-    random = np.random.default_rng([settings.seed, 2])
+    random = np.random.default_rng([settings.random_seed, 2])
     rows, assembly = _parallel(fleet, uses, random, settings)
     if cells >= 2 * length:
         more = _strings(fleet, uses, random, settings)

@@ -1,6 +1,6 @@
 """What is best done with cells: which to put together, and which to replace."""
 
-from itertools import combinations
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -123,13 +123,12 @@ def groups_by_swaps(begin, cost, *, worst=False):
 def _best_exchange(one, other, cost, rank):
     """The two groups, with the exchange of one cell each that lowers their rank most, if any."""
     best, least = (one, other), rank(cost(one), cost(other))
-    for i in range(len(one)):
-        for j in range(len(other)):
-            a = (*one[:i], other[j], *one[i + 1 :])
-            b = (*other[:j], one[i], *other[j + 1 :])
-            now = rank(cost(a), cost(b))
-            if now < least:
-                best, least = (a, b), now
+    for i, j in product(range(len(one)), range(len(other))):
+        a = (*one[:i], other[j], *one[i + 1 :])
+        b = (*other[:j], one[i], *other[j + 1 :])
+        now = rank(cost(a), cost(b))
+        if now < least:
+            best, least = (a, b), now
     return best
 
 

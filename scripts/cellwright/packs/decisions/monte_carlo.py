@@ -96,7 +96,7 @@ class CellDraws(NamedTuple):
     initial_soc: np.ndarray
 
 
-def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SETTINGS.seed):
+def draw_cells(uncertainty, *, draws=SETTINGS.draws, seed=SETTINGS.random_seed):
     """Draws of the cells of a pack, independent from cell to cell, normal.
 
     Parameters
@@ -212,7 +212,7 @@ def group_draws(
     initial_soc=1.0,
     wire_resistance_ohm=0.0,
     wire_relative_std=SETTINGS.wire_relative_std,
-    seed=SETTINGS.seed,
+    seed=SETTINGS.random_seed,
 ):
     """A parallel group discharged to its cut-off in every draw of its cells and wires.
 
@@ -259,17 +259,18 @@ def group_draws(
     return PackDraws(*columns)
 
 
-def summary_rows(draws, names):
+def summary_rows(draws, names, *, first):
     """Rows quantity, unit, cell and percentiles of a pack's draws.
 
     Parameters
     ----------
-    draws : PackDraws. names : of its cells.
+    draws : PackDraws. names : of its cells. first : what its `weakest` is called: "weakest cell" of
+        a string, "busiest cell" of a parallel group.
 
     Returns
     -------
     rows : list of dict: charge, energy, peak share and heat: mean, percentiles 5, 25, 50, 75, 95;
-        then of each cell that is weakest (hottest) in some draw how often, by falling share.
+        then of each cell that is the first (hottest) in some draw how often, by falling share.
     """
     quantities = {
         "usable charge": ("Ah", draws.capacity_ampere_hour),
@@ -282,7 +283,7 @@ def summary_rows(draws, names):
         | {f"p{int(p):02d}": float(np.percentile(values, p)) for p in PERCENTILES}
         for name, (unit, values) in quantities.items()
     ]
-    for name, chosen in (("weakest cell", draws.weakest), ("hottest cell", draws.hottest)):
+    for name, chosen in ((first, draws.weakest), ("hottest cell", draws.hottest)):
         count = np.bincount(chosen, minlength=len(names)) / len(chosen)
         for k in np.argsort(-count, kind="stable")[: np.count_nonzero(count)]:
             rows.append(

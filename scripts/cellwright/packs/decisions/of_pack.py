@@ -51,7 +51,7 @@ def pack_decisions(
         resistance_relative_std=settings.resistance_relative_std,
         initial_soc_std=settings.initial_soc_std,
     )
-    drawn = draw_cells(known, draws=settings.draws, seed=settings.seed)
+    drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
     lower, _ = cutoffs_of(cells)
     if wiring.connection == "series" and depth(wiring) == 1:
         pack = _string(models, positions, lower, drawn, start, celsius, settings)
@@ -63,9 +63,10 @@ def pack_decisions(
             "or in parallel without links"
         )
     use, items, spare_of, draws, window = pack
+    first = "weakest cell" if wiring.connection == "series" else "busiest cell"
     capacity = [model["capacity_ampere_hour"] for model in models]
     names = [row.cell for row in positions]
-    rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names)]
+    rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names, first=first)]
     rows += replacement_rows(use, items, spare_of, capacity, names) + window
     return [EMPTY | row for row in rows]
 
@@ -110,7 +111,7 @@ def _group(models, positions, lower, drawn, start, celsius, settings):
         c_rate=rate,
         initial_soc=start,
         wire_relative_std=settings.wire_relative_std,
-        seed=settings.seed,
+        seed=settings.random_seed,
         **setting,
     )
     nominal = discharge_group(tables, c_rate=rate, initial_soc=np.array(start), **setting)
@@ -163,7 +164,7 @@ def window_rows(use, current_spread):
         "largest branch current over its share": use.peak_share,
         "charge given over the sum of the cells": use.capacity_ampere_hour / use.cells_ampere_hour,
     }
-    about = {"decision": f"safe window, spread below {current_spread:.0%}", "cell": ""}
+    about = {"decision": f"safe window, spread below {100 * current_spread:g} %", "cell": ""}
     return [
         about | {"quantity": quantity, "unit": "1", "value": float(value)}
         for quantity, value in values.items()

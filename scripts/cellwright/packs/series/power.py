@@ -100,6 +100,7 @@ def limiting_current(model, soc, limit_volt, *, sign, celsius, pulse_second):
     Parameters
     ----------
     model : model dict. soc : (p,) [1]. limit_volt : [V]. sign : −1 for a discharge, 1 for a charge.
+    celsius : [degC]. pulse_second : [s].
 
     Returns
     -------

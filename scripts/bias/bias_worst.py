@@ -1,0 +1,17 @@
+"""What the corrected model lacks of the cell that it serves worst: a search for an effect."""
+
+import cellwright as cw
+from runtime import artefact, facts, lending
+
+with artefact.Job(snakemake) as job:
+    inputs, params = snakemake.input, snakemake.params
+    split = {"split_rest_second": params.split_rest_second}
+    cells = lending.judged_cells(inputs, params.references, params.cells)
+    worst = cw.worst_corrected(artefact.rows(job.load(inputs.ways)))
+    paths = [path for path in (*inputs.fitted, *inputs.series) if f"/{worst.cell}/" in path]
+    tests, basis = facts.tests(paths), job.load(f"results/basis/{worst.cell}.json")
+    voltages = cw.corrected_voltages(cells, worst.cell, tests, **split)
+    about = params.cells[worst.cell], basis, tests, params.settings
+    found = cw.missing_effect(*about, simulated=voltages, **split)
+    job.note(worst.words, *found.notes)
+    job.save(found.verdict | {"worst": worst.words})

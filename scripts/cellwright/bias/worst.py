@@ -1,0 +1,97 @@
+"""The cell that its corrected model serves worst, and that model's voltage on any of its tests."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cellwright.bias.compared import compared
+from cellwright.bias.corrected import corrected_model, reference_and_others
+from cellwright.bias.correction import correction
+from cellwright.bias.courses import courses_of
+from cellwright.circuits.model_file import simulate_model
+from cellwright.records.record import laid_out
+from cellwright.refusal import Refusal
+
+
+class Worst(NamedTuple):
+    """A cell, what its corrected model and its own err by over all its tests [V], and in words."""
+
+    cell: str
+    rmse_volt: float
+    own_rmse_volt: float
+    words: str
+
+
+def worst_cell(rows):
+    """The cell of which the corrected model errs most beyond what the cell's own model does.
+
+    A cell whose own model errs as much has a test that no model follows: that is said, and another
+    is taken.
+
+    Parameters
+    ----------
+    rows : list of dict, from `ways.compare_ways`.
+
+    Returns
+    -------
+    worst : Worst.
+
+    Raises
+    ------
+    Refusal : no row is of a corrected model.
+    """
+    bias, own = _errors(rows, "bias"), _errors(rows, "own")
+    if not bias:
+        raise Refusal("no cell has a corrected model that was scored")
+    worst = max(bias, key=lambda cell: bias[cell] ** 2 - own[cell] ** 2)
+    words = f"{worst}: {1e3 * bias[worst]:.2g} mV, its own model {1e3 * own[worst]:.2g} mV"
+    largest = max(bias, key=bias.get)
+    if largest != worst:
+        words += (
+            f"; {largest} has the largest error, {1e3 * bias[largest]:.2g} mV, but its own model "
+            f"errs by {1e3 * own[largest]:.2g} mV on the same tests"
+        )
+    return Worst(worst, bias[worst], own[worst], words)
+
+
+def _errors(rows, way):
+    """Root mean square over the tests of each cell [V]."""
+    by_cell = {}
+    for row in rows:
+        if row["way"] == way:
+            by_cell.setdefault(row["cell"], []).append(row["rmse_volt"])
+    return {cell: float(np.sqrt(np.mean(np.square(own)))) for cell, own in by_cell.items()}
+
+
+def corrected_voltages(cells, name, tests, *, split_rest_second):
+    """Voltage of a cell's corrected model on its tests, the cell left out of the calibration.
+
+    Parameters
+    ----------
+    cells : list of ways.Scored, of one type. name : of the cell.
+    tests : list of MeasuredTest, of the cell.
+    split_rest_second : shortest rest that cuts a test of role split [s].
+
+    Returns
+    -------
+    voltages : dict test → (time (n,) [s], voltage (n,) [V]).
+
+    Raises
+    ------
+    Refusal : no other cell has a model, the cell is not among them, or as `record.laid_out`.
+    """
+    found = [cell for cell in cells if cell.shown.cell == name]
+    if not found:
+        raise Refusal(f"no cell {name}; there are {', '.join(c.shown.cell for c in cells)}")
+    shown, peers = found[0].shown, [c.shown for c in cells if c is not found[0]]
+    reference, others = reference_and_others(shown, peers)
+    base = courses_of(reference.model, reference.model["chosen"])
+    change = correction(*compared(reference, [shown]), base, compared(reference, others))
+    model = corrected_model(shown, reference, change)
+    voltages = {}
+    for test in tests:
+        record = laid_out(test, model, found[0].facts, split_rest_second=split_rest_second)
+        columns = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
+        run = simulate_model(model, None, *columns, kind=record.kind)
+        voltages[test.facts.test] = (record.test_time_second, run.voltage_volt)
+    return voltages

@@ -1,0 +1,97 @@
+"""Rows that a record lacks: where the current stepped between two rows, and across gaps."""
+
+import numpy as np
+
+from cellwright.records.thinning import edges, row_fields
+
+STEP_SHARE = 0.05  # of a record's largest current: a change that is a step
+GUESSED = (
+    0.05  # of an interval: nearer to its middle lies what a trapezoid, or an offset, would tell
+)
+
+
+def with_edges(record, *, capacity_ampere_hour):
+    """The record with two rows at each step of the current that its rows do not show.
+
+    A tester that stores a row every five seconds shows a pulse by its last row only; whether the
+    current of that row or of the next flowed in between, its counter knows: the share of the
+    interval before the step is what moves the charge counted. Without a counter the charge is that
+    of the mean of both currents, which says nothing of the edge; such an interval stays as it is,
+    as do drives, in which the current moves all the time.
+
+    Parameters
+    ----------
+    record : Record, whose SoC is counted.
+    capacity_ampere_hour : what its SoC refers to [Ah].
+
+    Returns
+    -------
+    record : Record, with more rows, none of which is compared with a model.
+    """
+    time, current = record.test_time_second, record.current_ampere
+    largest = np.abs(current).max(initial=0.0)
+    if record.kind == "drive" or not largest > 0:
+        return record
+    after = edges(record, step_ampere=STEP_SHARE * largest)
+    interval = time[after] - time[after - 1]
+    after, interval = after[interval > 0], interval[interval > 0]
+    mean = 3600.0 * capacity_ampere_hour * (record.soc[after] - record.soc[after - 1]) / interval
+    share = (mean - current[after]) / (current[after - 1] - current[after])
+    told = np.isfinite(share) & (np.abs(share - 0.5) > GUESSED)
+    if not told.any():
+        return record
+    after, interval, share = after[told], interval[told], np.clip(share[told], 0.0, 1.0)
+    earlier = np.repeat(after - 1, 2)
+    filled = {name: getattr(record, name)[earlier] for name in row_fields(record)}
+    moved = share * interval * current[after - 1] / 3600.0 / capacity_ampere_hour
+    filled |= {
+        "test_time_second": np.repeat(time[after - 1] + share * interval, 2),
+        "current_ampere": np.column_stack([current[after - 1], current[after]]).ravel(),
+        "soc": np.repeat(record.soc[after - 1] + moved, 2),
+        "used": np.zeros(2 * len(after), bool),
+    }
+    return _inserted(record, np.repeat(after, 2), filled)
+
+
+def bridged(record, *, capacity_ampere_hour, gap_second=600.0, c_rate=1.0):
+    """The record with each gap filled by a load that moves its charge, then a rest.
+
+    Some testers store the pulses of an HPPC only, and not the discharges to the next set point.
+    The relaxation after such a discharge goes on for hours and is in what follows; so the charge
+    that the counter says has passed is let flow at the gap's beginning, and the rest is a rest.
+
+    Parameters
+    ----------
+    record : Record, whose SoC runs on over its gaps.
+    capacity_ampere_hour : what its SoC refers to [Ah].
+    gap_second : a longer time between two samples while charge has passed is a gap [s].
+    c_rate : current of what is filled in, over the capacity [1/h].
+
+    Returns
+    -------
+    record : Record, four more rows for each gap, none of which is compared with a model.
+    """
+    # ASSUME: The charge that passed in a gap of a record flowed at 1C at the gap's beginning.
+    time, soc = record.test_time_second, record.soc
+    soc_change = np.diff(soc)
+    gaps = np.flatnonzero((np.diff(time) > gap_second) & (np.abs(soc_change) > 1e-4))
+    if not len(gaps):
+        return record
+    length = np.diff(time)[gaps]
+    lasts = np.minimum(np.abs(soc_change[gaps]) * 3600.0 / c_rate, 0.9 * length)
+    ampere = soc_change[gaps] * capacity_ampere_hour * 3600.0 / lasts
+    share = np.array([0.0, 0.5, 1.0, 1.0])
+    filled = {name: np.repeat(getattr(record, name)[gaps], 4) for name in row_fields(record)}
+    filled |= {
+        "test_time_second": (time[gaps, None] + lasts[:, None] * share).ravel(),
+        "current_ampere": (ampere[:, None] * np.array([1.0, 1.0, 1.0, 0.0])).ravel(),
+        "soc": (soc[gaps, None] + soc_change[gaps, None] * share).ravel(),
+        "used": np.zeros(4 * len(gaps), bool),
+    }
+    return _inserted(record, np.repeat(gaps + 1, 4), filled)
+
+
+def _inserted(record, before, filled):
+    """The record with new rows before the rows of these numbers."""
+    columns = {name: np.insert(getattr(record, name), before, new) for name, new in filled.items()}
+    return record._replace(**columns)

@@ -1,0 +1,96 @@
+"""Packs in the report: one line of each in the overview, and what to know of its records."""
+
+from cellwright.packs.wiring import described, rows_below, wiring_of
+
+TABLES = ("packs", "pack_findings", "series_packs", "pack_checks")  # whose rows are of groups
+
+
+def section(tables, groups) -> list[dict]:
+    """A line of each group with tests: its wiring, its worst errors, what it gives of its cells.
+
+    `tables` are frames of text by name, `groups` the rows of groups.tsv.
+    """
+    named = dict.fromkeys(row["group"] for row in groups)
+    lines = [_line(group, {name: _of(tables, name, group) for name in TABLES}) for group in named]
+    shown = [line for line in lines if any(line.values())]
+    return [
+        {"group": group, "wiring": wiring_in_words(group, groups)} | line
+        for group, line in zip(named, lines, strict=True)
+        if line in shown
+    ]
+
+
+def wiring_in_words(group, groups) -> str:
+    """The wiring of a group, such as `series of 3 x parallel of 4 cells (P01 to P12)`."""
+    return described(wiring_of(group, rows_below(group, groups)))
+
+
+def warnings(checks) -> list[dict]:
+    """What the checks of a group's records found: test and sentence, of its rows of the table."""
+    found = [row for row in checks.to_dict("records") if row["found"] == "True"]
+    return [{"test": row["test"], "text": row["sentence"]} for row in found]
+
+
+def _of(tables, name, group):
+    frame = tables.get(name)
+    if frame is None or not len(frame):
+        return []
+    return frame[frame["group"] == group].to_dict("records")
+
+
+def _line(group, rows) -> dict:
+    """Texts of the columns of the overview, blank where nothing is known."""
+    return {
+        "current": _worst_branch(rows["packs"]),
+        "voltage": _voltage(rows["packs"], rows["series_packs"]),
+        "charge": _charge(rows["pack_findings"], rows["series_packs"]),
+        "found": len([row for row in rows["pack_checks"] if row["found"] == "True"]),
+    }
+
+
+def _largest(rows, name):
+    """The row with the largest value of a column among those that have one; None without."""
+    known = [row for row in rows if row.get(name)]
+    return max(known, key=lambda row: abs(float(row[name])), default=None)
+
+
+def _worst_branch(scores):
+    worst = _largest(scores, "current_rmse_ampere")
+    if worst is None:
+        return ""
+    text = f"{1e3 * float(worst['current_rmse_ampere']):.3g} mA RMS, {worst['cell']}"
+    share = worst.get("relative_current_rmse_above_15_soc")
+    above = f" ({100 * float(share):.2g} % above 15 % SoC)" if share else ""
+    return f"{text} in {worst['test']}{above}"
+
+
+def _voltage(scores, strings):
+    worst = _largest(strings, "cell_worst_mean_abs_volt")
+    if worst is not None:
+        mean, largest = (
+            1e3 * float(worst[name]) for name in ("cell_mean_abs_volt", "cell_worst_mean_abs_volt")
+        )
+        return f"cells {mean:.3g} mV in the mean, {worst['cell_worst']} {largest:.3g} mV"
+    worst = _largest(strings, "voltage_rmse_volt") or _largest(scores, "voltage_rmse_volt")
+    return "" if worst is None else f"{1e3 * float(worst['voltage_rmse_volt']):.3g} mV RMS"
+
+
+def _charge(findings, strings):
+    lost = _largest(findings, "lost_share")
+    if lost is not None:
+        given, cells = (
+            float(lost[name])
+            for name in ("group_capacity_ampere_hour", "cells_capacity_ampere_hour")
+        )
+        rate = f"{float(lost['current_c_rate']):.2g}C"
+        return f"{given:.4g} of {cells:.4g} Ah of its cells at {rate} ({given / cells - 1:+.1%})"
+    least = min(
+        (row for row in strings if row.get("usable_ampere_hour")),
+        key=lambda row: float(row["usable_ampere_hour"]),
+        default=None,
+    )
+    if least is None:
+        return ""
+    usable, mean = float(least["usable_ampere_hour"]), least.get("charge_moved_ampere_hour")
+    of_mean = f" of {float(mean):.4g} Ah of its mean cell" if mean else " Ah"
+    return f"{usable:.4g}{of_mean}, ended by {least['ended_by']}"

@@ -1,0 +1,295 @@
+"""Decisions: matching against all possibilities, replacement, safe window, Monte Carlo."""
+
+from itertools import combinations, permutations
+
+import numpy as np
+import pytest
+import strings
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cellwright.packs.decisions import matching, monte_carlo
+from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fleet
+from cellwright.packs.decisions.group_use import discharge_group, safe_window
+from cellwright.packs.decisions.of_pack import pack_decisions
+from cellwright.packs.parallel import group_of
+from cellwright.packs.series.capability import discharge_string
+from cellwright.packs.wiring import Wiring
+from cellwright.records.facts import BranchFacts, CellFacts
+from cellwright.refusal import Refusal
+from cellwright.settings import PackDecisions
+
+SETTINGS = PackDecisions(draws=20, assemblies=20, string_length=2)
+LOWER = strings.LOWER_VOLT
+
+
+def facts_of(models):
+    return [CellFacts(m["cell"], 30.0, LOWER, strings.UPPER_VOLT) for m in models]
+
+
+def positions_of(models, soc=1.0, wire=3e-4):
+    return [BranchFacts(k + 1, m["cell"], wire, soc) for k, m in enumerate(models)]
+
+
+def partitions(cells, size):
+    """All ways to put cells into groups of one size."""
+    if not cells:
+        yield []
+        return
+    for others in combinations(cells[1:], size - 1):
+        rest = [c for c in cells[1:] if c not in others]
+        for more in partitions(rest, size):
+            yield [(cells[0], *others), *more]
+
+
+sizes = st.lists(st.floats(10.0, 30.0), min_size=6, max_size=6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(sizes, st.sampled_from([2, 3]))
+def test_sorted_strings_hold_most_of_all_possible_ones(capacity, length):
+    capacity = np.array(capacity)
+    best = max(
+        sum(capacity[list(group)].min() for group in way)
+        for way in partitions(list(range(6)), length)
+    )
+    found = matching.strings_by_capacity(capacity, length=length)
+    assert capacity[found].min(axis=1).sum() == pytest.approx(best)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_pairs_are_the_cheapest_of_all(seed):
+    cost = np.random.default_rng(seed).uniform(0.0, 1.0, (6, 6))
+    cost += cost.T
+    ways = [sum(cost[a, b] for a, b in way) for way in partitions(list(range(6)), 2)]
+    found = matching.pairs_of_least_cost(cost)
+    assert sorted(found.ravel().tolist()) == list(range(6))
+    assert sum(cost[a, b] for a, b in found) == pytest.approx(min(ways))
+
+
+def test_of_an_odd_number_one_is_left_alone():
+    cost = np.abs(np.subtract.outer([0.0, 5.0, 5.1, 9.0, 9.1], [0.0, 5.0, 5.1, 9.0, 9.1]))
+    found = matching.pairs_of_least_cost(cost)
+    assert sorted(map(tuple, found.tolist())) == [(1, 2), (3, 4)]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_exchanges_come_near_the_best_of_all_groups(seed):
+    """Of 280 ways to put nine cells into threes: within a tenth of the range above the best."""
+    size = np.random.default_rng(seed).uniform(0.0, 1.0, 9)
+
+    def cost(group):
+        return float(np.ptp(size[list(group)]) ** 2)
+
+    ways = [sum(map(cost, way)) for way in partitions(list(range(9)), 3)]
+    begin = np.random.default_rng(seed + 50).permutation(9).reshape(3, 3)
+    found = sum(map(cost, matching.groups_by_swaps(begin, cost).tolist()))
+    assert found <= min(ways) + 0.1 * (max(ways) - min(ways))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_even_groups_come_near_the_best_smallest_group(seed):
+    size = np.random.default_rng(seed).uniform(20.0, 30.0, 8)
+    best = max(min(size[list(g)].sum() for g in way) for way in partitions(list(range(8)), 2))
+    found = matching.even_groups(size, size=2)
+    assert size[found].sum(axis=1).min() >= best - 0.3
+    assert sorted(found.ravel().tolist()) == list(range(8))
+
+
+def test_the_best_cell_to_replace_is_that_of_trying_all():
+    models = strings.models([1.0, 0.8, 0.95, 0.84, 0.97], [1.0, 1.3, 1.0, 1.2, 1.1])
+
+    def use(cells):
+        at = {"lower_cutoff_volt": LOWER, "current_ampere": 15.0, "initial_soc": 1.0}
+        found = discharge_string(cells, **at)
+        return found.capacity_ampere_hour, found.energy_watt_hour
+
+    capacity = [model["capacity_ampere_hour"] for model in models]
+    found = matching.replacements(use, models, capacity_ampere_hour=capacity)
+    spare = sorted(models, key=lambda m: m["capacity_ampere_hour"])[2]
+    energies = [use([*models[:k], spare, *models[k + 1 :]])[1] for k in range(5)]
+    assert models[found.median]["cell"] == spare["cell"]
+    assert found.best == int(np.argmax(energies)) == 1
+    np.testing.assert_allclose(found.gain_watt_hour, np.array(energies) - use(models)[1])
+    order = np.sort(energies)
+    assert found.margin_watt_hour == pytest.approx(order[-1] - order[-2])
+    assert [turn[0] for turn in found.in_turn[:2]] == [1, 3]
+
+
+def test_equal_cells_share_alike_and_every_soc_is_safe():
+    use = discharge_group(group_of(strings.models([0.9, 0.9])), lower_cutoff_volt=LOWER)
+    np.testing.assert_allclose(use.branch_share, 1.0, atol=1e-9)
+    window = safe_window(use, current_spread=0.01)
+    assert window.upper_soc > 0.99
+    assert window.lower_soc < 0.1
+    assert window.charge_share == pytest.approx(window.upper_soc - window.lower_soc)
+
+
+def test_unlike_cells_leave_a_window_and_beyond_it_the_spread_is_larger():
+    use = discharge_group(
+        group_of(strings.models([1.0, 0.7], [1.0, 1.5])), lower_cutoff_volt=LOWER, c_rate=1.0
+    )
+    total = (use.branch_share * [1.0, 0.7]).sum(axis=1) / 1.7
+    np.testing.assert_allclose(total, 1.0, atol=1e-9)
+    limit = 0.6 * np.abs(use.branch_share - 1).max()
+    window = safe_window(use, current_spread=limit)
+    spread = np.abs(use.branch_share - 1).max(axis=1)
+    inside = (use.group_soc >= window.lower_soc) & (use.group_soc <= window.upper_soc)
+    assert 0 < inside.mean() < 1
+    assert spread[inside].max() <= limit < window.worst_spread == spread.max()
+    assert np.isnan(safe_window(use, current_spread=1e-9).lower_soc)
+
+
+@pytest.mark.parametrize("wiring", ["series", "parallel"])
+def test_intervals_hold_a_pack_drawn_from_the_stated_uncertainties(wiring):
+    """Nine in ten of 60 packs, whose cells differ from their models as stated, are within."""
+    shares, factors = np.array([1.0, 0.85, 0.9]), np.array([1.0, 1.3, 1.1])
+    models = strings.models(shares, factors)
+    known = monte_carlo.Uncertainty(*(np.full(3, std) for std in (0.01, 0.05, 0.003, 0.004)))
+    drawn, truth = (monte_carlo.draw_cells(known, draws=n, seed=s) for n, s in ((200, 1), (60, 2)))
+    given = []
+    for sample in (drawn, truth):
+        if wiring == "series":
+            at = {"lower_cutoff_volt": LOWER, "current_ampere": 15.0, "initial_soc": 0.95}
+            found = monte_carlo.string_draws(models, sample, **at)
+        else:
+            at = {"lower_cutoff_volt": LOWER, "wire_resistance_ohm": 3e-4, "initial_soc": 0.95}
+            found = monte_carlo.group_draws(group_of(models), sample, **at)
+        given.append(found.capacity_ampere_hour)
+    low, high = np.percentile(given[0], [5, 95])
+    assert 0.78 <= np.mean((given[1] >= low) & (given[1] <= high)) <= 0.99
+
+
+def test_a_drawn_string_is_the_string_of_so_changed_models():
+    """One draw against models that are made with its capacity, resistances and shift."""
+    shares, factors = np.array([1.0, 0.85]), np.array([1.0, 1.3])
+    draw = monte_carlo.CellDraws(
+        np.array([[1.02, 0.97]]), np.array([[0.9, 1.2]]), np.array([[0.004, -0.003]]),
+        np.array([[-0.02, 0.0]]),
+    )  # fmt: skip
+    at = {"lower_cutoff_volt": LOWER, "current_ampere": 20.0}
+    found = monte_carlo.string_draws(strings.models(shares, factors), draw, **at, initial_soc=0.98)
+    changed = [
+        strings.model(name, share, factor, shift)
+        for name, share, factor, shift in zip(
+            "AB", shares * draw.capacity_factor[0], factors * draw.resistance_factor[0],
+            draw.voltage_volt[0], strict=True,
+        )
+    ]  # fmt: skip
+    direct = discharge_string(changed, **at, initial_soc=0.98 + draw.initial_soc[0])
+    assert found.capacity_ampere_hour[0] == pytest.approx(direct.capacity_ampere_hour, rel=1e-3)
+    assert found.energy_watt_hour[0] == pytest.approx(direct.energy_watt_hour, rel=1e-3)
+    assert found.weakest[0] == direct.weakest
+
+
+def test_uncertainty_is_what_the_models_and_tests_say_and_never_less_than_the_settings():
+    models = [strings.model("A", r_std=0.1), strings.model("B")]
+    models[0]["members"][0]["left_out_rmse_volt"] = 0.004
+    known = monte_carlo.uncertainty_of(models, [0.6, None])
+    least = PackDecisions()
+    np.testing.assert_allclose(known.capacity_relative, [0.02, least.capacity_relative_std])
+    whole = strings.R0_OHM + sum(strings.R_OHM)
+    stated = 0.1 * strings.R0_OHM * np.sqrt(3) / whole
+    np.testing.assert_allclose(known.resistance_relative, [stated, least.resistance_relative_std])
+    np.testing.assert_allclose(known.voltage_volt, [0.004, 0.0])
+
+
+def test_a_fleet_in_pairs_has_less_above_its_share_than_at_random():
+    random = np.random.default_rng(3)
+    models = strings.models(random.uniform(0.7, 1.0, 10), random.uniform(1.0, 1.8, 10))
+    fleet = fleet_of(models, facts_of(models), [None] * 10, SETTINGS)
+    rows, assembly = matched_fleet(fleet, SETTINGS)
+    by_name = {(row["decision"], row["quantity"]): row for row in rows}
+    mean = by_name["parallel groups of 2", "largest branch current over its share, mean"]
+    assert mean["value"] < mean["random_p05"]
+    assert mean["gain_p95"] < 0
+    assert mean["better_share"] >= 0.9
+    strung = by_name["strings of 2", "usable charge of all strings"]
+    assert strung["value"] >= strung["random_p95"]
+    # Every cell of each way of putting them together is somewhere once.
+    for decision in {row["decision"] for row in assembly}:
+        cells = [row["cell"] for row in assembly if row["decision"] == decision]
+        assert len(cells) == len(set(cells))
+
+
+def test_larger_groups_are_matched_too():
+    models = strings.models([1.0, 0.7, 0.98, 0.72, 0.99, 0.71], [1.0, 1.8, 1.1, 1.7, 1.05, 1.75])
+    changed = SETTINGS._replace(group_size=3, string_length=9)
+    fleet = fleet_of(models, facts_of(models), [None] * 6, changed)
+    uses = discharges_of(fleet, 1.0)
+    ways = [sum(uses(g)[1] for g in way) for way in partitions(list(range(6)), 3)]
+    rows, assembly = matched_fleet(fleet, changed)
+    assert rows[1]["value"] == pytest.approx(min(ways) / 2)
+    together = {row["cell"] for row in assembly if row["group"] == 1}
+    assert together in ({"A", "C", "E"}, {"B", "D", "F"})
+
+
+@pytest.mark.parametrize("connection", ["series", "parallel"])
+def test_rows_of_a_pack(connection):
+    models = strings.models([1.0, 0.8, 0.9], [1.0, 1.4, 1.1])
+    wiring = Wiring("p", connection, ("A", "B", "C"), (3e-4,) * 3, (0.0,) * 3)
+    rows = pack_decisions(
+        wiring, models, positions_of(models), facts_of(models), [None] * 3, celsius=25.0,
+        settings=SETTINGS,
+    )  # fmt: skip
+    assert len({tuple(row) for row in rows}) == 1
+    of = {(row["decision"], row["quantity"], row["cell"]): row for row in rows}
+    charge = of["uncertainty", "usable charge", ""]
+    assert charge["p05"] < charge["p50"] < charge["p95"]
+    first = "weakest" if connection == "series" else "busiest"
+    shares = [r["value"] for r in rows if r["quantity"] == f"probability: {first} cell"]
+    assert sum(shares) == pytest.approx(1.0)
+    best = next(row for row in rows if row["quantity"].startswith("best"))
+    assert best["cell"] == "B"
+    windows = [row for row in rows if row["decision"].startswith("safe window")]
+    assert bool(windows) == (connection == "parallel")
+
+
+def test_the_order_of_a_fleet_does_not_matter():
+    random = np.random.default_rng(8)
+    cost = random.uniform(0.0, 1.0, (6, 6))
+    cost += cost.T
+    turn = next(iter(permutations([5, 2, 0, 4, 1, 3])))
+    turned = cost[np.ix_(turn, turn)]
+
+    def total(matrix):
+        return sum(matrix[a, b] for a, b in matching.pairs_of_least_cost(matrix))
+
+    assert total(cost) == pytest.approx(total(turned))
+
+
+PAIR = strings.models([1.0, 0.9])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: matching.strings_by_capacity([1.0], length=2), "1 cells, wanted at least the 2"),
+        (lambda: matching.pairs_of_least_cost(np.zeros((1, 1))), "1 cell, wanted two or more"),
+        (lambda: matching.pairs_of_least_cost(np.full((2, 2), np.nan)), "not finite"),
+        (
+            lambda: matching.replacements(None, [1], capacity_ampere_hour=[1.0]),
+            "a pack of one cell",
+        ),
+        (
+            lambda: discharge_group(group_of(PAIR), lower_cutoff_volt=0.1),
+            "does not fall to its cut-off of 0.1 V",
+        ),
+        (
+            lambda: matched_fleet(fleet_of(PAIR, facts_of(PAIR), [None] * 2, SETTINGS), SETTINGS),
+            "2 cells, wanted at least two groups of 2",
+        ),
+        (
+            lambda: pack_decisions(
+                Wiring("s", "series", (Wiring("p", "parallel", ("A", "B"), (0, 0), (0, 0)), "C"),
+                       (0, 0), (0, 0)),
+                strings.models([1, 1, 1]), positions_of(strings.models([1, 1, 1])),
+                facts_of(strings.models([1, 1, 1])), [None] * 3, celsius=25.0, settings=SETTINGS,
+            ),
+            "s is not decided on: found",
+        ),
+    ],
+)  # fmt: skip
+def test_refusals(call, message):
+    with pytest.raises(Refusal, match=message):
+        call()
