@@ -54,7 +54,7 @@ def test_tests_with_steps_pair_the_series_of_a_test_with_its_steps(job):
 
 def test_rows_of_tests_carry_the_facts_of_their_tests_and_empty_ones_none(job):
     path, refused = (f"results/capacity/A/{test}.parquet" for test in ("one", "two"))
-    row = {name: 1.0 for name in NUMBERS} | {"direction": "discharge", "repeats": 1}
+    row = dict.fromkeys(NUMBERS, 1.0) | {"direction": "discharge", "repeats": 1}
     with artefact.Job(job(path, "one")) as work:
         work.save([row])
     with artefact.Job(job(refused, "two")):
