@@ -17,6 +17,7 @@ from cellwright.fmu.description import (
     variables_of_cell,
     variables_of_pack,
 )
+from cellwright.fmu.evidence import BEYOND_KELVIN
 from cellwright.packs.artefact import ThermalConstants
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.kernel import ORDER, STRAIGHT, Keep, kernel_sizes, work_room
@@ -30,7 +31,6 @@ from cellwright.refusal import Refusal
 MAGIC = b"cellwright-fmu/1"
 NAME_BYTES = 32
 UNKNOWN_SOC = 0.5  # what a unit starts at where no start is stated; its description says so
-BEYOND_KELVIN = 40.0  # tables reach so far beyond the measured temperatures
 BETWEEN_KELVIN = 2.0  # largest distance of two temperatures of the tables between measured ones
 BEYOND_STEPS = 6  # in so many steps where resistances follow a law, else in half of them
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)

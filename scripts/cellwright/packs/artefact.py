@@ -166,7 +166,8 @@ def _group_tests(rows, models):
     for row in rows:
         entry = tests.setdefault(row["test"], {key: row.get(key) for key in about})
         entry["fitted"] = row["test"] in fitted
-        errors = {key: value for key, value in row.items() if key not in (*about, "group")}
+        known = (*about, "group", "cycle", "soc")
+        errors = {key: value for key, value in row.items() if key not in known}
         entry.setdefault("branches", []).append(errors)
         others = entry.setdefault("other_member", [])
         if row.get("model") is not None and row["model"] != chosen.get(row.get("cell")):
