@@ -83,6 +83,7 @@ MODULE_OF = {
     "Phase": "cellwright.packs.phases",
     "Thermal": "cellwright.packs.thermal",
     "series_pack": "cellwright.api.packs",
+    "nested_pack": "cellwright.api.packs",
     "pack_decisions": "cellwright.api.packs",
     "match_cells": "cellwright.api.packs",
     "check_group": "cellwright.api.effects",
