@@ -2,7 +2,13 @@
 
 from cellwright.packs.wiring import described, rows_below, wiring_of
 
-TABLES = ("packs", "pack_findings", "series_packs", "pack_checks")  # whose rows are of groups
+TABLES = (
+    "packs",
+    "pack_findings",
+    "series_packs",
+    "nested_packs",
+    "pack_checks",
+)  # whose rows are of groups
 
 
 def section(tables, groups) -> list[dict]:
@@ -41,8 +47,9 @@ def _of(tables, name, group):
 def _line(group, rows) -> dict:
     """Texts of the columns of the overview, blank where nothing is known."""
     return {
-        "current": _worst_branch(rows["packs"]),
-        "voltage": _voltage(rows["packs"], rows["series_packs"]),
+        "current": _worst_branch(rows["packs"]) or _worst_channel(rows["nested_packs"], "A"),
+        "voltage": _voltage(rows["packs"], rows["series_packs"])
+        or _worst_channel(rows["nested_packs"], "V"),
         "charge": _charge(rows["pack_findings"], rows["series_packs"]),
         "found": len([row for row in rows["pack_checks"] if row["found"] == "True"]),
     }
@@ -62,6 +69,13 @@ def _worst_branch(scores):
     share = worst.get("relative_current_rmse_above_15_soc")
     above = f" ({100 * float(share):.2g} % above 15 % SoC)" if share else ""
     return f"{text} in {worst['test']}{above}"
+
+
+def _worst_channel(channels, unit):
+    worst = _largest([row for row in channels if row["unit"] == unit], "rmse")
+    if worst is None:
+        return ""
+    return f"{1e3 * float(worst['rmse']):.3g} m{unit} RMS, {worst['of']} in {worst['test']}"
 
 
 def _voltage(scores, strings):
