@@ -189,7 +189,8 @@ def pack_decisions(
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     warm = _loaded_celsius(capacities, [row.cell for row in positions], temperature_celsius)
     rows = decided(wiring, documents, positions, facts, stds, celsius=warm, settings=chosen)
-    return results.Table(rows, (f"cells at {warm:.1f} °C",))
+    notes = [f"cells at {warm:.1f} °C", *_borrowed(documents)]
+    return results.Table(rows, tuple(notes))
 
 
 def match_cells(models, cells, capacities=(), settings=None, **changes):
@@ -232,6 +233,19 @@ def _pack(models, members, cells):
     documents = models_of(wiring, [inputs.content(model) for model in models])
     by_cell = {row["cell"]: inputs.branch_facts(row) for row in rows}
     return wiring, documents, [by_cell[name] for name in names], _facts_of(cells, names)
+
+
+def _borrowed(documents):
+    """Sentences on models that are not of a cell's own pulses and drives."""
+    words = {
+        "group": "known from one slow record of the group: at other currents they are extrapolated",
+        "bias": "the reference's, corrected by what was measured of the cell",
+        "scaled": "the reference's, scaled",
+    }
+    for kind, meaning in words.items():
+        names = [model["cell"] for model in documents if model.get("kind") == kind]
+        if names:
+            yield f"models of {', '.join(names)}: {meaning}"
 
 
 def _facts_of(cells, names):

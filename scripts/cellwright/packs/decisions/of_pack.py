@@ -19,7 +19,7 @@ from cellwright.packs.series.capability import (
     discharge_curves,
     ended_string,
 )
-from cellwright.packs.wiring import depth
+from cellwright.packs.wiring import cells_of, depth
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
@@ -49,7 +49,8 @@ def pack_decisions(
     ------
     Refusal : a cell without cut-offs, a discharge without an end, or as `simulate_pack`.
     """
-    start = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
+    stated = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
+    start = charged_soc(wiring, stated, [model["capacity_ampere_hour"] for model in models])
     known = uncertainty_of(
         models,
         capacity_std_ampere_hour,
@@ -71,6 +72,32 @@ def pack_decisions(
     rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names, first=first)]
     rows += replacement_rows(use, items, spare_of, capacity, names) + window
     return [EMPTY | row for row in rows]
+
+
+def charged_soc(wiring, initial_soc, capacity_ampere_hour):
+    """SoC of each cell of a pack that is charged, from a start, until its first is full (cells,).
+
+    Cells in parallel come to one SoC; members in series keep what they are apart in charge.
+
+    Parameters
+    ----------
+    wiring : Wiring. initial_soc, capacity_ampere_hour : (cells,) in the order of its leaves.
+
+    Returns
+    -------
+    soc : (cells,) [1]; all 1 for cells in parallel alone.
+    """
+    # ASSUME: Cells in parallel rest at one SoC, whatever their OCVs differ by.
+    soc, capacity = np.array(initial_soc, float), np.array(capacity_ampere_hour, float)
+    if wiring.connection == "parallel":
+        return np.ones(len(soc))
+    sizes = [len(cells_of(member)) for member in wiring.members]
+    parts = [np.arange(end - size, end) for size, end in zip(sizes, np.cumsum(sizes), strict=True)]
+    level = [np.average(soc[part], weights=capacity[part]) for part in parts]
+    whole = [capacity[part].sum() for part in parts]
+    lacking = min((1.0 - z) * full for z, full in zip(level, whole, strict=True))
+    charged = [z + lacking / full for z, full in zip(level, whole, strict=True)]
+    return np.repeat(charged, sizes)
 
 
 def _string(models, positions, lower, drawn, start, celsius, settings):
@@ -105,7 +132,6 @@ def _wired(wiring, models, lower, drawn, start, celsius, settings):
         found = discharge_pack(cells_at(tables, index), wiring, initial_soc=np.array(soc), **at)
         return found.capacity_ampere_hour, found.energy_watt_hour
 
-    start = np.array(start)
     draws = pack_draws(
         tables,
         wiring,
