@@ -1,6 +1,12 @@
 # What a series pack can give, decisions on a pack, and cells of one type put together.
 
-SERIES = [group for group in PAIRS if BRANCHES[group][0].get("connection") == "series"]
+# Strings of cells alone: of strings of groups the pack's rules tell voltages and currents.
+SERIES = [
+    group
+    for group in PAIRS
+    if BRANCHES[group][0]["connection"] == "series"
+    and all(row["cell"] in CELLS for row in BRANCHES[group])
+]
 
 
 def median_celsius(group):
