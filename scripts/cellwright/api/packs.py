@@ -271,10 +271,12 @@ def _loaded_celsius(capacities, names, around):
     found = [
         row["temperature_mean_celsius"]
         for row in inputs.rows(capacities)
-        if row["cell"] in names
-        and row["direction"] == "discharge"
-        and row.get("temperature_mean_celsius") is not None
-        and abs((row.get("ambient_temperature_celsius") or around) - around) <= SAME_CELSIUS
+        if row["cell"] in names and row["direction"] == "discharge" and _near(row, around)
     ]
-    warm = sorted(celsius for celsius in found if celsius == celsius)
+    warm = sorted(celsius for celsius in found if celsius is not None and celsius == celsius)
     return float(warm[len(warm) // 2]) if warm else float(around)
+
+
+def _near(row, around):
+    stated = row.get("ambient_temperature_celsius")
+    return stated is None or abs(stated - around) <= SAME_CELSIUS
