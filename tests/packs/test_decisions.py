@@ -12,7 +12,7 @@ from cellwright.packs.cells import pack_cells
 from cellwright.packs.decisions import matching, monte_carlo
 from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fleet
 from cellwright.packs.decisions.group_use import discharge_pack, safe_window, star_of
-from cellwright.packs.decisions.of_pack import charged, pack_decisions
+from cellwright.packs.decisions.of_pack import charged_soc, pack_decisions
 from cellwright.packs.series.capability import discharge_string
 from cellwright.packs.wiring import Wiring
 from cellwright.records.facts import BranchFacts, CellFacts
@@ -35,7 +35,7 @@ def discharged(shares, factors, lower=LOWER):
     """Cells in parallel through a discharge at 1C."""
     cells = pack_cells(strings.models(shares, factors), temperature_celsius=25.0)
     total = cells.capacity_ampere_hour.sum()
-    star = star_of(cells.names, 1e-4)
+    star = star_of(cells.names, wire_resistance_ohm=1e-4)
     return discharge_pack(cells, star, lower_cutoff_volt=lower, current_ampere=total)
 
 
@@ -161,7 +161,9 @@ def test_intervals_hold_a_pack_drawn_from_the_stated_uncertainties(wiring):
         else:
             cells = pack_cells(models, temperature_celsius=25.0)
             at = {"lower_cutoff_volt": LOWER, "current_ampere": 80.0, "initial_soc": 0.95}
-            found = monte_carlo.pack_draws(cells, star_of(cells.names, 3e-4), sample, **at)
+            found = monte_carlo.pack_draws(
+                cells, star_of(cells.names, wire_resistance_ohm=3e-4), sample, **at
+            )
         given.append(found.capacity_ampere_hour)
     low, high = np.percentile(given[0], [5, 95])
     assert 0.78 <= np.mean((given[1] >= low) & (given[1] <= high)) <= 0.99
@@ -268,6 +270,18 @@ def test_a_string_of_groups_is_decided_on_as_a_whole():
     assert charge["p50"] == pytest.approx(1.58 * strings.FULL_AMPERE_HOUR, rel=0.03)
 
 
+def test_a_pack_is_decided_on_charged():
+    """In parallel all full; in series the first is, and the charges between cells stay."""
+    star = Wiring("p", "parallel", ("A", "B"), (0, 0), (0, 0))
+    np.testing.assert_array_equal(charged_soc(star, [0.1, 0.12], [30.0, 20.0]), 1.0)
+    string = Wiring("s", "series", ("A", "B"), (0, 0), (0, 0))
+    found = charged_soc(string, [0.5, 0.4], [30.0, 20.0])
+    np.testing.assert_allclose(found, [0.9, 1.0])
+    nested = Wiring("n", "series", (star, "C"), (0, 0), (0, 0))
+    found = charged_soc(nested, [0.4, 0.6, 0.5], [20.0, 20.0, 40.0])
+    np.testing.assert_allclose(found, 1.0)
+
+
 def test_the_order_of_a_fleet_does_not_matter():
     random = np.random.default_rng(8)
     cost = random.uniform(0.0, 1.0, (6, 6))
@@ -314,11 +328,14 @@ def test_a_pack_is_judged_from_full_and_a_string_keeps_what_its_cells_differ_by(
     pair = Wiring("pair", "parallel", ("A", "B"), (0.0, 0.0), (0.0, 0.0))
     string = Wiring("string", "series", (pair, "C", "D"), (0.0,) * 3, (0.0,) * 3)
     soc = np.array([0.1, 0.1, 0.2, 0.4])
-    full = charged(string, capacity, soc)
+    full = charged_soc(string, soc, capacity)
     np.testing.assert_allclose(full[3], 1.0)
     np.testing.assert_allclose(full[2], 0.8)
     taken = capacity * (full - soc)
     np.testing.assert_allclose([taken[:2].sum(), *taken[2:]], 1.2)
     np.testing.assert_allclose(full[0], full[1])
-    np.testing.assert_allclose(charged(pair, capacity[:2], np.array([0.1, 0.5])), 1.0)
-    np.testing.assert_allclose(charged(pair, capacity[:2], np.ones(2)), 1.0)
+    np.testing.assert_allclose(charged_soc(pair, np.array([0.1, 0.5]), capacity[:2]), 1.0)
+    np.testing.assert_allclose(charged_soc(pair, np.ones(2), capacity[:2]), 1.0)
+    strings = Wiring("strings", "parallel", (string, "E"), (0.0, 0.0), (0.0, 0.0))
+    both = charged_soc(strings, np.append(soc, 0.3), np.append(capacity, 5.0))
+    np.testing.assert_allclose(both, np.append(full, 1.0))

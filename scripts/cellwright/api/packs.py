@@ -231,7 +231,8 @@ def pack_decisions(
     chosen = inputs.settings_of(PackDecisions, settings, changes)
     warm = _loaded_celsius(capacities, [row.cell for row in positions], temperature_celsius)
     rows = decided(wiring, documents, positions, facts, stds, celsius=warm, settings=chosen)
-    return results.Table(rows, (f"cells at {warm:.1f} °C",))
+    notes = [f"cells at {warm:.1f} °C", *_borrowed(documents)]
+    return results.Table(rows, tuple(notes))
 
 
 def match_cells(models, cells, capacities=(), settings=None, **changes):
@@ -276,6 +277,19 @@ def _pack(models, members, cells):
     return wiring, documents, [by_cell[name] for name in names], _facts_of(cells, names)
 
 
+def _borrowed(documents):
+    """Sentences on models that are not of a cell's own pulses and drives."""
+    words = {
+        "group": "known from one slow record of the group: at other currents they are extrapolated",
+        "bias": "the reference's, corrected by what was measured of the cell",
+        "scaled": "the reference's, scaled",
+    }
+    for kind, meaning in words.items():
+        names = [model["cell"] for model in documents if model.get("kind") == kind]
+        if names:
+            yield f"models of {', '.join(names)}: {meaning}"
+
+
 def _facts_of(cells, names):
     known = {facts.cell: facts for facts in map(inputs.cell_facts, cells)}
     return [known[name] for name in names]
@@ -299,10 +313,12 @@ def _loaded_celsius(capacities, names, around):
     found = [
         row["temperature_mean_celsius"]
         for row in inputs.rows(capacities)
-        if row["cell"] in names
-        and row["direction"] == "discharge"
-        and row.get("temperature_mean_celsius") is not None
-        and abs((row.get("ambient_temperature_celsius") or around) - around) <= SAME_CELSIUS
+        if row["cell"] in names and row["direction"] == "discharge" and _near(row, around)
     ]
-    warm = sorted(celsius for celsius in found if celsius == celsius)
+    warm = sorted(celsius for celsius in found if celsius is not None and celsius == celsius)
     return float(warm[len(warm) // 2]) if warm else float(around)
+
+
+def _near(row, around):
+    stated = row.get("ambient_temperature_celsius")
+    return stated is None or abs(stated - around) <= SAME_CELSIUS

@@ -104,7 +104,7 @@ def _discharged(fleet, tables, c_rate, cells, draw):
         drawn = fleet.drawn
         chosen = type(drawn)(*(column[:, list(cells)] for column in drawn))
         part = drawn_cells(part, chosen._replace(voltage_volt=0 * chosen.voltage_volt), draw)
-    star = star_of(part.names, JOINT_OHM)
+    star = star_of(part.names, wire_resistance_ohm=JOINT_OHM)
     use = discharge_pack(
         part, star, lower_cutoff_volt=fleet.lower_cutoff_volt, current_ampere=current
     )

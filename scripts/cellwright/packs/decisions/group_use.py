@@ -51,7 +51,7 @@ def cells_at(cells, index):
     )
 
 
-def star_of(names, wire_resistance_ohm=0.0):
+def star_of(names, *, wire_resistance_ohm=0.0):
     """Wiring of cells in parallel, each with its own lead to one point.
 
     Parameters

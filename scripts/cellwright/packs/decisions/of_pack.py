@@ -49,9 +49,9 @@ def pack_decisions(
     ------
     Refusal : a cell without cut-offs, a discharge without an end, or as `simulate_pack`.
     """
-    capacity = np.array([model["capacity_ampere_hour"] for model in models])
     stated = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
-    start = charged(wiring, capacity, np.array(stated))
+    capacity = [model["capacity_ampere_hour"] for model in models]
+    start = charged_soc(wiring, stated, capacity)
     known = uncertainty_of(
         models,
         capacity_std_ampere_hour,
@@ -74,44 +74,54 @@ def pack_decisions(
     return [EMPTY | row for row in rows]
 
 
-def charged(wiring, capacity_ampere_hour, soc):
-    """SoC of the cells when a pack has been charged until it takes no more (cells,) [1].
+def charged_soc(wiring, initial_soc, capacity_ampere_hour):
+    """SoC of each cell of a pack that is charged, from a start, until it takes no more (cells,).
 
-    Members in series take the same charge until the first is full, so that what they differ by
-    stays; members in parallel are all filled.
+    Members in series take the same charge until the first is full, so that what they are apart
+    stays; members in parallel are all filled. Cells in parallel come to one SoC.
 
     Parameters
     ----------
-    wiring : Wiring. capacity_ampere_hour : (cells,) [Ah].
-    soc : (cells,) before the charge [1].
+    wiring : Wiring. initial_soc, capacity_ampere_hour : (cells,) in the order of its leaves.
+
+    Returns
+    -------
+    soc : (cells,) [1]; all 1 for cells in parallel alone.
     """
-    lacks = capacity_ampere_hour * (1.0 - soc)
-    return 1.0 - (lacks - _taken(wiring, lacks, _room(wiring, lacks))) / capacity_ampere_hour
+    # ASSUME: Cells in parallel rest at one SoC, whatever their OCVs differ by.
+    capacity = np.asarray(capacity_ampere_hour, float)
+    lacking = capacity * (1.0 - np.asarray(initial_soc, float))
+    charge = _room(wiring, lacking)
+    return 1.0 - _lacking_after(wiring, lacking, capacity, charge) / capacity
 
 
-def _parts(wiring, lacks):
-    """Members of a wiring, each with what its cells lack."""
+def _members(wiring, *columns):
+    """Members of a wiring, each with its cells' part of each column."""
     bounds = np.cumsum([len(cells_of(member)) for member in wiring.members])[:-1]
-    return zip(wiring.members, np.split(lacks, bounds), strict=True)
+    return zip(wiring.members, *(np.split(column, bounds) for column in columns), strict=True)
 
 
-def _room(wiring, lacks):
-    """Charge that a member takes until full [Ah]."""
+def _room(wiring, lacking):
+    """Charge that a member takes until full, of what each of its cells lacks [Ah]."""
     if isinstance(wiring, str):
-        return float(lacks[0])
-    rooms = [_room(member, part) for member, part in _parts(wiring, lacks)]
+        return float(lacking[0])
+    rooms = [_room(member, part) for member, part in _members(wiring, lacking)]
     return min(rooms) if wiring.connection == "series" else sum(rooms)
 
 
-def _taken(wiring, lacks, charge):
-    """Charge that each cell takes of what its member takes (cells,) [Ah]."""
+def _lacking_after(wiring, lacking, capacity, charge):
+    """What each cell lacks of full after a member took a charge (cells,) [Ah]."""
     if isinstance(wiring, str):
-        return np.array([charge])
-    shares, whole = [], _room(wiring, lacks)
-    for member, part in _parts(wiring, lacks):
-        share = 1.0 if wiring.connection == "series" else _room(member, part) / (whole or 1.0)
-        shares.append(_taken(member, part, share * charge))
-    return np.concatenate(shares)
+        return lacking - charge
+    left = _room(wiring, lacking) - charge
+    if wiring.connection == "parallel" and all(isinstance(m, str) for m in wiring.members):
+        return left * capacity / capacity.sum()
+    parts = []
+    for member, lacks, full in _members(wiring, lacking, capacity):
+        share = full.sum() / capacity.sum()
+        of_member = charge if wiring.connection == "series" else _room(member, lacks) - share * left
+        parts.append(_lacking_after(member, lacks, full, of_member))
+    return np.concatenate(parts)
 
 
 def _string(models, positions, lower, drawn, start, celsius, settings):
@@ -146,7 +156,6 @@ def _wired(wiring, models, lower, drawn, start, celsius, settings):
         found = discharge_pack(cells_at(tables, index), wiring, initial_soc=np.array(soc), **at)
         return found.capacity_ampere_hour, found.energy_watt_hour
 
-    start = np.array(start)
     draws = pack_draws(
         tables,
         wiring,
