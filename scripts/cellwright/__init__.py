@@ -83,6 +83,7 @@ MODULE_OF = {
     "cell_fmu": "cellwright.api.fmu",
     "pack_fmu": "cellwright.api.fmu",
     "series_pack": "cellwright.api.packs",
+    "nested_pack": "cellwright.api.packs",
     "pack_decisions": "cellwright.api.packs",
     "match_cells": "cellwright.api.packs",
     "check_group": "cellwright.api.effects",

@@ -1,7 +1,5 @@
 # What a series pack can give, decisions on a pack, and cells of one type put together.
 
-SERIES = [group for group in PAIRS if BRANCHES[group][0].get("connection") == "series"]
-
 
 def median_celsius(group):
     """Median of the stated temperatures of a group's tests; 25 °C where none is stated."""
@@ -57,7 +55,7 @@ rule pack_decisions:
     log:
         "logs/pack_decisions/{group}.log",
     wildcard_constraints:
-        group=either(PAIRS),
+        group=either(DECIDED),
     params:
         members=lambda w: WIRED[w.group],
         cells=lambda w: [facts_of(cell) for cell in LEAVES[w.group]],
