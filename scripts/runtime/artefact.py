@@ -1,8 +1,9 @@
 """The only place that opens artefacts: load, save with provenance, check against the contract.
 
-An artefact is a Parquet table (columns in the contract, facts in its metadata), a JSON document
-or, for people, a CSV table. What could not be made is an artefact too: no rows, and a reason that
-every later stage passes on, so that one bad file never takes the others down.
+An artefact is a Parquet table (columns in the contract, facts in its metadata), a JSON document,
+for people a CSV table, or for simulators a functional mock-up unit (.fmu). What could not be made
+is an artefact too: no rows, and a reason that every later stage passes on, so that one bad file
+never takes the others down.
 """
 
 import csv
@@ -89,6 +90,9 @@ def write(path, content, about):
         _write_csv(path, columns_of(content), about)
     elif suffix == ".svg":
         Path(path).write_text(_blank_figure(about), encoding="utf-8")
+    elif suffix == ".fmu":
+        Path(path).write_bytes(content or b"")
+        _write_about(path, about)
     else:
         columns = columns_of(content)
         if about["reason"] is None and len(columns):
@@ -125,7 +129,13 @@ def _write_csv(path, columns, about):
     for row in zip(*(columns.get(name, [None] * length) for name in names), strict=True):
         writer.writerow([_cell(value) for value in row])
     Path(path).write_text(text.getvalue(), encoding="utf-8")
-    Path(f"{path}.provenance.json").write_text(json.dumps(about, indent=1, sort_keys=True))
+    _write_about(path, about)
+
+
+def _write_about(path, about):
+    """Beside a file that has no room for it: provenance, reason, origin, notes, facts."""
+    text = json.dumps(about, indent=1, sort_keys=True)
+    Path(f"{path}.provenance.json").write_text(text, encoding="utf-8")
 
 
 def _blank_figure(about) -> str:
@@ -344,6 +354,8 @@ def read_about(path) -> dict:
     """Provenance, reason, origin, notes and facts that an artefact carries."""
     if Path(path).suffix == ".json":
         return _read_json(path)["provenance"]
+    if Path(path).suffix == ".fmu":
+        return _read_json(f"{path}.provenance.json")
     return json.loads(pq.read_schema(path).metadata[KEY])
 
 

@@ -30,6 +30,15 @@ def tests(paths) -> list[MeasuredTest]:
     return [MeasuredTest(of_artefact(about), series) for series, about in loaded]
 
 
+def rows_of_tests(paths) -> list[dict]:
+    """Rows of all artefacts with content, each with cell or group, test and what the sheet says."""
+    return [
+        dict(about["wildcards"]) | about["params"].get("test", {}) | row
+        for columns, about in artefact.load_all(paths)
+        for row in artefact.rows(columns)
+    ]
+
+
 def fresh_cell(cells, paths):
     """Facts and tests of the cell that lends its fresh state; None where none does."""
     return (CellFacts(**cells[0]), tests(paths)) if cells else None

@@ -55,7 +55,7 @@ def digest_of(piece: Piece) -> str:
     digest = hashlib.sha256(f"{piece.path.relative_to(SCRIPTS).as_posix()}:{piece.name}".encode())
     digest.update(ast.dump(_tree(piece)).encode())
     package = piece.path.name == "__init__.py"  # it builds the C sources in its folder
-    for source in sorted(piece.path.parent.glob("*.c")) if package else []:
+    for source in sorted(piece.path.parent.glob("*.[ch]")) if package else []:
         digest.update(source.read_bytes())
     return digest.hexdigest()
 
@@ -70,7 +70,7 @@ def codes_of(scripts, kept_in: Path) -> dict[str, str]:
         sources that they are of. One of other sources, or none, is replaced.
     """
     sources = hashlib.sha256(sys.version.encode())
-    for path in sorted([*SCRIPTS.rglob("*.py"), *SCRIPTS.rglob("*.c")]):
+    for path in sorted([*SCRIPTS.rglob("*.py"), *SCRIPTS.rglob("*.[ch]")]):
         sources.update(f"{path.relative_to(SCRIPTS).as_posix()}\n".encode() + path.read_bytes())
     try:
         kept = json.loads(kept_in.read_text(encoding="utf-8"))

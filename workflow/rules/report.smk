@@ -12,6 +12,7 @@ FINAL = [
     *STAGES,
     *EXPORTED["lookup.csv"],
     *EXPORTED["over_temperature.csv"],
+    *[f"results/pack_models/{group}/lookup.csv" for group in PACK_MODELS],
     *VERDICTS,
     *OWN_VERDICTS,
     *EXTERNAL_VERDICTS,

@@ -99,6 +99,7 @@ STAGES = [
     *[path for cell in COMPENSATED for path in left_out_of(cell)],
     *[f"results/compensation/{cell}.parquet" for cell in COMPENSATED],
     *[f"results/branches/{group}.json" for group in sorted(set(GROUPED.values()))],
+    *[f"results/pack_models/{group}.json" for group in PACK_MODELS],
     *MODELS,
     *EXPORTED["pybamm_thevenin.json"],
     *[path for paths in TABLE_INPUTS.values() for path in paths],

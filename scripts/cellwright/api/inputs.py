@@ -113,6 +113,22 @@ def content(document):
     return getattr(document, "content", document)
 
 
+def json_of_file(path):
+    """Content of a JSON file that a user names.
+
+    Raises
+    ------
+    Refusal : No such file, or no JSON in it.
+    """
+    import json
+
+    try:
+        with open(path, encoding="utf-8") as file:
+            return json.load(file)
+    except (OSError, ValueError) as error:
+        raise Refusal(f"{path}: {error}, wanted a JSON document") from error
+
+
 def entries(pairs, fields=None) -> list[dict]:
     """Rows of results as dicts, each with the name, temperature and cycle of its test.
 

@@ -76,17 +76,35 @@ def function(name, *types, result=None):
 
 @cache
 def _library():
-    compiler = next((c for c in (os.environ.get("CC"), "cc", "gcc", "clang") if _found(c)), None)
-    if compiler is None or os.environ.get("CELLWRIGHT_NATIVE") == "0":
+    compiler = compiler_command()
+    if compiler is None:
         return None
-    digest = hashlib.sha256(repr((FLAGS, os.uname().machine, os.uname().sysname)).encode())
-    for source in SOURCES:
+    path = library_file("kernels", compiler, FLAGS, SOURCES)
+    return path and ctypes.CDLL(str(path))
+
+
+def library_file(kind, compiler, flags, sources, included=()):
+    """A library of these sources, built where it is not there yet; None where it cannot be.
+
+    Parameters
+    ----------
+    kind : begin of its name. compiler : command. flags : of the compiler.
+    sources : paths of the C files. included : of those that they include.
+    """
+    digest = hashlib.sha256(repr((flags, os.uname().machine, os.uname().sysname)).encode())
+    for source in (*sources, *included):
         digest.update(source.read_bytes())
     for home in _homes():
-        path = home / f"kernels-{digest.hexdigest()[:16]}.so"
-        if path.exists() or _built(compiler, path):
-            return ctypes.CDLL(str(path))
+        path = home / f"{kind}-{digest.hexdigest()[:16]}.so"
+        if path.exists() or _built(compiler, path, flags, sources):
+            return path
     return None
+
+
+def compiler_command():
+    """Command of a C compiler, None where there is none or kernels are not wanted."""
+    compiler = next((c for c in (os.environ.get("CC"), "cc", "gcc", "clang") if _found(c)), None)
+    return None if os.environ.get("CELLWRIGHT_NATIVE") == "0" else compiler
 
 
 def _found(command):
@@ -100,7 +118,7 @@ def _homes():
     yield Path(tempfile.gettempdir()) / f"cellwright-{os.getuid()}"
 
 
-def _built(compiler, path):
+def _built(compiler, path, flags, sources):
     """Build beside the target and move it there, so that no other job sees half a library.
 
     Where that fails the twins serve, tens of times slower: said once, in the compiler's words.
@@ -109,7 +127,7 @@ def _built(compiler, path):
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryDirectory(dir=path.parent) as folder:
             made = Path(folder) / path.name
-            command = [*compiler.split(), *FLAGS, *map(str, SOURCES), "-o", str(made), "-lm"]
+            command = [*compiler.split(), *flags, *map(str, sources), "-o", str(made), "-lm"]
             subprocess.run(command, check=True, capture_output=True, timeout=120)
             made.replace(path)
     except (OSError, subprocess.SubprocessError) as error:

@@ -136,7 +136,7 @@ def _put(found, k, keep, solved, state, sensed):
 
 def _compiled(kernel, cells, network, state, load, *, hold, sensed, keep, tolerance_volt):
     address, stride, straight = _addresses(cells)
-    sizes = _sizes(cells, network, hold, sensed, keep)
+    sizes = kernel_sizes(cells, network, hold, sensed, keep)
     inverse, here = (
         -1.0 / (celsius + ZERO_CELSIUS_KELVIN)
         for celsius in (
@@ -145,7 +145,7 @@ def _compiled(kernel, cells, network, state, load, *, hold, sensed, keep, tolera
         )
     )
     begin, current = _packed(state), state.current_ampere.copy()
-    work = np.zeros(_work_rows(cells) * network.cells + _network_room(network))
+    work = np.zeros(work_room(cells, network))
     work[: len(begin)] = begin
     found, fault = _room(len(load.second), network.cells, keep), np.zeros(3)
     stopped = kernel(
@@ -187,7 +187,13 @@ def _addresses(cells):
     return (np.array(column, np.int64) for column in zip(*rows, strict=True))
 
 
-def _sizes(cells, network, hold, sensed, keep):
+def kernel_sizes(cells, network, hold, sensed, keep):
+    """Numbers by which native/pack.c knows what it is given: the array `sizes` of its comment.
+
+    Parameters
+    ----------
+    cells : PackCells. network : Network. hold, sensed, keep : as of `run_steps`.
+    """
     entries = {name: getattr(cells, name).shape[2] for name in TABLES}
     moving = len(cells.temperature_celsius) > 1 or any(
         np.any(getattr(cells, name) != getattr(cells, name)[..., :1]) for name in TIMES
@@ -205,15 +211,19 @@ def _sizes(cells, network, hold, sensed, keep):
     )
 
 
-def _work_rows(cells):
+def work_room(cells, network):
+    """How many numbers native/pack.c needs to work with.
+
+    Parameters
+    ----------
+    cells : PackCells. network : Network.
+    """
     quantities = sum(getattr(cells, name).shape[2] for name in ORDER)
     lags = sum(getattr(cells, name).shape[2] for name in TIMES)
     memory = lags + cells.hysteresis_volt.shape[2]
-    return 8 + 4 * quantities + 2 * lags + 2 * memory + cells.r_ohm.shape[2]
-
-
-def _network_room(network):
-    return 4 * (network.cells + len(network.connection)) + 6 * len(network.member)
+    rows = 8 + 4 * quantities + 2 * lags + 2 * memory + cells.r_ohm.shape[2]
+    elements = network.cells + len(network.connection)
+    return rows * network.cells + 4 * elements + 6 * len(network.member)
 
 
 def _packed(state):

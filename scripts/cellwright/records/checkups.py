@@ -107,15 +107,21 @@ def _first_checkup(cycle, content, curves, capacities):
         "cycle": cycle,
         "ambient_temperature_celsius": chosen["ambient_temperature_celsius"],
         "capacity_ampere_hour": content["capacity_ampere_hour"],
-        "capacity_std_ampere_hour": _repeat_share(capacities, content["capacity_ampere_hour"]),
+        "capacity_std_ampere_hour": repeat_std(capacities, content["capacity_ampere_hour"]),
         "capacity_source": content["capacity_source"],
         "ocv": content["ocv"],
         "ocv_source": "of this check-up" if not content["borrowed_from"] else "borrowed",
     }
 
 
-def _repeat_share(capacities, size):
-    """Standard deviation that repeats of a discharge show, for a capacity `size` [Ah]; or None."""
+def repeat_std(capacities, size):
+    """Standard deviation of a capacity that repeats of discharges show [Ah]; None without repeats.
+
+    Parameters
+    ----------
+    capacities : list of dict with capacity_ampere_hour and capacity_std_ampere_hour [Ah].
+    size : the capacity [Ah].
+    """
     shares = [
         row["capacity_std_ampere_hour"] / row["capacity_ampere_hour"]
         for row in capacities
@@ -132,7 +138,7 @@ def _later(cycle, group, first_capacities, before, limits):
         "cycle": cycle,
         "ambient_temperature_celsius": before[0]["ambient_temperature_celsius"],
         "capacity_ampere_hour": capacity,
-        "capacity_std_ampere_hour": _repeat_share(capacities, capacity),
+        "capacity_std_ampere_hour": repeat_std(capacities, capacity),
         "capacity_source": source,
     }
     if curves:

@@ -1,0 +1,341 @@
+"""The pack model as a document: wiring, models of its cells, their start, and their errors.
+
+The document (schema cellwright-pack/1) holds all that a simulation of the pack needs, and beside
+it what tests have said of it: of each cell how well its model predicts tests that took no part in
+its fit, of the pack how well currents and voltage of its group tests are predicted. What no test
+has said is stated as such.
+"""
+
+from typing import NamedTuple
+
+from cellwright.circuits.model_file import capacity_of, member_of
+from cellwright.circuits.parameters import parameter_rows
+from cellwright.packs.wiring import Wiring, cells_of
+from cellwright.refusal import Refusal
+
+SCHEMA = "cellwright-pack/1"
+# Of a model file what a simulation needs; the rest tells how the model came about.
+OF_MODEL = ("schema", "cell", "capacity_ampere_hour", "borrowed_from", "kind", "ocv", "fitted")
+CELL_SCORES = (
+    *("test", "role", "kind", "ambient_temperature_celsius", "model", "rmse_volt"),
+    *("rmse_volt_soc_5_95", "max_abs_volt", "mean_volt", "samples", "extrapolated"),
+)
+
+
+class ThermalConstants(NamedTuple):
+    """Lumped thermal state of a cell: heat capacity, and resistance to the ambient."""
+
+    heat_capacity_joule_per_kelvin: float
+    resistance_kelvin_per_watt: float
+
+
+class CellInPack(NamedTuple):
+    """What is known of one cell of a pack.
+
+    model : dict of schema cellwright-model/2. initial_soc : at the start of the group's tests [1],
+    None where not stated. thermal : ThermalConstants, or None where nothing tells them.
+    capacity_std_ampere_hour : standard deviation that repeats of its capacity show, or None.
+    validation : list of dict, rows of stage `validation` with test, role, kind and
+    ambient_temperature_celsius, of every member of its family.
+    """
+
+    model: dict
+    initial_soc: float | None = None
+    thermal: ThermalConstants | None = None
+    capacity_std_ampere_hour: float | None = None
+    validation: tuple = ()
+
+
+class PackModel(NamedTuple):
+    """A pack model as a simulation takes it; what is of cells in the order of the leaves.
+
+    wiring : Wiring. models : tuple of dict of schema cellwright-model/2, each with its chosen
+    member only. initial_soc : tuple of float or None. thermal : tuple of ThermalConstants or None.
+    document : the whole document, with all errors.
+    """
+
+    wiring: Wiring
+    models: tuple
+    initial_soc: tuple
+    thermal: tuple
+    document: dict
+
+    @property
+    def cells(self):
+        """Names of the cells in the order of the leaves."""
+        return cells_of(self.wiring)
+
+
+def pack_document(wiring, cells, group_tests=()):
+    """The document of a pack model.
+
+    Parameters
+    ----------
+    wiring : Wiring.
+    cells : mapping, name → CellInPack, of every cell of the wiring.
+    group_tests : list of dict, rows of stage `pack` of the group's tests with test, role, kind and
+        ambient_temperature_celsius: errors of branch currents [A], of voltage [V] and others.
+
+    Returns
+    -------
+    document : dict of schema cellwright-pack/1.
+
+    Raises
+    ------
+    Refusal : a cell of the wiring without a model, or a model of another cell.
+    """
+    names = cells_of(wiring)
+    _check_cells(names, cells)
+    entries = [cell_entry(name, cells[name]) for name in names]
+    models = [entry["model"] for entry in entries]
+    tests = _group_tests(group_tests, models)
+    capacities = {entry["cell"]: entry["capacity_ampere_hour"] for entry in entries}
+    return {
+        "schema": SCHEMA,
+        "group": wiring.name,
+        "current_sign": "positive on charge",
+        "wiring": tree_of(wiring),
+        "capacity_ampere_hour": capacity_of_wiring(wiring, capacities),
+        "cells": entries,
+        "tests": tests,
+        "validated": any(_counts(test) for test in tests),
+        "why_not_validated": _why_not_validated(tests),
+    }
+
+
+def _check_cells(names, cells):
+    lacking = [name for name in names if name not in cells]
+    if lacking:
+        raise Refusal(f"no model of {', '.join(lacking)}, wanted one of every cell of the pack")
+    for name in names:
+        found = cells[name].model.get("cell")
+        if found != name:
+            raise Refusal(f"the model given for {name} is of {found}")
+
+
+def cell_entry(name, cell):
+    """Entry of one cell in a document: its model with the chosen member alone, numbers, errors.
+
+    Parameters
+    ----------
+    name : of the cell. cell : CellInPack.
+    """
+    member = member_of(cell.model)
+    model = {key: cell.model[key] for key in OF_MODEL if key in cell.model}
+    model |= {"chosen": member["model"], "members": [member]}
+    scores = [row for row in cell.validation if row["model"] == member["model"]]
+    scores = [{key: row.get(key) for key in CELL_SCORES} for row in scores]
+    conditions = member["conditions"]
+    thermal = cell.thermal._asdict() if cell.thermal else None
+    return {
+        "cell": name,
+        "capacity_ampere_hour": capacity_of(cell.model, member),
+        "capacity_std_ampere_hour": cell.capacity_std_ampere_hour,
+        "initial_soc": cell.initial_soc,
+        "thermal": thermal,
+        "model": model,
+        "left_out_rmse_volt": member.get("left_out_rmse_volt"),
+        "fit": [
+            {key: condition.get(key) for key in ("ambient_temperature_celsius", "fit_rmse_volt")}
+            for condition in conditions
+        ],
+        "validation": scores,
+        "validated": bool(scores),
+        "why_not_validated": None if scores else _why_no_scores(cell, member),
+    }
+
+
+def _why_no_scores(cell, member):
+    if cell.validation:
+        return f"its tests for validation were not simulated with {member['model']}"
+    return "it has no test that took no part in its fit"
+
+
+def _group_tests(rows, models):
+    """One entry a group test: its role, whether a model was fitted to it, errors by branch.
+
+    `other_member` names cells that the test was simulated with in another member than the one that
+    stands here: its errors are not those of this pack model.
+    """
+    about = ("test", "role", "kind", "ambient_temperature_celsius")
+    fitted = {model["fitted"]["test"] for model in models if model.get("fitted")}
+    chosen = {model["cell"]: model["chosen"] for model in models}
+    tests = {}
+    for row in rows:
+        entry = tests.setdefault(row["test"], {key: row.get(key) for key in about})
+        entry["fitted"] = row["test"] in fitted
+        errors = {key: value for key, value in row.items() if key not in (*about, "group")}
+        entry.setdefault("branches", []).append(errors)
+        others = entry.setdefault("other_member", [])
+        if row.get("model") is not None and row["model"] != chosen.get(row.get("cell")):
+            others.append(row.get("cell"))
+    return list(tests.values())
+
+
+def _counts(test):
+    """Whether the errors of a group test are those of a prediction by this very pack model."""
+    return not test["fitted"] and not test["other_member"]
+
+
+def _why_not_validated(tests):
+    if any(_counts(test) for test in tests):
+        return None
+    if not tests:
+        return "the group has no test"
+    names = ", ".join(test["test"] for test in tests)
+    if all(test["fitted"] for test in tests):
+        return f"its models were fitted to part of {names}; errors are those of the rest"
+    others = ", ".join(dict.fromkeys(cell for test in tests for cell in test["other_member"]))
+    return f"{names} simulated with other members than those that stand here, of {others}"
+
+
+def capacity_of_wiring(wiring, capacity_ampere_hour):
+    """Capacity of a pack of cells that are full and empty together [Ah].
+
+    The sum of members in parallel, the least of members in series. What spread of SoC, resistances
+    and currents take off it says a simulation.
+
+    Parameters
+    ----------
+    wiring : Wiring or the name of a cell. capacity_ampere_hour : mapping, cell → [Ah].
+    """
+    if isinstance(wiring, str):
+        return capacity_ampere_hour[wiring]
+    members = [capacity_of_wiring(member, capacity_ampere_hour) for member in wiring.members]
+    return sum(members) if wiring.connection == "parallel" else min(members)
+
+
+def tree_of(wiring):
+    """A wiring as nested dicts: group, connection, terminals, sense, members; `cell` of a leaf.
+
+    Parameters
+    ----------
+    wiring : Wiring.
+
+    Returns
+    -------
+    tree : dict; each member has contact_ohm and link_ohm [Ω] and either `cell` or `group`.
+    """
+    members = zip(wiring.members, wiring.contact_ohm, wiring.link_ohm, strict=True)
+    return {
+        "group": wiring.name,
+        "connection": wiring.connection,
+        "terminals": wiring.terminals,
+        "sense": wiring.sense,
+        "members": [
+            ({"cell": member} if isinstance(member, str) else tree_of(member))
+            | {"contact_ohm": contact, "link_ohm": link}
+            for member, contact, link in members
+        ],
+    }
+
+
+def wiring_of_tree(tree):
+    """The Wiring of nested dicts, as `tree_of` writes them.
+
+    Parameters
+    ----------
+    tree : dict.
+
+    Raises
+    ------
+    Refusal : a connection or ends of another name, no members, a resistance below zero or none.
+    """
+    allowed = {"connection": ("parallel", "series"), "terminals": ("same_end", "opposite_ends")}
+    for key, names in allowed.items():
+        if tree.get(key) not in names:
+            found = f"{key} {tree.get(key)!r} of group {tree.get('group')!r}"
+            raise Refusal(f"{found}, wanted {' or '.join(names)}")
+    members = tree.get("members")
+    if not members:
+        raise Refusal(f"group {tree.get('group')!r} has no members")
+    ohms = [[_ohm(member, key) for member in members] for key in ("contact_ohm", "link_ohm")]
+    return Wiring(
+        name=tree["group"],
+        connection=tree["connection"],
+        members=tuple(m["cell"] if "cell" in m else wiring_of_tree(m) for m in members),
+        contact_ohm=tuple(ohms[0]),
+        link_ohm=tuple(ohms[1]),
+        terminals=tree["terminals"],
+        sense=tree.get("sense"),
+    )
+
+
+def _ohm(member, key):
+    value = member.get(key)
+    if not isinstance(value, int | float) or not 0 <= value < float("inf"):
+        name = member.get("cell") or member.get("group")
+        raise Refusal(f"{key} of {name} is {value!r}, wanted a resistance of 0 or more")
+    return float(value)
+
+
+def read_pack(document):
+    """The pack model of a document, checked as far as a simulation relies on it.
+
+    Parameters
+    ----------
+    document : dict of schema cellwright-pack/1.
+
+    Returns
+    -------
+    pack : PackModel.
+
+    Raises
+    ------
+    Refusal : another schema, what `wiring_of_tree` refuses, cells that are not those of the
+        wiring, or a capacity that is not positive.
+    """
+    found = document.get("schema") if isinstance(document, dict) else type(document).__name__
+    if found != SCHEMA:
+        raise Refusal(f"schema is {found!r}, wanted {SCHEMA}")
+    wiring = wiring_of_tree(document["wiring"])
+    entries = {entry["cell"]: entry for entry in document["cells"]}
+    names = cells_of(wiring)
+    if sorted(names) != sorted(entries) or len(names) != len(document["cells"]):
+        given = ", ".join(entry["cell"] for entry in document["cells"])
+        raise Refusal(f"cells are {given}, wanted those of the wiring, each once: {names}")
+    for name in names:
+        size = entries[name]["model"].get("capacity_ampere_hour")
+        if not (isinstance(size, int | float) and size > 0):
+            raise Refusal(f"capacity of {name} is {size!r} Ah, wanted a positive one")
+    thermal = (entries[name].get("thermal") for name in names)
+    return PackModel(
+        wiring=wiring,
+        models=tuple(entries[name]["model"] for name in names),
+        initial_soc=tuple(entries[name]["initial_soc"] for name in names),
+        thermal=tuple(values and ThermalConstants(**values) for values in thermal),
+        document=document,
+    )
+
+
+def pack_lookup(document):
+    """The tables of all cells of a pack in long form, one row a value.
+
+    Linear in SoC between the rows of one quantity and held flat outside them, as the model is read;
+    `ocv` is read at the SoC that `ocv_missing` and `ocv_stretch` of the same temperature make of
+    the counted one: 1 − missing − (1 − soc)·(1 + stretch); `ocv_shift` adds to it.
+
+    Parameters
+    ----------
+    document : dict of schema cellwright-pack/1.
+
+    Returns
+    -------
+    rows : list of dict: cell, model, ambient_temperature_celsius, soc (None: of no SoC), parameter,
+        value, std (None: not known), unit.
+    """
+    rows = []
+    for entry in document["cells"]:
+        cell, model = {"cell": entry["cell"]}, entry["model"]
+        plain = {"model": model["chosen"], "std": None}
+        own = plain | {"ambient_temperature_celsius": None, "soc": None, "parameter": "capacity"}
+        value = {"value": entry["capacity_ampere_hour"], "unit": "Ah"}
+        rows.append(cell | own | value | {"std": entry["capacity_std_ampere_hour"]})
+        for table in model["ocv"]:
+            celsius = {"ambient_temperature_celsius": table["ambient_temperature_celsius"]}
+            about = cell | plain | celsius | {"parameter": "ocv", "unit": "V"}
+            pairs = zip(table["soc"], table["ocv_volt"], strict=True)
+            rows += [about | {"soc": soc, "value": volt} for soc, volt in pairs]
+        fitted = [dict(row) for row in parameter_rows(model)]
+        rows += [cell | {k: v for k, v in row.items() if k != "at_bound"} for row in fitted]
+    return rows

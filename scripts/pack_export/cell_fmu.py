@@ -1,0 +1,13 @@
+"""A cell's model as a functional mock-up unit for other simulators."""
+
+import cellwright as cw
+from runtime import artefact, facts
+
+with artefact.Job(snakemake) as job:
+    found = cw.cell_fmu(
+        job.load(snakemake.input.model),
+        capacities=facts.rows_of_tests(snakemake.input.capacities),
+        validation=facts.rows_of_tests(snakemake.input.validation),
+    )
+    job.note(*found.notes)
+    job.save(found.content, token=found.token, platform=found.platform)

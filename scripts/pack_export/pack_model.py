@@ -1,0 +1,18 @@
+"""The model of a pack as one document, with the errors that its tests have shown."""
+
+import cellwright as cw
+from runtime import artefact, facts
+
+with artefact.Job(snakemake) as job:
+    inputs, output, params = snakemake.input, snakemake.output, snakemake.params
+    found = cw.assemble_pack(
+        snakemake.wildcards.group,
+        params.rows,
+        [job.load(path) for path in inputs.models],
+        capacities=facts.rows_of_tests(inputs.capacities),
+        validation=facts.rows_of_tests(inputs.validation),
+        group_tests=facts.rows_of_tests(inputs.tests),
+    )
+    job.note(*found.notes)
+    job.save(found.content, output.model)
+    job.save(found.lookup, output.lookup)

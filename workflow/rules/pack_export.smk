@@ -1,0 +1,79 @@
+# Pack models as documents, and functional mock-up units (FMI) of cells and packs.
+
+
+# Packs all of whose cells have a model.
+PACK_MODELS = [group for group, cells in LEAVES.items() if all(cell in MODELLED for cell in cells)]
+
+
+def scores_of(cell):
+    """What tests that took no part in the fit say of a cell's model."""
+    return [f"results/validation/{cell}/{row['test']}.parquet" for row in SCORED[cell]]
+
+
+rule pack_model:
+    input:
+        models=lambda w: [f"results/models/{cell}.json" for cell in LEAVES[w.group]],
+        capacities=lambda w: [
+            path for cell in LEAVES[w.group] for path in fitted("capacity", cell, "capacity")
+        ],
+        validation=lambda w: [path for cell in LEAVES[w.group] for path in scores_of(cell)],
+        tests=lambda w: artefacts("pack", w.group, "group"),
+    output:
+        model="results/pack_models/{group}.json",
+        lookup="results/pack_models/{group}/lookup.csv",
+    log:
+        "logs/pack_model/{group}.log",
+    wildcard_constraints:
+        group=either(PACK_MODELS),
+    params:
+        rows=lambda w: WIRED[w.group],
+    message:
+        "Model of pack {wildcards.group} as one document, with the errors that its tests show."
+    script:
+        "../../scripts/pack_export/pack_model.py"
+
+
+rule cell_fmu:
+    input:
+        model="results/models/{cell}.json",
+        capacities=lambda w: fitted("capacity", w.cell, "capacity"),
+        validation=lambda w: scores_of(w.cell),
+    output:
+        "results/fmu/{cell}.fmu",
+    log:
+        "logs/cell_fmu/{cell}.log",
+    wildcard_constraints:
+        cell=either(MODELLED),
+    message:
+        "Cell {wildcards.cell} as a functional mock-up unit (FMI 3.0, co-simulation)."
+    script:
+        "../../scripts/pack_export/cell_fmu.py"
+
+
+rule pack_fmu:
+    input:
+        "results/pack_models/{group}.json",
+    output:
+        "results/fmu/{group}.fmu",
+    log:
+        "logs/pack_fmu/{group}.log",
+    wildcard_constraints:
+        group=either(PACK_MODELS),
+    message:
+        "Pack {wildcards.group} as a functional mock-up unit (FMI 3.0, co-simulation)."
+    script:
+        "../../scripts/pack_export/pack_fmu.py"
+
+
+# Asked for by name (`snakemake fmu`): units are made of finished models, for other simulators.
+rule fmu:
+    input:
+        [f"results/fmu/{name}.fmu" for name in [*MODELLED, *PACK_MODELS]],
+    output:
+        "results/fmu/units.csv",
+    log:
+        "logs/fmu.log",
+    message:
+        "All cells and packs as functional mock-up units: {output}."
+    script:
+        "../../scripts/pack_export/fmu.py"
