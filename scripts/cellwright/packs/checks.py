@@ -6,6 +6,7 @@ offset; a sum that is exact tells that one reading was computed from the others.
 belongs to which member the cells' models tell: `swapped`.
 """
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -149,7 +150,7 @@ def _partly_logged(currents, total, logged, test):
 
 def _parallel_currents(currents, total, test):
     left = currents.sum(axis=1) - total
-    broken = list(_wrong_sensor(currents, total, left, test))
+    broken = _wrong_sensor(currents, total, left, test)
     broken = broken or list(_silent(currents, total, test))
     if broken:
         return broken
@@ -179,14 +180,13 @@ def _silent(currents, total, test):
 def _wrong_sensor(currents, total, left, test):
     """The one branch whose sign or unit explains nearly all that the sum leaves over."""
     if rms(left) <= CONTRADICTION * rms(total):
-        return
-    for k in range(currents.shape[1]):
-        for factor, words in UNITS.items():
-            rest = left - (1.0 - 1.0 / factor) * currents[:, k]
-            if rms(rest) < EXPLAINED * rms(left):
-                text = f"{test}: branch {k + 1} alone explains what the sum leaves over: {words}"
-                yield Finding("unit", k + 1, factor, np.nan, np.nan, "times", True, text)
-                return
+        return []
+    for k, (factor, words) in product(range(currents.shape[1]), UNITS.items()):
+        rest = left - (1.0 - 1.0 / factor) * currents[:, k]
+        if rms(rest) < EXPLAINED * rms(left):
+            text = f"{test}: branch {k + 1} alone explains what the sum leaves over: {words}"
+            return [Finding("unit", k + 1, factor, np.nan, np.nan, "times", True, text)]
+    return []
 
 
 def _steady(total):
@@ -224,7 +224,7 @@ def _sum_line(currents, total, left, test):
     values, stds = _line(total, left)
     share = rms(total) / members
     limit = SENSOR_CLASS * share * np.sqrt(members)
-    off = abs(values[0]) > max(SIGMAS * stds[0], limit)
+    off = bool(abs(values[0]) > max(SIGMAS * stds[0], limit))
     text = (
         f"{test}: the branch currents add up to {values[0]:+.3g} A more than the total"
         if off
@@ -305,22 +305,23 @@ def _series_currents(record):
     currents, total = record.member_current_ampere, record.current_ampere
     for k in range(0 if currents is None else currents.shape[1]):
         rows = np.isfinite(currents[:, k]) & np.isfinite(total)
-        if rows.sum() < 10 or not rms(total[rows]) > 0:
-            continue
-        steady = np.flatnonzero(rows)[_steady(total[rows])]
-        left = currents[steady, k] - total[steady]
-        values, stds = _line(total[steady], left)
-        limits = (SENSOR_CLASS * rms(total[rows]), SENSOR_CLASS)
-        words = (f"{values[0]:+.3g} A", f"{values[1]:+.2%}")
-        names = (("current_offset", "A"), ("current_gain", "1"))
-        for value, std, limit, said, (name, unit) in zip(
-            values, stds, limits, words, names, strict=True
-        ):
-            off = bool(abs(value) > max(SIGMAS * std, limit))
-            text = (
-                f"{record.test}: the current of member {k + 1}, in series, is {said} off the total"
-            )
-            yield Finding(name, k + 1, value, std, limit, unit, off, text if off else "")
+        if rows.sum() >= 10 and rms(total[rows]) > 0:
+            yield from _series_current(k, currents[rows, k], total[rows], record.test)
+
+
+def _series_current(k, current, total, test):
+    """Offset and gain of one member's current against the total."""
+    steady = _steady(total)
+    values, stds = _line(total[steady], (current - total)[steady])
+    limits = (SENSOR_CLASS * rms(total), SENSOR_CLASS)
+    words = (f"{values[0]:+.3g} A", f"{values[1]:+.2%}")
+    names = (("current_offset", "A"), ("current_gain", "1"))
+    for value, std, limit, said, (name, unit) in zip(
+        values, stds, limits, words, names, strict=True
+    ):
+        off = bool(abs(value) > max(SIGMAS * std, limit))
+        text = f"{test}: the current of member {k + 1}, in series, is {said} off the total"
+        yield Finding(name, k + 1, value, std, limit, unit, off, text if off else "")
 
 
 def _series_voltages(record, wiring):
