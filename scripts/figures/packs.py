@@ -148,7 +148,10 @@ def _ends(axes, cells):
     if not few:
         first = ", ".join(row["cell"] for row in known[:5])
         axes.text(0.97, 0.95, f"first: {first}", transform=axes.transAxes, ha="right", va="top")
-    axes.set(xlabel="charge beyond the string's end [Ah]", ylabel="cells, by their end")
+    axes.set(
+        xlabel="charge beyond the string's end [Ah]",
+        ylabel="cells, the first to be empty on top [1]",
+    )
     axes.set_title("When each cell is empty")
     axes.set_ylim(len(known) - 0.5, -0.5)
 
@@ -252,6 +255,7 @@ def draw_ways(rows, cells):
     whole.set_xticks(range(len(found)), list(found), fontsize=7, rotation=30)
     whole.set(ylabel="mean absolute error [mV]", ylim=(0, None), xlim=(-0.5, len(found) - 0.2))
     whole.set_title("Median and 5 to 95 % of cells")
+    single.set_ylim(top=8 * single.get_ylim()[1])
     single.legend(fontsize=7, ncols=2, loc="upper left")
     return figure
 

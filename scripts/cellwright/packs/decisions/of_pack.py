@@ -12,7 +12,12 @@ from cellwright.packs.decisions.monte_carlo import (
     uncertainty_of,
 )
 from cellwright.packs.parallel import group_of
-from cellwright.packs.series.capability import contact_of, cutoffs_of, discharge_string
+from cellwright.packs.series.capability import (
+    contact_of,
+    cutoffs_of,
+    discharge_curves,
+    ended_string,
+)
 from cellwright.packs.wiring import depth, described, is_star
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
@@ -72,21 +77,23 @@ def pack_decisions(
 
 
 def _string(models, positions, lower, drawn, start, celsius, settings):
-    capacity = np.array([model["capacity_ampere_hour"] for model in models])
+    """Use, items, spares of a string: items are columns of curves, k + cells is cell k in full."""
+    capacity, cells = np.array([model["capacity_ampere_hour"] for model in models]), len(models)
     current = settings.c_rate * float(np.median(capacity))
     at = {"current_ampere": current, "celsius": celsius}
+    twice = {
+        "lower_cutoff_volt": np.tile(lower, 2),
+        "initial_soc": np.append(start, np.ones(cells)),
+    }
+    curves = discharge_curves([*models, *models], **twice, **at)
+    contact = contact_of(positions) * current
 
     def use(items):
-        chosen, soc = zip(*items, strict=True)
-        found = discharge_string(
-            chosen, lower_cutoff_volt=lower, initial_soc=soc, contact_ohm=contact, **at
-        )
+        found = ended_string(curves.of(items), contact_volt=contact)
         return found.capacity_ampere_hour, found.energy_watt_hour
 
-    contact = contact_of(positions)
     draws = string_draws(models, drawn, lower_cutoff_volt=lower, initial_soc=start, **at)
-    items = list(zip(models, start, strict=True))
-    return use, items, lambda item: (item[0], 1.0), draws, []
+    return use, list(range(cells)), lambda item: item + cells, draws, []
 
 
 def _group(models, positions, lower, drawn, start, celsius, settings):

@@ -58,6 +58,47 @@ def discharge_string(
     ------
     Refusal : no cell reaches its cut-off, or as `series.simulate_string`.
     """
+    curves = discharge_curves(
+        models,
+        lower_cutoff_volt=lower_cutoff_volt,
+        current_ampere=current_ampere,
+        initial_soc=initial_soc,
+        celsius=celsius,
+    )
+    return ended_string(curves, contact_volt=contact_ohm * current_ampere)
+
+
+class Curves(NamedTuple):
+    """Cells discharged one by one at one current: charge [Ah] (n,), voltage [V] and SoC (n, cells),
+    charge at which each is at its cut-off (cells,) [Ah], NaN where it is not reached."""
+
+    charge_ampere_hour: np.ndarray
+    cell_voltage_volt: np.ndarray
+    soc: np.ndarray
+    end_ampere_hour: np.ndarray
+
+    def of(self, index):
+        """Some of the cells, by their indices."""
+        index = list(index)
+        columns = (column[:, index] for column in (self.cell_voltage_volt, self.soc))
+        return Curves(self.charge_ampere_hour, *columns, self.end_ampere_hour[index])
+
+
+def discharge_curves(models, *, lower_cutoff_volt, current_ampere, initial_soc, celsius=25.0):
+    """Each cell of a string followed to its own cut-off at the string's current.
+
+    Parameters
+    ----------
+    models, lower_cutoff_volt, current_ampere, initial_soc, celsius : as of `discharge_string`.
+
+    Returns
+    -------
+    curves : Curves.
+
+    Raises
+    ------
+    Refusal : as `discharge_string`.
+    """
     cells = len(models)
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     start = np.broadcast_to(np.asarray(initial_soc, float), (cells,))
@@ -81,7 +122,7 @@ def discharge_string(
             f"no cell falls to its cut-off of {cutoff.min():g} V in a discharge of "
             f"{longest:.3g} Ah; the lowest ends at {lowest:.3f} V"
         )
-    return _ended(ends, charge, run, contact_ohm * current_ampere)
+    return Curves(charge, run.cell_voltage_volt, run.soc, ends)
 
 
 def first_crossing(charge, volt, limit):
@@ -101,7 +142,18 @@ def first_crossing(charge, volt, limit):
     return float(charge[k - 1] + share * (charge[k] - charge[k - 1]))
 
 
-def _ended(ends, charge, run, contact_volt):
+def ended_string(curves, *, contact_volt=0.0):
+    """The discharge of a string of these cells, which ends when its first cell is at its cut-off.
+
+    Parameters
+    ----------
+    curves : Curves. contact_volt : over all contacts together [V].
+
+    Returns
+    -------
+    discharge : Discharge.
+    """
+    charge, ends = curves.charge_ampere_hour, curves.end_ampere_hour
     weakest = int(np.nanargmin(ends))
     end = ends[weakest]
     kept = charge < end
@@ -111,7 +163,7 @@ def _ended(ends, charge, run, contact_volt):
         at_end = [np.interp(end, charge, column) for column in columns.T]
         return np.vstack([columns[kept], at_end])
 
-    voltage, soc = until_end(run.cell_voltage_volt), until_end(run.soc)
+    voltage, soc = until_end(curves.cell_voltage_volt), until_end(curves.soc)
     energy = np.trapezoid(voltage.sum(axis=1) - contact_volt, grid)
     state = (voltage[-1], soc[-1], grid, voltage)
     return Discharge(float(end), float(energy), weakest, ends, *state)
