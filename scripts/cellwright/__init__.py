@@ -58,6 +58,7 @@ MODULE_OF = {
     "predict_left_out": "cellwright.api.models",
     "finish_model": "cellwright.api.models",
     "borrow_model": "cellwright.api.models",
+    "model_of_table": "cellwright.api.models",
     "compare_bias_ways": "cellwright.api.models",
     "worst_corrected": "cellwright.api.models",
     "corrected_voltages": "cellwright.api.models",

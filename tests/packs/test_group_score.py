@@ -8,7 +8,7 @@ from sheets_facts import branch_facts, measured_test
 from cellwright.bias.scaled import scaled_reference
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
-from cellwright.packs.validate import validate_group
+from cellwright.packs.validate import of_one_activation_energy, validate_group
 from cellwright.packs.wiring import Wiring
 from cellwright.refusal import Refusal
 
@@ -84,6 +84,28 @@ def test_cells_run_at_the_temperature_that_was_logged_in_the_group():
     unknown = score(series, models=active)
     assert known.rows[0]["voltage_rmse_volt"] < 5e-4 < unknown.rows[0]["voltage_rmse_volt"]
     assert known.notes == ("cells at the group's measured temperature, 25 to 37 °C",)
+
+
+def with_energy(model, joule_per_mole):
+    (member,) = model["members"]
+    energy = {"activation_energy_joule_per_mole": joule_per_mole}
+    return model | {"members": [member | {"conditions": [member["conditions"][0] | energy]}]}
+
+
+def test_cells_of_one_temperature_share_an_activation_energy():
+    models = [with_energy(MODELS[0], 30e3), with_energy(MODELS[1], 50e3)]
+    shared, (words,) = of_one_activation_energy(models)
+    energies = [
+        m["members"][0]["conditions"][0]["activation_energy_joule_per_mole"] for m in shared
+    ]
+    assert energies == [40e3, 40e3]
+    assert "40 kJ/mol for all cells" in words
+    alike = [with_energy(model, 30e3) for model in MODELS]
+    assert of_one_activation_energy(alike) == (alike, [])
+    assert of_one_activation_energy(MODELS) == (MODELS, [])
+    several = models[1]["members"][0] | {"conditions": 2 * models[1]["members"][0]["conditions"]}
+    own = [models[0], models[1] | {"members": [several]}]
+    assert of_one_activation_energy(own) == (own, [])
 
 
 DISCHARGE = np.where((TIME < 100) | (TIME >= 4600), 0.0, -2.6)

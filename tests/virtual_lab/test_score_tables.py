@@ -231,6 +231,23 @@ def test_shares_of_a_group_are_integrals_of_its_simulated_branches(place):
     assert one(rows, "group_capacity_ampere_hour")["found"] == pytest.approx(4.0, abs=0.02)
 
 
+def test_the_simulated_capacity_and_the_errors_of_a_group_are_scored(place):
+    name = {"group": "g", "test": "t"}
+    truth = {"charge_ampere_hour": 4.0, "current_max_ampere": 3.0, "capacity_ampere_hour": 4.2}
+    truth |= {"group_capacity_ampere_hour": 8.0}
+    scores = {"relative_current_rmse_above_15_soc": 0.01, "voltage_rmse_volt": 0.002}
+    scores |= {"relative_current_rmse_below_15_soc": np.nan, "group_capacity_ampere_hour": 8.1}
+    branches = [{"branch": 1, "cell": "a"}, {"branch": 2, "cell": "b"}]
+    put(place.truth / "packs.csv", [name | branch | truth for branch in branches])
+    put(place.results / "tables/packs.csv", [name | branch | scores for branch in branches])
+    rows = curves.packs(place)
+    assert one(rows, "group_capacity_ampere_hour, simulated")["error"] == pytest.approx(0.1)
+    assert one(rows, "voltage_rmse_volt")["error"] == pytest.approx(0.002)
+    above = rows[rows["quantity"] == "relative_current_rmse_above_15_soc"]
+    assert list(above["at"]) == ["branch 1", "branch 2"]
+    assert not (rows["quantity"] == "relative_current_rmse_below_15_soc").any()
+
+
 def test_recuperation_belongs_to_the_discharge_around_it():
     charge = np.array([0.0, 0.0, -1.0, -0.9, -2.0, -2.0, 1.0, 1.0, 0.5, 0.6])
     assert curves.discharges(charge, least=0.3) == [(1, 4), (7, 8)]

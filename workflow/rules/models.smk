@@ -58,10 +58,12 @@ def calibrating(cell):
     return [c for c in OF_TYPE.get(type_of(cell), []) if c != cell and c in IDENTIFIED]
 
 
-# A cell's model comes from its own tests, else from its type's reference, else from its group.
+# A cell's model comes from its own tests, else from the table that the sheet gives of it, else from
+# its type's reference, else from its group.
 IDENTIFIED = cells_where(fit_tests)
+GIVEN = cells_where(lambda cell: cell not in IDENTIFIED and CELLS[cell].get("model_table"))
 BIASED = cells_where(
-    lambda cell: cell not in IDENTIFIED
+    lambda cell: cell not in IDENTIFIED | GIVEN
     and tests(cell, "ica", "drive", "capacity")
     and calibrating(cell)
 )
@@ -75,9 +77,9 @@ GROUPED = {
     row["cell"]: group
     for group, rows in PARALLEL.items()
     for row in rows
-    if row["cell"] not in IDENTIFIED | BIASED and tests(group, "group", roles=["fit"])
+    if row["cell"] not in IDENTIFIED | GIVEN | BIASED and tests(group, "group", roles=["fit"])
 }
-MODELLED = IDENTIFIED | BIASED | GROUPED
+MODELLED = IDENTIFIED | GIVEN | BIASED | GROUPED
 SCORED = {cell: tests(cell, *SERIES_KINDS, roles=["validation", "split"]) for cell in MODELLED}
 
 
@@ -177,10 +179,36 @@ rule identify:
         "../../scripts/models/identify.py"
 
 
+def table_of_model(wildcards):
+    """The file of a cell's model table, where it is there; else the job says that it is not."""
+    given = CELLS[wildcards.cell]["model_table"]
+    return [given] if Path(given).is_file() else []
+
+
+rule given_model:
+    input:
+        table=table_of_model,
+    output:
+        "results/given_model/{cell}.json",
+    log:
+        "logs/given_model/{cell}.log",
+    wildcard_constraints:
+        cell=either(GIVEN),
+    params:
+        table=lambda w: CELLS[w.cell]["model_table"],
+        capacity_ampere_hour=lambda w: CELLS[w.cell].get("model_capacity_ampere_hour"),
+    message:
+        "Model of {wildcards.cell} from the table that the sheet gives."
+    script:
+        "../../scripts/models/given_model.py"
+
+
 def source_of_model(wildcards):
-    """The artefact that a cell's model comes from: its own tests, its IC peaks, or its group."""
+    """The artefact of a cell's model: its own tests, a table, its IC peaks, or its group."""
     if wildcards.cell in IDENTIFIED:
         return f"results/identify/{wildcards.cell}.json"
+    if wildcards.cell in GIVEN:
+        return f"results/given_model/{wildcards.cell}.json"
     if wildcards.cell in BIASED:
         return f"results/bias/{wildcards.cell}.json"
     return f"results/branches/{GROUPED[wildcards.cell]}.json"

@@ -95,6 +95,7 @@ STAGES = [
     *[f"results/plateau_losses/{cell}.parquet" for cell in AGED_SLOWLY],
     *[f"results/identify/{cell}.json" for cell in IDENTIFIED],
     *[f"results/bias/{cell}.json" for cell in BIASED],
+    *[f"results/given_model/{cell}.json" for cell in GIVEN],
     *[f"results/bias_worst/{cell}.json" for cell in JUDGED_WORST],
     *[path for cell in COMPENSATED for path in left_out_of(cell)],
     *[f"results/compensation/{cell}.parquet" for cell in COMPENSATED],

@@ -217,6 +217,36 @@ def finish_model(
     return results.FinishedModel(content, parameter_rows(content), choice, notes)
 
 
+def model_of_table(
+    cell, table, *, capacity_ampere_hour, ambient_temperature_celsius=None, source="table"
+):
+    """Model of a cell that is known as a table of OCV [V] and resistance [ohm] over SoC.
+
+    Parameters
+    ----------
+    cell : its name. table : DataFrame or columns: soc (0 to 1), ocv_volt, resistance_ohm.
+    capacity_ampere_hour : charge from SoC 0 to 1 [Ah].
+    ambient_temperature_celsius : at which the table holds [°C]; None: 25.
+    source : name of the table, for the notes.
+
+    Returns
+    -------
+    model : Document, as of `identify`.
+
+    Raises
+    ------
+    Refusal : A table that does not go from empty to full, an OCV that falls, no capacity.
+
+    Source: docs/packs.md.
+    """
+    from cellwright.identification import given
+
+    columns = inputs.quantities(table, ("soc", "ocv_volt", "resistance_ohm"))
+    settings = {"capacity_ampere_hour": capacity_ampere_hour, "source": source}
+    settings["ambient_temperature_celsius"] = ambient_temperature_celsius
+    return _model(given.model_of_table(cell, *columns, **settings))
+
+
 def borrow_model(cell, peers):
     """Model of a cell without pulses, borrowed from the reference cell of its type.
 

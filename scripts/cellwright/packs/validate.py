@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.model_file import member_of
 from cellwright.numerics.statistics import rms
 from cellwright.packs import checks, findings
 from cellwright.packs.cells import pack_cells
@@ -15,6 +16,7 @@ from cellwright.refusal import Refusal
 
 REST_SHARE = 0.02  # of the largest current: below it the group rests
 TABLE_KELVIN = 5.0  # between the temperatures of the cells' tables
+ENERGY = "activation_energy_joule_per_mole"
 OFFSET_ROWS = 20  # of a rest at the start, at least, for the offset of a branch sensor
 
 
@@ -36,10 +38,11 @@ def validate_group(models, branches, test, wiring):
     """Group simulated through its whole record, scored on the rows not used for the fit.
 
     1. Each cell runs as its chosen member, at the temperature that was logged in the group, else
-    at the chamber's. 2. Where no SoC is stated at the start, the group is taken to rest there in
-    equilibrium: every cell's OCV is the group's first voltage, and what the branch sensors read is
-    their offset, which is taken out. 3. Models from the group's own record name the rows that they
-    were fitted to, which are not scored, and the offsets found there.
+    at the chamber's; see `of_one_activation_energy`. 2. Where no SoC is stated at the start, the
+    group is taken to rest there in equilibrium: every cell's OCV is the group's first voltage, and
+    what the branch sensors read is their offset, which is taken out. 3. Models from the group's own
+    record name the rows that they were fitted to, which are not scored, the offsets found there,
+    and where the SoC is 0.
 
     Parameters
     ----------
@@ -59,6 +62,8 @@ def validate_group(models, branches, test, wiring):
         total (`checks.refuse_contradiction`); a SoC at the start that is not known.
     """
     record, notes = _to_score(test, branches, wiring), checks.beyond_calibration(models)
+    models, words = of_one_activation_energy(models)
+    notes += words
     cells = pack_cells(models, temperature_celsius=_table_celsius(test.facts, record, notes))
     if None in [row.wire_resistance_ohm for row in branches]:
         notes.append("wire resistances are not stated: taken as none beyond the cells' own")
@@ -89,6 +94,44 @@ def validate_group(models, branches, test, wiring):
         series=_series(record, compared),
         notes=tuple(notes),
     )
+
+
+def of_one_activation_energy(models):
+    """Models of a pack's cells, of one activation energy where each saw one chamber temperature.
+
+    A cell that was tested at one chamber temperature tells its energy from its own warming by a few
+    kelvin, within 10 kJ/mol or so. Two cells of one type with energies 20 kJ/mol apart would share
+    a current in quite another way 10 K above the chamber; of their mean little is wrong.
+
+    Parameters
+    ----------
+    models : list of model dicts.
+
+    Returns
+    -------
+    models : list of model dicts, with the mean of the energies of their chosen members. words :
+        list of str, what was done.
+    """
+    # ASSUME: Cells of a pack that were each tested at one temperature have one activation energy.
+    entries = [member_of(model)["conditions"] for model in models]
+    single = [c[0] for c in entries if len(c) == 1 and c[0].get(ENERGY)]
+    energies = [condition[ENERGY] for condition in single]
+    if len(models) < 2 or len(single) < len(models) or np.ptp(energies) == 0:
+        return models, []
+    mean = float(np.mean(energies))
+    words = (
+        f"activation energy {mean / 1e3:.0f} kJ/mol for all cells, the mean of what each tells "
+        f"from its own warming ({min(energies) / 1e3:.0f} to {max(energies) / 1e3:.0f})"
+    )
+    return [_with_energy(model, mean) for model in models], [words]
+
+
+def _with_energy(model, joule_per_mole):
+    members = [
+        member | {"conditions": [c | {ENERGY: joule_per_mole} for c in member["conditions"]]}
+        for member in model["members"]
+    ]
+    return model | {"members": members}
 
 
 def _to_score(test, branches, wiring):

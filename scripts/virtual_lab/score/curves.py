@@ -208,7 +208,8 @@ def packs(place: files.Campaign) -> pd.DataFrame:
     """Charge and largest current of each branch as simulated by the pipeline.
 
     The charge is that of all discharges together. Beside them the group's capacity, its largest
-    discharge, as counted in the record.
+    discharge, as counted in the record and as simulated, and the errors of its branch currents and
+    its voltage against what was logged, whose truth is none.
     """
     true = files.true(place, "packs")
     if true is None or not len(true):
@@ -219,7 +220,34 @@ def packs(place: files.Campaign) -> pd.DataFrame:
     rows = comparison.side_by_side(shares, true, keys=BRANCH_KEYS, columns=columns)
     rows = rows.assign(cell=rows["group"], at=[f"branch {number}" for number in rows["branch"]])
     wanted = [name for name in BRANCH_UNITS if name in true and true[name].notna().any()]
-    return comparison.gathered(_branch_quantity(rows, name) for name in wanted)
+    own = [_branch_quantity(rows, name) for name in wanted]
+    return comparison.gathered([*own, *_of_table(place, true)])
+
+
+AGAINST_RECORD = {
+    "relative_current_rmse_above_15_soc": "1",
+    "relative_current_rmse_below_15_soc": "1",
+    "voltage_rmse_volt": "V",
+}
+
+
+def _of_table(place, true):
+    """Comparisons of the table `packs`: simulated capacity, and errors against the record."""
+    found, name = files.found(place, "packs"), "group_capacity_ampere_hour"
+    if found is None or name not in found or name not in true:
+        return []
+    groups = true.drop_duplicates(["group", "test"])[["group", "test", name]]
+    rows = found.merge(groups, on=["group", "test"], suffixes=("", "_true"))
+    rows = rows.assign(cell=rows["group"], at=[f"branch {number}" for number in rows["branch"]])
+    whole = rows.drop_duplicates(["group", "test"]).assign(at="the group")
+    simulated = whole.assign(
+        found=whole[name], true=whole[f"{name}_true"].where(whole[name].notna())
+    )
+    parts = [errors("packs", f"{name}, simulated", "Ah", simulated)]
+    for quantity, unit in AGAINST_RECORD.items():
+        of = whole if unit == "V" else rows
+        parts.append(errors("packs", quantity, unit, of.assign(found=of[quantity], true=0.0)))
+    return [part[part["status"] == "compared"] for part in parts]
 
 
 def _branch_quantity(rows, name):

@@ -286,7 +286,8 @@ ABOUT = {
     "soc": "State of charge at the ends of a test: counted, and by the filters from a wrong start.",
     "validation": "Errors of simulations are measured against the record, not against a truth.",
     "packs": "Branches of parallel groups as simulated: the charge of all discharges, the "
-    "largest current; and the capacity of the group as recorded.",
+    "largest current; the capacity of the group as recorded and simulated; errors of current (over "
+    "the mean branch current) and voltage against the record.",
     "series_packs": "Usable charge and energy of strings, where a cell's cut-off ended the record.",
     "series_pack_cells": "How each cell stands when the string has ended, and its full charge.",
     "pack_decisions": "Intervals and gains; the tables of the truth have no other pack to compare.",
