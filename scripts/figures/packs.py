@@ -112,7 +112,8 @@ def _falling(axes, names, values):
     """Bars from above downwards, each with what is lost from the one before."""
     for place, (value, before) in enumerate(zip(values, [values[0], *values[:-1]], strict=True)):
         axes.barh(place, value, height=0.62, color=style.SERIES[0], alpha=0.75)
-        axes.barh(place, before - value, left=value, height=0.62, color=style.ERROR, alpha=0.35)
+        less = max(before - value, 0.0)
+        axes.barh(place, less, left=value, height=0.62, color=style.ERROR, alpha=0.35)
         lost = f" ({100 * (value / values[0] - 1):+.1f} %)" if place else ""
         axes.text(0.02 * values[0], place, f"{value:.2f} Ah{lost}", va="center", fontsize=7.5)
     style.name_bars(axes, names, fontsize=8)
@@ -141,17 +142,13 @@ def _ends(axes, cells):
     )
     margins = [row["margin_ampere_hour"] for row in known]
     axes.plot(margins, range(len(known)), "o", ms=3, color=style.SERIES[0])
-    few = len(known) <= NAMED_CELLS
-    for place, row in enumerate(known if few else ()):
-        text = {"xytext": (6, 0), "textcoords": "offset points", "fontsize": 7, "va": "center"}
-        axes.annotate(row["cell"], (margins[place], place), **text)
-    if not few:
+    if len(known) <= NAMED_CELLS:
+        style.name_bars(axes, [row["cell"] for row in known], fontsize=8)
+    else:
         first = ", ".join(row["cell"] for row in known[:5])
         axes.text(0.97, 0.95, f"first: {first}", transform=axes.transAxes, ha="right", va="top")
-    axes.set(
-        xlabel="charge beyond the string's end [Ah]",
-        ylabel="cells, the first to be empty on top [1]",
-    )
+        axes.set(ylabel="cells, the first to be empty on top [1]")
+    axes.set(xlabel="charge beyond the string's end [Ah]")
     axes.set_title("When each cell is empty")
     axes.set_ylim(len(known) - 0.5, -0.5)
 

@@ -11,6 +11,7 @@ import io
 import json
 import sys
 import traceback
+import zipfile
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -23,6 +24,7 @@ from cellwright.refusal import Refusal
 from runtime import contract, provenance
 
 KEY = b"cellwright"
+IN_UNIT = "extra/cellwright/provenance.json"
 
 
 class _Hidden:
@@ -91,8 +93,7 @@ def write(path, content, about):
     elif suffix == ".svg":
         Path(path).write_text(_blank_figure(about), encoding="utf-8")
     elif suffix == ".fmu":
-        Path(path).write_bytes(content or b"")
-        _write_about(path, about)
+        _write_unit(path, content or b"", about)
     else:
         columns = columns_of(content)
         if about["reason"] is None and len(columns):
@@ -129,13 +130,16 @@ def _write_csv(path, columns, about):
     for row in zip(*(columns.get(name, [None] * length) for name in names), strict=True):
         writer.writerow([_cell(value) for value in row])
     Path(path).write_text(text.getvalue(), encoding="utf-8")
-    _write_about(path, about)
+    Path(f"{path}.provenance.json").write_text(json.dumps(about, indent=1, sort_keys=True))
 
 
-def _write_about(path, about):
-    """Beside a file that has no room for it: provenance, reason, origin, notes, facts."""
-    text = json.dumps(about, indent=1, sort_keys=True)
-    Path(f"{path}.provenance.json").write_text(text, encoding="utf-8")
+def _write_unit(path, content, about):
+    """A functional mock-up unit, a zip archive, with `about` among its extras; no date in it."""
+    Path(path).write_bytes(content)
+    with zipfile.ZipFile(path, "a") as packed:
+        entry = zipfile.ZipInfo(IN_UNIT, (1980, 1, 1, 0, 0, 0))
+        entry.external_attr = 0o644 << 16
+        packed.writestr(entry, json.dumps(about, indent=1, sort_keys=True))
 
 
 def _blank_figure(about) -> str:
@@ -355,7 +359,8 @@ def read_about(path) -> dict:
     if Path(path).suffix == ".json":
         return _read_json(path)["provenance"]
     if Path(path).suffix == ".fmu":
-        return _read_json(f"{path}.provenance.json")
+        with zipfile.ZipFile(path) as packed:
+            return json.loads(packed.read(IN_UNIT))
     return json.loads(pq.read_schema(path).metadata[KEY])
 
 

@@ -182,7 +182,7 @@ def _page(name, params, tables, abouts, captions) -> dict:
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
         "branches": branches,
         "wiring": pack_page.wiring_in_words(name, params.groups) if branches else "",
-        "warnings": pack_page.warnings(tables["pack_checks"]),
+        "warnings": pack_page.warnings(tables["pack_checks"], abouts),
         "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
         "proofs": [_picture(path, captions) for path in pictures if Path(path).stem in PROOFS],
         "pictures": [

@@ -17,7 +17,7 @@ from wirings import parallel
 import cellwright as cw
 from cellwright import native
 from cellwright.fmu.description import identifier_of
-from cellwright.fmu.unit import table_temperatures
+from cellwright.fmu.unit import unit_temperatures
 from cellwright.packs.artefact import CellInPack, pack_document
 from cellwright.refusal import Refusal
 
@@ -131,8 +131,8 @@ def two_temperatures(*, energy=0.0):
 
 
 def test_tables_reach_where_the_model_reaches():
-    assert table_temperatures([truth.stated()]) == [25.0]
-    known = table_temperatures([two_temperatures(energy=2e4)])
+    assert unit_temperatures([truth.stated()]) == [25.0]
+    known = unit_temperatures([two_temperatures(energy=2e4)])
     assert {0.0, 25.0} <= set(known)
     assert known[0] < -30.0
     assert known[-1] > 60.0

@@ -26,7 +26,7 @@ def test_the_voltage_is_ocv_and_resistance_of_the_table():
 
 def test_what_the_model_says_of_itself():
     model = given()
-    assert (model["kind"], model["chosen"], model["capacity_ampere_hour"]) == ("given", "R", 2.0)
+    assert (model["kind"], model["chosen"], model["capacity_ampere_hour"]) == ("given", "0RC", 2.0)
     assert model["notes"] == ["OCV and resistance over SoC as given in a.csv, 51 points"]
     turned = given(**{name: values[::-1] for name, values in TABLE.items()})
     assert turned == model

@@ -4,11 +4,13 @@ import importlib
 import json
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cellwright.fmu.unit import archive
 from cellwright.refusal import Refusal
 from runtime import artefact, contract
 
@@ -141,13 +143,17 @@ def test_cells_of_tables_are_plain(snakemake):
     assert artefact.load_table(path)[0] == row | {"test": ""}
 
 
-def test_units_for_simulators_are_bytes_with_their_provenance_beside_them(snakemake):
-    path = _saved(snakemake, "results/fmu/A.fmu", b"PK", token="abc")
-    assert Path(path).read_bytes() == b"PK"
+def test_units_for_simulators_carry_their_provenance_among_their_extras(snakemake):
+    unit = archive({"modelDescription.xml": b"<fmi/>"})
+    path = _saved(snakemake, "results/fmu/A.fmu", unit, token="abc")
+    first = Path(path).read_bytes()
+    with zipfile.ZipFile(path) as packed:
+        assert packed.read("modelDescription.xml") == b"<fmi/>"
     about = artefact.read_about(path)
     assert (about["rule"], about["reason"], about["facts"]) == ("toy", None, {"token": "abc"})
+    _saved(snakemake, path, unit, token="abc")
+    assert Path(path).read_bytes() == first
     refused = _refused(snakemake, "results/fmu/B.fmu", "no member")
-    assert Path(refused).read_bytes() == b""
     assert artefact.read_about(refused)["reason"] == "no member"
 
 

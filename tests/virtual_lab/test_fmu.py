@@ -20,7 +20,7 @@ from fmpy.validation import validate_fmu
 import cellwright as cw
 from cellwright.bias.scaled import scaled_reference
 from cellwright.circuits.circuit import KINDS
-from cellwright.fmu.unit import table_temperatures
+from cellwright.fmu.unit import unit_temperatures
 from cellwright.packs.artefact import CellInPack, ThermalConstants, pack_document, read_pack
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
@@ -185,7 +185,7 @@ def test_a_pack_in_any_wiring_is_what_simulate_pack_gives(shape, tmp_path):
     arrays = (VOLTAGE, CELL_CURRENT, CELL_VOLTAGE, CELL_SOC, LEAST, MOST, SOC)
     found = run_through(runner, seconds, currents, *arrays, count=4 + 3 * count)
     time, held = edges(seconds, currents)
-    cells = pack_cells(pack.models, temperature_celsius=table_temperatures(pack.models))
+    cells = pack_cells(pack.models, temperature_celsius=unit_temperatures(pack.models))
     ours = simulate_pack(
         time, held, cells, wiring, initial_soc=pack.initial_soc, ambient_celsius=25.0
     )
@@ -208,7 +208,7 @@ def test_cells_with_thermal_constants_warm_by_their_own_heat(tmp_path):
     seconds, currents = np.full(600, 1.0), np.full(600, -4.0)
     runner = Runner(tmp_path, cw.pack_fmu(pack)).begin()
     found = run_through(runner, seconds, currents, CELL_CELSIUS, CELSIUS, count=3)
-    cells = pack_cells(pack.models, temperature_celsius=table_temperatures(pack.models))
+    cells = pack_cells(pack.models, temperature_celsius=unit_temperatures(pack.models))
     time, held = edges(seconds, currents)
     ours = simulate_pack(
         *(time, held, cells, pack.wiring),

@@ -63,7 +63,7 @@ def single(model):
     return Wiring(model["cell"], "series", (model["cell"],), (0.0,), (0.0,))
 
 
-def table_temperatures(models):
+def unit_temperatures(models):
     """Temperatures of the tables of some cells [degC], None where parameters know no temperature.
 
     The measured ones, and so many between and beyond them that a linear course over 1/T of the
@@ -119,7 +119,7 @@ def unit_of(pack, sources, compiled, binary, *, alone, points, largest_step_seco
     start = [UNKNOWN_SOC if soc is None else float(soc) for soc in pack.initial_soc]
     if not all(0.0 <= soc <= 1.0 for soc in start):
         raise Refusal(f"SoC at the start is {start}, wanted 0 to 1")
-    celsius = table_temperatures(pack.models)
+    celsius = unit_temperatures(pack.models)
     cells = pack_cells(pack.models, temperature_celsius=celsius, points=points)
     ambient = _ambient(celsius)
     tables = arrays_of(pack, cells) | {

@@ -6,7 +6,7 @@ from cellwright.identification.cell import SCHEMA
 from cellwright.records.basis import stated_or_reference
 from cellwright.refusal import Refusal
 
-MEMBER = "R"  # a resistance, without pairs
+MEMBER = "0RC"  # a resistance, without pairs
 KNOTS = np.linspace(0.0, 1.0, 101)
 GRID = np.linspace(0.0, 1.0, 201)
 REACH = 0.02  # of SoC that a table may lack at each end
@@ -35,7 +35,7 @@ def model_of_table(
 
     Returns
     -------
-    model : dict of schema cellwright-model/2, kind "given", of one member "R".
+    model : dict of schema cellwright-model/2, kind "given", of one member "0RC".
 
     Raises
     ------

@@ -72,7 +72,8 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
     temperature_celsius : scalar, or (t,) rising ones between which parameters follow the cells'
         temperature [degC]; None only for models of one condition.
     member : name of a member for all cells, a sequence of one name a cell, or None for the chosen
-        ones.
+        ones; of a cell whose chosen one warms by a law of its own, which a pack does not run, that
+        of the smallest error of what was left out of its fit. `members` says which they are.
     points : size of the SoC grid; knots of a model that lie on it are met exactly.
 
     Returns
@@ -81,8 +82,8 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
 
     Raises
     ------
-    Refusal : no model, a member that warms by a law of its own, temperatures that do not rise, or
-        as `model_file.circuit_at`.
+    Refusal : no model, no member but those that warm by a law of their own, or such a one named,
+        temperatures that do not rise, or as `model_file.circuit_at`.
     """
     # ASSUME: Within a pack side reactions and leaks of single cells do not matter.
     if not models:
@@ -91,7 +92,10 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
     names = [member] * len(models) if member is None or isinstance(member, str) else list(member)
     if len(names) != len(models):
         raise Refusal(f"{len(names)} names of members for {len(models)} cells; one each is wanted")
-    entries = [member_in_pack(model, name) for model, name in zip(models, names, strict=True)]
+    entries = [
+        member_in_pack(model) if name is None else member_of(model, name)
+        for model, name in zip(models, names, strict=True)
+    ]
     grid = np.linspace(0.0, 1.0, points)
     tables = [
         [_tables(model, entry, grid, value) for value in celsius]
@@ -142,18 +146,27 @@ def _temperatures(temperature_celsius):
     return celsius.tolist()
 
 
-def member_in_pack(model, name=None):
-    """Member of a model as a pack runs it: of one with companions that which they stand beside.
+def member_in_pack(model):
+    """Member of a model as a pack runs it: the chosen one where a pack's cell can be that.
 
-    Companions are two more circuits whose difference is an effect that was found; the pack's cells
-    have one circuit each.
+    Of a member with companions, whose difference is an effect that was found, the one that they
+    stand beside; of one that warms by a law of its own the best of the others, by what was left
+    out of the fits.
 
     Parameters
     ----------
-    model : dict of a model file. name : of a member, or None for the chosen one.
+    model : dict of a model file.
     """
-    entry = member_of(model, name)
-    return member_of(model, entry["of"]) if "companions" in entry else entry
+    chosen = member_of(model)
+    if "companions" in chosen:
+        chosen = member_of(model, chosen["of"])
+    rest = [m for m in model["members"] if not {"own_heat", "companions"} & m.keys()]
+    return min(rest, key=_left_out) if "own_heat" in chosen and rest else chosen
+
+
+def _left_out(member):
+    error = member.get("left_out_rmse_volt")
+    return np.inf if error is None else error
 
 
 def _tables(model, entry, grid, celsius):
