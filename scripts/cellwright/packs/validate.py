@@ -64,6 +64,8 @@ def validate_group(models, branches, test, wiring):
     record, notes = _to_score(test, branches, wiring), checks.beyond_calibration(models)
     models, words = of_one_activation_energy(models)
     notes += words
+    measured = _measured(record, branches, notes)
+    record = record._replace(branch_current_ampere=measured)
     cells = pack_cells(models, temperature_celsius=_table_celsius(test.facts, record, notes))
     if None in [row.wire_resistance_ohm for row in branches]:
         notes.append("wire resistances are not stated: taken as none beyond the cells' own")
@@ -135,14 +137,32 @@ def _with_energy(model, joule_per_mole):
 
 
 def _to_score(test, branches, wiring):
-    """Record of a test with currents of all branches, which agree with the total."""
+    """Record of a test whose branch currents agree with the total; NaN where none was logged."""
     if wiring.connection != "parallel" or len(cells_of(wiring)) != len(branches):
         raise Refusal(f"found {described(wiring)}, wanted single cells in parallel")
     record = group_record(test, branches)
-    if record.branch_current_ampere is None:
-        raise Refusal(f"{record.test} has no current of one branch or more: nothing to score")
     checks.refuse_contradiction(record, wiring)
+    if record.cell_temperature_celsius is not None:
+        # ASSUME: Cells of a group have the mean of the temperatures logged at them.
+        record = record._replace(celsius=np.nanmean(record.cell_temperature_celsius, axis=1))
     return record
+
+
+def _measured(record, branches, notes):
+    """Measured branch currents (n, branches) [A], one that was not logged by the others."""
+    currents = record.member_current_ampere
+    if currents is None:
+        notes.append("no branch current was logged: the voltage alone is scored")
+        return np.full((len(record.current_ampere), len(branches)), np.nan)
+    lacking = np.flatnonzero(np.isnan(currents).all(axis=0))
+    names = ", ".join(branches[k].cell for k in lacking)
+    if len(lacking) == 1:
+        currents = currents.copy()
+        currents[:, lacking[0]] = record.current_ampere - np.nansum(currents, axis=1)
+        notes.append(f"current of {names} not logged: the total less the others, no measurement")
+    elif len(lacking):
+        notes.append(f"currents of {names} not logged and not scored")
+    return currents
 
 
 def _table_celsius(facts, record, notes):
@@ -190,6 +210,7 @@ def _offset(fits, branches, facts, record, notes):
         offset = _read_at_start(record)
     else:
         return np.zeros(len(branches))
+    offset = np.nan_to_num(offset)
     if not offset.any():
         return offset
     listed = ", ".join(f"{1e3 * value:+.1f}" for value in offset)
