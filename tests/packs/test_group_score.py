@@ -227,9 +227,32 @@ def test_wires_that_are_not_stated_are_none_and_it_is_said():
     assert scored.notes == ("wire resistances are not stated: taken as none beyond the cells' own",)
 
 
+def test_strings_in_parallel_are_scored_by_string():
+    def string(name, *cells):
+        return Wiring(name, "series", cells, (0.0, 0.0), (0.0, 0.0))
+
+    wiring = Wiring(
+        "pair", "parallel", (string("s", "A", "B"), string("t", "C", "D")), (0.01, 0.0), (0.0, 0.0)
+    )
+    models, soc = [*MODELS, *MODELS[::-1]], [0.9, 0.8, 0.85, 0.9]
+    cells = pack_cells(models, temperature_celsius=25.0)
+    run = simulate_pack(TIME, TOTAL, cells, wiring, initial_soc=soc, ambient_celsius=25.0)
+    series = {"test_time_second": TIME, "current_ampere": TOTAL, "voltage_volt": run.voltage_volt}
+    for k in (0, 1):
+        series[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, 2 * k]
+    test, leaves = measured_test(series, "pair", "group"), branch_facts("ABCD", soc)
+    scored = validate_group(models, branch_facts("st", [None, None]), test, wiring, leaves=leaves)
+    assert [row["cell"] for row in scored.rows] == ["s", "t"]
+    for row in scored.rows:
+        assert row["current_rmse_ampere"] < 1e-9
+        assert row["capacity_ampere_hour"] == 1.6
+    with pytest.raises(Refusal, match="does not tell the SoC of each cell"):
+        validate_group(models, branch_facts("st", [None, None]), test, wiring)
+
+
 def test_refuses_other_wirings_and_branches_that_were_not_logged():
     chain = star()._replace(connection="series")
-    with pytest.raises(Refusal, match=r"found A \+ B, wanted single cells in parallel"):
+    with pytest.raises(Refusal, match=r"found A \+ B, wanted members in parallel"):
         score(record(), wiring=chain)
 
 
