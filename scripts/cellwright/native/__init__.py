@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 SOURCES = sorted(Path(__file__).parent.glob("*.c"))
+HEADERS = sorted(Path(__file__).parent.glob("*.h"))
 FLAGS = ("-O3", "-std=c11", "-fno-math-errno", "-ffp-contract=off", "-shared", "-fPIC")
 
 
@@ -79,7 +80,7 @@ def _library():
     compiler = compiler_command()
     if compiler is None:
         return None
-    path = library_file("kernels", compiler, FLAGS, SOURCES)
+    path = library_file("kernels", compiler, FLAGS, SOURCES, HEADERS)
     return path and ctypes.CDLL(str(path))
 
 

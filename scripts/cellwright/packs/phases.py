@@ -210,10 +210,7 @@ def _through(pack, at, phase):
         while (end := _reached(phase, part)) is None:
             free = part.held[-1] == NOT_HELD
             leapt = _leap(pack, at, phase, elapsed) if free else None
-            if leapt is not None:
-                at, part = leapt
-            else:
-                at, part = _to_the_limit(pack, at, phase, elapsed)
+            at, part = _to_the_limit(pack, at, phase, elapsed) if leapt is None else leapt
             elapsed = part.second[-1]
             parts.append(part)
     except NoPower:

@@ -1,6 +1,7 @@
 """C sources of functional mock-up units, and their build for this machine.
 
-The kernel of packs, pack.c of the room above, is part of them: battery.c includes it.
+The kernel of packs, pack.c of the room above with pack_network.h, is part of them: battery.c
+includes it.
 """
 
 import os
@@ -9,7 +10,7 @@ from pathlib import Path
 from cellwright.native import compiler_command, library_file
 
 HERE = Path(__file__).parent
-SOURCES = [HERE.parent / "pack.c", *sorted(HERE.glob("*.[ch]"))]
+SOURCES = [HERE.parent / "pack.c", HERE.parent / "pack_network.h", *sorted(HERE.glob("*.[ch]"))]
 COMPILED = ("battery.c", "fmi3.c")
 # Of a library that is handed on: no names but those of the interface, nothing of this machine.
 FLAGS = (
