@@ -227,13 +227,55 @@ def test_wires_that_are_not_stated_are_none_and_it_is_said():
     assert scored.notes == ("wire resistances are not stated: taken as none beyond the cells' own",)
 
 
+def test_strings_in_parallel_are_scored_by_string():
+    def string(name, *cells):
+        return Wiring(name, "series", cells, (0.0, 0.0), (0.0, 0.0))
+
+    wiring = Wiring(
+        "pair", "parallel", (string("s", "A", "B"), string("t", "C", "D")), (0.01, 0.0), (0.0, 0.0)
+    )
+    models, soc = [*MODELS, *MODELS[::-1]], [0.9, 0.8, 0.85, 0.9]
+    cells = pack_cells(models, temperature_celsius=25.0)
+    run = simulate_pack(TIME, TOTAL, cells, wiring, initial_soc=soc, ambient_celsius=25.0)
+    series = {"test_time_second": TIME, "current_ampere": TOTAL, "voltage_volt": run.voltage_volt}
+    for k in (0, 1):
+        series[f"branch_{k + 1}_current_ampere"] = run.cell_current_ampere[:, 2 * k]
+    test, leaves = measured_test(series, "pair", "group"), branch_facts("ABCD", soc)
+    scored = validate_group(models, branch_facts("st", [None, None]), test, wiring, leaves=leaves)
+    assert [row["cell"] for row in scored.rows] == ["s", "t"]
+    for row in scored.rows:
+        assert row["current_rmse_ampere"] < 1e-9
+        assert row["capacity_ampere_hour"] == 1.6
+    with pytest.raises(Refusal, match="does not tell the SoC of each cell"):
+        validate_group(models, branch_facts("st", [None, None]), test, wiring)
+
+
 def test_refuses_other_wirings_and_branches_that_were_not_logged():
     chain = star()._replace(connection="series")
-    with pytest.raises(Refusal, match=r"found A \+ B, wanted single cells in parallel"):
+    with pytest.raises(Refusal, match=r"found A \+ B, wanted members in parallel"):
         score(record(), wiring=chain)
-    lacking = {k: v for k, v in record().items() if k != "branch_2_current_ampere"}
-    with pytest.raises(Refusal, match="no current of one branch or more"):
-        score(lacking)
+
+
+def test_a_branch_that_was_not_logged_is_the_total_less_the_others():
+    series = record()
+    lacking = {k: v for k, v in series.items() if k != "branch_2_current_ampere"}
+    scored = score(lacking)
+    assert scored.rows[1]["current_rmse_ampere"] < 1e-9
+    words = "current of B not logged: the total less the others, no measurement"
+    assert words in scored.notes
+    alone = {k: v for k, v in lacking.items() if k != "branch_1_current_ampere"}
+    scored = score(alone)
+    assert np.isnan(scored.rows[0]["current_rmse_ampere"])
+    assert scored.rows[0]["voltage_rmse_volt"] < 1e-9
+    assert scored.notes == ("no branch current was logged: the voltage alone is scored",)
+
+
+def test_cells_have_the_mean_of_the_temperatures_logged_at_them():
+    models = [with_energy(model, 30e3) for model in MODELS]
+    warm = 25.0 + 12.0 * np.minimum(TIME / 3000.0, 1.0)
+    series = record(models=models, celsius=warm, tables=np.arange(25.0, 38.0, 1.0))
+    series |= {"cell_1_temperature_celsius": warm - 2.0, "cell_2_temperature_celsius": warm + 2.0}
+    assert score(series, models=models).rows[0]["voltage_rmse_volt"] < 5e-4
 
 
 def test_branch_currents_that_contradict_the_total_are_not_scored():

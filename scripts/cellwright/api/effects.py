@@ -337,7 +337,7 @@ def validate_group(models, branches, series, test):
     Source: docs/packs.md.
     """
     from cellwright.packs.validate import validate_group as validated
-    from cellwright.packs.wiring import models_of, wiring_of
+    from cellwright.packs.wiring import cells_of, models_of, wiring_of
     from cellwright.records.facts import MeasuredTest
 
     measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
@@ -348,7 +348,9 @@ def validate_group(models, branches, series, test):
     own = [row for row in rows if row.get("group", group) == group]
     members = sorted(own, key=lambda row: row["position"])
     facts = [inputs.branch_facts(row) for row in members]
-    return results.ScoredGroup(*validated(documents, facts, measured, wiring))
+    by_cell = {row["cell"]: inputs.branch_facts(row) for row in rows}
+    leaves = [by_cell[cell] for cell in cells_of(wiring)]
+    return results.ScoredGroup(*validated(documents, facts, measured, wiring, leaves=leaves))
 
 
 def check_group(branches, series, test, simulated=None):

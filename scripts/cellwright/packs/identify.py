@@ -210,7 +210,7 @@ def group_models(test, steps, cells):
         No branch currents, no charge between two rests, or as `identify_branches`.
     """
     facts, series = test
-    current = _logged(branch_currents(series))
+    current = _logged(branch_currents(series), cells)
     before, last = _charge_between_rests(steps)
     rest = slice(steps["first_row"][before], steps["last_row"][before] + 1)
     total = series["current_ampere"]
@@ -238,9 +238,12 @@ def group_models(test, steps, cells):
     }
 
 
-def _logged(current):
+def _logged(current, cells):
     if current is None or current.shape[1] < 2:
         raise Refusal("the record has no currents of two or more branches")
+    if current.shape[1] != len(cells):
+        counts = f"{current.shape[1]} branch currents for {len(cells)} cells"
+        raise Refusal(f"found {counts}, wanted one of each to identify them")
     return current
 
 

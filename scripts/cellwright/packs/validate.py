@@ -34,7 +34,7 @@ class GroupValidation(NamedTuple):
     notes: tuple
 
 
-def validate_group(models, branches, test, wiring):
+def validate_group(models, branches, test, wiring, *, leaves=None):
     """Group simulated through its whole record, scored on the rows not used for the fit.
 
     1. Each cell runs as its chosen member, at the temperature that was logged in the group, else
@@ -49,7 +49,9 @@ def validate_group(models, branches, test, wiring):
     models : list of model dicts, in the order of the wiring's leaves.
     branches : list of BranchFacts, of the members of the wiring.
     test : MeasuredTest of the group, with branch_<k>_current_ampere.
-    wiring : wiring.Wiring of cells in parallel, as a star or a ladder.
+    wiring : wiring.Wiring of members in parallel, as a star or a ladder; members may be groups.
+    leaves : list of BranchFacts of all cells, in the order of the leaves, of which the SoC at the
+        start counts; None: the members are cells.
 
     Returns
     -------
@@ -64,17 +66,19 @@ def validate_group(models, branches, test, wiring):
     record, notes = _to_score(test, branches, wiring), checks.beyond_calibration(models)
     models, words = of_one_activation_energy(models)
     notes += words
+    measured = _measured(record, branches, notes)
+    record = record._replace(branch_current_ampere=measured)
     cells = pack_cells(models, temperature_celsius=_table_celsius(test.facts, record, notes))
     if None in [row.wire_resistance_ohm for row in branches]:
         notes.append("wire resistances are not stated: taken as none beyond the cells' own")
     fits = [m["fitted"] for m in models if m.get("fitted", {}).get("test") == record.test]
     fits = fits if len(fits) == len(models) else []
-    offset = _offset(fits, branches, test.facts, record, notes)
-    stated = stated_soc(test.facts, branches)
+    stated = stated_soc(test.facts, leaves or branches)
+    offset = _offset(fits, stated, record, notes)
     if fits and stated == [None] * len(stated):
         start = _counted_back(fits[0], record, offset, cells, notes)
     else:
-        start = _initial_soc(stated, cells, record, notes)
+        start = _initial_soc(stated, cells, wiring, record, notes)
 
     def simulated(time_second, total_ampere, celsius):
         return simulate_pack(
@@ -83,12 +87,14 @@ def validate_group(models, branches, test, wiring):
 
     run = simulated(record.test_time_second, record.current_ampere, record.celsius)
     scored = _unseen(models, record, notes)
-    compared = _compared(record, run, offset, cells.capacity_ampere_hour, scored)
+    compared = _compared(record, run, offset, cells.capacity_ampere_hour, scored, wiring)
     discharge = findings.whole_discharge(compared)
-    end = None if discharge is None else _end(compared, discharge, record.celsius, simulated)
+    end = None
+    if discharge is not None:
+        end = _end(compared, discharge, record.celsius, simulated, wiring)
     finding = findings.findings_of(compared, discharge, end)
     return GroupValidation(
-        rows=_rows(compared, branches, cells, offset, finding, end),
+        rows=_rows(compared, branches, _members_run(wiring, cells), offset, finding, end),
         findings=[finding],
         spread=findings.spread_over_soc(compared),
         series=_series(record, compared),
@@ -135,14 +141,32 @@ def _with_energy(model, joule_per_mole):
 
 
 def _to_score(test, branches, wiring):
-    """Record of a test with currents of all branches, which agree with the total."""
-    if wiring.connection != "parallel" or len(cells_of(wiring)) != len(branches):
-        raise Refusal(f"found {described(wiring)}, wanted single cells in parallel")
-    record = group_record(test, branches)
-    if record.branch_current_ampere is None:
-        raise Refusal(f"{record.test} has no current of one branch or more: nothing to score")
+    """Record of a test whose branch currents agree with the total; NaN where none was logged."""
+    if wiring.connection != "parallel":
+        raise Refusal(f"found {described(wiring)}, wanted members in parallel")
+    record = group_record(test, branches, cells=len(cells_of(wiring)))
     checks.refuse_contradiction(record, wiring)
+    if record.cell_temperature_celsius is not None:
+        # ASSUME: Cells of a group have the mean of the temperatures logged at them.
+        record = record._replace(celsius=np.nanmean(record.cell_temperature_celsius, axis=1))
     return record
+
+
+def _measured(record, branches, notes):
+    """Measured branch currents (n, branches) [A], one that was not logged by the others."""
+    currents = record.member_current_ampere
+    if currents is None:
+        notes.append("no branch current was logged: the voltage alone is scored")
+        return np.full((len(record.current_ampere), len(branches)), np.nan)
+    lacking = np.flatnonzero(np.isnan(currents).all(axis=0))
+    names = ", ".join(branches[k].cell for k in lacking)
+    if len(lacking) == 1:
+        currents = currents.copy()
+        currents[:, lacking[0]] = record.current_ampere - np.nansum(currents, axis=1)
+        notes.append(f"current of {names} not logged: the total less the others, no measurement")
+    elif len(lacking):
+        notes.append(f"currents of {names} not logged and not scored")
+    return currents
 
 
 def _table_celsius(facts, record, notes):
@@ -155,10 +179,15 @@ def _table_celsius(facts, record, notes):
     return np.arange(np.floor(low), np.ceil(high) + TABLE_KELVIN, TABLE_KELVIN)
 
 
-def _initial_soc(stated, cells, record, notes):
+def _initial_soc(stated, cells, wiring, record, notes):
     """SoC of each cell at the start (cells,): stated, else from the rest voltage at the start."""
     if None not in stated:
         return np.array(stated, float)
+    if any(not isinstance(member, str) for member in wiring.members):
+        raise Refusal(
+            f"{wiring.name} is {described(wiring)}: its voltage does not tell the SoC of each "
+            "cell, wanted initial_soc of all in groups.tsv"
+        )
     total = record.current_ampere
     if abs(total[0]) > REST_SHARE * np.abs(total).max():
         raise Refusal("initial_soc is not stated in groups.tsv, and the record begins under load")
@@ -182,14 +211,15 @@ def _counted_back(fitted, record, offset, cells, notes):
     return -passed.sum(axis=0) / cells.capacity_ampere_hour
 
 
-def _offset(fits, branches, facts, record, notes):
+def _offset(fits, stated, record, notes):
     """Offsets of the branch sensors (branches,) [A], 0 where nothing tells them."""
     if fits:
         offset = np.array([fit["sensor_offset_ampere"] for fit in fits])
-    elif stated_soc(facts, branches) == [None] * len(branches):
+    elif stated == [None] * len(stated):
         offset = _read_at_start(record)
     else:
-        return np.zeros(len(branches))
+        return np.zeros(record.branch_current_ampere.shape[1])
+    offset = np.nan_to_num(offset)
     if not offset.any():
         return offset
     listed = ", ".join(f"{1e3 * value:+.1f}" for value in offset)
@@ -220,31 +250,75 @@ def _unseen(models, record, notes):
     return unseen
 
 
-def _compared(record, run, offset, capacity_ampere_hour, scored):
+def _currents_of_members(wiring, cell_ampere):
+    """Currents through the members of a group (n, members) from those of its cells (n, cells)."""
+    columns, first = [], 0
+    for member in wiring.members:
+        stop = first + len(cells_of(member))
+        columns.append(_through(member, cell_ampere[:, first:stop]))
+        first = stop
+    return np.column_stack(columns)
+
+
+def _through(member, cell_ampere):
+    if isinstance(member, str):
+        return cell_ampere[:, 0]
+    inner = _currents_of_members(member, cell_ampere)
+    return inner.sum(axis=1) if member.connection == "parallel" else inner[:, 0]
+
+
+def _capacities_of_members(wiring, capacity_ampere_hour):
+    """Capacity of each member [Ah]: of groups the sum of parallel, the least of series members."""
+    sizes, first = [], 0
+    for member in wiring.members:
+        stop = first + len(cells_of(member))
+        size = capacity_ampere_hour[first]
+        if not isinstance(member, str):
+            inner = _capacities_of_members(member, capacity_ampere_hour[first:stop])
+            size = inner.sum() if member.connection == "parallel" else inner.min()
+        sizes.append(size)
+        first = stop
+    return np.array(sizes)
+
+
+def _compared(record, run, offset, capacity_ampere_hour, scored, wiring):
+    sizes = _capacities_of_members(wiring, capacity_ampere_hour)
+    steps, total = np.diff(record.test_time_second), record.current_ampere
+    passed = np.append(0.0, (steps * (total[1:] + total[:-1])).cumsum() / 7200.0)
+    first = run.soc[0] @ capacity_ampere_hour / capacity_ampere_hour.sum()
     return findings.Compared(
         time_second=record.test_time_second,
         total_ampere=record.current_ampere,
         voltage_volt=record.voltage_volt,
         measured_ampere=record.branch_current_ampere - offset,
         simulated_volt=run.voltage_volt,
-        simulated_ampere=run.cell_current_ampere,
-        soc=run.soc @ (capacity_ampere_hour / capacity_ampere_hour.sum()),
+        simulated_ampere=_currents_of_members(wiring, run.cell_current_ampere),
+        soc=first + passed / sizes.sum(),
         scored=scored,
-        capacity_ampere_hour=capacity_ampere_hour,
+        capacity_ampere_hour=sizes,
     )
 
 
-def _end(compared, discharge, celsius, simulated):
+def _end(compared, discharge, celsius, simulated, wiring):
     """Where the discharge ends by the simulation, which may be later than the record's end."""
     time, total = findings.longer(compared, discharge)
     more = np.full(len(time) - discharge.stop, celsius[discharge.stop - 1])
     run = simulated(time, total, np.append(celsius[: discharge.stop], more))
-    return findings.simulated_end(
-        compared, discharge, time, run.cell_current_ampere, run.voltage_volt
-    )
+    currents = _currents_of_members(wiring, run.cell_current_ampere)
+    return findings.simulated_end(compared, discharge, time, currents, run.voltage_volt)
 
 
-def _rows(compared, branches, cells, offset, finding, end):
+def _members_run(wiring, cells):
+    """What each member of the group runs as: names of the circuits' members, joined by +."""
+    first, names = 0, []
+    for member in wiring.members:
+        stop = first + len(cells_of(member))
+        names.append("+".join(dict.fromkeys(cells.members[first:stop])))
+        first = stop
+    return names
+
+
+def _rows(compared, branches, members_run, offset, finding, end):
     """Rows of table `packs`, one a branch."""
     kirchhoff = compared.simulated_ampere.sum(axis=1) - compared.total_ampere
     volt = compared.voltage_volt - compared.simulated_volt
@@ -272,8 +346,8 @@ def _rows(compared, branches, cells, offset, finding, end):
             "cell": branch.cell,
             "current_rmse_ampere": rms(scored),
             "current_max_ampere": float(np.abs(scored).max()),
-            "capacity_ampere_hour": float(cells.capacity_ampere_hour[k]),
-            "model": cells.members[k],
+            "capacity_ampere_hour": float(compared.capacity_ampere_hour[k]),
+            "model": members_run[k],
             "sensor_offset_ampere": float(offset[k]),
             "charge_ampere_hour": float(charge[k]),
             "largest_current_ampere": float(largest[k]),
