@@ -7,7 +7,7 @@ import type_of_cells
 
 from cellwright.bias.compared import compared
 from cellwright.bias.corrected import borrowed_model
-from cellwright.bias.correction import correction
+from cellwright.bias.correction import Change, _surer, correction
 from cellwright.bias.courses import KNOTS, courses_of
 from cellwright.bias.features import Shown
 from cellwright.bias.thesis import quadratic_bias
@@ -192,3 +192,14 @@ def test_only_cells_with_the_member_that_the_reference_has_chosen_calibrate():
 def test_what_cannot_be_borrowed_is_refused(cell, peers, reason):
     with pytest.raises(Refusal, match=reason):
         borrowed_model(cell, peers)
+
+
+def test_what_is_expected_beforehand_counts_where_terms_are_less_sure():
+    wide, narrow = (
+        Change(np.zeros(2), np.full(2, half), form, np.zeros((3, 2)), np.ones(3), 1.0)
+        for half, form in ((2.0, "terms"), (1.0, "charge"))
+    )
+    assert _surer(narrow, wide).form == "charge"
+    assert _surer(wide, narrow) is narrow
+    unknown = narrow._replace(half_interval=np.full(2, np.nan))
+    assert _surer(unknown, wide) is wide

@@ -34,17 +34,26 @@ def test_intervals_of_new_cells_hold_as_stated(bend):
 
 
 def test_errors_left_out_are_those_of_fits_without_the_cell():
-    random = np.random.default_rng(3)
-    features, changes = population(random, 12, noise=0.05)
+    random, cells = np.random.default_rng(3), regression.FEW + 1
+    features, changes = population(random, cells, noise=0.05)
     fit = regression.shrunk(features, changes)
     assert fit.degree
     scaled = features / fit.scale
-    for place in range(12):
-        others = np.arange(12) != place
+    for place in range(cells):
+        others = np.arange(cells) != place
         kernel = (1 + scaled @ scaled.T / 6) ** fit.degree
-        within = kernel[np.ix_(others, others)] + fit.penalty * np.eye(11)
+        within = kernel[np.ix_(others, others)] + fit.penalty * np.eye(cells - 1)
         predicted = kernel[place, others] @ np.linalg.solve(within, changes[others])
         np.testing.assert_allclose(predicted - changes[place], fit.left_out[place], atol=1e-9)
+
+
+def test_of_few_cells_each_is_left_out_of_the_choice_as_well():
+    features, changes = population(np.random.default_rng(3), regression.FEW, noise=0.05)
+    fit = regression.shrunk(features, changes)
+    assert fit.degree
+    without = regression.shrunk(features[1:], changes[1:], judged_again=False)
+    left_out = regression.predicted(without, features[0]).change - changes[0]
+    np.testing.assert_allclose(left_out, fit.left_out[0])
 
 
 def test_cells_without_a_pattern_shrink_to_no_change():

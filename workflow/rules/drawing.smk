@@ -197,8 +197,9 @@ HEALTH_FIGURES = [
     # Of fewer cells of a type no line is drawn; tables and page say so.
     *(["results/figures/fleet.svg"] if max(map(len, FLEETS.values()), default=0) >= 6 else []),
 ]
+BIAS_FIGURES = ["results/figures/bias.svg"] if JUDGED else []
 # Paths of all figures: of the campaign, of every cell, of every group.
-FIGURES = {"campaign": ["results/figures/overview.svg", *HEALTH_FIGURES]} | {
+FIGURES = {"campaign": ["results/figures/overview.svg", *BIAS_FIGURES, *HEALTH_FIGURES]} | {
     owner: [f"results/figures/{owner}/{name}.svg" for name in figures]
     for owner, figures in DRAWN_FROM.items()
 }
@@ -262,6 +263,21 @@ rule figure_fleet:
         "Figure: resistance against capacity over the cells of each type."
     script:
         "../../scripts/drawing/figure_fleet.py"
+
+
+rule figure_bias:
+    input:
+        [f"results/bias_ways/{cell}.parquet" for cell in JUDGED],
+    output:
+        "results/figures/bias.svg",
+    log:
+        "logs/figures/bias.log",
+    params:
+        types={cell: "{} {:g} Ah".format(*type_of(cell)) for cell in JUDGED},
+    message:
+        "Figure: four ways to the models of the cells of each type."
+    script:
+        "../../scripts/drawing/figure_bias.py"
 
 
 rule figure_overview:

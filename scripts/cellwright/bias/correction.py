@@ -125,30 +125,42 @@ def _stacked(peers, name):
 def _resistance_change(which, cell, base, peers, features):
     true = _stacked(peers, which)
     prior = np.log([peer.ratio for peer in peers]).reshape(-1, 1) * np.ones(len(KNOTS))
-    scaled = _by_terms(features, true, prior, np.full(len(KNOTS), np.log(cell.ratio)))
-    return _better(scaled, _resistance_by_thesis(which, cell, base, peers))
+    course = (features, true, prior, np.full(len(KNOTS), np.log(cell.ratio)))
+    expected = _by_terms(*course, form="scaling", degrees=())
+    best = _by_terms(*course, form="scaling")
+    return _surer(expected, _better(best, _resistance_by_thesis(which, cell, base, peers)))
 
 
 def _ocv_change(cell, base, peers, features):
     """Change of the OCV: by the cell's charge where all charges tell it, else by terms alone."""
     true = _stacked(peers, "ocv")
-    plain = _by_terms(features, true, 0.0 * true, np.zeros(len(KNOTS)))
-    by_thesis = _ocv_by_thesis(cell, peers)
-    if cell.opened_volt is None or any(peer.opened_volt is None for peer in peers):
-        return _better(plain, by_thesis)
-    charged = _by_terms(features, true, _stacked(peers, "opened_volt"), cell.opened_volt)
-    if charged.form == "scaling":
-        charged = charged._replace(form="charge")
-    return _better(_better(charged, plain), by_thesis)
+    course = (features, true, 0.0 * true, np.zeros(len(KNOTS)))
+    expected = _by_terms(*course, form="scaling", degrees=())
+    best = _by_terms(*course, form="scaling")
+    if cell.opened_volt is not None and all(peer.opened_volt is not None for peer in peers):
+        course = (features, true, _stacked(peers, "opened_volt"), cell.opened_volt)
+        expected = _by_terms(*course, form="charge", degrees=())
+        best = _better(_by_terms(*course, form="charge"), best)
+    return _surer(expected, _better(best, _ocv_by_thesis(cell, peers)))
 
 
-def _by_terms(features, true, prior, own_prior):
+def _by_terms(features, true, prior, own_prior, *, form, degrees=regression.DEGREES):
     """Change of a course: what is expected beforehand, and by terms what that leaves."""
-    fit = regression.shrunk(features[0], true - prior)
+    fit = regression.shrunk(features[0], true - prior, degrees=degrees)
     found = regression.predicted(fit, features[1])
-    form = "terms" if fit.degree else "scaling"
-    change = own_prior + found.change
-    return Change(change, found.half_interval, form, fit.left_out, found.stretch, found.remoteness)
+    return Change(
+        own_prior + found.change,
+        found.half_interval,
+        "terms" if fit.degree else form,
+        fit.left_out,
+        found.stretch,
+        found.remoteness,
+    )
+
+
+def _surer(expected, best):
+    """What is expected beforehand, where a cell is so far out that the best is less sure of it."""
+    return expected if rms(expected.half_interval) < rms(best.half_interval) else best
 
 
 def _better(first, second):

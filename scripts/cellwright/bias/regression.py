@@ -64,6 +64,7 @@ def shrunk(features, changes, *, degrees=DEGREES, judged_again=True):
     features : (c, p) differences from the reference, zero for the reference itself.
     changes : (c, k) of the cells.
     degrees : kernels that are tried, 1 linear, 2 with squares and products.
+    judged_again : of few cells, whether each is left out of the choice of the noise as well.
 
     Returns
     -------
@@ -86,9 +87,9 @@ def shrunk(features, changes, *, degrees=DEGREES, judged_again=True):
     best = _stiffest(tried)
     if not clearly_less(none.left_out, best.left_out):
         return none
-    return (
-        _judged_again(best, features, changes, degrees) if judged_again and cells <= FEW else best
-    )
+    if judged_again and cells <= FEW:
+        return _judged_again(best, features, changes, degrees)
+    return best
 
 
 def _judged_again(fit, features, changes, degrees):
