@@ -9,4 +9,5 @@ with artefact.Job(snakemake) as job:
     capacities = tables.rows_of(inputs.capacities, params.tests)
     pack = (models, params.members, params.cells, capacities, params.settings)
     found = cw.pack_decisions(*pack, temperature_celsius=params.celsius)
+    job.note(*found.notes)
     job.save(found.rows)

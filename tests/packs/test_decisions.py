@@ -8,11 +8,11 @@ import strings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cellwright.packs.cells import pack_cells
 from cellwright.packs.decisions import matching, monte_carlo
 from cellwright.packs.decisions.fleet import discharges_of, fleet_of, matched_fleet
-from cellwright.packs.decisions.group_use import discharge_group, safe_window
-from cellwright.packs.decisions.of_pack import pack_decisions
-from cellwright.packs.parallel import group_of
+from cellwright.packs.decisions.group_use import discharge_pack, safe_window, star_of
+from cellwright.packs.decisions.of_pack import charged_soc, pack_decisions
 from cellwright.packs.series.capability import discharge_string
 from cellwright.packs.wiring import Wiring
 from cellwright.records.facts import BranchFacts, CellFacts
@@ -29,6 +29,14 @@ def facts_of(models):
 
 def positions_of(models, soc=1.0, wire=3e-4):
     return [BranchFacts(k + 1, m["cell"], wire, soc) for k, m in enumerate(models)]
+
+
+def discharged(shares, factors, lower=LOWER):
+    """Cells in parallel through a discharge at 1C."""
+    cells = pack_cells(strings.models(shares, factors), temperature_celsius=25.0)
+    total = cells.capacity_ampere_hour.sum()
+    star = star_of(cells.names, wire_resistance_ohm=1e-4)
+    return discharge_pack(cells, star, lower_cutoff_volt=lower, current_ampere=total)
 
 
 def partitions(cells, size):
@@ -117,7 +125,7 @@ def test_the_best_cell_to_replace_is_that_of_trying_all():
 
 
 def test_equal_cells_share_alike_and_every_soc_is_safe():
-    use = discharge_group(group_of(strings.models([0.9, 0.9])), lower_cutoff_volt=LOWER)
+    use = discharged([0.9, 0.9], [1.0, 1.0])
     np.testing.assert_allclose(use.branch_share, 1.0, atol=1e-9)
     window = safe_window(use, current_spread=0.01)
     assert window.upper_soc > 0.99
@@ -125,16 +133,19 @@ def test_equal_cells_share_alike_and_every_soc_is_safe():
     assert window.charge_share == pytest.approx(window.upper_soc - window.lower_soc)
 
 
+def test_a_group_is_empty_when_a_cell_is_at_soc_0_at_the_latest():
+    use = discharged([0.9, 0.9], [1.0, 1.0], lower=0.1)
+    assert use.capacity_ampere_hour == pytest.approx(1.8 * strings.FULL_AMPERE_HOUR)
+
+
 def test_unlike_cells_leave_a_window_and_beyond_it_the_spread_is_larger():
-    use = discharge_group(
-        group_of(strings.models([1.0, 0.7], [1.0, 1.5])), lower_cutoff_volt=LOWER, c_rate=1.0
-    )
+    use = discharged([1.0, 0.7], [1.0, 1.5])
     total = (use.branch_share * [1.0, 0.7]).sum(axis=1) / 1.7
     np.testing.assert_allclose(total, 1.0, atol=1e-9)
     limit = 0.6 * np.abs(use.branch_share - 1).max()
     window = safe_window(use, current_spread=limit)
     spread = np.abs(use.branch_share - 1).max(axis=1)
-    inside = (use.group_soc >= window.lower_soc) & (use.group_soc <= window.upper_soc)
+    inside = (use.pack_soc >= window.lower_soc) & (use.pack_soc <= window.upper_soc)
     assert 0 < inside.mean() < 1
     assert spread[inside].max() <= limit < window.worst_spread == spread.max()
     assert np.isnan(safe_window(use, current_spread=1e-9).lower_soc)
@@ -153,8 +164,11 @@ def test_intervals_hold_a_pack_drawn_from_the_stated_uncertainties(wiring):
             at = {"lower_cutoff_volt": LOWER, "current_ampere": 15.0, "initial_soc": 0.95}
             found = monte_carlo.string_draws(models, sample, **at)
         else:
-            at = {"lower_cutoff_volt": LOWER, "wire_resistance_ohm": 3e-4, "initial_soc": 0.95}
-            found = monte_carlo.group_draws(group_of(models), sample, **at)
+            cells = pack_cells(models, temperature_celsius=25.0)
+            at = {"lower_cutoff_volt": LOWER, "current_ampere": 80.0, "initial_soc": 0.95}
+            found = monte_carlo.pack_draws(
+                cells, star_of(cells.names, wire_resistance_ohm=3e-4), sample, **at
+            )
         given.append(found.capacity_ampere_hour)
     low, high = np.percentile(given[0], [5, 95])
     assert 0.78 <= np.mean((given[1] >= low) & (given[1] <= high)) <= 0.99
@@ -245,6 +259,34 @@ def test_rows_of_a_pack(connection):
     assert bool(windows) == (connection == "parallel")
 
 
+def test_a_string_of_groups_is_decided_on_as_a_whole():
+    """Its weakest group limits it: a cell of that group is the one to replace."""
+    models = strings.models([1.0, 0.98, 0.8, 0.78])
+    pairs = [Wiring(name, "parallel", cells, (1e-4, 1e-4), (0, 0)) for name, cells in
+             (("p", ("A", "B")), ("q", ("C", "D")))]  # fmt: skip
+    wiring = Wiring("s", "series", tuple(pairs), (1e-4, 1e-4), (0, 0))
+    facts, places = facts_of(models), positions_of(models)
+    rows = pack_decisions(
+        wiring, models, places, facts, [None] * 4, celsius=25.0, settings=SETTINGS
+    )
+    best = next(row for row in rows if row["quantity"].startswith("best"))
+    assert best["cell"] == "D"
+    charge = next(row for row in rows if row["quantity"] == "usable charge")
+    assert charge["p50"] == pytest.approx(1.58 * strings.FULL_AMPERE_HOUR, rel=0.03)
+
+
+def test_a_pack_is_decided_on_charged():
+    """In parallel all full; in series the first is, and the charges between cells stay."""
+    star = Wiring("p", "parallel", ("A", "B"), (0, 0), (0, 0))
+    np.testing.assert_array_equal(charged_soc(star, [0.1, 0.12], [30.0, 20.0]), 1.0)
+    string = Wiring("s", "series", ("A", "B"), (0, 0), (0, 0))
+    found = charged_soc(string, [0.5, 0.4], [30.0, 20.0])
+    np.testing.assert_allclose(found, [0.9, 1.0])
+    nested = Wiring("n", "series", (star, "C"), (0, 0), (0, 0))
+    found = charged_soc(nested, [0.4, 0.6, 0.5], [20.0, 20.0, 40.0])
+    np.testing.assert_allclose(found, 1.0)
+
+
 def test_the_order_of_a_fleet_does_not_matter():
     random = np.random.default_rng(8)
     cost = random.uniform(0.0, 1.0, (6, 6))
@@ -272,21 +314,8 @@ PAIR = strings.models([1.0, 0.9])
             "a pack of one cell",
         ),
         (
-            lambda: discharge_group(group_of(PAIR), lower_cutoff_volt=0.1),
-            "does not fall to its cut-off of 0.1 V",
-        ),
-        (
             lambda: matched_fleet(fleet_of(PAIR, facts_of(PAIR), [None] * 2, SETTINGS), SETTINGS),
             "2 cells, wanted at least two groups of 2",
-        ),
-        (
-            lambda: pack_decisions(
-                Wiring("s", "series", (Wiring("p", "parallel", ("A", "B"), (0, 0), (0, 0)), "C"),
-                       (0, 0), (0, 0)),
-                strings.models([1, 1, 1]), positions_of(strings.models([1, 1, 1])),
-                facts_of(strings.models([1, 1, 1])), [None] * 3, celsius=25.0, settings=SETTINGS,
-            ),
-            "s is not decided on: found",
         ),
     ],
 )  # fmt: skip

@@ -67,11 +67,11 @@ TABLES_OF_MODELS = {
         p for group in SERIES for p in artefacts("series_pack_cells", group, "group")
     ],
     "nested_packs": [p for group in NESTED for p in artefacts("nested_pack", group, "group")],
-    "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
     "pack_decisions": [
         *[f"results/pack_decisions/{group}.parquet" for group in DECIDED],
         *[f"results/pack_matching/{fleet}.parquet" for fleet in MATCHED],
     ],
+    "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],
     **{
         table: [p for group in SHARED for p in artefacts(stage, group, "group")]
         for table, stage in TABLES_OF_GROUPS.items()

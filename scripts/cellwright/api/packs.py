@@ -3,6 +3,8 @@
 from cellwright.api import inputs, results
 from cellwright.settings import PackDecisions
 
+SAME_CELSIUS = 3.0  # chamber temperatures this near are one
+
 
 def simulate_pack(
     models,
@@ -208,7 +210,9 @@ def pack_decisions(
     models, members, cells, settings : as of `series_pack`; also of cells in a star of parallel
         branches.
     capacities : rows of the capacity stage of its cells, with cell and test: of their standard
-        deviations. temperature_celsius : of all cells [°C].
+        deviations, and of the temperature of cells under such a load (temperature_mean_celsius).
+    temperature_celsius : around the cells [°C]; they are as warm as in their discharges within 3 K
+        of it, where those tell.
 
     Returns
     -------
@@ -225,10 +229,10 @@ def pack_decisions(
     wiring, documents, positions, facts = _pack(models, members, cells)
     stds = _capacity_stds(capacities, [row.cell for row in positions])
     chosen = inputs.settings_of(PackDecisions, settings, changes)
-    rows = decided(
-        wiring, documents, positions, facts, stds, celsius=temperature_celsius, settings=chosen
-    )
-    return results.Table(rows)
+    warm = _loaded_celsius(capacities, [row.cell for row in positions], temperature_celsius)
+    rows = decided(wiring, documents, positions, facts, stds, celsius=warm, settings=chosen)
+    notes = [f"cells at {warm:.1f} °C", *_borrowed(documents)]
+    return results.Table(rows, tuple(notes))
 
 
 def match_cells(models, cells, capacities=(), settings=None, **changes):
@@ -273,6 +277,19 @@ def _pack(models, members, cells):
     return wiring, documents, [by_cell[name] for name in names], _facts_of(cells, names)
 
 
+def _borrowed(documents):
+    """Sentences on models that are not of a cell's own pulses and drives."""
+    words = {
+        "group": "known from one slow record of the group: at other currents they are extrapolated",
+        "bias": "the reference's, corrected by what was measured of the cell",
+        "scaled": "the reference's, scaled",
+    }
+    for kind, meaning in words.items():
+        names = [model["cell"] for model in documents if model.get("kind") == kind]
+        if names:
+            yield f"models of {', '.join(names)}: {meaning}"
+
+
 def _facts_of(cells, names):
     known = {facts.cell: facts for facts in map(inputs.cell_facts, cells)}
     return [known[name] for name in names]
@@ -289,3 +306,19 @@ def _capacity_stds(capacities, names):
         if row["cell"] not in slowest or rate < slowest[row["cell"]][0]:
             slowest[row["cell"]] = (rate, std / repeats**0.5)
     return [slowest.get(name, (None, None))[1] for name in names]
+
+
+def _loaded_celsius(capacities, names, around):
+    """Median temperature of cells in their discharges at a chamber temperature, else that [°C]."""
+    found = [
+        row["temperature_mean_celsius"]
+        for row in inputs.rows(capacities)
+        if row["cell"] in names and row["direction"] == "discharge" and _near(row, around)
+    ]
+    warm = sorted(celsius for celsius in found if celsius is not None and celsius == celsius)
+    return float(warm[len(warm) // 2]) if warm else float(around)
+
+
+def _near(row, around):
+    stated = row.get("ambient_temperature_celsius")
+    return stated is None or abs(stated - around) <= SAME_CELSIUS

@@ -5,7 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.packs.decisions.group_use import cells_from, discharge_group
+from cellwright.packs.cells import pack_cells
+from cellwright.packs.decisions.group_use import (
+    cells_at,
+    discharge_pack,
+    resistance_of,
+    star_of,
+)
 from cellwright.packs.decisions.matching import (
     even_groups,
     gain_of,
@@ -14,18 +20,19 @@ from cellwright.packs.decisions.matching import (
     random_groups,
     strings_by_capacity,
 )
-from cellwright.packs.decisions.monte_carlo import draw_cells, drawn_group, uncertainty_of
-from cellwright.packs.parallel import group_of
+from cellwright.packs.decisions.monte_carlo import draw_cells, drawn_cells, uncertainty_of
 from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
+JOINT_OHM = 1e-5  # of each joint of a matched group
+MOST_DRAWS = 60  # of a whole fleet, in each of which all groups are simulated
 MOST_CELLS = 200  # of which every pair is simulated
 
 
 class Fleet(NamedTuple):
-    """Cells of one type: names, tables at each temperature of comparison (tuple of Group), lower
-    cut-off [V], what they may be (CellDraws)."""
+    """Cells of one type: names, tables (PackCells) at each temperature of comparison, lower cut-off
+    [V], what they may be (CellDraws)."""
 
     names: tuple
     tables: tuple
@@ -43,7 +50,7 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
 
     Raises
     ------
-    Refusal : fewer than 2 cells, more than 200, or as `parallel.group_of`.
+    Refusal : fewer than 2 cells, more than 200, or as `cells.pack_cells`.
     """
     if not 2 <= len(models) <= MOST_CELLS:
         found = f"{len(models)} cells of one type with a model"
@@ -55,7 +62,7 @@ def fleet_of(models, cells, capacity_std_ampere_hour, settings=SETTINGS):
         resistance_relative_std=settings.resistance_relative_std,
         initial_soc_std=settings.initial_soc_std,
     )
-    warm = (group_of(models, temperature_celsius=float(t)) for t in settings.matching_celsius)
+    warm = (pack_cells(models, temperature_celsius=float(t)) for t in settings.matching_celsius)
     lower = max(cell.lower_cutoff_volt for cell in cells)
     names = tuple(model["cell"] for model in models)
     drawn = draw_cells(known, draws=settings.draws, seed=settings.random_seed)
@@ -91,12 +98,16 @@ def discharges_of(fleet, c_rate):
 
 
 def _discharged(fleet, tables, c_rate, cells, draw):
-    part = cells_from(tables, cells)
+    part = cells_at(tables, cells)
+    current = c_rate * part.capacity_ampere_hour.sum()
     if draw is not None:
         drawn = fleet.drawn
         chosen = type(drawn)(*(column[:, list(cells)] for column in drawn))
-        part = drawn_group(part, chosen._replace(voltage_volt=0 * chosen.voltage_volt), draw)
-    use = discharge_group(part, lower_cutoff_volt=fleet.lower_cutoff_volt, c_rate=c_rate)
+        part = drawn_cells(part, chosen._replace(voltage_volt=0 * chosen.voltage_volt), draw)
+    star = star_of(part.names, wire_resistance_ohm=JOINT_OHM)
+    use = discharge_pack(
+        part, star, lower_cutoff_volt=fleet.lower_cutoff_volt, current_ampere=current
+    )
     return use.capacity_ampere_hour, use.peak_share, float(use.loss_watt.max())
 
 
@@ -155,7 +166,7 @@ def parallel_groups(fleet, uses, size):
             cost[a, b] = cost[b, a] = uses((a, b))[1]
         return pairs_of_least_cost(cost)
     tables = fleet.tables[0]
-    resistance = (tables.r0_ohm + tables.r_ohm.sum(axis=1)).mean(axis=1)
+    resistance = resistance_of(tables)
     order = np.argsort(resistance * tables.capacity_ampere_hour, kind="stable")
     begin = order[: cells // size * size].reshape(-1, size)
     return groups_by_swaps(begin, lambda group: uses(group)[1])
@@ -235,7 +246,7 @@ def _strings_of_groups(fleet, uses, random, settings):
 
 def _compared(fleet, decision, matched, at_random, quantities, settings):
     """Rows of each quantity of an assembly beside random ones, and rows of who is where."""
-    draws = range(settings.draws)
+    draws = range(min(settings.draws, MOST_DRAWS))
     rows = []
     for quantity, (unit, value, more) in quantities.items():
         gain = gain_of(value, matched, at_random, draws, more_is_better=more)

@@ -1,111 +1,158 @@
-"""How cells in parallel share a discharge: what the group gives, peaks, spread, safe window."""
+"""How cells in parallel share a discharge: what they give, peaks, spread, safe window."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.packs.parallel import Group, simulate_parallel
-from cellwright.refusal import Refusal
+from cellwright.packs.cells import TABLES
+from cellwright.packs.network import network_of
+from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.wiring import Wiring, is_star
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
 STEPS = 400
-BEYOND = 1.05  # of the group's charge: so far a discharge is simulated
+BEYOND = 1.05  # of the pack's charge: so far a discharge is simulated
+RESISTANCES = ("r0_ohm", "two_way_ohm", "r_ohm", "kinetic_r_ohm")
 
 
-class GroupUse(NamedTuple):
-    """A constant-current discharge of a parallel group to its cut-off.
+class PackUse(NamedTuple):
+    """A constant-current discharge of a pack to its cut-off.
 
-    capacity_ampere_hour, energy_watt_hour : of the group. cells_ampere_hour : sum of its cells'
-    capacities. group_soc : (n,) of the group by its charge [1]. branch_share : (n, cells) current
-    of each branch over its share of the total by capacity; 1 is ideal. peak_share : the largest.
-    loss_watt : (cells,) mean heat of each cell and its wire.
+    capacity_ampere_hour, energy_watt_hour : of the pack. cells_ampere_hour : what it would give if
+    every cell gave its capacity: the sum of a parallel group, the smallest group of a string of
+    groups. pack_soc : (n,) by its charge over that [1]. branch_share : (n, cells) current of each
+    cell over its share of the total by capacity; 1 is ideal. peak_share : the largest.
+    first : index of the cell with it. loss_watt : (cells,) mean heat in each cell's resistances.
     """
 
     capacity_ampere_hour: float
     energy_watt_hour: float
     cells_ampere_hour: float
-    group_soc: np.ndarray
+    pack_soc: np.ndarray
     branch_share: np.ndarray
     peak_share: float
+    first: int
     loss_watt: np.ndarray
 
 
-def cells_from(group, index):
-    """Some cells of a Group, in the order of `index`, as a Group."""
-    return Group(*(table[list(index)] for table in group))
+def cells_at(cells, index):
+    """Some cells of a PackCells, in the order of `index`, as a PackCells."""
+    index = list(index)
+    names, members = (tuple(values[k] for k in index) for values in (cells.names, cells.members))
+    tables = {name: getattr(cells, name)[:, index] for name in TABLES}
+    return cells._replace(
+        names=names,
+        members=members,
+        capacity_ampere_hour=cells.capacity_ampere_hour[index],
+        near_end_soc=cells.near_end_soc[index],
+        **tables,
+    )
 
 
-def discharge_group(
-    group,
-    *,
-    lower_cutoff_volt,
-    c_rate=SETTINGS.group_c_rate,
-    initial_soc=1.0,
-    wire_resistance_ohm=0.0,
-):
-    """Discharge cells in parallel from rest to the group's cut-off at a constant current.
+def star_of(names, *, wire_resistance_ohm=0.0):
+    """Wiring of cells in parallel, each with its own lead to one point.
 
     Parameters
     ----------
-    group : parallel.Group. lower_cutoff_volt : of the group [V].
-    c_rate : of the current, over the sum of the cells' capacities [1/h].
-    initial_soc, wire_resistance_ohm : scalars or (cells,) [1], [ohm].
+    names : of the cells. wire_resistance_ohm : scalar or one a cell [ohm].
+    """
+    wires = np.broadcast_to(np.asarray(wire_resistance_ohm, float), (len(names),))
+    return Wiring("the group", "parallel", tuple(names), tuple(wires), (0.0,) * len(names))
+
+
+def with_contacts(wiring, factor):
+    """A wiring with all its contacts times a factor.
+
+    Parameters
+    ----------
+    wiring : Wiring, or the name of a cell. factor : scalar [1].
+    """
+    if isinstance(wiring, str):
+        return wiring
+    return wiring._replace(
+        contact_ohm=tuple(factor * ohm for ohm in wiring.contact_ohm),
+        members=tuple(with_contacts(member, factor) for member in wiring.members),
+    )
+
+
+def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_soc=1.0):
+    """Discharge a pack of any wiring from rest to its cut-off at a constant current.
+
+    A star of parallel cells ends when its own voltage is at the cut-off, as a cycler ends it; any
+    other wiring when its first cell is at its cut-off; each at the latest when a cell is at SoC 0.
+
+    Parameters
+    ----------
+    cells : PackCells at one temperature, in the order of the wiring's leaves. wiring : Wiring.
+    lower_cutoff_volt : scalar or (cells,) [V]. current_ampere : > 0, of the pack [A].
+    initial_soc : scalar or (cells,) [1].
 
     Returns
     -------
-    use : GroupUse.
+    use : PackUse.
 
     Raises
     ------
-    Refusal : the cut-off is not reached, or as `parallel.simulate_parallel`.
+    Refusal : as `simulate.simulate_pack`.
     """
-    whole = float(group.capacity_ampere_hour.sum())
-    time = np.linspace(0.0, BEYOND * 3600.0 / c_rate, STEPS + 1)
-    run = simulate_parallel(
-        time,
-        np.full(len(time), -c_rate * whole),
-        group,
-        initial_soc=initial_soc,
-        wire_resistance_ohm=wire_resistance_ohm,
-    )
-    below = np.flatnonzero(run.voltage_volt <= lower_cutoff_volt)
-    if not len(below):
-        found = f"ends at {run.voltage_volt[-1]:.3f} V"
-        raise Refusal(f"the group does not fall to its cut-off of {lower_cutoff_volt:g} V: {found}")
-    # The first sample is the instant at which the load is joined.
-    end = max(int(below[0]), 2)
-    volt = run.voltage_volt[: end + 1]
-    share = (volt[-2] - lower_cutoff_volt) / (volt[-2] - volt[-1])
-    stop = time[end - 1] + np.clip(share, 0.0, 1.0) * (time[end] - time[end - 1])
-    second = np.append(time[:end], stop)
+    share = network_of(wiring, cells.capacity_ampere_hour).share
+    whole = cells.capacity_ampere_hour / share
+    time = np.linspace(0.0, BEYOND * 3600.0 * whole.max() / current_ampere, STEPS + 1)
+    load = np.full(len(time), -float(current_ampere))
+    run = simulate_pack(time, load, cells, wiring, initial_soc=initial_soc, hold="zero_order")
+    volt = run.voltage_volt[:, None] if is_star(wiring) else run.cell_voltage_volt
+    above = volt - (np.max(lower_cutoff_volt) if is_star(wiring) else lower_cutoff_volt)
+    # ASSUME: A cell is empty at SoC 0 of its model: beyond it nothing was measured.
+    stop = min(_crossed(time, above.min(axis=1)), _crossed(time, run.soc.min(axis=1)))
+    kept = time < stop
+    second = np.append(time[kept], stop)
     hour = second / 3600.0
-    volt = np.interp(second, time, run.voltage_volt)
-    current = np.array(
-        [np.interp(second, time, branch) for branch in run.branch_current_ampere.T]
-    ).T
-    ideal = -c_rate * group.capacity_ampere_hour
-    shares = current[1:] / ideal
-    return GroupUse(
-        float(c_rate * whole * hour[-1]),
-        float(c_rate * whole * np.trapezoid(volt, hour)),
-        whole,
-        1.0 - c_rate * hour[1:],
+    energy = current_ampere * np.trapezoid(np.interp(second, time, run.voltage_volt), hour)
+    shares = run.cell_current_ampere[kept] / (-current_ampere * share)
+    start = np.broadcast_to(np.asarray(initial_soc, float), share.shape)
+    soc = np.average(start, weights=cells.capacity_ampere_hour)
+    return PackUse(
+        float(current_ampere * hour[-1]),
+        float(energy),
+        float(whole.min()),
+        soc - current_ampere * hour[:-1] / whole.min(),
         shares,
         float(shares.max()),
-        (current[1:] ** 2).mean(axis=0) * _resistance(group, wire_resistance_ohm),
+        int(np.argmax(shares.max(axis=0))),
+        (run.cell_current_ampere[kept] ** 2).mean(axis=0) * resistance_of(cells),
     )
 
 
-def _resistance(group, wire_ohm):
-    """Resistance of each cell in the long run and its wire, mean over SoC (cells,) [ohm]."""
-    return (group.r0_ohm + group.r_ohm.sum(axis=1)).mean(axis=1) + wire_ohm
+def _crossed(time, above):
+    """Time at which a falling margin is used up, linear between samples; inf where never [s]."""
+    below = np.flatnonzero(above <= 0.0)
+    if not len(below):
+        return np.inf
+    k = max(int(below[0]), 1)
+    share = np.clip(above[k - 1] / (above[k - 1] - above[k]), 0.0, 1.0)
+    return time[k - 1] + share * (time[k] - time[k - 1])
+
+
+def resistance_of(cells):
+    """Resistance of each cell at small currents in the long run, mean over SoC (cells,) [ohm].
+
+    Parameters
+    ----------
+    cells : PackCells; at the middle of its temperatures.
+    """
+    middle = len(cells.temperature_celsius) // 2
+    parts = [getattr(cells, name)[middle].sum(axis=1) for name in ("r0_ohm", "r_ohm")]
+    parts.append(cells.kinetic_r_ohm[middle].sum(axis=1))
+    if cells.two_way_ohm.shape[2]:
+        parts.append(cells.two_way_ohm[middle, :, -1])
+    return np.sum([part.mean(axis=-1) for part in parts], axis=0)
 
 
 class Window(NamedTuple):
-    """Range of a group's SoC in which its currents stay within a spread.
+    """Range of a pack's SoC in which its currents stay within a spread.
 
-    lower_soc, upper_soc : NaN where there is none. charge_share : of the group's charge [1].
+    lower_soc, upper_soc : NaN where there is none. charge_share : of the pack's charge [1].
     spread : the largest in it [1]. worst_spread, worst_soc : the largest of all, and where.
     """
 
@@ -118,11 +165,11 @@ class Window(NamedTuple):
 
 
 def safe_window(use, *, current_spread=SETTINGS.current_spread):
-    """The widest range of SoC in which no branch strays from its share by more than a limit.
+    """The widest range of SoC in which no cell strays from its share by more than a limit.
 
     Parameters
     ----------
-    use : GroupUse. current_spread : largest |share − 1| of a branch, its current over that by
+    use : PackUse. current_spread : largest |share − 1| of a cell, its current over that by
         capacity [1].
 
     Returns
@@ -133,7 +180,7 @@ def safe_window(use, *, current_spread=SETTINGS.current_spread):
     15 %.
     """
     spread = np.abs(use.branch_share - 1.0).max(axis=1)
-    soc, worst = use.group_soc, int(np.argmax(spread))
+    soc, worst = use.pack_soc, int(np.argmax(spread))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], spread <= current_spread, [0]])))
     if not len(edges):
         return Window(np.nan, np.nan, 0.0, np.nan, float(spread[worst]), float(soc[worst]))

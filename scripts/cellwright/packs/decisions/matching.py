@@ -224,7 +224,7 @@ class Replacement(NamedTuple):
     gain_watt_hour, gain_ampere_hour : usable. best : index of the cell that brings most energy.
     margin_watt_hour : to the cell that brings second most. median : index of the median cell.
     in_turn : list of (index, capacity [Ah], energy [Wh]): the best cell replaced, then the best of
-    those left, and so on.
+    those left, and so on, as long as that brings energy.
     """
 
     gain_watt_hour: np.ndarray
@@ -268,6 +268,8 @@ def replacements(use, cells, *, capacity_ampere_hour, spare_of=None, turns=3):
         if turn:
             turn_gains = _gains(use, now, spare)
         k = int(np.argmax(turn_gains[:, 1]))
+        if in_turn and turn_gains[k, 1] <= in_turn[-1][2]:
+            break
         now[k] = spare
         in_turn.append((k, *map(float, turn_gains[k])))
     margin = float(gains[order[0], 1] - gains[order[1], 1])

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import member_of, simulate_model
-from cellwright.packs.decisions.group_use import discharge_group
+from cellwright.packs.decisions.group_use import RESISTANCES, discharge_pack, with_contacts
 from cellwright.packs.series.capability import BEYOND, first_crossing
-from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
@@ -138,30 +137,26 @@ def string_draws(models, drawn, *, lower_cutoff_volt, current_ampere, initial_so
     Returns
     -------
     draws : PackDraws.
-
-    Raises
-    ------
-    Refusal : in some draw no cell reaches its cut-off.
     """
     cells, draws = len(models), len(drawn.capacity_factor)
     start = np.broadcast_to(np.asarray(initial_soc, float), (cells,))
     cutoff = np.broadcast_to(np.asarray(lower_cutoff_volt, float), (cells,))
-    held = max(model["capacity_ampere_hour"] for model in models)
-    charge = np.linspace(0.0, BEYOND * held, int(BEYOND / STEP_SHARE) + 1)
+    most = max(model["capacity_ampere_hour"] for model in models)
+    charge = np.linspace(0.0, BEYOND * most, int(BEYOND / STEP_SHARE) + 1)
     volt, heat = np.empty((draws, cells, len(charge))), np.empty((draws, cells))
     ends = np.empty((draws, cells))
     for k, model in enumerate(models):
         of_cell = [column[:, k] for column in drawn]
         curves = _cell_curves(model, of_cell, charge, current_ampere, start[k], celsius)
         volt[:, k], heat[:, k] = curves
-        ends[:, k] = [first_crossing(charge, curve, cutoff[k]) for curve in volt[:, k]]
-    if np.isnan(ends).all(axis=1).any():
-        raise Refusal("in a draw no cell of the string falls to its cut-off")
-    end = np.nanmin(ends, axis=1)
+        at_cutoff = [first_crossing(charge, curve, cutoff[k]) for curve in volt[:, k]]
+        held = (start[k] + drawn.initial_soc[:, k]) * drawn.capacity_factor[:, k]
+        ends[:, k] = np.fmin(at_cutoff, held * model["capacity_ampere_hour"])
+    end = ends.min(axis=1)
     energy = [_energy_until(charge, volt[d].sum(axis=0), end[d]) for d in range(draws)]
     ones, hottest = np.ones(draws), np.argmax(heat, axis=1)
     return PackDraws(
-        end, np.array(energy), np.nanargmin(ends, axis=1), ones, heat.max(axis=1), hottest
+        end, np.array(energy), np.argmin(ends, axis=1), ones, heat.max(axis=1), hottest
     )
 
 
@@ -187,76 +182,64 @@ def _energy_until(charge, volt, end):
     return np.trapezoid(np.append(volt[kept], at_end), np.append(charge[kept], end))
 
 
-def drawn_group(group, drawn, draw):
-    """The cells of a parallel group in one draw, as a Group.
+def drawn_cells(cells, drawn, draw):
+    """The cells of a pack in one draw; the voltage of all is off by that of the first.
 
     Parameters
     ----------
-    group : parallel.Group. drawn : CellDraws of its cells. draw : index.
+    cells : PackCells. drawn : CellDraws of them. draw : index.
     """
-    factor = drawn.resistance_factor[draw][:, None]
-    return group._replace(
-        ocv_volt=group.ocv_volt + drawn.voltage_volt[draw, 0],
-        r0_ohm=group.r0_ohm * factor,
-        r_ohm=group.r_ohm * factor[:, :, None],
-        capacity_ampere_hour=group.capacity_ampere_hour * drawn.capacity_factor[draw],
+    factor = drawn.resistance_factor[draw][:, None, None]
+    changed = {name: getattr(cells, name) * factor for name in RESISTANCES}
+    return cells._replace(
+        ocv_volt=cells.ocv_volt + drawn.voltage_volt[draw, 0],
+        capacity_ampere_hour=cells.capacity_ampere_hour * drawn.capacity_factor[draw],
+        **changed,
     )
 
 
-def group_draws(
-    group,
+def pack_draws(
+    cells,
+    wiring,
     drawn,
     *,
     lower_cutoff_volt,
-    c_rate=SETTINGS.group_c_rate,
+    current_ampere,
     initial_soc=1.0,
-    wire_resistance_ohm=0.0,
     wire_relative_std=SETTINGS.wire_relative_std,
-    seed=SETTINGS.random_seed,
+    random_seed=SETTINGS.random_seed,
 ):
-    """A parallel group discharged to its cut-off in every draw of its cells and wires.
+    """A pack with parallel cells discharged to its cut-off in every draw of its cells and wires.
 
     Cells that rest joined have one voltage: errors of the voltage and of the SoC at the start are
     those of the first cell for all. Drawn apart they would drive currents that no rested group has.
 
     Parameters
     ----------
-    group, lower_cutoff_volt, c_rate, initial_soc, wire_resistance_ohm : as of
-        `group_use.discharge_group`. drawn : CellDraws. wire_relative_std : of each wire [1]. seed :
-        of the wires' draws.
+    cells, wiring, lower_cutoff_volt, current_ampere, initial_soc : as of
+        `group_use.discharge_pack`. drawn : CellDraws. wire_relative_std : of all contacts together
+        [1]. random_seed : of their draws.
 
     Returns
     -------
     draws : PackDraws.
-
-    Raises
-    ------
-    Refusal : in some draw the group does not reach its cut-off.
     """
-    draws, cells = drawn.capacity_factor.shape
-    random = np.random.default_rng([seed, 1])
-    wire = np.broadcast_to(np.asarray(wire_resistance_ohm, float), (cells,))
-    factors = np.maximum(1.0 + wire_relative_std * random.standard_normal((draws, cells)), 0.1)
-    start = np.broadcast_to(np.asarray(initial_soc, float), (cells,))
-    current = c_rate * group.capacity_ampere_hour.sum()
+    draws = len(drawn.capacity_factor)
+    random = np.random.default_rng([random_seed, 1])
+    factors = np.maximum(1.0 + wire_relative_std * random.standard_normal(draws), 0.1)
     rows = []
     for draw in range(draws):
-        one = drawn_group(group, drawn, draw)
-        use = discharge_group(
-            one,
+        use = discharge_pack(
+            drawn_cells(cells, drawn, draw),
+            with_contacts(wiring, factors[draw]),
             lower_cutoff_volt=lower_cutoff_volt,
-            c_rate=current / one.capacity_ampere_hour.sum(),
-            initial_soc=start + drawn.initial_soc[draw, 0],
-            wire_resistance_ohm=wire * factors[draw],
+            current_ampere=current_ampere,
+            initial_soc=initial_soc + drawn.initial_soc[draw, 0],
         )
-        busiest = int(np.argmax(use.branch_share.max(axis=0)))
         hot = int(np.argmax(use.loss_watt))
-        rows.append(
-            (use.capacity_ampere_hour, use.energy_watt_hour, busiest, use.peak_share)
-            + (float(use.loss_watt[hot]), hot)
-        )
-    columns = [np.array(column) for column in zip(*rows, strict=True)]
-    return PackDraws(*columns)
+        given = (use.capacity_ampere_hour, use.energy_watt_hour, use.first, use.peak_share)
+        rows.append((*given, float(use.loss_watt[hot]), hot))
+    return PackDraws(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def summary_rows(draws, names, *, first):

@@ -2,24 +2,24 @@
 
 import numpy as np
 
-from cellwright.packs.decisions.group_use import discharge_group, safe_window
+from cellwright.packs.cells import pack_cells
+from cellwright.packs.decisions.group_use import cells_at, discharge_pack, safe_window
 from cellwright.packs.decisions.matching import replacements
 from cellwright.packs.decisions.monte_carlo import (
     draw_cells,
-    group_draws,
+    pack_draws,
     string_draws,
     summary_rows,
     uncertainty_of,
 )
-from cellwright.packs.parallel import group_of
+from cellwright.packs.network import network_of
 from cellwright.packs.series.capability import (
     contact_of,
     cutoffs_of,
     discharge_curves,
     ended_string,
 )
-from cellwright.packs.wiring import depth, described, is_star
-from cellwright.refusal import Refusal
+from cellwright.packs.wiring import cells_of, depth
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
@@ -35,7 +35,8 @@ def pack_decisions(
 
     Parameters
     ----------
-    wiring : Wiring, cells in series or in a star of parallel branches.
+    wiring : Wiring, any. What is said of a string of cells alone is exact for it; any other wiring
+        is simulated as a whole.
     models : model dicts in the order of its cells. positions : BranchFacts, cells : CellFacts,
         capacity_std_ampere_hour : (cells,) [Ah] or None, each in that order.
     celsius : of all cells [degC]. settings : PackDecisions.
@@ -46,9 +47,10 @@ def pack_decisions(
 
     Raises
     ------
-    Refusal : another wiring, a cell without cut-offs, a discharge without an end.
+    Refusal : a cell without cut-offs, a discharge without an end, or as `simulate_pack`.
     """
-    start = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
+    stated = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
+    start = charged_soc(wiring, stated, [model["capacity_ampere_hour"] for model in models])
     known = uncertainty_of(
         models,
         capacity_std_ampere_hour,
@@ -60,20 +62,42 @@ def pack_decisions(
     lower, _ = cutoffs_of(cells)
     if wiring.connection == "series" and depth(wiring) == 1:
         pack = _string(models, positions, lower, drawn, start, celsius, settings)
-    elif is_star(wiring):
-        pack = _group(models, positions, lower, drawn, start, celsius, settings)
     else:
-        raise Refusal(
-            f"{wiring.name} is not decided on: found {described(wiring)}, wanted cells in series, "
-            "or in parallel without links"
-        )
+        pack = _wired(wiring, models, lower, drawn, start, celsius, settings)
     use, items, spare_of, draws, window = pack
-    first = "weakest cell" if wiring.connection == "series" else "busiest cell"
+    plain = wiring.connection == "series" and depth(wiring) == 1
+    first = "weakest cell" if plain else "busiest cell"
     capacity = [model["capacity_ampere_hour"] for model in models]
     names = [row.cell for row in positions]
     rows = [{"decision": "uncertainty"} | row for row in summary_rows(draws, names, first=first)]
     rows += replacement_rows(use, items, spare_of, capacity, names) + window
     return [EMPTY | row for row in rows]
+
+
+def charged_soc(wiring, initial_soc, capacity_ampere_hour):
+    """SoC of each cell of a pack that is charged, from a start, until its first is full (cells,).
+
+    Cells in parallel come to one SoC; members in series keep what they are apart in charge.
+
+    Parameters
+    ----------
+    wiring : Wiring. initial_soc, capacity_ampere_hour : (cells,) in the order of its leaves.
+
+    Returns
+    -------
+    soc : (cells,) [1]; all 1 for cells in parallel alone.
+    """
+    # ASSUME: Cells in parallel rest at one SoC, whatever their OCVs differ by.
+    soc, capacity = np.array(initial_soc, float), np.array(capacity_ampere_hour, float)
+    if wiring.connection == "parallel":
+        return np.ones(len(soc))
+    sizes = [len(cells_of(member)) for member in wiring.members]
+    parts = [np.arange(end - size, end) for size, end in zip(sizes, np.cumsum(sizes), strict=True)]
+    level = [np.average(soc[part], weights=capacity[part]) for part in parts]
+    whole = [capacity[part].sum() for part in parts]
+    lacking = min((1.0 - z) * full for z, full in zip(level, whole, strict=True))
+    charged = [z + lacking / full for z, full in zip(level, whole, strict=True)]
+    return np.repeat(charged, sizes)
 
 
 def _string(models, positions, lower, drawn, start, celsius, settings):
@@ -96,33 +120,30 @@ def _string(models, positions, lower, drawn, start, celsius, settings):
     return use, list(range(cells)), lambda item: item + cells, draws, []
 
 
-def _group(models, positions, lower, drawn, start, celsius, settings):
-    wires = [row.wire_resistance_ohm or 0.0 for row in positions]
-    tables = group_of(models, temperature_celsius=celsius)
-    # The group stops at the first of its cells' cut-offs, which are one voltage in parallel.
-    setting = {"lower_cutoff_volt": float(lower.max()), "wire_resistance_ohm": np.array(wires)}
-    rate = settings.group_c_rate
-    total = rate * tables.capacity_ampere_hour.sum()
+def _wired(wiring, models, lower, drawn, start, celsius, settings):
+    """Use, items and spares of a pack with parallel cells: items are (index of tables, SoC)."""
+    tables = pack_cells(models, temperature_celsius=celsius)
+    share = network_of(wiring, tables.capacity_ampere_hour).share
+    current = settings.group_c_rate * float((tables.capacity_ampere_hour / share).min())
+    at = {"lower_cutoff_volt": lower, "current_ampere": current}
 
     def use(items):
-        chosen, soc = zip(*items, strict=True)
-        group = type(tables)(*(np.array(column) for column in zip(*chosen, strict=True)))
-        same_current = total / group.capacity_ampere_hour.sum()
-        found = discharge_group(group, c_rate=same_current, initial_soc=np.array(soc), **setting)
+        index, soc = zip(*items, strict=True)
+        found = discharge_pack(cells_at(tables, index), wiring, initial_soc=np.array(soc), **at)
         return found.capacity_ampere_hour, found.energy_watt_hour
 
-    items = [(tuple(table[k] for table in tables), start[k]) for k in range(len(models))]
-    draws = group_draws(
+    draws = pack_draws(
         tables,
+        wiring,
         drawn,
-        c_rate=rate,
         initial_soc=start,
         wire_relative_std=settings.wire_relative_std,
-        seed=settings.random_seed,
-        **setting,
+        random_seed=settings.random_seed,
+        **at,
     )
-    nominal = discharge_group(tables, c_rate=rate, initial_soc=np.array(start), **setting)
+    nominal = discharge_pack(tables, wiring, initial_soc=start, **at)
     window = window_rows(nominal, settings.current_spread)
+    items = list(enumerate(start))
     return use, items, lambda item: (item[0], 1.0), draws, window
 
 
@@ -158,7 +179,7 @@ def window_rows(use, current_spread):
 
     Parameters
     ----------
-    use : GroupUse. current_spread : [1].
+    use : PackUse. current_spread : [1].
     """
     window = safe_window(use, current_spread=current_spread)
     values = {
