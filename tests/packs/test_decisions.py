@@ -133,6 +133,11 @@ def test_equal_cells_share_alike_and_every_soc_is_safe():
     assert window.charge_share == pytest.approx(window.upper_soc - window.lower_soc)
 
 
+def test_a_group_is_empty_when_a_cell_is_at_soc_0_at_the_latest():
+    use = discharged([0.9, 0.9], [1.0, 1.0], lower=0.1)
+    assert use.capacity_ampere_hour == pytest.approx(1.8 * strings.FULL_AMPERE_HOUR)
+
+
 def test_unlike_cells_leave_a_window_and_beyond_it_the_spread_is_larger():
     use = discharged([1.0, 0.7], [1.0, 1.5])
     total = (use.branch_share * [1.0, 0.7]).sum(axis=1) / 1.7
@@ -307,10 +312,6 @@ PAIR = strings.models([1.0, 0.9])
         (
             lambda: matching.replacements(None, [1], capacity_ampere_hour=[1.0]),
             "a pack of one cell",
-        ),
-        (
-            lambda: discharged([1.0, 0.9], [1.0, 1.0], lower=0.1),
-            "does not fall to its cut-off: it ends at",
         ),
         (
             lambda: matched_fleet(fleet_of(PAIR, facts_of(PAIR), [None] * 2, SETTINGS), SETTINGS),

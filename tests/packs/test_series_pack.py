@@ -79,6 +79,14 @@ def test_the_smallest_cell_need_not_be_the_first_to_end():
     assert (slow.weakest, fast.weakest) == (0, 1)
 
 
+def test_a_cell_is_empty_at_soc_0_at_the_latest():
+    """Models known from a group's record alone end above the cut-off of the sheet."""
+    found = discharge_string(MODELS, **AT | {"lower_cutoff_volt": 1.0}, initial_soc=0.9)
+    full = 0.9 * strings.FULL_AMPERE_HOUR * SHARES
+    np.testing.assert_allclose(found.end_ampere_hour, full)
+    assert found.soc_at_end[1] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_contacts_cost_energy_and_no_charge():
     plain = discharge_string(MODELS, **AT, initial_soc=1.0)
     wired = discharge_string(MODELS, **AT, initial_soc=1.0, contact_ohm=0.01)
@@ -207,10 +215,6 @@ def test_a_drive_is_no_capacity_test():
     [
         (lambda: simulate_string([], [0.0], [0.0], initial_soc=1.0), "without models"),
         (lambda: simulate_string(MODELS, [0, 1, 0], [0, 0, 0], initial_soc=1.0), "time runs back"),
-        (
-            lambda: discharge_string(MODELS, **AT | {"lower_cutoff_volt": 0.1}, initial_soc=1.0),
-            "no cell falls to its cut-off of 0.1 V",
-        ),
         (lambda: cutoffs_of([FACTS[0], CellFacts("X")]), "no cut-offs are stated for X"),
         (
             lambda: string_soc(

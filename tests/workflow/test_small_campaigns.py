@@ -36,7 +36,8 @@ PLANNED = {
     | METHODS
     | {"pulses", "temperature", "resistance_surface", "cold_limit", "effect_search", "witnesses"},
     "parallel_group": SERIES
-    | {"basis", "branches", "member", "model", "export", "pack", "missing_effect_group"},
+    | {"basis", "branches", "member", "model", "export", "pack", "missing_effect_group"}
+    | {"pack_checks", "pack_decisions", "pack_model"},
 }
 
 

@@ -8,7 +8,6 @@ from cellwright.packs.cells import TABLES
 from cellwright.packs.network import network_of
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import Wiring, is_star
-from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
@@ -81,7 +80,7 @@ def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_
     """Discharge a pack of any wiring from rest to its cut-off at a constant current.
 
     A star of parallel cells ends when its own voltage is at the cut-off, as a cycler ends it; any
-    other wiring when its first cell is at its cut-off.
+    other wiring when its first cell is at its cut-off; each at the latest when a cell is at SoC 0.
 
     Parameters
     ----------
@@ -95,7 +94,7 @@ def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_
 
     Raises
     ------
-    Refusal : the cut-off is not reached, or as `simulate.simulate_pack`.
+    Refusal : as `simulate.simulate_pack`.
     """
     share = network_of(wiring, cells.capacity_ampere_hour).share
     whole = cells.capacity_ampere_hour / share
@@ -104,7 +103,8 @@ def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_
     run = simulate_pack(time, load, cells, wiring, initial_soc=initial_soc, hold="zero_order")
     volt = run.voltage_volt[:, None] if is_star(wiring) else run.cell_voltage_volt
     above = volt - (np.max(lower_cutoff_volt) if is_star(wiring) else lower_cutoff_volt)
-    stop = _stop(time, above.min(axis=1), run.voltage_volt)
+    # ASSUME: A cell is empty at SoC 0 of its model: beyond it nothing was measured.
+    stop = min(_crossed(time, above.min(axis=1)), _crossed(time, run.soc.min(axis=1)))
     kept = time < stop
     second = np.append(time[kept], stop)
     hour = second / 3600.0
@@ -124,14 +124,11 @@ def discharge_pack(cells, wiring, *, lower_cutoff_volt, current_ampere, initial_
     )
 
 
-def _stop(time, above, volt):
-    """Time at which a pack's margin to its cut-off is used up, linear between samples [s]."""
+def _crossed(time, above):
+    """Time at which a falling margin is used up, linear between samples; inf where never [s]."""
     below = np.flatnonzero(above <= 0.0)
     if not len(below):
-        raise Refusal(
-            f"the pack does not fall to its cut-off: it ends at {volt[-1]:.3f} V, "
-            f"{above[-1]:.3f} V above"
-        )
+        return np.inf
     k = max(int(below[0]), 1)
     share = np.clip(above[k - 1] / (above[k - 1] - above[k]), 0.0, 1.0)
     return time[k - 1] + share * (time[k] - time[k - 1])

@@ -7,7 +7,6 @@ import numpy as np
 from cellwright.circuits.model_file import member_of, simulate_model
 from cellwright.packs.decisions.group_use import RESISTANCES, discharge_pack, with_contacts
 from cellwright.packs.series.capability import BEYOND, first_crossing
-from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
@@ -138,30 +137,26 @@ def string_draws(models, drawn, *, lower_cutoff_volt, current_ampere, initial_so
     Returns
     -------
     draws : PackDraws.
-
-    Raises
-    ------
-    Refusal : in some draw no cell reaches its cut-off.
     """
     cells, draws = len(models), len(drawn.capacity_factor)
     start = np.broadcast_to(np.asarray(initial_soc, float), (cells,))
     cutoff = np.broadcast_to(np.asarray(lower_cutoff_volt, float), (cells,))
-    held = max(model["capacity_ampere_hour"] for model in models)
-    charge = np.linspace(0.0, BEYOND * held, int(BEYOND / STEP_SHARE) + 1)
+    most = max(model["capacity_ampere_hour"] for model in models)
+    charge = np.linspace(0.0, BEYOND * most, int(BEYOND / STEP_SHARE) + 1)
     volt, heat = np.empty((draws, cells, len(charge))), np.empty((draws, cells))
     ends = np.empty((draws, cells))
     for k, model in enumerate(models):
         of_cell = [column[:, k] for column in drawn]
         curves = _cell_curves(model, of_cell, charge, current_ampere, start[k], celsius)
         volt[:, k], heat[:, k] = curves
-        ends[:, k] = [first_crossing(charge, curve, cutoff[k]) for curve in volt[:, k]]
-    if np.isnan(ends).all(axis=1).any():
-        raise Refusal("in a draw no cell of the string falls to its cut-off")
-    end = np.nanmin(ends, axis=1)
+        at_cutoff = [first_crossing(charge, curve, cutoff[k]) for curve in volt[:, k]]
+        held = (start[k] + drawn.initial_soc[:, k]) * drawn.capacity_factor[:, k]
+        ends[:, k] = np.fmin(at_cutoff, held * model["capacity_ampere_hour"])
+    end = ends.min(axis=1)
     energy = [_energy_until(charge, volt[d].sum(axis=0), end[d]) for d in range(draws)]
     ones, hottest = np.ones(draws), np.argmax(heat, axis=1)
     return PackDraws(
-        end, np.array(energy), np.nanargmin(ends, axis=1), ones, heat.max(axis=1), hottest
+        end, np.array(energy), np.argmin(ends, axis=1), ones, heat.max(axis=1), hottest
     )
 
 
@@ -228,10 +223,6 @@ def pack_draws(
     Returns
     -------
     draws : PackDraws.
-
-    Raises
-    ------
-    Refusal : in some draw the pack does not reach its cut-off.
     """
     draws = len(drawn.capacity_factor)
     random = np.random.default_rng([random_seed, 1])

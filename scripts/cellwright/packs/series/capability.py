@@ -19,8 +19,7 @@ class Discharge(NamedTuple):
     """A constant-current discharge of a string until its first cell is at its lower cut-off.
 
     capacity_ampere_hour, energy_watt_hour : of the string. weakest : index of the cell that ends
-    it. end_ampere_hour : (cells,) charge at which each cell alone would be at its own cut-off, NaN
-    where it is not reached. voltage_at_end_volt, soc_at_end : (cells,) when the string has ended.
+    it. end_ampere_hour : (cells,) charge at which each cell alone would be empty. voltage_at_end_volt, soc_at_end : (cells,) when the string has ended.
     charge_ampere_hour, cell_voltage_volt : (n,), (n, cells) the simulated discharge to that end.
     """
 
@@ -39,9 +38,9 @@ def discharge_string(
 ):
     """Discharge a rested string at a constant current until the first cell is empty.
 
-    The string gives no more than its first cell to reach its cut-off: the shortest stave of the
-    barrel. The other cells are followed to their own cut-offs, which says by how much they would
-    have lasted longer.
+    The string gives no more than its first cell to be empty, at its cut-off or at SoC 0 of its
+    model: the shortest stave of the barrel. The other cells are followed to their own ends, which
+    says by how much they would have lasted longer.
 
     Parameters
     ----------
@@ -56,7 +55,7 @@ def discharge_string(
 
     Raises
     ------
-    Refusal : no cell reaches its cut-off, or as `series.simulate_string`.
+    Refusal : as `series.simulate_string`.
     """
     curves = discharge_curves(
         models,
@@ -70,7 +69,7 @@ def discharge_string(
 
 class Curves(NamedTuple):
     """Cells discharged one by one at one current: charge [Ah] (n,), voltage [V] and SoC (n, cells),
-    charge at which each is at its cut-off (cells,) [Ah], NaN where it is not reached."""
+    charge at which each is empty (cells,) [Ah]."""
 
     charge_ampere_hour: np.ndarray
     cell_voltage_volt: np.ndarray
@@ -115,13 +114,10 @@ def discharge_curves(models, *, lower_cutoff_volt, current_ampere, initial_soc, 
     )
     cutoff = np.broadcast_to(np.asarray(lower_cutoff_volt, float), (cells,))
     pairs = zip(run.cell_voltage_volt.T, cutoff, strict=True)
-    ends = np.array([first_crossing(charge, volt, limit) for volt, limit in pairs])
-    if not np.isfinite(ends).any():
-        lowest = run.cell_voltage_volt[-1].min()
-        raise Refusal(
-            f"no cell falls to its cut-off of {cutoff.min():g} V in a discharge of "
-            f"{longest:.3g} Ah; the lowest ends at {lowest:.3f} V"
-        )
+    at_cutoff = np.array([first_crossing(charge, volt, limit) for volt, limit in pairs])
+    # ASSUME: A cell is empty at its cut-off or at SoC 0 of its model, whichever comes first: beyond
+    # SoC 0 nothing was measured.
+    ends = np.fmin(at_cutoff, start * capacity)
     return Curves(charge, run.cell_voltage_volt, run.soc, ends)
 
 
