@@ -28,7 +28,7 @@ TOPICS = {
     "filter": (soc_filter.adaptive,),
     "ica": (capacity_slope.topic,),
     "impedance": (impedance_fit.topic, impedance_fit.poor_start),
-    "group": (group.topic,),
+    "group": (group.star, group.ladder, group.chosen, group.hour),
     "reading": (reading.topic,),
     "start": (start.topic,),
 }

@@ -1,4 +1,4 @@
-"""Figures of models: parameters, identification methods, validation, SoC, parallel cells."""
+"""Figures of models: parameters, identification methods, validation, SoC."""
 
 from itertools import cycle
 

@@ -161,6 +161,10 @@ def _series_pack(of, test):
     return packs.draw_series_pack(_table(of.waterfall), _table(of.cells), test)
 
 
+def _nested_pack(of, test):
+    return packs.draw_nested_pack(artefact.load(of.series), _table(of.scores), test)
+
+
 def _ways(of, _):
     rows = [row for columns, _ in artefact.load_some(of.ways) for row in artefact.rows(columns)]
     return packs.draw_ways(rows, of.cells)
@@ -211,6 +215,7 @@ DRAW = {
     "pack_spread": _pack_spread,
     "series_pack": _series_pack,
     "weakest": lambda of, test: packs.draw_weakest(artefact.load(of.series), test),
+    "nested_pack": _nested_pack,
     "ways": _ways,
     "effect_validation": _effect_validation,
     "effect_map": lambda of, _: effects.draw_residual_map(artefact.load(of.residuals)),

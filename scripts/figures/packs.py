@@ -112,7 +112,8 @@ def _falling(axes, names, values):
     """Bars from above downwards, each with what is lost from the one before."""
     for place, (value, before) in enumerate(zip(values, [values[0], *values[:-1]], strict=True)):
         axes.barh(place, value, height=0.62, color=style.SERIES[0], alpha=0.75)
-        axes.barh(place, before - value, left=value, height=0.62, color=style.ERROR, alpha=0.35)
+        less = max(before - value, 0.0)
+        axes.barh(place, less, left=value, height=0.62, color=style.ERROR, alpha=0.35)
         lost = f" ({100 * (value / values[0] - 1):+.1f} %)" if place else ""
         axes.text(0.02 * values[0], place, f"{value:.2f} Ah{lost}", va="center", fontsize=7.5)
     style.name_bars(axes, names, fontsize=8)
@@ -141,14 +142,13 @@ def _ends(axes, cells):
     )
     margins = [row["margin_ampere_hour"] for row in known]
     axes.plot(margins, range(len(known)), "o", ms=3, color=style.SERIES[0])
-    few = len(known) <= NAMED_CELLS
-    for place, row in enumerate(known if few else ()):
-        text = {"xytext": (6, 0), "textcoords": "offset points", "fontsize": 7, "va": "center"}
-        axes.annotate(row["cell"], (margins[place], place), **text)
-    if not few:
+    if len(known) <= NAMED_CELLS:
+        style.name_bars(axes, [row["cell"] for row in known], fontsize=8)
+    else:
         first = ", ".join(row["cell"] for row in known[:5])
         axes.text(0.97, 0.95, f"first: {first}", transform=axes.transAxes, ha="right", va="top")
-    axes.set(xlabel="charge beyond the string's end [Ah]", ylabel="cells, by their end")
+        axes.set(ylabel="cells, the first to be empty on top [1]")
+    axes.set(xlabel="charge beyond the string's end [Ah]")
     axes.set_title("When each cell is empty")
     axes.set_ylim(len(known) - 0.5, -0.5)
 
@@ -220,6 +220,37 @@ def _runs(places, *, most=600):
     return list(zip(starts[longest], stops[longest], strict=True))
 
 
+def draw_nested_pack(series, scores, test):
+    """A pack of groups in groups: its voltage, and the channels with the largest errors.
+
+    `series` are columns of stage `nested_pack_series`, `scores` rows of `nested_pack`.
+    """
+    kinds = [kind for kind in ERRORS if any(row["channel"] == kind for row in scores)]
+    figure, axes = style.subplots(1, 1 + len(kinds), width=11.0, height=3.4)
+    hours = series["test_time_second"] / 3600
+    style.plot_thinned(axes[0, 0], hours, series["voltage_volt"], color=style.MEASURED)
+    look = {"color": style.ERROR, "lw": 0.8}
+    style.plot_thinned(axes[0, 0], hours, series["simulated_voltage_volt"], **look)
+    whole = next(row for row in scores if row["channel"] == "pack voltage")
+    axes[0, 0].set(xlabel="time [h]", ylabel="voltage of the pack [V]")
+    axes[0, 0].set_title(f"{test}: RMSE {1e3 * whole['rmse']:.3g} mV (red: simulated)")
+    for panel, kind in zip(axes[0, 1:], kinds, strict=True):
+        _worst_channels(panel, [row for row in scores if row["channel"] == kind], kind)
+    return figure
+
+
+ERRORS = {"branch current": "mA", "cell voltage": "mV"}
+
+
+def _worst_channels(axes, rows, kind):
+    """Bars of the largest errors of one kind of channel."""
+    worst = sorted(rows, key=lambda row: -row["rmse"])[:NAMED_CELLS]
+    axes.barh(range(len(worst)), [1e3 * row["rmse"] for row in worst], color=style.SERIES[0])
+    style.name_bars(axes, [row["of"] for row in worst], fontsize=8)
+    said = "the largest " if len(rows) > len(worst) else ""
+    axes.set(xlabel=f"RMS error [{ERRORS[kind]}]", title=f"{kind}s: {said}errors")
+
+
 def draw_ways(rows, cells):
     """Errors of the four ways to a model on tests that no fit has seen, by cell and over all.
 
@@ -252,6 +283,7 @@ def draw_ways(rows, cells):
     whole.set_xticks(range(len(found)), list(found), fontsize=7, rotation=30)
     whole.set(ylabel="mean absolute error [mV]", ylim=(0, None), xlim=(-0.5, len(found) - 0.2))
     whole.set_title("Median and 5 to 95 % of cells")
+    single.set_ylim(top=8 * single.get_ylim()[1])
     single.legend(fontsize=7, ncols=2, loc="upper left")
     return figure
 

@@ -2,7 +2,14 @@
 
 from cellwright.packs.wiring import described, rows_below, wiring_of
 
-TABLES = ("packs", "pack_findings", "series_packs", "pack_checks")  # whose rows are of groups
+SWAPPED = "swapped channels?"  # in the sentence of such a finding
+TABLES = (
+    "packs",
+    "pack_findings",
+    "series_packs",
+    "nested_packs",
+    "pack_checks",
+)  # whose rows are of groups
 
 
 def section(tables, groups) -> list[dict]:
@@ -10,14 +17,12 @@ def section(tables, groups) -> list[dict]:
 
     `tables` are frames of text by name, `groups` the rows of groups.tsv.
     """
-    named = dict.fromkeys(row["group"] for row in groups)
-    lines = [_line(group, {name: _of(tables, name, group) for name in TABLES}) for group in named]
-    shown = [line for line in lines if any(line.values())]
-    return [
-        {"group": group, "wiring": wiring_in_words(group, groups)} | line
-        for group, line in zip(named, lines, strict=True)
-        if line in shown
-    ]
+    lines = []
+    for group in dict.fromkeys(row["group"] for row in groups):
+        line = _line({name: _of(tables, name, group) for name in TABLES})
+        if any(line.values()):
+            lines.append({"group": group, "wiring": wiring_in_words(group, groups)} | line)
+    return lines
 
 
 def wiring_in_words(group, groups) -> str:
@@ -25,10 +30,15 @@ def wiring_in_words(group, groups) -> str:
     return described(wiring_of(group, rows_below(group, groups)))
 
 
-def warnings(checks) -> list[dict]:
-    """What the checks of a group's records found: test and sentence, of its rows of the table."""
-    found = [row for row in checks.to_dict("records") if row["found"] == "True"]
-    return [{"test": row["test"], "text": row["sentence"]} for row in found]
+def warnings(checks, abouts) -> list[str]:
+    """What the checks of a group's records found, on the group's page above all else.
+
+    `checks` are its rows of tables/pack_checks, `abouts` what its artefacts say of themselves: of a
+    series pack the simulation itself tells swapped cells.
+    """
+    found = [row["sentence"] for row in checks.to_dict("records") if row["found"] == "True"]
+    notes = [note for about in abouts for note in about["notes"] if SWAPPED in note]
+    return list(dict.fromkeys([*found, *notes]))
 
 
 def _of(tables, name, group):
@@ -38,13 +48,13 @@ def _of(tables, name, group):
     return frame[frame["group"] == group].to_dict("records")
 
 
-def _line(group, rows) -> dict:
+def _line(rows) -> dict:
     """Texts of the columns of the overview, blank where nothing is known."""
     return {
-        "current": _worst_branch(rows["packs"]),
-        "voltage": _voltage(rows["packs"], rows["series_packs"]),
+        "current": _worst_branch(rows["packs"]) or _worst_channel(rows["nested_packs"], "A"),
+        "voltage": _voltage(rows["packs"], rows["series_packs"])
+        or _worst_channel(rows["nested_packs"], "V"),
         "charge": _charge(rows["pack_findings"], rows["series_packs"]),
-        "found": len([row for row in rows["pack_checks"] if row["found"] == "True"]),
     }
 
 
@@ -58,10 +68,23 @@ def _worst_branch(scores):
     worst = _largest(scores, "current_rmse_ampere")
     if worst is None:
         return ""
-    text = f"{1e3 * float(worst['current_rmse_ampere']):.3g} mA RMS, {worst['cell']}"
+    text = f"{_size(worst['current_rmse_ampere'], 'A')} RMS, {worst['cell']}"
     share = worst.get("relative_current_rmse_above_15_soc")
     above = f" ({100 * float(share):.2g} % above 15 % SoC)" if share else ""
     return f"{text} in {worst['test']}{above}"
+
+
+def _worst_channel(channels, unit):
+    worst = _largest([row for row in channels if row["unit"] == unit], "rmse")
+    if worst is None:
+        return ""
+    return f"{_size(worst['rmse'], unit)} RMS, {worst['of']} in {worst['test']}"
+
+
+def _size(text, unit):
+    """A size with three digits, in thousandths of the unit where it is below one."""
+    value = float(text)
+    return f"{1e3 * value:.3g} m{unit}" if abs(value) < 0.9995 else f"{value:.3g} {unit}"
 
 
 def _voltage(scores, strings):

@@ -16,7 +16,8 @@ import yaml
 from runtime import artefact, health_page, pack_page
 
 TABLES_OF_CELL = ["capacity", "ica", "eis", "temperature", "validation", "soc"]
-TABLES_OF_PAGE = [*TABLES_OF_CELL, "packs", "series_packs", "pack_checks"]
+PACK_TABLES = ["packs", "series_packs", "nested_packs"]
+TABLES_OF_PAGE = [*TABLES_OF_CELL, *PACK_TABLES, "pack_checks"]
 TABLES_OF_PAGE += ["choice", "missing_effect"]
 SHOWN_ROWS = 60
 NAMES = ["validation", "branches", "map", "evidence", "ranking", "confounding"]
@@ -173,7 +174,7 @@ def _page(name, params, tables, abouts, captions) -> dict:
     """What the template shows of a cell or group, from its own rows of tables and artefacts."""
     facts = next((row for row in params.cells if row["cell"] == name), {})
     branches = [row for row in params.groups if row["group"] == name]
-    shown = {table: tables[table] for table in [*TABLES_OF_CELL, "packs", "series_packs"]}
+    shown = {table: tables[table] for table in [*TABLES_OF_CELL, *PACK_TABLES]}
     pictures = params.figures.get(name, [])
     unmodelled = facts and name not in params.modelled
     return {
@@ -181,7 +182,7 @@ def _page(name, params, tables, abouts, captions) -> dict:
         "facts": {key: value for key, value in facts.items() if value not in (None, "")},
         "branches": branches,
         "wiring": pack_page.wiring_in_words(name, params.groups) if branches else "",
-        "warnings": pack_page.warnings(tables["pack_checks"]),
+        "warnings": pack_page.warnings(tables["pack_checks"], abouts),
         "tests": [_test(row, abouts) for row in params.tests if row["cell"] == name],
         "proofs": [_picture(path, captions) for path in pictures if Path(path).stem in PROOFS],
         "pictures": [

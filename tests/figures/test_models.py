@@ -1,4 +1,4 @@
-"""Figures of models: parameters, methods, validation, filters, parallel cells."""
+"""Figures of models: parameters, methods, validation, filters."""
 
 import numpy as np
 import pytest
@@ -97,18 +97,6 @@ def test_validation_shows_the_chosen_member_the_errors_of_all_and_greys_what_is_
     np.testing.assert_allclose(drawn(residual)[-1][:, 1], 0.0)
     assert [text.get_text() for text in members.get_yticklabels()] == ["1RC", "2RC (chosen)"]
     np.testing.assert_allclose([bar.get_width() for bar in members.patches], [10.0, 0.0])
-
-
-def test_pack_draws_branches_measured_and_simulated():
-    series = {"test_time_second": TIME, "voltage_volt": 3.7 + 0 * TIME, "scored": TIME > 3600}
-    series["simulated_voltage_volt"] = 3.71 + 0 * TIME
-    for k in (1, 2):
-        series[f"branch_{k}_current_ampere"] = k + 0 * TIME
-        series[f"simulated_branch_{k}_current_ampere"] = k - 0.02 + 0 * TIME
-    scores = [{"branch": k, "current_rmse_ampere": 0.02, "voltage_rmse_volt": 0.01} for k in (1, 2)]
-    current, residual, _ = panels(models.draw_pack(series, scores, "discharge"))
-    assert labels(current) == ["branch 1: RMSE 20 mA", "branch 2: RMSE 20 mA"]
-    np.testing.assert_allclose(np.concatenate(drawn(residual)[:2])[:, 1], 20.0)
 
 
 def test_every_filter_is_drawn_once_with_its_band_where_it_has_one():

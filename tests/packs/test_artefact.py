@@ -111,6 +111,19 @@ def test_only_the_chosen_member_is_kept_with_its_deviations():
     assert "notes" not in entry["model"]
 
 
+def test_a_cell_with_companions_runs_without_its_effects_and_says_so():
+    found = model("A")
+    chosen = dict(found["members"][0], model="2RC+own_effects", of="2RC", companions={})
+    found = found | {"members": [*found["members"], chosen], "chosen": "2RC+own_effects"}
+    given = cells() | {"A": CellInPack(found, 0.5)}
+    first, second = written(pack_document(parallel("A", "B"), given))["cells"]
+    assert (first["model"]["chosen"], first["instead_of"]) == ("2RC", "2RC+own_effects")
+    assert second["instead_of"] is None
+    assert pack_cells([found]).members == ("2RC",)
+    unit = cw.cell_fmu(found, points=51)
+    assert unit.notes[-1] == "it runs as 2RC instead of 2RC+own_effects"
+
+
 def test_every_number_has_its_error_beside_it():
     rows = [SCORE | {"test": "drive", "cell": "A", "model": m, "rmse_volt": e}
             for m, e in (("2RC", 0.005), ("1RC", 0.050))]  # fmt: skip

@@ -174,6 +174,7 @@ def test_what_a_model_was_fitted_to_is_not_scored():
     series = record()
     seen = (TIME >= 1000.0) & (TIME <= 3000.0)
     series["branch_1_current_ampere"] = series["branch_1_current_ampere"] + seen
+    series["branch_2_current_ampere"] = series["branch_2_current_ampere"] - seen
     scored = score(series, models=fitted(1000.0, 3000.0))
     np.testing.assert_array_equal(scored.series["scored"], ~seen)
     assert scored.rows[0]["current_max_ampere"] < 1e-9
@@ -211,3 +212,16 @@ def test_refuses_other_wirings_and_branches_that_were_not_logged():
     lacking = {k: v for k, v in record().items() if k != "branch_2_current_ampere"}
     with pytest.raises(Refusal, match="no current of one branch or more"):
         score(lacking)
+
+
+def test_branch_currents_that_contradict_the_total_are_not_scored():
+    turned = record()
+    turned["branch_2_current_ampere"] = -turned["branch_2_current_ampere"]
+    with pytest.raises(Refusal, match=r"miss the total by .*branch 2 alone explains .* sign"):
+        score(turned)
+
+
+def test_a_cell_beyond_its_calibration_is_said_with_its_name():
+    beyond = MODELS[1] | {"notes": ["outside the calibration, its interval is wider: capacity"]}
+    notes = score(record(), models=[MODELS[0], beyond]).notes
+    assert "B: outside the calibration, its interval is wider: capacity" in notes

@@ -71,10 +71,15 @@ def test_constant_power_is_met_and_ends_where_the_pack_cannot_give_it():
     done = run(Phase("power", -20.0, second=600.0))
     np.testing.assert_allclose(done.voltage_volt * done.current_ampere, -20.0, rtol=1e-7)
     assert done.ends[0].reason == "time"
-    lost = run(Phase("rest", second=1.0), Phase("power", -5000.0, second=60.0))
-    assert lost.ends[1].reason == "power"
-    with pytest.raises(Refusal, match="cannot give 5000 W"):
-        run(Phase("power", -5000.0, second=60.0))
+    for lost in (
+        run(Phase("rest", second=1.0), Phase("power", -5000.0, second=60.0)),
+        run(Phase("power", -5000.0, second=60.0)),
+    ):
+        assert lost.ends[-1].reason == "power"
+        assert lost.current_ampere[-1] == 0.0
+    falling = run(Phase("power", -200.0, second=3000.0), soc=0.6)
+    assert falling.ends[0].reason == "power"
+    assert falling.ends[0].second > 1.0
 
 
 def test_a_drive_is_what_simulate_pack_gives():

@@ -141,6 +141,16 @@ def test_cells_of_tables_are_plain(snakemake):
     assert artefact.load_table(path)[0] == row | {"test": ""}
 
 
+def test_units_for_simulators_are_bytes_with_their_provenance_beside_them(snakemake):
+    path = _saved(snakemake, "results/fmu/A.fmu", b"PK", token="abc")
+    assert Path(path).read_bytes() == b"PK"
+    about = artefact.read_about(path)
+    assert (about["rule"], about["reason"], about["facts"]) == ("toy", None, {"token": "abc"})
+    refused = _refused(snakemake, "results/fmu/B.fmu", "no member")
+    assert Path(refused).read_bytes() == b""
+    assert artefact.read_about(refused)["reason"] == "no member"
+
+
 def test_refused_figure_says_why(snakemake):
     _refused(snakemake, "results/figures/A/ica.svg", "no peaks < 3 V")
     assert "no peaks &lt; 3 V" in Path("results/figures/A/ica.svg").read_text()

@@ -50,3 +50,14 @@ def test_tests_with_steps_pair_the_series_of_a_test_with_its_steps(job):
     ((test, series, steps),) = facts.tests_with_steps(paths, paths)
     assert (test.test, test.kind) == ("cold", "drive")
     assert series["capacity_ampere_hour"].tolist() == steps["capacity_ampere_hour"].tolist()
+
+
+def test_rows_of_tests_carry_the_facts_of_their_tests_and_empty_ones_none(job):
+    path, refused = (f"results/capacity/A/{test}.parquet" for test in ("one", "two"))
+    row = dict.fromkeys(NUMBERS, 1.0) | {"direction": "discharge", "repeats": 1}
+    with artefact.Job(job(path, "one")) as work:
+        work.save([row])
+    with artefact.Job(job(refused, "two")):
+        raise Refusal("no complete discharge")
+    (found,) = facts.rows_of_tests([path, refused])
+    assert found == {"cell": "A", "test": "one"} | SHEET | row

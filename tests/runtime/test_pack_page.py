@@ -62,7 +62,6 @@ def test_each_group_with_results_has_its_worst_numbers_in_one_line():
         "current": "300 mA RMS, B in fast",
         "voltage": "6.1 mV RMS",
         "charge": "5.7 of 6 Ah of its cells at 1C (-5.0%)",
-        "found": 1,
     }
     assert string == {
         "group": "string",
@@ -70,7 +69,6 @@ def test_each_group_with_results_has_its_worst_numbers_in_one_line():
         "current": "",
         "voltage": "cells 3.5 mV in the mean, C 12.1 mV",
         "charge": "2.8 of 3 Ah of its mean cell, ended by C",
-        "found": 0,
     }
 
 
@@ -79,7 +77,21 @@ def test_without_packs_there_is_no_section():
     assert pack_page.section({name: pd.DataFrame() for name in TABLES}, GROUPS) == []
 
 
-def test_what_checks_found_is_told_with_its_test():
-    assert pack_page.warnings(TABLES["pack_checks"]) == [
-        {"test": "slow", "text": "a sum that is exact"}
+def test_what_checks_found_is_told_once_and_swapped_cells_of_a_string_too():
+    swapped = "slow: swapped channels? What was read as cell 1 fits the model of cell 2"
+    abouts = [{"notes": [swapped, "SoC at the start"]}, {"notes": [swapped]}]
+    found = pack_page.warnings(TABLES["pack_checks"], abouts)
+    assert found == ["a sum that is exact", swapped]
+
+
+def test_a_pack_of_groups_has_the_worst_of_its_channels():
+    names = ["group", "test", "channel", "of", "rmse", "unit"]
+    rows = [
+        ("string", "drive", "pack voltage", "string", 0.02, "V"),
+        ("string", "drive", "cell voltage", "C", 0.03, "V"),
+        ("string", "drive", "branch current", "pair", 1.25, "A"),
     ]
+    nested = frame(*(dict(zip(names, row, strict=True)) for row in rows))
+    (line,) = pack_page.section({"nested_packs": nested}, GROUPS)
+    assert line["voltage"] == "30 mV RMS, C in drive"
+    assert line["current"] == "1.25 A RMS, pair in drive"

@@ -20,7 +20,7 @@ from runtime import artefact, page
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLES = ["capacity", "ica", "eis", "temperature", "choice", "validation", "soc", "packs"]
-TABLES += ["pack_findings", "pack_checks", "series_packs"]
+TABLES += ["pack_findings", "pack_checks", "series_packs", "nested_packs"]
 TABLES += ["missing_effect", "fleet", "health", "fade", "excluded"]
 CELL = {"cell": "A", "chemistry": "NMC", "note": None}
 TEST = {

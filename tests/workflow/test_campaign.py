@@ -181,6 +181,46 @@ def test_a_bad_group_is_named(folder, row, expected):
     assert any(expected in line for line in faults(folder))
 
 
+WIRED_HEAD = "group\tposition\tcell\tconnection\tlink_resistance_ohm\tsense\n"
+WIRED = (
+    f"{WIRED_HEAD}pack\t1\tpair\tseries\npack\t2\tC\tseries\npair\t1\tA\npair\t2\tB\t\t1e-4\tyes\n"
+)
+
+
+def test_groups_nest_and_blank_cells_of_the_sheet_have_their_defaults(folder):
+    write(folder, "cells.tsv", f"{CELLS}C\t2\t3\n")
+    write(folder, "groups.tsv", WIRED)
+    groups = read(folder).groups
+    assert [row["connection"] for row in groups] == ["series", "series", "parallel", "parallel"]
+    assert groups[3]["link_resistance_ohm"] == 1e-4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "pack\t2\tC\tseries",
+            "pack\t2\tC",
+            "row 2 (line 3), connection: found 'parallel', wanted",
+        ),
+        ("pack\t2\tC", "pack\t2\tpack", "row 2 (line 3), cell: found 'pack', wanted no group that"),
+        ("pack\t2\tC", "pack\t2\tA", "row 3 (line 4), cell: found 'A', wanted each once in pack"),
+        ("pack\t1\tpair", "pack\t1\tpear", "did you mean 'pair'?"),
+        ("\t1e-4", "\t-1e-4", "link_resistance_ohm: found '-1e-4', wanted a number at least 0"),
+        ("A\n", "A\t\t\tyes\n", "row 4 (line 5), sense: found 'yes', wanted one sense point"),
+        ("pack\t2\tC\tseries\n", "", "row 1 (line 2), group: found 'pack', wanted two or more"),
+        ("pair\t2", "pair\t3", "row 4 (line 5), position: found 3, wanted positions of pair"),
+        ("\tseries\n", "\tserial\n", "found 'serial', wanted one of parallel, series"),
+    ],
+)
+def test_a_bad_wiring_is_named_with_row_and_column(folder, old, new, expected):
+    write(folder, "cells.tsv", f"{CELLS}C\t2\t3\n")
+    write(folder, "groups.tsv", WIRED.replace(old, new))
+    lines = faults(folder)
+    assert any(expected in line for line in lines), lines
+    assert all(line.startswith("config/groups.tsv, row") for line in lines)
+
+
 @pytest.mark.parametrize(
     ("head", "expected"),
     [

@@ -164,6 +164,9 @@ def figures_of_group(group):
         yield figure("series_pack", test=row["test"], **of_test(group, row["test"], **stages))
         parts = of_test(group, row["test"], series="series_pack_series")
         yield figure("weakest", test=row["test"], **parts)
+    for row in tests(group, "group") if group in NESTED else ():
+        parts = of_test(group, row["test"], series="nested_pack_series", scores="nested_pack")
+        yield figure("nested_pack", test=row["test"], **parts)
     ways = [f"results/bias_ways/{first}.parquet" for first in judged_with(LEAVES[group])]
     if ways:
         yield figure("ways", settings={"cells": list(LEAVES[group])}, ways=ways)

@@ -2,8 +2,11 @@
 
 # Groups with tests; one of whose cells has no model says so and is left out.
 PAIRS = [group for group in BRANCHES if tests(group, "group")]
-# Those of members in parallel, whose branch currents are simulated.
-SHARED = [group for group in PAIRS if BRANCHES[group][0]["connection"] == "parallel"]
+# Those of groups in groups; of single cells in parallel; of single cells in series.
+NESTED = [group for group in PAIRS if len(WIRED[group]) > len(BRANCHES[group])]
+SHARED = [group for group in PAIRS if group in PARALLEL]
+SERIES = [group for group in PAIRS if group not in NESTED and group not in SHARED]
+DECIDED = [*SHARED, *SERIES]
 
 
 def models_of_group(wildcards):
@@ -52,10 +55,31 @@ rule pack:
         "../../scripts/pack/pack.py"
 
 
+rule nested_pack:
+    input:
+        series="results/clean/{group}/{test}.parquet",
+        models=models_of_group,
+    output:
+        scores="results/nested_pack/{group}/{test}.parquet",
+        series="results/nested_pack_series/{group}/{test}.parquet",
+    log:
+        "logs/nested_pack/{group}/{test}.log",
+    wildcard_constraints:
+        group=either(NESTED),
+    params:
+        test=test_facts,
+        members=lambda w: WIRED[w.group],
+    message:
+        "Simulate the pack {wildcards.group} of groups through {wildcards.test}."
+    script:
+        "../../scripts/pack/nested_pack.py"
+
+
 def simulated_channels(wildcards):
-    """The simulated branch currents of a test, which tell swapped ones, where there are some."""
-    path = f"results/pack_series/{wildcards.group}/{wildcards.test}.parquet"
-    return [path] if wildcards.group in SHARED else []
+    """The simulated channels of a test, which tell swapped ones, where there are some."""
+    stages = {"pack_series": SHARED, "nested_pack_series": NESTED}
+    found = [stage for stage, groups in stages.items() if wildcards.group in groups]
+    return [f"results/{stage}/{wildcards.group}/{wildcards.test}.parquet" for stage in found]
 
 
 rule pack_checks:

@@ -1,13 +1,5 @@
 # What a series pack can give, decisions on a pack, and cells of one type put together.
 
-# Strings of cells alone: of strings of groups the pack's rules tell voltages and currents.
-SERIES = [
-    group
-    for group in PAIRS
-    if BRANCHES[group][0]["connection"] == "series"
-    and all(row["cell"] in CELLS for row in BRANCHES[group])
-]
-
 
 def median_celsius(group):
     """Median of the stated temperatures of a group's tests; 25 °C where none is stated."""
@@ -63,7 +55,7 @@ rule pack_decisions:
     log:
         "logs/pack_decisions/{group}.log",
     wildcard_constraints:
-        group=either(PAIRS),
+        group=either(DECIDED),
     params:
         members=lambda w: WIRED[w.group],
         cells=lambda w: [facts_of(cell) for cell in LEAVES[w.group]],

@@ -10,6 +10,13 @@ def scores_of(cell):
     return [f"results/validation/{cell}/{row['test']}.parquet" for row in SCORED[cell]]
 
 
+def scored_stage(group):
+    """The stage whose rows say how well a group was simulated through its tests."""
+    if group in NESTED:
+        return "nested_pack"
+    return "series_pack_cells" if group in SERIES else "pack"
+
+
 rule pack_model:
     input:
         models=lambda w: [f"results/models/{cell}.json" for cell in LEAVES[w.group]],
@@ -17,7 +24,7 @@ rule pack_model:
             path for cell in LEAVES[w.group] for path in fitted("capacity", cell, "capacity")
         ],
         validation=lambda w: [path for cell in LEAVES[w.group] for path in scores_of(cell)],
-        tests=lambda w: artefacts("pack", w.group, "group"),
+        tests=lambda w: artefacts(scored_stage(w.group), w.group, "group"),
     output:
         model="results/pack_models/{group}.json",
         lookup="results/pack_models/{group}/lookup.csv",

@@ -10,7 +10,7 @@ def cell_fmu(
     capacities=(),
     validation=(),
     thermal=None,
-    points=2001,
+    points=4001,
     largest_step_second=1.0,
 ):
     """A cell's chosen member as an FMI 3.0 unit for co-simulation.
@@ -46,7 +46,11 @@ def cell_fmu(
     entry = cell_entry(content["cell"], cell)
     shown = page(f"Cell {content['cell']}", [entry])
     pack = PackModel(single(content), (entry["model"],), (initial_soc,), (heat,), {})
-    return _unit(pack, shown, points, largest_step_second, alone=True)
+    unit = _unit(pack, shown, points, largest_step_second, alone=True)
+    if entry["instead_of"]:
+        without = f"it runs as {entry['model']['chosen']} instead of {entry['instead_of']}"
+        return unit._replace(notes=(*unit.notes, without))
+    return unit
 
 
 def _known_errors(model, *, capacities, validation):

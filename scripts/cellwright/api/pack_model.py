@@ -57,6 +57,11 @@ def assemble_pack(
         ]
         if why
     ]
+    notes += [
+        f"{entry['cell']} runs as {entry['model']['chosen']} instead of {entry['instead_of']}"
+        for entry in document["cells"]
+        if entry["instead_of"]
+    ]
     return results.PackDocument(document, pack_lookup(document), tuple(notes))
 
 

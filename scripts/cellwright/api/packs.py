@@ -158,6 +158,48 @@ def series_pack(models, members, cells, series, test, settings=None, **changes):
     return results.SeriesPack(*found)
 
 
+def nested_pack(models, members, series, test):
+    """A pack of groups in groups simulated through its record, against what was logged of it.
+
+    Parameters
+    ----------
+    models : of its cells, in any order. members : rows of groups.tsv of the pack and of all groups
+        in it.
+    series : clean series of the pack, (n,) columns, with whichever of branch_<k>_current_ampere [A]
+        and cell_<k>_voltage_volt [V] were logged. test : TestFacts or mapping.
+
+    Returns
+    -------
+    pack : Scored; a row a channel: errors of the pack's voltage, of branch currents, of cell
+        voltages.
+
+    Raises
+    ------
+    Refusal : a wiring that is none, a cell without a model, no SoC at the start, or branch currents
+        that contradict the total.
+
+    Source: docs/pack-records.md.
+    """
+    from cellwright.packs.checks import refuse_contradiction
+    from cellwright.packs.series.nested import nested_pack as scored
+    from cellwright.packs.wiring import cells_of, models_of, wiring_of
+    from cellwright.records.facts import MeasuredTest
+    from cellwright.records.record import group_record
+
+    rows = inputs.rows(members)
+    group = rows[0].get("group", "the pack")
+    wiring = wiring_of(group, rows)
+    documents = models_of(wiring, [inputs.content(model) for model in models])
+    by_name = {row["cell"]: inputs.branch_facts(row) for row in rows}
+    own = [part if isinstance(part, str) else part.name for part in wiring.members]
+    measured = MeasuredTest(inputs.test_facts(test), inputs.columns(series, *inputs.NAMES))
+    leaves = cells_of(wiring)
+    record = group_record(measured, [by_name[name] for name in own], cells=len(leaves))
+    refuse_contradiction(record, wiring)
+    found = scored(documents, wiring, [by_name[name] for name in leaves], record)
+    return results.Scored(found.rows, found.series, found.notes)
+
+
 def pack_decisions(
     models, members, cells, capacities=(), settings=None, *, temperature_celsius=25.0, **changes
 ):

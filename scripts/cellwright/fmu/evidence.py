@@ -2,12 +2,14 @@
 
 from html import escape
 
+BEYOND_KELVIN = 40.0  # tables of units reach so far beyond the measured temperatures
 HEAD = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title></head><body>
 <h1>{title}</h1>
 <p>Current is positive on charge, and held over each communication step. Voltages are those at the
-present time and inputs. Outside SoC 0 to 1 and the temperatures named below nothing was measured:
-the OCV goes on as steeply as it ends, all else keeps its value, and a warning is logged.</p>
+present time and inputs. Outside SoC 0 to 1 nothing was measured: the OCV goes on as steeply as it
+ends, all else keeps its value, and a warning is logged. Beyond the temperatures named below
+resistances follow the model's laws, at most {beyond:g} K far.</p>
 """
 CELL_HEAD = (
     "cell",
@@ -35,7 +37,7 @@ def page(title, entries, tests=None, why_not=None):
     -------
     page : bytes of HTML.
     """
-    parts = [HEAD.format(title=escape(title)), "<h2>Cells</h2>\n"]
+    parts = [HEAD.format(title=escape(title), beyond=BEYOND_KELVIN), "<h2>Cells</h2>\n"]
     parts.append(_table(CELL_HEAD, [_cell_row(entry) for entry in entries]))
     if tests is not None:
         parts.append("<h2>Pack</h2>\n")

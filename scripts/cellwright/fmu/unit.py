@@ -17,6 +17,7 @@ from cellwright.fmu.description import (
     variables_of_cell,
     variables_of_pack,
 )
+from cellwright.fmu.evidence import BEYOND_KELVIN
 from cellwright.packs.artefact import ThermalConstants
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.kernel import ORDER, STRAIGHT, Keep, kernel_sizes, work_room
@@ -30,9 +31,8 @@ from cellwright.refusal import Refusal
 MAGIC = b"cellwright-fmu/1"
 NAME_BYTES = 32
 UNKNOWN_SOC = 0.5  # what a unit starts at where no start is stated; its description says so
-BEYOND_KELVIN = 40.0  # tables reach so far beyond the measured temperatures
 BETWEEN_KELVIN = 2.0  # largest distance of two temperatures of the tables between measured ones
-BEYOND_STEPS = 6
+BEYOND_STEPS = 6  # in so many steps where resistances follow a law, else in half of them
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -83,12 +83,12 @@ def table_temperatures(models):
     if len(measured) == 1 and not warm:
         return measured
     inner = np.arange(measured[0], measured[-1], BETWEEN_KELVIN)
-    ends = [measured[0] - BEYOND_KELVIN, measured[-1] + BEYOND_KELVIN]
-    if any("resistance_laws" in c for c in conditions):
-        ends = [
-            *np.linspace(ends[0], measured[0], BEYOND_STEPS),
-            *np.linspace(measured[-1], ends[1], BEYOND_STEPS),
-        ]
+    lawful = any("resistance_laws" in condition for condition in conditions)
+    steps = BEYOND_STEPS if lawful else BEYOND_STEPS // 2
+    ends = [
+        *np.linspace(measured[0] - BEYOND_KELVIN, measured[0], steps, endpoint=False),
+        *np.linspace(measured[-1] + BEYOND_KELVIN, measured[-1], steps, endpoint=False),
+    ]
     return sorted({round(float(value), 6) for value in (*measured, *inner, *ends)})
 
 

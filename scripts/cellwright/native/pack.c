@@ -24,6 +24,7 @@ enum { SOLVED, NO_RESISTANCE, NOT_SOLVED, NO_POWER };
 #define MOST_PASSES 60
 #define MOST_TURNS 30
 #define SMALLEST 1e-9
+#define SAME_KIND 1e4 /* see packs/steps.py */
 
 /* What does not change in a run. Quantities lie in the order ocv, shift, r0, to charge, to
  * discharge, then r of pairs, r and scale of kinetics, gains of the surface, goals and charges of
@@ -75,11 +76,9 @@ INLINE double at_point(const pack *p, int64_t q, int64_t cell, int64_t point) {
         t++;
     const double weight = (here - p->inverse[t - 1]) / (p->inverse[t] - p->inverse[t - 1]);
     const double cold = table(p, q, t - 1, cell, point), hot = table(p, q, t, cell, point);
-    if (p->straight[q])
-        return cold + weight * (hot - cold);
-    if (!(cold > 0.0 && hot > 0.0))
-        return 0.0;
     const double low = log(fmax(cold, SMALLEST)), high = log(fmax(hot, SMALLEST));
+    if (p->straight[q] || !(fabs(high - low) <= log(SAME_KIND)))
+        return cold + weight * (hot - cold);
     return exp(low + weight * (high - low));
 }
 

@@ -8,8 +8,9 @@ has said is stated as such.
 
 from typing import NamedTuple
 
-from cellwright.circuits.model_file import capacity_of, member_of
+from cellwright.circuits.model_file import capacity_of
 from cellwright.circuits.parameters import parameter_rows
+from cellwright.packs.cells import member_in_pack
 from cellwright.packs.wiring import Wiring, cells_of
 from cellwright.refusal import Refusal
 
@@ -120,7 +121,7 @@ def cell_entry(name, cell):
     ----------
     name : of the cell. cell : CellInPack.
     """
-    member = member_of(cell.model)
+    member = member_in_pack(cell.model)
     model = {key: cell.model[key] for key in OF_MODEL if key in cell.model}
     model |= {"chosen": member["model"], "members": [member]}
     scores = [row for row in cell.validation if row["model"] == member["model"]]
@@ -134,6 +135,7 @@ def cell_entry(name, cell):
         "initial_soc": cell.initial_soc,
         "thermal": thermal,
         "model": model,
+        "instead_of": None if member["model"] == cell.model["chosen"] else cell.model["chosen"],
         "left_out_rmse_volt": member.get("left_out_rmse_volt"),
         "fit": [
             {key: condition.get(key) for key in ("ambient_temperature_celsius", "fit_rmse_volt")}
@@ -164,7 +166,8 @@ def _group_tests(rows, models):
     for row in rows:
         entry = tests.setdefault(row["test"], {key: row.get(key) for key in about})
         entry["fitted"] = row["test"] in fitted
-        errors = {key: value for key, value in row.items() if key not in (*about, "group")}
+        known = (*about, "group", "cycle", "soc")
+        errors = {key: value for key, value in row.items() if key not in known}
         entry.setdefault("branches", []).append(errors)
         others = entry.setdefault("other_member", [])
         if row.get("model") is not None and row["model"] != chosen.get(row.get("cell")):

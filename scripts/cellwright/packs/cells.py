@@ -91,7 +91,7 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
     names = [member] * len(models) if member is None or isinstance(member, str) else list(member)
     if len(names) != len(models):
         raise Refusal(f"{len(names)} names of members for {len(models)} cells; one each is wanted")
-    entries = [member_of(model, name) for model, name in zip(models, names, strict=True)]
+    entries = [member_in_pack(model, name) for model, name in zip(models, names, strict=True)]
     grid = np.linspace(0.0, 1.0, points)
     tables = [
         [_tables(model, entry, grid, value) for value in celsius]
@@ -140,6 +140,20 @@ def _temperatures(temperature_celsius):
     if np.any(np.diff(celsius) <= 0):
         raise Refusal(f"temperatures of tables are {celsius.tolist()} °C; they have to rise")
     return celsius.tolist()
+
+
+def member_in_pack(model, name=None):
+    """Member of a model as a pack runs it: of one with companions that which they stand beside.
+
+    Companions are two more circuits whose difference is an effect that was found; the pack's cells
+    have one circuit each.
+
+    Parameters
+    ----------
+    model : dict of a model file. name : of a member, or None for the chosen one.
+    """
+    entry = member_of(model, name)
+    return member_of(model, entry["of"]) if "companions" in entry else entry
 
 
 def _tables(model, entry, grid, celsius):

@@ -6,6 +6,7 @@ offset; a sum that is exact tells that one reading was computed from the others.
 belongs to which member the cells' models tell: `swapped`.
 """
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,9 @@ SWAP_RATIO = 0.5  # error after the swap over the error before
 SWAP_AGAINST = 0.1  # squares that blocks of a record speak against a swap, over those for it
 UNITS = {-1.0: "its sign is turned", 1000.0: "it reads in mA what is taken as A"}
 UNITS |= {0.001: "it reads in A what is taken as mA"}
+
+
+BEYOND_CALIBRATION = "outside the calibration"  # so begins the note of such a model
 
 
 class Finding(NamedTuple):
@@ -90,16 +94,37 @@ def refuse_contradiction(record, wiring):
 
     Raises
     ------
-    Refusal : what `channel_findings` say of it, where the sum misses the total by 5 % of it.
+    Refusal : what `channel_findings` say of it, where the sum misses the total by 5 % of it beside
+        a constant, which is an offset and leaves the course of the currents known.
     """
     currents, total = record.branch_current_ampere, record.current_ampere
     if wiring.connection == "series" or currents is None:
         return
-    left, size = rms(np.nansum(currents, axis=1) - total), rms(total)
+    missed, size = np.nansum(currents, axis=1) - total, rms(total)
+    left = rms(missed - np.median(missed))
     if left > CONTRADICTION * size:
         said = [found.sentence for found in channel_findings(record, wiring) if found.found]
         sums = f"its branch currents miss the total by {left:.3g} A of {size:.3g} A RMS"
         raise Refusal("; ".join([f"{record.test}: {sums}", *said]))
+
+
+def beyond_calibration(models):
+    """What bias-corrected models of a group's cells say of lying beyond their calibration.
+
+    Parameters
+    ----------
+    models : list of model dicts.
+
+    Returns
+    -------
+    notes : list of sentences with the cells' names.
+    """
+    return [
+        f"{model['cell']}: {note}"
+        for model in models
+        for note in model.get("notes", ())
+        if note.startswith(BEYOND_CALIBRATION)
+    ]
 
 
 def _untold(check, sentence):
@@ -125,7 +150,7 @@ def _partly_logged(currents, total, logged, test):
 
 def _parallel_currents(currents, total, test):
     left = currents.sum(axis=1) - total
-    broken = list(_wrong_sensor(currents, total, left, test))
+    broken = _wrong_sensor(currents, total, left, test)
     broken = broken or list(_silent(currents, total, test))
     if broken:
         return broken
@@ -155,14 +180,13 @@ def _silent(currents, total, test):
 def _wrong_sensor(currents, total, left, test):
     """The one branch whose sign or unit explains nearly all that the sum leaves over."""
     if rms(left) <= CONTRADICTION * rms(total):
-        return
-    for k in range(currents.shape[1]):
-        for factor, words in UNITS.items():
-            rest = left - (1.0 - 1.0 / factor) * currents[:, k]
-            if rms(rest) < EXPLAINED * rms(left):
-                text = f"{test}: branch {k + 1} alone explains what the sum leaves over: {words}"
-                yield Finding("unit", k + 1, factor, np.nan, np.nan, "times", True, text)
-                return
+        return []
+    for k, (factor, words) in product(range(currents.shape[1]), UNITS.items()):
+        rest = left - (1.0 - 1.0 / factor) * currents[:, k]
+        if rms(rest) < EXPLAINED * rms(left):
+            text = f"{test}: branch {k + 1} alone explains what the sum leaves over: {words}"
+            return [Finding("unit", k + 1, factor, np.nan, np.nan, "times", True, text)]
+    return []
 
 
 def _steady(total):
@@ -200,7 +224,7 @@ def _sum_line(currents, total, left, test):
     values, stds = _line(total, left)
     share = rms(total) / members
     limit = SENSOR_CLASS * share * np.sqrt(members)
-    off = abs(values[0]) > max(SIGMAS * stds[0], limit)
+    off = bool(abs(values[0]) > max(SIGMAS * stds[0], limit))
     text = (
         f"{test}: the branch currents add up to {values[0]:+.3g} A more than the total"
         if off
@@ -281,22 +305,23 @@ def _series_currents(record):
     currents, total = record.member_current_ampere, record.current_ampere
     for k in range(0 if currents is None else currents.shape[1]):
         rows = np.isfinite(currents[:, k]) & np.isfinite(total)
-        if rows.sum() < 10 or not rms(total[rows]) > 0:
-            continue
-        steady = np.flatnonzero(rows)[_steady(total[rows])]
-        left = currents[steady, k] - total[steady]
-        values, stds = _line(total[steady], left)
-        limits = (SENSOR_CLASS * rms(total[rows]), SENSOR_CLASS)
-        words = (f"{values[0]:+.3g} A", f"{values[1]:+.2%}")
-        names = (("current_offset", "A"), ("current_gain", "1"))
-        for value, std, limit, said, (name, unit) in zip(
-            values, stds, limits, words, names, strict=True
-        ):
-            off = bool(abs(value) > max(SIGMAS * std, limit))
-            text = (
-                f"{record.test}: the current of member {k + 1}, in series, is {said} off the total"
-            )
-            yield Finding(name, k + 1, value, std, limit, unit, off, text if off else "")
+        if rows.sum() >= 10 and rms(total[rows]) > 0:
+            yield from _series_current(k, currents[rows, k], total[rows], record.test)
+
+
+def _series_current(k, current, total, test):
+    """Offset and gain of one member's current against the total."""
+    steady = _steady(total)
+    values, stds = _line(total[steady], (current - total)[steady])
+    limits = (SENSOR_CLASS * rms(total), SENSOR_CLASS)
+    words = (f"{values[0]:+.3g} A", f"{values[1]:+.2%}")
+    names = (("current_offset", "A"), ("current_gain", "1"))
+    for value, std, limit, said, (name, unit) in zip(
+        values, stds, limits, words, names, strict=True
+    ):
+        off = bool(abs(value) > max(SIGMAS * std, limit))
+        text = f"{test}: the current of member {k + 1}, in series, is {said} off the total"
+        yield Finding(name, k + 1, value, std, limit, unit, off, text if off else "")
 
 
 def _series_voltages(record, wiring):
@@ -362,7 +387,7 @@ def _both(series, channel, count):
     return [np.column_stack([series[name] for name in kind]) for kind in kinds]
 
 
-def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
+def swapped(measured, simulated, share, *, test, what="branch", numbers=None, blocks=20):
     """Channels whose readings fit the models of other members clearly better than their own's.
 
     1. The assignment of readings to members with the least squared error (Hungarian method). 2. Of
@@ -374,7 +399,8 @@ def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
     measured, simulated : (n, members), of the same unit; the simulated ones from the members' own
         models in the wiring as the sheet states it.
     share : root mean square of a member's share of the total, in that unit.
-    test : name, for the sentence. what : "branch" or "cell". blocks : of the record.
+    test : name, for the sentence. what : "branch" or "cell". numbers : (members,) of those that
+        were logged; None: 1, 2, …. blocks : of the record.
 
     Returns
     -------
@@ -389,7 +415,10 @@ def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
         return []
     cost = np.square(measured).sum(axis=0)[:, None] + np.square(simulated).sum(axis=0)
     cost -= 2.0 * measured.T @ simulated
+    # Who is read where must be worth more than what the models of two like cells do not tell.
+    cost += len(measured) * (SWAP_SHARE * share) ** 2 * (1.0 - np.eye(len(cost)))
     member_of = linear_sum_assignment(cost)[1]
+    names = range(1, len(cost) + 1) if numbers is None else numbers
     found = []
     for circle in _circles(member_of):
         own = np.square(measured[:, circle] - simulated[:, circle]).sum(axis=1)
@@ -398,7 +427,8 @@ def swapped(measured, simulated, share, *, test, what="branch", blocks=20):
         gains = np.array([part.sum() for part in np.array_split(own - other, blocks)])
         steady = -gains[gains < 0].sum() <= SWAP_AGAINST * gains[gains > 0].sum()
         if steady and after <= SWAP_RATIO * before and before - after > SWAP_SHARE * share:
-            found.append(_swap(circle, member_of, before / share, after / share, test, what))
+            named = [names[k] for k in circle], [names[member_of[k]] for k in circle]
+            found.append(_swap(*named, before / share, after / share, test, what))
     return found
 
 
@@ -415,11 +445,13 @@ def _circles(member_of):
     return circles
 
 
-def _swap(circle, member_of, before, after, test, what):
-    fits = [f"{what} {k + 1} fits the model of {what} {member_of[k] + 1}" for k in circle]
+def _swap(read, fitting, before, after, test, what):
+    of = "its share" if what == "branch" else "what its load moves it by"
+    pairs = zip(read, fitting, strict=True)
+    fits = ", ".join(f"{what} {k} fits the model of {what} {other}" for k, other in pairs)
     text = (
-        f"{test}: swapped channels? What was read as {', '.join(fits)}: {after:.1%} of its share "
+        f"{test}: swapped channels? What was read as {fits}: error {after:.1%} of {of} "
         f"instead of {before:.1%}; nothing was swapped here"
     )
     limit = SWAP_RATIO * before
-    return Finding("swapped", circle[0] + 1, after, np.nan, limit, "of its share", True, text)
+    return Finding("swapped", int(read[0]), after, np.nan, limit, f"of {of}", True, text)

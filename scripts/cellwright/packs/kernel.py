@@ -47,6 +47,18 @@ class Keep(NamedTuple):
     extremes: bool = False
 
 
+class Prepared(NamedTuple):
+    """What the compiled kernel is told of a pack whatever is asked of it: see native/pack.c."""
+
+    address: np.ndarray
+    stride: np.ndarray
+    straight: np.ndarray
+    sizes: np.ndarray
+    inverse: np.ndarray
+    per_second: np.ndarray
+    room: int
+
+
 class Steps(NamedTuple):
     """A pack after each of n steps.
 
@@ -63,7 +75,9 @@ class Steps(NamedTuple):
     extremes: np.ndarray
 
 
-def run_steps(cells, network, state, load, *, hold, sensed=-1, keep=None, tolerance_volt=1e-9):
+def run_steps(
+    cells, network, state, load, *, hold, sensed=-1, keep=None, tolerance_volt=1e-9, prepared=None
+):
     """A pack through many steps, at temperatures that do not change.
 
     Parameters
@@ -72,6 +86,7 @@ def run_steps(cells, network, state, load, *, hold, sensed=-1, keep=None, tolera
     hold : of the total current between samples.
     sensed : element whose voltage is measured; -1: the whole pack. keep : Keep, or None: all.
     tolerance_volt : of Newton's method [V].
+    prepared : Prepared of these cells and network, for callers that take few steps at a time.
 
     Returns
     -------
@@ -88,7 +103,32 @@ def run_steps(cells, network, state, load, *, hold, sensed=-1, keep=None, tolera
     settings = {"hold": hold, "sensed": sensed, "keep": keep, "tolerance_volt": tolerance_volt}
     if kernel is None:
         return _step_by_step(cells, network, state, load, **settings)
-    return _compiled(kernel, cells, network, state, load, **settings)
+    ready = prepare(cells, network) if prepared is None else prepared
+    return _compiled(kernel, ready, cells, network, state, load, **settings)
+
+
+def prepare(cells, network):
+    """What of a pack is the same in all steps.
+
+    Parameters
+    ----------
+    cells : PackCells. network : Network.
+    """
+    entries = {name: getattr(cells, name).shape[2] for name in TABLES}
+    moving = len(cells.temperature_celsius) > 1 or any(
+        np.any(getattr(cells, name) != getattr(cells, name)[..., :1]) for name in TIMES
+    )
+    sizes = [network.cells, len(network.connection), cells.ocv_volt.shape[-1]]
+    sizes += [len(cells.temperature_celsius), entries["r_ohm"], entries["kinetic_r_ohm"]]
+    sizes += [entries["hysteresis_volt"], entries["soc_per_ampere"], entries["two_way_ohm"] // 2]
+    sizes += [is_linear(cells), moving, not cells.r0_ohm.min() > 0]
+    return Prepared(
+        *_addresses(cells),
+        np.array(sizes, np.int64),
+        -1.0 / (cells.temperature_celsius + ZERO_CELSIUS_KELVIN),
+        1.0 / (3600.0 * cells.capacity_ampere_hour),
+        work_room(cells, network),
+    )
 
 
 def _room(rows, cells, keep):
@@ -134,30 +174,22 @@ def _put(found, k, keep, solved, state, sensed):
             column[row] = values
 
 
-def _compiled(kernel, cells, network, state, load, *, hold, sensed, keep, tolerance_volt):
-    address, stride, straight = _addresses(cells)
-    sizes = kernel_sizes(cells, network, hold, sensed, keep)
-    inverse, here = (
-        -1.0 / (celsius + ZERO_CELSIUS_KELVIN)
-        for celsius in (
-            cells.temperature_celsius,
-            np.clip(state.temperature_celsius, *cells.temperature_celsius[[0, -1]]),
-        )
-    )
+def _compiled(kernel, ready, cells, network, state, load, *, hold, sensed, keep, tolerance_volt):
+    measured = cells.temperature_celsius
+    celsius = np.minimum(np.maximum(state.temperature_celsius, measured[0]), measured[-1])
     begin, current = _packed(state), state.current_ampere.copy()
-    work = np.zeros(work_room(cells, network))
+    work = np.zeros(ready.room)
     work[: len(begin)] = begin
     found, fault = _room(len(load.second), network.cells, keep), np.zeros(3)
     stopped = kernel(
         len(load.second),
         *(np.ascontiguousarray(column, float) for column in load),
         state.total_ampere,
-        *(sizes, address, stride, straight, inverse, here),
-        1.0 / (3600.0 * cells.capacity_ampere_hour),
-        network.share,
-        *(network.connection, network.first, network.member),
-        *(network.contact_ohm, network.link_ohm, tolerance_volt, SAME_SOC, work),
-        current,
+        _all_sizes(ready, network, hold, sensed, keep),
+        *(ready.address, ready.stride, ready.straight, ready.inverse),
+        -1.0 / (celsius + ZERO_CELSIUS_KELVIN),
+        *(ready.per_second, network.share, network.connection, network.first, network.member),
+        *(network.contact_ohm, network.link_ohm, tolerance_volt, SAME_SOC, work, current),
         *(found.current_ampere, found.voltage_volt, found.soc, found.sensed_volt),
         *(found.extremes, found.total_ampere, fault),
     )
@@ -194,21 +226,13 @@ def kernel_sizes(cells, network, hold, sensed, keep):
     ----------
     cells : PackCells. network : Network. hold, sensed, keep : as of `run_steps`.
     """
-    entries = {name: getattr(cells, name).shape[2] for name in TABLES}
-    moving = len(cells.temperature_celsius) > 1 or any(
-        np.any(getattr(cells, name) != getattr(cells, name)[..., :1]) for name in TIMES
-    )
+    return _all_sizes(prepare(cells, network), network, hold, sensed, keep)
+
+
+def _all_sizes(ready, network, hold, sensed, keep):
     elements = network.cells + len(network.connection)
-    return np.array(
-        [
-            *(network.cells, len(network.connection), cells.ocv_volt.shape[-1]),
-            *(len(cells.temperature_celsius), entries["r_ohm"], entries["kinetic_r_ohm"]),
-            *(entries["hysteresis_volt"], entries["soc_per_ampere"], entries["two_way_ohm"] // 2),
-            *(is_linear(cells), moving, not cells.r0_ohm.min() > 0, hold == "first_order"),
-            *(keep.every, keep.extremes, sensed % elements),
-        ],
-        np.int64,
-    )
+    asked_for = [hold == "first_order", keep.every, keep.extremes, sensed % elements]
+    return np.concatenate([ready.sizes, np.array(asked_for, np.int64)])
 
 
 def work_room(cells, network):

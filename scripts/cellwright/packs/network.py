@@ -7,11 +7,11 @@ behind a link is itself a source behind a resistance, so that one walk from the 
 and one back solve it exactly, without a matrix.
 """
 
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.packs.wiring import cells_of
 from cellwright.refusal import Refusal
 
 SERIES, STAR, LADDER, OPPOSITE = range(4)
@@ -65,16 +65,17 @@ def network_of(wiring, capacity_ampere_hour):
     Refusal : another number of capacities than of cells, a cell twice, a resistance below zero, or
         another connection than "parallel" and "series".
     """
-    names = cells_of(wiring)
+    parts = {"connection": [], "first": [0], "member": [], "contact": [], "link": []}
+    parts |= {"group": [], "cell": []}
+    _walk(wiring, len(capacity_ampere_hour), parts)
+    names = parts["cell"]
     if len(names) != len(capacity_ampere_hour):
         raise Refusal(
             f"{wiring.name} has {len(names)} cells, but {len(capacity_ampere_hour)} have models"
         )
-    twice = sorted({name for name in names if names.count(name) > 1}) if len(names) < 1000 else []
-    if twice or len(set(names)) < len(names):
+    if len(set(names)) < len(names):
+        twice = sorted(name for name, times in Counter(names).items() if times > 1)
         raise Refusal(f"{wiring.name} names a cell twice: {', '.join(twice)}")
-    parts = {"connection": [], "first": [0], "member": [], "contact": [], "link": [], "name": []}
-    _walk(wiring, 0, len(names), parts)
     first, member = (np.array(parts[name], np.int64) for name in ("first", "member"))
     connection = np.array(parts["connection"], np.int64)
     return Network(
@@ -85,28 +86,27 @@ def network_of(wiring, capacity_ampere_hour):
         contact_ohm=np.array(parts["contact"], float),
         link_ohm=np.array(parts["link"], float),
         share=_shares(len(names), connection, first, member, capacity_ampere_hour),
-        names=tuple(parts["name"]),
+        names=tuple(parts["group"]),
     )
 
 
-def _walk(wiring, leaf, cells, parts):
-    """Number the groups below a group and itself, children first: (its element, next leaf)."""
+def _walk(wiring, cells, parts):
+    """Number the cells and groups below a group and itself, children first: its element."""
     members = []
     for inner in wiring.members:
         if isinstance(inner, str):
-            members.append(leaf)
-            leaf += 1
+            members.append(len(parts["cell"]))
+            parts["cell"].append(inner)
         else:
-            element, leaf = _walk(inner, leaf, cells, parts)
-            members.append(element)
+            members.append(_walk(inner, cells, parts))
     _check(wiring)
     parts["connection"].append(_code(wiring))
-    parts["name"].append(wiring.name)
+    parts["group"].append(wiring.name)
     parts["member"] += members
     parts["first"].append(len(parts["member"]))
     parts["contact"] += wiring.contact_ohm
     parts["link"] += wiring.link_ohm
-    return cells + len(parts["connection"]) - 1, leaf
+    return cells + len(parts["connection"]) - 1
 
 
 def _check(wiring):

@@ -4,14 +4,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.packs.kernel import Load
-from cellwright.packs.simulate import TOLERANCE_VOLT, Plant, ambient_of, plant_of, stepped
+from cellwright.packs.kernel import Keep, Load, Steps
+from cellwright.packs.simulate import (
+    TOLERANCE_VOLT,
+    Plant,
+    ambient_of,
+    many_steps,
+    plant_of,
+    stepped,
+)
 from cellwright.packs.steps import CURRENT, POWER, VOLTAGE, NoPower, start
 from cellwright.refusal import Refusal
 
 MODES = {"rest": CURRENT, "current": CURRENT, "drive": CURRENT, "power": POWER, "voltage": VOLTAGE}
 AT_LIMIT = 1e-6  # [V], [A], [1]: nearer to its end than this, a phase has reached it
 SAME_SECOND = 1e-6
+AT_ONCE = 256  # steps that are tried at once
+NOT_HELD = -2
 
 
 class Phase(NamedTuple):
@@ -49,7 +58,7 @@ class PhaseEnd(NamedTuple):
     """How a phase ended.
 
     second : since the first phase began [s]. reason : "time", "pack voltage", "cell voltage",
-    "soc", "current", or "power" where the pack cannot give it any more.
+    "soc", "current", or "power" where the pack cannot give it (any more): a last sample is at rest.
     cell : the first one there, None where it is no single cell's.
     held_from_second, held_cell : since when a limit was held, and which cell's first; NaN and None
     where none was.
@@ -82,13 +91,20 @@ class PhasesRun(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """The pack after a step: its state, the heat of its cells, what was measured, and the cell
-    whose limit was held (None: none was; −1: the pack's)."""
+    """The pack at one moment: its state, and the heat of its cells (cells,) [W]."""
 
     state: object
     heat_watt: np.ndarray
+
+
+class Part(NamedTuple):
+    """Samples of a phase: seconds since its begin (m,), Steps of m, temperatures (m, cells), and
+    the cell whose limit was held (m,): -1 the pack's, -2 none."""
+
+    second: np.ndarray
     steps: object
-    held: int | None
+    celsius: np.ndarray
+    held: np.ndarray
 
 
 class Ambient(NamedTuple):
@@ -99,11 +115,12 @@ class Ambient(NamedTuple):
 
 
 class Margin(NamedTuple):
-    """How far a limit is: reason, cell (−1: none's), distance (below zero: beyond)."""
+    """How far a limit is at each sample (m,): reason, cell (-1: none's), distance (below zero:
+    beyond)."""
 
     reason: str
-    cell: int
-    distance: float
+    cell: np.ndarray
+    distance: np.ndarray
 
 
 def run_phases(
@@ -147,14 +164,14 @@ def run_phases(
     plant = plant_of(cells, wiring, thermal, hold="first_order", tolerance_volt=tolerance_volt)
     pack = Ambient(plant, float(ambient))
     state = start(cells, plant.network, initial_soc, ambient, thermal)
-    at = Moment(state, np.zeros(plant.network.cells), None, None)
-    rows, ends, begin = [], [], 0.0
+    at, parts, ends, begin = Moment(state, np.zeros(plant.network.cells)), [], [], 0.0
     for index, phase in enumerate(phases):
         found, (reason, cell), at = _through(pack, at, phase)
-        rows += [(begin + second, index, moment) for second, moment in found]
-        begin += found[-1][0]
-        ends.append(_end(plant, index, rows, begin, reason, cell))
-    return _joined(rows, tuple(ends))
+        whole = _together(found)
+        parts.append((index, begin, whole))
+        ends.append(_end(cells.names, index, begin, whole, reason, cell))
+        begin += whole.second[-1]
+    return _joined(parts, tuple(ends))
 
 
 def _check(index, phase):
@@ -185,105 +202,148 @@ def _ends(phase):
 
 
 def _through(pack, at, phase):
-    """One phase: samples as (second since its begin, Moment), (reason, cell) of its end, Moment."""
-    elapsed, rows = 0.0, []
-    at = at._replace(held=None)
+    """One phase: its Parts, (reason, cell) of its end, and the Moment then."""
+    parts, elapsed = [], 0.0
     try:
-        at = _step(pack, at, phase, elapsed, 0.0)
-        rows.append((elapsed, at))
-        while (end := _reached(phase, at, elapsed)) is None:
-            left = _next_second(phase, elapsed)
-            after = _step(pack, at, phase, elapsed, left)
-            least = _least(_margins(phase, after, elapsed + left))
-            if least.distance < -AT_LIMIT:
-                left = _until(pack, phase, at, elapsed, left)
-                after = _step(pack, at, phase, elapsed, left)
-            at, elapsed = after, elapsed + left
-            rows.append((elapsed, at))
+        at, part = _step(pack, at, phase, 0.0, 0.0)
+        parts.append(part)
+        while (end := _reached(phase, part)) is None:
+            free = part.held[-1] == NOT_HELD
+            leapt = _leap(pack, at, phase, elapsed) if free else None
+            at, part = _to_the_limit(pack, at, phase, elapsed) if leapt is None else leapt
+            elapsed = part.second[-1]
+            parts.append(part)
     except NoPower:
-        if at.steps is None:
-            raise
-        return rows or [(elapsed, at)], ("power", -1), at
-    return rows, end, at
+        at, part = _moved(pack, at, np.array([elapsed]), 0.0, CURRENT, 0.0)
+        return [*parts, part], ("power", -1), at
+    return parts, end, at
 
 
-def _next_second(phase, elapsed):
-    """Length of the next step [s]."""
-    if phase.kind != "drive":
-        return min(phase.step_second, phase.second - elapsed)
-    time = np.asarray(phase.value[0], float)
-    ahead = time[time > elapsed + SAME_SECOND]
-    return min(ahead[0], phase.second) - elapsed
+def _leap(pack, at, phase, elapsed):
+    """Many steps at once, all before the first limit; None where the next one leads there.
+
+    Only where temperatures do not change in between.
+    """
+    if pack.plant.modes is not None:
+        return None
+    seconds = _next_seconds(phase, elapsed)
+    load = Load(
+        np.diff(seconds, prepend=elapsed),
+        np.full(len(seconds), MODES[phase.kind]),
+        _asked(phase, seconds),
+    )
+    try:
+        steps, state = many_steps(pack.plant, at.state, load, Keep())
+    except NoPower:
+        return None
+    found = _part(pack, seconds, steps)
+    limits = _margins(phase, found) + (_voltage_margins(phase, steps) if phase.held else [])
+    ahead = np.array([margin.distance for margin in limits]).min(axis=0) > AT_LIMIT
+    free = len(ahead) if ahead.all() else int(np.argmin(ahead))
+    if free == 0:
+        return None
+    if free < len(ahead):
+        steps, state = many_steps(pack.plant, at.state, Load(*(c[:free] for c in load)), Keep())
+    return at._replace(state=state), _part(pack, seconds[:free], steps)
 
 
-def _asked(phase, elapsed):
-    """Current, power or voltage that a phase asks for at a time after its begin."""
-    if phase.kind == "rest":
-        return 0.0
-    return float(np.interp(elapsed, *phase.value)) if phase.kind == "drive" else float(phase.value)
+def _to_the_limit(pack, at, phase, elapsed):
+    """The next step, shortened where it leads beyond an end."""
+    second = _next_seconds(phase, elapsed)[0] - elapsed
+    after, part = _step(pack, at, phase, elapsed, second)
+    if _least(_margins(phase, part)).distance[-1] >= -AT_LIMIT:
+        return after, part
+    return _step(pack, at, phase, elapsed, _until(pack, at, phase, elapsed, second))
 
 
-def _step(pack, at, phase, elapsed, left):
+def _next_seconds(phase, elapsed):
+    """Ends of the next steps, since the phase's begin (m,) [s]."""
+    if phase.kind == "drive":
+        time = np.asarray(phase.value[0], float)
+        ahead = time[time > elapsed + SAME_SECOND][:AT_ONCE]
+    else:
+        ahead = elapsed + phase.step_second * np.arange(1, AT_ONCE + 1)
+    within = ahead[ahead < phase.second - SAME_SECOND]
+    return within if len(within) == len(ahead) else np.append(within, phase.second)
+
+
+def _asked(phase, second):
+    """Current, power or voltage that a phase asks for at times (m,) after its begin."""
+    if phase.kind == "drive":
+        return np.interp(second, *phase.value)
+    return np.full(len(second), 0.0 if phase.kind == "rest" else float(phase.value))
+
+
+def _step(pack, at, phase, elapsed, second):
     """The pack a step later, at what the phase asks for or at the limit that it holds."""
-    asked = _asked(phase, elapsed + left)
-    after = _moved(pack, at, left, MODES[phase.kind], asked)
+    end = np.array([elapsed + second])
+    after, part = _moved(pack, at, end, second, MODES[phase.kind], _asked(phase, end)[0])
     if not phase.held or phase.kind == "voltage":
-        return after
-    beyond = _least(_voltage_margins(phase, after))
-    if beyond.distance >= 0:
-        return after
-    return _at_the_limit(pack, at, phase, left, after)
+        return after, part
+    if _least(_voltage_margins(phase, part.steps)).distance[0] >= 0:
+        return after, part
+    return _at_the_limit(pack, at, phase, end, second, part.steps.total_ampere[0])
 
 
-def _moved(pack, at, left, mode, value):
-    load = Load(*(np.array([float(number)]) for number in (left, mode, value)))
-    return Moment(*stepped(pack.plant, at.state, at.heat_watt, load, pack.celsius), None)
+def _moved(pack, at, end, second, mode, value):
+    load = Load(*(np.array([float(number)]) for number in (second, mode, value)))
+    state, heat, steps = stepped(pack.plant, at.state, at.heat_watt, load, pack.celsius)
+    return Moment(state, heat), _part(pack, end, steps, state.temperature_celsius)
 
 
-def _at_the_limit(pack, at, phase, left, after):
+def _part(pack, second, steps, celsius=None):
+    around = np.full(pack.plant.network.cells, pack.celsius) if celsius is None else celsius
+    shape = (len(second), len(around))
+    return Part(second, steps, np.broadcast_to(around, shape), np.full(len(second), NOT_HELD))
+
+
+def _at_the_limit(pack, at, phase, end, second, beyond_ampere):
     """The step with the largest current at which no voltage limit is passed.
 
     The distance to the nearest limit falls with the current, as every cell's voltage rises with it.
     """
     from scipy.optimize import brentq
 
-    tried = {}
+    def tried(total):
+        return _moved(pack, at, end, second, CURRENT, total)
 
     def distance(total):
-        tried[total] = _moved(pack, at, left, CURRENT, total)
-        return _least(_voltage_margins(phase, tried[total])).distance
+        return _least(_voltage_margins(phase, tried(total)[1].steps)).distance[0]
 
-    if distance(0.0) <= 0.0:
-        return tried[0.0]._replace(held=_least(_voltage_margins(phase, tried[0.0])).cell)
-    total = brentq(distance, 0.0, after.state.total_ampere, xtol=1e-9, rtol=1e-12)
-    found = tried[total] if total in tried else _moved(pack, at, left, CURRENT, total)
-    return found._replace(held=_least(_voltage_margins(phase, found)).cell)
+    rest = distance(0.0) <= 0.0
+    total = 0.0 if rest else brentq(distance, 0.0, beyond_ampere, xtol=1e-9, rtol=1e-12)
+    after, part = tried(total)
+    nearest = _least(_voltage_margins(phase, part.steps))
+    return after, part._replace(held=nearest.cell)
 
 
-def _voltage_margins(phase, at):
+def _voltage_margins(phase, steps):
     """Distances of the pack's and the cells' voltages to their limits."""
-    volt, pack = at.steps.voltage_volt[0], at.steps.sensed_volt[0]
+    volt, pack = steps.voltage_volt, steps.sensed_volt
+    none = np.full(len(pack), -1)
     low, high = volt - phase.lowest_cell_volt, phase.highest_cell_volt - volt
     return [
-        Margin("pack voltage", -1, pack - phase.lowest_volt),
-        Margin("pack voltage", -1, phase.highest_volt - pack),
-        Margin("cell voltage", int(np.argmin(low)), low.min()),
-        Margin("cell voltage", int(np.argmin(high)), high.min()),
+        Margin("pack voltage", none, pack - phase.lowest_volt),
+        Margin("pack voltage", none, phase.highest_volt - pack),
+        Margin("cell voltage", low.argmin(axis=1), low.min(axis=1)),
+        Margin("cell voltage", high.argmin(axis=1), high.min(axis=1)),
     ]
 
 
-def _margins(phase, at, elapsed):
+def _margins(phase, part):
     """Distances to all that ends a phase."""
-    soc, total = at.state.soc, abs(at.state.total_ampere)
+    soc, total = part.steps.soc, np.abs(part.steps.total_ampere)
+    none, last = np.full(len(total), -1), _last_second(phase)
     low, high = soc - phase.lowest_soc, phase.highest_soc - soc
     margins = [
-        Margin("soc", int(np.argmin(low)), low.min()),
-        Margin("soc", int(np.argmin(high)), high.min()),
-        Margin("time", -1, _last_second(phase) - elapsed),
+        Margin("soc", low.argmin(axis=1), low.min(axis=1)),
+        Margin("soc", high.argmin(axis=1), high.min(axis=1)),
+        Margin("time", none, last - part.second),
     ]
-    if phase.least_ampere > 0 and (phase.kind == "voltage" or at.held is not None):
-        margins += [Margin("current", -1, total - phase.least_ampere)]
-    return margins + ([] if phase.held else _voltage_margins(phase, at))
+    if phase.least_ampere > 0:
+        falls = (phase.kind == "voltage") | (part.held != NOT_HELD)
+        margins.append(Margin("current", none, np.where(falls, total - phase.least_ampere, np.inf)))
+    return margins + ([] if phase.held else _voltage_margins(phase, part.steps))
 
 
 def _last_second(phase):
@@ -291,49 +351,54 @@ def _last_second(phase):
 
 
 def _least(margins):
-    return min(margins, key=lambda margin: margin.distance)
+    """The margin that is the smallest at the last sample."""
+    return min(margins, key=lambda margin: margin.distance[-1])
 
 
-def _reached(phase, at, elapsed):
+def _reached(phase, part):
     """(reason, cell) of the end that a phase has reached, or None."""
-    margins = _margins(phase, at, elapsed)
-    reached = [margin for margin in margins if margin.distance <= AT_LIMIT]
-    return (_least(reached).reason, _least(reached).cell) if reached else None
+    least = _least(_margins(phase, part))
+    return (least.reason, int(least.cell[-1])) if least.distance[-1] <= AT_LIMIT else None
 
 
-def _until(pack, phase, at, elapsed, left):
+def _until(pack, at, phase, elapsed, second):
     """The length of the step that ends where the first limit is met [s]."""
     from scipy.optimize import brentq
 
-    def distance(second):
-        after = _step(pack, at, phase, elapsed, second)
-        return _least(_margins(phase, after, elapsed + second)).distance
+    def distance(left):
+        part = _step(pack, at, phase, elapsed, left)[1]
+        return _least(_margins(phase, part)).distance[-1]
 
-    return brentq(distance, 0.0, left, xtol=1e-7, rtol=1e-12) if distance(0.0) > 0 else 0.0
+    return brentq(distance, 0.0, second, xtol=1e-7, rtol=1e-12) if distance(0.0) > 0 else 0.0
 
 
-def _end(plant, index, rows, second, reason, cell):
-    names = plant.cells.names
-    held = [(time, at.held) for time, phase, at in rows if phase == index and at.held is not None]
-    since, by = held[0] if held else (np.nan, -1)
+def _together(parts):
+    second, steps, celsius, held = zip(*parts, strict=True)
+    joined = Steps(*(np.concatenate(column) for column in zip(*steps, strict=True)))
+    columns = (np.concatenate(column) for column in (celsius, held))
+    return Part(np.concatenate(second), joined, *columns)
+
+
+def _end(names, index, begin, whole, reason, cell):
+    rows = np.flatnonzero(whole.held != NOT_HELD)
+    since, by = (begin + whole.second[rows[0]], whole.held[rows[0]]) if len(rows) else (np.nan, -1)
     return PhaseEnd(
         index,
-        second,
+        float(begin + whole.second[-1]),
         reason,
         names[cell] if cell >= 0 else None,
-        since,
+        float(since),
         names[by] if by >= 0 else None,
     )
 
 
-def _joined(rows, ends):
-    moments = [moment for _, _, moment in rows]
+def _joined(parts, ends):
+    whole = _together([part for _, _, part in parts])
     return PhasesRun(
-        np.array([second for second, _, _ in rows]),
-        np.array([phase for _, phase, _ in rows]),
-        np.array([at.state.total_ampere for at in moments]),
-        np.array([at.steps.sensed_volt[0] for at in moments]),
-        *(np.array([at.steps[k][0] for at in moments]) for k in range(3)),
-        np.array([at.state.temperature_celsius for at in moments]),
+        np.concatenate([begin + part.second for _, begin, part in parts]),
+        np.concatenate([np.full(len(part.second), index) for index, _, part in parts]),
+        *(whole.steps.total_ampere, whole.steps.sensed_volt),
+        *whole.steps[:3],
+        whole.celsius,
         ends,
     )

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.lags import HOLDS
-from cellwright.packs.kernel import Keep, Load, Steps, run_steps
+from cellwright.packs.kernel import Keep, Load, Steps, prepare, run_steps
 from cellwright.packs.network import network_of, sensed_element
 from cellwright.packs.steps import CURRENT, start
 from cellwright.packs.thermal import heat_of, thermal_modes, warmed
@@ -36,7 +36,7 @@ class PackRun(NamedTuple):
 
 class Plant(NamedTuple):
     """A pack ready to be stepped: PackCells, Network, ThermalModes or None, the element whose
-    voltage is measured, hold, and tolerance [V]."""
+    voltage is measured, hold, tolerance [V], and what the kernel is told of it."""
 
     cells: object
     network: object
@@ -44,6 +44,7 @@ class Plant(NamedTuple):
     sensed: int
     hold: str
     tolerance_volt: float
+    prepared: object
 
 
 def simulate_pack(
@@ -104,8 +105,7 @@ def simulate_pack(
     state = start(cells, plant.network, initial_soc, ambient[0], thermal, **first)
     load = Load(np.diff(time, prepend=time[0]), np.full(len(time), CURRENT), total)
     if thermal is None and np.ptp(ambient) == 0:
-        how = {"hold": hold, "sensed": plant.sensed, "tolerance_volt": tolerance_volt}
-        steps, _ = run_steps(cells, plant.network, state, load, keep=keep, **how)
+        steps, _ = many_steps(plant, state, load, keep)
         return _run(steps, np.broadcast_to(ambient[0], steps.soc.shape), keep)
     return _run(*_with_temperatures(plant, state, load, ambient, keep), keep)
 
@@ -146,7 +146,20 @@ def plant_of(cells, wiring, thermal, *, hold, tolerance_volt):
     """
     network = network_of(wiring, cells.capacity_ampere_hour)
     modes = None if thermal is None else thermal_modes(thermal, network.cells)
-    return Plant(cells, network, modes, sensed_element(wiring, network), hold, tolerance_volt)
+    sensed, ready = sensed_element(wiring, network), prepare(cells, network)
+    return Plant(cells, network, modes, sensed, hold, tolerance_volt, ready)
+
+
+def many_steps(plant, state, load, keep):
+    """A pack through many steps at temperatures that do not change: Steps, PackState.
+
+    Parameters
+    ----------
+    plant : Plant. state : PackState. load : Load. keep : Keep.
+    """
+    how = {"hold": plant.hold, "sensed": plant.sensed, "tolerance_volt": plant.tolerance_volt}
+    how |= {"keep": keep, "prepared": plant.prepared}
+    return run_steps(plant.cells, plant.network, state, load, **how)
 
 
 def stepped(plant, state, heat_watt, load, ambient_celsius, *, extremes=False):
@@ -161,9 +174,7 @@ def stepped(plant, state, heat_watt, load, ambient_celsius, *, extremes=False):
     -------
     state : PackState. heat_watt : (cells,) at the end of the step [W]. steps : Steps of one.
     """
-    how = {"hold": plant.hold, "sensed": plant.sensed, "tolerance_volt": plant.tolerance_volt}
-    keep = Keep(1, extremes)
-    steps, state = run_steps(plant.cells, plant.network, state, load, keep=keep, **how)
+    steps, state = many_steps(plant, state, load, Keep(1, extremes))
     now = heat_of(plant.cells, plant.modes, state, steps.voltage_volt[0])
     mean = heat_watt if plant.hold == "zero_order" else 0.5 * (heat_watt + now)
     celsius = warmed(plant.modes, state.temperature_celsius, mean, ambient_celsius, load.second[0])

@@ -17,6 +17,9 @@ CURRENT, VOLTAGE, POWER = range(3)  # what is asked of a pack in a step
 MOST_PASSES = 60  # as in native/pack.c
 REMEMBERED = ("soc", "relaxed_volt", "kinetic_volt", "hysteresis_volt", "surface_soc", "parameters")
 MOST_TURNS = 30  # passes in which cells with hysteresis go on from rest
+# A parameter that grows by more from one temperature to the next follows no Arrhenius law: a share
+# of a resistance begins there, and shares are linear.
+SAME_KIND = 1e4
 SAME_SOC = 1e-4  # a cell without kinetics or hysteresis is linear within so much of its SoC
 
 
@@ -179,7 +182,8 @@ def _at_temperature(cells, values, name, celsius):
     if name in ("ocv_volt", "ocv_shift_volt"):
         return cold + weight * (hot - cold)
     low, high = (np.log(np.maximum(v, SMALLEST)) for v in (cold, hot))
-    return np.where((cold > 0) & (hot > 0), np.exp(low + weight * (high - low)), 0.0)
+    alike = np.abs(high - low) <= np.log(SAME_KIND)
+    return np.where(alike, np.exp(low + weight * (high - low)), cold + weight * (hot - cold))
 
 
 def advance(cells, network, state, step, mode, value, *, tolerance_volt):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.statistics import rms
-from cellwright.packs import findings
+from cellwright.packs import checks, findings
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.wiring import cells_of, described
@@ -55,13 +55,10 @@ def validate_group(models, branches, test, wiring):
     Raises
     ------
     Refusal
-        Other wirings; a branch without a measured current; a SoC at the start that is not known.
+        Other wirings; a branch without a measured current; branch currents that contradict the
+        total (`checks.refuse_contradiction`); a SoC at the start that is not known.
     """
-    if wiring.connection != "parallel" or len(cells_of(wiring)) != len(branches):
-        raise Refusal(f"found {described(wiring)}, wanted single cells in parallel")
-    record, notes = group_record(test, branches), []
-    if record.branch_current_ampere is None:
-        raise Refusal(f"{record.test} has no current of one branch or more: nothing to score")
+    record, notes = _to_score(test, branches, wiring), checks.beyond_calibration(models)
     cells = pack_cells(models, temperature_celsius=_table_celsius(test.facts, record, notes))
     if None in [row.wire_resistance_ohm for row in branches]:
         notes.append("wire resistances are not stated: taken as none beyond the cells' own")
@@ -92,6 +89,17 @@ def validate_group(models, branches, test, wiring):
         series=_series(record, compared),
         notes=tuple(notes),
     )
+
+
+def _to_score(test, branches, wiring):
+    """Record of a test with currents of all branches, which agree with the total."""
+    if wiring.connection != "parallel" or len(cells_of(wiring)) != len(branches):
+        raise Refusal(f"found {described(wiring)}, wanted single cells in parallel")
+    record = group_record(test, branches)
+    if record.branch_current_ampere is None:
+        raise Refusal(f"{record.test} has no current of one branch or more: nothing to score")
+    checks.refuse_contradiction(record, wiring)
+    return record
 
 
 def _table_celsius(facts, record, notes):

@@ -321,10 +321,11 @@ static fmi3Status run(instance *i, double second) {
     return fmi3OK;
 }
 
-/* Outside of 0 to 1 the SoC is where no test has been: said once. */
+/* Outside of 0 to 1 the SoC is where no test has been: said once. A thousandth is let pass, by which
+ * a cell that starts full may be moved by its neighbours. */
 static fmi3Status within(instance *i) {
     for (size_t c = 0; c < i->cells; c++)
-        if (!(i->now.cell_soc[c] >= 0.0 && i->now.cell_soc[c] <= 1.0)) {
+        if (!(i->now.cell_soc[c] >= -0.001 && i->now.cell_soc[c] <= 1.001)) {
             if (i->held[AT_STARTED] < 2.0)
                 say(i, fmi3Warning,
                     "SoC of cell %d is %.4f at %g s: outside 0 to 1 the model is not known",

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.circuits.model_file import simulate_model
 from cellwright.numerics.statistics import rms
+from cellwright.packs.checks import beyond_calibration, swapped
 from cellwright.refusal import Refusal
 
 REST_SHARE = 0.02  # of the largest current: less is a rest
@@ -104,7 +105,7 @@ def validate_string(models, positions, record):
 
     Source: thesis 4.5 (fifty cells under one FUDS current, mean and largest voltage error).
     """
-    notes = []
+    notes = beyond_calibration(models)
     start = string_soc(models, positions, record, notes)
     celsius = cell_temperatures(record, len(models), notes)
     time, current = record.test_time_second, record.current_ampere
@@ -114,6 +115,12 @@ def validate_string(models, positions, record):
     measured = logged(record.cell_voltage_volt, run.cell_voltage_volt.shape)
     cells = _cell_rows(names, models, run, measured)
     series = _series(record, run, measured, names, contact)
+    told = np.isfinite(measured).any(axis=0)
+    moved = rms(run.cell_voltage_volt - run.cell_voltage_volt.mean(axis=0))
+    pair = measured[:, told], run.cell_voltage_volt[:, told]
+    numbers = np.flatnonzero(told) + 1
+    found = swapped(*pair, moved, test=record.test, what="cell", numbers=numbers)
+    notes += [finding.sentence for finding in found]
     error = record.voltage_volt - series["simulated_voltage_volt"]
     row = _pack_row(record, run, measured, names, cells, error)
     return StringValidation(row, cells, series, tuple(notes))

@@ -1,0 +1,96 @@
+"""Wirings as they are drawn: every cell once, in its wires, legible at 2 and at 50 cells."""
+
+from itertools import pairwise
+
+import pytest
+from figure_panels import outside, rendered, text_boxes
+from matplotlib.patches import Rectangle
+
+from figures import wiring
+
+
+def rows(group, cells, connection="parallel", **more):
+    return [
+        {"group": group, "position": k + 1, "cell": cell, "connection": connection}
+        | {name: values[k] for name, values in more.items()}
+        for k, cell in enumerate(cells)
+    ]
+
+
+def model(cell, capacity, ohm):
+    pairs = [{"kind": "RC", "r_ohm": [0.5 * ohm] * 2, "tau_second": [1e-3] * 2}]
+    entry = {"ambient_temperature_celsius": 25.0, "soc": [0.0, 1.0], "r0_ohm": [0.5 * ohm] * 2}
+    member = {"model": "1RC", "conditions": [entry | {"branches": pairs}]}
+    return {"cell": cell, "capacity_ampere_hour": capacity, "chosen": "1RC", "members": [member]}
+
+
+MANY = [f"P{k:02}" for k in range(50)]
+LADDER = {"link_resistance_ohm": [0.0] + [1e-4] * 15, "wire_resistance_ohm": [1e-3] * 16}
+SHEETS = {
+    "2 in parallel": rows("g", "AB", wire_resistance_ohm=[1e-3, 0.0]),
+    "50 in series": rows("g", MANY, "series", wire_resistance_ohm=[1e-3] * 50),
+    "50 in parallel": rows("g", MANY),
+    "ladder": rows("g", MANY[:16], **LADDER),
+    "ladder, opposite ends": rows("g", MANY[:16], terminals=["opposite_ends"] * 16, **LADDER),
+    "modules": [
+        *rows("g", ["l", "r"], "series"),
+        *rows("l", "AB", sense=["yes", None], terminals=["opposite_ends"] * 2),
+        *rows("r", "CD", link_resistance_ohm=[0.0, 1e-3]),
+    ],
+    "strings": [*rows("g", ["l", "C"]), *rows("l", "AB", "series")],
+}
+
+
+def cells_of(sheet):
+    groups = {row["group"] for row in sheet}
+    return [row["cell"] for row in sheet if row["cell"] not in groups]
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_every_cell_is_drawn_once_a_panel_apart_from_the_others(name):
+    sheet = SHEETS[name]
+    cells = cells_of(sheet)
+    models = [model(cell, 3.0 + 0.01 * k, 0.02) for k, cell in enumerate(cells)]
+    figure = wiring.draw_wiring("g", sheet, models)
+    for axes in rendered(figure):
+        texts = [text.get_text() for text in axes.texts]
+        assert sorted(text for text in texts if text in cells) == sorted(cells)
+        assert texts.count("−") == texts.count("+") == 1
+        corners = [patch.get_xy() for patch in axes.patches if isinstance(patch, Rectangle)]
+        assert len(set(corners)) == len(corners)
+    boxes = text_boxes(figure)
+    assert outside(figure, boxes) == []
+
+
+@pytest.mark.parametrize("name", ["50 in series", "50 in parallel", "2 in parallel"])
+def test_texts_of_cells_lie_within_their_boxes(name):
+    sheet = SHEETS[name]
+    figure = wiring.draw_wiring("g", sheet, [])
+    boxes = [box for text, box, _ in text_boxes(figure) if text in cells_of(sheet)]
+    assert len(boxes) == 2 * len(cells_of(sheet))
+    ordered = sorted(boxes, key=lambda box: (round(box[1]), box[0]))
+    for first, second in pairwise(ordered):
+        apart = first[2] < second[0] or second[1] >= first[3] or round(first[1]) != round(second[1])
+        assert apart, (first, second)
+
+
+def test_bias_is_written_in_percent_of_the_mean_and_a_cell_without_a_model_says_so():
+    models = [model("A", 3.3, 0.018), model("B", 2.7, 0.022)]
+    capacity, resistance = rendered(wiring.draw_wiring("g", rows("g", "ABC"), models))
+    assert capacity.get_title(loc="left") == "Bias of capacity (mean 3 Ah)"
+    assert resistance.get_title(loc="left").endswith("(mean 20 mΩ)")
+    for axes, said in ((capacity, ("+10.0 %", "-10.0 %")), (resistance, ("-10.0 %", "+10.0 %"))):
+        texts = [text.get_text() for text in axes.texts]
+        assert [text for text in texts if "%" in text] == list(said)
+        assert texts.count("no model") == 1
+
+
+def test_links_contacts_and_sense_points_are_drawn_where_the_sheet_has_them():
+    figure = wiring.draw_wiring("g", SHEETS["modules"], [])
+    axes = rendered(figure)[0]
+    small = [patch for patch in axes.patches if patch.get_height() < 0.5]
+    assert len(small) == 2  # the two bars of the one link
+    marks = [line for line in axes.get_lines() if line.get_marker() == "D"]
+    assert [len(line.get_xdata()) for line in marks] == [2]
+    contacts = rendered(wiring.draw_wiring("g", SHEETS["2 in parallel"], []))[0]
+    assert len([patch for patch in contacts.patches if patch.get_height() < 0.5]) == 1
