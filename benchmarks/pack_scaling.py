@@ -1,6 +1,6 @@
-"""Time of packs over the number of cells and of steps: table and picture of docs/packs.md.
+"""Time of packs over the number of cells and of steps: table and picture of docs/pack-simulation.md.
 
-benchmarks/pack_scaling            in the environment of benchmarks/run
+./run python benchmarks/pack_scaling.py
 """
 
 import csv
