@@ -118,6 +118,68 @@ def test_cells_on_one_bar_have_one_voltage():
     np.testing.assert_allclose(at_bar[:, 0], run.voltage_volt, rtol=0, atol=1e-12)
 
 
+def test_voltage_is_that_of_the_sensed_member():
+    contact = (0.01, 0.02, 0.03)
+    wiring = THREE._replace(contact_ohm=contact, sense=1)
+    run = simulate_pack(TIME, LOAD, pack(*CELLS), wiring, initial_soc=0.5)
+    np.testing.assert_allclose(run.voltage_volt, run.cell_voltage_volt[:, 1], rtol=0, atol=1e-12)
+    pair, single = parallel("A", "B", name="pair"), series("C", name="single")
+    strings = parallel(pair, single, contact=0.01)._replace(sense=0)
+    run = simulate_pack(TIME, LOAD, pack(*CELLS), strings, initial_soc=0.5)
+    np.testing.assert_allclose(run.voltage_volt, run.cell_voltage_volt[:, 0], rtol=0, atol=1e-12)
+    assert np.abs(run.voltage_volt - run.cell_voltage_volt[:, 2]).max() > 1e-3
+
+
+@pytest.mark.parametrize(("soc", "direction"), [(0.98, 1.0), (0.02, -1.0), (0.5, 0.0)])
+def test_hysteresis_begins_where_the_model_says_that_the_cell_was_led(soc, direction):
+    cell = truth.with_branch("hysteresis")
+    member = cell["members"][0] | {"history": {"near_end_soc": 0.05}}
+    cell = cell | {"members": [member]}
+    time, load = np.arange(0.0, 600.0, 5.0), np.repeat([0.0, -0.4], 60)
+    run = simulate_pack(time, load, pack(cell), ALONE, initial_soc=soc)
+    alone = simulate_model(cell, None, time, load, run.soc[:, 0], 25.0, hold="first_order")
+    np.testing.assert_allclose(run.voltage_volt, alone.voltage_volt, rtol=0, atol=1e-6)
+    curve = truth.ocv_at(soc) + direction * truth.VALUES["m_volt"]
+    assert run.voltage_volt[0] == pytest.approx(curve, abs=1e-9)
+
+
+def test_what_is_kept_of_the_cells_is_what_was_asked_for():
+    whole = simulate_pack(TIME, LOAD, pack(*CELLS), THREE, initial_soc=0.5)
+    some = simulate_pack(
+        TIME, LOAD, pack(*CELLS), THREE, initial_soc=0.5, keep=Keep(7, extremes=True)
+    )
+    np.testing.assert_array_equal(some.row, np.arange(0, len(TIME), 7))
+    np.testing.assert_array_equal(some.soc, whole.soc[::7])
+    np.testing.assert_array_equal(some.voltage_volt, whole.voltage_volt)
+    np.testing.assert_array_equal(some.extremes[:, 4], whole.soc.min(axis=1))
+    np.testing.assert_array_equal(some.extremes[:, 7], whole.cell_current_ampere.max(axis=1))
+    none = simulate_pack(TIME, LOAD, pack(*CELLS), THREE, initial_soc=0.5, keep=Keep(0))
+    assert none.soc.shape == (0, 3)
+    np.testing.assert_array_equal(none.voltage_volt, whole.voltage_volt)
+
+
+def test_refusals():
+    def run(time=TIME, load=LOAD, wiring=THREE, **changes):
+        return simulate_pack(time, load, pack(*CELLS), wiring, **{"initial_soc": 0.5} | changes)
+
+    with pytest.raises(Refusal, match="time runs back after sample 0"):
+        run(time=TIME[::-1])
+    with pytest.raises(Refusal, match="not finite"):
+        run(load=LOAD * np.nan)
+    with pytest.raises(Refusal, match=r"current \(299,\)"):
+        run(load=LOAD[1:])
+    with pytest.raises(Refusal, match="hold of the current is 'second'"):
+        run(hold="second")
+    with pytest.raises(Refusal, match="p has 2 cells, but 3 have models"):
+        run(wiring=parallel(*"AB"))
+    with pytest.raises(Refusal, match="wanted one, or one for each of 3 cells"):
+        run(initial_soc=[0.5, 0.5])
+    with pytest.raises(Refusal, match="2 names of members for 3 cells"):
+        pack(*CELLS, member=["2RC", "2RC"])
+    with pytest.raises(Refusal, match="without models"):
+        pack()
+
+
 def test_the_order_of_the_cells_does_not_matter():
     order, soc = [2, 0, 1], np.array([0.4, 0.5, 0.6])
     run = simulate_pack(TIME, LOAD, pack(*CELLS), THREE, initial_soc=soc)

@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from wirings import parallel, series
 
 from cellwright.circuits.heat import simulate_warm
+from cellwright.packs import kernel
 from cellwright.packs.cells import pack_cells
 from cellwright.packs.phases import Phase, run_phases
 from cellwright.packs.simulate import simulate_pack
@@ -131,6 +132,32 @@ def test_phases_warm_the_cells_too():
     setting = {"initial_soc": 0.9, "ambient_celsius": 20.0, "thermal": thermal}
     straight = simulate_pack(TIME, LOAD, CELLS, series(*"ABC"), **setting)
     np.testing.assert_allclose(done.temperature_celsius, straight.temperature_celsius, atol=1e-9)
+
+
+def test_compiled_and_numpy_agree_where_cells_warm(monkeypatch):
+    thermal = Thermal(**CONSTANTS, between_watt_per_kelvin=0.2, initial_celsius=[18.0, 25.0, 60.0])
+    setting = {"initial_soc": 0.9, "ambient_celsius": 20.0, "thermal": thermal}
+    rows = slice(0, 150)
+    arguments = (TIME[rows], 3 * LOAD[rows], CELLS, parallel(*"ABC"))
+    run = simulate_pack(*arguments, **setting)
+    monkeypatch.setattr(kernel, "function", lambda *_types, **_result: None)
+    for one, other in zip(run, simulate_pack(*arguments, **setting), strict=True):
+        if one is not None:
+            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+def test_a_member_that_warms_by_itself_gives_way_to_the_best_of_the_others():
+    document = truth.model()
+    (plain,) = document["members"]
+    heat = {"thermal_resistance_kelvin_per_watt": 5.0, "time_constant_second": 600.0}
+    heat |= {"activation_energy_joule_per_mole": 3e4}
+    warming = plain | {"model": "2RC+effects", "own_heat": heat}
+    worse = plain | {"model": "1RC", "left_out_rmse_volt": 0.02}
+    members = [warming, worse, plain | {"left_out_rmse_volt": 0.01}]
+    document |= {"members": members, "chosen": "2RC+effects"}
+    assert pack_cells([document], temperature_celsius=25.0).members == ("2RC",)
+    with pytest.raises(Refusal, match="warms by a law of its own"):
+        pack_cells([document], temperature_celsius=25.0, member="2RC+effects")
 
 
 def test_refusals():

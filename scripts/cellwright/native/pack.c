@@ -68,13 +68,13 @@ static void weigh(const pack *p, const states *s, double step, int64_t first_ord
 }
 
 /* Cells from..to of resistors and RC pairs as sources behind resistances, about the currents that
- * the last ones lead to. */
+ * the last ones lead to, or in a later pass about those that the pass before has found. */
 INLINE void line(const pack *p, const states *s, int64_t from, int64_t to, double step, double ramp,
-                 double rise) {
+                 double rise, int64_t pass) {
     const double last = (double)(p->points - 1), on = step > 0.0 ? 1.0 : 0.0;
     int64_t moved = 0;
     EACH(int64_t c = from; c < to; c++) {
-        s->guess[c] = s->current[c] + p->share[c] * rise;
+        s->guess[c] = pass ? s->through[c] : s->current[c] + p->share[c] * rise;
         const double mean = s->guess[c] - 0.5 * p->share[c] * ramp;
         s->place[c] = (s->soc[c] + step * p->per_second[c] * mean) * last - s->left[c];
         moved |= !((s->place[c] >= 0.0) & (s->place[c] < 1.0));
@@ -290,15 +290,18 @@ INLINE int64_t advance(const pack *p, states *s, double step, double ramp, doubl
                        int64_t mode, double value, double *fault) {
     int64_t outcome = -1;
     if (p->linear && !(step == 0.0 && p->bare)) {
-        int64_t culprit = 0, far = 0;
-        for (int64_t c = 0; c < p->cells; c += BLOCK)
-            line(p, s, c, c + BLOCK < p->cells ? c + BLOCK : p->cells, step, ramp, rise);
-        if (reduce(p, s, &culprit) < 0 && asked(p, s, mode, value) == SOLVED) {
+        int64_t culprit = 0, far = 1;
+        for (int64_t pass = 0; pass < LINEAR_PASSES && far; pass++) {
+            for (int64_t c = 0; c < p->cells; c += BLOCK)
+                line(p, s, c, c + BLOCK < p->cells ? c + BLOCK : p->cells, step, ramp, rise, pass);
+            if (reduce(p, s, &culprit) >= 0 || asked(p, s, mode, value) != SOLVED)
+                break;
             divide(p, s);
+            far = 0;
             for (int64_t c = 0; c < p->cells; c += BLOCK)
                 far |= follow(p, s, c, c + BLOCK < p->cells ? c + BLOCK : p->cells, step, ramp);
-            outcome = far ? -1 : SOLVED;
         }
+        outcome = far ? -1 : SOLVED;
     } else
         for (int64_t c = 0; c < p->cells; c++)
             s->guess[c] = s->current[c] + p->share[c] * rise;

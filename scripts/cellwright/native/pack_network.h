@@ -21,6 +21,7 @@ enum { CURRENT, VOLTAGE, POWER };
 enum { SOLVED, NO_RESISTANCE, NOT_SOLVED, NO_POWER };
 #define BLOCK 256 /* cells whose rows stay near the processor */
 #define MOST_PASSES 60
+#define LINEAR_PASSES 4
 #define MOST_TURNS 30
 #define SMALLEST 1e-9
 
@@ -45,7 +46,7 @@ typedef struct {
     double *gain, *after;              /* (lags,) */
     double *next, *guess, *place, *soc_next, *volt, *slope, *held, *zr;
     double *source, *resistance, *through; /* (elements,) */
-    double *conductance, *onward;          /* (members,), (members, 3) */
+    double *conductance, *onward;          /* (members,), (3, members) */
 } states;
 
 #define ROW(block, k) ((block) + (k) * p->cells)
@@ -90,8 +91,8 @@ INLINE int64_t star(int64_t count, const double *e, const double *z, const doubl
 /* A ladder from its far end: see `_ladder` of packs/network.py. The resistance of the part from a
  * member on is kept as a fraction num/den, so that no division waits for the one before it. */
 INLINE int64_t ladder(int64_t count, const double *e, const double *z, const double *contact,
-                      const double *link, int64_t opposite, double *onward, double *source,
-                      double *resistance) {
+                      const double *link, int64_t opposite, double *onward, int64_t stride,
+                      double *source, double *resistance) {
     double a = e[count - 1], num = z[count - 1] + contact[count - 1], den = 1.0;
     double d = 0.0, s0 = 0.0, s1 = 0.0, s2 = 0.0;
     int64_t lacking = !(num > 0.0);
@@ -101,16 +102,16 @@ INLINE int64_t ladder(int64_t count, const double *e, const double *z, const dou
         lacking |= !(own > 0.0);
         const double to_a = den * inverse * (e[k - 1] - a), inward = own * den * inverse;
         a += behind * inverse * (e[k - 1] - a);
-        onward[3 * k] = to_a;
-        onward[3 * k + 1] = inward;
+        onward[k] = to_a;
+        onward[stride + k] = inward;
         if (opposite) {
             const double half = 0.5 * link[k];
             d -= half;
             s1 -= half;
             s2 += half;
-            onward[3 * k + 2] = -den * inverse * d;
+            onward[2 * stride + k] = -den * inverse * d;
             s0 += s1 * to_a;
-            s2 += s1 * onward[3 * k + 2];
+            s2 += s1 * onward[2 * stride + k];
             s1 *= inward;
             d *= inward;
         }
@@ -133,7 +134,7 @@ INLINE int64_t reduce(const pack *p, const states *s, int64_t *culprit) {
         const int64_t *ids = p->member + at;
         const int64_t dense = ids[count - 1] - ids[0] == count - 1;
         double *source = s->source + p->cells + node, *resistance = s->resistance + p->cells + node;
-        double *g = s->conductance + at, *onward = s->onward + 3 * at;
+        double *g = s->conductance + at, *onward = s->onward + at;
         const double *e = s->source + ids[0], *z = s->resistance + ids[0];
         double volts = 0.0, ohms = 0.0;
         int64_t lacking;
@@ -159,7 +160,8 @@ INLINE int64_t reduce(const pack *p, const states *s, int64_t *culprit) {
             lacking = star(count, e, z, p->contact + at, g, source, resistance);
         else
             lacking = ladder(count, e, z, p->contact + at, p->link + at,
-                             p->connection[node] == OPPOSITE, onward, source, resistance);
+                             p->connection[node] == OPPOSITE, onward, p->first[p->groups], source,
+                             resistance);
         for (int64_t k = 0; lacking && k < count; k++)
             if (!(z[k] + p->contact[at + k] > 0.0)) {
                 *culprit = k;
@@ -174,8 +176,9 @@ INLINE void divide(const pack *p, const states *s) {
     for (int64_t node = p->groups - 1; node >= 0; node--) {
         const int64_t at = p->first[node], count = p->first[node + 1] - at;
         const int64_t *ids = p->member + at, dense = ids[count - 1] - ids[0] == count - 1;
+        const int64_t stride = p->first[p->groups];
         const double through = s->through[p->cells + node];
-        const double *onward = s->onward + 3 * at, *g = s->conductance + at;
+        const double *onward = s->onward + at, *g = s->conductance + at;
         double *current = s->through + ids[0];
         if (p->connection[node] == SERIES || count == 1) {
             for (int64_t k = 0; k < count; k++)
@@ -191,11 +194,12 @@ INLINE void divide(const pack *p, const states *s) {
                 for (int64_t k = 0; k < count; k++)
                     s->through[ids[k]] = g[k] * (rise - (s->source[ids[k]] - from));
         } else {
+            const double *inward = onward + stride, *of_all = inward + stride;
             const double whole = p->connection[node] == OPPOSITE ? through : 0.0;
             double reaching = through;
             for (int64_t k = 1; k < count; k++) {
-                const double from_all = onward[3 * k] + onward[3 * k + 2] * whole;
-                const double on = from_all + onward[3 * k + 1] * reaching;
+                const double on = (whole != 0.0 ? onward[k] + of_all[k] * whole : onward[k])
+                                  + inward[k] * reaching;
                 s->through[ids[k - 1]] = reaching - on;
                 reaching = on;
             }

@@ -72,7 +72,8 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
     temperature_celsius : scalar, or (t,) rising ones between which parameters follow the cells'
         temperature [degC]; None only for models of one condition.
     member : name of a member for all cells, a sequence of one name a cell, or None for the chosen
-        ones.
+        ones; of a cell whose chosen one warms by a law of its own, which a pack does not run, that
+        of the smallest error of what was left out of its fit. `members` says which they are.
     points : size of the SoC grid; knots of a model that lie on it are met exactly.
 
     Returns
@@ -81,8 +82,8 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
 
     Raises
     ------
-    Refusal : no model, a member that warms by a law of its own, temperatures that do not rise, or
-        as `model_file.circuit_at`.
+    Refusal : no model, no member but those that warm by a law of their own, or such a one named,
+        temperatures that do not rise, or as `model_file.circuit_at`.
     """
     # ASSUME: Within a pack side reactions and leaks of single cells do not matter.
     if not models:
@@ -91,7 +92,10 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
     names = [member] * len(models) if member is None or isinstance(member, str) else list(member)
     if len(names) != len(models):
         raise Refusal(f"{len(names)} names of members for {len(models)} cells; one each is wanted")
-    entries = [member_of(model, name) for model, name in zip(models, names, strict=True)]
+    entries = [
+        _runnable(model) if name is None else member_of(model, name)
+        for model, name in zip(models, names, strict=True)
+    ]
     grid = np.linspace(0.0, 1.0, points)
     tables = [
         [_tables(model, entry, grid, value) for value in celsius]
@@ -108,6 +112,20 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=201):
         known,
         **{name: _stacked(tables, name) for name in TABLES},
     )
+
+
+def _runnable(model):
+    """The chosen member, or the best of those that do not warm by a law of their own."""
+    chosen = member_of(model)
+    rest = [member for member in model["members"] if "own_heat" not in member]
+    if "own_heat" not in chosen or not rest:
+        return chosen
+
+    def left_out(member):
+        error = member.get("left_out_rmse_volt")
+        return np.inf if error is None else error
+
+    return min(rest, key=left_out)
 
 
 def table_temperatures(models, celsius, *, step_kelvin=5.0, above_kelvin=40.0):

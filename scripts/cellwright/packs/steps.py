@@ -16,6 +16,7 @@ from cellwright.refusal import Refusal
 CURRENT, VOLTAGE, POWER = range(3)  # what is asked of a pack in a step
 MOST_PASSES = 60  # as in native/pack.c
 REMEMBERED = ("soc", "relaxed_volt", "kinetic_volt", "hysteresis_volt", "surface_soc", "parameters")
+LINEAR_PASSES = 4  # of resistors and RC pairs
 MOST_TURNS = 30  # passes in which cells with hysteresis go on from rest
 SAME_SOC = 1e-4  # a cell without kinetics or hysteresis is linear within so much of its SoC
 
@@ -236,10 +237,14 @@ def newton(cells, network, state, step, guess, total_of, *, tolerance_volt):
         through = current[: network.cells]
         on_line = at.voltage_volt + at.slope_ohm * (through - guess)
         moved = step.second * (through - guess) / (3600.0 * cells.capacity_ampere_hour)
-        if turn == 0 and is_linear(cells) and np.abs(moved).max() <= SAME_SOC:
+        plain = turn < LINEAR_PASSES and is_linear(cells)
+        if plain and np.abs(moved).max() <= SAME_SOC:
             found = respond(cells, state, step, weights, through, at.parameters)
             return Solved(current, on_line, lines, found)
         found = respond(cells, state, step, weights, through)
+        if plain:
+            at, guess = found, through
+            continue
         off = found.voltage_volt - on_line
         if np.abs(off).max() <= tolerance_volt:
             return Solved(current, on_line, lines, found)
