@@ -83,6 +83,24 @@ def test_errors_of_the_model_stand_in_the_documentation():
     assert b"not validated: it has no test" in without
 
 
+def test_errors_of_each_kind_of_group_test_stand_in_the_documentation():
+    cells = {name: CellInPack(truth.stated(name=name), 0.6) for name in "AB"}
+    about = {"role": "validation", "ambient_temperature_celsius": 25.0}
+    rows = [
+        about | {"test": "one", "branch": 1, "cell": "A", "current_rmse_ampere": 0.0123},
+        about | {"test": "two", "cell": "B", "rmse_volt": 0.0045, "model": "2RC"},
+        about | {"test": "three", "channel": "pack voltage", "of": "p", "rmse": 0.007, "unit": "V"},
+        about | {"test": "four", "cell": "A", "rmse_volt": np.nan},
+    ]
+    page = unpacked(cw.pack_fmu(pack_document(parallel(*"AB"), cells, rows), points=51))
+    text = page["documentation/index.html"].decode()
+    for said in (
+        *("<td>1 A</td><td>current_rmse_ampere 0.0123</td>", "<td>B</td><td>rmse_volt 0.0045</td>"),
+        *("<td>pack voltage p</td><td>rmse 0.007 V</td>", "<td>A</td><td>not logged</td>"),
+    ):
+        assert said in text
+
+
 def test_what_is_named_is_there(cell):
     files = unpacked(cell)
     build = ElementTree.fromstring(files["sources/buildDescription.xml"])

@@ -141,6 +141,10 @@ def test_every_number_has_its_error_beside_it():
         (group_rows(), None, True, None),
         (group_rows(role="fit"), None, True, None),
         ([], None, False, "the group has no test"),
+        (
+            group_rows(current_rmse_ampere=np.nan, voltage_rmse_volt=None),
+            *(None, False, "nothing of group_1C was logged"),
+        ),
         (group_rows(), "group_1C", False, "fitted to part of group_1C"),
         (group_rows(model="1RC"), None, False, "other members than those that stand here, of A, B"),
     ],

@@ -2,6 +2,8 @@
 
 from html import escape
 
+from cellwright.packs.artefact import scores_in
+
 BEYOND_KELVIN = 40.0  # tables of units reach so far beyond the measured temperatures
 HEAD = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title></head><body>
@@ -21,7 +23,7 @@ CELL_HEAD = (
     "error of what was left out / mV",
     "error of tests that took no part (rms / mV, largest / mV)",
 )
-TEST_HEAD = ("group test", "role", "branch", "current error rms / A", "voltage error rms / mV")
+TEST_HEAD = ("group test", "role", "of", "root mean square errors")
 
 
 def page(title, entries, tests=None, why_not=None):
@@ -65,13 +67,14 @@ def _cell_row(entry):
     )
 
 
-def _test_row(test, branch):
+def _test_row(test, row):
+    errors = [f"{name} {value:.3g}" for name, value in scores_in(row).items()]
+    named = (row.get("channel"), row.get("branch"), row.get("of") or row.get("cell"))
     return (
         test["test"] + (" (part of it fitted)" if test["fitted"] else ""),
         test["role"],
-        f"{branch.get('branch', '')} {branch.get('cell') or ''}".strip(),
-        _number(branch.get("current_rmse_ampere")),
-        _milli(branch.get("voltage_rmse_volt")),
+        " ".join(str(part) for part in named if part is not None),
+        f"{', '.join(errors)} {row.get('unit') or ''}".strip() or "not logged",
     )
 
 

@@ -159,7 +159,7 @@ def _group_tests(rows, models):
     `other_member` names cells that the test was simulated with in another member than the one that
     stands here: its errors are not those of this pack model.
     """
-    about = ("test", "role", "kind", "ambient_temperature_celsius")
+    about = ("test", "role", "ambient_temperature_celsius")
     fitted = {model["fitted"]["test"] for model in models if model.get("fitted")}
     chosen = {model["cell"]: model["chosen"] for model in models}
     tests = {}
@@ -168,6 +168,7 @@ def _group_tests(rows, models):
         entry["fitted"] = row["test"] in fitted
         known = (*about, "group", "cycle", "soc")
         errors = {key: value for key, value in row.items() if key not in known}
+        entry["scored"] = entry.get("scored", False) or bool(scores_in(row))
         entry.setdefault("branches", []).append(errors)
         others = entry.setdefault("other_member", [])
         if row.get("model") is not None and row["model"] != chosen.get(row.get("cell")):
@@ -175,9 +176,20 @@ def _group_tests(rows, models):
     return list(tests.values())
 
 
+def scores_in(row):
+    """Root mean square errors in a row of a group test: name → value, of what was logged.
+
+    Parameters
+    ----------
+    row : dict, of stage `pack`, `series_pack_cells` or `nested_pack`.
+    """
+    found = {key: value for key, value in row.items() if "rmse" in key and value is not None}
+    return {key: value for key, value in found.items() if value == value}
+
+
 def _counts(test):
     """Whether the errors of a group test are those of a prediction by this very pack model."""
-    return not test["fitted"] and not test["other_member"]
+    return test["scored"] and not test["fitted"] and not test["other_member"]
 
 
 def _why_not_validated(tests):
@@ -186,6 +198,8 @@ def _why_not_validated(tests):
     if not tests:
         return "the group has no test"
     names = ", ".join(test["test"] for test in tests)
+    if not any(test["scored"] for test in tests):
+        return f"nothing of {names} was logged that could be compared"
     if all(test["fitted"] for test in tests):
         return f"its models were fitted to part of {names}; errors are those of the rest"
     others = ", ".join(dict.fromkeys(cell for test in tests for cell in test["other_member"]))
