@@ -128,7 +128,7 @@ def _wired(wiring, models, lower, drawn, start, celsius, settings):
     if len(models) > MOST_CELLS:
         raise Refusal(
             f"{wiring.name} is not decided on: found {len(models)} cells, wanted at most "
-            f"{MOST_CELLS} where some are in parallel, each of which is replaced in a simulation of its own"
+            f"{MOST_CELLS} where some are in parallel: each is replaced in a simulation of its own"
         )
     tables = pack_cells(models, temperature_celsius=celsius)
     share = network_of(wiring, tables.capacity_ampere_hour).share
