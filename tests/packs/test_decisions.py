@@ -314,6 +314,14 @@ PAIR = strings.models([1.0, 0.9])
             "a pack of one cell",
         ),
         (
+            lambda: pack_decisions(
+                Wiring("huge", "parallel", ("A",) * 201, (0,) * 201, (0,) * 201),
+                PAIR[:1] * 201, positions_of(PAIR[:1]) * 201, facts_of(PAIR[:1]) * 201,
+                [None] * 201, celsius=25.0, settings=SETTINGS,
+            ),
+            "huge is not decided on: found 201 cells, wanted at most 200",
+        ),
+        (
             lambda: matched_fleet(fleet_of(PAIR, facts_of(PAIR), [None] * 2, SETTINGS), SETTINGS),
             "2 cells, wanted at least two groups of 2",
         ),

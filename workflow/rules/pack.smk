@@ -6,7 +6,6 @@ PAIRS = [group for group in BRANCHES if tests(group, "group")]
 NESTED = [group for group in PAIRS if len(WIRED[group]) > len(BRANCHES[group])]
 SHARED = [group for group in PAIRS if group in PARALLEL]
 SERIES = [group for group in PAIRS if group not in NESTED and group not in SHARED]
-DECIDED = [*SHARED, *SERIES]
 
 
 def models_of_group(wildcards):

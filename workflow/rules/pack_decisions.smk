@@ -55,7 +55,7 @@ rule pack_decisions:
     log:
         "logs/pack_decisions/{group}.log",
     wildcard_constraints:
-        group=either(DECIDED),
+        group=either(PAIRS),
     params:
         members=lambda w: WIRED[w.group],
         cells=lambda w: [facts_of(cell) for cell in LEAVES[w.group]],

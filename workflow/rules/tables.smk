@@ -68,7 +68,7 @@ TABLES_OF_MODELS = {
     ],
     "nested_packs": [p for group in NESTED for p in artefacts("nested_pack", group, "group")],
     "pack_decisions": [
-        *[f"results/pack_decisions/{group}.parquet" for group in DECIDED],
+        *[f"results/pack_decisions/{group}.parquet" for group in PAIRS],
         *[f"results/pack_matching/{fleet}.parquet" for fleet in MATCHED],
     ],
     "pack_checks": [p for group in PAIRS for p in artefacts("pack_checks", group, "group")],

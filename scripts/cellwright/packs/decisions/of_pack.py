@@ -20,9 +20,11 @@ from cellwright.packs.series.capability import (
     ended_string,
 )
 from cellwright.packs.wiring import cells_of, depth
+from cellwright.refusal import Refusal
 from cellwright.settings import PackDecisions
 
 SETTINGS = PackDecisions()
+MOST_CELLS = 200
 PERCENTILES = ("p05", "p25", "p50", "p75", "p95")
 EMPTY = {"decision": "", "quantity": "", "cell": "", "unit": "", "value": np.nan}
 EMPTY |= dict.fromkeys(PERCENTILES, np.nan)
@@ -47,7 +49,8 @@ def pack_decisions(
 
     Raises
     ------
-    Refusal : a cell without cut-offs, a discharge without an end, or as `simulate_pack`.
+    Refusal : a cell without cut-offs, more than 200 cells where some are in parallel, or as
+        `simulate_pack`.
     """
     stated = [1.0 if row.initial_soc is None else row.initial_soc for row in positions]
     start = charged_soc(wiring, stated, [model["capacity_ampere_hour"] for model in models])
@@ -122,6 +125,11 @@ def _string(models, positions, lower, drawn, start, celsius, settings):
 
 def _wired(wiring, models, lower, drawn, start, celsius, settings):
     """Use, items and spares of a pack with parallel cells: items are (index of tables, SoC)."""
+    if len(models) > MOST_CELLS:
+        raise Refusal(
+            f"{wiring.name} is not decided on: found {len(models)} cells, wanted at most "
+            f"{MOST_CELLS} where some are in parallel: each is replaced in a simulation of its own"
+        )
     tables = pack_cells(models, temperature_celsius=celsius)
     share = network_of(wiring, tables.capacity_ampere_hour).share
     current = settings.group_c_rate * float((tables.capacity_ampere_hour / share).min())

@@ -19,7 +19,8 @@ class Discharge(NamedTuple):
     """A constant-current discharge of a string until its first cell is at its lower cut-off.
 
     capacity_ampere_hour, energy_watt_hour : of the string. weakest : index of the cell that ends
-    it. end_ampere_hour : (cells,) charge at which each cell alone would be empty. voltage_at_end_volt, soc_at_end : (cells,) when the string has ended.
+    it. end_ampere_hour : (cells,) charge at which each cell alone would be empty.
+    voltage_at_end_volt, soc_at_end : (cells,) when the string has ended.
     charge_ampere_hour, cell_voltage_volt : (n,), (n, cells) the simulated discharge to that end.
     """
 
