@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import cellwright as cw
 from cellwright.numerics.statistics import rms
 from cellwright.packs.checks import (
     channel_findings,
@@ -270,3 +271,33 @@ def test_currents_of_members_in_series_are_the_total():
         ("current_gain", 2),
         ("current_offset", 3),
     ]
+
+
+PAIR = [{"group": "pair", "position": k, "cell": f"c{k}"} for k in (1, 2)]
+GROUP_TEST = {"test": "parallel_C10", "kind": "group"}
+
+
+@pytest.fixture(scope="module")
+def weng(shared):
+    """The clean record of two real cells in parallel."""
+    raw = cw.read(str(shared / "campaigns/weng/raw/parallel_C10.csv.gz"), members=2)
+    return cw.clean(raw).columns
+
+
+def test_the_branch_currents_of_two_real_cells_are_one_measurement(weng):
+    checks = cw.check_group(PAIR, weng, GROUP_TEST)
+    assert [row["check"] for row in checks.rows if row["found"]] == ["dependent"]
+    (note,) = checks.notes
+    assert "the errors of the two branches are the same number" in note
+
+
+def test_a_turned_branch_of_two_real_cells_is_named(weng):
+    turned = weng | {"branch_2_current_ampere": -weng["branch_2_current_ampere"]}
+    (row,) = [row for row in cw.check_group(PAIR, turned, GROUP_TEST).rows if row["found"]]
+    assert (row["check"], row["branch"], row["value"]) == ("unit", 2, -1.0)
+
+
+def test_a_real_branch_that_is_not_in_the_sheet_is_refused(weng):
+    beyond = weng | {"branch_3_current_ampere": weng["branch_2_current_ampere"]}
+    with pytest.raises(Refusal, match=r"found Branch 3 Current / A; groups\.tsv wires 2 members"):
+        cw.check_group(PAIR, beyond, GROUP_TEST)

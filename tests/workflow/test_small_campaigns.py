@@ -153,3 +153,25 @@ def test_a_path_of_a_simulation_outside_the_campaign_is_a_fault_of_the_sheet(tmp
     done = starts.forked("--cores", "1", "--directory", str(folder), "--dry-run", "all")
     assert done.status != 0
     assert "simulated_file: found '../hppc_25C.csv'" in done.said
+
+
+def test_cells_in_series_and_groups_in_groups_have_rules_of_their_own(tmp_path):
+    folder = copied("parallel_group", tmp_path)
+    header, pair = (folder / "config/tests.tsv").read_text().splitlines()[:2]
+    group = pair.split("\t")[0]
+    with (folder / "config/cells.tsv").open("a") as cells:
+        cells.writelines(f"X{k}\n" for k in (1, 2))
+    wired = (folder / "config/groups.tsv").read_text().splitlines()
+    columns = wired[0].split("\t")
+    rows = [dict(zip(columns, line.split("\t"), strict=False)) for line in wired[1:]]
+    first, second = (row["cell"] for row in rows[:2])
+    string = [("string", 1, first), ("string", 2, second)]
+    block = [("block", 1, group), ("block", 2, "X1")]
+    head = "group\tposition\tcell\tconnection\n"
+    lines = [f"{row['group']}\t{row['position']}\t{row['cell']}\n" for row in rows]
+    lines += ["\t".join(map(str, row)) + "\tseries\n" for row in (*string, *block)]
+    (folder / "config/groups.tsv").write_text(head + "".join(lines))
+    tests = [pair, pair.replace(group, "string", 1), pair.replace(group, "block", 1)]
+    (folder / "config/tests.tsv").write_text("\n".join([header, *tests]) + "\n")
+    jobs = rules(snakemake(folder, "--dry-run", "all"))
+    assert {"pack", "series_pack", "nested_pack", "pack_checks", "pack_model", "report"} <= jobs
