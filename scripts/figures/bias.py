@@ -6,10 +6,10 @@ from figures import style
 
 WAYS = {"reference": "x", "scaled": "s", "bias": "o", "own": "D"}
 WORDS = {
-    "reference": "reference as it is",
-    "scaled": "scaled by capacity and resistance",
-    "bias": "corrected, cell left out",
-    "own": "from its own pulses",
+    "reference": "reference",
+    "scaled": "scaled",
+    "bias": "corrected",
+    "own": "own pulses",
 }
 
 

@@ -28,7 +28,7 @@ def test_both_panels_of_each_type_are_drawn():
     figure = bias.draw_bias([("NMC 30 Ah", rows()), ("LFP 5 Ah", rows(few=()))])
     assert len(figure.axes) == 4
     labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert "corrected, cell left out: mean 4.8 mV" in labels
+    assert "corrected: mean 4.8 mV" in labels
     line = figure.axes[1].containers[0].lines[0]
     np.testing.assert_allclose(line.get_xdata().astype(float), [0, 3, 4])
     np.testing.assert_allclose(line.get_ydata().astype(float), [20.0, 5.0, 4.8])
