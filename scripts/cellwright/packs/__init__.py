@@ -1,1 +1,1 @@
-"""Cells in parallel: how they share a current, and models found from it."""
+"""Packs: how cells are wired, simulated together, identified in a group, and decided on."""
