@@ -260,6 +260,7 @@ def draw_ways(rows, cells):
     found = {way: errors for way, errors in found.items() if errors}
     if not found:
         return style.message("No cell of this group has a test on which ways can be compared.")
+    cells = [cell for cell in cells if any(cell in errors for errors in found.values())]
     figure, axes = style.subplots(1, 2, width=10.5, height=3.8, width_ratios=[3.0, 1.0])
     single, whole = axes[0]
     for index, (way, errors) in enumerate(found.items()):

@@ -64,7 +64,7 @@ def test_the_sources_build_without_a_word_and_hold_every_kernel(tmp_path):
     path = tmp_path / "kernels.so"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert native._built(COMPILER, path)
+        assert native._built(COMPILER, path, native.FLAGS, native.SOURCES)
     library = ctypes.CDLL(str(path))
     asked = [p.read_text() for p in (Path(native.__file__).parents[1]).rglob("*.py")]
     names = {n for text in asked for n in re.findall(r'\bfunction\(\s*"(\w+)"', text)}
@@ -73,12 +73,12 @@ def test_the_sources_build_without_a_word_and_hold_every_kernel(tmp_path):
 
 
 @compiled
-def test_a_broken_source_is_said_and_gives_no_library(tmp_path, monkeypatch):
+def test_a_broken_source_is_said_and_gives_no_library(tmp_path):
     broken = tmp_path / "broken.c"
     broken.write_text("double half(double x) { return x / ; }")
-    monkeypatch.setattr(native, "SOURCES", [*native.SOURCES, broken])
+    sources = [*native.SOURCES, broken]
     with pytest.warns(RuntimeWarning, match="no compiled kernels: .*broken.c"):
-        assert not native._built(COMPILER, tmp_path / "kernels.so")
+        assert not native._built(COMPILER, tmp_path / "kernels.so", native.FLAGS, sources)
     assert not (tmp_path / "kernels.so").exists()
 
 
