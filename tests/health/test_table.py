@@ -35,6 +35,14 @@ def test_methods_stand_side_by_side():
     assert by_method["ageing cycles"][300.0].remaining_cycles == 0
 
 
+def test_an_estimate_that_the_capacity_contradicts_is_no_state_of_health():
+    of_peaks = {"capacity_ampere_hour": 3.0, "soh": 1.0, "soh_std": 0.01}
+    wrong = "capacity and peaks of this check-up disagree by 11 %: one of them is wrong"
+    peaks = [of_peaks | {"cycle": 0.0, "reason": ""}, of_peaks | {"cycle": 9.0, "reason": wrong}]
+    rows = cw.state_of_health((), None, (), peaks).rows
+    assert [row.cycle for row in rows] == [0.0]
+
+
 def test_no_method_at_all_is_refused():
     with pytest.raises(Refusal, match="no state of health"):
         cw.state_of_health()

@@ -4,9 +4,15 @@ EFFECT_KINDS = ("capacity", *PULSE_KINDS, "drive")
 
 
 def searchable(cell):
-    """Whether the sheet has tests to fit and one for proof, or so many that one can be spared."""
-    fit = tests(cell, *EFFECT_KINDS, roles=["fit", "split"])
-    proof = tests(cell, *EFFECT_KINDS, roles=["validation", "split"])
+    """Whether the sheet has tests to fit and one for proof, or so many that one can be spared.
+
+    Of the first check-up alone: an aged cell lacks what a fresh one's model does not know.
+    """
+    cycles = {row["test"]: row["cycle"] or 0 for row in tests(cell, *EFFECT_KINDS)}
+    last = min(cycles.values(), default=0) + SAME_CHECKUP_CYCLES
+    first = [row for row in tests(cell, *EFFECT_KINDS) if cycles[row["test"]] <= last]
+    fit = [row for row in first if row["role"] in ("fit", "split")]
+    proof = [row for row in first if row["role"] in ("validation", "split")]
     return bool(fit and proof) or len(fit) >= 3
 
 

@@ -7,6 +7,7 @@ import numpy as np
 LOST = ("lli", "lam_negative", "lam_positive")
 NEAR = 7  # discharges around a check-up whose median tells the capacity there
 CHECK_UP, CYCLES, MODES, PEAKS = "check-up", "ageing cycles", "degradation modes", "dQ/dV peaks"
+DISAGREE = "capacity and peaks of this check-up disagree"  # so a row's reason says it
 
 
 class HealthRow(NamedTuple):
@@ -34,7 +35,8 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
     ----------
     check_ups : rows of stage `checkups`. life, course : row of stage `life` and columns of
         `fade_course`, or None. modes, peaks : rows of stages `degradation_modes` and
-        `health_from_peaks`.
+        `health_from_peaks`; where capacity and peaks of a check-up disagree one of them is wrong,
+        and the estimate stays in its artefact.
 
     Returns
     -------
@@ -55,7 +57,7 @@ def health_rows(*, check_ups=(), life=None, course=None, modes=(), peaks=()):
     rows += [
         HealthRow(row["cycle"], row["capacity_ampere_hour"], row["soh"], PEAKS, row["soh_std"])
         for row in peaks
-        if np.isfinite(row["capacity_ampere_hour"])
+        if np.isfinite(row["capacity_ampere_hour"]) and DISAGREE not in row["reason"]
     ]
     return [
         row._replace(knee_cycle=knee, remaining_cycles=max(end - row.cycle, 0.0)) for row in rows

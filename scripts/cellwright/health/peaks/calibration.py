@@ -12,6 +12,7 @@ from cellwright.health.peaks.estimate import (
     left_out_estimates,
 )
 from cellwright.health.peaks.features import IdentifiedPeak, PeakCharge
+from cellwright.health.table import DISAGREE
 from cellwright.refusal import Refusal
 from cellwright.settings import HealthFromPeaks
 
@@ -256,8 +257,7 @@ def _health(left_out, fresh, soh_of, wrong):
     error, reasons = wrong.get((charge.cell, charge.cycle)), [found.reason]
     if error is not None:
         reasons.append(
-            f"capacity and peaks of this check-up disagree by {100 * error:.2g} %: one of them is "
-            "wrong, it was not calibrated on"
+            f"{DISAGREE} by {100 * error:.2g} %: one of them is wrong, it was not calibrated on"
         )
     measured = charge.capacity_ampere_hour
     return PeakHealth(
