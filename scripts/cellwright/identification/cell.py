@@ -27,6 +27,7 @@ from cellwright.refusal import Refusal
 SCHEMA = "cellwright-model/2"
 GRID = np.linspace(0.0, 1.0, 201)
 PULSED_SPACING, DRIVEN_SPACING = 0.1, 0.05
+CLEARLY = 2.0  # standard errors, as where a searched member takes the place of another
 
 
 class Identified(NamedTuple):
@@ -231,7 +232,7 @@ def _with_own_shape(data, dense, blocks, settings):
 
     A circuit without hysteresis or kinetics takes some of these for OCV; what the long loads gain
     then is lost elsewhere. So blocks of the other records, each left out of the fit, have to be
-    predicted better: in the mean of the logarithms by more than its standard error, and as a whole.
+    predicted better: in the mean of the logarithms by two standard errors, and as a whole.
     """
     names = {record.test for record in dense}
     shaped = data._replace(ocv_volt=ocv_from_loads(data, dense, **settings))
@@ -250,7 +251,7 @@ def _with_own_shape(data, dense, blocks, settings):
     before, after = given.square_volt2[of_proof], own.square_volt2[of_proof]
     ratio = np.log(after / before)
     error = np.std(ratio, ddof=1) / np.sqrt(len(ratio)) if len(ratio) > 1 else np.inf
-    better = ratio.mean() + error < 0 and after.mean() < before.mean()
+    better = ratio.mean() + CLEARLY * error < 0 and after.mean() < before.mean()
     volts = " to ".join(f"{1e3 * np.sqrt(s.mean()):.2g}" for s in (before, after))
     words = f"from {listed}: blocks of other records left out of the fit {volts} mV"
     if not better:
