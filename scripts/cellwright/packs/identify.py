@@ -14,16 +14,19 @@ from cellwright.identification.cell import SCHEMA
 from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
 from cellwright.numerics.statistics import rms
-from cellwright.packs.parallel import Group
+from cellwright.packs.cells import PackCells, rc_cells
 from cellwright.records.basis import stated_or_reference
 from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 
+KNOTS = 21  # of SoC, of a resistance in the model file
+REST_SHARE = 0.02  # of the largest total current: below it the group rests
+
 
 class GroupFit(NamedTuple):
-    """Identified group (every SoC is 0 at the first sample) and how well it fits."""
+    """Identified cells (every SoC is 0 at the first sample) and how well they fit."""
 
-    group: Group
+    cells: PackCells
     fit_rmse_volt: float
 
 
@@ -105,7 +108,7 @@ def identify_branches(
         error = matrix @ parameters - np.tile(voltage_volt, soc.shape[1])
         fits.append((rms(error), tau, parameters))
     rmse, tau, parameters = min(fits, key=lambda entry: entry[0])
-    return GroupFit(_group(parameters, knots_at, capacity, tau, points), rmse)
+    return GroupFit(_cells(parameters, knots_at, capacity, tau, points), rmse)
 
 
 def _counted(time, current, voltage):
@@ -164,7 +167,7 @@ def _solve(matrix, voltage, knots, cells, penalty):
     return solve(gram, moment, cells * len(knots.deviation))
 
 
-def _group(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
+def _cells(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
     cells, grid = len(capacity), _grid(points)
     cuts = np.cumsum([cells * len(knots.deviation), len(knots.ocv)])
     deviation, ocv, resistance = np.split(parameters, cuts)
@@ -172,7 +175,7 @@ def _group(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
     deviations = [np.interp(grid, knots.deviation, d) for d in deviation.reshape(cells, -1)]
     table = resistance.reshape(cells, 2, -1)
     table = np.array([[np.interp(grid, knots.resistance, r) for r in cell] for cell in table])
-    return Group(
+    return rc_cells(
         ocv_volt=np.maximum.accumulate(common + np.array(deviations), axis=1),
         r0_ohm=np.maximum(table[:, 0], smallest_ohm),
         r_ohm=table[:, 1:],
@@ -181,18 +184,15 @@ def _group(parameters, knots, capacity, tau, points, *, smallest_ohm=1e-4):
     )
 
 
-KNOTS = 21
-REST_SHARE = 0.02
-
-
 def group_models(test, steps, cells):
     """Models of all cells of a group from the longest charge in its own record.
 
     1. The stretch runs from the middle of the rest before the group's longest charge to the end of
-    the rest after it; the branch sensors' offsets are what they read in the first part. That rest
-    is needed: on a slow charge nothing but the step from it tells the resistance that all cells
-    have in common from the OCV. 2. `identify_branches` fits it. 3. What lies outside the stretch is
-    left for scoring: each model says in `fitted` which part of the record it has seen.
+    the rest after it; the branch sensors' offsets are what they read in the second half of the
+    rest before. That rest is needed: on a slow charge nothing but the step from it tells the
+    resistance that all cells have in common from the OCV. 2. `identify_branches` fits it. 3. What
+    lies outside the stretch is left for scoring: each model says in `fitted` which part of the
+    record it has seen.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def group_models(test, steps, cells):
     return {
         cell: _model(
             cell,
-            *(fit.group, branch, celsius, fit.fit_rmse_volt),
+            *(fit.cells, branch, celsius, fit.fit_rmse_volt),
             fitted | {"sensor_offset_ampere": float(offset[branch])},
             note,
         )
@@ -262,16 +262,16 @@ def _charge_between_rests(steps):
     return before, after
 
 
-def _model(cell, group, branch, celsius, rmse, fitted, note):
-    grid = np.linspace(0.0, 1.0, group.ocv_volt.shape[1])
+def _model(cell, cells, branch, celsius, rmse, fitted, note):
+    grid = np.linspace(0.0, 1.0, cells.ocv_volt.shape[-1])
     ocv = {"ambient_temperature_celsius": celsius, "soc": grid.tolist()}
-    ocv |= {"ocv_volt": group.ocv_volt[branch].tolist(), "branches": "group"}
-    condition = {"ambient_temperature_celsius": celsius} | _courses(group, branch, grid)
+    ocv |= {"ocv_volt": cells.ocv_volt[0, branch, 0].tolist(), "branches": "group"}
+    condition = {"ambient_temperature_celsius": celsius} | _courses(cells, branch, grid)
     condition |= {"fit_rmse_volt": rmse, "tests": [fitted["test"]]}
     return {
         "schema": SCHEMA,
         "cell": cell,
-        "capacity_ampere_hour": float(group.capacity_ampere_hour[branch]),
+        "capacity_ampere_hour": float(cells.capacity_ampere_hour[branch]),
         "borrowed_from": None,
         "ocv": [ocv],
         "members": [{"model": "1RC", "left_out_rmse_volt": None, "conditions": [condition]}],
@@ -282,7 +282,7 @@ def _model(cell, group, branch, celsius, rmse, fitted, note):
     }
 
 
-def _courses(group, branch, grid):
+def _courses(cells, branch, grid):
     """Condition of a model file for one branch of the group: its courses over SoC."""
     knots = np.linspace(0.0, 1.0, KNOTS)
     unknown = [None] * KNOTS
@@ -290,10 +290,10 @@ def _courses(group, branch, grid):
     def at_knots(table):
         return np.interp(knots, grid, table).tolist()
 
-    pairs = zip(group.r_ohm[branch], group.tau_second[branch], strict=True)
+    pairs = zip(cells.r_ohm[0, branch], cells.tau_second[0, branch], strict=True)
     return {
         "soc": knots.tolist(),
-        "r0_ohm": at_knots(group.r0_ohm[branch]),
+        "r0_ohm": at_knots(cells.r0_ohm[0, branch, 0]),
         "r0_std_ohm": unknown,
         "branches": [
             {"kind": "RC", "r_ohm": at_knots(r), "r_std_ohm": unknown}

@@ -9,6 +9,8 @@ together from one member to the next).
 from itertools import product
 from typing import NamedTuple
 
+import numpy as np
+
 from cellwright.refusal import Refusal
 
 NAMED_CELLS = 8  # a wiring of more cells is described by its shape
@@ -70,6 +72,17 @@ def depth(wiring):
     wiring : Wiring, or the name of a single cell.
     """
     return 0 if isinstance(wiring, str) else 1 + max(map(depth, wiring.members))
+
+
+def star_of(names, *, wire_resistance_ohm=0.0):
+    """Wiring of cells in parallel, each with its own lead to one point.
+
+    Parameters
+    ----------
+    names : of the cells. wire_resistance_ohm : scalar or one a cell [ohm].
+    """
+    wires = np.broadcast_to(np.asarray(wire_resistance_ohm, float), (len(names),))
+    return Wiring("the group", "parallel", tuple(names), tuple(wires), (0.0,) * len(names))
 
 
 def is_star(wiring):
