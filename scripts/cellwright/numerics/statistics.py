@@ -187,12 +187,14 @@ def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=Non
 
 def _inverse(gram):
     """Pseudo-inverse of a Gram matrix, and which parameters the data do not determine."""
-    scale = np.sqrt(np.diag(gram))
+    scale = np.sqrt(gram.diagonal())
     scale = np.where(scale > 0, scale, 1.0)
-    size, directions = np.linalg.eigh(gram / np.outer(scale, scale))
+    scales = scale[:, None] * scale
+    size, directions = np.linalg.eigh(gram / scales)
     determined = size > 1e-11
-    inverse = (directions[:, determined] / size[determined]) @ directions[:, determined].T
-    return inverse / np.outer(scale, scale), (np.abs(directions[:, ~determined]) > 1e-4).any(axis=1)
+    known = directions[:, determined]
+    inverse = (known / size[determined]) @ known.T
+    return inverse / scales, (np.abs(directions[:, ~determined]) > 1e-4).any(axis=1)
 
 
 def _middle(sensitivity, residual):
