@@ -45,12 +45,13 @@ FOOT = """## Where this is not what one might expect
   Three passes over all samples take a third of it, 5 ns a sample each; the rest are numpy calls,
   most of them on five numbers. PyBOP is given a tolerance of 1e-6, since with its own solver
   settings the voltage at the true parameters is up to 64 mV off. Its optimiser has not arrived
-  after the iterations it was granted, and it had a tenth of the samples: its ratio is a lower bound.
+  after the iterations it was granted, and it had a tenth of the samples: its ratio is a lower
+  bound.
 * **Filter**: a step of the recursion waits for the one before in one chain: place in the table,
   predicted voltage, innovation, gain (a division), SoC. By the latencies of these operations that
-  is 90 to 100 cycles of the processor, about the goal: no step is faster without leaving one out.
-  With the same three states it is no better here, where the model is exact. What the pipeline runs
-  has four states more, for errors that a model of a real cell makes.
+  is 90 to 100 cycles of the processor, about the goal. With the same three states it is no better
+  here, where the model is exact. What the pipeline runs has four states more, for errors that a
+  model of a real cell makes.
 * **dQ/dV**: the default fits a curve and chooses its own smoothing, which takes tens of
   milliseconds; it keeps the height of narrow peaks, which this record of broad ones does not ask
   for. The binned filter is the fast one: the mean of all rows in a bin is no single row's rounding.
