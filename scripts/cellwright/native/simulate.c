@@ -232,8 +232,8 @@ WIDE int64_t simulate(int64_t n, const double *step, int64_t uniform, int64_t is
         for (int64_t k = 0; k < (even ? 2 : BLOCK); k++) b.tau[j][k] = before[j];
     }
     /* Weights are those of the second sample: to the first there is no step. */
-    step_of(0, 2, step, uniform, &b);
     for (int64_t j = 0; even && j < pairs; j++) {
+        step_of(0, 2, step, uniform, &b);
         weigh(2, first_order, &b, j);
         weight[0][j] = b.decay[j][1];
         weight[1][j] = b.before[j][1];
