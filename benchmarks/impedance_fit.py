@@ -9,6 +9,11 @@ from cellwright.protocols.impedance.fit import Problem, fit_circuit, search
 FREQUENCY = np.logspace(4, -2, 61)
 NOISE = 2e-3
 NAMES = ("r_ohmic_ohm", "r_charge_transfer_ohm", "cpe_t", "cpe_p", "warburg_y0")
+CIRCUIT = parse("R-(CPE|(R-W))")
+IN_CIRCUIT = [NAMES.index(name) for name in CIRCUIT.names]
+IN_NAMES = [CIRCUIT.names.index(name) for name in NAMES]
+FREEDOM = np.arange(5), np.zeros(5)  # every parameter free, none tied
+ENDS = np.where(np.array(CIRCUIT.roles) == "exponent", np.log([[0.3], [1.0]]), [[-20.0], [20.0]])
 TRUE = np.array([0.020, 0.012, 1.5, 0.85, 300.0])
 FAIR = TRUE * np.array([1.5, 0.6, 1.6, 0.9, 0.6])
 POOR = np.array([1.0, 1.0, 1.0, 0.5, 1.0])
@@ -141,13 +146,10 @@ def _one_start(frequency, measured, start):
 
 
 def _search(frequency, measured, start):
-    tree = parse("R-(CPE|(R-W))")
-    logs = np.log(np.array([start[NAMES.index(name)] for name in tree.names]))
-    free, around = np.arange(5), np.full(5, 20.0)
-    ends = np.where(np.array(tree.roles) == "exponent", np.log([[0.3], [1.0]]), [-around, around])
-    problem = Problem(tree, frequency, measured, 1 / np.abs(measured), free, np.zeros(5), *ends)
-    values = np.exp(search(problem, logs[None], enough=1).x[0])
-    return np.array([values[tree.names.index(name)] for name in NAMES])
+    """Circuit, limits and order of the parameters stand; the spectrum and the start are new."""
+    logs = np.log(start[IN_CIRCUIT])
+    problem = Problem(CIRCUIT, frequency, measured, 1 / np.abs(measured), *FREEDOM, *ENDS)
+    return np.exp(search(problem, logs[None], enough=1).x[0])[IN_NAMES]
 
 
 def _residual(values, frequency, measured):

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import XAxis, YAxis
 from matplotlib.font_manager import FontProperties
 from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, NullLocator
@@ -22,6 +24,37 @@ DIGIT_HEIGHT = 0.8  # of a line: what labels one above the other take of it
 LARGEST_SHARE = 0.35  # of the width of the canvas, for names beside a panel
 LEAST_LINE = 40.0  # point, into which a title or an axis label is broken at the least
 RAISED = str.maketrans("0123456789-−", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
+
+
+class _WithoutTicks:
+    """An axis that makes none of Matplotlib's ticks until labels are given for them.
+
+    Matplotlib makes the first tick of each kind as soon as a panel is cleared: an eighth of the
+    time of a figure, for what is never drawn.
+    """
+
+    def reset_ticks(self):
+        """Forget all ticks."""
+        self.majorTicks, self.minorTicks = [], []
+
+
+class _HorizontalAxis(_WithoutTicks, XAxis):
+    pass
+
+
+class _VerticalAxis(_WithoutTicks, YAxis):
+    pass
+
+
+class Panel(Axes):
+    """A panel whose ticks are those of `ticks_of` alone."""
+
+    def _init_axis(self):
+        self.xaxis = _HorizontalAxis(self, clear=False)
+        self.yaxis = _VerticalAxis(self, clear=False)
+        for axis, sides in ((self.xaxis, ("bottom", "top")), (self.yaxis, ("left", "right"))):
+            for side in sides:
+                self.spines[side].register_axis(axis)
 
 
 class Ticks(NamedTuple):

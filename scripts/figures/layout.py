@@ -36,16 +36,26 @@ class GridLayout(LayoutEngine):
         dots_per_inch = fig.dpi
         fig.dpi = 72
         for _ in range(PASSES):
+            before = _places(fig)
             self._place(fig)
-        self._measure(fig)
+            if _places(fig) == before:
+                self._shape(fig)
+                break
+        else:
+            self._measure(fig)
         fig.dpi = dots_per_inch
+
+    def _shape(self, figure):
+        """Give all panels the shape that they ask for within their place."""
+        for axes in figure.axes:
+            locator = axes.get_axes_locator()
+            axes.apply_aspect(locator(axes, self.renderer) if locator else None)
 
     def _measure(self, figure):
         bars = {bar for bar, _ in self.bars}
         panels = [axes for axes in figure.axes if axes not in bars]
+        self._shape(figure)
         for axes in figure.axes:
-            locator = axes.get_axes_locator()
-            axes.apply_aspect(locator(axes, self.renderer) if locator else None)
             self.decorations[axes] = decoration.of_panel(
                 axes, title_width=_title_width(axes, figure)
             )
@@ -142,6 +152,10 @@ def _title_width(axes, figure):
         and other.get_subplotspec().colspan.start >= start
     ]
     return min(neighbours, default=figure.bbox.x1) - axes.bbox.x0 - 2 * PAD
+
+
+def _places(figure):
+    return [axes.get_position(original=True).bounds for axes in figure.axes]
 
 
 def _divided(length, room, ratios):

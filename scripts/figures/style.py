@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures import canvas, svg
+from figures.decoration import Panel
 from figures.layout import GridLayout
 
 INK, QUIET, GRID = "#1d2733", "#8a94a0", "#e6e9ed"
@@ -48,7 +49,8 @@ matplotlib.rcParams.update(STYLE)
 def subplots(rows=1, columns=1, *, width=9.0, height=3.2, **settings):
     """A new figure and its axes (2-d array), `width` × `height` [inch]."""
     figure = Figure(figsize=(width, height), layout=GridLayout(canvas.MEASURING))
-    return figure, figure.subplots(rows, columns, squeeze=False, **settings)
+    panels = {"axes_class": Panel}
+    return figure, figure.subplots(rows, columns, squeeze=False, subplot_kw=panels, **settings)
 
 
 def grid_of(panels: int, *, across: int) -> tuple[int, int]:

@@ -8,6 +8,7 @@ from figures import canvas
 
 PARTS_PER_POINT = 10  # a coordinate is a tenth of a point, about a tenth of a pixel in the report
 # Texts were measured in the first; where a reader has none of them, in any font without serifs.
+FEW = 40  # numbers of a stretch of lines, up to which numpy takes longer than it saves
 FONTS = "text{font-family:'DejaVu Sans',Verdana,Arial,sans-serif}"
 NUMBERED = r'<g id="[a-zA-Z.]+2?d?_\d+">'  # matplotlib's groups, which nothing refers to
 
@@ -53,33 +54,44 @@ def _short_transform(match):
 
 def _rounded(text):
     """A text with all its numbers rounded to tenths."""
-    return re.sub(r"-?\d[\d.]*(?:e-?\d+)?", lambda n: _short(_parts(float(n[0]))), text)
+    return re.sub(r"-?\d[\d.]*(?:e-?\d+)?", lambda n: _short(_part(n[0])), text)
 
 
 def _short_line(piece):
     """One stretch of lines, from its first point on; `z` where it closes."""
     closed = "z" if "z" in piece else ""
-    numbers = np.array(piece.replace("L", " ").replace("z", " ").split(), dtype=float)
-    points = _parts(numbers).reshape(-1, 2)
+    numbers = piece.replace("L", " ").replace("z", " ").split()
+    first, steps = (_steps_of_few if len(numbers) <= FEW else _steps_of_many)(numbers)
+    start = f"M{_joined(first)}"
+    return f"{start}l{_joined(steps)}{closed}" if steps else f"{start}h0{closed}"
+
+
+def _steps_of_few(numbers):
+    """First point and steps to the next ones [tenths of a point] without those of no length."""
+    parts = [_part(number) for number in numbers]
+    steps = [b - a for a, b in zip(parts, parts[2:], strict=False)]
+    pairs = zip(steps[::2], steps[1::2], strict=True)
+    return parts[:2], [part for pair in pairs if any(pair) for part in pair]
+
+
+def _steps_of_many(numbers):
+    """As `_steps_of_few`."""
+    points = np.rint(np.array(numbers, dtype=float) * PARTS_PER_POINT).astype(int).reshape(-1, 2)
     steps = np.diff(points, axis=0)
-    steps = steps[steps.any(axis=1)].tolist()
-    start = f"M{_joined(points[0].tolist())}"
-    if not steps:
-        return f"{start}h0{closed}"
-    return f"{start}l{_joined(part for step in steps for part in step)}{closed}"
+    return points[0].tolist(), steps[steps.any(axis=1)].ravel().tolist()
 
 
-def _parts(points):
-    return np.rint(np.asarray(points) * PARTS_PER_POINT).astype(int)
+def _part(number):
+    return round(float(number) * PARTS_PER_POINT)
 
 
 def _short_place(match):
-    return f'{match[1]}="{_short(_parts(float(match[2])))}"'
+    return f'{match[1]}="{_short(_part(match[2]))}"'
 
 
 def _short(parts) -> str:
     """A number of tenths without what a reader of SVG does not need: `.5`, `-3`, `12.3`."""
-    whole, tenth = divmod(abs(int(parts)), PARTS_PER_POINT)
+    whole, tenth = divmod(abs(parts), PARTS_PER_POINT)
     digits = f"{whole or ''}.{tenth}" if tenth else f"{whole}"
     return f"-{digits}" if parts < 0 else digits
 

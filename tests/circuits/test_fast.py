@@ -198,3 +198,16 @@ def test_refusals(change, reason):
 def test_a_state_of_charge_that_is_not_known_is_refused():
     with pytest.raises(Refusal, match=r"SoC of shape \(2,\) for 3 currents"):
         simulate_given(tables(), 1.0, np.zeros(3), np.ones(2), hold="zero_order")
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize("place", [0, 1, 510, 511, 512, -2, -1])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_current_that_is_not_finite_is_seen_wherever_it_stands(hold, place, value):
+    current = CURRENT.copy()
+    current[place] = value
+    for step in (0.5, steps("edges")):
+        with pytest.raises(Refusal, match="current is not finite"):
+            simulate_counted(tables(), step, current, hold=hold, **COUNTED)
+        with pytest.raises(Refusal, match="current is not finite"):
+            simulate_given(tables(), step, current, np.full(len(current), 0.5), hold=hold)

@@ -1,5 +1,6 @@
 """Style of figures: the same bytes for the same data, and thinned lines that hide no extreme."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from figures import style
+from figures import style, svg
 from figures.style import evenly_spread, rows_where, thinned
 from runtime import artefact
 
@@ -62,3 +63,18 @@ def test_rows_are_chosen_by_mask_and_by_number():
     columns = {"a": np.array([1, 2, 3]), "b": np.array(["x", "y", "z"])}
     assert rows_where(columns, columns["a"] > 1)["b"].tolist() == ["y", "z"]
     assert rows_where(columns, [2, 0])["a"].tolist() == [3, 1]
+
+
+def test_a_panel_makes_no_ticks_but_those_that_are_given_labels():
+    figure, axes = style.subplots(1, 2)
+    axes[0, 0].plot([0, 1], [2, 3])
+    axes[0, 1].plot([0, 1], [2, 3])
+    axes[0, 1].set_xticks([0, 1], ["cold", "warm"])
+    drawn = svg.text_of(figure, description="test")
+    made = [len(axis.majorTicks) for panel in axes[0] for axis in (panel.xaxis, panel.yaxis)]
+    assert made == [0, 0, 2, 0]
+    written = re.findall(r"<text[^>]*>([^<]*)</text>", drawn)
+    assert {"cold", "warm"} <= set(written)
+    numbers = [float(label) for label in written if label not in ("cold", "warm")]
+    assert min(numbers) == 0.0
+    assert max(numbers) == 3.0

@@ -304,3 +304,18 @@ def test_dates_of_arbin(dates, seconds):
     assert ("unix_time_second" in columns) == (seconds is not None)
     if seconds:
         assert np.diff(columns["unix_time_second"])[0] == pytest.approx(seconds, abs=1e-3)
+
+
+@given(st.lists(st.sampled_from([0.0, 0.001, -3.7, 3.7, 4000.0]), min_size=3, max_size=25))
+def test_a_voltage_is_refused_by_its_median(values):
+    rows = "".join(f"{k},0,{value}\n" for k, value in enumerate(values))
+    text = b"Test Time / s,Current / A,Voltage / V\n" + rows.encode()
+    middle = np.median(np.abs(values))
+    if 0.01 <= middle <= 1000:
+        columns = formats.read(text, name="x.bdf.csv").columns
+        np.testing.assert_array_equal(columns["voltage_volt"], values)
+        assert all(column.flags.writeable for column in columns.values())
+    else:
+        reason = "0 V in most rows" if middle == 0 else f"voltages around {middle:g} V"
+        with pytest.raises(Refusal, match=reason):
+            formats.read(text, name="x.bdf.csv")

@@ -17,8 +17,14 @@ from cellwright.protocols.impedance.analysis import (
     why_inseparable,
     zero_crossing,
 )
-from cellwright.protocols.impedance.circuits import circuit_impedance, parse_constraints
-from cellwright.protocols.impedance.fit import TYPES, fit_circuit, search_by_numpy
+from cellwright.protocols.impedance.circuits import circuit_impedance, parse, parse_constraints
+from cellwright.protocols.impedance.fit import (
+    TYPES,
+    Problem,
+    fit_circuit,
+    search,
+    search_by_numpy,
+)
 from cellwright.refusal import Refusal
 
 # Thesis 3.2: its stated errors of Rs, Rct, T, P, Y0.
@@ -86,6 +92,23 @@ def test_the_kernel_and_its_twin_find_the_same(table, monkeypatch):
     monkeypatch.setattr(fits, "search", search_by_numpy)
     for one, values in zip(both, compiled, strict=True):
         np.testing.assert_allclose(values, fit_circuit(*one).values, rtol=1e-10)
+
+
+@pytest.mark.parametrize("exponent", [0.3, 0.7, 1.0])
+def test_the_kernels_slopes_are_the_circuits_over_any_frequency(exponent):
+    frequency = np.geomspace(1e-9, 1e12, 100)
+    circuit = parse("L-R-(CPE|(R-W))")
+    logs = np.log([1e-12, 0.02, 1.5, exponent, 0.012, 300.0])
+    measured = circuit_impedance(circuit, frequency, np.exp(logs)) * (1 + 0.1j)
+    free = np.arange(len(logs))
+    # Limits that hold every parameter: what is looked at is the point itself.
+    around = logs - 1e-9, logs + 1e-9
+    problem = Problem(circuit, frequency, measured, 1 / np.abs(measured), free, 0.0 * logs, *around)
+    optima = search(problem, logs[None], enough=1)
+    error, slopes = problem.jacobian(optima.x[0])
+    expected = np.vstack([error, slopes])
+    found = optima.rows[:, :100] + 1j * optima.rows[:, 100:]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
 def test_exact_spectrum_gives_its_parameters_back():

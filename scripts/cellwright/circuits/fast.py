@@ -21,6 +21,9 @@ from cellwright.numerics.lags import HOLDS, lag
 from cellwright.refusal import Refusal
 
 MOST_PAIRS = 16  # as in native/simulate.c
+TYPES = (count, array, count, count, array, count, count, *[array] * 4, count, array, real)
+TYPES = (*TYPES, array, array)
+NOT_FINITE = "a current is not finite"
 
 
 class Tables(NamedTuple):
@@ -76,7 +79,7 @@ def simulate_counted(
         raise Refusal(f"capacity is {capacity_ampere_hour} Ah; it has to be positive")
     if not np.isfinite(initial_soc):
         raise Refusal(f"SoC at the first sample is {initial_soc}")
-    current, step = _checked(tables, step_second, current_ampere, hold)
+    tables, current, step = _checked(tables, step_second, current_ampere, hold)
     soc = np.empty(len(current))
     soc[0] = initial_soc
     return _run(tables, step, current, soc, hold, 3600.0 * capacity_ampere_hour)
@@ -98,7 +101,7 @@ def simulate_given(tables, step_second, current_ampere, soc, *, hold):
     ------
     Refusal : as `simulate_counted`, or as many values of SoC as of current are not there.
     """
-    current, step = _checked(tables, step_second, current_ampere, hold)
+    tables, current, step = _checked(tables, step_second, current_ampere, hold)
     soc = np.ascontiguousarray(soc, float)
     if soc.shape != current.shape or not np.isfinite(soc).all():
         raise Refusal(f"SoC of shape {soc.shape} for {len(current)} currents, or not finite")
@@ -134,25 +137,17 @@ def tables_of(model, *, temperature_celsius=None, member=None, points=201):
 
 
 def _run(tables, step, current, soc, hold, ampere_second):
-    types = (count, array, count, count, array, count, count, array, array, count, real, array)
-    kernel = function("simulate", *types, array)
+    kernel = function("simulate", *TYPES, result=count)
     if kernel is None or len(tables.r_ohm) > MOST_PAIRS:
+        if not np.isfinite(current).all():
+            raise Refusal(NOT_FINITE)
         return _run_by_lags(tables, step, current, soc, hold, ampere_second)
-    pairs, points = np.shape(tables.r_ohm)
-    moves = np.ndim(tables.tau_second) == 2
-    width = 2 + pairs + (pairs if moves else 0)
-    columns = np.empty((width, points))
-    columns[0], columns[1], columns[2 : 2 + pairs] = tables.ocv_volt, tables.r0_ohm, tables.r_ohm
-    if moves:
-        columns[2 + pairs :] = tables.tau_second
-    rows = np.empty((points - 1, 2 * width))
-    rows[:, :width] = columns[:, :-1].T
-    rows[:, width:] = (columns[:, 1:] - columns[:, :-1]).T
-    tau = np.ones(pairs) if moves else np.ascontiguousarray(tables.tau_second, float)
-    voltage = np.empty(len(current))
+    (pairs, points), moves = tables.r_ohm.shape, tables.tau_second.ndim == 2
+    voltage, rows = np.empty(len(current)), np.empty(2 * (points - 1) * (2 + pairs + moves * pairs))
     settings = (len(step) != len(current) - 1, hold == "first_order")
-    cell = (pairs, points - 1, rows, tau, moves, ampere_second)
-    kernel(len(current), step, *settings, current, *cell, soc, voltage)
+    cell = (pairs, points - 1, *tables, moves, rows, ampere_second)
+    if not kernel(len(current), step, *settings, current, *cell, soc, voltage):
+        raise Refusal(NOT_FINITE)
     return Run(voltage, soc)
 
 
@@ -174,21 +169,26 @@ def _run_by_lags(tables, step, current, soc, hold, ampere_second):
 
 
 def _checked(tables, step_second, current_ampere, hold):
+    """Tables and current as contiguous arrays, and the step: one value where all are alike.
+
+    That every current is finite is looked at in `_run`, by the kernel on its way.
+    """
     current = np.ascontiguousarray(current_ampere, float)
-    step = np.ascontiguousarray(np.atleast_1d(step_second), float)
-    points = len(tables.ocv_volt)
-    shapes = {np.shape(tables.r0_ohm), np.shape(tables.r_ohm)[1:], np.shape(tables.tau_second)[1:]}
+    ocv, r0, r, tau = (np.asarray(column, float) for column in tables)
+    points = len(ocv)
+    shapes = {r0.shape, r.shape[1:], tau.shape[1:]}
     if points < 2 or not shapes <= {(points,), ()}:
         raise Refusal(f"tables of {points} points of OCV, but of shapes {shapes} of the others")
-    if not np.all(np.asarray(tables.tau_second) > 0):
+    if not (tau > 0).all():
         raise Refusal("a time constant is zero, negative or not a number")
     if hold not in HOLDS:
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
+    step = np.ascontiguousarray(step_second, float)  # a single one as well has one axis
     if len(current) < 1 or (np.ndim(step_second) and len(step) != len(current) - 1):
         raise Refusal(f"{len(step)} steps for {len(current)} currents; one less is needed")
-    shortest, longest = (step.min(), step.max()) if len(step) else (0.0, 0.0)
+    shortest, longest = (step.min(), step.max()) if len(step) > 1 else (step.sum(), step.sum())
     if not (shortest >= 0 and longest < np.inf):
         raise Refusal("a step is below zero or not finite")
-    if not np.isfinite(current).all():
-        raise Refusal("a current is not finite")
-    return current, step[:1] if shortest == longest else step
+    whole = (ocv, r0 if r0.ndim else np.full(points, r0), r, tau)
+    tables = Tables(*map(np.ascontiguousarray, whole))
+    return tables, current, step[:1] if shortest == longest else step

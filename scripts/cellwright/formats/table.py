@@ -103,7 +103,9 @@ def read_numbers(
         )
     except pa.ArrowInvalid as fault:
         raise _fault(data, layout, labels, str(fault)) from None
-    numbers = {label: found[place[label]].to_numpy().astype(float) for label in labels}
+    # A column of one block is the table's own memory, which must not be written to: that one alone
+    # is copied.
+    numbers = {label: np.require(found[place[label]].to_numpy(), float, "W") for label in labels}
     return numbers | {label: found[place[label]].combine_chunks() for label in texts}
 
 

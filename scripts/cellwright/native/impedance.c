@@ -22,6 +22,11 @@ enum { NODES = 64, PARAMETERS = 32, BLOCK = 64 };
 #define STUCK 1e12     /* damping at which nothing helps any more */
 #define EACH for (int64_t i = 0; i < BLOCK; i++)
 
+static const double INVERSE_FACTORIAL[14] = {
+    1.0,           1.0,           1.0 / 2,        1.0 / 6,         1.0 / 24,
+    1.0 / 120,     1.0 / 720,     1.0 / 5040,     1.0 / 40320,     1.0 / 362880,
+    1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800};
+
 /* Complex numbers of a block of frequencies. */
 typedef struct {
     double re[BLOCK], im[BLOCK];
@@ -75,30 +80,53 @@ static void gerischer(double r, double tau, const double *omega, row *z, row *sl
     }
 }
 
-/* Impedance of an element, and its slope by the logarithm of each parameter. */
+/* Four lanes on every machine, so that every machine adds in the same order. */
+typedef double Lanes __attribute__((vector_size(32)));
+typedef int64_t Bits __attribute__((vector_size(32)));
+
+/* exp(x), to rounding, for a block at once, which the library's is not: 2^n · exp(rest), where the
+ * last bits of a number too large for a fraction are n. What is beyond ±700 is taken there. */
+static inline __attribute__((always_inline)) void exponential(double *x) {
+    const double large = 6755399441055744.0; /* 1.5 · 2^52 */
+    EACH x[i] = x[i] > -700.0 ? x[i] : -700.0;
+    EACH x[i] = x[i] < 700.0 ? x[i] : 700.0;
+    Lanes *lanes = (Lanes *)x;
+    for (int64_t i = 0; i < BLOCK / 4; i++) {
+        const Lanes whole = lanes[i] * 1.4426950408889634 + large, n = whole - large;
+        const Lanes rest = lanes[i] - n * 0x1.62e42feep-1 - n * 0x1.a39ef35793c76p-33; /* n ln 2 */
+        Lanes series = rest * INVERSE_FACTORIAL[13] + INVERSE_FACTORIAL[12];
+#pragma GCC unroll 12
+        for (int k = 11; k >= 0; k--) series = series * rest + INVERSE_FACTORIAL[k];
+        const Bits scale = ((Bits)whole + 1023) << 52;
+        lanes[i] = series * (Lanes)scale;
+    }
+}
+
+/* Impedance of an element, and the slope by the logarithm of its second parameter, where it has
+ * one. That by the first is the impedance itself, or its negative. */
 static inline __attribute__((always_inline)) void element(
     int64_t kind, const problem *p, int64_t from, const double *value, row *z, row *slope) {
     const double *omega = p->omega + from, *log_omega = p->log_omega + from;
     const double first = value[0];
-    if (kind == FLW || kind == FSW) finite(kind, first, value[1], omega, z, slope + 1);
-    if (kind == G) gerischer(first, value[1], omega, z, slope + 1);
+    if (kind == FLW || kind == FSW) finite(kind, first, value[1], omega, z, slope);
+    if (kind == G) gerischer(first, value[1], omega, z, slope);
     if (kind == R) EACH z->re[i] = first, z->im[i] = 0.0;
     if (kind == L) EACH z->re[i] = 0.0, z->im[i] = omega[i] * first;
     if (kind == C) EACH z->re[i] = 0.0, z->im[i] = -1.0 / (omega[i] * first);
     if (kind == W) EACH z->re[i] = p->root[from + i] / first, z->im[i] = -z->re[i];
     if (kind == CPE) {
         const double power = value[1], re = cos(power * HALF_PI), im = sin(power * HALF_PI);
-        double size[BLOCK];
-        EACH size[i] = exp(-power * log_omega[i]) / first;
+        const double scale = 1.0 / first;
+        double size[BLOCK] __attribute__((aligned(32)));
+        EACH size[i] = -power * log_omega[i];
+        exponential(size);
         EACH {
-            z->re[i] = size[i] * re;
-            z->im[i] = -size[i] * im;
-            slope[1].re[i] = -power * (z->re[i] * log_omega[i] - z->im[i] * HALF_PI);
-            slope[1].im[i] = -power * (z->re[i] * HALF_PI + z->im[i] * log_omega[i]);
+            z->re[i] = scale * size[i] * re;
+            z->im[i] = -scale * size[i] * im;
+            slope->re[i] = -power * (z->re[i] * log_omega[i] - z->im[i] * HALF_PI);
+            slope->im[i] = -power * (z->re[i] * HALF_PI + z->im[i] * log_omega[i]);
         }
     }
-    const double sign = kind == C || kind == CPE || kind == W ? -1.0 : 1.0;
-    EACH slope->re[i] = sign * z->re[i], slope->im[i] = sign * z->im[i];
 }
 
 /* z = ab/(a + b); what a change of a does to it is (b/(a + b))². */
@@ -118,27 +146,57 @@ static inline __attribute__((always_inline)) void join(const row *a, const row *
     }
 }
 
-static inline __attribute__((always_inline)) void multiply(const row *a, const row *b, row *to) {
+static inline __attribute__((always_inline)) void multiply(const row *a, const row *b, double sign,
+                                                           row *to) {
     EACH {
         const double re = a->re[i] * b->re[i] - a->im[i] * b->im[i];
-        to->im[i] = a->re[i] * b->im[i] + a->im[i] * b->re[i];
-        to->re[i] = re;
+        const double im = a->re[i] * b->im[i] + a->im[i] * b->re[i];
+        to->re[i] = sign * re;
+        to->im[i] = sign * im;
     }
 }
 
-/* Four lanes on every machine, so that every machine adds in the same order. */
-typedef double Lanes __attribute__((vector_size(32)));
-
 static inline __attribute__((always_inline)) double product(const row *a, const row *b) {
     const Lanes *x = (const Lanes *)a->re, *y = (const Lanes *)b->re;
-    const Lanes *u = (const Lanes *)a->im, *v = (const Lanes *)b->im;
-    Lanes real = {0.0}, imaginary = {0.0};
-    for (int64_t k = 0; k < BLOCK / 4; k++) {
-        real += x[k] * y[k];
-        imaginary += u[k] * v[k];
+    Lanes one = {0.0}, two = {0.0}, three = {0.0}, four = {0.0};
+    for (int64_t k = 0; k < BLOCK / 2; k += 4) { /* the real parts, and the imaginary ones behind */
+        one += x[k] * y[k];
+        two += x[k + 1] * y[k + 1];
+        three += x[k + 2] * y[k + 2];
+        four += x[k + 3] * y[k + 3];
     }
-    const Lanes sum = real + imaginary;
+    const Lanes sum = (one + two) + (three + four);
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+/* From the whole (last node, whose reach is the weight) down to the elements: by what each node's
+ * impedance enters the whole, and so the slope of each free parameter. Nodes in parallel hand on
+ * what is in of_left, of_right; the slopes of own become those of the whole. */
+static inline __attribute__((always_inline)) void downwards(
+    const problem *p, const row *weight, row *z, row *of_left, row *of_right, row *own,
+    row **slope) {
+    const row *reach[NODES];
+    reach[p->nodes - 1] = weight;
+    for (int64_t c = 0; c < p->free; c++) slope[c] = NULL;
+    for (int64_t m = p->nodes - 1; m >= 0; m--) {
+        const int64_t kind = p->kind[m], a = p->left[m], b = p->right[m];
+        if (kind == SERIES) reach[a] = reach[b] = reach[m];
+        if (kind == PARALLEL) {
+            multiply(reach[m], of_left + m, 1.0, of_left + m);
+            multiply(reach[m], of_right + m, 1.0, of_right + m);
+            reach[a] = of_left + m;
+            reach[b] = of_right + m;
+        }
+        const double sign = kind == C || kind == CPE || kind == W ? -1.0 : 1.0;
+        for (int64_t k = 0; kind > PARALLEL && k < parameters_of(kind); k++) {
+            const int64_t c = p->column[p->at[m] + k];
+            row *here = own + p->at[m] + k;
+            if (c < 0) continue;
+            multiply(reach[m], k ? here : z + m, k ? 1.0 : sign, here);
+            if (!slope[c]) slope[c] = here;
+            else EACH slope[c]->re[i] += here->re[i], slope[c]->im[i] += here->im[i];
+        }
+    }
 }
 
 /* Half the sum of squares at x (logarithms of the free parameters), gram = JᵀJ and gradient = Jᵀr.
@@ -148,8 +206,8 @@ CLONES static double evaluate(const problem *p, const double *x, double *gram, d
                               double *rows) {
     const int64_t q = p->free, last = p->nodes - 1;
     double value[PARAMETERS], cost = 0.0;
-    row z[NODES], reach[NODES], of_left[NODES], of_right[NODES], own[PARAMETERS];
-    row total[PARAMETERS], off;
+    row z[NODES], of_left[NODES], of_right[NODES], own[PARAMETERS], weight, off;
+    row *slope[PARAMETERS];
     for (int64_t k = 0; k < p->parameters; k++)
         value[k] = exp(p->offset[k] + (p->column[k] >= 0 ? x[p->column[k]] : 0.0));
     memset(gram, 0, sizeof(double) * q * q);
@@ -160,40 +218,25 @@ CLONES static double evaluate(const problem *p, const double *x, double *gram, d
             if (kind == SERIES)
                 EACH z[m].re[i] = z[a].re[i] + z[b].re[i], z[m].im[i] = z[a].im[i] + z[b].im[i];
             else if (kind == PARALLEL) join(z + a, z + b, z + m, of_left + m, of_right + m);
-            else element(kind, p, from, value + p->at[m], z + m, own + p->at[m]);
+            else element(kind, p, from, value + p->at[m], z + m, own + p->at[m] + 1);
         }
         const double *w = p->weight + from;
-        memset(total, 0, sizeof(row) * q);
-        EACH reach[last].re[i] = w[i], reach[last].im[i] = 0.0;
-        for (int64_t m = last; m >= 0; m--) {
-            const int64_t kind = p->kind[m], a = p->left[m], b = p->right[m];
-            if (kind == SERIES) reach[a] = reach[b] = reach[m];
-            if (kind == PARALLEL) {
-                multiply(reach + m, of_left + m, reach + a);
-                multiply(reach + m, of_right + m, reach + b);
-            }
-            for (int64_t k = 0; kind > PARALLEL && k < parameters_of(kind); k++) {
-                const int64_t c = p->column[p->at[m] + k];
-                row *slope = own + p->at[m] + k;
-                if (c < 0) continue;
-                multiply(reach + m, slope, slope);
-                EACH total[c].re[i] += slope->re[i], total[c].im[i] += slope->im[i];
-            }
-        }
         EACH {
             off.re[i] = w[i] * (z[last].re[i] - p->real[from + i]);
             off.im[i] = w[i] * (z[last].im[i] - p->imaginary[from + i]);
+            weight.re[i] = w[i], weight.im[i] = 0.0;
         }
+        downwards(p, &weight, z, of_left, of_right, own, slope);
         const int64_t size = p->n - from < BLOCK ? p->n - from : BLOCK;
         for (int64_t a = 0; rows && a <= q; a++) {
-            const row *one = a ? total + a - 1 : &off;
+            const row *one = a ? slope[a - 1] : &off;
             memcpy(rows + 2 * a * p->n + from, one->re, sizeof(double) * size);
             memcpy(rows + (2 * a + 1) * p->n + from, one->im, sizeof(double) * size);
         }
         cost += 0.5 * product(&off, &off);
         for (int64_t a = 0; a < q; a++) {
-            gradient[a] += product(total + a, &off);
-            for (int64_t b = 0; b <= a; b++) gram[a * q + b] += product(total + a, total + b);
+            gradient[a] += product(slope[a], &off);
+            for (int64_t b = 0; b <= a; b++) gram[a * q + b] += product(slope[a], slope[b]);
         }
     }
     for (int64_t a = 0; a < q; a++)
@@ -239,6 +282,7 @@ static double search(const problem *p, const double *lower, const double *upper,
     double gram[2][PARAMETERS * PARAMETERS], gradient[2][PARAMETERS];
     double step[PARAMETERS], trial[PARAMETERS], damping = 1e-2;
     int64_t held[PARAMETERS], now = 0;
+    for (int64_t a = 0; a < q; a++) x[a] = fmin(fmax(x[a], lower[a]), upper[a]);
     double cost = evaluate(p, x, gram[0], gradient[0], NULL);
     for (*passes = 1; *passes < most && damping < STUCK; ++*passes) {
         for (int64_t a = 0; a < q; a++)
@@ -255,8 +299,12 @@ static double search(const problem *p, const double *lower, const double *upper,
             trial[a] = fmin(fmax(x[a] + share * step[a], lower[a]), upper[a]);
             moved = fmax(moved, fabs(trial[a] - x[a]));
         }
+        if (moved < ARRIVED) { /* below what the cost resolves: made without another look */
+            memcpy(x, trial, sizeof(double) * q);
+            break;
+        }
         const double next = evaluate(p, trial, gram[1 - now], gradient[1 - now], NULL);
-        if (next < cost || moved < ARRIVED) { /* the last step is below what the cost resolves */
+        if (next < cost) {
             memcpy(x, trial, sizeof(double) * q);
             cost = next;
             now = 1 - now;
@@ -264,7 +312,6 @@ static double search(const problem *p, const double *lower, const double *upper,
         } else {
             damping *= 10.0;
         }
-        if (moved < ARRIVED) break;
     }
     return cost;
 }
@@ -272,22 +319,23 @@ static double search(const problem *p, const double *lower, const double *upper,
 /* From one start (starts, free) after the other, in place, to an optimum: its cost (starts) and
  * passes. Done when `enough` of them have led to the best, the costs of the rest infinite. rows :
  * as of `evaluate`, at the best.
- * series : omega, real, imaginary, weight (n) each. tree : kind, left, right, at (nodes) each.
- * limits : lower, upper (free) each. work : six rows of n filled up to whole blocks. */
+ * impedance : real and imaginary part (n, 2). tree : kind, left, right, at (nodes) each.
+ * work : six rows of n filled up to whole blocks. */
 void impedance_search(int64_t n, int64_t nodes, int64_t parameters, int64_t free_, int64_t starts,
-                      int64_t enough, int64_t most, double same, const double *series,
-                      const int64_t *tree, const int64_t *column, const double *offset,
-                      const double *limits, double *work, double *x, double *cost,
+                      int64_t enough, int64_t most, double same, const double *frequency,
+                      const double *impedance, const double *weight, const int64_t *tree,
+                      const int64_t *column, const double *offset, const double *lower,
+                      const double *upper, double *work, double *x, double *cost,
                       int64_t *passes, double *rows) {
     const int64_t room = (n + BLOCK - 1) / BLOCK * BLOCK;
     for (int64_t i = 0; i < room; i++) {
         const int64_t k = i < n ? i : n - 1;
-        work[i] = series[k];
-        work[room + i] = log(series[k]);
-        work[2 * room + i] = 1.0 / sqrt(2.0 * series[k]);
-        work[3 * room + i] = series[n + k];
-        work[4 * room + i] = series[2 * n + k];
-        work[5 * room + i] = i < n ? series[3 * n + k] : 0.0;
+        work[i] = 4.0 * HALF_PI * frequency[k];
+        work[room + i] = log(work[i]);
+        work[2 * room + i] = 1.0 / sqrt(2.0 * work[i]);
+        work[3 * room + i] = impedance[2 * k];
+        work[4 * room + i] = impedance[2 * k + 1];
+        work[5 * room + i] = i < n ? weight[k] : 0.0;
     }
     const problem p = {n, nodes, parameters, free_, work, work + room, work + 2 * room,
                        work + 3 * room, work + 4 * room, work + 5 * room, tree, tree + nodes,
@@ -299,7 +347,7 @@ void impedance_search(int64_t n, int64_t nodes, int64_t parameters, int64_t free
         cost[s] = INFINITY;
         passes[s] = 0;
         if (arrived >= enough) continue;
-        cost[s] = search(&p, limits, limits + free_, most, x + s * free_, passes + s);
+        cost[s] = search(&p, lower, upper, most, x + s * free_, passes + s);
         if (cost[s] < best) best = cost[s], best_start = s;
         arrived = 0;
         for (int64_t k = 0; k <= s; k++) arrived += cost[k] <= best * (1.0 + same);

@@ -13,6 +13,9 @@
 #endif
 
 #define MOST 32
+/* A place that a call gives back through memory is waited for, and so is what is copied as a whole
+ * right after its parts were written. */
+#define INLINE static inline __attribute__((always_inline))
 enum { OCV, TOTAL, SLOPE, ERROR, GAIN };
 
 typedef struct {
@@ -38,21 +41,21 @@ typedef struct {
 } place_t;
 
 /* fmax and fmin are calls, before which every register has to be saved. */
-static inline double larger(double a, double b) { return a > b ? a : b; }
-static inline double smaller(double a, double b) { return a < b ? a : b; }
+INLINE double larger(double a, double b) { return a > b ? a : b; }
+INLINE double smaller(double a, double b) { return a < b ? a : b; }
 
-static inline place_t place(const sizes_t *s, const reals_t *r, const double *tables, double soc) {
+INLINE place_t place(const sizes_t *s, const reals_t *r, const double *tables, double soc) {
     const double spot = (soc - r->first) * r->per_spacing, last = (double)(s->m - 2);
     const int64_t i = (int64_t)(spot > 0.0 ? (spot < last ? spot : last) : 0.0);
     const double *row = tables + i * s->width;
     return (place_t){row, row + s->width, spot - (double)i, i};
 }
 
-static inline double look(place_t at, int64_t column) {
+INLINE double look(place_t at, int64_t column) {
     return at.low[column] + at.part * (at.high[column] - at.low[column]);
 }
 
-static inline __attribute__((always_inline)) double drive(
+INLINE double drive(
     const sizes_t *s, const plant_t *p, int64_t e, int64_t k, double soc, place_t at) {
     if (p->source[e] < 0) {
         const double current = p->by_charge[e] ? p->between[k] : p->current[k];
@@ -95,7 +98,7 @@ typedef struct {
     int64_t many, error, fast, standing, capacity, ohmic;
 } rows_t;
 
-static inline __attribute__((always_inline)) void pass(
+INLINE void pass(
     const int plain, const int64_t many, const int64_t unsure, const int64_t lags,
     const int64_t elements, const int64_t error, const int64_t fast, const int64_t standing,
     const int64_t capacity, const int64_t ohmic, const int64_t *doubted, const sizes_t *s,
@@ -123,7 +126,9 @@ static inline __attribute__((always_inline)) void pass(
         for (int64_t b = 0; b < many; b++) P[a][b] = start[s->size + STATE(a) * s->size + STATE(b)];
     }
 #undef STATE
-    double square_sum = 0.0, known_sum = 0.0, own_sum = 0.0, walk = r->walk, slow = r->error_variance;
+    /* Of the squared innovations the last one stays apart: all else of what the next step weighs is
+     * known before it, and only a sum is left to wait for. */
+    double square_sum = 0.0, last_square = 0.0, known_sum = 0.0, own_sum = 0.0, walk = r->walk, slow = r->error_variance;
     for (int64_t i = 0; i < filled; i++) {
         square_sum += ring[3 * i];
         known_sum += ring[3 * i + 1];
@@ -306,14 +311,14 @@ static inline __attribute__((always_inline)) void pass(
         slow = least;
         const double empty = (double)(s->window - filled);
         if (s->adaptive) {
-            white = larger(floor, (square_sum - known_sum + empty * floor) * per_window);
+            const double before = square_sum - known_sum + empty * floor;
+            white = larger(floor, (before + last_square) * per_window);
             if (error >= 0)
                 slow = larger(least, (own_sum + empty * (least + white)) * per_window - white);
         }
-        white += curvature * curvature + p->edge[k];
-        const double variance = known + white;
+        const double variance = white + (known + (curvature * curvature + p->edge[k]));
         /* Q = K·H·Kᵀ without its two divisions by the variance, for which the next step would wait */
-        const double mean_square = (square_sum + empty * variance) * per_window;
+        const double mean_square = (square_sum + last_square + empty * variance) * per_window;
         const double learnt = u[0] * u[0] * mean_square * w->per_step;
         const double inverse = 1.0 / variance;
 
@@ -331,11 +336,14 @@ static inline __attribute__((always_inline)) void pass(
             walk = smaller(larger(learnt * (inverse * inverse), r->least_walk), r->most_walk);
         if (s->adaptive) {
             double *slot = ring + 3 * spot;
-            const double sample[3] = {e * e, known + p->edge[k], own};
-            square_sum += sample[0] - slot[0];
-            known_sum += sample[1] - slot[1];
-            own_sum += sample[2] - slot[2];
-            memcpy(slot, sample, sizeof sample);
+            const double square = e * e, seen = known + p->edge[k];
+            square_sum = square_sum + last_square - slot[0];
+            last_square = square;
+            known_sum += seen - slot[1];
+            own_sum += own - slot[2];
+            slot[0] = square;
+            slot[1] = seen;
+            slot[2] = own;
             filled += filled < s->window;
             spot = spot + 1 == s->window ? 0 : spot + 1;
         }

@@ -7,6 +7,7 @@ of the parameters' own standard deviations. lmfit asks for the residual of every
 
 from functools import cache
 from itertools import product
+from math import isnan
 from typing import NamedTuple
 
 import numpy as np
@@ -151,14 +152,16 @@ def best_of_grid(normal_at, fixed, tau_bounds, linear_bounds):
     fixed : number of columns that no time constant enters.
     tau_bounds, linear_bounds : as in `coarse_start`.
     """
+    tau_bounds = np.asarray(tau_bounds).tolist()
     kinds = list(dict.fromkeys(map(tuple, tau_bounds)))
     size = max(2, min(GRID.get(len(tau_bounds), 6), MOST_LAGS // len(kinds)))
     # Logarithmic grids strictly within the bounds of each kind.
-    spans = (np.linspace(np.log(low), np.log(high), size + 2)[1:-1] for low, high in kinds)
-    tau = np.concatenate([np.exp(span) for span in spans])
+    shares = np.arange(1, size + 1) / (size + 1)
+    tau = np.concatenate([low * (high / low) ** shares for low, high in kinds])
     combinations = _places(tuple(kinds.index(tuple(bounds)) for bounds in tau_bounds), size)
-    ascending = np.sort(tau[combinations], axis=1)
-    combinations = combinations[(ascending[:, 1:] > ascending[:, :-1]).all(axis=1)]
+    if len(kinds) > 1 or kinds[0][0] == kinds[0][1]:
+        ascending = np.sort(tau[combinations], axis=1)
+        combinations = combinations[(ascending[:, 1:] > ascending[:, :-1]).all(axis=1)]
     if not len(combinations):
         raise Refusal("bounds hold two time constants at one value: their pairs are one")
     normal = normal_at(tau)
@@ -182,7 +185,9 @@ def thinned(load):
     if load.hold == "zero_order":
         passed = load.step_second * load.drive[:-1]
     else:
-        passed = load.step_second * (load.drive[:-1] + load.drive[1:]) / 2
+        passed = load.drive[:-1] + load.drive[1:]
+        passed *= load.step_second
+        passed *= 0.5
     charge = np.add.reduceat(passed, rows[:-1])
     step = np.add.reduceat(load.step_second, rows[:-1])
     charge[-1] = passed[rows[-2] : rows[-1]].sum()
@@ -204,14 +209,15 @@ def _places(kinds, size):
 
 def _solved(normal, fixed, combinations):
     """Least squares of every combination: parameters (k, l) and squared residuals (k,) [V²]."""
-    columns = np.hstack([np.tile(np.arange(fixed), (len(combinations), 1)), fixed + combinations])
-    scale = np.sqrt(np.diag(normal.gram))
+    columns = np.empty((len(combinations), fixed + combinations.shape[1]), int)
+    columns[:, :fixed], columns[:, fixed:] = np.arange(fixed), fixed + combinations
+    scale = np.sqrt(normal.gram.diagonal())
     scale = np.where(scale > 0, scale, 1.0)
-    unit = normal.gram / np.outer(scale, scale)
-    gram = unit[columns[:, :, None], columns[:, None, :]]
+    ridged = normal.gram / (scale[:, None] * scale)
+    ridged.flat[:: len(scale) + 1] += RANK
+    gram = ridged[columns[:, :, None], columns[:, None, :]]
     moment = (normal.moment / scale)[columns]
-    ridge = RANK * np.eye(gram.shape[1])
-    scaled = np.linalg.solve(gram + ridge, moment[:, :, None])[:, :, 0]
+    scaled = np.linalg.solve(gram, moment[:, :, None])[:, :, 0]
     return scaled / scale[columns], normal.power - (scaled * moment).sum(axis=1)
 
 
@@ -268,7 +274,8 @@ def projected(normal, log_tau, linear, lower, upper):
     best = _within(linear + move, lower, upper)
     power = normal.power - 2 * move @ normal.moment[:size] + move @ normal.gram[:size, :size] @ move
     moment = normal.moment - normal.gram[:, :size] @ move
-    chain = np.concatenate([np.ones(size), best[size - pairs :]])
+    chain = np.ones(size + pairs)
+    chain[size:] = best[size - pairs :]
     gram = normal.gram * (chain[:, None] * chain)
     return Projected(log_tau, best, gram, moment * chain, max(power, 0.0), normal.near)
 
@@ -296,7 +303,7 @@ def levenberg(normal_at, log_tau, linear, bounds, *, samples):
     damping, passes = 1e-3, 1
     while passes < MOST_PASSES and damping <= 1e9:
         move, gain = _step(at, damping, tau_lower, tau_upper, linear_bounds)
-        next_log_tau = at.log_tau + move[len(linear) :]
+        next_log_tau = _within(at.log_tau + move[len(linear) :], tau_lower, tau_upper)
         next_linear = _within(at.linear + move[: len(linear)], *linear_bounds)
         if gain < 0.0:
             # A bound has turned the step uphill: a shorter one keeps more of its direction.
@@ -335,7 +342,7 @@ def _step(at, damping, lower, upper, linear_bounds):
         unit.flat[:: len(move) + 1] += np.where(np.arange(len(move)) < size, RANK, damping) + ~free
         move = np.linalg.solve(unit, at.moment / root) / root
     reach = _within(move[size:], -LARGEST_LOG_STEP, LARGEST_LOG_STEP)
-    allowed = _within(at.log_tau + reach, lower, upper) - at.log_tau
+    allowed = _within(reach, lower - at.log_tau, upper - at.log_tau)
     if (allowed != move[size:]).any():
         move[:size] = _following(at, free[:size], allowed)
     move[size:] = allowed
@@ -361,14 +368,15 @@ def _within(values, lower, upper):
 
 def _bounded(unit, moment, lower, upper):
     """Bounded least squares: the free solution if it lies within, else the best on the bounds."""
-    ridge = RANK * np.eye(len(unit))
-    free = np.linalg.solve(unit + ridge, moment)
+    ridged = unit.copy()
+    ridged.flat[:: len(unit) + 1] += RANK
+    free = np.linalg.solve(ridged, moment)
     if (free >= lower).all() and (free <= upper).all():
         return free
     best, least = None, np.inf
     ends = zip(np.isfinite(lower), np.isfinite(upper), strict=True)
     for face in product(*([0] + [1] * bool(low) + [2] * bool(high) for low, high in ends)):
-        candidate = _on_face(unit + ridge, moment, np.array(face), lower, upper)
+        candidate = _on_face(ridged, moment, np.array(face), lower, upper)
         cost = candidate @ unit @ candidate - 2 * candidate @ moment
         inside = (candidate >= lower - 1e-12) & (candidate <= upper + 1e-12)
         if inside.all() and cost < least:
@@ -411,7 +419,7 @@ def verdict(names, values, covariance, lower, upper):
     -------
     words : sentences, joined by "; ".
     """
-    spread = np.sqrt(np.diag(covariance)) / np.abs(values)
+    spread = (np.sqrt(covariance.diagonal()) / np.abs(values)).tolist()
     sentences = []
     for index, name in enumerate(names):
         if lower[index] == upper[index]:
@@ -423,7 +431,7 @@ def verdict(names, values, covariance, lower, upper):
             sentences.append(
                 f"{name} cannot be told: it is known within ±{1.96 * spread[index]:.0%}"
             )
-        elif np.isnan(spread[index]) and name.startswith("tau"):
+        elif isnan(spread[index]) and name.startswith("tau"):
             sentences.append(f"{name} cannot be told: its pair has no voltage")
     return "; ".join([*sentences, *_together(names, values, covariance, spread)])
 

@@ -5,6 +5,8 @@ A parameter that the data do not determine has NaN for its variance.
 
 import numpy as np
 
+EPSILON = float(np.finfo(float).eps)
+
 
 def rms(values):
     """Root mean square of errors, in their unit; NaN where there are none.
@@ -46,26 +48,19 @@ def covariance_from_jacobian(jacobian, residual):
     """
     jacobian, residual = np.asarray(jacobian, float), np.asarray(residual, float)
     rows, parameters = jacobian.shape
-    covariance = np.full((parameters, parameters), np.nan)
-    if rows <= parameters or not (np.isfinite(jacobian).all() and np.isfinite(residual).all()):
-        return covariance
-    scale, singular, directions, kept = _decomposed(jacobian)
-    weights = directions[kept] / singular[kept, None]
-    variance = residual @ residual / (rows - parameters)
-    covariance = variance * (weights.T @ weights) / np.outer(scale, scale)
-    # A parameter that a null direction of the Jacobian moves is not determined.
-    unknown = (np.abs(directions[~kept]) > 1e-6).any(axis=0)
-    covariance[unknown] = covariance[:, unknown] = np.nan
-    return covariance
-
-
-def _decomposed(jacobian):
-    """Column norms, singular values, right vectors of the scaled Jacobian, which are not zero."""
-    norm = np.linalg.norm(jacobian, axis=0)
+    norm, power = np.sqrt(np.einsum("ij,ij->j", jacobian, jacobian)), residual @ residual
+    if rows <= parameters or not np.isfinite(power + norm.sum()):
+        return np.full((parameters, parameters), np.nan)
     scale = np.where(norm > 0, norm, 1.0)
     _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=False)
-    kept = singular > max(jacobian.shape) * np.finfo(float).eps * singular[0]
-    return scale, singular, directions, kept
+    kept = singular > rows * EPSILON * singular[:1]
+    weights = directions[kept] / (singular[kept, None] * scale)
+    covariance = power / (rows - parameters) * (weights.T @ weights)
+    if not kept.all():
+        # A parameter that a null direction of the Jacobian moves is not determined.
+        unknown = (np.abs(directions[~kept]) > 1e-6).any(axis=0)
+        covariance[unknown] = covariance[:, unknown] = np.nan
+    return covariance
 
 
 def standard_deviations(covariance):
@@ -192,12 +187,14 @@ def parameter_covariance(gram, power, samples, *, sensitivity=None, residual=Non
 
 def _inverse(gram):
     """Pseudo-inverse of a Gram matrix, and which parameters the data do not determine."""
-    scale = np.sqrt(np.diag(gram))
+    scale = np.sqrt(gram.diagonal())
     scale = np.where(scale > 0, scale, 1.0)
-    size, directions = np.linalg.eigh(gram / np.outer(scale, scale))
+    scales = scale[:, None] * scale
+    size, directions = np.linalg.eigh(gram / scales)
     determined = size > 1e-11
-    inverse = (directions[:, determined] / size[determined]) @ directions[:, determined].T
-    return inverse / np.outer(scale, scale), (np.abs(directions[:, ~determined]) > 1e-4).any(axis=1)
+    known = directions[:, determined]
+    inverse = (known / size[determined]) @ known.T
+    return inverse / scales, (np.abs(directions[:, ~determined]) > 1e-4).any(axis=1)
 
 
 def _middle(sensitivity, residual):

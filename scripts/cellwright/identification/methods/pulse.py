@@ -56,15 +56,18 @@ def load_of(test_time_second, current_ampere, voltage_volt, ocv_volt, hold, free
     _check(time, current, voltage, ocv, hold)
     # Stamps of a uniform clock differ in their last digits: to the nanosecond they do not, and the
     # exponentials of a step are taken once.
-    step = np.rint(np.diff(time) * 1e9) / 1e9
+    step = np.diff(time)
+    step *= 1e9
+    step = np.rint(step, out=step)
+    step /= 1e9
     fixed = [current]
     if "offset" in free_ocv:
         fixed.append(np.ones(len(time)))
     if "slope" in free_ocv:
         between = current[:-1] if hold == "zero_order" else (current[:-1] + current[1:]) / 2
         fixed.append(np.concatenate([[0.0], np.cumsum(step * between)]) / 3600.0)
-    target = np.ascontiguousarray(voltage - ocv)
-    return Load(step, np.ascontiguousarray(current), np.vstack(fixed), target, hold)
+    columns = np.vstack(fixed)
+    return Load(step, columns[0], columns, voltage - ocv, hold)
 
 
 def limits_of(names, load, bounds):
@@ -79,8 +82,9 @@ def limits_of(names, load, bounds):
     unknown = set(bounds) - set(names)
     if unknown:
         raise Refusal(f"bounds of {', '.join(sorted(unknown))}; parameters are {', '.join(names)}")
-    positive = load.step_second[load.step_second > 0]
-    usual = {"tau": (positive.min(), load.step_second.sum()), "ocv": (-np.inf, np.inf)}
+    step = load.step_second
+    shortest = least if (least := step.min()) > 0 else step[step > 0].min()
+    usual = {"tau": (shortest, step.sum()), "ocv": (-np.inf, np.inf)}
     pairs = [bounds.get(name, usual.get(name[:3], (0.0, np.inf))) for name in names]
     for name, (lower, upper) in zip(names, pairs, strict=True):
         if not lower <= upper or (name[:3] == "tau" and lower <= 0):
@@ -101,7 +105,7 @@ def _check(time, current, voltage, ocv, hold):
         raise Refusal(f"hold of the current is {hold!r}; allowed are {', '.join(HOLDS)}")
     if not all(np.isfinite(column).all() for column in (time, current, voltage, ocv)):
         raise Refusal("time, current, voltage or OCV holds values that are not finite")
-    if np.any(time[1:] < time[:-1]):
+    if (time[1:] < time[:-1]).any():
         raise Refusal(f"time runs back after sample {int(np.argmax(np.diff(time) < 0))}")
     if time[-1] <= time[0]:
         raise Refusal("all samples carry the same time stamp")
@@ -183,9 +187,9 @@ def fit_circuit(
     flagged = limited & (lower < upper)
     covariance, widening = _covariance(load, best, limited)
     # A pair whose time constant is not told has no resistance of its own either.
-    unpaired = np.flatnonzero(flagged[len(best.linear) :]) + len(best.linear) - n_rc
+    unpaired = flagged[len(best.linear) :].nonzero()[0] + len(best.linear) - n_rc
     covariance[unpaired] = covariance[:, unpaired] = np.nan
-    std = np.sqrt(np.diag(covariance))
+    std = np.sqrt(covariance.diagonal())
     certain = np.where(std > 0, std, np.nan)
     sentences = [verdict(names, values, covariance, lower, upper)]
     sentences += ["the search has not arrived at an optimum"] * (passes >= MOST_PASSES)
@@ -208,10 +212,11 @@ def _optimum(load, lower, upper, pairs, start):
     """Best fit and passes over the data: first with resistances of either sign, then bounded."""
     size = len(lower) - pairs
     linear_bounds = lower[:size], upper[:size]
-    tau_bounds = np.column_stack([lower, upper])[size:]
+    tau_bounds = np.array([lower[size:], upper[size:]]).T
+    log_tau_bounds = np.log(tau_bounds.T)
 
     def search(tau, linear, bounds):
-        around = (np.log(tau_bounds.T), bounds)
+        around = (log_tau_bounds, bounds)
         return levenberg(normal_at, np.log(tau), linear, around, samples=len(load.drive))
 
     def normal_at(log_tau, linear):
@@ -242,6 +247,8 @@ def _started(load, start, tau_bounds, linear_bounds):
 def _ascending(fit, lower, upper):
     """Pairs in the order of their time constants, where bounds do not tell them apart."""
     size, pairs = len(fit.linear), len(fit.log_tau)
+    if (fit.log_tau[1:] >= fit.log_tau[:-1]).all():
+        return fit
     bounds = np.column_stack([lower, upper])
     r, tau = bounds[size - pairs : size], bounds[size:]
     if not ((r == r[:1]).all() and (tau == tau[:1]).all()):
@@ -257,10 +264,11 @@ def _ascending(fit, lower, upper):
 
 def _covariance(load, fit, limited):
     """Covariance in natural units, and by how much coloured residuals widened each deviation."""
-    free = np.flatnonzero(~limited & (np.diag(fit.gram) > 0))
+    free = np.flatnonzero(~limited & (fit.gram.diagonal() > 0))
     size, samples, tau = len(fit.linear), len(load.drive), np.exp(fit.log_tau)
     unit = np.concatenate([np.ones(size), tau])[free]
-    gram = fit.gram[np.ix_(free, free)]
+    block = free[:, None], free
+    gram = fit.gram[block]
     spread = white = parameter_covariance(gram, fit.power, samples)
     if not is_white(fit.near, fit.power, samples):
         columns = columns_of(load, tau)
@@ -269,9 +277,9 @@ def _covariance(load, fit, limited):
         series = {"sensitivity": columns[free], "residual": residual}
         spread = parameter_covariance(gram, fit.power, samples, **series)
     covariance = np.full(fit.gram.shape, np.nan)
-    covariance[np.ix_(free, free)] = spread * np.outer(unit, unit)
+    covariance[block] = spread * (unit[:, None] * unit)
     widening = np.full(len(fit.gram), np.nan)
-    plain, wide = np.diag(white), np.diag(spread)
+    plain, wide = white.diagonal(), spread.diagonal()
     widening[free] = np.sqrt(np.divide(wide, plain, out=np.ones(len(free)), where=plain != 0))
     return covariance, widening
 
