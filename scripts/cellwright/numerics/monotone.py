@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.native import array, count, function, real
+from cellwright.native import array, count, function
 
 ORDER = 3  # of the differences that are penalised
 STIFFEST_DECADE, SOFTEST_DECADE = 9.0, -4.0  # of the penalty; the curve's variance sets its scale
@@ -31,6 +31,12 @@ RELATIVE_CHANGE = 1e-3
 LEAST_READINGS = 12
 MOST_RANGE = 14.0  # of the logarithms of the steps, which double precision bears
 ROUNDING = 1e-12
+# In the order in which native/rising_search.c numbers them.
+SETTINGS = (
+    *(STIFFEST_DECADE, SOFTEST_DECADE, LOCAL_ROUNDS, LOCAL_CELLS, STRETCH_CELLS),
+    *(CHANGE_CELLS, SCALE_CELLS, STEPS, FIRST_STEPS, WORSE_DECADES),
+    *(RELATIVE_CHANGE, MOST_RANGE, ROUNDING, PILOT_BLOCKS),
+)
 
 
 class RisingCurve(NamedTuple):
@@ -75,7 +81,42 @@ def rising_curve(x, y, weight, *, cells):
     """
     if len(x) < LEAST_READINGS or not y[-1] > y[0] or not x[-1] > x[0]:
         raise ValueError("a rising curve needs at least twelve readings that rise")
-    readings = _Readings(x, y, weight, cells)
+    readings = _Readings(*(np.ascontiguousarray(v, float) for v in (x, y, weight)), cells)
+    types = (count, array, array, array, count, *[array] * 6)
+    kernel = function("rising_curve", *types, result=count)
+    return _by_kernel(kernel, readings) if kernel else _by_numpy(readings)
+
+
+class _Readings(NamedTuple):
+    x: np.ndarray
+    y: np.ndarray
+    weight: np.ndarray
+    cells: int
+
+
+def _by_kernel(kernel, readings):
+    """The whole search compiled; its steps are those of `_by_numpy`."""
+    from scipy.interpolate import PPoly
+
+    x, y, weight, cells = readings
+    settings = np.array(SETTINGS, float)
+    coefficients, factor = np.empty(cells + 3), np.empty((ORDER + 2, cells + 3))
+    room = cells + 3 + PILOT_BLOCKS
+    breakpoints, powers, scalars = np.empty(room), np.empty((room, 5)), np.empty(4)
+    given = len(x), x, y, weight, cells, settings
+    number = kernel(*given, coefficients, factor, breakpoints, powers, scalars)
+    if number < 0:
+        raise np.linalg.LinAlgError("the normal equations of the curve are singular")
+    variance, first, span, decade = map(float, scalars)
+    polynomials = np.ascontiguousarray(powers[: number - 1].T)
+    stretch = PPoly.construct_fast(polynomials, breakpoints[:number].copy())
+    x_range = (float(x[0]), float(x[-1]))
+    return RisingCurve(coefficients, factor, variance, stretch, first, span, x_range, decade)
+
+
+def _by_numpy(readings):
+    """The search without a compiler."""
+    x, y, weight, cells = readings
     plain = np.ones(cells + 2 - ORDER)
     stretch = _stretch(x, y, weight)
     curve = _searched(readings, stretch, plain, _first_logs(readings, stretch), None)
@@ -85,13 +126,6 @@ def rising_curve(x, y, weight, *, cells):
         logs = np.log(np.diff(curve.coefficients))
         curve = _searched(readings, stretch, _stiffness(curve), logs, curve.decade)
     return curve
-
-
-class _Readings(NamedTuple):
-    x: np.ndarray
-    y: np.ndarray
-    weight: np.ndarray
-    cells: int
 
 
 def _stretch(x, y, weight):
@@ -274,21 +308,11 @@ def _nearby(problem, logs, decade):
 def _fitted(problem, decade, logs, most):
     """Fit at one strength, by Gauss-Newton steps in the logarithms of the steps."""
     strength = 1e-9 * 10**decade * max(problem.square, 1e-30) / problem.readings
-    types = (count, array, array, array, real, count, *[array] * 5)
-    kernel = function("rising_fit", *types, result=count)
-    if kernel is None:
-        return _judged(problem, decade, strength, *_stepped(problem, strength, logs, most))
-    logs, number = np.array(logs), len(logs) + 1
-    factor, base = np.empty((ORDER + 2, number)), np.empty(1)
-    limits, work = np.array([RELATIVE_CHANGE, MOST_RANGE, ROUNDING]), np.empty(8 * number)
-    given = problem.normal, problem.right, problem.stiffness, strength, most, limits
-    if kernel(number, *given, logs, work, factor, base):
-        raise np.linalg.LinAlgError("the normal equations of the curve are singular")
-    return _judged(problem, decade, strength, logs, float(base[0]), factor)
+    return _judged(problem, decade, strength, *_stepped(problem, strength, logs, most))
 
 
 def _stepped(problem, strength, logs, most):
-    """Logarithms after Gauss-Newton steps, first coefficient, factor; without a compiler."""
+    """Logarithms after Gauss-Newton steps, first coefficient, factor."""
     from scipy.linalg import cho_solve_banded
 
     base = _base(problem, np.append(0, np.cumsum(np.exp(logs))))
@@ -453,14 +477,14 @@ def local_deviations(curve, first, weights):
 
 def _inverse_band(factor):
     """Band (ORDER + 2, n) of the inverse of what this is the banded Cholesky factor of."""
-    kernel = function("inverse_band", count, array, array)
+    kernel = function("inverse_band", count, array, array, array)
     if kernel is None:
         from scipy.linalg import cho_solve_banded
 
         whole = cho_solve_banded((factor, True), np.eye(factor.shape[1]))
         return [np.append(np.diagonal(whole, -d), np.zeros(d)) for d in range(len(factor))]
-    inverse = np.empty(factor.shape)
-    kernel(factor.shape[1], np.ascontiguousarray(factor), inverse)
+    inverse, work = np.empty(factor.shape), np.empty((2, *factor.shape))
+    kernel(factor.shape[1], np.ascontiguousarray(factor), work, inverse)
     return inverse
 
 

@@ -1,0 +1,224 @@
+/* Gauss-Newton steps of a penalised rising spline at one strength: see numerics/monotone.py. */
+#include <math.h>
+#include <string.h>
+
+#include "rising.h"
+
+static const double SIGN[ORDER + 1] = {-1.0, 3.0, -3.0, 1.0}; /* of the third difference */
+
+/* Derivatives (n - 1 - ORDER, BANDS) of the penalised differences by the coefficients. */
+void rising_differences(int64_t n, const double *steps, const double *stiffness, double *rows) {
+    double share[SPLINES] = {0.0, 1.0 / steps[0], 1.0 / steps[1], 1.0 / steps[2]};
+    for (int64_t i = 0; i < n - 1 - ORDER; i++, rows += BANDS) {
+        memmove(share, share + 1, ORDER * sizeof *share);
+        share[ORDER] = 1.0 / steps[i + ORDER];
+        double before = 0.0;
+        for (int k = 0; k <= ORDER; k++) {
+            const double here = SIGN[k] * share[k] * stiffness[i];
+            rows[k] = before - here;
+            before = here;
+        }
+        rows[ORDER + 1] = before;
+    }
+}
+
+/* Bands (n, BANDS) of the normal equations with the penalty. */
+static void penalised(const Problem *problem, double strength) {
+    const int64_t n = problem->n;
+    double *bands = problem->bands;
+    memcpy(bands, problem->normal, (size_t)(BANDS * n) * sizeof *bands);
+    for (int64_t i = 0; i < n - 1 - ORDER; i++) {
+        const double *row = problem->rows + BANDS * i;
+        for (int k = 0; k < BANDS; k++) {
+            const double weighted = strength * row[k];
+            for (int d = 0; d < BANDS - k; d++)
+                bands[BANDS * (i + k) + d] += weighted * row[k + d];
+        }
+    }
+    for (int64_t j = 0; j < n; j++)
+        bands[BANDS * j] *= 1.0 + problem->limits[2];
+}
+
+/* Pivots and unit lower factor (n, BANDS) of the bands, and the solution in place of the right side
+ * x (n + BANDS,); 0 where a pivot is not above zero. The sums that a column passes on to the four
+ * after it stay in registers, so that only the division waits for the pivot before. */
+static int solved(int64_t n, const double *bands, double *factor, double *x) {
+    double p0 = 0, p1 = 0, p2 = 0, p3 = 0, q0 = 0, q1 = 0, q2 = 0, r0 = 0, r1 = 0, s0 = 0;
+    double t1 = 0, t2 = 0, t3 = 0, t4 = 0;
+    for (int64_t j = 0; j < n; j++, bands += BANDS, factor += BANDS) {
+        const double pivot = bands[0] + p0, v1 = bands[1] + p1, v2 = bands[2] + p2;
+        const double v3 = bands[3] + p3, v4 = bands[4];
+        if (!(pivot > 0.0) || !isfinite(pivot))
+            return 0;
+        const double share = 1.0 / pivot;
+        const double l1 = v1 * share, l2 = v2 * share, l3 = v3 * share, l4 = v4 * share;
+        const double z = x[j] + t1;
+        factor[0] = pivot, factor[1] = l1, factor[2] = l2, factor[3] = l3, factor[4] = l4;
+        p0 = q0 - l1 * v1, p1 = q1 - l1 * v2, p2 = q2 - l1 * v3, p3 = -l1 * v4;
+        q0 = r0 - l2 * v2, q1 = r1 - l2 * v3, q2 = -l2 * v4;
+        r0 = s0 - l3 * v3, r1 = -l3 * v4, s0 = -l4 * v4;
+        t1 = t2 - l1 * z, t2 = t3 - l2 * z, t3 = t4 - l3 * z, t4 = -l4 * z;
+        x[j] = z * share;
+    }
+    x[n] = x[n + 1] = x[n + 2] = x[n + 3] = 0.0;
+    for (int64_t j = n - 1; j >= 0; j--) {
+        factor -= BANDS;
+        double rest = x[j] - factor[4] * x[j + 4] - factor[3] * x[j + 3] - factor[2] * x[j + 2];
+        x[j] = rest - factor[1] * x[j + 1];
+    }
+    return 1;
+}
+
+/* Coefficients that rise by the steps and leave no mean residual. */
+static void risen(const Problem *problem, Fit *fit) {
+    double rise = 0.0, residual = 0.0, whole = 0.0;
+    for (int64_t j = 0; j < problem->n; j++) {
+        rise += j ? fit->steps[j - 1] : 0.0;
+        fit->coefficients[j] = rise;
+        residual += problem->right[j] - problem->sums[j] * rise;
+        whole += problem->sums[j];
+    }
+    const double base = residual / whole;
+    for (int64_t j = 0; j < problem->n; j++)
+        fit->coefficients[j] += base;
+}
+
+/* Right side of a step: the readings, and where the penalised differences are to be zero. */
+static void aimed(const Problem *problem, const Fit *fit, double strength) {
+    const double *logs = fit->logs, *coefficients = fit->coefficients;
+    double *x = problem->solved;
+    memcpy(x, problem->right, (size_t)problem->n * sizeof *x);
+    for (int64_t i = 0; i < problem->n - 1 - ORDER; i++) {
+        const double *row = problem->rows + BANDS * i;
+        double aim = 0.0;
+        for (int k = 0; k < BANDS; k++)
+            aim += row[k] * coefficients[i + k];
+        const double bent = logs[i + 3] - 3.0 * logs[i + 2] + 3.0 * logs[i + 1] - logs[i];
+        problem->aim[i] = strength * (aim - bent * problem->stiffness[i]);
+    }
+    for (int64_t i = 0; i < problem->n - 1 - ORDER; i++) {
+        const double *row = problem->rows + BANDS * i;
+        for (int k = 0; k < BANDS; k++)
+            x[i + k] += row[k] * problem->aim[i];
+    }
+}
+
+/* The steps between coefficients and their logarithms after one step; its largest relative change.
+ * At once a step falls at most to a third and grows at most fourfold: it stays above 0. */
+static double moved(const Problem *problem, Fit *fit) {
+    const double *x = problem->solved;
+    double *logs = fit->logs, *steps = fit->steps, largest = 0.0, highest = -INFINITY;
+    for (int64_t j = 0; j < problem->n - 1; j++) {
+        const double change = (x[j + 1] - x[j]) / steps[j] - 1.0;
+        largest = fabs(change) > largest ? fabs(change) : largest;
+        if (change < 0.0) {
+            const double fall = change > -1.0 ? change : -1.0;
+            logs[j] += fall;
+            steps[j] *= exp(fall);
+        } else {
+            const double growth = change < 3.0 ? change : 3.0;
+            logs[j] += log1p(growth);
+            steps[j] *= 1.0 + growth;
+        }
+        highest = logs[j] > highest ? logs[j] : highest;
+    }
+    for (int64_t j = 0; j < problem->n - 1; j++)
+        if (logs[j] < highest - problem->limits[1]) {
+            logs[j] = highest - problem->limits[1];
+            steps[j] = exp(logs[j]);
+        }
+    return isfinite(highest) ? largest : NAN;
+}
+
+/* Objective and minus twice the logarithm of the restricted likelihood. */
+static void judged(const Problem *problem, double strength, Fit *fit) {
+    const int64_t n = problem->n;
+    const double *c = fit->coefficients;
+    double square = problem->square, penalty = 0.0, whole = 0.0, logs = 0.0;
+    for (int64_t j = 0; j < n; j++) {
+        const double *band = problem->normal + BANDS * j;
+        double product = 0.5 * band[0] * c[j];
+        for (int d = 1; d < SPLINES && j + d < n; d++)
+            product += band[d] * c[j + d];
+        square += 2.0 * c[j] * (product - problem->right[j]);
+        logs += j ? fit->logs[j - 1] : 0.0;
+    }
+    for (int64_t i = 0; i < n - 1 - ORDER; i++) {
+        const double *l = fit->logs + i;
+        const double bent = problem->stiffness[i] * (l[3] - 3.0 * l[2] + 3.0 * l[1] - l[0]);
+        penalty += bent * bent;
+    }
+    double mantissa = 1.0; /* of the product of the pivots */
+    for (int64_t j = 0; j < n; j++) {
+        int exponent;
+        mantissa = frexp(mantissa * fit->factor[BANDS * j], &exponent);
+        whole += exponent;
+    }
+    whole = whole * 0.69314718055994530942 + log(mantissa);
+    fit->objective = fmax(square + strength * penalty, 1e-24 * problem->square);
+    fit->evidence = (double)(problem->readings - ORDER) * log(fit->objective) + whole + 2.0 * logs;
+    fit->evidence -= (double)(n - 1 - ORDER) * log(strength);
+}
+
+/* Fit at one strength by at most `most` steps from logarithms (n - 1,) of the steps between
+ * coefficients; 0, or -1 where the equations have no solution. */
+int rising_fit(const Problem *problem, double decade, const double *logs, int64_t most, Fit *fit) {
+    const double strength =
+        1e-9 * pow(10.0, decade) * fmax(problem->square, 1e-30) / (double)problem->readings;
+    fit->decade = decade;
+    for (int64_t j = 0; j < problem->n - 1; j++) {
+        fit->logs[j] = logs[j];
+        fit->steps[j] = exp(logs[j]);
+    }
+    risen(problem, fit);
+    for (int64_t step = 0; step < most; step++) {
+        rising_differences(problem->n, fit->steps, problem->stiffness, problem->rows);
+        penalised(problem, strength);
+        aimed(problem, fit, strength);
+        if (!solved(problem->n, problem->bands, fit->factor, problem->solved))
+            return -1;
+        const double change = moved(problem, fit);
+        risen(problem, fit);
+        if (isnan(change))
+            return -1;
+        if (change < problem->limits[0])
+            break;
+    }
+    rising_differences(problem->n, fit->steps, problem->stiffness, problem->rows);
+    penalised(problem, strength);
+    if (!solved(problem->n, problem->bands, fit->factor, problem->solved))
+        return -1;
+    judged(problem, strength, fit);
+    return 0;
+}
+
+/* Bands (n, BANDS) of the inverse, from its end on: K. Takahashi, J. Fagan, M. Chin, Proc. 8th PICA
+ * Conference (1973) 63. */
+void rising_inverse(int64_t n, const double *factor, double *inverse) {
+    memset(inverse, 0, (size_t)(BANDS * n) * sizeof *inverse);
+    for (int64_t j = n - 1; j >= 0; j--)
+        for (int d = BANDS - 1; d >= 0; d--) {
+            if (j + d >= n)
+                continue;
+            double sum = d ? 0.0 : 1.0 / factor[BANDS * j];
+            for (int m = 1; m < BANDS && j + m < n; m++) {
+                const int64_t low = m < d ? j + m : j + d;
+                sum -= factor[BANDS * j + m] * inverse[BANDS * low + (m < d ? d - m : m - d)];
+            }
+            inverse[BANDS * j + d] = sum;
+        }
+}
+
+/* Band (BANDS, n) of the inverse of what `cholesky` (BANDS, n) is the lower factor of. `work`: twice
+ * as large. */
+void inverse_band(int64_t n, const double *cholesky, double *work, double *inverse) {
+    double *factor = work, *bands = work + BANDS * n;
+    for (int64_t j = 0; j < n; j++)
+        for (int d = 0; d < BANDS; d++)
+            factor[BANDS * j + d] =
+                d ? cholesky[d * n + j] / cholesky[j] : cholesky[j] * cholesky[j];
+    rising_inverse(n, factor, bands);
+    for (int64_t j = 0; j < n; j++)
+        for (int d = 0; d < BANDS; d++)
+            inverse[d * n + j] = bands[BANDS * j + d];
+}
